@@ -1,0 +1,157 @@
+// The gather (Wand & Straßer 2003, Sections 3.1 and 3.3): adds one batch of pinhole samples to the irradiance of
+// every receiver point. CPU twin: src/pinhole/cpu.rs, the same names. Rust layouts: src/pinhole/layout.rs.
+//
+// Each instance of the full-screen triangle is one batch of samples; the target accumulates by additive blending, or
+// the batch starts from the previous target where 32-bit targets do not blend (gather_onto_previous).
+// Output: rgb = irradiance, W/m²; a = number of fetches.
+
+#import cube
+#import footprint
+
+struct PinholeSample {
+    position: vec3f,
+    area: f32,
+    normal: vec3f,
+    flags: u32,
+    side_1: vec3f,
+    reflectance_r: f32,
+    side_2: vec3f,
+    reflectance_g: f32,
+    change_1: vec3f,
+    reflectance_b: f32,
+    change_2: vec3f,
+    padding: f32,
+}
+
+struct GatherUniforms {
+    sample_count: u32,
+    taps: u32,
+    attenuation: u32,
+    epsilon_mode: u32,
+    epsilon_scale: f32,
+    epsilon: f32,
+    texel_rad: f32,
+    radiance_scale: f32,
+}
+
+const BATCH_SIZE: u32 = 256u;
+const TWO_SIDED: u32 = 0x80000000u;
+const FILTER_NONE: u32 = 0u;
+const FILTER_ISOTROPIC: u32 = 1u;
+const FILTER_ANISOTROPIC: u32 = 2u;
+const FILTER_HARDWARE: u32 = 3u;
+
+override FILTER: u32 = FILTER_ANISOTROPIC;
+
+@group(0) @binding(0) var<uniform> uniforms: GatherUniforms;
+@group(0) @binding(1) var<storage, read> samples: array<PinholeSample>;
+@group(0) @binding(2) var environment: texture_cube<f32>;
+@group(0) @binding(3) var trilinear: sampler;
+@group(0) @binding(4) var anisotropic: sampler;
+@group(1) @binding(0) var receiver_position: texture_2d<f32>;
+@group(1) @binding(1) var receiver_normal: texture_2d<f32>;
+@group(2) @binding(0) var previous: texture_2d<f32>;
+
+struct Receiver {
+    position: vec3f,
+    normal: vec3f,
+    object: u32,
+}
+
+struct Varyings {
+    @builtin(position) position: vec4f,
+    @location(0) @interpolate(flat) batch: u32,
+}
+
+@vertex
+fn full_screen(@builtin(vertex_index) vertex: u32, @builtin(instance_index) instance: u32) -> Varyings {
+    let corner = vec2f(f32((vertex << 1u) & 2u), f32(vertex & 2u));
+    return Varyings(vec4f(2.0 * corner - 1.0, 0.0, 1.0), instance);
+}
+
+@fragment
+fn gather(in: Varyings) -> @location(0) vec4f {
+    return gather_batch(vec2u(in.position.xy), in.batch);
+}
+
+@fragment
+fn gather_onto_previous(in: Varyings) -> @location(0) vec4f {
+    let pixel = vec2u(in.position.xy);
+    return textureLoad(previous, pixel, 0) + gather_batch(pixel, in.batch);
+}
+
+fn gather_batch(pixel: vec2u, batch: u32) -> vec4f {
+    let position = textureLoad(receiver_position, pixel, 0);
+    if position.w < 0.0 {
+        return vec4f(0.0);
+    }
+    let receiver = Receiver(position.xyz, textureLoad(receiver_normal, pixel, 0).xyz, u32(position.w));
+    var sum = vec4f(0.0);
+    let last = min((batch + 1u) * BATCH_SIZE, uniforms.sample_count);
+    for (var i = batch * BATCH_SIZE; i < last; i++) {
+        sum += sample_irradiance(i, receiver);
+    }
+    return sum;
+}
+
+// What one sample adds: rgb = irradiance, a = fetches.
+fn sample_irradiance(i: u32, receiver: Receiver) -> vec4f {
+    let n = samples[i].normal;
+    let flags = samples[i].flags;
+    let d = samples[i].position - receiver.position;
+    let l2 = dot(d, d);
+    let dn = dot(d, n);
+    let facing = select(max(-dn, 0.0), abs(dn), (flags & TWO_SIDED) != 0u);
+    let cosines = facing * max(dot(d, receiver.normal), 0.0) / l2;
+    // Also false where the sample lies on the receiver point and the quotient is not a number.
+    if !(cosines > 0.0) {
+        return vec4f(0.0);
+    }
+    let area = samples[i].area;
+    let same_object = (flags & ~TWO_SIDED) == receiver.object;
+    let weight = area * cosines * attenuation(l2, area, same_object);
+    let inverse_l = inverseSqrt(l2);
+    let r = (d - 2.0 * dn * n) * inverse_l;
+    let radiance = filtered_radiance(i, d, n, dn, inverse_l, r);
+    let reflectance = vec3f(samples[i].reflectance_r, samples[i].reflectance_g, samples[i].reflectance_b);
+    return vec4f(weight * uniforms.radiance_scale * reflectance * radiance.rgb, radiance.a);
+}
+
+// 1/l², kept finite (WS-7).
+fn attenuation(l2: f32, area: f32, same_object: bool) -> f32 {
+    if uniforms.attenuation == 0u {
+        return 1.0;
+    }
+    if uniforms.epsilon_mode == 0u {
+        return 1.0 / select(l2, max(l2, area * FRAC_1_PI), same_object);
+    }
+    return 1.0 / (l2 + uniforms.epsilon_scale * area + uniforms.epsilon);
+}
+
+// Mean radiance over the sample's footprint around the reflected direction r; a = fetches.
+fn filtered_radiance(i: u32, d: vec3f, n: vec3f, dn: f32, inverse_l: f32, r: vec3f) -> vec4f {
+    if FILTER == FILTER_NONE {
+        return vec4f(fetch(r, 0.0), 1.0);
+    }
+    let v1 = reflected_side(samples[i].side_1, samples[i].change_1, d, n, dn, inverse_l, r);
+    let v2 = reflected_side(samples[i].side_2, samples[i].change_2, d, n, dn, inverse_l, r);
+    if FILTER == FILTER_HARDWARE {
+        return vec4f(textureSampleGrad(environment, anisotropic, r, v1, v2).rgb, 1.0);
+    }
+    let axes = footprint_axes(v1, v2);
+    let texel = texel_width(r, uniforms.texel_rad);
+    if FILTER == FILTER_ISOTROPIC {
+        return vec4f(fetch(r, level_of(axes.major, texel)), 1.0);
+    }
+    let taps = clamp(ceil(axes.major / max(axes.minor, texel)), 1.0, f32(uniforms.taps));
+    let level = level_of(max(axes.minor, axes.major / taps), texel);
+    var sum = vec3f(0.0);
+    for (var k = 0.5; k < taps; k += 1.0) {
+        sum += fetch(r + (k / taps - 0.5) * axes.direction, level);
+    }
+    return vec4f(sum / taps, taps);
+}
+
+fn fetch(direction: vec3f, level: f32) -> vec3f {
+    return textureSampleLevel(environment, trilinear, direction, level).rgb;
+}

@@ -1,0 +1,69 @@
+//! `pinspot adapters`.
+
+use clap::Args;
+
+use pinspot::gpu::{Adapter, Gpu};
+use pinspot::pinhole::gpu::check_hardware_filter;
+
+#[derive(Debug, Args)]
+pub struct AdaptersArgs {
+    /// Print JSON on stdout
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(serde::Serialize)]
+struct Entry {
+    #[serde(flatten)]
+    adapter: Adapter,
+    /// Root mean square error of the hardware filter on a pattern of deviation 1; `null` where it could not be tried.
+    hardware_filter_error: Option<f32>,
+    hardware_filter_right: Option<bool>,
+}
+
+pub fn run(args: &AdaptersArgs) -> Result<(), String> {
+    let entries: Vec<Entry> = pinspot::gpu::adapters().into_iter().map(examine).collect();
+    if args.json {
+        return super::print_json(&entries);
+    }
+    if entries.is_empty() {
+        return super::print(
+            "no GPU adapter found: Pinspot renders on the CPU back end\n\
+             (a software one on Debian: apt-get install libvulkan1 mesa-vulkan-drivers)",
+        );
+    }
+    entries.iter().try_for_each(|entry| super::print(&describe(entry)))
+}
+
+fn examine(adapter: Adapter) -> Entry {
+    let verdict = Gpu::open(Some(&adapter.name)).and_then(|gpu| check_hardware_filter(&gpu)).ok();
+    Entry {
+        adapter,
+        hardware_filter_error: verdict.map(|v| v.rms_error),
+        hardware_filter_right: verdict.map(|v| v.is_right()),
+    }
+}
+
+fn describe(entry: &Entry) -> String {
+    let a = &entry.adapter;
+    let yes = |b: bool| if b { "yes" } else { "no" };
+    let hardware = match (entry.hardware_filter_right, entry.hardware_filter_error) {
+        (Some(true), _) => "right".to_owned(),
+        (Some(false), Some(error)) => {
+            format!("wrong on cube maps with explicit gradients (error {error:.2} of a pattern's deviation)")
+        }
+        _ => "unavailable: the device could not be opened".to_owned(),
+    };
+    format!(
+        "{} ({}{})\n  driver                      {}\n  filters 32-bit textures     {}\n  blends 32-bit targets       {}\n  \
+         largest texture             {} texels\n  largest storage buffer      {} MiB\n  anisotropic hardware filter {hardware}",
+        a.name,
+        a.backend,
+        if a.software { ", software" } else { "" },
+        a.driver,
+        yes(a.float32_filterable),
+        yes(a.float32_blendable),
+        a.max_texture,
+        a.max_storage_bytes >> 20,
+    )
+}

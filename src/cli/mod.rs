@@ -1,0 +1,62 @@
+//! The command line. Thin: it parses, calls the library and writes; nothing is computed here.
+
+mod adapters;
+mod options;
+mod progress;
+mod render;
+mod samples;
+mod scenes;
+
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+
+/// Caustics from natural light: every small piece of a mirror projects the environment on what it faces.
+#[derive(Debug, Parser)]
+#[command(version, max_term_width = 110)]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Render an image: .png (tone-mapped), .exr (linear)
+    Render(render::RenderArgs),
+    /// Write the reflector samples as a point cloud (.ply) and print how evenly they are spread
+    Samples(samples::SamplesArgs),
+    /// List the GPU adapters found, and what each can do
+    Adapters(adapters::AdaptersArgs),
+    /// List the built-in scenes and environment maps
+    Scenes(scenes::ScenesArgs),
+}
+
+/// Parses the command line and runs it. Exit codes: 0; 1 with one line on stderr; 2 for a wrong command line.
+pub fn run() -> ExitCode {
+    let result = match Cli::parse().command {
+        Command::Render(args) => render::run(&args),
+        Command::Samples(args) => samples::run(&args),
+        Command::Adapters(args) => adapters::run(&args),
+        Command::Scenes(args) => scenes::run(&args),
+    };
+    match result {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(message) => {
+            eprintln!("pinspot: error: {}", message.replace('\n', " "));
+            ExitCode::FAILURE
+        }
+    }
+}
+
+/// Prints to stdout; a reader that has gone away is no error.
+fn print(text: &str) -> Result<(), String> {
+    use std::io::Write;
+    match writeln!(std::io::stdout(), "{text}") {
+        Err(e) if e.kind() != std::io::ErrorKind::BrokenPipe => Err(format!("cannot write to standard output: {e}")),
+        _ => Ok(()),
+    }
+}
+
+fn print_json(value: &impl serde::Serialize) -> Result<(), String> {
+    print(&serde_json::to_string_pretty(value).map_err(|e| e.to_string())?)
+}

@@ -1,0 +1,153 @@
+//! The options that commands share. Words are parsed by the same types as scene files.
+
+use std::path::Path;
+
+use clap::Args;
+use serde::de::DeserializeOwned;
+use serde::de::value::{Error as WordError, StrDeserializer};
+
+use pinspot::environment::CubeSize;
+use pinspot::image::Aov;
+use pinspot::pinhole::{Epsilon, Footprint, Visibility};
+use pinspot::render::{BackendChoice, FilterChoice, Overlay, Settings};
+use pinspot::sampling::Strategy;
+use pinspot::scene::{Light, Loaded, MapLayout, load};
+
+/// What is sampled and how.
+#[derive(Debug, Args)]
+pub struct SamplingOptions {
+    /// Number of samples [default: 1000]
+    #[arg(long, value_name = "N")]
+    pub samples: Option<u32>,
+    /// random, grid, quantised-grid or neighbourhood [default: neighbourhood]
+    #[arg(long, value_parser = word::<Strategy>, value_name = "NAME")]
+    pub strategy: Option<Strategy>,
+    /// Random seed [default: 1]
+    #[arg(long, value_name = "N")]
+    pub seed: Option<u64>,
+}
+
+/// Options over the scene's `[render]` table.
+#[derive(Debug, Args)]
+pub struct CommonOptions {
+    #[command(flatten)]
+    pub sampling: SamplingOptions,
+    /// Image size in pixels [default: 512x512]
+    #[arg(long, value_parser = parse_size, value_name = "WxH")]
+    pub size: Option<[u32; 2]>,
+    /// How a sample's footprint is found: cells, or curvature (the paper's) [default: cells]
+    #[arg(long, value_parser = word::<Footprint>, value_name = "NAME")]
+    pub footprint: Option<Footprint>,
+    /// auto, none, isotropic, anisotropic or hardware [default: auto, which is anisotropic]
+    #[arg(long, value_parser = word::<FilterChoice>, value_name = "NAME")]
+    pub filter: Option<FilterChoice>,
+    /// Most look-ups along a footprint's major axis [default: 16]
+    #[arg(long, value_name = "N")]
+    pub taps: Option<u32>,
+    /// on, or off to drop the 1/l² [default: on]
+    #[arg(long, value_parser = parse_switch, value_name = "on|off")]
+    pub attenuation: Option<bool>,
+    /// What keeps 1/l² finite: auto, paper, or a number of m² [default: auto]
+    #[arg(long, value_name = "auto|paper|VALUE")]
+    pub epsilon: Option<Epsilon>,
+    /// Texels along the edge of a cube-map face: auto, or a power of two [default: auto]
+    #[arg(long, value_name = "auto|N")]
+    pub cube_size: Option<CubeSize>,
+    /// Occlusion: none [default: none]
+    #[arg(long, value_name = "none")]
+    pub visibility: Option<Visibility>,
+    /// Average NxN points per pixel [default: 1]
+    #[arg(long, value_name = "N")]
+    pub pixel_samples: Option<u32>,
+    /// What to render, separated by commas: beauty, caustic, direct, albedo, normal, position, depth [default: beauty]
+    #[arg(long, value_parser = word::<Aov>, value_delimiter = ',', value_name = "NAMES")]
+    pub aov: Option<Vec<Aov>>,
+    /// Exposure in stops
+    #[arg(long, value_name = "EV", allow_hyphen_values = true)]
+    pub exposure: Option<f32>,
+    /// Exposure of the environment where the camera sees it, in stops
+    #[arg(long, value_name = "EV", allow_hyphen_values = true)]
+    pub background_exposure: Option<f32>,
+    /// Multiply the caustic in the beauty picture
+    #[arg(long, value_name = "FACTOR", allow_hyphen_values = true)]
+    pub caustic_gain: Option<f32>,
+    /// Draw over the beauty picture: samples
+    #[arg(long, value_parser = word::<Overlay>, value_name = "NAME")]
+    pub overlay: Option<Overlay>,
+    /// Show the shapes: everything diffuse, no mirrors, no caustics
+    #[arg(long)]
+    pub plain_diffuse: bool,
+    /// Environment map instead of the scene's light: a file (.exr, .hdr) or a built-in map's name
+    #[arg(long, value_name = "FILE")]
+    pub env: Option<String>,
+    /// auto (a hardware GPU, else the CPU), gpu or cpu [default: auto]
+    #[arg(long, value_parser = ["auto", "gpu", "cpu"], value_name = "NAME", hide_possible_values = true)]
+    pub backend: Option<String>,
+    /// The GPU adapter with this in its name
+    #[arg(long, value_name = "NAME")]
+    pub adapter: Option<String>,
+}
+
+impl CommonOptions {
+    fn settings(&self) -> Settings {
+        Settings {
+            size: self.size,
+            samples: self.sampling.samples,
+            strategy: self.sampling.strategy,
+            footprint: self.footprint,
+            filter: self.filter,
+            taps: self.taps,
+            attenuation: self.attenuation,
+            epsilon: self.epsilon,
+            cube_size: self.cube_size,
+            visibility: self.visibility,
+            seed: self.sampling.seed,
+            pixel_samples: self.pixel_samples,
+            exposure_ev: self.exposure,
+            background_exposure_ev: self.background_exposure,
+            caustic_gain: self.caustic_gain,
+            aov: self.aov.clone(),
+        }
+    }
+
+    /// Loads a scene and lays these options over it.
+    pub fn load(&self, scene: &str) -> Result<(pinspot::scene::Scene, pinspot::render::Options), String> {
+        let Loaded { mut scene, render } = load::<Settings>(scene).map_err(|e| e.to_string())?;
+        if let Some(map) = &self.env {
+            scene.environment.light = Light::map(Path::new(""), map, MapLayout::Auto);
+        }
+        let mut options = render.overridden_by(self.settings()).options().map_err(|e| e.to_string())?;
+        options.overlay = self.overlay.unwrap_or_default();
+        options.look.plain_diffuse = self.plain_diffuse;
+        Ok((scene, options))
+    }
+
+    /// The back end asked for; the error is about the command line.
+    pub fn backend(&self) -> Result<BackendChoice, String> {
+        match (self.backend.as_deref().unwrap_or("auto"), &self.adapter) {
+            ("cpu", None) => Ok(BackendChoice::Cpu),
+            ("cpu", Some(_)) => Err("--adapter names a GPU, but --backend is cpu; drop one of them".into()),
+            ("gpu", name) | ("auto", name @ Some(_)) => Ok(BackendChoice::Gpu(name.clone())),
+            _ => Ok(BackendChoice::Auto),
+        }
+    }
+}
+
+/// Parses a word as a scene file would.
+fn word<T: DeserializeOwned>(text: &str) -> Result<T, String> {
+    T::deserialize(StrDeserializer::<WordError>::new(text)).map_err(|e| e.to_string().replace('`', "'"))
+}
+
+fn parse_size(text: &str) -> Result<[u32; 2], String> {
+    let (width, height) = text.split_once('x').ok_or("give WIDTHxHEIGHT, such as 512x512")?;
+    let number = |t: &str| t.parse().map_err(|_| format!("'{t}' is no number of pixels; give WIDTHxHEIGHT"));
+    Ok([number(width)?, number(height)?])
+}
+
+fn parse_switch(text: &str) -> Result<bool, String> {
+    match text {
+        "on" => Ok(true),
+        "off" => Ok(false),
+        _ => Err("give on or off".into()),
+    }
+}

@@ -1,0 +1,101 @@
+//! `pinspot render`.
+
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+
+use pinspot::image::{write_exr, write_png};
+use pinspot::render::{Rendered, Renderer, Report};
+
+use super::options::CommonOptions;
+use super::progress::Bar;
+
+#[derive(Debug, Args)]
+pub struct RenderArgs {
+    /// A scene file (.toml), or the name of a built-in scene (see `pinspot scenes`)
+    scene: String,
+    /// Files to write: .png (tone-mapped), .exr (linear)
+    #[arg(short, long, required = true, num_args = 1.., value_name = "FILE")]
+    output: Vec<PathBuf>,
+    #[command(flatten)]
+    options: CommonOptions,
+    /// Print a JSON report on stdout
+    #[arg(long)]
+    json: bool,
+    /// No progress bar and no summary
+    #[arg(long)]
+    quiet: bool,
+}
+
+pub fn run(args: &RenderArgs) -> Result<(), String> {
+    // What can be known to fail is checked before the long work.
+    args.output.iter().try_for_each(|path| check_output(path))?;
+    let backend = args.options.backend()?;
+    let (scene, options) = args.options.load(&args.scene)?;
+    let bar = Bar::new(args.quiet);
+    let look = options.look;
+    let rendered = Renderer::new(scene, options, &backend, &bar).and_then(|r| r.render(&bar));
+    bar.finish();
+    let rendered = rendered.map_err(|e| e.to_string())?;
+    for warning in &rendered.report.warnings {
+        eprintln!("pinspot: warning: {warning}");
+    }
+    for path in &args.output {
+        write(path, &rendered, &look)?;
+    }
+    if args.json {
+        super::print_json(&rendered.report)?;
+    } else if !args.quiet {
+        eprintln!("{}", summary(&rendered.report, &args.output));
+    }
+    Ok(())
+}
+
+fn extension(path: &Path) -> String {
+    path.extension().unwrap_or_default().to_string_lossy().to_lowercase()
+}
+
+fn check_output(path: &Path) -> Result<(), String> {
+    if !["png", "exr"].contains(&extension(path).as_str()) {
+        return Err(format!("cannot write '{}': give a file that ends in .png or .exr", path.display()));
+    }
+    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    if folder.is_dir() {
+        Ok(())
+    } else {
+        Err(format!("cannot write '{}': the folder '{}' does not exist; create it first", path.display(), folder.display()))
+    }
+}
+
+fn write(path: &Path, rendered: &Rendered, look: &pinspot::render::Look) -> Result<(), String> {
+    let written = if extension(path) == "png" {
+        write_png(path, &rendered.first_shown(look))
+    } else {
+        let layers: Vec<_> = rendered.layers.iter().map(|(aov, image)| (aov.name(), image)).collect();
+        write_exr(path, &layers)
+    };
+    written.map_err(|e| e.to_string())
+}
+
+fn summary(report: &Report, outputs: &[PathBuf]) -> String {
+    use pinspot::render::BackendReport;
+    let on = match &report.backend {
+        BackendReport::Cpu { threads } => format!("the CPU ({threads} threads)"),
+        BackendReport::Gpu { adapter } => {
+            format!("{} ({}{})", adapter.name, adapter.backend, if adapter.software { ", software" } else { "" })
+        }
+    };
+    let files: Vec<String> = outputs.iter().map(|p| p.display().to_string()).collect();
+    let seconds = &report.seconds;
+    let preparing = seconds.environment + seconds.sampling + seconds.differentials + seconds.backend;
+    format!(
+        "{}: {}x{} pixels, {} samples, on {on}: {:.1} s (preparing {preparing:.1} s, gather {:.1} s, {:.0} look-ups a pixel)",
+        files.join(", "),
+        report.size[0],
+        report.size[1],
+        report.samples,
+        preparing + seconds.render,
+        seconds.gather,
+        report.lookups,
+    )
+}

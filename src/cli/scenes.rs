@@ -1,0 +1,26 @@
+//! `pinspot scenes`.
+
+use clap::Args;
+
+use pinspot::environment::BUILT_IN_MAPS;
+use pinspot::scene::BUILT_IN;
+
+#[derive(Debug, Args)]
+pub struct ScenesArgs {
+    /// Print a built-in scene's file, to start a scene of your own from
+    #[arg(long, value_name = "NAME")]
+    show: Option<String>,
+}
+
+pub fn run(args: &ScenesArgs) -> Result<(), String> {
+    if let Some(name) = &args.show {
+        let scene = BUILT_IN.iter().find(|s| s.name == name);
+        let scene = scene.ok_or_else(|| format!("there is no built-in scene '{name}'; `pinspot scenes` lists them"))?;
+        return super::print(scene.toml.trim_end());
+    }
+    let mut lines = vec!["Scenes:".to_owned()];
+    lines.extend(BUILT_IN.iter().map(|s| format!("  {:16} {}", s.name, s.about)));
+    lines.push("Environment maps:".to_owned());
+    lines.extend(BUILT_IN_MAPS.iter().map(|m| format!("  {:16} {}", m.name, m.about)));
+    super::print(&lines.join("\n"))
+}

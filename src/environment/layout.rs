@@ -1,0 +1,267 @@
+//! How images lay out directions: radiance by direction for every supported layout.
+//!
+//! Directions here are the map's own, before its rotation. Conventions: the equirectangular image has +Z at
+//! its centre and +X to the left of it; angular maps and crosses have −Z at the centre, +X to the right, +Y up;
+//! six faces come in WebGPU's order and orientation.
+
+use std::f32::consts::{PI, TAU};
+use std::path::Path;
+
+use glam::{Vec2, Vec3};
+
+use super::cube::face_of_direction;
+use super::{EnvironmentError, RgbImage};
+use crate::scene::MapLayout;
+
+/// An image that knows which direction each of its points shows.
+#[derive(Clone, Debug)]
+pub(super) enum Layout {
+    Latlong(RgbImage),
+    Angular(RgbImage),
+    /// +X −X +Y −Y +Z −Z.
+    Faces(Box<[RgbImage; 6]>),
+}
+
+impl Layout {
+    /// From one image.
+    pub fn new(path: &Path, image: RgbImage, layout: MapLayout) -> Result<Self, EnvironmentError> {
+        let (w, h) = (image.width, image.height);
+        let fail = |remedy: &str| {
+            let remedy = remedy.to_owned();
+            EnvironmentError::Layout { path: path.into(), width: w, height: h, layout, remedy }
+        };
+        let resolved = match layout {
+            MapLayout::Auto if w == 2 * h => MapLayout::Latlong,
+            MapLayout::Auto if w == h => MapLayout::Angular,
+            MapLayout::Auto if 4 * w == 3 * h => MapLayout::VerticalCross,
+            MapLayout::Auto if 3 * w == 4 * h => MapLayout::HorizontalCross,
+            MapLayout::Auto => {
+                return Err(fail("set layout to latlong, angular, vertical-cross or horizontal-cross, or give an image of aspect 2:1, 1:1, 3:4 or 4:3"));
+            }
+            chosen => chosen,
+        };
+        match resolved {
+            MapLayout::Latlong => Ok(Self::Latlong(image)),
+            MapLayout::Angular if w == h => Ok(Self::Angular(image)),
+            MapLayout::Angular => Err(fail("an angular map is square")),
+            MapLayout::VerticalCross if 4 * w == 3 * h && w % 3 == 0 => Ok(from_cross(&image, w / 3, true)),
+            MapLayout::VerticalCross => Err(fail("a vertical cross is three faces wide and four high")),
+            MapLayout::HorizontalCross if 3 * w == 4 * h && w % 4 == 0 => Ok(from_cross(&image, w / 4, false)),
+            MapLayout::HorizontalCross => Err(fail("a horizontal cross is four faces wide and three high")),
+            MapLayout::Faces | MapLayout::Auto => Err(fail("six faces are six files")),
+        }
+    }
+
+    /// From six square images of one size.
+    pub fn from_faces(paths: &[impl AsRef<Path>], faces: [RgbImage; 6]) -> Result<Self, EnvironmentError> {
+        let size = faces[0].width;
+        for (face, path) in faces.iter().zip(paths) {
+            if face.width != size || face.height != size {
+                return Err(EnvironmentError::Layout {
+                    path: path.as_ref().into(),
+                    width: face.width,
+                    height: face.height,
+                    layout: MapLayout::Faces,
+                    remedy: format!("all six faces must be squares of one size ({size}×{size} here)"),
+                });
+            }
+        }
+        Ok(Self::Faces(Box::new(faces)))
+    }
+
+    /// Radiance from a unit direction.
+    pub fn radiance(&self, d: Vec3) -> Vec3 {
+        match self {
+            Self::Latlong(image) => {
+                let u = (d.x.atan2(-d.z) / TAU).rem_euclid(1.0);
+                let v = d.y.clamp(-1.0, 1.0).acos() / PI;
+                bilinear(image, Vec2::new(u, v), true)
+            }
+            Self::Angular(image) => {
+                // Debevec: the radius is proportional to the angle from the centre's direction.
+                let across = d.truncate().length();
+                let radius = if across > 1e-12 { across.atan2(-d.z) / (PI * across) } else { 0.0 };
+                bilinear(image, 0.5 * Vec2::new(1.0 + d.x * radius, 1.0 - d.y * radius), false)
+            }
+            Self::Faces(faces) => {
+                let (face, st) = face_of_direction(d);
+                bilinear(&faces[face], 0.5 * (st + Vec2::ONE), false)
+            }
+        }
+    }
+
+    /// Texels across a quarter of the horizon.
+    pub fn texels_per_quarter(&self) -> usize {
+        match self {
+            Self::Latlong(image) | Self::Angular(image) => image.width.div_ceil(4),
+            Self::Faces(faces) => faces[0].width,
+        }
+    }
+}
+
+/// Bilinear look-up; texel (i, j)'s centre is at ((i + ½)/W, (j + ½)/H), v clamps and u clamps or wraps.
+fn bilinear(image: &RgbImage, uv: Vec2, wrap_u: bool) -> Vec3 {
+    let (w, h) = (image.width as i32, image.height as i32);
+    let x = uv.x * w as f32 - 0.5;
+    let y = (uv.y * h as f32 - 0.5).clamp(0.0, (h - 1) as f32);
+    let (x0, y0) = (x.floor(), y.floor());
+    let column = |i: i32| if wrap_u { i.rem_euclid(w) } else { i.clamp(0, w - 1) } as usize;
+    let row = |j: i32| j.min(h - 1) as usize;
+    let (i, j) = (x0 as i32, y0 as i32);
+    let upper = image.pixel(column(i), row(j)).lerp(image.pixel(column(i + 1), row(j)), x - x0);
+    let lower = image.pixel(column(i), row(j + 1)).lerp(image.pixel(column(i + 1), row(j + 1)), x - x0);
+    upper.lerp(lower, y - y0)
+}
+
+/// Cuts a cross into faces, each turned into WebGPU's orientation by looking its own directions up in the cross.
+fn from_cross(image: &RgbImage, size: usize, vertical: bool) -> Layout {
+    let faces = [0, 1, 2, 3, 4, 5].map(|face| {
+        let mut pixels = Vec::with_capacity(size * size);
+        for j in 0..size {
+            for i in 0..size {
+                let centre = |k: usize| 2.0 * (k as f32 + 0.5) / size as f32 - 1.0;
+                let (tile, st) = place_in_cross(super::face_direction(face, centre(i), centre(j)), vertical);
+                let texel = |s: f32| (((0.5 * (s + 1.0)) * size as f32) as usize).min(size - 1);
+                pixels.push(image.pixel(tile[0] * size + texel(st.x), tile[1] * size + texel(st.y)).to_array());
+            }
+        }
+        RgbImage { width: size, height: size, pixels }
+    });
+    Layout::Faces(Box::new(faces))
+}
+
+/// The cross's tile (column, row) that shows a direction, and where on it, in [−1, 1]², t downwards.
+fn place_in_cross(d: Vec3, vertical: bool) -> ([usize; 2], Vec2) {
+    let a = d.abs();
+    if a.x >= a.y && a.x >= a.z {
+        let p = d / a.x;
+        if d.x > 0.0 { ([2, 1], Vec2::new(p.z, -p.y)) } else { ([0, 1], Vec2::new(-p.z, -p.y)) }
+    } else if a.y >= a.z {
+        let p = d / a.y;
+        if d.y > 0.0 { ([1, 0], Vec2::new(p.x, -p.z)) } else { ([1, 2], Vec2::new(p.x, p.z)) }
+    } else {
+        let p = d / a.z;
+        match (d.z < 0.0, vertical) {
+            (true, _) => ([1, 1], Vec2::new(p.x, -p.y)),
+            (false, true) => ([1, 3], Vec2::new(p.x, p.y)),
+            (false, false) => ([3, 1], Vec2::new(-p.x, -p.y)),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// One colour for each of the six axes.
+    const SIX: [(Vec3, Vec3); 6] = [
+        (Vec3::X, Vec3::new(1.0, 0.0, 0.0)),
+        (Vec3::NEG_X, Vec3::new(0.0, 1.0, 1.0)),
+        (Vec3::Y, Vec3::new(0.0, 1.0, 0.0)),
+        (Vec3::NEG_Y, Vec3::new(1.0, 0.0, 1.0)),
+        (Vec3::Z, Vec3::new(0.0, 0.0, 1.0)),
+        (Vec3::NEG_Z, Vec3::new(1.0, 1.0, 0.0)),
+    ];
+
+    fn blank(width: usize, height: usize) -> RgbImage {
+        RgbImage { width, height, pixels: vec![[0.5; 3]; width * height] }
+    }
+
+    /// Paints a block of texels around a point given in fractions of the picture.
+    fn paint(image: &mut RgbImage, at: [f32; 2], colour: Vec3) {
+        let (x, y) = ((at[0] * image.width as f32) as i32, (at[1] * image.height as f32) as i32);
+        for j in y - 2..=y + 2 {
+            for i in x - 2..=x + 2 {
+                let i = i.rem_euclid(image.width as i32) as usize;
+                let j = j.clamp(0, image.height as i32 - 1) as usize;
+                image.pixels[j * image.width + i] = colour.to_array();
+            }
+        }
+    }
+
+    fn check(layout: &Layout, what: &str) {
+        for (direction, colour) in SIX {
+            let got = layout.radiance(direction);
+            assert!(got.abs_diff_eq(colour, 1e-4), "{what}: {direction} gives {got}, not {colour}");
+        }
+    }
+
+    #[test]
+    fn six_coloured_directions_in_an_equirectangular_image() {
+        // By the contract: the centre is +Z, +X lies to its left, the edges are −Z, the top +Y.
+        let mut image = blank(64, 32);
+        for (at, axis) in [([0.25, 0.5], 0), ([0.75, 0.5], 1), ([0.5, 0.5], 4), ([0.0, 0.5], 5)] {
+            paint(&mut image, at, SIX[axis].1);
+        }
+        for i in 0..64 {
+            image.pixels[i] = SIX[2].1.to_array();
+            image.pixels[31 * 64 + i] = SIX[3].1.to_array();
+        }
+        check(&Layout::new(Path::new("t"), image, MapLayout::Auto).unwrap(), "latlong");
+    }
+
+    #[test]
+    fn six_coloured_directions_in_an_angular_map() {
+        // 90° from the centre is half way out; the rim is +Z all around.
+        let mut image = blank(128, 128);
+        for (at, axis) in [([0.75, 0.5], 0), ([0.25, 0.5], 1), ([0.5, 0.25], 2), ([0.5, 0.75], 3), ([0.5, 0.5], 5)] {
+            paint(&mut image, at, SIX[axis].1);
+        }
+        let layout = Layout::new(Path::new("t"), image.clone(), MapLayout::Auto).unwrap();
+        for axis in [0, 1, 2, 3, 5] {
+            assert!(layout.radiance(SIX[axis].0).abs_diff_eq(SIX[axis].1, 1e-4), "axis {axis}");
+        }
+        paint(&mut image, [0.999, 0.5], SIX[4].1);
+        let layout = Layout::new(Path::new("t"), image, MapLayout::Angular).unwrap();
+        assert!(layout.radiance(Vec3::new(1e-3, 0.0, 1.0).normalize()).abs_diff_eq(SIX[4].1, 1e-4));
+    }
+
+    #[test]
+    fn six_coloured_directions_in_crosses() {
+        let third = |k: f32| (k + 0.5) / 3.0;
+        let quarter = |k: f32| (k + 0.5) / 4.0;
+        let mut image = blank(48, 64);
+        for (at, axis) in [([2.0, 1.0], 0), ([0.0, 1.0], 1), ([1.0, 0.0], 2), ([1.0, 2.0], 3), ([1.0, 3.0], 4), ([1.0, 1.0], 5)] {
+            paint(&mut image, [third(at[0]), quarter(at[1])], SIX[axis].1);
+        }
+        check(&Layout::new(Path::new("t"), image, MapLayout::Auto).unwrap(), "vertical cross");
+        let mut image = blank(64, 48);
+        for (at, axis) in [([2.0, 1.0], 0), ([0.0, 1.0], 1), ([1.0, 0.0], 2), ([1.0, 2.0], 3), ([3.0, 1.0], 4), ([1.0, 1.0], 5)] {
+            paint(&mut image, [quarter(at[0]), third(at[1])], SIX[axis].1);
+        }
+        check(&Layout::new(Path::new("t"), image, MapLayout::Auto).unwrap(), "horizontal cross");
+    }
+
+    #[test]
+    fn crosses_are_continuous_across_their_folds() {
+        // Paint the radiance r = (d + 1)/2 into each cross by its definition at the tile centres' neighbourhood, and
+        // look between the tiles: neighbouring directions on either side of a fold must have neighbouring colours.
+        for vertical in [true, false] {
+            for (a, b) in [(Vec3::Z, Vec3::X), (Vec3::Z, -Vec3::Y), (Vec3::Y, -Vec3::Z), (-Vec3::Z, Vec3::X), (-Vec3::Y, -Vec3::Z)] {
+                let third = a.cross(b) * 0.4;
+                let (tile_a, st_a) = place_in_cross(a * 1.001 + b + third, vertical);
+                let (tile_b, st_b) = place_in_cross(a + b * 1.001 + third, vertical);
+                let at = |tile: [usize; 2], st: Vec2| Vec2::new(tile[0] as f32, tile[1] as f32) + 0.5 * (st + Vec2::ONE);
+                let apart = (at(tile_a, st_a) - at(tile_b, st_b)).length();
+                let neighbours = tile_a[0].abs_diff(tile_b[0]) + tile_a[1].abs_diff(tile_b[1]) == 1;
+                assert!(!neighbours || apart < 0.01, "{a} {b} vertical {vertical}: {tile_a:?} {st_a} {tile_b:?} {st_b}");
+            }
+        }
+    }
+
+    #[test]
+    fn six_coloured_directions_in_six_faces() {
+        let faces = SIX.map(|(_, colour)| {
+            let mut face = blank(16, 16);
+            paint(&mut face, [0.5, 0.5], colour);
+            face
+        });
+        check(&Layout::from_faces(&["a"; 6], faces).unwrap(), "faces");
+    }
+
+    #[test]
+    fn a_wrong_aspect_is_named() {
+        let message = Layout::new(Path::new("map.exr"), blank(50, 20), MapLayout::Auto).unwrap_err().to_string();
+        assert!(message.contains("map.exr") && message.contains("50×20") && message.contains("2:1"), "{message}");
+    }
+}

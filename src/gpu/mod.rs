@@ -1,0 +1,68 @@
+//! Devices, what they can do, and the resolver of shader imports. Knows no scenes, no files and no windows.
+
+mod device;
+mod shaders;
+
+pub use device::{Adapter, Gpu, adapters};
+pub use shaders::{SHADERS, resolve};
+
+/// Why the GPU could not be used.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum GpuError {
+    /// No adapter of any kind.
+    #[error("no GPU adapter was found; use --backend cpu, or install a Vulkan driver (on Debian: apt-get install libvulkan1 mesa-vulkan-drivers)")]
+    NoAdapter,
+    /// None with that name.
+    #[error("no GPU adapter has '{name}' in its name; found: {found}")]
+    UnknownAdapter {
+        /// The name asked for.
+        name: String,
+        /// The adapters there are.
+        found: String,
+    },
+    /// The driver refused a device.
+    #[error("adapter '{adapter}' gives no device: {reason}; try another --adapter or --backend cpu")]
+    NoDevice {
+        /// Adapter.
+        adapter: String,
+        /// The driver's reason.
+        reason: String,
+    },
+    /// The device was lost while it worked.
+    #[error("adapter '{adapter}' was lost while rendering ({reason}); run again, with fewer samples or with --backend cpu")]
+    Lost {
+        /// Adapter.
+        adapter: String,
+        /// The driver's reason.
+        reason: String,
+    },
+    /// The device refused a command.
+    #[error("adapter '{adapter}' refused a command: {reason}; try --backend cpu and report this")]
+    Refused {
+        /// Adapter.
+        adapter: String,
+        /// The validation error.
+        reason: String,
+    },
+    /// A texture is too large.
+    #[error("{what} is {size} texels wide, but this adapter's textures end at {limit}; {remedy}")]
+    TextureTooLarge {
+        /// Which texture.
+        what: &'static str,
+        /// Its larger side.
+        size: u32,
+        /// The adapter's limit.
+        limit: u32,
+        /// What to do.
+        remedy: &'static str,
+    },
+    /// The sample buffer is too large.
+    #[error("{samples} samples do not fit this adapter's storage buffers ({limit} fit); give fewer --samples or use --backend cpu")]
+    TooManySamples {
+        /// Samples given.
+        samples: usize,
+        /// Samples that fit.
+        limit: usize,
+    },
+}

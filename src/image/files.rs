@@ -1,0 +1,146 @@
+//! EXR and PNG files, written whole or not at all.
+
+use std::io::{BufWriter, Write};
+use std::path::{Path, PathBuf};
+
+use exr::prelude::{
+    AnyChannel, AnyChannels, Encoding, FlatSamples, Layer, LayerAttributes, Text, WritableImage,
+};
+use glam::Vec3;
+
+use super::{Image, srgb8};
+
+/// Why a picture could not be written or read.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ImageError {
+    /// The system refused.
+    #[error("cannot write '{}': {reason}; check that the folder exists and can be written to", path.display())]
+    Write {
+        /// File.
+        path: PathBuf,
+        /// The system's reason.
+        reason: String,
+    },
+    /// Not an image that can be read.
+    #[error("cannot read image '{}': {reason}", path.display())]
+    Read {
+        /// File.
+        path: PathBuf,
+        /// The reason.
+        reason: String,
+    },
+}
+
+/// Writes a file through a temporary one beside it, which replaces the old file only once it is complete.
+pub fn write_atomically(
+    path: &Path,
+    write: impl FnOnce(&mut BufWriter<&std::fs::File>) -> Result<(), String>,
+) -> Result<(), ImageError> {
+    let fail = |reason: String| ImageError::Write { path: path.into(), reason };
+    if path.is_dir() {
+        return Err(fail("it is a folder".into()));
+    }
+    let folder = match path.parent() {
+        Some(parent) if !parent.as_os_str().is_empty() => parent,
+        _ => Path::new("."),
+    };
+    let mut builder = tempfile::Builder::new();
+    #[cfg(unix)]
+    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
+    let file = builder.prefix(".pinspot-").tempfile_in(folder).map_err(|e| fail(e.to_string()))?;
+    let mut writer = BufWriter::new(file.as_file());
+    write(&mut writer).map_err(fail)?;
+    writer.flush().map_err(|e| fail(e.to_string()))?;
+    drop(writer);
+    file.persist(path).map_err(|e| fail(e.to_string()))?;
+    Ok(())
+}
+
+/// Writes display-linear colours as 8-bit sRGB.
+pub fn write_png(path: &Path, image: &Image) -> Result<(), ImageError> {
+    use ::image::ImageEncoder;
+    let bytes: Vec<u8> = image.pixels.iter().flat_map(|p| srgb8(*p)).collect();
+    write_atomically(path, |out| {
+        ::image::codecs::png::PngEncoder::new(out)
+            .write_image(&bytes, image.width, image.height, ::image::ExtendedColorType::Rgb8)
+            .map_err(|e| e.to_string())
+    })
+}
+
+/// Writes 32-bit float layers, lossless. One layer has the channels R G B; several have `name.R` and so on.
+pub fn write_exr(path: &Path, layers: &[(&str, &Image)]) -> Result<(), ImageError> {
+    let (width, height) = (layers[0].1.width as usize, layers[0].1.height as usize);
+    let mut channels = Vec::new();
+    for (name, image) in layers {
+        let prefix = if layers.len() == 1 { String::new() } else { format!("{name}.") };
+        for (axis, letter) in ["R", "G", "B"].iter().enumerate() {
+            let values: Vec<f32> = image.pixels.iter().map(|p| p[axis]).collect();
+            channels.push(AnyChannel::new(Text::from(format!("{prefix}{letter}").as_str()), FlatSamples::F32(values)));
+        }
+    }
+    let mut attributes = LayerAttributes::default();
+    attributes.software_name = Some(concat!("pinspot ", env!("CARGO_PKG_VERSION")).into());
+    let layer = Layer::new((width, height), attributes, Encoding::SMALL_LOSSLESS, AnyChannels::sort(channels.into()));
+    write_atomically(path, |out| {
+        let mut bytes = std::io::Cursor::new(Vec::new());
+        exr::prelude::Image::from_layer(layer).write().to_buffered(&mut bytes).map_err(|e| e.to_string())?;
+        out.write_all(bytes.get_ref()).map_err(|e| e.to_string())
+    })
+}
+
+/// Reads the R, G and B channels of a layer (`""` for the channels without a prefix).
+pub fn read_exr(path: &Path, layer: &str) -> Result<Image, ImageError> {
+    use exr::prelude::{ReadChannels, ReadLayers};
+    let fail = |reason: String| ImageError::Read { path: path.into(), reason };
+    let file = exr::prelude::read()
+        .no_deep_data()
+        .largest_resolution_level()
+        .all_channels()
+        .first_valid_layer()
+        .all_attributes()
+        .from_file(path)
+        .map_err(|e| fail(e.to_string()))?;
+    let data = file.layer_data;
+    let prefix = if layer.is_empty() { String::new() } else { format!("{layer}.") };
+    let channel = |letter: &str| -> Result<Vec<f32>, ImageError> {
+        let name = format!("{prefix}{letter}");
+        let found = data.channel_data.list.iter().find(|c| c.name.eq(name.as_str()));
+        found.map(|c| c.sample_data.values_as_f32().collect()).ok_or_else(|| fail(format!("it has no channel '{name}'")))
+    };
+    let (r, g, b) = (channel("R")?, channel("G")?, channel("B")?);
+    let pixels = r.into_iter().zip(g).zip(b).map(|((r, g), b)| Vec3::new(r, g, b)).collect();
+    Ok(Image { width: data.size.0 as u32, height: data.size.1 as u32, pixels })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn exr_layers_come_back_bit_for_bit() {
+        let dir = tempfile::tempdir().unwrap();
+        let mut caustic = Image::new(3, 2);
+        caustic.pixels[1] = Vec3::new(1.0e6, -2.5, 1e-20);
+        let depth = caustic.map(|p| p + 1.0);
+        let path = dir.path().join("one.exr");
+        write_exr(&path, &[("caustic", &caustic)]).unwrap();
+        assert_eq!(read_exr(&path, "").unwrap(), caustic);
+        let path = dir.path().join("two.exr");
+        write_exr(&path, &[("caustic", &caustic), ("depth", &depth)]).unwrap();
+        assert_eq!(read_exr(&path, "depth").unwrap(), depth);
+        assert!(read_exr(&path, "").is_err());
+    }
+
+    #[test]
+    fn a_failed_write_leaves_the_old_file_and_nothing_else() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("picture.png");
+        std::fs::write(&path, "old").unwrap();
+        assert!(write_atomically(&path, |_| Err("disk on fire".into())).is_err());
+        assert_eq!(std::fs::read_to_string(&path).unwrap(), "old");
+        assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 1);
+        let message = write_png(&dir.path().join("no/such/folder.png"), &Image::new(1, 1)).unwrap_err().to_string();
+        assert!(message.contains("folder.png") && message.contains("folder exists"), "{message}");
+    }
+}

@@ -1,0 +1,43 @@
+//! Pictures: linear RGB images, tone mapping, EXR and PNG files, error metrics. Knows no scenes.
+
+mod aov;
+mod files;
+mod metrics;
+mod tone;
+
+pub use aov::Aov;
+pub use files::{ImageError, read_exr, write_atomically, write_exr, write_png};
+pub use metrics::rel_l2;
+pub use tone::{display, exposed, srgb8};
+
+use glam::Vec3;
+
+/// A linear RGB picture, row by row from the top left.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Image {
+    /// Columns.
+    pub width: u32,
+    /// Rows.
+    pub height: u32,
+    /// `width * height` pixels.
+    pub pixels: Vec<Vec3>,
+}
+
+impl Image {
+    /// A black picture.
+    pub fn new(width: u32, height: u32) -> Self {
+        Self { width, height, pixels: vec![Vec3::ZERO; width as usize * height as usize] }
+    }
+
+    /// The same picture with every pixel mapped.
+    #[must_use]
+    pub fn map(&self, f: impl Fn(Vec3) -> Vec3) -> Self {
+        Self { pixels: self.pixels.iter().map(|p| f(*p)).collect(), ..*self }
+    }
+
+    /// The mean pixel.
+    pub fn mean(&self) -> Vec3 {
+        let sum = self.pixels.iter().fold(glam::DVec3::ZERO, |sum, p| sum + p.as_dvec3());
+        (sum / self.pixels.len().max(1) as f64).as_vec3()
+    }
+}

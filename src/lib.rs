@@ -1,0 +1,54 @@
+//! **Pinspot** renders caustics from natural light.
+//!
+//! A mirror turns every small piece of itself into a pinhole camera that projects the surroundings on whatever it
+//! faces. Wand and Straßer (*Real-Time Caustics*, 2003) made an algorithm of it: discretise the reflector into sample
+//! points; let each project the environment map on the receivers, blurred by a footprint that follows from the
+//! surface's curvature around the sample; sum. Pinspot is that algorithm, on GPUs through wgpu and on CPUs.
+//!
+//! ```text
+//!  scene ──► sampling ──► differential ──► pinhole (cpu │ gpu) ──► image
+//!    │                                         ▲
+//!    └─────────────► environment ──────────────┘
+//!                         render: the headless renderer that ties them together
+//! ```
+//!
+//! Data flows from left to right; no module imports from one to its right.
+//!
+//! * [`scene`]: what exists: meshes, shapes, materials, cameras, scene files.
+//! * [`environment`]: what shines: maps, spots, constants; a prefiltered cube.
+//! * [`sampling`]: where on the reflectors the pinholes are.
+//! * [`differential`]: the surface around each of them.
+//! * [`pinhole`]: the sum itself; [`pinhole::gpu`] records into the caller's encoder, [`pinhole::cpu`] is its twin.
+//! * [`image`](mod@image): pictures and files.
+//! * [`render`]: scene file in, pictures out.
+//!
+//! Programs with a wgpu device of their own start at [`pinhole::gpu::Engine`]; see `examples/embed.rs`. Programs that want
+//! pictures start at [`render::Renderer`]:
+//!
+//! ```
+//! use pinspot::render::{BackendChoice, Renderer, Settings, Silent};
+//!
+//! let loaded = pinspot::scene::load::<Settings>("mirror-sphere")?;
+//! let mut options = loaded.render.options()?;
+//! options.size = [32, 32];
+//! options.samples = 50;
+//! let renderer = Renderer::new(loaded.scene, options, &BackendChoice::Cpu, &Silent)?;
+//! let rendered = renderer.render(&Silent)?;
+//! assert_eq!(rendered.layers[0].1.pixels.len(), 32 * 32);
+//! # Ok::<(), pinspot::Error>(())
+//! ```
+//!
+//! Units: metres, radians, W/(m²·sr), W/m². Right-handed, Y up, linear Rec.709.
+
+pub mod differential;
+pub mod environment;
+mod error;
+pub mod gpu;
+pub mod image;
+pub mod pinhole;
+pub mod render;
+pub mod sampling;
+pub mod scene;
+
+pub use error::{Error, OptionError};
+pub use wgpu;

@@ -1,0 +1,201 @@
+//! The gather on the CPU: the twin of `shaders/gather.wgsl`, step by step and name by name.
+//!
+//! Eight neighbouring receivers go through the loop together, one in each SIMD lane, as fragments do on a GPU;
+//! rayon spreads the groups over the cores.
+
+mod cube;
+mod footprint;
+mod lanes;
+
+pub use cube::{CubeLookup, Lanes8};
+
+use glam::Vec4;
+use rayon::prelude::*;
+use wide::f32x8;
+
+use self::cube::{level_of, texel_width};
+use self::footprint::{footprint_axes, reflected_side};
+use self::lanes::{F, V3, abs, clamp, splat, splat3};
+use super::layout::TWO_SIDED;
+use super::{BATCH_SIZE, Filter, GatherUniforms, NO_RECEIVER, Params, PinholeSample, Receivers};
+use crate::environment::CubeMap;
+
+/// Receivers that go through the loop together.
+const LANES: usize = 8;
+/// Groups of lanes between two reports of progress.
+const GROUPS_PER_TASK: usize = 32;
+
+/// Gathers the irradiance at every receiver: R, G, B in W/m² and the number of fetches. `progress` is told, from any
+/// thread, how many more receivers are done. [`Filter::Hardware`] needs a GPU and is not accepted here.
+pub fn gather(
+    receivers: &Receivers,
+    samples: &[PinholeSample],
+    environment: &CubeMap,
+    params: &Params,
+    progress: &(dyn Fn(u64) + Sync),
+) -> Vec<[f32; 4]> {
+    let uniforms = GatherUniforms::for_cube(params, samples.len(), environment);
+    let gather = Gather { samples, uniforms, environment: CubeLookup::new(environment) };
+    let task: fn(&Gather, &Receivers, usize, &mut [[f32; 4]]) = match params.filter {
+        Filter::None => task::<FILTER_NONE>,
+        Filter::Isotropic => task::<FILTER_ISOTROPIC>,
+        Filter::Anisotropic => task::<FILTER_ANISOTROPIC>,
+        Filter::Hardware => panic!("the hardware filter needs a GPU"),
+    };
+    let mut sums = vec![[0.0; 4]; receivers.positions.len()];
+    sums.par_chunks_mut(LANES * GROUPS_PER_TASK).enumerate().for_each(|(index, sums)| {
+        task(&gather, receivers, index * LANES * GROUPS_PER_TASK, sums);
+        progress(sums.len() as u64);
+    });
+    sums
+}
+
+const FILTER_NONE: u32 = 0;
+const FILTER_ISOTROPIC: u32 = 1;
+const FILTER_ANISOTROPIC: u32 = 2;
+
+struct Gather<'a> {
+    samples: &'a [PinholeSample],
+    uniforms: GatherUniforms,
+    environment: CubeLookup<'a>,
+}
+
+/// Eight receivers, lane by lane.
+struct Receiver {
+    position: V3,
+    normal: V3,
+    object: [u32; LANES],
+}
+
+fn task<const FILTER: u32>(gather: &Gather, receivers: &Receivers, first: usize, sums: &mut [[f32; 4]]) {
+    for (group, sums) in sums.chunks_mut(LANES).enumerate() {
+        let start = first + group * LANES;
+        let receiver = load_receivers(receivers, start, sums.len());
+        if receiver.object.iter().all(|&object| object == u32::MAX) {
+            continue;
+        }
+        let mut totals = [Vec4::ZERO; LANES];
+        for batch in gather.samples.chunks(BATCH_SIZE as usize) {
+            let sum = gather.gather_batch::<FILTER>(batch, &receiver);
+            totals.iter_mut().zip(sum).for_each(|(total, sum)| *total += sum);
+        }
+        sums.iter_mut().zip(totals).for_each(|(sum, total)| *sum = total.to_array());
+    }
+}
+
+/// Lanes past the end, and those without a receiver, get a normal of zero, so that nothing reaches them.
+fn load_receivers(receivers: &Receivers, start: usize, count: usize) -> Receiver {
+    let mut position = [[0.0; LANES]; 3];
+    let mut normal = [[0.0; LANES]; 3];
+    let mut object = [u32::MAX; LANES];
+    for lane in 0..count {
+        let (p, n) = (receivers.positions[start + lane], receivers.normals[start + lane]);
+        if p[3] <= NO_RECEIVER {
+            continue;
+        }
+        object[lane] = p[3] as u32;
+        for axis in 0..3 {
+            position[axis][lane] = p[axis];
+            normal[axis][lane] = n[axis];
+        }
+    }
+    Receiver { position: V3(position.map(f32x8::new)), normal: V3(normal.map(f32x8::new)), object }
+}
+
+impl Gather<'_> {
+    fn gather_batch<const FILTER: u32>(&self, batch: &[PinholeSample], receiver: &Receiver) -> [Vec4; LANES] {
+        let mut sum = [Vec4::ZERO; LANES];
+        for sample in batch {
+            self.sample_irradiance::<FILTER>(sample, receiver, &mut sum);
+        }
+        sum
+    }
+
+    /// Adds what one sample contributes: rgb = irradiance, w = fetches.
+    #[inline]
+    fn sample_irradiance<const FILTER: u32>(&self, sample: &PinholeSample, receiver: &Receiver, sum: &mut [Vec4; LANES]) {
+        let n = splat3(sample.normal);
+        let d = splat3(sample.position) - receiver.position;
+        let l2 = d.dot(d);
+        let dn = d.dot(n);
+        let two_sided = sample.flags & TWO_SIDED != 0;
+        let facing = if two_sided { abs(dn) } else { (-dn).max(F::ZERO) };
+        let cosines = facing * d.dot(receiver.normal).max(F::ZERO) / l2;
+        // Also false where the sample lies on the receiver point and the quotient is not a number.
+        let lit = cosines.simd_gt(F::ZERO).to_bitmask();
+        if lit == 0 {
+            return;
+        }
+        let weight = splat(sample.area) * cosines * self.attenuation(l2, sample, &receiver.object);
+        let inverse_l = F::ONE / l2.sqrt();
+        let r = (d - n * (dn + dn)) * inverse_l;
+        let (radiance, taps) = self.filtered_radiance::<FILTER>(sample, d, n, dn, inverse_l, r, lit);
+        let reflectance = Vec4::new(sample.reflectance_r, sample.reflectance_g, sample.reflectance_b, 0.0);
+        let scale = (weight / taps).to_array();
+        let taps = taps.to_array();
+        for lane in 0..LANES {
+            if lit & (1 << lane) != 0 {
+                sum[lane] += scale[lane] * reflectance * radiance[lane] + taps[lane] * Vec4::W;
+            }
+        }
+    }
+
+    /// 1/l², kept finite (WS-7).
+    #[inline]
+    fn attenuation(&self, l2: F, sample: &PinholeSample, objects: &[u32; LANES]) -> F {
+        let u = &self.uniforms;
+        if u.attenuation == 0 {
+            return F::ONE;
+        }
+        if u.epsilon_mode == 0 {
+            let own = sample.flags & !TWO_SIDED;
+            let least = objects.map(|object| if object == own { sample.area * std::f32::consts::FRAC_1_PI } else { 0.0 });
+            return F::ONE / l2.max(f32x8::new(least));
+        }
+        F::ONE / (l2 + splat(u.epsilon_scale * sample.area + u.epsilon))
+    }
+
+    /// Sum of radiance over the taps of the sample's footprint around r, and the number of taps.
+    #[inline]
+    #[expect(clippy::too_many_arguments, reason = "the shader's function, argument by argument")]
+    fn filtered_radiance<const FILTER: u32>(
+        &self,
+        sample: &PinholeSample,
+        d: V3,
+        n: V3,
+        dn: F,
+        inverse_l: F,
+        r: V3,
+        lit: u32,
+    ) -> ([Vec4; LANES], F) {
+        let mut sum = [Vec4::ZERO; LANES];
+        if FILTER == FILTER_NONE {
+            self.environment.fetch(r, F::ZERO, lit, &mut sum);
+            return (sum, F::ONE);
+        }
+        let v1 = reflected_side(splat3(sample.side_1), splat3(sample.change_1), d, n, dn, inverse_l, r);
+        let v2 = reflected_side(splat3(sample.side_2), splat3(sample.change_2), d, n, dn, inverse_l, r);
+        let axes = footprint_axes(v1, v2);
+        let texel = texel_width(r, self.uniforms.texel_rad);
+        if FILTER == FILTER_ISOTROPIC {
+            self.environment.fetch(r, level_of(axes.major, texel), lit, &mut sum);
+            return (sum, F::ONE);
+        }
+        let most = splat(self.uniforms.taps as f32);
+        let taps = clamp((axes.major / axes.minor.max(texel)).ceil(), F::ONE, most);
+        let level = level_of(axes.minor.max(axes.major / taps), texel);
+        let mut k = 0.5;
+        loop {
+            let active = lit & taps.simd_gt(splat(k)).to_bitmask();
+            if active == 0 {
+                return (sum, taps);
+            }
+            let offset = splat(k) / taps - splat(0.5);
+            self.environment.fetch(r + axes.direction * offset, level, active, &mut sum);
+            k += 1.0;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

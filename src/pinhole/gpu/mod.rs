@@ -1,0 +1,212 @@
+//! The gather on the GPU, recorded into the caller's encoder on the caller's device.
+//!
+//! [`Engine`] is made once per device and filter; [`Engine::frame`] once per image, with the receivers' textures, the
+//! samples and the environment; [`Frame::record`] adds ranges of batches, so that a caller can submit between them
+//! and no watchdog fires. Nothing here submits, polls or owns a window. Shader: `shaders/gather.wgsl`; CPU twin: `cpu`.
+
+mod environment;
+mod hardware_check;
+mod pipeline;
+
+pub use environment::EnvironmentCube;
+pub use hardware_check::{HardwareVerdict, check_hardware_filter};
+
+use std::ops::Range;
+
+use wgpu::util::DeviceExt;
+
+use self::pipeline::Pipelines;
+use super::{BATCH_SIZE, Filter, GatherUniforms, Params, PinholeSample};
+use crate::gpu::GpuError;
+
+/// The format of the caustic texture.
+pub const TARGET_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba32Float;
+
+/// What is fixed when an engine is made.
+#[derive(Clone, Copy, Debug)]
+pub struct Options {
+    /// The filter; it is compiled into the shader.
+    pub filter: Filter,
+    /// Accumulate by ping-pong between two textures even where 32-bit targets blend.
+    pub force_ping_pong: bool,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self { filter: Filter::Anisotropic, force_ping_pong: false }
+    }
+}
+
+/// The gather's pipelines on one device. Enable `FLOAT32_BLENDABLE` on the device where the adapter has it; without it
+/// the engine accumulates by ping-pong.
+#[derive(Debug)]
+pub struct Engine {
+    pipelines: Pipelines,
+    blends: bool,
+}
+
+/// What one image is gathered from.
+#[derive(Clone, Copy, Debug)]
+pub struct FrameInputs<'a> {
+    /// World positions; `w` is the object's index in the scene, or negative where there is no receiver. Any float format.
+    pub positions: &'a wgpu::TextureView,
+    /// Unit normals on the side that receives. Any float format.
+    pub normals: &'a wgpu::TextureView,
+    /// Width and height of both.
+    pub size: [u32; 2],
+    /// The samples.
+    pub samples: &'a [PinholeSample],
+    /// The environment.
+    pub environment: &'a EnvironmentCube,
+    /// Parameters; the filter must be the engine's.
+    pub params: Params,
+}
+
+/// One image being gathered.
+#[derive(Debug)]
+pub struct Frame {
+    targets: Vec<wgpu::Texture>,
+    views: Vec<wgpu::TextureView>,
+    inputs: wgpu::BindGroup,
+    receivers: wgpu::BindGroup,
+    /// For ping-pong: the bind group that reads target i.
+    previous: Vec<wgpu::BindGroup>,
+    pipeline: wgpu::RenderPipeline,
+    batches: u32,
+    /// The target that holds the sum so far; `None` before the first pass.
+    current: Option<usize>,
+}
+
+impl Engine {
+    /// Compiles the shader.
+    pub fn new(device: &wgpu::Device, options: &Options) -> Self {
+        let blends = device.features().contains(wgpu::Features::FLOAT32_BLENDABLE) && !options.force_ping_pong;
+        Self { pipelines: Pipelines::new(device, options.filter, blends), blends }
+    }
+
+    /// Uploads one image's inputs and makes its targets. The samples are copied.
+    pub fn frame(&self, device: &wgpu::Device, inputs: &FrameInputs) -> Result<Frame, GpuError> {
+        debug_assert_eq!(inputs.params.filter, self.pipelines.filter, "the filter is compiled in");
+        check_limits(&device.limits(), inputs)?;
+        let count = if self.blends { 1 } else { 2 };
+        let targets: Vec<wgpu::Texture> = (0..count).map(|_| target(device, inputs.size)).collect();
+        let views: Vec<wgpu::TextureView> = targets.iter().map(|t| t.create_view(&Default::default())).collect();
+        let previous =
+            if self.blends { Vec::new() } else { views.iter().map(|v| self.pipelines.bind_previous(device, v)).collect() };
+        Ok(Frame {
+            inputs: self.bind_inputs(device, inputs),
+            receivers: self.pipelines.bind_receivers(device, inputs.positions, inputs.normals),
+            previous,
+            pipeline: self.pipelines.gather.clone(),
+            batches: (inputs.samples.len() as u32).div_ceil(BATCH_SIZE),
+            targets,
+            views,
+            current: None,
+        })
+    }
+
+    fn bind_inputs(&self, device: &wgpu::Device, inputs: &FrameInputs) -> wgpu::BindGroup {
+        let cube = inputs.environment;
+        let uniforms =
+            GatherUniforms::new(&inputs.params, inputs.samples.len() as u32, cube.size(), cube.radiance_scale());
+        let uniforms = device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
+            label: Some("gather uniforms"),
+            contents: bytemuck::bytes_of(&uniforms),
+            usage: wgpu::BufferUsages::UNIFORM,
+        });
+        // An empty binding is not allowed; the shader reads `sample_count` samples only.
+        let none = [PinholeSample::default()];
+        let samples = if inputs.samples.is_empty() { &none } else { inputs.samples };
+        let samples = device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
+            label: Some("pinhole samples"),
+            contents: bytemuck::cast_slice(samples),
+            usage: wgpu::BufferUsages::STORAGE,
+        });
+        self.pipelines.bind_inputs(device, &uniforms, &samples, cube.view())
+    }
+}
+
+impl Frame {
+    /// Number of batches; a batch is [`BATCH_SIZE`] samples.
+    pub fn batch_count(&self) -> u32 {
+        self.batches
+    }
+
+    /// Records the gather of a range of batches. Record every batch once, in order, in one encoder or in several.
+    pub fn record(&mut self, encoder: &mut wgpu::CommandEncoder, batches: Range<u32>) {
+        if self.previous.is_empty() {
+            // With blending, the whole range is one draw: an instance a batch.
+            self.pass(encoder, 0, batches);
+        } else {
+            for batch in batches {
+                let next = self.current.map_or(0, |current| 1 - current);
+                self.pass(encoder, next, batch..batch + 1);
+            }
+        }
+    }
+
+    fn pass(&mut self, encoder: &mut wgpu::CommandEncoder, target: usize, batches: Range<u32>) {
+        let blends = self.previous.is_empty();
+        let load = match self.current {
+            Some(_) if blends => wgpu::LoadOp::Load,
+            _ => wgpu::LoadOp::Clear(wgpu::Color::TRANSPARENT),
+        };
+        let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+            label: Some("pinhole gather"),
+            color_attachments: &[Some(wgpu::RenderPassColorAttachment {
+                view: &self.views[target],
+                depth_slice: None,
+                resolve_target: None,
+                ops: wgpu::Operations { load, store: wgpu::StoreOp::Store },
+            })],
+            ..Default::default()
+        });
+        pass.set_pipeline(&self.pipeline);
+        pass.set_bind_group(0, &self.inputs, &[]);
+        pass.set_bind_group(1, &self.receivers, &[]);
+        if !blends {
+            // Before the first pass the other target is as cleared as WebGPU makes it: zero.
+            pass.set_bind_group(2, &self.previous[1 - target], &[]);
+        }
+        pass.draw(0..3, batches);
+        drop(pass);
+        self.current = Some(target);
+    }
+
+    /// The caustic: rgb = irradiance, W/m²; a = number of fetches. Complete once all batches are recorded and submitted.
+    pub fn caustic(&self) -> &wgpu::Texture {
+        &self.targets[self.current.unwrap_or(0)]
+    }
+}
+
+fn check_limits(limits: &wgpu::Limits, inputs: &FrameInputs) -> Result<(), GpuError> {
+    let size = inputs.size[0].max(inputs.size[1]);
+    if size > limits.max_texture_dimension_2d {
+        return Err(GpuError::TextureTooLarge {
+            what: "the image",
+            size,
+            limit: limits.max_texture_dimension_2d,
+            remedy: "give a smaller --size or use --backend cpu",
+        });
+    }
+    let most = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size) as usize / size_of::<PinholeSample>();
+    if inputs.samples.len() > most {
+        return Err(GpuError::TooManySamples { samples: inputs.samples.len(), limit: most });
+    }
+    Ok(())
+}
+
+fn target(device: &wgpu::Device, [width, height]: [u32; 2]) -> wgpu::Texture {
+    device.create_texture(&wgpu::TextureDescriptor {
+        label: Some("caustic"),
+        size: wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
+        mip_level_count: 1,
+        sample_count: 1,
+        dimension: wgpu::TextureDimension::D2,
+        format: TARGET_FORMAT,
+        usage: wgpu::TextureUsages::RENDER_ATTACHMENT
+            | wgpu::TextureUsages::TEXTURE_BINDING
+            | wgpu::TextureUsages::COPY_SRC,
+        view_formats: &[],
+    })
+}

@@ -1,0 +1,191 @@
+//! Layouts, samplers and pipelines of the gather.
+
+use wgpu::{BindGroupLayoutEntry, BindingType, ShaderStages, TextureSampleType, TextureViewDimension};
+
+use super::TARGET_FORMAT;
+use crate::gpu::resolve;
+use crate::pinhole::Filter;
+
+#[derive(Debug)]
+pub(super) struct Pipelines {
+    pub gather: wgpu::RenderPipeline,
+    pub filter: Filter,
+    inputs: wgpu::BindGroupLayout,
+    receivers: wgpu::BindGroupLayout,
+    previous: wgpu::BindGroupLayout,
+    trilinear: wgpu::Sampler,
+    anisotropic: wgpu::Sampler,
+}
+
+impl Pipelines {
+    pub fn new(device: &wgpu::Device, filter: Filter, blends: bool) -> Self {
+        let inputs = layout(device, "gather inputs", &[uniform(0), storage(1), cube(2), sampler(3), sampler(4)]);
+        let receivers = layout(device, "receivers", &[texture(0), texture(1)]);
+        let previous = layout(device, "previous target", &[texture(0)]);
+        let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
+            label: Some("gather"),
+            source: wgpu::ShaderSource::Wgsl(resolve("gather")),
+        });
+        let groups = [Some(&inputs), Some(&receivers), Some(&previous)];
+        let pipeline_layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+            label: Some("gather"),
+            bind_group_layouts: if blends { &groups[..2] } else { &groups },
+            immediate_size: 0,
+        });
+        let add = wgpu::BlendComponent {
+            src_factor: wgpu::BlendFactor::One,
+            dst_factor: wgpu::BlendFactor::One,
+            operation: wgpu::BlendOperation::Add,
+        };
+        let gather = device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
+            label: Some("gather"),
+            layout: Some(&pipeline_layout),
+            vertex: wgpu::VertexState {
+                module: &module,
+                entry_point: Some("full_screen"),
+                compilation_options: Default::default(),
+                buffers: &[],
+            },
+            primitive: Default::default(),
+            depth_stencil: None,
+            multisample: Default::default(),
+            fragment: Some(wgpu::FragmentState {
+                module: &module,
+                entry_point: Some(if blends { "gather" } else { "gather_onto_previous" }),
+                compilation_options: wgpu::PipelineCompilationOptions {
+                    constants: &[("FILTER", f64::from(filter_constant(filter)))],
+                    ..Default::default()
+                },
+                targets: &[Some(wgpu::ColorTargetState {
+                    format: TARGET_FORMAT,
+                    blend: blends.then_some(wgpu::BlendState { color: add, alpha: add }),
+                    write_mask: wgpu::ColorWrites::ALL,
+                })],
+            }),
+            multiview_mask: None,
+            cache: None,
+        });
+        Self {
+            gather,
+            filter,
+            inputs,
+            receivers,
+            previous,
+            trilinear: linear_sampler(device, 1),
+            anisotropic: linear_sampler(device, 16),
+        }
+    }
+
+    pub fn bind_inputs(
+        &self,
+        device: &wgpu::Device,
+        uniforms: &wgpu::Buffer,
+        samples: &wgpu::Buffer,
+        environment: &wgpu::TextureView,
+    ) -> wgpu::BindGroup {
+        bind(
+            device,
+            &self.inputs,
+            &[
+                uniforms.as_entire_binding(),
+                samples.as_entire_binding(),
+                wgpu::BindingResource::TextureView(environment),
+                wgpu::BindingResource::Sampler(&self.trilinear),
+                wgpu::BindingResource::Sampler(&self.anisotropic),
+            ],
+        )
+    }
+
+    pub fn bind_receivers(
+        &self,
+        device: &wgpu::Device,
+        positions: &wgpu::TextureView,
+        normals: &wgpu::TextureView,
+    ) -> wgpu::BindGroup {
+        let views = [positions, normals].map(wgpu::BindingResource::TextureView);
+        bind(device, &self.receivers, &views)
+    }
+
+    pub fn bind_previous(&self, device: &wgpu::Device, target: &wgpu::TextureView) -> wgpu::BindGroup {
+        bind(device, &self.previous, &[wgpu::BindingResource::TextureView(target)])
+    }
+}
+
+/// The shader's `FILTER_…` constants.
+fn filter_constant(filter: Filter) -> u32 {
+    match filter {
+        Filter::None => 0,
+        Filter::Isotropic => 1,
+        Filter::Anisotropic => 2,
+        Filter::Hardware => 3,
+    }
+}
+
+pub(super) fn linear_sampler(device: &wgpu::Device, anisotropy_clamp: u16) -> wgpu::Sampler {
+    device.create_sampler(&wgpu::SamplerDescriptor {
+        label: Some("environment"),
+        mag_filter: wgpu::FilterMode::Linear,
+        min_filter: wgpu::FilterMode::Linear,
+        mipmap_filter: wgpu::MipmapFilterMode::Linear,
+        anisotropy_clamp,
+        ..Default::default()
+    })
+}
+
+pub(super) fn layout(device: &wgpu::Device, label: &str, entries: &[BindGroupLayoutEntry]) -> wgpu::BindGroupLayout {
+    device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: Some(label), entries })
+}
+
+/// Binds resources in the order of their binding numbers.
+pub(super) fn bind(
+    device: &wgpu::Device,
+    layout: &wgpu::BindGroupLayout,
+    resources: &[wgpu::BindingResource],
+) -> wgpu::BindGroup {
+    let numbered = resources.iter().zip(0..);
+    let entries: Vec<_> =
+        numbered.map(|(resource, binding)| wgpu::BindGroupEntry { binding, resource: resource.clone() }).collect();
+    device.create_bind_group(&wgpu::BindGroupDescriptor { label: None, layout, entries: &entries })
+}
+
+fn entry(binding: u32, ty: BindingType) -> BindGroupLayoutEntry {
+    BindGroupLayoutEntry { binding, visibility: ShaderStages::FRAGMENT, ty, count: None }
+}
+
+fn buffer(binding: u32, ty: wgpu::BufferBindingType) -> BindGroupLayoutEntry {
+    entry(binding, BindingType::Buffer { ty, has_dynamic_offset: false, min_binding_size: None })
+}
+
+pub(super) fn uniform(binding: u32) -> BindGroupLayoutEntry {
+    buffer(binding, wgpu::BufferBindingType::Uniform)
+}
+
+pub(super) fn storage(binding: u32) -> BindGroupLayoutEntry {
+    buffer(binding, wgpu::BufferBindingType::Storage { read_only: true })
+}
+
+pub(super) fn cube(binding: u32) -> BindGroupLayoutEntry {
+    entry(
+        binding,
+        BindingType::Texture {
+            sample_type: TextureSampleType::Float { filterable: true },
+            view_dimension: TextureViewDimension::Cube,
+            multisampled: false,
+        },
+    )
+}
+
+pub(super) fn sampler(binding: u32) -> BindGroupLayoutEntry {
+    entry(binding, BindingType::Sampler(wgpu::SamplerBindingType::Filtering))
+}
+
+fn texture(binding: u32) -> BindGroupLayoutEntry {
+    entry(
+        binding,
+        BindingType::Texture {
+            sample_type: TextureSampleType::Float { filterable: false },
+            view_dimension: TextureViewDimension::D2,
+            multisampled: false,
+        },
+    )
+}

@@ -1,0 +1,160 @@
+//! The method: the irradiance at a receiver point is a sum over pinhole samples (Wand & Straßer, Sections 3.1, 3.3).
+//!
+//! For a receiver point p with normal n_p and a sample at c with normal n and area a, d = c − p and
+//! r = d − 2(d·n)n, the sample adds
+//!
+//! ```text
+//! a · ⟨n, −d̂⟩⁺ · ⟨n_p, d̂⟩⁺ / |d|² · L(r̂ filtered over the sample's footprint)
+//! ```
+//!
+//! [`cpu`] and [`gpu`] are twins: the same steps under the same names. [`PinholeSample`] and [`GatherUniforms`] are
+//! the memory layout that both read. This module must not know scene files, cameras or image files.
+
+pub mod cpu;
+pub mod gpu;
+mod layout;
+mod receivers;
+
+pub use layout::{BATCH_SIZE, GatherUniforms, PinholeSample};
+pub use receivers::{NO_RECEIVER, Receivers};
+
+use serde::{Deserialize, Serialize};
+
+use crate::differential::DifferentialSample;
+use crate::scene::{Scene, Sides};
+
+/// How a sample's footprint is found.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Deserialize, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Footprint {
+    /// The cell itself: its area, centroid and covariance.
+    #[default]
+    Cells,
+    /// The paper's: a square of area A/N along the principal curvatures, at the sample's own position (Section 3.3).
+    Curvature,
+}
+
+/// How the environment is looked up under a footprint.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Deserialize, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Filter {
+    /// One look-up in the finest level (WS-19).
+    None,
+    /// One look-up in the level of the footprint's major axis.
+    Isotropic,
+    /// Several look-ups along the major axis in the level of the minor one.
+    Anisotropic,
+    /// The GPU's own anisotropic filter, with the footprint as explicit gradients (WS-18).
+    Hardware,
+}
+
+/// What keeps 1/l² finite where a sample comes close to a receiver (WS-7).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize)]
+#[serde(try_from = "NumberOrWord")]
+pub enum Epsilon {
+    /// Nothing between different objects; on the sample's own object 1/l² is 1/max(l², aᵢ/π).
+    #[default]
+    Auto,
+    /// The paper's: 1/(l² + 4aᵢ/π), the squared diameter of the sample's region.
+    Paper,
+    /// 1/(l² + ε), m².
+    Value(f32),
+}
+
+/// Which occlusion is taken into account.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[serde(try_from = "String")]
+pub enum Visibility {
+    /// None but back-face culling: the paper's integral.
+    #[default]
+    None,
+}
+
+/// Parameters of one gather.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Params {
+    /// The filter.
+    pub filter: Filter,
+    /// Most look-ups along a footprint's major axis, from 1 to [`MAX_TAPS`].
+    pub taps: u32,
+    /// `false` drops the 1/l².
+    pub attenuation: bool,
+    /// What keeps 1/l² finite.
+    pub epsilon: Epsilon,
+}
+
+/// The most taps that can be asked for.
+pub const MAX_TAPS: u32 = 64;
+
+impl Default for Params {
+    fn default() -> Self {
+        Self { filter: Filter::Anisotropic, taps: 16, attenuation: true, epsilon: Epsilon::Auto }
+    }
+}
+
+/// Packs differential samples for the gather, with their object's reflectance and sides.
+pub fn pinholes(scene: &Scene, samples: &[DifferentialSample], footprint: Footprint) -> Vec<PinholeSample> {
+    let area: f64 = samples.iter().map(|s| f64::from(s.cell.area)).sum();
+    let area_per_sample = (area / samples.len().max(1) as f64) as f32;
+    let pack = |s: &DifferentialSample| {
+        let reflector = scene.objects[s.object as usize].reflector?;
+        let two_sided = reflector.sides == Sides::Both;
+        let (position, normal, area, sides) = match footprint {
+            Footprint::Cells => (s.cell.centroid, s.cell.normal, s.cell.area, s.cell.sides),
+            Footprint::Curvature => {
+                (s.position, s.normal, area_per_sample, s.directions.map(|u| area_per_sample.sqrt() * u))
+            }
+        };
+        let changes = sides.map(|side| s.normal_change(side));
+        Some(PinholeSample::new(position, normal, area, sides, changes, reflector.reflectance, s.object, two_sided))
+    };
+    samples.iter().filter_map(pack).collect()
+}
+
+#[derive(Deserialize)]
+#[serde(untagged)]
+enum NumberOrWord {
+    Number(f64),
+    Word(String),
+}
+
+impl TryFrom<NumberOrWord> for Epsilon {
+    type Error = String;
+    fn try_from(value: NumberOrWord) -> Result<Self, String> {
+        match value {
+            NumberOrWord::Number(n) if n >= 0.0 && n.is_finite() => Ok(Self::Value(n as f32)),
+            NumberOrWord::Number(n) => Err(format!("epsilon is {n}, but must be a number of m² that is not negative")),
+            NumberOrWord::Word(w) => w.parse(),
+        }
+    }
+}
+
+impl std::str::FromStr for Epsilon {
+    type Err = String;
+    fn from_str(text: &str) -> Result<Self, String> {
+        match (text, text.parse::<f64>()) {
+            ("auto", _) => Ok(Self::Auto),
+            ("paper", _) => Ok(Self::Paper),
+            (_, Ok(n)) => NumberOrWord::Number(n).try_into(),
+            _ => Err(format!("'{text}' is no epsilon; give auto, paper or a number of m²")),
+        }
+    }
+}
+
+impl TryFrom<String> for Visibility {
+    type Error = String;
+    fn try_from(text: String) -> Result<Self, String> {
+        text.parse()
+    }
+}
+
+impl std::str::FromStr for Visibility {
+    type Err = String;
+    fn from_str(text: &str) -> Result<Self, String> {
+        match text {
+            "none" => Ok(Self::None),
+            "full" => Err("visibility \"full\" is not built yet; use \"none\"".into()),
+            _ => Err(format!("'{text}' is no visibility; use \"none\"")),
+        }
+    }
+}

@@ -1,0 +1,42 @@
+//! Receiver points: the G-buffer that a gather reads.
+
+use glam::Vec3;
+
+/// The `w` of a position where there is nothing to receive.
+pub const NO_RECEIVER: f32 = -1.0;
+
+/// A grid of receiver points, `width × height`, row by row. It need not be a picture: any points will do.
+#[derive(Clone, Debug)]
+pub struct Receivers {
+    /// Columns.
+    pub width: u32,
+    /// Rows.
+    pub height: u32,
+    /// World position; `w` is the object's index in the scene, or [`NO_RECEIVER`].
+    pub positions: Vec<[f32; 4]>,
+    /// Unit normal on the side that receives; `w` is not used.
+    pub normals: Vec<[f32; 4]>,
+}
+
+impl Receivers {
+    /// A grid without any receiver.
+    pub fn empty(width: u32, height: u32) -> Self {
+        let count = width as usize * height as usize;
+        Self { width, height, positions: vec![[0.0, 0.0, 0.0, NO_RECEIVER]; count], normals: vec![[0.0; 4]; count] }
+    }
+
+    /// Arranges a list of points in rows of `width`.
+    pub fn from_points(points: &[(Vec3, Vec3, u32)], width: u32) -> Self {
+        let mut grid = Self::empty(width, (points.len() as u32).div_ceil(width).max(1));
+        for (index, (position, normal, object)) in points.iter().enumerate() {
+            grid.set(index, *position, *normal, *object);
+        }
+        grid
+    }
+
+    /// Puts a receiver in place `index`.
+    pub fn set(&mut self, index: usize, position: Vec3, normal: Vec3, object: u32) {
+        self.positions[index] = position.extend(object as f32).to_array();
+        self.normals[index] = normal.extend(0.0).to_array();
+    }
+}

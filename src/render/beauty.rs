@@ -1,0 +1,242 @@
+//! The beauty picture: environment behind, mirrors that mirror it and what stands around, receivers lit by the
+//! environment and the caustics.
+//!
+//! Every pixel is shaded from one point, or from 4×4 where surfaces meet or mirror. Paths are traced first; each asks for
+//! the caustic at the diffuse points at its ends; those are gathered together, like any other receivers; then all is
+//! summed. Points of one pixel that end on the same object in the same way share one gathered point.
+
+use glam::{UVec2, Vec2, Vec3};
+use rayon::prelude::*;
+
+use super::gbuffer::GBuffer;
+use super::report::Seconds;
+use super::trace::Hit;
+use super::{Progress, Renderer, timed};
+use crate::Error;
+use crate::image::{display, exposed};
+use crate::pinhole::Receivers;
+use crate::scene::{Object, Ray, Sides};
+
+/// Points along the edge of a pixel where surfaces meet.
+const EDGE_POINTS: u32 = 4;
+/// Mirror bounces before a path ends in the environment.
+const MAX_BOUNCES: u32 = 6;
+/// Albedo of what neither mirrors nor receives on the side that is seen.
+const PLAIN_ALBEDO: f32 = 0.2;
+/// Albedo of everything in the plain diffuse view.
+const DIFFUSE_VIEW_ALBEDO: f32 = 0.6;
+
+/// Radiance towards the camera and what is shown of it, pixel by pixel.
+type Shaded = (Vec3, Vec3);
+
+/// Shades a band. `caustic` belongs to the band's receivers.
+pub(super) fn shade(
+    renderer: &Renderer,
+    gbuffer: &GBuffer,
+    caustic: &[[f32; 4]],
+    seconds: &mut Seconds,
+    progress: &dyn Progress,
+) -> Result<Vec<Shaded>, Error> {
+    let width = renderer.options.size[0];
+    let pixels = width * gbuffer.rows;
+    let corners = timed(&mut seconds.tracing, || trace_corners(renderer, gbuffer));
+    let mut paths: Vec<PixelPaths> = timed(&mut seconds.tracing, || {
+        (0..pixels).into_par_iter().map(|k| trace_pixel(renderer, gbuffer, &corners, k % width, k / width)).collect()
+    });
+    let extra = number_points(&mut paths);
+    let extra_caustic = if extra.is_empty() || renderer.options.look.plain_diffuse {
+        vec![[0.0; 4]; extra.len()]
+    } else {
+        let receivers = Receivers::from_points(&extra, 1024);
+        timed(&mut seconds.gather, || {
+            renderer.backend.gather(&receivers, &renderer.pinholes, &renderer.options.params, progress)
+        })?
+    };
+    Ok(paths.par_iter().map(|p| p.sum(renderer, caustic, &extra_caustic)).collect())
+}
+
+/// Where a path's diffuse light comes from.
+#[derive(Clone, Copy)]
+enum CausticAt {
+    /// Nowhere: the surface is no receiver.
+    Nowhere,
+    /// The band's own receiver of this index.
+    OwnReceiver(u32),
+    /// The pixel's extra point of this index; after [`number_points`], the band's.
+    ExtraPoint(u32),
+}
+
+/// What one path brings to its point.
+struct Term {
+    /// Which of the pixel's points it belongs to.
+    point: u16,
+    /// Light that needs no caustic.
+    radiance: Vec3,
+    /// The environment as the camera sees it directly, which has an exposure of its own.
+    background: bool,
+    /// What the caustic is multiplied by: throughput · albedo / π.
+    caustic_factor: Vec3,
+    caustic: CausticAt,
+}
+
+#[derive(Default)]
+struct PixelPaths {
+    points: u16,
+    terms: Vec<Term>,
+    extra: Vec<(Vec3, Vec3, u32)>,
+    /// How each extra point was reached: the objects on the way, hashed.
+    extra_keys: Vec<u64>,
+}
+
+impl PixelPaths {
+    fn sum(&self, renderer: &Renderer, caustic: &[[f32; 4]], extra: &[[f32; 4]]) -> Shaded {
+        let look = &renderer.options.look;
+        let (mut radiance, mut shown) = (Vec3::ZERO, Vec3::ZERO);
+        for point in 0..self.points {
+            let (mut lit, mut background) = (Vec3::ZERO, Vec3::ZERO);
+            for term in self.terms.iter().filter(|t| t.point == point) {
+                let gathered = match term.caustic {
+                    CausticAt::Nowhere => [0.0; 4],
+                    CausticAt::OwnReceiver(index) => caustic[index as usize],
+                    CausticAt::ExtraPoint(index) => extra[index as usize],
+                };
+                let caustic = Vec3::new(gathered[0], gathered[1], gathered[2]);
+                let sum = term.radiance + look.caustic_gain * term.caustic_factor * caustic;
+                if term.background { background += sum } else { lit += sum }
+            }
+            radiance += lit + background;
+            // Each point is tone-mapped before the mean, so that edges against bright light are smooth, too.
+            shown += display(exposed(lit, look.exposure_ev) + exposed(background, look.background_exposure_ev));
+        }
+        let weight = 1.0 / f32::from(self.points);
+        (weight * radiance, weight * shown)
+    }
+
+    /// The extra point for a surface reached by way of `key`; the first one stands for all of the pixel's.
+    fn extra_point(&mut self, key: u64, hit: &Hit) -> CausticAt {
+        let index = self.extra_keys.iter().position(|k| *k == key).unwrap_or_else(|| {
+            self.extra_keys.push(key);
+            self.extra.push((hit.position, hit.normal, hit.object));
+            self.extra.len() - 1
+        });
+        CausticAt::ExtraPoint(index as u32)
+    }
+}
+
+/// Collects the pixels' extra points into one list and makes their indices point into it.
+fn number_points(paths: &mut [PixelPaths]) -> Vec<(Vec3, Vec3, u32)> {
+    let mut all = Vec::new();
+    for pixel in paths {
+        let first = all.len() as u32;
+        all.append(&mut pixel.extra);
+        for term in &mut pixel.terms {
+            if let CausticAt::ExtraPoint(index) = &mut term.caustic {
+                *index += first;
+            }
+        }
+    }
+    all
+}
+
+/// What the camera sees at the pixels' corners, to find the pixels where surfaces meet.
+fn trace_corners(renderer: &Renderer, gbuffer: &GBuffer) -> Vec<Option<Hit>> {
+    if gbuffer.per_edge > 1 {
+        return Vec::new();
+    }
+    let columns = renderer.options.size[0] + 1;
+    let size = UVec2::from_array(renderer.options.size).as_vec2();
+    let corner = |k: u32| {
+        let at = Vec2::new((k % columns) as f32, (k / columns + gbuffer.first_row) as f32);
+        renderer.tracer.camera_hit(renderer.scene.camera.ray(at, size))
+    };
+    (0..columns * (gbuffer.rows + 1)).into_par_iter().map(corner).collect()
+}
+
+fn trace_pixel(renderer: &Renderer, gbuffer: &GBuffer, corners: &[Option<Hit>], x: u32, row: u32) -> PixelPaths {
+    let mut paths = PixelPaths::default();
+    let n = gbuffer.per_edge;
+    if n > 1 {
+        for sub in 0..n * n {
+            let index = gbuffer.index(x, row, sub % n, sub / n);
+            let at = Vec2::new((x * n + sub % n) as f32 + 0.5, ((gbuffer.first_row + row) * n + sub / n) as f32 + 0.5);
+            trace_point(renderer, gbuffer, index, at / n as f32, &mut paths);
+        }
+        return paths;
+    }
+    let centre = gbuffer.index(x, row, 0, 0);
+    let columns = renderer.options.size[0] + 1;
+    let around = [(0, 0), (1, 0), (0, 1), (1, 1)].map(|(i, j)| &corners[((row + j) * columns + x + i) as usize]);
+    let pixel = Vec2::new(x as f32, (gbuffer.first_row + row) as f32);
+    if is_smooth(renderer, &gbuffer.hits[centre], around) {
+        trace_point(renderer, gbuffer, centre, pixel + 0.5, &mut paths);
+    } else {
+        for sub in 0..EDGE_POINTS * EDGE_POINTS {
+            let within = (Vec2::new((sub % EDGE_POINTS) as f32, (sub / EDGE_POINTS) as f32) + 0.5) / EDGE_POINTS as f32;
+            trace_point(renderer, gbuffer, centre, pixel + within, &mut paths);
+        }
+    }
+    paths
+}
+
+/// Whether one point is enough for a pixel.
+fn is_smooth(renderer: &Renderer, centre: &Option<Hit>, around: [&Option<Hit>; 4]) -> bool {
+    let Some(centre) = centre else {
+        return around.iter().all(|c| c.is_none());
+    };
+    let mirrors = mirrors(&renderer.scene.objects[centre.object as usize], centre.front);
+    (!mirrors || renderer.options.look.plain_diffuse)
+        && around.iter().all(|corner| corner.is_some_and(|c| c.object == centre.object && c.normal.dot(centre.normal) > 0.98))
+}
+
+fn mirrors(object: &Object, front: bool) -> bool {
+    object.reflector.is_some_and(|r| match r.sides {
+        Sides::Front => front,
+        Sides::Back => !front,
+        Sides::Both => true,
+    })
+}
+
+/// Follows the camera's ray through a point of the picture. `own` is the pixel's receiver, whose caustic is known.
+fn trace_point(renderer: &Renderer, gbuffer: &GBuffer, own: usize, at: Vec2, paths: &mut PixelPaths) {
+    let size = UVec2::from_array(renderer.options.size).as_vec2();
+    let mut ray = renderer.scene.camera.ray(at, size);
+    let mut hit = renderer.tracer.camera_hit(ray);
+    let mut throughput = Vec3::ONE;
+    let mut key = 0u64;
+    let plain = renderer.options.look.plain_diffuse;
+    for bounce in 0..=MAX_BOUNCES {
+        let Some(found) = hit else { break };
+        let object = &renderer.scene.objects[found.object as usize];
+        key = key * 31 + 2 * u64::from(found.object) + u64::from(found.front) + 1;
+        let reflectance = object.reflector.filter(|_| !plain && mirrors(object, found.front)).map(|r| r.reflectance);
+        let own_hit = gbuffer.hits[own].filter(|o| bounce == 0 && o.object == found.object && o.front == found.front);
+        let caustic = match (object.receiver, own_hit) {
+            (None, _) => CausticAt::Nowhere,
+            (Some(_), Some(_)) => CausticAt::OwnReceiver(own as u32),
+            (Some(_), None) => paths.extra_point(key, &found),
+        };
+        let albedo = match object.receiver {
+            _ if plain => Vec3::splat(DIFFUSE_VIEW_ALBEDO),
+            Some(receiver) => receiver.albedo,
+            None if reflectance.is_some() => Vec3::ZERO,
+            None => Vec3::splat(PLAIN_ALBEDO),
+        };
+        let diffuse = throughput * albedo * std::f32::consts::FRAC_1_PI;
+        let direct = diffuse * renderer.environment.irradiance(found.normal);
+        let caustic_factor = if plain { Vec3::ZERO } else { diffuse };
+        paths.terms.push(Term { point: paths.points, radiance: direct, background: false, caustic_factor, caustic });
+        let Some(reflectance) = reflectance else {
+            paths.points += 1;
+            return;
+        };
+        throughput *= reflectance;
+        let direction = ray.direction.reflect(found.normal);
+        ray = Ray { origin: found.position, direction: direction.normalize() };
+        hit = renderer.tracer.secondary_hit(ray);
+    }
+    let background = key == 0;
+    let radiance = throughput * renderer.environment.field.radiance(ray.direction);
+    let caustic = CausticAt::Nowhere;
+    paths.terms.push(Term { point: paths.points, radiance, background, caustic_factor: Vec3::ZERO, caustic });
+    paths.points += 1;
+}

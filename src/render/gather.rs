@@ -1,0 +1,197 @@
+//! The back ends: where the gather runs.
+
+use serde::Serialize;
+
+use super::Progress;
+use crate::environment::Environment;
+use crate::gpu::{Adapter, Gpu, GpuError};
+use crate::pinhole::gpu::{Engine, EnvironmentCube, FrameInputs, Options, check_hardware_filter};
+use crate::pinhole::{BATCH_SIZE, Filter, Params, PinholeSample, Receivers, cpu};
+use crate::{Error, OptionError};
+
+/// Which back end is asked for.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub enum BackendChoice {
+    /// A hardware GPU if there is one, else the CPU (which is faster than a software GPU).
+    #[default]
+    Auto,
+    /// The CPU.
+    Cpu,
+    /// The best adapter, or the best one with this in its name; software ones too.
+    Gpu(Option<String>),
+}
+
+/// An open back end.
+#[derive(Debug)]
+pub enum Backend {
+    /// SIMD and all cores.
+    Cpu {
+        /// The light; the CPU looks it up itself.
+        environment: Box<crate::environment::CubeMap>,
+    },
+    /// A GPU through wgpu.
+    Gpu {
+        /// The device.
+        gpu: Box<Gpu>,
+        /// The pipelines.
+        engine: Box<Engine>,
+        /// The light on the device.
+        environment: EnvironmentCube,
+        /// What the user should know about this adapter.
+        warning: Option<String>,
+    },
+}
+
+/// What is said of a back end in reports.
+#[derive(Clone, Debug, Serialize)]
+#[serde(rename_all = "lowercase", tag = "backend")]
+pub enum BackendReport {
+    /// The CPU.
+    Cpu {
+        /// Worker threads.
+        threads: usize,
+    },
+    /// A GPU.
+    Gpu {
+        /// The adapter.
+        adapter: Adapter,
+    },
+}
+
+impl Backend {
+    pub(super) fn open(choice: &BackendChoice, environment: &Environment, params: &Params) -> Result<Self, Error> {
+        let gpu = match choice {
+            BackendChoice::Cpu => None,
+            BackendChoice::Gpu(name) => Some(Gpu::open(name.as_deref())?),
+            BackendChoice::Auto if params.filter == Filter::Hardware => Some(Gpu::open(None)?),
+            BackendChoice::Auto => Gpu::open(None).ok().filter(|gpu| !gpu.adapter.software),
+        };
+        let Some(gpu) = gpu else {
+            if params.filter == Filter::Hardware {
+                let message = "hardware needs a GPU; use --backend gpu, or --filter anisotropic".into();
+                return Err(OptionError { key: "filter", message }.into());
+            }
+            return Ok(Self::Cpu { environment: Box::new(environment.cube.clone()) });
+        };
+        let engine = Engine::new(&gpu.device, &Options { filter: params.filter, ..Default::default() });
+        let environment = EnvironmentCube::upload(&gpu.device, &gpu.queue, &environment.cube)?;
+        let warning = hardware_warning(&gpu, params)?;
+        gpu.check()?;
+        Ok(Self::Gpu { gpu: Box::new(gpu), engine: Box::new(engine), environment, warning })
+    }
+
+    /// Gathers at every receiver: R, G, B in W/m² and the number of fetches.
+    pub(super) fn gather(
+        &self,
+        receivers: &Receivers,
+        samples: &[PinholeSample],
+        params: &Params,
+        progress: &dyn Progress,
+    ) -> Result<Vec<[f32; 4]>, Error> {
+        progress.begin("gathering", receivers.positions.len() as u64);
+        match self {
+            Self::Cpu { environment } => {
+                Ok(cpu::gather(receivers, samples, environment, params, &|n| progress.advance(n)))
+            }
+            Self::Gpu { gpu, engine, environment, .. } => {
+                let mut sums = Vec::with_capacity(receivers.positions.len());
+                for strip in strips(receivers, gpu.adapter.max_texture) {
+                    sums.extend(gather_strip(gpu, engine, environment, &strip, samples, params, progress)?);
+                }
+                Ok(sums)
+            }
+        }
+    }
+
+    pub(super) fn report(&self) -> BackendReport {
+        match self {
+            Self::Cpu { .. } => BackendReport::Cpu { threads: rayon::current_num_threads() },
+            Self::Gpu { gpu, .. } => BackendReport::Gpu { adapter: gpu.adapter.clone() },
+        }
+    }
+
+    pub(super) fn warning(&self) -> Option<&str> {
+        match self {
+            Self::Gpu { warning, .. } => warning.as_deref(),
+            Self::Cpu { .. } => None,
+        }
+    }
+}
+
+fn hardware_warning(gpu: &Gpu, params: &Params) -> Result<Option<String>, GpuError> {
+    if params.filter != Filter::Hardware {
+        return Ok(None);
+    }
+    let verdict = check_hardware_filter(gpu)?;
+    Ok((!verdict.is_right()).then(|| {
+        format!(
+            "the hardware filter of '{}' is wrong for explicit gradients on cube maps (error {:.2} of a pattern's deviation); the picture is, too: use --filter anisotropic",
+            gpu.adapter.name, verdict.rms_error
+        )
+    }))
+}
+
+/// The receivers in pieces that fit into the adapter's textures.
+fn strips(receivers: &Receivers, max_texture: u32) -> Vec<Receivers> {
+    let width = receivers.width;
+    if width > max_texture {
+        // Too wide: any arrangement will do, as a gather looks at one point at a time.
+        let folded = Receivers { width: max_texture, height: 0, ..receivers.clone() };
+        return strips(&pad_rows(folded), max_texture);
+    }
+    let per_strip = (width * max_texture) as usize;
+    let strip = |(positions, normals): (&[[f32; 4]], &[[f32; 4]])| Receivers {
+        width,
+        height: (positions.len() as u32).div_ceil(width),
+        positions: positions.to_vec(),
+        normals: normals.to_vec(),
+    };
+    receivers.positions.chunks(per_strip).zip(receivers.normals.chunks(per_strip)).map(strip).collect()
+}
+
+fn pad_rows(mut receivers: Receivers) -> Receivers {
+    let rows = (receivers.positions.len() as u32).div_ceil(receivers.width);
+    let count = (rows * receivers.width) as usize;
+    receivers.height = rows;
+    receivers.positions.resize(count, [0.0, 0.0, 0.0, crate::pinhole::NO_RECEIVER]);
+    receivers.normals.resize(count, [0.0; 4]);
+    receivers
+}
+
+/// Sample–receiver pairs per submission: well under a second on a slow GPU, so that no watchdog fires.
+const PAIRS_PER_SUBMIT: u64 = 1 << 28;
+/// The same for software adapters, where it only paces the progress bar.
+const PAIRS_PER_SUBMIT_IN_SOFTWARE: u64 = 1 << 24;
+
+fn gather_strip(
+    gpu: &Gpu,
+    engine: &Engine,
+    environment: &EnvironmentCube,
+    receivers: &Receivers,
+    samples: &[PinholeSample],
+    params: &Params,
+    progress: &dyn Progress,
+) -> Result<Vec<[f32; 4]>, Error> {
+    let size = [receivers.width, receivers.height];
+    let positions = gpu.upload_texture(size, &receivers.positions);
+    let normals = gpu.upload_texture(size, &receivers.normals);
+    let inputs = FrameInputs { positions: &positions, normals: &normals, size, samples, environment, params: *params };
+    let mut frame = engine.frame(&gpu.device, &inputs)?;
+
+    let points = receivers.positions.len() as u64;
+    let budget = if gpu.adapter.software { PAIRS_PER_SUBMIT_IN_SOFTWARE } else { PAIRS_PER_SUBMIT };
+    let step = (budget / (points * u64::from(BATCH_SIZE)).max(1)).clamp(1, u64::from(u32::MAX)) as u32;
+    let batches = frame.batch_count();
+    let mut reported = 0;
+    for first in (0..batches).step_by(step as usize) {
+        let last = first.saturating_add(step).min(batches);
+        let mut encoder = gpu.device.create_command_encoder(&Default::default());
+        frame.record(&mut encoder, first..last);
+        gpu.queue.submit([encoder.finish()]);
+        gpu.wait()?;
+        let done = points * u64::from(last) / u64::from(batches);
+        progress.advance(done - reported);
+        reported = done;
+    }
+    Ok(gpu.read_texture(frame.caustic())?)
+}

@@ -1,0 +1,220 @@
+//! The headless renderer: scene and options in, pictures and a report out. One user of the library among others.
+//!
+//! Data flows scene → environment, samples, tracer → receivers → gather → pictures. The camera's and the mirrors' rays
+//! are traced on the CPU for both back ends, so that they see the same receivers.
+
+mod beauty;
+mod gather;
+mod gbuffer;
+mod options;
+mod overlay;
+mod report;
+mod trace;
+
+pub use gather::{Backend, BackendChoice, BackendReport};
+pub use options::{FilterChoice, Look, Options, Overlay, Settings};
+pub use report::{Report, Seconds};
+
+use std::time::Instant;
+
+use glam::Vec3;
+
+use self::gbuffer::GBuffer;
+use self::trace::Tracer;
+use crate::Error;
+use crate::differential::{DifferentialSample, differentials};
+use crate::environment::Environment;
+use crate::image::{Aov, Image, display, exposed};
+use crate::pinhole::{PinholeSample, pinholes};
+use crate::sampling::{self, Surface, sample};
+use crate::scene::Scene;
+
+/// Is told how far long work is. Called from any thread.
+pub trait Progress: Sync {
+    /// A stage begins; it will take `total` steps.
+    fn begin(&self, stage: &str, total: u64);
+    /// More steps of the stage are done.
+    fn advance(&self, steps: u64);
+}
+
+/// Progress that nobody looks at.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Silent;
+
+impl Progress for Silent {
+    fn begin(&self, _: &str, _: u64) {}
+    fn advance(&self, _: u64) {}
+}
+
+/// A scene, prepared for rendering.
+#[derive(Debug)]
+pub struct Renderer {
+    scene: Scene,
+    options: Options,
+    environment: Environment,
+    differentials: Vec<DifferentialSample>,
+    pinholes: Vec<PinholeSample>,
+    tracer: Tracer,
+    backend: Backend,
+    seconds: Seconds,
+}
+
+/// What a render gives.
+#[derive(Clone, Debug)]
+pub struct Rendered {
+    /// The pictures asked for, in that order.
+    pub layers: Vec<(Aov, Image)>,
+    /// The beauty as it is shown: exposed, tone-mapped, anti-aliased after both; display-linear. There if beauty was asked for.
+    pub shown: Option<Image>,
+    /// What was done and how long it took.
+    pub report: Report,
+}
+
+impl Rendered {
+    /// A picture by name.
+    pub fn layer(&self, aov: Aov) -> Option<&Image> {
+        self.layers.iter().find(|(a, _)| *a == aov).map(|(_, image)| image)
+    }
+
+    /// The first picture as a PNG shows it, display-linear.
+    pub fn first_shown(&self, look: &Look) -> Image {
+        match (&self.layers[0], &self.shown) {
+            ((Aov::Beauty, _), Some(shown)) => shown.clone(),
+            ((_, image), _) => image.map(|p| display(exposed(p, look.exposure_ev))),
+        }
+    }
+}
+
+impl Renderer {
+    /// Loads the light, samples the reflectors and opens the back end.
+    pub fn new(scene: Scene, options: Options, backend: &BackendChoice, progress: &dyn Progress) -> Result<Self, Error> {
+        options.check()?;
+        let mut seconds = Seconds::default();
+        progress.begin("preparing the light", 1);
+        let environment = timed(&mut seconds.environment, || Environment::load(&scene.environment, options.cube_size))?;
+        progress.advance(1);
+        progress.begin("sampling the reflectors", 1);
+        let surface = Surface::of_scene(&scene);
+        let set = timed(&mut seconds.sampling, || {
+            let Options { samples, strategy, seed, .. } = options;
+            sample(&surface, &sampling::Options { samples, strategy, seed })
+        })?;
+        let differentials = timed(&mut seconds.differentials, || differentials(&set));
+        progress.advance(1);
+        let pinholes = pinholes(&scene, &differentials, options.footprint);
+        let tracer = timed(&mut seconds.tracing, || Tracer::new(&scene));
+        let backend = timed(&mut seconds.backend, || Backend::open(backend, &environment, &options.params))?;
+        Ok(Self { scene, options, environment, differentials, pinholes, tracer, backend, seconds })
+    }
+
+    /// The samples in use.
+    pub fn samples(&self) -> &[DifferentialSample] {
+        &self.differentials
+    }
+
+    /// Renders all pictures asked for.
+    pub fn render(&self, progress: &dyn Progress) -> Result<Rendered, Error> {
+        let started = Instant::now();
+        let mut seconds = self.seconds;
+        let mut film = Film::new(&self.options);
+        let mut fetches = 0.0;
+        let [_, height] = self.options.size;
+        let rows_per_band = self.rows_per_band();
+        for first_row in (0..height).step_by(rows_per_band as usize) {
+            let rows = rows_per_band.min(height - first_row);
+            let gbuffer = timed(&mut seconds.tracing, || GBuffer::trace(&self.tracer, &self.scene, &self.options, first_row, rows));
+            let caustic = if self.options.needs_gather() {
+                timed(&mut seconds.gather, || self.backend.gather(&gbuffer.receivers, &self.pinholes, &self.options.params, progress))?
+            } else {
+                vec![[0.0; 4]; gbuffer.receivers.positions.len()]
+            };
+            fetches += caustic.iter().map(|c| f64::from(c[3])).sum::<f64>();
+            self.fill_layers(&mut film, &gbuffer, &caustic);
+            if let Some((radiance, shown)) = film.beauty.as_mut() {
+                let band = beauty::shade(self, &gbuffer, &caustic, &mut seconds, progress)?;
+                let start = first_row as usize * self.options.size[0] as usize;
+                for (k, (r, s)) in band.into_iter().enumerate() {
+                    radiance.pixels[start + k] = r;
+                    shown.pixels[start + k] = s;
+                }
+            }
+        }
+        if let (Some((_, shown)), Overlay::Samples) = (film.beauty.as_mut(), self.options.overlay) {
+            overlay::draw_samples(self, shown);
+        }
+        seconds.render = started.elapsed().as_secs_f64();
+        let pixels = f64::from(self.options.size[0]) * f64::from(height) * f64::from(self.options.pixel_samples.pow(2));
+        let report = Report::new(self, fetches / pixels, seconds);
+        let (layers, shown) = film.finish(&self.options.aovs);
+        Ok(Rendered { layers, shown, report })
+    }
+
+    /// Bands keep memory bounded: about four million receivers, whole rows of pixels.
+    fn rows_per_band(&self) -> u32 {
+        let per_row = self.options.size[0] * self.options.pixel_samples.pow(2);
+        ((1u32 << 22) / per_row).clamp(1, self.options.size[1])
+    }
+
+    /// Averages a band's receivers into the pictures that are plain data.
+    fn fill_layers(&self, film: &mut Film, gbuffer: &GBuffer, caustic: &[[f32; 4]]) {
+        let n = self.options.pixel_samples;
+        let weight = 1.0 / (n * n) as f32;
+        let width = self.options.size[0];
+        for row in 0..gbuffer.rows {
+            for x in 0..width {
+                let pixel = ((gbuffer.first_row + row) * width + x) as usize;
+                for sub in 0..n * n {
+                    let index = gbuffer.index(x, row, sub % n, sub / n);
+                    for (aov, image) in &mut film.data {
+                        image.pixels[pixel] += weight * self.value(*aov, gbuffer, index, caustic[index]);
+                    }
+                }
+            }
+        }
+    }
+
+    fn value(&self, aov: Aov, gbuffer: &GBuffer, index: usize, caustic: [f32; 4]) -> Vec3 {
+        let Some(hit) = &gbuffer.hits[index] else {
+            return if aov == Aov::Depth { Vec3::NEG_ONE } else { Vec3::ZERO };
+        };
+        let receiver = self.scene.objects[hit.object as usize].receiver;
+        match aov {
+            Aov::Caustic => Vec3::new(caustic[0], caustic[1], caustic[2]),
+            Aov::Direct => receiver.map_or(Vec3::ZERO, |_| self.environment.irradiance(hit.normal)),
+            Aov::Albedo => receiver.map_or(Vec3::ZERO, |r| r.albedo),
+            Aov::Normal => hit.normal,
+            Aov::Position => hit.position,
+            Aov::Depth => Vec3::splat((hit.position - self.scene.camera.position).dot(self.scene.camera.forward)),
+            Aov::Beauty => unreachable!("the beauty is shaded, not copied"),
+        }
+    }
+}
+
+/// The pictures while they fill up.
+struct Film {
+    data: Vec<(Aov, Image)>,
+    /// Radiance, and what is shown of it.
+    beauty: Option<(Image, Image)>,
+}
+
+impl Film {
+    fn new(options: &Options) -> Self {
+        let blank = || Image::new(options.size[0], options.size[1]);
+        let data = options.aovs.iter().filter(|a| **a != Aov::Beauty).map(|a| (*a, blank())).collect();
+        Self { data, beauty: options.aovs.contains(&Aov::Beauty).then(|| (blank(), blank())) }
+    }
+
+    fn finish(mut self, aovs: &[Aov]) -> (Vec<(Aov, Image)>, Option<Image>) {
+        let (beauty, shown) = self.beauty.unzip();
+        self.data.extend(beauty.map(|b| (Aov::Beauty, b)));
+        self.data.sort_by_key(|(aov, _)| aovs.iter().position(|a| a == aov));
+        (self.data, shown)
+    }
+}
+
+fn timed<T>(seconds: &mut f64, work: impl FnOnce() -> T) -> T {
+    let started = Instant::now();
+    let result = work();
+    *seconds += started.elapsed().as_secs_f64();
+    result
+}

@@ -1,0 +1,241 @@
+//! What to render: the `[render]` table and the command line, and the validated options they lead to.
+
+use serde::{Deserialize, Serialize};
+
+use crate::environment::CubeSize;
+use crate::image::Aov;
+use crate::pinhole::{Epsilon, Filter, Footprint, MAX_TAPS, Params, Visibility};
+use crate::sampling::Strategy;
+use crate::{Error, OptionError};
+
+/// What a scene file or a command line says about rendering. Everything is optional, so that one can be laid over another.
+#[derive(Clone, Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Settings {
+    /// Width and height, pixels.
+    pub size: Option<[u32; 2]>,
+    /// Number of samples asked for.
+    pub samples: Option<u32>,
+    /// How the samples are placed.
+    pub strategy: Option<Strategy>,
+    /// How a sample's footprint is found.
+    pub footprint: Option<Footprint>,
+    /// How the environment is looked up under a footprint.
+    pub filter: Option<FilterChoice>,
+    /// Most look-ups along a footprint's major axis.
+    pub taps: Option<u32>,
+    /// `false` drops the 1/l² (the result is then a pattern, not an irradiance).
+    pub attenuation: Option<bool>,
+    /// What keeps 1/l² finite.
+    pub epsilon: Option<Epsilon>,
+    /// Edge of the cube map's faces, texels.
+    pub cube_size: Option<CubeSize>,
+    /// Which occlusion is taken into account.
+    pub visibility: Option<Visibility>,
+    /// Random seed.
+    pub seed: Option<u64>,
+    /// n: values are means over n×n points of a pixel.
+    pub pixel_samples: Option<u32>,
+    /// Exposure, in stops.
+    pub exposure_ev: Option<f32>,
+    /// Exposure of the environment where the camera sees it, in stops; by default `exposure_ev`.
+    pub background_exposure_ev: Option<f32>,
+    /// Multiplies the caustic in the beauty picture (WS-26).
+    pub caustic_gain: Option<f32>,
+    /// What to render.
+    pub aov: Option<Vec<Aov>>,
+}
+
+impl Settings {
+    /// These settings with every key that `over` sets replaced.
+    #[must_use]
+    pub fn overridden_by(self, over: Self) -> Self {
+        Self {
+            size: over.size.or(self.size),
+            samples: over.samples.or(self.samples),
+            strategy: over.strategy.or(self.strategy),
+            footprint: over.footprint.or(self.footprint),
+            filter: over.filter.or(self.filter),
+            taps: over.taps.or(self.taps),
+            attenuation: over.attenuation.or(self.attenuation),
+            epsilon: over.epsilon.or(self.epsilon),
+            cube_size: over.cube_size.or(self.cube_size),
+            visibility: over.visibility.or(self.visibility),
+            seed: over.seed.or(self.seed),
+            pixel_samples: over.pixel_samples.or(self.pixel_samples),
+            exposure_ev: over.exposure_ev.or(self.exposure_ev),
+            background_exposure_ev: over.background_exposure_ev.or(self.background_exposure_ev),
+            caustic_gain: over.caustic_gain.or(self.caustic_gain),
+            aov: over.aov.or(self.aov),
+        }
+    }
+
+    /// The options, defaults filled in and every value checked.
+    pub fn options(self) -> Result<Options, Error> {
+        let defaults = Options::default();
+        let exposure_ev = self.exposure_ev.unwrap_or(0.0);
+        let options = Options {
+            size: self.size.unwrap_or(defaults.size),
+            samples: self.samples.unwrap_or(defaults.samples),
+            strategy: self.strategy.unwrap_or_default(),
+            footprint: self.footprint.unwrap_or_default(),
+            params: Params {
+                filter: self.filter.unwrap_or_default().resolve(),
+                taps: self.taps.unwrap_or(defaults.params.taps),
+                attenuation: self.attenuation.unwrap_or(true),
+                epsilon: self.epsilon.unwrap_or_default(),
+            },
+            cube_size: self.cube_size.unwrap_or_default(),
+            visibility: self.visibility.unwrap_or_default(),
+            seed: self.seed.unwrap_or(defaults.seed),
+            pixel_samples: self.pixel_samples.unwrap_or(defaults.pixel_samples),
+            aovs: self.aov.unwrap_or(defaults.aovs),
+            look: Look {
+                exposure_ev,
+                background_exposure_ev: self.background_exposure_ev.unwrap_or(exposure_ev),
+                caustic_gain: self.caustic_gain.unwrap_or(1.0),
+                plain_diffuse: false,
+            },
+            overlay: Overlay::None,
+        };
+        options.check()?;
+        Ok(options)
+    }
+}
+
+/// A filter, or the choice of one left to Pinspot.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum FilterChoice {
+    /// The best one that is known to be right: anisotropic, in the shader.
+    #[default]
+    Auto,
+    /// [`Filter::None`].
+    None,
+    /// [`Filter::Isotropic`].
+    Isotropic,
+    /// [`Filter::Anisotropic`].
+    Anisotropic,
+    /// [`Filter::Hardware`].
+    Hardware,
+}
+
+impl FilterChoice {
+    /// The filter.
+    pub fn resolve(self) -> Filter {
+        match self {
+            Self::None => Filter::None,
+            Self::Isotropic => Filter::Isotropic,
+            Self::Auto | Self::Anisotropic => Filter::Anisotropic,
+            Self::Hardware => Filter::Hardware,
+        }
+    }
+}
+
+/// What is drawn over the beauty picture.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Overlay {
+    /// Nothing.
+    #[default]
+    None,
+    /// A dot for every sample (WS-25).
+    Samples,
+}
+
+/// How the beauty picture looks.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Look {
+    /// Stops.
+    pub exposure_ev: f32,
+    /// Stops, for the environment where the camera sees it directly (WS-21).
+    pub background_exposure_ev: f32,
+    /// Multiplies the caustic (WS-26).
+    pub caustic_gain: f32,
+    /// Everything diffuse and grey, no mirrors and no caustics: shows the shapes (WS-25).
+    pub plain_diffuse: bool,
+}
+
+/// Validated options of a render.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Options {
+    /// Width and height, pixels.
+    pub size: [u32; 2],
+    /// Number of samples asked for.
+    pub samples: u32,
+    /// How they are placed.
+    pub strategy: Strategy,
+    /// How their footprints are found.
+    pub footprint: Footprint,
+    /// The gather.
+    pub params: Params,
+    /// The environment's cube map.
+    pub cube_size: CubeSize,
+    /// Occlusion.
+    pub visibility: Visibility,
+    /// Random seed.
+    pub seed: u64,
+    /// n×n points a pixel.
+    pub pixel_samples: u32,
+    /// What to render; not empty.
+    pub aovs: Vec<Aov>,
+    /// How the beauty looks.
+    pub look: Look,
+    /// What is drawn over it.
+    pub overlay: Overlay,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self {
+            size: [512, 512],
+            samples: 1000,
+            strategy: Strategy::default(),
+            footprint: Footprint::default(),
+            params: Params::default(),
+            cube_size: CubeSize::default(),
+            visibility: Visibility::default(),
+            seed: 1,
+            pixel_samples: 1,
+            aovs: vec![Aov::Beauty],
+            look: Look { exposure_ev: 0.0, background_exposure_ev: 0.0, caustic_gain: 1.0, plain_diffuse: false },
+            overlay: Overlay::None,
+        }
+    }
+}
+
+/// The longest edge of a picture, pixels.
+const MAX_SIZE: u32 = 16384;
+
+impl Options {
+    /// Whether every value is in its range.
+    pub fn check(&self) -> Result<(), Error> {
+        let fail = |key: &'static str, message: String| Err(OptionError { key, message }.into());
+        let [width, height] = self.size;
+        if width == 0 || height == 0 || width > MAX_SIZE || height > MAX_SIZE {
+            return fail("size", format!("is {width}×{height}, but must be from 1×1 to {MAX_SIZE}×{MAX_SIZE} pixels"));
+        }
+        if !(1..=MAX_TAPS).contains(&self.params.taps) {
+            return fail("taps", format!("is {}, but must be from 1 to {MAX_TAPS}", self.params.taps));
+        }
+        if !(1..=16).contains(&self.pixel_samples) {
+            return fail("pixel-samples", format!("is {}, but must be from 1 to 16", self.pixel_samples));
+        }
+        if self.aovs.is_empty() {
+            return fail("aov", "names nothing; give one or more of beauty, caustic, direct, albedo, normal, position, depth".into());
+        }
+        let Look { exposure_ev, background_exposure_ev, caustic_gain, .. } = self.look;
+        if !(exposure_ev.abs() <= 64.0 && background_exposure_ev.abs() <= 64.0) {
+            return fail("exposure", "must be from -64 to 64 stops".into());
+        }
+        if !(caustic_gain >= 0.0 && caustic_gain.is_finite()) {
+            return fail("caustic-gain", format!("is {caustic_gain}, but must be a number that is not negative"));
+        }
+        Ok(())
+    }
+
+    /// Whether any picture shows caustics.
+    pub(super) fn needs_gather(&self) -> bool {
+        self.aovs.contains(&Aov::Caustic) || self.aovs.contains(&Aov::Beauty) && !self.look.plain_diffuse
+    }
+}

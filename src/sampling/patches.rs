@@ -1,0 +1,61 @@
+//! Smooth patches: sets of triangles that meet without a crease.
+//!
+//! Two triangles belong to one patch if they share a vertex at the same position with the same normal. A disco ball
+//! has a patch per tile, a cylinder one in all.
+
+use std::collections::HashMap;
+
+use super::{Surface, SurfacePoint};
+use crate::scene::{DisjointSets, Mesh};
+
+/// Each triangle's patch, and the number of patches.
+pub(super) fn smooth_patches(mesh: &Mesh) -> (Vec<u32>, usize) {
+    let vertices = mesh.positions().len();
+    let mut sets = DisjointSets::new(vertices);
+    let mut first = HashMap::with_capacity(vertices);
+    for (v, (position, normal)) in mesh.positions().iter().zip(mesh.normals()).enumerate() {
+        // Normals of one vertex may differ in rounding when a file repeats them.
+        let key = (position.to_array().map(f32::to_bits), (*normal * 1024.0).round().as_i16vec3().to_array());
+        let other = *first.entry(key).or_insert(v as u32);
+        sets.merge(v as u32, other);
+    }
+    for [a, b, c] in mesh.triangles() {
+        sets.merge(*a, *b);
+        sets.merge(*a, *c);
+    }
+    let mut number = HashMap::new();
+    let patches = mesh.triangles().iter().map(|t| {
+        let next = number.len() as u32;
+        *number.entry(sets.find(t[0])).or_insert(next)
+    });
+    let patches: Vec<u32> = patches.collect();
+    (patches, number.len())
+}
+
+/// Puts the patches of an object that are too small for a sample of their own into one group.
+pub(super) fn group_small(surface: &Surface, area_per_sample: f32, points: &mut [SurfacePoint]) {
+    for point in points {
+        point.group = if surface.patch_area(point.patch) >= area_per_sample {
+            point.patch
+        } else {
+            surface.patch_count() + point.object
+        };
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::shapes::{Cup, DiscoBall, Ring, Shape};
+
+    #[test]
+    fn a_disco_ball_has_a_patch_per_tile_and_a_cylinder_one() {
+        let ball = Shape::DiscoBall(DiscoBall { radius: 1.0, rows: 4 }).mesh().unwrap();
+        let (patches, count) = smooth_patches(&ball);
+        // Triangular tiles at the poles, two triangles each elsewhere.
+        assert!(count > 4 && patches.len() <= 2 * count);
+        assert_eq!(smooth_patches(&Shape::Ring(Ring::default()).mesh().unwrap()).1, 1);
+        // Foot and wall meet smoothly: the cup is one piece.
+        assert_eq!(smooth_patches(&Shape::Cup(Cup::default()).mesh().unwrap()).1, 1);
+    }
+}

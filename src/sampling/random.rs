@@ -1,0 +1,26 @@
+//! Strategy *random* (WS-11): area-uniform, independent points.
+
+use rand::RngExt;
+use rand::rngs::ChaCha8Rng;
+
+use super::candidates::random_barycentric;
+use super::{Surface, SurfacePoint};
+
+pub(super) fn random(surface: &Surface, samples: u32, rng: &mut ChaCha8Rng) -> Vec<SurfacePoint> {
+    let mut accumulated = 0.0;
+    let cumulative: Vec<f64> = surface
+        .triangles()
+        .iter()
+        .map(|t| {
+            accumulated += f64::from(t.area());
+            accumulated
+        })
+        .collect();
+    (0..samples)
+        .map(|_| {
+            let at = rng.random::<f64>() * accumulated;
+            let triangle = cumulative.partition_point(|&c| c <= at).min(cumulative.len() - 1);
+            surface.triangles()[triangle].point(random_barycentric(rng), 0.0)
+        })
+        .collect()
+}

@@ -1,0 +1,112 @@
+//! The reflecting surface: the triangles of all reflectors, their normals turned to the reflecting side.
+
+use glam::Vec3;
+
+use super::patches::smooth_patches;
+use crate::scene::{Mesh, Scene, Sides};
+
+/// One triangle of the surface.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct SurfaceTriangle {
+    pub corners: [Vec3; 3],
+    pub normals: [Vec3; 3],
+    pub object: u32,
+    /// Triangles of one patch meet without a crease.
+    pub patch: u32,
+}
+
+/// All that reflects in a scene.
+#[derive(Clone, Debug, Default)]
+pub struct Surface {
+    triangles: Vec<SurfaceTriangle>,
+    patch_areas: Vec<f32>,
+    area: f64,
+}
+
+/// A point on the surface.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SurfacePoint {
+    /// World space, metres.
+    pub position: Vec3,
+    /// Unit normal, towards the reflecting side.
+    pub normal: Vec3,
+    /// The area that the point stands for, m².
+    pub area: f32,
+    /// Index of the object in the scene.
+    pub object: u32,
+    /// Points of one patch lie on a surface without creases.
+    pub patch: u32,
+    /// The patch, or a stand-in for all patches of the object too small for a sample of their own.
+    pub(crate) group: u32,
+}
+
+impl SurfacePoint {
+    /// Whether two points may stand for each other: no crease and no sheet's thickness lies between them.
+    pub(crate) fn same_side(&self, other: &Self) -> bool {
+        self.group == other.group && self.normal.dot(other.normal) > 0.0
+    }
+}
+
+impl Surface {
+    /// Collects a scene's reflectors.
+    pub fn of_scene(scene: &Scene) -> Self {
+        let mut surface = Self::default();
+        for (object, reflector) in scene.objects.iter().enumerate().filter_map(|(i, o)| Some((i, o.reflector?))) {
+            surface.append(&scene.objects[object].mesh, object as u32, reflector.sides == Sides::Back);
+        }
+        surface
+    }
+
+    /// Adds an object's mesh; `flipped` makes its back the reflecting side.
+    pub fn append(&mut self, mesh: &Mesh, object: u32, flipped: bool) {
+        let first_patch = self.patch_areas.len() as u32;
+        let (patches, count) = smooth_patches(mesh);
+        self.patch_areas.resize(first_patch as usize + count, 0.0);
+        let sign = if flipped { -1.0 } else { 1.0 };
+        for (t, patch) in patches.into_iter().enumerate() {
+            let patch = first_patch + patch;
+            let area = mesh.triangle_area(t);
+            self.patch_areas[patch as usize] += area;
+            self.area += f64::from(area);
+            let normals = mesh.corner_normals(t).map(|n| sign * n);
+            self.triangles.push(SurfaceTriangle { corners: mesh.corners(t), normals, object, patch });
+        }
+    }
+
+    /// Total area, m².
+    pub fn area(&self) -> f64 {
+        self.area
+    }
+
+    pub(super) fn triangles(&self) -> &[SurfaceTriangle] {
+        &self.triangles
+    }
+
+    pub(super) fn patch_area(&self, patch: u32) -> f32 {
+        self.patch_areas[patch as usize]
+    }
+
+    pub(super) fn patch_count(&self) -> u32 {
+        self.patch_areas.len() as u32
+    }
+}
+
+impl SurfaceTriangle {
+    pub fn area(&self) -> f32 {
+        let [a, b, c] = self.corners;
+        0.5 * (b - a).cross(c - a).length()
+    }
+
+    /// The point at barycentric coordinates, standing for `area`.
+    pub fn point(&self, barycentric: Vec3, area: f32) -> SurfacePoint {
+        let mix = |v: [Vec3; 3]| barycentric.x * v[0] + barycentric.y * v[1] + barycentric.z * v[2];
+        SurfacePoint {
+            position: mix(self.corners),
+            normal: mix(self.normals).try_normalize().unwrap_or(self.normals[0]),
+            area,
+            object: self.object,
+            patch: self.patch,
+            group: self.patch,
+        }
+    }
+}

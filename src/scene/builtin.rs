@@ -1,0 +1,47 @@
+//! The built-in scenes, as scene files embedded in the library.
+
+/// A built-in scene.
+#[derive(Clone, Copy, Debug)]
+pub struct BuiltIn {
+    /// What users call it.
+    pub name: &'static str,
+    /// What it shows, in a line.
+    pub about: &'static str,
+    /// The scene file.
+    pub toml: &'static str,
+}
+
+macro_rules! built_in {
+    ($($name:literal: $about:literal,)*) => {
+        &[$(BuiltIn { name: $name, about: $about, toml: include_str!(concat!("builtin/", $name, ".toml")) }),*]
+    };
+}
+
+/// All built-in scenes.
+pub const BUILT_IN: &[BuiltIn] = built_in! {
+    "ring": "a mirror ring on a table under a tiny sun (Wand & Straßer, Figures 4 and 5)",
+    "ring-above": "the same ring and light from straight above, orthographic: the scene to measure with",
+    "ring-natural": "the ring in forest light, its inner side a mirror (Figure 6d)",
+    "ring-solid": "a solid ring that mirrors on all sides and receives its own caustics (Figure 6e)",
+    "spoon": "a spoon in forest light (Figure 6b)",
+    "spoon-above": "the spoon from above (Figure 6c)",
+    "cup": "a mirror cup that receives its own caustics in natural light (Figure 6f)",
+    "cup-point-light": "the cup under a small light from above (Figure 7b)",
+    "mirror-sphere": "a mirror sphere above a table in a studio",
+    "disco-ball": "a ball of flat mirror tiles throws images of the sun into a room (Section 3)",
+};
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    
+
+    #[test]
+    fn every_built_in_scene_loads() {
+        for scene in BUILT_IN {
+            let loaded = crate::scene::load::<toml::Table>(scene.name).unwrap();
+            assert!(loaded.scene.objects.iter().any(|o| o.reflector.is_some()), "{}", scene.name);
+            assert!(loaded.scene.objects.iter().any(|o| o.receiver.is_some()), "{}", scene.name);
+        }
+    }
+}

@@ -1,0 +1,112 @@
+//! Cameras: from pixels to rays and back. Knows no objects.
+
+use glam::{Vec2, Vec3};
+
+/// How a camera projects.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Projection {
+    /// A pinhole; full vertical field of view, radians, in (0, π).
+    Perspective {
+        /// Full vertical angle.
+        fov_y_rad: f32,
+    },
+    /// Parallel rays; full height of the picture, metres.
+    Orthographic {
+        /// Metres from the lower to the upper edge.
+        height: f32,
+    },
+}
+
+/// A camera with an orthonormal frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Camera {
+    /// Where it stands, metres.
+    pub position: Vec3,
+    /// Unit view axis.
+    pub forward: Vec3,
+    /// Unit vector to the picture's right.
+    pub right: Vec3,
+    /// Unit vector to the picture's top.
+    pub up: Vec3,
+    /// How it projects.
+    pub projection: Projection,
+}
+
+/// A half-line with a unit direction.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Ray {
+    /// Start.
+    pub origin: Vec3,
+    /// Unit direction.
+    pub direction: Vec3,
+}
+
+impl Camera {
+    /// A camera at `position` that looks at `target`; `None` where the frame degenerates
+    /// (target at the position, or `up` along the view axis).
+    pub fn look_at(position: Vec3, target: Vec3, up: Vec3, projection: Projection) -> Option<Self> {
+        let forward = (target - position).try_normalize()?;
+        let right = forward.cross(up.try_normalize()?);
+        if right.length() < 1e-5 {
+            return None;
+        }
+        let right = right.normalize();
+        Some(Self { position, forward, right, up: right.cross(forward), projection })
+    }
+
+    /// The ray through `pixel`, in pixels from the top left corner ((0.5, 0.5) is the first
+    /// pixel's centre) of a picture of `size` pixels.
+    pub fn ray(&self, pixel: Vec2, size: Vec2) -> Ray {
+        // Picture coordinates: the vertical extent is [−1, 1], x to the right, y up.
+        let p = Vec2::new(2.0 * pixel.x - size.x, size.y - 2.0 * pixel.y) / size.y;
+        match self.projection {
+            Projection::Perspective { fov_y_rad } => {
+                let half_height = (0.5 * fov_y_rad).tan();
+                let direction = self.forward + half_height * (p.x * self.right + p.y * self.up);
+                Ray { origin: self.position, direction: direction.normalize() }
+            }
+            Projection::Orthographic { height } => Ray {
+                origin: self.position + 0.5 * height * (p.x * self.right + p.y * self.up),
+                direction: self.forward,
+            },
+        }
+    }
+
+    /// The pixel at which a world point appears, and its depth along the view axis in metres
+    /// (negative: behind the camera).
+    pub fn project(&self, point_in_world: Vec3, size: Vec2) -> (Vec2, f32) {
+        let to_point = point_in_world - self.position;
+        let depth = to_point.dot(self.forward);
+        let offset = Vec2::new(to_point.dot(self.right), to_point.dot(self.up));
+        let p = match self.projection {
+            Projection::Perspective { fov_y_rad } => offset / (depth * (0.5 * fov_y_rad).tan()),
+            Projection::Orthographic { height } => offset / (0.5 * height),
+        };
+        (0.5 * Vec2::new(p.x * size.y + size.x, size.y - p.y * size.y), depth)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn projecting_a_ray_gives_its_pixel_back() {
+        let size = Vec2::new(320.0, 200.0);
+        for projection in [Projection::Perspective { fov_y_rad: 0.7 }, Projection::Orthographic { height: 3.0 }] {
+            let camera = Camera::look_at(Vec3::new(1.0, 2.0, 3.0), Vec3::ZERO, Vec3::Y, projection).unwrap();
+            let pixel = Vec2::new(17.5, 150.5);
+            let ray = camera.ray(pixel, size);
+            let (back, depth) = camera.project(ray.origin + 2.5 * ray.direction, size);
+            assert!(back.abs_diff_eq(pixel, 1e-3), "{back}");
+            assert!(depth > 0.0);
+        }
+    }
+
+    #[test]
+    fn a_degenerate_frame_is_none() {
+        let projection = Projection::Orthographic { height: 1.0 };
+        assert!(Camera::look_at(Vec3::Y, Vec3::ZERO, Vec3::Y, projection).is_none());
+        assert!(Camera::look_at(Vec3::Y, Vec3::Y, Vec3::X, projection).is_none());
+    }
+}

@@ -1,0 +1,32 @@
+//! What a surface does with light. Knows no geometry.
+
+use glam::Vec3;
+
+/// Which sides of a surface mirror.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Sides {
+    /// The side that the normals point to.
+    #[default]
+    Front,
+    /// The other side.
+    Back,
+    /// Both sides of a thin sheet.
+    Both,
+}
+
+/// A perfect mirror.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Reflector {
+    /// The mirroring sides.
+    pub sides: Sides,
+    /// Fraction of the light that is mirrored, per channel, in [0, 1].
+    pub reflectance: Vec3,
+}
+
+/// A Lambertian receiver.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Receiver {
+    /// Diffuse albedo, per channel, in [0, 1].
+    pub albedo: Vec3,
+}

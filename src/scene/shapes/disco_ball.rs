@@ -1,0 +1,35 @@
+//! The disco ball: rows of flat, nearly square tiles whose corners lie on a sphere (WS-20).
+//!
+//! A tile between two parallels and two meridians is a plane trapezium, so each is exactly flat.
+//! Its vertices are its own: all of its edges are creases.
+
+use std::f32::consts::{PI, TAU};
+
+use glam::Vec3;
+
+use super::{DiscoBall, Parts};
+
+pub(super) fn disco_ball(ball: &DiscoBall) -> Parts {
+    let mut parts = Parts::default();
+    for row in 0..ball.rows {
+        let (upper, lower) = (PI * row as f32 / ball.rows as f32, PI * (row + 1) as f32 / ball.rows as f32);
+        // As many tiles as make them square at the row's middle, three at least.
+        let tiles = ((0.5 * (upper + lower)).sin() * 2.0 * ball.rows as f32).round().max(3.0) as u32;
+        let on_sphere = |polar: f32, tile: u32| {
+            let azimuth = TAU * (tile % tiles) as f32 / tiles as f32;
+            ball.radius * Vec3::new(polar.sin() * azimuth.sin(), polar.cos(), polar.sin() * azimuth.cos())
+        };
+        for tile in 0..tiles {
+            let corners = [(lower, tile), (lower, tile + 1), (upper, tile + 1), (upper, tile)];
+            push_tile(&mut parts, corners.map(|(polar, tile)| on_sphere(polar, tile)));
+        }
+    }
+    parts
+}
+
+fn push_tile(parts: &mut Parts, corners: [Vec3; 4]) {
+    // The diagonals also span a triangular tile at a pole, where two corners coincide.
+    let normal = (corners[2] - corners[0]).cross(corners[3] - corners[1]).normalize();
+    let vertices = corners.map(|corner| parts.vertex(corner, normal));
+    parts.quad(vertices);
+}

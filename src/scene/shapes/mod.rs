@@ -1,0 +1,309 @@
+//! Built-in shapes as meshes with exact normals.
+//!
+//! The vertices lie on the ideal surface and carry its normal there; triangles are counter-clockwise
+//! seen from the side that the normals point to.
+
+mod disco_ball;
+mod lathe;
+mod parametric;
+mod plane;
+mod sphere;
+mod spoon;
+
+use glam::Vec3;
+use serde::Deserialize;
+
+use super::mesh::Mesh;
+
+/// A built-in shape and its measures, metres.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Shape {
+    /// A thin vertical cylinder wall that stands on y = 0; normals point inwards.
+    Ring(Ring),
+    /// A ring with a wall of some thickness and rounded edges; normals point outwards.
+    SolidRing(SolidRing),
+    /// A spoon along X that lies on y = 0, bowl up; normals point outwards.
+    Spoon(Spoon),
+    /// A cup without a handle that stands on y = 0; normals point outwards (into the room, on the inside too).
+    Cup(Cup),
+    /// A sphere about the origin.
+    Sphere(Sphere),
+    /// A sphere made of flat mirror tiles.
+    DiscoBall(DiscoBall),
+    /// A rectangle in the plane y = 0, normal +Y.
+    Plane(Plane),
+}
+
+/// Measures of [`Shape::Ring`].
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Ring {
+    /// Radius.
+    pub radius: f32,
+    /// Height.
+    pub height: f32,
+}
+
+/// Measures of [`Shape::SolidRing`].
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct SolidRing {
+    /// Radius of the wall's middle.
+    pub radius: f32,
+    /// Height.
+    pub height: f32,
+    /// Thickness of the wall.
+    pub thickness: f32,
+}
+
+/// Measures of [`Shape::Spoon`].
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Spoon {
+    /// From tip to tip.
+    pub length: f32,
+    /// Width of the bowl.
+    pub width: f32,
+    /// Depth of the bowl.
+    pub depth: f32,
+    /// Thickness of the sheet.
+    pub thickness: f32,
+}
+
+/// Measures of [`Shape::Cup`].
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Cup {
+    /// Outer radius at the rim.
+    pub radius: f32,
+    /// Height.
+    pub height: f32,
+    /// Thickness of the wall.
+    pub thickness: f32,
+}
+
+/// Measures of [`Shape::Sphere`].
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Sphere {
+    /// Radius.
+    pub radius: f32,
+}
+
+/// Measures of [`Shape::DiscoBall`].
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct DiscoBall {
+    /// Radius of the sphere on which the tiles' corners lie.
+    pub radius: f32,
+    /// Rows of tiles from pole to pole.
+    pub rows: u32,
+}
+
+/// Measures of [`Shape::Plane`].
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Plane {
+    /// Extent along X and Z.
+    pub size: [f32; 2],
+}
+
+impl Default for Ring {
+    fn default() -> Self {
+        Self { radius: 1.0, height: 0.5 }
+    }
+}
+
+impl Default for SolidRing {
+    fn default() -> Self {
+        Self { radius: 1.0, height: 0.5, thickness: 0.1 }
+    }
+}
+
+impl Default for Spoon {
+    fn default() -> Self {
+        Self { length: 2.0, width: 0.44, depth: 0.12, thickness: 0.03 }
+    }
+}
+
+impl Default for Cup {
+    fn default() -> Self {
+        Self { radius: 0.5, height: 0.6, thickness: 0.03 }
+    }
+}
+
+impl Default for Sphere {
+    fn default() -> Self {
+        Self { radius: 1.0 }
+    }
+}
+
+impl Default for DiscoBall {
+    fn default() -> Self {
+        Self { radius: 1.0, rows: 16 }
+    }
+}
+
+impl Default for Plane {
+    fn default() -> Self {
+        Self { size: [1.0, 1.0] }
+    }
+}
+
+impl Shape {
+    /// The shape as a mesh in object space; the error says which measure is out of its range.
+    pub fn mesh(&self) -> Result<Mesh, String> {
+        self.check()?;
+        let parts = match self {
+            Self::Ring(ring) => lathe::ring(ring),
+            Self::SolidRing(ring) => lathe::solid_ring(ring),
+            Self::Cup(cup) => lathe::cup(cup),
+            Self::Spoon(spoon) => spoon::spoon(spoon),
+            Self::Sphere(sphere) => sphere::sphere(sphere),
+            Self::DiscoBall(ball) => disco_ball::disco_ball(ball),
+            Self::Plane(plane) => plane::plane(plane),
+        };
+        let (mesh, _) = Mesh::new(self.name(), parts.positions, parts.normals, parts.triangles).map_err(|e| e.to_string())?;
+        Ok(mesh)
+    }
+
+    /// The shape's name in scene files.
+    pub fn name(&self) -> &'static str {
+        match self {
+            Self::Ring(_) => "ring",
+            Self::SolidRing(_) => "solid-ring",
+            Self::Spoon(_) => "spoon",
+            Self::Cup(_) => "cup",
+            Self::Sphere(_) => "sphere",
+            Self::DiscoBall(_) => "disco-ball",
+            Self::Plane(_) => "plane",
+        }
+    }
+
+    fn check(&self) -> Result<(), String> {
+        let positive = |name: &str, value: f32| {
+            if value > 0.0 && value.is_finite() {
+                Ok(())
+            } else {
+                Err(format!("{} of shape '{}' is {value}, but must be a positive length", name, self.name()))
+            }
+        };
+        let thin = |name: &str, thickness: f32, of: f32| {
+            positive("thickness", thickness)?;
+            if thickness < 0.5 * of { Ok(()) } else { Err(format!("thickness of shape '{}' must be less than half its {name}", self.name())) }
+        };
+        match *self {
+            Self::Ring(Ring { radius, height }) => positive("radius", radius).and(positive("height", height)),
+            Self::SolidRing(SolidRing { radius, height, thickness }) => {
+                positive("radius", radius)?;
+                positive("height", height)?;
+                thin("radius", thickness, radius)?;
+                thin("height", thickness, height)
+            }
+            Self::Spoon(Spoon { length, width, depth, thickness }) => {
+                positive("length", length)?;
+                positive("width", width)?;
+                positive("depth", depth)?;
+                thin("width", thickness, width)
+            }
+            Self::Cup(Cup { radius, height, thickness }) => {
+                positive("radius", radius)?;
+                positive("height", height)?;
+                thin("radius", thickness, 0.5 * radius)?;
+                thin("height", thickness, 0.5 * height)
+            }
+            Self::Sphere(Sphere { radius }) => positive("radius", radius),
+            Self::DiscoBall(DiscoBall { radius, rows }) => {
+                positive("radius", radius)?;
+                if (3..=512).contains(&rows) { Ok(()) } else { Err(format!("rows of shape 'disco-ball' is {rows}, but must be from 3 to 512")) }
+            }
+            Self::Plane(Plane { size }) => positive("size", size[0]).and(positive("size", size[1])),
+        }
+    }
+}
+
+/// A mesh before it is validated.
+#[derive(Default)]
+struct Parts {
+    positions: Vec<Vec3>,
+    normals: Vec<Vec3>,
+    triangles: Vec<[u32; 3]>,
+}
+
+impl Parts {
+    fn vertex(&mut self, position: Vec3, normal: Vec3) -> u32 {
+        self.positions.push(position);
+        self.normals.push(normal);
+        (self.positions.len() - 1) as u32
+    }
+
+    /// Two triangles; the corners are counter-clockwise seen from the front.
+    fn quad(&mut self, [a, b, c, d]: [u32; 4]) {
+        self.triangles.push([a, b, c]);
+        self.triangles.push([a, c, d]);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::f64::consts::PI;
+
+    fn all() -> Vec<Shape> {
+        vec![
+            Shape::Ring(Ring::default()),
+            Shape::SolidRing(SolidRing::default()),
+            Shape::Spoon(Spoon::default()),
+            Shape::Cup(Cup::default()),
+            Shape::Sphere(Sphere::default()),
+            Shape::DiscoBall(DiscoBall::default()),
+            Shape::Plane(Plane::default()),
+        ]
+    }
+
+    #[test]
+    fn every_triangle_faces_where_its_normals_point() {
+        for shape in all() {
+            let mesh = shape.mesh().unwrap();
+            for t in 0..mesh.triangles().len() {
+                let [a, b, c] = mesh.corners(t);
+                let face = (b - a).cross(c - a).normalize();
+                for normal in mesh.corner_normals(t) {
+                    assert!(face.dot(normal) > 0.5, "{} triangle {t}: {face} against {normal}", shape.name());
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn areas_are_those_of_the_ideal_surfaces() {
+        let area = |shape: Shape| shape.mesh().unwrap().area();
+        let close = |got: f64, expected: f64| assert!((got / expected - 1.0).abs() < 1e-3, "{got} against {expected}");
+        close(area(Shape::Ring(Ring::default())), PI);
+        close(area(Shape::Sphere(Sphere { radius: 0.5 })), PI);
+        close(area(Shape::Plane(Plane { size: [2.0, 3.0] })), 6.0);
+    }
+
+    #[test]
+    fn closed_shapes_are_closed() {
+        // The vector area of a closed surface is zero.
+        for shape in all().into_iter().filter(|s| !matches!(s, Shape::Ring(_) | Shape::Plane(_))) {
+            let mesh = shape.mesh().unwrap();
+            let vector_area: Vec3 = (0..mesh.triangles().len())
+                .map(|t| {
+                    let [a, b, c] = mesh.corners(t);
+                    0.5 * (b - a).cross(c - a)
+                })
+                .sum();
+            assert!(f64::from(vector_area.length()) < 1e-3 * mesh.area(), "{}: {vector_area}", shape.name());
+        }
+    }
+
+    #[test]
+    fn measures_out_of_range_are_named() {
+        let message = Shape::Ring(Ring { radius: -1.0, height: 0.5 }).mesh().unwrap_err();
+        assert!(message.contains("radius") && message.contains("ring"), "{message}");
+        assert!(Shape::DiscoBall(DiscoBall { radius: 1.0, rows: 1 }).mesh().unwrap_err().contains("rows"));
+    }
+}

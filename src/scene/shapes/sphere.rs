@@ -1,0 +1,78 @@
+//! The sphere: an icosahedron, each face split into a triangular grid and pushed out.
+
+use glam::Vec3;
+
+use super::{Parts, Sphere};
+
+/// Edges of the grid on each of the icosahedron's faces: 20·48² triangles.
+const DIVISIONS: u32 = 48;
+
+pub(super) fn sphere(sphere: &Sphere) -> Parts {
+    let (corners, faces) = icosahedron();
+    let mut parts = Parts::default();
+    for [a, b, c] in faces.map(|f| f.map(|v| corners[v])) {
+        let grid_point = |i: u32, j: u32| {
+            let (s, t) = (i as f32 / DIVISIONS as f32, j as f32 / DIVISIONS as f32);
+            (a + s * (b - a) + t * (c - a)).normalize()
+        };
+        let base = parts.positions.len() as u32;
+        // Row i holds DIVISIONS + 1 − i points.
+        let index = |i: u32, j: u32| base + i * (DIVISIONS + 1) - i * i.saturating_sub(1) / 2 + j;
+        for i in 0..=DIVISIONS {
+            for j in 0..=DIVISIONS - i {
+                let normal = grid_point(i, j);
+                parts.vertex(sphere.radius * normal, normal);
+            }
+        }
+        for i in 0..DIVISIONS {
+            for j in 0..DIVISIONS - i {
+                parts.triangles.push([index(i, j), index(i + 1, j), index(i, j + 1)]);
+                if i + j + 1 < DIVISIONS {
+                    parts.triangles.push([index(i + 1, j), index(i + 1, j + 1), index(i, j + 1)]);
+                }
+            }
+        }
+    }
+    parts
+}
+
+fn icosahedron() -> ([Vec3; 12], [[usize; 3]; 20]) {
+    let g = 0.5 * (1.0 + 5.0f32.sqrt());
+    let corners = [
+        [-1.0, g, 0.0],
+        [1.0, g, 0.0],
+        [-1.0, -g, 0.0],
+        [1.0, -g, 0.0],
+        [0.0, -1.0, g],
+        [0.0, 1.0, g],
+        [0.0, -1.0, -g],
+        [0.0, 1.0, -g],
+        [g, 0.0, -1.0],
+        [g, 0.0, 1.0],
+        [-g, 0.0, -1.0],
+        [-g, 0.0, 1.0],
+    ];
+    let faces = [
+        [0, 11, 5],
+        [0, 5, 1],
+        [0, 1, 7],
+        [0, 7, 10],
+        [0, 10, 11],
+        [1, 5, 9],
+        [5, 11, 4],
+        [11, 10, 2],
+        [10, 7, 6],
+        [7, 1, 8],
+        [3, 9, 4],
+        [3, 4, 2],
+        [3, 2, 6],
+        [3, 6, 8],
+        [3, 8, 9],
+        [4, 9, 5],
+        [2, 4, 11],
+        [6, 2, 10],
+        [8, 6, 7],
+        [9, 8, 1],
+    ];
+    (corners.map(Vec3::from), faces)
+}

@@ -1,0 +1,58 @@
+//! An object's placement: scale first, then turns about x, y and z, then the move.
+
+use glam::{Mat3, Vec3};
+
+/// Places an object in the world.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Transform {
+    /// Uniform scale; not zero. A negative scale mirrors and keeps the front side in front.
+    pub scale: f32,
+    /// Counter-clockwise turns about x, then y, then z, radians.
+    pub rotate_rad: Vec3,
+    /// Metres.
+    pub translate: Vec3,
+}
+
+impl Default for Transform {
+    fn default() -> Self {
+        Self { scale: 1.0, rotate_rad: Vec3::ZERO, translate: Vec3::ZERO }
+    }
+}
+
+impl Transform {
+    /// The rotation alone.
+    pub fn rotation(&self) -> Mat3 {
+        Mat3::from_rotation_z(self.rotate_rad.z)
+            * Mat3::from_rotation_y(self.rotate_rad.y)
+            * Mat3::from_rotation_x(self.rotate_rad.x)
+    }
+
+    /// A point from object to world space.
+    pub fn point_in_world(&self, point_in_object: Vec3) -> Vec3 {
+        self.rotation() * (self.scale * point_in_object) + self.translate
+    }
+
+    /// A unit normal from object to world space.
+    pub fn normal_in_world(&self, normal_in_object: Vec3) -> Vec3 {
+        self.rotation() * (normal_in_object * self.scale.signum())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::f32::consts::FRAC_PI_2;
+
+    #[test]
+    fn turns_are_counter_clockwise_and_x_comes_first() {
+        let turn = Transform { rotate_rad: Vec3::new(FRAC_PI_2, FRAC_PI_2, 0.0), ..Default::default() };
+        // +Y goes to +Z by the turn about x, and +Z to +X by the turn about y.
+        assert!(turn.point_in_world(Vec3::Y).abs_diff_eq(Vec3::X, 1e-6));
+    }
+
+    #[test]
+    fn scale_comes_before_the_move() {
+        let place = Transform { scale: 2.0, translate: Vec3::X, ..Default::default() };
+        assert!(place.point_in_world(Vec3::Y).abs_diff_eq(Vec3::new(1.0, 2.0, 0.0), 1e-6));
+    }
+}
