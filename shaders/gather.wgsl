@@ -41,6 +41,11 @@ const FILTER_ISOTROPIC: u32 = 1u;
 const FILTER_ANISOTROPIC: u32 = 2u;
 const FILTER_HARDWARE: u32 = 3u;
 
+// Bilinear interpolation blurs a level's texels by more than their width, so a tap reads a level a little finer than its
+// share of the footprint. Measured: 1 blurs the ring's caustic (error .376 at 100 samples, here .361), 0.7 sharpens it
+// further (.342) but shows gaps between footprints where a sun is focused (cup, 1,000 samples: .18, here .20, .26).
+const SHARPNESS: f32 = 0.9;
+
 override FILTER: u32 = FILTER_ANISOTROPIC;
 
 @group(0) @binding(0) var<uniform> uniforms: GatherUniforms;
@@ -143,8 +148,8 @@ fn filtered_radiance(i: u32, d: vec3f, n: vec3f, dn: f32, inverse_l: f32, r: vec
     if FILTER == FILTER_ISOTROPIC {
         return vec4f(fetch(r, level_of(axes.major, texel)), 1.0);
     }
-    let taps = clamp(ceil(axes.major / max(axes.minor, texel)), 1.0, f32(uniforms.taps));
-    let level = level_of(max(axes.minor, axes.major / taps), texel);
+    let taps = clamp(ceil(axes.major / max(SHARPNESS * axes.minor, texel)), 1.0, f32(uniforms.taps));
+    let level = level_of(SHARPNESS * max(axes.minor, axes.major / taps), texel);
     var sum = vec3f(0.0);
     for (var k = 0.5; k < taps; k += 1.0) {
         sum += fetch(r + (k / taps - 0.5) * axes.direction, level);

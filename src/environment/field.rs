@@ -53,10 +53,19 @@ impl Field {
 
     /// Radiance that arrives from a unit direction in world space, W/(m²·sr).
     pub fn radiance(&self, direction_in_world: Vec3) -> Vec3 {
+        self.look_up(direction_in_world, Layout::radiance)
+    }
+
+    /// The same, reconstructed more smoothly: for the eye, not for measurements.
+    pub fn smooth_radiance(&self, direction_in_world: Vec3) -> Vec3 {
+        self.look_up(direction_in_world, Layout::smooth_radiance)
+    }
+
+    fn look_up(&self, direction_in_world: Vec3, in_map: impl Fn(&Layout, Vec3) -> Vec3) -> Vec3 {
         let d = self.light_from_world * direction_in_world;
         self.intensity
             * match &self.kind {
-                Kind::Map(layout) => layout.radiance(d),
+                Kind::Map(layout) => in_map(layout, d),
                 Kind::Constant(radiance) => *radiance,
                 Kind::Spot { direction, sigma_rad, radiance } => {
                     // The chord gives small angles without the cancellation of acos.

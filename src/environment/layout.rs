@@ -90,6 +90,15 @@ impl Layout {
         }
     }
 
+    /// Radiance as a smooth picture: magnified, bilinear look-ups show their texels; four of them, half a texel apart, do not.
+    pub fn smooth_radiance(&self, d: Vec3) -> Vec3 {
+        let texel = std::f32::consts::FRAC_PI_2 / self.texels_per_quarter() as f32;
+        let (u, v) = d.any_orthonormal_pair();
+        let offsets = [(1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0)];
+        let tap = |(a, b): (f32, f32)| self.radiance((d + 0.5 * texel * (a * u + b * v)).normalize());
+        0.25 * offsets.map(tap).into_iter().sum::<Vec3>()
+    }
+
     /// Texels across a quarter of the horizon.
     pub fn texels_per_quarter(&self) -> usize {
         match self {

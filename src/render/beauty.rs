@@ -235,7 +235,7 @@ fn trace_point(renderer: &Renderer, gbuffer: &GBuffer, own: usize, at: Vec2, pat
         hit = renderer.tracer.secondary_hit(ray);
     }
     let background = key == 0;
-    let radiance = throughput * renderer.environment.field.radiance(ray.direction);
+    let radiance = throughput * renderer.environment.field.smooth_radiance(ray.direction);
     let caustic = CausticAt::Nowhere;
     paths.terms.push(Term { point: paths.points, radiance, background, caustic_factor: Vec3::ZERO, caustic });
     paths.points += 1;

@@ -40,7 +40,7 @@ pub fn load<R: DeserializeOwned + Default>(path_or_name: &str) -> Result<Loaded<
 /// Parses a scene file's text; `base` is what its paths are relative to, `file` is used in messages.
 pub fn parse<R: DeserializeOwned + Default>(file: &str, text: &str, base: &Path) -> Result<Loaded<R>, SceneError> {
     let tables: SceneTable<R> = toml::from_str(text).map_err(|error| {
-        let line = error.span().map_or(1, |span| text[..span.start.min(text.len())].lines().count().max(1));
+        let line = error.span().map_or(1, |span| text[..span.start].matches('\n').count() + 1);
         SceneError::Syntax { file: file.into(), line, message: readable(error.message()) }
     })?;
     let builder = Builder { file, base };

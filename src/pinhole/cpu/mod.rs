@@ -50,6 +50,9 @@ pub fn gather(
     sums
 }
 
+/// A tap's width over the footprint's; see the shader.
+const SHARPNESS: f32 = 0.9;
+
 const FILTER_NONE: u32 = 0;
 const FILTER_ISOTROPIC: u32 = 1;
 const FILTER_ANISOTROPIC: u32 = 2;
@@ -182,8 +185,9 @@ impl Gather<'_> {
             return (sum, F::ONE);
         }
         let most = splat(self.uniforms.taps as f32);
-        let taps = clamp((axes.major / axes.minor.max(texel)).ceil(), F::ONE, most);
-        let level = level_of(axes.minor.max(axes.major / taps), texel);
+        let sharpness = splat(SHARPNESS);
+        let taps = clamp((axes.major / (sharpness * axes.minor).max(texel)).ceil(), F::ONE, most);
+        let level = level_of(sharpness * axes.minor.max(axes.major / taps), texel);
         let mut k = 0.5;
         loop {
             let active = lit & taps.simd_gt(splat(k)).to_bitmask();

@@ -12,12 +12,14 @@ use super::{DiscoBall, Parts};
 pub(super) fn disco_ball(ball: &DiscoBall) -> Parts {
     let mut parts = Parts::default();
     for row in 0..ball.rows {
-        let (upper, lower) = (PI * row as f32 / ball.rows as f32, PI * (row + 1) as f32 / ball.rows as f32);
+        let (upper, lower) = (PI * (row as f32 / ball.rows as f32), PI * ((row + 1) as f32 / ball.rows as f32));
         // As many tiles as make them square at the row's middle, three at least.
         let tiles = ((0.5 * (upper + lower)).sin() * 2.0 * ball.rows as f32).round().max(3.0) as u32;
         let on_sphere = |polar: f32, tile: u32| {
             let azimuth = TAU * (tile % tiles) as f32 / tiles as f32;
-            ball.radius * Vec3::new(polar.sin() * azimuth.sin(), polar.cos(), polar.sin() * azimuth.cos())
+            // The sine of a rounded π is not zero, but a pole is one point.
+            let sin = if polar < PI { polar.sin() } else { 0.0 };
+            ball.radius * Vec3::new(sin * azimuth.sin(), polar.cos(), sin * azimuth.cos())
         };
         for tile in 0..tiles {
             let corners = [(lower, tile), (lower, tile + 1), (upper, tile + 1), (upper, tile)];

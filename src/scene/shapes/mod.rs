@@ -297,6 +297,12 @@ mod tests {
                 })
                 .sum();
             assert!(f64::from(vector_area.length()) < 1e-3 * mesh.area(), "{}: {vector_area}", shape.name());
+            // Outwards: the divergence theorem gives a positive volume.
+            let volume = |t: usize| {
+                let [a, b, c] = mesh.corners(t);
+                a.dot(b.cross(c))
+            };
+            assert!((0..mesh.triangles().len()).map(volume).sum::<f32>() > 0.0, "{} is inside out", shape.name());
         }
     }
 

@@ -17,13 +17,15 @@ fn point(spoon: &Spoon, u: f64, v: f64) -> DVec3 {
     // Cosine spacing rounds both tips off.
     let s = 0.5 - 0.5 * (PI * u).cos();
     let tips = (PI * u).sin().max(0.0);
-    let (sin, cos) = (TAU * v).sin_cos();
+    // The rim turns over within a few degrees of the flat ellipse: ten times as many columns there.
+    let around = TAU * v;
+    let (sin, cos) = (around - 0.45 * (2.0 * around).sin()).sin_cos();
     let half_width = 0.5 * width * half_width(s) * rounding(tips);
     let half_thickness = 0.5 * f64::from(spoon.thickness) * rounding(tips);
     // The bowl is a paraboloid across; it fades out where the handle begins.
     let dish = f64::from(spoon.depth) * bowl(s) * (1.0 - cos * cos);
     let arch = 0.055 * length * smoothstep(0.30, 0.62, s) - 0.03 * length * smoothstep(0.6, 1.0, s);
-    DVec3::new(length * (s - 0.5), arch - dish + half_thickness * sin, half_width * cos)
+    DVec3::new(length * (s - 0.5), arch - dish - half_thickness * sin, half_width * cos)
 }
 
 /// Width along the spoon, as a fraction of the bowl's: an egg, a neck, and a handle that broadens to its end.
