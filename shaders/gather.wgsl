@@ -90,7 +90,9 @@ fn gather_batch(pixel: vec2u, batch: u32) -> vec4f {
     if position.w < 0.0 {
         return vec4f(0.0);
     }
-    let receiver = Receiver(position.xyz, textureLoad(receiver_normal, pixel, 0).xyz, u32(position.w));
+    // Rounded: a rasteriser's interpolation may leave 0.9999999.
+    let object = u32(position.w + 0.5);
+    let receiver = Receiver(position.xyz, textureLoad(receiver_normal, pixel, 0).xyz, object);
     var sum = vec4f(0.0);
     let last = min((batch + 1u) * BATCH_SIZE, uniforms.sample_count);
     for (var i = batch * BATCH_SIZE; i < last; i++) {

@@ -57,3 +57,32 @@ fn keep(candidates: &[SurfacePoint], edge: f32, phase: Vec3, quantised: bool) ->
     }
     kept
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sampling::{Surface, candidates};
+    use crate::scene::shapes::{Shape, SolidRing};
+    use rand::SeedableRng;
+    use std::collections::HashSet;
+
+    #[test]
+    fn every_occupied_cell_keeps_one_point_a_side() {
+        let mut surface = Surface::default();
+        surface.append(&Shape::SolidRing(SolidRing::default()).mesh().unwrap(), 0, false);
+        let all = candidates::stratified(&surface, 5e-4, &mut ChaCha8Rng::seed_from_u64(3));
+        let (edge, phase) = (0.11, Vec3::new(0.2, 0.5, 0.7));
+        let cell = |p: &SurfacePoint| (p.position / edge + phase).floor().as_ivec3();
+        for quantised in [false, true] {
+            let kept = keep(&all, edge, phase, quantised);
+            let occupied: HashSet<IVec3> = all.iter().map(cell).collect();
+            let held: HashSet<IVec3> = kept.iter().map(cell).collect();
+            assert_eq!(occupied, held);
+            for (i, a) in kept.iter().enumerate() {
+                assert!(!kept[..i].iter().any(|b| cell(a) == cell(b) && a.same_side(b)));
+                let from_centre = a.position / edge + phase - cell(a).as_vec3() - 0.5;
+                assert!(!quantised || from_centre.abs().max_element() < 1e-3);
+            }
+        }
+    }
+}

@@ -17,7 +17,7 @@ use self::cube::{level_of, texel_width};
 use self::footprint::{footprint_axes, reflected_side};
 use self::lanes::{F, V3, abs, clamp, splat, splat3};
 use super::layout::TWO_SIDED;
-use super::{BATCH_SIZE, Filter, GatherUniforms, NO_RECEIVER, Params, PinholeSample, Receivers};
+use super::{BATCH_SIZE, Filter, GatherUniforms, Params, PinholeSample, Receivers};
 use crate::environment::CubeMap;
 
 /// Receivers that go through the loop together.
@@ -93,10 +93,11 @@ fn load_receivers(receivers: &Receivers, start: usize, count: usize) -> Receiver
     let mut object = [u32::MAX; LANES];
     for lane in 0..count {
         let (p, n) = (receivers.positions[start + lane], receivers.normals[start + lane]);
-        if p[3] <= NO_RECEIVER {
+        if p[3] < 0.0 {
             continue;
         }
-        object[lane] = p[3] as u32;
+        // Rounded: a rasteriser's interpolation may leave 0.9999999.
+        object[lane] = (p[3] + 0.5) as u32;
         for axis in 0..3 {
             position[axis][lane] = p[axis];
             normal[axis][lane] = n[axis];
@@ -200,6 +201,3 @@ impl Gather<'_> {
         }
     }
 }
-
-#[cfg(test)]
-mod tests;

@@ -1,0 +1,46 @@
+//! What goes wrong on a GPU is said, not thrown.
+
+use glam::Vec3;
+use pinspot::environment::CubeMap;
+use pinspot::gpu::{Gpu, GpuError};
+use pinspot::pinhole::gpu::{Engine, EnvironmentCube, FrameInputs, Options};
+use pinspot::pinhole::{Params, PinholeSample};
+
+use crate::support::{floor, gpu};
+
+#[test]
+fn a_lost_device_is_an_error_with_a_remedy() {
+    let gpu = Gpu::open(None).unwrap();
+    gpu.device.destroy();
+    let message = gpu.wait().unwrap_err().to_string();
+    assert!(message.contains("lost") && message.contains("--backend cpu"), "{message}");
+}
+
+#[test]
+fn an_unknown_adapter_is_named_with_those_there_are() {
+    let message = Gpu::open(Some("voodoo")).unwrap_err().to_string();
+    assert!(message.contains("voodoo") && message.contains(&gpu().adapter.name), "{message}");
+}
+
+#[test]
+fn too_large_a_texture_is_an_error_with_a_remedy() {
+    let gpu = gpu();
+    let receivers = floor(1.0, 2);
+    let view = gpu.upload_texture([2, 2], &receivers.positions);
+    let cube = CubeMap::from_radiance(16, None, |_| Vec3::ONE);
+    let environment = EnvironmentCube::upload(&gpu.device, &gpu.queue, &cube).unwrap();
+    let engine = Engine::new(&gpu.device, &Options::default());
+    let too_wide = gpu.adapter.max_texture + 1;
+    let inputs = FrameInputs {
+        positions: &view,
+        normals: &view,
+        size: [too_wide, 1],
+        samples: &[PinholeSample::default()],
+        environment: &environment,
+        params: Params::default(),
+    };
+    let error = engine.frame(&gpu.device, &inputs).unwrap_err();
+    assert!(matches!(error, GpuError::TextureTooLarge { .. }));
+    let message = error.to_string();
+    assert!(message.contains(&too_wide.to_string()) && message.contains("--size"), "{message}");
+}

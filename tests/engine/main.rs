@@ -1,0 +1,12 @@
+//! Tests of the whole engine: closed forms, the paper's worst case in numbers, GPU against CPU, shaders, determinism.
+//!
+//! GPU tests need an adapter; a software one will do. They fail without one: `tests/run` installs it.
+
+mod agreement;
+mod closed_forms;
+mod distributions;
+mod embedding;
+mod figure4;
+mod gpu_errors;
+mod shaders;
+mod support;

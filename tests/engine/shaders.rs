@@ -1,0 +1,66 @@
+//! The shaders without a device: naga validates each, and their structs are laid out as the Rust ones.
+
+use naga::valid::{Capabilities, ValidationFlags, Validator};
+use pinspot::gpu::{SHADERS, resolve};
+use pinspot::pinhole::{BATCH_SIZE, GatherUniforms, PinholeSample};
+
+fn parse(name: &str) -> Result<naga::Module, String> {
+    let source = resolve(name);
+    let module = naga::front::wgsl::parse_str(&source).map_err(|e| format!("{name}: {}", e.emit_to_string(&source)))?;
+    Validator::new(ValidationFlags::all(), Capabilities::empty())
+        .validate(&module)
+        .map_err(|e| format!("{name}: {}", e.emit_to_string(&source)))?;
+    Ok(module)
+}
+
+#[test]
+fn every_shader_is_valid() {
+    let failures: Vec<String> = SHADERS.iter().filter_map(|(name, _)| parse(name).err()).collect();
+    assert!(failures.is_empty(), "{}", failures.join("\n"));
+}
+
+#[test]
+fn every_shader_file_is_known() {
+    let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("shaders");
+    let mut files: Vec<String> = std::fs::read_dir(folder)
+        .unwrap()
+        .map(|f| f.unwrap().path())
+        .filter(|f| f.extension().is_some_and(|e| e == "wgsl"))
+        .map(|f| f.file_stem().unwrap().to_string_lossy().into_owned())
+        .collect();
+    files.sort();
+    let mut known: Vec<&str> = SHADERS.iter().map(|(name, _)| *name).collect();
+    known.sort_unstable();
+    assert_eq!(files, known);
+}
+
+/// Name, offset and the size of the whole, of a struct in the gather's shader.
+fn wgsl_struct(name: &str) -> (Vec<(String, u32)>, u32) {
+    let module = parse("gather").unwrap();
+    let (_, ty) = module.types.iter().find(|(_, t)| t.name.as_deref() == Some(name)).unwrap();
+    let naga::TypeInner::Struct { members, span } = &ty.inner else { panic!("{name} is no struct") };
+    (members.iter().map(|m| (m.name.clone().unwrap(), m.offset)).collect(), *span)
+}
+
+macro_rules! layout {
+    ($type:ty { $($field:ident),* $(,)? }) => {
+        (vec![$((stringify!($field).to_owned(), std::mem::offset_of!($type, $field) as u32)),*], size_of::<$type>() as u32)
+    };
+}
+
+#[test]
+fn structs_are_laid_out_alike() {
+    let sample = layout!(PinholeSample {
+        position, area, normal, flags, side_1, reflectance_r, side_2, reflectance_g, change_1, reflectance_b, change_2, padding,
+    });
+    assert_eq!(wgsl_struct("PinholeSample"), sample);
+    let uniforms = layout!(GatherUniforms {
+        sample_count, taps, attenuation, epsilon_mode, epsilon_scale, epsilon, texel_rad, radiance_scale,
+    });
+    assert_eq!(wgsl_struct("GatherUniforms"), uniforms);
+}
+
+#[test]
+fn the_batch_size_is_the_same() {
+    assert!(resolve("gather").contains(&format!("const BATCH_SIZE: u32 = {BATCH_SIZE}u;")));
+}

@@ -1,0 +1,106 @@
+//! What the tests share: both back ends behind one function, and surfaces without a scene file.
+
+use std::sync::OnceLock;
+
+use glam::Vec3;
+use pinspot::differential::differentials;
+use pinspot::environment::CubeMap;
+use pinspot::gpu::Gpu;
+use pinspot::pinhole::gpu::{Engine, EnvironmentCube, FrameInputs, Options};
+use pinspot::pinhole::{Footprint, Params, PinholeSample, Receivers, cpu, pinholes};
+use pinspot::sampling::{self, Strategy, Surface, sample};
+use pinspot::scene::{Scene, parse};
+
+/// The adapter under test.
+pub fn gpu() -> &'static Gpu {
+    static GPU: OnceLock<Gpu> = OnceLock::new();
+    GPU.get_or_init(|| Gpu::open(None).unwrap_or_else(|e| panic!("GPU tests need an adapter; run them by tests/run: {e}")))
+}
+
+/// A scene from the text of its objects; the light and the camera are of no importance.
+pub fn scene(objects: &str) -> Scene {
+    let head = "[environment]\nconstant = [1.0, 1.0, 1.0]\n[camera]\nposition = [0.0, 5.0, 0.0]\ntarget = [0.0, 0.0, 0.0]\n\
+                up = [0.0, 0.0, -1.0]\northographic = { height = 3.0 }\n";
+    parse::<toml::Table>("test.toml", &format!("{head}{objects}"), std::path::Path::new(".")).unwrap().scene
+}
+
+/// The pinholes of a scene.
+pub fn pinholes_of(scene: &Scene, samples: u32, strategy: Strategy, footprint: Footprint, seed: u64) -> Vec<PinholeSample> {
+    let set = sample(&Surface::of_scene(scene), &sampling::Options { samples, strategy, seed }).unwrap();
+    pinholes(scene, &differentials(&set), footprint)
+}
+
+/// Irradiance by the CPU twin.
+pub fn on_cpu(receivers: &Receivers, samples: &[PinholeSample], cube: &CubeMap, params: &Params) -> Vec<[f32; 4]> {
+    cpu::gather(receivers, samples, cube, params, &|_| ())
+}
+
+/// Irradiance by the GPU, all batches in one submission.
+pub fn on_gpu(receivers: &Receivers, samples: &[PinholeSample], cube: &CubeMap, params: &Params) -> Vec<[f32; 4]> {
+    on_gpu_with(receivers, samples, cube, params, &Options { filter: params.filter, ..Default::default() }, u32::MAX)
+}
+
+/// The same with engine options, `step` batches a submission.
+pub fn on_gpu_with(
+    receivers: &Receivers,
+    samples: &[PinholeSample],
+    cube: &CubeMap,
+    params: &Params,
+    options: &Options,
+    step: u32,
+) -> Vec<[f32; 4]> {
+    let gpu = gpu();
+    let size = [receivers.width, receivers.height];
+    let environment = EnvironmentCube::upload(&gpu.device, &gpu.queue, cube).unwrap();
+    let positions = gpu.upload_texture(size, &receivers.positions);
+    let normals = gpu.upload_texture(size, &receivers.normals);
+    let engine = Engine::new(&gpu.device, options);
+    let inputs =
+        FrameInputs { positions: &positions, normals: &normals, size, samples, environment: &environment, params: *params };
+    let mut frame = engine.frame(&gpu.device, &inputs).unwrap();
+    let mut first = 0;
+    while first < frame.batch_count() {
+        let last = first.saturating_add(step).min(frame.batch_count());
+        let mut encoder = gpu.device.create_command_encoder(&Default::default());
+        frame.record(&mut encoder, first..last);
+        gpu.queue.submit([encoder.finish()]);
+        first = last;
+    }
+    gpu.read_texture(frame.caustic()).unwrap()
+}
+
+/// A function that gathers on some back end.
+pub type Gather = fn(&Receivers, &[PinholeSample], &CubeMap, &Params) -> Vec<[f32; 4]>;
+
+/// Both back ends.
+pub const BACK_ENDS: [(&str, Gather); 2] = [("cpu", on_cpu), ("gpu", on_gpu)];
+
+/// Receivers on a horizontal square of edge `extent` around the origin, `n`² points.
+pub fn floor(extent: f32, n: u32) -> Receivers {
+    let mut points = Vec::new();
+    for j in 0..n {
+        for i in 0..n {
+            let at = |k: u32| extent * ((k as f32 + 0.5) / n as f32 - 0.5);
+            points.push((Vec3::new(at(i), 0.0, at(j)), Vec3::Y, 1));
+        }
+    }
+    Receivers::from_points(&points, n)
+}
+
+/// ‖a − b‖₂ / ‖b‖₂ over R, G and B.
+pub fn rel_l2(a: &[[f32; 4]], b: &[[f32; 4]]) -> f64 {
+    let (mut difference, mut norm) = (0.0, 0.0);
+    for (a, b) in a.iter().zip(b) {
+        for c in 0..3 {
+            difference += f64::from(a[c] - b[c]).powi(2);
+            norm += f64::from(b[c]).powi(2);
+        }
+    }
+    (difference / norm).sqrt()
+}
+
+/// The middle one of three or more.
+pub fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values[values.len() / 2]
+}
