@@ -9,9 +9,7 @@ use std::error::Error;
 use std::f64::consts::PI;
 use std::io::Cursor;
 
-use exr::prelude::{
-    Blocks, Compression, Encoding, Image, LineOrder, SpecificChannels, Vec2, WritableImage,
-};
+use exr::prelude::{Blocks, Compression, Encoding, Image, LineOrder, SpecificChannels, Vec2, WritableImage};
 use glam::Vec3;
 use half::f16;
 use rayon::prelude::*;
@@ -58,11 +56,7 @@ impl Canvas {
             texel_mean(samples(at(0.5, 0.5)), at, &radiance)
         };
         let texels = (0..width * height).into_par_iter().map(mean_over).collect();
-        Self {
-            width,
-            height,
-            texels,
-        }
+        Self { width, height, texels }
     }
 
     /// The largest channel value.
@@ -84,20 +78,12 @@ impl Canvas {
         Ok(if piz.len() < zip.len() { piz } else { zip })
     }
 
-    fn encode_as(
-        &self,
-        storage: Storage,
-        compression: Compression,
-    ) -> Result<Vec<u8>, exr::error::Error> {
+    fn encode_as(&self, storage: Storage, compression: Compression) -> Result<Vec<u8>, exr::error::Error> {
         let texel = |at: Vec2<usize>| {
             let t = self.texels[at.y() * self.width + at.x()];
             t.to_array().map(|x| rounded(x, storage.mantissa_bits))
         };
-        let encoding = Encoding {
-            compression,
-            blocks: Blocks::ScanLines,
-            line_order: LineOrder::Increasing,
-        };
+        let encoding = Encoding { compression, blocks: Blocks::ScanLines, line_order: LineOrder::Increasing };
         let size = (self.width, self.height);
         let mut bytes = Cursor::new(Vec::new());
         if storage.wide {

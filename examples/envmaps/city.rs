@@ -32,19 +32,12 @@ pub struct City {
 
 impl City {
     pub fn new() -> Self {
-        Self {
-            buildings: buildings::all(),
-            lamps: lamps::all(),
-            signs: signs::all(),
-        }
+        Self { buildings: buildings::all(), lamps: lamps::all(), signs: signs::all() }
     }
 
     pub fn radiance(&self, direction: Vec3) -> Vec3 {
-        let seen = if direction.y < -1e-4 {
-            self.road_or_front(direction)
-        } else {
-            self.above_road(Vec3::ZERO, direction)
-        };
+        let seen =
+            if direction.y < -1e-4 { self.road_or_front(direction) } else { self.above_road(Vec3::ZERO, direction) };
         if let Some(pole) = lamps::pole(&self.lamps, direction) {
             return pole;
         }
@@ -100,10 +93,6 @@ fn moon(direction: Vec3) -> Vec3 {
     let angle = direction.angle_between(MOON_TOWARDS);
     let halo = 0.25 * (-angle / 0.05).exp() + 0.06 * (-angle / 0.25).exp();
     let seas = 1.0 + 0.35 * fbm((direction - MOON_TOWARDS) * 120.0, 3, 62);
-    let disc = if angle < MOON_RADIUS {
-        22.0 * seas
-    } else {
-        0.0
-    };
+    let disc = if angle < MOON_RADIUS { 22.0 * seas } else { 0.0 };
     Vec3::new(0.90, 0.95, 1.0) * (disc + halo)
 }

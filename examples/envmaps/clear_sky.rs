@@ -37,11 +37,7 @@ pub struct ClearSky {
 
 /// Samples per side of a texel: many where the sun's edge may cross it.
 pub fn samples(direction: Vec3) -> usize {
-    if direction.angle_between(SUN_TOWARDS) < 0.02 {
-        64
-    } else {
-        4
-    }
+    if direction.angle_between(SUN_TOWARDS) < 0.02 { 64 } else { 4 }
 }
 
 impl ClearSky {
@@ -50,13 +46,7 @@ impl ClearSky {
         let perez = Perez::at(TURBIDITY);
         let to_zenith = perez.value(1.0, sun.y.acos());
         let zenith = zenith_yxy(TURBIDITY, sun.y.acos()) / to_zenith;
-        let mut clear = Self {
-            sun,
-            perez,
-            zenith,
-            sun_centre: Vec3::ZERO,
-            ground_irradiance: Vec3::ZERO,
-        };
+        let mut clear = Self { sun, perez, zenith, sun_centre: Vec3::ZERO, ground_irradiance: Vec3::ZERO };
         clear.zenith.x *= SKY_IRRADIANCE / luminance(clear.level_irradiance());
         let sun_irradiance = SUN_COLOUR * (SUN_TO_SKY * SKY_IRRADIANCE);
         clear.sun_centre = sun_irradiance / disc_solid_angle();

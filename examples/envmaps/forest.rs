@@ -33,16 +33,11 @@ pub struct Forest {
 
 impl Forest {
     pub fn new() -> Self {
-        Self {
-            trees: trees::grow(),
-        }
+        Self { trees: trees::grow() }
     }
 
     pub fn radiance(&self, direction: Vec3) -> Vec3 {
-        let wood = nearer(
-            trees::meet(&self.trees, direction),
-            floor::meet(&self.trees, direction),
-        );
+        let wood = nearer(trees::meet(&self.trees, direction), floor::meet(&self.trees, direction));
         let reach = wood.as_ref().map_or(f32::INFINITY, |hit| hit.distance);
         match nearer(leaves::meet(direction, reach), wood) {
             Some(hit) => through_haze(&hit, direction),

@@ -68,9 +68,5 @@ pub fn fbm(p: Vec3, octaves: u32, seed: u32) -> f32 {
 
 /// A fixed rotation about a skew axis.
 fn turned(p: Vec3) -> Vec3 {
-    Vec3::new(
-        0.8 * p.y + 0.6 * p.z,
-        -0.8 * p.x + 0.36 * p.y - 0.48 * p.z,
-        -0.6 * p.x - 0.48 * p.y + 0.64 * p.z,
-    )
+    Vec3::new(0.8 * p.y + 0.6 * p.z, -0.8 * p.x + 0.36 * p.y - 0.48 * p.z, -0.6 * p.x - 0.48 * p.y + 0.64 * p.z)
 }

@@ -64,14 +64,7 @@ impl SoftBox {
         let centre = Vec3::from(centre);
         let facing = -centre.normalize();
         let right = facing.cross(Vec3::Y).normalize();
-        Self {
-            centre,
-            facing,
-            right,
-            up: right.cross(facing),
-            half_size,
-            radiance: radiance.into(),
-        }
+        Self { centre, facing, right, up: right.cross(facing), half_size, radiance: radiance.into() }
     }
 
     /// The face, the frame or the stand, if `direction` meets one.

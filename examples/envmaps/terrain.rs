@@ -22,20 +22,8 @@ struct Hills {
 }
 
 const RANGES: [Hills; 2] = [
-    Hills {
-        base: 0.004,
-        rise: 0.050,
-        detail: 5.0,
-        seed: 11,
-        haze: 0.42,
-    },
-    Hills {
-        base: 0.040,
-        rise: 0.085,
-        detail: 2.6,
-        seed: 12,
-        haze: 0.72,
-    },
+    Hills { base: 0.004, rise: 0.050, detail: 5.0, seed: 11, haze: 0.42 },
+    Hills { base: 0.040, rise: 0.085, detail: 2.6, seed: 12, haze: 0.72 },
 ];
 
 /// Height of the viewer's eye above the meadow, in metres.
@@ -47,14 +35,9 @@ pub fn land(direction: Vec3) -> Option<Land> {
         return Some(meadow(direction));
     }
     let around = Vec3::new(direction.x, 0.0, direction.z).normalize_or_zero();
-    let range = RANGES
-        .iter()
-        .find(|range| direction.y < crest(range, around))?;
+    let range = RANGES.iter().find(|range| direction.y < crest(range, around))?;
     let mottle = fbm(direction * Vec3::new(30.0, 90.0, 30.0), 3, range.seed + 5);
-    Some(Land {
-        albedo: Vec3::new(0.10, 0.13, 0.07) * (1.0 + 0.4 * mottle),
-        haze: range.haze,
-    })
+    Some(Land { albedo: Vec3::new(0.10, 0.13, 0.07) * (1.0 + 0.4 * mottle), haze: range.haze })
 }
 
 /// The sine of the elevation of a range's crest.

@@ -63,7 +63,11 @@ fn check_output(path: &Path) -> Result<(), String> {
     if folder.is_dir() {
         Ok(())
     } else {
-        Err(format!("cannot write '{}': the folder '{}' does not exist; create it first", path.display(), folder.display()))
+        Err(format!(
+            "cannot write '{}': the folder '{}' does not exist; create it first",
+            path.display(),
+            folder.display()
+        ))
     }
 }
 

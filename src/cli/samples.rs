@@ -55,7 +55,8 @@ pub fn run(args: &SamplesArgs) -> Result<(), String> {
     let options = Options { samples: render.samples, strategy: render.strategy, seed: render.seed };
     let set = sample(&surface, &options).map_err(|e| e.to_string())?;
     let samples = differentials(&set);
-    write_atomically(&args.output, |out| write_ply(&samples, out).map_err(|e| e.to_string())).map_err(|e| e.to_string())?;
+    write_atomically(&args.output, |out| write_ply(&samples, out).map_err(|e| e.to_string()))
+        .map_err(|e| e.to_string())?;
     let figures = Figures {
         requested: options.samples,
         strategy: options.strategy,

@@ -20,7 +20,8 @@ pub(super) fn fit(
         return None;
     }
     // Members across a crease lend their area but do not enter the fit.
-    let own: Vec<&SurfacePoint> = members.iter().map(|&m| &candidates[m as usize]).filter(|m| belongs(m, point)).collect();
+    let own: Vec<&SurfacePoint> =
+        members.iter().map(|&m| &candidates[m as usize]).filter(|m| belongs(m, point)).collect();
     let own = if own.is_empty() { vec![point] } else { own };
     let moments = Moments::of(&own);
     let gradient = if own.len() >= MIN_REGRESSION {

@@ -57,7 +57,11 @@ impl DifferentialSample {
 pub fn differentials(set: &PointSet) -> Vec<DifferentialSample> {
     let cells = cells::assign(&set.points, &set.candidates);
     let tree = PointTree::new(&set.candidates);
-    set.points.par_iter().zip(cells).filter_map(|(point, members)| fit::fit(point, &members, &set.candidates, &tree)).collect()
+    set.points
+        .par_iter()
+        .zip(cells)
+        .filter_map(|(point, members)| fit::fit(point, &members, &set.candidates, &tree))
+        .collect()
 }
 
 /// A right-handed tangent frame of a unit normal.
@@ -196,7 +200,11 @@ mod tests {
             assert!((area / surface.area() - 1.0).abs() < 1e-4, "{strategy:?}");
             for s in &samples {
                 let sides = s.cell.sides[0].length() * s.cell.sides[1].length();
-                assert!(sides > 0.5 * s.cell.area && sides < 4.0 * s.cell.area, "{strategy:?}: {sides} {}", s.cell.area);
+                assert!(
+                    sides > 0.5 * s.cell.area && sides < 4.0 * s.cell.area,
+                    "{strategy:?}: {sides} {}",
+                    s.cell.area
+                );
                 // The centroid lies on the cylinder.
                 let radius = Vec3::new(s.cell.centroid.x, 0.0, s.cell.centroid.z).length();
                 assert!((radius - 1.0).abs() < 0.01, "{strategy:?}: {radius}");

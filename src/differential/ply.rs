@@ -5,8 +5,22 @@ use std::io::{self, Write};
 use super::DifferentialSample;
 
 const PROPERTIES: [&str; 16] = [
-    "x", "y", "z", "nx", "ny", "nz", "area", "curvature_max", "curvature_min", "max_x", "max_y", "max_z", "min_x", "min_y",
-    "min_z", "object",
+    "x",
+    "y",
+    "z",
+    "nx",
+    "ny",
+    "nz",
+    "area",
+    "curvature_max",
+    "curvature_min",
+    "max_x",
+    "max_y",
+    "max_z",
+    "min_x",
+    "min_y",
+    "min_z",
+    "object",
 ];
 
 /// Writes samples as little-endian binary PLY; all properties are 32-bit floats, in metres, m² and 1/m. `object` is the

@@ -157,8 +157,7 @@ fn texel_mean(face: usize, x: u32, y: u32, size: u32, grid: u32, radiance: &impl
 /// The next level: means over 2×2 texels, weighted by solid angle.
 fn halved(level: &[Vec3], n: u32) -> Vec<Vec3> {
     let half = n / 2;
-    let weights: Vec<f32> =
-        (0..n).flat_map(|y| (0..n).map(move |x| texel_solid_angle_sr(n, x, y) as f32)).collect();
+    let weights: Vec<f32> = (0..n).flat_map(|y| (0..n).map(move |x| texel_solid_angle_sr(n, x, y) as f32)).collect();
     let texel = |k: u32| {
         let (face, y, x) = (k / (half * half), k / half % half, k % half);
         let (mut sum, mut total) = (Vec3::ZERO, 0.0);

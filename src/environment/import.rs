@@ -42,19 +42,14 @@ impl RgbImage {
             return Err(EnvironmentError::NotFinite { path: path.into(), x: i % image.width, y: i / image.width });
         }
         let negative = image.set_negative_to_zero();
-        let note = (negative > 0).then(|| format!("{}: {negative} pixels had negative radiance, which is none; set to 0", path.display()));
+        let note = (negative > 0)
+            .then(|| format!("{}: {negative} pixels had negative radiance, which is none; set to 0", path.display()));
         Ok((image, note))
     }
 
     /// A pixel.
     pub fn pixel(&self, x: usize, y: usize) -> Vec3 {
         Vec3::from(self.pixels[y * self.width + x])
-    }
-
-    /// The part of the image that starts at (`x`, `y`).
-    pub fn crop(&self, x: usize, y: usize, width: usize, height: usize) -> Self {
-        let pixels = (y..y + height).flat_map(|row| &self.pixels[row * self.width + x..][..width]).copied().collect();
-        Self { width, height, pixels }
     }
 
     fn set_negative_to_zero(&mut self) -> usize {

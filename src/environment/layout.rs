@@ -36,7 +36,9 @@ impl Layout {
             MapLayout::Auto if 4 * w == 3 * h => MapLayout::VerticalCross,
             MapLayout::Auto if 3 * w == 4 * h => MapLayout::HorizontalCross,
             MapLayout::Auto => {
-                return Err(fail("set layout to latlong, angular, vertical-cross or horizontal-cross, or give an image of aspect 2:1, 1:1, 3:4 or 4:3"));
+                return Err(fail(
+                    "set layout to latlong, angular, vertical-cross or horizontal-cross, or give an image of aspect 2:1, 1:1, 3:4 or 4:3",
+                ));
             }
             chosen => chosen,
         };
@@ -230,12 +232,16 @@ mod tests {
         let third = |k: f32| (k + 0.5) / 3.0;
         let quarter = |k: f32| (k + 0.5) / 4.0;
         let mut image = blank(48, 64);
-        for (at, axis) in [([2.0, 1.0], 0), ([0.0, 1.0], 1), ([1.0, 0.0], 2), ([1.0, 2.0], 3), ([1.0, 3.0], 4), ([1.0, 1.0], 5)] {
+        for (at, axis) in
+            [([2.0, 1.0], 0), ([0.0, 1.0], 1), ([1.0, 0.0], 2), ([1.0, 2.0], 3), ([1.0, 3.0], 4), ([1.0, 1.0], 5)]
+        {
             paint(&mut image, [third(at[0]), quarter(at[1])], SIX[axis].1);
         }
         check(&Layout::new(Path::new("t"), image, MapLayout::Auto).unwrap(), "vertical cross");
         let mut image = blank(64, 48);
-        for (at, axis) in [([2.0, 1.0], 0), ([0.0, 1.0], 1), ([1.0, 0.0], 2), ([1.0, 2.0], 3), ([3.0, 1.0], 4), ([1.0, 1.0], 5)] {
+        for (at, axis) in
+            [([2.0, 1.0], 0), ([0.0, 1.0], 1), ([1.0, 0.0], 2), ([1.0, 2.0], 3), ([3.0, 1.0], 4), ([1.0, 1.0], 5)]
+        {
             paint(&mut image, [quarter(at[0]), third(at[1])], SIX[axis].1);
         }
         check(&Layout::new(Path::new("t"), image, MapLayout::Auto).unwrap(), "horizontal cross");
@@ -246,14 +252,24 @@ mod tests {
         // Paint the radiance r = (d + 1)/2 into each cross by its definition at the tile centres' neighbourhood, and
         // look between the tiles: neighbouring directions on either side of a fold must have neighbouring colours.
         for vertical in [true, false] {
-            for (a, b) in [(Vec3::Z, Vec3::X), (Vec3::Z, -Vec3::Y), (Vec3::Y, -Vec3::Z), (-Vec3::Z, Vec3::X), (-Vec3::Y, -Vec3::Z)] {
+            for (a, b) in [
+                (Vec3::Z, Vec3::X),
+                (Vec3::Z, -Vec3::Y),
+                (Vec3::Y, -Vec3::Z),
+                (-Vec3::Z, Vec3::X),
+                (-Vec3::Y, -Vec3::Z),
+            ] {
                 let third = a.cross(b) * 0.4;
                 let (tile_a, st_a) = place_in_cross(a * 1.001 + b + third, vertical);
                 let (tile_b, st_b) = place_in_cross(a + b * 1.001 + third, vertical);
-                let at = |tile: [usize; 2], st: Vec2| Vec2::new(tile[0] as f32, tile[1] as f32) + 0.5 * (st + Vec2::ONE);
+                let at =
+                    |tile: [usize; 2], st: Vec2| Vec2::new(tile[0] as f32, tile[1] as f32) + 0.5 * (st + Vec2::ONE);
                 let apart = (at(tile_a, st_a) - at(tile_b, st_b)).length();
                 let neighbours = tile_a[0].abs_diff(tile_b[0]) + tile_a[1].abs_diff(tile_b[1]) == 1;
-                assert!(!neighbours || apart < 0.01, "{a} {b} vertical {vertical}: {tile_a:?} {st_a} {tile_b:?} {st_b}");
+                assert!(
+                    !neighbours || apart < 0.01,
+                    "{a} {b} vertical {vertical}: {tile_a:?} {st_a} {tile_b:?} {st_b}"
+                );
             }
         }
     }

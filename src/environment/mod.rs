@@ -162,13 +162,18 @@ pub enum EnvironmentError {
         remedy: String,
     },
     /// No built-in map of that name.
-    #[error("there is no built-in environment map '{name}'; known are: {} (a file needs its extension, .exr or .hdr)", builtin::names())]
+    #[error(
+        "there is no built-in environment map '{name}'; known are: {} (a file needs its extension, .exr or .hdr)",
+        builtin::names()
+    )]
     UnknownBuiltIn {
         /// The name asked for.
         name: String,
     },
     /// The light is finer than any cube map.
-    #[error("this light needs a cube map of {size}² texels a face, but {limit}² is the largest; use a wider spot or a smaller map, or set --cube-size (which blurs the light)")]
+    #[error(
+        "this light needs a cube map of {size}² texels a face, but {limit}² is the largest; use a wider spot or a smaller map, or set --cube-size (which blurs the light)"
+    )]
     TooFine {
         /// Texels needed.
         size: u32,

@@ -82,9 +82,8 @@ impl Gpu {
     /// Opens the best adapter, or the best one with `name` in its name (any case).
     pub fn open(name: Option<&str>) -> Result<Self, GpuError> {
         let found = enumerate();
-        let matches = |a: &wgpu::Adapter| {
-            name.is_none_or(|name| a.get_info().name.to_lowercase().contains(&name.to_lowercase()))
-        };
+        let matches =
+            |a: &wgpu::Adapter| name.is_none_or(|name| a.get_info().name.to_lowercase().contains(&name.to_lowercase()));
         let Some(adapter) = found.iter().find(|a| matches(a)) else {
             return Err(match name {
                 Some(name) if !found.is_empty() => GpuError::UnknownAdapter {

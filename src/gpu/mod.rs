@@ -11,7 +11,9 @@ pub use shaders::{SHADERS, resolve};
 #[non_exhaustive]
 pub enum GpuError {
     /// No adapter of any kind.
-    #[error("no GPU adapter was found; use --backend cpu, or install a Vulkan driver (on Debian: apt-get install libvulkan1 mesa-vulkan-drivers)")]
+    #[error(
+        "no GPU adapter was found; use --backend cpu, or install a Vulkan driver (on Debian: apt-get install libvulkan1 mesa-vulkan-drivers)"
+    )]
     NoAdapter,
     /// None with that name.
     #[error("no GPU adapter has '{name}' in its name; found: {found}")]
@@ -30,7 +32,9 @@ pub enum GpuError {
         reason: String,
     },
     /// The device was lost while it worked.
-    #[error("adapter '{adapter}' was lost while rendering ({reason}); run again, with fewer samples or with --backend cpu")]
+    #[error(
+        "adapter '{adapter}' was lost while rendering ({reason}); run again, with fewer samples or with --backend cpu"
+    )]
     Lost {
         /// Adapter.
         adapter: String,
@@ -58,7 +62,9 @@ pub enum GpuError {
         remedy: &'static str,
     },
     /// The sample buffer is too large.
-    #[error("{samples} samples do not fit this adapter's storage buffers ({limit} fit); give fewer --samples or use --backend cpu")]
+    #[error(
+        "{samples} samples do not fit this adapter's storage buffers ({limit} fit); give fewer --samples or use --backend cpu"
+    )]
     TooManySamples {
         /// Samples given.
         samples: usize,

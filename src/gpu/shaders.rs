@@ -3,8 +3,10 @@
 use std::borrow::Cow;
 
 /// Entry shaders by name.
-pub const SHADERS: &[(&str, &str)] =
-    &[("gather", include_str!("../../shaders/gather.wgsl")), ("filter_probe", include_str!("../../shaders/filter_probe.wgsl"))];
+pub const SHADERS: &[(&str, &str)] = &[
+    ("gather", include_str!("../../shaders/gather.wgsl")),
+    ("filter_probe", include_str!("../../shaders/filter_probe.wgsl")),
+];
 
 const SHARED: &[(&str, &str)] = &[
     ("cube", include_str!("../../shaders/shared/cube.wgsl")),

@@ -3,9 +3,7 @@
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 
-use exr::prelude::{
-    AnyChannel, AnyChannels, Encoding, FlatSamples, Layer, LayerAttributes, Text, WritableImage,
-};
+use exr::prelude::{AnyChannel, AnyChannels, Encoding, FlatSamples, Layer, LayerAttributes, Text, WritableImage};
 use glam::Vec3;
 
 use super::{Image, srgb8};
@@ -79,8 +77,8 @@ pub fn write_exr(path: &Path, layers: &[(&str, &Image)]) -> Result<(), ImageErro
             channels.push(AnyChannel::new(Text::from(format!("{prefix}{letter}").as_str()), FlatSamples::F32(values)));
         }
     }
-    let mut attributes = LayerAttributes::default();
-    attributes.software_name = Some(concat!("pinspot ", env!("CARGO_PKG_VERSION")).into());
+    let software_name = Some(concat!("pinspot ", env!("CARGO_PKG_VERSION")).into());
+    let attributes = LayerAttributes { software_name, ..Default::default() };
     let layer = Layer::new((width, height), attributes, Encoding::SMALL_LOSSLESS, AnyChannels::sort(channels.into()));
     write_atomically(path, |out| {
         let mut bytes = std::io::Cursor::new(Vec::new());
@@ -106,7 +104,9 @@ pub fn read_exr(path: &Path, layer: &str) -> Result<Image, ImageError> {
     let channel = |letter: &str| -> Result<Vec<f32>, ImageError> {
         let name = format!("{prefix}{letter}");
         let found = data.channel_data.list.iter().find(|c| c.name.eq(name.as_str()));
-        found.map(|c| c.sample_data.values_as_f32().collect()).ok_or_else(|| fail(format!("it has no channel '{name}'")))
+        found
+            .map(|c| c.sample_data.values_as_f32().collect())
+            .ok_or_else(|| fail(format!("it has no channel '{name}'")))
     };
     let (r, g, b) = (channel("R")?, channel("G")?, channel("B")?);
     let pixels = r.into_iter().zip(g).zip(b).map(|((r, g), b)| Vec3::new(r, g, b)).collect();

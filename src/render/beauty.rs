@@ -165,9 +165,10 @@ fn trace_pixel(renderer: &Renderer, gbuffer: &GBuffer, corners: &[Option<Hit>], 
     }
     let centre = gbuffer.index(x, row, 0, 0);
     let columns = renderer.options.size[0] + 1;
-    let around = [(0, 0), (1, 0), (0, 1), (1, 1)].map(|(i, j)| &corners[((row + j) * columns + x + i) as usize]);
+    let around =
+        [(0, 0), (1, 0), (0, 1), (1, 1)].map(|(i, j)| corners[((row + j) * columns + x + i) as usize].as_ref());
     let pixel = Vec2::new(x as f32, (gbuffer.first_row + row) as f32);
-    if is_smooth(renderer, &gbuffer.hits[centre], around) {
+    if is_smooth(renderer, gbuffer.hits[centre].as_ref(), around) {
         trace_point(renderer, gbuffer, centre, pixel + 0.5, &mut paths);
     } else {
         for sub in 0..EDGE_POINTS * EDGE_POINTS {
@@ -179,13 +180,15 @@ fn trace_pixel(renderer: &Renderer, gbuffer: &GBuffer, corners: &[Option<Hit>], 
 }
 
 /// Whether one point is enough for a pixel.
-fn is_smooth(renderer: &Renderer, centre: &Option<Hit>, around: [&Option<Hit>; 4]) -> bool {
+fn is_smooth(renderer: &Renderer, centre: Option<&Hit>, around: [Option<&Hit>; 4]) -> bool {
     let Some(centre) = centre else {
-        return around.iter().all(|c| c.is_none());
+        return around.iter().all(Option::is_none);
     };
     let mirrors = mirrors(&renderer.scene.objects[centre.object as usize], centre.front);
     (!mirrors || renderer.options.look.plain_diffuse)
-        && around.iter().all(|corner| corner.is_some_and(|c| c.object == centre.object && c.normal.dot(centre.normal) > 0.98))
+        && around
+            .iter()
+            .all(|corner| corner.is_some_and(|c| c.object == centre.object && c.normal.dot(centre.normal) > 0.98))
 }
 
 fn mirrors(object: &Object, front: bool) -> bool {

@@ -87,7 +87,12 @@ impl Rendered {
 
 impl Renderer {
     /// Loads the light, samples the reflectors and opens the back end.
-    pub fn new(scene: Scene, options: Options, backend: &BackendChoice, progress: &dyn Progress) -> Result<Self, Error> {
+    pub fn new(
+        scene: Scene,
+        options: Options,
+        backend: &BackendChoice,
+        progress: &dyn Progress,
+    ) -> Result<Self, Error> {
         options.check()?;
         let mut seconds = Seconds::default();
         progress.begin("preparing the light", 1);
@@ -122,9 +127,13 @@ impl Renderer {
         let rows_per_band = self.rows_per_band();
         for first_row in (0..height).step_by(rows_per_band as usize) {
             let rows = rows_per_band.min(height - first_row);
-            let gbuffer = timed(&mut seconds.tracing, || GBuffer::trace(&self.tracer, &self.scene, &self.options, first_row, rows));
+            let gbuffer = timed(&mut seconds.tracing, || {
+                GBuffer::trace(&self.tracer, &self.scene, &self.options, first_row, rows)
+            });
             let caustic = if self.options.needs_gather() {
-                timed(&mut seconds.gather, || self.backend.gather(&gbuffer.receivers, &self.pinholes, &self.options.params, progress))?
+                timed(&mut seconds.gather, || {
+                    self.backend.gather(&gbuffer.receivers, &self.pinholes, &self.options.params, progress)
+                })?
             } else {
                 vec![[0.0; 4]; gbuffer.receivers.positions.len()]
             };

@@ -222,7 +222,10 @@ impl Options {
             return fail("pixel-samples", format!("is {}, but must be from 1 to 16", self.pixel_samples));
         }
         if self.aovs.is_empty() {
-            return fail("aov", "names nothing; give one or more of beauty, caustic, direct, albedo, normal, position, depth".into());
+            return fail(
+                "aov",
+                "names nothing; give one or more of beauty, caustic, direct, albedo, normal, position, depth".into(),
+            );
         }
         let Look { exposure_ev, background_exposure_ev, caustic_gain, .. } = self.look;
         if !(exposure_ev.abs() <= 64.0 && background_exposure_ev.abs() <= 64.0) {

@@ -24,7 +24,9 @@ pub(super) fn draw_samples(renderer: &Renderer, shown: &mut Image) {
 fn is_visible(renderer: &Renderer, pixel: Vec2, size: Vec2, point: Vec3) -> bool {
     let Ray { origin, direction } = renderer.scene.camera.ray(pixel, size);
     match renderer.tracer.camera_hit(Ray { origin, direction }) {
-        Some(hit) => (hit.position - origin).dot(direction) > (point - origin).dot(direction) - 0.02 * (point - origin).length(),
+        Some(hit) => {
+            (hit.position - origin).dot(direction) > (point - origin).dot(direction) - 0.02 * (point - origin).length()
+        }
         None => true,
     }
 }

@@ -3,10 +3,10 @@
 use std::fmt;
 
 use glam::Vec3;
+use obvhs::BvhBuildParams;
 use obvhs::cwbvh::{CwBvh, builder::build_cwbvh};
 use obvhs::ray::RayHit;
 use obvhs::triangle::Triangle;
-use obvhs::BvhBuildParams;
 
 use crate::scene::{Ray, Scene};
 
@@ -109,7 +109,12 @@ impl Tracer {
         let face = (b - a).cross(c - a);
         let towards_normal = if face.dot(normal) >= 0.0 { face } else { -face };
         let front = towards_normal.dot(ray.direction) <= 0.0;
-        Hit { object: triangle.object, position: mix(triangle.corners), normal: if front { normal } else { -normal }, front }
+        Hit {
+            object: triangle.object,
+            position: mix(triangle.corners),
+            normal: if front { normal } else { -normal },
+            front,
+        }
     }
 }
 

@@ -5,8 +5,8 @@
 //! candidates follows from the number of samples, not from the mesh (WS-15).
 
 use glam::Vec3;
-use rand::{RngExt, seq::SliceRandom};
 use rand::rngs::ChaCha8Rng;
+use rand::{RngExt, seq::SliceRandom};
 use rayon::prelude::*;
 
 use super::morton;
@@ -97,13 +97,19 @@ mod tests {
 
     #[test]
     fn candidates_cover_coarse_and_fine_meshes_with_their_area() {
-        for (shape, stride) in [(Shape::Plane(Plane { size: [2.0, 1.0] }), 1e-3), (Shape::Sphere(Sphere { radius: 1.0 }), 5e-3)] {
+        for (shape, stride) in
+            [(Shape::Plane(Plane { size: [2.0, 1.0] }), 1e-3), (Shape::Sphere(Sphere { radius: 1.0 }), 5e-3)]
+        {
             let surface = surface(shape);
             let candidates = stratified(&surface, stride, &mut ChaCha8Rng::seed_from_u64(1));
             let area: f64 = candidates.iter().map(|c| f64::from(c.area)).sum();
             assert!((area / surface.area() - 1.0).abs() < 1e-4);
             let expected = surface.area() / f64::from(stride);
-            assert!(candidates.len() as f64 >= expected && candidates.len() as f64 <= 4.0 * expected, "{}", candidates.len());
+            assert!(
+                candidates.len() as f64 >= expected && candidates.len() as f64 <= 4.0 * expected,
+                "{}",
+                candidates.len()
+            );
         }
     }
 

@@ -94,7 +94,9 @@ pub fn sample(surface: &Surface, options: &Options) -> Result<PointSet, Sampling
     };
     patches::group_small(surface, area_per_sample, &mut points);
     let area = (surface.area() / points.len() as f64) as f32;
-    points.iter_mut().for_each(|p| p.area = area);
+    for point in &mut points {
+        point.area = area;
+    }
     Ok(PointSet { points, candidates })
 }
 

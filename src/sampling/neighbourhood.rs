@@ -23,7 +23,11 @@ pub(super) fn neighbourhood(candidates: &[SurfacePoint], area_per_sample: f32, s
         if f64::from(miss) <= TOLERANCE * f64::from(samples) {
             break;
         }
-        if count > samples { too_small = radius } else { too_large = radius }
+        if count > samples {
+            too_small = radius;
+        } else {
+            too_large = radius;
+        }
         radius = next_radius(radius, count as f32 / samples as f32, too_small, too_large);
     }
     let (_, kept) = best.expect("at least one try");
@@ -33,7 +37,11 @@ pub(super) fn neighbourhood(candidates: &[SurfacePoint], area_per_sample: f32, s
 /// The count goes with 1/radius²; where that overshoots what is known, bisect.
 fn next_radius(radius: f32, excess: f32, too_small: f32, too_large: f32) -> f32 {
     let predicted = radius * excess.sqrt();
-    if predicted > too_small && predicted < too_large { predicted } else { 0.5 * (too_small + too_large.min(4.0 * radius)) }
+    if predicted > too_small && predicted < too_large {
+        predicted
+    } else {
+        0.5 * (too_small + too_large.min(4.0 * radius))
+    }
 }
 
 /// Indices of the points kept.

@@ -34,7 +34,6 @@ pub const BUILT_IN: &[BuiltIn] = built_in! {
 #[cfg(test)]
 mod tests {
     use super::*;
-    
 
     #[test]
     fn every_built_in_scene_loads() {

@@ -47,7 +47,7 @@ pub fn parse<R: DeserializeOwned + Default>(file: &str, text: &str, base: &Path)
     let mut notes = Vec::new();
     let mut objects = Vec::with_capacity(tables.object.len());
     for (index, table) in tables.object.into_iter().enumerate() {
-        objects.push(builder.object(index, table, &mut notes)?);
+        objects.push(builder.object(index, &table, &mut notes)?);
     }
     let name = Path::new(file).file_stem().unwrap_or_default().to_string_lossy().into_owned();
     let environment = builder.environment(tables.environment)?;
@@ -246,7 +246,9 @@ impl Builder<'_> {
             (None, Some(faces), None, None) if matches!(layout, MapLayout::Auto | MapLayout::Faces) => {
                 Ok(Light::Map { files: faces.map(|f| self.base.join(f)).into(), layout: MapLayout::Faces })
             }
-            (None, Some(_), None, None) => Err(self.error("environment.layout", "must be \"faces\" where six faces are given")),
+            (None, Some(_), None, None) => {
+                Err(self.error("environment.layout", "must be \"faces\" where six faces are given"))
+            }
             (None, None, Some(spot), None) => self.spot(&spot),
             (None, None, None, Some(constant)) => {
                 Ok(Light::Constant(self.colour("environment.constant", constant, f32::INFINITY)?))
@@ -260,7 +262,8 @@ impl Builder<'_> {
         let direction =
             direction.try_normalize().ok_or_else(|| self.error("environment.spot.direction", "must not be zero"))?;
         if !(spot.sigma_rad > 1e-4 && spot.sigma_rad <= 1.0) {
-            return Err(self.error("environment.spot.sigma_rad", format!("is {}, but must be from 0.0001 to 1", spot.sigma_rad)));
+            return Err(self
+                .error("environment.spot.sigma_rad", format!("is {}, but must be from 0.0001 to 1", spot.sigma_rad)));
         }
         let radiance = self.colour("environment.spot.radiance", spot.radiance, f32::INFINITY)?;
         Ok(Light::Spot { direction, sigma_rad: spot.sigma_rad, radiance })
@@ -273,21 +276,32 @@ impl Builder<'_> {
         let projection = match (&table.orthographic, &table.perspective) {
             (Some(o), None) if o.height > 0.0 && o.height.is_finite() => Projection::Orthographic { height: o.height },
             (Some(o), None) => {
-                return Err(self.error("camera.orthographic.height", format!("is {}, but must be a positive length", o.height)));
+                return Err(
+                    self.error("camera.orthographic.height", format!("is {}, but must be a positive length", o.height))
+                );
             }
             (None, Some(p)) if p.fov_y_deg > 0.0 && p.fov_y_deg < 180.0 => {
                 Projection::Perspective { fov_y_rad: p.fov_y_deg.to_radians() }
             }
             (None, Some(p)) => {
-                return Err(self.error("camera.perspective.fov_y_deg", format!("is {}, but must be between 0 and 180", p.fov_y_deg)));
+                return Err(self.error(
+                    "camera.perspective.fov_y_deg",
+                    format!("is {}, but must be between 0 and 180", p.fov_y_deg),
+                ));
             }
-            _ => return Err(self.error("camera", "give exactly one of orthographic = { height = … } and perspective = { fov_y_deg = … }")),
+            _ => {
+                return Err(self.error(
+                    "camera",
+                    "give exactly one of orthographic = { height = … } and perspective = { fov_y_deg = … }",
+                ));
+            }
         };
-        Camera::look_at(position, target, up, projection)
-            .ok_or_else(|| self.error("camera", "position and target must differ, and up must not be along the view axis"))
+        Camera::look_at(position, target, up, projection).ok_or_else(|| {
+            self.error("camera", "position and target must differ, and up must not be along the view axis")
+        })
     }
 
-    fn object(&self, index: usize, table: ObjectTable, notes: &mut Vec<String>) -> Result<Object, SceneError> {
+    fn object(&self, index: usize, table: &ObjectTable, notes: &mut Vec<String>) -> Result<Object, SceneError> {
         let name = table.name.clone().unwrap_or_else(|| format!("object {}", index + 1));
         let key = |k: &str| format!("object '{name}'.{k}");
         if !(table.scale.is_finite() && table.scale != 0.0) {
@@ -303,13 +317,16 @@ impl Builder<'_> {
         };
         let reflector = match &table.reflector {
             None => None,
-            Some(r) => Some(Reflector { sides: r.sides, reflectance: self.colour(&key("reflector.reflectance"), r.reflectance, 1.0)? }),
+            Some(r) => Some(Reflector {
+                sides: r.sides,
+                reflectance: self.colour(&key("reflector.reflectance"), r.reflectance, 1.0)?,
+            }),
         };
         let receiver = match &table.receiver {
             None => None,
             Some(r) => Some(Receiver { albedo: self.colour(&key("receiver.albedo"), r.albedo, 1.0)? }),
         };
-        let mesh = self.mesh(&name, &table, notes)?.transformed(&place);
+        let mesh = self.mesh(&name, table, notes)?.transformed(&place);
         Ok(Object { name, mesh, reflector, receiver, camera_visible: table.camera_visible })
     }
 
@@ -319,12 +336,18 @@ impl Builder<'_> {
                 let path = self.base.join(file);
                 let (mesh, report) = load_obj(&path, table.crease_angle_deg.to_radians())?;
                 if report.dropped_triangles > 0 {
-                    notes.push(format!("{}: dropped {} degenerate triangles", path.display(), report.dropped_triangles));
+                    notes.push(format!(
+                        "{}: dropped {} degenerate triangles",
+                        path.display(),
+                        report.dropped_triangles
+                    ));
                 }
                 Ok(mesh)
             }
             (None, Some(shape)) => shape.mesh().map_err(|m| self.error(format!("object '{name}'.shape"), m)),
-            _ => Err(self.error(format!("object '{name}'"), "give exactly one of mesh = \"FILE.obj\" and shape = { … }")),
+            _ => {
+                Err(self.error(format!("object '{name}'"), "give exactly one of mesh = \"FILE.obj\" and shape = { … }"))
+            }
         }
     }
 }

@@ -41,7 +41,9 @@ pub enum MeshError {
         extension: String,
     },
     /// No triangle with an area is left.
-    #[error("mesh '{origin}' is empty: it has no triangle with an area ({dropped} degenerate ones were dropped); export it with faces")]
+    #[error(
+        "mesh '{origin}' is empty: it has no triangle with an area ({dropped} degenerate ones were dropped); export it with faces"
+    )]
     Empty {
         /// File or shape.
         origin: String,
@@ -49,7 +51,9 @@ pub enum MeshError {
         dropped: usize,
     },
     /// A NaN or an infinity.
-    #[error("mesh '{origin}': vertex {vertex} has a {what} that is not a finite number; repair the mesh and export it again")]
+    #[error(
+        "mesh '{origin}': vertex {vertex} has a {what} that is not a finite number; repair the mesh and export it again"
+    )]
     NotFinite {
         /// File or shape.
         origin: String,
@@ -59,7 +63,9 @@ pub enum MeshError {
         what: &'static str,
     },
     /// An index past the vertices.
-    #[error("mesh '{origin}': triangle {triangle} names a vertex that does not exist (the file may be truncated); export it again")]
+    #[error(
+        "mesh '{origin}': triangle {triangle} names a vertex that does not exist (the file may be truncated); export it again"
+    )]
     IndexOutOfRange {
         /// File or shape.
         origin: String,

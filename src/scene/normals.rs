@@ -79,10 +79,13 @@ fn weld(positions: &[Vec3]) -> Vec<u32> {
     positions.iter().enumerate().map(|(i, p)| *first.entry(key(p)).or_insert(i as u32)).collect()
 }
 
+/// A triangle at an edge, and its corners at the edge's ends.
+type EdgeUse = (u32, u32, u32);
+
 /// Joins the corners on both sides of every edge that is flatter than the crease angle.
 fn join_corners(welded: &[u32], triangles: &[[u32; 3]], face_normals: &[Vec3], cos_crease: f32) -> DisjointSets {
     let mut corners = DisjointSets::new(3 * triangles.len());
-    let mut edges: HashMap<(u32, u32), Vec<(u32, u32, u32)>> = HashMap::new();
+    let mut edges: HashMap<(u32, u32), Vec<EdgeUse>> = HashMap::new();
     for (t, triangle) in triangles.iter().enumerate() {
         for k in 0..3 {
             let (corner_a, corner_b) = (3 * t + k, 3 * t + (k + 1) % 3);
@@ -108,7 +111,8 @@ mod tests {
     /// Two unit squares that share an edge, folded by `fold_rad`; the second has its own copies of the shared vertices.
     fn folded(fold_rad: f32) -> (Vec<Vec3>, Vec<[u32; 3]>) {
         let far = Vec3::new(fold_rad.cos(), fold_rad.sin(), 0.0);
-        let positions = vec![-Vec3::X, Vec3::ZERO, -Vec3::Z, -Vec3::X - Vec3::Z, Vec3::ZERO, far, far - Vec3::Z, -Vec3::Z];
+        let positions =
+            vec![-Vec3::X, Vec3::ZERO, -Vec3::Z, -Vec3::X - Vec3::Z, Vec3::ZERO, far, far - Vec3::Z, -Vec3::Z];
         (positions, vec![[0, 1, 2], [0, 2, 3], [4, 5, 6], [4, 6, 7]])
     }
 

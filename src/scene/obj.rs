@@ -33,7 +33,7 @@ pub fn load_obj(path: &Path, crease_angle_rad: f32) -> Result<(Mesh, ObjReport),
 
     let mut soup = Soup::default();
     for model in models {
-        soup.append(model.mesh).map_err(damaged)?;
+        soup.append(&model.mesh).map_err(damaged)?;
     }
     soup.into_mesh(&origin, crease_angle_rad)
 }
@@ -46,7 +46,7 @@ struct Soup {
 }
 
 impl Soup {
-    fn append(&mut self, mesh: tobj::Mesh) -> Result<(), String> {
+    fn append(&mut self, mesh: &tobj::Mesh) -> Result<(), String> {
         let base = self.positions.len();
         let (indices, rest) = mesh.indices.as_chunks::<3>();
         if !rest.is_empty() {

@@ -60,7 +60,9 @@ struct Case {
 }
 
 fn two_sided_ring() -> Case {
-    let ring = scene("[[object]]\nshape = { ring = { radius = 0.5, height = 0.3 } }\nreflector = { sides = \"both\", reflectance = [0.9, 0.5, 0.1] }\n");
+    let ring = scene(
+        "[[object]]\nshape = { ring = { radius = 0.5, height = 0.3 } }\nreflector = { sides = \"both\", reflectance = [0.9, 0.5, 0.1] }\n",
+    );
     let samples = pinholes_of(&ring, 900, Strategy::Neighbourhood, Footprint::Cells, 1);
     let cube = CubeMap::from_radiance(64, None, |d| glam::Vec3::new(1.0 + d.x, 2.0 + d.y, (9.0 * d.z).sin().abs()));
     Case { receivers: floor(3.0, 33), samples, cube }

@@ -87,7 +87,9 @@ fn virtual_image(point: DVec3) -> DVec3 {
 /// for those that are area-uniform.
 #[test]
 fn strategies_agree_on_the_energy() {
-    let ring = scene("[[object]]\nshape = { ring = { radius = 1.0, height = 0.5 } }\ntranslate = [0.0, 0.2, 0.0]\nreflector = {}\n");
+    let ring = scene(
+        "[[object]]\nshape = { ring = { radius = 1.0, height = 0.5 } }\ntranslate = [0.0, 0.2, 0.0]\nreflector = {}\n",
+    );
     let cube = CubeMap::from_radiance(64, None, uneven);
     let receivers = floor(1.6, 12);
     let total = |strategy, footprint, seed| -> f64 {

@@ -51,11 +51,29 @@ macro_rules! layout {
 #[test]
 fn structs_are_laid_out_alike() {
     let sample = layout!(PinholeSample {
-        position, area, normal, flags, side_1, reflectance_r, side_2, reflectance_g, change_1, reflectance_b, change_2, padding,
+        position,
+        area,
+        normal,
+        flags,
+        side_1,
+        reflectance_r,
+        side_2,
+        reflectance_g,
+        change_1,
+        reflectance_b,
+        change_2,
+        padding,
     });
     assert_eq!(wgsl_struct("PinholeSample"), sample);
     let uniforms = layout!(GatherUniforms {
-        sample_count, taps, attenuation, epsilon_mode, epsilon_scale, epsilon, texel_rad, radiance_scale,
+        sample_count,
+        taps,
+        attenuation,
+        epsilon_mode,
+        epsilon_scale,
+        epsilon,
+        texel_rad,
+        radiance_scale,
     });
     assert_eq!(wgsl_struct("GatherUniforms"), uniforms);
 }

@@ -14,7 +14,9 @@ use pinspot::scene::{Scene, parse};
 /// The adapter under test.
 pub fn gpu() -> &'static Gpu {
     static GPU: OnceLock<Gpu> = OnceLock::new();
-    GPU.get_or_init(|| Gpu::open(None).unwrap_or_else(|e| panic!("GPU tests need an adapter; run them by tests/run: {e}")))
+    GPU.get_or_init(|| {
+        Gpu::open(None).unwrap_or_else(|e| panic!("GPU tests need an adapter; run them by tests/run: {e}"))
+    })
 }
 
 /// A scene from the text of its objects; the light and the camera are of no importance.
@@ -25,7 +27,13 @@ pub fn scene(objects: &str) -> Scene {
 }
 
 /// The pinholes of a scene.
-pub fn pinholes_of(scene: &Scene, samples: u32, strategy: Strategy, footprint: Footprint, seed: u64) -> Vec<PinholeSample> {
+pub fn pinholes_of(
+    scene: &Scene,
+    samples: u32,
+    strategy: Strategy,
+    footprint: Footprint,
+    seed: u64,
+) -> Vec<PinholeSample> {
     let set = sample(&Surface::of_scene(scene), &sampling::Options { samples, strategy, seed }).unwrap();
     pinholes(scene, &differentials(&set), footprint)
 }
@@ -55,8 +63,14 @@ pub fn on_gpu_with(
     let positions = gpu.upload_texture(size, &receivers.positions);
     let normals = gpu.upload_texture(size, &receivers.normals);
     let engine = Engine::new(&gpu.device, options);
-    let inputs =
-        FrameInputs { positions: &positions, normals: &normals, size, samples, environment: &environment, params: *params };
+    let inputs = FrameInputs {
+        positions: &positions,
+        normals: &normals,
+        size,
+        samples,
+        environment: &environment,
+        params: *params,
+    };
     let mut frame = engine.frame(&gpu.device, &inputs).unwrap();
     let mut first = 0;
     while first < frame.batch_count() {

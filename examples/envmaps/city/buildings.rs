@@ -37,15 +37,10 @@ pub fn all() -> Vec<Building> {
 /// The nearest wall that a ray meets.
 pub fn meet(buildings: &[Building], origin: Vec3, direction: Vec3) -> Option<Hit> {
     let inverse = direction.recip();
-    let entries = buildings
-        .iter()
-        .filter_map(|b| Some((b.entry(origin, inverse)?, b)));
+    let entries = buildings.iter().filter_map(|b| Some((b.entry(origin, inverse)?, b)));
     let (distance, building) = entries.min_by(|a, b| a.0.total_cmp(&b.0))?;
     let place = origin + direction * distance;
-    Some(Hit {
-        distance,
-        radiance: building.wall(place, distance),
-    })
+    Some(Hit { distance, radiance: building.wall(place, distance) })
 }
 
 impl Building {
@@ -70,30 +65,19 @@ impl Building {
         let side = key.signum().as_vec3();
         let (near, far) = (inner * side, (inner + width) * side);
         let (low, high) = (near.min(far), near.max(far));
-        Self {
-            low: Vec3::new(low.x, -EYE, low.z),
-            high: Vec3::new(high.x, height - EYE, high.z),
-            key,
-        }
+        Self { low: Vec3::new(low.x, -EYE, low.z), high: Vec3::new(high.x, height - EYE, high.z), key }
     }
 
     /// Distance at which a ray enters the box.
     fn entry(&self, origin: Vec3, inverse: Vec3) -> Option<f32> {
-        let (a, b) = (
-            (self.low - origin) * inverse,
-            (self.high - origin) * inverse,
-        );
+        let (a, b) = ((self.low - origin) * inverse, (self.high - origin) * inverse);
         let (enter, leave) = (a.min(b).max_element(), a.max(b).min_element());
         (enter > 0.0 && enter < leave).then_some(enter)
     }
 
     fn wall(&self, place: Vec3, distance: f32) -> Vec3 {
-        let faces_x = (place.x - self.low.x)
-            .abs()
-            .min((place.x - self.high.x).abs())
-            < (place.z - self.low.z)
-                .abs()
-                .min((place.z - self.high.z).abs());
+        let faces_x = (place.x - self.low.x).abs().min((place.x - self.high.x).abs())
+            < (place.z - self.low.z).abs().min((place.z - self.high.z).abs());
         let (along, face) = if faces_x { (place.z, 0) } else { (place.x, 1) };
         let height = place.y + EYE;
         let stone = self.stone(along, height, place);
@@ -113,11 +97,7 @@ impl Building {
         let on_street = place.x.abs().min(place.z.abs()) < HALF_STREET + 1.5;
         let street = if on_street { 1.0 } else { 0.15 };
         let lamp_light = street * (0.75 + 0.25 * from_lamp) * (-height / 8.0).exp();
-        let ledge = if (height / STOREY).fract() < 0.07 {
-            1.35
-        } else {
-            1.0
-        };
+        let ledge = if (height / STOREY).fract() < 0.07 { 1.35 } else { 1.0 };
         albedo * ledge * (Vec3::new(0.70, 0.46, 0.24) * lamp_light + Vec3::new(0.024, 0.026, 0.040))
     }
 
@@ -133,11 +113,7 @@ impl Building {
         let id = IVec3::new(column.floor() as i32, row.floor() as i32, face * 64);
         let room = id + self.key * 101;
         let whole_floor = random(IVec3::new(face, id.y, 7) + self.key * 57, SEED + 3);
-        let chance = if whole_floor < 0.12 {
-            0.85
-        } else {
-            0.10 + 0.28 * style.z
-        };
+        let chance = if whole_floor < 0.12 { 0.85 } else { 0.10 + 0.28 * style.z };
         let pick = random3(room, SEED + 4);
         if pick.x > chance {
             return Vec3::new(0.004, 0.006, 0.012);

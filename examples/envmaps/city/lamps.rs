@@ -26,9 +26,7 @@ pub struct Lamp {
 pub fn all() -> Vec<Lamp> {
     let arms = [(1, 0), (-1, 0), (0, 1), (0, -1)];
     let spots = (0..PER_ROW).flat_map(|k| arms.map(|arm| (k, arm)));
-    spots
-        .flat_map(|(k, (x, z))| [-1, 1].map(|side| Lamp::new(k, IVec3::new(x, 0, z), side)))
-        .collect()
+    spots.flat_map(|(k, (x, z))| [-1, 1].map(|side| Lamp::new(k, IVec3::new(x, 0, z), side))).collect()
 }
 
 impl Lamp {
@@ -86,11 +84,7 @@ pub fn pole(lamps: &[Lamp], direction: Vec3) -> Option<Vec3> {
         let ahead = direction.dot(level) / reach;
         let at_pole = direction * (reach / ahead);
         let sideways = at_pole.dot(level.cross(Vec3::Y)) / reach;
-        let thick = if at_pole.y + EYE < 0.9 {
-            2.0 * POLE
-        } else {
-            POLE
-        };
+        let thick = if at_pole.y + EYE < 0.9 { 2.0 * POLE } else { POLE };
         let beside = ahead <= 0.0 || sideways.abs() > thick;
         if beside || at_pole.y > lamp.place.y - 0.1 || at_pole.y < -EYE {
             return None;

@@ -39,10 +39,7 @@ const SPECS: [Spec; 9] = [
 ];
 
 pub fn all() -> Vec<Sign> {
-    (0..)
-        .zip(SPECS)
-        .map(|(key, spec)| Sign::new(key, spec))
-        .collect()
+    (0..).zip(SPECS).map(|(key, spec)| Sign::new(key, spec)).collect()
 }
 
 /// The light of the sign that a ray meets within `reach`.
@@ -108,11 +105,7 @@ impl Sign {
 fn letter(strokes: u32, x: f32, y: f32) -> f32 {
     let level = |at: f32| if x.abs() < 1.0 { (y - at) * 0.4 } else { 9.0 };
     let upright = |at: f32, half: f32| {
-        if y * half > 0.0 && y.abs() < 1.0 {
-            (x - at) * 0.4
-        } else {
-            9.0
-        }
+        if y * half > 0.0 && y.abs() < 1.0 { (x - at) * 0.4 } else { 9.0 }
     };
     let gaps = [
         level(-1.0),
@@ -123,9 +116,7 @@ fn letter(strokes: u32, x: f32, y: f32) -> f32 {
         upright(-1.0, -1.0),
         upright(1.0, -1.0),
     ];
-    let lit = (0..)
-        .zip(gaps)
-        .filter(|(bit, _)| (strokes >> (bit * 3)) & 7 > 2);
+    let lit = (0..).zip(gaps).filter(|(bit, _)| (strokes >> (bit * 3)) & 7 > 2);
     lit.map(|(_, gap)| tube(gap)).fold(0.0, f32::max)
 }
 

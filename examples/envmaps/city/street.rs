@@ -65,9 +65,5 @@ fn marking(flat: Vec3) -> f32 {
     let crossing = (8.2..11.4).contains(&along) && (across / 1.1).fract() < 0.5;
     let dash = along > 14.0 && across < 0.09 && (along / 6.0).fract() < 0.5;
     let stop = (12.2..12.6).contains(&along);
-    if crossing || dash || stop {
-        0.35 * worn
-    } else {
-        0.0
-    }
+    if crossing || dash || stop { 0.35 * worn } else { 0.0 }
 }

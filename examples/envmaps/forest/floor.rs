@@ -15,10 +15,7 @@ pub fn meet(trees: &[Tree], direction: Vec3) -> Option<Hit> {
     let place = direction * distance;
     let sun = Vec3::new(1.0, 0.88, 0.66) * (15.0 * flecks(place, distance));
     let shade = Vec3::new(0.36, 0.42, 0.33) * (0.25 + 0.75 * open_around(trees, place));
-    Some(Hit {
-        distance,
-        radiance: albedo(place, distance) * (sun + shade),
-    })
+    Some(Hit { distance, radiance: albedo(place, distance) * (sun + shade) })
 }
 
 fn albedo(place: Vec3, distance: f32) -> Vec3 {

@@ -8,9 +8,7 @@ use super::{EYE, Hit, angle_from_sun, forward_scatter};
 use crate::noise::{fbm, random, random3, smoothstep};
 
 /// Radii of the spheres, metres, near to far.
-const SHELLS: [f32; 12] = [
-    3.0, 4.2, 5.4, 6.8, 8.4, 10.2, 12.4, 15.0, 18.0, 22.0, 28.0, 36.0,
-];
+const SHELLS: [f32; 12] = [3.0, 4.2, 5.4, 6.8, 8.4, 10.2, 12.4, 15.0, 18.0, 22.0, 28.0, 36.0];
 /// Height of the tree tops above the viewer.
 const CROWN: f32 = 21.0;
 /// Leaves that each cell may hold.
@@ -50,10 +48,7 @@ fn meet_shell(direction: Vec3, radius: f32, shell: u32) -> Option<Hit> {
             return None;
         }
         let side = Leaf::of(cell, seed).side_at(point)?;
-        Some(Hit {
-            distance: radius,
-            radiance: shade(direction, place, cell, seed) * side,
-        })
+        Some(Hit { distance: radius, radiance: shade(direction, place, cell, seed) * side })
     })
 }
 
@@ -111,11 +106,7 @@ fn shade(direction: Vec3, place: Vec3, cell: IVec3, seed: u32) -> Vec3 {
     let old = Vec3::new(0.16, 0.30, 0.07);
     let young = Vec3::new(0.46, 0.60, 0.10);
     let tint = old.lerp(young, pick.x * pick.x * (0.4 + 0.6 * lit));
-    let fleck = if pick.y > 0.90 - 0.25 * lit {
-        1.0
-    } else {
-        0.12
-    };
+    let fleck = if pick.y > 0.90 - 0.25 * lit { 1.0 } else { 0.12 };
     let around = 0.14 + 0.70 * lit * (0.4 + pick.z);
     let shining = (0.7 + 7.0 * forward_scatter(direction)) * fleck * (0.25 + lit);
     tint * (around + shining)

@@ -50,9 +50,7 @@ pub fn meet(trees: &[Tree], direction: Vec3) -> Option<Hit> {
         let trunk = tree.meet_trunk(direction);
         let branches = tree.branches.iter().map(|b| b.meet(direction));
         let hits = branches.chain([trunk]).flatten();
-        nearest = hits
-            .chain(nearest)
-            .reduce(|a, b| if a.distance < b.distance { a } else { b });
+        nearest = hits.chain(nearest).reduce(|a, b| if a.distance < b.distance { a } else { b });
     }
     nearest
 }
@@ -131,10 +129,7 @@ impl Tree {
         let distance = (ahead - depth) / level;
         let place = direction * distance;
         let normal = (place - centre) * Vec3::new(1.0, 0.0, 1.0);
-        Some(Hit {
-            distance,
-            radiance: bark(place, normal.normalize_or(-direction), direction),
-        })
+        Some(Hit { distance, radiance: bark(place, normal.normalize_or(-direction), direction) })
     }
 }
 
@@ -159,10 +154,7 @@ impl Branch {
         if distance < 0.5 || gap.length_squared() > radius * radius {
             return None;
         }
-        Some(Hit {
-            distance,
-            radiance: bark(direction * distance, -gap / radius, direction) * 0.6,
-        })
+        Some(Hit { distance, radiance: bark(direction * distance, -gap / radius, direction) * 0.6 })
     }
 }
 
@@ -173,18 +165,12 @@ fn bark(place: Vec3, normal: Vec3, direction: Vec3) -> Vec3 {
     let grain = fbm(place * Vec3::new(9.0, 1.6, 9.0), 3, 92);
     let wood = Vec3::new(0.115, 0.088, 0.062) * (1.0 + 0.7 * grain);
     let moss = Vec3::new(0.07, 0.10, 0.025);
-    let mossy = smoothstep(
-        0.1,
-        0.5,
-        gradient(place * 1.1, 93) + 0.5 * (-height / 1.2).exp(),
-    );
+    let mossy = smoothstep(0.1, 0.5, gradient(place * 1.1, 93) + 0.5 * (-height / 1.2).exp());
     let albedo = wood.lerp(moss, 0.75 * mossy);
     let fleck = smoothstep(0.12, 0.3, fbm(place * 1.3, 3, 94));
     let sunny = normal.dot(SUN_TOWARDS).max(0.0);
     let ambient = 0.45 + 0.10 * (height / 4.0).min(2.5);
     let edge = (1.0 + normal.dot(direction)).clamp(0.0, 1.0).powi(3);
     let rim = 9.0 * edge * forward_scatter(direction) * sunny;
-    albedo
-        * (Vec3::new(0.85, 1.0, 0.75) * ambient
-            + Vec3::new(1.0, 0.9, 0.7) * (13.0 * fleck * sunny + rim))
+    albedo * (Vec3::new(0.85, 1.0, 0.75) * ambient + Vec3::new(1.0, 0.9, 0.7) * (13.0 * fleck * sunny + rim))
 }

@@ -46,7 +46,12 @@ impl<'a> CubeLookup<'a> {
     pub fn new(cube: &'a CubeMap) -> Self {
         let level = |l: u32| {
             let n = (cube.size() >> l) as usize;
-            Level { offset: cube.level_offset(l) as usize, pitch: n + 2, face: (n + 2) * (n + 2), half_size: 0.5 * n as f32 }
+            Level {
+                offset: cube.level_offset(l) as usize,
+                pitch: n + 2,
+                face: (n + 2) * (n + 2),
+                half_size: 0.5 * n as f32,
+            }
         };
         let count = cube.level_count();
         Self { texels: cube.padded_texels(), levels: (0..count).map(level).collect(), last: (count - 1) as f32 }

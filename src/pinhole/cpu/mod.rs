@@ -117,7 +117,12 @@ impl Gather<'_> {
 
     /// Adds what one sample contributes: rgb = irradiance, w = fetches.
     #[inline]
-    fn sample_irradiance<const FILTER: u32>(&self, sample: &PinholeSample, receiver: &Receiver, sum: &mut [Vec4; LANES]) {
+    fn sample_irradiance<const FILTER: u32>(
+        &self,
+        sample: &PinholeSample,
+        receiver: &Receiver,
+        sum: &mut [Vec4; LANES],
+    ) {
         let n = splat3(sample.normal);
         let d = splat3(sample.position) - receiver.position;
         let l2 = d.dot(d);
@@ -153,7 +158,8 @@ impl Gather<'_> {
         }
         if u.epsilon_mode == 0 {
             let own = sample.flags & !TWO_SIDED;
-            let least = objects.map(|object| if object == own { sample.area * std::f32::consts::FRAC_1_PI } else { 0.0 });
+            let least =
+                objects.map(|object| if object == own { sample.area * std::f32::consts::FRAC_1_PI } else { 0.0 });
             return F::ONE / l2.max(f32x8::new(least));
         }
         F::ONE / (l2 + splat(u.epsilon_scale * sample.area + u.epsilon))

@@ -71,7 +71,8 @@ pub fn check_hardware_filter(gpu: &Gpu) -> Result<HardwareVerdict, GpuError> {
     let pattern = EnvironmentCube::upload(&gpu.device, &gpu.queue, &CubeMap::from_radiance(256, Some(0.01), stripes))?;
     let probes = probes();
     let answers = sample(gpu, &pattern, &probes.iter().map(|(p, _)| *p).collect::<Vec<_>>())?;
-    let squared = answers.iter().zip(&probes).map(|(got, (_, mean))| (got[0] * pattern.radiance_scale() - mean).powi(2));
+    let squared =
+        answers.iter().zip(&probes).map(|(got, (_, mean))| (got[0] * pattern.radiance_scale() - mean).powi(2));
     Ok(HardwareVerdict { rms_error: (squared.sum::<f32>() / probes.len() as f32).sqrt() })
 }
 

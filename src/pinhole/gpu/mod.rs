@@ -91,8 +91,11 @@ impl Engine {
         let count = if self.blends { 1 } else { 2 };
         let targets: Vec<wgpu::Texture> = (0..count).map(|_| target(device, inputs.size)).collect();
         let views: Vec<wgpu::TextureView> = targets.iter().map(|t| t.create_view(&Default::default())).collect();
-        let previous =
-            if self.blends { Vec::new() } else { views.iter().map(|v| self.pipelines.bind_previous(device, v)).collect() };
+        let previous = if self.blends {
+            Vec::new()
+        } else {
+            views.iter().map(|v| self.pipelines.bind_previous(device, v)).collect()
+        };
         Ok(Frame {
             inputs: self.bind_inputs(device, inputs),
             receivers: self.pipelines.bind_receivers(device, inputs.positions, inputs.normals),

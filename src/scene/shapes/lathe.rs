@@ -65,9 +65,7 @@ pub(super) fn ring(ring: &Ring) -> Parts {
 pub(super) fn solid_ring(ring: &SolidRing) -> Parts {
     let (half, round) = (0.5 * ring.thickness, 0.3 * ring.thickness);
     let (inner, outer) = (ring.radius - half, ring.radius + half);
-    let corner = |r: f32, y: f32, from: f32| {
-        arc(Vec2::new(r, y), round, from, from + FRAC_PI_2, 8)
-    };
+    let corner = |r: f32, y: f32, from: f32| arc(Vec2::new(r, y), round, from, from + FRAC_PI_2, 8);
     // Counter-clockwise around the wall's cross-section, from the foot of the outer side.
     let mut profile = line(Vec2::new(outer, round), Vec2::new(outer, ring.height - round), 16);
     profile.extend(corner(outer - round, ring.height - round, 0.0));
@@ -75,7 +73,8 @@ pub(super) fn solid_ring(ring: &SolidRing) -> Parts {
     profile.extend(line(Vec2::new(inner, ring.height - round), Vec2::new(inner, round), 16));
     profile.extend(corner(inner + round, round, PI));
     profile.extend(corner(outer - round, round, PI + FRAC_PI_2));
-    profile.dedup_by(|next, previous| next.at.abs_diff_eq(previous.at, 1e-6) && next.normal.dot(previous.normal) > 0.999);
+    profile
+        .dedup_by(|next, previous| next.at.abs_diff_eq(previous.at, 1e-6) && next.normal.dot(previous.normal) > 0.999);
     let first = profile[0];
     *profile.last_mut().expect("the profile has points") = first;
     revolve(&profile)
@@ -98,7 +97,8 @@ pub(super) fn cup(cup: &Cup) -> Parts {
     profile.extend(line(Vec2::new(inner, height - round), Vec2::new(inner, bend), 12));
     profile.extend(elliptic_bowl(0.3 * inner, inner, floor, bend, true));
     profile.extend(line(Vec2::new(0.3 * inner, floor), Vec2::new(0.0, floor), 6));
-    profile.dedup_by(|next, previous| next.at.abs_diff_eq(previous.at, 1e-6) && next.normal.dot(previous.normal) > 0.999);
+    profile
+        .dedup_by(|next, previous| next.at.abs_diff_eq(previous.at, 1e-6) && next.normal.dot(previous.normal) > 0.999);
     revolve(&profile)
 }
 

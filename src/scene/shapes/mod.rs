@@ -164,7 +164,8 @@ impl Shape {
             Self::DiscoBall(ball) => disco_ball::disco_ball(ball),
             Self::Plane(plane) => plane::plane(plane),
         };
-        let (mesh, _) = Mesh::new(self.name(), parts.positions, parts.normals, parts.triangles).map_err(|e| e.to_string())?;
+        let (mesh, _) =
+            Mesh::new(self.name(), parts.positions, parts.normals, parts.triangles).map_err(|e| e.to_string())?;
         Ok(mesh)
     }
 
@@ -191,7 +192,11 @@ impl Shape {
         };
         let thin = |name: &str, thickness: f32, of: f32| {
             positive("thickness", thickness)?;
-            if thickness < 0.5 * of { Ok(()) } else { Err(format!("thickness of shape '{}' must be less than half its {name}", self.name())) }
+            if thickness < 0.5 * of {
+                Ok(())
+            } else {
+                Err(format!("thickness of shape '{}' must be less than half its {name}", self.name()))
+            }
         };
         match *self {
             Self::Ring(Ring { radius, height }) => positive("radius", radius).and(positive("height", height)),
@@ -216,7 +221,11 @@ impl Shape {
             Self::Sphere(Sphere { radius }) => positive("radius", radius),
             Self::DiscoBall(DiscoBall { radius, rows }) => {
                 positive("radius", radius)?;
-                if (3..=512).contains(&rows) { Ok(()) } else { Err(format!("rows of shape 'disco-ball' is {rows}, but must be from 3 to 512")) }
+                if (3..=512).contains(&rows) {
+                    Ok(())
+                } else {
+                    Err(format!("rows of shape 'disco-ball' is {rows}, but must be from 3 to 512"))
+                }
             }
             Self::Plane(Plane { size }) => positive("size", size[0]).and(positive("size", size[1])),
         }

@@ -32,7 +32,12 @@ pub(super) fn closed_surface(point: impl Fn(f64, f64) -> DVec3, rows: u32, colum
     for column in 0..columns {
         parts.triangles.push([first, index(1, column + 1), index(1, column)]);
         for row in 1..rows - 1 {
-            parts.quad([index(row, column), index(row, column + 1), index(row + 1, column + 1), index(row + 1, column)]);
+            parts.quad([
+                index(row, column),
+                index(row, column + 1),
+                index(row + 1, column + 1),
+                index(row + 1, column),
+            ]);
         }
         parts.triangles.push([last, index(rows - 1, column), index(rows - 1, column + 1)]);
     }

@@ -1,0 +1,166 @@
+//! Speed, as ratios within one run: `cargo bench --bench engine`.
+//!
+//! The gather is measured in look-ups per second (criterion's "elements") per filter on both back ends, beside a bare loop
+//! that does nothing but the same number of texture look-ups at the same levels. The ratio of the two rates says what the
+//! rest of the gather costs. Sampling and differentials are measured beside one build of a k-d tree over their candidates.
+
+mod bare_gpu;
+
+use std::hint::black_box;
+use std::time::Duration;
+
+use criterion::{BenchmarkGroup, Criterion, Throughput, criterion_group, criterion_main, measurement::WallTime};
+use glam::{Vec3, Vec4};
+use pinspot::differential::differentials;
+use pinspot::environment::Environment;
+use pinspot::gpu::Gpu;
+use pinspot::pinhole::cpu::{CubeLookup, gather};
+use pinspot::pinhole::gpu::{Engine, EnvironmentCube, FrameInputs, Options};
+use pinspot::pinhole::{Filter, Footprint, Params, PinholeSample, Receivers, pinholes};
+use pinspot::render::Settings;
+use pinspot::sampling::{self, Strategy, Surface, sample};
+use pinspot::scene::load;
+use rayon::prelude::*;
+
+const EDGE: u32 = 128;
+const SAMPLES: u32 = 1000;
+const FILTERS: [(Filter, &str); 3] =
+    [(Filter::None, "none"), (Filter::Isotropic, "isotropic"), (Filter::Anisotropic, "anisotropic")];
+
+/// `ring-natural`'s gather: a table under a ring.
+struct Work {
+    receivers: Receivers,
+    samples: Vec<PinholeSample>,
+    environment: Environment,
+}
+
+impl Work {
+    fn new() -> Self {
+        let scene = load::<Settings>("ring-natural").expect("built-in").scene;
+        let options = sampling::Options { samples: SAMPLES, strategy: Strategy::Neighbourhood, seed: 1 };
+        let set = sample(&Surface::of_scene(&scene), &options).expect("a reflector");
+        let samples = pinholes(&scene, &differentials(&set), Footprint::Cells);
+        let environment = Environment::load(&scene.environment, Default::default()).expect("built-in");
+        let place = |k: u32| {
+            let at = |i: u32| 3.0 * ((i as f32 + 0.5) / EDGE as f32 - 0.5);
+            (Vec3::new(at(k % EDGE), 0.0, at(k / EDGE)), Vec3::Y, 1)
+        };
+        let points: Vec<_> = (0..EDGE * EDGE).map(place).collect();
+        Self { receivers: Receivers::from_points(&points, EDGE), samples, environment }
+    }
+
+    /// Fetches of one gather.
+    fn fetches(&self, params: &Params) -> u64 {
+        let sums = gather(&self.receivers, &self.samples, &self.environment.cube, params, &|_| ());
+        sums.iter().map(|s| f64::from(s[3])).sum::<f64>() as u64
+    }
+
+    /// The level at which a filter reads, on average; a bare loop reads there.
+    fn typical_level(filter: Filter) -> f32 {
+        if filter == Filter::None { 0.0 } else { 2.5 }
+    }
+}
+
+fn settings(group: &mut BenchmarkGroup<WallTime>) {
+    group.sample_size(10).warm_up_time(Duration::from_millis(500)).measurement_time(Duration::from_secs(5));
+}
+
+/// As many look-ups as the gather does, in the same groups of eight neighbours, and nothing else.
+fn bare_cpu_loop(work: &Work, level: f32, fetches: u64) -> f32 {
+    let lookup = CubeLookup::new(&work.environment.cube);
+    let groups = u64::from(EDGE * EDGE / 8);
+    let per_group = fetches / 8 / groups;
+    let sum: Vec4 = (0..groups)
+        .into_par_iter()
+        .map(|group| {
+            let mut sums = [Vec4::ZERO; 8];
+            // Eight neighbouring directions that wander over the cube as those of neighbouring pixels do from sample to sample.
+            let mut angle = group as f32 * 0.37;
+            for _ in 0..per_group {
+                angle += 0.61;
+                let (x, z) = (angle * 0.13 % 2.0 - 1.0, angle * 0.29 % 2.0 - 1.0);
+                let along = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0].map(|lane| x + 0.004 * lane);
+                lookup.fetch8(&[along, [0.7; 8], [z; 8]], &[level; 8], &mut sums);
+            }
+            sums.into_iter().sum::<Vec4>()
+        })
+        .sum();
+    sum.x
+}
+
+fn gather_on_cpu(c: &mut Criterion) {
+    let work = Work::new();
+    let mut group = c.benchmark_group("gather, CPU");
+    settings(&mut group);
+    for (filter, name) in FILTERS {
+        let params = Params { filter, ..Default::default() };
+        let fetches = work.fetches(&params);
+        group.throughput(Throughput::Elements(fetches));
+        group.bench_function(name, |b| {
+            b.iter(|| black_box(gather(&work.receivers, &work.samples, &work.environment.cube, &params, &|_| ())));
+        });
+        group.bench_function(format!("{name}, bare look-ups"), |b| {
+            b.iter(|| black_box(bare_cpu_loop(&work, Work::typical_level(filter), fetches)));
+        });
+    }
+}
+
+fn gather_on_gpu(c: &mut Criterion) {
+    let gpu = Gpu::open(None).expect("an adapter; on Debian: apt-get install libvulkan1 mesa-vulkan-drivers");
+    let work = Work::new();
+    let size = [EDGE, EDGE];
+    let positions = gpu.upload_texture(size, &work.receivers.positions);
+    let normals = gpu.upload_texture(size, &work.receivers.normals);
+    let environment = EnvironmentCube::upload(&gpu.device, &gpu.queue, &work.environment.cube).expect("it fits");
+    let mut group = c.benchmark_group(format!("gather, {}", gpu.adapter.name));
+    settings(&mut group);
+    for (filter, name) in FILTERS {
+        let params = Params { filter, ..Default::default() };
+        let engine = Engine::new(&gpu.device, &Options { filter, ..Default::default() });
+        let fetches = work.fetches(&params);
+        group.throughput(Throughput::Elements(fetches));
+        group.bench_function(name, |b| {
+            b.iter(|| {
+                let inputs = FrameInputs {
+                    positions: &positions,
+                    normals: &normals,
+                    size,
+                    samples: &work.samples,
+                    environment: &environment,
+                    params,
+                };
+                let mut frame = engine.frame(&gpu.device, &inputs).expect("it fits");
+                let mut encoder = gpu.device.create_command_encoder(&Default::default());
+                frame.record(&mut encoder, 0..frame.batch_count());
+                gpu.queue.submit([encoder.finish()]);
+                gpu.wait().expect("the device stays");
+            });
+        });
+        let bare = bare_gpu::BareLoop::new(&gpu, &environment, EDGE);
+        let per_pixel = (fetches / u64::from(EDGE * EDGE)) as u32;
+        group.bench_function(format!("{name}, bare look-ups"), |b| {
+            b.iter(|| bare.run(&gpu, per_pixel, Work::typical_level(filter)));
+        });
+    }
+}
+
+fn sampling_and_differentials(c: &mut Criterion) {
+    let scene = load::<Settings>("spoon").expect("built-in").scene;
+    let surface = Surface::of_scene(&scene);
+    let mut group = c.benchmark_group("sampling");
+    settings(&mut group);
+    for samples in [1000, 10_000] {
+        let options = sampling::Options { samples, strategy: Strategy::Neighbourhood, seed: 1 };
+        let set = sample(&surface, &options).expect("a reflector");
+        group.throughput(Throughput::Elements(u64::from(samples)));
+        group.bench_function(format!("neighbourhood, {samples}"), |b| b.iter(|| black_box(sample(&surface, &options))));
+        group.bench_function(format!("cells and curvature, {samples}"), |b| b.iter(|| black_box(differentials(&set))));
+        let positions: Vec<[f32; 3]> = set.candidates.iter().map(|p| p.position.to_array()).collect();
+        group.bench_function(format!("one k-d tree over the candidates of {samples}"), |b| {
+            b.iter(|| black_box(kiddo::ImmutableKdTree::<f32, 3>::new_from_slice(&positions).expect("finite")));
+        });
+    }
+}
+
+criterion_group!(benches, gather_on_cpu, gather_on_gpu, sampling_and_differentials);
+criterion_main!(benches);

@@ -1,0 +1,379 @@
+//! The command as its users run it: outputs, exit codes, and one clear line for every bad input.
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+use tempfile::TempDir;
+
+const SCENE: &str = r#"
+[environment]
+constant = [1.0, 1.0, 1.0]
+[camera]
+position = [0.0, 5.0, 0.0]
+target = [0.0, 0.0, 0.0]
+up = [0.0, 0.0, -1.0]
+orthographic = { height = 3.0 }
+[render]
+size = [24, 16]
+samples = 60
+[[object]]
+name = "ring"
+mesh = "ring.obj"
+reflector = { sides = "both" }
+[[object]]
+name = "table"
+shape = { plane = { size = [3.0, 3.0] } }
+receiver = { albedo = [0.5, 0.5, 0.5] }
+"#;
+
+const MESH: &str = "v -0.5 0.1 0\nv 0.5 0.1 0\nv 0.5 0.8 0\nv -0.5 0.8 0\nf 1 2 3 4\n";
+
+/// A folder with a scene and its mesh.
+struct Workplace(TempDir);
+
+impl Workplace {
+    fn new() -> Self {
+        let place = Self(tempfile::tempdir().unwrap());
+        place.write("scene.toml", SCENE);
+        place.write("ring.obj", MESH);
+        place
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.0.path().join(name)
+    }
+
+    fn write(&self, name: &str, contents: impl AsRef<[u8]>) {
+        std::fs::write(self.path(name), contents).unwrap();
+    }
+
+    fn run(&self, args: &[&str]) -> Output {
+        Command::new(env!("CARGO_BIN_EXE_pinspot")).args(args).current_dir(self.0.path()).output().unwrap()
+    }
+
+    /// Renders the scene with more arguments; the CPU back end, so that messages do not depend on the machine.
+    fn render(&self, more: &[&str]) -> Output {
+        self.run(&[&["render", "scene.toml", "-o", "out.exr", "--backend", "cpu"], more].concat())
+    }
+
+    /// Asserts that a command fails with exit code 1, one line on stderr that has all of `parts`, and no output file.
+    fn refuses(&self, args: &[&str], parts: &[&str]) {
+        let output = self.run(args);
+        let stderr = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(1), "{args:?}: {stderr}");
+        let lines: Vec<&str> = stderr.lines().filter(|l| l.starts_with("pinspot:")).collect();
+        assert_eq!(lines.len(), 1, "{stderr}");
+        for part in parts {
+            assert!(lines[0].contains(part), "{args:?}: '{part}' is not in: {stderr}");
+        }
+        let left: Vec<_> = std::fs::read_dir(self.0.path()).unwrap().map(|f| f.unwrap().file_name()).collect();
+        assert!(
+            !left
+                .iter()
+                .any(|f| f.to_string_lossy().starts_with("out.") || f.to_string_lossy().starts_with(".pinspot")),
+            "{left:?}"
+        );
+    }
+
+    fn refuses_scene(&self, parts: &[&str]) {
+        self.refuses(&["render", "scene.toml", "-o", "out.exr", "--backend", "cpu"], parts);
+    }
+
+    fn replace(&self, from: &str, to: &str) {
+        assert!(SCENE.contains(from));
+        self.write("scene.toml", SCENE.replace(from, to));
+    }
+}
+
+fn exr(path: &Path, width: usize, height: usize, value: f32) {
+    exr::prelude::write_rgb_file(path, width, height, |_, _| (value, value, value)).unwrap();
+}
+
+#[test]
+fn renders_png_and_exr_and_reports() {
+    let place = Workplace::new();
+    let output = place.run(&[
+        "render",
+        "scene.toml",
+        "-o",
+        "out.png",
+        "out.exr",
+        "--backend",
+        "cpu",
+        "--aov",
+        "caustic,depth",
+        "--json",
+    ]);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let report: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(report["scene"], "scene");
+    assert_eq!(report["backend"], "cpu");
+    assert_eq!(report["size"], serde_json::json!([24, 16]));
+    assert!(report["lookups"].as_f64().unwrap() > 0.0);
+    assert!(report["seconds"]["gather"].as_f64().unwrap() > 0.0);
+    let caustic = pinspot::image::read_exr(&place.path("out.exr"), "caustic").unwrap();
+    assert_eq!((caustic.width, caustic.height), (24, 16));
+    assert!(caustic.mean().x > 0.0);
+    let depth = pinspot::image::read_exr(&place.path("out.exr"), "depth").unwrap();
+    // The table is five metres down; nothing is behind its edge, where the picture is wider.
+    assert!((depth.pixels[8 * 24 + 4].x - 5.0).abs() < 1e-4);
+    assert_eq!(depth.pixels[0].x, -1.0);
+    assert_eq!(&std::fs::read(place.path("out.png")).unwrap()[..4], b"\x89PNG");
+}
+
+#[test]
+fn quiet_is_quiet_and_the_summary_names_the_back_end() {
+    let place = Workplace::new();
+    let quiet = place.render(&["--quiet"]);
+    assert!(quiet.status.success() && quiet.stdout.is_empty() && quiet.stderr.is_empty());
+    let spoken = place.render(&[]);
+    assert!(String::from_utf8(spoken.stderr).unwrap().contains("on the CPU"));
+}
+
+#[test]
+fn the_gpu_back_end_renders_and_says_so() {
+    let place = Workplace::new();
+    let output = place.run(&["render", "scene.toml", "-o", "out.exr", "--backend", "gpu", "--json", "--quiet"]);
+    assert!(output.status.success(), "run the tests by tests/run: {}", String::from_utf8_lossy(&output.stderr));
+    let report: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(report["backend"], "gpu");
+    assert!(!report["adapter"]["name"].as_str().unwrap().is_empty());
+}
+
+#[test]
+fn options_lie_over_the_scene() {
+    let place = Workplace::new();
+    let output = place.render(&[
+        "--size",
+        "10x6",
+        "--samples",
+        "30",
+        "--strategy",
+        "random",
+        "--footprint",
+        "curvature",
+        "--filter",
+        "isotropic",
+        "--seed",
+        "3",
+        "--json",
+    ]);
+    let report: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(report["size"], serde_json::json!([10, 6]));
+    assert_eq!((report["samples"].as_u64(), report["seed"].as_u64()), (Some(30), Some(3)));
+    assert_eq!(
+        (&report["strategy"], &report["filter"], &report["footprint"]),
+        (&"random".into(), &"isotropic".into(), &"curvature".into())
+    );
+}
+
+#[test]
+fn every_option_changes_the_picture() {
+    let place = Workplace::new();
+    place.replace("constant = [1.0, 1.0, 1.0]", "map = \"forest\"");
+    let picture = |more: &[&str]| {
+        let output =
+            place.run(&[&["render", "scene.toml", "-o", "out.png", "--backend", "cpu", "--quiet"], more].concat());
+        assert!(output.status.success(), "{more:?}: {}", String::from_utf8_lossy(&output.stderr));
+        std::fs::read(place.path("out.png")).unwrap()
+    };
+    let plain = picture(&[]);
+    for more in [
+        &["--samples", "20"][..],
+        &["--strategy", "random"],
+        &["--strategy", "quantised-grid"],
+        &["--seed", "9"],
+        &["--footprint", "curvature"],
+        &["--filter", "none"],
+        &["--filter", "isotropic"],
+        &["--taps", "1"],
+        &["--attenuation", "off"],
+        &["--epsilon", "paper"],
+        &["--epsilon", "0.5"],
+        &["--cube-size", "16"],
+        &["--env", "city"],
+        &["--exposure", "-2"],
+        &["--background-exposure", "-2"],
+        &["--caustic-gain", "3"],
+        &["--overlay", "samples"],
+        &["--plain-diffuse"],
+        &["--pixel-samples", "3"],
+        &["--aov", "albedo"],
+    ] {
+        assert_ne!(picture(more), plain, "{more:?} changes nothing");
+    }
+}
+
+#[test]
+fn samples_writes_a_point_cloud_and_prints_figures() {
+    let place = Workplace::new();
+    let output = place.run(&["samples", "ring", "-o", "out.ply", "--samples", "200"]);
+    assert!(output.status.success());
+    let text = String::from_utf8(output.stdout).unwrap();
+    assert!(text.contains("200 asked for") && text.contains("relative radius"), "{text}");
+    let ply = std::fs::read(place.path("out.ply")).unwrap();
+    assert!(ply.starts_with(b"ply\nformat binary_little_endian 1.0\n"));
+    let json = place.run(&["samples", "ring", "-o", "out.ply", "--samples", "200", "--json"]);
+    let figures: serde_json::Value = serde_json::from_slice(&json.stdout).unwrap();
+    assert!(figures["relative_radius"].as_f64().unwrap() > 0.5);
+}
+
+#[test]
+fn lists_scenes_and_adapters() {
+    let place = Workplace::new();
+    let scenes = String::from_utf8(place.run(&["scenes"]).stdout).unwrap();
+    for name in ["ring-natural", "spoon-above", "cup-point-light", "disco-ball", "clear-sky", "city"] {
+        assert!(scenes.contains(name), "{name}");
+    }
+    let adapters = place.run(&["adapters", "--json"]);
+    let list: serde_json::Value = serde_json::from_slice(&adapters.stdout).unwrap();
+    assert!(!list.as_array().unwrap().is_empty(), "run the tests by tests/run");
+    assert!(list[0]["max_texture"].as_u64().unwrap() >= 2048);
+}
+
+#[test]
+fn a_printed_built_in_scene_renders_as_a_file() {
+    let place = Workplace::new();
+    let toml = place.run(&["scenes", "--show", "mirror-sphere"]).stdout;
+    place.write("mine.toml", toml);
+    let output =
+        place.run(&["render", "mine.toml", "-o", "out.png", "--size", "16x16", "--samples", "30", "--backend", "cpu"]);
+    assert!(output.status.success());
+}
+
+#[test]
+fn missing_scenes_are_named_with_the_nearest_built_in_one() {
+    let place = Workplace::new();
+    place.refuses(&["render", "ring-naturel", "-o", "out.png"], &["'ring-naturel'", "did you mean 'ring-natural'"]);
+    place.refuses(&["render", "no/such.toml", "-o", "out.png"], &["no/such.toml", "pinspot scenes"]);
+}
+
+#[test]
+fn scene_files_with_mistakes_are_refused_with_line_and_key() {
+    let place = Workplace::new();
+    place.replace("samples = 60", "sampels = 60");
+    place.refuses_scene(&["scene.toml:11:", "'sampels'", "'samples'"]);
+    place.replace("target = [0.0, 0.0, 0.0]", "target = [0.0, 0.0");
+    place.refuses_scene(&["scene.toml:"]);
+    place.replace("samples = 60", "samples = 0");
+    place.refuses_scene(&["0 samples", "give from 1"]);
+    place.replace("size = [24, 16]", "size = [0, 16]");
+    place.refuses_scene(&["size is 0×16", "1×1"]);
+    place.replace("samples = 60", "taps = 0");
+    place.refuses_scene(&["taps is 0", "from 1 to 64"]);
+    place.replace("samples = 60", "visibility = \"full\"");
+    place.refuses_scene(&["not built yet"]);
+    place.replace("samples = 60", "epsilon = -1.0");
+    place.refuses_scene(&["epsilon is -1"]);
+    place.replace("reflector = { sides = \"both\" }", "");
+    place.refuses_scene(&["no reflector"]);
+}
+
+#[test]
+fn unusable_meshes_are_named_with_the_reason() {
+    let place = Workplace::new();
+    for (mesh, reason) in [
+        ("", "is empty"),
+        ("v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n", "1 degenerate"),
+        ("v 0 0 0\nv NaN 0 0\nv 0 1 0\nf 1 2 3\n", "vertex 2"),
+        ("v 0 0 0\nv 1 0 0\nf 1 2 3\n", "damaged"),
+        ("\u{0}\u{1}binary", "ring.obj"),
+    ] {
+        place.write("ring.obj", mesh);
+        place.refuses_scene(&["ring.obj", reason]);
+    }
+    std::fs::remove_file(place.path("ring.obj")).unwrap();
+    place.refuses_scene(&["ring.obj", "check the path"]);
+    place.replace("ring.obj", "ring.gltf");
+    place.refuses_scene(&["ring.gltf", "export it as Wavefront OBJ"]);
+}
+
+#[test]
+fn degenerate_triangles_are_dropped_with_a_warning() {
+    let place = Workplace::new();
+    place.write("ring.obj", format!("{MESH}f 1 1 2\n"));
+    let output = place.render(&["--quiet"]);
+    assert!(output.status.success());
+    assert!(String::from_utf8(output.stderr).unwrap().contains("dropped 1 degenerate"));
+}
+
+#[test]
+fn unusable_environment_maps_are_named_with_the_reason() {
+    let place = Workplace::new();
+    place.replace("constant = [1.0, 1.0, 1.0]", "map = \"light.exr\"");
+    place.refuses_scene(&["light.exr", "check the path"]);
+    place.write("light.exr", "not an image");
+    place.refuses_scene(&["light.exr", "damaged"]);
+    exr(&place.path("light.exr"), 32, 16, 1.0);
+    let whole = std::fs::read(place.path("light.exr")).unwrap();
+    place.write("light.exr", &whole[..whole.len() / 2]);
+    place.refuses_scene(&["light.exr", "damaged"]);
+    exr(&place.path("light.exr"), 32, 16, f32::NAN);
+    place.refuses_scene(&["light.exr", "pixel (0, 0)", "not a finite number"]);
+    exr(&place.path("light.exr"), 30, 11, 1.0);
+    place.refuses_scene(&["light.exr", "30×11", "2:1"]);
+    place.write("light.hdr", "#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 0 +X 0\n");
+    place.replace("constant = [1.0, 1.0, 1.0]", "map = \"light.hdr\"");
+    place.refuses_scene(&["light.hdr"]);
+    place.replace("constant = [1.0, 1.0, 1.0]", "map = \"light.jpg\"");
+    place.refuses_scene(&["light.jpg", "convert it to .exr or .hdr"]);
+    place.replace("constant = [1.0, 1.0, 1.0]", "map = \"forrest\"");
+    place.refuses_scene(&["'forrest'", "forest"]);
+    place.replace(
+        "constant = [1.0, 1.0, 1.0]",
+        "spot = { direction = [0.0, 1.0, 0.0], sigma_rad = 0.0002, radiance = [1.0, 1.0, 1.0] }",
+    );
+    place.refuses_scene(&["4096", "wider spot"]);
+}
+
+#[test]
+fn negative_radiance_is_set_to_zero_with_a_warning() {
+    let place = Workplace::new();
+    exr(&place.path("light.exr"), 32, 16, -1.0);
+    let output = place.render(&["--env", "light.exr", "--quiet"]);
+    assert!(output.status.success());
+    assert!(String::from_utf8(output.stderr).unwrap().contains("512 pixels had negative radiance"));
+}
+
+#[test]
+fn outputs_that_cannot_be_written_are_refused_before_the_work() {
+    let place = Workplace::new();
+    place.refuses(&["render", "scene.toml", "-o", "out.jpg"], &["out.jpg", ".png or .exr"]);
+    place.refuses(&["render", "scene.toml", "-o", "no/folder/a.png"], &["no/folder", "create it first"]);
+    place.refuses(&["samples", "ring", "-o", "out.txt"], &["out.txt", ".ply"]);
+    std::fs::create_dir(place.path("folder.png")).unwrap();
+    place.refuses(&["render", "scene.toml", "-o", "folder.png", "--backend", "cpu"], &["folder.png", "it is a folder"]);
+}
+
+#[test]
+fn back_ends_that_are_not_there_are_refused() {
+    let place = Workplace::new();
+    place.refuses(&["render", "scene.toml", "-o", "out.exr", "--adapter", "voodoo"], &["voodoo", "found:"]);
+    place.refuses(&["render", "scene.toml", "-o", "out.exr", "--adapter", "voodoo", "--backend", "cpu"], &["drop one"]);
+    place.refuses(
+        &["render", "scene.toml", "-o", "out.exr", "--filter", "hardware", "--backend", "cpu"],
+        &["hardware needs a GPU"],
+    );
+    place.refuses(&["render", "scene.toml", "-o", "out.exr", "--size", "40000x2"], &["size is 40000×2", "16384"]);
+}
+
+#[test]
+fn wrong_command_lines_exit_with_two() {
+    let place = Workplace::new();
+    for args in [
+        &["render"][..],
+        &["rendr", "ring"],
+        &["render", "ring", "-o", "a.png", "--leaves", "4"],
+        &["render", "ring", "-o", "a.png", "--evaluation", "flat"],
+        &["render", "ring", "-o", "a.png", "--filter", "ewa"],
+        &["render", "ring", "-o", "a.png", "--strategy", "elimination"],
+        &["render", "ring", "-o", "a.png", "--visibility", "full"],
+        &["render", "ring", "-o", "a.png", "--size", "512"],
+        &["render", "ring", "-o", "a.png", "--cube-size", "100"],
+        &["view"],
+    ] {
+        let output = place.run(args);
+        assert_eq!(output.status.code(), Some(2), "{args:?}");
+        assert!(!output.stderr.is_empty());
+    }
+}
