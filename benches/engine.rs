@@ -55,9 +55,9 @@ impl Work {
         sums.iter().map(|s| f64::from(s[3])).sum::<f64>() as u64
     }
 
-    /// The level at which a filter reads, on average; a bare loop reads there.
-    fn typical_level(filter: Filter) -> f32 {
-        if filter == Filter::None { 0.0 } else { 2.5 }
+    /// The levels between which a filter reads; a bare loop reads there.
+    fn typical_levels(filter: Filter) -> [f32; 2] {
+        if filter == Filter::None { [0.0, 0.0] } else { [1.5, 3.5] }
     }
 }
 
@@ -66,7 +66,7 @@ fn settings(group: &mut BenchmarkGroup<WallTime>) {
 }
 
 /// As many look-ups as the gather does, in the same groups of eight neighbours, and nothing else.
-fn bare_cpu_loop(work: &Work, level: f32, fetches: u64) -> f32 {
+fn bare_cpu_loop(work: &Work, levels: [f32; 2], fetches: u64) -> f32 {
     let lookup = CubeLookup::new(&work.environment.cube);
     let groups = u64::from(EDGE * EDGE / 8);
     let per_group = fetches / 8 / groups;
@@ -80,7 +80,9 @@ fn bare_cpu_loop(work: &Work, level: f32, fetches: u64) -> f32 {
                 angle += 0.61;
                 let (x, z) = (angle * 0.13 % 2.0 - 1.0, angle * 0.29 % 2.0 - 1.0);
                 let along = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0].map(|lane| x + 0.004 * lane);
-                lookup.fetch8(&[along, [0.7; 8], [z; 8]], &[level; 8], &mut sums);
+                let spread = [0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7].map(|lane: f32| (angle * 0.31 + 0.1 * lane).fract());
+                let level = spread.map(|s| levels[0] + (levels[1] - levels[0]) * s);
+                lookup.fetch8(&[along, [0.7; 8], [z; 8]], &level, &mut sums);
             }
             sums.into_iter().sum::<Vec4>()
         })
@@ -100,7 +102,7 @@ fn gather_on_cpu(c: &mut Criterion) {
             b.iter(|| black_box(gather(&work.receivers, &work.samples, &work.environment.cube, &params, &|_| ())));
         });
         group.bench_function(format!("{name}, bare look-ups"), |b| {
-            b.iter(|| black_box(bare_cpu_loop(&work, Work::typical_level(filter), fetches)));
+            b.iter(|| black_box(bare_cpu_loop(&work, Work::typical_levels(filter), fetches)));
         });
     }
 }
@@ -139,7 +141,7 @@ fn gather_on_gpu(c: &mut Criterion) {
         let bare = bare_gpu::BareLoop::new(&gpu, &environment, EDGE);
         let per_pixel = (fetches / u64::from(EDGE * EDGE)) as u32;
         group.bench_function(format!("{name}, bare look-ups"), |b| {
-            b.iter(|| bare.run(&gpu, per_pixel, Work::typical_level(filter)));
+            b.iter(|| bare.run(&gpu, per_pixel, Work::typical_levels(filter)));
         });
     }
 }

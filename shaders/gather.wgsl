@@ -8,19 +8,15 @@
 #import cube
 #import footprint
 
+// Whole vec4s: some drivers pay per load, not per byte.
 struct PinholeSample {
-    position: vec3f,
-    area: f32,
-    normal: vec3f,
-    flags: u32,
-    side_1: vec3f,
-    reflectance_r: f32,
-    side_2: vec3f,
-    reflectance_g: f32,
-    change_1: vec3f,
-    reflectance_b: f32,
-    change_2: vec3f,
-    padding: f32,
+    position_area: vec4f,
+    normal_flags: vec4f,
+    reflectance: vec4f,
+    side_1: vec4f,
+    side_2: vec4f,
+    change_1: vec4f,
+    change_2: vec4f,
 }
 
 struct GatherUniforms {
@@ -103,9 +99,12 @@ fn gather_batch(pixel: vec2u, batch: u32) -> vec4f {
 
 // What one sample adds: rgb = irradiance, a = fetches.
 fn sample_irradiance(i: u32, receiver: Receiver) -> vec4f {
-    let n = samples[i].normal;
-    let flags = samples[i].flags;
-    let d = samples[i].position - receiver.position;
+    let position_area = samples[i].position_area;
+    let normal_flags = samples[i].normal_flags;
+    let area = position_area.w;
+    let n = normal_flags.xyz;
+    let flags = bitcast<u32>(normal_flags.w);
+    let d = position_area.xyz - receiver.position;
     let l2 = dot(d, d);
     let dn = dot(d, n);
     let facing = select(max(-dn, 0.0), abs(dn), (flags & TWO_SIDED) != 0u);
@@ -114,14 +113,12 @@ fn sample_irradiance(i: u32, receiver: Receiver) -> vec4f {
     if !(cosines > 0.0) {
         return vec4f(0.0);
     }
-    let area = samples[i].area;
     let same_object = (flags & ~TWO_SIDED) == receiver.object;
     let weight = area * cosines * attenuation(l2, area, same_object);
     let inverse_l = inverseSqrt(l2);
     let r = (d - 2.0 * dn * n) * inverse_l;
     let radiance = filtered_radiance(i, d, n, dn, inverse_l, r);
-    let reflectance = vec3f(samples[i].reflectance_r, samples[i].reflectance_g, samples[i].reflectance_b);
-    return vec4f(weight * uniforms.radiance_scale * reflectance * radiance.rgb, radiance.a);
+    return vec4f(weight * uniforms.radiance_scale * samples[i].reflectance.rgb * radiance.rgb, radiance.a);
 }
 
 // 1/l², kept finite (WS-7).
@@ -140,8 +137,8 @@ fn filtered_radiance(i: u32, d: vec3f, n: vec3f, dn: f32, inverse_l: f32, r: vec
     if FILTER == FILTER_NONE {
         return vec4f(fetch(r, 0.0), 1.0);
     }
-    let v1 = reflected_side(samples[i].side_1, samples[i].change_1, d, n, dn, inverse_l, r);
-    let v2 = reflected_side(samples[i].side_2, samples[i].change_2, d, n, dn, inverse_l, r);
+    let v1 = reflected_side(samples[i].side_1.xyz, samples[i].change_1.xyz, d, n, dn, inverse_l, r);
+    let v2 = reflected_side(samples[i].side_2.xyz, samples[i].change_2.xyz, d, n, dn, inverse_l, r);
     if FILTER == FILTER_HARDWARE {
         return vec4f(textureSampleGrad(environment, anisotropic, r, v1, v2).rgb, 1.0);
     }

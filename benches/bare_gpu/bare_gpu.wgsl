@@ -1,6 +1,6 @@
-// Nothing but look-ups: directions that wander over the cube as those of one pixel do from sample to sample.
+// Nothing but look-ups: directions and levels that wander as those of one pixel do from sample to sample.
 
-struct Uniforms { count: u32, level: f32, padding_0: u32, padding_1: u32 }
+struct Uniforms { count: u32, level: f32, level_spread: f32, padding: u32 }
 @group(0) @binding(0) var<uniform> uniforms: Uniforms;
 @group(0) @binding(1) var environment: texture_cube<f32>;
 @group(0) @binding(2) var trilinear: sampler;
@@ -18,7 +18,7 @@ fn bare(@builtin(position) position: vec4f) -> @location(0) vec4f {
     for (var i = 0u; i < uniforms.count; i++) {
         angle += 0.61;
         let direction = vec3f(fract(angle * 0.065) * 2.0 - 1.0 + 0.004 * position.x, 0.7, fract(angle * 0.145) * 2.0 - 1.0);
-        sum += textureSampleLevel(environment, trilinear, direction, uniforms.level);
+        sum += textureSampleLevel(environment, trilinear, direction, uniforms.level + uniforms.level_spread * fract(angle * 0.31 + 0.01 * position.x));
     }
     return sum;
 }

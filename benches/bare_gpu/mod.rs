@@ -60,12 +60,12 @@ impl BareLoop {
         Self { pipeline, target: target.create_view(&Default::default()), cube: environment.view().clone(), sampler }
     }
 
-    /// `count` look-ups a pixel at a level; waits until they are done.
-    pub fn run(&self, gpu: &Gpu, count: u32, level: f32) {
+    /// `count` look-ups a pixel at levels from `levels[0]` to `levels[1]`; waits until they are done.
+    pub fn run(&self, gpu: &Gpu, count: u32, levels: [f32; 2]) {
         let device = &gpu.device;
         let uniforms = device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
             label: None,
-            contents: bytemuck::cast_slice(&[count, level.to_bits(), 0, 0]),
+            contents: bytemuck::cast_slice(&[count, levels[0].to_bits(), (levels[1] - levels[0]).to_bits(), 0]),
             usage: wgpu::BufferUsages::UNIFORM,
         });
         let entry = |binding, resource| wgpu::BindGroupEntry { binding, resource };

@@ -12,63 +12,82 @@ pub const BATCH_SIZE: u32 = 256;
 /// The bit of [`PinholeSample::flags`] for samples that reflect on both sides; the lower bits are the object's index.
 pub(super) const TWO_SIDED: u32 = 1 << 31;
 
-/// One pinhole, 96 bytes. The reflectance is spread over the padding of the vectors.
+/// One pinhole, 112 bytes: seven vectors of four.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 pub struct PinholeSample {
-    /// c: world position, metres.
-    pub position: [f32; 3],
-    /// a: the area that the sample stands for, m².
+    /// c: world position, metres; a: the area that the sample stands for, m².
+    pub position_area: [f32; 4],
+    /// n: unit normal; the bits of the flags, see [`Self::flags`].
+    pub normal_flags: [f32; 4],
+    /// Reflectance; unused.
+    pub reflectance: [f32; 4],
+    /// T₁: full first side of the footprint on the surface, metres; unused.
+    pub side_1: [f32; 4],
+    /// T₂: full second side; unused.
+    pub side_2: [f32; 4],
+    /// M₁: change of the normal along T₁; unused.
+    pub change_1: [f32; 4],
+    /// M₂: change of the normal along T₂; unused.
+    pub change_2: [f32; 4],
+}
+
+/// What a pinhole is made of.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PinholeParts {
+    /// World position, metres.
+    pub position: Vec3,
+    /// Unit normal.
+    pub normal: Vec3,
+    /// The area that it stands for, m².
     pub area: f32,
-    /// n: unit normal.
-    pub normal: [f32; 3],
-    /// Object index; the top bit says that both sides reflect.
-    pub flags: u32,
-    /// T₁: full first side of the footprint on the surface, metres.
-    pub side_1: [f32; 3],
-    /// Reflectance, red.
-    pub reflectance_r: f32,
-    /// T₂: full second side.
-    pub side_2: [f32; 3],
-    /// Reflectance, green.
-    pub reflectance_g: f32,
-    /// M₁: change of the normal along T₁.
-    pub change_1: [f32; 3],
-    /// Reflectance, blue.
-    pub reflectance_b: f32,
-    /// M₂: change of the normal along T₂.
-    pub change_2: [f32; 3],
-    /// Unused.
-    pub padding: f32,
+    /// Full sides of the footprint on the surface, metres.
+    pub sides: [Vec3; 2],
+    /// Change of the normal along each side.
+    pub changes: [Vec3; 2],
+    /// Reflectance.
+    pub reflectance: Vec3,
+    /// Index of the object in the scene.
+    pub object: u32,
+    /// Whether both sides reflect.
+    pub two_sided: bool,
+}
+
+impl From<PinholeParts> for PinholeSample {
+    fn from(parts: PinholeParts) -> Self {
+        let flags = parts.object | if parts.two_sided { TWO_SIDED } else { 0 };
+        let vector = |v: Vec3| v.extend(0.0).to_array();
+        Self {
+            position_area: parts.position.extend(parts.area).to_array(),
+            normal_flags: parts.normal.extend(f32::from_bits(flags)).to_array(),
+            reflectance: vector(parts.reflectance),
+            side_1: vector(parts.sides[0]),
+            side_2: vector(parts.sides[1]),
+            change_1: vector(parts.changes[0]),
+            change_2: vector(parts.changes[1]),
+        }
+    }
 }
 
 impl PinholeSample {
-    /// Packs a sample.
-    #[expect(clippy::too_many_arguments, reason = "one argument a field, called in one place")]
-    pub fn new(
-        position: Vec3,
-        normal: Vec3,
-        area: f32,
-        sides: [Vec3; 2],
-        changes: [Vec3; 2],
-        reflectance: Vec3,
-        object: u32,
-        two_sided: bool,
-    ) -> Self {
-        Self {
-            position: position.to_array(),
-            area,
-            normal: normal.to_array(),
-            flags: object | if two_sided { TWO_SIDED } else { 0 },
-            side_1: sides[0].to_array(),
-            reflectance_r: reflectance.x,
-            side_2: sides[1].to_array(),
-            reflectance_g: reflectance.y,
-            change_1: changes[0].to_array(),
-            reflectance_b: reflectance.z,
-            change_2: changes[1].to_array(),
-            padding: 0.0,
-        }
+    /// World position, metres.
+    pub fn position(&self) -> Vec3 {
+        Vec3::from_slice(&self.position_area)
+    }
+
+    /// Unit normal.
+    pub fn normal(&self) -> Vec3 {
+        Vec3::from_slice(&self.normal_flags)
+    }
+
+    /// The area that the sample stands for, m².
+    pub fn area(&self) -> f32 {
+        self.position_area[3]
+    }
+
+    /// Object index; the top bit says that both sides reflect.
+    pub fn flags(&self) -> u32 {
+        self.normal_flags[3].to_bits()
     }
 }
 

@@ -15,7 +15,7 @@ pub mod gpu;
 mod layout;
 mod receivers;
 
-pub use layout::{BATCH_SIZE, GatherUniforms, PinholeSample};
+pub use layout::{BATCH_SIZE, GatherUniforms, PinholeParts, PinholeSample};
 pub use receivers::{NO_RECEIVER, Receivers};
 
 use serde::{Deserialize, Serialize};
@@ -106,7 +106,8 @@ pub fn pinholes(scene: &Scene, samples: &[DifferentialSample], footprint: Footpr
             }
         };
         let changes = sides.map(|side| s.normal_change(side));
-        Some(PinholeSample::new(position, normal, area, sides, changes, reflector.reflectance, s.object, two_sided))
+        let (reflectance, object) = (reflector.reflectance, s.object);
+        Some(PinholeParts { position, normal, area, sides, changes, reflectance, object, two_sided }.into())
     };
     samples.iter().filter_map(pack).collect()
 }

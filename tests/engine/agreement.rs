@@ -87,13 +87,11 @@ fn two_sided_reflectors_reflect_on_both_sides() {
     let Case { receivers, samples, cube } = two_sided_ring();
     let params = Params::default();
     let turned = |sign: f32| -> Vec<PinholeSample> {
-        let turn = |v: [f32; 3]| v.map(|c| sign * c);
-        let one = |s: &PinholeSample| PinholeSample {
-            flags: 0,
-            normal: turn(s.normal),
-            change_1: turn(s.change_1),
-            change_2: turn(s.change_2),
-            ..*s
+        let turn = |v: [f32; 4]| v.map(|c| sign * c);
+        let one = |s: &PinholeSample| {
+            let [x, y, z, _] = turn(s.normal_flags);
+            let normal_flags = [x, y, z, f32::from_bits(0)];
+            PinholeSample { normal_flags, change_1: turn(s.change_1), change_2: turn(s.change_2), ..*s }
         };
         samples.iter().map(one).collect()
     };

@@ -132,17 +132,17 @@ fn epsilon_keeps_the_energy_between_objects() {
 fn epsilon_auto_holds_on_the_samples_own_object_only() {
     let samples = pinholes_of(&scene(SPHERE), 100, Strategy::Neighbourhood, Footprint::Cells, 1);
     let sample = samples[0];
-    let normal = Vec3::from(sample.normal);
-    let point = Vec3::from(sample.position) + 0.1 * sample.area.sqrt() * normal;
+    let normal = sample.normal();
+    let point = sample.position() + 0.1 * sample.area().sqrt() * normal;
     let cube = CubeMap::from_radiance(16, None, |_| Vec3::ONE);
     for (name, gather) in BACK_ENDS {
         let at = |object| {
             let receivers = Receivers::from_points(&[(point, -normal, object)], 1);
             f64::from(gather(&receivers, &[sample], &cube, &Params::default())[0][0])
         };
-        let l2 = f64::from((point - Vec3::from(sample.position)).length_squared());
+        let l2 = f64::from((point - sample.position()).length_squared());
         let (own, other) = (at(0), at(1));
-        assert!((other / (f64::from(sample.area) / l2) - 1.0).abs() < 1e-3, "{name}: {other}");
+        assert!((other / (f64::from(sample.area()) / l2) - 1.0).abs() < 1e-3, "{name}: {other}");
         assert!((own / PI - 1.0).abs() < 1e-3, "{name}: {own}");
     }
 }
@@ -157,8 +157,8 @@ fn attenuation_can_be_dropped() {
     let expected: f64 = samples
         .iter()
         .map(|s| {
-            let d = (Vec3::from(s.position) - point).normalize();
-            f64::from(s.area * (-d.dot(Vec3::from(s.normal))).max(0.0) * d.y)
+            let d = (s.position() - point).normalize();
+            f64::from(s.area() * (-d.dot(s.normal())).max(0.0) * d.y)
         })
         .sum();
     for (name, gather) in BACK_ENDS {

@@ -17,8 +17,8 @@ pub(super) fn splat(value: f32) -> F {
 }
 
 #[inline(always)]
-pub(super) fn splat3(v: [f32; 3]) -> V3 {
-    V3(v.map(splat))
+pub(super) fn splat3([x, y, z, _]: [f32; 4]) -> V3 {
+    V3([x, y, z].map(splat))
 }
 
 #[inline(always)]

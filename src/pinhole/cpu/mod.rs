@@ -123,11 +123,11 @@ impl Gather<'_> {
         receiver: &Receiver,
         sum: &mut [Vec4; LANES],
     ) {
-        let n = splat3(sample.normal);
-        let d = splat3(sample.position) - receiver.position;
+        let n = splat3(sample.normal_flags);
+        let d = splat3(sample.position_area) - receiver.position;
         let l2 = d.dot(d);
         let dn = d.dot(n);
-        let two_sided = sample.flags & TWO_SIDED != 0;
+        let two_sided = sample.flags() & TWO_SIDED != 0;
         let facing = if two_sided { abs(dn) } else { (-dn).max(F::ZERO) };
         let cosines = facing * d.dot(receiver.normal).max(F::ZERO) / l2;
         // Also false where the sample lies on the receiver point and the quotient is not a number.
@@ -135,11 +135,11 @@ impl Gather<'_> {
         if lit == 0 {
             return;
         }
-        let weight = splat(sample.area) * cosines * self.attenuation(l2, sample, &receiver.object);
+        let weight = splat(sample.area()) * cosines * self.attenuation(l2, sample, &receiver.object);
         let inverse_l = F::ONE / l2.sqrt();
         let r = (d - n * (dn + dn)) * inverse_l;
         let (radiance, taps) = self.filtered_radiance::<FILTER>(sample, d, n, dn, inverse_l, r, lit);
-        let reflectance = Vec4::new(sample.reflectance_r, sample.reflectance_g, sample.reflectance_b, 0.0);
+        let reflectance = Vec4::from(sample.reflectance);
         let scale = (weight / taps).to_array();
         let taps = taps.to_array();
         for lane in 0..LANES {
@@ -157,12 +157,12 @@ impl Gather<'_> {
             return F::ONE;
         }
         if u.epsilon_mode == 0 {
-            let own = sample.flags & !TWO_SIDED;
+            let own = sample.flags() & !TWO_SIDED;
             let least =
-                objects.map(|object| if object == own { sample.area * std::f32::consts::FRAC_1_PI } else { 0.0 });
+                objects.map(|object| if object == own { sample.area() * std::f32::consts::FRAC_1_PI } else { 0.0 });
             return F::ONE / l2.max(f32x8::new(least));
         }
-        F::ONE / (l2 + splat(u.epsilon_scale * sample.area + u.epsilon))
+        F::ONE / (l2 + splat(u.epsilon_scale * sample.area() + u.epsilon))
     }
 
     /// Sum of radiance over the taps of the sample's footprint around r, and the number of taps.
