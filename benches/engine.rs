@@ -80,7 +80,8 @@ fn bare_cpu_loop(work: &Work, levels: [f32; 2], fetches: u64) -> f32 {
                 angle += 0.61;
                 let (x, z) = (angle * 0.13 % 2.0 - 1.0, angle * 0.29 % 2.0 - 1.0);
                 let along = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0].map(|lane| x + 0.004 * lane);
-                let spread = [0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7].map(|lane: f32| (angle * 0.31 + 0.1 * lane).fract());
+                let spread =
+                    [0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7].map(|lane: f32| (angle * 0.31 + 0.1 * lane).fract());
                 let level = spread.map(|s| levels[0] + (levels[1] - levels[0]) * s);
                 lookup.fetch8(&[along, [0.7; 8], [z; 8]], &level, &mut sums);
             }

@@ -23,7 +23,7 @@ struct GatherUniforms {
     sample_count: u32,
     taps: u32,
     attenuation: u32,
-    epsilon_mode: u32,
+    own_scale: f32,
     epsilon_scale: f32,
     epsilon: f32,
     texel_rad: f32,
@@ -45,7 +45,9 @@ const SHARPNESS: f32 = 0.9;
 override FILTER: u32 = FILTER_ANISOTROPIC;
 
 @group(0) @binding(0) var<uniform> uniforms: GatherUniforms;
-@group(0) @binding(1) var<storage, read> samples: array<PinholeSample>;
+// One batch: a window on the buffer of all samples. A uniform binding, because its loads are broadcast: a storage binding
+// costs lavapipe half as much again (every lane loads for itself).
+@group(0) @binding(1) var<uniform> samples: array<PinholeSample, BATCH_SIZE>;
 @group(0) @binding(2) var environment: texture_cube<f32>;
 @group(0) @binding(3) var trilinear: sampler;
 @group(0) @binding(4) var anisotropic: sampler;
@@ -90,8 +92,8 @@ fn gather_batch(pixel: vec2u, batch: u32) -> vec4f {
     let object = u32(position.w + 0.5);
     let receiver = Receiver(position.xyz, textureLoad(receiver_normal, pixel, 0).xyz, object);
     var sum = vec4f(0.0);
-    let last = min((batch + 1u) * BATCH_SIZE, uniforms.sample_count);
-    for (var i = batch * BATCH_SIZE; i < last; i++) {
+    let count = min(uniforms.sample_count - batch * BATCH_SIZE, BATCH_SIZE);
+    for (var i = 0u; i < count; i++) {
         sum += sample_irradiance(i, receiver);
     }
     return sum;
@@ -108,28 +110,24 @@ fn sample_irradiance(i: u32, receiver: Receiver) -> vec4f {
     let l2 = dot(d, d);
     let dn = dot(d, n);
     let facing = select(max(-dn, 0.0), abs(dn), (flags & TWO_SIDED) != 0u);
-    let cosines = facing * max(dot(d, receiver.normal), 0.0) / l2;
+    let inverse_l = inverseSqrt(l2);
+    let cosines = facing * max(dot(d, receiver.normal), 0.0) * inverse_l * inverse_l;
     // Also false where the sample lies on the receiver point and the quotient is not a number.
     if !(cosines > 0.0) {
         return vec4f(0.0);
     }
     let same_object = (flags & ~TWO_SIDED) == receiver.object;
     let weight = area * cosines * attenuation(l2, area, same_object);
-    let inverse_l = inverseSqrt(l2);
     let r = (d - 2.0 * dn * n) * inverse_l;
     let radiance = filtered_radiance(i, d, n, dn, inverse_l, r);
     return vec4f(weight * uniforms.radiance_scale * samples[i].reflectance.rgb * radiance.rgb, radiance.a);
 }
 
-// 1/l², kept finite (WS-7).
+// 1/l², kept finite (WS-7). Without branches: drivers without real ones would go through all.
 fn attenuation(l2: f32, area: f32, same_object: bool) -> f32 {
-    if uniforms.attenuation == 0u {
-        return 1.0;
-    }
-    if uniforms.epsilon_mode == 0u {
-        return 1.0 / select(l2, max(l2, area * FRAC_1_PI), same_object);
-    }
-    return 1.0 / (l2 + uniforms.epsilon_scale * area + uniforms.epsilon);
+    let least = select(0.0, uniforms.own_scale * area, same_object);
+    let inverse = 1.0 / max(l2 + uniforms.epsilon_scale * area + uniforms.epsilon, least);
+    return select(1.0, inverse, uniforms.attenuation != 0u);
 }
 
 // Mean radiance over the sample's footprint around the reflected direction r; a = fetches.

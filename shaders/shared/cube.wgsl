@@ -1,7 +1,5 @@
 // Cube-map texels: how wide they are, and which level matches a width.
 
-const FRAC_1_PI: f32 = 0.31830988618;
-
 // Width of a texel around a unit direction, radians: texels shrink towards a face's corners. The solid angle of a
 // texel is texel_rad² · m³ with m the largest component.
 fn texel_width(direction: vec3f, texel_rad: f32) -> f32 {

@@ -101,11 +101,11 @@ pub struct GatherUniforms {
     pub taps: u32,
     /// 1: multiply by 1/l².
     pub attenuation: u32,
-    /// 0: auto; 1: add `epsilon_scale · a + epsilon` to l².
-    pub epsilon_mode: u32,
-    /// Factor of the sample's area, see `epsilon_mode`.
+    /// On a sample's own object l² is at least this times the sample's area.
+    pub own_scale: f32,
+    /// This times the sample's area is added to l².
     pub epsilon_scale: f32,
-    /// m², see `epsilon_mode`.
+    /// Added to l², m².
     pub epsilon: f32,
     /// Texel width at a face's centre, level 0, radians: 2 / size.
     pub texel_rad: f32,
@@ -116,16 +116,17 @@ pub struct GatherUniforms {
 impl GatherUniforms {
     /// The uniforms of a gather of `sample_count` samples from a cube of `cube_size`² texels a face.
     pub fn new(params: &Params, sample_count: u32, cube_size: u32, radiance_scale: f32) -> Self {
-        let (epsilon_mode, epsilon_scale, epsilon) = match params.epsilon {
-            Epsilon::Auto => (0, 0.0, 0.0),
-            Epsilon::Paper => (1, 4.0 * std::f32::consts::FRAC_1_PI, 0.0),
-            Epsilon::Value(value) => (1, 0.0, value),
+        use std::f32::consts::FRAC_1_PI;
+        let (own_scale, epsilon_scale, epsilon) = match params.epsilon {
+            Epsilon::Auto => (FRAC_1_PI, 0.0, 0.0),
+            Epsilon::Paper => (0.0, 4.0 * FRAC_1_PI, 0.0),
+            Epsilon::Value(value) => (0.0, 0.0, value),
         };
         Self {
             sample_count,
             taps: params.taps,
             attenuation: params.attenuation.into(),
-            epsilon_mode,
+            own_scale,
             epsilon_scale,
             epsilon,
             texel_rad: 2.0 / cube_size as f32,

@@ -129,14 +129,14 @@ impl Gather<'_> {
         let dn = d.dot(n);
         let two_sided = sample.flags() & TWO_SIDED != 0;
         let facing = if two_sided { abs(dn) } else { (-dn).max(F::ZERO) };
-        let cosines = facing * d.dot(receiver.normal).max(F::ZERO) / l2;
+        let inverse_l = F::ONE / l2.sqrt();
+        let cosines = facing * d.dot(receiver.normal).max(F::ZERO) * inverse_l * inverse_l;
         // Also false where the sample lies on the receiver point and the quotient is not a number.
         let lit = cosines.simd_gt(F::ZERO).to_bitmask();
         if lit == 0 {
             return;
         }
         let weight = splat(sample.area()) * cosines * self.attenuation(l2, sample, &receiver.object);
-        let inverse_l = F::ONE / l2.sqrt();
         let r = (d - n * (dn + dn)) * inverse_l;
         let (radiance, taps) = self.filtered_radiance::<FILTER>(sample, d, n, dn, inverse_l, r, lit);
         let reflectance = Vec4::from(sample.reflectance);
@@ -156,13 +156,9 @@ impl Gather<'_> {
         if u.attenuation == 0 {
             return F::ONE;
         }
-        if u.epsilon_mode == 0 {
-            let own = sample.flags() & !TWO_SIDED;
-            let least =
-                objects.map(|object| if object == own { sample.area() * std::f32::consts::FRAC_1_PI } else { 0.0 });
-            return F::ONE / l2.max(f32x8::new(least));
-        }
-        F::ONE / (l2 + splat(u.epsilon_scale * sample.area() + u.epsilon))
+        let (own, least) = (sample.flags() & !TWO_SIDED, u.own_scale * sample.area());
+        let least = f32x8::new(objects.map(|object| if object == own { least } else { 0.0 }));
+        F::ONE / (l2 + splat(u.epsilon_scale * sample.area() + u.epsilon)).max(least)
     }
 
     /// Sum of radiance over the taps of the sample's footprint around r, and the number of taps.

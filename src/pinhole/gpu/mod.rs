@@ -15,7 +15,7 @@ use std::ops::Range;
 
 use wgpu::util::DeviceExt;
 
-use self::pipeline::Pipelines;
+use self::pipeline::{BATCH_BYTES, Pipelines};
 use super::{BATCH_SIZE, Filter, GatherUniforms, Params, PinholeSample};
 use crate::gpu::GpuError;
 
@@ -117,13 +117,14 @@ impl Engine {
             contents: bytemuck::bytes_of(&uniforms),
             usage: wgpu::BufferUsages::UNIFORM,
         });
-        // An empty binding is not allowed; the shader reads `sample_count` samples only.
-        let none = [PinholeSample::default()];
-        let samples = if inputs.samples.is_empty() { &none } else { inputs.samples };
+        // Whole batches, one at least; the shader reads `sample_count` samples only.
+        let batches = inputs.samples.len().div_ceil(BATCH_SIZE as usize).max(1);
+        let mut padded = inputs.samples.to_vec();
+        padded.resize(batches * BATCH_SIZE as usize, PinholeSample::default());
         let samples = device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
             label: Some("pinhole samples"),
-            contents: bytemuck::cast_slice(samples),
-            usage: wgpu::BufferUsages::STORAGE,
+            contents: bytemuck::cast_slice(&padded),
+            usage: wgpu::BufferUsages::UNIFORM,
         });
         self.pipelines.bind_inputs(device, &uniforms, &samples, cube.view())
     }
@@ -138,7 +139,7 @@ impl Frame {
     /// Records the gather of a range of batches. Record every batch once, in order, in one encoder or in several.
     pub fn record(&mut self, encoder: &mut wgpu::CommandEncoder, batches: Range<u32>) {
         if self.previous.is_empty() {
-            // With blending, the whole range is one draw: an instance a batch.
+            // With blending, the whole range is one pass.
             self.pass(encoder, 0, batches);
         } else {
             for batch in batches {
@@ -165,13 +166,15 @@ impl Frame {
             ..Default::default()
         });
         pass.set_pipeline(&self.pipeline);
-        pass.set_bind_group(0, &self.inputs, &[]);
         pass.set_bind_group(1, &self.receivers, &[]);
         if !blends {
             // Before the first pass the other target is as cleared as WebGPU makes it: zero.
             pass.set_bind_group(2, &self.previous[1 - target], &[]);
         }
-        pass.draw(0..3, batches);
+        for batch in batches {
+            pass.set_bind_group(0, &self.inputs, &[batch * BATCH_BYTES as u32]);
+            pass.draw(0..3, batch..batch + 1);
+        }
         drop(pass);
         self.current = Some(target);
     }
@@ -192,7 +195,7 @@ fn check_limits(limits: &wgpu::Limits, inputs: &FrameInputs) -> Result<(), GpuEr
             remedy: "give a smaller --size or use --backend cpu",
         });
     }
-    let most = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size) as usize / size_of::<PinholeSample>();
+    let most = limits.max_buffer_size.min(u64::from(u32::MAX)) as usize / size_of::<PinholeSample>();
     if inputs.samples.len() > most {
         return Err(GpuError::TooManySamples { samples: inputs.samples.len(), limit: most });
     }

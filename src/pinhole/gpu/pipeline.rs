@@ -4,7 +4,10 @@ use wgpu::{BindGroupLayoutEntry, BindingType, ShaderStages, TextureSampleType, T
 
 use super::TARGET_FORMAT;
 use crate::gpu::resolve;
-use crate::pinhole::Filter;
+use crate::pinhole::{BATCH_SIZE, Filter, PinholeSample};
+
+/// Bytes of one batch of samples.
+pub(super) const BATCH_BYTES: u64 = BATCH_SIZE as u64 * size_of::<PinholeSample>() as u64;
 
 #[derive(Debug)]
 pub(super) struct Pipelines {
@@ -19,7 +22,7 @@ pub(super) struct Pipelines {
 
 impl Pipelines {
     pub fn new(device: &wgpu::Device, filter: Filter, blends: bool) -> Self {
-        let inputs = layout(device, "gather inputs", &[uniform(0), storage(1), cube(2), sampler(3), sampler(4)]);
+        let inputs = layout(device, "gather inputs", &[uniform(0), window(1), cube(2), sampler(3), sampler(4)]);
         let receivers = layout(device, "receivers", &[texture(0), texture(1)]);
         let previous = layout(device, "previous target", &[texture(0)]);
         let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
@@ -88,7 +91,11 @@ impl Pipelines {
             &self.inputs,
             &[
                 uniforms.as_entire_binding(),
-                samples.as_entire_binding(),
+                wgpu::BindingResource::Buffer(wgpu::BufferBinding {
+                    buffer: samples,
+                    offset: 0,
+                    size: std::num::NonZero::new(BATCH_BYTES),
+                }),
                 wgpu::BindingResource::TextureView(environment),
                 wgpu::BindingResource::Sampler(&self.trilinear),
                 wgpu::BindingResource::Sampler(&self.anisotropic),
@@ -158,6 +165,12 @@ fn buffer(binding: u32, ty: wgpu::BufferBindingType) -> BindGroupLayoutEntry {
 
 pub(super) fn uniform(binding: u32) -> BindGroupLayoutEntry {
     buffer(binding, wgpu::BufferBindingType::Uniform)
+}
+
+/// A uniform buffer whose start is given when it is bound.
+fn window(binding: u32) -> BindGroupLayoutEntry {
+    let ty = wgpu::BufferBindingType::Uniform;
+    entry(binding, BindingType::Buffer { ty, has_dynamic_offset: true, min_binding_size: None })
 }
 
 pub(super) fn storage(binding: u32) -> BindGroupLayoutEntry {
