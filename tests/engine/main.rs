@@ -8,5 +8,7 @@ mod distributions;
 mod embedding;
 mod figure4;
 mod gpu_errors;
+mod half_float;
+mod pictures;
 mod shaders;
 mod support;
