@@ -27,7 +27,7 @@ const SAMPLES: u32 = 1000;
 const FILTERS: [(Filter, &str); 3] =
     [(Filter::None, "none"), (Filter::Isotropic, "isotropic"), (Filter::Anisotropic, "anisotropic")];
 
-/// `ring-natural`'s gather: a table under a ring.
+/// `ring-natural`'s gather on the table inside the ring: every sample reaches every receiver, so none is culled.
 struct Work {
     receivers: Receivers,
     samples: Vec<PinholeSample>,
@@ -42,7 +42,7 @@ impl Work {
         let samples = pinholes(&scene, &differentials(&set), Footprint::Cells);
         let environment = Environment::load(&scene.environment, Default::default()).expect("built-in");
         let place = |k: u32| {
-            let at = |i: u32| 3.0 * ((i as f32 + 0.5) / EDGE as f32 - 0.5);
+            let at = |i: u32| 1.2 * ((i as f32 + 0.5) / EDGE as f32 - 0.5);
             (Vec3::new(at(k % EDGE), 0.0, at(k / EDGE)), Vec3::Y, 1)
         };
         let points: Vec<_> = (0..EDGE * EDGE).map(place).collect();

@@ -73,7 +73,7 @@ fn check_output(path: &Path) -> Result<(), String> {
 
 fn write(path: &Path, rendered: &Rendered, look: &pinspot::render::Look) -> Result<(), String> {
     let written = if extension(path) == "png" {
-        write_png(path, &rendered.first_shown(look))
+        write_png(path, &rendered.shown(look))
     } else {
         let layers: Vec<_> = rendered.layers.iter().map(|(aov, image)| (aov.name(), image)).collect();
         write_exr(path, &layers)

@@ -64,8 +64,8 @@ pub struct Renderer {
 pub struct Rendered {
     /// The pictures asked for, in that order.
     pub layers: Vec<(Aov, Image)>,
-    /// The beauty as it is shown: exposed, tone-mapped, anti-aliased after both; display-linear. There if beauty was asked for.
-    pub shown: Option<Image>,
+    /// The beauty as it is shown: exposed, tone-mapped, anti-aliased after both; display-linear.
+    shown: Option<Image>,
     /// What was done and how long it took.
     pub report: Report,
 }
@@ -76,11 +76,11 @@ impl Rendered {
         self.layers.iter().find(|(a, _)| *a == aov).map(|(_, image)| image)
     }
 
-    /// The first picture as a PNG shows it, display-linear.
-    pub fn first_shown(&self, look: &Look) -> Image {
-        match (&self.layers[0], &self.shown) {
-            ((Aov::Beauty, _), Some(shown)) => shown.clone(),
-            ((_, image), _) => image.map(|p| display(exposed(p, look.exposure_ev))),
+    /// What a PNG shows, display-linear: the beauty if it was asked for, else the first picture.
+    pub fn shown(&self, look: &Look) -> Image {
+        match &self.shown {
+            Some(beauty) => beauty.clone(),
+            None => self.layers[0].1.map(|p| display(exposed(p, look.exposure_ev))),
         }
     }
 }

@@ -26,7 +26,7 @@ const REACH: f64 = 5.0 * SIGMA + 2.0 * 2.0 / 256.0;
 
 /// Irradiance at (x, 0, z): Σ over φ of ∫ L cosα_s cosα_d / l² dz, midpoint rule.
 fn reference(sun: &CubeMap, x: f64, z: f64) -> f64 {
-    const ANGLES: u32 = 3000;
+    const ANGLES: u32 = 8000;
     const HEIGHTS: u32 = 40;
     let length = SUN.iter().map(|c| c * c).sum::<f64>().sqrt();
     let sun_elevation = (SUN[1] / length).asin();

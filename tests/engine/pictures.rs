@@ -29,7 +29,7 @@ fn compare(scene: &str, picture: &Path) {
     options.size = [stored.width(), stored.height()];
     let look = options.look;
     let rendered = Renderer::new(loaded.scene, options, &BackendChoice::Cpu, &Silent).unwrap().render(&Silent).unwrap();
-    let shown = rendered.first_shown(&look);
+    let shown = rendered.shown(&look);
     let difference: f64 = shown
         .pixels
         .iter()
