@@ -49,6 +49,7 @@ pub mod pinhole;
 pub mod render;
 pub mod sampling;
 pub mod scene;
+mod words;
 
 pub use error::{Error, OptionError};
 pub use wgpu;

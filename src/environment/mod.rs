@@ -21,6 +21,7 @@ use glam::Vec3;
 use serde::Deserialize;
 
 use crate::scene::{EnvironmentSource, MapLayout};
+use crate::words::NumberOrWord;
 
 /// The largest face edge, texels: 4096² × 6 texels of 16 bytes with mips are 2.1 GB.
 pub const MAX_CUBE_SIZE: u32 = 4096;
@@ -71,20 +72,10 @@ pub enum CubeSize {
     Texels(u32),
 }
 
-#[derive(Deserialize)]
-#[serde(untagged)]
-enum NumberOrWord {
-    Number(f64),
-    Word(String),
-}
-
 impl TryFrom<NumberOrWord> for CubeSize {
     type Error = String;
     fn try_from(value: NumberOrWord) -> Result<Self, String> {
-        match value {
-            NumberOrWord::Number(n) => n.to_string().parse(),
-            NumberOrWord::Word(w) => w.parse(),
-        }
+        value.to_string().parse()
     }
 }
 

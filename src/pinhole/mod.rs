@@ -22,6 +22,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::differential::DifferentialSample;
 use crate::scene::{Scene, Sides};
+use crate::words::NumberOrWord;
 
 /// How a sample's footprint is found.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Deserialize, Serialize)]
@@ -112,31 +113,21 @@ pub fn pinholes(scene: &Scene, samples: &[DifferentialSample], footprint: Footpr
     samples.iter().filter_map(pack).collect()
 }
 
-#[derive(Deserialize)]
-#[serde(untagged)]
-enum NumberOrWord {
-    Number(f64),
-    Word(String),
-}
-
 impl TryFrom<NumberOrWord> for Epsilon {
     type Error = String;
     fn try_from(value: NumberOrWord) -> Result<Self, String> {
-        match value {
-            NumberOrWord::Number(n) if n >= 0.0 && n.is_finite() => Ok(Self::Value(n as f32)),
-            NumberOrWord::Number(n) => Err(format!("epsilon is {n}, but must be a number of m² that is not negative")),
-            NumberOrWord::Word(w) => w.parse(),
-        }
+        value.to_string().parse()
     }
 }
 
 impl std::str::FromStr for Epsilon {
     type Err = String;
     fn from_str(text: &str) -> Result<Self, String> {
-        match (text, text.parse::<f64>()) {
+        match (text, text.parse::<f32>()) {
             ("auto", _) => Ok(Self::Auto),
             ("paper", _) => Ok(Self::Paper),
-            (_, Ok(n)) => NumberOrWord::Number(n).try_into(),
+            (_, Ok(n)) if n >= 0.0 && n.is_finite() => Ok(Self::Value(n)),
+            (_, Ok(n)) => Err(format!("epsilon is {n}, but must be a number of m² that is not negative")),
             _ => Err(format!("'{text}' is no epsilon; give auto, paper or a number of m²")),
         }
     }

@@ -6,8 +6,7 @@
 use glam::Vec3;
 use wgpu::util::DeviceExt;
 
-use super::TARGET_FORMAT;
-use super::pipeline::{bind, cube, layout, linear_sampler, sampler, storage};
+use super::pipeline::{bind, cube, full_screen_pipeline, layout, linear_sampler, sampler, storage};
 use crate::environment::CubeMap;
 use crate::gpu::{Gpu, GpuError, resolve};
 use crate::pinhole::gpu::EnvironmentCube;
@@ -127,25 +126,5 @@ fn pipeline(device: &wgpu::Device, group_layout: &wgpu::BindGroupLayout) -> wgpu
         bind_group_layouts: &[Some(group_layout)],
         immediate_size: 0,
     });
-    device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
-        label: Some("filter probe"),
-        layout: Some(&pipeline_layout),
-        vertex: wgpu::VertexState {
-            module: &module,
-            entry_point: Some("full_screen"),
-            compilation_options: Default::default(),
-            buffers: &[],
-        },
-        primitive: Default::default(),
-        depth_stencil: None,
-        multisample: Default::default(),
-        fragment: Some(wgpu::FragmentState {
-            module: &module,
-            entry_point: Some("probe"),
-            compilation_options: Default::default(),
-            targets: &[Some(TARGET_FORMAT.into())],
-        }),
-        multiview_mask: None,
-        cache: None,
-    })
+    full_screen_pipeline(device, &pipeline_layout, &module, "probe", &[], None)
 }

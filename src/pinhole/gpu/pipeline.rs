@@ -40,34 +40,14 @@ impl Pipelines {
             dst_factor: wgpu::BlendFactor::One,
             operation: wgpu::BlendOperation::Add,
         };
-        let gather = device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
-            label: Some("gather"),
-            layout: Some(&pipeline_layout),
-            vertex: wgpu::VertexState {
-                module: &module,
-                entry_point: Some("full_screen"),
-                compilation_options: Default::default(),
-                buffers: &[],
-            },
-            primitive: Default::default(),
-            depth_stencil: None,
-            multisample: Default::default(),
-            fragment: Some(wgpu::FragmentState {
-                module: &module,
-                entry_point: Some(if blends { "gather" } else { "gather_onto_previous" }),
-                compilation_options: wgpu::PipelineCompilationOptions {
-                    constants: &[("FILTER", f64::from(filter_constant(filter)))],
-                    ..Default::default()
-                },
-                targets: &[Some(wgpu::ColorTargetState {
-                    format: TARGET_FORMAT,
-                    blend: blends.then_some(wgpu::BlendState { color: add, alpha: add }),
-                    write_mask: wgpu::ColorWrites::ALL,
-                })],
-            }),
-            multiview_mask: None,
-            cache: None,
-        });
+        let gather = full_screen_pipeline(
+            device,
+            &pipeline_layout,
+            &module,
+            if blends { "gather" } else { "gather_onto_previous" },
+            &[("FILTER", f64::from(filter_constant(filter)))],
+            blends.then_some(wgpu::BlendState { color: add, alpha: add }),
+        );
         Self {
             gather,
             filter,
@@ -116,6 +96,42 @@ impl Pipelines {
     pub fn bind_previous(&self, device: &wgpu::Device, target: &wgpu::TextureView) -> wgpu::BindGroup {
         bind(device, &self.previous, &[wgpu::BindingResource::TextureView(target)])
     }
+}
+
+/// A pipeline of the module's `full_screen` triangle and one of its fragment entry points, onto [`TARGET_FORMAT`].
+pub(super) fn full_screen_pipeline(
+    device: &wgpu::Device,
+    layout: &wgpu::PipelineLayout,
+    module: &wgpu::ShaderModule,
+    fragment: &str,
+    constants: &[(&str, f64)],
+    blend: Option<wgpu::BlendState>,
+) -> wgpu::RenderPipeline {
+    device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
+        label: Some(fragment),
+        layout: Some(layout),
+        vertex: wgpu::VertexState {
+            module,
+            entry_point: Some("full_screen"),
+            compilation_options: Default::default(),
+            buffers: &[],
+        },
+        primitive: Default::default(),
+        depth_stencil: None,
+        multisample: Default::default(),
+        fragment: Some(wgpu::FragmentState {
+            module,
+            entry_point: Some(fragment),
+            compilation_options: wgpu::PipelineCompilationOptions { constants, ..Default::default() },
+            targets: &[Some(wgpu::ColorTargetState {
+                format: TARGET_FORMAT,
+                blend,
+                write_mask: wgpu::ColorWrites::ALL,
+            })],
+        }),
+        multiview_mask: None,
+        cache: None,
+    })
 }
 
 /// The shader's `FILTER_…` constants.
