@@ -1,5 +1,5 @@
 // The gather (Wand & Straßer 2003, Sections 3.1 and 3.3): adds one batch of pinhole samples to the irradiance of
-// every receiver point. CPU twin: src/pinhole/cpu.rs, the same names. Rust layouts: src/pinhole/layout.rs.
+// every receiver point. CPU twin: src/pinhole/cpu/, the same names. Rust layouts: src/pinhole/layout.rs.
 //
 // Each instance of the full-screen triangle is one batch of samples; the target accumulates by additive blending, or
 // the batch starts from the previous target where 32-bit targets do not blend (gather_onto_previous).
@@ -11,7 +11,7 @@
 // Whole vec4s: some drivers pay per load, not per byte.
 struct PinholeSample {
     position_area: vec4f,
-    normal_flags: vec4f,
+    normal_object: vec4f,
     reflectance: vec4f,
     side_1: vec4f,
     side_2: vec4f,
@@ -31,7 +31,6 @@ struct GatherUniforms {
 }
 
 const BATCH_SIZE: u32 = 256u;
-const TWO_SIDED: u32 = 0x80000000u;
 const FILTER_NONE: u32 = 0u;
 const FILTER_ISOTROPIC: u32 = 1u;
 const FILTER_ANISOTROPIC: u32 = 2u;
@@ -102,21 +101,22 @@ fn gather_batch(pixel: vec2u, batch: u32) -> vec4f {
 // What one sample adds: rgb = irradiance, a = fetches.
 fn sample_irradiance(i: u32, receiver: Receiver) -> vec4f {
     let position_area = samples[i].position_area;
-    let normal_flags = samples[i].normal_flags;
+    let normal_object = samples[i].normal_object;
     let area = position_area.w;
-    let n = normal_flags.xyz;
-    let flags = bitcast<u32>(normal_flags.w);
+    let n = normal_object.xyz;
+    // ±(object + 1), negative where both sides reflect.
+    let two_sided = normal_object.w < 0.0;
     let d = position_area.xyz - receiver.position;
     let l2 = dot(d, d);
     let dn = dot(d, n);
-    let facing = select(max(-dn, 0.0), abs(dn), (flags & TWO_SIDED) != 0u);
+    let facing = select(max(-dn, 0.0), abs(dn), two_sided);
     let inverse_l = inverseSqrt(l2);
     let cosines = facing * max(dot(d, receiver.normal), 0.0) * inverse_l * inverse_l;
     // Also false where the sample lies on the receiver point and the quotient is not a number.
     if !(cosines > 0.0) {
         return vec4f(0.0);
     }
-    let same_object = (flags & ~TWO_SIDED) == receiver.object;
+    let same_object = u32(abs(normal_object.w)) == receiver.object + 1u;
     let weight = area * cosines * attenuation(l2, area, same_object);
     let r = (d - 2.0 * dn * n) * inverse_l;
     let radiance = filtered_radiance(i, d, n, dn, inverse_l, r);

@@ -6,7 +6,7 @@ use serde::Deserialize;
 
 /// A number or a word; it displays as what it is parsed from on the command line.
 #[derive(Deserialize)]
-#[serde(untagged)]
+#[serde(untagged, expecting = "a number or a word")]
 pub(crate) enum NumberOrWord {
     Number(f64),
     Word(String),

@@ -256,7 +256,7 @@ fn scene_files_with_mistakes_are_refused_with_line_and_key() {
     place.replace("target = [0.0, 0.0, 0.0]", "target = [0.0, 0.0");
     place.refuses_scene(&["scene.toml:"]);
     place.replace("samples = 60", "samples = 0");
-    place.refuses_scene(&["0 samples", "give from 1"]);
+    place.refuses_scene(&["scene", "samples is 0", "from 1 to"]);
     place.replace("size = [24, 16]", "size = [0, 16]");
     place.refuses_scene(&["size is 0×16", "1×1"]);
     place.replace("samples = 60", "taps = 0");
@@ -275,7 +275,7 @@ fn unusable_meshes_are_named_with_the_reason() {
     for (mesh, reason) in [
         ("", "is empty"),
         ("v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n", "1 degenerate"),
-        ("v 0 0 0\nv NaN 0 0\nv 0 1 0\nf 1 2 3\n", "vertex 2"),
+        ("v 0 0 0\nv NaN 0 0\nv 0 1 0\nf 2 1 3\n", "line 2"),
         ("v 0 0 0\nv 1 0 0\nf 1 2 3\n", "damaged"),
         ("\u{0}\u{1}binary", "ring.obj"),
     ] {
@@ -349,12 +349,32 @@ fn outputs_that_cannot_be_written_are_refused_before_the_work() {
 fn back_ends_that_are_not_there_are_refused() {
     let place = Workplace::new();
     place.refuses(&["render", "scene.toml", "-o", "out.exr", "--adapter", "voodoo"], &["voodoo", "found:"]);
-    place.refuses(&["render", "scene.toml", "-o", "out.exr", "--adapter", "voodoo", "--backend", "cpu"], &["drop one"]);
     place.refuses(
         &["render", "scene.toml", "-o", "out.exr", "--filter", "hardware", "--backend", "cpu"],
         &["hardware needs a GPU"],
     );
     place.refuses(&["render", "scene.toml", "-o", "out.exr", "--size", "40000x2"], &["size is 40000×2", "16384"]);
+}
+
+#[test]
+fn nothing_is_asked_for_in_vain() {
+    let place = Workplace::new();
+    let refuses = |more: &[&str], part: &str| place.refuses(&[&["render", "scene.toml"], more].concat(), &[part]);
+    refuses(&["-o", "out.exr", "--overlay", "samples"], "--overlay is drawn");
+    refuses(&["-o", "out.png", "--aov", "caustic", "--overlay", "samples"], "--overlay is drawn");
+    refuses(&["-o", "out.exr", "--aov", "caustic", "--plain-diffuse"], "--plain-diffuse changes the beauty only");
+    refuses(&["-o", "out.exr", "--aov", "caustic", "--caustic-gain", "2"], "--caustic-gain changes the beauty only");
+    refuses(&["-o", "out.png", "--aov", "caustic,depth"], "give an .exr");
+    refuses(&["-o", "out.exr", "--aov", "caustic,caustic"], "names a picture twice");
+    place.replace("constant = [1.0, 1.0, 1.0]", "constant = [1.0, 1.0, 1.0]\nlayout = \"latlong\"");
+    place.refuses_scene(&["scene.toml:4:", "environment.layout"]);
+    place.replace(
+        "shape = { plane = { size = [3.0, 3.0] } }",
+        "shape = { plane = { size = [3.0, 3.0] } }\ncrease_angle_deg = 3.0",
+    );
+    place.refuses_scene(&["object 'table'.crease_angle_deg", "exact normals"]);
+    place.replace("samples = 60", "epsilon = true");
+    place.refuses_scene(&["scene.toml:11:", "a number or a word"]);
 }
 
 #[test]
@@ -370,6 +390,7 @@ fn wrong_command_lines_exit_with_two() {
         &["render", "ring", "-o", "a.png", "--visibility", "full"],
         &["render", "ring", "-o", "a.png", "--size", "512"],
         &["render", "ring", "-o", "a.png", "--cube-size", "100"],
+        &["render", "scene.toml", "-o", "a.png", "--adapter", "voodoo", "--backend", "cpu"],
         &["view"],
     ] {
         let output = place.run(args);

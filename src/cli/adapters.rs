@@ -22,7 +22,7 @@ struct Entry {
 }
 
 pub fn run(args: &AdaptersArgs) -> Result<(), String> {
-    let entries: Vec<Entry> = pinspot::gpu::adapters().into_iter().map(examine).collect();
+    let entries: Vec<Entry> = pinspot::gpu::adapters().into_iter().enumerate().map(examine).collect();
     if args.json {
         return super::print_json(&entries);
     }
@@ -35,8 +35,8 @@ pub fn run(args: &AdaptersArgs) -> Result<(), String> {
     entries.iter().try_for_each(|entry| super::print(&describe(entry)))
 }
 
-fn examine(adapter: Adapter) -> Entry {
-    let verdict = Gpu::open(Some(&adapter.name)).and_then(|gpu| check_hardware_filter(&gpu)).ok();
+fn examine((index, adapter): (usize, Adapter)) -> Entry {
+    let verdict = Gpu::open_nth(index).and_then(|gpu| check_hardware_filter(&gpu)).ok();
     Entry {
         adapter,
         hardware_filter_error: verdict.map(|v| v.rms_error),

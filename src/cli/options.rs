@@ -116,19 +116,24 @@ impl CommonOptions {
         if let Some(map) = &self.env {
             scene.environment.light = Light::map(Path::new(""), map, MapLayout::Auto);
         }
+        // The file's own mistakes are the file's.
+        render.clone().options().map_err(|e| format!("{}: render.{e}", scene.name))?;
         let mut options = render.overridden_by(self.settings()).options().map_err(|e| e.to_string())?;
         options.overlay = self.overlay.unwrap_or_default();
         options.look.plain_diffuse = self.plain_diffuse;
         Ok((scene, options))
     }
 
-    /// The back end asked for; the error is about the command line.
-    pub fn backend(&self) -> Result<BackendChoice, String> {
+    /// The back end asked for. Options that contradict each other end the program as a wrong command line.
+    pub fn backend(&self) -> BackendChoice {
         match (self.backend.as_deref().unwrap_or("auto"), &self.adapter) {
-            ("cpu", None) => Ok(BackendChoice::Cpu),
-            ("cpu", Some(_)) => Err("--adapter names a GPU, but --backend is cpu; drop one of them".into()),
-            ("gpu", name) | ("auto", name @ Some(_)) => Ok(BackendChoice::Gpu(name.clone())),
-            _ => Ok(BackendChoice::Auto),
+            ("cpu", None) => BackendChoice::Cpu,
+            ("cpu", Some(_)) => {
+                let message = "--adapter names a GPU, but --backend is cpu; drop one of them\n";
+                clap::Error::raw(clap::error::ErrorKind::ArgumentConflict, message).exit()
+            }
+            ("gpu", name) | ("auto", name @ Some(_)) => BackendChoice::Gpu(name.clone()),
+            _ => BackendChoice::Auto,
         }
     }
 }

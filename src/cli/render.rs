@@ -4,8 +4,8 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 
-use pinspot::image::{write_exr, write_png};
-use pinspot::render::{Rendered, Renderer, Report};
+use pinspot::image::{Aov, write_exr, write_png};
+use pinspot::render::{Options, Overlay, Rendered, Renderer, Report};
 
 use super::options::CommonOptions;
 use super::progress::Bar;
@@ -29,9 +29,10 @@ pub struct RenderArgs {
 
 pub fn run(args: &RenderArgs) -> Result<(), String> {
     // What can be known to fail is checked before the long work.
-    args.output.iter().try_for_each(|path| check_output(path))?;
-    let backend = args.options.backend()?;
+    args.output.iter().try_for_each(|path| check_output(path, &["png", "exr"]))?;
+    let backend = args.options.backend();
     let (scene, options) = args.options.load(&args.scene)?;
+    check_uses(args, &options)?;
     let bar = Bar::new(args.quiet);
     let look = options.look;
     let rendered = Renderer::new(scene, options, &backend, &bar).and_then(|r| r.render(&bar));
@@ -55,9 +56,11 @@ fn extension(path: &Path) -> String {
     path.extension().unwrap_or_default().to_string_lossy().to_lowercase()
 }
 
-fn check_output(path: &Path) -> Result<(), String> {
-    if !["png", "exr"].contains(&extension(path).as_str()) {
-        return Err(format!("cannot write '{}': give a file that ends in .png or .exr", path.display()));
+/// Whether a file of this name can be written, as far as can be known before.
+pub(super) fn check_output(path: &Path, extensions: &[&str]) -> Result<(), String> {
+    if !extensions.contains(&extension(path).as_str()) {
+        let endings = extensions.join(" or .");
+        return Err(format!("cannot write '{}': give a file that ends in .{endings}", path.display()));
     }
     let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
     if folder.is_dir() {
@@ -69,6 +72,28 @@ fn check_output(path: &Path) -> Result<(), String> {
             folder.display()
         ))
     }
+}
+
+/// Refuses what would be asked for in vain.
+fn check_uses(args: &RenderArgs, options: &Options) -> Result<(), String> {
+    let beauty = options.aovs.contains(&Aov::Beauty);
+    let png = args.output.iter().any(|path| extension(path) == "png");
+    if options.overlay != Overlay::None && !(beauty && png) {
+        return Err("--overlay is drawn into a .png of the beauty; give one with -o, and no other --aov".into());
+    }
+    for (option, given) in
+        [("--plain-diffuse", args.options.plain_diffuse), ("--caustic-gain", args.options.caustic_gain.is_some())]
+    {
+        if given && !beauty {
+            return Err(format!(
+                "{option} changes the beauty only, which --aov does not name; add beauty or drop {option}"
+            ));
+        }
+    }
+    if options.aovs.len() > 1 && !args.output.iter().any(|path| extension(path) == "exr") {
+        return Err("a .png holds one picture, but --aov names several; give an .exr with -o for all of them".into());
+    }
+    Ok(())
 }
 
 fn write(path: &Path, rendered: &Rendered, look: &pinspot::render::Look) -> Result<(), String> {

@@ -82,8 +82,10 @@ impl Layout {
             Self::Angular(image) => {
                 // Debevec: the radius is proportional to the angle from the centre's direction.
                 let across = d.truncate().length();
-                let radius = if across > 1e-12 { across.atan2(-d.z) / (PI * across) } else { 0.0 };
-                bilinear(image, 0.5 * Vec2::new(1.0 + d.x * radius, 1.0 - d.y * radius), false)
+                // Straight behind is the whole rim; any point of it will do.
+                let outwards = d.truncate().try_normalize().unwrap_or(Vec2::X);
+                let radius = across.atan2(-d.z) / PI;
+                bilinear(image, 0.5 * Vec2::new(1.0 + outwards.x * radius, 1.0 - outwards.y * radius), false)
             }
             Self::Faces(faces) => {
                 let (face, st) = face_of_direction(d);
@@ -224,7 +226,7 @@ mod tests {
         }
         paint(&mut image, [0.999, 0.5], SIX[4].1);
         let layout = Layout::new(Path::new("t"), image, MapLayout::Angular).unwrap();
-        assert!(layout.radiance(Vec3::new(1e-3, 0.0, 1.0).normalize()).abs_diff_eq(SIX[4].1, 1e-4));
+        check(&layout, "angular");
     }
 
     #[test]

@@ -96,6 +96,11 @@ impl Gpu {
         Self::from_adapter(adapter)
     }
 
+    /// Opens the adapter at a place in the list of [`adapters`].
+    pub fn open_nth(index: usize) -> Result<Self, GpuError> {
+        Self::from_adapter(enumerate().get(index).ok_or(GpuError::NoAdapter)?)
+    }
+
     fn from_adapter(adapter: &wgpu::Adapter) -> Result<Self, GpuError> {
         let summary = Adapter::of(adapter);
         let wanted = wgpu::Features::FLOAT32_FILTERABLE | wgpu::Features::FLOAT32_BLENDABLE;

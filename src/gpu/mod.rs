@@ -61,9 +61,19 @@ pub enum GpuError {
         /// What to do.
         remedy: &'static str,
     },
+    /// The filter is compiled into an engine.
+    #[error(
+        "the engine was made for the filter {engine}, but the frame's parameters ask for {params}; make an engine for each"
+    )]
+    OtherFilter {
+        /// The engine's filter.
+        engine: &'static str,
+        /// The parameters' filter.
+        params: &'static str,
+    },
     /// The sample buffer is too large.
     #[error(
-        "{samples} samples do not fit this adapter's storage buffers ({limit} fit); give fewer --samples or use --backend cpu"
+        "{samples} samples do not fit this adapter's buffers ({limit} fit); give fewer --samples or use --backend cpu"
     )]
     TooManySamples {
         /// Samples given.

@@ -9,17 +9,14 @@ use crate::environment::CubeMap;
 /// Samples per batch. A batch is what one draw adds to the image; ranges of batches can be submitted one at a time.
 pub const BATCH_SIZE: u32 = 256;
 
-/// The bit of [`PinholeSample::flags`] for samples that reflect on both sides; the lower bits are the object's index.
-pub(super) const TWO_SIDED: u32 = 1 << 31;
-
 /// One pinhole, 112 bytes: seven vectors of four.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 pub struct PinholeSample {
     /// c: world position, metres; a: the area that the sample stands for, m².
     pub position_area: [f32; 4],
-    /// n: unit normal; the bits of the flags, see [`Self::flags`].
-    pub normal_flags: [f32; 4],
+    /// n: unit normal; ±(object + 1), negative where both sides reflect.
+    pub normal_object: [f32; 4],
     /// Reflectance; unused.
     pub reflectance: [f32; 4],
     /// T₁: full first side of the footprint on the surface, metres; unused.
@@ -55,11 +52,12 @@ pub struct PinholeParts {
 
 impl From<PinholeParts> for PinholeSample {
     fn from(parts: PinholeParts) -> Self {
-        let flags = parts.object | if parts.two_sided { TWO_SIDED } else { 0 };
+        let object = (parts.object + 1) as f32;
+        let object = if parts.two_sided { -object } else { object };
         let vector = |v: Vec3| v.extend(0.0).to_array();
         Self {
             position_area: parts.position.extend(parts.area).to_array(),
-            normal_flags: parts.normal.extend(f32::from_bits(flags)).to_array(),
+            normal_object: parts.normal.extend(object).to_array(),
             reflectance: vector(parts.reflectance),
             side_1: vector(parts.sides[0]),
             side_2: vector(parts.sides[1]),
@@ -77,7 +75,7 @@ impl PinholeSample {
 
     /// Unit normal.
     pub fn normal(&self) -> Vec3 {
-        Vec3::from_slice(&self.normal_flags)
+        Vec3::from_slice(&self.normal_object)
     }
 
     /// The area that the sample stands for, m².
@@ -85,9 +83,14 @@ impl PinholeSample {
         self.position_area[3]
     }
 
-    /// Object index; the top bit says that both sides reflect.
-    pub fn flags(&self) -> u32 {
-        self.normal_flags[3].to_bits()
+    /// Index of the object in the scene.
+    pub fn object(&self) -> u32 {
+        self.normal_object[3].abs() as u32 - 1
+    }
+
+    /// Whether both sides reflect.
+    pub fn two_sided(&self) -> bool {
+        self.normal_object[3] < 0.0
     }
 }
 

@@ -49,6 +49,18 @@ pub enum Filter {
     Hardware,
 }
 
+impl Filter {
+    /// Its name on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::None => "none",
+            Self::Isotropic => "isotropic",
+            Self::Anisotropic => "anisotropic",
+            Self::Hardware => "hardware",
+        }
+    }
+}
+
 /// What keeps 1/l² finite where a sample comes close to a receiver (WS-7).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize)]
 #[serde(try_from = "NumberOrWord")]

@@ -11,7 +11,7 @@ use rayon::prelude::*;
 use super::gbuffer::GBuffer;
 use super::report::Seconds;
 use super::trace::Hit;
-use super::{Progress, Renderer, timed};
+use super::{Progress, Renderer, sum_of_fetches, timed};
 use crate::Error;
 use crate::image::{display, exposed};
 use crate::pinhole::Receivers;
@@ -19,8 +19,8 @@ use crate::scene::{Object, Ray, Sides};
 
 /// Points along the edge of a pixel where surfaces meet.
 const EDGE_POINTS: u32 = 4;
-/// Mirror bounces before a path ends in the environment.
-const MAX_BOUNCES: u32 = 6;
+/// Surfaces that a path meets before it ends in the environment.
+const MAX_SURFACES: u32 = 7;
 /// Albedo of what neither mirrors nor receives on the side that is seen.
 const PLAIN_ALBEDO: f32 = 0.2;
 /// Albedo of everything in the plain diffuse view.
@@ -29,14 +29,14 @@ const DIFFUSE_VIEW_ALBEDO: f32 = 0.6;
 /// Radiance towards the camera and what is shown of it, pixel by pixel.
 type Shaded = (Vec3, Vec3);
 
-/// Shades a band. `caustic` belongs to the band's receivers.
+/// Shades a band and says how many more fetches that took. `caustic` belongs to the band's receivers.
 pub(super) fn shade(
     renderer: &Renderer,
     gbuffer: &GBuffer,
     caustic: &[[f32; 4]],
     seconds: &mut Seconds,
     progress: &dyn Progress,
-) -> Result<Vec<Shaded>, Error> {
+) -> Result<(Vec<Shaded>, f64), Error> {
     let width = renderer.options.size[0];
     let pixels = width * gbuffer.rows;
     let corners = timed(&mut seconds.tracing, || trace_corners(renderer, gbuffer));
@@ -52,7 +52,8 @@ pub(super) fn shade(
             renderer.backend.gather(&receivers, &renderer.pinholes, &renderer.options.params, progress)
         })?
     };
-    Ok(paths.par_iter().map(|p| p.sum(renderer, caustic, &extra_caustic)).collect())
+    let shaded = paths.par_iter().map(|p| p.sum(renderer, caustic, &extra_caustic)).collect();
+    Ok((shaded, sum_of_fetches(&extra_caustic)))
 }
 
 /// Where a path's diffuse light comes from.
@@ -207,10 +208,10 @@ fn trace_point(renderer: &Renderer, gbuffer: &GBuffer, own: usize, at: Vec2, pat
     let mut throughput = Vec3::ONE;
     let mut key = 0u64;
     let plain = renderer.options.look.plain_diffuse;
-    for bounce in 0..=MAX_BOUNCES {
+    for bounce in 0..MAX_SURFACES {
         let Some(found) = hit else { break };
         let object = &renderer.scene.objects[found.object as usize];
-        key = key * 31 + 2 * u64::from(found.object) + u64::from(found.front) + 1;
+        key = key.wrapping_mul(1_000_003) + 2 * u64::from(found.object) + u64::from(found.front) + 1;
         let reflectance = object.reflector.filter(|_| !plain && mirrors(object, found.front)).map(|r| r.reflectance);
         let own_hit = gbuffer.hits[own].filter(|o| bounce == 0 && o.object == found.object && o.front == found.front);
         let caustic = match (object.receiver, own_hit) {

@@ -63,12 +63,13 @@ impl Backend {
         let gpu = match choice {
             BackendChoice::Cpu => None,
             BackendChoice::Gpu(name) => Some(Gpu::open(name.as_deref())?),
-            BackendChoice::Auto if params.filter == Filter::Hardware => Some(Gpu::open(None)?),
+            BackendChoice::Auto if params.filter == Filter::Hardware => Gpu::open(None).ok(),
             BackendChoice::Auto => Gpu::open(None).ok().filter(|gpu| !gpu.adapter.software),
         };
         let Some(gpu) = gpu else {
             if params.filter == Filter::Hardware {
-                let message = "hardware needs a GPU; use --backend gpu, or --filter anisotropic".into();
+                let message =
+                    "hardware needs a GPU; use --filter anisotropic, or --backend gpu where there is one".into();
                 return Err(OptionError { key: "filter", message }.into());
             }
             return Ok(Self::Cpu { environment: Box::new(environment.cube.clone()) });
@@ -95,7 +96,8 @@ impl Backend {
             }
             Self::Gpu { gpu, engine, environment, .. } => {
                 let mut sums = Vec::with_capacity(receivers.positions.len());
-                for strip in strips(receivers, gpu.adapter.max_texture) {
+                let most = (pairs_per_submit(gpu) / u64::from(BATCH_SIZE)) as usize;
+                for strip in strips(receivers, gpu.adapter.max_texture, most) {
                     sums.extend(gather_strip(gpu, engine, environment, &strip, samples, params, progress)?);
                 }
                 Ok(sums)
@@ -131,15 +133,17 @@ fn hardware_warning(gpu: &Gpu, params: &Params) -> Result<Option<String>, GpuErr
     }))
 }
 
-/// The receivers in pieces that fit into the adapter's textures.
-fn strips(receivers: &Receivers, max_texture: u32) -> Vec<Receivers> {
+/// The receivers in whole rows: pieces that fit into the adapter's textures and, but for a single row, have at most
+/// `most` points, so that one batch of samples is a submission of bounded length.
+fn strips(receivers: &Receivers, max_texture: u32, most: usize) -> Vec<Receivers> {
     let width = receivers.width;
     if width > max_texture {
         // Too wide: any arrangement will do, as a gather looks at one point at a time.
         let folded = Receivers { width: max_texture, height: 0, ..receivers.clone() };
-        return strips(&pad_rows(folded), max_texture);
+        return strips(&pad_rows(folded), max_texture, most);
     }
-    let per_strip = (width * max_texture) as usize;
+    let rows = (most / width as usize).clamp(1, max_texture as usize);
+    let per_strip = width as usize * rows;
     let strip = |(positions, normals): (&[[f32; 4]], &[[f32; 4]])| Receivers {
         width,
         height: (positions.len() as u32).div_ceil(width),
@@ -163,6 +167,10 @@ const PAIRS_PER_SUBMIT: u64 = 1 << 28;
 /// The same for software adapters, where it only paces the progress bar.
 const PAIRS_PER_SUBMIT_IN_SOFTWARE: u64 = 1 << 24;
 
+fn pairs_per_submit(gpu: &Gpu) -> u64 {
+    if gpu.adapter.software { PAIRS_PER_SUBMIT_IN_SOFTWARE } else { PAIRS_PER_SUBMIT }
+}
+
 fn gather_strip(
     gpu: &Gpu,
     engine: &Engine,
@@ -179,8 +187,7 @@ fn gather_strip(
     let mut frame = engine.frame(&gpu.device, &inputs)?;
 
     let points = receivers.positions.len() as u64;
-    let budget = if gpu.adapter.software { PAIRS_PER_SUBMIT_IN_SOFTWARE } else { PAIRS_PER_SUBMIT };
-    let step = (budget / (points * u64::from(BATCH_SIZE)).max(1)).clamp(1, u64::from(u32::MAX)) as u32;
+    let step = (pairs_per_submit(gpu) / (points * u64::from(BATCH_SIZE)).max(1)).clamp(1, u64::from(u32::MAX)) as u32;
     let batches = frame.batch_count();
     let mut reported = 0;
     for first in (0..batches).step_by(step as usize) {

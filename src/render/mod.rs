@@ -137,10 +137,11 @@ impl Renderer {
             } else {
                 vec![[0.0; 4]; gbuffer.receivers.positions.len()]
             };
-            fetches += caustic.iter().map(|c| f64::from(c[3])).sum::<f64>();
+            fetches += sum_of_fetches(&caustic);
             self.fill_layers(&mut film, &gbuffer, &caustic);
             if let Some((radiance, shown)) = film.beauty.as_mut() {
-                let band = beauty::shade(self, &gbuffer, &caustic, &mut seconds, progress)?;
+                let (band, extra_fetches) = beauty::shade(self, &gbuffer, &caustic, &mut seconds, progress)?;
+                fetches += extra_fetches;
                 let start = first_row as usize * self.options.size[0] as usize;
                 for (k, (r, s)) in band.into_iter().enumerate() {
                     radiance.pixels[start + k] = r;
@@ -152,7 +153,7 @@ impl Renderer {
             overlay::draw_samples(self, shown);
         }
         seconds.render = started.elapsed().as_secs_f64();
-        let pixels = f64::from(self.options.size[0]) * f64::from(height) * f64::from(self.options.pixel_samples.pow(2));
+        let pixels = f64::from(self.options.size[0]) * f64::from(height);
         let report = Report::new(self, fetches / pixels, seconds);
         let (layers, shown) = film.finish(&self.options.aovs);
         Ok(Rendered { layers, shown, report })
@@ -219,6 +220,11 @@ impl Film {
         self.data.sort_by_key(|(aov, _)| aovs.iter().position(|a| a == aov));
         (self.data, shown)
     }
+}
+
+/// The fourth component of gathered sums counts fetches.
+fn sum_of_fetches(gathered: &[[f32; 4]]) -> f64 {
+    gathered.iter().map(|g| f64::from(g[3])).sum()
 }
 
 fn timed<T>(seconds: &mut f64, work: impl FnOnce() -> T) -> T {

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use crate::environment::CubeSize;
 use crate::image::Aov;
 use crate::pinhole::{Epsilon, Filter, Footprint, MAX_TAPS, Params, Visibility};
-use crate::sampling::Strategy;
+use crate::sampling::{MAX_SAMPLES, Strategy};
 use crate::{Error, OptionError};
 
 /// What a scene file or a command line says about rendering. Everything is optional, so that one can be laid over another.
@@ -219,7 +219,7 @@ impl Options {
             return fail("taps", format!("is {}, but must be from 1 to {MAX_TAPS}", self.params.taps));
         }
         if !(1..=16).contains(&self.pixel_samples) {
-            return fail("pixel-samples", format!("is {}, but must be from 1 to 16", self.pixel_samples));
+            return fail("pixel_samples", format!("is {}, but must be from 1 to 16", self.pixel_samples));
         }
         if self.aovs.is_empty() {
             return fail(
@@ -227,12 +227,18 @@ impl Options {
                 "names nothing; give one or more of beauty, caustic, direct, albedo, normal, position, depth".into(),
             );
         }
+        if (1..self.aovs.len()).any(|i| self.aovs[..i].contains(&self.aovs[i])) {
+            return fail("aov", "names a picture twice; name each once".into());
+        }
+        if !(1..=MAX_SAMPLES).contains(&self.samples) {
+            return fail("samples", format!("is {}, but must be from 1 to {MAX_SAMPLES}", self.samples));
+        }
         let Look { exposure_ev, background_exposure_ev, caustic_gain, .. } = self.look;
         if !(exposure_ev.abs() <= 64.0 && background_exposure_ev.abs() <= 64.0) {
-            return fail("exposure", "must be from -64 to 64 stops".into());
+            return fail("exposure_ev", "must be from -64 to 64 stops".into());
         }
         if !(caustic_gain >= 0.0 && caustic_gain.is_finite()) {
-            return fail("caustic-gain", format!("is {caustic_gain}, but must be a number that is not negative"));
+            return fail("caustic_gain", format!("is {caustic_gain}, but must be a number that is not negative"));
         }
         Ok(())
     }

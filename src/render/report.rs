@@ -30,7 +30,7 @@ pub struct Report {
     pub cube_size: u32,
     /// Seed.
     pub seed: u64,
-    /// Mean fetches of the environment per pixel (or per point, with several points a pixel), for `caustic`.
+    /// Mean fetches of the environment per pixel, whatever they were for.
     pub lookups: f64,
     /// Back end and adapter.
     #[serde(flatten)]

@@ -43,7 +43,7 @@ pub fn parse<R: DeserializeOwned + Default>(file: &str, text: &str, base: &Path)
         let line = error.span().map_or(1, |span| text[..span.start].matches('\n').count() + 1);
         SceneError::Syntax { file: file.into(), line, message: readable(error.message()) }
     })?;
-    let builder = Builder { file, base };
+    let builder = Builder { file, text, base };
     let mut notes = Vec::new();
     let mut objects = Vec::with_capacity(tables.object.len());
     for (index, table) in tables.object.into_iter().enumerate() {
@@ -156,8 +156,7 @@ struct ObjectTable {
     rotate_deg: [f32; 3],
     #[serde(default = "one")]
     scale: f32,
-    #[serde(default = "crease")]
-    crease_angle_deg: f32,
+    crease_angle_deg: Option<f32>,
     reflector: Option<ReflectorTable>,
     receiver: Option<ReceiverTable>,
     #[serde(default = "yes")]
@@ -191,18 +190,29 @@ fn white() -> [f32; 3] {
 fn yes() -> bool {
     true
 }
-fn crease() -> f32 {
-    40.0
-}
+/// Where a mesh without normals has edges, unless its object says otherwise.
+const CREASE_ANGLE_DEG: f32 = 40.0;
 
 struct Builder<'a> {
     file: &'a str,
+    text: &'a str,
     base: &'a Path,
 }
 
 impl Builder<'_> {
     fn error(&self, key: impl Into<String>, message: impl Into<String>) -> SceneError {
-        SceneError::Value { file: self.file.into(), key: key.into(), message: message.into() }
+        let key = key.into();
+        SceneError::Value { file: self.file.into(), line: self.line_of(&key), key, message: message.into() }
+    }
+
+    /// The line of a key such as `camera.position` or `object 'ring'.scale`: where its parts stand one after the other.
+    fn line_of(&self, key: &str) -> usize {
+        let mut at = 0;
+        for part in key.split('.') {
+            let part = part.strip_prefix("object '").map_or(part, |name| name.trim_end_matches('\''));
+            at += self.text[at..].find(part).unwrap_or(0);
+        }
+        self.text[..at].matches('\n').count() + 1
     }
 
     fn vector(&self, key: &str, value: [f32; 3]) -> Result<Vec3, SceneError> {
@@ -237,6 +247,10 @@ impl Builder<'_> {
     }
 
     fn light(&self, table: EnvironmentTable) -> Result<Light, SceneError> {
+        let is_file = table.faces.is_some() || table.map.as_ref().is_some_and(|m| Path::new(m).extension().is_some());
+        if table.layout.is_some() && !is_file {
+            return Err(self.error("environment.layout", "is for environment images from files"));
+        }
         let layout = table.layout.unwrap_or(MapLayout::Auto);
         match (table.map, table.faces, table.spot, table.constant) {
             (Some(_), None, None, None) if layout == MapLayout::Faces => {
@@ -261,7 +275,7 @@ impl Builder<'_> {
         let direction = self.vector("environment.spot.direction", spot.direction)?;
         let direction =
             direction.try_normalize().ok_or_else(|| self.error("environment.spot.direction", "must not be zero"))?;
-        if !(spot.sigma_rad > 1e-4 && spot.sigma_rad <= 1.0) {
+        if !(spot.sigma_rad >= 1e-4 && spot.sigma_rad <= 1.0) {
             return Err(self
                 .error("environment.spot.sigma_rad", format!("is {}, but must be from 0.0001 to 1", spot.sigma_rad)));
         }
@@ -307,7 +321,7 @@ impl Builder<'_> {
         if !(table.scale.is_finite() && table.scale != 0.0) {
             return Err(self.error(key("scale"), format!("is {}, but must be a number other than zero", table.scale)));
         }
-        if !(0.0..=180.0).contains(&table.crease_angle_deg) {
+        if table.crease_angle_deg.is_some_and(|angle| !(0.0..=180.0).contains(&angle)) {
             return Err(self.error(key("crease_angle_deg"), "must be from 0 to 180"));
         }
         let place = Transform {
@@ -334,7 +348,7 @@ impl Builder<'_> {
         match (&table.mesh, table.shape) {
             (Some(file), None) => {
                 let path = self.base.join(file);
-                let (mesh, report) = load_obj(&path, table.crease_angle_deg.to_radians())?;
+                let (mesh, report) = load_obj(&path, table.crease_angle_deg.unwrap_or(CREASE_ANGLE_DEG).to_radians())?;
                 if report.dropped_triangles > 0 {
                     notes.push(format!(
                         "{}: dropped {} degenerate triangles",
@@ -343,6 +357,10 @@ impl Builder<'_> {
                     ));
                 }
                 Ok(mesh)
+            }
+            (None, Some(_)) if table.crease_angle_deg.is_some() => {
+                let key = format!("object '{name}'.crease_angle_deg");
+                Err(self.error(key, "is for meshes; built-in shapes have exact normals"))
             }
             (None, Some(shape)) => shape.mesh().map_err(|m| self.error(format!("object '{name}'.shape"), m)),
             _ => {
@@ -418,15 +436,15 @@ receiver = { albedo = [0.5, 0.5, 0.5] }
     #[test]
     fn values_out_of_range_are_named() {
         for (from, to, expected) in [
-            ("height = 3.0", "height = -3.0", "camera.orthographic.height"),
-            ("[0.5, 0.5, 0.5]", "[0.5, 1.5, 0.5]", "object 'table'.receiver.albedo"),
+            ("height = 3.0", "height = -3.0", "scene.toml:8: camera.orthographic.height"),
+            ("[0.5, 0.5, 0.5]", "[0.5, 1.5, 0.5]", "scene.toml:18: object 'table'.receiver.albedo"),
             ("up = [0.0, 0.0, -1.0]", "up = [0.0, 1.0, 0.0]", "up must not be along"),
             ("constant = [1.0, 1.0, 1.0]", "constant = [1.0, nan, 1.0]", "environment.constant"),
             ("constant = [1.0, 1.0, 1.0]", "", "exactly one of map"),
             ("shape = { ring = { radius = 1.0, height = 0.5 } }", "", "exactly one of mesh"),
         ] {
             let message = failure(&GOOD.replacen(from, to, 1));
-            assert!(message.contains(expected) && message.contains("scene.toml"), "{message}");
+            assert!(message.contains(expected) && message.starts_with("scene.toml:"), "{message}");
         }
     }
 }

@@ -51,14 +51,12 @@ pub enum MeshError {
         dropped: usize,
     },
     /// A NaN or an infinity.
-    #[error(
-        "mesh '{origin}': vertex {vertex} has a {what} that is not a finite number; repair the mesh and export it again"
-    )]
+    #[error("mesh '{origin}': {place} has a {what} that is not a finite number; repair the mesh and export it again")]
     NotFinite {
         /// File or shape.
         origin: String,
-        /// Vertex, from 1.
-        vertex: usize,
+        /// `vertex 3`, or `line 12` of a file; both from 1.
+        place: String,
         /// `position` or `normal`.
         what: &'static str,
     },
@@ -166,7 +164,7 @@ pub fn area([a, b, c]: [Vec3; 3]) -> f32 {
 
 fn check_finite(origin: &str, what: &'static str, vectors: &[Vec3]) -> Result<(), MeshError> {
     match vectors.iter().position(|v| !v.is_finite()) {
-        Some(i) => Err(MeshError::NotFinite { origin: origin.into(), vertex: i + 1, what }),
+        Some(i) => Err(MeshError::NotFinite { origin: origin.into(), place: format!("vertex {}", i + 1), what }),
         None => Ok(()),
     }
 }

@@ -146,10 +146,12 @@ pub enum SceneError {
         message: String,
     },
     /// A value is out of its range.
-    #[error("{file}: {key}: {message}")]
+    #[error("{file}:{line}: {key}: {message}")]
     Value {
         /// Scene file.
         file: String,
+        /// Line, from 1.
+        line: usize,
         /// Key path, such as `camera.position`.
         key: String,
         /// What is wrong and what to do.

@@ -35,7 +35,20 @@ pub fn load_obj(path: &Path, crease_angle_rad: f32) -> Result<(Mesh, ObjReport),
     for model in models {
         soup.append(&model.mesh).map_err(damaged)?;
     }
-    soup.into_mesh(&origin, crease_angle_rad)
+    soup.into_mesh(&origin, crease_angle_rad).map_err(|error| with_line(error, &bytes))
+}
+
+/// Names the line of the file where a number is not finite; `tobj` renumbers the vertices.
+fn with_line(error: MeshError, bytes: &[u8]) -> MeshError {
+    let MeshError::NotFinite { origin, place, what } = error else { return error };
+    let keyword = if what == "normal" { "vn" } else { "v" };
+    let is_finite = |token: &str| token.parse::<f32>().is_ok_and(f32::is_finite);
+    let is_culprit = |line: &str| {
+        let mut tokens = line.split_whitespace();
+        tokens.next() == Some(keyword) && !tokens.take(3).all(is_finite)
+    };
+    let line = String::from_utf8_lossy(bytes).lines().position(is_culprit);
+    MeshError::NotFinite { origin, place: line.map_or(place, |l| format!("line {}", l + 1)), what }
 }
 
 #[derive(Default)]
@@ -68,7 +81,7 @@ impl Soup {
             let (mesh, dropped_triangles) = Mesh::new(origin, positions, normals, triangles)?;
             return Ok((mesh, ObjReport { dropped_triangles, normals_made: false }));
         }
-        // Validate before the normals are made, so that a NaN is reported with the file's own vertex.
+        // Validate before the normals are made: a NaN would spread into them.
         let up = vec![Vec3::Y; positions.len()];
         let (valid, dropped_triangles) = Mesh::new(origin, positions, up, triangles)?;
         let (positions, normals, triangles) = smooth_normals(valid.positions(), valid.triangles(), crease_angle_rad);

@@ -90,9 +90,9 @@ fn two_sided_reflectors_reflect_on_both_sides() {
     let turned = |sign: f32| -> Vec<PinholeSample> {
         let turn = |v: [f32; 4]| v.map(|c| sign * c);
         let one = |s: &PinholeSample| {
-            let [x, y, z, _] = turn(s.normal_flags);
-            let normal_flags = [x, y, z, f32::from_bits(0)];
-            PinholeSample { normal_flags, change_1: turn(s.change_1), change_2: turn(s.change_2), ..*s }
+            let [x, y, z, _] = turn(s.normal_object);
+            let normal_object = [x, y, z, 1.0];
+            PinholeSample { normal_object, change_1: turn(s.change_1), change_2: turn(s.change_2), ..*s }
         };
         samples.iter().map(one).collect()
     };

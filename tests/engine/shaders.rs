@@ -51,7 +51,7 @@ macro_rules! layout {
 #[test]
 fn structs_are_laid_out_alike() {
     let sample =
-        layout!(PinholeSample { position_area, normal_flags, reflectance, side_1, side_2, change_1, change_2 });
+        layout!(PinholeSample { position_area, normal_object, reflectance, side_1, side_2, change_1, change_2 });
     assert_eq!(wgsl_struct("PinholeSample"), sample);
     let uniforms = layout!(GatherUniforms {
         sample_count,

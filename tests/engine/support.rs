@@ -59,7 +59,9 @@ pub fn on_gpu_with(
 ) -> Vec<[f32; 4]> {
     let gpu = gpu();
     let size = [receivers.width, receivers.height];
-    let environment = EnvironmentCube::upload(&gpu.device, &gpu.queue, cube).unwrap();
+    let uploaded = EnvironmentCube::upload(&gpu.device, &gpu.queue, cube).unwrap();
+    // As a host does that has a cube texture of its own.
+    let environment = EnvironmentCube::from_view(uploaded.view().clone(), uploaded.size(), uploaded.radiance_scale());
     let positions = gpu.upload_texture(size, &receivers.positions);
     let normals = gpu.upload_texture(size, &receivers.normals);
     let engine = Engine::new(&gpu.device, options);

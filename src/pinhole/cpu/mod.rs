@@ -16,7 +16,6 @@ use wide::f32x8;
 use self::cube::{level_of, texel_width};
 use self::footprint::{footprint_axes, reflected_side};
 use self::lanes::{F, V3, abs, clamp, splat, splat3};
-use super::layout::TWO_SIDED;
 use super::{BATCH_SIZE, Filter, GatherUniforms, Params, PinholeSample, Receivers};
 use crate::environment::CubeMap;
 
@@ -34,6 +33,7 @@ pub fn gather(
     params: &Params,
     progress: &(dyn Fn(u64) + Sync),
 ) -> Vec<[f32; 4]> {
+    assert!(params.taps > 0, "a footprint needs one tap at least");
     let uniforms = GatherUniforms::for_cube(params, samples.len(), environment);
     let gather = Gather { samples, uniforms, environment: CubeLookup::new(environment) };
     let task: fn(&Gather, &Receivers, usize, &mut [[f32; 4]]) = match params.filter {
@@ -123,12 +123,11 @@ impl Gather<'_> {
         receiver: &Receiver,
         sum: &mut [Vec4; LANES],
     ) {
-        let n = splat3(sample.normal_flags);
+        let n = splat3(sample.normal_object);
         let d = splat3(sample.position_area) - receiver.position;
         let l2 = d.dot(d);
         let dn = d.dot(n);
-        let two_sided = sample.flags() & TWO_SIDED != 0;
-        let facing = if two_sided { abs(dn) } else { (-dn).max(F::ZERO) };
+        let facing = if sample.two_sided() { abs(dn) } else { (-dn).max(F::ZERO) };
         let inverse_l = F::ONE / l2.sqrt();
         let cosines = facing * d.dot(receiver.normal).max(F::ZERO) * inverse_l * inverse_l;
         // Also false where the sample lies on the receiver point and the quotient is not a number.
@@ -156,7 +155,7 @@ impl Gather<'_> {
         if u.attenuation == 0 {
             return F::ONE;
         }
-        let (own, least) = (sample.flags() & !TWO_SIDED, u.own_scale * sample.area());
+        let (own, least) = (sample.object(), u.own_scale * sample.area());
         let least = f32x8::new(objects.map(|object| if object == own { least } else { 0.0 }));
         F::ONE / (l2 + splat(u.epsilon_scale * sample.area() + u.epsilon)).max(least)
     }

@@ -86,7 +86,12 @@ impl Engine {
 
     /// Uploads one image's inputs and makes its targets. The samples are copied.
     pub fn frame(&self, device: &wgpu::Device, inputs: &FrameInputs) -> Result<Frame, GpuError> {
-        debug_assert_eq!(inputs.params.filter, self.pipelines.filter, "the filter is compiled in");
+        if inputs.params.filter != self.pipelines.filter {
+            return Err(GpuError::OtherFilter {
+                engine: self.pipelines.filter.name(),
+                params: inputs.params.filter.name(),
+            });
+        }
         check_limits(&device.limits(), inputs)?;
         let count = if self.blends { 1 } else { 2 };
         let targets: Vec<wgpu::Texture> = (0..count).map(|_| target(device, inputs.size)).collect();
@@ -195,7 +200,8 @@ fn check_limits(limits: &wgpu::Limits, inputs: &FrameInputs) -> Result<(), GpuEr
             remedy: "give a smaller --size or use --backend cpu",
         });
     }
-    let most = limits.max_buffer_size.min(u64::from(u32::MAX)) as usize / size_of::<PinholeSample>();
+    // Whole batches; their offsets are 32-bit.
+    let most = (limits.max_buffer_size.min(u64::from(u32::MAX)) / BATCH_BYTES) as usize * BATCH_SIZE as usize;
     if inputs.samples.len() > most {
         return Err(GpuError::TooManySamples { samples: inputs.samples.len(), limit: most });
     }

@@ -195,7 +195,7 @@ impl Shape {
             if thickness < 0.5 * of {
                 Ok(())
             } else {
-                Err(format!("thickness of shape '{}' must be less than half its {name}", self.name()))
+                Err(format!("thickness of shape '{}' must be less than {name}", self.name()))
             }
         };
         match *self {
@@ -203,20 +203,20 @@ impl Shape {
             Self::SolidRing(SolidRing { radius, height, thickness }) => {
                 positive("radius", radius)?;
                 positive("height", height)?;
-                thin("radius", thickness, radius)?;
-                thin("height", thickness, height)
+                thin("half its radius", thickness, radius)?;
+                thin("half its height", thickness, height)
             }
             Self::Spoon(Spoon { length, width, depth, thickness }) => {
                 positive("length", length)?;
                 positive("width", width)?;
                 positive("depth", depth)?;
-                thin("width", thickness, width)
+                thin("half its width", thickness, width)
             }
             Self::Cup(Cup { radius, height, thickness }) => {
                 positive("radius", radius)?;
                 positive("height", height)?;
-                thin("radius", thickness, 0.5 * radius)?;
-                thin("height", thickness, 0.5 * height)
+                thin("a quarter of its radius", thickness, 0.5 * radius)?;
+                thin("a quarter of its height", thickness, 0.5 * height)
             }
             Self::Sphere(Sphere { radius }) => positive("radius", radius),
             Self::DiscoBall(DiscoBall { radius, rows }) => {
