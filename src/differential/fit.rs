@@ -1,5 +1,7 @@
 //! The fit of one cell: area moments and the linear regression of the normal (WS-16, WS-17).
 
+use std::ops::Deref;
+
 use glam::{Vec2, Vec3};
 
 use super::symmetric::Symmetric2;
@@ -13,7 +15,7 @@ pub(super) fn fit(
     point: &SurfacePoint,
     members: &[u32],
     candidates: &[SurfacePoint],
-    tree: &PointTree,
+    tree: &impl Deref<Target = PointTree>,
 ) -> Option<DifferentialSample> {
     let area: f32 = members.iter().map(|&m| candidates[m as usize].area).sum();
     if area <= 0.0 {

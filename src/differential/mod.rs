@@ -10,6 +10,8 @@ mod symmetric;
 
 pub use ply::write_ply;
 
+use std::sync::LazyLock;
+
 use glam::Vec3;
 use rayon::prelude::*;
 
@@ -56,7 +58,8 @@ impl DifferentialSample {
 /// Fits the surface around every sample.
 pub fn differentials(set: &PointSet) -> Vec<DifferentialSample> {
     let cells = cells::assign(&set.points, &set.candidates);
-    let tree = PointTree::new(&set.candidates);
+    // Only cells with few members of their own look around; often there is none.
+    let tree = LazyLock::new(|| PointTree::new(&set.candidates));
     set.points
         .par_iter()
         .zip(cells)

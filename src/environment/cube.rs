@@ -48,9 +48,25 @@ pub fn face_of_direction(d: Vec3) -> (usize, Vec2) {
 /// Solid angle of texel (`x`, `y`) of a face of `size`² texels, sr; exact.
 pub fn texel_solid_angle_sr(size: u32, x: u32, y: u32) -> f64 {
     let corner = |i: u32| 2.0 * f64::from(i) / f64::from(size) - 1.0;
-    let quadrant = |s: f64, t: f64| (s * t).atan2((s * s + t * t + 1.0).sqrt());
     let (s0, s1, t0, t1) = (corner(x), corner(x + 1), corner(y), corner(y + 1));
-    quadrant(s1, t1) - quadrant(s0, t1) - quadrant(s1, t0) + quadrant(s0, t0)
+    corner_term(s1, t1) - corner_term(s0, t1) - corner_term(s1, t0) + corner_term(s0, t0)
+}
+
+/// [`texel_solid_angle_sr`] of all texels of a face, row by row; neighbours share the corners' terms.
+pub(super) fn face_solid_angles_sr(size: u32) -> Vec<f32> {
+    let corner = |i: u32| 2.0 * f64::from(i) / f64::from(size) - 1.0;
+    let corner_row = |y: u32| -> Vec<f64> { (0..=size).map(|x| corner_term(corner(x), corner(y))).collect() };
+    let row = |y: u32| -> Vec<f32> {
+        let (upper, lower) = (corner_row(y), corner_row(y + 1));
+        let columns = upper.windows(2).zip(lower.windows(2));
+        columns.map(|(u, l)| (l[1] - l[0] - u[1] + u[0]) as f32).collect()
+    };
+    (0..size).into_par_iter().flat_map_iter(row).collect()
+}
+
+/// Solid angle of the part of a face between its centre and (`s`, `t`), sr, signed.
+fn corner_term(s: f64, t: f64) -> f64 {
+    (s * t).atan2((s * s + t * t + 1.0).sqrt())
 }
 
 impl CubeMap {
@@ -157,7 +173,7 @@ fn texel_mean(face: usize, x: u32, y: u32, size: u32, grid: u32, radiance: &impl
 /// The next level: means over 2×2 texels, weighted by solid angle.
 fn halved(level: &[Vec3], n: u32) -> Vec<Vec3> {
     let half = n / 2;
-    let weights: Vec<f32> = (0..n).flat_map(|y| (0..n).map(move |x| texel_solid_angle_sr(n, x, y) as f32)).collect();
+    let weights = face_solid_angles_sr(n);
     let texel = |k: u32| {
         let (face, y, x) = (k / (half * half), k / half % half, k % half);
         let (mut sum, mut total) = (Vec3::ZERO, 0.0);
@@ -224,6 +240,8 @@ mod tests {
         for n in [1, 2, 16] {
             let face: f64 = (0..n).flat_map(|y| (0..n).map(move |x| texel_solid_angle_sr(n, x, y))).sum();
             assert!((6.0 * face - 4.0 * std::f64::consts::PI).abs() < 1e-9);
+            let all: f64 = face_solid_angles_sr(n).into_iter().map(f64::from).sum();
+            assert!((all / face - 1.0).abs() < 1e-6);
         }
     }
 

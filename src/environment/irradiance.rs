@@ -6,7 +6,7 @@
 use glam::Vec3;
 use rayon::prelude::*;
 
-use super::cube::{CubeMap, FACES, face_direction, texel_solid_angle_sr};
+use super::cube::{CubeMap, FACES, face_direction, face_solid_angles_sr};
 
 /// Face size of the result, and of the cells that are summed over.
 const SIZE: u32 = 32;
@@ -38,12 +38,13 @@ fn cells(radiance: &CubeMap) -> Vec<VectorIrradiance> {
     let per_cell = (n / SIZE).max(1);
     let cells_per_edge = n / per_cell;
     let mut cells = vec![[Vec3::ZERO; 3]; FACES * (cells_per_edge * cells_per_edge) as usize];
+    let solid_angles = face_solid_angles_sr(n);
     for (k, texel) in radiance.level(0).iter().enumerate() {
         let k = k as u32;
         let (face, y, x) = (k / (n * n), k / n % n, k % n);
         let centre = |i: u32| 2.0 * (i as f32 + 0.5) / n as f32 - 1.0;
         let direction = face_direction(face as usize, centre(x), centre(y)).normalize();
-        let vector = direction * texel_solid_angle_sr(n, x, y) as f32;
+        let vector = direction * solid_angles[(y * n + x) as usize];
         let cell = &mut cells[((face * cells_per_edge + y / per_cell) * cells_per_edge + x / per_cell) as usize];
         cell[0] += texel.x * vector;
         cell[1] += texel.y * vector;

@@ -49,7 +49,13 @@ pub(super) fn shade(
     } else {
         let receivers = Receivers::from_points(&extra, 1024);
         timed(&mut seconds.gather, || {
-            renderer.backend.gather(&receivers, &renderer.pinholes, &renderer.options.params, progress)
+            renderer.backend.gather(
+                &receivers,
+                &renderer.pinholes,
+                &renderer.environment.cube,
+                &renderer.options.params,
+                progress,
+            )
         })?
     };
     let shaded = paths.par_iter().map(|p| p.sum(renderer, caustic, &extra_caustic)).collect();

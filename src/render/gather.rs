@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 use super::Progress;
-use crate::environment::Environment;
+use crate::environment::{CubeMap, Environment};
 use crate::gpu::{Adapter, Gpu, GpuError};
 use crate::pinhole::gpu::{Engine, EnvironmentCube, FrameInputs, Options, check_hardware_filter};
 use crate::pinhole::{BATCH_SIZE, Filter, Params, PinholeSample, Receivers, cpu};
@@ -25,10 +25,7 @@ pub enum BackendChoice {
 #[derive(Debug)]
 pub enum Backend {
     /// SIMD and all cores.
-    Cpu {
-        /// The light; the CPU looks it up itself.
-        environment: Box<crate::environment::CubeMap>,
-    },
+    Cpu,
     /// A GPU through wgpu.
     Gpu {
         /// The device.
@@ -72,7 +69,7 @@ impl Backend {
                     "hardware needs a GPU; use --filter anisotropic, or --backend gpu where there is one".into();
                 return Err(OptionError { key: "filter", message }.into());
             }
-            return Ok(Self::Cpu { environment: Box::new(environment.cube.clone()) });
+            return Ok(Self::Cpu);
         };
         let engine = Engine::new(&gpu.device, &Options { filter: params.filter, ..Default::default() });
         let environment = EnvironmentCube::upload(&gpu.device, &gpu.queue, &environment.cube)?;
@@ -81,19 +78,19 @@ impl Backend {
         Ok(Self::Gpu { gpu: Box::new(gpu), engine: Box::new(engine), environment, warning })
     }
 
-    /// Gathers at every receiver: R, G, B in W/m² and the number of fetches.
+    /// Gathers at every receiver: R, G, B in W/m² and the number of fetches. `light` is the cube that the back end was
+    /// opened with; a GPU has its own copy.
     pub(super) fn gather(
         &self,
         receivers: &Receivers,
         samples: &[PinholeSample],
+        light: &CubeMap,
         params: &Params,
         progress: &dyn Progress,
     ) -> Result<Vec<[f32; 4]>, Error> {
         progress.begin("gathering", receivers.positions.len() as u64);
         match self {
-            Self::Cpu { environment } => {
-                Ok(cpu::gather(receivers, samples, environment, params, &|n| progress.advance(n)))
-            }
+            Self::Cpu => Ok(cpu::gather(receivers, samples, light, params, &|n| progress.advance(n))),
             Self::Gpu { gpu, engine, environment, .. } => {
                 let mut sums = Vec::with_capacity(receivers.positions.len());
                 let most = (pairs_per_submit(gpu) / u64::from(BATCH_SIZE)) as usize;
@@ -107,7 +104,7 @@ impl Backend {
 
     pub(super) fn report(&self) -> BackendReport {
         match self {
-            Self::Cpu { .. } => BackendReport::Cpu { threads: rayon::current_num_threads() },
+            Self::Cpu => BackendReport::Cpu { threads: rayon::current_num_threads() },
             Self::Gpu { gpu, .. } => BackendReport::Gpu { adapter: gpu.adapter.clone() },
         }
     }
@@ -115,7 +112,7 @@ impl Backend {
     pub(super) fn warning(&self) -> Option<&str> {
         match self {
             Self::Gpu { warning, .. } => warning.as_deref(),
-            Self::Cpu { .. } => None,
+            Self::Cpu => None,
         }
     }
 }

@@ -112,11 +112,6 @@ impl Renderer {
         Ok(Self { scene, options, environment, differentials, pinholes, tracer, backend, seconds })
     }
 
-    /// The samples in use.
-    pub fn samples(&self) -> &[DifferentialSample] {
-        &self.differentials
-    }
-
     /// Renders all pictures asked for.
     pub fn render(&self, progress: &dyn Progress) -> Result<Rendered, Error> {
         let started = Instant::now();
@@ -132,7 +127,13 @@ impl Renderer {
             });
             let caustic = if self.options.needs_gather() {
                 timed(&mut seconds.gather, || {
-                    self.backend.gather(&gbuffer.receivers, &self.pinholes, &self.options.params, progress)
+                    self.backend.gather(
+                        &gbuffer.receivers,
+                        &self.pinholes,
+                        &self.environment.cube,
+                        &self.options.params,
+                        progress,
+                    )
                 })?
             } else {
                 vec![[0.0; 4]; gbuffer.receivers.positions.len()]

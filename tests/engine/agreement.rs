@@ -29,7 +29,7 @@ fn back_ends_agree_on_every_built_in_scene() {
             let on_gpu = render(scene.name, filter, &BackendChoice::Gpu(None), &[Aov::Caustic]);
             let on_cpu = render(scene.name, filter, &BackendChoice::Cpu, &[Aov::Caustic]);
             assert!(matches!(on_gpu.report.backend, BackendReport::Gpu { .. }));
-            let (gpu, cpu) = (&on_gpu.layers[0].1, &on_cpu.layers[0].1);
+            let [gpu, cpu] = [&on_gpu, &on_cpu].map(|r| r.layer(Aov::Caustic).unwrap());
             assert!(cpu.mean().x > 0.0, "{}: no caustic at all", scene.name);
             let error = pinspot::image::rel_l2(gpu, cpu, None);
             println!("{:16} {filter:?}: {error:.2e}", scene.name);
