@@ -26,7 +26,8 @@
 //! pictures start at [`render::Renderer`]:
 //!
 //! ```
-//! use pinspot::render::{BackendChoice, Renderer, Settings, Silent};
+//! use pinspot::Silent;
+//! use pinspot::render::{BackendChoice, Renderer, Settings};
 //!
 //! let loaded = pinspot::scene::load::<Settings>("mirror-sphere")?;
 //! let mut options = loaded.render.options()?;
@@ -46,10 +47,13 @@ mod error;
 pub mod gpu;
 pub mod image;
 pub mod pinhole;
+mod progress;
+pub mod reference;
 pub mod render;
 pub mod sampling;
 pub mod scene;
 mod words;
 
 pub use error::{Error, OptionError};
+pub use progress::{Progress, Silent};
 pub use wgpu;

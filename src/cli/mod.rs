@@ -3,6 +3,7 @@
 mod adapters;
 mod options;
 mod progress;
+mod reference;
 mod render;
 mod samples;
 mod scenes;
@@ -23,6 +24,8 @@ struct Cli {
 enum Command {
     /// Render an image: .png (tone-mapped), .exr (linear)
     Render(render::RenderArgs),
+    /// Compute the ground truth with its standard error (.exr); the same command again goes on where it stopped
+    Reference(reference::ReferenceArgs),
     /// Write the reflector samples as a point cloud (.ply) and print how evenly they are spread
     Samples(samples::SamplesArgs),
     /// List the GPU adapters found, and what each can do
@@ -35,6 +38,7 @@ enum Command {
 pub fn run() -> ExitCode {
     let result = match Cli::parse().command {
         Command::Render(args) => render::run(&args),
+        Command::Reference(args) => reference::run(&args),
         Command::Samples(args) => samples::run(&args),
         Command::Adapters(args) => adapters::run(&args),
         Command::Scenes(args) => scenes::run(&args),

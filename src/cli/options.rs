@@ -8,10 +8,10 @@ use serde::de::value::{Error as WordError, StrDeserializer};
 
 use pinspot::environment::CubeSize;
 use pinspot::image::Aov;
-use pinspot::pinhole::{Epsilon, Footprint, Visibility};
+use pinspot::pinhole::{Epsilon, Footprint};
 use pinspot::render::{BackendChoice, FilterChoice, Overlay, Settings};
 use pinspot::sampling::Strategy;
-use pinspot::scene::{Light, Loaded, MapLayout, load};
+use pinspot::scene::{Light, Loaded, MapLayout, Scene, Visibility, load};
 
 /// What is sampled and how.
 #[derive(Debug, Args)]
@@ -54,7 +54,7 @@ pub struct CommonOptions {
     #[arg(long, value_name = "auto|N")]
     pub cube_size: Option<CubeSize>,
     /// Occlusion: none [default: none]
-    #[arg(long, value_name = "none")]
+    #[arg(long, value_parser = word::<Visibility>, value_name = "none|full")]
     pub visibility: Option<Visibility>,
     /// Average NxN points per pixel [default: 1]
     #[arg(long, value_name = "N")]
@@ -111,11 +111,9 @@ impl CommonOptions {
     }
 
     /// Loads a scene and lays these options over it.
-    pub fn load(&self, scene: &str) -> Result<(pinspot::scene::Scene, pinspot::render::Options), String> {
+    pub fn load(&self, scene: &str) -> Result<(Scene, pinspot::render::Options), String> {
         let Loaded { mut scene, render } = load::<Settings>(scene).map_err(|e| e.to_string())?;
-        if let Some(map) = &self.env {
-            scene.environment.light = Light::map(Path::new(""), map, MapLayout::Auto);
-        }
+        override_light(&mut scene, self.env.as_deref());
         // The file's own mistakes are the file's.
         render.clone().options().map_err(|e| format!("{}: render.{e}", scene.name))?;
         let mut options = render.overridden_by(self.settings()).options().map_err(|e| e.to_string())?;
@@ -138,18 +136,25 @@ impl CommonOptions {
     }
 }
 
+/// Puts another environment map in the place of a scene's light.
+pub(super) fn override_light(scene: &mut Scene, map: Option<&str>) {
+    if let Some(map) = map {
+        scene.environment.light = Light::map(Path::new(""), map, MapLayout::Auto);
+    }
+}
+
 /// Parses a word as a scene file would.
-fn word<T: DeserializeOwned>(text: &str) -> Result<T, String> {
+pub(super) fn word<T: DeserializeOwned>(text: &str) -> Result<T, String> {
     T::deserialize(StrDeserializer::<WordError>::new(text)).map_err(|e| e.to_string().replace('`', "'"))
 }
 
-fn parse_size(text: &str) -> Result<[u32; 2], String> {
+pub(super) fn parse_size(text: &str) -> Result<[u32; 2], String> {
     let (width, height) = text.split_once('x').ok_or("give WIDTHxHEIGHT, such as 512x512")?;
     let number = |t: &str| t.parse().map_err(|_| format!("'{t}' is no number of pixels; give WIDTHxHEIGHT"));
     Ok([number(width)?, number(height)?])
 }
 
-fn parse_switch(text: &str) -> Result<bool, String> {
+pub(super) fn parse_switch(text: &str) -> Result<bool, String> {
     match text {
         "on" => Ok(true),
         "off" => Ok(false),

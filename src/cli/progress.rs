@@ -5,7 +5,7 @@ use std::sync::Mutex;
 use std::time::Duration;
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
-use pinspot::render::Progress;
+use pinspot::Progress;
 
 /// A bar, or nothing where stderr is no terminal or the user wants it quiet.
 pub struct Bar(Mutex<ProgressBar>);

@@ -5,9 +5,10 @@ use std::path::PathBuf;
 use clap::Args;
 use serde::Serialize;
 
+use pinspot::Progress;
 use pinspot::differential::{differentials, write_ply};
 use pinspot::image::write_atomically;
-use pinspot::render::{Progress, Settings};
+use pinspot::render::Settings;
 use pinspot::sampling::{Options, Quality, Surface, quality, sample};
 use pinspot::scene::load;
 

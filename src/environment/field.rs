@@ -38,14 +38,11 @@ impl Field {
                 Kind::Spot { direction: *direction, sigma_rad: *sigma_rad, radiance: *radiance }
             }
             Light::BuiltInMap(name) => Kind::Map(built_in(name)?),
-            Light::Map { files, layout } => match files.as_slice() {
-                [file] => Kind::Map(Layout::new(file, read(file)?, *layout)?),
-                [px, nx, py, ny, pz, nz] => {
-                    let faces = [read(px)?, read(nx)?, read(py)?, read(ny)?, read(pz)?, read(nz)?];
-                    Kind::Map(Layout::from_faces(files, faces)?)
-                }
-                _ => unreachable!("scene files give one file or six"),
-            },
+            Light::Map { files, layout } => {
+                let paths: Vec<&Path> = files.iter().map(AsRef::as_ref).collect();
+                let images = paths.iter().map(|path| read(path)).collect::<Result<_, _>>()?;
+                Kind::Map(Layout::new(&paths, images, *layout)?)
+            }
         };
         let light_from_world = Mat3::from_rotation_y(-source.rotation_rad);
         Ok((Self { kind, light_from_world, intensity: source.intensity }, notes))
@@ -105,7 +102,7 @@ fn built_in(name: &str) -> Result<Layout, EnvironmentError> {
         .ok_or_else(|| EnvironmentError::UnknownBuiltIn { name: name.into() })?;
     let path = Path::new(name);
     let (image, _) = RgbImage::decode(path, "exr", map.exr)?;
-    Layout::new(path, image, MapLayout::Latlong)
+    Layout::new(&[path], vec![image], MapLayout::Latlong)
 }
 
 #[cfg(test)]

@@ -23,52 +23,17 @@ pub(super) enum Layout {
 }
 
 impl Layout {
-    /// From one image.
-    pub fn new(path: &Path, image: RgbImage, layout: MapLayout) -> Result<Self, EnvironmentError> {
-        let (w, h) = (image.width, image.height);
-        let fail = |remedy: &str| {
-            let remedy = remedy.to_owned();
-            EnvironmentError::Layout { path: path.into(), width: w, height: h, layout, remedy }
-        };
-        let resolved = match layout {
-            MapLayout::Auto if w == 2 * h => MapLayout::Latlong,
-            MapLayout::Auto if w == h => MapLayout::Angular,
-            MapLayout::Auto if 4 * w == 3 * h => MapLayout::VerticalCross,
-            MapLayout::Auto if 3 * w == 4 * h => MapLayout::HorizontalCross,
-            MapLayout::Auto => {
-                return Err(fail(
-                    "set layout to latlong, angular, vertical-cross or horizontal-cross, or give an image of aspect 2:1, 1:1, 3:4 or 4:3",
-                ));
+    /// From one image, or six.
+    pub fn new(paths: &[&Path], mut images: Vec<RgbImage>, layout: MapLayout) -> Result<Self, EnvironmentError> {
+        Ok(match resolve_layout(paths, &images, layout)? {
+            MapLayout::Latlong => Self::Latlong(images.swap_remove(0)),
+            MapLayout::Angular => Self::Angular(images.swap_remove(0)),
+            MapLayout::VerticalCross => from_cross(&images[0], images[0].width / 3, true),
+            MapLayout::HorizontalCross => from_cross(&images[0], images[0].width / 4, false),
+            MapLayout::Faces | MapLayout::Auto => {
+                Self::Faces(Box::new(images.try_into().expect("the layout of six images is faces")))
             }
-            chosen => chosen,
-        };
-        match resolved {
-            MapLayout::Latlong => Ok(Self::Latlong(image)),
-            MapLayout::Angular if w == h => Ok(Self::Angular(image)),
-            MapLayout::Angular => Err(fail("an angular map is square")),
-            MapLayout::VerticalCross if 4 * w == 3 * h && w % 3 == 0 => Ok(from_cross(&image, w / 3, true)),
-            MapLayout::VerticalCross => Err(fail("a vertical cross is three faces wide and four high")),
-            MapLayout::HorizontalCross if 3 * w == 4 * h && w % 4 == 0 => Ok(from_cross(&image, w / 4, false)),
-            MapLayout::HorizontalCross => Err(fail("a horizontal cross is four faces wide and three high")),
-            MapLayout::Faces | MapLayout::Auto => Err(fail("six faces are six files")),
-        }
-    }
-
-    /// From six square images of one size.
-    pub fn from_faces(paths: &[impl AsRef<Path>], faces: [RgbImage; 6]) -> Result<Self, EnvironmentError> {
-        let size = faces[0].width;
-        for (face, path) in faces.iter().zip(paths) {
-            if face.width != size || face.height != size {
-                return Err(EnvironmentError::Layout {
-                    path: path.as_ref().into(),
-                    width: face.width,
-                    height: face.height,
-                    layout: MapLayout::Faces,
-                    remedy: format!("all six faces must be squares of one size ({size}×{size} here)"),
-                });
-            }
-        }
-        Ok(Self::Faces(Box::new(faces)))
+        })
     }
 
     /// Radiance from a unit direction.
@@ -110,6 +75,52 @@ impl Layout {
             Self::Faces(faces) => faces[0].width,
         }
     }
+}
+
+/// The layout of one image or six: `layout` itself, or what the shape says; never [`MapLayout::Auto`].
+pub(crate) fn resolve_layout(
+    paths: &[&Path],
+    images: &[RgbImage],
+    layout: MapLayout,
+) -> Result<MapLayout, EnvironmentError> {
+    let (w, h) = (images[0].width, images[0].height);
+    let fail = |index: usize, remedy: String| {
+        let (path, width, height) = (paths[index].into(), images[index].width, images[index].height);
+        Err(EnvironmentError::Layout { path, width, height, layout, remedy })
+    };
+    if images.len() == 6 {
+        return match images.iter().position(|face| face.width != w || face.height != w) {
+            Some(face) => fail(face, format!("all six faces must be squares of one size ({w}×{w} here)")),
+            None => Ok(MapLayout::Faces),
+        };
+    }
+    let (fits, remedy) = match layout {
+        MapLayout::Auto => {
+            let by_shape = [
+                (w == 2 * h, MapLayout::Latlong),
+                (w == h, MapLayout::Angular),
+                (4 * w == 3 * h, MapLayout::VerticalCross),
+                (3 * w == 4 * h, MapLayout::HorizontalCross),
+            ];
+            if let Some((_, found)) = by_shape.into_iter().find(|(fits, _)| *fits) {
+                return Ok(found);
+            }
+            (
+                false,
+                "set layout to latlong, angular, vertical-cross or horizontal-cross, or give an image of aspect 2:1, 1:1, 3:4 or 4:3",
+            )
+        }
+        MapLayout::Latlong => (true, ""),
+        MapLayout::Angular => (w == h, "an angular map is square"),
+        MapLayout::VerticalCross => {
+            (4 * w == 3 * h && w % 3 == 0, "a vertical cross is three faces wide and four high")
+        }
+        MapLayout::HorizontalCross => {
+            (3 * w == 4 * h && w % 4 == 0, "a horizontal cross is four faces wide and three high")
+        }
+        MapLayout::Faces => (false, "six faces are six files"),
+    };
+    if fits { Ok(layout) } else { fail(0, remedy.into()) }
 }
 
 /// Bilinear look-up; texel (i, j)'s centre is at ((i + ½)/W, (j + ½)/H), v clamps and u clamps or wraps.
@@ -176,6 +187,10 @@ mod tests {
         (Vec3::NEG_Z, Vec3::new(1.0, 1.0, 0.0)),
     ];
 
+    fn one(image: RgbImage, layout: MapLayout) -> Result<Layout, EnvironmentError> {
+        Layout::new(&[Path::new("map.exr")], vec![image], layout)
+    }
+
     fn blank(width: usize, height: usize) -> RgbImage {
         RgbImage { width, height, pixels: vec![[0.5; 3]; width * height] }
     }
@@ -210,7 +225,7 @@ mod tests {
             image.pixels[i] = SIX[2].1.to_array();
             image.pixels[31 * 64 + i] = SIX[3].1.to_array();
         }
-        check(&Layout::new(Path::new("t"), image, MapLayout::Auto).unwrap(), "latlong");
+        check(&one(image, MapLayout::Auto).unwrap(), "latlong");
     }
 
     #[test]
@@ -220,12 +235,12 @@ mod tests {
         for (at, axis) in [([0.75, 0.5], 0), ([0.25, 0.5], 1), ([0.5, 0.25], 2), ([0.5, 0.75], 3), ([0.5, 0.5], 5)] {
             paint(&mut image, at, SIX[axis].1);
         }
-        let layout = Layout::new(Path::new("t"), image.clone(), MapLayout::Auto).unwrap();
+        let layout = one(image.clone(), MapLayout::Auto).unwrap();
         for axis in [0, 1, 2, 3, 5] {
             assert!(layout.radiance(SIX[axis].0).abs_diff_eq(SIX[axis].1, 1e-4), "axis {axis}");
         }
         paint(&mut image, [0.999, 0.5], SIX[4].1);
-        let layout = Layout::new(Path::new("t"), image, MapLayout::Angular).unwrap();
+        let layout = one(image, MapLayout::Angular).unwrap();
         check(&layout, "angular");
     }
 
@@ -239,14 +254,14 @@ mod tests {
         {
             paint(&mut image, [third(at[0]), quarter(at[1])], SIX[axis].1);
         }
-        check(&Layout::new(Path::new("t"), image, MapLayout::Auto).unwrap(), "vertical cross");
+        check(&one(image, MapLayout::Auto).unwrap(), "vertical cross");
         let mut image = blank(64, 48);
         for (at, axis) in
             [([2.0, 1.0], 0), ([0.0, 1.0], 1), ([1.0, 0.0], 2), ([1.0, 2.0], 3), ([3.0, 1.0], 4), ([1.0, 1.0], 5)]
         {
             paint(&mut image, [quarter(at[0]), third(at[1])], SIX[axis].1);
         }
-        check(&Layout::new(Path::new("t"), image, MapLayout::Auto).unwrap(), "horizontal cross");
+        check(&one(image, MapLayout::Auto).unwrap(), "horizontal cross");
     }
 
     #[test]
@@ -283,12 +298,12 @@ mod tests {
             paint(&mut face, [0.5, 0.5], colour);
             face
         });
-        check(&Layout::from_faces(&["a"; 6], faces).unwrap(), "faces");
+        check(&Layout::new(&[Path::new("a"); 6], faces.to_vec(), MapLayout::Faces).unwrap(), "faces");
     }
 
     #[test]
     fn a_wrong_aspect_is_named() {
-        let message = Layout::new(Path::new("map.exr"), blank(50, 20), MapLayout::Auto).unwrap_err().to_string();
+        let message = one(blank(50, 20), MapLayout::Auto).unwrap_err().to_string();
         assert!(message.contains("map.exr") && message.contains("50×20") && message.contains("2:1"), "{message}");
     }
 }

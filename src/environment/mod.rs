@@ -14,6 +14,7 @@ pub use builtin::{BUILT_IN_MAPS, BuiltInMap};
 pub use cube::{CubeMap, FACES, face_direction, face_of_direction, texel_solid_angle_sr};
 pub use field::Field;
 pub use import::RgbImage;
+pub(crate) use layout::resolve_layout;
 
 use std::path::PathBuf;
 

@@ -3,7 +3,9 @@
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 
-use exr::prelude::{AnyChannel, AnyChannels, Encoding, FlatSamples, Layer, LayerAttributes, Text, WritableImage};
+use exr::prelude::{
+    AnyChannel, AnyChannels, AttributeValue, Encoding, FlatSamples, Layer, LayerAttributes, Text, WritableImage,
+};
 use glam::Vec3;
 
 use super::{Image, srgb8};
@@ -66,19 +68,29 @@ pub fn write_png(path: &Path, image: &Image) -> Result<(), ImageError> {
     })
 }
 
-/// Writes 32-bit float layers, lossless. One layer has the channels R G B; several have `name.R` and so on.
+/// Writes 32-bit float layers, lossless. One layer has the channels R G B; several have `name.R` and so on, or R G B for
+/// the one without a name.
 pub fn write_exr(path: &Path, layers: &[(&str, &Image)]) -> Result<(), ImageError> {
+    write_exr_with_text(path, layers, &[])
+}
+
+/// The same with texts in the file's header, by name.
+pub fn write_exr_with_text(path: &Path, layers: &[(&str, &Image)], texts: &[(&str, String)]) -> Result<(), ImageError> {
     let (width, height) = (layers[0].1.width as usize, layers[0].1.height as usize);
     let mut channels = Vec::new();
     for (name, image) in layers {
-        let prefix = if layers.len() == 1 { String::new() } else { format!("{name}.") };
+        let prefix = if layers.len() == 1 || name.is_empty() { String::new() } else { format!("{name}.") };
         for (axis, letter) in ["R", "G", "B"].iter().enumerate() {
             let values: Vec<f32> = image.pixels.iter().map(|p| p[axis]).collect();
             channels.push(AnyChannel::new(Text::from(format!("{prefix}{letter}").as_str()), FlatSamples::F32(values)));
         }
     }
     let software_name = Some(concat!("pinspot ", env!("CARGO_PKG_VERSION")).into());
-    let attributes = LayerAttributes { software_name, ..Default::default() };
+    let mut attributes = LayerAttributes { software_name, ..Default::default() };
+    for (name, text) in texts {
+        let text = AttributeValue::Text(Text::from(text.as_str()));
+        attributes.other.insert(Text::from(*name), text);
+    }
     let layer = Layer::new((width, height), attributes, Encoding::SMALL_LOSSLESS, AnyChannels::sort(channels.into()));
     write_atomically(path, |out| {
         let mut bytes = std::io::Cursor::new(Vec::new());
@@ -111,6 +123,18 @@ pub fn read_exr(path: &Path, layer: &str) -> Result<Image, ImageError> {
     let (r, g, b) = (channel("R")?, channel("G")?, channel("B")?);
     let pixels = r.into_iter().zip(g).zip(b).map(|((r, g), b)| Vec3::new(r, g, b)).collect();
     Ok(Image { width: data.size.0 as u32, height: data.size.1 as u32, pixels })
+}
+
+/// A text in a file's header; `None` if it has none of that name.
+pub fn read_exr_text(path: &Path, name: &str) -> Result<Option<String>, ImageError> {
+    let meta = exr::meta::MetaData::read_from_file(path, false)
+        .map_err(|e| ImageError::Read { path: path.into(), reason: e.to_string() })?;
+    let header = meta.headers.first();
+    let value = header.and_then(|h| h.own_attributes.other.get(&Text::from(name)));
+    Ok(match value {
+        Some(AttributeValue::Text(text)) => Some(text.to_string()),
+        _ => None,
+    })
 }
 
 #[cfg(test)]

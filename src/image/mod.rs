@@ -6,7 +6,7 @@ mod metrics;
 mod tone;
 
 pub use aov::Aov;
-pub use files::{ImageError, read_exr, write_atomically, write_exr, write_png};
+pub use files::{ImageError, read_exr, read_exr_text, write_atomically, write_exr, write_exr_with_text, write_png};
 pub use metrics::rel_l2;
 pub use tone::{display, exposed, srgb8};
 

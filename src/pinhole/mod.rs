@@ -74,15 +74,6 @@ pub enum Epsilon {
     Value(f32),
 }
 
-/// Which occlusion is taken into account.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
-#[serde(try_from = "String")]
-pub enum Visibility {
-    /// None but back-face culling: the paper's integral.
-    #[default]
-    None,
-}
-
 /// Parameters of one gather.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Params {
@@ -141,24 +132,6 @@ impl std::str::FromStr for Epsilon {
             (_, Ok(n)) if n >= 0.0 && n.is_finite() => Ok(Self::Value(n)),
             (_, Ok(n)) => Err(format!("epsilon is {n}, but must be a number of m² that is not negative")),
             _ => Err(format!("'{text}' is no epsilon; give auto, paper or a number of m²")),
-        }
-    }
-}
-
-impl TryFrom<String> for Visibility {
-    type Error = String;
-    fn try_from(text: String) -> Result<Self, String> {
-        text.parse()
-    }
-}
-
-impl std::str::FromStr for Visibility {
-    type Err = String;
-    fn from_str(text: &str) -> Result<Self, String> {
-        match text {
-            "none" => Ok(Self::None),
-            "full" => Err("visibility \"full\" is not built yet; use \"none\"".into()),
-            _ => Err(format!("'{text}' is no visibility; use \"none\"")),
         }
     }
 }

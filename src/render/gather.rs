@@ -2,12 +2,11 @@
 
 use serde::Serialize;
 
-use super::Progress;
 use crate::environment::{CubeMap, Environment};
 use crate::gpu::{Adapter, Gpu, GpuError};
 use crate::pinhole::gpu::{Engine, EnvironmentCube, FrameInputs, Options, check_hardware_filter};
 use crate::pinhole::{BATCH_SIZE, Filter, Params, PinholeSample, Receivers, cpu};
-use crate::{Error, OptionError};
+use crate::{Error, OptionError, Progress};
 
 /// Which back end is asked for.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]

@@ -21,30 +21,13 @@ use glam::Vec3;
 
 use self::gbuffer::GBuffer;
 use self::trace::Tracer;
-use crate::Error;
 use crate::differential::{DifferentialSample, differentials};
 use crate::environment::Environment;
 use crate::image::{Aov, Image, display, exposed};
 use crate::pinhole::{PinholeSample, pinholes};
 use crate::sampling::{self, Surface, sample};
 use crate::scene::Scene;
-
-/// Is told how far long work is. Called from any thread.
-pub trait Progress: Sync {
-    /// A stage begins; it will take `total` steps.
-    fn begin(&self, stage: &str, total: u64);
-    /// More steps of the stage are done.
-    fn advance(&self, steps: u64);
-}
-
-/// Progress that nobody looks at.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Silent;
-
-impl Progress for Silent {
-    fn begin(&self, _: &str, _: u64) {}
-    fn advance(&self, _: u64) {}
-}
+use crate::{Error, Progress};
 
 /// A scene, prepared for rendering.
 #[derive(Debug)]

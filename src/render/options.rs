@@ -4,8 +4,9 @@ use serde::{Deserialize, Serialize};
 
 use crate::environment::CubeSize;
 use crate::image::Aov;
-use crate::pinhole::{Epsilon, Filter, Footprint, MAX_TAPS, Params, Visibility};
+use crate::pinhole::{Epsilon, Filter, Footprint, MAX_TAPS, Params};
 use crate::sampling::{MAX_SAMPLES, Strategy};
+use crate::scene::Visibility;
 use crate::{Error, OptionError};
 
 /// What a scene file or a command line says about rendering. Everything is optional, so that one can be laid over another.
@@ -220,6 +221,10 @@ impl Options {
         }
         if !(1..=16).contains(&self.pixel_samples) {
             return fail("pixel_samples", format!("is {}, but must be from 1 to 16", self.pixel_samples));
+        }
+        if self.visibility == Visibility::Full {
+            let message = "\"full\" is not built yet for rendering; use \"none\" (`pinspot reference` computes both)";
+            return fail("visibility", message.into());
         }
         if self.aovs.is_empty() {
             return fail(

@@ -6,12 +6,14 @@
 mod builtin;
 mod camera;
 mod file;
+mod fingerprint;
 mod material;
 mod mesh;
 mod normals;
 mod obj;
 pub mod shapes;
 mod transform;
+mod visibility;
 
 use std::path::{Path, PathBuf};
 
@@ -23,6 +25,7 @@ pub use mesh::{Mesh, MeshError};
 pub(crate) use normals::DisjointSets;
 pub use obj::{ObjReport, load_obj};
 pub use transform::Transform;
+pub use visibility::Visibility;
 
 use glam::Vec3;
 

@@ -1,10 +1,11 @@
 //! GPU against CPU, batches against one submission, and the same bits twice.
 
+use pinspot::Silent;
 use pinspot::environment::CubeMap;
 use pinspot::image::Aov;
 use pinspot::pinhole::gpu::Options;
 use pinspot::pinhole::{BATCH_SIZE, Filter, Footprint, Params, PinholeSample, Receivers};
-use pinspot::render::{BackendChoice, BackendReport, Rendered, Renderer, Settings, Silent};
+use pinspot::render::{BackendChoice, BackendReport, Rendered, Renderer, Settings};
 use pinspot::sampling::Strategy;
 use pinspot::scene::{BUILT_IN, load};
 

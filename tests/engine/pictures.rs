@@ -2,8 +2,9 @@
 
 use std::path::Path;
 
+use pinspot::Silent;
 use pinspot::image::srgb8;
-use pinspot::render::{BackendChoice, Renderer, Settings, Silent};
+use pinspot::render::{BackendChoice, Renderer, Settings};
 use pinspot::scene::load;
 
 #[test]

@@ -1,0 +1,183 @@
+//! The light as the ground truth sees it: radiance by direction from the original image or the analytic spot, in f64, and
+//! upper bounds of it over cones of directions. Its own look-ups: of `environment` it uses the file readers alone.
+
+use std::f64::consts::{FRAC_PI_2, PI};
+use std::path::Path;
+
+use glam::{DMat3, DVec3};
+
+use super::cone::{Cone, angle};
+use super::map::Map;
+use crate::environment::EnvironmentError;
+use crate::scene::{EnvironmentSource, Light as Source};
+
+/// A light around the scene.
+#[derive(Debug)]
+pub(super) struct Light {
+    kind: Kind,
+    light_from_world: DMat3,
+    intensity: f64,
+}
+
+#[derive(Debug)]
+enum Kind {
+    Map(Box<Map>),
+    Spot { direction: DVec3, sigma_rad: f64, radiance: DVec3 },
+    Constant(DVec3),
+}
+
+impl Light {
+    /// Reads the light's files; the second part of the result notes what was repaired.
+    pub fn load(source: &EnvironmentSource) -> Result<(Self, Vec<String>), EnvironmentError> {
+        let mut notes = Vec::new();
+        let kind = match &source.light {
+            Source::Constant(radiance) => Kind::Constant(radiance.as_dvec3()),
+            Source::Spot { direction, sigma_rad, radiance } => Kind::Spot {
+                direction: direction.as_dvec3().normalize(),
+                sigma_rad: f64::from(*sigma_rad),
+                radiance: radiance.as_dvec3(),
+            },
+            Source::BuiltInMap(name) => Kind::Map(Box::new(Map::built_in(name)?)),
+            Source::Map { files, layout } => {
+                let files: Vec<&Path> = files.iter().map(AsRef::as_ref).collect();
+                let (map, repaired) = Map::load(&files, *layout)?;
+                notes = repaired;
+                Kind::Map(Box::new(map))
+            }
+        };
+        let light_from_world = DMat3::from_rotation_y(-f64::from(source.rotation_rad));
+        Ok((Self { kind, light_from_world, intensity: f64::from(source.intensity) }, notes))
+    }
+
+    /// Radiance that arrives from a unit direction, W/(m²·sr).
+    pub fn radiance(&self, direction_in_world: DVec3) -> DVec3 {
+        let d = self.light_from_world * direction_in_world;
+        self.intensity
+            * match &self.kind {
+                Kind::Map(map) => map.radiance(d),
+                Kind::Constant(radiance) => *radiance,
+                Kind::Spot { direction, sigma_rad, radiance } => *radiance * gaussian(angle(d, *direction), *sigma_rad),
+            }
+    }
+
+    /// At least the largest sum of the three channels over a cone of directions.
+    pub fn bound(&self, cone: &Cone) -> f64 {
+        let Cone { axis, half_angle } = *cone;
+        let axis = self.light_from_world * axis;
+        self.intensity
+            * match &self.kind {
+                Kind::Map(map) => map.bound(axis, half_angle),
+                Kind::Constant(radiance) => radiance.element_sum(),
+                Kind::Spot { direction, sigma_rad, radiance } => {
+                    let nearest = (angle(axis, *direction) - half_angle).max(0.0);
+                    radiance.element_sum() * gaussian(nearest, *sigma_rad)
+                }
+            }
+    }
+}
+
+fn gaussian(angle: f64, sigma: f64) -> f64 {
+    (-0.5 * (angle / sigma).powi(2)).exp()
+}
+
+/// The box of (azimuth, polar angle) that holds a cone: centre and half width in azimuth about +Y, from −Z towards +X, and
+/// the range of angles from +Y, all in radians.
+pub(super) struct AngleBox {
+    pub azimuth: f64,
+    pub half_azimuth: f64,
+    pub polar: [f64; 2],
+}
+
+impl AngleBox {
+    pub fn around(axis: DVec3, half_angle: f64) -> Self {
+        let polar = axis.x.hypot(axis.z).atan2(axis.y);
+        let azimuth = axis.x.atan2(-axis.z);
+        let (low, high) = (polar - half_angle, polar + half_angle);
+        // Napier: the widest azimuth of a cap that holds no pole.
+        let half_azimuth = if low <= 0.0 || high >= PI || half_angle >= FRAC_PI_2 {
+            PI
+        } else {
+            (half_angle.sin() / polar.sin()).min(1.0).asin()
+        };
+        Self { azimuth, half_azimuth, polar: [low.max(0.0), high.min(PI)] }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::MapLayout;
+    use glam::Vec3;
+    use rand::{RngExt, SeedableRng};
+
+    fn random_direction(rng: &mut impl rand::Rng) -> DVec3 {
+        loop {
+            let d = DVec3::from_array([0; 3].map(|_| rng.random_range(-1.0..1.0)));
+            if d.length() < 1.0
+                && let Some(d) = d.try_normalize()
+            {
+                return d;
+            }
+        }
+    }
+
+    /// Nothing within a cone is brighter than the cone's bound: random cones of all sizes, random directions in them.
+    #[test]
+    fn bounds_hold() {
+        let lights = [
+            Source::Spot { direction: Vec3::new(0.6, 0.8, 0.0), sigma_rad: 0.05, radiance: Vec3::ONE },
+            Source::BuiltInMap("forest".into()),
+            Source::Constant(Vec3::ONE),
+        ];
+        let mut rng = rand::rngs::ChaCha8Rng::seed_from_u64(3);
+        for light in lights {
+            let (light, _) =
+                Light::load(&EnvironmentSource { light, rotation_rad: 0.7, intensity: 2.0 }).expect("it loads");
+            for _ in 0..20_000 {
+                let cone =
+                    Cone { axis: random_direction(&mut rng), half_angle: PI * 10f64.powf(rng.random_range(-5.0..0.0)) };
+                let (u, _) = cone.axis.any_orthonormal_pair();
+                let towards = DMat3::from_axis_angle(cone.axis, rng.random_range(0.0..6.3)) * u;
+                let off: f64 = cone.half_angle * rng.random_range(0.0f64..1.0).sqrt();
+                let inside = cone.axis * off.cos() + towards * off.sin();
+                let (radiance, bound) = (light.radiance(inside).element_sum(), light.bound(&cone));
+                assert!(radiance <= bound * (1.0 + 1e-9), "{light:?}: {radiance} > {bound} in {cone:?}");
+            }
+        }
+    }
+
+    /// The same directions as the engine's own look-up, which a test of six colours pins, for every layout.
+    #[test]
+    fn look_ups_agree_with_the_engines() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut rng = rand::rngs::ChaCha8Rng::seed_from_u64(5);
+        for (layout, width, height) in [
+            (MapLayout::Latlong, 64, 32),
+            (MapLayout::Angular, 64, 64),
+            (MapLayout::VerticalCross, 48, 64),
+            (MapLayout::HorizontalCross, 64, 48),
+        ] {
+            let mut image = crate::image::Image::new(width, height);
+            for (k, pixel) in image.pixels.iter_mut().enumerate() {
+                *pixel = Vec3::new((k as u32 % width) as f32, (k as u32 / width) as f32, 1.0);
+            }
+            let path = folder.path().join("map.exr");
+            crate::image::write_exr(&path, &[("", &image)]).unwrap();
+            let source = EnvironmentSource {
+                light: Source::Map { files: vec![path], layout },
+                rotation_rad: 0.3,
+                intensity: 1.5,
+            };
+            let (light, _) = Light::load(&source).unwrap();
+            let (field, _) = crate::environment::Field::load(&source).unwrap();
+            let mut differing = 0;
+            for _ in 0..2000 {
+                let d = random_direction(&mut rng);
+                let (own, engines) = (light.radiance(d), field.radiance(d.as_vec3()).as_dvec3());
+                differing += u32::from(!own.abs_diff_eq(engines, 0.02));
+            }
+            // A direction within rounding of a face's edge may fall on either side.
+            assert!(differing <= 2, "{layout:?}: {differing} of 2000 look-ups differ");
+        }
+    }
+}

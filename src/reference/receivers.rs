@@ -1,0 +1,65 @@
+//! What the camera sees at every point of every pixel, by rays in f64.
+
+use glam::DVec3;
+use rayon::prelude::*;
+
+use super::domain::Receiver;
+use super::geometry::Geometry;
+use crate::scene::{Camera, Projection, Scene};
+
+/// The receiver points of a picture.
+#[derive(Debug)]
+pub(super) struct Receivers {
+    per_edge: usize,
+    points: Vec<Option<Receiver>>,
+}
+
+impl Receivers {
+    pub fn find(scene: &Scene, geometry: &Geometry, [width, height]: [u32; 2], per_edge: u32) -> Self {
+        let size = [f64::from(width), f64::from(height)];
+        let point = |index: u64| {
+            let (pixel, sub) = (index / u64::from(per_edge * per_edge), index % u64::from(per_edge * per_edge));
+            let within = |k: u64| ((k % u64::from(per_edge)) as f64 + 0.5) / f64::from(per_edge);
+            let x = (pixel % u64::from(width)) as f64 + within(sub);
+            let y = (pixel / u64::from(width)) as f64 + within(sub / u64::from(per_edge));
+            let (origin, direction) = ray(&scene.camera, [x, y], size);
+            let hit = geometry.first_hit(origin, direction, |o| scene.objects[o as usize].camera_visible)?;
+            let triangle = &geometry.triangles[hit.triangle as usize];
+            scene.objects[triangle.object as usize].receiver?;
+            let normal = triangle.normal(hit.barycentric);
+            let [a, b, c] = triangle.corners;
+            let face = (b - a).cross(c - a);
+            // The side of the facet decides, not the interpolated normal.
+            let seen_from_front = face.dot(direction) * face.dot(normal) <= 0.0;
+            Some(Receiver {
+                position: triangle.position(hit.barycentric),
+                normal: if seen_from_front { normal } else { -normal },
+                triangle: hit.triangle,
+            })
+        };
+        let count = u64::from(width) * u64::from(height) * u64::from(per_edge * per_edge);
+        Self { per_edge: per_edge as usize, points: (0..count).into_par_iter().map(point).collect() }
+    }
+
+    /// The points of a pixel; `None` where nothing receives.
+    pub fn of_pixel(&self, pixel: usize) -> &[Option<Receiver>] {
+        let count = self.per_edge * self.per_edge;
+        &self.points[pixel * count..(pixel + 1) * count]
+    }
+}
+
+/// The ray through a point of a picture, in pixels from its top left corner.
+fn ray(camera: &Camera, [x, y]: [f64; 2], [width, height]: [f64; 2]) -> (DVec3, DVec3) {
+    let (right, up) = (camera.right.as_dvec3(), camera.up.as_dvec3());
+    let (position, forward) = (camera.position.as_dvec3(), camera.forward.as_dvec3());
+    let (across, upwards) = ((2.0 * x - width) / height, 1.0 - 2.0 * y / height);
+    match camera.projection {
+        Projection::Perspective { fov_y_rad } => {
+            let half = (0.5 * f64::from(fov_y_rad)).tan();
+            (position, (forward + half * (across * right + upwards * up)).normalize())
+        }
+        Projection::Orthographic { height } => {
+            (position + 0.5 * f64::from(height) * (across * right + upwards * up), forward)
+        }
+    }
+}

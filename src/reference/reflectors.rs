@@ -1,0 +1,411 @@
+//! Light by one mirror: the integral over all reflectors (Wand & Straßer, Equation 1), with or without occlusion.
+//!
+//! For a receiver at p with normal n_p and a mirror point x with normal n, d = x − p and r = d − 2(d·n)n, the integrand is
+//! ρ · L(r̂) · ⟨n, −d̂⟩⁺ · ⟨n_p, d̂⟩⁺ / |d|², per m² of mirror. Regions are nodes of a hierarchy over each object's triangles,
+//! and below them parts of a triangle, with bounds from a sphere around their points and a cone around their normals.
+
+use std::f64::consts::PI;
+
+use glam::DVec3;
+
+use super::cone::{Cone, angle};
+use super::domain::{Domain, Receiver};
+use super::geometry::{Geometry, Triangle};
+use super::light::Light;
+use crate::scene::{Scene, Sides, Visibility};
+
+/// Triangles are halved at most this many times.
+const MAX_DEPTH: u8 = 32;
+
+/// All that mirrors, as a tree.
+pub(super) struct Reflectors<'a> {
+    geometry: &'a Geometry,
+    light: &'a Light,
+    visibility: Visibility,
+    attenuation: bool,
+    materials: Vec<Option<Material>>,
+    nodes: Vec<Node>,
+    roots: Vec<u32>,
+}
+
+#[derive(Clone, Copy)]
+struct Material {
+    reflectance: DVec3,
+    two_sided: bool,
+    /// −1 where the back mirrors.
+    side: f64,
+}
+
+/// Points and unit normals of a region.
+#[derive(Clone, Copy)]
+struct Bounds {
+    centre: DVec3,
+    radius: f64,
+    normals: Cone,
+    area: f64,
+    object: u32,
+}
+
+struct Node {
+    bounds: Bounds,
+    /// An inner node's children are the next node and this one.
+    content: Content,
+}
+
+#[derive(Clone, Copy)]
+enum Content {
+    Inner { second: u32 },
+    Triangle(u32),
+}
+
+/// A triangle on its way into the tree.
+struct Item {
+    id: u32,
+    place: [f64; 6],
+}
+
+/// A node, or a part of the triangle of a leaf.
+#[derive(Clone, Copy)]
+pub(super) struct Region {
+    node: u32,
+    /// Halvings of the triangle, and which half of each, a bit a level.
+    depth: u8,
+    path: u32,
+    /// Corners of the part, barycentric.
+    corners: [[f64; 3]; 3],
+}
+
+const WHOLE: [[f64; 3]; 3] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+
+impl<'a> Reflectors<'a> {
+    pub fn new(
+        scene: &Scene,
+        geometry: &'a Geometry,
+        light: &'a Light,
+        visibility: Visibility,
+        attenuation: bool,
+    ) -> Self {
+        let material = |o: &crate::scene::Object| {
+            o.reflector.map(|r| Material {
+                reflectance: r.reflectance.as_dvec3(),
+                two_sided: r.sides == Sides::Both,
+                side: if r.sides == Sides::Back { -1.0 } else { 1.0 },
+            })
+        };
+        let materials: Vec<_> = scene.objects.iter().map(material).collect();
+        let mut tree =
+            Self { geometry, light, visibility, attenuation, materials, nodes: Vec::new(), roots: Vec::new() };
+        for object in 0..scene.objects.len() as u32 {
+            if tree.materials[object as usize].is_some() {
+                tree.add_object(object);
+            }
+        }
+        tree
+    }
+
+    fn add_object(&mut self, object: u32) {
+        let all = &self.geometry.triangles;
+        let own: Vec<u32> = (0..all.len() as u32).filter(|t| all[*t as usize].object == object).collect();
+        let mut own: Vec<Item> = own.into_iter().map(|id| self.item(id)).collect();
+        let corners = || own.iter().flat_map(|i| all[i.id as usize].corners);
+        let (low, high) =
+            (corners().fold(DVec3::INFINITY, DVec3::min), corners().fold(DVec3::NEG_INFINITY, DVec3::max));
+        let diagonal = low.distance(high);
+        for item in &mut own {
+            item.place[..3].iter_mut().for_each(|p| *p /= diagonal);
+        }
+        self.roots.push(self.nodes.len() as u32);
+        self.add_node(&mut own);
+    }
+
+    /// A triangle as the tree sorts it: where it is, in diagonals of its object, and where it looks. Angles between
+    /// directions matter about as much as differences of normals, so both count alike, and the two sheets of a thin wall
+    /// part early.
+    fn item(&self, id: u32) -> Item {
+        let triangle = &self.geometry.triangles[id as usize];
+        let third = [1.0 / 3.0; 3];
+        let (position, normal) = (triangle.position(third), triangle.normal(third));
+        Item { id, place: [position.x, position.y, position.z, normal.x, normal.y, normal.z] }
+    }
+
+    /// Adds a node for some triangles and all nodes below it: halves at the median of the longest axis.
+    fn add_node(&mut self, items: &mut [Item]) -> Bounds {
+        if let [item] = items {
+            let bounds = self.part_bounds(&self.geometry.triangles[item.id as usize], &WHOLE);
+            self.nodes.push(Node { bounds, content: Content::Triangle(item.id) });
+            return bounds;
+        }
+        let extent = |axis: usize| {
+            let values = items.iter().map(|i| i.place[axis]);
+            let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
+            high - low
+        };
+        let axis = (0..6).max_by(|a, b| extent(*a).total_cmp(&extent(*b))).unwrap_or(0);
+        let middle = items.len() / 2;
+        items.select_nth_unstable_by(middle, |a, b| a.place[axis].total_cmp(&b.place[axis]));
+        let (first, second) = items.split_at_mut(middle);
+        self.add_inner(|tree| tree.add_node(first), |tree| tree.add_node(second))
+    }
+
+    fn add_inner(
+        &mut self,
+        add_first: impl FnOnce(&mut Self) -> Bounds,
+        add_second: impl FnOnce(&mut Self) -> Bounds,
+    ) -> Bounds {
+        let place = self.nodes.len();
+        let blank = Bounds { centre: DVec3::ZERO, radius: 0.0, normals: Cone::everything(), area: 0.0, object: 0 };
+        self.nodes.push(Node { bounds: blank, content: Content::Inner { second: 0 } });
+        let a = add_first(self);
+        let second = self.nodes.len() as u32;
+        let b = add_second(self);
+        let bounds = a.union(&b);
+        self.nodes[place] = Node { bounds, content: Content::Inner { second } };
+        bounds
+    }
+
+    fn material(&self, object: u32) -> Material {
+        self.materials[object as usize].expect("only reflectors are in the tree")
+    }
+
+    fn part_bounds(&self, triangle: &Triangle, part: &[[f64; 3]; 3]) -> Bounds {
+        let material = self.material(triangle.object);
+        let corners = part.map(|b| triangle.position(b));
+        let centre = (corners[0] + corners[1] + corners[2]) / 3.0;
+        let radius = corners.iter().map(|c| c.distance_squared(centre)).fold(0.0, f64::max).sqrt();
+        // Normals inside are positive combinations of those at the corners.
+        let normals = Cone::around(&part.map(|b| material.side * triangle.normal(b)));
+        let area = 0.5 * (corners[1] - corners[0]).cross(corners[2] - corners[0]).length();
+        Bounds { centre, radius, normals, area, object: triangle.object }
+    }
+
+    fn bounds(&self, region: &Region) -> Bounds {
+        let node = &self.nodes[region.node as usize];
+        match node.content {
+            Content::Triangle(id) if region.depth > 0 => {
+                self.part_bounds(&self.geometry.triangles[id as usize], &region.corners)
+            }
+            _ => node.bounds,
+        }
+    }
+
+    fn corners(&self, triangle: &Triangle, region: &Region, receiver: &Receiver) -> [Corner; 3] {
+        let side = self.material(triangle.object).side;
+        region
+            .corners
+            .map(|b| Corner { offset: triangle.position(b) - receiver.position, normal: side * triangle.normal(b) })
+    }
+
+    /// At least the largest radiance that a small part of a triangle mirrors. To first order the mirrored directions fill
+    /// the triangle between those at the corners; the second order is below 1.5 · `turn`².
+    fn mirrored_light(&self, corners: &[Corner; 3], turn: f64) -> f64 {
+        let directions = corners.map(|c| reflect(c.offset.normalize(), c.normal));
+        self.light_over(directions, 1.5 * turn * turn, 2)
+    }
+
+    /// At least the largest radiance over a triangle of directions and `margin` around it; long triangles are cut in two.
+    fn light_over(&self, directions: [DVec3; 3], margin: f64, cuts: u32) -> f64 {
+        let around = Cone::around(&directions);
+        let [a, b, c] = longest_first(directions);
+        let long = a.distance(b);
+        let high = (c - a).cross(b - a).length() / long.max(f64::MIN_POSITIVE);
+        if cuts == 0 || long < 4.0 * margin.max(high) {
+            return self.light.bound(&Cone { half_angle: (around.half_angle + margin).min(PI), ..around });
+        }
+        let middle = (a + b).normalize();
+        self.light_over([a, middle, c], margin, cuts - 1).max(self.light_over([middle, b, c], margin, cuts - 1))
+    }
+
+    fn distance_factor(&self, squared_distance: f64) -> f64 {
+        if self.attenuation { 1.0 / squared_distance } else { 1.0 }
+    }
+}
+
+/// A corner of a part of a triangle, seen from the receiver.
+#[derive(Clone, Copy)]
+struct Corner {
+    offset: DVec3,
+    normal: DVec3,
+}
+
+fn reflect(d: DVec3, n: DVec3) -> DVec3 {
+    d - 2.0 * d.dot(n) * n
+}
+
+/// The corners of a triangle, turned so that the longest edge is between the first two.
+fn longest_first(corners: [DVec3; 3]) -> [DVec3; 3] {
+    let edge = |k: usize| corners[k].distance_squared(corners[(k + 1) % 3]);
+    let longest = (0..3).max_by(|a, b| edge(*a).total_cmp(&edge(*b))).unwrap_or(0);
+    [0, 1, 2].map(|k| corners[(longest + k) % 3])
+}
+
+/// A bound of both cosines times the squared distance where the receiver is so near that directions say little: heights
+/// over the receiver's plane and under the mirror's normals are (bi)linear, so their largest values are at corners.
+fn near_cosines(corners: &[Corner; 3], bounds: &Bounds, receiver: &Receiver, material: &Material) -> f64 {
+    let height = |n: DVec3| corners.iter().map(|c| n.dot(c.offset)).fold(0.0, f64::max);
+    let over_receiver = height(receiver.normal);
+    let mut under_mirror = corners.iter().map(|c| height(-c.normal)).fold(0.0, f64::max);
+    if material.two_sided {
+        under_mirror = corners.iter().map(|c| height(c.normal)).fold(under_mirror, f64::max);
+    }
+    let shortest = bounds.normals.half_angle.cos().max(0.1);
+    over_receiver * under_mirror / shortest
+}
+
+impl Bounds {
+    fn union(&self, other: &Self) -> Self {
+        let apart = self.centre.distance(other.centre);
+        let (centre, radius) = if apart + other.radius <= self.radius {
+            (self.centre, self.radius)
+        } else if apart + self.radius <= other.radius {
+            (other.centre, other.radius)
+        } else {
+            let radius = 0.5 * (self.radius + apart + other.radius);
+            let towards = (other.centre - self.centre) / apart;
+            (self.centre + towards * (radius - self.radius), radius * (1.0 + 1e-12))
+        };
+        let normals = self.normals.union(other.normals);
+        Self { centre, radius, normals, area: self.area + other.area, object: self.object }
+    }
+}
+
+impl Domain for Reflectors<'_> {
+    type Region = Region;
+
+    fn roots(&self, visit: &mut dyn FnMut(Region)) {
+        for &node in &self.roots {
+            visit(Region { node, depth: 0, path: 0, corners: WHOLE });
+        }
+    }
+
+    fn measure(&self, region: &Region) -> f64 {
+        self.nodes[region.node as usize].bounds.area * 0.5f64.powi(i32::from(region.depth))
+    }
+
+    fn bound(&self, region: &Region, receiver: &Receiver) -> f64 {
+        let bounds = self.bounds(region);
+        let material = self.material(bounds.object);
+        let to_centre = bounds.centre - receiver.position;
+        let distance = to_centre.length();
+        // Within its own sphere a region has no direction; further out the distance is at least this.
+        let nearest = (distance - bounds.radius).max(0.25 * bounds.radius);
+        let inside = distance <= bounds.radius;
+        let towards = if inside { receiver.normal } else { to_centre / distance };
+        let spread = if inside { PI } else { (bounds.radius / distance).asin() };
+        let received = Cone { axis: towards, half_angle: spread }.largest_cosine(receiver.normal, 0.0);
+        if received == 0.0 {
+            return 0.0;
+        }
+        let mut facing = bounds.normals.largest_cosine(-towards, spread);
+        if material.two_sided {
+            facing = facing.max(bounds.normals.largest_cosine(towards, spread));
+        }
+        if facing == 0.0 {
+            return 0.0;
+        }
+        let mut cosines = if material.two_sided {
+            received * facing
+        } else {
+            // Light can go between two sides of a surface only as far as their normals differ: d̂·n_p > 0 > d̂·n makes
+            // both cosines at most |n_p − n|. That keeps a mirror that receives its own light from being singular.
+            let apart = (angle(bounds.normals.axis, receiver.normal) + bounds.normals.half_angle).min(PI);
+            let limit = 2.0 * (0.5 * apart).sin();
+            received.min(limit) * facing.min(limit)
+        };
+        // How far the mirrored direction can lie from that at the centre.
+        let turn = spread + 2.0 * bounds.normals.half_angle;
+        let everything_within = |turn: f64| {
+            let half_angle = turn.min(PI);
+            self.light.bound(&Cone { axis: reflect(towards, bounds.normals.axis), half_angle })
+        };
+        let light = match self.nodes[region.node as usize].content {
+            Content::Triangle(id) => {
+                let corners = self.corners(&self.geometry.triangles[id as usize], region, receiver);
+                if distance < 4.0 * bounds.radius {
+                    cosines = cosines.min(near_cosines(&corners, &bounds, receiver, &material) / (nearest * nearest));
+                    if cosines == 0.0 {
+                        return 0.0;
+                    }
+                }
+                if turn < 0.4 { self.mirrored_light(&corners, turn) } else { everything_within(turn) }
+            }
+            Content::Inner { .. } => everything_within(turn),
+        };
+        cosines * self.distance_factor(nearest * nearest) * material.reflectance.max_element() * light
+    }
+
+    fn split(&self, region: &Region, visit: &mut dyn FnMut(Region)) {
+        match self.nodes[region.node as usize].content {
+            Content::Inner { second } => {
+                visit(Region { node: region.node + 1, ..*region });
+                visit(Region { node: second, ..*region });
+            }
+            Content::Triangle(id) if region.depth < MAX_DEPTH => {
+                // Across the longest edge, so that slivers become compact.
+                let triangle = &self.geometry.triangles[id as usize];
+                let edge = |k: usize| {
+                    let end = |k: usize| triangle.position(region.corners[k % 3]);
+                    end(k).distance_squared(end(k + 1))
+                };
+                let longest = (0..3).max_by(|a, b| edge(*a).total_cmp(&edge(*b))).unwrap_or(0);
+                let [a, b, c] = [0, 1, 2].map(|k| region.corners[(longest + k) % 3]);
+                let middle = [0, 1, 2].map(|k| 0.5 * (a[k] + b[k]));
+                let path = region.path << 1;
+                let half = |corners, bit| Region { depth: region.depth + 1, path: path | bit, corners, ..*region };
+                visit(half([a, middle, c], 0));
+                visit(half([middle, b, c], 1));
+            }
+            Content::Triangle(_) => {}
+        }
+    }
+
+    fn order(&self, region: &Region) -> u64 {
+        u64::from(region.node) << 32 | u64::from(region.path) << (MAX_DEPTH - region.depth)
+    }
+
+    fn integrand(&self, region: &Region, [mut choice, u, v]: [f64; 3], receiver: &Receiver) -> DVec3 {
+        let mut node = region.node;
+        let id = loop {
+            match self.nodes[node as usize].content {
+                Content::Triangle(id) => break id,
+                Content::Inner { second } => {
+                    let first_part = self.nodes[node as usize + 1].bounds.area / self.nodes[node as usize].bounds.area;
+                    if choice < first_part {
+                        (node, choice) = (node + 1, choice / first_part);
+                    } else {
+                        (node, choice) = (second, (choice - first_part) / (1.0 - first_part));
+                    }
+                }
+            }
+        };
+        let [a, b, c] = region.corners;
+        let root = u.sqrt();
+        let weights = [1.0 - root, root * (1.0 - v), root * v];
+        let barycentric = [0, 1, 2].map(|k| weights[0] * a[k] + weights[1] * b[k] + weights[2] * c[k]);
+        self.at(id, barycentric, receiver)
+    }
+}
+
+impl Reflectors<'_> {
+    /// The integrand at a point of a triangle.
+    fn at(&self, id: u32, barycentric: [f64; 3], receiver: &Receiver) -> DVec3 {
+        let triangle = &self.geometry.triangles[id as usize];
+        let material = self.material(triangle.object);
+        let (x, n) = (triangle.position(barycentric), material.side * triangle.normal(barycentric));
+        let d = x - receiver.position;
+        let (squared, dn) = (d.length_squared(), d.dot(n));
+        let facing = if material.two_sided { dn.abs() } else { -dn };
+        let received = d.dot(receiver.normal);
+        if facing <= 0.0 || received <= 0.0 {
+            return DVec3::ZERO;
+        }
+        let reflected = (d - 2.0 * dn * n) / squared.sqrt();
+        if self.visibility == Visibility::Full
+            && (self.geometry.blocks_segment(receiver.position, x, [receiver.triangle, id])
+                || self.geometry.blocks_ray(x, reflected, id))
+        {
+            return DVec3::ZERO;
+        }
+        let cosines = facing * received / squared;
+        material.reflectance * self.light.radiance(reflected) * (cosines * self.distance_factor(squared))
+    }
+}
