@@ -3,6 +3,7 @@
 use crate::environment::EnvironmentError;
 use crate::gpu::GpuError;
 use crate::image::ImageError;
+use crate::report::ReportError;
 use crate::sampling::SamplingError;
 use crate::scene::SceneError;
 
@@ -25,6 +26,9 @@ pub enum Error {
     /// A picture file.
     #[error(transparent)]
     Image(#[from] ImageError),
+    /// A report.
+    #[error(transparent)]
+    Report(#[from] ReportError),
     /// An option out of its range.
     #[error(transparent)]
     Option(#[from] OptionError),

@@ -10,6 +10,8 @@
 //!    │                                         ▲
 //!    └─────────────► environment ──────────────┘
 //!                         render: the headless renderer that ties them together
+//!
+//!  scene ──► reference ──► report ◄── render
 //! ```
 //!
 //! Data flows from left to right; no module imports from one to its right.
@@ -21,6 +23,8 @@
 //! * [`pinhole`]: the sum itself; [`pinhole::gpu`] records into the caller's encoder, [`pinhole::cpu`] is its twin.
 //! * [`image`](mod@image): pictures and files.
 //! * [`render`]: scene file in, pictures out.
+//! * [`reference`](mod@reference): the ground truth, which shares nothing with what it judges.
+//! * [`report`]: comparisons of techniques against it.
 //!
 //! Programs with a wgpu device of their own start at [`pinhole::gpu::Engine`]; see `examples/embed.rs`. Programs that want
 //! pictures start at [`render::Renderer`]:
@@ -50,6 +54,7 @@ pub mod pinhole;
 mod progress;
 pub mod reference;
 pub mod render;
+pub mod report;
 pub mod sampling;
 pub mod scene;
 mod words;

@@ -1,6 +1,7 @@
 //! The command line. Thin: it parses, calls the library and writes; nothing is computed here.
 
 mod adapters;
+mod compare;
 mod options;
 mod progress;
 mod reference;
@@ -26,6 +27,8 @@ enum Command {
     Render(render::RenderArgs),
     /// Compute the ground truth with its standard error (.exr); the same command again goes on where it stopped
     Reference(reference::ReferenceArgs),
+    /// Compare strategies, footprints, filters and sample counts with the ground truth: an HTML report
+    Compare(compare::CompareArgs),
     /// Write the reflector samples as a point cloud (.ply) and print how evenly they are spread
     Samples(samples::SamplesArgs),
     /// List the GPU adapters found, and what each can do
@@ -39,6 +42,7 @@ pub fn run() -> ExitCode {
     let result = match Cli::parse().command {
         Command::Render(args) => render::run(&args),
         Command::Reference(args) => reference::run(&args),
+        Command::Compare(args) => compare::run(&args),
         Command::Samples(args) => samples::run(&args),
         Command::Adapters(args) => adapters::run(&args),
         Command::Scenes(args) => scenes::run(&args),

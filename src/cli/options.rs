@@ -9,7 +9,7 @@ use serde::de::value::{Error as WordError, StrDeserializer};
 use pinspot::environment::CubeSize;
 use pinspot::image::Aov;
 use pinspot::pinhole::{Epsilon, Footprint};
-use pinspot::render::{BackendChoice, FilterChoice, Overlay, Settings};
+use pinspot::render::{BackendChoice, FilterChoice, Options, Overlay, Settings};
 use pinspot::sampling::Strategy;
 use pinspot::scene::{Light, Loaded, MapLayout, Scene, Visibility, load};
 
@@ -19,7 +19,7 @@ pub struct SamplingOptions {
     /// Number of samples [default: 1000]
     #[arg(long, value_name = "N")]
     pub samples: Option<u32>,
-    /// random, grid, quantised-grid or neighbourhood [default: neighbourhood]
+    /// random, grid, quantised-grid, neighbourhood or elimination [default: neighbourhood]
     #[arg(long, value_parser = word::<Strategy>, value_name = "NAME")]
     pub strategy: Option<Strategy>,
     /// Random seed [default: 1]
@@ -27,20 +27,12 @@ pub struct SamplingOptions {
     pub seed: Option<u64>,
 }
 
-/// Options over the scene's `[render]` table.
+/// What all techniques share: the picture, the light, and where the work is done.
 #[derive(Debug, Args)]
-pub struct CommonOptions {
-    #[command(flatten)]
-    pub sampling: SamplingOptions,
+pub struct SceneOptions {
     /// Image size in pixels [default: 512x512]
     #[arg(long, value_parser = parse_size, value_name = "WxH")]
     pub size: Option<[u32; 2]>,
-    /// How a sample's footprint is found: cells, or curvature (the paper's) [default: cells]
-    #[arg(long, value_parser = word::<Footprint>, value_name = "NAME")]
-    pub footprint: Option<Footprint>,
-    /// auto, none, isotropic, anisotropic or hardware [default: auto, which is anisotropic]
-    #[arg(long, value_parser = word::<FilterChoice>, value_name = "NAME")]
-    pub filter: Option<FilterChoice>,
     /// Most look-ups along a footprint's major axis [default: 16]
     #[arg(long, value_name = "N")]
     pub taps: Option<u32>,
@@ -54,17 +46,41 @@ pub struct CommonOptions {
     #[arg(long, value_name = "auto|N")]
     pub cube_size: Option<CubeSize>,
     /// Occlusion: none [default: none]
-    #[arg(long, value_parser = word::<Visibility>, value_name = "none|full")]
+    #[arg(long, value_parser = word::<Visibility>, value_name = "none")]
     pub visibility: Option<Visibility>,
     /// Average NxN points per pixel [default: 1]
     #[arg(long, value_name = "N")]
     pub pixel_samples: Option<u32>,
-    /// What to render, separated by commas: beauty, caustic, direct, albedo, normal, position, depth [default: beauty]
-    #[arg(long, value_parser = word::<Aov>, value_delimiter = ',', value_name = "NAMES")]
-    pub aov: Option<Vec<Aov>>,
     /// Exposure in stops
     #[arg(long, value_name = "EV", allow_hyphen_values = true)]
     pub exposure: Option<f32>,
+    /// Environment map instead of the scene's light: a file (.exr, .hdr) or a built-in map's name
+    #[arg(long, value_name = "FILE")]
+    pub env: Option<String>,
+    /// auto (a hardware GPU, else the CPU), gpu or cpu [default: auto]
+    #[arg(long, value_parser = ["auto", "gpu", "cpu"], value_name = "NAME", hide_possible_values = true)]
+    pub backend: Option<String>,
+    /// The GPU adapter with this in its name
+    #[arg(long, value_name = "NAME")]
+    pub adapter: Option<String>,
+}
+
+/// Options over the scene's `[render]` table.
+#[derive(Debug, Args)]
+pub struct CommonOptions {
+    #[command(flatten)]
+    pub sampling: SamplingOptions,
+    /// How a sample's footprint is found: cells, or curvature (the paper's) [default: cells]
+    #[arg(long, value_parser = word::<Footprint>, value_name = "NAME")]
+    pub footprint: Option<Footprint>,
+    /// auto, none, isotropic, anisotropic or hardware [default: auto, which is anisotropic]
+    #[arg(long, value_parser = word::<FilterChoice>, value_name = "NAME")]
+    pub filter: Option<FilterChoice>,
+    #[command(flatten)]
+    pub scene: SceneOptions,
+    /// What to render, separated by commas: beauty, caustic, direct, albedo, normal, position, depth [default: beauty]
+    #[arg(long, value_parser = word::<Aov>, value_delimiter = ',', value_name = "NAMES")]
+    pub aov: Option<Vec<Aov>>,
     /// Exposure of the environment where the camera sees it, in stops
     #[arg(long, value_name = "EV", allow_hyphen_values = true)]
     pub background_exposure: Option<f32>,
@@ -77,48 +93,54 @@ pub struct CommonOptions {
     /// Show the shapes: everything diffuse, no mirrors, no caustics
     #[arg(long)]
     pub plain_diffuse: bool,
-    /// Environment map instead of the scene's light: a file (.exr, .hdr) or a built-in map's name
-    #[arg(long, value_name = "FILE")]
-    pub env: Option<String>,
-    /// auto (a hardware GPU, else the CPU), gpu or cpu [default: auto]
-    #[arg(long, value_parser = ["auto", "gpu", "cpu"], value_name = "NAME", hide_possible_values = true)]
-    pub backend: Option<String>,
-    /// The GPU adapter with this in its name
-    #[arg(long, value_name = "NAME")]
-    pub adapter: Option<String>,
 }
 
 impl CommonOptions {
     fn settings(&self) -> Settings {
         Settings {
-            size: self.size,
             samples: self.sampling.samples,
             strategy: self.sampling.strategy,
             footprint: self.footprint,
             filter: self.filter,
+            seed: self.sampling.seed,
+            background_exposure_ev: self.background_exposure,
+            caustic_gain: self.caustic_gain,
+            aov: self.aov.clone(),
+            ..self.scene.settings()
+        }
+    }
+
+    /// Loads a scene and lays these options over it.
+    pub fn load(&self, scene: &str) -> Result<(Scene, Options), String> {
+        let (scene, mut options) = self.scene.load(scene, self.settings())?;
+        options.overlay = self.overlay.unwrap_or_default();
+        options.look.plain_diffuse = self.plain_diffuse;
+        Ok((scene, options))
+    }
+}
+
+impl SceneOptions {
+    pub fn settings(&self) -> Settings {
+        Settings {
+            size: self.size,
             taps: self.taps,
             attenuation: self.attenuation,
             epsilon: self.epsilon,
             cube_size: self.cube_size,
             visibility: self.visibility,
-            seed: self.sampling.seed,
             pixel_samples: self.pixel_samples,
             exposure_ev: self.exposure,
-            background_exposure_ev: self.background_exposure,
-            caustic_gain: self.caustic_gain,
-            aov: self.aov.clone(),
+            ..Default::default()
         }
     }
 
-    /// Loads a scene and lays these options over it.
-    pub fn load(&self, scene: &str) -> Result<(Scene, pinspot::render::Options), String> {
+    /// Loads a scene and lays settings over its own.
+    pub fn load(&self, scene: &str, over: Settings) -> Result<(Scene, Options), String> {
         let Loaded { mut scene, render } = load::<Settings>(scene).map_err(|e| e.to_string())?;
         override_light(&mut scene, self.env.as_deref());
         // The file's own mistakes are the file's.
         render.clone().options().map_err(|e| format!("{}: render.{e}", scene.name))?;
-        let mut options = render.overridden_by(self.settings()).options().map_err(|e| e.to_string())?;
-        options.overlay = self.overlay.unwrap_or_default();
-        options.look.plain_diffuse = self.plain_diffuse;
+        let options = render.overridden_by(over).options().map_err(|e| e.to_string())?;
         Ok((scene, options))
     }
 

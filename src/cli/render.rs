@@ -30,7 +30,7 @@ pub struct RenderArgs {
 pub fn run(args: &RenderArgs) -> Result<(), String> {
     // What can be known to fail is checked before the long work.
     args.output.iter().try_for_each(|path| check_output(path, &["png", "exr"]))?;
-    let backend = args.options.backend();
+    let backend = args.options.scene.backend();
     let (scene, options) = args.options.load(&args.scene)?;
     check_uses(args, &options)?;
     let bar = Bar::new(args.quiet);
@@ -107,13 +107,7 @@ fn write(path: &Path, rendered: &Rendered, look: &pinspot::render::Look) -> Resu
 }
 
 fn summary(report: &Report, outputs: &[PathBuf]) -> String {
-    use pinspot::render::BackendReport;
-    let on = match &report.backend {
-        BackendReport::Cpu { threads } => format!("the CPU ({threads} threads)"),
-        BackendReport::Gpu { adapter } => {
-            format!("{} ({}{})", adapter.name, adapter.backend, if adapter.software { ", software" } else { "" })
-        }
-    };
+    let on = &report.backend;
     let files: Vec<String> = outputs.iter().map(|p| p.display().to_string()).collect();
     let seconds = &report.seconds;
     let preparing = seconds.environment + seconds.sampling + seconds.differentials + seconds.backend;

@@ -7,9 +7,10 @@ use serde::Serialize;
 
 use pinspot::Progress;
 use pinspot::differential::{differentials, write_ply};
-use pinspot::image::write_atomically;
+use pinspot::image::{write_atomically, write_png};
+use pinspot::report::spectrum_picture;
 use pinspot::render::Settings;
-use pinspot::sampling::{Options, Quality, Surface, quality, sample};
+use pinspot::sampling::{Development, Options, PointSet, Quality, Spectrum, Surface, quality, sample, study};
 use pinspot::scene::load;
 
 use super::options::SamplingOptions;
@@ -25,6 +26,12 @@ pub struct SamplesArgs {
     output: PathBuf,
     #[command(flatten)]
     options: SamplingOptions,
+    /// Point sets, with consecutive seeds, that the spectrum is averaged over (where the reflectors unroll into a rectangle)
+    #[arg(long, value_name = "K", default_value_t = 10, value_parser = clap::value_parser!(u32).range(1..=1000))]
+    sets: u32,
+    /// Write a picture of the power spectrum (.png); frequency 0 in the middle, white noise is a quarter grey
+    #[arg(long, value_name = "FILE.png")]
+    spectrum: Option<PathBuf>,
     /// Print the figures as JSON on stdout
     #[arg(long)]
     json: bool,
@@ -42,10 +49,17 @@ struct Figures {
     written: usize,
     #[serde(flatten)]
     quality: Quality,
+    /// How many sets the spectrum is the mean of; `null` without one.
+    sets: Option<u32>,
+    /// `null` where the reflectors do not unroll into a rectangle.
+    spectrum: Option<Spectrum>,
 }
 
 pub fn run(args: &SamplesArgs) -> Result<(), String> {
     check_output(&args.output, &["ply"])?;
+    if let Some(path) = &args.spectrum {
+        check_output(path, &["png"])?;
+    }
     let loaded = load::<Settings>(&args.scene).map_err(|e| e.to_string())?;
     let over = Settings {
         samples: args.options.samples,
@@ -57,23 +71,30 @@ pub fn run(args: &SamplesArgs) -> Result<(), String> {
     for note in &loaded.scene.notes {
         eprintln!("pinspot: warning: {note}");
     }
-    let bar = Bar::new(args.quiet);
-    bar.begin("sampling the reflectors", 2);
     let surface = Surface::of_scene(&loaded.scene);
+    let development = Development::of(&surface);
+    if args.spectrum.is_some() && development.is_none() {
+        let message = "--spectrum needs reflectors that unroll into a rectangle: one flat rectangle or one whole cylinder";
+        return Err(format!("{}: {message}", loaded.scene.name));
+    }
+    let bar = Bar::new(args.quiet);
+    bar.begin("sampling the reflectors", 3);
     let options = Options { samples: render.samples, strategy: render.strategy, seed: render.seed };
     let set = sample(&surface, &options).map_err(|e| e.to_string())?;
     bar.advance(1);
     let samples = differentials(&set);
+    bar.advance(1);
+    let spectrum = match &development {
+        Some(d) => study(&surface, Some(d), &options, args.sets).map_err(|e| e.to_string())?.spectrum,
+        None => None,
+    };
     bar.finish();
     write_atomically(&args.output, |out| write_ply(&samples, out).map_err(|e| e.to_string()))
         .map_err(|e| e.to_string())?;
-    let figures = Figures {
-        requested: options.samples,
-        strategy: options.strategy,
-        seed: options.seed,
-        written: samples.len(),
-        quality: quality(&set.points, surface.area()),
-    };
+    if let (Some(path), Some(spectrum)) = (&args.spectrum, &spectrum) {
+        write_png(path, &spectrum_picture(spectrum)).map_err(|e| e.to_string())?;
+    }
+    let figures = figures(args, &options, &set, &surface, samples.len(), spectrum);
     match (args.json, args.quiet) {
         (true, _) => super::print_json(&figures),
         (false, true) => Ok(()),
@@ -81,13 +102,61 @@ pub fn run(args: &SamplesArgs) -> Result<(), String> {
     }
 }
 
+fn figures(
+    args: &SamplesArgs,
+    options: &Options,
+    set: &PointSet,
+    surface: &Surface,
+    written: usize,
+    spectrum: Option<Spectrum>,
+) -> Figures {
+    Figures {
+        requested: options.samples,
+        strategy: options.strategy,
+        seed: options.seed,
+        written,
+        quality: quality(set, surface.area()),
+        sets: spectrum.as_ref().map(|_| args.sets),
+        spectrum,
+    }
+}
+
 fn describe(figures: &Figures) -> String {
-    let Quality { count, area, relative_radius, nearest_mean, nearest_spread } = figures.quality;
+    let q = &figures.quality;
+    let bias = q.orientation_bias.map_or_else(
+        || "not told: the surface has one orientation".to_owned(),
+        |bias| format!("{bias:.3} times as many points where the surface is diagonal to the axes"),
+    );
+    let spectrum = figures.spectrum.as_ref().map_or_else(
+        || "spectrum            none: the reflectors do not unroll into a rectangle".to_owned(),
+        |s| {
+            format!(
+                "low frequencies     {:.3} of white noise's power\n\
+                 anisotropy          {:.1} dB (mean of {} sets; {:.1} dB if isotropic)",
+                s.low_power,
+                s.anisotropy_db,
+                figures.sets.unwrap_or(1),
+                -10.0 * f64::from(figures.sets.unwrap_or(1)).log10(),
+            )
+        },
+    );
     format!(
-        "samples             {count} ({} asked for), {} written\n\
-         area                {area:.4} m²\n\
-         relative radius     {relative_radius:.3} (smallest distance over that of the densest packing)\n\
-         nearest neighbour   {nearest_mean:.3} of that distance on average, spread {nearest_spread:.3}",
-        figures.requested, figures.written
+        "samples             {} ({} asked for), {} written\n\
+         area                {:.4} m²\n\
+         relative radius     {:.3} (smallest distance over that of the densest packing)\n\
+         nearest neighbour   {:.3} of that distance on average, spread {:.3}\n\
+         coverage radius     {:.3} of that distance (largest gap)\n\
+         displacement        {:.3} of that distance off the surface\n\
+         orientation         {bias}\n\
+         {spectrum}",
+        q.count,
+        figures.requested,
+        figures.written,
+        q.area,
+        q.relative_radius,
+        q.nearest_mean,
+        q.nearest_spread,
+        q.coverage_radius,
+        q.displacement,
     )
 }

@@ -1,5 +1,7 @@
 //! Adapters and devices for programs without a device of their own.
 
+use std::fmt;
+
 use std::sync::{Arc, Mutex};
 
 use super::GpuError;
@@ -23,6 +25,12 @@ pub struct Adapter {
     pub max_texture: u32,
     /// Largest storage buffer, bytes.
     pub max_storage_bytes: u64,
+}
+
+impl fmt::Display for Adapter {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} ({}{})", self.name, self.backend, if self.software { ", software" } else { "" })
+    }
 }
 
 impl Adapter {

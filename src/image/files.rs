@@ -59,13 +59,36 @@ pub fn write_atomically(
 
 /// Writes display-linear colours as 8-bit sRGB.
 pub fn write_png(path: &Path, image: &Image) -> Result<(), ImageError> {
+    write_atomically(path, |out| out.write_all(&png_bytes(image)?).map_err(|e| e.to_string()))
+}
+
+/// The same as a file's bytes.
+pub fn png_bytes(image: &Image) -> Result<Vec<u8>, String> {
     use ::image::ImageEncoder;
     let bytes: Vec<u8> = image.pixels.iter().flat_map(|p| srgb8(*p)).collect();
-    write_atomically(path, |out| {
-        ::image::codecs::png::PngEncoder::new(out)
-            .write_image(&bytes, image.width, image.height, ::image::ExtendedColorType::Rgb8)
-            .map_err(|e| e.to_string())
-    })
+    let mut file = Vec::new();
+    ::image::codecs::png::PngEncoder::new(&mut file)
+        .write_image(&bytes, image.width, image.height, ::image::ExtendedColorType::Rgb8)
+        .map_err(|e| e.to_string())?;
+    Ok(file)
+}
+
+/// Reads a .png or .exr as a mask: width, height, and whether each pixel is brighter than half (a .png) or 0 (an .exr).
+pub fn read_mask(path: &Path) -> Result<(u32, u32, Vec<bool>), ImageError> {
+    let fail = |reason: String| ImageError::Read { path: path.into(), reason };
+    match path.extension().unwrap_or_default().to_string_lossy().to_lowercase().as_str() {
+        "exr" => {
+            let image = read_exr(path, "")?;
+            Ok((image.width, image.height, image.pixels.iter().map(|p| p.max_element() > 0.0).collect()))
+        }
+        "png" => {
+            let bytes = std::fs::read(path).map_err(|e| fail(e.to_string()))?;
+            let image = ::image::load_from_memory_with_format(&bytes, ::image::ImageFormat::Png);
+            let grey = image.map_err(|e| fail(e.to_string()))?.into_luma8();
+            Ok((grey.width(), grey.height(), grey.pixels().map(|p| p.0[0] > 127).collect()))
+        }
+        _ => Err(fail("a mask is a .png or an .exr".into())),
+    }
 }
 
 /// Writes 32-bit float layers, lossless. One layer has the channels R G B; several have `name.R` and so on, or R G B for

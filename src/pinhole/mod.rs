@@ -35,6 +35,16 @@ pub enum Footprint {
     Curvature,
 }
 
+impl Footprint {
+    /// Its name on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Cells => "cells",
+            Self::Curvature => "curvature",
+        }
+    }
+}
+
 /// How the environment is looked up under a footprint.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Deserialize, Serialize)]
 #[serde(rename_all = "kebab-case")]

@@ -1,5 +1,7 @@
 //! The back ends: where the gather runs.
 
+use std::fmt;
+
 use serde::Serialize;
 
 use crate::environment::{CubeMap, Environment};
@@ -52,6 +54,25 @@ pub enum BackendReport {
         /// The adapter.
         adapter: Adapter,
     },
+}
+
+impl BackendReport {
+    /// The adapter; `None` on the CPU.
+    pub fn adapter(&self) -> Option<&Adapter> {
+        match self {
+            Self::Cpu { .. } => None,
+            Self::Gpu { adapter } => Some(adapter),
+        }
+    }
+}
+
+impl fmt::Display for BackendReport {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Cpu { threads } => write!(f, "the CPU ({threads} threads)"),
+            Self::Gpu { adapter } => adapter.fmt(f),
+        }
+    }
 }
 
 impl Backend {

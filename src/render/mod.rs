@@ -17,7 +17,7 @@ pub use report::{Report, Seconds};
 
 use std::time::Instant;
 
-use glam::Vec3;
+use glam::{UVec2, Vec2, Vec3};
 
 use self::gbuffer::GBuffer;
 use self::trace::Tracer;
@@ -141,6 +141,11 @@ impl Renderer {
         let report = Report::new(self, fetches / pixels, seconds);
         let (layers, shown) = film.finish(&self.options.aovs);
         Ok(Rendered { layers, shown, report })
+    }
+
+    /// Where the samples that the camera sees appear, in pixels from the picture's top left corner.
+    pub fn visible_samples(&self) -> Vec<Vec2> {
+        overlay::visible_samples(self, UVec2::from_array(self.options.size).as_vec2()).collect()
     }
 
     /// Bands keep memory bounded: about four million receivers, whole rows of pixels.

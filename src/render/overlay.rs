@@ -12,12 +12,18 @@ const RADIUS: f32 = 1.4;
 pub(super) fn draw_samples(renderer: &Renderer, shown: &mut Image) {
     let size = UVec2::new(shown.width, shown.height).as_vec2();
     let radius = RADIUS * (size.y / 512.0).max(0.75);
-    for sample in &renderer.differentials {
-        let (pixel, depth) = renderer.scene.camera.project(sample.position, size);
-        if depth > 0.0 && is_visible(renderer, pixel, size, sample.position) {
-            draw_dot(shown, pixel, radius);
-        }
+    for pixel in visible_samples(renderer, size) {
+        draw_dot(shown, pixel, radius);
     }
+}
+
+/// Where the samples that the camera sees appear, in pixels of a picture of `size`.
+pub(super) fn visible_samples(renderer: &Renderer, size: Vec2) -> impl Iterator<Item = Vec2> {
+    let positions = renderer.differentials.iter().map(|s| s.position);
+    positions.filter_map(move |position| {
+        let (pixel, depth) = renderer.scene.camera.project(position, size);
+        (depth > 0.0 && is_visible(renderer, pixel, size, position)).then_some(pixel)
+    })
 }
 
 /// Whether nothing lies before a point; quantised samples hover a little off their surface.

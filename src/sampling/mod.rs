@@ -4,15 +4,20 @@
 //! them. One file per strategy. This module must not know environments, cameras or receivers.
 
 mod candidates;
+mod elimination;
 mod grid;
 mod morton;
 mod neighbourhood;
 mod patches;
 mod quality;
 mod random;
+mod spectrum;
+mod study;
 mod surface;
 
 pub use quality::{Quality, quality};
+pub use spectrum::{Development, Spectrum};
+pub use study::{GROUNDS, Ground, STRATEGIES, Study, study};
 pub use surface::{Surface, SurfacePoint};
 
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
@@ -36,6 +41,21 @@ pub enum Strategy {
     /// Greedy removal of points that a sphere around another one covers (WS-14).
     #[default]
     Neighbourhood,
+    /// Weighted sample elimination (Yuksel 2015): meets the number exactly.
+    Elimination,
+}
+
+impl Strategy {
+    /// Its name in scene files and on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Random => "random",
+            Self::Grid => "grid",
+            Self::QuantisedGrid => "quantised-grid",
+            Self::Neighbourhood => "neighbourhood",
+            Self::Elimination => "elimination",
+        }
+    }
 }
 
 /// What to sample.
@@ -90,6 +110,7 @@ pub fn sample(surface: &Surface, options: &Options) -> Result<PointSet, Sampling
         Strategy::Random => random::random(surface, samples, &mut rng),
         Strategy::Grid => grid::one_per_cell(&candidates, area_per_sample, samples, false, &mut rng),
         Strategy::QuantisedGrid => grid::one_per_cell(&candidates, area_per_sample, samples, true, &mut rng),
+        Strategy::Elimination => elimination::elimination(surface, area_per_sample, samples, &mut rng),
         Strategy::Neighbourhood => neighbourhood::neighbourhood(&candidates, area_per_sample, samples),
     };
     patches::group_small(surface, area_per_sample, &mut points);

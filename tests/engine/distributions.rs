@@ -74,11 +74,11 @@ fn neighbourhood_meets_the_number_asked_for() {
 fn neighbourhood_keeps_its_distance() {
     for seed in 1..=3 {
         let (surface, set) = points(Shape::Sphere(Sphere { radius: 1.0 }), 1000, Strategy::Neighbourhood, seed);
-        let even = quality(&set.points, surface.area());
+        let even = quality(&set, surface.area());
         // Maximal Poisson-disk sets reach 0.65 to 0.8 of the densest packing.
         assert!(even.relative_radius > 0.65 && even.relative_radius < 0.85, "{even:?}");
         let (surface, set) = points(Shape::Sphere(Sphere { radius: 1.0 }), 1000, Strategy::Random, seed);
-        assert!(quality(&set.points, surface.area()).relative_radius < 0.2);
+        assert!(quality(&set, surface.area()).relative_radius < 0.2);
     }
 }
 

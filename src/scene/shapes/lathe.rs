@@ -4,7 +4,7 @@ use std::f32::consts::{FRAC_PI_2, PI, TAU};
 
 use glam::{Vec2, Vec3};
 
-use super::{Cup, Parts, Ring, SolidRing};
+use super::{Cup, Parts, Ring, SolidRing, Torus};
 
 /// Segments around the axis.
 const SEGMENTS: u32 = 256;
@@ -60,6 +60,10 @@ fn arc(centre: Vec2, radius: f32, from_rad: f32, to_rad: f32, count: u32) -> Vec
 pub(super) fn ring(ring: &Ring) -> Parts {
     // Falling, so that the inside is the front.
     revolve(&line(Vec2::new(ring.radius, ring.height), Vec2::new(ring.radius, 0.0), 16))
+}
+
+pub(super) fn torus(torus: &Torus) -> Parts {
+    revolve(&arc(Vec2::new(torus.radius, 0.0), torus.tube, 0.0, TAU, 96))
 }
 
 pub(super) fn solid_ring(ring: &SolidRing) -> Parts {

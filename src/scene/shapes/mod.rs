@@ -29,6 +29,8 @@ pub enum Shape {
     Cup(Cup),
     /// A sphere about the origin.
     Sphere(Sphere),
+    /// A torus about +Y around the origin; normals point outwards.
+    Torus(Torus),
     /// A sphere made of flat mirror tiles.
     DiscoBall(DiscoBall),
     /// A rectangle in the plane y = 0, normal +Y.
@@ -91,6 +93,16 @@ pub struct Sphere {
     pub radius: f32,
 }
 
+/// Measures of [`Shape::Torus`].
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Torus {
+    /// Radius of the circle inside the tube.
+    pub radius: f32,
+    /// Radius of the tube.
+    pub tube: f32,
+}
+
 /// Measures of [`Shape::DiscoBall`].
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -139,6 +151,12 @@ impl Default for Sphere {
     }
 }
 
+impl Default for Torus {
+    fn default() -> Self {
+        Self { radius: 1.0, tube: 0.25 }
+    }
+}
+
 impl Default for DiscoBall {
     fn default() -> Self {
         Self { radius: 1.0, rows: 16 }
@@ -161,6 +179,7 @@ impl Shape {
             Self::Cup(cup) => lathe::cup(cup),
             Self::Spoon(spoon) => spoon::spoon(spoon),
             Self::Sphere(sphere) => sphere::sphere(sphere),
+            Self::Torus(torus) => lathe::torus(torus),
             Self::DiscoBall(ball) => disco_ball::disco_ball(ball),
             Self::Plane(plane) => plane::plane(plane),
         };
@@ -177,6 +196,7 @@ impl Shape {
             Self::Spoon(_) => "spoon",
             Self::Cup(_) => "cup",
             Self::Sphere(_) => "sphere",
+            Self::Torus(_) => "torus",
             Self::DiscoBall(_) => "disco-ball",
             Self::Plane(_) => "plane",
         }
@@ -219,6 +239,14 @@ impl Shape {
                 thin("a quarter of its height", thickness, 0.5 * height)
             }
             Self::Sphere(Sphere { radius }) => positive("radius", radius),
+            Self::Torus(Torus { radius, tube }) => {
+                positive("tube", tube)?;
+                if tube < radius && radius.is_finite() {
+                    Ok(())
+                } else {
+                    Err(format!("tube of shape 'torus' is {tube}, but must be less than its radius, {radius}"))
+                }
+            }
             Self::DiscoBall(DiscoBall { radius, rows }) => {
                 positive("radius", radius)?;
                 if (3..=512).contains(&rows) {
@@ -266,6 +294,7 @@ mod tests {
             Shape::Spoon(Spoon::default()),
             Shape::Cup(Cup::default()),
             Shape::Sphere(Sphere::default()),
+            Shape::Torus(Torus::default()),
             Shape::DiscoBall(DiscoBall::default()),
             Shape::Plane(Plane::default()),
         ]
@@ -291,6 +320,7 @@ mod tests {
         let close = |got: f64, expected: f64| assert!((got / expected - 1.0).abs() < 1e-3, "{got} against {expected}");
         close(area(Shape::Ring(Ring::default())), PI);
         close(area(Shape::Sphere(Sphere { radius: 0.5 })), PI);
+        close(area(Shape::Torus(Torus { radius: 2.0, tube: 0.5 })), 4.0 * PI * PI);
         close(area(Shape::Plane(Plane { size: [2.0, 3.0] })), 6.0);
     }
 

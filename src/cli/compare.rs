@@ -1,0 +1,157 @@
+//! `pinspot compare`.
+
+use std::path::PathBuf;
+
+use clap::Args;
+
+use pinspot::pinhole::Footprint;
+use pinspot::reference::Goal;
+use pinspot::render::{FilterChoice, Options, Settings};
+use pinspot::report::{Comparison, Figure, Plan, Request, compare};
+use pinspot::sampling::Strategy;
+
+use super::options::{SceneOptions, word};
+use super::progress::Bar;
+
+#[derive(Debug, Args)]
+pub struct CompareArgs {
+    /// A scene file (.toml), or the name of a built-in scene
+    scene: String,
+    /// The folder for report.html, report.json, report.csv and the pictures; what is finished in it is used again
+    #[arg(short, long, value_name = "DIR")]
+    output: PathBuf,
+    /// Strategies, separated by commas [default: the scene's, else neighbourhood]
+    #[arg(long, value_parser = word::<Strategy>, value_delimiter = ',', value_name = "NAMES")]
+    strategies: Vec<Strategy>,
+    /// Footprints, separated by commas [default: the scene's, else cells]
+    #[arg(long, value_parser = word::<Footprint>, value_delimiter = ',', value_name = "NAMES")]
+    footprints: Vec<Footprint>,
+    /// Filters, separated by commas [default: none,auto]
+    #[arg(long, value_parser = word::<FilterChoice>, value_delimiter = ',', value_name = "NAMES")]
+    filters: Vec<FilterChoice>,
+    /// Sample counts, separated by commas [default: 100,1000,10000]
+    #[arg(long, value_delimiter = ',', value_name = "LIST")]
+    samples: Vec<u32>,
+    /// How many seeds, from --seed on
+    #[arg(long, value_name = "K", default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..=1000))]
+    seeds: u32,
+    /// The first seed [default: 1]
+    #[arg(long, value_name = "N")]
+    seed: Option<u64>,
+    /// Reproduce a figure of Wand & Straßer (2003): 4 (samples, filtered and not) or 5 (strategies)
+    #[arg(long, value_name = "4|5", value_parser = figure, conflicts_with_all = ["strategies", "footprints", "filters", "samples"])]
+    figure: Option<Figure>,
+    /// Measure only where this picture (.png, .exr) is not black
+    #[arg(long, value_name = "FILE")]
+    mask: Option<PathBuf>,
+    /// How good the reference must be: √Σse² / √ΣE²
+    #[arg(long, value_name = "FRACTION", default_value_t = 0.005)]
+    rel_error: f64,
+    /// Seconds that the reference may take; the report says what it reached [default: no limit]
+    #[arg(long, value_name = "S")]
+    seconds: Option<f64>,
+    #[command(flatten)]
+    options: SceneOptions,
+    /// Print report.json on stdout, too
+    #[arg(long)]
+    json: bool,
+    /// No progress bar and no summary
+    #[arg(long)]
+    quiet: bool,
+}
+
+fn figure(text: &str) -> Result<Figure, String> {
+    match text {
+        "4" => Ok(Figure::Samples),
+        "5" => Ok(Figure::Strategies),
+        _ => Err("give 4 or 5".into()),
+    }
+}
+
+pub fn run(args: &CompareArgs) -> Result<(), String> {
+    let over = Settings { seed: args.seed, ..args.options.settings() };
+    let (scene, mut options) = args.options.load(&args.scene, over)?;
+    let plan = plan(args, &mut options);
+    let request = Request {
+        scene,
+        options,
+        backend: args.options.backend(),
+        plan,
+        mask: args.mask.clone(),
+        goal: Goal { rel_error: args.rel_error, seconds: args.seconds },
+        folder: args.output.clone(),
+        command: std::env::args().collect::<Vec<_>>().join(" "),
+    };
+    let bar = Bar::new(args.quiet);
+    let compared = compare(&request, &bar);
+    bar.finish();
+    let comparison = compared.map_err(|e| e.to_string())?;
+    comparison.write(&args.output).map_err(|e| e.to_string())?;
+    for warning in &comparison.warnings {
+        eprintln!("pinspot: warning: {warning}");
+    }
+    if comparison.reference.rel_error > args.rel_error {
+        eprintln!(
+            "pinspot: warning: the reference's time was up at a relative standard error of {:.4}; the same command goes on from here",
+            comparison.reference.rel_error
+        );
+    }
+    if args.json {
+        super::print_json(&comparison)
+    } else if args.quiet {
+        Ok(())
+    } else {
+        super::print(&summary(args, &comparison))
+    }
+}
+
+fn plan(args: &CompareArgs, options: &mut Options) -> Plan {
+    if let Some(figure) = args.figure {
+        return Plan::of_figure(figure, options, args.seeds);
+    }
+    fn or<T: Clone>(given: &[T], default: &[T]) -> Vec<T> {
+        if given.is_empty() { default.to_vec() } else { given.to_vec() }
+    }
+    let filters = or(&args.filters, &[FilterChoice::None, FilterChoice::Auto]);
+    Plan {
+        strategies: or(&args.strategies, &[options.strategy]),
+        footprints: or(&args.footprints, &[options.footprint]),
+        filters: filters.into_iter().map(FilterChoice::resolve).collect(),
+        samples: or(&args.samples, &[100, 1000, 10_000]),
+        seeds: args.seeds,
+        figure: None,
+    }
+}
+
+/// The mean errors over the seeds, and where the report is.
+fn summary(args: &CompareArgs, comparison: &Comparison) -> String {
+    let mut lines = vec![format!(
+        "{:15} {:10} {:12} {:>8} {:>8} {:>8} {:>7} {:>9}",
+        "strategy", "footprint", "filter", "samples", "rel_l2", "mrse", "flip", "lookups"
+    )];
+    for rows in comparison.rows.chunks(args.seeds as usize) {
+        let mean = |f: fn(&pinspot::report::Row) -> f64| rows.iter().map(f).sum::<f64>() / rows.len() as f64;
+        let row = &rows[0];
+        lines.push(format!(
+            "{:15} {:10} {:12} {:>8} {:>8.4} {:>8.3} {:>7.4} {:>9.0}",
+            row.strategy.name(),
+            row.footprint.name(),
+            row.filter,
+            row.samples,
+            mean(|r| r.rel_l2),
+            mean(|r| r.mrse),
+            mean(|r| r.flip),
+            mean(|r| r.lookups)
+        ));
+    }
+    for finding in &comparison.findings {
+        lines.push(format!(
+            "{}: {} ({})",
+            if finding.holds { "holds" } else { "does not hold" },
+            finding.text,
+            finding.figures
+        ));
+    }
+    lines.push(format!("report: {}", args.output.join("report.html").display()));
+    lines.join("\n")
+}

@@ -1,0 +1,260 @@
+//! A comparison from request to files.
+
+use std::path::{Path, PathBuf};
+
+use glam::Vec3;
+use serde::Serialize;
+
+use super::cells::{Cell, render_or_reuse};
+use super::findings::{Finding, findings};
+use super::page;
+use super::plan::Plan;
+use super::rows::{Row, measure};
+use super::ReportError;
+use crate::image::{Aov, Image, ImageError, read_mask, write_atomically};
+use crate::reference::{self, Account, Goal, Reference};
+use crate::render::{BackendChoice, Options};
+use crate::sampling::{GROUNDS, Ground, Quality, Strategy, Study, Surface, study};
+use crate::scene::Scene;
+use crate::{Error, Progress};
+
+/// What to compare.
+#[derive(Clone, Debug)]
+pub struct Request {
+    /// The scene.
+    pub scene: Scene,
+    /// What all combinations share; their AOV is the caustic, whatever is set.
+    pub options: Options,
+    /// Where they run.
+    pub backend: BackendChoice,
+    /// The combinations.
+    pub plan: Plan,
+    /// Only pixels that are not black in this picture count.
+    pub mask: Option<PathBuf>,
+    /// How good the reference must be.
+    pub goal: Goal,
+    /// The folder that everything is written to, and that finished cells are taken from.
+    pub folder: PathBuf,
+    /// The command that asked, for the report.
+    pub command: String,
+}
+
+/// The reference of a comparison.
+#[derive(Clone, Debug, Serialize)]
+pub struct ReferenceSummary {
+    /// Its file.
+    pub file: &'static str,
+    /// What it shows.
+    pub aov: &'static str,
+    /// Occlusion.
+    pub visibility: crate::scene::Visibility,
+    /// √Σse² / √ΣE².
+    pub rel_error: f64,
+    /// How it came about.
+    #[serde(flatten)]
+    pub account: Account,
+}
+
+/// Figures of a strategy on a surface that unrolls.
+#[derive(Clone, Debug, Serialize)]
+pub(super) struct GroundStudy {
+    pub surface: Ground,
+    pub strategy: Strategy,
+    pub study: Study,
+}
+
+/// A finished comparison.
+#[derive(Clone, Debug, Serialize)]
+pub struct Comparison {
+    /// The scene's name.
+    pub scene: String,
+    /// The adapter, or the CPU, in words.
+    pub adapter: String,
+    /// Names and values of everything that the results depend on.
+    pub made_with: Vec<(String, String)>,
+    /// The reference.
+    pub reference: ReferenceSummary,
+    /// One entry a combination and seed.
+    pub rows: Vec<Row>,
+    /// What the numbers say.
+    pub findings: Vec<Finding>,
+    /// Figures of the strategies on the scene's own reflectors.
+    pub reflectors: Vec<(Strategy, Quality)>,
+    pub(super) sampling: Vec<GroundStudy>,
+    /// What was repaired or is to be mistrusted.
+    pub warnings: Vec<String>,
+    #[serde(skip)]
+    pub(super) pictures: Vec<Picture>,
+    #[serde(skip)]
+    pub(super) exposure_ev: f32,
+    #[serde(skip)]
+    pub(super) size: [u32; 2],
+}
+
+/// A picture of the page.
+#[derive(Clone, Debug)]
+pub(super) struct Picture {
+    pub label: String,
+    pub image: Image,
+    pub flip: Option<Vec<f32>>,
+    pub dots: Option<Vec<[f32; 2]>>,
+    /// The row that it belongs to.
+    pub row: Option<usize>,
+}
+
+/// Points and sets of the strategies' spectra.
+const STUDY_POINTS: u32 = 1024;
+const STUDY_SETS: u32 = 10;
+
+/// Computes the reference, renders every combination that is not there yet, and measures.
+pub fn compare(request: &Request, progress: &dyn Progress) -> Result<Comparison, Error> {
+    let cells_folder = request.folder.join("cells");
+    std::fs::create_dir_all(&cells_folder).map_err(|e| ReportError::Folder {
+        path: cells_folder.clone(),
+        reason: e.to_string(),
+    })?;
+    let mut options = request.options.clone();
+    options.aovs = vec![Aov::Caustic];
+    options.check()?;
+    let combinations = request.plan.combinations(&options);
+    combinations.iter().try_for_each(Options::check)?;
+    let mask = request.mask.as_deref().map(|path| mask(path, options.size)).transpose()?;
+    let (reference, truth) = solve_reference(request, &options, progress)?;
+    let mut comparison = Comparison {
+        scene: request.scene.name.clone(),
+        adapter: String::new(),
+        made_with: Vec::new(),
+        reference,
+        rows: Vec::new(),
+        findings: Vec::new(),
+        reflectors: Vec::new(),
+        sampling: Vec::new(),
+        warnings: Vec::new(),
+        pictures: vec![Picture { label: "reference".into(), image: truth.clone(), flip: None, dots: None, row: None }],
+        exposure_ev: options.look.exposure_ev,
+        size: options.size,
+    };
+    for combination in &combinations {
+        let cell = render_or_reuse(&request.scene, combination, &request.backend, &cells_folder, progress)?;
+        comparison.add(cell, &truth, mask.as_deref(), combination.seed == options.seed);
+    }
+    comparison.study_strategies(request, progress)?;
+    if let Some(figure) = request.plan.figure {
+        comparison.findings = findings(figure, &comparison.rows, &comparison.reflectors);
+    }
+    comparison.made_with.push(("Command".into(), request.command.clone()));
+    Ok(comparison)
+}
+
+fn solve_reference(
+    request: &Request,
+    options: &Options,
+    progress: &dyn Progress,
+) -> Result<(ReferenceSummary, Image), Error> {
+    let wanted = reference::Options {
+        size: options.size,
+        pixel_samples: options.pixel_samples,
+        visibility: options.visibility,
+        attenuation: options.params.attenuation,
+        ..Default::default()
+    };
+    let file = "reference.exr";
+    let path = request.folder.join(file);
+    let reference = Reference::new(request.scene.clone(), wanted)?;
+    let known = reference.read(&path)?;
+    let estimate = reference.solve(&request.goal, known, progress, &mut |e| reference.write(&path, e))?;
+    let summary = ReferenceSummary {
+        file,
+        aov: "caustic",
+        visibility: options.visibility,
+        rel_error: estimate.rel_error(),
+        account: estimate.account,
+    };
+    Ok((summary, estimate.irradiance))
+}
+
+fn mask(path: &Path, [expected_width, expected_height]: [u32; 2]) -> Result<Vec<bool>, Error> {
+    let (width, height, mask) = read_mask(path)?;
+    if (width, height) != (expected_width, expected_height) {
+        return Err(ReportError::MaskSize { path: path.into(), width, height, expected_width, expected_height }.into());
+    }
+    if !mask.contains(&true) {
+        return Err(ReportError::MaskEmpty { path: path.into() }.into());
+    }
+    Ok(mask)
+}
+
+impl Comparison {
+    fn add(&mut self, cell: Cell, truth: &Image, mask: Option<&[bool]>, shown: bool) {
+        let (row, map) = measure(&cell, truth, mask, self.exposure_ev);
+        if shown {
+            let label = format!("{} {} {} {}", row.strategy.name(), row.footprint.name(), row.filter, row.samples);
+            self.pictures.push(Picture {
+                label,
+                image: cell.image,
+                flip: Some(map.values),
+                dots: Some(cell.facts.dots.clone()),
+                row: Some(self.rows.len()),
+            });
+        }
+        if self.rows.is_empty() {
+            self.adapter = cell.facts.adapter.clone().unwrap_or_else(|| cell.facts.backend.clone());
+            self.made_with = page::made_with(&cell.facts);
+        }
+        for warning in cell.facts.warnings {
+            if !self.warnings.contains(&warning) {
+                self.warnings.push(warning);
+            }
+        }
+        self.rows.push(row);
+    }
+
+    fn study_strategies(&mut self, request: &Request, progress: &dyn Progress) -> Result<(), Error> {
+        let strategies = &request.plan.strategies;
+        progress.begin("sampling quality", (strategies.len() * (GROUNDS.len() + 1)) as u64);
+        let seed = request.options.seed;
+        let reflectors = Surface::of_scene(&request.scene);
+        let samples = request.plan.samples.iter().copied().max().unwrap_or(1000).min(4000);
+        for &strategy in strategies {
+            let options = crate::sampling::Options { samples, strategy, seed };
+            self.reflectors.push((strategy, study(&reflectors, None, &options, request.plan.seeds)?.quality));
+            progress.advance(1);
+            let options = crate::sampling::Options { samples: STUDY_POINTS, ..options };
+            for surface in GROUNDS {
+                let (ground, development) = surface.surface();
+                let study = study(&ground, Some(&development), &options, STUDY_SETS)?;
+                self.sampling.push(GroundStudy { surface, strategy, study });
+                progress.advance(1);
+            }
+        }
+        Ok(())
+    }
+
+    /// Writes report.json, report.csv and report.html.
+    pub fn write(&self, folder: &Path) -> Result<(), Error> {
+        let json = serde_json::to_string_pretty(self).expect("a report is plain data");
+        write_text(&folder.join("report.json"), &json)?;
+        write_text(&folder.join("report.csv"), &self.csv())?;
+        write_text(&folder.join("report.html"), &page::html(self))
+    }
+
+    fn csv(&self) -> String {
+        let mut writer = csv::Writer::from_writer(Vec::new());
+        self.rows.iter().for_each(|row| writer.serialize(row).expect("rows are flat"));
+        String::from_utf8(writer.into_inner().expect("memory can be written to")).expect("rows are text")
+    }
+}
+
+fn write_text(path: &Path, text: &str) -> Result<(), Error> {
+    use std::io::Write;
+    let written: Result<(), ImageError> =
+        write_atomically(path, |out| out.write_all(text.as_bytes()).map_err(|e| e.to_string()));
+    Ok(written?)
+}
+
+/// Where a study's first points lie on its rectangle, in fractions of it.
+pub(super) fn unrolled(study: &GroundStudy) -> Vec<[f64; 2]> {
+    let (_, development) = study.surface.surface();
+    let place = |p: Vec3| (development.unrolled(p.as_dvec3()) / development.size()).into();
+    study.study.first.points.iter().map(|p| place(p.position)).collect()
+}

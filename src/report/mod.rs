@@ -1,0 +1,55 @@
+//! Comparisons of techniques against the ground truth: what `pinspot compare` writes.
+//!
+//! Data flows [`Plan`] (which combinations) → `cells` (one rendered combination, kept in a file) → `rows` (its errors) →
+//! `findings` (what the numbers say) → [`Comparison::write`]: report.json, report.csv and report.html. This module must not
+//! know how anything is rendered or sampled.
+
+mod cells;
+mod compare;
+mod encode;
+mod findings;
+mod page;
+mod plan;
+mod rows;
+
+pub use compare::{Comparison, ReferenceSummary, Request, compare};
+pub use encode::spectrum_picture;
+pub use findings::Finding;
+pub use plan::{Figure, Plan};
+pub use rows::Row;
+
+use std::path::PathBuf;
+
+/// Why a report could not be made.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ReportError {
+    /// The folder could not be made.
+    #[error("cannot create the folder '{}': {reason}; give -o a folder that can be written to", path.display())]
+    Folder {
+        /// Folder.
+        path: PathBuf,
+        /// The system's reason.
+        reason: String,
+    },
+    /// A mask of another size.
+    #[error("the mask '{}' is {width}×{height} pixels, but the pictures are {expected_width}×{expected_height}; give a mask of their size, or --size", path.display())]
+    MaskSize {
+        /// File.
+        path: PathBuf,
+        /// Its width.
+        width: u32,
+        /// Its height.
+        height: u32,
+        /// The pictures' width.
+        expected_width: u32,
+        /// The pictures' height.
+        expected_height: u32,
+    },
+    /// A mask that names no pixel.
+    #[error("the mask '{}' is black all over; paint white what is to be measured", path.display())]
+    MaskEmpty {
+        /// File.
+        path: PathBuf,
+    },
+}

@@ -1,0 +1,69 @@
+//! The table: what was rendered and how far it is from the reference.
+
+use serde::Serialize;
+
+use super::cells::Cell;
+use crate::image::{FlipMap, Image, flip, mrse, rel_l2};
+use crate::pinhole::Footprint;
+use crate::sampling::Strategy;
+use crate::scene::Visibility;
+
+/// One combination and its errors.
+#[derive(Clone, Debug, Serialize)]
+pub struct Row {
+    /// The technique: `pinhole`.
+    pub technique: &'static str,
+    /// How samples were placed.
+    pub strategy: Strategy,
+    /// How footprints were found.
+    pub footprint: Footprint,
+    /// How the environment was looked up.
+    pub filter: &'static str,
+    /// Samples asked for.
+    pub samples: u32,
+    /// Samples in use.
+    pub samples_used: usize,
+    /// Most taps along a footprint.
+    pub taps: u32,
+    /// Occlusion.
+    pub visibility: Visibility,
+    /// Seed.
+    pub seed: u64,
+    /// ‖E − R‖₂ / ‖R‖₂, over the mask if there is one.
+    pub rel_l2: f64,
+    /// Mean of (E − R)² / (R + 0.01)².
+    pub mrse: f64,
+    /// Mean LDR FLIP at 67 pixels per degree, after the tone map.
+    pub flip: f64,
+    /// Placing the samples, their differentials and the gather.
+    pub seconds: f64,
+    /// Mean trilinear reads of the environment per pixel.
+    pub lookups: f64,
+    /// The picture, relative to the report.
+    pub file: String,
+}
+
+/// Measures a cell. The FLIP map is the second part of the result.
+pub(super) fn measure(cell: &Cell, reference: &Image, mask: Option<&[bool]>, exposure_ev: f32) -> (Row, FlipMap) {
+    let map = flip(&cell.image, reference, exposure_ev);
+    let options = &cell.options;
+    let file_name = cell.file.file_name().unwrap_or_default().to_string_lossy();
+    let row = Row {
+        technique: "pinhole",
+        strategy: options.strategy,
+        footprint: options.footprint,
+        filter: options.params.filter.name(),
+        samples: options.samples,
+        samples_used: cell.facts.samples_used,
+        taps: options.params.taps,
+        visibility: options.visibility,
+        seed: options.seed,
+        rel_l2: rel_l2(&cell.image, reference, mask),
+        mrse: mrse(&cell.image, reference, mask),
+        flip: map.mean(mask),
+        seconds: cell.facts.seconds,
+        lookups: cell.facts.lookups,
+        file: format!("cells/{file_name}"),
+    };
+    (row, map)
+}
