@@ -1,15 +1,24 @@
-// Asks the adapter's anisotropic sampler for the mean over given footprints, to see whether it honours explicit
-// gradients on cube maps. Rust: src/pinhole/gpu/hardware_check.rs. One fragment a probe.
+// Asks a filter for the mean over given footprints: the gather's own filters, or the adapter's anisotropic sampler, of which
+// several ignore explicit gradients on cube maps. Rust: src/pinhole/gpu/probe.rs. One fragment a probe.
+
+#import cube
+#import footprint
+#import filters
 
 struct Probe {
     direction: vec3f,
+    taps: f32,
     side_1: vec3f,
+    texel_rad: f32,
     side_2: vec3f,
 }
 
+const WIDTH: u32 = 256u;
+
 @group(0) @binding(0) var<storage, read> probes: array<Probe>;
 @group(0) @binding(1) var environment: texture_cube<f32>;
-@group(0) @binding(2) var anisotropic: sampler;
+@group(0) @binding(2) var trilinear: sampler;
+@group(0) @binding(3) var anisotropic: sampler;
 
 @vertex
 fn full_screen(@builtin(vertex_index) vertex: u32) -> @builtin(position) vec4f {
@@ -19,6 +28,8 @@ fn full_screen(@builtin(vertex_index) vertex: u32) -> @builtin(position) vec4f {
 
 @fragment
 fn probe(@builtin(position) position: vec4f) -> @location(0) vec4f {
-    let p = probes[u32(position.x)];
-    return textureSampleGrad(environment, anisotropic, p.direction, p.side_1, p.side_2);
+    let index = u32(position.y) * WIDTH + u32(position.x);
+    // Past the last one: any probe will do.
+    let p = probes[min(index, arrayLength(&probes) - 1u)];
+    return mean_over_footprint(p.direction, p.side_1, p.side_2, p.taps, p.texel_rad);
 }

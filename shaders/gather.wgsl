@@ -7,6 +7,7 @@
 
 #import cube
 #import footprint
+#import filters
 
 // Whole vec4s: some drivers pay per load, not per byte.
 struct PinholeSample {
@@ -31,18 +32,6 @@ struct GatherUniforms {
 }
 
 const BATCH_SIZE: u32 = 256u;
-const FILTER_NONE: u32 = 0u;
-const FILTER_ISOTROPIC: u32 = 1u;
-const FILTER_ANISOTROPIC: u32 = 2u;
-const FILTER_HARDWARE: u32 = 3u;
-
-// Bilinear interpolation blurs a level's texels by more than their width, so a tap reads a level a little finer than its
-// share of the footprint. Measured: 1 blurs the ring's caustic (error .376 at 100 samples, here .361), 0.7 sharpens it
-// further (.342) but shows gaps between footprints where a sun is focused (cup, 1,000 samples: .18, here .20, .26).
-const SHARPNESS: f32 = 0.9;
-
-override FILTER: u32 = FILTER_ANISOTROPIC;
-
 @group(0) @binding(0) var<uniform> uniforms: GatherUniforms;
 // One batch: a window on the buffer of all samples. A uniform binding, because its loads are broadcast: a storage binding
 // costs lavapipe half as much again (every lane loads for itself).
@@ -137,23 +126,5 @@ fn filtered_radiance(i: u32, d: vec3f, n: vec3f, dn: f32, inverse_l: f32, r: vec
     }
     let v1 = reflected_side(samples[i].side_1.xyz, samples[i].change_1.xyz, d, n, dn, inverse_l, r);
     let v2 = reflected_side(samples[i].side_2.xyz, samples[i].change_2.xyz, d, n, dn, inverse_l, r);
-    if FILTER == FILTER_HARDWARE {
-        return vec4f(textureSampleGrad(environment, anisotropic, r, v1, v2).rgb, 1.0);
-    }
-    let axes = footprint_axes(v1, v2);
-    let texel = texel_width(r, uniforms.texel_rad);
-    if FILTER == FILTER_ISOTROPIC {
-        return vec4f(fetch(r, level_of(axes.major, texel)), 1.0);
-    }
-    let taps = clamp(ceil(axes.major / max(SHARPNESS * axes.minor, texel)), 1.0, f32(uniforms.taps));
-    let level = level_of(SHARPNESS * max(axes.minor, axes.major / taps), texel);
-    var sum = vec3f(0.0);
-    for (var k = 0.5; k < taps; k += 1.0) {
-        sum += fetch(r + (k / taps - 0.5) * axes.direction, level);
-    }
-    return vec4f(sum / taps, taps);
-}
-
-fn fetch(direction: vec3f, level: f32) -> vec3f {
-    return textureSampleLevel(environment, trilinear, direction, level).rgb;
+    return mean_over_footprint(r, v1, v2, f32(uniforms.taps), uniforms.texel_rad);
 }

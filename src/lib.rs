@@ -21,6 +21,7 @@
 //! * [`sampling`]: where on the reflectors the pinholes are.
 //! * [`differential`]: the surface around each of them.
 //! * [`pinhole`]: the sum itself; [`pinhole::gpu`] records into the caller's encoder, [`pinhole::cpu`] is its twin.
+//! * [`conformance`]: filters against the exact integral over a footprint.
 //! * [`image`](mod@image): pictures and files.
 //! * [`render`]: scene file in, pictures out.
 //! * [`reference`](mod@reference): the ground truth, which shares nothing with what it judges.
@@ -45,6 +46,7 @@
 //!
 //! Units: metres, radians, W/(m²·sr), W/m². Right-handed, Y up, linear Rec.709.
 
+pub mod conformance;
 pub mod differential;
 pub mod environment;
 mod error;

@@ -2,6 +2,7 @@
 
 mod adapters;
 mod compare;
+mod filters;
 mod options;
 mod progress;
 mod reference;
@@ -31,6 +32,8 @@ enum Command {
     Compare(compare::CompareArgs),
     /// Write the reflector samples as a point cloud (.ply) and print how evenly they are spread
     Samples(samples::SamplesArgs),
+    /// Test how well this machine filters cube maps: each filter against the exact integral
+    Filters(filters::FiltersArgs),
     /// List the GPU adapters found, and what each can do
     Adapters(adapters::AdaptersArgs),
     /// List the built-in scenes and environment maps
@@ -44,6 +47,7 @@ pub fn run() -> ExitCode {
         Command::Reference(args) => reference::run(&args),
         Command::Compare(args) => compare::run(&args),
         Command::Samples(args) => samples::run(&args),
+        Command::Filters(args) => filters::run(&args),
         Command::Adapters(args) => adapters::run(&args),
         Command::Scenes(args) => scenes::run(&args),
     };

@@ -10,6 +10,7 @@ pub const SHADERS: &[(&str, &str)] = &[
 
 const SHARED: &[(&str, &str)] = &[
     ("cube", include_str!("../../shaders/shared/cube.wgsl")),
+    ("filters", include_str!("../../shaders/shared/filters.wgsl")),
     ("footprint", include_str!("../../shaders/shared/footprint.wgsl")),
 ];
 

@@ -57,6 +57,8 @@ pub enum Filter {
     Anisotropic,
     /// The GPU's own anisotropic filter, with the footprint as explicit gradients (WS-18).
     Hardware,
+    /// The elliptical weighted average (Heckbert 1989): look-ups all over the ellipse. Slow; for comparison.
+    Ewa,
 }
 
 impl Filter {
@@ -67,6 +69,7 @@ impl Filter {
             Self::Isotropic => "isotropic",
             Self::Anisotropic => "anisotropic",
             Self::Hardware => "hardware",
+            Self::Ewa => "ewa",
         }
     }
 }
@@ -82,6 +85,15 @@ pub enum Epsilon {
     Paper,
     /// 1/(l² + ε), m².
     Value(f32),
+}
+
+/// A footprint on its own, for asking a filter what it makes of it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Probe {
+    /// Its centre, unit length.
+    pub direction: glam::Vec3,
+    /// The sides of the parallelogram, perpendicular to the direction, radians.
+    pub sides: [glam::Vec3; 2],
 }
 
 /// Parameters of one gather.

@@ -22,6 +22,18 @@ pub enum BackendChoice {
     Gpu(Option<String>),
 }
 
+impl BackendChoice {
+    /// The same, decided once where it leads to the CPU: looking for adapters takes time.
+    #[must_use]
+    pub fn settled(&self, filter: Filter) -> Self {
+        let hardware = || Gpu::open(None).is_ok_and(|gpu| !gpu.adapter.software);
+        match self {
+            Self::Auto if filter != Filter::Hardware && !hardware() => Self::Cpu,
+            other => other.clone(),
+        }
+    }
+}
+
 /// An open back end.
 #[derive(Debug)]
 pub enum Backend {

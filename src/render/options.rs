@@ -119,6 +119,8 @@ pub enum FilterChoice {
     Anisotropic,
     /// [`Filter::Hardware`].
     Hardware,
+    /// [`Filter::Ewa`].
+    Ewa,
 }
 
 impl FilterChoice {
@@ -129,6 +131,7 @@ impl FilterChoice {
             Self::Isotropic => Filter::Isotropic,
             Self::Auto | Self::Anisotropic => Filter::Anisotropic,
             Self::Hardware => Filter::Hardware,
+            Self::Ewa => Filter::Ewa,
         }
     }
 }

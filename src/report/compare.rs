@@ -134,8 +134,12 @@ pub fn compare(request: &Request, progress: &dyn Progress) -> Result<Comparison,
         exposure_ev: options.look.exposure_ev,
         size: options.size,
     };
+    // A hardware filter looks for a GPU of any kind; all others settle for the CPU together.
+    let settled = request.backend.settled(crate::pinhole::Filter::None);
     for combination in &combinations {
-        let cell = render_or_reuse(&request.scene, combination, &request.backend, &cells_folder, progress)?;
+        let needs_gpu = combination.params.filter == crate::pinhole::Filter::Hardware;
+        let backend = if needs_gpu { &request.backend } else { &settled };
+        let cell = render_or_reuse(&request.scene, combination, backend, &cells_folder, progress)?;
         comparison.add(cell, &truth, mask.as_deref(), combination.seed == options.seed);
     }
     comparison.study_strategies(request, progress)?;

@@ -57,6 +57,11 @@ impl<'a> CubeLookup<'a> {
         Self { texels: cube.padded_texels(), levels: (0..count).map(level).collect(), last: (count - 1) as f32 }
     }
 
+    /// Width of a texel of level 0 at a face's centre, radians.
+    pub(super) fn texel_rad(&self) -> f32 {
+        1.0 / self.levels[0].half_size
+    }
+
     /// Adds the radiance from eight directions (of any length) at eight levels to `sums`; the fourth component counts.
     pub fn fetch8(&self, directions: &Lanes8, levels: &[f32; 8], sums: &mut [Vec4; 8]) {
         self.fetch(V3(directions.map(f32x8::new)), f32x8::new(*levels), 0xff, sums);

@@ -4,18 +4,20 @@
 //! rayon spreads the groups over the cores.
 
 mod cube;
+mod filters;
 mod footprint;
 mod lanes;
 
 pub use cube::{CubeLookup, Lanes8};
+pub use filters::probe;
 
 use glam::Vec4;
 use rayon::prelude::*;
 use wide::f32x8;
 
-use self::cube::{level_of, texel_width};
-use self::footprint::{footprint_axes, reflected_side};
-use self::lanes::{F, V3, abs, clamp, splat, splat3};
+use self::filters::{FILTER_ANISOTROPIC, FILTER_EWA, FILTER_ISOTROPIC, FILTER_NONE, Sides, mean_over_footprint};
+use self::footprint::reflected_side;
+use self::lanes::{F, V3, abs, splat, splat3};
 use super::{BATCH_SIZE, Filter, GatherUniforms, Params, PinholeSample, Receivers};
 use crate::environment::CubeMap;
 
@@ -40,6 +42,7 @@ pub fn gather(
         Filter::None => task::<FILTER_NONE>,
         Filter::Isotropic => task::<FILTER_ISOTROPIC>,
         Filter::Anisotropic => task::<FILTER_ANISOTROPIC>,
+        Filter::Ewa => task::<FILTER_EWA>,
         Filter::Hardware => panic!("the hardware filter needs a GPU"),
     };
     let mut sums = vec![[0.0; 4]; receivers.positions.len()];
@@ -49,13 +52,6 @@ pub fn gather(
     });
     sums
 }
-
-/// A tap's width over the footprint's; see the shader.
-const SHARPNESS: f32 = 0.9;
-
-const FILTER_NONE: u32 = 0;
-const FILTER_ISOTROPIC: u32 = 1;
-const FILTER_ANISOTROPIC: u32 = 2;
 
 struct Gather<'a> {
     samples: &'a [PinholeSample],
@@ -173,32 +169,14 @@ impl Gather<'_> {
         r: V3,
         lit: u32,
     ) -> ([Vec4; LANES], F) {
-        let mut sum = [Vec4::ZERO; LANES];
         if FILTER == FILTER_NONE {
+            let mut sum = [Vec4::ZERO; LANES];
             self.environment.fetch(r, F::ZERO, lit, &mut sum);
             return (sum, F::ONE);
         }
         let v1 = reflected_side(splat3(sample.side_1), splat3(sample.change_1), d, n, dn, inverse_l, r);
         let v2 = reflected_side(splat3(sample.side_2), splat3(sample.change_2), d, n, dn, inverse_l, r);
-        let axes = footprint_axes(v1, v2);
-        let texel = texel_width(r, self.uniforms.texel_rad);
-        if FILTER == FILTER_ISOTROPIC {
-            self.environment.fetch(r, level_of(axes.major, texel), lit, &mut sum);
-            return (sum, F::ONE);
-        }
-        let most = splat(self.uniforms.taps as f32);
-        let sharpness = splat(SHARPNESS);
-        let taps = clamp((axes.major / (sharpness * axes.minor).max(texel)).ceil(), F::ONE, most);
-        let level = level_of(sharpness * axes.minor.max(axes.major / taps), texel);
-        let mut k = 0.5;
-        loop {
-            let active = lit & taps.simd_gt(splat(k)).to_bitmask();
-            if active == 0 {
-                return (sum, taps);
-            }
-            let offset = splat(k) / taps - splat(0.5);
-            self.environment.fetch(r + axes.direction * offset, level, active, &mut sum);
-            k += 1.0;
-        }
+        let footprint = Sides { r, v1, v2 };
+        mean_over_footprint::<FILTER>(&self.environment, &footprint, self.uniforms.taps as f32, lit)
     }
 }

@@ -2,15 +2,17 @@
 //!
 //! [`Engine`] is made once per device and filter; [`Engine::frame`] once per image, with the receivers' textures, the
 //! samples and the environment; [`Frame::record`] adds ranges of batches, so that a caller can submit between them
-//! and no watchdog fires. Neither submits, polls or owns a window; [`check_hardware_filter`] does submit, on a device of
+//! and no watchdog fires. Neither submits, polls or owns a window; [`check_hardware_filter`] and [`probe()`] do submit, on a device of
 //! Pinspot's own. Shader: `shaders/gather.wgsl`; CPU twin: `cpu`.
 
 mod environment;
 mod hardware_check;
 mod pipeline;
+mod probe;
 
 pub use environment::EnvironmentCube;
 pub use hardware_check::{HardwareVerdict, check_hardware_filter};
+pub use probe::probe;
 
 use std::ops::Range;
 

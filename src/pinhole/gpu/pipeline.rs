@@ -135,12 +135,13 @@ pub(super) fn full_screen_pipeline(
 }
 
 /// The shader's `FILTER_…` constants.
-fn filter_constant(filter: Filter) -> u32 {
+pub(super) fn filter_constant(filter: Filter) -> u32 {
     match filter {
         Filter::None => 0,
         Filter::Isotropic => 1,
         Filter::Anisotropic => 2,
         Filter::Hardware => 3,
+        Filter::Ewa => 4,
     }
 }
 
