@@ -385,9 +385,12 @@ fn wrong_command_lines_exit_with_two() {
         &["rendr", "ring"],
         &["render", "ring", "-o", "a.png", "--leaves", "4"],
         &["render", "ring", "-o", "a.png", "--evaluation", "flat"],
-        &["render", "ring", "-o", "a.png", "--filter", "ewa"],
-        &["render", "ring", "-o", "a.png", "--strategy", "elimination"],
-        &["render", "ring", "-o", "a.png", "--visibility", "full"],
+        &["render", "ring", "-o", "a.png", "--filter", "bicubic"],
+        &["render", "ring", "-o", "a.png", "--strategy", "hexagonal"],
+        &["render", "ring", "-o", "a.png", "--visibility", "half"],
+        &["reference", "ring", "-o", "a.exr", "--samples", "10"],
+        &["compare", "ring", "-o", "a", "--figure", "6"],
+        &["compare", "ring", "-o", "a", "--figure", "4", "--samples", "10"],
         &["render", "ring", "-o", "a.png", "--size", "512"],
         &["render", "ring", "-o", "a.png", "--cube-size", "100"],
         &["render", "scene.toml", "-o", "a.png", "--adapter", "voodoo", "--backend", "cpu"],
@@ -397,4 +400,71 @@ fn wrong_command_lines_exit_with_two() {
         assert_eq!(output.status.code(), Some(2), "{args:?}");
         assert!(!output.stderr.is_empty());
     }
+}
+
+#[test]
+fn a_reference_has_irradiance_and_its_error_and_can_go_on() {
+    let place = Workplace::new();
+    let run = |goal: &str| {
+        let output = place.run(&[
+            "reference",
+            "scene.toml",
+            "-o",
+            "truth.exr",
+            "--rel-error",
+            goal,
+            "--visibility",
+            "full",
+            "--json",
+        ]);
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        serde_json::from_slice::<serde_json::Value>(&output.stdout).unwrap()
+    };
+    let rough = run("0.1");
+    let better = run("0.002");
+    assert!(rough["rel_error"].as_f64().unwrap() <= 0.1 && better["rel_error"].as_f64().unwrap() <= 0.002);
+    assert!(better["passes"].as_u64() > rough["passes"].as_u64(), "the second run goes on");
+    let path = place.path("truth.exr");
+    let irradiance = pinspot::image::read_exr(&path, "").unwrap();
+    let error = pinspot::image::read_exr(&path, "error").unwrap();
+    assert_eq!([irradiance.width, irradiance.height, error.width, error.height], [24, 16, 24, 16]);
+    assert!(irradiance.mean().x > 0.0 && error.mean().x > 0.0 && error.mean().x < 0.01 * irradiance.mean().x);
+    // The time comes first: a whole file, a warning, success.
+    let output =
+        place.run(&["reference", "cup", "-o", "cup.exr", "--size", "16x16", "--rel-error", "1e-6", "--seconds", "0.1"]);
+    assert!(output.status.success() && String::from_utf8_lossy(&output.stderr).contains("time is up"));
+    assert!(place.path("cup.exr").exists());
+}
+
+#[test]
+fn the_reference_refuses_what_it_cannot_do() {
+    let place = Workplace::new();
+    let base = ["reference", "scene.toml", "-o", "out.exr"];
+    for (more, parts) in [
+        (["--rel-error", "0"], ["rel_error is 0", "greater than 0"]),
+        (["--seconds", "-1"], ["seconds is -1", "greater than 0"]),
+        (["--aov", "beauty"], ["aov is beauty", "caustic or direct"]),
+        (["--size", "0x4"], ["size", "1×1"]),
+        (["--env", "nowhere.exr"], ["nowhere.exr", "check the path"]),
+    ] {
+        let more = if more[0] == "--seconds" { ["--seconds=-1", "--quiet"] } else { more };
+        place.refuses(&[&base[..], &more[..]].concat(), &parts);
+    }
+    place.refuses(&["reference", "scene.toml", "-o", "out.png"], &["out.png", ".exr"]);
+    place.refuses(&["compare", "scene.toml", "-o", "scene.toml"], &["scene.toml", "folder"]);
+    place.refuses(&["compare", "scene.toml", "-o", "out", "--mask", "ring.obj"], &["ring.obj", ".png"]);
+    place.refuses(&["samples", "spoon", "-o", "out.ply", "--spectrum", "out.png"], &["unroll", "cylinder"]);
+}
+
+#[test]
+fn samples_tell_their_spectrum_where_there_is_one() {
+    let place = Workplace::new();
+    let args =
+        ["samples", "ring", "-o", "ring.ply", "--samples", "500", "--sets", "4", "--spectrum", "ring.png", "--json"];
+    let output = place.run(&args);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let figures: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert!(figures["spectrum"]["low_power"].as_f64().unwrap() < 0.3, "blue noise: {figures}");
+    assert!(figures["coverage_radius"].as_f64().unwrap() < 1.0 && figures["orientation_bias"].as_f64().is_some());
+    assert!(place.path("ring.png").exists());
 }

@@ -78,7 +78,7 @@ pub fn run(args: &CompareArgs) -> Result<(), String> {
         backend: args.options.backend(),
         plan,
         mask: args.mask.clone(),
-        goal: Goal { rel_error: args.rel_error, seconds: args.seconds },
+        goal: Goal { rel_error: args.rel_error, seconds: args.seconds, points: None },
         folder: args.output.clone(),
         command: std::env::args().collect::<Vec<_>>().join(" "),
     };

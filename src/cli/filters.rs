@@ -72,7 +72,8 @@ fn file_name(device: &str) -> String {
 fn table(conformance: &Conformance) -> String {
     let mut lines = vec![
         format!("{}: {} footprints on {} patterns", conformance.device, conformance.footprints, PATTERNS.len()),
-        "errors are root mean squares; 1 is the deviation of the pattern, or of the exact means where that is larger".to_owned(),
+        "errors are root mean squares; 1 is the deviation of the pattern, or of the exact means where that is larger"
+            .to_owned(),
         format!(
             "{:15} {:>6} {} {:>8} {:>8}  verdict",
             "filter",

@@ -73,7 +73,7 @@ pub fn run(args: &ReferenceArgs) -> Result<(), String> {
     override_light(&mut scene, args.env.as_deref());
     let options = options(args, &render)?;
     let name = scene.name.clone();
-    let goal = Goal { rel_error: args.rel_error, seconds: args.seconds };
+    let goal = Goal { rel_error: args.rel_error, seconds: args.seconds, points: None };
     let bar = Bar::new(args.quiet);
     let solved = solve(args, Reference::new(scene, options.clone()), &goal, &bar);
     bar.finish();

@@ -8,8 +8,8 @@ use serde::Serialize;
 use pinspot::Progress;
 use pinspot::differential::{differentials, write_ply};
 use pinspot::image::{write_atomically, write_png};
-use pinspot::report::spectrum_picture;
 use pinspot::render::Settings;
+use pinspot::report::spectrum_picture;
 use pinspot::sampling::{Development, Options, PointSet, Quality, Spectrum, Surface, quality, sample, study};
 use pinspot::scene::load;
 
@@ -74,7 +74,8 @@ pub fn run(args: &SamplesArgs) -> Result<(), String> {
     let surface = Surface::of_scene(&loaded.scene);
     let development = Development::of(&surface);
     if args.spectrum.is_some() && development.is_none() {
-        let message = "--spectrum needs reflectors that unroll into a rectangle: one flat rectangle or one whole cylinder";
+        let message =
+            "--spectrum needs reflectors that unroll into a rectangle: one flat rectangle or one whole cylinder";
         return Err(format!("{}: {message}", loaded.scene.name));
     }
     let bar = Bar::new(args.quiet);

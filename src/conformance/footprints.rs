@@ -50,7 +50,13 @@ pub(super) fn cases() -> Vec<Case> {
                     for (k, angle) in ANGLES_DEG.iter().enumerate() {
                         let probe = footprint(face, s, t, angle.to_radians() as f32, [aspect * minor, minor]);
                         let perpendicular = (k < 4).then_some(first + k + 4);
-                        cases.push(Case { probe, aspect, texels: [aspect * minor, minor], place: place.name, perpendicular });
+                        cases.push(Case {
+                            probe,
+                            aspect,
+                            texels: [aspect * minor, minor],
+                            place: place.name,
+                            perpendicular,
+                        });
                     }
                 }
             }

@@ -111,7 +111,7 @@ pub struct Conformance {
     pub device: String,
     /// Filter by filter.
     pub results: Vec<FilterResult>,
-    /// What `--filter auto` therefore picks here.
+    /// What `--filter auto` picks here: by a quick form of this test that every render can afford.
     pub auto: Filter,
     /// Footprints per pattern.
     pub footprints: usize,
@@ -140,17 +140,11 @@ pub fn examine(device: Device, progress: &dyn Fn()) -> Result<Conformance, GpuEr
         fetches /= (cases.len() * PATTERNS.len()) as f64;
         results.push(judge(filter, taps, &cases, &exact, &answers, fetches));
     }
-    let device = match device {
-        Device::Cpu => "CPU".to_owned(),
-        Device::Gpu(gpu) => gpu.adapter.to_string(),
+    let (device, auto) = match device {
+        Device::Cpu => ("CPU".to_owned(), Filter::Anisotropic),
+        Device::Gpu(gpu) => (gpu.adapter.to_string(), gpu::automatic_filter(gpu)?),
     };
-    Ok(Conformance { device, auto: automatic(&results), results, footprints: cases.len() })
-}
-
-/// The hardware's filter where it is right, as it costs least; else Pinspot's own.
-fn automatic(results: &[FilterResult]) -> Filter {
-    let hardware = results.iter().find(|r| r.filter == Filter::Hardware);
-    if hardware.is_some_and(|r| r.verdict == Verdict::Right) { Filter::Hardware } else { Filter::Anisotropic }
+    Ok(Conformance { device, auto, results, footprints: cases.len() })
 }
 
 fn judge(

@@ -3,10 +3,10 @@
 use glam::Vec3;
 use rayon::prelude::*;
 
+use super::Device;
 use super::footprints::footprint;
 use super::patterns::Pattern;
 use super::truth::mean;
-use super::Device;
 use crate::gpu::GpuError;
 use crate::image::Image;
 use crate::pinhole::Probe;

@@ -7,7 +7,8 @@ mod tone;
 
 pub use aov::Aov;
 pub use files::{
-    ImageError, png_bytes, read_exr, read_exr_text, read_mask, write_atomically, write_exr, write_exr_with_text, write_png,
+    ImageError, png_bytes, read_exr, read_exr_text, read_mask, write_atomically, write_exr, write_exr_with_text,
+    write_png,
 };
 pub use metrics::{FlipMap, flip, mrse, rel_l2};
 pub use tone::{display, exposed, srgb8};

@@ -97,6 +97,8 @@ pub struct Goal {
     pub rel_error: f64,
     /// Stop before that when this time is up; the first pass is always finished.
     pub seconds: Option<f64>,
+    /// Stop before that after about this many points per pixel, all passes and replicates together.
+    pub points: Option<f64>,
 }
 
 /// Irradiance and what is known of its error.
@@ -104,7 +106,8 @@ pub struct Goal {
 pub struct Estimate {
     /// W/m².
     pub irradiance: Image,
-    /// Its standard error, W/m².
+    /// Its standard error, W/m²; itself uncertain where most replicates miss a rare light, that is, where it is more than
+    /// about a tenth of the irradiance.
     pub standard_error: Image,
     /// How it came about.
     pub account: Account,
@@ -186,7 +189,7 @@ impl Reference {
         progress: &dyn Progress,
         save: &mut dyn FnMut(&Estimate) -> Result<(), Error>,
     ) -> Result<Estimate, Error> {
-        let Goal { rel_error, seconds } = *goal;
+        let Goal { rel_error, seconds, points } = *goal;
         if !(rel_error > 0.0 && rel_error.is_finite()) {
             let message = format!("is {rel_error}, but must be a number greater than 0");
             return Err(OptionError { key: "rel_error", message }.into());
@@ -208,13 +211,15 @@ impl Reference {
         let mut last_seconds = estimate.account.seconds / f64::from(estimate.account.passes);
         while estimate.rel_error() > rel_error {
             let left = seconds.map_or(f64::INFINITY, |s| s - started.elapsed().as_secs_f64());
-            // What is left is too short for anything that would help.
-            if left <= 0.1 * last_seconds {
+            let points_left = points.map_or(f64::INFINITY, |p| p - estimate.account.points_per_pixel);
+            // What is left is too little for anything that would help.
+            if left <= 0.1 * last_seconds || points_left <= 0.1 * estimate.account.points_per_pixel {
                 break;
             }
             let wanted = last_points * growth(estimate.rel_error(), rel_error);
             let affordable = last_points * LONGEST_PASS.as_secs_f64().min(left) / last_seconds;
-            let points = wanted.min(affordable).max(2.0);
+            let allowed = points_left / f64::from(self.options.replicates);
+            let points = wanted.min(affordable).min(allowed).max(2.0);
             let pass = self.pass(points, Some(&estimate), u64::from(estimate.account.passes), progress);
             (last_points, last_seconds) = (points, pass.account.seconds);
             estimate = combine(estimate, pass);

@@ -409,3 +409,56 @@ impl Reflectors<'_> {
         material.reflectance * self.light.radiance(reflected) * (cosines * self.distance_factor(squared))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::receivers::Receivers;
+    use super::*;
+    use rand::{RngExt, SeedableRng};
+
+    /// Walks down from a random root by random splits and checks the integrand at random points on the way: it must not
+    /// exceed the region's bound (but where the receiver touches the region, and the bound does not promise it).
+    #[test]
+    fn nothing_exceeds_its_bound() {
+        let mut rng = rand::rngs::ChaCha8Rng::seed_from_u64(1);
+        for name in ["ring", "ring-solid", "cup", "spoon", "disco-ball"] {
+            let scene = crate::scene::load::<toml::Table>(name).unwrap().scene;
+            let geometry = Geometry::new(&scene);
+            let (light, _) = Light::load(&scene.environment).unwrap();
+            let domain = Reflectors::new(&scene, &geometry, &light, Visibility::None, true);
+            let receivers = Receivers::find(&scene, &geometry, [24, 16], 1);
+            for pixel in 0..24 * 16 {
+                let Some(receiver) = receivers.of_pixel(pixel)[0] else { continue };
+                for _ in 0..20 {
+                    check_one_path(name, &domain, &receiver, &mut rng);
+                }
+            }
+        }
+    }
+
+    fn check_one_path(name: &str, domain: &Reflectors, receiver: &Receiver, rng: &mut impl rand::Rng) {
+        let mut parts = Vec::new();
+        domain.roots(&mut |root| parts.push(root));
+        for _ in 0..40 {
+            if parts.is_empty() {
+                return;
+            }
+            let region = parts[rng.random_range(0..parts.len())];
+            let bounds = domain.bounds(&region);
+            let distance = bounds.centre.distance(receiver.position);
+            let bound = domain.bound(&region, receiver);
+            for _ in 0..4 {
+                let got = domain.integrand(&region, [(); 3].map(|()| rng.random()), receiver).element_sum();
+                assert!(
+                    got <= bound * (1.0 + 1e-6) + 1e-12 || distance < 1.25 * bounds.radius,
+                    "{name}: {got} > {bound} at distance {distance}, radius {}, normals {}, depth {}",
+                    bounds.radius,
+                    bounds.normals.half_angle,
+                    region.depth
+                );
+            }
+            parts.clear();
+            domain.split(&region, &mut |part| parts.push(part));
+        }
+    }
+}

@@ -6,7 +6,9 @@ use serde::Serialize;
 
 use crate::environment::{CubeMap, Environment};
 use crate::gpu::{Adapter, Gpu, GpuError};
-use crate::pinhole::gpu::{Engine, EnvironmentCube, FrameInputs, Options, check_hardware_filter};
+use crate::pinhole::gpu::{
+    Engine, EnvironmentCube, FrameInputs, Options, automatic_filter as automatic_filter_of, check_hardware_filter,
+};
 use crate::pinhole::{BATCH_SIZE, Filter, Params, PinholeSample, Receivers, cpu};
 use crate::{Error, OptionError, Progress};
 
@@ -88,7 +90,13 @@ impl fmt::Display for BackendReport {
 }
 
 impl Backend {
-    pub(super) fn open(choice: &BackendChoice, environment: &Environment, params: &Params) -> Result<Self, Error> {
+    /// Opens a back end; with it the filter, which may be the GPU's own if the choice is automatic.
+    pub(super) fn open(
+        choice: &BackendChoice,
+        environment: &Environment,
+        params: &Params,
+        automatic_filter: bool,
+    ) -> Result<(Self, Filter), Error> {
         let gpu = match choice {
             BackendChoice::Cpu => None,
             BackendChoice::Gpu(name) => Some(Gpu::open(name.as_deref())?),
@@ -101,13 +109,14 @@ impl Backend {
                     "hardware needs a GPU; use --filter anisotropic, or --backend gpu where there is one".into();
                 return Err(OptionError { key: "filter", message }.into());
             }
-            return Ok(Self::Cpu);
+            return Ok((Self::Cpu, params.filter));
         };
-        let engine = Engine::new(&gpu.device, &Options { filter: params.filter, ..Default::default() });
+        let filter = if automatic_filter { automatic_filter_of(&gpu)? } else { params.filter };
+        let engine = Engine::new(&gpu.device, &Options { filter, ..Default::default() });
         let environment = EnvironmentCube::upload(&gpu.device, &gpu.queue, &environment.cube)?;
         let warning = hardware_warning(&gpu, params)?;
         gpu.check()?;
-        Ok(Self::Gpu { gpu: Box::new(gpu), engine: Box::new(engine), environment, warning })
+        Ok((Self::Gpu { gpu: Box::new(gpu), engine: Box::new(engine), environment, warning }, filter))
     }
 
     /// Gathers at every receiver: R, G, B in W/m² and the number of fetches. `light` is the cube that the back end was

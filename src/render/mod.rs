@@ -72,7 +72,7 @@ impl Renderer {
     /// Loads the light, samples the reflectors and opens the back end.
     pub fn new(
         scene: Scene,
-        options: Options,
+        mut options: Options,
         backend: &BackendChoice,
         progress: &dyn Progress,
     ) -> Result<Self, Error> {
@@ -91,7 +91,10 @@ impl Renderer {
         progress.advance(1);
         let pinholes = pinholes(&scene, &differentials, options.footprint);
         let tracer = timed(&mut seconds.tracing, || Tracer::new(&scene));
-        let backend = timed(&mut seconds.backend, || Backend::open(backend, &environment, &options.params))?;
+        let (backend, filter) = timed(&mut seconds.backend, || {
+            Backend::open(backend, &environment, &options.params, options.automatic_filter)
+        })?;
+        options.params.filter = filter;
         Ok(Self { scene, options, environment, differentials, pinholes, tracer, backend, seconds })
     }
 

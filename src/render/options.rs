@@ -86,6 +86,7 @@ impl Settings {
                 attenuation: self.attenuation.unwrap_or(true),
                 epsilon: self.epsilon.unwrap_or_default(),
             },
+            automatic_filter: self.filter.unwrap_or_default() == FilterChoice::Auto,
             cube_size: self.cube_size.unwrap_or_default(),
             visibility: self.visibility.unwrap_or_default(),
             seed: self.seed.unwrap_or(defaults.seed),
@@ -108,7 +109,7 @@ impl Settings {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum FilterChoice {
-    /// The best one that is known to be right: anisotropic, in the shader.
+    /// The GPU's own where a test finds it right, else anisotropic, in the shader.
     #[default]
     Auto,
     /// [`Filter::None`].
@@ -124,7 +125,7 @@ pub enum FilterChoice {
 }
 
 impl FilterChoice {
-    /// The filter.
+    /// The filter; the automatic one as it is without a GPU.
     pub fn resolve(self) -> Filter {
         match self {
             Self::None => Filter::None,
@@ -173,6 +174,8 @@ pub struct Options {
     pub footprint: Footprint,
     /// The gather.
     pub params: Params,
+    /// The filter was left to Pinspot: a GPU whose own filter is right uses that instead of `params.filter`.
+    pub automatic_filter: bool,
     /// The environment's cube map.
     pub cube_size: CubeSize,
     /// Occlusion.
@@ -197,6 +200,7 @@ impl Default for Options {
             strategy: Strategy::default(),
             footprint: Footprint::default(),
             params: Params::default(),
+            automatic_filter: true,
             cube_size: CubeSize::default(),
             visibility: Visibility::default(),
             seed: 1,

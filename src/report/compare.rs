@@ -5,12 +5,12 @@ use std::path::{Path, PathBuf};
 use glam::Vec3;
 use serde::Serialize;
 
+use super::ReportError;
 use super::cells::{Cell, render_or_reuse};
 use super::findings::{Finding, findings};
 use super::page;
 use super::plan::Plan;
 use super::rows::{Row, measure};
-use super::ReportError;
 use crate::image::{Aov, Image, ImageError, read_mask, write_atomically};
 use crate::reference::{self, Account, Goal, Reference};
 use crate::render::{BackendChoice, Options};
@@ -109,10 +109,8 @@ const STUDY_SETS: u32 = 10;
 /// Computes the reference, renders every combination that is not there yet, and measures.
 pub fn compare(request: &Request, progress: &dyn Progress) -> Result<Comparison, Error> {
     let cells_folder = request.folder.join("cells");
-    std::fs::create_dir_all(&cells_folder).map_err(|e| ReportError::Folder {
-        path: cells_folder.clone(),
-        reason: e.to_string(),
-    })?;
+    std::fs::create_dir_all(&cells_folder)
+        .map_err(|e| ReportError::Folder { path: cells_folder.clone(), reason: e.to_string() })?;
     let mut options = request.options.clone();
     options.aovs = vec![Aov::Caustic];
     options.check()?;
@@ -256,9 +254,12 @@ fn write_text(path: &Path, text: &str) -> Result<(), Error> {
     Ok(written?)
 }
 
-/// Where a study's first points lie on its rectangle, in fractions of it.
+/// Where a study's first points lie on a square of its rectangle, in fractions of that.
 pub(super) fn unrolled(study: &GroundStudy) -> Vec<[f64; 2]> {
     let (_, development) = study.surface.surface();
-    let place = |p: Vec3| (development.unrolled(p.as_dvec3()) / development.size()).into();
-    study.study.first.points.iter().map(|p| place(p.position)).collect()
+    let size = development.size();
+    // Points may lie on either side of where the rectangle begins.
+    let place = |p: Vec3| development.unrolled(p.as_dvec3()).rem_euclid(size) / size.min_element();
+    let places = study.study.first.points.iter().map(|p| place(p.position).into());
+    places.filter(|p: &[f64; 2]| p[0] < 1.0 && p[1] < 1.0).collect()
 }

@@ -62,12 +62,12 @@ pub fn spectrum_picture(spectrum: &Spectrum) -> Image {
     image
 }
 
-/// A point set on a rectangle as a picture.
+/// A point set on the unit square as a picture.
 pub(super) fn points_picture(points: &[[f64; 2]]) -> Image {
     const EDGE: u32 = 241;
     let mut image = Image::new(EDGE, EDGE).map(|_| Vec3::ONE);
     for [x, y] in points {
-        let (cx, cy) = (x.rem_euclid(1.0) * f64::from(EDGE), y.rem_euclid(1.0) * f64::from(EDGE));
+        let (cx, cy) = (x * f64::from(EDGE), y * f64::from(EDGE));
         for j in (cy - 2.0).max(0.0) as u32..((cy + 2.0) as u32).min(EDGE) {
             for i in (cx - 2.0).max(0.0) as u32..((cx + 2.0) as u32).min(EDGE) {
                 let off = (f64::from(i) + 0.5 - cx).hypot(f64::from(j) + 0.5 - cy);

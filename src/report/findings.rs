@@ -105,7 +105,9 @@ fn of_strategies(rows: &[Row], qualities: &[(Strategy, Quality)]) -> Vec<Finding
         found.push(Finding {
             text: "The grid is biased: it puts more samples where the surface is diagonal to its axes".into(),
             holds: grid > 1.1 && (even - 1.0).abs() < 0.1,
-            figures: format!("density at the body diagonal over that along an axis: grid {grid:.2}, neighbourhood {even:.2}"),
+            figures: format!(
+                "density at the body diagonal over that along an axis: grid {grid:.2}, neighbourhood {even:.2}"
+            ),
         });
     }
     found

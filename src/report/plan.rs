@@ -70,6 +70,7 @@ impl Plan {
                             options.strategy = strategy;
                             options.footprint = footprint;
                             options.params.filter = filter;
+                            options.automatic_filter = false;
                             options.samples = samples;
                             options.seed = base.seed.wrapping_add(k);
                             all.push(options);

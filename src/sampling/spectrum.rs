@@ -56,7 +56,9 @@ impl Development {
     /// Where a point of the surface lies on the rectangle, m.
     pub fn unrolled(&self, point: DVec3) -> DVec2 {
         match *self {
-            Self::Plane { origin, edges, .. } => DVec2::new((point - origin).dot(edges[0]), (point - origin).dot(edges[1])),
+            Self::Plane { origin, edges, .. } => {
+                DVec2::new((point - origin).dot(edges[0]), (point - origin).dot(edges[1]))
+            }
             Self::Cylinder { origin, axis, radius, .. } => {
                 let (u, v) = axis.any_orthonormal_pair();
                 let d = point - origin;
@@ -73,10 +75,7 @@ impl Development {
 }
 
 fn corners(surface: &Surface) -> impl Iterator<Item = (DVec3, DVec3)> {
-    surface
-        .triangles()
-        .iter()
-        .flat_map(|t| (0..3).map(|k| (t.corners[k].as_dvec3(), t.normals[k].as_dvec3())))
+    surface.triangles().iter().flat_map(|t| (0..3).map(|k| (t.corners[k].as_dvec3(), t.normals[k].as_dvec3())))
 }
 
 fn plane(surface: &Surface) -> Option<Development> {
@@ -85,7 +84,8 @@ fn plane(surface: &Surface) -> Option<Development> {
         return None;
     }
     // Some edge of some triangle runs along the rectangle.
-    let edges = surface.triangles().iter().flat_map(|t| (0..3).map(|k| (t.corners[(k + 1) % 3] - t.corners[k]).as_dvec3()));
+    let edges =
+        surface.triangles().iter().flat_map(|t| (0..3).map(|k| (t.corners[(k + 1) % 3] - t.corners[k]).as_dvec3()));
     edges.take(3).find_map(|edge| {
         let edges = [edge.normalize(), normal.cross(edge).normalize()];
         let place = |p: DVec3| DVec2::new(p.dot(edges[0]), p.dot(edges[1]));
@@ -108,11 +108,10 @@ fn cylinder(surface: &Surface) -> Option<Development> {
     let signed = (across(p1) - across(p0)).dot(n1 - n0) / (n1 - n0).length_squared();
     let centre = across(p0) - signed * n0;
     let radius = signed.abs();
-    let fits = |(p, n): (DVec3, DVec3)| {
-        n.dot(axis).abs() < 1e-3 && (across(p) - centre - signed * n).length() < 1e-3 * radius
-    };
-    let (low, high) =
-        corners(surface).fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), (p, _)| (l.min(p.dot(axis)), h.max(p.dot(axis))));
+    let fits =
+        |(p, n): (DVec3, DVec3)| n.dot(axis).abs() < 1e-3 && (across(p) - centre - signed * n).length() < 1e-3 * radius;
+    let (low, high) = corners(surface)
+        .fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), (p, _)| (l.min(p.dot(axis)), h.max(p.dot(axis))));
     let whole = (std::f64::consts::TAU * radius * (high - low) / surface.area() - 1.0).abs() < 1e-2;
     let found = Development::Cylinder { origin: centre + low * axis, axis, radius, height: high - low };
     (whole && corners(surface).all(fits)).then_some(found)

@@ -67,7 +67,8 @@ pub fn study(
     sets: u32,
 ) -> Result<Study, SamplingError> {
     let seeds = (0..u64::from(sets.max(1))).map(|k| options.seed.wrapping_add(k));
-    let made: Vec<PointSet> = seeds.map(|seed| sample(surface, &Options { seed, ..*options })).collect::<Result<_, _>>()?;
+    let made: Vec<PointSet> =
+        seeds.map(|seed| sample(surface, &Options { seed, ..*options })).collect::<Result<_, _>>()?;
     let figures: Vec<Quality> = made.iter().map(|set| quality(set, surface.area())).collect();
     let spectrum = development.map(|development| {
         let points: Vec<_> = made.iter().map(|set| set.points.clone()).collect();

@@ -67,13 +67,7 @@ pub(super) fn mean_over_footprint<const FILTER: u32>(
 }
 
 /// The elliptical weighted average, scaled so that dividing by the number of fetches gives the mean.
-fn mean_over_ellipse(
-    environment: &CubeLookup,
-    r: V3,
-    axes: &FootprintAxes,
-    texel: F,
-    lit: u32,
-) -> ([Vec4; LANES], F) {
+fn mean_over_ellipse(environment: &CubeLookup, r: V3, axes: &FootprintAxes, texel: F, lit: u32) -> ([Vec4; LANES], F) {
     let diameter = splat(2.0 * EWA_RADIUS);
     let width = (splat(EWA_TEXEL) * axes.minor).max(texel).max(diameter * axes.major / splat(EWA_COLUMNS));
     let level = level_of(width, texel);
@@ -130,7 +124,8 @@ pub fn probe(environment: &CubeMap, filter: Filter, most_taps: u32, probes: &[Pr
     let mut means = Vec::with_capacity(probes.len());
     for group in probes.chunks(LANES) {
         let lanes = |of: fn(&Probe) -> Vec3| {
-            let lane = |axis: usize| F::new([0, 1, 2, 3, 4, 5, 6, 7].map(|k: usize| of(&group[k.min(group.len() - 1)])[axis]));
+            let lane =
+                |axis: usize| F::new([0, 1, 2, 3, 4, 5, 6, 7].map(|k: usize| of(&group[k.min(group.len() - 1)])[axis]));
             V3([lane(0), lane(1), lane(2)])
         };
         let sides = Sides { r: lanes(|p| p.direction), v1: lanes(|p| p.sides[0]), v2: lanes(|p| p.sides[1]) };

@@ -11,7 +11,7 @@ mod pipeline;
 mod probe;
 
 pub use environment::EnvironmentCube;
-pub use hardware_check::{HardwareVerdict, check_hardware_filter};
+pub use hardware_check::{HardwareVerdict, automatic_filter, check_hardware_filter};
 pub use probe::probe;
 
 use std::ops::Range;

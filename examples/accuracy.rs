@@ -1,0 +1,83 @@
+//! The README's accuracy table: unfiltered samples, the paper's recipe and Pinspot's default against the ground truth.
+//!
+//! ```sh
+//! cargo run --release --example accuracy
+//! ```
+//!
+//! prints it as Markdown. Everything is kept in `target/accuracy`, where each scene also gets its report; an interrupted
+//! run goes on where it stopped. A quarter of an hour to an hour on two cores.
+
+use std::path::Path;
+
+use pinspot::image::Aov;
+use pinspot::pinhole::{Filter, Footprint};
+use pinspot::reference::Goal;
+use pinspot::render::{BackendChoice, Settings};
+use pinspot::report::{Comparison, Plan, Request, Row, compare};
+use pinspot::sampling::Strategy;
+use pinspot::{Error, Silent};
+
+const SCENES: [&str; 5] = ["ring", "ring-natural", "cup", "spoon", "mirror-sphere"];
+const SAMPLES: [u32; 3] = [100, 1000, 10_000];
+const SIZE: [u32; 2] = [256, 256];
+/// Relative standard error of the references, and the seconds after which a worse one must do.
+const GOAL: Goal = Goal { rel_error: 0.003, seconds: Some(300.0), points: None };
+
+fn main() -> Result<(), Error> {
+    println!("| scene (± reference) | | 100 | 1,000 | 10,000 |\n|---|---|---|---|---|");
+    for scene in SCENES {
+        let comparison = compare_scene(scene)?;
+        comparison.write(&Path::new("target/accuracy").join(scene))?;
+        print_rows(scene, &comparison);
+    }
+    Ok(())
+}
+
+fn compare_scene(name: &str) -> Result<Comparison, Error> {
+    let loaded = pinspot::scene::load::<Settings>(name)?;
+    let mut options = loaded.render.options()?;
+    options.size = SIZE;
+    options.aovs = vec![Aov::Caustic];
+    let plan = Plan {
+        strategies: vec![Strategy::Neighbourhood],
+        footprints: vec![Footprint::Curvature, Footprint::Cells],
+        filters: vec![Filter::None, Filter::Anisotropic],
+        samples: SAMPLES.to_vec(),
+        seeds: 3,
+        figure: None,
+    };
+    let request = Request {
+        scene: loaded.scene,
+        options,
+        backend: BackendChoice::Cpu,
+        plan,
+        mask: None,
+        goal: GOAL,
+        folder: Path::new("target/accuracy").join(name),
+        command: "cargo run --release --example accuracy".into(),
+    };
+    compare(&request, &Silent)
+}
+
+fn print_rows(scene: &str, comparison: &Comparison) {
+    let se = comparison.reference.rel_error;
+    for (k, (label, footprint, filter)) in [
+        ("unfiltered", Footprint::Curvature, "none"),
+        ("the paper's recipe", Footprint::Curvature, "anisotropic"),
+        ("**Pinspot**", Footprint::Cells, "anisotropic"),
+    ]
+    .into_iter()
+    .enumerate()
+    {
+        let cells = SAMPLES.map(|n| {
+            let chosen = |r: &&Row| r.samples == n && r.footprint == footprint && r.filter == filter;
+            let rows: Vec<&Row> = comparison.rows.iter().filter(chosen).collect();
+            let mut errors: Vec<f64> = rows.iter().map(|r| r.rel_l2).collect();
+            errors.sort_by(f64::total_cmp);
+            let lookups = rows.iter().map(|r| r.lookups).sum::<f64>() / rows.len() as f64;
+            format!("{:.3} ({lookups:.0})", errors[errors.len() / 2])
+        });
+        let name = if k == 0 { format!("`{scene}` (±{se:.3})") } else { String::new() };
+        println!("| {name} | {label} | {} |", cells.join(" | "));
+    }
+}

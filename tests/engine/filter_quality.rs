@@ -1,0 +1,62 @@
+//! The conformance test of filters on the adapter here.
+
+use pinspot::conformance::{Conformance, Device, FilterResult, Verdict, examine};
+use pinspot::pinhole::Filter;
+
+use crate::support::gpu;
+
+fn result(conformance: &Conformance, filter: Filter, taps: u32) -> &FilterResult {
+    conformance.results.iter().find(|r| r.filter == filter && r.taps == taps).unwrap()
+}
+
+/// Pinspot's own filters do the same on both back ends and get better with their cost, everywhere on the cube.
+#[test]
+fn the_shader_filters_are_as_good_as_they_claim() {
+    let cpu = examine(Device::Cpu, &|| ()).unwrap();
+    let gpu = examine(Device::Gpu(gpu()), &|| ()).unwrap();
+    for own in &cpu.results {
+        let twin = result(&gpu, own.filter, own.taps);
+        assert!(
+            (own.rms_error - twin.rms_error).abs() < 1e-3,
+            "{:?}: {} {}",
+            own.filter,
+            own.rms_error,
+            twin.rms_error
+        );
+        assert!((own.fetches - twin.fetches).abs() < 0.01 * own.fetches, "{:?}", own.filter);
+    }
+    let order = [
+        (Filter::None, 1),
+        (Filter::Isotropic, 1),
+        (Filter::Anisotropic, 4),
+        (Filter::Anisotropic, 16),
+        (Filter::Ewa, 1),
+    ];
+    for pair in order.windows(2) {
+        let [worse, better] = [pair[0], pair[1]].map(|(filter, taps)| result(&cpu, filter, taps).rms_error);
+        assert!(better < worse, "{pair:?}: {better} {worse}");
+    }
+    for (filter, taps) in [(Filter::Anisotropic, 16), (Filter::Ewa, 1)] {
+        let result = result(&cpu, filter, taps);
+        assert_eq!(result.verdict, Verdict::Right, "{result:?}");
+        assert!(result.by_place.iter().all(|(_, error)| *error < 0.11), "seams and corners, too: {result:?}");
+        assert!(result.orientation > 0.9 && result.orientation < 1.1, "{result:?}");
+    }
+    assert_eq!(result(&cpu, Filter::Isotropic, 1).verdict, Verdict::Approximate);
+}
+
+/// Software adapters ignore explicit gradients on cube maps; that must not go unnoticed. A hardware adapter may be right,
+/// but then auto must use it.
+#[test]
+fn the_hardware_filter_is_found_out() {
+    let gpu = gpu();
+    let conformance = examine(Device::Gpu(gpu), &|| ()).unwrap();
+    let hardware = result(&conformance, Filter::Hardware, 16);
+    println!("{}: {hardware:?}", conformance.device);
+    if gpu.adapter.software {
+        assert_eq!(hardware.verdict, Verdict::WrongIgnoresGradients, "{hardware:?}");
+        assert!(hardware.rms_error > 0.2 && hardware.orientation.abs() < 0.2);
+        assert_eq!(conformance.auto, Filter::Anisotropic);
+    }
+    assert_eq!(conformance.auto == Filter::Hardware, hardware.rms_error < 0.07, "auto follows the verdict");
+}

@@ -1,0 +1,189 @@
+//! The HTML report in a real browser: headless Chromium opens, flips and sorts it.
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::sync::{Arc, Mutex};
+use std::time::{Duration, Instant};
+
+use headless_chrome::protocol::cdp::types::Event;
+use headless_chrome::{Browser, LaunchOptions, Tab};
+
+fn compare(folder: &Path) -> Vec<u8> {
+    let more = ["--strategies", "random,neighbourhood", "--samples", "20,80", "--seeds", "2", "--size", "48x32"];
+    let output = Command::new(env!("CARGO_BIN_EXE_pinspot"))
+        .args(["compare", "mirror-sphere", "-o"])
+        .arg(folder)
+        .args(more)
+        .args(["--rel-error", "0.05", "--backend", "cpu", "--json"])
+        .output()
+        .unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    output.stdout
+}
+
+/// A page, and everything that it complained about.
+struct Page {
+    tab: Arc<Tab>,
+    complaints: Arc<Mutex<Vec<String>>>,
+    _browser: Browser,
+}
+
+impl Page {
+    fn open(path: &Path) -> Self {
+        let chromium = ["chromium", "chromium-browser", "google-chrome"].into_iter().find_map(find_program);
+        let chromium = std::env::var_os("CHROME").map(PathBuf::from).or(chromium);
+        let path_to_chromium =
+            chromium.expect("the report is tested in Chromium; run by tests/run, which installs it, or set CHROME");
+        let options = LaunchOptions::default_builder()
+            .path(Some(path_to_chromium))
+            .sandbox(false)
+            .window_size(Some((1400, 1000)))
+            .idle_browser_timeout(Duration::from_secs(120))
+            .build()
+            .unwrap();
+        let browser = Browser::new(options).unwrap();
+        let tab = browser.new_tab().unwrap();
+        let complaints = Arc::new(Mutex::new(Vec::new()));
+        let heard = Arc::clone(&complaints);
+        tab.enable_runtime().unwrap().enable_log().unwrap();
+        tab.add_event_listener(Arc::new(move |event: &Event| match event {
+            Event::RuntimeExceptionThrown(e) => heard.lock().unwrap().push(format!("{:?}", e.params.exception_details)),
+            Event::RuntimeConsoleAPICalled(e) => heard.lock().unwrap().push(format!("{:?}", e.params.args)),
+            Event::LogEntryAdded(e) => heard.lock().unwrap().push(e.params.entry.text.clone()),
+            _ => {}
+        }))
+        .unwrap();
+        tab.navigate_to(&format!("file://{}", path.display())).unwrap();
+        tab.wait_until_navigated().unwrap();
+        let page = Self { tab, complaints, _browser: browser };
+        page.wait_for("document.documentElement.dataset.ready === 'true'");
+        page
+    }
+
+    fn evaluate(&self, script: &str) -> serde_json::Value {
+        self.tab.evaluate(script, true).unwrap().value.unwrap_or(serde_json::Value::Null)
+    }
+
+    fn text(&self, script: &str) -> String {
+        self.evaluate(script).as_str().unwrap_or_default().to_owned()
+    }
+
+    fn wait_for(&self, condition: &str) {
+        let start = Instant::now();
+        while self.evaluate(condition) != serde_json::Value::Bool(true) {
+            let error = self.text("document.documentElement.dataset.error || ''");
+            assert!(error.is_empty(), "the page failed: {error}");
+            assert!(start.elapsed() < Duration::from_secs(30), "never true: {condition}");
+            std::thread::sleep(Duration::from_millis(50));
+        }
+    }
+}
+
+fn find_program(name: &str) -> Option<PathBuf> {
+    std::env::split_paths(&std::env::var_os("PATH")?).map(|folder| folder.join(name)).find(|path| path.is_file())
+}
+
+const ERRORS: &str = "JSON.stringify([...document.querySelectorAll('#results tbody td[data-key=\"rel_l2\"]')].map(td => +td.textContent))";
+
+fn errors(page: &Page) -> Vec<f64> {
+    serde_json::from_str(&page.text(ERRORS)).unwrap()
+}
+
+#[test]
+fn the_report_opens_flips_and_sorts() {
+    let folder = tempfile::tempdir().unwrap();
+    compare(folder.path());
+    let path = folder.path().join("report.html");
+    let source = std::fs::read_to_string(&path).unwrap();
+    for attribute in ["src=\"", "href=\"", "src='", "href='"] {
+        for (_, rest) in source.match_indices(attribute).map(|(at, _)| source[at..].split_at(attribute.len())) {
+            assert!(rest.starts_with("data:") || rest.starts_with('#'), "{attribute}{}", &rest[..40.min(rest.len())]);
+        }
+    }
+    let page = Page::open(&path);
+    // Flip between reference and picture, by the button and by the key.
+    assert_eq!(page.text("document.getElementById('shown').textContent"), "A: reference");
+    page.evaluate("document.getElementById('flip-button').click()");
+    page.wait_for("document.getElementById('shown').textContent.startsWith('B: ')");
+    page.evaluate("document.dispatchEvent(new KeyboardEvent('keydown', { key: 'f', bubbles: true }))");
+    page.wait_for("document.getElementById('shown').textContent === 'A: reference'");
+    // Two strategies × two filters × two counts × two seeds; sorting by error, both ways.
+    let given = errors(&page);
+    assert_eq!(given.len(), 16);
+    page.evaluate("document.querySelector('#results th[data-key=\"rel_l2\"]').click()");
+    let once = errors(&page);
+    page.evaluate("document.querySelector('#results th[data-key=\"rel_l2\"]').click()");
+    let twice = errors(&page);
+    let mut sorted = given;
+    sorted.sort_by(f64::total_cmp);
+    let mut reversed = sorted.clone();
+    reversed.reverse();
+    assert!(once == sorted && twice == reversed || once == reversed && twice == sorted, "{once:?} {twice:?}");
+    // Exposure changes what is shown; the other controls take what they offer.
+    let sum = "(() => { const c = document.getElementById('canvas-a'); const d = c.getContext('2d').getImageData(0, 0, c.width, c.height).data; \
+        let s = 0; for (const v of d) s += v; return s; })()";
+    let dark = page.evaluate(sum).as_f64().unwrap();
+    page.evaluate("(() => { const e = document.getElementById('exposure'); e.value = 4; e.dispatchEvent(new Event('input', { bubbles: true })); })()");
+    let start = Instant::now();
+    while page.evaluate(sum).as_f64().unwrap() <= 1.02 * dark {
+        assert!(start.elapsed() < Duration::from_secs(10), "exposure changes nothing");
+    }
+    for heat in ["flip", "signed", "difference", "none"] {
+        page.evaluate(&format!(
+            "(() => {{ const h = document.getElementById('heat'); h.value = '{heat}'; h.dispatchEvent(new Event('change', {{ bubbles: true }})); }})()"
+        ));
+        std::thread::sleep(Duration::from_millis(200));
+    }
+    page.evaluate("document.getElementById('dots').click()");
+    page.wait_for(
+        "document.querySelectorAll('#plot-samples path, #plot-samples polyline, #plot-samples line').length > 4",
+    );
+    page.wait_for("!document.getElementById('sampling').hidden");
+    let links = page.text("JSON.stringify([...document.querySelectorAll('[src],[href]')].flatMap(n => [n.getAttribute('src'), n.getAttribute('href')]).filter(v => v !== null && !/^(data:|#)/.test(v)))");
+    assert_eq!(links, "[]");
+    std::thread::sleep(Duration::from_millis(300));
+    let complaints = page.complaints.lock().unwrap();
+    // Chromium remarks on the test's own reading of the canvas.
+    let own: Vec<&String> = complaints.iter().filter(|c| !c.contains("willReadFrequently")).collect();
+    assert!(own.is_empty(), "{own:?}");
+}
+
+#[test]
+fn a_comparison_goes_on_where_it_was_interrupted() {
+    let folder = tempfile::tempdir().unwrap();
+    let first = compare(folder.path());
+    let report: serde_json::Value = serde_json::from_slice(&first).unwrap();
+    let rows = report["rows"].as_array().unwrap();
+    assert_eq!(rows.len(), 16);
+    for key in [
+        "technique",
+        "strategy",
+        "filter",
+        "samples",
+        "taps",
+        "visibility",
+        "rel_l2",
+        "mrse",
+        "flip",
+        "seconds",
+        "lookups",
+    ] {
+        assert!(!rows[0][key].is_null(), "{key}");
+    }
+    assert!(report["reference"]["rel_error"].as_f64().unwrap() <= 0.05);
+    let csv = std::fs::read_to_string(folder.path().join("report.csv")).unwrap();
+    assert_eq!(csv.lines().count(), 17);
+    // What is there is used again, with the seconds that it took then; what is lost or damaged is made again.
+    let cell = |k: usize| folder.path().join(rows[k]["file"].as_str().unwrap());
+    let kept = std::fs::metadata(cell(5)).unwrap().modified().unwrap();
+    std::fs::remove_file(cell(0)).unwrap();
+    std::fs::write(cell(1), "half a fi").unwrap();
+    std::fs::remove_file(folder.path().join("report.html")).unwrap();
+    let again: serde_json::Value = serde_json::from_slice(&compare(folder.path())).unwrap();
+    assert_eq!(std::fs::metadata(cell(5)).unwrap().modified().unwrap(), kept);
+    assert_eq!(again["rows"][5], rows[5]);
+    for k in 0..16 {
+        assert_eq!(again["rows"][k]["rel_l2"], rows[k]["rel_l2"], "the same bits");
+    }
+    assert!(cell(0).exists() && folder.path().join("report.html").exists());
+}
