@@ -17,7 +17,7 @@ use pinspot::report::{Comparison, Plan, Request, Row, compare};
 use pinspot::sampling::Strategy;
 use pinspot::{Error, Silent};
 
-const SCENES: [&str; 5] = ["ring", "ring-natural", "cup", "spoon", "mirror-sphere"];
+const SCENES: [&str; 5] = ["ring", "ring-natural", "spoon", "mirror-sphere", "cup"];
 const SAMPLES: [u32; 3] = [100, 1000, 10_000];
 const SIZE: [u32; 2] = [256, 256];
 /// Relative standard error of the references, and the seconds after which a worse one must do.

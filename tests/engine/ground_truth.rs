@@ -143,7 +143,11 @@ fn compare(what: &str, fine: &Estimate, brute: &Estimate) {
     let tested: Vec<usize> =
         (0..a.len()).filter(|k| a[*k] > 0.02 * brightest && sa[*k] < 0.03 * a[*k] && known(b[*k], sb[*k])).collect();
     let lit = a.iter().filter(|a| **a > 0.02 * brightest).count();
-    assert!(tested.len() * 8 >= lit, "{what}: only {} pixels of {lit} could be tested", tested.len());
+    // The disco ball's walls hide its sun: with occlusion nearly all is dark.
+    assert!(tested.len() * 8 >= lit || lit < 3, "{what}: only {} pixels of {lit} could be tested", tested.len());
+    if tested.is_empty() {
+        return println!("{what}: dark");
+    }
     let level = 1.0 - 0.99f64.powf(1.0 / tested.len() as f64);
     let mut least = 1.0f64;
     for &k in &tested {
