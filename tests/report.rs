@@ -38,7 +38,7 @@ impl Page {
             .path(Some(path_to_chromium))
             .sandbox(false)
             .window_size(Some((1400, 1000)))
-            .idle_browser_timeout(Duration::from_secs(120))
+            .idle_browser_timeout(Duration::from_mins(2))
             .build()
             .unwrap();
         let browser = Browser::new(options).unwrap();

@@ -15,7 +15,7 @@ use crate::scene::{EnvironmentSource, Light as Source};
 #[derive(Debug)]
 pub(super) struct Light {
     kind: Kind,
-    light_from_world: DMat3,
+    local_from_world: DMat3,
     intensity: f64,
 }
 
@@ -45,13 +45,13 @@ impl Light {
                 Kind::Map(Box::new(map))
             }
         };
-        let light_from_world = DMat3::from_rotation_y(-f64::from(source.rotation_rad));
-        Ok((Self { kind, light_from_world, intensity: f64::from(source.intensity) }, notes))
+        let local_from_world = DMat3::from_rotation_y(-f64::from(source.rotation_rad));
+        Ok((Self { kind, local_from_world, intensity: f64::from(source.intensity) }, notes))
     }
 
     /// Radiance that arrives from a unit direction, W/(m²·sr).
     pub fn radiance(&self, direction_in_world: DVec3) -> DVec3 {
-        let d = self.light_from_world * direction_in_world;
+        let d = self.local_from_world * direction_in_world;
         self.intensity
             * match &self.kind {
                 Kind::Map(map) => map.radiance(d),
@@ -63,7 +63,7 @@ impl Light {
     /// At least the largest sum of the three channels over a cone of directions.
     pub fn bound(&self, cone: &Cone) -> f64 {
         let Cone { axis, half_angle } = *cone;
-        let axis = self.light_from_world * axis;
+        let axis = self.local_from_world * axis;
         self.intensity
             * match &self.kind {
                 Kind::Map(map) => map.bound(axis, half_angle),

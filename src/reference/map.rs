@@ -23,7 +23,7 @@ enum Projection {
     Latlong,
     Angular,
     /// Six squares, each somewhere in an image.
-    Faces([Face; 6]),
+    Faces(Box<[Face; 6]>),
 }
 
 /// A face of a cube: looking along `forward`, `right` points to the square's right and `down` to its bottom.
@@ -57,9 +57,9 @@ impl Map {
         let projection = match resolve_layout(files, &images, layout)? {
             MapLayout::Latlong => Projection::Latlong,
             MapLayout::Angular => Projection::Angular,
-            MapLayout::VerticalCross => Projection::Faces(cross(true)),
-            MapLayout::HorizontalCross => Projection::Faces(cross(false)),
-            MapLayout::Faces | MapLayout::Auto => Projection::Faces(six_faces()),
+            MapLayout::VerticalCross => Projection::Faces(Box::new(cross(true))),
+            MapLayout::HorizontalCross => Projection::Faces(Box::new(cross(false))),
+            MapLayout::Faces | MapLayout::Auto => Projection::Faces(Box::new(six_faces())),
         };
         Ok((Self::new(images, projection), notes))
     }
@@ -68,8 +68,7 @@ impl Map {
         let mut map = Self { images, projection, maxima: Maxima::default() };
         map.maxima = match map.projection {
             Projection::Latlong => Maxima::of_latlong(&map.images[0]),
-            Projection::Angular => map.maxima_by_texels(),
-            Projection::Faces(_) => map.maxima_by_texels(),
+            Projection::Angular | Projection::Faces(_) => map.maxima_by_texels(),
         };
         map
     }
@@ -77,7 +76,7 @@ impl Map {
     /// Radiance from a unit direction in the map's own frame.
     pub fn radiance(&self, d: DVec3) -> DVec3 {
         let (image, x, y) = self.place(d);
-        match self.projection {
+        match &self.projection {
             Projection::Latlong => {
                 let width = self.images[0].width as i64;
                 bilinear(&self.images[0], x, y, |i| i.rem_euclid(width) as usize, [0, self.images[0].height - 1])
@@ -155,7 +154,7 @@ impl Map {
         self.for_each_texel(|direction, value| maxima.spread(&AngleBox::around(direction, reach), value));
         if matches!(self.projection, Projection::Angular) {
             // Straight behind the centre is the whole rim, where directions change faster than texels do.
-            let rim = self.images[0].pixels.iter().map(|p| sum(p)).fold(0.0, f32::max);
+            let rim = self.images[0].pixels.iter().map(sum).fold(0.0, f32::max);
             maxima.spread(&AngleBox::around(DVec3::Z, 3.0 * reach), rim);
         }
         maxima.build();
@@ -163,32 +162,29 @@ impl Map {
     }
 
     fn for_each_texel(&self, mut visit: impl FnMut(DVec3, f32)) {
-        match &self.projection {
-            Projection::Faces(faces) => {
-                let size = self.face_size();
-                for face in faces {
-                    for (j, i) in (0..size).flat_map(|j| (0..size).map(move |i| (j, i))) {
-                        let at = |k: usize| (2 * k + 1) as f64 / size as f64 - 1.0;
-                        let d = (face.forward + at(i) * face.right + at(j) * face.down).normalize();
-                        let image = &self.images[face.image];
-                        let index = (face.row * size + j) * image.width + face.column * size + i;
-                        visit(d, sum(&image.pixels[index]));
-                    }
+        if let Projection::Faces(faces) = &self.projection {
+            let size = self.face_size();
+            for face in faces.iter() {
+                for (j, i) in (0..size).flat_map(|j| (0..size).map(move |i| (j, i))) {
+                    let at = |k: usize| (2 * k + 1) as f64 / size as f64 - 1.0;
+                    let d = (face.forward + at(i) * face.right + at(j) * face.down).normalize();
+                    let image = &self.images[face.image];
+                    let index = (face.row * size + j) * image.width + face.column * size + i;
+                    visit(d, sum(&image.pixels[index]));
                 }
             }
-            _ => {
-                let image = &self.images[0];
-                let size = image.width as f64;
-                for (k, pixel) in image.pixels.iter().enumerate() {
-                    let x = (2 * (k % image.width) + 1) as f64 / size - 1.0;
-                    let y = 1.0 - (2 * (k / image.width) + 1) as f64 / size;
-                    // The picture's corners lie beyond the rim; the texels just beyond it are still read.
-                    let angle = (PI * x.hypot(y)).min(PI);
-                    let (sin, cos) = angle.sin_cos();
-                    let length = x.hypot(y).max(1e-12);
-                    visit(DVec3::new(sin * x / length, sin * y / length, -cos), sum(pixel));
-                }
-            }
+            return;
+        }
+        let image = &self.images[0];
+        let size = image.width as f64;
+        for (k, pixel) in image.pixels.iter().enumerate() {
+            let x = (2 * (k % image.width) + 1) as f64 / size - 1.0;
+            let y = 1.0 - (2 * (k / image.width) + 1) as f64 / size;
+            // The picture's corners lie beyond the rim; the texels just beyond it are still read.
+            let angle = (PI * x.hypot(y)).min(PI);
+            let (sin, cos) = angle.sin_cos();
+            let length = x.hypot(y).max(1e-12);
+            visit(DVec3::new(sin * x / length, sin * y / length, -cos), sum(pixel));
         }
     }
 }

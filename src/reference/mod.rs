@@ -194,18 +194,17 @@ impl Reference {
             let message = format!("is {rel_error}, but must be a number greater than 0");
             return Err(OptionError { key: "rel_error", message }.into());
         }
-        if let Some(seconds) = seconds.filter(|s| !(*s > 0.0)) {
+        if let Some(seconds) = seconds.filter(|s| s.is_nan() || *s <= 0.0) {
             let message = format!("is {seconds}, but must be a number greater than 0");
             return Err(OptionError { key: "seconds", message }.into());
         }
         let started = Instant::now();
-        let mut estimate = match known {
-            Some(estimate) => estimate,
-            None => {
-                let first = self.pass(PILOT_POINTS, None, 0, progress);
-                save(&first)?;
-                first
-            }
+        let mut estimate = if let Some(estimate) = known {
+            estimate
+        } else {
+            let first = self.pass(PILOT_POINTS, None, 0, progress);
+            save(&first)?;
+            first
         };
         let mut last_points = (estimate.account.weight / f64::from(estimate.account.passes)).sqrt();
         let mut last_seconds = estimate.account.seconds / f64::from(estimate.account.passes);
@@ -222,7 +221,7 @@ impl Reference {
             let points = wanted.min(affordable).min(allowed).max(2.0);
             let pass = self.pass(points, Some(&estimate), u64::from(estimate.account.passes), progress);
             (last_points, last_seconds) = (points, pass.account.seconds);
-            estimate = combine(estimate, pass);
+            estimate = combine(estimate, &pass);
             save(&estimate)?;
         }
         Ok(estimate)
@@ -281,7 +280,7 @@ fn growth(error: f64, goal: f64) -> f64 {
 
 /// The mean of independent estimates, weighted by the square of their points: better than by their number, because the
 /// error of quasi-random points falls faster than 1/√n. Weights that depend on no estimate keep the mean unbiased.
-fn combine(a: Estimate, b: Estimate) -> Estimate {
+fn combine(a: Estimate, b: &Estimate) -> Estimate {
     let (Account { weight: wa, .. }, Account { weight: wb, .. }) = (a.account, b.account);
     let total = wa + wb;
     let mut combined = a;

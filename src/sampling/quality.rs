@@ -86,7 +86,9 @@ fn orientation_bias(points: &[SurfacePoint], candidates: &[SurfacePoint]) -> Opt
     let spread = |p: &SurfacePoint| f64::from(p.normal.abs().element_sum()).clamp(1.0, diagonal);
     let class = |p: &SurfacePoint| ((spread(p) - 1.0) / (diagonal - 1.0) * (CLASSES as f64 - 0.001)) as usize;
     let (mut count, mut area, mut sum) = ([0.0; CLASSES], [0.0; CLASSES], [0.0; CLASSES]);
-    points.iter().for_each(|p| count[class(p)] += 1.0);
+    for point in points {
+        count[class(point)] += 1.0;
+    }
     for candidate in candidates {
         let (k, a) = (class(candidate), f64::from(candidate.area));
         area[k] += a;

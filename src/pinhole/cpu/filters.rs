@@ -111,10 +111,12 @@ fn mean_over_ellipse(environment: &CubeLookup, r: V3, axes: &FootprintAxes, texe
     (sum, fetches)
 }
 
+type MeanOverFootprint = fn(&CubeLookup, &Sides, f32, u32) -> ([Vec4; LANES], F);
+
 /// Means over given footprints: rgb, and the number of fetches. [`Filter::Hardware`] is not accepted here.
 pub fn probe(environment: &CubeMap, filter: Filter, most_taps: u32, probes: &[Probe]) -> Vec<[f32; 4]> {
     let lookup = CubeLookup::new(environment);
-    let mean: fn(&CubeLookup, &Sides, f32, u32) -> ([Vec4; LANES], F) = match filter {
+    let mean: MeanOverFootprint = match filter {
         Filter::None => mean_over_footprint::<FILTER_NONE>,
         Filter::Isotropic => mean_over_footprint::<FILTER_ISOTROPIC>,
         Filter::Anisotropic => mean_over_footprint::<FILTER_ANISOTROPIC>,
