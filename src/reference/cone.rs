@@ -1,6 +1,6 @@
 //! Cones of directions: the bounds of the ground truth are made of them.
 
-use std::f64::consts::PI;
+use std::f64::consts::{FRAC_PI_2, PI};
 
 use glam::DVec3;
 
@@ -58,6 +58,29 @@ impl Cone {
 /// The angle between unit directions, exact for small ones, too.
 pub(super) fn angle(a: DVec3, b: DVec3) -> f64 {
     a.cross(b).length().atan2(a.dot(b))
+}
+
+/// The box of (azimuth, polar angle) that holds a cone: centre and half width in azimuth about +Y, from −Z towards +X, and
+/// the range of angles from +Y, all in radians.
+pub(super) struct AngleBox {
+    pub azimuth: f64,
+    pub half_azimuth: f64,
+    pub polar: [f64; 2],
+}
+
+impl AngleBox {
+    pub fn around(axis: DVec3, half_angle: f64) -> Self {
+        let polar = axis.x.hypot(axis.z).atan2(axis.y);
+        let azimuth = axis.x.atan2(-axis.z);
+        let (low, high) = (polar - half_angle, polar + half_angle);
+        // Napier: the widest azimuth of a cap that holds no pole.
+        let half_azimuth = if low <= 0.0 || high >= PI || half_angle >= FRAC_PI_2 {
+            PI
+        } else {
+            (half_angle.sin() / polar.sin()).min(1.0).asin()
+        };
+        Self { azimuth, half_azimuth, polar: [low.max(0.0), high.min(PI)] }
+    }
 }
 
 #[cfg(test)]

@@ -1,7 +1,6 @@
 //! The light as the ground truth sees it: radiance by direction from the original image or the analytic spot, in f64, and
 //! upper bounds of it over cones of directions. Its own look-ups: of `environment` it uses the file readers alone.
 
-use std::f64::consts::{FRAC_PI_2, PI};
 use std::path::Path;
 
 use glam::{DMat3, DVec3};
@@ -80,31 +79,10 @@ fn gaussian(angle: f64, sigma: f64) -> f64 {
     (-0.5 * (angle / sigma).powi(2)).exp()
 }
 
-/// The box of (azimuth, polar angle) that holds a cone: centre and half width in azimuth about +Y, from −Z towards +X, and
-/// the range of angles from +Y, all in radians.
-pub(super) struct AngleBox {
-    pub azimuth: f64,
-    pub half_azimuth: f64,
-    pub polar: [f64; 2],
-}
-
-impl AngleBox {
-    pub fn around(axis: DVec3, half_angle: f64) -> Self {
-        let polar = axis.x.hypot(axis.z).atan2(axis.y);
-        let azimuth = axis.x.atan2(-axis.z);
-        let (low, high) = (polar - half_angle, polar + half_angle);
-        // Napier: the widest azimuth of a cap that holds no pole.
-        let half_azimuth = if low <= 0.0 || high >= PI || half_angle >= FRAC_PI_2 {
-            PI
-        } else {
-            (half_angle.sin() / polar.sin()).min(1.0).asin()
-        };
-        Self { azimuth, half_azimuth, polar: [low.max(0.0), high.min(PI)] }
-    }
-}
-
 #[cfg(test)]
 mod tests {
+    use std::f64::consts::PI;
+
     use super::*;
     use crate::scene::MapLayout;
     use glam::Vec3;

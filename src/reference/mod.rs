@@ -11,6 +11,7 @@ mod domain;
 mod geometry;
 mod light;
 mod map;
+mod maxima;
 mod receivers;
 mod reflectors;
 mod replicates;

@@ -2,19 +2,17 @@
 
 use std::path::{Path, PathBuf};
 
-use glam::Vec3;
-use serde::Serialize;
-
 use super::ReportError;
 use super::cells::{Cell, render_or_reuse};
-use super::findings::{Finding, findings};
+use super::comparison::{Comparison, GroundStudy, Picture, ReferenceSummary};
+use super::findings::findings;
 use super::page;
 use super::plan::Plan;
-use super::rows::{Row, measure};
+use super::rows::measure;
 use crate::image::{Aov, Image, ImageError, read_mask, write_atomically};
-use crate::reference::{self, Account, Goal, Reference};
+use crate::reference::{self, Goal, Reference};
 use crate::render::{BackendChoice, Options};
-use crate::sampling::{GROUNDS, Ground, Quality, Strategy, Study, Surface, study};
+use crate::sampling::{GROUNDS, Surface, study};
 use crate::scene::Scene;
 use crate::{Error, Progress};
 
@@ -37,69 +35,6 @@ pub struct Request {
     pub folder: PathBuf,
     /// The command that asked, for the report.
     pub command: String,
-}
-
-/// The reference of a comparison.
-#[derive(Clone, Debug, Serialize)]
-pub struct ReferenceSummary {
-    /// Its file.
-    pub file: &'static str,
-    /// What it shows.
-    pub aov: &'static str,
-    /// Occlusion.
-    pub visibility: crate::scene::Visibility,
-    /// √Σse² / √ΣE².
-    pub rel_error: f64,
-    /// How it came about.
-    #[serde(flatten)]
-    pub account: Account,
-}
-
-/// Figures of a strategy on a surface that unrolls.
-#[derive(Clone, Debug, Serialize)]
-pub(super) struct GroundStudy {
-    pub surface: Ground,
-    pub strategy: Strategy,
-    pub study: Study,
-}
-
-/// A finished comparison.
-#[derive(Clone, Debug, Serialize)]
-pub struct Comparison {
-    /// The scene's name.
-    pub scene: String,
-    /// The adapter, or the CPU, in words.
-    pub adapter: String,
-    /// Names and values of everything that the results depend on.
-    pub made_with: Vec<(String, String)>,
-    /// The reference.
-    pub reference: ReferenceSummary,
-    /// One entry a combination and seed.
-    pub rows: Vec<Row>,
-    /// What the numbers say.
-    pub findings: Vec<Finding>,
-    /// Figures of the strategies on the scene's own reflectors.
-    pub reflectors: Vec<(Strategy, Quality)>,
-    pub(super) sampling: Vec<GroundStudy>,
-    /// What was repaired or is to be mistrusted.
-    pub warnings: Vec<String>,
-    #[serde(skip)]
-    pub(super) pictures: Vec<Picture>,
-    #[serde(skip)]
-    pub(super) exposure_ev: f32,
-    #[serde(skip)]
-    pub(super) size: [u32; 2],
-}
-
-/// A picture of the page.
-#[derive(Clone, Debug)]
-pub(super) struct Picture {
-    pub label: String,
-    pub image: Image,
-    pub flip: Option<Vec<f32>>,
-    pub dots: Option<Vec<[f32; 2]>>,
-    /// The row that it belongs to.
-    pub row: Option<usize>,
 }
 
 /// Points and sets of the strategies' spectra.
@@ -252,14 +187,4 @@ fn write_text(path: &Path, text: &str) -> Result<(), Error> {
     let written: Result<(), ImageError> =
         write_atomically(path, |out| out.write_all(text.as_bytes()).map_err(|e| e.to_string()));
     Ok(written?)
-}
-
-/// Where a study's first points lie on a square of its rectangle, in fractions of that.
-pub(super) fn unrolled(study: &GroundStudy) -> Vec<[f64; 2]> {
-    let (_, development) = study.surface.surface();
-    let size = development.size();
-    // Points may lie on either side of where the rectangle begins.
-    let place = |p: Vec3| development.unrolled(p.as_dvec3()).rem_euclid(size) / size.min_element();
-    let places = study.study.first.points.iter().map(|p| place(p.position).into());
-    places.filter(|p: &[f64; 2]| p[0] < 1.0 && p[1] < 1.0).collect()
 }

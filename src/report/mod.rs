@@ -6,13 +6,15 @@
 
 mod cells;
 mod compare;
+mod comparison;
 mod encode;
 mod findings;
 mod page;
 mod plan;
 mod rows;
 
-pub use compare::{Comparison, ReferenceSummary, Request, compare};
+pub use compare::{Request, compare};
+pub use comparison::{Comparison, ReferenceSummary};
 pub use encode::spectrum_picture;
 pub use findings::Finding;
 pub use plan::{Figure, Plan};

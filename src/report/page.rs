@@ -3,7 +3,7 @@
 use serde_json::{Value, json};
 
 use super::cells::Facts;
-use super::compare::{Comparison, GroundStudy, Picture, unrolled};
+use super::comparison::{Comparison, GroundStudy, Picture, unrolled};
 use super::encode::{packed, png, points_picture, rgb9e5, spectrum_picture};
 
 const TEMPLATE: &str = include_str!("report.html");

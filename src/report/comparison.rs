@@ -1,0 +1,83 @@
+//! A finished comparison, as data.
+
+use glam::Vec3;
+use serde::Serialize;
+
+use super::findings::Finding;
+use super::rows::Row;
+use crate::image::Image;
+use crate::reference::Account;
+use crate::sampling::{Ground, Quality, Strategy, Study};
+
+/// The reference of a comparison.
+#[derive(Clone, Debug, Serialize)]
+pub struct ReferenceSummary {
+    /// Its file.
+    pub file: &'static str,
+    /// What it shows.
+    pub aov: &'static str,
+    /// Occlusion.
+    pub visibility: crate::scene::Visibility,
+    /// √Σse² / √ΣE².
+    pub rel_error: f64,
+    /// How it came about.
+    #[serde(flatten)]
+    pub account: Account,
+}
+
+/// Figures of a strategy on a surface that unrolls.
+#[derive(Clone, Debug, Serialize)]
+pub(super) struct GroundStudy {
+    pub surface: Ground,
+    pub strategy: Strategy,
+    pub study: Study,
+}
+
+/// A finished comparison.
+#[derive(Clone, Debug, Serialize)]
+pub struct Comparison {
+    /// The scene's name.
+    pub scene: String,
+    /// The adapter, or the CPU, in words.
+    pub adapter: String,
+    /// Names and values of everything that the results depend on.
+    pub made_with: Vec<(String, String)>,
+    /// The reference.
+    pub reference: ReferenceSummary,
+    /// One entry a combination and seed.
+    pub rows: Vec<Row>,
+    /// What the numbers say.
+    pub findings: Vec<Finding>,
+    /// Figures of the strategies on the scene's own reflectors.
+    pub reflectors: Vec<(Strategy, Quality)>,
+    pub(super) sampling: Vec<GroundStudy>,
+    /// What was repaired or is to be mistrusted.
+    pub warnings: Vec<String>,
+    #[serde(skip)]
+    pub(super) pictures: Vec<Picture>,
+    #[serde(skip)]
+    pub(super) exposure_ev: f32,
+    #[serde(skip)]
+    pub(super) size: [u32; 2],
+}
+
+/// A picture of the page.
+#[derive(Clone, Debug)]
+pub(super) struct Picture {
+    pub label: String,
+    pub image: Image,
+    pub flip: Option<Vec<f32>>,
+    pub dots: Option<Vec<[f32; 2]>>,
+    /// The row that it belongs to.
+    pub row: Option<usize>,
+}
+
+/// Where a study's first points lie on a square of its rectangle, in fractions of that.
+pub(super) fn unrolled(study: &GroundStudy) -> Vec<[f64; 2]> {
+    let (_, development) = study.surface.surface();
+    let size = development.size();
+    // Points may lie on either side of where the rectangle begins.
+    let place = |p: Vec3| development.unrolled(p.as_dvec3()).rem_euclid(size) / size.min_element();
+    let places = study.study.first.points.iter().map(|p| place(p.position).into());
+    places.filter(|p: &[f64; 2]| p[0] < 1.0 && p[1] < 1.0).collect()
+}
