@@ -111,7 +111,8 @@ impl Backend {
             }
             return Ok((Self::Cpu, params.filter));
         };
-        let filter = if automatic_filter { automatic_filter_of(&gpu)? } else { params.filter };
+        let replaceable = automatic_filter && params.filter == Filter::Anisotropic;
+        let filter = if replaceable { automatic_filter_of(&gpu)? } else { params.filter };
         let engine = Engine::new(&gpu.device, &Options { filter, ..Default::default() });
         let environment = EnvironmentCube::upload(&gpu.device, &gpu.queue, &environment.cube)?;
         let warning = hardware_warning(&gpu, params)?;

@@ -174,7 +174,8 @@ pub struct Options {
     pub footprint: Footprint,
     /// The gather.
     pub params: Params,
-    /// The filter was left to Pinspot: a GPU whose own filter is right uses that instead of `params.filter`.
+    /// The filter was left to Pinspot: a GPU whose own filter is right uses that instead of [`Filter::Anisotropic`] in
+    /// `params`; any other filter there stays.
     pub automatic_filter: bool,
     /// The environment's cube map.
     pub cube_size: CubeSize,

@@ -18,6 +18,7 @@ fn render(name: &str, filter: Filter, backend: &BackendChoice, aovs: &[Aov]) -> 
     // More than a batch, and not a whole number of them.
     options.samples = BATCH_SIZE + 77;
     options.params.filter = filter;
+    options.automatic_filter = false;
     options.aovs = aovs.to_vec();
     Renderer::new(loaded.scene, options, backend, &Silent).unwrap().render(&Silent).unwrap()
 }

@@ -109,3 +109,24 @@ fn pipeline(device: &wgpu::Device, group_layout: &wgpu::BindGroupLayout, filter:
     let constants = [("FILTER", f64::from(filter_constant(filter)))];
     full_screen_pipeline(device, &pipeline_layout, &module, "probe", &constants, None)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn probes_are_laid_out_as_in_the_shader() {
+        let module = naga::front::wgsl::parse_str(&resolve("filter_probe")).unwrap();
+        let (_, ty) = module.types.iter().find(|(_, t)| t.name.as_deref() == Some("Probe")).unwrap();
+        let naga::TypeInner::Struct { members, span } = &ty.inner else { panic!("Probe is no struct") };
+        let in_shader: Vec<(&str, u32)> = members.iter().map(|m| (m.name.as_deref().unwrap(), m.offset)).collect();
+        macro_rules! field {
+            ($name:ident) => {
+                (stringify!($name), std::mem::offset_of!(GpuProbe, $name) as u32)
+            };
+        }
+        let here = [field!(direction), field!(taps), field!(side_1), field!(texel_rad), field!(side_2)];
+        assert_eq!(in_shader, here);
+        assert_eq!(*span, size_of::<GpuProbe>() as u32);
+    }
+}
