@@ -73,7 +73,7 @@ pub struct CommonOptions {
     /// How a sample's footprint is found: cells, or curvature (the paper's) [default: cells]
     #[arg(long, value_parser = word::<Footprint>, value_name = "NAME")]
     pub footprint: Option<Footprint>,
-    /// auto, none, isotropic, anisotropic, hardware or ewa [default: auto, which is anisotropic]
+    /// auto, none, isotropic, anisotropic, hardware or ewa [default: auto: the GPU's own where a test finds it right, else anisotropic]
     #[arg(long, value_parser = word::<FilterChoice>, value_name = "NAME")]
     pub filter: Option<FilterChoice>,
     #[command(flatten)]

@@ -149,6 +149,7 @@ pub struct Reference {
     geometry: Geometry,
     light: Light,
     receivers: Receivers,
+    fingerprint: String,
     /// What was repaired while loading.
     pub notes: Vec<String>,
 }
@@ -173,13 +174,14 @@ impl Reference {
         let notes = scene.notes.iter().cloned().chain(repaired).collect();
         let geometry = Geometry::new(&scene);
         let receivers = Receivers::find(&scene, &geometry, options.size, options.pixel_samples);
-        Ok(Self { scene, options, geometry, light, receivers, notes })
+        let described = serde_json::to_string(&options).expect("options are plain data");
+        let fingerprint = scene.fingerprint(&described)?;
+        Ok(Self { scene, options, geometry, light, receivers, fingerprint, notes })
     }
 
     /// Names everything that the result depends on; two references with one fingerprint may be combined.
-    pub fn fingerprint(&self) -> Result<String, Error> {
-        let options = serde_json::to_string(&self.options).expect("options are plain data");
-        Ok(self.scene.fingerprint(&options)?)
+    pub fn fingerprint(&self) -> &str {
+        &self.fingerprint
     }
 
     /// Adds passes to `known` (or starts) until the goal is reached, and shows every improvement to `save`.

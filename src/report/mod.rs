@@ -1,8 +1,8 @@
 //! Comparisons of techniques against the ground truth: what `pinspot compare` writes.
 //!
 //! Data flows [`Plan`] (which combinations) → `cells` (one rendered combination, kept in a file) → `rows` (its errors) →
-//! `findings` (what the numbers say) → [`Comparison::write`]: report.json, report.csv and report.html. This module must not
-//! know how anything is rendered or sampled.
+//! `findings` (what the numbers say) → [`Comparison::write`]: report.json, report.csv and report.html. It calls the
+//! renderer, the reference and the sampling study as any user of the library would, and must not know wgpu or shaders.
 
 mod cells;
 mod compare;

@@ -17,7 +17,7 @@ mod surface;
 
 pub use quality::{Quality, quality};
 pub use spectrum::{Development, Spectrum};
-pub use study::{GROUNDS, Ground, STRATEGIES, Study, study};
+pub use study::{GROUNDS, Ground, Study, study};
 pub use surface::{Surface, SurfacePoint};
 
 use kiddo::{ImmutableKdTree, SquaredEuclidean};

@@ -1,6 +1,6 @@
 //! Strategies on surfaces whose spectra can be told: figures and spectra of several independent sets.
 
-use super::{Development, Options, PointSet, Quality, SamplingError, Spectrum, Strategy, Surface, quality, sample};
+use super::{Development, Options, PointSet, Quality, SamplingError, Spectrum, Surface, quality, sample};
 use crate::scene::shapes::{Plane, Ring, Shape, Torus};
 
 /// A surface to try strategies on.
@@ -93,13 +93,10 @@ fn mean(figures: &[Quality]) -> Quality {
     }
 }
 
-/// Every strategy.
-pub const STRATEGIES: [Strategy; 5] =
-    [Strategy::Random, Strategy::Grid, Strategy::QuantisedGrid, Strategy::Neighbourhood, Strategy::Elimination];
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::sampling::Strategy;
 
     /// An independent run of the same strategies on a periodic unit square, 1,024 points, ten sets (measured with other
     /// code): ρ, mean and spread of the nearest distance, power below half the peak. The torus has no edges either.
