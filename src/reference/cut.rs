@@ -15,7 +15,23 @@ pub(super) struct Cut<R> {
     /// Sums of mass up to and including each region.
     cumulative: Vec<f64>,
     queue: BinaryHeap<Entry>,
+    /// Of all receivers so far.
+    pub splits: u64,
 }
+
+/// How often a cut is split.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Depth {
+    /// At least so often (while there is anything to split), and further while that pays,
+    pub least: u32,
+    /// but at most so often,
+    pub most: u32,
+    /// and not once the integral can be no more than this.
+    pub negligible: f64,
+}
+
+/// Twice the splits pay if they bring the total mass, and so the variance of a point, below this part of what it was.
+const WORTHWHILE: f64 = 0.3;
 
 struct Weighted<R> {
     region: R,
@@ -45,16 +61,23 @@ impl PartialOrd for Entry {
 
 impl<R: Copy> Cut<R> {
     pub fn new() -> Self {
-        Self { regions: Vec::new(), cumulative: Vec::new(), queue: BinaryHeap::new() }
+        Self { regions: Vec::new(), cumulative: Vec::new(), queue: BinaryHeap::new(), splits: 0 }
     }
 
     /// Makes the cut for a receiver: splits the region of the largest mass, again and again.
-    pub fn refine<D: Domain<Region = R>>(&mut self, domain: &D, receiver: &Receiver, splits: u32) {
+    pub fn refine<D: Domain<Region = R>>(&mut self, domain: &D, receiver: &Receiver, depth: &Depth) {
         self.regions.clear();
         self.queue.clear();
         domain.roots(&mut |root| self.add(domain, receiver, root, None));
-        for _ in 0..splits {
-            if !self.split_largest(domain, receiver) {
+        let mut wanted = depth.least / 2;
+        let mut mass = f64::INFINITY;
+        self.split(domain, receiver, wanted);
+        while !self.queue.is_empty() && wanted < depth.most {
+            self.split(domain, receiver, wanted);
+            wanted *= 2;
+            let before = std::mem::replace(&mut mass, self.regions.iter().map(|r| r.mass).sum());
+            let pays = mass < WORTHWHILE * before && mass > depth.negligible;
+            if wanted >= depth.least && !pays {
                 break;
             }
         }
@@ -71,14 +94,16 @@ impl<R: Copy> Cut<R> {
         self.finish(domain);
     }
 
-    /// `false` if there is nothing left to split.
-    fn split_largest<D: Domain<Region = R>>(&mut self, domain: &D, receiver: &Receiver) -> bool {
-        let Some(Entry(_, index)) = self.queue.pop() else { return false };
-        let region = self.regions[index].region;
-        // The first part takes the whole's place.
-        let mut place = Some(index);
-        domain.split(&region, &mut |part| self.add(domain, receiver, part, place.take()));
-        true
+    /// Splits so many times, or until there is nothing left to split.
+    fn split<D: Domain<Region = R>>(&mut self, domain: &D, receiver: &Receiver, times: u32) {
+        for _ in 0..times {
+            let Some(Entry(_, index)) = self.queue.pop() else { return };
+            let region = self.regions[index].region;
+            // The first part takes the whole's place.
+            let mut place = Some(index);
+            domain.split(&region, &mut |part| self.add(domain, receiver, part, place.take()));
+        }
+        self.splits += u64::from(times);
     }
 
     fn add<D: Domain<Region = R>>(&mut self, domain: &D, receiver: &Receiver, region: R, place: Option<usize>) {

@@ -81,20 +81,41 @@ impl Maxima {
         f64::from(self.largest(level, columns, rows))
     }
 
+    /// The largest value in a range of cells, from cells of a level and, where those reach beyond the range, of the levels below.
     fn largest(&self, level: usize, columns: [i64; 2], rows: [i64; 2]) -> f32 {
         let base_width = self.levels[0].width as i64;
+        let (first, last) = (columns[0].rem_euclid(base_width), columns[1].rem_euclid(base_width));
+        let mut largest = 0.0;
+        if first <= last {
+            self.raise(&mut largest, level, [first, last], rows);
+        } else {
+            self.raise(&mut largest, level, [first, base_width - 1], rows);
+            self.raise(&mut largest, level, [0, last], rows);
+        }
+        largest
+    }
+
+    /// Raises a value to the largest of a range that does not wrap.
+    fn raise(&self, largest: &mut f32, level: usize, columns: [i64; 2], rows: [i64; 2]) {
         let grid = &self.levels[level];
-        let part = |from: i64, to: i64| {
-            let mut largest = 0.0f32;
-            for j in rows[0] as usize >> level..=rows[1] as usize >> level {
-                for i in from as usize >> level..=to as usize >> level {
-                    largest = largest.max(grid.values[j * grid.width + i]);
+        for j in rows[0] >> level..=rows[1] >> level {
+            for i in columns[0] >> level..=columns[1] >> level {
+                let value = grid.values[j as usize * grid.width + i as usize];
+                if value <= *largest {
+                    continue;
+                }
+                let part = |k: i64, [first, last]: [i64; 2]| {
+                    [first.max(k << level), last.min((k << level) + (1 << level) - 1)]
+                };
+                let (inner_columns, inner_rows) = (part(i, columns), part(j, rows));
+                let whole = |[first, last]: [i64; 2]| last - first + 1 == 1 << level;
+                if level == 0 || whole(inner_columns) && whole(inner_rows) {
+                    *largest = value;
+                } else {
+                    self.raise(largest, level - 1, inner_columns, inner_rows);
                 }
             }
-            largest
-        };
-        let (first, last) = (columns[0].rem_euclid(base_width), columns[1].rem_euclid(base_width));
-        if first <= last { part(first, last) } else { part(first, base_width - 1).max(part(0, last)) }
+        }
     }
 
     fn bilinear(&self, x: f64, y: f64) -> f64 {

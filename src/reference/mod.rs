@@ -12,22 +12,20 @@ mod geometry;
 mod light;
 mod map;
 mod maxima;
+mod passes;
 mod receivers;
 mod reflectors;
 mod replicates;
 mod sky;
 mod store;
-
-use std::time::{Duration, Instant};
-
-use rayon::prelude::*;
+mod tree;
 
 use self::domain::Domain;
 use self::geometry::Geometry;
 use self::light::Light;
+use self::passes::Passes;
 use self::receivers::Receivers;
 use self::reflectors::Reflectors;
-use self::replicates::{Moments, Work};
 use self::sky::Sky;
 use crate::image::Image;
 use crate::scene::{Scene, Visibility};
@@ -119,7 +117,7 @@ pub struct Estimate {
 pub struct Account {
     /// Independent passes that were combined.
     pub passes: u32,
-    /// Sum of the passes' weights, which are the squares of their points per replicate.
+    /// Sum of the passes' weights, which are the squares of their mean points per replicate.
     pub weight: f64,
     /// Mean number of points per pixel, all passes and replicates together.
     pub points_per_pixel: f64,
@@ -135,11 +133,6 @@ impl Estimate {
         if error == 0.0 { 0.0 } else { error / norm }
     }
 }
-
-/// Points per replicate in the first pass.
-const PILOT_POINTS: f64 = 16.0;
-/// A pass takes about this long at most, so that an interruption costs no more.
-const LONGEST_PASS: Duration = Duration::from_secs(90);
 
 /// A scene, prepared for ground truth.
 #[derive(Debug)]
@@ -192,7 +185,7 @@ impl Reference {
         progress: &dyn Progress,
         save: &mut dyn FnMut(&Estimate) -> Result<(), Error>,
     ) -> Result<Estimate, Error> {
-        let Goal { rel_error, seconds, points } = *goal;
+        let Goal { rel_error, seconds, .. } = *goal;
         if !(rel_error > 0.0 && rel_error.is_finite()) {
             let message = format!("is {rel_error}, but must be a number greater than 0");
             return Err(OptionError { key: "rel_error", message }.into());
@@ -201,103 +194,21 @@ impl Reference {
             let message = format!("is {seconds}, but must be a number greater than 0");
             return Err(OptionError { key: "seconds", message }.into());
         }
-        let started = Instant::now();
-        let mut estimate = if let Some(estimate) = known {
-            estimate
-        } else {
-            let first = self.pass(PILOT_POINTS, None, 0, progress);
-            save(&first)?;
-            first
-        };
-        let mut last_points = (estimate.account.weight / f64::from(estimate.account.passes)).sqrt();
-        let mut last_seconds = estimate.account.seconds / f64::from(estimate.account.passes);
-        while estimate.rel_error() > rel_error {
-            let left = seconds.map_or(f64::INFINITY, |s| s - started.elapsed().as_secs_f64());
-            let points_left = points.map_or(f64::INFINITY, |p| p - estimate.account.points_per_pixel);
-            // What is left is too little for anything that would help.
-            if left <= 0.1 * last_seconds || points_left <= 0.1 * estimate.account.points_per_pixel {
-                break;
-            }
-            let wanted = last_points * growth(estimate.rel_error(), rel_error);
-            let affordable = last_points * LONGEST_PASS.as_secs_f64().min(left) / last_seconds;
-            let allowed = points_left / f64::from(self.options.replicates);
-            let points = wanted.min(affordable).min(allowed).max(2.0);
-            let pass = self.pass(points, Some(&estimate), u64::from(estimate.account.passes), progress);
-            (last_points, last_seconds) = (points, pass.account.seconds);
-            estimate = combine(estimate, &pass);
-            save(&estimate)?;
-        }
-        Ok(estimate)
-    }
-
-    /// One independent pass of about `points` points per replicate and pixel; where `known` is uncertain, more.
-    fn pass(&self, points: f64, known: Option<&Estimate>, index: u64, progress: &dyn Progress) -> Estimate {
-        progress.begin("reference", u64::from(self.options.size[0]) * u64::from(self.options.size[1]));
-        let started = Instant::now();
-        let counts = replicates::points_per_pixel(points, known, self.options.size);
-        let work = Work { receivers: &self.receivers, options: &self.options, counts: &counts, pass: index, progress };
-        let moments = match self.options.quantity {
+        match self.options.quantity {
             Quantity::Caustic => {
                 let Options { visibility, attenuation, .. } = self.options;
                 let domain = Reflectors::new(&self.scene, &self.geometry, &self.light, visibility, attenuation);
-                all_pixels(&domain, &work)
+                self.passes(&domain, progress).solve(goal, known, save)
             }
             Quantity::Direct => {
                 let Self { geometry, light, .. } = self;
-                all_pixels(&Sky { geometry, light, visibility: self.options.visibility }, &work)
+                let domain = Sky { geometry, light, visibility: self.options.visibility };
+                self.passes(&domain, progress).solve(goal, known, save)
             }
-        };
-        let [width, height] = self.options.size;
-        let image = |f: fn(&Moments) -> glam::DVec3| Image {
-            width,
-            height,
-            pixels: moments.iter().map(|m| f(m).as_vec3()).collect(),
-        };
-        let total: f64 = counts.iter().map(|c| f64::from(*c)).sum::<f64>() * f64::from(self.options.replicates);
-        Estimate {
-            irradiance: image(|m| m.mean),
-            standard_error: image(|m| m.standard_error),
-            account: Account {
-                passes: 1,
-                weight: points * points,
-                points_per_pixel: total / counts.len() as f64,
-                seconds: started.elapsed().as_secs_f64(),
-            },
         }
     }
-}
 
-fn all_pixels<D: Domain>(domain: &D, work: &Work) -> Vec<Moments> {
-    let pixels = work.counts.len();
-    (0..pixels)
-        .into_par_iter()
-        .with_min_len(16)
-        .map_init(cut::Cut::new, |cut, pixel| replicates::pixel(domain, work, pixel, cut))
-        .collect()
-}
-
-/// By which factor the points must grow to bring an error down, if quasi-random points converge as n^-¾.
-fn growth(error: f64, goal: f64) -> f64 {
-    (1.1 * error / goal).powf(4.0 / 3.0).clamp(2.0, 64.0)
-}
-
-/// The mean of independent estimates, weighted by the square of their points: better than by their number, because the
-/// error of quasi-random points falls faster than 1/√n. Weights that depend on no estimate keep the mean unbiased.
-fn combine(a: Estimate, b: &Estimate) -> Estimate {
-    let (Account { weight: wa, .. }, Account { weight: wb, .. }) = (a.account, b.account);
-    let total = wa + wb;
-    let mut combined = a;
-    for (mean, other) in combined.irradiance.pixels.iter_mut().zip(&b.irradiance.pixels) {
-        *mean = ((wa * mean.as_dvec3() + wb * other.as_dvec3()) / total).as_vec3();
+    fn passes<'a, D: Domain>(&'a self, domain: &'a D, progress: &'a dyn Progress) -> Passes<'a, D> {
+        Passes { domain, receivers: &self.receivers, options: &self.options, progress }
     }
-    for (error, other) in combined.standard_error.pixels.iter_mut().zip(&b.standard_error.pixels) {
-        let (ea, eb) = (wa / total * error.as_dvec3(), wb / total * other.as_dvec3());
-        *error = (ea * ea + eb * eb).map(f64::sqrt).as_vec3();
-    }
-    let account = &mut combined.account;
-    account.passes += b.account.passes;
-    account.weight = total;
-    account.points_per_pixel += b.account.points_per_pixel;
-    account.seconds += b.account.seconds;
-    combined
 }

@@ -12,6 +12,7 @@ use super::cone::{Cone, angle};
 use super::domain::{Domain, Receiver};
 use super::geometry::{Geometry, Triangle};
 use super::light::Light;
+use super::tree::{Bounds, Content, Part, Tree, WHOLE};
 use crate::scene::{Scene, Sides, Visibility};
 
 /// Triangles are halved at most this many times.
@@ -24,8 +25,7 @@ pub(super) struct Reflectors<'a> {
     visibility: Visibility,
     attenuation: bool,
     materials: Vec<Option<Material>>,
-    nodes: Vec<Node>,
-    roots: Vec<u32>,
+    tree: Tree,
 }
 
 #[derive(Clone, Copy)]
@@ -36,34 +36,6 @@ struct Material {
     side: f64,
 }
 
-/// Points and unit normals of a region.
-#[derive(Clone, Copy)]
-struct Bounds {
-    centre: DVec3,
-    radius: f64,
-    normals: Cone,
-    area: f64,
-    object: u32,
-}
-
-struct Node {
-    bounds: Bounds,
-    /// An inner node's children are the next node and this one.
-    content: Content,
-}
-
-#[derive(Clone, Copy)]
-enum Content {
-    Inner { second: u32 },
-    Triangle(u32),
-}
-
-/// A triangle on its way into the tree.
-struct Item {
-    id: u32,
-    place: [f64; 6],
-}
-
 /// A node, or a part of the triangle of a leaf.
 #[derive(Clone, Copy)]
 pub(super) struct Region {
@@ -72,10 +44,8 @@ pub(super) struct Region {
     depth: u8,
     path: u32,
     /// Corners of the part, barycentric.
-    corners: [[f64; 3]; 3],
+    corners: Part,
 }
-
-const WHOLE: [[f64; 3]; 3] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
 
 impl<'a> Reflectors<'a> {
     pub fn new(
@@ -93,97 +63,23 @@ impl<'a> Reflectors<'a> {
             })
         };
         let materials: Vec<_> = scene.objects.iter().map(material).collect();
-        let mut tree =
-            Self { geometry, light, visibility, attenuation, materials, nodes: Vec::new(), roots: Vec::new() };
-        for object in 0..scene.objects.len() as u32 {
-            if tree.materials[object as usize].is_some() {
-                tree.add_object(object);
-            }
-        }
-        tree
-    }
-
-    fn add_object(&mut self, object: u32) {
-        let all = &self.geometry.triangles;
-        let own: Vec<u32> = (0..all.len() as u32).filter(|t| all[*t as usize].object == object).collect();
-        let mut own: Vec<Item> = own.into_iter().map(|id| self.item(id)).collect();
-        let corners = || own.iter().flat_map(|i| all[i.id as usize].corners);
-        let (low, high) =
-            (corners().fold(DVec3::INFINITY, DVec3::min), corners().fold(DVec3::NEG_INFINITY, DVec3::max));
-        let diagonal = low.distance(high);
-        for item in &mut own {
-            item.place[..3].iter_mut().for_each(|p| *p /= diagonal);
-        }
-        self.roots.push(self.nodes.len() as u32);
-        self.add_node(&mut own);
-    }
-
-    /// A triangle as the tree sorts it: where it is, in diagonals of its object, and where it looks. Angles between
-    /// directions matter about as much as differences of normals, so both count alike, and the two sheets of a thin wall
-    /// part early.
-    fn item(&self, id: u32) -> Item {
-        let triangle = &self.geometry.triangles[id as usize];
-        let third = [1.0 / 3.0; 3];
-        let (position, normal) = (triangle.position(third), triangle.normal(third));
-        Item { id, place: [position.x, position.y, position.z, normal.x, normal.y, normal.z] }
-    }
-
-    /// Adds a node for some triangles and all nodes below it: halves at the median of the longest axis.
-    fn add_node(&mut self, items: &mut [Item]) -> Bounds {
-        if let [item] = items {
-            let bounds = self.part_bounds(&self.geometry.triangles[item.id as usize], &WHOLE);
-            self.nodes.push(Node { bounds, content: Content::Triangle(item.id) });
-            return bounds;
-        }
-        let extent = |axis: usize| {
-            let values = items.iter().map(|i| i.place[axis]);
-            let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
-            high - low
-        };
-        let axis = (0..6).max_by(|a, b| extent(*a).total_cmp(&extent(*b))).unwrap_or(0);
-        let middle = items.len() / 2;
-        items.select_nth_unstable_by(middle, |a, b| a.place[axis].total_cmp(&b.place[axis]));
-        let (first, second) = items.split_at_mut(middle);
-        self.add_inner(|tree| tree.add_node(first), |tree| tree.add_node(second))
-    }
-
-    fn add_inner(
-        &mut self,
-        add_first: impl FnOnce(&mut Self) -> Bounds,
-        add_second: impl FnOnce(&mut Self) -> Bounds,
-    ) -> Bounds {
-        let place = self.nodes.len();
-        let blank = Bounds { centre: DVec3::ZERO, radius: 0.0, normals: Cone::everything(), area: 0.0, object: 0 };
-        self.nodes.push(Node { bounds: blank, content: Content::Inner { second: 0 } });
-        let a = add_first(self);
-        let second = self.nodes.len() as u32;
-        let b = add_second(self);
-        let bounds = a.union(&b);
-        self.nodes[place] = Node { bounds, content: Content::Inner { second } };
-        bounds
+        let sides: Vec<_> = materials.iter().map(|m| m.as_ref().map(|m| m.side)).collect();
+        let tree = Tree::new(geometry, &sides);
+        Self { geometry, light, visibility, attenuation, materials, tree }
     }
 
     fn material(&self, object: u32) -> Material {
         self.materials[object as usize].expect("only reflectors are in the tree")
     }
 
-    fn part_bounds(&self, triangle: &Triangle, part: &[[f64; 3]; 3]) -> Bounds {
-        let material = self.material(triangle.object);
-        let corners = part.map(|b| triangle.position(b));
-        let centre = (corners[0] + corners[1] + corners[2]) / 3.0;
-        let radius = corners.iter().map(|c| c.distance_squared(centre)).fold(0.0, f64::max).sqrt();
-        // Normals inside are positive combinations of those at the corners.
-        let normals = Cone::around(&part.map(|b| material.side * triangle.normal(b)));
-        let area = 0.5 * (corners[1] - corners[0]).cross(corners[2] - corners[0]).length();
-        Bounds { centre, radius, normals, area, object: triangle.object }
-    }
-
     fn bounds(&self, region: &Region) -> Bounds {
-        let node = &self.nodes[region.node as usize];
+        let node = &self.tree.nodes[region.node as usize];
         match node.content {
-            Content::Triangle(id) if region.depth > 0 => {
-                self.part_bounds(&self.geometry.triangles[id as usize], &region.corners)
-            }
+            Content::Triangle(id) if region.depth > 0 => Bounds::of_part(
+                &self.geometry.triangles[id as usize],
+                &region.corners,
+                self.material(node.bounds.object).side,
+            ),
             _ => node.bounds,
         }
     }
@@ -251,34 +147,17 @@ fn near_cosines(corners: &[Corner; 3], bounds: &Bounds, receiver: &Receiver, mat
     over_receiver * under_mirror / shortest
 }
 
-impl Bounds {
-    fn union(&self, other: &Self) -> Self {
-        let apart = self.centre.distance(other.centre);
-        let (centre, radius) = if apart + other.radius <= self.radius {
-            (self.centre, self.radius)
-        } else if apart + self.radius <= other.radius {
-            (other.centre, other.radius)
-        } else {
-            let radius = 0.5 * (self.radius + apart + other.radius);
-            let towards = (other.centre - self.centre) / apart;
-            (self.centre + towards * (radius - self.radius), radius * (1.0 + 1e-12))
-        };
-        let normals = self.normals.union(other.normals);
-        Self { centre, radius, normals, area: self.area + other.area, object: self.object }
-    }
-}
-
 impl Domain for Reflectors<'_> {
     type Region = Region;
 
     fn roots(&self, visit: &mut dyn FnMut(Region)) {
-        for &node in &self.roots {
+        for &node in &self.tree.roots {
             visit(Region { node, depth: 0, path: 0, corners: WHOLE });
         }
     }
 
     fn measure(&self, region: &Region) -> f64 {
-        self.nodes[region.node as usize].bounds.area * 0.5f64.powi(i32::from(region.depth))
+        self.tree.nodes[region.node as usize].bounds.area * 0.5f64.powi(i32::from(region.depth))
     }
 
     fn bound(&self, region: &Region, receiver: &Receiver) -> f64 {
@@ -317,7 +196,7 @@ impl Domain for Reflectors<'_> {
             let half_angle = turn.min(PI);
             self.light.bound(&Cone { axis: reflect(towards, bounds.normals.axis), half_angle })
         };
-        let light = match self.nodes[region.node as usize].content {
+        let light = match self.tree.nodes[region.node as usize].content {
             Content::Triangle(id) => {
                 let corners = self.corners(&self.geometry.triangles[id as usize], region, receiver);
                 if distance < 4.0 * bounds.radius {
@@ -334,7 +213,7 @@ impl Domain for Reflectors<'_> {
     }
 
     fn split(&self, region: &Region, visit: &mut dyn FnMut(Region)) {
-        match self.nodes[region.node as usize].content {
+        match self.tree.nodes[region.node as usize].content {
             Content::Inner { second } => {
                 visit(Region { node: region.node + 1, ..*region });
                 visit(Region { node: second, ..*region });
@@ -365,10 +244,11 @@ impl Domain for Reflectors<'_> {
     fn integrand(&self, region: &Region, [mut choice, u, v]: [f64; 3], receiver: &Receiver) -> DVec3 {
         let mut node = region.node;
         let id = loop {
-            match self.nodes[node as usize].content {
+            match self.tree.nodes[node as usize].content {
                 Content::Triangle(id) => break id,
                 Content::Inner { second } => {
-                    let first_part = self.nodes[node as usize + 1].bounds.area / self.nodes[node as usize].bounds.area;
+                    let first_part =
+                        self.tree.nodes[node as usize + 1].bounds.area / self.tree.nodes[node as usize].bounds.area;
                     if choice < first_part {
                         (node, choice) = (node + 1, choice / first_part);
                     } else {

@@ -3,18 +3,19 @@
 //! Owen-scrambled Sobol points (Burley 2020) from `sobol_burley`; every replicate of every point of every pass has its own
 //! scrambling.
 
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+
 use glam::{DVec3, Vec3};
 
-use super::cut::Cut;
+use super::cut::{Cut, Depth};
 use super::domain::{Domain, Receiver};
 use super::receivers::Receivers;
 use super::{Density, Estimate, Options};
-use crate::Progress;
 
-/// Where there are few points, a cut this fine still pays.
+/// Where there are few points and little to find, a cut this fine still pays.
 const LEAST_SPLITS: u32 = 512;
 /// More would not fit into a core's cache.
-const MOST_SPLITS: u32 = 1 << 16;
+pub(super) const MOST_SPLITS: u32 = 1 << 16;
 /// The most points that `sobol_burley` has.
 const MAX_POINTS: u32 = 1 << 16;
 
@@ -29,19 +30,59 @@ pub(super) struct Moments {
 pub(super) struct Work<'a> {
     pub receivers: &'a Receivers,
     pub options: &'a Options,
-    /// Points per replicate, for each pixel.
+    /// Points per replicate, for each pixel: at least.
     pub counts: &'a [u32],
+    /// Of a cut.
+    pub most_splits: u32,
+    /// Where no more than this can arrive, W/m², no finer cut is needed.
+    pub negligible: f64,
     pub pass: u64,
-    pub progress: &'a dyn Progress,
+    pub tally: &'a Tally,
+}
+
+/// Counts the work, over all threads.
+#[derive(Default)]
+pub(super) struct Tally {
+    splits: AtomicU64,
+    points: AtomicU64,
+}
+
+impl Tally {
+    fn add(&self, splits: u64, points: u32) {
+        self.splits.fetch_add(splits, Relaxed);
+        self.points.fetch_add(u64::from(points), Relaxed);
+    }
+
+    /// Splits of all cuts.
+    pub fn splits(&self) -> f64 {
+        self.splits.load(Relaxed) as f64
+    }
+
+    /// Points of all receivers, per replicate.
+    pub fn points(&self) -> f64 {
+        self.points.load(Relaxed) as f64
+    }
+}
+
+/// Points and splits are balanced where there are so many points, all replicates together, for each split: the points then
+/// take about as long as the splits. Neither a finer cut nor more points would bring more.
+pub(super) const POINTS_PER_SPLIT: u32 = 4;
+
+/// The fewest splits for a pixel of so many points per replicate.
+fn least_splits(points: u32, options: &Options) -> u32 {
+    (points.saturating_mul(options.replicates) / POINTS_PER_SPLIT).clamp(LEAST_SPLITS, MOST_SPLITS)
+}
+
+/// Points per replicate that a cut of so many splits is worth.
+fn affordable_points(splits: u64, options: &Options) -> u32 {
+    let points = (splits * u64::from(POINTS_PER_SPLIT) / u64::from(options.replicates)).clamp(1, u64::from(MAX_POINTS));
+    1 << points.ilog2()
 }
 
 /// How many points each pixel gets in a pass: powers of two in proportion to the error that is known, around `points`.
 /// A pass is unbiased whatever came before it, because its points are new ones.
-pub(super) fn points_per_pixel(points: f64, known: Option<&Estimate>, size: [u32; 2]) -> Vec<u32> {
+pub(super) fn points_per_pixel(points: f64, known: &Estimate) -> Vec<u32> {
     let power = |wanted: f64| wanted.clamp(1.0, f64::from(MAX_POINTS)).log2().round().exp2() as u32;
-    let Some(known) = known else {
-        return vec![power(points); size[0] as usize * size[1] as usize];
-    };
     let error = |p: &Vec3| f64::from(p.element_sum());
     let errors = &known.standard_error.pixels;
     let square = errors.iter().map(|p| error(p).powi(2)).sum::<f64>() / errors.len() as f64;
@@ -51,21 +92,24 @@ pub(super) fn points_per_pixel(points: f64, known: Option<&Estimate>, size: [u32
 
 /// Integrates for the points of one pixel.
 pub(super) fn pixel<D: Domain>(domain: &D, work: &Work, pixel: usize, cut: &mut Cut<D::Region>) -> Moments {
-    work.progress.advance(1);
     let points = work.receivers.of_pixel(pixel);
     let mut means = vec![DVec3::ZERO; work.options.replicates as usize];
-    // A split takes about four points' time; half of the time for each is near the best, whatever the light.
-    let splits = (work.counts[pixel] * work.options.replicates / 2).clamp(LEAST_SPLITS, MOST_SPLITS);
+    let least = least_splits(work.counts[pixel], work.options).min(work.most_splits);
+    let depth = Depth { least, most: work.most_splits, negligible: work.negligible };
     for (k, receiver) in points.iter().enumerate() {
         let Some(receiver) = receiver else { continue };
+        let splits = cut.splits;
         match work.options.density {
-            Density::Bounded => cut.refine(domain, receiver, splits),
+            Density::Bounded => cut.refine(domain, receiver, &depth),
             Density::Uniform => cut.uniform(domain),
         }
+        let splits = cut.splits - splits;
+        let count = work.counts[pixel].max(affordable_points(splits, work.options));
         if cut.total() > 0.0 {
             let stream = (pixel * points.len() + k) as u64;
-            add_replicates(domain, work, receiver, cut, stream, work.counts[pixel], &mut means);
+            add_replicates(domain, work, receiver, cut, stream, count, &mut means);
         }
+        work.tally.add(splits, count);
     }
     moments(&means, points.len())
 }
