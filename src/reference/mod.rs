@@ -117,7 +117,7 @@ pub struct Estimate {
 pub struct Account {
     /// Independent passes that were combined.
     pub passes: u32,
-    /// Sum of the passes' weights, which are the squares of their mean points per replicate.
+    /// Sum of the passes' weights, squares of their mean points per replicate (the first one's a tenth of that).
     pub weight: f64,
     /// Mean number of points per pixel, all passes and replicates together.
     pub points_per_pixel: f64,

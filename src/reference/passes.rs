@@ -8,19 +8,21 @@ use rayon::prelude::*;
 use super::cut::Cut;
 use super::domain::Domain;
 use super::receivers::Receivers;
-use super::replicates::{self, MOST_SPLITS, Moments, POINTS_PER_SPLIT, Tally, Work};
+use super::replicates::{self, LEAST_SPLITS, MOST_SPLITS, Moments, POINTS_PER_SPLIT, Tally, Work};
 use super::{Account, Estimate, Goal, Options};
 use crate::image::Image;
 use crate::{Error, Progress};
 
 /// Points per replicate in the first pass, at least.
 const PILOT_POINTS: u32 = 16;
+/// What a point of it weighs: it does not know yet where points are needed.
+const WEIGHT_OF_FIRST: f64 = 0.1;
 /// A pass takes about so many seconds at most, so that an interruption costs no more,
 const LONGEST_PASS: f64 = 90.0;
 /// unless that is less than so many times what its cuts cost with the fewest points.
 const LONGEST_IN_CUTS: f64 = 2.0;
 /// About so many pixels tell what irradiance is typical, and how long a pass takes, before anything is known.
-const SCOUTS: f64 = 256.0;
+const SCOUTS: f64 = 144.0;
 /// Where no more than this part of the typical irradiance can arrive, no finer cut is needed.
 const NEGLIGIBLE: f64 = 0.1;
 
@@ -35,8 +37,15 @@ pub(super) struct Passes<'a, D> {
 /// How fast the work goes. Its unit is a split with the points that it is worth, or as many points without.
 struct Pace {
     seconds_per_unit: f64,
-    /// Of the cuts that few points get.
-    splits_per_pixel: f64,
+    /// What the cuts of some pixels want that get few points.
+    splits: Vec<f64>,
+}
+
+impl Pace {
+    /// Mean number of splits if none has more than this.
+    fn splits_per_pixel(&self, most: f64) -> f64 {
+        self.splits.iter().map(|s| s.min(most)).sum::<f64>() / self.splits.len().max(1) as f64
+    }
 }
 
 /// What a pass is to do.
@@ -61,15 +70,24 @@ impl<D: Domain> Passes<'_, D> {
             return Ok(known.clone());
         }
         let (mut pace, typical) = self.scout();
+        let mut most_splits = 0;
         let mut estimate = if let Some(known) = known {
             known
         } else {
-            let (first, _) = self.pass(&self.first_plan(&pace, typical, left()), 0);
+            let counts = vec![PILOT_POINTS; self.pixels()];
+            let plan = Plan { counts, most_splits: self.most_splits(&pace, left()), typical_irradiance: typical };
+            let (first, _) = self.pass(&plan, 0);
             save(&first)?;
+            most_splits = plan.most_splits;
             first
         };
         while estimate.rel_error() > goal.rel_error {
             let Some(plan) = self.next_plan(goal, &estimate, &pace, left()) else { break };
+            // With much coarser cuts than before a pass would do more harm than good.
+            if plan.most_splits < most_splits / 2 {
+                break;
+            }
+            most_splits = plan.most_splits;
             let (pass, seconds_per_unit) = self.pass(&plan, u64::from(estimate.account.passes));
             pace.seconds_per_unit = seconds_per_unit;
             estimate = combine(estimate, &pass);
@@ -89,17 +107,28 @@ impl<D: Domain> Passes<'_, D> {
         let rows = (stride / 2..height).step_by(stride);
         let scouts: Vec<usize> =
             rows.flat_map(|j| (stride / 2..width).step_by(stride).map(move |i| j * width + i)).collect();
-        let plan =
-            Plan { counts: vec![PILOT_POINTS; self.pixels()], most_splits: MOST_SPLITS, typical_irradiance: 0.0 };
+        let counts = vec![PILOT_POINTS; self.pixels()];
+        let mut plan = Plan { counts, most_splits: MOST_SPLITS, typical_irradiance: 0.0 };
+        // Once for the irradiance, and again for the pace, as it depends on that.
+        plan.typical_irradiance = rms(self.some_pixels(&plan, &scouts).1.into_iter().map(|m| m.mean));
         let started = Instant::now();
-        let tally = Tally::default();
-        // Other random numbers than any pass's: what passes do may depend on these.
-        let work = self.work(&plan, u64::MAX, &tally);
-        let pixel = |cut: &mut _, pixel| replicates::pixel(self.domain, &work, pixel, cut).mean;
-        let found: Vec<DVec3> = scouts.par_iter().map_init(Cut::new, |cut, index| pixel(cut, *index)).collect();
-        let seconds_per_unit = started.elapsed().as_secs_f64() / self.units(&tally).max(1.0);
-        let splits_per_pixel = tally.splits() / scouts.len().max(1) as f64;
-        (Pace { seconds_per_unit, splits_per_pixel }, rms(found.into_iter()))
+        let (tallies, _) = self.some_pixels(&plan, &scouts);
+        let units: f64 = tallies.iter().map(|t| self.units(t)).sum();
+        let pace = Pace {
+            seconds_per_unit: started.elapsed().as_secs_f64() / units.max(1.0),
+            splits: tallies.iter().map(Tally::splits).collect(),
+        };
+        (pace, plan.typical_irradiance)
+    }
+
+    fn some_pixels(&self, plan: &Plan, pixels: &[usize]) -> (Vec<Tally>, Vec<Moments>) {
+        let pixel = |cut: &mut _, pixel: &usize| {
+            let tally = Tally::default();
+            // Other random numbers than any pass's: what passes do may depend on these.
+            let moments = replicates::pixel(self.domain, &self.work(plan, u64::MAX, &tally), *pixel, cut);
+            (tally, moments)
+        };
+        pixels.par_iter().map_init(Cut::new, pixel).unzip()
     }
 
     /// The work that was tallied.
@@ -112,29 +141,28 @@ impl<D: Domain> Passes<'_, D> {
         f64::from(self.options.replicates) / f64::from(POINTS_PER_SPLIT)
     }
 
-    fn first_plan(&self, pace: &Pace, typical_irradiance: f64, left: f64) -> Plan {
-        let counts = vec![PILOT_POINTS; self.pixels()];
-        Plan { counts, most_splits: self.most_splits(pace, left), typical_irradiance }
-    }
-
     /// As many splits per pixel as there is time for.
     fn most_splits(&self, pace: &Pace, seconds: f64) -> u32 {
         let affordable = seconds / (pace.seconds_per_unit * self.pixels() as f64);
-        if pace.splits_per_pixel <= affordable { MOST_SPLITS } else { affordable as u32 }
+        let mut most = MOST_SPLITS;
+        while most > LEAST_SPLITS && pace.splits_per_pixel(f64::from(most)) > affordable {
+            most = (0.9 * f64::from(most)) as u32;
+        }
+        most
     }
 
     /// `None` if nothing that would help is affordable.
     fn next_plan(&self, goal: &Goal, known: &Estimate, pace: &Pace, left: f64) -> Option<Plan> {
-        let Account { passes, weight, points_per_pixel, seconds } = known.account;
+        let Account { passes, points_per_pixel, seconds, .. } = known.account;
         let replicates = f64::from(self.options.replicates);
         let allowed = goal.points.map_or(f64::INFINITY, |p| p - points_per_pixel);
         if left <= 0.1 * seconds / f64::from(passes) || allowed <= 0.1 * points_per_pixel {
             return None;
         }
-        let cuts = pace.seconds_per_unit * pace.splits_per_pixel * self.pixels() as f64;
+        let cuts = pace.seconds_per_unit * pace.splits_per_pixel(f64::INFINITY) * self.pixels() as f64;
         let affordable = left.min(LONGEST_PASS.max(LONGEST_IN_CUTS * cuts));
-        let last_points = (weight / f64::from(passes)).sqrt();
-        let wanted = last_points * growth(known.rel_error(), goal.rel_error);
+        let typical_points = points_per_pixel / (replicates * f64::from(passes));
+        let wanted = typical_points * growth(known.rel_error(), goal.rel_error);
         let mut points = wanted.min(allowed / replicates).max(2.0);
         let mut counts = replicates::points_per_pixel(points, known);
         while points > 2.0 && self.predicted_seconds(&counts, pace) > affordable {
@@ -146,7 +174,8 @@ impl<D: Domain> Passes<'_, D> {
     }
 
     fn predicted_seconds(&self, counts: &[u32], pace: &Pace) -> f64 {
-        let units = |count: &u32| pace.splits_per_pixel.max(f64::from(*count) * self.units_per_point());
+        let splits = pace.splits_per_pixel(f64::INFINITY);
+        let units = |count: &u32| splits.max(f64::from(*count) * self.units_per_point());
         pace.seconds_per_unit * counts.iter().map(units).sum::<f64>()
     }
 
@@ -178,7 +207,8 @@ impl<D: Domain> Passes<'_, D> {
         let seconds = started.elapsed().as_secs_f64();
         let points = tally.points() / self.pixels() as f64;
         let points_per_pixel = points * f64::from(self.options.replicates);
-        let account = Account { passes: 1, weight: points * points, points_per_pixel, seconds };
+        let weight = points * points * if index == 0 { WEIGHT_OF_FIRST } else { 1.0 };
+        let account = Account { passes: 1, weight, points_per_pixel, seconds };
         let estimate = Estimate { irradiance: image(|m| m.mean), standard_error: image(|m| m.standard_error), account };
         (estimate, seconds / self.units(&tally).max(1.0))
     }

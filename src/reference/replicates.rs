@@ -13,7 +13,7 @@ use super::receivers::Receivers;
 use super::{Density, Estimate, Options};
 
 /// Where there are few points and little to find, a cut this fine still pays.
-const LEAST_SPLITS: u32 = 512;
+pub(super) const LEAST_SPLITS: u32 = 512;
 /// More would not fit into a core's cache.
 pub(super) const MOST_SPLITS: u32 = 1 << 16;
 /// The most points that `sobol_burley` has.
