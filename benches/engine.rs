@@ -16,7 +16,7 @@ use pinspot::environment::Environment;
 use pinspot::gpu::Gpu;
 use pinspot::pinhole::cpu::{CubeLookup, gather};
 use pinspot::pinhole::gpu::{Engine, EnvironmentCube, FrameInputs, Options};
-use pinspot::pinhole::{Filter, Footprint, Params, PinholeSample, Receivers, pinholes};
+use pinspot::pinhole::{Filter, Footprint, Params, Pinholes, Receivers, pinholes};
 use pinspot::render::Settings;
 use pinspot::sampling::{self, Strategy, Surface, sample};
 use pinspot::scene::load;
@@ -30,7 +30,7 @@ const FILTERS: [(Filter, &str); 3] =
 /// `ring-natural`'s gather on the table inside the ring: every sample reaches every receiver, so none is culled.
 struct Work {
     receivers: Receivers,
-    samples: Vec<PinholeSample>,
+    pinholes: Pinholes,
     environment: Environment,
 }
 
@@ -39,19 +39,19 @@ impl Work {
         let scene = load::<Settings>("ring-natural").expect("built-in").scene;
         let options = sampling::Options { samples: SAMPLES, strategy: Strategy::Neighbourhood, seed: 1 };
         let set = sample(&Surface::of_scene(&scene), &options).expect("a reflector");
-        let samples = pinholes(&scene, &differentials(&set), Footprint::Cells);
+        let pinholes = pinholes(&scene, &differentials(&set), Footprint::Cells);
         let environment = Environment::load(&scene.environment, Default::default()).expect("built-in");
         let place = |k: u32| {
             let at = |i: u32| 1.2 * ((i as f32 + 0.5) / EDGE as f32 - 0.5);
             (Vec3::new(at(k % EDGE), 0.0, at(k / EDGE)), Vec3::Y, 1)
         };
         let points: Vec<_> = (0..EDGE * EDGE).map(place).collect();
-        Self { receivers: Receivers::from_points(&points, EDGE), samples, environment }
+        Self { receivers: Receivers::from_points(&points, EDGE), pinholes, environment }
     }
 
     /// Fetches of one gather.
     fn fetches(&self, params: &Params) -> u64 {
-        let sums = gather(&self.receivers, &self.samples, &self.environment.cube, params, &|_| ());
+        let sums = gather(&self.receivers, &self.pinholes, &self.environment.cube, params, &|_| ());
         sums.iter().map(|s| f64::from(s[3])).sum::<f64>() as u64
     }
 
@@ -100,7 +100,7 @@ fn gather_on_cpu(c: &mut Criterion) {
         let fetches = work.fetches(&params);
         group.throughput(Throughput::Elements(fetches));
         group.bench_function(name, |b| {
-            b.iter(|| black_box(gather(&work.receivers, &work.samples, &work.environment.cube, &params, &|_| ())));
+            b.iter(|| black_box(gather(&work.receivers, &work.pinholes, &work.environment.cube, &params, &|_| ())));
         });
         group.bench_function(format!("{name}, bare look-ups"), |b| {
             b.iter(|| black_box(bare_cpu_loop(&work, Work::typical_levels(filter), fetches)));
@@ -128,7 +128,7 @@ fn gather_on_gpu(c: &mut Criterion) {
                     positions: &positions,
                     normals: &normals,
                     size,
-                    samples: &work.samples,
+                    pinholes: &work.pinholes,
                     environment: &environment,
                     params,
                 };

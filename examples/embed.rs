@@ -58,7 +58,7 @@ pub fn render_one_frame() -> Result<Output, Failure> {
     // 3. When the reflectors move: the samples.
     let options = sampling::Options { samples: SAMPLES, strategy: Default::default(), seed: 1 };
     let set = sample(&Surface::of_scene(&scene), &options)?;
-    let samples = pinholes(&scene, &differentials(&set), Footprint::Cells);
+    let pinholes = pinholes(&scene, &differentials(&set), Footprint::Cells);
 
     let gbuffer = GBuffer::new(&device);
     let mut encoder = device.create_command_encoder(&Default::default());
@@ -69,7 +69,7 @@ pub fn render_one_frame() -> Result<Output, Failure> {
         positions: &gbuffer.positions.create_view(&Default::default()),
         normals: &gbuffer.normals.create_view(&Default::default()),
         size: SIZE,
-        samples: &samples,
+        pinholes: &pinholes,
         environment: &environment,
         params: Params::default(),
     };

@@ -39,6 +39,9 @@ const BATCH_SIZE: u32 = 256u;
 @group(0) @binding(2) var environment: texture_cube<f32>;
 @group(0) @binding(3) var trilinear: sampler;
 @group(0) @binding(4) var anisotropic: sampler;
+// Reflectance by the cosine of the angle of incidence, from 0 to 1; CURVE_POINTS for each curve.
+const CURVE_POINTS: u32 = 128u;
+@group(0) @binding(5) var<storage, read> curves: array<vec4f>;
 @group(1) @binding(0) var receiver_position: texture_2d<f32>;
 @group(1) @binding(1) var receiver_normal: texture_2d<f32>;
 @group(2) @binding(0) var previous: texture_2d<f32>;
@@ -109,7 +112,20 @@ fn sample_irradiance(i: u32, receiver: Receiver) -> vec4f {
     let weight = area * cosines * attenuation(l2, area, same_object);
     let r = (d - 2.0 * dn * n) * inverse_l;
     let radiance = filtered_radiance(i, d, n, dn, inverse_l, r);
-    return vec4f(weight * uniforms.radiance_scale * samples[i].reflectance.rgb * radiance.rgb, radiance.a);
+    return vec4f(weight * uniforms.radiance_scale * reflectance(i, facing * inverse_l) * radiance.rgb, radiance.a);
+}
+
+// What sample i mirrors at a cosine of the angle of incidence.
+fn reflectance(i: u32, cosine: f32) -> vec3f {
+    let constant = samples[i].reflectance;
+    // The same for all lanes: w is the number of the sample's curve, from 1.
+    if constant.w == 0.0 {
+        return constant.rgb;
+    }
+    let place = min(cosine, 1.0) * f32(CURVE_POINTS - 1u);
+    let first = min(u32(place), CURVE_POINTS - 2u);
+    let start = (u32(constant.w) - 1u) * CURVE_POINTS + first;
+    return mix(curves[start].rgb, curves[start + 1u].rgb, place - f32(first));
 }
 
 // 1/l², kept finite (WS-7). Without branches: drivers without real ones would go through all.

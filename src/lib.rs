@@ -17,6 +17,7 @@
 //! Data flows from left to right; no module imports from one to its right.
 //!
 //! * [`scene`]: what exists: meshes, shapes, materials, cameras, scene files.
+//! * [`reflectance`]: how much a mirror mirrors at which angle: metals, coats.
 //! * [`environment`]: what shines: maps, spots, constants; a prefiltered cube.
 //! * [`sampling`]: where on the reflectors the pinholes are.
 //! * [`differential`]: the surface around each of them.
@@ -55,6 +56,7 @@ pub mod image;
 pub mod pinhole;
 mod progress;
 pub mod reference;
+pub mod reflectance;
 pub mod render;
 pub mod report;
 pub mod sampling;

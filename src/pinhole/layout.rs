@@ -9,6 +9,28 @@ use crate::environment::CubeMap;
 /// Samples per batch. A batch is what one draw adds to the image; ranges of batches can be submitted one at a time.
 pub const BATCH_SIZE: u32 = 256;
 
+/// Points of a curve of reflectance.
+pub const CURVE_POINTS: usize = 128;
+
+/// Reflectance (and an unused lane) at equal steps of the cosine of the angle of incidence, from 0 to 1.
+pub type ReflectanceCurve = [[f32; 4]; CURVE_POINTS];
+
+/// The samples, and what they refer to.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Pinholes {
+    /// The samples.
+    pub samples: Vec<PinholeSample>,
+    /// Reflectances that depend on the angle.
+    pub curves: Vec<ReflectanceCurve>,
+}
+
+impl From<Vec<PinholeSample>> for Pinholes {
+    /// Samples whose reflectances are constant.
+    fn from(samples: Vec<PinholeSample>) -> Self {
+        Self { samples, curves: Vec::new() }
+    }
+}
+
 /// One pinhole, 112 bytes: seven vectors of four.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
@@ -17,7 +39,7 @@ pub struct PinholeSample {
     pub position_area: [f32; 4],
     /// n: unit normal; ±(object + 1), negative where both sides reflect.
     pub normal_object: [f32; 4],
-    /// Reflectance; unused.
+    /// Reflectance; the number of the curve that holds instead, from 1, or 0.
     pub reflectance: [f32; 4],
     /// T₁: full first side of the footprint on the surface, metres; unused.
     pub side_1: [f32; 4],
@@ -42,8 +64,10 @@ pub struct PinholeParts {
     pub sides: [Vec3; 2],
     /// Change of the normal along each side.
     pub changes: [Vec3; 2],
-    /// Reflectance.
+    /// Reflectance at all angles,
     pub reflectance: Vec3,
+    /// unless it is one of the [`Pinholes::curves`].
+    pub curve: Option<u32>,
     /// Index of the object in the scene.
     pub object: u32,
     /// Whether both sides reflect.
@@ -58,7 +82,7 @@ impl From<PinholeParts> for PinholeSample {
         Self {
             position_area: parts.position.extend(parts.area).to_array(),
             normal_object: parts.normal.extend(object).to_array(),
-            reflectance: vector(parts.reflectance),
+            reflectance: parts.reflectance.extend(parts.curve.map_or(0.0, |c| (c + 1) as f32)).to_array(),
             side_1: vector(parts.sides[0]),
             side_2: vector(parts.sides[1]),
             change_1: vector(parts.changes[0]),
@@ -86,6 +110,11 @@ impl PinholeSample {
     /// Index of the object in the scene.
     pub fn object(&self) -> u32 {
         self.normal_object[3].abs() as u32 - 1
+    }
+
+    /// Which of the curves of reflectance holds.
+    pub fn curve(&self) -> Option<usize> {
+        (self.reflectance[3] as usize).checked_sub(1)
     }
 
     /// Whether both sides reflect.

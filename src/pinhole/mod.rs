@@ -15,13 +15,14 @@ pub mod gpu;
 mod layout;
 mod receivers;
 
-pub use layout::{BATCH_SIZE, GatherUniforms, PinholeParts, PinholeSample};
+pub use layout::{BATCH_SIZE, CURVE_POINTS, GatherUniforms, PinholeParts, PinholeSample, Pinholes, ReflectanceCurve};
 pub use receivers::{NO_RECEIVER, Receivers};
 
 use serde::{Deserialize, Serialize};
 
 use crate::differential::DifferentialSample;
-use crate::scene::{Scene, Sides};
+use crate::reflectance::{Curve, Finish};
+use crate::scene::{Object, Scene, Sides};
 use crate::words::NumberOrWord;
 
 /// How a sample's footprint is found.
@@ -118,8 +119,9 @@ impl Default for Params {
     }
 }
 
-/// Packs differential samples for the gather, with their object's reflectance and sides.
-pub fn pinholes(scene: &Scene, samples: &[DifferentialSample], footprint: Footprint) -> Vec<PinholeSample> {
+/// Packs differential samples for the gather, with their object's finish and sides.
+pub fn pinholes(scene: &Scene, samples: &[DifferentialSample], footprint: Footprint) -> Pinholes {
+    let (curves, curve_of_object) = curves(scene);
     let area: f64 = samples.iter().map(|s| f64::from(s.cell.area)).sum();
     let area_per_sample = (area / samples.len().max(1) as f64) as f32;
     let pack = |s: &DifferentialSample| {
@@ -132,10 +134,30 @@ pub fn pinholes(scene: &Scene, samples: &[DifferentialSample], footprint: Footpr
             }
         };
         let changes = sides.map(|side| s.normal_change(side));
-        let (reflectance, object) = (reflector.reflectance, s.object);
-        Some(PinholeParts { position, normal, area, sides, changes, reflectance, object, two_sided }.into())
+        let (reflectance, object) = (reflector.finish.reflectance.as_vec3(), s.object);
+        let curve = curve_of_object[object as usize];
+        Some(PinholeParts { position, normal, area, sides, changes, reflectance, curve, object, two_sided }.into())
     };
-    samples.iter().filter_map(pack).collect()
+    Pinholes { samples: samples.iter().filter_map(pack).collect(), curves }
+}
+
+/// The curves of all finishes that need one, and for each object which is its own.
+fn curves(scene: &Scene) -> (Vec<ReflectanceCurve>, Vec<Option<u32>>) {
+    let mut finishes: Vec<Finish> = Vec::new();
+    let mut number = |finish: Finish| {
+        let known = finishes.iter().position(|f| *f == finish);
+        known.unwrap_or_else(|| {
+            finishes.push(finish);
+            finishes.len() - 1
+        }) as u32
+    };
+    let of_object = |o: &Object| o.reflector.map(|r| r.finish).filter(|f| !f.is_constant()).map(&mut number);
+    let of_objects = scene.objects.iter().map(of_object).collect();
+    let row = |finish: &Finish| {
+        let curve = Curve::new(finish, CURVE_POINTS);
+        std::array::from_fn(|k| curve.values()[k].as_vec3().extend(0.0).to_array())
+    };
+    (finishes.iter().map(row).collect(), of_objects)
 }
 
 impl TryFrom<NumberOrWord> for Epsilon {

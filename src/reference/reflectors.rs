@@ -13,8 +13,11 @@ use super::domain::{Domain, Receiver};
 use super::geometry::{Geometry, Triangle};
 use super::light::Light;
 use super::tree::{Bounds, Content, Part, Tree, WHOLE};
+use crate::reflectance::Curve;
 use crate::scene::{Scene, Sides, Visibility};
 
+/// Of reflectances by angle: so many that interpolation costs nothing.
+const CURVE_POINTS: usize = 2048;
 /// Triangles are halved at most this many times.
 const MAX_DEPTH: u8 = 32;
 
@@ -25,12 +28,16 @@ pub(super) struct Reflectors<'a> {
     visibility: Visibility,
     attenuation: bool,
     materials: Vec<Option<Material>>,
+    curves: Vec<Curve>,
     tree: Tree,
 }
 
 #[derive(Clone, Copy)]
 struct Material {
-    reflectance: DVec3,
+    /// In `curves`.
+    curve: usize,
+    /// The largest of any channel at any angle.
+    most_reflectance: f64,
     two_sided: bool,
     /// −1 where the back mirrors.
     side: f64,
@@ -55,17 +62,21 @@ impl<'a> Reflectors<'a> {
         visibility: Visibility,
         attenuation: bool,
     ) -> Self {
+        let mut curves = Vec::new();
         let material = |o: &crate::scene::Object| {
-            o.reflector.map(|r| Material {
-                reflectance: r.reflectance.as_dvec3(),
-                two_sided: r.sides == Sides::Both,
-                side: if r.sides == Sides::Back { -1.0 } else { 1.0 },
+            let reflector = o.reflector?;
+            curves.push(Curve::new(&reflector.finish, CURVE_POINTS));
+            Some(Material {
+                curve: curves.len() - 1,
+                most_reflectance: curves[curves.len() - 1].values().iter().map(|v| v.max_element()).fold(0.0, f64::max),
+                two_sided: reflector.sides == Sides::Both,
+                side: if reflector.sides == Sides::Back { -1.0 } else { 1.0 },
             })
         };
         let materials: Vec<_> = scene.objects.iter().map(material).collect();
         let sides: Vec<_> = materials.iter().map(|m| m.as_ref().map(|m| m.side)).collect();
         let tree = Tree::new(geometry, &sides);
-        Self { geometry, light, visibility, attenuation, materials, tree }
+        Self { geometry, light, visibility, attenuation, materials, curves, tree }
     }
 
     fn material(&self, object: u32) -> Material {
@@ -209,7 +220,7 @@ impl Domain for Reflectors<'_> {
             }
             Content::Inner { .. } => everything_within(turn),
         };
-        cosines * self.distance_factor(nearest * nearest) * material.reflectance.max_element() * light
+        cosines * self.distance_factor(nearest * nearest) * material.most_reflectance * light
     }
 
     fn split(&self, region: &Region, visit: &mut dyn FnMut(Region)) {
@@ -286,7 +297,9 @@ impl Reflectors<'_> {
             return DVec3::ZERO;
         }
         let cosines = facing * received / squared;
-        material.reflectance * self.light.radiance(reflected) * (cosines * self.distance_factor(squared))
+        self.curves[material.curve].at(facing / squared.sqrt())
+            * self.light.radiance(reflected)
+            * (cosines * self.distance_factor(squared))
     }
 }
 

@@ -219,7 +219,10 @@ fn trace_point(renderer: &Renderer, gbuffer: &GBuffer, own: usize, at: Vec2, pat
         let Some(found) = hit else { break };
         let object = &renderer.scene.objects[found.object as usize];
         key = key.wrapping_mul(1_000_003) + 2 * u64::from(found.object) + u64::from(found.front) + 1;
-        let reflectance = object.reflector.filter(|_| !plain && mirrors(object, found.front)).map(|r| r.reflectance);
+        let cosine = ray.direction.dot(found.normal).abs();
+        let curve = renderer.curves[found.object as usize].as_ref();
+        let reflectance =
+            curve.filter(|_| !plain && mirrors(object, found.front)).map(|c| c.at(cosine.into()).as_vec3());
         let own_hit = gbuffer.hits[own].filter(|o| bounce == 0 && o.object == found.object && o.front == found.front);
         let caustic = match (object.receiver, own_hit) {
             (None, _) => CausticAt::Nowhere,

@@ -9,7 +9,7 @@ use crate::gpu::{Adapter, Gpu, GpuError};
 use crate::pinhole::gpu::{
     Engine, EnvironmentCube, FrameInputs, Options, automatic_filter as automatic_filter_of, check_hardware_filter,
 };
-use crate::pinhole::{BATCH_SIZE, Filter, Params, PinholeSample, Receivers, cpu};
+use crate::pinhole::{BATCH_SIZE, Filter, Params, Pinholes, Receivers, cpu};
 use crate::{Error, OptionError, Progress};
 
 /// Which back end is asked for.
@@ -125,19 +125,19 @@ impl Backend {
     pub(super) fn gather(
         &self,
         receivers: &Receivers,
-        samples: &[PinholeSample],
+        pinholes: &Pinholes,
         light: &CubeMap,
         params: &Params,
         progress: &dyn Progress,
     ) -> Result<Vec<[f32; 4]>, Error> {
         progress.begin("gathering", receivers.positions.len() as u64);
         match self {
-            Self::Cpu => Ok(cpu::gather(receivers, samples, light, params, &|n| progress.advance(n))),
+            Self::Cpu => Ok(cpu::gather(receivers, pinholes, light, params, &|n| progress.advance(n))),
             Self::Gpu { gpu, engine, environment, .. } => {
                 let mut sums = Vec::with_capacity(receivers.positions.len());
                 let most = (pairs_per_submit(gpu) / u64::from(BATCH_SIZE)) as usize;
                 for strip in strips(receivers, gpu.adapter.max_texture, most) {
-                    sums.extend(gather_strip(gpu, engine, environment, &strip, samples, params, progress)?);
+                    sums.extend(gather_strip(gpu, engine, environment, &strip, pinholes, params, progress)?);
                 }
                 Ok(sums)
             }
@@ -215,14 +215,14 @@ fn gather_strip(
     engine: &Engine,
     environment: &EnvironmentCube,
     receivers: &Receivers,
-    samples: &[PinholeSample],
+    pinholes: &Pinholes,
     params: &Params,
     progress: &dyn Progress,
 ) -> Result<Vec<[f32; 4]>, Error> {
     let size = [receivers.width, receivers.height];
     let positions = gpu.upload_texture(size, &receivers.positions);
     let normals = gpu.upload_texture(size, &receivers.normals);
-    let inputs = FrameInputs { positions: &positions, normals: &normals, size, samples, environment, params: *params };
+    let inputs = FrameInputs { positions: &positions, normals: &normals, size, pinholes, environment, params: *params };
     let mut frame = engine.frame(&gpu.device, &inputs)?;
 
     let points = receivers.positions.len() as u64;

@@ -24,9 +24,10 @@ use self::trace::Tracer;
 use crate::differential::{DifferentialSample, differentials};
 use crate::environment::Environment;
 use crate::image::{Aov, Image, display, exposed};
-use crate::pinhole::{PinholeSample, pinholes};
+use crate::pinhole::{CURVE_POINTS, Pinholes, pinholes};
+use crate::reflectance::Curve;
 use crate::sampling::{self, Surface, sample};
-use crate::scene::Scene;
+use crate::scene::{Object, Scene};
 use crate::{Error, Progress};
 
 /// A scene, prepared for rendering.
@@ -36,7 +37,9 @@ pub struct Renderer {
     options: Options,
     environment: Environment,
     differentials: Vec<DifferentialSample>,
-    pinholes: Vec<PinholeSample>,
+    pinholes: Pinholes,
+    /// How each object mirrors.
+    curves: Vec<Option<Curve>>,
     tracer: Tracer,
     backend: Backend,
     seconds: Seconds,
@@ -90,12 +93,14 @@ impl Renderer {
         let differentials = timed(&mut seconds.differentials, || differentials(&set));
         progress.advance(1);
         let pinholes = pinholes(&scene, &differentials, options.footprint);
+        let curve = |o: &Object| o.reflector.map(|r| Curve::new(&r.finish, CURVE_POINTS));
+        let curves = scene.objects.iter().map(curve).collect();
         let tracer = timed(&mut seconds.tracing, || Tracer::new(&scene));
         let (backend, filter) = timed(&mut seconds.backend, || {
             Backend::open(backend, &environment, &options.params, options.automatic_filter)
         })?;
         options.params.filter = filter;
-        Ok(Self { scene, options, environment, differentials, pinholes, tracer, backend, seconds })
+        Ok(Self { scene, options, environment, differentials, pinholes, curves, tracer, backend, seconds })
     }
 
     /// Renders all pictures asked for.

@@ -13,6 +13,7 @@ use super::{
     BUILT_IN, Camera, EnvironmentSource, Light, MapLayout, Mesh, Object, Projection, Receiver, Reflector, Scene,
     SceneError, Sides, Transform, load_obj,
 };
+use crate::reflectance::{Finish, Metal};
 
 /// A scene and the `[render]` table that came with it.
 #[derive(Clone, Debug)]
@@ -65,7 +66,7 @@ pub(crate) fn nearest<'a>(word: &str, candidates: impl Iterator<Item = &'a str>)
 }
 
 /// Keys of the documented format that later versions bring.
-const NOT_BUILT_YET: [&str; 5] = ["metal", "refractor", "leaves", "evaluation", "tolerance"];
+const NOT_BUILT_YET: [&str; 4] = ["refractor", "leaves", "evaluation", "tolerance"];
 
 /// serde's message, with the nearest known key or word in place of a list of all of them.
 fn readable(message: &str) -> String {
@@ -170,6 +171,8 @@ struct ReflectorTable {
     sides: Sides,
     #[serde(default = "white")]
     reflectance: [f32; 3],
+    metal: Option<Metal>,
+    coat: Option<f64>,
 }
 
 #[derive(Deserialize)]
@@ -331,10 +334,7 @@ impl Builder<'_> {
         };
         let reflector = match &table.reflector {
             None => None,
-            Some(r) => Some(Reflector {
-                sides: r.sides,
-                reflectance: self.colour(&key("reflector.reflectance"), r.reflectance, 1.0)?,
-            }),
+            Some(r) => Some(Reflector { sides: r.sides, finish: self.finish(r, &key)? }),
         };
         let receiver = match &table.receiver {
             None => None,
@@ -342,6 +342,14 @@ impl Builder<'_> {
         };
         let mesh = self.mesh(&name, table, notes)?.transformed(&place);
         Ok(Object { name, mesh, reflector, receiver, camera_visible: table.camera_visible })
+    }
+
+    fn finish(&self, table: &ReflectorTable, key: &dyn Fn(&str) -> String) -> Result<Finish, SceneError> {
+        if table.coat.is_some_and(|index| !(1.0..=4.0).contains(&index)) {
+            return Err(self.error(key("reflector.coat"), "must be a refractive index from 1 to 4"));
+        }
+        let reflectance = self.colour(&key("reflector.reflectance"), table.reflectance, 1.0)?.as_dvec3();
+        Ok(Finish { reflectance, metal: table.metal, coat: table.coat })
     }
 
     fn mesh(&self, name: &str, table: &ObjectTable, notes: &mut Vec<String>) -> Result<Mesh, SceneError> {
@@ -420,6 +428,7 @@ receiver = { albedo = [0.5, 0.5, 0.5] }
             ("sides = \"front\"", "side = \"front\"", "side", "sides"),
             ("radius =", "radios =", "radios", "radius"),
             ("\"front\"", "\"fornt\"", "fornt", "front"),
+            ("sides = \"front\"", "metal = \"sliver\"", "sliver", "silver"),
         ] {
             let message = failure(&GOOD.replace(from, to));
             let line = GOOD.lines().position(|l| l.contains(from)).unwrap() + 1;
@@ -430,7 +439,7 @@ receiver = { albedo = [0.5, 0.5, 0.5] }
 
     #[test]
     fn keys_of_later_versions_are_refused() {
-        assert!(failure(&GOOD.replace("sides = \"front\"", "metal = \"silver\"")).contains("not built yet"));
+        assert!(failure(&GOOD.replace("name = \"ring\"", "refractor = {}")).contains("not built yet"));
     }
 
     #[test]
@@ -438,6 +447,8 @@ receiver = { albedo = [0.5, 0.5, 0.5] }
         for (from, to, expected) in [
             ("height = 3.0", "height = -3.0", "scene.toml:8: camera.orthographic.height"),
             ("[0.5, 0.5, 0.5]", "[0.5, 1.5, 0.5]", "scene.toml:18: object 'table'.receiver.albedo"),
+            ("sides = \"front\"", "coat = 0.5", "reflector.coat: must be a refractive index from 1 to 4"),
+            ("sides = \"front\"", "metal = \"gold\", reflectance = [2, 1, 1]", "reflector.reflectance"),
             ("up = [0.0, 0.0, -1.0]", "up = [0.0, 1.0, 0.0]", "up must not be along"),
             ("constant = [1.0, 1.0, 1.0]", "constant = [1.0, nan, 1.0]", "environment.constant"),
             ("constant = [1.0, 1.0, 1.0]", "", "exactly one of map"),

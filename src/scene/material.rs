@@ -2,6 +2,8 @@
 
 use glam::Vec3;
 
+use crate::reflectance::Finish;
+
 /// Which sides of a surface mirror.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
@@ -15,13 +17,13 @@ pub enum Sides {
     Both,
 }
 
-/// A perfect mirror.
+/// A smooth mirror.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Reflector {
     /// The mirroring sides.
     pub sides: Sides,
-    /// Fraction of the light that is mirrored, per channel, in [0, 1].
-    pub reflectance: Vec3,
+    /// What it is made of.
+    pub finish: Finish,
 }
 
 /// A Lambertian receiver.

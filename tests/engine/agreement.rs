@@ -4,7 +4,7 @@ use pinspot::Silent;
 use pinspot::environment::CubeMap;
 use pinspot::image::Aov;
 use pinspot::pinhole::gpu::Options;
-use pinspot::pinhole::{BATCH_SIZE, Filter, Footprint, Params, PinholeSample, Receivers};
+use pinspot::pinhole::{BATCH_SIZE, Filter, Footprint, Params, PinholeSample, Pinholes, Receivers};
 use pinspot::render::{BackendChoice, BackendReport, Rendered, Renderer, Settings};
 use pinspot::sampling::Strategy;
 use pinspot::scene::{BUILT_IN, load};
@@ -58,7 +58,7 @@ fn the_same_seed_gives_the_same_bits() {
 
 struct Case {
     receivers: Receivers,
-    samples: Vec<PinholeSample>,
+    pinholes: Pinholes,
     cube: CubeMap,
 }
 
@@ -66,19 +66,19 @@ fn two_sided_ring() -> Case {
     let ring = scene(
         "[[object]]\nshape = { ring = { radius = 0.5, height = 0.3 } }\nreflector = { sides = \"both\", reflectance = [0.9, 0.5, 0.1] }\n",
     );
-    let samples = pinholes_of(&ring, 900, Strategy::Neighbourhood, Footprint::Cells, 1);
+    let pinholes = pinholes_of(&ring, 900, Strategy::Neighbourhood, Footprint::Cells, 1);
     let cube = CubeMap::from_radiance(64, None, |d| glam::Vec3::new(1.0 + d.x, 2.0 + d.y, (9.0 * d.z).sin().abs()));
-    Case { receivers: floor(3.0, 33), samples, cube }
+    Case { receivers: floor(3.0, 33), pinholes, cube }
 }
 
 #[test]
 fn ping_pong_and_ranges_of_batches_give_what_one_blended_draw_gives() {
-    let Case { receivers, samples, cube } = two_sided_ring();
+    let Case { receivers, pinholes, cube } = two_sided_ring();
     let params = Params::default();
-    let whole = on_gpu(&receivers, &samples, &cube, &params);
+    let whole = on_gpu(&receivers, &pinholes, &cube, &params);
     for (force_ping_pong, step) in [(false, 1), (true, 1), (true, u32::MAX)] {
         let options = Options { filter: params.filter, force_ping_pong };
-        let parts = on_gpu_with(&receivers, &samples, &cube, &params, &options, step);
+        let parts = on_gpu_with(&receivers, &pinholes, &cube, &params, &options, step);
         let error = rel_l2(&parts, &whole);
         assert!(error < 1e-6, "ping-pong {force_ping_pong}, step {step}: {error}");
     }
@@ -87,23 +87,23 @@ fn ping_pong_and_ranges_of_batches_give_what_one_blended_draw_gives() {
 /// A thin sheet that reflects on both sides is its front and its back together.
 #[test]
 fn two_sided_reflectors_reflect_on_both_sides() {
-    let Case { receivers, samples, cube } = two_sided_ring();
+    let Case { receivers, pinholes, cube } = two_sided_ring();
     let params = Params::default();
-    let turned = |sign: f32| -> Vec<PinholeSample> {
+    let turned = |sign: f32| -> Pinholes {
         let turn = |v: [f32; 4]| v.map(|c| sign * c);
         let one = |s: &PinholeSample| {
             let [x, y, z, _] = turn(s.normal_object);
             let normal_object = [x, y, z, 1.0];
             PinholeSample { normal_object, change_1: turn(s.change_1), change_2: turn(s.change_2), ..*s }
         };
-        samples.iter().map(one).collect()
+        pinholes.samples.iter().map(one).collect::<Vec<_>>().into()
     };
-    let both = on_cpu(&receivers, &samples, &cube, &params);
+    let both = on_cpu(&receivers, &pinholes, &cube, &params);
     let [front, back] = [1.0, -1.0].map(|sign| on_cpu(&receivers, &turned(sign), &cube, &params));
     let sum: Vec<[f32; 4]> = front.iter().zip(&back).map(|(f, b)| [0, 1, 2, 3].map(|c| f[c] + b[c])).collect();
     assert!(back.iter().any(|b| b[0] > 0.0));
     assert!(rel_l2(&sum, &both) < 1e-5, "{}", rel_l2(&sum, &both));
-    assert!(rel_l2(&on_gpu(&receivers, &samples, &cube, &params), &both) < 1e-5);
+    assert!(rel_l2(&on_gpu(&receivers, &pinholes, &cube, &params), &both) < 1e-5);
 }
 
 /// The run says so where the hardware filter is wrong, and such an adapter (lavapipe) is known to be.

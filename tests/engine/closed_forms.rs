@@ -16,13 +16,13 @@ const SPHERE: &str = "[[object]]\nshape = { sphere = { radius = 0.5 } }\ntransla
 /// E = π L sin²(σ) cos θ with sin σ = R/d.
 #[test]
 fn mirror_sphere_under_constant_light() {
-    let samples = pinholes_of(&scene(SPHERE), 1000, Strategy::Neighbourhood, Footprint::Cells, 1);
+    let pinholes = pinholes_of(&scene(SPHERE), 1000, Strategy::Neighbourhood, Footprint::Cells, 1);
     let cube = CubeMap::from_radiance(64, None, |_| Vec3::new(1.0, 2.0, 0.5));
     let points: Vec<Vec3> = vec![Vec3::ZERO, Vec3::X * 0.3, Vec3::new(0.6, 0.0, 0.5), Vec3::new(0.0, 0.0, -1.0)];
     let receivers = Receivers::from_points(&points.iter().map(|p| (*p, Vec3::Y, 1)).collect::<Vec<_>>(), 4);
     for (name, gather) in BACK_ENDS {
         for filter in [Filter::None, Filter::Isotropic, Filter::Anisotropic] {
-            let got = gather(&receivers, &samples, &cube, &Params { filter, ..Default::default() });
+            let got = gather(&receivers, &pinholes, &cube, &Params { filter, ..Default::default() });
             for (point, got) in points.iter().zip(&got) {
                 let to_centre = DVec3::Y - point.as_dvec3();
                 let d = to_centre.length();
@@ -48,12 +48,12 @@ fn plane_mirror_shows_the_virtual_image() {
     // A vertical mirror, 2 × 1, in the plane z = −1, facing +z.
     let mirror = "[[object]]\nshape = { plane = { size = [2.0, 1.0] } }\nrotate_deg = [90.0, 0.0, 0.0]\n\
                   translate = [0.0, 0.6, -1.0]\nreflector = {}\n";
-    let samples = pinholes_of(&scene(mirror), 1000, Strategy::Neighbourhood, Footprint::Cells, 1);
+    let pinholes = pinholes_of(&scene(mirror), 1000, Strategy::Neighbourhood, Footprint::Cells, 1);
     let cube = CubeMap::from_radiance(256, None, uneven);
     let points = [Vec3::ZERO, Vec3::new(0.7, 0.0, 0.4), Vec3::new(-1.0, 0.0, -0.4)];
     let receivers = Receivers::from_points(&points.map(|p| (p, Vec3::Y, 1)), 3);
     for (name, gather) in BACK_ENDS {
-        let got = gather(&receivers, &samples, &cube, &Params::default());
+        let got = gather(&receivers, &pinholes, &cube, &Params::default());
         for (point, got) in points.iter().zip(&got) {
             let expected = virtual_image(point.as_dvec3());
             for channel in 0..3 {
@@ -93,8 +93,8 @@ fn strategies_agree_on_the_energy() {
     let cube = CubeMap::from_radiance(64, None, uneven);
     let receivers = floor(1.6, 12);
     let total = |strategy, footprint, seed| -> f64 {
-        let samples = pinholes_of(&ring, 2000, strategy, footprint, seed);
-        on_cpu(&receivers, &samples, &cube, &Params::default()).iter().map(|e| f64::from(e[0] + e[1] + e[2])).sum()
+        let pinholes = pinholes_of(&ring, 2000, strategy, footprint, seed);
+        on_cpu(&receivers, &pinholes, &cube, &Params::default()).iter().map(|e| f64::from(e[0] + e[1] + e[2])).sum()
     };
     let expected = total(Strategy::Neighbourhood, Footprint::Cells, 7);
     use Strategy::{Grid, Neighbourhood, QuantisedGrid, Random};
@@ -114,12 +114,12 @@ fn strategies_agree_on_the_energy() {
 /// Seen from everywhere, a mirror under constant light shows that light: on its own surface, too. ε must not change it much.
 #[test]
 fn epsilon_keeps_the_energy_between_objects() {
-    let samples = pinholes_of(&scene(SPHERE), 1000, Strategy::Neighbourhood, Footprint::Cells, 1);
+    let pinholes = pinholes_of(&scene(SPHERE), 1000, Strategy::Neighbourhood, Footprint::Cells, 1);
     let cube = CubeMap::from_radiance(16, None, |_| Vec3::ONE);
     let receivers = floor(1.0, 8);
     let total = |epsilon| -> f64 {
         let params = Params { epsilon, ..Default::default() };
-        on_cpu(&receivers, &samples, &cube, &params).iter().map(|e| f64::from(e[0])).sum()
+        on_cpu(&receivers, &pinholes, &cube, &params).iter().map(|e| f64::from(e[0])).sum()
     };
     let none = total(Epsilon::Value(0.0));
     assert_eq!(total(Epsilon::Auto), none, "auto changes nothing between different objects");
@@ -130,15 +130,15 @@ fn epsilon_keeps_the_energy_between_objects() {
 /// A sample on its own object, closer than its radius, is held back; on another object it is not.
 #[test]
 fn epsilon_auto_holds_on_the_samples_own_object_only() {
-    let samples = pinholes_of(&scene(SPHERE), 100, Strategy::Neighbourhood, Footprint::Cells, 1);
-    let sample = samples[0];
+    let pinholes = pinholes_of(&scene(SPHERE), 100, Strategy::Neighbourhood, Footprint::Cells, 1);
+    let sample = pinholes.samples[0];
     let normal = sample.normal();
     let point = sample.position() + 0.1 * sample.area().sqrt() * normal;
     let cube = CubeMap::from_radiance(16, None, |_| Vec3::ONE);
     for (name, gather) in BACK_ENDS {
         let at = |object| {
             let receivers = Receivers::from_points(&[(point, -normal, object)], 1);
-            f64::from(gather(&receivers, &[sample], &cube, &Params::default())[0][0])
+            f64::from(gather(&receivers, &vec![sample].into(), &cube, &Params::default())[0][0])
         };
         let l2 = f64::from((point - sample.position()).length_squared());
         let (own, other) = (at(0), at(1));
@@ -150,11 +150,12 @@ fn epsilon_auto_holds_on_the_samples_own_object_only() {
 /// Without attenuation only the cosines are left.
 #[test]
 fn attenuation_can_be_dropped() {
-    let samples = pinholes_of(&scene(SPHERE), 200, Strategy::Neighbourhood, Footprint::Cells, 1);
+    let pinholes = pinholes_of(&scene(SPHERE), 200, Strategy::Neighbourhood, Footprint::Cells, 1);
     let cube = CubeMap::from_radiance(16, None, |_| Vec3::ONE);
     let point = Vec3::new(0.4, 0.0, 0.1);
     let receivers = Receivers::from_points(&[(point, Vec3::Y, 1)], 1);
-    let expected: f64 = samples
+    let expected: f64 = pinholes
+        .samples
         .iter()
         .map(|s| {
             let d = (s.position() - point).normalize();
@@ -162,7 +163,7 @@ fn attenuation_can_be_dropped() {
         })
         .sum();
     for (name, gather) in BACK_ENDS {
-        let got = gather(&receivers, &samples, &cube, &Params { attenuation: false, ..Default::default() });
+        let got = gather(&receivers, &pinholes, &cube, &Params { attenuation: false, ..Default::default() });
         assert!((f64::from(got[0][0]) / expected - 1.0).abs() < 1e-4, "{name}");
     }
 }

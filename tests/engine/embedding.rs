@@ -18,8 +18,8 @@ fn the_example_gathers_what_the_cpu_gathers() {
     let receivers = Receivers { width, height, positions: output.positions, normals: output.normals };
     let loaded = load::<Settings>(embed::SCENE).unwrap();
     let environment = Environment::load(&loaded.scene.environment, Default::default()).unwrap();
-    let samples = pinholes_of(&loaded.scene, embed::SAMPLES, Default::default(), Default::default(), 1);
-    let expected = on_cpu(&receivers, &samples, &environment.cube, &Params::default());
+    let pinholes = pinholes_of(&loaded.scene, embed::SAMPLES, Default::default(), Default::default(), 1);
+    let expected = on_cpu(&receivers, &pinholes, &environment.cube, &Params::default());
     assert!(expected.iter().any(|e| e[0] > 0.0));
     let error = rel_l2(&output.caustic, &expected);
     assert!(error < 1e-3, "{error}");

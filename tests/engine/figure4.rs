@@ -93,9 +93,9 @@ struct Run {
 
 fn error(run: &Run, receivers: &Receivers, reference: &[f64]) -> f64 {
     let scene = load::<Settings>("ring-above").unwrap().scene;
-    let samples = pinholes_of(&scene, run.samples, Strategy::Neighbourhood, run.footprint, run.seed);
+    let pinholes = pinholes_of(&scene, run.samples, Strategy::Neighbourhood, run.footprint, run.seed);
     let params = Params { filter: run.filter, ..Default::default() };
-    let estimate = on_cpu(receivers, &samples, &sun(), &params);
+    let estimate = on_cpu(receivers, &pinholes, &sun(), &params);
     let (mut difference, mut norm) = (0.0, 0.0);
     for (e, r) in estimate.iter().zip(reference) {
         difference += (f64::from(e[0]) - r).powi(2);

@@ -35,7 +35,7 @@ fn too_large_a_texture_is_an_error_with_a_remedy() {
         positions: &view,
         normals: &view,
         size: [too_wide, 1],
-        samples: &[PinholeSample::default()],
+        pinholes: &vec![PinholeSample::default()].into(),
         environment: &environment,
         params: Params::default(),
     };

@@ -21,7 +21,7 @@ fn a_sun_beyond_half_floats_survives_on_a_plain_device() {
     let cube =
         CubeMap::from_radiance(128, None, |d| Vec3::splat(if d.dot(sun) > 0.999 { 5e6 } else { 0.5 + 0.4 * d.x }));
     let sphere = "[[object]]\nshape = { sphere = { radius = 0.5 } }\ntranslate = [0.0, 1.0, 0.0]\nreflector = {}\n";
-    let samples = pinholes_of(&scene(sphere), 700, Strategy::Neighbourhood, Footprint::Cells, 1);
+    let pinholes = pinholes_of(&scene(sphere), 700, Strategy::Neighbourhood, Footprint::Cells, 1);
     let receivers = floor(2.0, 16);
     let params = Params::default();
 
@@ -34,7 +34,7 @@ fn a_sun_beyond_half_floats_survives_on_a_plain_device() {
         positions: &positions,
         normals: &normals,
         size: [16, 16],
-        samples: &samples,
+        pinholes: &pinholes,
         environment: &environment,
         params,
     };
@@ -42,7 +42,7 @@ fn a_sun_beyond_half_floats_survives_on_a_plain_device() {
     let mut encoder = device.create_command_encoder(&Default::default());
     frame.record(&mut encoder, 0..frame.batch_count());
     let got = read(&device, &queue, encoder, frame.caustic());
-    let error = rel_l2(&got, &on_cpu(&receivers, &samples, &cube, &params));
+    let error = rel_l2(&got, &on_cpu(&receivers, &pinholes, &cube, &params));
     assert!(error < 1e-3, "{error}");
 }
 

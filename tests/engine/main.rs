@@ -11,6 +11,7 @@ mod filter_quality;
 mod gpu_errors;
 mod ground_truth;
 mod half_float;
+mod metals;
 mod pictures;
 mod shaders;
 mod support;

@@ -2,7 +2,7 @@
 
 use naga::valid::{Capabilities, ValidationFlags, Validator};
 use pinspot::gpu::{SHADERS, resolve};
-use pinspot::pinhole::{BATCH_SIZE, GatherUniforms, PinholeSample};
+use pinspot::pinhole::{BATCH_SIZE, CURVE_POINTS, GatherUniforms, PinholeSample};
 
 fn parse(name: &str) -> Result<naga::Module, String> {
     let source = resolve(name);
@@ -69,4 +69,5 @@ fn structs_are_laid_out_alike() {
 #[test]
 fn the_batch_size_is_the_same() {
     assert!(resolve("gather").contains(&format!("const BATCH_SIZE: u32 = {BATCH_SIZE}u;")));
+    assert!(resolve("gather").contains(&format!("const CURVE_POINTS: u32 = {CURVE_POINTS}u;")));
 }

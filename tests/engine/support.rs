@@ -7,7 +7,7 @@ use pinspot::differential::differentials;
 use pinspot::environment::CubeMap;
 use pinspot::gpu::Gpu;
 use pinspot::pinhole::gpu::{Engine, EnvironmentCube, FrameInputs, Options};
-use pinspot::pinhole::{Footprint, Params, PinholeSample, Receivers, cpu, pinholes};
+use pinspot::pinhole::{Footprint, Params, Pinholes, Receivers, cpu, pinholes};
 use pinspot::sampling::{self, Strategy, Surface, sample};
 use pinspot::scene::{Scene, parse};
 
@@ -27,31 +27,25 @@ pub fn scene(objects: &str) -> Scene {
 }
 
 /// The pinholes of a scene.
-pub fn pinholes_of(
-    scene: &Scene,
-    samples: u32,
-    strategy: Strategy,
-    footprint: Footprint,
-    seed: u64,
-) -> Vec<PinholeSample> {
+pub fn pinholes_of(scene: &Scene, samples: u32, strategy: Strategy, footprint: Footprint, seed: u64) -> Pinholes {
     let set = sample(&Surface::of_scene(scene), &sampling::Options { samples, strategy, seed }).unwrap();
     pinholes(scene, &differentials(&set), footprint)
 }
 
 /// Irradiance by the CPU twin.
-pub fn on_cpu(receivers: &Receivers, samples: &[PinholeSample], cube: &CubeMap, params: &Params) -> Vec<[f32; 4]> {
-    cpu::gather(receivers, samples, cube, params, &|_| ())
+pub fn on_cpu(receivers: &Receivers, pinholes: &Pinholes, cube: &CubeMap, params: &Params) -> Vec<[f32; 4]> {
+    cpu::gather(receivers, pinholes, cube, params, &|_| ())
 }
 
 /// Irradiance by the GPU, all batches in one submission.
-pub fn on_gpu(receivers: &Receivers, samples: &[PinholeSample], cube: &CubeMap, params: &Params) -> Vec<[f32; 4]> {
-    on_gpu_with(receivers, samples, cube, params, &Options { filter: params.filter, ..Default::default() }, u32::MAX)
+pub fn on_gpu(receivers: &Receivers, pinholes: &Pinholes, cube: &CubeMap, params: &Params) -> Vec<[f32; 4]> {
+    on_gpu_with(receivers, pinholes, cube, params, &Options { filter: params.filter, ..Default::default() }, u32::MAX)
 }
 
 /// The same with engine options, `step` batches a submission.
 pub fn on_gpu_with(
     receivers: &Receivers,
-    samples: &[PinholeSample],
+    pinholes: &Pinholes,
     cube: &CubeMap,
     params: &Params,
     options: &Options,
@@ -69,7 +63,7 @@ pub fn on_gpu_with(
         positions: &positions,
         normals: &normals,
         size,
-        samples,
+        pinholes,
         environment: &environment,
         params: *params,
     };
@@ -86,7 +80,7 @@ pub fn on_gpu_with(
 }
 
 /// A function that gathers on some back end.
-pub type Gather = fn(&Receivers, &[PinholeSample], &CubeMap, &Params) -> Vec<[f32; 4]>;
+pub type Gather = fn(&Receivers, &Pinholes, &CubeMap, &Params) -> Vec<[f32; 4]>;
 
 /// Both back ends.
 pub const BACK_ENDS: [(&str, Gather); 2] = [("cpu", on_cpu), ("gpu", on_gpu)];

@@ -18,7 +18,7 @@ use wide::f32x8;
 use self::filters::{FILTER_ANISOTROPIC, FILTER_EWA, FILTER_ISOTROPIC, FILTER_NONE, Sides, mean_over_footprint};
 use self::footprint::reflected_side;
 use self::lanes::{F, V3, abs, splat, splat3};
-use super::{BATCH_SIZE, Filter, GatherUniforms, Params, PinholeSample, Receivers};
+use super::{BATCH_SIZE, CURVE_POINTS, Filter, GatherUniforms, Params, PinholeSample, Pinholes, Receivers};
 use crate::environment::CubeMap;
 
 /// Receivers that go through the loop together.
@@ -30,14 +30,14 @@ const GROUPS_PER_TASK: usize = 32;
 /// thread, how many more receivers are done. [`Filter::Hardware`] needs a GPU and is not accepted here.
 pub fn gather(
     receivers: &Receivers,
-    samples: &[PinholeSample],
+    pinholes: &Pinholes,
     environment: &CubeMap,
     params: &Params,
     progress: &(dyn Fn(u64) + Sync),
 ) -> Vec<[f32; 4]> {
     assert!(params.taps > 0, "a footprint needs one tap at least");
-    let uniforms = GatherUniforms::for_cube(params, samples.len(), environment);
-    let gather = Gather { samples, uniforms, environment: CubeLookup::new(environment) };
+    let uniforms = GatherUniforms::for_cube(params, pinholes.samples.len(), environment);
+    let gather = Gather { pinholes, uniforms, environment: CubeLookup::new(environment) };
     let task: fn(&Gather, &Receivers, usize, &mut [[f32; 4]]) = match params.filter {
         Filter::None => task::<FILTER_NONE>,
         Filter::Isotropic => task::<FILTER_ISOTROPIC>,
@@ -54,7 +54,7 @@ pub fn gather(
 }
 
 struct Gather<'a> {
-    samples: &'a [PinholeSample],
+    pinholes: &'a Pinholes,
     uniforms: GatherUniforms,
     environment: CubeLookup<'a>,
 }
@@ -74,7 +74,7 @@ fn task<const FILTER: u32>(gather: &Gather, receivers: &Receivers, first: usize,
             continue;
         }
         let mut totals = [Vec4::ZERO; LANES];
-        for batch in gather.samples.chunks(BATCH_SIZE as usize) {
+        for batch in gather.pinholes.samples.chunks(BATCH_SIZE as usize) {
             let sum = gather.gather_batch::<FILTER>(batch, &receiver);
             totals.iter_mut().zip(sum).for_each(|(total, sum)| *total += sum);
         }
@@ -134,14 +134,29 @@ impl Gather<'_> {
         let weight = splat(sample.area()) * cosines * self.attenuation(l2, sample, &receiver.object);
         let r = (d - n * (dn + dn)) * inverse_l;
         let (radiance, taps) = self.filtered_radiance::<FILTER>(sample, d, n, dn, inverse_l, r, lit);
-        let reflectance = Vec4::from(sample.reflectance);
+        let reflectance = self.reflectance(sample, facing * inverse_l);
         let scale = (weight / taps).to_array();
         let taps = taps.to_array();
         for lane in 0..LANES {
             if lit & (1 << lane) != 0 {
-                sum[lane] += scale[lane] * reflectance * radiance[lane] + taps[lane] * Vec4::W;
+                sum[lane] += scale[lane] * reflectance[lane] * radiance[lane] + taps[lane] * Vec4::W;
             }
         }
+    }
+
+    /// Reflectance, w = 0, at a cosine of the angle of incidence.
+    #[inline]
+    fn reflectance(&self, sample: &PinholeSample, cosine: F) -> [Vec4; LANES] {
+        let Some(curve) = sample.curve() else {
+            return [Vec4::from(sample.reflectance); LANES];
+        };
+        let curve = &self.pinholes.curves[curve];
+        cosine.to_array().map(|cosine| {
+            let place = cosine.min(1.0) * (CURVE_POINTS - 1) as f32;
+            let first = (place as usize).min(CURVE_POINTS - 2);
+            let (a, b) = (Vec4::from(curve[first]), Vec4::from(curve[first + 1]));
+            a + (b - a) * (place - first as f32)
+        })
     }
 
     /// 1/l², kept finite (WS-7).

@@ -19,7 +19,7 @@ use std::ops::Range;
 use wgpu::util::DeviceExt;
 
 use self::pipeline::{BATCH_BYTES, Pipelines};
-use super::{BATCH_SIZE, Filter, GatherUniforms, Params, PinholeSample};
+use super::{BATCH_SIZE, Filter, GatherUniforms, Params, PinholeSample, Pinholes};
 use crate::gpu::GpuError;
 
 /// The format of the caustic texture.
@@ -58,7 +58,7 @@ pub struct FrameInputs<'a> {
     /// Width and height of both.
     pub size: [u32; 2],
     /// The samples.
-    pub samples: &'a [PinholeSample],
+    pub pinholes: &'a Pinholes,
     /// The environment.
     pub environment: &'a EnvironmentCube,
     /// Parameters; the filter must be the engine's.
@@ -109,7 +109,7 @@ impl Engine {
             receivers: self.pipelines.bind_receivers(device, inputs.positions, inputs.normals),
             previous,
             pipeline: self.pipelines.gather.clone(),
-            batches: (inputs.samples.len() as u32).div_ceil(BATCH_SIZE),
+            batches: (inputs.pinholes.samples.len() as u32).div_ceil(BATCH_SIZE),
             targets,
             views,
             current: None,
@@ -118,23 +118,36 @@ impl Engine {
 
     fn bind_inputs(&self, device: &wgpu::Device, inputs: &FrameInputs) -> wgpu::BindGroup {
         let cube = inputs.environment;
-        let uniforms =
-            GatherUniforms::new(&inputs.params, inputs.samples.len() as u32, cube.size(), cube.radiance_scale());
+        let uniforms = GatherUniforms::new(
+            &inputs.params,
+            inputs.pinholes.samples.len() as u32,
+            cube.size(),
+            cube.radiance_scale(),
+        );
         let uniforms = device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
             label: Some("gather uniforms"),
             contents: bytemuck::bytes_of(&uniforms),
             usage: wgpu::BufferUsages::UNIFORM,
         });
         // Whole batches, one at least; the shader reads `sample_count` samples only.
-        let batches = inputs.samples.len().div_ceil(BATCH_SIZE as usize).max(1);
-        let mut padded = inputs.samples.to_vec();
+        let batches = inputs.pinholes.samples.len().div_ceil(BATCH_SIZE as usize).max(1);
+        let mut padded = inputs.pinholes.samples.clone();
         padded.resize(batches * BATCH_SIZE as usize, PinholeSample::default());
         let samples = device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
             label: Some("pinhole samples"),
             contents: bytemuck::cast_slice(&padded),
             usage: wgpu::BufferUsages::UNIFORM,
         });
-        self.pipelines.bind_inputs(device, &uniforms, &samples, cube.view())
+        let curves = device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
+            label: Some("reflectance curves"),
+            contents: match inputs.pinholes.curves.as_slice() {
+                // A binding cannot be empty.
+                [] => &[0; size_of::<[f32; 4]>()],
+                curves => bytemuck::cast_slice(curves),
+            },
+            usage: wgpu::BufferUsages::STORAGE,
+        });
+        self.pipelines.bind_inputs(device, &uniforms, &samples, cube.view(), &curves)
     }
 }
 
@@ -205,8 +218,8 @@ fn check_limits(limits: &wgpu::Limits, inputs: &FrameInputs) -> Result<(), GpuEr
     }
     // Whole batches; their offsets are 32-bit.
     let most = (limits.max_buffer_size.min(u64::from(u32::MAX)) / BATCH_BYTES) as usize * BATCH_SIZE as usize;
-    if inputs.samples.len() > most {
-        return Err(GpuError::TooManySamples { samples: inputs.samples.len(), limit: most });
+    if inputs.pinholes.samples.len() > most {
+        return Err(GpuError::TooManySamples { samples: inputs.pinholes.samples.len(), limit: most });
     }
     Ok(())
 }

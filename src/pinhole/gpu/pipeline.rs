@@ -22,7 +22,8 @@ pub(super) struct Pipelines {
 
 impl Pipelines {
     pub fn new(device: &wgpu::Device, filter: Filter, blends: bool) -> Self {
-        let inputs = layout(device, "gather inputs", &[uniform(0), window(1), cube(2), sampler(3), sampler(4)]);
+        let inputs =
+            layout(device, "gather inputs", &[uniform(0), window(1), cube(2), sampler(3), sampler(4), storage(5)]);
         let receivers = layout(device, "receivers", &[texture(0), texture(1)]);
         let previous = layout(device, "previous target", &[texture(0)]);
         let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
@@ -65,6 +66,7 @@ impl Pipelines {
         uniforms: &wgpu::Buffer,
         samples: &wgpu::Buffer,
         environment: &wgpu::TextureView,
+        curves: &wgpu::Buffer,
     ) -> wgpu::BindGroup {
         bind(
             device,
@@ -79,6 +81,7 @@ impl Pipelines {
                 wgpu::BindingResource::TextureView(environment),
                 wgpu::BindingResource::Sampler(&self.trilinear),
                 wgpu::BindingResource::Sampler(&self.anisotropic),
+                curves.as_entire_binding(),
             ],
         )
     }

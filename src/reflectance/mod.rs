@@ -1,0 +1,152 @@
+//! How much light a smooth surface mirrors, by the angle of incidence: metals and clear coats by Fresnel's equations, from
+//! published optical constants, as linear Rec.709. Knows no geometry and no scene.
+
+mod fresnel;
+mod metals;
+mod spectrum;
+
+pub use fresnel::{coated, interface};
+pub use metals::Metal;
+pub use spectrum::{WAVELENGTHS, rec709_of_reflectance};
+
+use glam::DVec3;
+
+/// What a mirror is made of.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Finish {
+    /// A factor on what is mirrored below the coat, per channel, in [0, 1]; by itself a mirror of that reflectance.
+    pub reflectance: DVec3,
+    /// The metal; `None`: all angles mirror alike.
+    pub metal: Option<Metal>,
+    /// The refractive index of a smooth clear coat, from 1 to 4.
+    pub coat: Option<f64>,
+}
+
+impl Finish {
+    /// A mirror without any physics.
+    pub fn constant(reflectance: DVec3) -> Self {
+        Self { reflectance, metal: None, coat: None }
+    }
+
+    /// Whether the angle does not matter.
+    pub fn is_constant(&self) -> bool {
+        self.metal.is_none() && self.coat.is_none()
+    }
+
+    /// The reflectance for unpolarised light at a cosine of the angle of incidence in [0, 1]. Channels may lie a trace
+    /// outside [0, 1] where a metal's colour lies outside Rec.709's triangle.
+    pub fn reflectance_at(&self, cosine: f64) -> DVec3 {
+        match (self.metal, self.coat) {
+            (None, None) => self.reflectance,
+            (None, Some(coat)) => self.reflectance.to_array().map(|r| mean(coated(cosine, coat, |_| [r; 2]))).into(),
+            (Some(metal), None) => {
+                self.reflectance * rec709_of_reflectance(|nm| mean(interface(cosine, metal.index(nm))))
+            }
+            (Some(metal), Some(coat)) => {
+                // The factor belongs to the metal alone, so that the coat's own gloss keeps the light's colour.
+                let channel = |k: usize| {
+                    let factor = self.reflectance[k];
+                    let below = |nm, inside| interface(inside, metal.index(nm) / coat).map(|r| factor * r);
+                    rec709_of_reflectance(|nm| mean(coated(cosine, coat, |inside| below(nm, inside))))[k]
+                };
+                DVec3::new(channel(0), channel(1), channel(2))
+            }
+        }
+    }
+}
+
+fn mean([s, p]: [f64; 2]) -> f64 {
+    0.5 * (s + p)
+}
+
+/// A finish at equal steps of the cosine of the angle of incidence, from 0 to 1.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Curve {
+    values: Vec<DVec3>,
+}
+
+impl Curve {
+    /// Evaluates a finish at so many cosines, two at least.
+    pub fn new(finish: &Finish, points: usize) -> Self {
+        let last = (points.max(2) - 1) as f64;
+        Self { values: (0..points.max(2)).map(|k| finish.reflectance_at(k as f64 / last)).collect() }
+    }
+
+    /// The values, from grazing to perpendicular incidence.
+    pub fn values(&self) -> &[DVec3] {
+        &self.values
+    }
+
+    /// Linear interpolation at a cosine in [0, 1].
+    pub fn at(&self, cosine: f64) -> DVec3 {
+        let place = cosine.clamp(0.0, 1.0) * (self.values.len() - 1) as f64;
+        let first = (place as usize).min(self.values.len() - 2);
+        self.values[first].lerp(self.values[first + 1], place - first as f64)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn finish(metal: Option<Metal>, coat: Option<f64>) -> Finish {
+        Finish { reflectance: DVec3::ONE, metal, coat }
+    }
+
+    /// Colours of metals at perpendicular incidence as other tables have them (Hoffman, *Physics and Math of Shading*,
+    /// 2015, from the same or like constants, linear Rec.709).
+    #[test]
+    fn metals_have_their_known_colours() {
+        for (metal, [r, g, b]) in [
+            (Metal::Silver, [0.97, 0.96, 0.91]),
+            (Metal::Gold, [1.00, 0.77, 0.34]),
+            (Metal::Copper, [0.96, 0.64, 0.54]),
+            (Metal::Aluminium, [0.91, 0.92, 0.92]),
+            (Metal::Chromium, [0.55, 0.56, 0.55]),
+            (Metal::Brass, [0.91, 0.78, 0.42]),
+        ] {
+            let found = finish(Some(metal), None).reflectance_at(1.0);
+            assert!(found.abs_diff_eq(DVec3::new(r, g, b), 0.07), "{metal:?}: {found}");
+        }
+    }
+
+    #[test]
+    fn everything_mirrors_all_light_at_grazing_incidence() {
+        for metal in Metal::ALL.map(Some).into_iter().chain([None]) {
+            for coat in [None, Some(1.5)] {
+                if metal.is_none() && coat.is_none() {
+                    continue;
+                }
+                let found = finish(metal, coat).reflectance_at(0.0);
+                assert!(found.abs_diff_eq(DVec3::ONE, 1e-9), "{metal:?} {coat:?}: {found}");
+            }
+        }
+    }
+
+    /// A curve of 128 points is as good as the equations (but within its last step to grazing light, which weighs nothing).
+    #[test]
+    fn curves_follow_the_equations() {
+        for metal in Metal::ALL.map(Some).into_iter().chain([None]) {
+            for coat in [None, Some(1.5)] {
+                let finish = Finish { reflectance: DVec3::new(1.0, 0.5, 0.0), metal, coat };
+                let curve = Curve::new(&finish, 128);
+                for k in 0..1000 {
+                    let cosine = f64::from(k) / 999.0;
+                    let (exact, found) = (finish.reflectance_at(cosine), curve.at(cosine));
+                    let most = if cosine < 1.0 / 127.0 { 5e-3 } else { 1.5e-3 };
+                    assert!(found.abs_diff_eq(exact, most), "{finish:?} at {cosine}: {found} for {exact}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_coat_that_is_air_changes_nothing() {
+        for metal in Metal::ALL {
+            let (bare, coated) = (finish(Some(metal), None), finish(Some(metal), Some(1.0)));
+            for cosine in [0.1, 0.5, 1.0] {
+                assert!(bare.reflectance_at(cosine).abs_diff_eq(coated.reflectance_at(cosine), 1e-12));
+            }
+        }
+    }
+}
