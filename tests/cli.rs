@@ -421,8 +421,11 @@ fn a_reference_has_irradiance_and_its_error_and_can_go_on() {
         serde_json::from_slice::<serde_json::Value>(&output.stdout).unwrap()
     };
     let rough = run("0.1");
-    let better = run("0.002");
-    assert!(rough["rel_error"].as_f64().unwrap() <= 0.1 && better["rel_error"].as_f64().unwrap() <= 0.002);
+    let first = rough["rel_error"].as_f64().unwrap();
+    // However good the first pass was.
+    let goal = first.min(0.01) / 3.0;
+    let better = run(&goal.to_string());
+    assert!(first <= 0.1 && better["rel_error"].as_f64().unwrap() <= goal);
     assert!(better["passes"].as_u64() > rough["passes"].as_u64(), "the second run goes on");
     let path = place.path("truth.exr");
     let irradiance = pinspot::image::read_exr(&path, "").unwrap();
