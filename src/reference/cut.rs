@@ -73,8 +73,9 @@ impl<R: Copy> Cut<R> {
         let mut mass = f64::INFINITY;
         self.split(domain, receiver, wanted);
         while !self.queue.is_empty() && wanted < depth.most {
-            self.split(domain, receiver, wanted);
-            wanted *= 2;
+            let more = wanted.min(depth.most - wanted);
+            self.split(domain, receiver, more);
+            wanted += more;
             let before = std::mem::replace(&mut mass, self.regions.iter().map(|r| r.mass).sum());
             let pays = mass < WORTHWHILE * before && mass > depth.negligible;
             if wanted >= depth.least && !pays {

@@ -2,7 +2,8 @@
 //!
 //! It shares no sampling, footprint or filter code with what it judges. Data flows scene → `geometry` (f64 triangles) and
 //! `light` (radiance from the original image) → a `domain` to integrate over (`reflectors`, or the `sky` for direct light) →
-//! a `cut` per receiver point (the density) → replicates of quasi-random points → [`Estimate`].
+//! a `cut` per receiver point (the density) → replicates of quasi-random points, in
+//! `passes` over the image → [`Estimate`].
 //! This module must not know samples, cells, cube maps, back ends or wgpu.
 
 mod cone;

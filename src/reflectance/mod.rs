@@ -23,11 +23,6 @@ pub struct Finish {
 }
 
 impl Finish {
-    /// A mirror without any physics.
-    pub fn constant(reflectance: DVec3) -> Self {
-        Self { reflectance, metal: None, coat: None }
-    }
-
     /// Whether the angle does not matter.
     pub fn is_constant(&self) -> bool {
         self.metal.is_none() && self.coat.is_none()
