@@ -140,7 +140,13 @@ fn filtered_radiance(i: u32, d: vec3f, n: vec3f, dn: f32, inverse_l: f32, r: vec
     if FILTER == FILTER_NONE {
         return vec4f(fetch(r, 0.0), 1.0);
     }
-    let v1 = reflected_side(samples[i].side_1.xyz, samples[i].change_1.xyz, d, n, dn, inverse_l, r);
+    let side_1 = samples[i].side_1;
+    let v1 = reflected_side(side_1.xyz, samples[i].change_1.xyz, d, n, dn, inverse_l, r);
     let v2 = reflected_side(samples[i].side_2.xyz, samples[i].change_2.xyz, d, n, dn, inverse_l, r);
-    return mean_over_footprint(r, v1, v2, f32(uniforms.taps), uniforms.texel_rad);
+    var sides = FootprintSides(v1, v2);
+    // The same for all lanes: w is the width of a rough mirror's lobe.
+    if side_1.w > 0.0 {
+        sides = blurred(sides, r, n, abs(dn) * inverse_l, side_1.w);
+    }
+    return mean_over_footprint(r, sides.v1, sides.v2, f32(uniforms.taps), uniforms.texel_rad);
 }

@@ -13,6 +13,33 @@ fn reflected_side(side: vec3f, change: vec3f, d: vec3f, n: vec3f, dn: f32, inver
     return (v - r * dot(r, v)) * inverse_l;
 }
 
+struct FootprintSides {
+    v1: vec3f,
+    v2: vec3f,
+}
+
+// A footprint as a rough mirror blurs it: a parallelogram with the second moments of both together. The lobe around r is
+// `lobe` wide in the plane of incidence and, as facets turn the light less there, narrower by the cosine across it.
+fn blurred(sides: FootprintSides, r: vec3f, n: vec3f, cosine: f32, lobe: f32) -> FootprintSides {
+    var in_plane = n - r * dot(n, r);
+    // Perpendicular incidence knows no plane: any will do.
+    if dot(in_plane, in_plane) < 1e-6 {
+        in_plane = select(vec3f(0.0, -r.z, r.y), vec3f(r.z, 0.0, -r.x), abs(r.y) > 0.7);
+    }
+    let e1 = in_plane * inverseSqrt(dot(in_plane, in_plane));
+    let e2 = cross(r, e1);
+    let a1 = vec2f(dot(sides.v1, e1), dot(sides.v1, e2));
+    let a2 = vec2f(dot(sides.v2, e1), dot(sides.v2, e2));
+    let across = lobe * cosine;
+    let m11 = a1.x * a1.x + a2.x * a2.x + lobe * lobe;
+    let m12 = a1.x * a1.y + a2.x * a2.y;
+    let m22 = a1.y * a1.y + a2.y * a2.y + across * across;
+    // Cholesky's factor: sides with these moments.
+    let l11 = sqrt(m11);
+    let l21 = m12 / l11;
+    return FootprintSides(e1 * l11 + e2 * l21, e2 * sqrt(max(m22 - l21 * l21, 0.0)));
+}
+
 // Principal axes of the parallelogram with sides v1, v2, as the rectangle with the same second moments: lengths of its
 // sides, and the longer side itself.
 fn footprint_axes(v1: vec3f, v2: vec3f) -> FootprintAxes {

@@ -41,7 +41,7 @@ pub struct PinholeSample {
     pub normal_object: [f32; 4],
     /// Reflectance; the number of the curve that holds instead, from 1, or 0.
     pub reflectance: [f32; 4],
-    /// T₁: full first side of the footprint on the surface, metres; unused.
+    /// T₁: full first side of the footprint on the surface, metres; full width of a rough mirror's lobe, radians.
     pub side_1: [f32; 4],
     /// T₂: full second side; unused.
     pub side_2: [f32; 4],
@@ -68,6 +68,9 @@ pub struct PinholeParts {
     pub reflectance: Vec3,
     /// unless it is one of the [`Pinholes::curves`].
     pub curve: Option<u32>,
+    /// How far a rough mirror spreads the light in the plane of incidence: the side of a square with the same second
+    /// moments, radians.
+    pub lobe: f32,
     /// Index of the object in the scene.
     pub object: u32,
     /// Whether both sides reflect.
@@ -83,7 +86,7 @@ impl From<PinholeParts> for PinholeSample {
             position_area: parts.position.extend(parts.area).to_array(),
             normal_object: parts.normal.extend(object).to_array(),
             reflectance: parts.reflectance.extend(parts.curve.map_or(0.0, |c| (c + 1) as f32)).to_array(),
-            side_1: vector(parts.sides[0]),
+            side_1: parts.sides[0].extend(parts.lobe).to_array(),
             side_2: vector(parts.sides[1]),
             change_1: vector(parts.changes[0]),
             change_2: vector(parts.changes[1]),
@@ -110,6 +113,11 @@ impl PinholeSample {
     /// Index of the object in the scene.
     pub fn object(&self) -> u32 {
         self.normal_object[3].abs() as u32 - 1
+    }
+
+    /// How far a rough mirror spreads the light, radians.
+    pub fn lobe(&self) -> f32 {
+        self.side_1[3]
     }
 
     /// Which of the curves of reflectance holds.

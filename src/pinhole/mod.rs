@@ -119,6 +119,10 @@ impl Default for Params {
     }
 }
 
+/// Width of a rough mirror's lobe, radians, for a GGX surface of width 1. GGX has no finite second moment; this is what comes
+/// nearest to the ground truth (`tests/engine/gloss.rs`).
+const LOBE_PER_ROUGHNESS: f32 = 4.0;
+
 /// Packs differential samples for the gather, with their object's finish and sides.
 pub fn pinholes(scene: &Scene, samples: &[DifferentialSample], footprint: Footprint) -> Pinholes {
     let (curves, curve_of_object) = curves(scene);
@@ -136,7 +140,10 @@ pub fn pinholes(scene: &Scene, samples: &[DifferentialSample], footprint: Footpr
         let changes = sides.map(|side| s.normal_change(side));
         let (reflectance, object) = (reflector.finish.reflectance.as_vec3(), s.object);
         let curve = curve_of_object[object as usize];
-        Some(PinholeParts { position, normal, area, sides, changes, reflectance, curve, object, two_sided }.into())
+        let lobe = LOBE_PER_ROUGHNESS * reflector.finish.roughness as f32;
+        Some(
+            PinholeParts { position, normal, area, sides, changes, reflectance, curve, lobe, object, two_sided }.into(),
+        )
     };
     Pinholes { samples: samples.iter().filter_map(pack).collect(), curves }
 }

@@ -1,6 +1,6 @@
 //! Twin of `shaders/shared/footprint.wgsl`.
 
-use super::lanes::{F, V3, splat};
+use super::lanes::{F, V3, abs, splat};
 
 pub(super) struct FootprintAxes {
     pub major: F,
@@ -14,6 +14,30 @@ pub(super) struct FootprintAxes {
 pub(super) fn reflected_side(side: V3, change: V3, d: V3, n: V3, dn: F, inverse_l: F, r: V3) -> V3 {
     let v = side - n * (splat(2.0) * d.dot(change)) - change * (dn + dn);
     (v - r * r.dot(v)) * inverse_l
+}
+
+/// A footprint as a rough mirror blurs it: a parallelogram with the second moments of both together. The lobe around r is
+/// `lobe` wide in the plane of incidence and, as facets turn the light less there, narrower by the cosine across it.
+#[inline(always)]
+pub(super) fn blurred(v1: V3, v2: V3, r: V3, n: V3, cosine: F, lobe: F) -> (V3, V3) {
+    let in_plane = n - r * n.dot(r);
+    // Perpendicular incidence knows no plane: any will do.
+    let V3([x, y, z]) = r;
+    let steep = abs(y).simd_gt(splat(0.7));
+    let any = V3([steep.bitselect(z, F::ZERO), steep.bitselect(F::ZERO, -z), steep.bitselect(-x, y)]);
+    let perpendicular = in_plane.dot(in_plane).simd_lt(splat(1e-6));
+    let in_plane = V3([0, 1, 2].map(|k| perpendicular.bitselect(any.0[k], in_plane.0[k])));
+    let e1 = in_plane * (F::ONE / in_plane.dot(in_plane).sqrt());
+    let e2 = r.cross(e1);
+    let (a1x, a1y, a2x, a2y) = (v1.dot(e1), v1.dot(e2), v2.dot(e1), v2.dot(e2));
+    let across = lobe * cosine;
+    let m11 = a1x * a1x + a2x * a2x + lobe * lobe;
+    let m12 = a1x * a1y + a2x * a2y;
+    let m22 = a1y * a1y + a2y * a2y + across * across;
+    // Cholesky's factor: sides with these moments.
+    let l11 = m11.sqrt();
+    let l21 = m12 / l11;
+    (e1 * l11 + e2 * l21, e2 * (m22 - l21 * l21).max(F::ZERO).sqrt())
 }
 
 /// Principal axes of the parallelogram with sides v1, v2: side lengths of the rectangle with the same second moments, and

@@ -16,7 +16,7 @@ use rayon::prelude::*;
 use wide::f32x8;
 
 use self::filters::{FILTER_ANISOTROPIC, FILTER_EWA, FILTER_ISOTROPIC, FILTER_NONE, Sides, mean_over_footprint};
-use self::footprint::reflected_side;
+use self::footprint::{blurred, reflected_side};
 use self::lanes::{F, V3, abs, splat, splat3};
 use super::{BATCH_SIZE, CURVE_POINTS, Filter, GatherUniforms, Params, PinholeSample, Pinholes, Receivers};
 use crate::environment::CubeMap;
@@ -191,6 +191,8 @@ impl Gather<'_> {
         }
         let v1 = reflected_side(splat3(sample.side_1), splat3(sample.change_1), d, n, dn, inverse_l, r);
         let v2 = reflected_side(splat3(sample.side_2), splat3(sample.change_2), d, n, dn, inverse_l, r);
+        let lobe = sample.lobe();
+        let (v1, v2) = if lobe > 0.0 { blurred(v1, v2, r, n, abs(dn) * inverse_l, splat(lobe)) } else { (v1, v2) };
         let footprint = Sides { r, v1, v2 };
         mean_over_footprint::<FILTER>(&self.environment, &footprint, self.uniforms.taps as f32, lit)
     }
