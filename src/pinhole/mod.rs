@@ -121,7 +121,7 @@ impl Default for Params {
 
 /// Width of a rough mirror's lobe, radians, for a GGX surface of width 1. GGX has no finite second moment; this is what comes
 /// nearest to the ground truth (`tests/engine/gloss.rs`).
-const LOBE_PER_ROUGHNESS: f32 = 4.0;
+const LOBE_PER_ROUGHNESS: f32 = 3.75;
 
 /// Packs differential samples for the gather, with their object's finish and sides.
 pub fn pinholes(scene: &Scene, samples: &[DifferentialSample], footprint: Footprint) -> Pinholes {

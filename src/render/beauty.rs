@@ -9,6 +9,7 @@ use glam::{UVec2, Vec2, Vec3};
 use rayon::prelude::*;
 
 use super::gbuffer::GBuffer;
+use super::gloss;
 use super::report::Seconds;
 use super::trace::Hit;
 use super::{Renderer, sum_of_fetches, timed};
@@ -214,6 +215,7 @@ fn trace_point(renderer: &Renderer, gbuffer: &GBuffer, own: usize, at: Vec2, pat
     let mut hit = renderer.tracer.camera_hit(ray);
     let mut throughput = Vec3::ONE;
     let mut key = 0u64;
+    let mut roughest = 0.0f32;
     let plain = renderer.options.look.plain_diffuse;
     for bounce in 0..MAX_SURFACES {
         let Some(found) = hit else { break };
@@ -244,12 +246,29 @@ fn trace_point(renderer: &Renderer, gbuffer: &GBuffer, own: usize, at: Vec2, pat
             return;
         };
         throughput *= reflectance;
-        let direction = ray.direction.reflect(found.normal);
+        let alpha = object.reflector.map_or(0.0, |r| r.finish.roughness as f32);
+        let facet = if alpha > 0.0 {
+            roughest = roughest.max(alpha);
+            let seed = (own as u32).wrapping_mul(0x9E37_79B9) ^ bounce;
+            let [u, v, ..] = sobol_burley::sample_4d(u32::from(paths.points), 0, seed);
+            gloss::facet(found.normal, alpha, [u, v])
+        } else {
+            found.normal
+        };
+        let mirrored = ray.direction.reflect(facet);
+        // A facet may throw light into the surface; then the smooth mirror stands for it.
+        let outwards = mirrored.dot(found.normal) * ray.direction.dot(found.normal) < 0.0;
+        let direction = if outwards { mirrored } else { ray.direction.reflect(found.normal) };
         ray = Ray { origin: found.position, direction: direction.normalize() };
         hit = renderer.tracer.secondary_hit(ray);
     }
     let background = key == 0;
-    let radiance = throughput * renderer.environment.field.smooth_radiance(ray.direction);
+    let environment = if roughest > 0.0 {
+        gloss::blurred_radiance(&renderer.environment.cube, ray.direction, roughest)
+    } else {
+        renderer.environment.field.smooth_radiance(ray.direction)
+    };
+    let radiance = throughput * environment;
     let caustic = CausticAt::Nowhere;
     paths.terms.push(Term { point: paths.points, radiance, background, caustic_factor: Vec3::ZERO, caustic });
     paths.points += 1;

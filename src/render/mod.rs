@@ -6,6 +6,7 @@
 mod beauty;
 mod gather;
 mod gbuffer;
+mod gloss;
 mod options;
 mod overlay;
 mod report;
