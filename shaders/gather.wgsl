@@ -144,7 +144,7 @@ fn filtered_radiance(i: u32, d: vec3f, n: vec3f, dn: f32, inverse_l: f32, r: vec
     let v1 = reflected_side(side_1.xyz, samples[i].change_1.xyz, d, n, dn, inverse_l, r);
     let v2 = reflected_side(samples[i].side_2.xyz, samples[i].change_2.xyz, d, n, dn, inverse_l, r);
     var sides = FootprintSides(v1, v2);
-    // The same for all lanes: w is the width of a rough mirror's lobe.
+    // The same for all lanes: w is the width of the lobe that blurs the footprint.
     if side_1.w > 0.0 {
         sides = blurred(sides, r, n, abs(dn) * inverse_l, side_1.w);
     }

@@ -18,8 +18,8 @@ struct FootprintSides {
     v2: vec3f,
 }
 
-// A footprint as a rough mirror blurs it: a parallelogram with the second moments of both together. The lobe around r is
-// `lobe` wide in the plane of incidence and, as facets turn the light less there, narrower by the cosine across it.
+// A footprint blurred by a lobe: a parallelogram with the second moments of both together. The lobe around r is `lobe` wide in
+// the plane of incidence and, as normals turn the light less there, narrower by the cosine across it.
 fn blurred(sides: FootprintSides, r: vec3f, n: vec3f, cosine: f32, lobe: f32) -> FootprintSides {
     var in_plane = n - r * dot(n, r);
     // Perpendicular incidence knows no plane: any will do.

@@ -41,7 +41,8 @@ pub struct PinholeSample {
     pub normal_object: [f32; 4],
     /// Reflectance; the number of the curve that holds instead, from 1, or 0.
     pub reflectance: [f32; 4],
-    /// T₁: full first side of the footprint on the surface, metres; full width of a rough mirror's lobe, radians.
+    /// T₁: full first side of the footprint on the surface, metres; full width of the lobe that blurs the footprint,
+    /// radians.
     pub side_1: [f32; 4],
     /// T₂: full second side; unused.
     pub side_2: [f32; 4],
@@ -68,8 +69,7 @@ pub struct PinholeParts {
     pub reflectance: Vec3,
     /// unless it is one of the [`Pinholes::curves`].
     pub curve: Option<u32>,
-    /// How far a rough mirror spreads the light in the plane of incidence: the side of a square with the same second
-    /// moments, radians.
+    /// Blur of the footprint in the plane of incidence: the side of a square with the same second moments, radians.
     pub lobe: f32,
     /// Index of the object in the scene.
     pub object: u32,
@@ -115,7 +115,7 @@ impl PinholeSample {
         self.normal_object[3].abs() as u32 - 1
     }
 
-    /// How far a rough mirror spreads the light, radians.
+    /// Blur of the footprint, radians.
     pub fn lobe(&self) -> f32 {
         self.side_1[3]
     }

@@ -16,8 +16,8 @@ pub(super) fn reflected_side(side: V3, change: V3, d: V3, n: V3, dn: F, inverse_
     (v - r * r.dot(v)) * inverse_l
 }
 
-/// A footprint as a rough mirror blurs it: a parallelogram with the second moments of both together. The lobe around r is
-/// `lobe` wide in the plane of incidence and, as facets turn the light less there, narrower by the cosine across it.
+/// A footprint blurred by a lobe: a parallelogram with the second moments of both together. The lobe around r is `lobe` wide in
+/// the plane of incidence and, as normals turn the light less there, narrower by the cosine across it.
 #[inline(always)]
 pub(super) fn blurred(v1: V3, v2: V3, r: V3, n: V3, cosine: F, lobe: F) -> (V3, V3) {
     let in_plane = n - r * n.dot(r);
