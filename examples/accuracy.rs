@@ -15,6 +15,7 @@ use pinspot::reference::Goal;
 use pinspot::render::{BackendChoice, Settings};
 use pinspot::report::{Comparison, Plan, Request, Row, compare};
 use pinspot::sampling::Strategy;
+use pinspot::scene::Visibility;
 use pinspot::{Error, Silent};
 
 const SCENES: [&str; 5] = ["ring", "ring-natural", "spoon", "mirror-sphere", "cup"];
@@ -38,6 +39,8 @@ fn compare_scene(name: &str) -> Result<Comparison, Error> {
     let mut options = loaded.render.options()?;
     options.size = SIZE;
     options.aovs = vec![Aov::Caustic];
+    // The paper's integral, for its recipe's sake.
+    options.visibility = Visibility::None;
     let plan = Plan {
         strategies: vec![Strategy::Neighbourhood],
         footprints: vec![Footprint::Curvature, Footprint::Cells],

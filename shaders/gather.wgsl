@@ -8,6 +8,7 @@
 #import cube
 #import footprint
 #import filters
+#import visibility
 
 // Whole vec4s: some drivers pay per load, not per byte.
 struct PinholeSample {
@@ -29,6 +30,7 @@ struct GatherUniforms {
     epsilon: f32,
     texel_rad: f32,
     radiance_scale: f32,
+    map_resolution: u32,
 }
 
 const BATCH_SIZE: u32 = 256u;
@@ -42,6 +44,9 @@ const BATCH_SIZE: u32 = 256u;
 // Reflectance by the cosine of the angle of incidence, from 0 to 1; CURVE_POINTS for each curve.
 const CURVE_POINTS: u32 = 128u;
 @group(0) @binding(5) var<storage, read> curves: array<vec4f>;
+// The samples' maps of visibility; never read without VISIBILITY.
+@group(0) @binding(6) var<storage, read> planes: array<vec4f>;
+@group(0) @binding(7) var<storage, read> open_rows: array<u32>;
 @group(1) @binding(0) var receiver_position: texture_2d<f32>;
 @group(1) @binding(1) var receiver_normal: texture_2d<f32>;
 @group(2) @binding(0) var previous: texture_2d<f32>;
@@ -109,10 +114,27 @@ fn sample_irradiance(i: u32, receiver: Receiver) -> vec4f {
         return vec4f(0.0);
     }
     let same_object = u32(abs(normal_object.w)) == receiver.object + 1u;
-    let weight = area * cosines * attenuation(l2, area, same_object);
+    var weight = area * cosines * attenuation(l2, area, same_object);
+    if VISIBILITY {
+        let phase = vec2f(samples[i].change_1.w, samples[i].change_2.w);
+        let side = select(1.0, -1.0, dn > 0.0);
+        look_around(u32(samples[i].side_2.w) - 1u, phase, uniforms.map_resolution, n, side);
+        weight *= visible_part(-d);
+        if weight == 0.0 {
+            return vec4f(0.0);
+        }
+    }
     let r = (d - 2.0 * dn * n) * inverse_l;
     let radiance = filtered_radiance(i, d, n, dn, inverse_l, r);
     return vec4f(weight * uniforms.radiance_scale * reflectance(i, facing * inverse_l) * radiance.rgb, radiance.a);
+}
+
+// The part of the environment around a direction that counts: see filters.
+fn open_part(direction: vec3f) -> f32 {
+    if VISIBILITY {
+        return seen_part_of_environment(direction);
+    }
+    return 1.0;
 }
 
 // What sample i mirrors at a cosine of the angle of incidence.

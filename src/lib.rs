@@ -21,6 +21,7 @@
 //! * [`environment`]: what shines: maps, spots, constants; a prefiltered cube.
 //! * [`sampling`]: where on the reflectors the pinholes are.
 //! * [`differential`]: the surface around each of them.
+//! * [`tracing`]: rays against the meshes: what hides what.
 //! * [`pinhole`]: the sum itself; [`pinhole::gpu`] records into the caller's encoder, [`pinhole::cpu`] is its twin.
 //! * [`conformance`]: filters against the exact integral over a footprint.
 //! * [`image`](mod@image): pictures and files.
@@ -61,6 +62,7 @@ pub mod render;
 pub mod report;
 pub mod sampling;
 pub mod scene;
+pub mod tracing;
 mod words;
 
 pub use error::{Error, OptionError};

@@ -261,8 +261,8 @@ fn scene_files_with_mistakes_are_refused_with_line_and_key() {
     place.refuses_scene(&["size is 0×16", "1×1"]);
     place.replace("samples = 60", "taps = 0");
     place.refuses_scene(&["taps is 0", "from 1 to 64"]);
-    place.replace("samples = 60", "visibility = \"full\"");
-    place.refuses_scene(&["not built yet"]);
+    place.replace("samples = 60", "visibility = \"half\"");
+    place.refuses_scene(&["half", "none", "full"]);
     place.replace("samples = 60", "epsilon = -1.0");
     place.refuses_scene(&["epsilon is -1"]);
     place.replace("reflector = { sides = \"both\" }", "");

@@ -1,7 +1,7 @@
 // Mean radiance over a footprint: one look-up strategy a filter. CPU twin: src/pinhole/cpu/filters.rs.
 //
-// The importing pass declares `environment`, a cube map, and the samplers `trilinear` and `anisotropic`, and imports `cube`
-// and `footprint`.
+// The importing pass declares `environment`, a cube map, the samplers `trilinear` and `anisotropic`, and the function
+// `open_part`: what part of the light from a direction counts. It imports `cube` and `footprint`.
 
 const FILTER_NONE: u32 = 0u;
 const FILTER_ISOTROPIC: u32 = 1u;
@@ -22,29 +22,50 @@ const EWA_RADIUS: f32 = 0.70710678;
 const EWA_TEXEL: f32 = 0.5;
 const EWA_COLUMNS: f32 = 256.0;
 
-// Mean over the parallelogram with sides v1, v2 around the unit direction r; a = fetches.
+// Mean over the parallelogram with sides v1, v2 around the unit direction r of what counts; a = fetches.
 fn mean_over_footprint(r: vec3f, v1: vec3f, v2: vec3f, most_taps: f32, texel_rad: f32) -> vec4f {
     if FILTER == FILTER_NONE {
-        return vec4f(fetch(r, 0.0), 1.0);
+        return open_light(r, 0.0, 1.0);
     }
     if FILTER == FILTER_HARDWARE {
-        return vec4f(textureSampleGrad(environment, anisotropic, r, v1, v2).rgb, 1.0);
+        let open = open_part_of_footprint(r, v1, v2);
+        return vec4f(open * textureSampleGrad(environment, anisotropic, r, v1, v2).rgb, 1.0);
     }
     let axes = footprint_axes(v1, v2);
     let texel = texel_width(r, texel_rad);
     if FILTER == FILTER_ISOTROPIC {
-        return vec4f(fetch(r, level_of(axes.major, texel)), 1.0);
+        let part = open_part_of_footprint(r, v1, v2);
+        if part > 0.0 {
+            return vec4f(part * fetch(r, level_of(axes.major, texel)), 1.0);
+        }
+        return vec4f(0.0);
     }
     if FILTER == FILTER_EWA {
         return mean_over_ellipse(r, axes, texel);
     }
     let taps = clamp(ceil(axes.major / max(SHARPNESS * axes.minor, texel)), 1.0, most_taps);
     let level = level_of(SHARPNESS * max(axes.minor, axes.major / taps), texel);
-    var sum = vec3f(0.0);
+    var sum = vec4f(0.0);
     for (var k = 0.5; k < taps; k += 1.0) {
-        sum += fetch(r + (k / taps - 0.5) * axes.direction, level);
+        sum += open_light(r + (k / taps - 0.5) * axes.direction, level, 1.0);
     }
-    return vec4f(sum / taps, taps);
+    return vec4f(sum.rgb / taps, sum.a);
+}
+
+// The part of the light that counts, from four places in a footprint.
+fn open_part_of_footprint(r: vec3f, v1: vec3f, v2: vec3f) -> f32 {
+    let a = 0.25 * (v1 + v2);
+    let b = 0.25 * (v1 - v2);
+    return 0.25 * (open_part(r + a) + open_part(r - a) + open_part(r + b) + open_part(r - b));
+}
+
+// One look-up times `weight` and the part of it that counts; a = fetches. Where nothing counts nothing is read.
+fn open_light(direction: vec3f, level: f32, weight: f32) -> vec4f {
+    let part = weight * open_part(direction);
+    if part > 0.0 {
+        return vec4f(part * fetch(direction, level), 1.0);
+    }
+    return vec4f(0.0);
 }
 
 // The elliptical weighted average (Heckbert 1989) with weights 1 − ρ²: look-ups at most a texel apart all over the ellipse.
@@ -54,22 +75,20 @@ fn mean_over_ellipse(r: vec3f, axes: FootprintAxes, texel: f32) -> vec4f {
     let columns = max(ceil(2.0 * EWA_RADIUS * axes.major / width), 1.0);
     let rows = max(ceil(2.0 * EWA_RADIUS * axes.minor / width), 1.0);
     let across = cross(r, axes.direction) * (axes.minor / max(axes.major, 1e-20));
-    var sum = vec3f(0.0);
+    var sum = vec4f(0.0);
     var weights = 0.0;
-    var fetches = 0.0;
     for (var j = 0.5; j < rows; j += 1.0) {
         let y = 2.0 * j / rows - 1.0;
         for (var i = 0.5; i < columns; i += 1.0) {
             let x = 2.0 * i / columns - 1.0;
             let weight = 1.0 - x * x - y * y;
             if weight > 0.0 {
-                sum += weight * fetch(r + EWA_RADIUS * (x * axes.direction + y * across), level);
+                sum += open_light(r + EWA_RADIUS * (x * axes.direction + y * across), level, weight);
                 weights += weight;
-                fetches += 1.0;
             }
         }
     }
-    return vec4f(sum / weights, fetches);
+    return vec4f(sum.rgb / weights, sum.a);
 }
 
 fn fetch(direction: vec3f, level: f32) -> vec3f {

@@ -45,8 +45,8 @@ pub struct SceneOptions {
     /// Texels along the edge of a cube-map face: auto, or a power of two [default: auto]
     #[arg(long, value_name = "auto|N")]
     pub cube_size: Option<CubeSize>,
-    /// Occlusion: none [default: none]
-    #[arg(long, value_parser = word::<Visibility>, value_name = "none")]
+    /// What hides light: none (as in the paper) or everything, on both legs [default: full]
+    #[arg(long, value_parser = word::<Visibility>, value_name = "none|full")]
     pub visibility: Option<Visibility>,
     /// Average NxN points per pixel [default: 1]
     #[arg(long, value_name = "N")]

@@ -7,6 +7,7 @@ mod builtin;
 mod cube;
 mod field;
 mod import;
+mod importance;
 mod irradiance;
 mod layout;
 
@@ -14,6 +15,7 @@ pub use builtin::{BUILT_IN_MAPS, BuiltInMap};
 pub use cube::{CubeMap, FACES, face_direction, face_of_direction, texel_solid_angle_sr};
 pub use field::Field;
 pub use import::RgbImage;
+pub use importance::LightSampler;
 pub(crate) use layout::resolve_layout;
 
 use std::path::PathBuf;

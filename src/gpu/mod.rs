@@ -71,6 +71,24 @@ pub enum GpuError {
         /// The parameters' filter.
         params: &'static str,
     },
+    /// Visibility is compiled into an engine, too.
+    #[error("the engine was made {} maps of visibility, but the samples are the other way; make an engine for each", if *.engine { "for samples with" } else { "for samples without" })]
+    OtherVisibility {
+        /// Whether the engine reads maps.
+        engine: bool,
+    },
+    /// The samples' maps of visibility are too large.
+    #[error(
+        "what {samples} samples see takes {bytes} bytes, but this adapter's buffers end at {limit}; give fewer --samples, --visibility none or --backend cpu"
+    )]
+    MapsTooLarge {
+        /// Samples given.
+        samples: usize,
+        /// Bytes of their maps.
+        bytes: u64,
+        /// Bytes that fit.
+        limit: u64,
+    },
     /// The sample buffer is too large.
     #[error(
         "{samples} samples do not fit this adapter's buffers ({limit} fit); give fewer --samples or use --backend cpu"

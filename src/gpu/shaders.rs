@@ -12,6 +12,7 @@ const SHARED: &[(&str, &str)] = &[
     ("cube", include_str!("../../shaders/shared/cube.wgsl")),
     ("filters", include_str!("../../shaders/shared/filters.wgsl")),
     ("footprint", include_str!("../../shaders/shared/footprint.wgsl")),
+    ("visibility", include_str!("../../shaders/shared/visibility.wgsl")),
 ];
 
 /// A shader's source with its imports in place. Panics on a name that does not exist: the names are this crate's own.

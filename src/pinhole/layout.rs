@@ -1,8 +1,9 @@
 //! What the gather reads, byte for byte as in `shaders/gather.wgsl`.
 
 use bytemuck::{Pod, Zeroable};
-use glam::Vec3;
+use glam::{Vec2, Vec3};
 
+use super::visibility::VisibilityMaps;
 use super::{Epsilon, Params};
 use crate::environment::CubeMap;
 
@@ -22,12 +23,14 @@ pub struct Pinholes {
     pub samples: Vec<PinholeSample>,
     /// Reflectances that depend on the angle.
     pub curves: Vec<ReflectanceCurve>,
+    /// What the samples see; `None`: nothing hides anything.
+    pub visibility: Option<VisibilityMaps>,
 }
 
 impl From<Vec<PinholeSample>> for Pinholes {
     /// Samples whose reflectances are constant.
     fn from(samples: Vec<PinholeSample>) -> Self {
-        Self { samples, curves: Vec::new() }
+        Self { samples, ..Self::default() }
     }
 }
 
@@ -44,11 +47,11 @@ pub struct PinholeSample {
     /// T₁: full first side of the footprint on the surface, metres; full width of the lobe that blurs the footprint,
     /// radians.
     pub side_1: [f32; 4],
-    /// T₂: full second side; unused.
+    /// T₂: full second side; the number of the sample's first map of visibility, from 1, or 0.
     pub side_2: [f32; 4],
-    /// M₁: change of the normal along T₁; unused.
+    /// M₁: change of the normal along T₁; how far the map's texels are shifted along u, from −½ to ½ of a texel.
     pub change_1: [f32; 4],
-    /// M₂: change of the normal along T₂; unused.
+    /// M₂: change of the normal along T₂; the shift along v.
     pub change_2: [f32; 4],
 }
 
@@ -120,6 +123,32 @@ impl PinholeSample {
         self.side_1[3]
     }
 
+    /// T₁, metres.
+    pub fn side_1(&self) -> Vec3 {
+        Vec3::from_slice(&self.side_1)
+    }
+
+    /// T₂, metres.
+    pub fn side_2(&self) -> Vec3 {
+        Vec3::from_slice(&self.side_2)
+    }
+
+    /// The first of its maps of visibility, from 0; of use only where there are maps.
+    pub fn map(&self) -> u32 {
+        (self.side_2[3] as u32).saturating_sub(1)
+    }
+
+    /// How far the maps' texels are shifted.
+    pub fn phase(&self) -> Vec2 {
+        Vec2::new(self.change_1[3], self.change_2[3])
+    }
+
+    /// Notes its first map of visibility.
+    pub(super) fn set_map(&mut self, map: u32, phase: Vec2) {
+        self.side_2[3] = (map + 1) as f32;
+        (self.change_1[3], self.change_2[3]) = (phase.x, phase.y);
+    }
+
     /// Which of the curves of reflectance holds.
     pub fn curve(&self) -> Option<usize> {
         (self.reflectance[3] as usize).checked_sub(1)
@@ -131,7 +160,7 @@ impl PinholeSample {
     }
 }
 
-/// Parameters of a gather, 32 bytes.
+/// Parameters of a gather, 36 bytes.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 pub struct GatherUniforms {
@@ -151,11 +180,13 @@ pub struct GatherUniforms {
     pub texel_rad: f32,
     /// What the cube's texels were divided by to fit their format.
     pub radiance_scale: f32,
+    /// Texels along the edge of a map of visibility.
+    pub map_resolution: u32,
 }
 
 impl GatherUniforms {
-    /// The uniforms of a gather of `sample_count` samples from a cube of `cube_size`² texels a face.
-    pub fn new(params: &Params, sample_count: u32, cube_size: u32, radiance_scale: f32) -> Self {
+    /// The uniforms of a gather from a cube of `cube_size`² texels a face.
+    pub fn new(params: &Params, pinholes: &Pinholes, cube_size: u32, radiance_scale: f32) -> Self {
         use std::f32::consts::FRAC_1_PI;
         let (own_scale, epsilon_scale, epsilon) = match params.epsilon {
             Epsilon::Auto => (FRAC_1_PI, 0.0, 0.0),
@@ -163,7 +194,7 @@ impl GatherUniforms {
             Epsilon::Value(value) => (0.0, 0.0, value),
         };
         Self {
-            sample_count,
+            sample_count: pinholes.samples.len() as u32,
             taps: params.taps,
             attenuation: params.attenuation.into(),
             own_scale,
@@ -171,11 +202,12 @@ impl GatherUniforms {
             epsilon,
             texel_rad: 2.0 / cube_size as f32,
             radiance_scale,
+            map_resolution: pinholes.visibility.as_ref().map_or(0, |maps| maps.resolution),
         }
     }
 
     /// The uniforms for the CPU twin, whose texels are never scaled.
-    pub fn for_cube(params: &Params, sample_count: usize, cube: &CubeMap) -> Self {
-        Self::new(params, sample_count as u32, cube.size(), 1.0)
+    pub fn for_cube(params: &Params, pinholes: &Pinholes, cube: &CubeMap) -> Self {
+        Self::new(params, pinholes, cube.size(), 1.0)
     }
 }

@@ -14,9 +14,11 @@ pub mod cpu;
 pub mod gpu;
 mod layout;
 mod receivers;
+mod visibility;
 
 pub use layout::{BATCH_SIZE, CURVE_POINTS, GatherUniforms, PinholeParts, PinholeSample, Pinholes, ReflectanceCurve};
 pub use receivers::{NO_RECEIVER, Receivers};
+pub use visibility::VisibilityMaps;
 
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
@@ -24,6 +26,7 @@ use serde::{Deserialize, Serialize};
 use crate::differential::DifferentialSample;
 use crate::reflectance::{Curve, Finish};
 use crate::scene::{Object, Scene, Sides};
+use crate::tracing::Tracer;
 use crate::words::NumberOrWord;
 
 /// How a sample's footprint is found.
@@ -120,6 +123,10 @@ impl Default for Params {
     }
 }
 
+/// Width of a rough mirror's lobe, radians, for a GGX surface of width 1. GGX has no finite second moment; this is what comes
+/// nearest to the ground truth (`tests/engine/gloss.rs`).
+const LOBE_PER_ALPHA: f32 = 3.75;
+
 /// A sample's reflected directions are taken to change linearly; where its surface turns far, they bend. This part of the
 /// normal's squared change is the blur that comes nearest to the ground truth: without it a cup of 100 samples throws a
 /// caustic four times too bright at its focus, and its error is .436 instead of .365 (`examples/accuracy.rs`).
@@ -150,12 +157,22 @@ pub fn pinholes(scene: &Scene, samples: &[DifferentialSample], footprint: Footpr
         let changes = sides.map(|side| s.normal_change(side));
         let (reflectance, object) = (reflector.finish.reflectance.as_vec3(), s.object);
         let curve = curve_of_object[object as usize];
-        let lobe = if footprint == Footprint::Cells { lobe_of_bend(changes) } else { 0.0 };
+        let bend = if footprint == Footprint::Cells { lobe_of_bend(changes) } else { 0.0 };
+        // Independent blurs: their second moments add.
+        let lobe = bend.hypot(LOBE_PER_ALPHA * reflector.finish.alpha() as f32);
         Some(
             PinholeParts { position, normal, area, sides, changes, reflectance, curve, lobe, object, two_sided }.into(),
         )
     };
-    Pinholes { samples: samples.iter().filter_map(pack).collect(), curves }
+    Pinholes { samples: samples.iter().filter_map(pack).collect(), curves, visibility: None }
+}
+
+impl Pinholes {
+    /// Lets every sample look around, so that what hides the receivers or the environment from it counts. `scene` is the one
+    /// that the samples and the tracer were made of.
+    pub fn look_around(&mut self, scene: &Scene, tracer: &Tracer) {
+        self.visibility = Some(VisibilityMaps::trace(scene, tracer, &mut self.samples));
+    }
 }
 
 /// The curves of all finishes that need one, and for each object which is its own.

@@ -143,12 +143,12 @@ impl<R: Copy> Cut<R> {
         self.cumulative.last().copied().unwrap_or(0.0)
     }
 
-    /// One point's estimate of the integral, for `u` uniform in [0, 1)⁴.
-    pub fn estimate<D: Domain<Region = R>>(&self, domain: &D, receiver: &Receiver, u: [f64; 4]) -> DVec3 {
+    /// One point's estimate of the integral, for `u` uniform in [0, 1)⁶.
+    pub fn estimate<D: Domain<Region = R>>(&self, domain: &D, receiver: &Receiver, u: [f64; 6]) -> DVec3 {
         let total = self.total();
         let index = self.cumulative.partition_point(|c| *c <= u[0] * total).min(self.regions.len() - 1);
         let Weighted { region, bound, .. } = &self.regions[index];
         // Density = (mass / total) / measure = bound / total.
-        domain.integrand(region, [u[1], u[2], u[3]], receiver) * (total / bound)
+        domain.integrand(region, [u[1], u[2], u[3], u[4], u[5]], receiver) * (total / bound)
     }
 }

@@ -33,6 +33,10 @@ pub(super) trait Domain: Sync {
     /// Sorts regions so that neighbours in the order are neighbours in space.
     fn order(&self, region: &Self::Region) -> u64;
 
-    /// The integrand at a point of the region that is uniform if `u` is uniform in [0, 1)³.
-    fn integrand(&self, region: &Self::Region, u: [f64; 3], receiver: &Receiver) -> DVec3;
+    /// Whether the integrand is itself the mean over two more numbers, uniform in [0, 1)².
+    fn is_mean(&self) -> bool;
+
+    /// The integrand at a point of the region that is uniform if the first three of `u` are uniform in [0, 1)³; the others are
+    /// those of [`Domain::is_mean`].
+    fn integrand(&self, region: &Self::Region, u: [f64; 5], receiver: &Receiver) -> DVec3;
 }

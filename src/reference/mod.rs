@@ -10,6 +10,7 @@ mod cone;
 mod cut;
 mod domain;
 mod geometry;
+mod gloss;
 mod light;
 mod map;
 mod maxima;

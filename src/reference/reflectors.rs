@@ -11,6 +11,7 @@ use glam::DVec3;
 use super::cone::{Cone, angle};
 use super::domain::{Domain, Receiver};
 use super::geometry::{Geometry, Triangle};
+use super::gloss;
 use super::light::Light;
 use super::tree::{Bounds, Content, Part, Tree, WHOLE};
 use crate::reflectance::Curve;
@@ -18,6 +19,10 @@ use crate::scene::{Scene, Sides, Visibility};
 
 /// Of reflectances by angle: so many that interpolation costs nothing.
 const CURVE_POINTS: usize = 2048;
+/// Widths of a rough mirror's lobe within which light counts in full for the density,
+const LOBES: f64 = 2.0;
+/// and the part of the brightest light that counts everywhere, per roughness.
+const TAILS: f64 = 0.01;
 /// Triangles are halved at most this many times.
 const MAX_DEPTH: u8 = 32;
 
@@ -30,6 +35,8 @@ pub(super) struct Reflectors<'a> {
     materials: Vec<Option<Material>>,
     curves: Vec<Curve>,
     tree: Tree,
+    /// The brightest light.
+    brightest: f64,
 }
 
 #[derive(Clone, Copy)]
@@ -38,6 +45,7 @@ struct Material {
     curve: usize,
     /// The largest of any channel at any angle.
     most_reflectance: f64,
+    alpha: f64,
     two_sided: bool,
     /// −1 where the back mirrors.
     side: f64,
@@ -65,9 +73,10 @@ impl<'a> Reflectors<'a> {
         let mut curves = Vec::new();
         let material = |o: &crate::scene::Object| {
             let reflector = o.reflector?;
-            curves.push(Curve::new(&reflector.finish, CURVE_POINTS));
+            curves.push(Curve::of_facets(&reflector.finish, CURVE_POINTS));
             Some(Material {
                 curve: curves.len() - 1,
+                alpha: reflector.finish.alpha(),
                 most_reflectance: curves[curves.len() - 1].values().iter().map(|v| v.max_element()).fold(0.0, f64::max),
                 two_sided: reflector.sides == Sides::Both,
                 side: if reflector.sides == Sides::Back { -1.0 } else { 1.0 },
@@ -76,7 +85,16 @@ impl<'a> Reflectors<'a> {
         let materials: Vec<_> = scene.objects.iter().map(material).collect();
         let sides: Vec<_> = materials.iter().map(|m| m.as_ref().map(|m| m.side)).collect();
         let tree = Tree::new(geometry, &sides);
-        Self { geometry, light, visibility, attenuation, materials, curves, tree }
+        Self {
+            geometry,
+            light,
+            visibility,
+            attenuation,
+            materials,
+            curves,
+            tree,
+            brightest: light.bound(&Cone::everything()),
+        }
     }
 
     fn material(&self, object: u32) -> Material {
@@ -204,8 +222,11 @@ impl Domain for Reflectors<'_> {
         // How far the mirrored direction can lie from that at the centre.
         let turn = spread + 2.0 * bounds.normals.half_angle;
         let everything_within = |turn: f64| {
-            let half_angle = turn.min(PI);
-            self.light.bound(&Cone { axis: reflect(towards, bounds.normals.axis), half_angle })
+            let lobe = 2.0 * (LOBES * material.alpha).atan();
+            let axis = reflect(towards, bounds.normals.axis);
+            let likely = self.light.bound(&Cone { axis, half_angle: (turn + lobe).min(PI) });
+            // What the tails of a lobe reach; no bound, but enough that nothing is left out.
+            likely.max(TAILS * material.alpha * self.brightest)
         };
         let light = match self.tree.nodes[region.node as usize].content {
             Content::Triangle(id) => {
@@ -216,7 +237,11 @@ impl Domain for Reflectors<'_> {
                         return 0.0;
                     }
                 }
-                if turn < 0.4 { self.mirrored_light(&corners, turn) } else { everything_within(turn) }
+                if turn < 0.4 && material.alpha == 0.0 {
+                    self.mirrored_light(&corners, turn)
+                } else {
+                    everything_within(turn)
+                }
             }
             Content::Inner { .. } => everything_within(turn),
         };
@@ -252,7 +277,11 @@ impl Domain for Reflectors<'_> {
         u64::from(region.node) << 32 | u64::from(region.path) << (MAX_DEPTH - region.depth)
     }
 
-    fn integrand(&self, region: &Region, [mut choice, u, v]: [f64; 3], receiver: &Receiver) -> DVec3 {
+    fn is_mean(&self) -> bool {
+        self.materials.iter().flatten().any(|m| m.alpha > 0.0)
+    }
+
+    fn integrand(&self, region: &Region, [mut choice, u, v, facet_u, facet_v]: [f64; 5], receiver: &Receiver) -> DVec3 {
         let mut node = region.node;
         let id = loop {
             match self.tree.nodes[node as usize].content {
@@ -272,13 +301,13 @@ impl Domain for Reflectors<'_> {
         let root = u.sqrt();
         let weights = [1.0 - root, root * (1.0 - v), root * v];
         let barycentric = [0, 1, 2].map(|k| weights[0] * a[k] + weights[1] * b[k] + weights[2] * c[k]);
-        self.at(id, barycentric, receiver)
+        self.at(id, barycentric, receiver, [facet_u, facet_v])
     }
 }
 
 impl Reflectors<'_> {
     /// The integrand at a point of a triangle.
-    fn at(&self, id: u32, barycentric: [f64; 3], receiver: &Receiver) -> DVec3 {
+    fn at(&self, id: u32, barycentric: [f64; 3], receiver: &Receiver, facet: [f64; 2]) -> DVec3 {
         let triangle = &self.geometry.triangles[id as usize];
         let material = self.material(triangle.object);
         let (x, n) = (triangle.position(barycentric), material.side * triangle.normal(barycentric));
@@ -289,7 +318,14 @@ impl Reflectors<'_> {
         if facing <= 0.0 || received <= 0.0 {
             return DVec3::ZERO;
         }
-        let reflected = (d - 2.0 * dn * n) / squared.sqrt();
+        let out = -d / squared.sqrt();
+        let (reflected, reflectance) = if material.alpha == 0.0 {
+            ((d - 2.0 * dn * n) / squared.sqrt(), self.curves[material.curve].at(facing / squared.sqrt()))
+        } else {
+            let seen_side = if dn > 0.0 { -n } else { n };
+            let Some(facet) = gloss::facet(seen_side, out, material.alpha, facet) else { return DVec3::ZERO };
+            (facet.towards_light, facet.weight * self.curves[material.curve].at(facet.cosine))
+        };
         if self.visibility == Visibility::Full
             && (self.geometry.blocks_segment(receiver.position, x, [receiver.triangle, id])
                 || self.geometry.blocks_ray(x, reflected, id))
@@ -297,9 +333,7 @@ impl Reflectors<'_> {
             return DVec3::ZERO;
         }
         let cosines = facing * received / squared;
-        self.curves[material.curve].at(facing / squared.sqrt())
-            * self.light.radiance(reflected)
-            * (cosines * self.distance_factor(squared))
+        reflectance * self.light.radiance(reflected) * (cosines * self.distance_factor(squared))
     }
 }
 
@@ -341,7 +375,7 @@ mod tests {
             let distance = bounds.centre.distance(receiver.position);
             let bound = domain.bound(&region, receiver);
             for _ in 0..4 {
-                let got = domain.integrand(&region, [(); 3].map(|()| rng.random()), receiver).element_sum();
+                let got = domain.integrand(&region, [(); 5].map(|()| rng.random()), receiver).element_sum();
                 assert!(
                     got <= bound * (1.0 + 1e-6) + 1e-12 || distance < 1.25 * bounds.radius,
                     "{name}: {got} > {bound} at distance {distance}, radius {}, normals {}, depth {}",

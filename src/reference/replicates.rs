@@ -125,11 +125,20 @@ fn add_replicates<D: Domain>(
 ) {
     for (replicate, mean) in means.iter_mut().enumerate() {
         let seed = hash([work.options.seed, work.pass, stream, replicate as u64]);
-        let sum: DVec3 = (0..count)
-            .map(|i| cut.estimate(domain, receiver, sobol_burley::sample_4d(i, 0, seed).map(f64::from)))
-            .sum();
+        let numbers = |i| {
+            let [a, b, c, d] = sobol_burley::sample_4d(i, 0, seed).map(f64::from);
+            let [e, f] = if domain.is_mean() { more(i, seed) } else { [0.0; 2] };
+            [a, b, c, d, e, f]
+        };
+        let sum: DVec3 = (0..count).map(|i| cut.estimate(domain, receiver, numbers(i))).sum();
         *mean += sum / f64::from(count);
     }
+}
+
+/// Two more dimensions.
+fn more(i: u32, seed: u32) -> [f64; 2] {
+    let [a, b, ..] = sobol_burley::sample_4d(i, 1, seed).map(f64::from);
+    [a, b]
 }
 
 fn moments(means: &[DVec3], points: usize) -> Moments {

@@ -85,7 +85,11 @@ impl Domain for Sky<'_> {
         region.path << (2 * (MAX_DEPTH - region.depth))
     }
 
-    fn integrand(&self, region: &Region, [_, u, v]: [f64; 3], receiver: &Receiver) -> DVec3 {
+    fn is_mean(&self) -> bool {
+        false
+    }
+
+    fn integrand(&self, region: &Region, [_, u, v, ..]: [f64; 5], receiver: &Receiver) -> DVec3 {
         let between = |[a, b]: [f64; 2], t: f64| a + (b - a) * t;
         let towards = direction(between(region.azimuth, u), between(region.height, v));
         let cosine = towards.dot(receiver.normal);

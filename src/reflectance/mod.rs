@@ -2,6 +2,7 @@
 //! published optical constants, as linear Rec.709. Knows no geometry and no scene.
 
 mod fresnel;
+mod ggx;
 mod metals;
 mod spectrum;
 
@@ -20,16 +21,24 @@ pub struct Finish {
     pub metal: Option<Metal>,
     /// The refractive index of a smooth clear coat, from 1 to 4.
     pub coat: Option<f64>,
+    /// From 0 (smooth) to 1: the root of the width α of a GGX distribution of facets, as in most materials' formats.
+    pub roughness: f64,
 }
 
 impl Finish {
-    /// Whether the angle does not matter.
-    pub fn is_constant(&self) -> bool {
-        self.metal.is_none() && self.coat.is_none()
+    /// Width α of the GGX distribution of facets (Walter et al. 2007, Section 5.2): roughness² (Burley 2012, Section 5.4).
+    pub fn alpha(&self) -> f64 {
+        self.roughness * self.roughness
     }
 
-    /// The reflectance for unpolarised light at a cosine of the angle of incidence in [0, 1]. Channels may lie a trace
-    /// outside [0, 1] where a metal's colour lies outside Rec.709's triangle.
+    /// Whether the angle does not matter.
+    pub fn is_constant(&self) -> bool {
+        self.metal.is_none() && self.coat.is_none() && self.roughness == 0.0
+    }
+
+    /// The reflectance of a facet, or of the whole surface if it is smooth, for unpolarised light at a cosine of the
+    /// angle of incidence in [0, 1]. Channels may lie a trace outside [0, 1] where a metal's colour lies outside
+    /// Rec.709's triangle.
     pub fn reflectance_at(&self, cosine: f64) -> DVec3 {
         match (self.metal, self.coat) {
             (None, None) => self.reflectance,
@@ -54,7 +63,7 @@ fn mean([s, p]: [f64; 2]) -> f64 {
     0.5 * (s + p)
 }
 
-/// A finish at equal steps of the cosine of the angle of incidence, from 0 to 1.
+/// What a finish mirrors into all directions together, at equal steps of the cosine of the angle of incidence, from 0 to 1.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Curve {
     values: Vec<DVec3>,
@@ -63,8 +72,22 @@ pub struct Curve {
 impl Curve {
     /// Evaluates a finish at so many cosines, two at least.
     pub fn new(finish: &Finish, points: usize) -> Self {
+        let facets = Self::of_facets(finish, points);
+        if finish.roughness == 0.0 {
+            return facets;
+        }
+        let whole = |cosine| ggx::directional_albedo(cosine, finish.alpha(), |on_facet| facets.at(on_facet));
+        Self::tabulated(points, whole)
+    }
+
+    /// The same for a single facet.
+    pub fn of_facets(finish: &Finish, points: usize) -> Self {
+        Self::tabulated(points, |cosine| finish.reflectance_at(cosine))
+    }
+
+    fn tabulated(points: usize, value: impl Fn(f64) -> DVec3) -> Self {
         let last = (points.max(2) - 1) as f64;
-        Self { values: (0..points.max(2)).map(|k| finish.reflectance_at(k as f64 / last)).collect() }
+        Self { values: (0..points.max(2)).map(|k| value(k as f64 / last)).collect() }
     }
 
     /// The values, from grazing to perpendicular incidence.
@@ -85,7 +108,7 @@ mod tests {
     use super::*;
 
     fn finish(metal: Option<Metal>, coat: Option<f64>) -> Finish {
-        Finish { reflectance: DVec3::ONE, metal, coat }
+        Finish { reflectance: DVec3::ONE, metal, coat, roughness: 0.0 }
     }
 
     /// Colours of metals at perpendicular incidence as other tables have them (Hoffman, *Physics and Math of Shading*,
@@ -123,7 +146,7 @@ mod tests {
     fn curves_follow_the_equations() {
         for metal in Metal::ALL.map(Some).into_iter().chain([None]) {
             for coat in [None, Some(1.5)] {
-                let finish = Finish { reflectance: DVec3::new(1.0, 0.5, 0.0), metal, coat };
+                let finish = Finish { reflectance: DVec3::new(1.0, 0.5, 0.0), metal, coat, roughness: 0.0 };
                 let curve = Curve::new(&finish, 128);
                 for k in 0..1000 {
                     let cosine = f64::from(k) / 999.0;

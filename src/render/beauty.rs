@@ -2,21 +2,22 @@
 //! environment and the caustics.
 //!
 //! Every pixel is shaded from one point, or from 4×4 where surfaces meet or mirror. Paths are traced first; each asks for
-//! the caustic at the diffuse points at its ends; those are gathered together, like any other receivers; then all is
-//! summed. Points of one pixel that end on the same object in the same way share one gathered point.
+//! the light at the diffuse points at its ends; that is found for all together, as for any other receivers; then all is
+//! summed. Points of one pixel that end on the same object in the same way share the light of one point.
 
 use glam::{UVec2, Vec2, Vec3};
 use rayon::prelude::*;
 
 use super::gbuffer::GBuffer;
+use super::gloss;
 use super::report::Seconds;
-use super::trace::Hit;
 use super::{Renderer, sum_of_fetches, timed};
 use crate::Error;
 use crate::Progress;
 use crate::image::{display, exposed};
 use crate::pinhole::Receivers;
 use crate::scene::{Object, Ray, Sides};
+use crate::tracing::Hit;
 
 /// Points along the edge of a pixel where surfaces meet.
 const EDGE_POINTS: u32 = 4;
@@ -30,11 +31,11 @@ const DIFFUSE_VIEW_ALBEDO: f32 = 0.6;
 /// Radiance towards the camera and what is shown of it, pixel by pixel.
 type Shaded = (Vec3, Vec3);
 
-/// Shades a band and says how many more fetches that took. `caustic` belongs to the band's receivers.
+/// Shades a band and says how many more fetches that took. `own` belongs to the band's points.
 pub(super) fn shade(
     renderer: &Renderer,
     gbuffer: &GBuffer,
-    caustic: &[[f32; 4]],
+    own: &Irradiances,
     seconds: &mut Seconds,
     progress: &dyn Progress,
 ) -> Result<(Vec<Shaded>, f64), Error> {
@@ -45,10 +46,13 @@ pub(super) fn shade(
         (0..pixels).into_par_iter().map(|k| trace_pixel(renderer, gbuffer, &corners, k % width, k / width)).collect()
     });
     let extra = number_points(&mut paths);
-    let extra_caustic = if extra.is_empty() || renderer.options.look.plain_diffuse {
+    let caustic = if extra.is_empty() || renderer.options.look.plain_diffuse {
         vec![[0.0; 4]; extra.len()]
     } else {
-        let receivers = Receivers::from_points(&extra, 1024);
+        let mut receivers = Receivers::empty(POINTS_IN_A_ROW, (extra.len() as u32).div_ceil(POINTS_IN_A_ROW));
+        for (index, point) in extra.iter().enumerate().filter(|(_, point)| point.receives) {
+            receivers.set(index, point.hit.position, point.hit.normal, point.hit.object);
+        }
         timed(&mut seconds.gather, || {
             renderer.backend.gather(
                 &receivers,
@@ -59,57 +63,78 @@ pub(super) fn shade(
             )
         })?
     };
-    let shaded = paths.par_iter().map(|p| p.sum(renderer, caustic, &extra_caustic)).collect();
-    Ok((shaded, sum_of_fetches(&extra_caustic)))
+    let direct =
+        timed(&mut seconds.direct, || extra.par_iter().map(|point| renderer.direct_irradiance(&point.hit)).collect());
+    let extra = Irradiances { direct, caustic };
+    let shaded = paths.par_iter().map(|p| p.sum(renderer, own, &extra)).collect();
+    Ok((shaded, sum_of_fetches(&extra.caustic)))
 }
 
-/// Where a path's diffuse light comes from.
+/// Extra points are gathered in rows of so many.
+const POINTS_IN_A_ROW: u32 = 1024;
+
+/// The light at points of diffuse surfaces.
+pub(super) struct Irradiances {
+    /// From the environment, W/m².
+    pub direct: Vec<Vec3>,
+    /// As gathered; as many or, padded to whole rows, more.
+    pub caustic: Vec<[f32; 4]>,
+}
+
+/// Where the light on a path's end is known.
 #[derive(Clone, Copy)]
-enum CausticAt {
-    /// Nowhere: the surface is no receiver.
+enum LitAt {
+    /// Nowhere: the path ends in the environment.
     Nowhere,
-    /// The band's own receiver of this index.
-    OwnReceiver(u32),
+    /// The band's own point of this index.
+    OwnPoint(u32),
     /// The pixel's extra point of this index; after [`number_points`], the band's.
     ExtraPoint(u32),
+}
+
+/// A point of a diffuse surface that is not the band's own.
+struct ExtraPoint {
+    hit: Hit,
+    receives: bool,
 }
 
 /// What one path brings to its point.
 struct Term {
     /// Which of the pixel's points it belongs to.
     point: u16,
-    /// Light that needs no caustic.
+    /// Light from the environment at the path's end.
     radiance: Vec3,
     /// The environment as the camera sees it directly, which has an exposure of its own.
     background: bool,
-    /// What the caustic is multiplied by: throughput · albedo / π.
-    caustic_factor: Vec3,
-    caustic: CausticAt,
+    /// What the irradiance there is multiplied by: throughput · albedo / π;
+    diffuse: Vec3,
+    /// and the caustic besides, unless the surface receives none.
+    caustic_gain: f32,
+    lit: LitAt,
 }
 
 #[derive(Default)]
 struct PixelPaths {
     points: u16,
     terms: Vec<Term>,
-    extra: Vec<(Vec3, Vec3, u32)>,
+    extra: Vec<ExtraPoint>,
     /// How each extra point was reached: the objects on the way, hashed.
     extra_keys: Vec<u64>,
 }
 
 impl PixelPaths {
-    fn sum(&self, renderer: &Renderer, caustic: &[[f32; 4]], extra: &[[f32; 4]]) -> Shaded {
+    fn sum(&self, renderer: &Renderer, own: &Irradiances, extra: &Irradiances) -> Shaded {
         let look = &renderer.options.look;
         let (mut radiance, mut shown) = (Vec3::ZERO, Vec3::ZERO);
         for point in 0..self.points {
             let (mut lit, mut background) = (Vec3::ZERO, Vec3::ZERO);
             for term in self.terms.iter().filter(|t| t.point == point) {
-                let gathered = match term.caustic {
-                    CausticAt::Nowhere => [0.0; 4],
-                    CausticAt::OwnReceiver(index) => caustic[index as usize],
-                    CausticAt::ExtraPoint(index) => extra[index as usize],
+                let irradiance = match term.lit {
+                    LitAt::Nowhere => Vec3::ZERO,
+                    LitAt::OwnPoint(index) => own.at(index, term.caustic_gain),
+                    LitAt::ExtraPoint(index) => extra.at(index, term.caustic_gain),
                 };
-                let caustic = Vec3::new(gathered[0], gathered[1], gathered[2]);
-                let sum = term.radiance + look.caustic_gain * term.caustic_factor * caustic;
+                let sum = term.radiance + term.diffuse * irradiance;
                 if term.background { background += sum } else { lit += sum }
             }
             radiance += lit + background;
@@ -121,24 +146,31 @@ impl PixelPaths {
     }
 
     /// The extra point for a surface reached by way of `key`; the first one stands for all of the pixel's.
-    fn extra_point(&mut self, key: u64, hit: &Hit) -> CausticAt {
+    fn extra_point(&mut self, key: u64, hit: &Hit, receives: bool) -> LitAt {
         let index = self.extra_keys.iter().position(|k| *k == key).unwrap_or_else(|| {
             self.extra_keys.push(key);
-            self.extra.push((hit.position, hit.normal, hit.object));
+            self.extra.push(ExtraPoint { hit: *hit, receives });
             self.extra.len() - 1
         });
-        CausticAt::ExtraPoint(index as u32)
+        LitAt::ExtraPoint(index as u32)
+    }
+}
+
+impl Irradiances {
+    fn at(&self, index: u32, caustic_gain: f32) -> Vec3 {
+        let [r, g, b, _] = self.caustic[index as usize];
+        self.direct[index as usize] + caustic_gain * Vec3::new(r, g, b)
     }
 }
 
 /// Collects the pixels' extra points into one list and makes their indices point into it.
-fn number_points(paths: &mut [PixelPaths]) -> Vec<(Vec3, Vec3, u32)> {
+fn number_points(paths: &mut [PixelPaths]) -> Vec<ExtraPoint> {
     let mut all = Vec::new();
     for pixel in paths {
         let first = all.len() as u32;
         all.append(&mut pixel.extra);
         for term in &mut pixel.terms {
-            if let CausticAt::ExtraPoint(index) = &mut term.caustic {
+            if let LitAt::ExtraPoint(index) = &mut term.lit {
                 *index += first;
             }
         }
@@ -214,6 +246,7 @@ fn trace_point(renderer: &Renderer, gbuffer: &GBuffer, own: usize, at: Vec2, pat
     let mut hit = renderer.tracer.camera_hit(ray);
     let mut throughput = Vec3::ONE;
     let mut key = 0u64;
+    let mut roughest = 0.0f32;
     let plain = renderer.options.look.plain_diffuse;
     for bounce in 0..MAX_SURFACES {
         let Some(found) = hit else { break };
@@ -223,34 +256,63 @@ fn trace_point(renderer: &Renderer, gbuffer: &GBuffer, own: usize, at: Vec2, pat
         let curve = renderer.curves[found.object as usize].as_ref();
         let reflectance =
             curve.filter(|_| !plain && mirrors(object, found.front)).map(|c| c.at(cosine.into()).as_vec3());
-        let own_hit = gbuffer.hits[own].filter(|o| bounce == 0 && o.object == found.object && o.front == found.front);
-        let caustic = match (object.receiver, own_hit) {
-            (None, _) => CausticAt::Nowhere,
-            (Some(_), Some(_)) => CausticAt::OwnReceiver(own as u32),
-            (Some(_), None) => paths.extra_point(key, &found),
-        };
         let albedo = match object.receiver {
             _ if plain => Vec3::splat(DIFFUSE_VIEW_ALBEDO),
             Some(receiver) => receiver.albedo,
             None if reflectance.is_some() => Vec3::ZERO,
             None => Vec3::splat(PLAIN_ALBEDO),
         };
-        let diffuse = throughput * albedo * std::f32::consts::FRAC_1_PI;
-        let direct = diffuse * renderer.environment.irradiance(found.normal);
-        let caustic_factor = if plain { Vec3::ZERO } else { diffuse };
-        paths.terms.push(Term { point: paths.points, radiance: direct, background: false, caustic_factor, caustic });
+        if albedo != Vec3::ZERO {
+            let is_own = |o: &Hit| bounce == 0 && o.object == found.object && o.front == found.front;
+            let lit = if gbuffer.hits[own].as_ref().is_some_and(is_own) {
+                LitAt::OwnPoint(own as u32)
+            } else {
+                paths.extra_point(key, &found, object.receiver.is_some())
+            };
+            paths.terms.push(Term {
+                point: paths.points,
+                radiance: Vec3::ZERO,
+                background: false,
+                diffuse: throughput * albedo * std::f32::consts::FRAC_1_PI,
+                caustic_gain: if plain { 0.0 } else { renderer.options.look.caustic_gain },
+                lit,
+            });
+        }
         let Some(reflectance) = reflectance else {
             paths.points += 1;
             return;
         };
         throughput *= reflectance;
-        let direction = ray.direction.reflect(found.normal);
+        let alpha = object.reflector.map_or(0.0, |r| r.finish.alpha() as f32);
+        let facet = if alpha > 0.0 {
+            roughest = roughest.max(alpha);
+            let seed = (own as u32).wrapping_mul(0x9E37_79B9) ^ bounce;
+            let [u, v, ..] = sobol_burley::sample_4d(u32::from(paths.points), 0, seed);
+            gloss::facet(found.normal, alpha, [u, v])
+        } else {
+            found.normal
+        };
+        let mirrored = ray.direction.reflect(facet);
+        // A facet may throw light into the surface; then the smooth mirror stands for it.
+        let outwards = mirrored.dot(found.normal) * ray.direction.dot(found.normal) < 0.0;
+        let direction = if outwards { mirrored } else { ray.direction.reflect(found.normal) };
         ray = Ray { origin: found.position, direction: direction.normalize() };
         hit = renderer.tracer.secondary_hit(ray);
     }
     let background = key == 0;
-    let radiance = throughput * renderer.environment.field.smooth_radiance(ray.direction);
-    let caustic = CausticAt::Nowhere;
-    paths.terms.push(Term { point: paths.points, radiance, background, caustic_factor: Vec3::ZERO, caustic });
+    let environment = if roughest > 0.0 {
+        gloss::blurred_radiance(&renderer.environment.cube, ray.direction, roughest)
+    } else {
+        renderer.environment.field.smooth_radiance(ray.direction)
+    };
+    let radiance = throughput * environment;
+    paths.terms.push(Term {
+        point: paths.points,
+        radiance,
+        background,
+        diffuse: Vec3::ZERO,
+        caustic_gain: 0.0,
+        lit: LitAt::Nowhere,
+    });
     paths.points += 1;
 }

@@ -10,6 +10,7 @@ use crate::pinhole::gpu::{
     Engine, EnvironmentCube, FrameInputs, Options, automatic_filter as automatic_filter_of, check_hardware_filter,
 };
 use crate::pinhole::{BATCH_SIZE, Filter, Params, Pinholes, Receivers, cpu};
+use crate::scene::Visibility;
 use crate::{Error, OptionError, Progress};
 
 /// Which back end is asked for.
@@ -94,9 +95,9 @@ impl Backend {
     pub(super) fn open(
         choice: &BackendChoice,
         environment: &Environment,
-        params: &Params,
-        automatic_filter: bool,
+        options: &super::Options,
     ) -> Result<(Self, Filter), Error> {
+        let params = &options.params;
         let gpu = match choice {
             BackendChoice::Cpu => None,
             BackendChoice::Gpu(name) => Some(Gpu::open(name.as_deref())?),
@@ -111,9 +112,12 @@ impl Backend {
             }
             return Ok((Self::Cpu, params.filter));
         };
-        let replaceable = automatic_filter && params.filter == Filter::Anisotropic;
+        let replaceable = options.automatic_filter && params.filter == Filter::Anisotropic;
         let filter = if replaceable { automatic_filter_of(&gpu)? } else { params.filter };
-        let engine = Engine::new(&gpu.device, &Options { filter, ..Default::default() });
+        let engine = Engine::new(
+            &gpu.device,
+            &Options { filter, visibility: options.visibility == Visibility::Full, ..Default::default() },
+        );
         let environment = EnvironmentCube::upload(&gpu.device, &gpu.queue, &environment.cube)?;
         let warning = hardware_warning(&gpu, params)?;
         gpu.check()?;

@@ -4,9 +4,9 @@ use glam::{UVec2, Vec2};
 use rayon::prelude::*;
 
 use super::Options;
-use super::trace::{Hit, Tracer};
 use crate::pinhole::Receivers;
 use crate::scene::Scene;
+use crate::tracing::{Hit, Tracer};
 
 /// A band of rows of the picture, `pixel_samples`² points a pixel.
 pub(super) struct GBuffer {

@@ -4,12 +4,13 @@
 //! are traced on the CPU for both back ends, so that they see the same receivers.
 
 mod beauty;
+mod direct;
 mod gather;
 mod gbuffer;
+mod gloss;
 mod options;
 mod overlay;
 mod report;
-mod trace;
 
 pub use gather::{Backend, BackendChoice, BackendReport};
 pub use options::{FilterChoice, Look, Options, Overlay, Settings};
@@ -18,16 +19,19 @@ pub use report::{Report, Seconds};
 use std::time::Instant;
 
 use glam::{UVec2, Vec2, Vec3};
+use rayon::prelude::*;
 
+use self::beauty::Irradiances;
+use self::direct::DirectLight;
 use self::gbuffer::GBuffer;
-use self::trace::Tracer;
 use crate::differential::{DifferentialSample, differentials};
 use crate::environment::Environment;
 use crate::image::{Aov, Image, display, exposed};
 use crate::pinhole::{CURVE_POINTS, Pinholes, pinholes};
 use crate::reflectance::Curve;
 use crate::sampling::{self, Surface, sample};
-use crate::scene::{Object, Scene};
+use crate::scene::{Object, Scene, Visibility};
+use crate::tracing::{Hit, Tracer};
 use crate::{Error, Progress};
 
 /// A scene, prepared for rendering.
@@ -36,6 +40,7 @@ pub struct Renderer {
     scene: Scene,
     options: Options,
     environment: Environment,
+    direct: DirectLight,
     differentials: Vec<DifferentialSample>,
     pinholes: Pinholes,
     /// How each object mirrors.
@@ -92,15 +97,17 @@ impl Renderer {
         })?;
         let differentials = timed(&mut seconds.differentials, || differentials(&set));
         progress.advance(1);
-        let pinholes = pinholes(&scene, &differentials, options.footprint);
+        let mut pinholes = pinholes(&scene, &differentials, options.footprint);
         let curve = |o: &Object| o.reflector.map(|r| Curve::new(&r.finish, CURVE_POINTS));
         let curves = scene.objects.iter().map(curve).collect();
         let tracer = timed(&mut seconds.tracing, || Tracer::new(&scene));
-        let (backend, filter) = timed(&mut seconds.backend, || {
-            Backend::open(backend, &environment, &options.params, options.automatic_filter)
-        })?;
+        if options.visibility == Visibility::Full {
+            timed(&mut seconds.visibility, || pinholes.look_around(&scene, &tracer));
+        }
+        let direct = timed(&mut seconds.environment, || DirectLight::new(&environment, options.visibility));
+        let (backend, filter) = timed(&mut seconds.backend, || Backend::open(backend, &environment, &options))?;
         options.params.filter = filter;
-        Ok(Self { scene, options, environment, differentials, pinholes, curves, tracer, backend, seconds })
+        Ok(Self { scene, options, environment, direct, differentials, pinholes, curves, tracer, backend, seconds })
     }
 
     /// Renders all pictures asked for.
@@ -130,9 +137,11 @@ impl Renderer {
                 vec![[0.0; 4]; gbuffer.receivers.positions.len()]
             };
             fetches += sum_of_fetches(&caustic);
-            self.fill_layers(&mut film, &gbuffer, &caustic);
+            let direct = timed(&mut seconds.direct, || self.direct_of_band(&gbuffer));
+            let light = Irradiances { direct, caustic };
+            self.fill_layers(&mut film, &gbuffer, &light);
             if let Some((radiance, shown)) = film.beauty.as_mut() {
-                let (band, extra_fetches) = beauty::shade(self, &gbuffer, &caustic, &mut seconds, progress)?;
+                let (band, extra_fetches) = beauty::shade(self, &gbuffer, &light, &mut seconds, progress)?;
                 fetches += extra_fetches;
                 let start = first_row as usize * self.options.size[0] as usize;
                 for (k, (r, s)) in band.into_iter().enumerate() {
@@ -162,8 +171,21 @@ impl Renderer {
         ((1u32 << 22) / per_row).clamp(1, self.options.size[1])
     }
 
+    /// The environment's irradiance at every point of a band, if any picture shows it.
+    fn direct_of_band(&self, gbuffer: &GBuffer) -> Vec<Vec3> {
+        if !self.options.aovs.iter().any(|aov| matches!(aov, Aov::Direct | Aov::Beauty)) {
+            return vec![Vec3::ZERO; gbuffer.hits.len()];
+        }
+        let at = |hit: &Option<Hit>| hit.as_ref().map_or(Vec3::ZERO, |hit| self.direct_irradiance(hit));
+        gbuffer.hits.par_iter().map(at).collect()
+    }
+
+    fn direct_irradiance(&self, hit: &Hit) -> Vec3 {
+        self.direct.irradiance(&self.environment, &self.tracer, hit.position, hit.normal)
+    }
+
     /// Averages a band's receivers into the pictures that are plain data.
-    fn fill_layers(&self, film: &mut Film, gbuffer: &GBuffer, caustic: &[[f32; 4]]) {
+    fn fill_layers(&self, film: &mut Film, gbuffer: &GBuffer, light: &Irradiances) {
         let n = self.options.pixel_samples;
         let weight = 1.0 / (n * n) as f32;
         let width = self.options.size[0];
@@ -173,21 +195,21 @@ impl Renderer {
                 for sub in 0..n * n {
                     let index = gbuffer.index(x, row, sub % n, sub / n);
                     for (aov, image) in &mut film.data {
-                        image.pixels[pixel] += weight * self.value(*aov, gbuffer, index, caustic[index]);
+                        image.pixels[pixel] += weight * self.value(*aov, gbuffer, index, light);
                     }
                 }
             }
         }
     }
 
-    fn value(&self, aov: Aov, gbuffer: &GBuffer, index: usize, caustic: [f32; 4]) -> Vec3 {
+    fn value(&self, aov: Aov, gbuffer: &GBuffer, index: usize, light: &Irradiances) -> Vec3 {
         let Some(hit) = &gbuffer.hits[index] else {
             return if aov == Aov::Depth { Vec3::NEG_ONE } else { Vec3::ZERO };
         };
         let receiver = self.scene.objects[hit.object as usize].receiver;
         match aov {
-            Aov::Caustic => Vec3::new(caustic[0], caustic[1], caustic[2]),
-            Aov::Direct => receiver.map_or(Vec3::ZERO, |_| self.environment.irradiance(hit.normal)),
+            Aov::Caustic => Vec3::from_slice(&light.caustic[index]),
+            Aov::Direct => receiver.map_or(Vec3::ZERO, |_| light.direct[index]),
             Aov::Albedo => receiver.map_or(Vec3::ZERO, |r| r.albedo),
             Aov::Normal => hit.normal,
             Aov::Position => hit.position,

@@ -230,10 +230,6 @@ impl Options {
         if !(1..=16).contains(&self.pixel_samples) {
             return fail("pixel_samples", format!("is {}, but must be from 1 to 16", self.pixel_samples));
         }
-        if self.visibility == Visibility::Full {
-            let message = "\"full\" is not built yet for rendering; use \"none\" (`pinspot reference` computes both)";
-            return fail("visibility", message.into());
-        }
         if self.aovs.is_empty() {
             return fail(
                 "aov",

@@ -6,6 +6,7 @@ use super::Renderer;
 use super::gather::BackendReport;
 use crate::pinhole::{Filter, Footprint};
 use crate::sampling::Strategy;
+use crate::scene::Visibility;
 
 /// The object that `--json` prints.
 #[derive(Clone, Debug, Serialize)]
@@ -26,6 +27,8 @@ pub struct Report {
     pub filter: Filter,
     /// Most taps along a footprint.
     pub taps: u32,
+    /// Which occlusion counts.
+    pub visibility: Visibility,
     /// Cube-map face size, texels.
     pub cube_size: u32,
     /// Seed.
@@ -50,10 +53,14 @@ pub struct Seconds {
     pub sampling: f64,
     /// Cells and curvature.
     pub differentials: f64,
+    /// Letting the samples look around.
+    pub visibility: f64,
     /// Opening the device and compiling the shader.
     pub backend: f64,
     /// Building the BVH and tracing the camera's and the mirrors' rays.
     pub tracing: f64,
+    /// The environment's light on the receivers.
+    pub direct: f64,
     /// The gather.
     pub gather: f64,
     /// All of rendering: tracing, gather and shading.
@@ -75,6 +82,7 @@ impl Report {
             footprint: options.footprint,
             filter: options.params.filter,
             taps: options.params.taps,
+            visibility: options.visibility,
             cube_size: environment.cube.size(),
             seed: options.seed,
             lookups,

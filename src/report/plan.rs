@@ -3,6 +3,7 @@
 use crate::pinhole::{Filter, Footprint};
 use crate::render::Options;
 use crate::sampling::Strategy;
+use crate::scene::Visibility;
 
 /// The figures of Wand & Straßer (2003) that can be reproduced.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -34,6 +35,8 @@ impl Plan {
     /// A figure's own plan, and what it asks of the options.
     pub fn of_figure(figure: Figure, options: &mut Options, seeds: u32) -> Self {
         use Footprint::{Cells, Curvature};
+        // As in the paper.
+        options.visibility = Visibility::None;
         let plan = Self {
             strategies: vec![Strategy::Neighbourhood],
             footprints: vec![Curvature],

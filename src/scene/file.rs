@@ -173,6 +173,8 @@ struct ReflectorTable {
     reflectance: [f32; 3],
     metal: Option<Metal>,
     coat: Option<f64>,
+    #[serde(default)]
+    roughness: f64,
 }
 
 #[derive(Deserialize)]
@@ -349,7 +351,10 @@ impl Builder<'_> {
             return Err(self.error(key("reflector.coat"), "must be a refractive index from 1 to 4"));
         }
         let reflectance = self.colour(&key("reflector.reflectance"), table.reflectance, 1.0)?.as_dvec3();
-        Ok(Finish { reflectance, metal: table.metal, coat: table.coat })
+        if !(0.0..=1.0).contains(&table.roughness) {
+            return Err(self.error(key("reflector.roughness"), "must be from 0 to 1"));
+        }
+        Ok(Finish { reflectance, metal: table.metal, coat: table.coat, roughness: table.roughness })
     }
 
     fn mesh(&self, name: &str, table: &ObjectTable, notes: &mut Vec<String>) -> Result<Mesh, SceneError> {

@@ -7,9 +7,10 @@ use std::fmt;
 #[serde(rename_all = "lowercase")]
 pub enum Visibility {
     /// None but back-face culling: the paper's integral.
-    #[default]
     None,
-    /// Both legs, from the environment to the mirror and from the mirror to the receiver, are occluded by everything.
+    /// Both legs, from the environment to the mirror and from the mirror to the receiver, are occluded by everything; so is
+    /// the environment's direct light.
+    #[default]
     Full,
 }
 

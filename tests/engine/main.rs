@@ -8,6 +8,7 @@ mod distributions;
 mod embedding;
 mod figure4;
 mod filter_quality;
+mod gloss;
 mod gpu_errors;
 mod ground_truth;
 mod half_float;

@@ -102,7 +102,7 @@ fn the_back_ends_agree_on_several_finishes_in_one_scene() {
 /// What is known of gold: its colour fades towards grazing light.
 #[test]
 fn colours_fade_towards_grazing_light() {
-    let gold = Finish { reflectance: DVec3::ONE, metal: Some(Metal::Gold), coat: None };
+    let gold = Finish { reflectance: DVec3::ONE, metal: Some(Metal::Gold), coat: None, roughness: 0.0 };
     let saturation = |cosine: f64| {
         let c = gold.reflectance_at(cosine);
         c.max_element() - c.min_element()

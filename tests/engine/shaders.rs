@@ -62,6 +62,7 @@ fn structs_are_laid_out_alike() {
         epsilon,
         texel_rad,
         radiance_scale,
+        map_resolution,
     });
     assert_eq!(wgsl_struct("GatherUniforms"), uniforms);
 }

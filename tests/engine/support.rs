@@ -39,7 +39,14 @@ pub fn on_cpu(receivers: &Receivers, pinholes: &Pinholes, cube: &CubeMap, params
 
 /// Irradiance by the GPU, all batches in one submission.
 pub fn on_gpu(receivers: &Receivers, pinholes: &Pinholes, cube: &CubeMap, params: &Params) -> Vec<[f32; 4]> {
-    on_gpu_with(receivers, pinholes, cube, params, &Options { filter: params.filter, ..Default::default() }, u32::MAX)
+    on_gpu_with(
+        receivers,
+        pinholes,
+        cube,
+        params,
+        &Options { filter: params.filter, visibility: pinholes.visibility.is_some(), ..Default::default() },
+        u32::MAX,
+    )
 }
 
 /// The same with engine options, `step` batches a submission.

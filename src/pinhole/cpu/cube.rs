@@ -64,12 +64,13 @@ impl<'a> CubeLookup<'a> {
 
     /// Adds the radiance from eight directions (of any length) at eight levels to `sums`; the fourth component counts.
     pub fn fetch8(&self, directions: &Lanes8, levels: &[f32; 8], sums: &mut [Vec4; 8]) {
-        self.fetch(V3(directions.map(f32x8::new)), f32x8::new(*levels), 0xff, sums);
+        let add = |lane: usize, radiance| sums[lane] += radiance;
+        self.fetch(V3(directions.map(f32x8::new)), f32x8::new(*levels), 0xff, add);
     }
 
-    /// [`Self::fetch8`] for the lanes whose bit is set in `active`.
+    /// Calls `take` with each lane whose bit is set in `active`, and the radiance from its direction at its level, w = 1.
     #[inline(always)]
-    pub(super) fn fetch(&self, direction: V3, level: F, active: u32, sums: &mut [Vec4; 8]) {
+    pub(super) fn fetch(&self, direction: V3, level: F, active: u32, mut take: impl FnMut(usize, Vec4)) {
         let [x, y, z] = direction.0;
         let [ax, ay, az] = direction.0.map(F::abs);
         let on_x = ax.simd_ge(ay) & ax.simd_ge(az);
@@ -95,7 +96,7 @@ impl<'a> CubeLookup<'a> {
                 let coarse = self.bilinear(fine + 1, face, s[lane], t[lane]);
                 value += (level[lane] - fine as f32) * (coarse - value);
             }
-            sums[lane] += value;
+            take(lane, value);
         }
     }
 

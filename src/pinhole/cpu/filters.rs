@@ -5,6 +5,7 @@ use glam::{Vec3, Vec4};
 use super::cube::{CubeLookup, level_of, texel_width};
 use super::footprint::{FootprintAxes, footprint_axes};
 use super::lanes::{F, V3, clamp, splat};
+use super::visibility::{Sight, Unhindered};
 use crate::environment::CubeMap;
 use crate::pinhole::{Filter, Probe};
 
@@ -28,53 +29,70 @@ pub(super) struct Sides {
     pub v2: V3,
 }
 
-/// Sum of radiance over the taps of a footprint, and the number of taps.
+/// Mean radiance over a footprint of what is seen; w = fetches.
 #[inline(always)]
 pub(super) fn mean_over_footprint<const FILTER: u32>(
     environment: &CubeLookup,
     sides: &Sides,
+    sight: &impl Sight,
     most_taps: f32,
     lit: u32,
-) -> ([Vec4; LANES], F) {
-    let mut sum = [Vec4::ZERO; LANES];
+) -> [Vec4; LANES] {
     let r = sides.r;
     if FILTER == FILTER_NONE {
-        environment.fetch(r, F::ZERO, lit, &mut sum);
-        return (sum, F::ONE);
+        return single_look_up(environment, r, sight, lit);
     }
     let axes = footprint_axes(sides.v1, sides.v2);
     let texel = texel_width(r, environment.texel_rad());
     if FILTER == FILTER_ISOTROPIC {
-        environment.fetch(r, level_of(axes.major, texel), lit, &mut sum);
-        return (sum, F::ONE);
+        let mut sum = [Vec4::ZERO; LANES];
+        let open = open_part_of_footprint(sight, sides, lit);
+        fetch(environment, r, level_of(axes.major, texel), &open, lit, &mut sum);
+        return sum;
     }
     if FILTER == FILTER_EWA {
-        return mean_over_ellipse(environment, r, &axes, texel, lit);
+        return mean_over_ellipse(environment, r, &axes, texel, sight, lit);
     }
     let sharpness = splat(SHARPNESS);
     let taps = clamp((axes.major / (sharpness * axes.minor).max(texel)).ceil(), F::ONE, splat(most_taps));
     let level = level_of(sharpness * axes.minor.max(axes.major / taps), texel);
+    let mut sum = [Vec4::ZERO; LANES];
     let mut k = 0.5;
     loop {
         let active = lit & taps.simd_gt(splat(k)).to_bitmask();
         if active == 0 {
-            return (sum, taps);
+            return divided(sum, taps);
         }
-        let offset = splat(k) / taps - splat(0.5);
-        environment.fetch(r + axes.direction * offset, level, active, &mut sum);
+        let direction = r + axes.direction * (splat(k) / taps - splat(0.5));
+        fetch(environment, direction, level, &sight.open_part(direction, active), active, &mut sum);
         k += 1.0;
     }
 }
 
-/// The elliptical weighted average, scaled so that dividing by the number of fetches gives the mean.
-fn mean_over_ellipse(environment: &CubeLookup, r: V3, axes: &FootprintAxes, texel: F, lit: u32) -> ([Vec4; LANES], F) {
+/// Radiance from one direction each, in the finest level; w = fetches.
+#[inline(always)]
+pub(super) fn single_look_up(environment: &CubeLookup, r: V3, sight: &impl Sight, lit: u32) -> [Vec4; LANES] {
+    let mut sum = [Vec4::ZERO; LANES];
+    fetch(environment, r, F::ZERO, &sight.open_part(r, lit), lit, &mut sum);
+    sum
+}
+
+/// The elliptical weighted average.
+fn mean_over_ellipse(
+    environment: &CubeLookup,
+    r: V3,
+    axes: &FootprintAxes,
+    texel: F,
+    sight: &impl Sight,
+    lit: u32,
+) -> [Vec4; LANES] {
     let diameter = splat(2.0 * EWA_RADIUS);
     let width = (splat(EWA_TEXEL) * axes.minor).max(texel).max(diameter * axes.major / splat(EWA_COLUMNS));
     let level = level_of(width, texel);
     let columns = (diameter * axes.major / width).ceil().max(F::ONE);
     let rows = (diameter * axes.minor / width).ceil().max(F::ONE);
     let across = r.cross(axes.direction) * (axes.minor / axes.major.max(splat(1e-20)));
-    let (mut sum, mut weights, mut fetches) = ([Vec4::ZERO; LANES], F::ZERO, F::ZERO);
+    let (mut sum, mut weights) = ([Vec4::ZERO; LANES], F::ZERO);
     let mut j = 0.5;
     loop {
         let in_rows = lit & rows.simd_gt(splat(j)).to_bitmask();
@@ -89,29 +107,53 @@ fn mean_over_ellipse(environment: &CubeLookup, r: V3, axes: &FootprintAxes, texe
                 break;
             }
             let x = splat(2.0 * i) / columns - F::ONE;
-            let weight = F::ONE - x * x - y * y;
+            let weight = (F::ONE - x * x - y * y).max(F::ZERO) & columns.simd_gt(splat(i)) & rows.simd_gt(splat(j));
             let active = in_columns & weight.simd_gt(F::ZERO).to_bitmask();
-            let mut value = [Vec4::ZERO; LANES];
-            environment.fetch(r + (axes.direction * x + across * y) * splat(EWA_RADIUS), level, active, &mut value);
-            let weight = weight.to_array();
-            let (mut w, mut n) = (weights.to_array(), fetches.to_array());
-            for lane in (0..LANES).filter(|lane| active & (1 << lane) != 0) {
-                sum[lane] += weight[lane] * value[lane];
-                w[lane] += weight[lane];
-                n[lane] += 1.0;
-            }
-            (weights, fetches) = (F::new(w), F::new(n));
+            let direction = r + (axes.direction * x + across * y) * splat(EWA_RADIUS);
+            let open = F::new(sight.open_part(direction, active));
+            fetch(environment, direction, level, &(weight * open).to_array(), active, &mut sum);
+            weights += weight;
             i += 1.0;
         }
         j += 1.0;
     }
-    let fetches = fetches.max(F::ONE);
-    let scale = (fetches / weights.max(splat(1e-20))).to_array();
-    sum.iter_mut().zip(scale).for_each(|(sum, scale)| *sum *= scale);
-    (sum, fetches)
+    divided(sum, weights.max(splat(1e-20)))
 }
 
-type MeanOverFootprint = fn(&CubeLookup, &Sides, f32, u32) -> ([Vec4; LANES], F);
+/// Adds radiance by the part of it that counts, and the fetch to w; where nothing counts nothing is read.
+#[inline(always)]
+fn fetch(
+    environment: &CubeLookup,
+    direction: V3,
+    level: F,
+    part: &[f32; LANES],
+    active: u32,
+    sums: &mut [Vec4; LANES],
+) {
+    let active = active & F::new(*part).simd_gt(F::ZERO).to_bitmask();
+    environment.fetch(direction, level, active, |lane, radiance| {
+        sums[lane] += radiance * Vec3::splat(part[lane]).extend(1.0);
+    });
+}
+
+/// Radiance divided; w as it is.
+#[inline(always)]
+fn divided(sums: [Vec4; LANES], by: F) -> [Vec4; LANES] {
+    let scale = (F::ONE / by).to_array();
+    std::array::from_fn(|lane| sums[lane] * Vec3::splat(scale[lane]).extend(1.0))
+}
+
+/// The part of the environment that is seen within a footprint, from four places in it.
+#[inline(always)]
+fn open_part_of_footprint(sight: &impl Sight, sides: &Sides, lit: u32) -> [f32; LANES] {
+    let quarter = splat(0.25);
+    let (a, b) = ((sides.v1 + sides.v2) * quarter, (sides.v1 - sides.v2) * quarter);
+    let places = [sides.r + a, sides.r - a, sides.r + b, sides.r - b];
+    let open = places.map(|direction| F::new(sight.open_part(direction, lit)));
+    ((open[0] + open[1] + open[2] + open[3]) * quarter).to_array()
+}
+
+type MeanOverFootprint = fn(&CubeLookup, &Sides, &Unhindered, f32, u32) -> [Vec4; LANES];
 
 /// Means over given footprints: rgb, and the number of fetches. [`Filter::Hardware`] is not accepted here.
 pub fn probe(environment: &CubeMap, filter: Filter, most_taps: u32, probes: &[Probe]) -> Vec<[f32; 4]> {
@@ -131,12 +173,8 @@ pub fn probe(environment: &CubeMap, filter: Filter, most_taps: u32, probes: &[Pr
             V3([lane(0), lane(1), lane(2)])
         };
         let sides = Sides { r: lanes(|p| p.direction), v1: lanes(|p| p.sides[0]), v2: lanes(|p| p.sides[1]) };
-        let (sums, fetches) = mean(&lookup, &sides, most_taps as f32, 0xff);
-        let fetches = fetches.to_array();
-        means.extend((0..group.len()).map(|k| {
-            let mean = sums[k] / fetches[k];
-            [mean.x, mean.y, mean.z, fetches[k]]
-        }));
+        let found = mean(&lookup, &sides, &Unhindered, most_taps as f32, 0xff);
+        means.extend(found[..group.len()].iter().map(|mean| mean.to_array()));
     }
     means
 }

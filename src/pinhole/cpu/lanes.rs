@@ -2,6 +2,7 @@
 
 use std::ops::{Add, Mul, Sub};
 
+use glam::Vec3;
 use wide::f32x8;
 
 /// Eight lanes.
@@ -19,6 +20,11 @@ pub(super) fn splat(value: f32) -> F {
 #[inline(always)]
 pub(super) fn splat3([x, y, z, _]: [f32; 4]) -> V3 {
     V3([x, y, z].map(splat))
+}
+
+#[inline(always)]
+pub(super) fn vector(v: Vec3) -> V3 {
+    V3(v.to_array().map(splat))
 }
 
 #[inline(always)]

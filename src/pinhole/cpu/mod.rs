@@ -7,6 +7,7 @@ mod cube;
 mod filters;
 mod footprint;
 mod lanes;
+mod visibility;
 
 pub use cube::{CubeLookup, Lanes8};
 pub use filters::probe;
@@ -15,9 +16,12 @@ use glam::Vec4;
 use rayon::prelude::*;
 use wide::f32x8;
 
-use self::filters::{FILTER_ANISOTROPIC, FILTER_EWA, FILTER_ISOTROPIC, FILTER_NONE, Sides, mean_over_footprint};
+use self::filters::{
+    FILTER_ANISOTROPIC, FILTER_EWA, FILTER_ISOTROPIC, FILTER_NONE, Sides, mean_over_footprint, single_look_up,
+};
 use self::footprint::{blurred, reflected_side};
 use self::lanes::{F, V3, abs, splat, splat3};
+use self::visibility::{Sight, Surroundings, Unhindered};
 use super::{BATCH_SIZE, CURVE_POINTS, Filter, GatherUniforms, Params, PinholeSample, Pinholes, Receivers};
 use crate::environment::CubeMap;
 
@@ -36,7 +40,7 @@ pub fn gather(
     progress: &(dyn Fn(u64) + Sync),
 ) -> Vec<[f32; 4]> {
     assert!(params.taps > 0, "a footprint needs one tap at least");
-    let uniforms = GatherUniforms::for_cube(params, pinholes.samples.len(), environment);
+    let uniforms = GatherUniforms::for_cube(params, pinholes, environment);
     let gather = Gather { pinholes, uniforms, environment: CubeLookup::new(environment) };
     let task: fn(&Gather, &Receivers, usize, &mut [[f32; 4]]) = match params.filter {
         Filter::None => task::<FILTER_NONE>,
@@ -64,6 +68,15 @@ struct Receiver {
     position: V3,
     normal: V3,
     object: [u32; LANES],
+}
+
+/// A sample and eight receivers; the names are the shader's.
+struct Pair {
+    d: V3,
+    n: V3,
+    dn: F,
+    inverse_l: F,
+    r: V3,
 }
 
 fn task<const FILTER: u32>(gather: &Gather, receivers: &Receivers, first: usize, sums: &mut [[f32; 4]]) {
@@ -133,13 +146,25 @@ impl Gather<'_> {
         }
         let weight = splat(sample.area()) * cosines * self.attenuation(l2, sample, &receiver.object);
         let r = (d - n * (dn + dn)) * inverse_l;
-        let (radiance, taps) = self.filtered_radiance::<FILTER>(sample, d, n, dn, inverse_l, r, lit);
+        let pair = Pair { d, n, dn, inverse_l, r };
+        let (weight, lit, radiance) = match &self.pinholes.visibility {
+            None => (weight, lit, self.filtered_radiance::<FILTER>(sample, &pair, &Unhindered, lit)),
+            Some(maps) => {
+                let sight = Surroundings::new(maps, sample, dn);
+                let visible = f32x8::new(sight.visible_part(V3([F::ZERO; 3]) - d, lit));
+                let lit = lit & visible.simd_gt(F::ZERO).to_bitmask();
+                if lit == 0 {
+                    return;
+                }
+                (weight * visible, lit, self.filtered_radiance::<FILTER>(sample, &pair, &sight, lit))
+            }
+        };
         let reflectance = self.reflectance(sample, facing * inverse_l);
-        let scale = (weight / taps).to_array();
-        let taps = taps.to_array();
+        let weight = weight.to_array();
         for lane in 0..LANES {
             if lit & (1 << lane) != 0 {
-                sum[lane] += scale[lane] * reflectance[lane] * radiance[lane] + taps[lane] * Vec4::W;
+                let fetches = radiance[lane].w * Vec4::W;
+                sum[lane] += weight[lane] * reflectance[lane] * radiance[lane] + fetches;
             }
         }
     }
@@ -171,29 +196,23 @@ impl Gather<'_> {
         F::ONE / (l2 + splat(u.epsilon_scale * sample.area() + u.epsilon)).max(least)
     }
 
-    /// Sum of radiance over the taps of the sample's footprint around r, and the number of taps.
+    /// Mean radiance over the sample's footprint around r; w = fetches.
     #[inline]
-    #[expect(clippy::too_many_arguments, reason = "the shader's function, argument by argument")]
     fn filtered_radiance<const FILTER: u32>(
         &self,
         sample: &PinholeSample,
-        d: V3,
-        n: V3,
-        dn: F,
-        inverse_l: F,
-        r: V3,
+        &Pair { d, n, dn, inverse_l, r }: &Pair,
+        sight: &impl Sight,
         lit: u32,
-    ) -> ([Vec4; LANES], F) {
+    ) -> [Vec4; LANES] {
         if FILTER == FILTER_NONE {
-            let mut sum = [Vec4::ZERO; LANES];
-            self.environment.fetch(r, F::ZERO, lit, &mut sum);
-            return (sum, F::ONE);
+            return single_look_up(&self.environment, r, sight, lit);
         }
         let v1 = reflected_side(splat3(sample.side_1), splat3(sample.change_1), d, n, dn, inverse_l, r);
         let v2 = reflected_side(splat3(sample.side_2), splat3(sample.change_2), d, n, dn, inverse_l, r);
         let lobe = sample.lobe();
         let (v1, v2) = if lobe > 0.0 { blurred(v1, v2, r, n, abs(dn) * inverse_l, splat(lobe)) } else { (v1, v2) };
         let footprint = Sides { r, v1, v2 };
-        mean_over_footprint::<FILTER>(&self.environment, &footprint, self.uniforms.taps as f32, lit)
+        mean_over_footprint::<FILTER>(&self.environment, &footprint, sight, self.uniforms.taps as f32, lit)
     }
 }

@@ -30,13 +30,15 @@ pub const TARGET_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba32Float;
 pub struct Options {
     /// The filter; it is compiled into the shader.
     pub filter: Filter,
+    /// Whether the samples' maps of visibility count; they, too, are compiled in.
+    pub visibility: bool,
     /// Accumulate by ping-pong between two textures even where 32-bit targets blend.
     pub force_ping_pong: bool,
 }
 
 impl Default for Options {
     fn default() -> Self {
-        Self { filter: Filter::Anisotropic, force_ping_pong: false }
+        Self { filter: Filter::Anisotropic, visibility: false, force_ping_pong: false }
     }
 }
 
@@ -57,7 +59,7 @@ pub struct FrameInputs<'a> {
     pub normals: &'a wgpu::TextureView,
     /// Width and height of both.
     pub size: [u32; 2],
-    /// The samples.
+    /// The samples; with maps of visibility if, and only if, the engine was made for them.
     pub pinholes: &'a Pinholes,
     /// The environment.
     pub environment: &'a EnvironmentCube,
@@ -84,7 +86,7 @@ impl Engine {
     /// Compiles the shader.
     pub fn new(device: &wgpu::Device, options: &Options) -> Self {
         let blends = device.features().contains(wgpu::Features::FLOAT32_BLENDABLE) && !options.force_ping_pong;
-        Self { pipelines: Pipelines::new(device, options.filter, blends), blends }
+        Self { pipelines: Pipelines::new(device, options.filter, options.visibility, blends), blends }
     }
 
     /// Uploads one image's inputs and makes its targets. The samples are copied.
@@ -94,6 +96,9 @@ impl Engine {
                 engine: self.pipelines.filter.name(),
                 params: inputs.params.filter.name(),
             });
+        }
+        if inputs.pinholes.visibility.is_some() != self.pipelines.visibility {
+            return Err(GpuError::OtherVisibility { engine: self.pipelines.visibility });
         }
         check_limits(&device.limits(), inputs)?;
         let count = if self.blends { 1 } else { 2 };
@@ -118,12 +123,7 @@ impl Engine {
 
     fn bind_inputs(&self, device: &wgpu::Device, inputs: &FrameInputs) -> wgpu::BindGroup {
         let cube = inputs.environment;
-        let uniforms = GatherUniforms::new(
-            &inputs.params,
-            inputs.pinholes.samples.len() as u32,
-            cube.size(),
-            cube.radiance_scale(),
-        );
+        let uniforms = GatherUniforms::new(&inputs.params, inputs.pinholes, cube.size(), cube.radiance_scale());
         let uniforms = device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
             label: Some("gather uniforms"),
             contents: bytemuck::bytes_of(&uniforms),
@@ -138,16 +138,12 @@ impl Engine {
             contents: bytemuck::cast_slice(&padded),
             usage: wgpu::BufferUsages::UNIFORM,
         });
-        let curves = device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
-            label: Some("reflectance curves"),
-            contents: match inputs.pinholes.curves.as_slice() {
-                // A binding cannot be empty.
-                [] => &[0; size_of::<[f32; 4]>()],
-                curves => bytemuck::cast_slice(curves),
-            },
-            usage: wgpu::BufferUsages::STORAGE,
-        });
-        self.pipelines.bind_inputs(device, &uniforms, &samples, cube.view(), &curves)
+        let curves = storage_buffer(device, "reflectance curves", bytemuck::cast_slice(&inputs.pinholes.curves));
+        let (planes, open): (&[[f32; 4]], &[u32]) =
+            inputs.pinholes.visibility.as_ref().map_or((&[], &[]), |maps| (&maps.planes, &maps.open));
+        let planes = storage_buffer(device, "planes seen", bytemuck::cast_slice(planes));
+        let open = storage_buffer(device, "environment seen", bytemuck::cast_slice(open));
+        self.pipelines.bind_inputs(device, &uniforms, &samples, cube.view(), [&curves, &planes, &open])
     }
 }
 
@@ -221,7 +217,25 @@ fn check_limits(limits: &wgpu::Limits, inputs: &FrameInputs) -> Result<(), GpuEr
     if inputs.pinholes.samples.len() > most {
         return Err(GpuError::TooManySamples { samples: inputs.pinholes.samples.len(), limit: most });
     }
+    if let Some(maps) = &inputs.pinholes.visibility {
+        let bytes = size_of_val(maps.planes.as_slice()) as u64;
+        let most = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
+        if bytes > most {
+            return Err(GpuError::MapsTooLarge { samples: inputs.pinholes.samples.len(), bytes, limit: most });
+        }
+    }
     Ok(())
+}
+
+/// A buffer that shaders read.
+fn storage_buffer(device: &wgpu::Device, label: &str, contents: &[u8]) -> wgpu::Buffer {
+    // A binding cannot be empty.
+    let contents = if contents.is_empty() { &[0; 16] } else { contents };
+    device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
+        label: Some(label),
+        contents,
+        usage: wgpu::BufferUsages::STORAGE,
+    })
 }
 
 fn target(device: &wgpu::Device, [width, height]: [u32; 2]) -> wgpu::Texture {

@@ -13,6 +13,7 @@ pub(super) const BATCH_BYTES: u64 = BATCH_SIZE as u64 * size_of::<PinholeSample>
 pub(super) struct Pipelines {
     pub gather: wgpu::RenderPipeline,
     pub filter: Filter,
+    pub visibility: bool,
     inputs: wgpu::BindGroupLayout,
     receivers: wgpu::BindGroupLayout,
     previous: wgpu::BindGroupLayout,
@@ -21,9 +22,12 @@ pub(super) struct Pipelines {
 }
 
 impl Pipelines {
-    pub fn new(device: &wgpu::Device, filter: Filter, blends: bool) -> Self {
-        let inputs =
-            layout(device, "gather inputs", &[uniform(0), window(1), cube(2), sampler(3), sampler(4), storage(5)]);
+    pub fn new(device: &wgpu::Device, filter: Filter, visibility: bool, blends: bool) -> Self {
+        let inputs = layout(
+            device,
+            "gather inputs",
+            &[uniform(0), window(1), cube(2), sampler(3), sampler(4), storage(5), storage(6), storage(7)],
+        );
         let receivers = layout(device, "receivers", &[texture(0), texture(1)]);
         let previous = layout(device, "previous target", &[texture(0)]);
         let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
@@ -46,12 +50,13 @@ impl Pipelines {
             &pipeline_layout,
             &module,
             if blends { "gather" } else { "gather_onto_previous" },
-            &[("FILTER", f64::from(filter_constant(filter)))],
+            &[("FILTER", f64::from(filter_constant(filter))), ("VISIBILITY", f64::from(u8::from(visibility)))],
             blends.then_some(wgpu::BlendState { color: add, alpha: add }),
         );
         Self {
             gather,
             filter,
+            visibility,
             inputs,
             receivers,
             previous,
@@ -66,7 +71,7 @@ impl Pipelines {
         uniforms: &wgpu::Buffer,
         samples: &wgpu::Buffer,
         environment: &wgpu::TextureView,
-        curves: &wgpu::Buffer,
+        [curves, planes, open_rows]: [&wgpu::Buffer; 3],
     ) -> wgpu::BindGroup {
         bind(
             device,
@@ -82,6 +87,8 @@ impl Pipelines {
                 wgpu::BindingResource::Sampler(&self.trilinear),
                 wgpu::BindingResource::Sampler(&self.anisotropic),
                 curves.as_entire_binding(),
+                planes.as_entire_binding(),
+                open_rows.as_entire_binding(),
             ],
         )
     }

@@ -1,4 +1,4 @@
-//! Rays against the scene's triangles, through a BVH from `obvhs`.
+//! Rays against the scene's triangles, through a BVH from `obvhs`. Knows meshes, but neither light nor samples.
 
 use std::fmt;
 
@@ -12,17 +12,36 @@ use crate::scene::{Ray, Scene};
 
 /// What a ray meets first.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Hit {
+pub struct Hit {
+    /// Index of the object in the scene.
     pub object: u32,
+    /// World position, metres.
     pub position: Vec3,
+    /// Distance along the ray, in lengths of its direction.
+    pub distance: f32,
     /// Interpolated unit normal, turned towards the ray's origin.
     pub normal: Vec3,
+    /// The triangle's own unit normal, turned towards the ray's origin.
+    pub face_normal: Vec3,
     /// The ray came from the side that the mesh's normals point to.
     pub front: bool,
 }
 
+/// A piece of a surface that looks around.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Piece {
+    /// Its middle, metres.
+    pub position: Vec3,
+    /// Index of the object in the scene.
+    pub object: u32,
+    /// It looks to the side that the mesh's normals point to.
+    pub front: bool,
+    /// From end to end, metres.
+    pub extent: f32,
+}
+
 /// All triangles of a scene.
-pub(super) struct Tracer {
+pub struct Tracer {
     triangles: Vec<TraceTriangle>,
     bvh: CwBvh,
     camera_visible: Vec<bool>,
@@ -43,6 +62,7 @@ impl fmt::Debug for Tracer {
 }
 
 impl Tracer {
+    /// Builds the hierarchy.
     pub fn new(scene: &Scene) -> Self {
         let mut triangles = Vec::new();
         for (object, o) in scene.objects.iter().enumerate() {
@@ -68,15 +88,38 @@ impl Tracer {
 
     /// The first thing that the camera sees along a ray.
     pub fn camera_hit(&self, ray: Ray) -> Option<Hit> {
-        self.hit(ray, 0.0, |object| self.camera_visible[object as usize])
+        self.hit(ray, 0.0, |triangle, _| self.camera_visible[triangle.object as usize])
     }
 
     /// The first thing along a ray that leaves a surface.
     pub fn secondary_hit(&self, ray: Ray) -> Option<Hit> {
-        self.hit(ray, self.offset, |_| true)
+        self.hit(ray, self.offset, |_, _| true)
     }
 
-    fn hit(&self, ray: Ray, from: f32, sees: impl Fn(u32) -> bool) -> Option<Hit> {
+    /// The first thing that a piece of a surface sees in a direction; itself it does not see.
+    pub fn seen_by(&self, piece: &Piece, direction: Vec3) -> Option<Hit> {
+        let side = if piece.front { 1.0 } else { -1.0 };
+        // A piece is a little curved, and its middle may lie below its triangles.
+        let itself = |triangle: &TraceTriangle, distance: f32| {
+            triangle.object == piece.object
+                && distance < piece.extent
+                && side * triangle.normals.iter().sum::<Vec3>().dot(direction) > 0.0
+        };
+        self.hit(Ray { origin: piece.position, direction }, self.offset, |triangle, t| !itself(triangle, t))
+    }
+
+    /// Whether anything lies in a direction from a surface.
+    pub fn is_blocked(&self, ray: Ray) -> bool {
+        let from = self.offset;
+        let traced = obvhs::ray::Ray::new(ray.origin.into(), ray.direction.into(), from, f32::INFINITY);
+        !self.triangles.is_empty()
+            && !self.bvh.ray_traverse_miss(traced, |r, index| {
+                let triangle = &self.triangles[self.bvh.primitive_indices[index] as usize];
+                intersect(&triangle.corners, ray, from, r.tmax).map_or(f32::INFINITY, |(t, _)| t)
+            })
+    }
+
+    fn hit(&self, ray: Ray, from: f32, sees: impl Fn(&TraceTriangle, f32) -> bool) -> Option<Hit> {
         if self.triangles.is_empty() {
             return None;
         }
@@ -86,21 +129,18 @@ impl Tracer {
         self.bvh.ray_traverse(traced, &mut found, |r, index| {
             let id = self.bvh.primitive_indices[index] as usize;
             let triangle = &self.triangles[id];
-            if !sees(triangle.object) {
-                return f32::INFINITY;
-            }
             match intersect(&triangle.corners, ray, from, r.tmax) {
-                Some((t, weights)) => {
+                Some((t, weights)) if sees(triangle, t) => {
                     barycentric = (id, weights);
                     t
                 }
-                None => f32::INFINITY,
+                _ => f32::INFINITY,
             }
         });
-        found.t.is_finite().then(|| self.describe(ray, barycentric.0, barycentric.1))
+        found.t.is_finite().then(|| self.describe(ray, found.t, barycentric.0, barycentric.1))
     }
 
-    fn describe(&self, ray: Ray, id: usize, weights: [f32; 3]) -> Hit {
+    fn describe(&self, ray: Ray, distance: f32, id: usize, weights: [f32; 3]) -> Hit {
         let triangle = &self.triangles[id];
         let mix = |v: [Vec3; 3]| weights[0] * v[0] + weights[1] * v[1] + weights[2] * v[2];
         let normal = mix(triangle.normals).normalize();
@@ -112,7 +152,9 @@ impl Tracer {
         Hit {
             object: triangle.object,
             position: mix(triangle.corners),
+            distance,
             normal: if front { normal } else { -normal },
+            face_normal: if front { towards_normal } else { -towards_normal }.normalize(),
             front,
         }
     }

@@ -1,0 +1,86 @@
+// What a sample sees around itself. CPU twin: src/pinhole/cpu/visibility.rs; how the maps are made and laid out:
+// src/pinhole/visibility.rs.
+//
+// The importing pass declares `planes` and `open_rows`.
+
+override VISIBILITY: bool = false;
+
+// Width of a shadow's edge on the map, texels.
+const PENUMBRA: f32 = 0.5;
+
+struct Surroundings {
+    map: u32,
+    resolution: u32,
+    // Texel coordinates of the map's corner.
+    phase: vec2f,
+    // The sample's frame; the last points to the side in question.
+    axes: mat3x3f,
+}
+
+var<private> surroundings: Surroundings;
+
+// Looks around on one side (1 or -1) of a sample with unit normal n and two maps where it has two sides.
+fn look_around(first_map: u32, phase: vec2f, resolution: u32, n: vec3f, side: f32) {
+    let sign = select(1.0, -1.0, n.z < 0.0);
+    let a = -1.0 / (sign + n.z);
+    let b = n.x * n.y * a;
+    let axes = mat3x3f(
+        vec3f(1.0 + sign * n.x * n.x * a, sign * b, -sign * n.x),
+        vec3f(b, sign + n.y * n.y * a, -n.y),
+        side * n,
+    );
+    surroundings = Surroundings(select(first_map, first_map + 1u, side < 0.0), resolution, phase, axes);
+}
+
+struct MapPlace {
+    texel: vec2u,
+    // Of the four texels from there.
+    part: vec2f,
+}
+
+fn map_place(direction: vec3f) -> MapPlace {
+    let d = vec2f(direction.x, direction.y);
+    let scale = 0.5 / (abs(d.x) + abs(d.y) + max(direction.z, 0.0));
+    let place = vec2f(d.x + d.y, d.x - d.y) * scale + 0.5;
+    let n = f32(surroundings.resolution);
+    let texel = clamp(place * n - 0.5 - surroundings.phase, vec2f(0.0), vec2f(n - 1.0));
+    let first = min(vec2u(texel), vec2u(surroundings.resolution - 2u));
+    return MapPlace(first, texel - vec2f(first));
+}
+
+// The part of a receiver at l, metres from the sample on in world space, that the sample sees.
+fn visible_part(l: vec3f) -> f32 {
+    let local = l * surroundings.axes;
+    let place = map_place(local);
+    let n = surroundings.resolution;
+    let first = (surroundings.map * n + place.texel.y) * n + place.texel.x;
+    let a = planes[first];
+    let b = planes[first + 1u];
+    let c = planes[first + n];
+    let d = planes[first + n + 1u];
+    let top = mix(in_front(a, local), in_front(b, local), across(a, place.part.x, 8u));
+    let bottom = mix(in_front(c, local), in_front(d, local), across(c, place.part.x, 8u));
+    return mix(top, bottom, mix(across(a, place.part.y, 0u), across(b, place.part.y, 0u), place.part.x));
+}
+
+fn in_front(plane: vec4f, local: vec3f) -> f32 {
+    return select(0.0, 1.0, dot(plane.xyz, local) <= 1.0 + plane.w);
+}
+
+// How far past the edge between a texel and the next, from 0 to 1; `part` of the way there.
+fn across(texel: vec4f, part: f32, shift: u32) -> f32 {
+    let edge = f32((bitcast<u32>(texel.w) >> shift) & 0xffu) / 256.0;
+    return saturate(0.5 + (part - edge) / PENUMBRA);
+}
+
+// The part of the environment around a direction, in world space, that is not hidden from the sample.
+fn seen_part_of_environment(direction: vec3f) -> f32 {
+    let place = map_place(direction * surroundings.axes);
+    let row = surroundings.map * surroundings.resolution + place.texel.y;
+    return mix(open_in_row(row, place), open_in_row(row + 1u, place), place.part.y);
+}
+
+fn open_in_row(row: u32, place: MapPlace) -> f32 {
+    let bits = open_rows[row] >> place.texel.x;
+    return mix(f32(bits & 1u), f32((bits >> 1u) & 1u), place.part.x);
+}

@@ -1,0 +1,124 @@
+//! Rough mirrors: the engine's blurred footprints against the ground truth's brute force over facets.
+
+use std::path::Path;
+
+use glam::{DVec3, Vec3};
+use pinspot::Silent;
+use pinspot::environment::{CubeMap, Environment};
+use pinspot::pinhole::{Filter, Footprint, Params, Receivers};
+use pinspot::reference::{Goal, Options, Reference};
+use pinspot::reflectance::Curve;
+use pinspot::sampling::Strategy;
+use pinspot::scene::{Scene, parse};
+
+use super::support::{BACK_ENDS, floor, on_cpu, on_gpu, pinholes_of, rel_l2};
+
+const EDGE: u32 = 12;
+
+/// A ring from above, in a light: what is rough about it.
+fn ring(light: &str, roughness: f32) -> Scene {
+    let text = format!(
+        "[environment]\n{light}\n[camera]\nposition = [0.0, 4.0, 0.0]\ntarget = [0.0, 0.0, 0.0]\nup = [0.0, 0.0, -1.0]\n\
+         orthographic = {{ height = 2.4 }}\n[[object]]\nshape = {{ ring = {{ radius = 1.0, height = 0.5 }} }}\ncamera_visible = false\n\
+         reflector = {{ roughness = {roughness} }}\n[[object]]\nshape = {{ plane = {{ size = [3.0, 3.0] }} }}\n\
+         receiver = {{ albedo = [0.5, 0.5, 0.5] }}\n"
+    );
+    parse::<toml::Table>("test.toml", &text, Path::new(".")).unwrap().scene
+}
+
+fn truth(scene: Scene, rel_error: f64) -> Vec<DVec3> {
+    let goal = Goal { rel_error, seconds: None, points: None };
+    let options = Options { size: [EDGE; 2], ..Default::default() };
+    let estimate = Reference::new(scene, options).unwrap().solve(&goal, None, &Silent, &mut |_| Ok(())).unwrap();
+    estimate.irradiance.pixels.iter().map(|p| p.as_dvec3()).collect()
+}
+
+fn receivers() -> Receivers {
+    let at = |k: u32| 2.4 * ((k as f32 + 0.5) / EDGE as f32 - 0.5);
+    let points = (0..EDGE * EDGE).map(|k| (Vec3::new(at(k % EDGE), 0.0, at(k / EDGE)), Vec3::Y, 1));
+    Receivers::from_points(&points.collect::<Vec<_>>(), EDGE)
+}
+
+fn error(got: &[[f32; 4]], expected: &[DVec3]) -> f64 {
+    let off: f64 = got
+        .iter()
+        .zip(expected)
+        .map(|(g, e)| (DVec3::new(g[0].into(), g[1].into(), g[2].into()) - *e).length_squared())
+        .sum();
+    (off / expected.iter().map(|e| e.length_squared()).sum::<f64>()).sqrt()
+}
+
+/// Relative errors at 2,000 samples: (roughness, as the engine does it, without the lobe).
+fn errors(light: &str) -> Vec<(f32, f64, f64)> {
+    let of = |roughness| {
+        let scene = ring(light, roughness);
+        let expected = truth(scene.clone(), 0.01);
+        let environment = Environment::load(&scene.environment, Default::default()).unwrap();
+        let pinholes = pinholes_of(&scene, 2000, Strategy::Neighbourhood, Footprint::Cells, 1);
+        let mut sharp = pinholes.clone();
+        sharp.samples.iter_mut().for_each(|s| s.side_1[3] = 0.0);
+        let [own, without] = [&pinholes, &sharp]
+            .map(|p| error(&on_cpu(&receivers(), p, &environment.cube, &Params::default()), &expected));
+        println!("{light}, roughness {roughness}: {own:.3}, without the lobe {without:.3}");
+        (roughness, own, without)
+    };
+    [0.0, 0.2, 0.3, 0.5, 0.7].map(of).to_vec()
+}
+
+/// A parallelogram is no GGX lobe with its long tails; this is what that costs.
+#[test]
+fn rough_mirrors_are_as_near_to_the_truth_as_is_stated() {
+    for (light, most) in [("map = \"forest\"", 0.16), ("map = \"studio\"", 0.16)] {
+        for (roughness, own, without) in errors(light) {
+            assert!(own < most, "{light}, roughness {roughness}: {own}");
+            assert!(roughness == 0.0 || own < 0.8 * without, "{light}, roughness {roughness}: {own} against {without}");
+        }
+    }
+}
+
+/// Under constant light only what the facets hide from each other is lost.
+#[test]
+fn both_back_ends_and_the_ground_truth_lose_what_facets_hide() {
+    let ceiling = "[[object]]\nshape = { plane = { size = [4.0, 4.0] } }\nrotate_deg = [180.0, 0.0, 0.0]\n\
+                   translate = [0.0, 1.0, 0.0]\nreflector = { metal = \"copper\", roughness = 0.63 }\n";
+    let text = format!(
+        "[environment]\nconstant = [1.0, 1.0, 1.0]\n[camera]\nposition = [0.0, 0.1, 0.0]\ntarget = [0.0, 0.0, 0.0]\n\
+         up = [0.0, 0.0, -1.0]\northographic = {{ height = 1e-3 }}\n[[object]]\n\
+         shape = {{ plane = {{ size = [0.01, 0.01] }} }}\nreceiver = {{ albedo = [0.5, 0.5, 0.5] }}\n{ceiling}"
+    );
+    let scene = parse::<toml::Table>("test.toml", &text, Path::new(".")).unwrap().scene;
+    let curve = Curve::new(&scene.objects[1].reflector.unwrap().finish, 512);
+    let steps = 160;
+    let at = |k: u32| 4.0 * ((f64::from(k) + 0.5) / f64::from(steps) - 0.5);
+    let cosines = (0..steps * steps).map(|k| (1.0 + at(k % steps).powi(2) + at(k / steps).powi(2)).sqrt().recip());
+    let sum: DVec3 = cosines.map(|cosine| curve.at(cosine) * cosine.powi(4)).sum();
+    let expected = sum * (4.0 / f64::from(steps)).powi(2);
+    let close = |got: DVec3, most: f64, who: &str| {
+        assert!((got / expected - 1.0).abs().max_element() < most, "{who}: {got}, not {expected}");
+    };
+
+    let goal = Goal { rel_error: 5e-4, seconds: None, points: None };
+    let options = Options { size: [1, 1], ..Default::default() };
+    let reference = Reference::new(scene.clone(), options).unwrap();
+    let estimate = reference.solve(&goal, None, &Silent, &mut |_| Ok(())).unwrap();
+    close(estimate.irradiance.pixels[0].as_dvec3(), 4e-3, "the ground truth");
+
+    let pinholes = pinholes_of(&scene, 4000, Strategy::Neighbourhood, Footprint::Cells, 1);
+    let cube = CubeMap::from_radiance(16, None, |_| Vec3::ONE);
+    for (name, gather) in BACK_ENDS {
+        let [r, g, b, _] = gather(&floor(1e-6, 1), &pinholes, &cube, &Params::default())[0];
+        close(DVec3::new(r.into(), g.into(), b.into()), 0.01, name);
+    }
+}
+
+#[test]
+fn the_back_ends_agree_on_rough_mirrors() {
+    let pinholes =
+        pinholes_of(&ring("constant = [1.0, 1.0, 1.0]", 0.45), 900, Strategy::Neighbourhood, Footprint::Cells, 1);
+    let cube = CubeMap::from_radiance(64, None, |d| Vec3::new(1.0 + d.x, 2.0 + d.y, (9.0 * d.z).sin().abs()));
+    for filter in [Filter::Isotropic, Filter::Anisotropic] {
+        let params = Params { filter, ..Default::default() };
+        let [cpu, gpu] = [on_cpu, on_gpu].map(|gather| gather(&receivers(), &pinholes, &cube, &params));
+        assert!(rel_l2(&gpu, &cpu) < 1e-4, "{filter:?}: {}", rel_l2(&gpu, &cpu));
+    }
+}
