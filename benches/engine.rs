@@ -127,6 +127,7 @@ fn gather_on_gpu(c: &mut Criterion) {
                 let inputs = FrameInputs {
                     positions: &positions,
                     normals: &normals,
+                    viewers: None,
                     size,
                     pinholes: &work.pinholes,
                     environment: &environment,

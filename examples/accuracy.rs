@@ -14,7 +14,7 @@ use pinspot::pinhole::{Filter, Footprint};
 use pinspot::reference::Goal;
 use pinspot::render::{BackendChoice, Settings};
 use pinspot::report::{Comparison, Plan, Request, Row, compare};
-use pinspot::sampling::Strategy;
+use pinspot::sampling::{Density, Strategy};
 use pinspot::scene::Visibility;
 use pinspot::{Error, Silent};
 
@@ -43,6 +43,7 @@ fn compare_scene(name: &str) -> Result<Comparison, Error> {
     options.visibility = Visibility::None;
     let plan = Plan {
         strategies: vec![Strategy::Neighbourhood],
+        densities: vec![Density::Uniform],
         footprints: vec![Footprint::Curvature, Footprint::Cells],
         filters: vec![Filter::None, Filter::Anisotropic],
         samples: SAMPLES.to_vec(),

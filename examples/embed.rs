@@ -14,6 +14,7 @@ use pinspot::pinhole::{Footprint, Params, pinholes};
 use pinspot::render::Settings;
 use pinspot::sampling::{self, Surface, sample};
 use pinspot::scene::{Scene, load};
+use pinspot::tracing::Tracer;
 use pinspot::wgpu;
 use wgpu::util::DeviceExt;
 
@@ -51,14 +52,15 @@ pub fn render_one_frame() -> Result<Output, Failure> {
     let scene = load::<Settings>(SCENE)?.scene;
 
     // 1. Once: the engine, on the host's device.
-    let engine = Engine::new(&device, &Options::default());
+    let engine = Engine::new(&device, &Options { visibility: true, ..Default::default() });
     // 2. When the light changes: the environment cube (or a cube texture of the host's own).
     let light = Environment::load(&scene.environment, Default::default())?;
     let environment = EnvironmentCube::upload(&device, &queue, &light.cube)?;
-    // 3. When the reflectors move: the samples.
+    // 3. When anything moves: the samples, and what each sees around itself.
     let options = sampling::Options { samples: SAMPLES, strategy: Default::default(), seed: 1 };
     let set = sample(&Surface::of_scene(&scene), &options)?;
-    let pinholes = pinholes(&scene, &differentials(&set), Footprint::Cells);
+    let mut pinholes = pinholes(&scene, &differentials(&set), Footprint::Cells);
+    pinholes.look_around(&scene, &Tracer::new(&scene));
 
     let gbuffer = GBuffer::new(&device);
     let mut encoder = device.create_command_encoder(&Default::default());
@@ -68,6 +70,7 @@ pub fn render_one_frame() -> Result<Output, Failure> {
     let inputs = FrameInputs {
         positions: &gbuffer.positions.create_view(&Default::default()),
         normals: &gbuffer.normals.create_view(&Default::default()),
+        viewers: None,
         size: SIZE,
         pinholes: &pinholes,
         environment: &environment,

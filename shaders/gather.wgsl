@@ -3,12 +3,13 @@
 //
 // Each instance of the full-screen triangle is one batch of samples; the target accumulates by additive blending, or
 // the batch starts from the previous target where 32-bit targets do not blend (gather_onto_previous).
-// Output: rgb = irradiance, W/m²; a = number of fetches.
+// Output: rgb = irradiance, W/m², or with SHADING the radiance reflected to the viewer, W/(m²·sr); a = number of fetches.
 
 #import cube
 #import footprint
 #import filters
 #import visibility
+#import brdf
 
 // Whole vec4s: some drivers pay per load, not per byte.
 struct PinholeSample {
@@ -49,12 +50,17 @@ const CURVE_POINTS: u32 = 128u;
 @group(0) @binding(7) var<storage, read> open_rows: array<u32>;
 @group(1) @binding(0) var receiver_position: texture_2d<f32>;
 @group(1) @binding(1) var receiver_normal: texture_2d<f32>;
+// Towards the viewers, and what the objects do with light; never read without SHADING.
+@group(1) @binding(2) var receiver_view: texture_2d<f32>;
+@group(1) @binding(3) var<storage, read> materials: array<Material>;
+@group(1) @binding(4) var<storage, read> tables: array<vec4f>;
 @group(2) @binding(0) var previous: texture_2d<f32>;
 
 struct Receiver {
     position: vec3f,
     normal: vec3f,
     object: u32,
+    view: vec3f,
 }
 
 struct Varyings {
@@ -86,7 +92,8 @@ fn gather_batch(pixel: vec2u, batch: u32) -> vec4f {
     }
     // Rounded: a rasteriser's interpolation may leave 0.9999999.
     let object = u32(position.w + 0.5);
-    let receiver = Receiver(position.xyz, textureLoad(receiver_normal, pixel, 0).xyz, object);
+    let normal = textureLoad(receiver_normal, pixel, 0).xyz;
+    let receiver = Receiver(position.xyz, normal, object, textureLoad(receiver_view, pixel, 0).xyz);
     var sum = vec4f(0.0);
     let count = min(uniforms.sample_count - batch * BATCH_SIZE, BATCH_SIZE);
     for (var i = 0u; i < count; i++) {
@@ -126,7 +133,11 @@ fn sample_irradiance(i: u32, receiver: Receiver) -> vec4f {
     }
     let r = (d - 2.0 * dn * n) * inverse_l;
     let radiance = filtered_radiance(i, d, n, dn, inverse_l, r);
-    return vec4f(weight * uniforms.radiance_scale * reflectance(i, facing * inverse_l) * radiance.rgb, radiance.a);
+    var factor = weight * uniforms.radiance_scale * reflectance(i, facing * inverse_l);
+    if SHADING {
+        factor *= brdf(receiver.object, receiver.normal, d * inverse_l, receiver.view);
+    }
+    return vec4f(factor * radiance.rgb, radiance.a);
 }
 
 // The part of the environment around a direction that counts: see filters.
@@ -160,7 +171,7 @@ fn attenuation(l2: f32, area: f32, same_object: bool) -> f32 {
 // Mean radiance over the sample's footprint around the reflected direction r; a = fetches.
 fn filtered_radiance(i: u32, d: vec3f, n: vec3f, dn: f32, inverse_l: f32, r: vec3f) -> vec4f {
     if FILTER == FILTER_NONE {
-        return vec4f(fetch(r, 0.0), 1.0);
+        return open_light(r, 0.0, 1.0);
     }
     let side_1 = samples[i].side_1;
     let v1 = reflected_side(side_1.xyz, samples[i].change_1.xyz, d, n, dn, inverse_l, r);

@@ -18,6 +18,7 @@
 //!
 //! * [`scene`]: what exists: meshes, shapes, materials, cameras, scene files.
 //! * [`reflectance`]: how much a mirror mirrors at which angle: metals, coats.
+//! * [`brdf`]: what receivers do with light: Lambert, Phong, GGX, tables.
 //! * [`environment`]: what shines: maps, spots, constants; a prefiltered cube.
 //! * [`sampling`]: where on the reflectors the pinholes are.
 //! * [`differential`]: the surface around each of them.
@@ -48,6 +49,7 @@
 //!
 //! Units: metres, radians, W/(m²·sr), W/m². Right-handed, Y up, linear Rec.709.
 
+pub mod brdf;
 pub mod conformance;
 pub mod differential;
 pub mod environment;

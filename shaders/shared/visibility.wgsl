@@ -6,7 +6,7 @@
 override VISIBILITY: bool = false;
 
 // Width of a shadow's edge on the map, texels.
-const PENUMBRA: f32 = 0.5;
+const PENUMBRA: f32 = 0.25;
 
 struct Surroundings {
     map: u32,

@@ -8,7 +8,7 @@ use pinspot::pinhole::Footprint;
 use pinspot::reference::Goal;
 use pinspot::render::{FilterChoice, Options, Settings};
 use pinspot::report::{Comparison, Figure, Plan, Request, compare};
-use pinspot::sampling::Strategy;
+use pinspot::sampling::{Density, Strategy};
 
 use super::options::{SceneOptions, word};
 use super::progress::Bar;
@@ -23,6 +23,9 @@ pub struct CompareArgs {
     /// Strategies, separated by commas [default: the scene's, else neighbourhood]
     #[arg(long, value_parser = word::<Strategy>, value_delimiter = ',', value_name = "NAMES")]
     strategies: Vec<Strategy>,
+    /// Where samples are denser, separated by commas [default: the scene's, else uniform]
+    #[arg(long, value_parser = word::<Density>, value_delimiter = ',', value_name = "NAMES")]
+    densities: Vec<Density>,
     /// Footprints, separated by commas [default: the scene's, else cells]
     #[arg(long, value_parser = word::<Footprint>, value_delimiter = ',', value_name = "NAMES")]
     footprints: Vec<Footprint>,
@@ -39,7 +42,7 @@ pub struct CompareArgs {
     #[arg(long, value_name = "N")]
     seed: Option<u64>,
     /// Reproduce a figure of Wand & Straßer (2003): 4 (samples, filtered and not) or 5 (strategies)
-    #[arg(long, value_name = "4|5", value_parser = figure, conflicts_with_all = ["strategies", "footprints", "filters", "samples"])]
+    #[arg(long, value_name = "4|5", value_parser = figure, conflicts_with_all = ["strategies", "densities", "footprints", "filters", "samples"])]
     figure: Option<Figure>,
     /// Measure only where this picture (.png, .exr) is not black
     #[arg(long, value_name = "FILE")]
@@ -115,6 +118,7 @@ fn plan(args: &CompareArgs, options: &mut Options) -> Plan {
     let filters = or(&args.filters, &[FilterChoice::None, FilterChoice::Auto]);
     Plan {
         strategies: or(&args.strategies, &[options.strategy]),
+        densities: or(&args.densities, &[options.density]),
         footprints: or(&args.footprints, &[options.footprint]),
         filters: filters.into_iter().map(FilterChoice::resolve).collect(),
         samples: or(&args.samples, &[100, 1000, 10_000]),
@@ -126,15 +130,16 @@ fn plan(args: &CompareArgs, options: &mut Options) -> Plan {
 /// The mean errors over the seeds, and where the report is.
 fn summary(args: &CompareArgs, comparison: &Comparison) -> String {
     let mut lines = vec![format!(
-        "{:15} {:10} {:12} {:>8} {:>8} {:>8} {:>7} {:>9}",
-        "strategy", "footprint", "filter", "samples", "rel_l2", "mrse", "flip", "lookups"
+        "{:15} {:12} {:10} {:12} {:>8} {:>8} {:>8} {:>7} {:>9}",
+        "strategy", "density", "footprint", "filter", "samples", "rel_l2", "mrse", "flip", "lookups"
     )];
     for rows in comparison.rows.chunks(args.seeds as usize) {
         let mean = |f: fn(&pinspot::report::Row) -> f64| rows.iter().map(f).sum::<f64>() / rows.len() as f64;
         let row = &rows[0];
         lines.push(format!(
-            "{:15} {:10} {:12} {:>8} {:>8.4} {:>8.3} {:>7.4} {:>9.0}",
+            "{:15} {:12} {:10} {:12} {:>8} {:>8.4} {:>8.3} {:>7.4} {:>9.0}",
             row.strategy.name(),
+            row.density.name(),
             row.footprint.name(),
             row.filter,
             row.samples,

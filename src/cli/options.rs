@@ -10,7 +10,7 @@ use pinspot::environment::CubeSize;
 use pinspot::image::Aov;
 use pinspot::pinhole::{Epsilon, Footprint};
 use pinspot::render::{BackendChoice, FilterChoice, Options, Overlay, Settings};
-use pinspot::sampling::Strategy;
+use pinspot::sampling::{Density, Strategy};
 use pinspot::scene::{Light, Loaded, MapLayout, Scene, Visibility, load};
 
 /// What is sampled and how.
@@ -22,6 +22,9 @@ pub struct SamplingOptions {
     /// random, grid, quantised-grid, neighbourhood or elimination [default: neighbourhood]
     #[arg(long, value_parser = word::<Strategy>, value_name = "NAME")]
     pub strategy: Option<Strategy>,
+    /// Where samples are denser: uniform, curvature, normal, visibility or contribution [default: uniform]
+    #[arg(long, value_parser = word::<Density>, value_name = "NAME")]
+    pub density: Option<Density>,
     /// Random seed [default: 1]
     #[arg(long, value_name = "N")]
     pub seed: Option<u64>,
@@ -100,6 +103,7 @@ impl CommonOptions {
         Settings {
             samples: self.sampling.samples,
             strategy: self.sampling.strategy,
+            density: self.sampling.density,
             footprint: self.footprint,
             filter: self.filter,
             seed: self.sampling.seed,

@@ -8,9 +8,9 @@ use serde::Serialize;
 use pinspot::Progress;
 use pinspot::differential::{differentials, write_ply};
 use pinspot::image::{write_atomically, write_png};
-use pinspot::render::Settings;
+use pinspot::render::{Settings, place_samples};
 use pinspot::report::spectrum_picture;
-use pinspot::sampling::{Development, Options, PointSet, Quality, Spectrum, Surface, quality, sample, study};
+use pinspot::sampling::{Density, Development, Options, PointSet, Quality, Spectrum, Surface, quality, study};
 use pinspot::scene::load;
 
 use super::options::SamplingOptions;
@@ -44,6 +44,7 @@ pub struct SamplesArgs {
 struct Figures {
     requested: u32,
     strategy: pinspot::sampling::Strategy,
+    density: Density,
     seed: u64,
     /// Samples in the file; one that no part of the surface is nearest to is left out.
     written: usize,
@@ -64,6 +65,7 @@ pub fn run(args: &SamplesArgs) -> Result<(), String> {
     let over = Settings {
         samples: args.options.samples,
         strategy: args.options.strategy,
+        density: args.options.density,
         seed: args.options.seed,
         ..Default::default()
     };
@@ -81,7 +83,7 @@ pub fn run(args: &SamplesArgs) -> Result<(), String> {
     let bar = Bar::new(args.quiet);
     bar.begin("sampling the reflectors", 3);
     let options = Options { samples: render.samples, strategy: render.strategy, seed: render.seed };
-    let set = sample(&surface, &options).map_err(|e| e.to_string())?;
+    let set = place_samples(&loaded.scene, &render).map_err(|e| e.to_string())?;
     bar.advance(1);
     let samples = differentials(&set);
     bar.advance(1);
@@ -95,7 +97,7 @@ pub fn run(args: &SamplesArgs) -> Result<(), String> {
     if let (Some(path), Some(spectrum)) = (&args.spectrum, &spectrum) {
         write_png(path, &spectrum_picture(spectrum)).map_err(|e| e.to_string())?;
     }
-    let figures = figures(args, &options, &set, &surface, samples.len(), spectrum);
+    let figures = figures(args, &options, render.density, &set, &surface, samples.len(), spectrum);
     match (args.json, args.quiet) {
         (true, _) => super::print_json(&figures),
         (false, true) => Ok(()),
@@ -106,6 +108,7 @@ pub fn run(args: &SamplesArgs) -> Result<(), String> {
 fn figures(
     args: &SamplesArgs,
     options: &Options,
+    density: Density,
     set: &PointSet,
     surface: &Surface,
     written: usize,
@@ -114,6 +117,7 @@ fn figures(
     Figures {
         requested: options.samples,
         strategy: options.strategy,
+        density,
         seed: options.seed,
         written,
         quality: quality(set, surface.area()),

@@ -45,6 +45,7 @@ pub(super) fn fit(
     Some(DifferentialSample {
         position: point.position,
         normal: point.normal,
+        area: point.area,
         object: point.object,
         cell: Cell { area, centroid: moments.centroid + lift * moments.normal, normal: moments.normal, sides },
         curvatures,

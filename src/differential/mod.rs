@@ -24,6 +24,8 @@ pub struct DifferentialSample {
     pub position: Vec3,
     /// Unit normal there, towards the reflecting side.
     pub normal: Vec3,
+    /// The area that the strategy gave it, m²: its part of the surface's, whatever its cell is.
+    pub area: f32,
     /// Index of the object in the scene.
     pub object: u32,
     /// The cell: the part of the surface that is nearest to this sample.

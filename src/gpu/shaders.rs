@@ -9,6 +9,7 @@ pub const SHADERS: &[(&str, &str)] = &[
 ];
 
 const SHARED: &[(&str, &str)] = &[
+    ("brdf", include_str!("../../shaders/shared/brdf.wgsl")),
     ("cube", include_str!("../../shaders/shared/cube.wgsl")),
     ("filters", include_str!("../../shaders/shared/filters.wgsl")),
     ("footprint", include_str!("../../shaders/shared/footprint.wgsl")),

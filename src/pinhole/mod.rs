@@ -17,7 +17,7 @@ mod receivers;
 mod visibility;
 
 pub use layout::{BATCH_SIZE, CURVE_POINTS, GatherUniforms, PinholeParts, PinholeSample, Pinholes, ReflectanceCurve};
-pub use receivers::{NO_RECEIVER, Receivers};
+pub use receivers::{NO_RECEIVER, Receivers, Viewers};
 pub use visibility::VisibilityMaps;
 
 use glam::Vec3;
@@ -143,16 +143,12 @@ fn lobe_of_bend(changes: [Vec3; 2]) -> f32 {
 /// Packs differential samples for the gather, with their object's finish and sides.
 pub fn pinholes(scene: &Scene, samples: &[DifferentialSample], footprint: Footprint) -> Pinholes {
     let (curves, curve_of_object) = curves(scene);
-    let area: f64 = samples.iter().map(|s| f64::from(s.cell.area)).sum();
-    let area_per_sample = (area / samples.len().max(1) as f64) as f32;
     let pack = |s: &DifferentialSample| {
         let reflector = scene.objects[s.object as usize].reflector?;
         let two_sided = reflector.sides == Sides::Both;
         let (position, normal, area, sides) = match footprint {
             Footprint::Cells => (s.cell.centroid, s.cell.normal, s.cell.area, s.cell.sides),
-            Footprint::Curvature => {
-                (s.position, s.normal, area_per_sample, s.directions.map(|u| area_per_sample.sqrt() * u))
-            }
+            Footprint::Curvature => (s.position, s.normal, s.area, s.directions.map(|u| s.area.sqrt() * u)),
         };
         let changes = sides.map(|side| s.normal_change(side));
         let (reflectance, object) = (reflector.finish.reflectance.as_vec3(), s.object);

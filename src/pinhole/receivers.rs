@@ -1,6 +1,10 @@
 //! Receiver points: the G-buffer that a gather reads.
 
+use std::sync::Arc;
+
 use glam::Vec3;
+
+use crate::brdf::Materials;
 
 /// The `w` of a position where there is nothing to receive.
 pub const NO_RECEIVER: f32 = -1.0;
@@ -16,13 +20,30 @@ pub struct Receivers {
     pub positions: Vec<[f32; 4]>,
     /// Unit normal on the side that receives; `w` is not used.
     pub normals: Vec<[f32; 4]>,
+    /// `None`: what is gathered is irradiance. Else it is the radiance that the objects reflect to their viewers.
+    pub viewers: Option<Viewers>,
+}
+
+/// Who looks at receivers.
+#[derive(Clone, Debug)]
+pub struct Viewers {
+    /// Unit direction from each receiver towards its viewer; `w` is not used.
+    pub directions: Vec<[f32; 4]>,
+    /// What the scene's objects do with light.
+    pub materials: Arc<Materials>,
 }
 
 impl Receivers {
     /// A grid without any receiver.
     pub fn empty(width: u32, height: u32) -> Self {
         let count = width as usize * height as usize;
-        Self { width, height, positions: vec![[0.0, 0.0, 0.0, NO_RECEIVER]; count], normals: vec![[0.0; 4]; count] }
+        Self {
+            width,
+            height,
+            positions: vec![[0.0, 0.0, 0.0, NO_RECEIVER]; count],
+            normals: vec![[0.0; 4]; count],
+            viewers: None,
+        }
     }
 
     /// Arranges a list of points in rows of `width`.

@@ -25,7 +25,7 @@ impl Receivers {
             let (origin, direction) = ray(&scene.camera, [x, y], size);
             let hit = geometry.first_hit(origin, direction, |o| scene.objects[o as usize].camera_visible)?;
             let triangle = &geometry.triangles[hit.triangle as usize];
-            scene.objects[triangle.object as usize].receiver?;
+            scene.objects[triangle.object as usize].receiver.as_ref()?;
             let normal = triangle.normal(hit.barycentric);
             let [a, b, c] = triangle.corners;
             let face = (b - a).cross(c - a);

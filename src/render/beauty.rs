@@ -15,7 +15,7 @@ use super::{Renderer, sum_of_fetches, timed};
 use crate::Error;
 use crate::Progress;
 use crate::image::{display, exposed};
-use crate::pinhole::Receivers;
+use crate::pinhole::{Receivers, Viewers};
 use crate::scene::{Object, Ray, Sides};
 use crate::tracing::Hit;
 
@@ -49,31 +49,44 @@ pub(super) fn shade(
     let caustic = if extra.is_empty() || renderer.options.look.plain_diffuse {
         vec![[0.0; 4]; extra.len()]
     } else {
-        let mut receivers = Receivers::empty(POINTS_IN_A_ROW, (extra.len() as u32).div_ceil(POINTS_IN_A_ROW));
-        for (index, point) in extra.iter().enumerate().filter(|(_, point)| point.receives) {
-            receivers.set(index, point.hit.position, point.hit.normal, point.hit.object);
-        }
-        timed(&mut seconds.gather, || {
-            renderer.backend.gather(
-                &receivers,
-                &renderer.pinholes,
-                &renderer.environment.cube,
-                &renderer.options.params,
-                progress,
-            )
-        })?
+        timed(&mut seconds.gather, || gather_at(renderer, &extra, progress))?
     };
-    let direct =
-        timed(&mut seconds.direct, || extra.par_iter().map(|point| renderer.direct_irradiance(&point.hit)).collect());
+    let direct = timed(&mut seconds.direct, || extra.par_iter().map(|point| renderer.direct_at(point)).collect());
     let extra = Irradiances { direct, caustic };
     let shaded = paths.par_iter().map(|p| p.sum(renderer, own, &extra)).collect();
     Ok((shaded, sum_of_fetches(&extra.caustic)))
 }
 
+/// The caustics at extra points: irradiance, or from glossy receivers the radiance towards their viewers.
+fn gather_at(renderer: &Renderer, points: &[ExtraPoint], progress: &dyn Progress) -> Result<Vec<[f32; 4]>, Error> {
+    let gather = |receivers: &Receivers| {
+        let Renderer { backend, pinholes, environment, options, .. } = renderer;
+        backend.gather(receivers, pinholes, &environment.cube, &options.params, progress)
+    };
+    let mut diffuse = Receivers::empty(POINTS_IN_A_ROW, (points.len() as u32).div_ceil(POINTS_IN_A_ROW));
+    let is_glossy = |p: &ExtraPoint| p.receives && renderer.materials.is_glossy(p.hit.object);
+    for (index, point) in points.iter().enumerate().filter(|(_, p)| p.receives && !is_glossy(p)) {
+        diffuse.set(index, point.hit.position, point.hit.normal, point.hit.object);
+    }
+    let mut sums = gather(&diffuse)?;
+    let glossy: Vec<usize> = (0..points.len()).filter(|&k| is_glossy(&points[k])).collect();
+    if !glossy.is_empty() {
+        let place = |&k: &usize| (points[k].hit.position, points[k].hit.normal, points[k].hit.object);
+        let mut receivers = Receivers::from_points(&glossy.iter().map(place).collect::<Vec<_>>(), POINTS_IN_A_ROW);
+        let mut directions: Vec<_> = glossy.iter().map(|&k| points[k].view.extend(0.0).to_array()).collect();
+        directions.resize(receivers.positions.len(), [0.0; 4]);
+        receivers.viewers = Some(Viewers { directions, materials: renderer.materials.clone() });
+        for (&k, sum) in glossy.iter().zip(gather(&receivers)?) {
+            sums[k] = sum;
+        }
+    }
+    Ok(sums)
+}
+
 /// Extra points are gathered in rows of so many.
 const POINTS_IN_A_ROW: u32 = 1024;
 
-/// The light at points of diffuse surfaces.
+/// The light at points of surfaces; where those are glossy, the radiance that they reflect to their viewers.
 pub(super) struct Irradiances {
     /// From the environment, W/m².
     pub direct: Vec<Vec3>,
@@ -92,10 +105,12 @@ enum LitAt {
     ExtraPoint(u32),
 }
 
-/// A point of a diffuse surface that is not the band's own.
-struct ExtraPoint {
-    hit: Hit,
-    receives: bool,
+/// A point of a surface that is not the band's own, or that reflects to its viewer more than to others.
+pub(super) struct ExtraPoint {
+    pub hit: Hit,
+    pub receives: bool,
+    /// Unit direction towards whoever sees it.
+    pub view: Vec3,
 }
 
 /// What one path brings to its point.
@@ -106,8 +121,8 @@ struct Term {
     radiance: Vec3,
     /// The environment as the camera sees it directly, which has an exposure of its own.
     background: bool,
-    /// What the irradiance there is multiplied by: throughput · albedo / π;
-    diffuse: Vec3,
+    /// What the irradiance there is multiplied by: throughput · albedo / π, or the throughput alone where it is radiance;
+    factor: Vec3,
     /// and the caustic besides, unless the surface receives none.
     caustic_gain: f32,
     lit: LitAt,
@@ -134,7 +149,7 @@ impl PixelPaths {
                     LitAt::OwnPoint(index) => own.at(index, term.caustic_gain),
                     LitAt::ExtraPoint(index) => extra.at(index, term.caustic_gain),
                 };
-                let sum = term.radiance + term.diffuse * irradiance;
+                let sum = term.radiance + term.factor * irradiance;
                 if term.background { background += sum } else { lit += sum }
             }
             radiance += lit + background;
@@ -146,10 +161,10 @@ impl PixelPaths {
     }
 
     /// The extra point for a surface reached by way of `key`; the first one stands for all of the pixel's.
-    fn extra_point(&mut self, key: u64, hit: &Hit, receives: bool) -> LitAt {
+    fn extra_point(&mut self, key: u64, point: ExtraPoint) -> LitAt {
         let index = self.extra_keys.iter().position(|k| *k == key).unwrap_or_else(|| {
             self.extra_keys.push(key);
-            self.extra.push(ExtraPoint { hit: *hit, receives });
+            self.extra.push(point);
             self.extra.len() - 1
         });
         LitAt::ExtraPoint(index as u32)
@@ -256,24 +271,26 @@ fn trace_point(renderer: &Renderer, gbuffer: &GBuffer, own: usize, at: Vec2, pat
         let curve = renderer.curves[found.object as usize].as_ref();
         let reflectance =
             curve.filter(|_| !plain && mirrors(object, found.front)).map(|c| c.at(cosine.into()).as_vec3());
-        let albedo = match object.receiver {
+        let albedo = match &object.receiver {
             _ if plain => Vec3::splat(DIFFUSE_VIEW_ALBEDO),
             Some(receiver) => receiver.albedo,
             None if reflectance.is_some() => Vec3::ZERO,
             None => Vec3::splat(PLAIN_ALBEDO),
         };
-        if albedo != Vec3::ZERO {
+        if albedo != Vec3::ZERO || renderer.materials.is_glossy(found.object) {
             let is_own = |o: &Hit| bounce == 0 && o.object == found.object && o.front == found.front;
-            let lit = if gbuffer.hits[own].as_ref().is_some_and(is_own) {
+            let glossy = !plain && renderer.materials.is_glossy(found.object);
+            let lit = if !glossy && gbuffer.hits[own].as_ref().is_some_and(is_own) {
                 LitAt::OwnPoint(own as u32)
             } else {
-                paths.extra_point(key, &found, object.receiver.is_some())
+                let receives = !plain && object.receiver.is_some();
+                paths.extra_point(key, ExtraPoint { hit: found, receives, view: -ray.direction.normalize() })
             };
             paths.terms.push(Term {
                 point: paths.points,
                 radiance: Vec3::ZERO,
                 background: false,
-                diffuse: throughput * albedo * std::f32::consts::FRAC_1_PI,
+                factor: if glossy { throughput } else { throughput * albedo * std::f32::consts::FRAC_1_PI },
                 caustic_gain: if plain { 0.0 } else { renderer.options.look.caustic_gain },
                 lit,
             });
@@ -286,6 +303,8 @@ fn trace_point(renderer: &Renderer, gbuffer: &GBuffer, own: usize, at: Vec2, pat
         let alpha = object.reflector.map_or(0.0, |r| r.finish.alpha() as f32);
         let facet = if alpha > 0.0 {
             roughest = roughest.max(alpha);
+            // What facets mirror lies too far apart to share a point.
+            key = key.wrapping_mul(1_000_003) + u64::from(paths.points);
             let seed = (own as u32).wrapping_mul(0x9E37_79B9) ^ bounce;
             let [u, v, ..] = sobol_burley::sample_4d(u32::from(paths.points), 0, seed);
             gloss::facet(found.normal, alpha, [u, v])
@@ -310,7 +329,7 @@ fn trace_point(renderer: &Renderer, gbuffer: &GBuffer, own: usize, at: Vec2, pat
         point: paths.points,
         radiance,
         background,
-        diffuse: Vec3::ZERO,
+        factor: Vec3::ZERO,
         caustic_gain: 0.0,
         lit: LitAt::Nowhere,
     });

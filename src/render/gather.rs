@@ -7,9 +7,10 @@ use serde::Serialize;
 use crate::environment::{CubeMap, Environment};
 use crate::gpu::{Adapter, Gpu, GpuError};
 use crate::pinhole::gpu::{
-    Engine, EnvironmentCube, FrameInputs, Options, automatic_filter as automatic_filter_of, check_hardware_filter,
+    Engine, EnvironmentCube, FrameInputs, FrameViewers, Options, automatic_filter as automatic_filter_of,
+    check_hardware_filter,
 };
-use crate::pinhole::{BATCH_SIZE, Filter, Params, Pinholes, Receivers, cpu};
+use crate::pinhole::{BATCH_SIZE, Filter, Params, Pinholes, Receivers, Viewers, cpu};
 use crate::scene::Visibility;
 use crate::{Error, OptionError, Progress};
 
@@ -182,18 +183,27 @@ fn strips(receivers: &Receivers, max_texture: u32, most: usize) -> Vec<Receivers
     let width = receivers.width;
     if width > max_texture {
         // Too wide: any arrangement will do, as a gather looks at one point at a time.
-        let folded = Receivers { width: max_texture, height: 0, ..receivers.clone() };
+        let folded = Receivers { width: max_texture, ..receivers.clone() };
         return strips(&pad_rows(folded), max_texture, most);
     }
     let rows = (most / width as usize).clamp(1, max_texture as usize);
     let per_strip = width as usize * rows;
-    let strip = |(positions, normals): (&[[f32; 4]], &[[f32; 4]])| Receivers {
-        width,
-        height: (positions.len() as u32).div_ceil(width),
-        positions: positions.to_vec(),
-        normals: normals.to_vec(),
+    let count = receivers.positions.len();
+    let strip = |start: usize| {
+        let part = start..(start + per_strip).min(count);
+        let viewers = receivers.viewers.as_ref().map(|viewers| Viewers {
+            directions: viewers.directions[part.clone()].to_vec(),
+            materials: viewers.materials.clone(),
+        });
+        Receivers {
+            width,
+            height: (part.len() as u32).div_ceil(width),
+            positions: receivers.positions[part.clone()].to_vec(),
+            normals: receivers.normals[part].to_vec(),
+            viewers,
+        }
     };
-    receivers.positions.chunks(per_strip).zip(receivers.normals.chunks(per_strip)).map(strip).collect()
+    (0..count).step_by(per_strip).map(strip).collect()
 }
 
 fn pad_rows(mut receivers: Receivers) -> Receivers {
@@ -202,6 +212,9 @@ fn pad_rows(mut receivers: Receivers) -> Receivers {
     receivers.height = rows;
     receivers.positions.resize(count, [0.0, 0.0, 0.0, crate::pinhole::NO_RECEIVER]);
     receivers.normals.resize(count, [0.0; 4]);
+    if let Some(viewers) = &mut receivers.viewers {
+        viewers.directions.resize(count, [0.0; 4]);
+    }
     receivers
 }
 
@@ -226,7 +239,17 @@ fn gather_strip(
     let size = [receivers.width, receivers.height];
     let positions = gpu.upload_texture(size, &receivers.positions);
     let normals = gpu.upload_texture(size, &receivers.normals);
-    let inputs = FrameInputs { positions: &positions, normals: &normals, size, pinholes, environment, params: *params };
+    let views = receivers.viewers.as_ref().map(|viewers| gpu.upload_texture(size, &viewers.directions));
+    let viewers = views.as_ref().zip(receivers.viewers.as_ref());
+    let inputs = FrameInputs {
+        positions: &positions,
+        normals: &normals,
+        viewers: viewers.map(|(directions, viewers)| FrameViewers { directions, materials: &viewers.materials }),
+        size,
+        pinholes,
+        environment,
+        params: *params,
+    };
     let mut frame = engine.frame(&gpu.device, &inputs)?;
 
     let points = receivers.positions.len() as u64;

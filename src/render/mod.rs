@@ -8,28 +8,32 @@ mod direct;
 mod gather;
 mod gbuffer;
 mod gloss;
+mod importance;
 mod options;
 mod overlay;
 mod report;
 
 pub use gather::{Backend, BackendChoice, BackendReport};
+pub use importance::place_samples;
 pub use options::{FilterChoice, Look, Options, Overlay, Settings};
 pub use report::{Report, Seconds};
 
+use std::sync::Arc;
 use std::time::Instant;
 
 use glam::{UVec2, Vec2, Vec3};
 use rayon::prelude::*;
 
-use self::beauty::Irradiances;
+use self::beauty::{ExtraPoint, Irradiances};
 use self::direct::DirectLight;
 use self::gbuffer::GBuffer;
+use crate::brdf::Materials;
 use crate::differential::{DifferentialSample, differentials};
 use crate::environment::Environment;
 use crate::image::{Aov, Image, display, exposed};
 use crate::pinhole::{CURVE_POINTS, Pinholes, pinholes};
 use crate::reflectance::Curve;
-use crate::sampling::{self, Surface, sample};
+use crate::sampling::Surface;
 use crate::scene::{Object, Scene, Visibility};
 use crate::tracing::{Hit, Tracer};
 use crate::{Error, Progress};
@@ -41,6 +45,7 @@ pub struct Renderer {
     options: Options,
     environment: Environment,
     direct: DirectLight,
+    materials: Arc<Materials>,
     differentials: Vec<DifferentialSample>,
     pinholes: Pinholes,
     /// How each object mirrors.
@@ -91,23 +96,34 @@ impl Renderer {
         progress.advance(1);
         progress.begin("sampling the reflectors", 1);
         let surface = Surface::of_scene(&scene);
-        let set = timed(&mut seconds.sampling, || {
-            let Options { samples, strategy, seed, .. } = options;
-            sample(&surface, &sampling::Options { samples, strategy, seed })
-        })?;
+        let tracer = timed(&mut seconds.tracing, || Tracer::new(&scene));
+        let set =
+            timed(&mut seconds.sampling, || importance::place(&scene, &surface, &environment, &tracer, &options))?;
         let differentials = timed(&mut seconds.differentials, || differentials(&set));
         progress.advance(1);
         let mut pinholes = pinholes(&scene, &differentials, options.footprint);
         let curve = |o: &Object| o.reflector.map(|r| Curve::new(&r.finish, CURVE_POINTS));
         let curves = scene.objects.iter().map(curve).collect();
-        let tracer = timed(&mut seconds.tracing, || Tracer::new(&scene));
         if options.visibility == Visibility::Full {
             timed(&mut seconds.visibility, || pinholes.look_around(&scene, &tracer));
         }
         let direct = timed(&mut seconds.environment, || DirectLight::new(&environment, options.visibility));
         let (backend, filter) = timed(&mut seconds.backend, || Backend::open(backend, &environment, &options))?;
         options.params.filter = filter;
-        Ok(Self { scene, options, environment, direct, differentials, pinholes, curves, tracer, backend, seconds })
+        let materials = Arc::new(scene.materials());
+        Ok(Self {
+            scene,
+            options,
+            environment,
+            direct,
+            materials,
+            differentials,
+            pinholes,
+            curves,
+            tracer,
+            backend,
+            seconds,
+        })
     }
 
     /// Renders all pictures asked for.
@@ -184,6 +200,15 @@ impl Renderer {
         self.direct.irradiance(&self.environment, &self.tracer, hit.position, hit.normal)
     }
 
+    /// The environment's irradiance at a point, or the radiance that it reflects to its viewer.
+    fn direct_at(&self, point: &ExtraPoint) -> Vec3 {
+        if point.receives && self.materials.is_glossy(point.hit.object) {
+            self.direct.reflected(&self.environment, &self.tracer, &self.materials, &point.hit, point.view)
+        } else {
+            self.direct_irradiance(&point.hit)
+        }
+    }
+
     /// Averages a band's receivers into the pictures that are plain data.
     fn fill_layers(&self, film: &mut Film, gbuffer: &GBuffer, light: &Irradiances) {
         let n = self.options.pixel_samples;
@@ -206,7 +231,7 @@ impl Renderer {
         let Some(hit) = &gbuffer.hits[index] else {
             return if aov == Aov::Depth { Vec3::NEG_ONE } else { Vec3::ZERO };
         };
-        let receiver = self.scene.objects[hit.object as usize].receiver;
+        let receiver = self.scene.objects[hit.object as usize].receiver.as_ref();
         match aov {
             Aov::Caustic => Vec3::from_slice(&light.caustic[index]),
             Aov::Direct => receiver.map_or(Vec3::ZERO, |_| light.direct[index]),

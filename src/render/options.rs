@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use crate::environment::CubeSize;
 use crate::image::Aov;
 use crate::pinhole::{Epsilon, Filter, Footprint, MAX_TAPS, Params};
-use crate::sampling::{MAX_SAMPLES, Strategy};
+use crate::sampling::{self, Density, MAX_SAMPLES, Strategy};
 use crate::scene::Visibility;
 use crate::{Error, OptionError};
 
@@ -19,6 +19,8 @@ pub struct Settings {
     pub samples: Option<u32>,
     /// How the samples are placed.
     pub strategy: Option<Strategy>,
+    /// Where samples are denser.
+    pub density: Option<Density>,
     /// How a sample's footprint is found.
     pub footprint: Option<Footprint>,
     /// How the environment is looked up under a footprint.
@@ -55,6 +57,7 @@ impl Settings {
             size: over.size.or(self.size),
             samples: over.samples.or(self.samples),
             strategy: over.strategy.or(self.strategy),
+            density: over.density.or(self.density),
             footprint: over.footprint.or(self.footprint),
             filter: over.filter.or(self.filter),
             taps: over.taps.or(self.taps),
@@ -79,6 +82,7 @@ impl Settings {
             size: self.size.unwrap_or(defaults.size),
             samples: self.samples.unwrap_or(defaults.samples),
             strategy: self.strategy.unwrap_or_default(),
+            density: self.density.unwrap_or_default(),
             footprint: self.footprint.unwrap_or_default(),
             params: Params {
                 filter: self.filter.unwrap_or_default().resolve(),
@@ -170,6 +174,8 @@ pub struct Options {
     pub samples: u32,
     /// How they are placed.
     pub strategy: Strategy,
+    /// Where they are denser.
+    pub density: Density,
     /// How their footprints are found.
     pub footprint: Footprint,
     /// The gather.
@@ -199,6 +205,7 @@ impl Default for Options {
             size: [512, 512],
             samples: 1000,
             strategy: Strategy::default(),
+            density: Density::default(),
             footprint: Footprint::default(),
             params: Params::default(),
             automatic_filter: true,
@@ -250,6 +257,11 @@ impl Options {
             return fail("caustic_gain", format!("is {caustic_gain}, but must be a number that is not negative"));
         }
         Ok(())
+    }
+
+    /// How many samples are placed, and how.
+    pub(super) fn sampling(&self) -> sampling::Options {
+        sampling::Options { samples: self.samples, strategy: self.strategy, seed: self.seed }
     }
 
     /// Whether any picture shows caustics.

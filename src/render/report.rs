@@ -5,7 +5,7 @@ use serde::Serialize;
 use super::Renderer;
 use super::gather::BackendReport;
 use crate::pinhole::{Filter, Footprint};
-use crate::sampling::Strategy;
+use crate::sampling::{Density, Strategy};
 use crate::scene::Visibility;
 
 /// The object that `--json` prints.
@@ -21,6 +21,8 @@ pub struct Report {
     pub samples: usize,
     /// How they were placed.
     pub strategy: Strategy,
+    /// Where they are denser.
+    pub density: Density,
     /// How their footprints were found.
     pub footprint: Footprint,
     /// The filter.
@@ -79,6 +81,7 @@ impl Report {
             samples_requested: options.samples,
             samples: renderer.differentials.len(),
             strategy: options.strategy,
+            density: options.density,
             footprint: options.footprint,
             filter: options.params.filter,
             taps: options.params.taps,

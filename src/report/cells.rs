@@ -5,7 +5,8 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 
 use crate::image::{Aov, Image, read_exr, read_exr_text, write_exr_with_text};
-use crate::render::{BackendChoice, Options, Renderer};
+use crate::render::{BackendChoice, Options, Renderer, Seconds};
+use crate::sampling::Density;
 use crate::scene::Scene;
 use crate::{Error, Progress};
 
@@ -25,7 +26,7 @@ pub(super) struct Cell {
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Facts {
     pub samples_used: usize,
-    /// Placing the samples, their differentials and the gather.
+    /// Placing the samples, their differentials, what they see, and the gather.
     pub seconds: f64,
     /// Mean fetches per pixel.
     pub lookups: f64,
@@ -54,7 +55,10 @@ pub(super) fn render_or_reuse(
     let renderer = Renderer::new(scene.clone(), options.clone(), backend, progress)?;
     let rendered = renderer.render(progress)?;
     let report = rendered.report;
-    let seconds = report.seconds.sampling + report.seconds.differentials + report.seconds.gather;
+    let seconds = {
+        let Seconds { sampling, differentials, visibility, gather, .. } = report.seconds;
+        sampling + differentials + visibility + gather
+    };
     let facts = Facts {
         samples_used: report.samples,
         seconds,
@@ -81,7 +85,11 @@ fn read(file: &Path, fingerprint: &str) -> Option<(Image, Facts)> {
 }
 
 fn name(options: &Options) -> String {
-    let Options { strategy, footprint, samples, seed, .. } = options;
+    let Options { strategy, density, footprint, samples, seed, .. } = options;
     let filter = options.params.filter.name();
-    format!("{}-{}-{filter}-{samples}-seed{seed}", strategy.name(), footprint.name())
+    let strategy = match density {
+        Density::Uniform => strategy.name().to_owned(),
+        density => format!("{}-by-{}", strategy.name(), density.name()),
+    };
+    format!("{strategy}-{}-{filter}-{samples}-seed{seed}", footprint.name())
 }

@@ -2,7 +2,7 @@
 
 use crate::pinhole::{Filter, Footprint};
 use crate::render::Options;
-use crate::sampling::Strategy;
+use crate::sampling::{Density, Strategy};
 use crate::scene::Visibility;
 
 /// The figures of Wand & Straßer (2003) that can be reproduced.
@@ -19,6 +19,8 @@ pub enum Figure {
 pub struct Plan {
     /// How samples are placed.
     pub strategies: Vec<Strategy>,
+    /// Where they are denser.
+    pub densities: Vec<Density>,
     /// How footprints are found.
     pub footprints: Vec<Footprint>,
     /// How the environment is looked up.
@@ -39,6 +41,7 @@ impl Plan {
         options.visibility = Visibility::None;
         let plan = Self {
             strategies: vec![Strategy::Neighbourhood],
+            densities: vec![Density::Uniform],
             footprints: vec![Curvature],
             filters: vec![Filter::None],
             samples: vec![2000],
@@ -63,25 +66,30 @@ impl Plan {
 
     /// The options of every combination; the seeds of one stand together.
     pub fn combinations(&self, base: &Options) -> Vec<Options> {
-        let mut all = Vec::new();
-        for &strategy in &self.strategies {
-            for &footprint in &self.footprints {
-                for &filter in &self.filters {
-                    for &samples in &self.samples {
-                        for k in 0..u64::from(self.seeds) {
-                            let mut options = base.clone();
-                            options.strategy = strategy;
-                            options.footprint = footprint;
-                            options.params.filter = filter;
-                            options.automatic_filter = false;
-                            options.samples = samples;
-                            options.seed = base.seed.wrapping_add(k);
-                            all.push(options);
-                        }
-                    }
-                }
-            }
-        }
+        let mut all = vec![base.clone()];
+        let mut each = |choices: &dyn Fn(&Options) -> Vec<Options>| all = all.iter().flat_map(choices).collect();
+        each(&|o| varied(o, &self.strategies, |o, &strategy| o.strategy = strategy));
+        each(&|o| varied(o, &self.densities, |o, &density| o.density = density));
+        each(&|o| varied(o, &self.footprints, |o, &footprint| o.footprint = footprint));
+        each(&|o| {
+            varied(o, &self.filters, |o, &filter| {
+                o.params.filter = filter;
+                o.automatic_filter = false;
+            })
+        });
+        each(&|o| varied(o, &self.samples, |o, &samples| o.samples = samples));
+        let seeds: Vec<u64> = (0..u64::from(self.seeds)).map(|k| base.seed.wrapping_add(k)).collect();
+        each(&|o| varied(o, &seeds, |o, &seed| o.seed = seed));
         all
     }
+}
+
+/// Options with each of these put in.
+fn varied<T>(options: &Options, choices: &[T], put: impl Fn(&mut Options, &T)) -> Vec<Options> {
+    let with = |choice: &T| {
+        let mut options = options.clone();
+        put(&mut options, choice);
+        options
+    };
+    choices.iter().map(with).collect()
 }

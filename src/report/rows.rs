@@ -5,7 +5,7 @@ use serde::Serialize;
 use super::cells::Cell;
 use crate::image::{FlipMap, Image, flip, mrse, rel_l2};
 use crate::pinhole::Footprint;
-use crate::sampling::Strategy;
+use crate::sampling::{Density, Strategy};
 use crate::scene::Visibility;
 
 /// One combination and its errors.
@@ -15,6 +15,8 @@ pub struct Row {
     pub technique: &'static str,
     /// How samples were placed.
     pub strategy: Strategy,
+    /// Where they are denser.
+    pub density: Density,
     /// How footprints were found.
     pub footprint: Footprint,
     /// How the environment was looked up.
@@ -35,7 +37,7 @@ pub struct Row {
     pub mrse: f64,
     /// Mean LDR FLIP at 67 pixels per degree, after the tone map.
     pub flip: f64,
-    /// Placing the samples, their differentials and the gather.
+    /// Placing the samples, their differentials, what they see, and the gather.
     pub seconds: f64,
     /// Mean trilinear reads of the environment per pixel.
     pub lookups: f64,
@@ -51,6 +53,7 @@ pub(super) fn measure(cell: &Cell, reference: &Image, mask: Option<&[bool]>, exp
     let row = Row {
         technique: "pinhole",
         strategy: options.strategy,
+        density: options.density,
         footprint: options.footprint,
         filter: options.params.filter.name(),
         samples: options.samples,

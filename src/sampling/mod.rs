@@ -23,6 +23,7 @@ pub use surface::{Surface, SurfacePoint};
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use rand::SeedableRng;
 use rand::rngs::ChaCha8Rng;
+use rayon::prelude::*;
 use serde::Deserialize;
 
 /// The most samples that can be asked for.
@@ -58,6 +59,37 @@ impl Strategy {
     }
 }
 
+/// Where samples are denser: what a place of the surface is thought to be worth, by area (WS-F7). Each sample's weight is
+/// the area that it stands for, so that none of them biases the sum.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Deserialize, serde::Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Density {
+    /// All places are alike.
+    #[default]
+    Uniform,
+    /// By how the normals turn.
+    Curvature,
+    /// By how the surface faces the receivers that the camera sees, and how near it is.
+    Normal,
+    /// The same for those receivers and that light which are not hidden.
+    Visibility,
+    /// By the light that it brings to them from this environment.
+    Contribution,
+}
+
+impl Density {
+    /// Its name in scene files and on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Uniform => "uniform",
+            Self::Curvature => "curvature",
+            Self::Normal => "normal",
+            Self::Visibility => "visibility",
+            Self::Contribution => "contribution",
+        }
+    }
+}
+
 /// What to sample.
 #[derive(Clone, Copy, Debug)]
 pub struct Options {
@@ -72,7 +104,7 @@ pub struct Options {
 /// The samples' positions and the denser set they were chosen from.
 #[derive(Clone, Debug)]
 pub struct PointSet {
-    /// The samples; their `area` is A/N.
+    /// The samples; their `area` is A/N, over their relative density where that is uneven.
     pub points: Vec<SurfacePoint>,
     /// Points that cover the surface evenly, each with the area that it stands for; they sum up to the surface's.
     pub candidates: Vec<SurfacePoint>,
@@ -85,6 +117,12 @@ pub enum SamplingError {
     /// Nothing mirrors.
     #[error("the scene has no reflector; give an object `reflector = {{ sides = \"front\" }}`")]
     NoReflector,
+    /// Only some strategies can place samples unevenly.
+    #[error("strategy {} places its samples evenly; give --strategy neighbourhood or random, or --density uniform", strategy.name())]
+    Even {
+        /// The strategy.
+        strategy: Strategy,
+    },
     /// No samples, or too many.
     #[error("{samples} samples were asked for; give from 1 to {MAX_SAMPLES}")]
     Count {
@@ -93,8 +131,23 @@ pub enum SamplingError {
     },
 }
 
-/// Places samples on a surface.
+/// Places samples evenly on a surface.
 pub fn sample(surface: &Surface, options: &Options) -> Result<PointSet, SamplingError> {
+    place(surface, options, None)
+}
+
+/// What a place is worth, relative to others.
+pub type Importance<'a> = &'a (dyn Fn(&SurfacePoint) -> f32 + Sync);
+
+/// Places samples on a surface as densely as `importance` says; positive, and best within a factor of ten or so.
+pub fn sample_by(surface: &Surface, options: &Options, importance: Importance) -> Result<PointSet, SamplingError> {
+    match options.strategy {
+        Strategy::Neighbourhood | Strategy::Random => place(surface, options, Some(importance)),
+        strategy => Err(SamplingError::Even { strategy }),
+    }
+}
+
+fn place(surface: &Surface, options: &Options, importance: Option<Importance>) -> Result<PointSet, SamplingError> {
     let Options { samples, strategy, seed } = *options;
     if samples == 0 || samples > MAX_SAMPLES {
         return Err(SamplingError::Count { samples });
@@ -104,21 +157,42 @@ pub fn sample(surface: &Surface, options: &Options) -> Result<PointSet, Sampling
     }
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let area_per_sample = surface.area() as f32 / samples as f32;
-    let mut candidates = candidates::stratified(surface, area_per_sample / candidates::per_sample(samples), &mut rng);
+    // Where samples are dense they need more to choose from.
+    let finer = if importance.is_some() { 2.0 } else { 1.0 };
+    let stride = area_per_sample / (finer * candidates::per_sample(samples));
+    let mut candidates = candidates::stratified(surface, stride, &mut rng);
     patches::group_small(surface, area_per_sample, &mut candidates);
+    let worth = importance.map(|importance| relative_worth(&candidates, importance));
     let mut points = match strategy {
-        Strategy::Random => random::random(surface, samples, &mut rng),
+        Strategy::Random => match &worth {
+            Some(worth) => random::among(&candidates, worth, samples, &mut rng),
+            None => random::random(surface, samples, &mut rng),
+        },
         Strategy::Grid => grid::one_per_cell(&candidates, area_per_sample, samples, false, &mut rng),
         Strategy::QuantisedGrid => grid::one_per_cell(&candidates, area_per_sample, samples, true, &mut rng),
         Strategy::Elimination => elimination::elimination(surface, area_per_sample, samples, &mut rng),
-        Strategy::Neighbourhood => neighbourhood::neighbourhood(&candidates, area_per_sample, samples),
+        Strategy::Neighbourhood => {
+            neighbourhood::neighbourhood(&candidates, worth.as_deref(), area_per_sample, samples)
+        }
     };
     patches::group_small(surface, area_per_sample, &mut points);
     let area = (surface.area() / points.len() as f64) as f32;
+    let mean = worth.map_or(1.0, |worth| mean_worth(&candidates, &worth));
     for point in &mut points {
-        point.area = area;
+        point.area = area * importance.map_or(1.0, |importance| mean / importance(point));
     }
     Ok(PointSet { points, candidates })
+}
+
+/// What each candidate is worth.
+fn relative_worth(candidates: &[SurfacePoint], importance: Importance) -> Vec<f32> {
+    candidates.par_iter().map(importance).collect()
+}
+
+/// The mean over the surface.
+fn mean_worth(candidates: &[SurfacePoint], worth: &[f32]) -> f32 {
+    let sum: f64 = candidates.iter().zip(worth).map(|(c, w)| f64::from(c.area * w)).sum();
+    (sum / candidates.iter().map(|c| f64::from(c.area)).sum::<f64>()) as f32
 }
 
 /// A k-d tree over points; queries return indices into the slice it was made from.

@@ -24,3 +24,26 @@ pub(super) fn random(surface: &Surface, samples: u32, rng: &mut ChaCha8Rng) -> V
         })
         .collect()
 }
+
+/// Independent points among candidates, in proportion to what their areas are worth.
+pub(super) fn among(
+    candidates: &[SurfacePoint],
+    worth: &[f32],
+    samples: u32,
+    rng: &mut ChaCha8Rng,
+) -> Vec<SurfacePoint> {
+    let mut accumulated = 0.0;
+    let cumulative: Vec<f64> = candidates
+        .iter()
+        .zip(worth)
+        .map(|(candidate, worth)| {
+            accumulated += f64::from(candidate.area * worth);
+            accumulated
+        })
+        .collect();
+    let draw = |_| {
+        let at = rng.random::<f64>() * accumulated;
+        candidates[cumulative.partition_point(|&c| c <= at).min(candidates.len() - 1)]
+    };
+    (0..samples).map(draw).collect()
+}

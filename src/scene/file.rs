@@ -3,6 +3,7 @@
 //! The `[render]` table belongs to whoever renders: its type is a parameter here.
 
 use std::path::Path;
+use std::sync::Arc;
 
 use glam::Vec3;
 use serde::Deserialize;
@@ -13,6 +14,7 @@ use super::{
     BUILT_IN, Camera, EnvironmentSource, Light, MapLayout, Mesh, Object, Projection, Receiver, Reflector, Scene,
     SceneError, Sides, Transform, load_obj,
 };
+use crate::brdf::{BrdfTable, Gloss};
 use crate::reflectance::{Finish, Metal};
 
 /// A scene and the `[render]` table that came with it.
@@ -180,7 +182,34 @@ struct ReflectorTable {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct ReceiverTable {
+    #[serde(default = "grey")]
     albedo: [f32; 3],
+    phong: Option<PhongTable>,
+    ggx: Option<GgxTable>,
+    table: Option<String>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct PhongTable {
+    specular: [f32; 3],
+    exponent: f32,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct GgxTable {
+    #[serde(default = "plastic")]
+    specular: [f32; 3],
+    roughness: f32,
+}
+
+fn grey() -> [f32; 3] {
+    [0.5; 3]
+}
+/// A refractive index of 1.5.
+fn plastic() -> [f32; 3] {
+    [0.04; 3]
 }
 
 fn one() -> f32 {
@@ -195,6 +224,8 @@ fn white() -> [f32; 3] {
 fn yes() -> bool {
     true
 }
+/// The smoothest GGX receiver.
+const LEAST_ROUGHNESS: f32 = 0.05;
 /// Where a mesh without normals has edges, unless its object says otherwise.
 const CREASE_ANGLE_DEG: f32 = 40.0;
 
@@ -340,10 +371,34 @@ impl Builder<'_> {
         };
         let receiver = match &table.receiver {
             None => None,
-            Some(r) => Some(Receiver { albedo: self.colour(&key("receiver.albedo"), r.albedo, 1.0)? }),
+            Some(r) => Some(self.receiver(r, &key)?),
         };
         let mesh = self.mesh(&name, table, notes)?.transformed(&place);
         Ok(Object { name, mesh, reflector, receiver, camera_visible: table.camera_visible })
+    }
+
+    fn receiver(&self, table: &ReceiverTable, key: &dyn Fn(&str) -> String) -> Result<Receiver, SceneError> {
+        let gloss = match (&table.phong, &table.ggx, &table.table) {
+            (None, None, None) => Gloss::None,
+            (Some(phong), None, None) => {
+                if !(0.0..=1e5).contains(&phong.exponent) {
+                    return Err(self.error(key("receiver.phong.exponent"), "must be from 0 to 100000"));
+                }
+                let specular = self.colour(&key("receiver.phong.specular"), phong.specular, 1.0)?;
+                Gloss::Phong { specular, exponent: phong.exponent }
+            }
+            (None, Some(ggx), None) => {
+                if !(LEAST_ROUGHNESS..=1.0).contains(&ggx.roughness) {
+                    let message = format!("must be from {LEAST_ROUGHNESS} to 1; a smoother one is a reflector");
+                    return Err(self.error(key("receiver.ggx.roughness"), message));
+                }
+                let specular = self.colour(&key("receiver.ggx.specular"), ggx.specular, 1.0)?;
+                Gloss::Ggx { specular, roughness: ggx.roughness }
+            }
+            (None, None, Some(file)) => Gloss::Table(Arc::new(BrdfTable::load(&self.base.join(file))?)),
+            _ => return Err(self.error(key("receiver"), "give at most one of phong, ggx and table")),
+        };
+        Ok(Receiver { albedo: self.colour(&key("receiver.albedo"), table.albedo, 1.0)?, gloss })
     }
 
     fn finish(&self, table: &ReflectorTable, key: &dyn Fn(&str) -> String) -> Result<Finish, SceneError> {

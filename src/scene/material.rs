@@ -2,6 +2,7 @@
 
 use glam::Vec3;
 
+use crate::brdf::Gloss;
 use crate::reflectance::Finish;
 
 /// Which sides of a surface mirror.
@@ -26,9 +27,11 @@ pub struct Reflector {
     pub finish: Finish,
 }
 
-/// A Lambertian receiver.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// A surface that light shows on.
+#[derive(Clone, Debug, PartialEq)]
 pub struct Receiver {
     /// Diffuse albedo, per channel, in [0, 1].
     pub albedo: Vec3,
+    /// What it reflects besides.
+    pub gloss: Gloss,
 }

@@ -29,6 +29,8 @@ pub use visibility::Visibility;
 
 use glam::Vec3;
 
+use crate::brdf::{Materials, TableError};
+
 /// A whole scene, ready to be sampled and looked at.
 #[derive(Clone, Debug)]
 pub struct Scene {
@@ -42,6 +44,13 @@ pub struct Scene {
     pub objects: Vec<Object>,
     /// What was repaired while loading, one sentence each (dropped triangles, say).
     pub notes: Vec<String>,
+}
+
+impl Scene {
+    /// What the objects' surfaces do with light that they receive.
+    pub fn materials(&self) -> Materials {
+        Materials::new(self.objects.iter().map(|o| o.receiver.as_ref().map(|r| (r.albedo, &r.gloss))))
+    }
 }
 
 /// One object: a mesh in world space and what it does with light.
@@ -163,4 +172,7 @@ pub enum SceneError {
     /// A mesh is unusable.
     #[error(transparent)]
     Mesh(#[from] MeshError),
+    /// A receiver's table is unusable.
+    #[error(transparent)]
+    Table(#[from] TableError),
 }

@@ -8,6 +8,7 @@ use pinspot::environment::Environment;
 use pinspot::pinhole::{Params, Receivers};
 use pinspot::render::Settings;
 use pinspot::scene::load;
+use pinspot::tracing::Tracer;
 
 use crate::support::{on_cpu, pinholes_of, rel_l2};
 
@@ -15,10 +16,11 @@ use crate::support::{on_cpu, pinholes_of, rel_l2};
 fn the_example_gathers_what_the_cpu_gathers() {
     let output = embed::render_one_frame().unwrap();
     let [width, height] = embed::SIZE;
-    let receivers = Receivers { width, height, positions: output.positions, normals: output.normals };
+    let receivers = Receivers { width, height, positions: output.positions, normals: output.normals, viewers: None };
     let loaded = load::<Settings>(embed::SCENE).unwrap();
     let environment = Environment::load(&loaded.scene.environment, Default::default()).unwrap();
-    let pinholes = pinholes_of(&loaded.scene, embed::SAMPLES, Default::default(), Default::default(), 1);
+    let mut pinholes = pinholes_of(&loaded.scene, embed::SAMPLES, Default::default(), Default::default(), 1);
+    pinholes.look_around(&loaded.scene, &Tracer::new(&loaded.scene));
     let expected = on_cpu(&receivers, &pinholes, &environment.cube, &Params::default());
     assert!(expected.iter().any(|e| e[0] > 0.0));
     let error = rel_l2(&output.caustic, &expected);

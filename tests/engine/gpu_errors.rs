@@ -34,6 +34,7 @@ fn too_large_a_texture_is_an_error_with_a_remedy() {
     let inputs = FrameInputs {
         positions: &view,
         normals: &view,
+        viewers: None,
         size: [too_wide, 1],
         pinholes: &vec![PinholeSample::default()].into(),
         environment: &environment,

@@ -33,6 +33,7 @@ fn a_sun_beyond_half_floats_survives_on_a_plain_device() {
     let inputs = FrameInputs {
         positions: &positions,
         normals: &normals,
+        viewers: None,
         size: [16, 16],
         pinholes: &pinholes,
         environment: &environment,

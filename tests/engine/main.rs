@@ -14,5 +14,7 @@ mod ground_truth;
 mod half_float;
 mod metals;
 mod pictures;
+mod receivers;
 mod shaders;
 mod support;
+mod visibility;

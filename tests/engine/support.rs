@@ -6,7 +6,7 @@ use glam::Vec3;
 use pinspot::differential::differentials;
 use pinspot::environment::CubeMap;
 use pinspot::gpu::Gpu;
-use pinspot::pinhole::gpu::{Engine, EnvironmentCube, FrameInputs, Options};
+use pinspot::pinhole::gpu::{Engine, EnvironmentCube, FrameInputs, FrameViewers, Options};
 use pinspot::pinhole::{Footprint, Params, Pinholes, Receivers, cpu, pinholes};
 use pinspot::sampling::{self, Strategy, Surface, sample};
 use pinspot::scene::{Scene, parse};
@@ -65,10 +65,14 @@ pub fn on_gpu_with(
     let environment = EnvironmentCube::from_view(uploaded.view().clone(), uploaded.size(), uploaded.radiance_scale());
     let positions = gpu.upload_texture(size, &receivers.positions);
     let normals = gpu.upload_texture(size, &receivers.normals);
+    let views = receivers.viewers.as_ref().map(|viewers| gpu.upload_texture(size, &viewers.directions));
+    let viewers = views.as_ref().zip(receivers.viewers.as_ref());
+    let viewers = viewers.map(|(directions, v)| FrameViewers { directions, materials: &v.materials });
     let engine = Engine::new(&gpu.device, options);
     let inputs = FrameInputs {
         positions: &positions,
         normals: &normals,
+        viewers,
         size,
         pinholes,
         environment: &environment,

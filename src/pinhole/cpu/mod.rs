@@ -12,7 +12,7 @@ mod visibility;
 pub use cube::{CubeLookup, Lanes8};
 pub use filters::probe;
 
-use glam::Vec4;
+use glam::{Vec3, Vec4};
 use rayon::prelude::*;
 use wide::f32x8;
 
@@ -23,6 +23,7 @@ use self::footprint::{blurred, reflected_side};
 use self::lanes::{F, V3, abs, splat, splat3};
 use self::visibility::{Sight, Surroundings, Unhindered};
 use super::{BATCH_SIZE, CURVE_POINTS, Filter, GatherUniforms, Params, PinholeSample, Pinholes, Receivers};
+use crate::brdf::Materials;
 use crate::environment::CubeMap;
 
 /// Receivers that go through the loop together.
@@ -30,7 +31,8 @@ const LANES: usize = 8;
 /// Groups of lanes between two reports of progress.
 const GROUPS_PER_TASK: usize = 32;
 
-/// Gathers the irradiance at every receiver: R, G, B in W/m² and the number of fetches. `progress` is told, from any
+/// Gathers the irradiance at every receiver, or the radiance that it reflects to its viewer: R, G, B in W/m² or
+/// W/(m²·sr), and the number of fetches. `progress` is told, from any
 /// thread, how many more receivers are done. [`Filter::Hardware`] needs a GPU and is not accepted here.
 pub fn gather(
     receivers: &Receivers,
@@ -41,7 +43,8 @@ pub fn gather(
 ) -> Vec<[f32; 4]> {
     assert!(params.taps > 0, "a footprint needs one tap at least");
     let uniforms = GatherUniforms::for_cube(params, pinholes, environment);
-    let gather = Gather { pinholes, uniforms, environment: CubeLookup::new(environment) };
+    let materials = receivers.viewers.as_ref().map(|viewers| &*viewers.materials);
+    let gather = Gather { pinholes, materials, uniforms, environment: CubeLookup::new(environment) };
     let task: fn(&Gather, &Receivers, usize, &mut [[f32; 4]]) = match params.filter {
         Filter::None => task::<FILTER_NONE>,
         Filter::Isotropic => task::<FILTER_ISOTROPIC>,
@@ -57,8 +60,30 @@ pub fn gather(
     sums
 }
 
+/// How much each sample brings to the receivers by its area: the root of the sum of the squares of what it adds, over the
+/// area. For those who decide where samples should be.
+pub fn contributions(receivers: &Receivers, pinholes: &Pinholes, environment: &CubeMap, params: &Params) -> Vec<f32> {
+    let uniforms = GatherUniforms::for_cube(params, pinholes, environment);
+    let gather = Gather { pinholes, materials: None, uniforms, environment: CubeLookup::new(environment) };
+    let count = receivers.positions.len();
+    let groups: Vec<Receiver> =
+        (0..count).step_by(LANES).map(|start| load_receivers(receivers, start, LANES.min(count - start))).collect();
+    let contribution = |sample: &PinholeSample| {
+        let mut squares = 0.0f32;
+        for receiver in &groups {
+            let mut sum = [Vec4::ZERO; LANES];
+            gather.sample_irradiance::<FILTER_ISOTROPIC>(sample, receiver, &mut sum);
+            squares += sum.iter().map(|s| s.truncate().length_squared()).sum::<f32>();
+        }
+        squares.sqrt() / sample.area()
+    };
+    pinholes.samples.par_iter().map(contribution).collect()
+}
+
 struct Gather<'a> {
     pinholes: &'a Pinholes,
+    /// Of the receivers, if they have viewers.
+    materials: Option<&'a Materials>,
     uniforms: GatherUniforms,
     environment: CubeLookup<'a>,
 }
@@ -68,6 +93,8 @@ struct Receiver {
     position: V3,
     normal: V3,
     object: [u32; LANES],
+    /// Towards the viewer, where there is one.
+    view: Option<[Vec3; LANES]>,
 }
 
 /// A sample and eight receivers; the names are the shader's.
@@ -100,6 +127,7 @@ fn load_receivers(receivers: &Receivers, start: usize, count: usize) -> Receiver
     let mut position = [[0.0; LANES]; 3];
     let mut normal = [[0.0; LANES]; 3];
     let mut object = [u32::MAX; LANES];
+    let views = receivers.viewers.as_ref().map(|viewers| &viewers.directions[start..start + count]);
     for lane in 0..count {
         let (p, n) = (receivers.positions[start + lane], receivers.normals[start + lane]);
         if p[3] < 0.0 {
@@ -112,7 +140,37 @@ fn load_receivers(receivers: &Receivers, start: usize, count: usize) -> Receiver
             normal[axis][lane] = n[axis];
         }
     }
-    Receiver { position: V3(position.map(f32x8::new)), normal: V3(normal.map(f32x8::new)), object }
+    Receiver {
+        position: V3(position.map(f32x8::new)),
+        normal: V3(normal.map(f32x8::new)),
+        object,
+        view: views.map(view_lanes),
+    }
+}
+
+fn view_lanes(views: &[[f32; 4]]) -> [Vec3; LANES] {
+    std::array::from_fn(|lane| views.get(lane).map_or(Vec3::ZERO, |v| Vec3::from_slice(v)))
+}
+
+/// Multiplies by what the receivers reflect from the unit direction d to their viewers, 1/sr.
+#[cold]
+fn reflect_to_viewers(
+    materials: &Materials,
+    receiver: &Receiver,
+    views: &[Vec3; LANES],
+    d: V3,
+    lit: u32,
+    factors: &mut [Vec4; LANES],
+) {
+    let vectors = |v: V3| {
+        let [x, y, z] = v.0.map(F::to_array);
+        std::array::from_fn::<_, LANES, _>(|lane| Vec3::new(x[lane], y[lane], z[lane]))
+    };
+    let (normals, directions) = (vectors(receiver.normal), vectors(d));
+    for lane in (0..LANES).filter(|lane| lit & (1 << lane) != 0) {
+        let value = materials.value(receiver.object[lane], normals[lane], directions[lane], views[lane]);
+        factors[lane] *= value.extend(1.0);
+    }
 }
 
 impl Gather<'_> {
@@ -159,7 +217,10 @@ impl Gather<'_> {
                 (weight * visible, lit, self.filtered_radiance::<FILTER>(sample, &pair, &sight, lit))
             }
         };
-        let reflectance = self.reflectance(sample, facing * inverse_l);
+        let mut reflectance = self.reflectance(sample, facing * inverse_l);
+        if let (Some(materials), Some(views)) = (self.materials, &receiver.view) {
+            reflect_to_viewers(materials, receiver, views, d * inverse_l, lit, &mut reflectance);
+        }
         let weight = weight.to_array();
         for lane in 0..LANES {
             if lit & (1 << lane) != 0 {

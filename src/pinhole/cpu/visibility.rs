@@ -6,7 +6,7 @@ use crate::pinhole::visibility::{VisibilityMaps, frame};
 
 const LANES: usize = 8;
 /// See the shader.
-const PENUMBRA: f32 = 0.5;
+const PENUMBRA: f32 = 0.25;
 
 /// What a sample sees of the environment.
 pub(super) trait Sight {

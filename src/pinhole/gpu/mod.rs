@@ -20,6 +20,7 @@ use wgpu::util::DeviceExt;
 
 use self::pipeline::{BATCH_BYTES, Pipelines};
 use super::{BATCH_SIZE, Filter, GatherUniforms, Params, PinholeSample, Pinholes};
+use crate::brdf::Materials;
 use crate::gpu::GpuError;
 
 /// The format of the caustic texture.
@@ -57,7 +58,9 @@ pub struct FrameInputs<'a> {
     pub positions: &'a wgpu::TextureView,
     /// Unit normals on the side that receives. Any float format.
     pub normals: &'a wgpu::TextureView,
-    /// Width and height of both.
+    /// `None`: irradiance is gathered. Else the radiance that receivers reflect to their viewers.
+    pub viewers: Option<FrameViewers<'a>>,
+    /// Width and height of all.
     pub size: [u32; 2],
     /// The samples; with maps of visibility if, and only if, the engine was made for them.
     pub pinholes: &'a Pinholes,
@@ -65,6 +68,15 @@ pub struct FrameInputs<'a> {
     pub environment: &'a EnvironmentCube,
     /// Parameters; the filter must be the engine's.
     pub params: Params,
+}
+
+/// Who looks at the receivers of an image.
+#[derive(Clone, Copy, Debug)]
+pub struct FrameViewers<'a> {
+    /// Unit directions from the receivers towards their viewers. Any float format.
+    pub directions: &'a wgpu::TextureView,
+    /// What the scene's objects do with light.
+    pub materials: &'a Materials,
 }
 
 /// One image being gathered.
@@ -111,14 +123,24 @@ impl Engine {
         };
         Ok(Frame {
             inputs: self.bind_inputs(device, inputs),
-            receivers: self.pipelines.bind_receivers(device, inputs.positions, inputs.normals),
+            receivers: self.bind_receivers(device, inputs),
             previous,
-            pipeline: self.pipelines.gather.clone(),
+            pipeline: if inputs.viewers.is_some() { &self.pipelines.reflect } else { &self.pipelines.gather }.clone(),
             batches: (inputs.pinholes.samples.len() as u32).div_ceil(BATCH_SIZE),
             targets,
             views,
             current: None,
         })
+    }
+
+    fn bind_receivers(&self, device: &wgpu::Device, inputs: &FrameInputs) -> wgpu::BindGroup {
+        let none = Materials::default();
+        let (directions, materials) =
+            inputs.viewers.map_or((inputs.normals, &none), |viewers| (viewers.directions, viewers.materials));
+        let of_objects = storage_buffer(device, "materials", bytemuck::cast_slice(&materials.of_object));
+        let tables = storage_buffer(device, "tables of reflectance", bytemuck::cast_slice(&materials.tables));
+        let textures = [inputs.positions, inputs.normals, directions];
+        self.pipelines.bind_receivers(device, textures, [&of_objects, &tables])
     }
 
     fn bind_inputs(&self, device: &wgpu::Device, inputs: &FrameInputs) -> wgpu::BindGroup {
@@ -230,7 +252,7 @@ fn check_limits(limits: &wgpu::Limits, inputs: &FrameInputs) -> Result<(), GpuEr
 /// A buffer that shaders read.
 fn storage_buffer(device: &wgpu::Device, label: &str, contents: &[u8]) -> wgpu::Buffer {
     // A binding cannot be empty.
-    let contents = if contents.is_empty() { &[0; 16] } else { contents };
+    let contents = if contents.is_empty() { &[0; 48] } else { contents };
     device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
         label: Some(label),
         contents,

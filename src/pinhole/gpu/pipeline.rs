@@ -12,6 +12,8 @@ pub(super) const BATCH_BYTES: u64 = BATCH_SIZE as u64 * size_of::<PinholeSample>
 #[derive(Debug)]
 pub(super) struct Pipelines {
     pub gather: wgpu::RenderPipeline,
+    /// The same towards viewers.
+    pub reflect: wgpu::RenderPipeline,
     pub filter: Filter,
     pub visibility: bool,
     inputs: wgpu::BindGroupLayout,
@@ -28,7 +30,7 @@ impl Pipelines {
             "gather inputs",
             &[uniform(0), window(1), cube(2), sampler(3), sampler(4), storage(5), storage(6), storage(7)],
         );
-        let receivers = layout(device, "receivers", &[texture(0), texture(1)]);
+        let receivers = layout(device, "receivers", &[texture(0), texture(1), texture(2), storage(3), storage(4)]);
         let previous = layout(device, "previous target", &[texture(0)]);
         let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
             label: Some("gather"),
@@ -45,16 +47,25 @@ impl Pipelines {
             dst_factor: wgpu::BlendFactor::One,
             operation: wgpu::BlendOperation::Add,
         };
-        let gather = full_screen_pipeline(
-            device,
-            &pipeline_layout,
-            &module,
-            if blends { "gather" } else { "gather_onto_previous" },
-            &[("FILTER", f64::from(filter_constant(filter))), ("VISIBILITY", f64::from(u8::from(visibility)))],
-            blends.then_some(wgpu::BlendState { color: add, alpha: add }),
-        );
+        let pipeline = |shading: bool| {
+            let constants = [
+                ("FILTER", f64::from(filter_constant(filter))),
+                ("VISIBILITY", f64::from(u8::from(visibility))),
+                ("SHADING", f64::from(u8::from(shading))),
+            ];
+            full_screen_pipeline(
+                device,
+                &pipeline_layout,
+                &module,
+                if blends { "gather" } else { "gather_onto_previous" },
+                &constants,
+                blends.then_some(wgpu::BlendState { color: add, alpha: add }),
+            )
+        };
+        let (gather, reflect) = (pipeline(false), pipeline(true));
         Self {
             gather,
+            reflect,
             filter,
             visibility,
             inputs,
@@ -96,11 +107,11 @@ impl Pipelines {
     pub fn bind_receivers(
         &self,
         device: &wgpu::Device,
-        positions: &wgpu::TextureView,
-        normals: &wgpu::TextureView,
+        textures: [&wgpu::TextureView; 3],
+        [materials, tables]: [&wgpu::Buffer; 2],
     ) -> wgpu::BindGroup {
-        let views = [positions, normals].map(wgpu::BindingResource::TextureView);
-        bind(device, &self.receivers, &views)
+        let [a, b, c] = textures.map(wgpu::BindingResource::TextureView);
+        bind(device, &self.receivers, &[a, b, c, materials.as_entire_binding(), tables.as_entire_binding()])
     }
 
     pub fn bind_previous(&self, device: &wgpu::Device, target: &wgpu::TextureView) -> wgpu::BindGroup {

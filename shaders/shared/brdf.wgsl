@@ -1,0 +1,95 @@
+// What receivers do with light. CPU twin: src/brdf/.
+//
+// The importing pass declares `materials` and `tables`.
+
+override SHADING: bool = false;
+
+struct Material {
+    albedo_kind: vec4f,
+    specular_width: vec4f,
+    table: vec4u,
+}
+
+const KIND_PHONG: f32 = 1.0;
+const KIND_GGX: f32 = 2.0;
+const KIND_TABLE: f32 = 3.0;
+const PI: f32 = 3.14159265;
+
+// The function of an object, 1/sr: n, l and v are the unit normal, towards the light and towards the viewer.
+fn brdf(object: u32, n: vec3f, l: vec3f, v: vec3f) -> vec3f {
+    let material = materials[object];
+    let cos_l = dot(n, l);
+    let cos_v = dot(n, v);
+    if cos_l <= 0.0 || cos_v <= 0.0 {
+        return vec3f(0.0);
+    }
+    let diffuse = material.albedo_kind.rgb / PI;
+    let specular = material.specular_width.rgb;
+    let width = material.specular_width.w;
+    let kind = material.albedo_kind.w;
+    if kind == KIND_PHONG {
+        let mirrored = max(dot(2.0 * cos_l * n - l, v), 0.0);
+        // pow(0, 0) is anybody's guess.
+        let lobe = select(0.0, pow(max(mirrored, 1e-30), width), mirrored > 0.0 || width == 0.0);
+        return diffuse + specular * ((width + 2.0) / (2.0 * PI) * lobe);
+    }
+    if kind == KIND_GGX {
+        let h = normalize(l + v);
+        let lobe = distribution(dot(n, h), width) * masking(cos_l, cos_v, width);
+        let passes = (1.0 - schlick(specular, cos_l)) * (1.0 - schlick(specular, cos_v));
+        return diffuse * passes + schlick(specular, dot(l, h)) * lobe;
+    }
+    if kind == KIND_TABLE {
+        return tabulated(material.table.x, n, l, v);
+    }
+    return diffuse;
+}
+
+fn schlick(specular: vec3f, cosine: f32) -> vec3f {
+    let c = 1.0 - saturate(cosine);
+    return specular + (1.0 - specular) * (c * c * c * c * c);
+}
+
+fn distribution(cosine: f32, alpha: f32) -> f32 {
+    let a2 = alpha * alpha;
+    let bump = cosine * cosine * (a2 - 1.0) + 1.0;
+    return a2 / (PI * bump * bump);
+}
+
+fn masking(cos_l: f32, cos_v: f32, alpha: f32) -> f32 {
+    let a2 = alpha * alpha;
+    let part = cos_l * sqrt(cos_v * cos_v * (1.0 - a2) + a2) + cos_v * sqrt(cos_l * cos_l * (1.0 - a2) + a2);
+    return 0.5 / max(part, 1e-9);
+}
+
+// Steps of θ_half, θ_diff and φ_diff of a table.
+const STEPS: vec3u = vec3u(90u, 90u, 180u);
+
+fn tabulated(first: u32, n: vec3f, l: vec3f, v: vec3f) -> vec3f {
+    let h = normalize(l + v);
+    var across = cross(n, h);
+    if dot(across, across) < 1e-14 {
+        across = cross(n, select(vec3f(1.0, 0.0, 0.0), vec3f(0.0, 1.0, 0.0), abs(n.x) > 0.7));
+    }
+    across = normalize(across);
+    let away = cross(across, h);
+    let theta_half = acos(clamp(dot(n, h), -1.0, 1.0));
+    let theta_diff = acos(clamp(dot(l, h), -1.0, 1.0));
+    var phi = atan2(dot(l, across), dot(l, away)) / PI;
+    phi = phi - floor(phi);
+    let steps = vec3f(STEPS);
+    let half = clamp(sqrt(max(2.0 * theta_half / PI, 0.0)) * steps.x - 0.5, 0.0, steps.x - 1.0);
+    let diff = clamp(2.0 * theta_diff / PI * steps.y - 0.5, 0.0, steps.y - 1.0);
+    let around = (phi * steps.z + steps.z - 0.5) % steps.z;
+    let low = vec3u(u32(half), u32(diff), u32(around) % STEPS.z);
+    let high = vec3u(min(low.x + 1u, STEPS.x - 1u), min(low.y + 1u, STEPS.y - 1u), (low.z + 1u) % STEPS.z);
+    let part = vec3f(fract(half), fract(diff), fract(around));
+    let near = mix(along_phi(first, low.x, low.y, low.z, high.z, part.z), along_phi(first, low.x, high.y, low.z, high.z, part.z), part.y);
+    let far = mix(along_phi(first, high.x, low.y, low.z, high.z, part.z), along_phi(first, high.x, high.y, low.z, high.z, part.z), part.y);
+    return mix(near, far, part.x);
+}
+
+fn along_phi(first: u32, i: u32, j: u32, k: u32, next: u32, part: f32) -> vec3f {
+    let row = first + (i * STEPS.y + j) * STEPS.z;
+    return mix(tables[row + k].rgb, tables[row + next].rgb, part);
+}

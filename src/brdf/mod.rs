@@ -1,0 +1,215 @@
+//! What receivers do with light: bidirectional reflectance distribution functions (Wand & Straßer, Section 5, propose Phong's
+//! and tables), packed as the gather reads them. Knows no geometry.
+//!
+//! `n`, `l` and `v` are unit: the normal, towards the light, towards the viewer. Shader twin: `shaders/shared/brdf.wgsl`.
+
+mod table;
+
+pub use table::{BrdfTable, TableError};
+
+use std::f32::consts::{FRAC_1_PI, TAU};
+use std::sync::Arc;
+
+use bytemuck::{Pod, Zeroable};
+use glam::Vec3;
+
+/// What a receiver has besides Lambert's diffuse reflection.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub enum Gloss {
+    /// Nothing.
+    #[default]
+    None,
+    /// Phong's lobe, normalised (Lafortune and Willems 1994): specular · (e + 2)/2π · cosᵉ of the angle to the mirrored
+    /// direction.
+    Phong {
+        /// What the lobe reflects at most, per channel, in [0, 1].
+        specular: Vec3,
+        /// e, from 0.
+        exponent: f32,
+    },
+    /// A GGX surface (Walter et al. 2007) with Schlick's Fresnel factor over the diffuse one.
+    Ggx {
+        /// Reflectance at perpendicular incidence, per channel, in [0, 1].
+        specular: Vec3,
+        /// √α, above 0 and up to 1.
+        roughness: f32,
+    },
+    /// A measured function, which replaces the diffuse part, too.
+    Table(Arc<BrdfTable>),
+}
+
+/// A receiver's function in 48 bytes, as the shader reads it.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub struct Material {
+    /// Diffuse albedo; one of the `KIND_…`s.
+    pub albedo_kind: [f32; 4],
+    /// Specular reflectance; the exponent, or α.
+    pub specular_width: [f32; 4],
+    /// The first entry of its table; unused.
+    pub table: [u32; 4],
+}
+
+const KIND_LAMBERT: f32 = 0.0;
+const KIND_PHONG: f32 = 1.0;
+const KIND_GGX: f32 = 2.0;
+const KIND_TABLE: f32 = 3.0;
+
+/// The functions of a scene's objects.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Materials {
+    /// By the object's index.
+    pub of_object: Vec<Material>,
+    /// The entries of all tables.
+    pub tables: Vec<[f32; 4]>,
+}
+
+impl Materials {
+    /// Packs the functions of objects in order: albedo and gloss of each; `None` receives nothing.
+    pub fn new<'a>(objects: impl Iterator<Item = Option<(Vec3, &'a Gloss)>>) -> Self {
+        let mut tables = Vec::new();
+        let mut pack = |albedo: Vec3, gloss: &Gloss| {
+            let (kind, specular, width, table) = match gloss {
+                Gloss::None => (KIND_LAMBERT, Vec3::ZERO, 0.0, 0),
+                Gloss::Phong { specular, exponent } => (KIND_PHONG, *specular, *exponent, 0),
+                Gloss::Ggx { specular, roughness } => (KIND_GGX, *specular, roughness * roughness, 0),
+                Gloss::Table(table) => {
+                    tables.extend_from_slice(table.entries());
+                    (KIND_TABLE, Vec3::ZERO, 0.0, tables.len() - table.entries().len())
+                }
+            };
+            Material {
+                albedo_kind: albedo.extend(kind).to_array(),
+                specular_width: specular.extend(width).to_array(),
+                table: [table as u32, 0, 0, 0],
+            }
+        };
+        let of_object = objects.map(|o| o.map_or(Material::default(), |(albedo, gloss)| pack(albedo, gloss))).collect();
+        Self { of_object, tables }
+    }
+
+    /// The function of an object, 1/sr, for `l` and `v` above the surface; 0 elsewhere.
+    #[inline]
+    pub fn value(&self, object: u32, n: Vec3, l: Vec3, v: Vec3) -> Vec3 {
+        let material = &self.of_object[object as usize];
+        let (cos_l, cos_v) = (n.dot(l), n.dot(v));
+        if cos_l <= 0.0 || cos_v <= 0.0 {
+            return Vec3::ZERO;
+        }
+        let diffuse = FRAC_1_PI * Vec3::from_slice(&material.albedo_kind);
+        let [r, g, b, width] = material.specular_width;
+        let specular = Vec3::new(r, g, b);
+        match material.albedo_kind[3] {
+            KIND_PHONG => {
+                let mirrored = (2.0 * cos_l * n - l).dot(v).max(0.0);
+                diffuse + specular * ((width + 2.0) / TAU * mirrored.powf(width))
+            }
+            KIND_GGX => {
+                let h = (l + v).normalize();
+                let passes = |cosine: f32| Vec3::ONE - schlick(specular, cosine);
+                let lobe = distribution(n.dot(h), width) * visibility(cos_l, cos_v, width);
+                diffuse * passes(cos_l) * passes(cos_v) + schlick(specular, l.dot(h)) * lobe
+            }
+            KIND_TABLE => table::value(&self.tables[material.table[0] as usize..], n, l, v),
+            _ => diffuse,
+        }
+    }
+
+    /// Whether an object reflects in some directions more than in others.
+    pub fn is_glossy(&self, object: u32) -> bool {
+        self.of_object[object as usize].albedo_kind[3] != KIND_LAMBERT
+    }
+
+    /// The width of an object's lobe as α of a GGX surface, if it has one: a guide for those who draw directions.
+    pub fn lobe_alpha(&self, object: u32) -> Option<f32> {
+        let material = &self.of_object[object as usize];
+        let width = material.specular_width[3];
+        match material.albedo_kind[3] {
+            // Lobes of cosᵉ around the mirrored direction are as wide as those of facets with α² = 8/(e + 2) or so.
+            KIND_PHONG => Some((8.0 / (width + 2.0)).sqrt().min(1.0)),
+            KIND_GGX => Some(width),
+            KIND_TABLE => Some(TABLE_ALPHA),
+            _ => None,
+        }
+    }
+}
+
+/// Tables are of anything; most that are worth it have a lobe about so wide.
+const TABLE_ALPHA: f32 = 0.1;
+
+fn schlick(specular: Vec3, cosine: f32) -> Vec3 {
+    specular + (Vec3::ONE - specular) * (1.0 - cosine.clamp(0.0, 1.0)).powi(5)
+}
+
+/// D (Walter et al. 2007, Equation 33) by the cosine of the facet.
+pub(crate) fn distribution(cosine: f32, alpha: f32) -> f32 {
+    let a2 = alpha * alpha;
+    let bump = cosine * cosine * (a2 - 1.0) + 1.0;
+    a2 * FRAC_1_PI / (bump * bump)
+}
+
+/// The height-correlated masking and shadowing over 4·cos·cos (Heitz 2014, Equation 99).
+fn visibility(cos_l: f32, cos_v: f32, alpha: f32) -> f32 {
+    let a2 = alpha * alpha;
+    let part = |a: f32, b: f32| a * (b * b * (1.0 - a2) + a2).sqrt();
+    0.5 / (part(cos_l, cos_v) + part(cos_v, cos_l)).max(1e-9)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn glosses() -> Vec<Gloss> {
+        vec![
+            Gloss::None,
+            Gloss::Phong { specular: Vec3::splat(0.4), exponent: 20.0 },
+            Gloss::Ggx { specular: Vec3::splat(0.5), roughness: 0.5 },
+            Gloss::Table(Arc::new(BrdfTable::from_function("test", |_, diff, _| Vec3::splat(0.2 + 0.1 * diff.cos())))),
+        ]
+    }
+
+    fn direction(u: f32, v: f32) -> Vec3 {
+        let (sin, cos) = (TAU * v).sin_cos();
+        let radius = u.sqrt();
+        Vec3::new(radius * cos, (1.0 - u).sqrt(), radius * sin)
+    }
+
+    #[test]
+    fn functions_are_reciprocal_and_keep_energy() {
+        for gloss in glosses() {
+            let materials = Materials::new([Some((Vec3::splat(0.5), &gloss))].into_iter());
+            for view in [0.05, 0.5, 0.9] {
+                let v = direction(view, 0.1);
+                let mut reflected = 0.0;
+                let n = 64 * 64;
+                for k in 0..n {
+                    let [x, y, ..] = sobol_burley::sample_4d(k, 0, 3);
+                    let l = direction(x, y);
+                    let there = materials.value(0, Vec3::Y, l, v).x;
+                    let back = materials.value(0, Vec3::Y, v, l).x;
+                    assert!((there - back).abs() <= 2e-3 * there.max(0.1), "{gloss:?}: {there} {back}");
+                    reflected += there * std::f32::consts::PI / n as f32;
+                }
+                assert!(reflected > 0.2 && reflected < 1.0, "{gloss:?} at {view}: {reflected}");
+            }
+        }
+    }
+
+    /// Without a diffuse part and with a mirror's Fresnel factor, smooth GGX reflects nearly everything.
+    #[test]
+    fn the_lobes_are_normalised() {
+        for gloss in
+            [Gloss::Phong { specular: Vec3::ONE, exponent: 30.0 }, Gloss::Ggx { specular: Vec3::ONE, roughness: 0.4 }]
+        {
+            let materials = Materials::new([Some((Vec3::ZERO, &gloss))].into_iter());
+            let n = 256 * 256;
+            let reflected: f32 = (0..n)
+                .map(|k| {
+                    let [x, y, ..] = sobol_burley::sample_4d(k, 0, 3);
+                    materials.value(0, Vec3::Y, direction(x, y), Vec3::Y).x * std::f32::consts::PI / n as f32
+                })
+                .sum();
+            assert!((reflected - 1.0).abs() < 0.06, "{gloss:?}: {reflected}");
+        }
+    }
+}

@@ -1,0 +1,141 @@
+//! Receivers that are not Lambertian: both back ends against quadratures of the textbook formulas.
+
+use std::f64::consts::PI;
+use std::sync::Arc;
+
+use glam::{DVec3, Vec3};
+use pinspot::Silent;
+use pinspot::brdf::{BrdfTable, Gloss, Materials};
+use pinspot::environment::CubeMap;
+use pinspot::image::Aov;
+use pinspot::pinhole::{Footprint, Params, Receivers, Viewers};
+use pinspot::render::{BackendChoice, Options, Renderer};
+use pinspot::sampling::Strategy;
+use pinspot::scene::{Scene, parse};
+
+use crate::support::{BACK_ENDS, pinholes_of, scene};
+
+/// A flat mirror of 4 × 4 m, 1 m above the origin, that faces down.
+const CEILING: &str = "[[object]]\nshape = { plane = { size = [4.0, 4.0] } }\nrotate_deg = [180.0, 0.0, 0.0]\n\
+                       translate = [0.0, 1.0, 0.0]\nreflector = { reflectance = [1.0, 1.0, 1.0] }\n";
+const ALBEDO: f64 = 0.3;
+
+/// Under constant radiance of 1: ∫ f(l, v) cos⁴θ dA over the ceiling, h = 1.
+fn reflected(f: impl Fn(DVec3, DVec3) -> f64, view: DVec3) -> f64 {
+    let steps = 800;
+    let step = 4.0 / f64::from(steps);
+    let at = |k: u32| step * (f64::from(k) + 0.5) - 2.0;
+    let piece = |k: u32| {
+        let l = DVec3::new(at(k % steps), 1.0, at(k / steps)).normalize();
+        f(l, view) * l.y.powi(4)
+    };
+    (0..steps * steps).map(piece).sum::<f64>() * step * step
+}
+
+/// Phong, *Illumination for Computer Generated Pictures* (1975), normalised.
+fn phong(l: DVec3, v: DVec3, specular: f64, exponent: f64) -> f64 {
+    let mirrored = DVec3::new(-l.x, l.y, -l.z);
+    ALBEDO / PI + specular * (exponent + 2.0) / (2.0 * PI) * mirrored.dot(v).max(0.0).powf(exponent)
+}
+
+/// Walter et al. (2007), Equations 20, 33 and 34, with the separate masking of each direction made one as in Heitz (2014).
+fn ggx(l: DVec3, v: DVec3, specular: f64, roughness: f64) -> f64 {
+    let alpha = roughness * roughness;
+    let h = (l + v).normalize();
+    let tan2 = |c: f64| (1.0 - c * c) / (c * c);
+    let d = (alpha * alpha) / (PI * h.y.powi(4) * (alpha * alpha + tan2(h.y)).powi(2));
+    let lambda = |c: f64| 0.5 * ((1.0 + alpha * alpha * tan2(c)).sqrt() - 1.0);
+    let g = 1.0 / (1.0 + lambda(l.y) + lambda(v.y));
+    let fresnel = |c: f64| specular + (1.0 - specular) * (1.0 - c).powi(5);
+    let passes = (1.0 - fresnel(l.y)) * (1.0 - fresnel(v.y));
+    ALBEDO / PI * passes + d * g * fresnel(l.dot(h)) / (4.0 * l.y * v.y)
+}
+
+fn table(half: f64, diff: f64, phi: f64) -> f64 {
+    0.1 + 0.3 * (-8.0 * half).exp() + 0.05 * diff.cos() * (2.0 * phi).cos().powi(2)
+}
+
+fn tabulated(l: DVec3, v: DVec3) -> f64 {
+    let h = (l + v).normalize();
+    let across = DVec3::Y.cross(h).normalize();
+    let away = across.cross(h);
+    table(h.y.acos(), l.dot(h).acos(), l.dot(across).atan2(l.dot(away)))
+}
+
+#[test]
+fn both_back_ends_reflect_as_the_formulas_say() {
+    let functions: [(Gloss, Box<dyn Fn(DVec3, DVec3) -> f64>); 5] = [
+        (Gloss::None, Box::new(|_, _| ALBEDO / PI)),
+        (Gloss::Phong { specular: Vec3::splat(0.5), exponent: 30.0 }, Box::new(|l, v| phong(l, v, 0.5, 30.0))),
+        (Gloss::Ggx { specular: Vec3::splat(0.2), roughness: 0.5 }, Box::new(|l, v| ggx(l, v, 0.2, 0.5))),
+        (Gloss::Ggx { specular: Vec3::splat(0.04), roughness: 0.3 }, Box::new(|l, v| ggx(l, v, 0.04, 0.3))),
+        (
+            Gloss::Table(Arc::new(BrdfTable::from_function("test", |a, b, c| {
+                Vec3::splat(table(a.into(), b.into(), c.into()) as f32)
+            }))),
+            Box::new(tabulated),
+        ),
+    ];
+    let pinholes = pinholes_of(&scene(CEILING), 20_000, Strategy::Neighbourhood, Footprint::Cells, 1);
+    let cube = CubeMap::from_radiance(16, None, |_| Vec3::ONE);
+    // The object's index in `Receivers::from_points` below is 1.
+    let objects = |gloss| [None, Some((Vec3::splat(ALBEDO as f32), gloss))];
+    let views = [DVec3::Y, DVec3::new(0.5, 0.8, 0.2).normalize(), DVec3::new(-0.8, 0.4, 0.5).normalize()];
+    for (gloss, f) in &functions {
+        let materials = Arc::new(Materials::new(objects(gloss).into_iter()));
+        let mut receivers = Receivers::from_points(&[(Vec3::ZERO, Vec3::Y, 1); 3], 3);
+        let directions = views.map(|v| v.as_vec3().extend(0.0).to_array()).to_vec();
+        receivers.viewers = Some(Viewers { directions, materials });
+        for (name, gather) in BACK_ENDS {
+            let got = gather(&receivers, &pinholes, &cube, &Params::default());
+            for (got, view) in got.iter().zip(views) {
+                let expected = reflected(f, view);
+                let off = f64::from(got[0]) / expected - 1.0;
+                assert!(off.abs() < 0.015, "{name}, {gloss:?}, from {view}: {} is not {expected}", got[0]);
+            }
+        }
+    }
+}
+
+fn table_under_the_sky(receiver: &str) -> Scene {
+    let text = format!(
+        "[environment]\nconstant = [1.0, 1.0, 1.0]\n[camera]\nposition = [1.0, 1.0, 0.0]\ntarget = [0.0, 0.0, 0.0]\n\
+         orthographic = {{ height = 0.1 }}\n[[object]]\nshape = {{ plane = {{ size = [1.0, 1.0] }} }}\nreceiver = {{ {receiver} }}\n\
+         [[object]]\nshape = {{ sphere = {{ radius = 1e-3 }} }}\ntranslate = [0.0, 50.0, 0.0]\nreflector = {{}}\n"
+    );
+    parse::<toml::Table>("test.toml", &text, std::path::Path::new(".")).unwrap().scene
+}
+
+/// Under light of 1 from everywhere a surface shows what it reflects of all of it.
+#[test]
+fn the_sky_is_reflected_by_the_albedo_of_the_direction() {
+    let v = DVec3::new(1.0, 1.0, 0.0).normalize();
+    let over_the_sky = |f: &dyn Fn(DVec3, DVec3) -> f64| {
+        let steps = 1500;
+        let mut sum = 0.0;
+        for k in 0..steps * steps {
+            let (u, w) = (f64::from(k % steps) + 0.5, f64::from(k / steps) + 0.5);
+            let (sin2, angle) = (u / f64::from(steps), 2.0 * PI * w / f64::from(steps));
+            let (radius, y) = (sin2.sqrt(), (1.0 - sin2).sqrt());
+            sum += f(DVec3::new(radius * angle.cos(), y, radius * angle.sin()), v);
+        }
+        sum * PI / f64::from(steps * steps)
+    };
+    let cases: [(&str, Box<dyn Fn(DVec3, DVec3) -> f64>); 2] = [
+        (
+            "albedo = [0.3, 0.3, 0.3], phong = { specular = [0.5, 0.5, 0.5], exponent = 30 }",
+            Box::new(|l, v| phong(l, v, 0.5, 30.0)),
+        ),
+        (
+            "albedo = [0.3, 0.3, 0.3], ggx = { specular = [0.2, 0.2, 0.2], roughness = 0.4 }",
+            Box::new(|l, v| ggx(l, v, 0.2, 0.4)),
+        ),
+    ];
+    for (receiver, f) in cases {
+        let options = Options { size: [8, 8], samples: 4, aovs: vec![Aov::Beauty], ..Default::default() };
+        let renderer = Renderer::new(table_under_the_sky(receiver), options, &BackendChoice::Cpu, &Silent).unwrap();
+        let mean = renderer.render(&Silent).unwrap().layers[0].1.mean().x;
+        let expected = over_the_sky(&*f);
+        assert!((f64::from(mean) / expected - 1.0).abs() < 0.02, "{receiver}: {mean}, not {expected}");
+    }
+}
