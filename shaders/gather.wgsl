@@ -135,7 +135,8 @@ fn sample_irradiance(i: u32, receiver: Receiver) -> vec4f {
     let radiance = filtered_radiance(i, d, n, dn, inverse_l, r);
     var factor = weight * uniforms.radiance_scale * reflectance(i, facing * inverse_l);
     if SHADING {
-        factor *= brdf(receiver.object, receiver.normal, d * inverse_l, receiver.view);
+        let solid_angle = area * facing * inverse_l * inverse_l * inverse_l;
+        factor *= brdf(receiver.object, receiver.normal, d * inverse_l, receiver.view, solid_angle);
     }
     return vec4f(factor * radiance.rgb, radiance.a);
 }

@@ -15,8 +15,9 @@ const KIND_GGX: f32 = 2.0;
 const KIND_TABLE: f32 = 3.0;
 const PI: f32 = 3.14159265;
 
-// The function of an object, 1/sr: n, l and v are the unit normal, towards the light and towards the viewer.
-fn brdf(object: u32, n: vec3f, l: vec3f, v: vec3f) -> vec3f {
+// The function of an object, 1/sr: n, l and v are the unit normal, towards the light and towards the viewer. Lobes are widened to
+// what they are on average over light from `solid_angle` sr around l; tables are not.
+fn brdf(object: u32, n: vec3f, l: vec3f, v: vec3f, solid_angle: f32) -> vec3f {
     let material = materials[object];
     let cos_l = dot(n, l);
     let cos_v = dot(n, v);
@@ -30,12 +31,16 @@ fn brdf(object: u32, n: vec3f, l: vec3f, v: vec3f) -> vec3f {
     if kind == KIND_PHONG {
         let mirrored = max(dot(2.0 * cos_l * n - l, v), 0.0);
         // pow(0, 0) is anybody's guess.
-        let lobe = select(0.0, pow(max(mirrored, 1e-30), width), mirrored > 0.0 || width == 0.0);
-        return diffuse + specular * ((width + 2.0) / (2.0 * PI) * lobe);
+        // Variances add, that of cosᵉ being 1/e and that of a square its area's twelfth.
+        let exponent = width / (1.0 + width * solid_angle / 12.0);
+        let lobe = select(0.0, pow(max(mirrored, 1e-30), exponent), mirrored > 0.0 || exponent == 0.0);
+        return diffuse + specular * ((exponent + 2.0) / (2.0 * PI) * lobe);
     }
     if kind == KIND_GGX {
         let h = normalize(l + v);
-        let lobe = distribution(dot(n, h), width) * masking(cos_l, cos_v, width);
+        // The half vector turns half as far as the light; α² is twice a variance.
+        let alpha = min(sqrt(width * width + solid_angle / 24.0), 1.0);
+        let lobe = distribution(dot(n, h), alpha) * masking(cos_l, cos_v, alpha);
         let passes = (1.0 - schlick(specular, cos_l)) * (1.0 - schlick(specular, cos_v));
         return diffuse * passes + schlick(specular, dot(l, h)) * lobe;
     }

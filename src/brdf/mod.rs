@@ -88,9 +88,10 @@ impl Materials {
         Self { of_object, tables }
     }
 
-    /// The function of an object, 1/sr, for `l` and `v` above the surface; 0 elsewhere.
+    /// The function of an object, 1/sr, for `l` and `v` above the surface; 0 elsewhere. Lobes are widened to what they are on
+    /// average over light from `solid_angle` sr around `l`; tables are not.
     #[inline]
-    pub fn value(&self, object: u32, n: Vec3, l: Vec3, v: Vec3) -> Vec3 {
+    pub fn value(&self, object: u32, n: Vec3, l: Vec3, v: Vec3, solid_angle: f32) -> Vec3 {
         let material = &self.of_object[object as usize];
         let (cos_l, cos_v) = (n.dot(l), n.dot(v));
         if cos_l <= 0.0 || cos_v <= 0.0 {
@@ -101,11 +102,15 @@ impl Materials {
         let specular = Vec3::new(r, g, b);
         match material.albedo_kind[3] {
             KIND_PHONG => {
+                // Variances add, that of cosᵉ being 1/e and that of a square its area's twelfth.
+                let width = width / (1.0 + width * solid_angle / 12.0);
                 let mirrored = (2.0 * cos_l * n - l).dot(v).max(0.0);
                 diffuse + specular * ((width + 2.0) / TAU * mirrored.powf(width))
             }
             KIND_GGX => {
                 let h = (l + v).normalize();
+                // The half vector turns half as far as the light; α² is twice a variance.
+                let width = (width * width + solid_angle / 24.0).sqrt().min(1.0);
                 let passes = |cosine: f32| Vec3::ONE - schlick(specular, cosine);
                 let lobe = distribution(n.dot(h), width) * visibility(cos_l, cos_v, width);
                 diffuse * passes(cos_l) * passes(cos_v) + schlick(specular, l.dot(h)) * lobe
@@ -185,8 +190,8 @@ mod tests {
                 for k in 0..n {
                     let [x, y, ..] = sobol_burley::sample_4d(k, 0, 3);
                     let l = direction(x, y);
-                    let there = materials.value(0, Vec3::Y, l, v).x;
-                    let back = materials.value(0, Vec3::Y, v, l).x;
+                    let there = materials.value(0, Vec3::Y, l, v, 0.0).x;
+                    let back = materials.value(0, Vec3::Y, v, l, 0.0).x;
                     assert!((there - back).abs() <= 2e-3 * there.max(0.1), "{gloss:?}: {there} {back}");
                     reflected += there * std::f32::consts::PI / n as f32;
                 }
@@ -206,7 +211,7 @@ mod tests {
             let reflected: f32 = (0..n)
                 .map(|k| {
                     let [x, y, ..] = sobol_burley::sample_4d(k, 0, 3);
-                    materials.value(0, Vec3::Y, direction(x, y), Vec3::Y).x * std::f32::consts::PI / n as f32
+                    materials.value(0, Vec3::Y, direction(x, y), Vec3::Y, 0.0).x * std::f32::consts::PI / n as f32
                 })
                 .sum();
             assert!((reflected - 1.0).abs() < 0.06, "{gloss:?}: {reflected}");

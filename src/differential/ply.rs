@@ -56,6 +56,7 @@ mod tests {
         let sample = DifferentialSample {
             position: Vec3::new(1.0, 2.0, 3.0),
             normal: Vec3::Y,
+            area: 0.5,
             object: 4,
             cell,
             curvatures: [1.0, -1.0],

@@ -73,7 +73,7 @@ impl DirectLight {
         let mut sum = Vec3::ZERO;
         let mut add = |direction: Vec3| {
             let cosine = direction.dot(normal);
-            let value = materials.value(hit.object, normal, direction, view);
+            let value = materials.value(hit.object, normal, direction, view, 0.0);
             if cosine > 0.0 && value != Vec3::ZERO {
                 let density = self.sampler.pdf(direction) + cosine * FRAC_1_PI + lobe.pdf(direction);
                 if !(self.shadowed && tracer.is_blocked(Ray { origin: hit.position, direction })) {

@@ -28,7 +28,9 @@ pub const BUILT_IN: &[BuiltIn] = built_in! {
     "cup": "a mirror cup that receives its own caustics in natural light (Figure 6f)",
     "cup-point-light": "the cup under a small light from above (Figure 7b)",
     "columns": "balls and columns between the light, a brass ring and the table shadow each other",
+    "gloss": "rings of silver, polished, brushed and blasted",
     "metals": "rings of silver, gold, copper, aluminium, chromium and brass in the sun",
+    "varnish": "a gilded ring on a glossy table",
     "mirror-sphere": "a mirror sphere above a table in a studio",
     "disco-ball": "a ball of flat mirror tiles throws images of the sun into a room (Section 3)",
 };

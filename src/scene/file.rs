@@ -9,10 +9,11 @@ use glam::Vec3;
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
 
+use super::obj::{ObjPart, load_obj_by_material};
 use super::shapes::Shape;
 use super::{
-    BUILT_IN, Camera, EnvironmentSource, Light, MapLayout, Mesh, Object, Projection, Receiver, Reflector, Scene,
-    SceneError, Sides, Transform, load_obj,
+    BUILT_IN, Camera, EnvironmentSource, Light, MapLayout, Mesh, MeshError, ObjReport, Object, Projection, Receiver,
+    Reflector, Scene, SceneError, Sides, Transform, load_obj, mtl,
 };
 use crate::brdf::{BrdfTable, Gloss};
 use crate::reflectance::{Finish, Metal};
@@ -50,7 +51,7 @@ pub fn parse<R: DeserializeOwned + Default>(file: &str, text: &str, base: &Path)
     let mut notes = Vec::new();
     let mut objects = Vec::with_capacity(tables.object.len());
     for (index, table) in tables.object.into_iter().enumerate() {
-        objects.push(builder.object(index, &table, &mut notes)?);
+        objects.extend(builder.objects(index, &table, &mut notes)?);
     }
     let name = Path::new(file).file_stem().unwrap_or_default().to_string_lossy().into_owned();
     let environment = builder.environment(tables.environment)?;
@@ -229,6 +230,16 @@ const LEAST_ROUGHNESS: f32 = 0.05;
 /// Where a mesh without normals has edges, unless its object says otherwise.
 const CREASE_ANGLE_DEG: f32 = 40.0;
 
+fn crease_angle_rad(table: &ObjectTable) -> f32 {
+    table.crease_angle_deg.unwrap_or(CREASE_ANGLE_DEG).to_radians()
+}
+
+fn note_dropped(path: &Path, report: ObjReport, notes: &mut Vec<String>) {
+    if report.dropped_triangles > 0 {
+        notes.push(format!("{}: dropped {} degenerate triangles", path.display(), report.dropped_triangles));
+    }
+}
+
 struct Builder<'a> {
     file: &'a str,
     text: &'a str,
@@ -351,7 +362,8 @@ impl Builder<'_> {
         })
     }
 
-    fn object(&self, index: usize, table: &ObjectTable, notes: &mut Vec<String>) -> Result<Object, SceneError> {
+    /// An object, or one for each material of a mesh that brings its own.
+    fn objects(&self, index: usize, table: &ObjectTable, notes: &mut Vec<String>) -> Result<Vec<Object>, SceneError> {
         let name = table.name.clone().unwrap_or_else(|| format!("object {}", index + 1));
         let key = |k: &str| format!("object '{name}'.{k}");
         if !(table.scale.is_finite() && table.scale != 0.0) {
@@ -373,8 +385,44 @@ impl Builder<'_> {
             None => None,
             Some(r) => Some(self.receiver(r, &key)?),
         };
+        let camera_visible = table.camera_visible;
+        if let (Some(file), None, None, None) = (&table.mesh, table.shape, &reflector, &receiver) {
+            let parts = self.parts(file, table, notes)?.into_iter();
+            let object = |(material, mesh, surface): (String, Mesh, mtl::Surface)| Object {
+                name: if material.is_empty() { name.clone() } else { format!("{name}/{material}") },
+                mesh: mesh.transformed(&place),
+                reflector: surface.reflector,
+                receiver: surface.receiver,
+                camera_visible,
+            };
+            return Ok(parts.map(object).collect());
+        }
         let mesh = self.mesh(&name, table, notes)?.transformed(&place);
-        Ok(Object { name, mesh, reflector, receiver, camera_visible: table.camera_visible })
+        Ok(vec![Object { name, mesh, reflector, receiver, camera_visible }])
+    }
+
+    /// A mesh file's parts by material: its name, or nothing where there is none.
+    fn parts(
+        &self,
+        file: &str,
+        table: &ObjectTable,
+        notes: &mut Vec<String>,
+    ) -> Result<Vec<(String, Mesh, mtl::Surface)>, SceneError> {
+        let path = self.base.join(file);
+        let origin = path.display().to_string();
+        let (parts, failure) = load_obj_by_material(&path, crease_angle_rad(table))?;
+        if let Some(reason) = failure {
+            notes
+                .push(format!("{origin}: its materials cannot be read ({reason}), so it neither mirrors nor receives"));
+        }
+        let part = |part: ObjPart| {
+            note_dropped(&path, part.report, notes);
+            let name = part.material.as_ref().map_or(String::new(), |m| m.name.clone());
+            let surface = part.material.as_ref().map_or(Ok(mtl::Surface::default()), mtl::surface);
+            let surface = surface.map_err(|reason| MeshError::Material { origin: origin.clone(), reason })?;
+            Ok((name, part.mesh, surface))
+        };
+        parts.into_iter().map(part).collect()
     }
 
     fn receiver(&self, table: &ReceiverTable, key: &dyn Fn(&str) -> String) -> Result<Receiver, SceneError> {
@@ -416,14 +464,8 @@ impl Builder<'_> {
         match (&table.mesh, table.shape) {
             (Some(file), None) => {
                 let path = self.base.join(file);
-                let (mesh, report) = load_obj(&path, table.crease_angle_deg.unwrap_or(CREASE_ANGLE_DEG).to_radians())?;
-                if report.dropped_triangles > 0 {
-                    notes.push(format!(
-                        "{}: dropped {} degenerate triangles",
-                        path.display(),
-                        report.dropped_triangles
-                    ));
-                }
+                let (mesh, report) = load_obj(&path, crease_angle_rad(table))?;
+                note_dropped(&path, report, notes);
                 Ok(mesh)
             }
             (None, Some(_)) if table.crease_angle_deg.is_some() => {
@@ -503,10 +545,40 @@ receiver = { albedo = [0.5, 0.5, 0.5] }
     }
 
     #[test]
+    fn a_mesh_without_a_surface_of_its_own_takes_its_materials() {
+        let dir = tempfile::tempdir().unwrap();
+        let write = |name: &str, text: &str| std::fs::write(dir.path().join(name), text).unwrap();
+        write("two.mtl", "newmtl wood\nKd 0.5 0.3 0.1\nnewmtl steel\nKd 0.8 0.8 0.8\nPm 1\nPr 0.2\n");
+        let faces =
+            "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nusemtl wood\nf 1 2 3\nusemtl steel\nf 1 2 4\nusemtl wood\nf 2 3 4\n";
+        write("two.obj", &format!("mtllib two.mtl\n{faces}"));
+        let mesh = GOOD.replace(
+            "shape = { plane = { size = [3.0, 3.0] } }\nreceiver = { albedo = [0.5, 0.5, 0.5] }",
+            "mesh = \"two.obj\"",
+        );
+        let load = || parse::<Render>("scene.toml", &mesh, dir.path());
+        let scene = load().unwrap().scene;
+        let names: Vec<&str> = scene.objects.iter().map(|o| o.name.as_str()).collect();
+        assert_eq!(names, ["ring", "table/wood", "table/steel"]);
+        assert_eq!(scene.objects[1].mesh.triangles().len(), 2);
+        assert!(scene.objects[1].receiver.is_some() && scene.objects[1].reflector.is_none());
+        assert!(scene.objects[2].reflector.is_some());
+        write("two.mtl", "newmtl wood\nKd 5 0.3 0.1\n");
+        let message = load().unwrap_err().to_string();
+        assert!(message.contains("'wood': Kd") && message.contains("two.obj"), "{message}");
+        std::fs::remove_file(dir.path().join("two.mtl")).unwrap();
+        let scene = load().unwrap().scene;
+        assert!(scene.objects.len() == 2 && scene.notes[0].contains("materials cannot be read"), "{:?}", scene.notes);
+    }
+
+    #[test]
     fn values_out_of_range_are_named() {
         for (from, to, expected) in [
             ("height = 3.0", "height = -3.0", "scene.toml:8: camera.orthographic.height"),
             ("[0.5, 0.5, 0.5]", "[0.5, 1.5, 0.5]", "scene.toml:18: object 'table'.receiver.albedo"),
+            ("albedo = [0.5, 0.5, 0.5]", "ggx = { roughness = 0.0 }", "receiver.ggx.roughness: must be from"),
+            ("albedo = [0.5, 0.5, 0.5]", "table = \"none.binary\"", "none.binary"),
+            ("sides = \"front\"", "roughness = 2", "reflector.roughness: must be from 0 to 1"),
             ("sides = \"front\"", "coat = 0.5", "reflector.coat: must be a refractive index from 1 to 4"),
             ("sides = \"front\"", "metal = \"gold\", reflectance = [2, 1, 1]", "reflector.reflectance"),
             ("up = [0.0, 0.0, -1.0]", "up = [0.0, 1.0, 0.0]", "up must not be along"),
@@ -515,7 +587,8 @@ receiver = { albedo = [0.5, 0.5, 0.5] }
             ("shape = { ring = { radius = 1.0, height = 0.5 } }", "", "exactly one of mesh"),
         ] {
             let message = failure(&GOOD.replacen(from, to, 1));
-            assert!(message.contains(expected) && message.starts_with("scene.toml:"), "{message}");
+            let of_file = message.starts_with("scene.toml:") || expected == "none.binary";
+            assert!(message.contains(expected) && of_file, "{message}");
         }
     }
 }

@@ -32,6 +32,14 @@ pub enum MeshError {
         /// The parser's reason.
         reason: String,
     },
+    /// A material of the file is of no use.
+    #[error("mesh '{origin}': {reason}; mend its .mtl file, or give the object a receiver or reflector of its own")]
+    Material {
+        /// File.
+        origin: String,
+        /// Which number is wrong.
+        reason: String,
+    },
     /// A format that is not read.
     #[error("mesh '{origin}': the format '{extension}' is not read yet; export it as Wavefront OBJ (.obj)")]
     Format {

@@ -9,6 +9,7 @@ mod file;
 mod fingerprint;
 mod material;
 mod mesh;
+mod mtl;
 mod normals;
 mod obj;
 pub mod shapes;

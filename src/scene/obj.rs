@@ -1,4 +1,4 @@
-//! Wavefront OBJ through `tobj`: triangles, quads, n-gons; with or without normals.
+//! Wavefront OBJ through `tobj`: triangles, quads, n-gons; with or without normals; as one mesh, or one for each material.
 
 use std::path::Path;
 
@@ -19,6 +19,54 @@ pub struct ObjReport {
 /// Reads every object and group of an OBJ file as one mesh. `crease_angle_rad` is used only where the file
 /// has no normals. Materials are not read.
 pub fn load_obj(path: &Path, crease_angle_rad: f32) -> Result<(Mesh, ObjReport), MeshError> {
+    let file = read(path, |_| Ok(Default::default()))?;
+    let (mesh, report) = file.merged(|_| true, crease_angle_rad)?;
+    Ok((mesh, report))
+}
+
+/// The part of a file that has one material.
+#[derive(Debug)]
+pub(super) struct ObjPart {
+    pub material: Option<tobj::Material>,
+    pub mesh: Mesh,
+    pub report: ObjReport,
+}
+
+/// Reads an OBJ file and its materials, a mesh for each. What kept the materials from being read is the second part of the
+/// result; there is a single mesh then.
+pub(super) fn load_obj_by_material(
+    path: &Path,
+    crease_angle_rad: f32,
+) -> Result<(Vec<ObjPart>, Option<String>), MeshError> {
+    let folder = path.parent().unwrap_or(Path::new("")).to_owned();
+    let file = read(path, |name| tobj::load_mtl(folder.join(name)))?;
+    let (materials, failure) = match &file.materials {
+        Ok(materials) => (materials.as_slice(), None),
+        Err(error) => (&[][..], Some(error.clone())),
+    };
+    let mut ids: Vec<Option<usize>> = file.models.iter().map(|m| m.mesh.material_id).collect();
+    ids.sort_unstable();
+    ids.dedup();
+    if failure.is_some() || ids.is_empty() {
+        ids = vec![None];
+    }
+    let part = |id: &Option<usize>| {
+        let chosen = |model: &tobj::Model| failure.is_some() || model.mesh.material_id == *id;
+        let (mesh, report) = file.merged(chosen, crease_angle_rad)?;
+        Ok(ObjPart { material: id.and_then(|id| materials.get(id).cloned()), mesh, report })
+    };
+    Ok((ids.iter().map(part).collect::<Result<_, MeshError>>()?, failure))
+}
+
+/// A file as it is.
+struct ObjFile {
+    origin: String,
+    bytes: Vec<u8>,
+    models: Vec<tobj::Model>,
+    materials: Result<Vec<tobj::Material>, String>,
+}
+
+fn read(path: &Path, load_materials: impl Fn(&Path) -> tobj::MTLLoadResult) -> Result<ObjFile, MeshError> {
     let origin = path.display().to_string();
     let extension = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
     if extension != "obj" {
@@ -27,15 +75,25 @@ pub fn load_obj(path: &Path, crease_angle_rad: f32) -> Result<(Mesh, ObjReport),
     let bytes = std::fs::read(path).map_err(|e| MeshError::Read { origin: origin.clone(), reason: e.to_string() })?;
     let damaged = |reason: String| MeshError::Damaged { origin: origin.clone(), reason };
     let options = tobj::LoadOptions { triangulate: true, single_index: true, ignore_points: true, ignore_lines: true };
-    let no_materials = |_: &Path| Ok(Default::default());
-    let (models, _) =
-        tobj::load_obj_buf(&mut bytes.as_slice(), &options, no_materials).map_err(|e| damaged(e.to_string()))?;
+    let (models, materials) =
+        tobj::load_obj_buf(&mut bytes.as_slice(), &options, load_materials).map_err(|e| damaged(e.to_string()))?;
+    Ok(ObjFile { origin, bytes, models, materials: materials.map_err(|e| e.to_string()) })
+}
 
-    let mut soup = Soup::default();
-    for model in models {
-        soup.append(&model.mesh).map_err(damaged)?;
+impl ObjFile {
+    /// Some of the models as one mesh.
+    fn merged(
+        &self,
+        chosen: impl Fn(&tobj::Model) -> bool,
+        crease_angle_rad: f32,
+    ) -> Result<(Mesh, ObjReport), MeshError> {
+        let damaged = |reason: String| MeshError::Damaged { origin: self.origin.clone(), reason };
+        let mut soup = Soup::default();
+        for model in self.models.iter().filter(|model| chosen(model)) {
+            soup.append(&model.mesh).map_err(damaged)?;
+        }
+        soup.into_mesh(&self.origin, crease_angle_rad).map_err(|error| with_line(error, &self.bytes))
     }
-    soup.into_mesh(&origin, crease_angle_rad).map_err(|error| with_line(error, &bytes))
 }
 
 /// Names the line of the file where a number is not finite; `tobj` renumbers the vertices.

@@ -4,6 +4,7 @@
 
 mod agreement;
 mod closed_forms;
+mod densities;
 mod distributions;
 mod embedding;
 mod figure4;

@@ -3,13 +3,17 @@
 use std::sync::OnceLock;
 
 use glam::Vec3;
+use pinspot::Silent;
 use pinspot::differential::differentials;
 use pinspot::environment::CubeMap;
 use pinspot::gpu::Gpu;
+use pinspot::image::{Aov, Image};
 use pinspot::pinhole::gpu::{Engine, EnvironmentCube, FrameInputs, FrameViewers, Options};
 use pinspot::pinhole::{Footprint, Params, Pinholes, Receivers, cpu, pinholes};
+use pinspot::reference::{self, Goal, Quantity, Reference};
+use pinspot::render::{self, BackendChoice, Renderer, Settings};
 use pinspot::sampling::{self, Strategy, Surface, sample};
-use pinspot::scene::{Scene, parse};
+use pinspot::scene::{Scene, Visibility, load, parse};
 
 /// The adapter under test.
 pub fn gpu() -> &'static Gpu {
@@ -118,6 +122,26 @@ pub fn rel_l2(a: &[[f32; 4]], b: &[[f32; 4]]) -> f64 {
         }
     }
     (difference / norm).sqrt()
+}
+
+/// A built-in scene's caustic by 1,000 samples on the CPU, or whatever `change` asks for.
+pub fn rendered(name: &str, size: u32, change: impl FnOnce(&mut render::Options)) -> Image {
+    let loaded = load::<Settings>(name).unwrap();
+    let mut options = loaded.render.options().unwrap();
+    options.size = [size; 2];
+    options.samples = 1000;
+    options.aovs = vec![Aov::Caustic];
+    change(&mut options);
+    let renderer = Renderer::new(loaded.scene, options, &BackendChoice::Cpu, &Silent).unwrap();
+    renderer.render(&Silent).unwrap().layers.remove(0).1
+}
+
+/// The ground truth of a built-in scene.
+pub fn truth(name: &str, quantity: Quantity, visibility: Visibility, size: u32, rel_error: f64) -> Image {
+    let scene = load::<Settings>(name).unwrap().scene;
+    let options = reference::Options { size: [size; 2], quantity, visibility, ..Default::default() };
+    let goal = Goal { rel_error, seconds: None, points: None };
+    Reference::new(scene, options).unwrap().solve(&goal, None, &Silent, &mut |_| Ok(())).unwrap().irradiance
 }
 
 /// The middle one of three or more.

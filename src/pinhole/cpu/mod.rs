@@ -152,13 +152,13 @@ fn view_lanes(views: &[[f32; 4]]) -> [Vec3; LANES] {
     std::array::from_fn(|lane| views.get(lane).map_or(Vec3::ZERO, |v| Vec3::from_slice(v)))
 }
 
-/// Multiplies by what the receivers reflect from the unit direction d to their viewers, 1/sr.
+/// Multiplies by what the receivers reflect from a unit direction, and so many sr around it, to their viewers, 1/sr.
 #[cold]
 fn reflect_to_viewers(
     materials: &Materials,
     receiver: &Receiver,
     views: &[Vec3; LANES],
-    d: V3,
+    (d, solid_angle): (V3, F),
     lit: u32,
     factors: &mut [Vec4; LANES],
 ) {
@@ -166,9 +166,10 @@ fn reflect_to_viewers(
         let [x, y, z] = v.0.map(F::to_array);
         std::array::from_fn::<_, LANES, _>(|lane| Vec3::new(x[lane], y[lane], z[lane]))
     };
-    let (normals, directions) = (vectors(receiver.normal), vectors(d));
+    let (normals, directions, solid_angle) = (vectors(receiver.normal), vectors(d), solid_angle.to_array());
     for lane in (0..LANES).filter(|lane| lit & (1 << lane) != 0) {
-        let value = materials.value(receiver.object[lane], normals[lane], directions[lane], views[lane]);
+        let value =
+            materials.value(receiver.object[lane], normals[lane], directions[lane], views[lane], solid_angle[lane]);
         factors[lane] *= value.extend(1.0);
     }
 }
@@ -219,7 +220,8 @@ impl Gather<'_> {
         };
         let mut reflectance = self.reflectance(sample, facing * inverse_l);
         if let (Some(materials), Some(views)) = (self.materials, &receiver.view) {
-            reflect_to_viewers(materials, receiver, views, d * inverse_l, lit, &mut reflectance);
+            let solid_angle = splat(sample.area()) * facing * inverse_l * inverse_l * inverse_l;
+            reflect_to_viewers(materials, receiver, views, (d * inverse_l, solid_angle), lit, &mut reflectance);
         }
         let weight = weight.to_array();
         for lane in 0..LANES {
