@@ -2,7 +2,7 @@
 //!
 //! The gather is measured in look-ups per second (criterion's "elements") per filter on both back ends, beside a bare loop
 //! that does nothing but the same number of texture look-ups at the same levels. The ratio of the two rates says what the
-//! rest of the gather costs. Sampling and differentials are measured beside one build of a k-d tree over their candidates.
+//! rest of the gather costs. So are the gather with and without shadows. Sampling and differentials are measured beside one build of a k-d tree over their candidates.
 
 mod bare_gpu;
 
@@ -20,6 +20,7 @@ use pinspot::pinhole::{Filter, Footprint, Params, Pinholes, Receivers, pinholes}
 use pinspot::render::Settings;
 use pinspot::sampling::{self, Strategy, Surface, sample};
 use pinspot::scene::load;
+use pinspot::tracing::Tracer;
 use rayon::prelude::*;
 
 const EDGE: u32 = 128;
@@ -166,5 +167,51 @@ fn sampling_and_differentials(c: &mut Criterion) {
     }
 }
 
-criterion_group!(benches, gather_on_cpu, gather_on_gpu, sampling_and_differentials);
+/// What shadows cost: the same gather with and without, and letting the samples look around.
+fn visibility(c: &mut Criterion) {
+    let gpu = Gpu::open(None).expect("an adapter; on Debian: apt-get install libvulkan1 mesa-vulkan-drivers");
+    let mut work = Work::new();
+    let scene = load::<Settings>("ring-natural").expect("built-in").scene;
+    let tracer = Tracer::new(&scene);
+    let size = [EDGE, EDGE];
+    let positions = gpu.upload_texture(size, &work.receivers.positions);
+    let normals = gpu.upload_texture(size, &work.receivers.normals);
+    let environment = EnvironmentCube::upload(&gpu.device, &gpu.queue, &work.environment.cube).expect("it fits");
+    let params = Params::default();
+    let mut group = c.benchmark_group("visibility");
+    settings(&mut group);
+    for name in ["unshadowed", "shadowed"] {
+        let visibility = name == "shadowed";
+        if visibility {
+            work.pinholes.look_around(&scene, &tracer);
+        }
+        group.bench_function(format!("CPU, {name}"), |b| {
+            b.iter(|| black_box(gather(&work.receivers, &work.pinholes, &work.environment.cube, &params, &|_| ())));
+        });
+        let engine = Engine::new(&gpu.device, &Options { visibility, ..Default::default() });
+        let inputs = FrameInputs {
+            positions: &positions,
+            normals: &normals,
+            viewers: None,
+            size,
+            pinholes: &work.pinholes,
+            environment: &environment,
+            params,
+        };
+        group.bench_function(format!("{}, {name}", gpu.adapter.name), |b| {
+            b.iter(|| {
+                let mut frame = engine.frame(&gpu.device, &inputs).expect("it fits");
+                let mut encoder = gpu.device.create_command_encoder(&Default::default());
+                frame.record(&mut encoder, 0..frame.batch_count());
+                gpu.queue.submit([encoder.finish()]);
+                gpu.wait().expect("the device stays");
+            });
+        });
+    }
+    group.bench_function(format!("looking around, {SAMPLES} samples"), |b| {
+        b.iter(|| work.pinholes.look_around(&scene, &tracer));
+    });
+}
+
+criterion_group!(benches, gather_on_cpu, gather_on_gpu, visibility, sampling_and_differentials);
 criterion_main!(benches);

@@ -20,7 +20,7 @@ fn the_readmes_pictures_are_what_its_commands_render() {
         compare(scene, &root.join("examples/pictures").join(file));
         compared += 1;
     }
-    assert_eq!(compared, 5, "five pictures with their commands");
+    assert_eq!(compared, 8, "eight pictures with their commands");
 }
 
 fn compare(scene: &str, picture: &Path) {

@@ -47,7 +47,7 @@ pub(super) fn mean_over_footprint<const FILTER: u32>(
     if FILTER == FILTER_ISOTROPIC {
         let mut sum = [Vec4::ZERO; LANES];
         let open = open_part_of_footprint(sight, sides, lit);
-        fetch(environment, r, level_of(axes.major, texel), &open, lit, &mut sum);
+        add_part(environment, r, level_of(axes.major, texel), &open, lit, &mut sum);
         return sum;
     }
     if FILTER == FILTER_EWA {
@@ -64,7 +64,7 @@ pub(super) fn mean_over_footprint<const FILTER: u32>(
             return divided(sum, taps);
         }
         let direction = r + axes.direction * (splat(k) / taps - splat(0.5));
-        fetch(environment, direction, level, &sight.open_part(direction, active), active, &mut sum);
+        add_seen(environment, sight, direction, level, active, &mut sum);
         k += 1.0;
     }
 }
@@ -73,7 +73,7 @@ pub(super) fn mean_over_footprint<const FILTER: u32>(
 #[inline(always)]
 pub(super) fn single_look_up(environment: &CubeLookup, r: V3, sight: &impl Sight, lit: u32) -> [Vec4; LANES] {
     let mut sum = [Vec4::ZERO; LANES];
-    fetch(environment, r, F::ZERO, &sight.open_part(r, lit), lit, &mut sum);
+    add_seen(environment, sight, r, F::ZERO, lit, &mut sum);
     sum
 }
 
@@ -111,7 +111,7 @@ fn mean_over_ellipse(
             let active = in_columns & weight.simd_gt(F::ZERO).to_bitmask();
             let direction = r + (axes.direction * x + across * y) * splat(EWA_RADIUS);
             let open = F::new(sight.open_part(direction, active));
-            fetch(environment, direction, level, &(weight * open).to_array(), active, &mut sum);
+            add_part(environment, direction, level, &(weight * open).to_array(), active, &mut sum);
             weights += weight;
             i += 1.0;
         }
@@ -120,9 +120,26 @@ fn mean_over_ellipse(
     divided(sum, weights.max(splat(1e-20)))
 }
 
-/// Adds radiance by the part of it that counts, and the fetch to w; where nothing counts nothing is read.
+/// Adds what is seen of the radiance from a direction, and the fetch to w; where nothing is seen nothing is read.
 #[inline(always)]
-fn fetch(
+fn add_seen<S: Sight>(
+    environment: &CubeLookup,
+    sight: &S,
+    direction: V3,
+    level: F,
+    active: u32,
+    sums: &mut [Vec4; LANES],
+) {
+    if S::UNHINDERED {
+        environment.fetch(direction, level, active, |lane, radiance| sums[lane] += radiance);
+    } else {
+        add_part(environment, direction, level, &sight.open_part(direction, active), active, sums);
+    }
+}
+
+/// Adds so much of the radiance from a direction, and the fetch to w.
+#[inline(always)]
+fn add_part(
     environment: &CubeLookup,
     direction: V3,
     level: F,

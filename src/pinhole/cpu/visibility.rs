@@ -10,6 +10,9 @@ const PENUMBRA: f32 = 0.25;
 
 /// What a sample sees of the environment.
 pub(super) trait Sight {
+    /// Whether nothing is ever hidden, so that nothing need be asked.
+    const UNHINDERED: bool;
+
     /// The part of the environment around each direction that is not hidden; of use for `active` lanes only.
     fn open_part(&self, direction: V3, active: u32) -> [f32; LANES];
 }
@@ -18,6 +21,8 @@ pub(super) trait Sight {
 pub(super) struct Unhindered;
 
 impl Sight for Unhindered {
+    const UNHINDERED: bool = true;
+
     #[inline(always)]
     fn open_part(&self, _: V3, _: u32) -> [f32; LANES] {
         [1.0; LANES]
@@ -103,6 +108,8 @@ impl<'a> Surroundings<'a> {
 }
 
 impl Sight for Surroundings<'_> {
+    const UNHINDERED: bool = false;
+
     #[inline]
     fn open_part(&self, direction: V3, active: u32) -> [f32; LANES] {
         let place = self.place(self.local(direction));
