@@ -30,7 +30,7 @@ pub struct ReferenceArgs {
     /// What to compute: caustic or direct
     #[arg(long, value_parser = word::<Aov>, value_name = "NAME", default_value = "caustic")]
     aov: Aov,
-    /// Occlusion: none, or full (of both legs) [default: the scene's, else none]
+    /// Occlusion: none, or full (of both legs) [default: the scene's, else full]
     #[arg(long, value_parser = word::<Visibility>, value_name = "none|full")]
     visibility: Option<Visibility>,
     /// Image size in pixels [default: the scene's, else 512x512]

@@ -8,6 +8,8 @@ pub(super) struct Receiver {
     pub position: DVec3,
     /// Unit normal, towards the camera.
     pub normal: DVec3,
+    /// Unit direction towards the camera.
+    pub view: DVec3,
     /// The triangle that it lies on.
     pub triangle: u32,
 }

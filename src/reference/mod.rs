@@ -6,6 +6,7 @@
 //! `passes` over the image → [`Estimate`].
 //! This module must not know samples, cells, cube maps, back ends or wgpu.
 
+mod brdf;
 mod cone;
 mod cut;
 mod domain;
@@ -40,6 +41,8 @@ pub enum Quantity {
     /// Irradiance by one mirror bounce, W/m², before albedo.
     #[default]
     Caustic,
+    /// What receivers reflect of that to the camera, by their own distribution functions, W/(m²·sr).
+    Reflected,
     /// Irradiance from the environment without the mirrors' reflections, W/m², before albedo.
     Direct,
 }
@@ -105,7 +108,7 @@ pub struct Goal {
 /// Irradiance and what is known of its error.
 #[derive(Clone, Debug)]
 pub struct Estimate {
-    /// W/m².
+    /// W/m², or what else the quantity is measured in.
     pub irradiance: Image,
     /// Its standard error, W/m²; itself uncertain where most replicates miss a rare light, that is, where it is more than
     /// about a tenth of the irradiance.
@@ -162,7 +165,7 @@ impl Reference {
         if !(16..=1024).contains(&options.replicates) {
             return fail("replicates", "must be from 16 to 1024");
         }
-        if options.quantity == Quantity::Caustic && scene.objects.iter().all(|o| o.reflector.is_none()) {
+        if options.quantity != Quantity::Direct && scene.objects.iter().all(|o| o.reflector.is_none()) {
             return fail("reflector", "is missing: give an object `reflector = { sides = \"front\" }`");
         }
         let (light, repaired) = Light::load(&scene.environment)?;
@@ -197,9 +200,8 @@ impl Reference {
             return Err(OptionError { key: "seconds", message }.into());
         }
         match self.options.quantity {
-            Quantity::Caustic => {
-                let Options { visibility, attenuation, .. } = self.options;
-                let domain = Reflectors::new(&self.scene, &self.geometry, &self.light, visibility, attenuation);
+            Quantity::Caustic | Quantity::Reflected => {
+                let domain = Reflectors::new(&self.scene, &self.geometry, &self.light, &self.options);
                 self.passes(&domain, progress).solve(goal, known, save)
             }
             Quantity::Direct => {

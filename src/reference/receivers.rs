@@ -34,6 +34,7 @@ impl Receivers {
             Some(Receiver {
                 position: triangle.position(hit.barycentric),
                 normal: if seen_from_front { normal } else { -normal },
+                view: -direction,
                 triangle: hit.triangle,
             })
         };

@@ -14,8 +14,9 @@ use super::geometry::{Geometry, Triangle};
 use super::gloss;
 use super::light::Light;
 use super::tree::{Bounds, Content, Part, Tree, WHOLE};
+use super::{Options, Quantity, brdf};
 use crate::reflectance::Curve;
-use crate::scene::{Scene, Sides, Visibility};
+use crate::scene::{self, Scene, Sides, Visibility};
 
 /// Of reflectances by angle: so many that interpolation costs nothing.
 const CURVE_POINTS: usize = 2048;
@@ -32,6 +33,8 @@ pub(super) struct Reflectors<'a> {
     light: &'a Light,
     visibility: Visibility,
     attenuation: bool,
+    /// By object, where what they reflect to the camera is in question.
+    viewed: Option<Vec<Option<scene::Receiver>>>,
     materials: Vec<Option<Material>>,
     curves: Vec<Curve>,
     tree: Tree,
@@ -63,13 +66,7 @@ pub(super) struct Region {
 }
 
 impl<'a> Reflectors<'a> {
-    pub fn new(
-        scene: &Scene,
-        geometry: &'a Geometry,
-        light: &'a Light,
-        visibility: Visibility,
-        attenuation: bool,
-    ) -> Self {
+    pub fn new(scene: &Scene, geometry: &'a Geometry, light: &'a Light, options: &Options) -> Self {
         let mut curves = Vec::new();
         let material = |o: &crate::scene::Object| {
             let reflector = o.reflector?;
@@ -88,8 +85,10 @@ impl<'a> Reflectors<'a> {
         Self {
             geometry,
             light,
-            visibility,
-            attenuation,
+            visibility: options.visibility,
+            attenuation: options.attenuation,
+            viewed: (options.quantity == Quantity::Reflected)
+                .then(|| scene.objects.iter().map(|o| o.receiver.clone()).collect()),
             materials,
             curves,
             tree,
@@ -306,6 +305,13 @@ impl Domain for Reflectors<'_> {
 }
 
 impl Reflectors<'_> {
+    /// What a receiver reflects to the camera of light from a direction, 1/sr.
+    fn seen_part(&self, surfaces: &[Option<scene::Receiver>], receiver: &Receiver, from: DVec3) -> DVec3 {
+        let object = self.geometry.triangles[receiver.triangle as usize].object;
+        let surface = surfaces[object as usize].as_ref();
+        surface.map_or(DVec3::ZERO, |surface| brdf::value(surface, receiver.normal, from, receiver.view))
+    }
+
     /// The integrand at a point of a triangle.
     fn at(&self, id: u32, barycentric: [f64; 3], receiver: &Receiver, facet: [f64; 2]) -> DVec3 {
         let triangle = &self.geometry.triangles[id as usize];
@@ -333,7 +339,11 @@ impl Reflectors<'_> {
             return DVec3::ZERO;
         }
         let cosines = facing * received / squared;
-        reflectance * self.light.radiance(reflected) * (cosines * self.distance_factor(squared))
+        let seen = match &self.viewed {
+            None => DVec3::ONE,
+            Some(surfaces) => self.seen_part(surfaces, receiver, -out),
+        };
+        seen * reflectance * self.light.radiance(reflected) * (cosines * self.distance_factor(squared))
     }
 }
 
@@ -348,11 +358,12 @@ mod tests {
     #[test]
     fn nothing_exceeds_its_bound() {
         let mut rng = rand::rngs::ChaCha8Rng::seed_from_u64(1);
+        let options = Options { visibility: Visibility::None, ..Default::default() };
         for name in ["ring", "ring-solid", "cup", "spoon", "disco-ball"] {
             let scene = crate::scene::load::<toml::Table>(name).unwrap().scene;
             let geometry = Geometry::new(&scene);
             let (light, _) = Light::load(&scene.environment).unwrap();
-            let domain = Reflectors::new(&scene, &geometry, &light, Visibility::None, true);
+            let domain = Reflectors::new(&scene, &geometry, &light, &options);
             let receivers = Receivers::find(&scene, &geometry, [24, 16], 1);
             for pixel in 0..24 * 16 {
                 let Some(receiver) = receivers.of_pixel(pixel)[0] else { continue };

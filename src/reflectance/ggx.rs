@@ -59,9 +59,10 @@ mod tests {
         let out = DVec3::new((1.0 - cosine * cosine).sqrt(), 0.0, cosine);
         let steps = 900;
         let mut sum = 0.0;
+        let part = |k: u32| (f64::from(k) + 0.5) / f64::from(steps);
         for (i, j) in (0..steps).flat_map(|j| (0..steps).map(move |i| (i, j))) {
             // Equal areas of the projected disc: each is a cosine's worth of directions.
-            let (radius, angle) = (((i as f64 + 0.5) / steps as f64).sqrt(), TAU * (j as f64 + 0.5) / steps as f64);
+            let (radius, angle) = (part(i).sqrt(), TAU * part(j));
             let light = DVec3::new(radius * angle.cos(), radius * angle.sin(), (1.0 - radius * radius).sqrt());
             let half = (out + light).normalize();
             let cos2 = half.z * half.z;
@@ -69,7 +70,7 @@ mod tests {
             let masking = 1.0 / (1.0 + lambda(out.z, alpha) + lambda(light.z, alpha));
             sum += PI * bump * masking / (4.0 * out.z * light.z);
         }
-        sum / (steps * steps) as f64
+        sum / f64::from(steps * steps)
     }
 
     #[test]

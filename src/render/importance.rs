@@ -55,7 +55,7 @@ pub(super) fn place(
 struct Worth {
     points: Vec<SurfacePoint>,
     tree: PointTree,
-    worth: Vec<f32>,
+    of_points: Vec<f32>,
 }
 
 impl Worth {
@@ -94,14 +94,14 @@ impl Worth {
             cpu::contributions(&receivers, &pinholes, light, &params)
         };
         let tree = PointTree::new(&set.points);
-        Ok(Self { worth: evened(worth), tree, points: set.points })
+        Ok(Self { of_points: evened(worth), tree, points: set.points })
     }
 
     /// What a point is worth.
     fn at(&self, point: &SurfacePoint) -> f32 {
         let mut near = self.tree.nearest(point.position, 8).map(|(_, k)| k);
         let nearest = near.find(|&k| self.points[k].same_side(point));
-        nearest.map_or(1.0, |k| self.worth[k])
+        nearest.map_or(1.0, |k| self.of_points[k])
     }
 }
 

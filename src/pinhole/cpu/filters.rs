@@ -191,7 +191,7 @@ pub fn probe(environment: &CubeMap, filter: Filter, most_taps: u32, probes: &[Pr
         };
         let sides = Sides { r: lanes(|p| p.direction), v1: lanes(|p| p.sides[0]), v2: lanes(|p| p.sides[1]) };
         let found = mean(&lookup, &sides, &Unhindered, most_taps as f32, 0xff);
-        means.extend(found[..group.len()].iter().map(|mean| mean.to_array()));
+        means.extend(found[..group.len()].iter().map(Vec4::to_array));
     }
     means
 }

@@ -1,0 +1,225 @@
+//! Objects of a scene file: where they stand, what their meshes are, and what their surfaces do with light.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use serde::Deserialize;
+
+use super::{Builder, one};
+use crate::brdf::{BrdfTable, Gloss};
+use crate::reflectance::{Finish, Metal};
+use crate::scene::obj::{ObjPart, load_obj_by_material};
+use crate::scene::shapes::Shape;
+use crate::scene::{
+    Mesh, MeshError, ObjReport, Object, Receiver, Reflector, SceneError, Sides, Transform, load_obj, mtl,
+};
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct ObjectTable {
+    name: Option<String>,
+    mesh: Option<String>,
+    shape: Option<Shape>,
+    #[serde(default)]
+    translate: [f32; 3],
+    #[serde(default)]
+    rotate_deg: [f32; 3],
+    #[serde(default = "one")]
+    scale: f32,
+    crease_angle_deg: Option<f32>,
+    reflector: Option<ReflectorTable>,
+    receiver: Option<ReceiverTable>,
+    #[serde(default = "yes")]
+    camera_visible: bool,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct ReflectorTable {
+    #[serde(default)]
+    sides: Sides,
+    #[serde(default = "white")]
+    reflectance: [f32; 3],
+    metal: Option<Metal>,
+    coat: Option<f64>,
+    #[serde(default)]
+    roughness: f64,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct ReceiverTable {
+    #[serde(default = "grey")]
+    albedo: [f32; 3],
+    phong: Option<PhongTable>,
+    ggx: Option<GgxTable>,
+    table: Option<String>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct PhongTable {
+    specular: [f32; 3],
+    exponent: f32,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct GgxTable {
+    #[serde(default = "plastic")]
+    specular: [f32; 3],
+    roughness: f32,
+}
+
+fn grey() -> [f32; 3] {
+    [0.5; 3]
+}
+/// A refractive index of 1.5.
+fn plastic() -> [f32; 3] {
+    [0.04; 3]
+}
+
+fn white() -> [f32; 3] {
+    [1.0; 3]
+}
+fn yes() -> bool {
+    true
+}
+/// The smoothest GGX receiver.
+const LEAST_ROUGHNESS: f32 = 0.05;
+/// Where a mesh without normals has edges, unless its object says otherwise.
+const CREASE_ANGLE_DEG: f32 = 40.0;
+
+fn crease_angle_rad(table: &ObjectTable) -> f32 {
+    table.crease_angle_deg.unwrap_or(CREASE_ANGLE_DEG).to_radians()
+}
+
+fn note_dropped(path: &Path, report: ObjReport, notes: &mut Vec<String>) {
+    if report.dropped_triangles > 0 {
+        notes.push(format!("{}: dropped {} degenerate triangles", path.display(), report.dropped_triangles));
+    }
+}
+
+impl Builder<'_> {
+    /// An object, or one for each material of a mesh that brings its own.
+    pub(super) fn objects(
+        &self,
+        index: usize,
+        table: &ObjectTable,
+        notes: &mut Vec<String>,
+    ) -> Result<Vec<Object>, SceneError> {
+        let name = table.name.clone().unwrap_or_else(|| format!("object {}", index + 1));
+        let key = |k: &str| format!("object '{name}'.{k}");
+        if !(table.scale.is_finite() && table.scale != 0.0) {
+            return Err(self.error(key("scale"), format!("is {}, but must be a number other than zero", table.scale)));
+        }
+        if table.crease_angle_deg.is_some_and(|angle| !(0.0..=180.0).contains(&angle)) {
+            return Err(self.error(key("crease_angle_deg"), "must be from 0 to 180"));
+        }
+        let place = Transform {
+            scale: table.scale,
+            rotate_rad: self.vector(&key("rotate_deg"), table.rotate_deg)? * (std::f32::consts::PI / 180.0),
+            translate: self.vector(&key("translate"), table.translate)?,
+        };
+        let reflector = match &table.reflector {
+            None => None,
+            Some(r) => Some(Reflector { sides: r.sides, finish: self.finish(r, &key)? }),
+        };
+        let receiver = match &table.receiver {
+            None => None,
+            Some(r) => Some(self.receiver(r, &key)?),
+        };
+        let camera_visible = table.camera_visible;
+        if let (Some(file), None, None, None) = (&table.mesh, table.shape, &reflector, &receiver) {
+            let parts = self.parts(file, table, notes)?.into_iter();
+            let object = |(material, mesh, surface): (String, Mesh, mtl::Surface)| Object {
+                name: if material.is_empty() { name.clone() } else { format!("{name}/{material}") },
+                mesh: mesh.transformed(&place),
+                reflector: surface.reflector,
+                receiver: surface.receiver,
+                camera_visible,
+            };
+            return Ok(parts.map(object).collect());
+        }
+        let mesh = self.mesh(&name, table, notes)?.transformed(&place);
+        Ok(vec![Object { name, mesh, reflector, receiver, camera_visible }])
+    }
+
+    /// A mesh file's parts by material: its name, or nothing where there is none.
+    fn parts(
+        &self,
+        file: &str,
+        table: &ObjectTable,
+        notes: &mut Vec<String>,
+    ) -> Result<Vec<(String, Mesh, mtl::Surface)>, SceneError> {
+        let path = self.base.join(file);
+        let origin = path.display().to_string();
+        let (parts, failure) = load_obj_by_material(&path, crease_angle_rad(table))?;
+        if let Some(reason) = failure {
+            notes
+                .push(format!("{origin}: its materials cannot be read ({reason}), so it neither mirrors nor receives"));
+        }
+        let part = |part: ObjPart| {
+            note_dropped(&path, part.report, notes);
+            let name = part.material.as_ref().map_or(String::new(), |m| m.name.clone());
+            let surface = part.material.as_ref().map_or(Ok(mtl::Surface::default()), mtl::surface);
+            let surface = surface.map_err(|reason| MeshError::Material { origin: origin.clone(), reason })?;
+            Ok((name, part.mesh, surface))
+        };
+        parts.into_iter().map(part).collect()
+    }
+
+    fn receiver(&self, table: &ReceiverTable, key: &dyn Fn(&str) -> String) -> Result<Receiver, SceneError> {
+        let gloss = match (&table.phong, &table.ggx, &table.table) {
+            (None, None, None) => Gloss::None,
+            (Some(phong), None, None) => {
+                if !(0.0..=1e5).contains(&phong.exponent) {
+                    return Err(self.error(key("receiver.phong.exponent"), "must be from 0 to 100000"));
+                }
+                let specular = self.colour(&key("receiver.phong.specular"), phong.specular, 1.0)?;
+                Gloss::Phong { specular, exponent: phong.exponent }
+            }
+            (None, Some(ggx), None) => {
+                if !(LEAST_ROUGHNESS..=1.0).contains(&ggx.roughness) {
+                    let message = format!("must be from {LEAST_ROUGHNESS} to 1; a smoother one is a reflector");
+                    return Err(self.error(key("receiver.ggx.roughness"), message));
+                }
+                let specular = self.colour(&key("receiver.ggx.specular"), ggx.specular, 1.0)?;
+                Gloss::Ggx { specular, roughness: ggx.roughness }
+            }
+            (None, None, Some(file)) => Gloss::Table(Arc::new(BrdfTable::load(&self.base.join(file))?)),
+            _ => return Err(self.error(key("receiver"), "give at most one of phong, ggx and table")),
+        };
+        Ok(Receiver { albedo: self.colour(&key("receiver.albedo"), table.albedo, 1.0)?, gloss })
+    }
+
+    fn finish(&self, table: &ReflectorTable, key: &dyn Fn(&str) -> String) -> Result<Finish, SceneError> {
+        if table.coat.is_some_and(|index| !(1.0..=4.0).contains(&index)) {
+            return Err(self.error(key("reflector.coat"), "must be a refractive index from 1 to 4"));
+        }
+        let reflectance = self.colour(&key("reflector.reflectance"), table.reflectance, 1.0)?.as_dvec3();
+        if !(0.0..=1.0).contains(&table.roughness) {
+            return Err(self.error(key("reflector.roughness"), "must be from 0 to 1"));
+        }
+        Ok(Finish { reflectance, metal: table.metal, coat: table.coat, roughness: table.roughness })
+    }
+
+    fn mesh(&self, name: &str, table: &ObjectTable, notes: &mut Vec<String>) -> Result<Mesh, SceneError> {
+        match (&table.mesh, table.shape) {
+            (Some(file), None) => {
+                let path = self.base.join(file);
+                let (mesh, report) = load_obj(&path, crease_angle_rad(table))?;
+                note_dropped(&path, report, notes);
+                Ok(mesh)
+            }
+            (None, Some(_)) if table.crease_angle_deg.is_some() => {
+                let key = format!("object '{name}'.crease_angle_deg");
+                Err(self.error(key, "is for meshes; built-in shapes have exact normals"))
+            }
+            (None, Some(shape)) => shape.mesh().map_err(|m| self.error(format!("object '{name}'.shape"), m)),
+            _ => {
+                Err(self.error(format!("object '{name}'"), "give exactly one of mesh = \"FILE.obj\" and shape = { … }"))
+            }
+        }
+    }
+}
