@@ -5,9 +5,6 @@
 
 override VISIBILITY: bool = false;
 
-// Width of a shadow's edge on the map, texels.
-const PENUMBRA: f32 = 0.25;
-
 struct Surroundings {
     map: u32,
     resolution: u32,
@@ -69,8 +66,12 @@ fn in_front(plane: vec4f, local: vec3f) -> f32 {
 
 // How far past the edge between a texel and the next, from 0 to 1; `part` of the way there.
 fn across(texel: vec4f, part: f32, shift: u32) -> f32 {
-    let edge = f32((bitcast<u32>(texel.w) >> shift) & 0xffu) / 256.0;
-    return saturate(0.5 + (part - edge) / PENUMBRA);
+    let bits = bitcast<u32>(texel.w) >> shift;
+    let edge = f32((bits >> 2u) & 63u) / 64.0;
+    let half_width = 0.125 * f32(1u << (bits & 3u));
+    let low = max(edge - half_width, 0.0);
+    let high = min(edge + half_width, 1.0);
+    return saturate((part - low) / (high - low));
 }
 
 // The part of the environment around a direction, in world space, that is not hidden from the sample.

@@ -22,7 +22,8 @@ pub struct VisibilityMaps {
     pub resolution: u32,
     /// m with m·l = 1 for points l of the plane met, in the sample's frame from the sample on, 1/m, or 0 where nothing was
     /// met. The fourth is 1 less than the m·l up to which a point is no longer hidden by that surface; its last 16 bits are
-    /// two numbers of 8: where between this texel and the next along u, and along v, in 256ths, what is met changes.
+    /// two numbers of 8, for the way to the next texel along u and along v: six bits say where on it, in 64ths, what is
+    /// met changes, and two, s, how softly: within 2ˢ/4 of the way.
     pub planes: Vec<[f32; 4]>,
     /// A word for each row of each map: bit i is set where texel i sees the environment.
     pub open: Vec<u32>,
@@ -134,7 +135,7 @@ impl View {
         Some(self.met(&hit))
     }
 
-    /// Where between two texels what is met changes, in 256ths: found by halving.
+    /// Where between two texels what is met changes, found by halving, and how softly.
     fn edge(&self, tracer: &Tracer, n: usize, met: &[Option<Met>], from: usize, to: usize) -> u8 {
         if same_surface(met[from].as_ref(), met[to].as_ref()) {
             return MIDDLE;
@@ -147,7 +148,17 @@ impl View {
             let is_first = unlike(met[from].as_ref(), there.as_ref()) <= unlike(met[to].as_ref(), there.as_ref());
             if is_first { low = middle } else { high = middle }
         }
-        (128.0 * (low + high)) as u8
+        let place = (32.0 * (low + high)) as u8;
+        place << 2 | self.softness(n, met[from].as_ref(), met[to].as_ref())
+    }
+
+    /// Seen from end to end of the piece an edge moves before what is behind it: that is how wide its shadow's edge is.
+    fn softness(&self, n: usize, from: Option<&Met>, to: Option<&Met>) -> u8 {
+        let nearness = |met: Option<&Met>| met.map_or(0.0, |m| m.point.length_recip());
+        let angle = self.piece.extent * (nearness(from) - nearness(to)).abs();
+        // A half-space has 2π sr.
+        let texel = std::f32::consts::TAU.sqrt() / n as f32;
+        (4.0 * angle / texel).max(1.0).log2().round().min(2.0) as u8
     }
 
     fn met(&self, hit: &Hit) -> Met {
@@ -166,8 +177,8 @@ const LEAST_COSINE: f32 = 1e-3;
 const BEHIND: f32 = 0.001;
 /// Halvings of the way between texels that see different things.
 const HALVINGS: u32 = 4;
-/// Halfway, in 256ths.
-const MIDDLE: u8 = 128;
+/// Halfway, and all the way: plain interpolation.
+const MIDDLE: u8 = 32 << 2 | 2;
 
 /// Notes where the edges are in the bits of a number that needs few of them.
 fn with_edges(value: f32, [u, v]: [u8; 2]) -> f32 {

@@ -5,8 +5,6 @@ use crate::pinhole::PinholeSample;
 use crate::pinhole::visibility::{VisibilityMaps, frame};
 
 const LANES: usize = 8;
-/// See the shader.
-const PENUMBRA: f32 = 0.25;
 
 /// What a sample sees of the environment.
 pub(super) trait Sight {
@@ -96,8 +94,10 @@ impl<'a> Surroundings<'a> {
                 f32::from(a * x[lane] + b * y[lane] + c * z[lane] <= 1.0 + behind)
             };
             let across = |texel: usize, part: f32, shift: u32| {
-                let edge = (planes[texel][3].to_bits() >> shift & 0xff) as f32 / 256.0;
-                (0.5 + (part - edge) / PENUMBRA).clamp(0.0, 1.0)
+                let bits = planes[texel][3].to_bits() >> shift;
+                let (edge, half) = ((bits >> 2 & 63) as f32 / 64.0, 0.125 * (1 << (bits & 3)) as f32);
+                let (low, high) = ((edge - half).max(0.0), (edge + half).min(1.0));
+                ((part - low) / (high - low)).clamp(0.0, 1.0)
             };
             let (fx, fy) = (place.part[0][lane], place.part[1][lane]);
             let top = mix(in_front(0), in_front(1), across(0, fx, 8));
