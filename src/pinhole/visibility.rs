@@ -32,7 +32,7 @@ pub struct VisibilityMaps {
 /// Maps of more than this many texels in all (128 MiB, what every WebGPU device binds) are made coarser.
 const MOST_TEXELS: usize = 1 << 23;
 /// Texels along an edge: from the finest to the coarsest.
-const RESOLUTIONS: [u32; 4] = [32, 24, 16, 8];
+const RESOLUTIONS: [u32; 5] = [32, 24, 16, 8, 4];
 
 /// The frame of a sample, from its unit normal: two tangents (Duff et al. 2017, *Building an Orthonormal Basis, Revisited*).
 pub(super) fn frame(n: Vec3) -> [Vec3; 2] {
