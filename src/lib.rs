@@ -8,7 +8,7 @@
 //! ```text
 //!  scene ──► sampling ──► differential ──► pinhole (cpu │ gpu) ──► image
 //!    │                                         ▲
-//!    └─────────────► environment ──────────────┘
+//!    └─────────► environment, tracing ─────────┘
 //!                         render: the headless renderer that ties them together
 //!
 //!  scene ──► reference ──► report ◄── render

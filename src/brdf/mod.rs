@@ -31,12 +31,15 @@ pub enum Gloss {
     Ggx {
         /// Reflectance at perpendicular incidence, per channel, in [0, 1].
         specular: Vec3,
-        /// √α, above 0 and up to 1.
+        /// √α, from [`LEAST_ROUGHNESS`] to 1.
         roughness: f32,
     },
     /// A measured function, which replaces the diffuse part, too.
     Table(Arc<BrdfTable>),
 }
+
+/// The smoothest GGX receiver; what is smoother is a mirror.
+pub const LEAST_ROUGHNESS: f32 = 0.05;
 
 /// A receiver's function in 48 bytes, as the shader reads it.
 #[repr(C)]

@@ -7,6 +7,7 @@
 //! a · ⟨n, −d̂⟩⁺ · ⟨n_p, d̂⟩⁺ / |d|² · L(r̂ filtered over the sample's footprint)
 //! ```
 //!
+//! times the part of the receiver that the sample sees, and of the footprint that sees the environment ([`VisibilityMaps`]).
 //! [`cpu`] and [`gpu`] are twins: the same steps under the same names. [`PinholeSample`] and [`GatherUniforms`] are
 //! the memory layout that both read. This module must not know scene files, cameras or image files.
 

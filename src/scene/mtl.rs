@@ -12,7 +12,7 @@
 use glam::Vec3;
 
 use super::{Receiver, Reflector, Sides};
-use crate::brdf::Gloss;
+use crate::brdf::{Gloss, LEAST_ROUGHNESS};
 use crate::reflectance::Finish;
 
 /// What a material makes of a surface.
@@ -21,9 +21,6 @@ pub(super) struct Surface {
     pub reflector: Option<Reflector>,
     pub receiver: Option<Receiver>,
 }
-
-/// The smoothest GGX receiver.
-const LEAST_ROUGHNESS: f32 = 0.05;
 
 /// Maps a material; the error says which number is out of its range.
 pub(super) fn surface(material: &tobj::Material) -> Result<Surface, String> {

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use serde::Deserialize;
 
 use super::{Builder, one};
-use crate::brdf::{BrdfTable, Gloss};
+use crate::brdf::{BrdfTable, Gloss, LEAST_ROUGHNESS};
 use crate::reflectance::{Finish, Metal};
 use crate::scene::obj::{ObjPart, load_obj_by_material};
 use crate::scene::shapes::Shape;
@@ -85,8 +85,6 @@ fn white() -> [f32; 3] {
 fn yes() -> bool {
     true
 }
-/// The smoothest GGX receiver.
-const LEAST_ROUGHNESS: f32 = 0.05;
 /// Where a mesh without normals has edges, unless its object says otherwise.
 const CREASE_ANGLE_DEG: f32 = 40.0;
 
