@@ -109,6 +109,15 @@ fn gather_on_cpu(c: &mut Criterion) {
     }
 }
 
+/// One image, from the upload of its inputs until the device is done.
+fn run_frame(gpu: &Gpu, engine: &Engine, inputs: &FrameInputs) {
+    let mut frame = engine.frame(&gpu.device, inputs).expect("it fits");
+    let mut encoder = gpu.device.create_command_encoder(&Default::default());
+    frame.record(&mut encoder, 0..frame.batch_count());
+    gpu.queue.submit([encoder.finish()]);
+    gpu.wait().expect("the device stays");
+}
+
 fn gather_on_gpu(c: &mut Criterion) {
     let gpu = Gpu::open(None).expect("an adapter; on Debian: apt-get install libvulkan1 mesa-vulkan-drivers");
     let work = Work::new();
@@ -123,24 +132,16 @@ fn gather_on_gpu(c: &mut Criterion) {
         let engine = Engine::new(&gpu.device, &Options { filter, ..Default::default() });
         let fetches = work.fetches(&params);
         group.throughput(Throughput::Elements(fetches));
-        group.bench_function(name, |b| {
-            b.iter(|| {
-                let inputs = FrameInputs {
-                    positions: &positions,
-                    normals: &normals,
-                    viewers: None,
-                    size,
-                    pinholes: &work.pinholes,
-                    environment: &environment,
-                    params,
-                };
-                let mut frame = engine.frame(&gpu.device, &inputs).expect("it fits");
-                let mut encoder = gpu.device.create_command_encoder(&Default::default());
-                frame.record(&mut encoder, 0..frame.batch_count());
-                gpu.queue.submit([encoder.finish()]);
-                gpu.wait().expect("the device stays");
-            });
-        });
+        let inputs = FrameInputs {
+            positions: &positions,
+            normals: &normals,
+            viewers: None,
+            size,
+            pinholes: &work.pinholes,
+            environment: &environment,
+            params,
+        };
+        group.bench_function(name, |b| b.iter(|| run_frame(&gpu, &engine, &inputs)));
         let bare = bare_gpu::BareLoop::new(&gpu, &environment, EDGE);
         let per_pixel = (fetches / u64::from(EDGE * EDGE)) as u32;
         group.bench_function(format!("{name}, bare look-ups"), |b| {
@@ -199,13 +200,7 @@ fn visibility(c: &mut Criterion) {
             params,
         };
         group.bench_function(format!("{}, {name}", gpu.adapter.name), |b| {
-            b.iter(|| {
-                let mut frame = engine.frame(&gpu.device, &inputs).expect("it fits");
-                let mut encoder = gpu.device.create_command_encoder(&Default::default());
-                frame.record(&mut encoder, 0..frame.batch_count());
-                gpu.queue.submit([encoder.finish()]);
-                gpu.wait().expect("the device stays");
-            });
+            b.iter(|| run_frame(&gpu, &engine, &inputs));
         });
     }
     group.bench_function(format!("looking around, {SAMPLES} samples"), |b| {

@@ -4,7 +4,7 @@ use glam::{UVec2, Vec2};
 use rayon::prelude::*;
 
 use super::Options;
-use crate::pinhole::Receivers;
+use crate::pinhole::{NO_RECEIVER, Receivers};
 use crate::scene::Scene;
 use crate::tracing::{Hit, Tracer};
 
@@ -41,6 +41,15 @@ impl GBuffer {
             }
         }
         Self { first_row, rows, per_edge, width, hits, receivers }
+    }
+
+    /// Takes the objects that are not wanted out of the gather.
+    pub fn keep_receivers(&mut self, wanted: impl Fn(u32) -> bool) {
+        for (position, hit) in self.receivers.positions.iter_mut().zip(&self.hits) {
+            if hit.as_ref().is_some_and(|hit| !wanted(hit.object)) {
+                position[3] = NO_RECEIVER;
+            }
+        }
     }
 
     /// Index of a point: pixel (`x`, `row` of the band), point (`i`, `j`) of the pixel.

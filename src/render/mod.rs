@@ -136,9 +136,10 @@ impl Renderer {
         let rows_per_band = self.rows_per_band();
         for first_row in (0..height).step_by(rows_per_band as usize) {
             let rows = rows_per_band.min(height - first_row);
-            let gbuffer = timed(&mut seconds.tracing, || {
+            let mut gbuffer = timed(&mut seconds.tracing, || {
                 GBuffer::trace(&self.tracer, &self.scene, &self.options, first_row, rows)
             });
+            gbuffer.keep_receivers(|object| self.shows_irradiance(Aov::Caustic, object));
             let caustic = if self.options.needs_gather() {
                 timed(&mut seconds.gather, || {
                     self.backend.gather(
@@ -192,8 +193,14 @@ impl Renderer {
         if !self.options.aovs.iter().any(|aov| matches!(aov, Aov::Direct | Aov::Beauty)) {
             return vec![Vec3::ZERO; gbuffer.hits.len()];
         }
-        let at = |hit: &Option<Hit>| hit.as_ref().map_or(Vec3::ZERO, |hit| self.direct_irradiance(hit));
+        let shown = |hit: &&Hit| self.shows_irradiance(Aov::Direct, hit.object);
+        let at = |hit: &Option<Hit>| hit.as_ref().filter(shown).map_or(Vec3::ZERO, |hit| self.direct_irradiance(hit));
         gbuffer.hits.par_iter().map(at).collect()
+    }
+
+    /// Whether any picture shows the irradiance on an object; the beauty shows what glossy ones reflect instead.
+    fn shows_irradiance(&self, aov: Aov, object: u32) -> bool {
+        self.options.aovs.contains(&aov) || self.options.look.plain_diffuse || !self.materials.is_glossy(object)
     }
 
     fn direct_irradiance(&self, hit: &Hit) -> Vec3 {
