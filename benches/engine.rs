@@ -66,26 +66,26 @@ fn settings(group: &mut BenchmarkGroup<WallTime>) {
     group.sample_size(10).warm_up_time(Duration::from_millis(500)).measurement_time(Duration::from_secs(5));
 }
 
-/// As many look-ups as the gather does, in the same groups of eight neighbours, and nothing else.
+/// As many look-ups as the gather does, in the same groups of sixteen neighbours, and nothing else.
 fn bare_cpu_loop(work: &Work, levels: [f32; 2], fetches: u64) -> f32 {
     let lookup = CubeLookup::new(&work.environment.cube);
-    let groups = u64::from(EDGE * EDGE / 8);
-    let per_group = fetches / 8 / groups;
+    let groups = u64::from(EDGE * EDGE / 16);
+    let per_group = fetches / 16 / groups;
     let sum: Vec4 = (0..groups)
         .into_par_iter()
         .map(|group| {
-            let mut sums = [Vec4::ZERO; 8];
-            // Eight neighbouring directions that wander over the cube as those of neighbouring pixels do from sample to sample.
-            let mut angle = group as f32 * 0.37;
-            for _ in 0..per_group {
-                angle += 0.61;
+            let mut sums = [Vec4::ZERO; 16];
+            // Sixteen neighbouring directions that wander over the cube as those of neighbouring pixels do from sample to sample.
+            let (mut angle, mut done) = (group as f32 * 0.37, 0);
+            let next = || {
+                (angle, done) = (angle + 0.61, done + 1);
                 let (x, z) = (angle * 0.13 % 2.0 - 1.0, angle * 0.29 % 2.0 - 1.0);
-                let along = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0].map(|lane| x + 0.004 * lane);
-                let spread =
-                    [0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7].map(|lane: f32| (angle * 0.31 + 0.1 * lane).fract());
+                let along = std::array::from_fn(|lane| x + 0.004 * lane as f32);
+                let spread: [f32; 16] = std::array::from_fn(|lane| (angle * 0.31 + 0.05 * lane as f32).fract());
                 let level = spread.map(|s| levels[0] + (levels[1] - levels[0]) * s);
-                lookup.fetch8(&[along, [0.7; 8], [z; 8]], &level, &mut sums);
-            }
+                (done <= per_group).then_some(([along, [0.7; 16], [z; 16]], level))
+            };
+            lookup.fetch16(next, &mut sums);
             sums.into_iter().sum::<Vec4>()
         })
         .sum();

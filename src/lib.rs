@@ -50,6 +50,7 @@
 //! Units: metres, radians, W/(m²·sr), W/m². Right-handed, Y up, linear Rec.709.
 
 pub mod brdf;
+pub mod cell_tree;
 pub mod conformance;
 pub mod differential;
 pub mod environment;

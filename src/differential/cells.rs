@@ -6,8 +6,7 @@ use super::{PointTree, SurfacePoint};
 
 /// Each sample's candidates, as indices.
 pub(super) fn assign(points: &[SurfacePoint], candidates: &[SurfacePoint]) -> Vec<Vec<u32>> {
-    let tree = PointTree::new(points);
-    let owner: Vec<u32> = candidates.par_iter().map(|c| nearest_owner(c, points, &tree)).collect();
+    let owner = owners(points, candidates);
     let mut cells = vec![Vec::new(); points.len()];
     for (candidate, owner) in owner.into_iter().enumerate() {
         cells[owner as usize].push(candidate as u32);
@@ -15,8 +14,14 @@ pub(super) fn assign(points: &[SurfacePoint], candidates: &[SurfacePoint]) -> Ve
     cells
 }
 
+/// For each candidate the sample whose cell it belongs to.
+pub(crate) fn owners(points: &[SurfacePoint], candidates: &[SurfacePoint]) -> Vec<u32> {
+    let tree = PointTree::new(points);
+    candidates.par_iter().map(|c| nearest_owner(c, points, &tree)).collect()
+}
+
 fn nearest_owner(candidate: &SurfacePoint, points: &[SurfacePoint], tree: &PointTree) -> u32 {
-    let nearest = tree.nearest(candidate.position, 1).next().expect("there are samples").1;
+    let nearest = tree.nearest_one(candidate.position);
     if points[nearest].same_side(candidate) {
         return nearest as u32;
     }

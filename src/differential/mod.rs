@@ -8,7 +8,9 @@ mod fit;
 mod ply;
 mod symmetric;
 
+pub(crate) use cells::owners;
 pub use ply::write_ply;
+pub(crate) use symmetric::Symmetric2;
 
 use std::sync::LazyLock;
 

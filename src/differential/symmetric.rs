@@ -4,7 +4,7 @@ use glam::Vec2;
 
 /// [[xx, xy], [xy, yy]].
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Symmetric2 {
+pub(crate) struct Symmetric2 {
     pub xx: f32,
     pub xy: f32,
     pub yy: f32,

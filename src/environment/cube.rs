@@ -189,6 +189,12 @@ fn halved(level: &[Vec3], n: u32) -> Vec<Vec3> {
 
 /// One level with a border of one texel around every face.
 fn padded(level: &[Vec3], n: u32) -> Vec<Vec4> {
+    with_borders(level, n, |a, b, c| (a + b + c) / 3.0).into_iter().map(|t| t.extend(1.0)).collect()
+}
+
+/// Texels of six faces with a border of one texel around each, copied from its neighbours; `corner` makes those where three
+/// faces meet.
+pub(super) fn with_borders<T: Copy>(level: &[T], n: u32, corner: impl Fn(T, T, T) -> T) -> Vec<T> {
     let w = n + 2;
     let texel = |face: usize, x: u32, y: u32| level[face * (n * n) as usize + (y * n + x) as usize];
     // A point just outside a face lies on its neighbour; the edge's own texel coordinate is kept.
@@ -205,15 +211,14 @@ fn padded(level: &[Vec3], n: u32) -> Vec<Vec4> {
         for j in -1..=n as i32 {
             for i in -1..=n as i32 {
                 let inside = |k: i32| k.clamp(0, n as i32 - 1);
-                let value = match (inside(i) != i, inside(j) != j) {
+                out.push(match (inside(i) != i, inside(j) != j) {
                     (false, false) => texel(face, i as u32, j as u32),
                     (true, true) => {
                         let (x, y) = (inside(i), inside(j));
-                        (texel(face, x as u32, y as u32) + neighbour(face, i, y) + neighbour(face, x, j)) / 3.0
+                        corner(texel(face, x as u32, y as u32), neighbour(face, i, y), neighbour(face, x, j))
                     }
                     _ => neighbour(face, i, j),
-                };
-                out.push(value.extend(1.0));
+                });
             }
         }
     }

@@ -3,6 +3,7 @@
 //! Data flows `import` → `layout` → [`Field`] (radiance by direction, world space) → [`CubeMap`] (what the
 //! gather looks up) and irradiance. This module must not know samples, receivers or wgpu.
 
+mod bounds;
 mod builtin;
 mod cube;
 mod field;
@@ -11,6 +12,7 @@ mod importance;
 mod irradiance;
 mod layout;
 
+pub use bounds::{Bound, LightBounds};
 pub use builtin::{BUILT_IN_MAPS, BuiltInMap};
 pub use cube::{CubeMap, FACES, face_direction, face_of_direction, texel_solid_angle_sr};
 pub use field::Field;

@@ -15,10 +15,12 @@ pub mod cpu;
 pub mod gpu;
 mod layout;
 mod receivers;
+mod tree;
 mod visibility;
 
 pub use layout::{BATCH_SIZE, CURVE_POINTS, GatherUniforms, PinholeParts, PinholeSample, Pinholes, ReflectanceCurve};
 pub use receivers::{NO_RECEIVER, Receivers, Viewers};
+pub use tree::PinholeTree;
 pub use visibility::VisibilityMaps;
 
 use glam::Vec3;
@@ -26,7 +28,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::differential::DifferentialSample;
 use crate::reflectance::{Curve, Finish};
-use crate::scene::{Object, Scene, Sides};
+use crate::scene::{Object, Reflector, Scene, Sides};
 use crate::tracing::Tracer;
 use crate::words::NumberOrWord;
 
@@ -141,27 +143,46 @@ fn lobe_of_bend(changes: [Vec3; 2]) -> f32 {
     if bend < LEAST_BEND { 0.0 } else { bend }
 }
 
+/// A sample's region, as a footprint is made of it.
+struct Region {
+    position: Vec3,
+    normal: Vec3,
+    area: f32,
+    sides: [Vec3; 2],
+    changes: [Vec3; 2],
+    object: u32,
+    /// Whether reflected directions bend within it.
+    bends: bool,
+}
+
 /// Packs differential samples for the gather, with their object's finish and sides.
 pub fn pinholes(scene: &Scene, samples: &[DifferentialSample], footprint: Footprint) -> Pinholes {
-    let (curves, curve_of_object) = curves(scene);
-    let pack = |s: &DifferentialSample| {
-        let reflector = scene.objects[s.object as usize].reflector?;
-        let two_sided = reflector.sides == Sides::Both;
+    let region = |s: &DifferentialSample| {
         let (position, normal, area, sides) = match footprint {
             Footprint::Cells => (s.cell.centroid, s.cell.normal, s.cell.area, s.cell.sides),
             Footprint::Curvature => (s.position, s.normal, s.area, s.directions.map(|u| s.area.sqrt() * u)),
         };
         let changes = sides.map(|side| s.normal_change(side));
-        let (reflectance, object) = (reflector.finish.reflectance.as_vec3(), s.object);
-        let curve = curve_of_object[object as usize];
-        let bend = if footprint == Footprint::Cells { lobe_of_bend(changes) } else { 0.0 };
-        // Independent blurs: their second moments add.
-        let lobe = bend.hypot(LOBE_PER_ALPHA * reflector.finish.alpha() as f32);
-        Some(
-            PinholeParts { position, normal, area, sides, changes, reflectance, curve, lobe, object, two_sided }.into(),
-        )
+        Region { position, normal, area, sides, changes, object: s.object, bends: footprint == Footprint::Cells }
     };
-    Pinholes { samples: samples.iter().filter_map(pack).collect(), curves, visibility: None }
+    let mirrors = Mirrors::of_scene(scene);
+    let sample = |s| {
+        let region = region(s);
+        Some(mirrors.of_object[region.object as usize]?.sample(region))
+    };
+    Pinholes { samples: samples.iter().filter_map(sample).collect(), curves: mirrors.curves, visibility: None }
+}
+
+impl Mirror {
+    /// The sample that stands for a region of the mirror.
+    #[inline]
+    fn sample(&self, region: Region) -> PinholeSample {
+        let Region { position, normal, area, sides, changes, object, bends } = region;
+        let Self { reflectance, curve, two_sided, .. } = *self;
+        // Independent blurs: their second moments add.
+        let lobe = if bends { lobe_of_bend(changes).hypot(self.lobe) } else { self.lobe };
+        PinholeParts { position, normal, area, sides, changes, reflectance, curve, lobe, object, two_sided }.into()
+    }
 }
 
 impl Pinholes {
@@ -172,23 +193,52 @@ impl Pinholes {
     }
 }
 
-/// The curves of all finishes that need one, and for each object which is its own.
-fn curves(scene: &Scene) -> (Vec<ReflectanceCurve>, Vec<Option<u32>>) {
-    let mut finishes: Vec<Finish> = Vec::new();
-    let mut number = |finish: Finish| {
-        let known = finishes.iter().position(|f| *f == finish);
-        known.unwrap_or_else(|| {
-            finishes.push(finish);
-            finishes.len() - 1
-        }) as u32
-    };
-    let of_object = |o: &Object| o.reflector.map(|r| r.finish).filter(|f| !f.is_constant()).map(&mut number);
-    let of_objects = scene.objects.iter().map(of_object).collect();
-    let row = |finish: &Finish| {
-        let curve = Curve::new(finish, CURVE_POINTS);
-        std::array::from_fn(|k| curve.values()[k].as_vec3().extend(0.0).to_array())
-    };
-    (finishes.iter().map(row).collect(), of_objects)
+/// How the scene's objects mirror.
+#[derive(Clone, Debug, Default)]
+struct Mirrors {
+    of_object: Vec<Option<Mirror>>,
+    curves: Vec<ReflectanceCurve>,
+}
+
+/// How an object mirrors.
+#[derive(Clone, Copy, Debug)]
+struct Mirror {
+    reflectance: Vec3,
+    /// Which of the curves holds instead, if one does.
+    curve: Option<u32>,
+    /// No channel reflects more at any angle.
+    most: f32,
+    /// Width of the lobe of a rough one, radians.
+    lobe: f32,
+    two_sided: bool,
+}
+
+impl Mirrors {
+    fn of_scene(scene: &Scene) -> Self {
+        let mut finishes: Vec<Finish> = Vec::new();
+        let mut number = |finish: Finish| {
+            let known = finishes.iter().position(|f| *f == finish);
+            known.unwrap_or_else(|| {
+                finishes.push(finish);
+                finishes.len() - 1
+            }) as u32
+        };
+        let mirror = |o: &Object| {
+            let Reflector { sides, finish } = o.reflector?;
+            let reflectance = finish.reflectance.as_vec3();
+            let curve = (!finish.is_constant()).then(|| number(finish));
+            let at_angles = Curve::new(&finish, CURVE_POINTS);
+            let most = at_angles.values().iter().map(|v| v.as_vec3().max_element()).fold(0.0, f32::max);
+            let lobe = LOBE_PER_ALPHA * finish.alpha() as f32;
+            Some(Mirror { reflectance, curve, most, lobe, two_sided: sides == Sides::Both })
+        };
+        let of_object = scene.objects.iter().map(mirror).collect();
+        let row = |finish: &Finish| {
+            let curve = Curve::new(finish, CURVE_POINTS);
+            std::array::from_fn(|k| curve.values()[k].as_vec3().extend(0.0).to_array())
+        };
+        Self { of_object, curves: finishes.iter().map(row).collect() }
+    }
 }
 
 impl TryFrom<NumberOrWord> for Epsilon {

@@ -20,6 +20,13 @@ pub(super) fn per_sample(samples: u32) -> f32 {
 
 /// Candidates that stand for at most `stride` m² each, in random order.
 pub(super) fn stratified(surface: &Surface, stride: f32, rng: &mut ChaCha8Rng) -> Vec<SurfacePoint> {
+    let mut candidates = cover(surface, stride, rng);
+    candidates.shuffle(rng);
+    candidates
+}
+
+/// The same in an order that neighbours share.
+pub(super) fn cover(surface: &Surface, stride: f32, rng: &mut ChaCha8Rng) -> Vec<SurfacePoint> {
     // A triangle of a third of the stride or more is a candidate of its own: exact, and three times as many at worst.
     let (coarse, fine): (Vec<_>, Vec<_>) = surface.triangles().iter().partition(|t| t.area() >= stride / 3.0);
     let mut candidates = Vec::new();
@@ -27,7 +34,6 @@ pub(super) fn stratified(surface: &Surface, stride: f32, rng: &mut ChaCha8Rng) -
         split(triangle, [Vec3::X, Vec3::Y, Vec3::Z], triangle.area(), stride, &mut candidates);
     }
     draw_along_order(fine, stride, rng, &mut candidates);
-    candidates.shuffle(rng);
     candidates
 }
 

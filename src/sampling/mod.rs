@@ -136,6 +136,14 @@ pub fn sample(surface: &Surface, options: &Options) -> Result<PointSet, Sampling
     place(surface, options, None)
 }
 
+/// Points that cover a surface evenly, each for at most `stride` m², in an order that neighbours share; they are grouped as the
+/// points of a set of `samples` are.
+pub(crate) fn cover(surface: &Surface, stride: f32, samples: usize, seed: u64) -> Vec<SurfacePoint> {
+    let mut points = candidates::cover(surface, stride, &mut ChaCha8Rng::seed_from_u64(seed));
+    patches::group_small(surface, surface.area() as f32 / samples as f32, &mut points);
+    points
+}
+
 /// What a place is worth, relative to others.
 pub type Importance<'a> = &'a (dyn Fn(&SurfacePoint) -> f32 + Sync);
 
@@ -212,6 +220,12 @@ impl PointTree {
             .within::<SquaredEuclidean<f32>>(radius * radius)
             .unsorted()
             .visit(|found| visit(found.item as usize));
+    }
+
+    /// The nearest point.
+    pub fn nearest_one(&self, centre: glam::Vec3) -> usize {
+        let query = centre.to_array();
+        self.0.query(&query).nearest_one::<SquaredEuclidean<f32>>().execute().item as usize
     }
 
     /// The `count` nearest points (fewer if there are fewer), nearest first: squared distance and index.

@@ -1,28 +1,28 @@
-//! Trilinear, seamless cube-map look-ups of eight directions; twin of `shaders/shared/cube.wgsl` and of the GPU's sampler.
+//! Trilinear, seamless cube-map look-ups of sixteen directions; twin of `shaders/shared/cube.wgsl` and of the GPU's sampler.
 
 use glam::Vec4;
-use wide::f32x8;
 
-use super::lanes::{F, V3, splat};
+use super::lanes::{ALL, F, LANES, Select, Simd, SimdBase, SimdFloat, V3, bits, dispatch, lanes, level, log2, splat};
 use crate::environment::CubeMap;
 
 /// Width of a texel around a unit direction, radians. The solid angle of a texel is texel_rad² · m³ with m the largest
 /// component.
 #[inline(always)]
-pub(super) fn texel_width(direction: V3, texel_rad: f32) -> F {
-    let [x, y, z] = direction.0.map(F::abs);
-    let m = x.max(y).max(z);
-    splat(texel_rad) * m * m.sqrt()
+pub(super) fn texel_width<S: Simd>(direction: V3<S>, texel_rad: f32) -> F<S> {
+    let [x, y, z] = direction.0;
+    let m = x.abs().max(y.abs()).max(z.abs());
+    m * m.sqrt() * texel_rad
 }
 
 /// The level whose texels are `width` wide.
 #[inline(always)]
-pub(super) fn level_of(width: F, texel: F) -> F {
-    ((width / texel).ln() * splat(std::f32::consts::LOG2_E)).max(F::ZERO)
+pub(super) fn level_of<S: Simd>(width: F<S>, texel: F<S>) -> F<S> {
+    // What has no width is a normal number still.
+    log2((width / texel).max(1e-30)).max(0.0)
 }
 
-/// Eight directions, component by component: what [`CubeLookup::fetch8`] takes.
-pub type Lanes8 = [[f32; 8]; 3];
+/// Sixteen directions, component by component: what [`CubeLookup::fetch16`] takes.
+pub type Lanes16 = [[f32; LANES]; 3];
 
 /// A cube map, laid out for look-ups.
 #[derive(Clone, Debug)]
@@ -39,6 +39,30 @@ struct Level {
     pitch: usize,
     face: usize,
     half_size: f32,
+}
+
+/// Where directions meet the cube: the face, and the place on it from 0 to 2.
+pub(super) struct OnCube<S: Simd> {
+    pub face: F<S>,
+    pub s: F<S>,
+    pub t: F<S>,
+}
+
+/// Directions of any length.
+#[inline(always)]
+pub(super) fn on_cube<S: Simd>(simd: S, V3([x, y, z]): V3<S>) -> OnCube<S> {
+    let (ax, ay, az) = (x.abs(), y.abs(), z.abs());
+    let on_x = ax.simd_ge(ay) & ax.simd_ge(az);
+    let on_y = ay.simd_ge(az);
+    let main = on_x.select(x, on_y.select(y, z));
+    let negative = main.simd_lt(0.0);
+    let flip = |v: F<S>| negative.select(-v, v);
+    let scale = 1.0 / main.abs();
+    let s = scale * on_x.select(flip(-z), on_y.select(x, flip(x)));
+    let t = scale * on_x.select(-y, on_y.select(flip(z), -y));
+    let (zero, one) = (splat(simd, 0.0), splat(simd, 1.0));
+    let face = on_x.select(zero, on_y.select(splat(simd, 2.0), splat(simd, 4.0))) + negative.select(one, zero);
+    OnCube { face, s: s + 1.0, t: t + 1.0 }
 }
 
 impl<'a> CubeLookup<'a> {
@@ -62,31 +86,41 @@ impl<'a> CubeLookup<'a> {
         1.0 / self.levels[0].half_size
     }
 
-    /// Adds the radiance from eight directions (of any length) at eight levels to `sums`; the fourth component counts.
-    pub fn fetch8(&self, directions: &Lanes8, levels: &[f32; 8], sums: &mut [Vec4; 8]) {
-        let add = |lane: usize, radiance| sums[lane] += radiance;
-        self.fetch(V3(directions.map(f32x8::new)), f32x8::new(*levels), 0xff, add);
+    /// Adds the radiance from sixteen directions (of any length) at sixteen levels, time and again, to `sums`; the fourth
+    /// component counts. `next` says where to look, until it has nothing more.
+    pub fn fetch16(&self, mut next: impl FnMut() -> Option<(Lanes16, [f32; LANES])>, sums: &mut [Vec4; LANES]) {
+        dispatch!(level(), simd => self.fetch_all(simd, &mut next, sums));
+    }
+
+    #[inline(always)]
+    fn fetch_all<S: Simd>(
+        &self,
+        simd: S,
+        next: &mut impl FnMut() -> Option<(Lanes16, [f32; LANES])>,
+        sums: &mut [Vec4; LANES],
+    ) {
+        while let Some((directions, levels)) = next() {
+            let direction = V3(directions.map(|d| lanes(simd, d)));
+            self.fetch(simd, direction, lanes(simd, levels), ALL, |lane, radiance| sums[lane] += radiance);
+        }
     }
 
     /// Calls `take` with each lane whose bit is set in `active`, and the radiance from its direction at its level, w = 1.
     #[inline(always)]
-    pub(super) fn fetch(&self, direction: V3, level: F, active: u32, mut take: impl FnMut(usize, Vec4)) {
-        let [x, y, z] = direction.0;
-        let [ax, ay, az] = direction.0.map(F::abs);
-        let on_x = ax.simd_ge(ay) & ax.simd_ge(az);
-        let on_y = ay.simd_ge(az);
-        let main = on_x.bitselect(x, on_y.bitselect(y, z));
-        let negative = main.simd_lt(F::ZERO);
-        let flip = |v: F| negative.bitselect(-v, v);
-        let scale = F::ONE / main.abs();
-        let s = scale * on_x.bitselect(flip(-z), on_y.bitselect(x, flip(x)));
-        let t = scale * on_x.bitselect(-y, on_y.bitselect(flip(z), -y));
-        let face = on_x.bitselect(F::ZERO, on_y.bitselect(splat(2.0), splat(4.0))) + (negative & F::ONE);
-        let level = level.min(splat(self.last));
-        let blended = level.simd_gt(level.floor()).to_bitmask();
-        let (s, t) = ((s + F::ONE).to_array(), (t + F::ONE).to_array());
+    pub(super) fn fetch<S: Simd>(
+        &self,
+        simd: S,
+        direction: V3<S>,
+        level: F<S>,
+        active: u32,
+        mut take: impl FnMut(usize, Vec4),
+    ) {
+        let OnCube { face, s, t } = on_cube(simd, direction);
+        let level = level.min(self.last);
+        let blended = bits(level.simd_gt(level.floor()));
+        let (s, t) = (s.to_array(), t.to_array());
         let (face, level) = (face.to_array(), level.to_array());
-        for lane in 0..8 {
+        for lane in 0..LANES {
             if active & (1 << lane) == 0 {
                 continue;
             }
@@ -122,20 +156,18 @@ mod tests {
     use glam::Vec3;
 
     #[test]
-    fn eight_look_ups_are_eight_single_ones() {
+    fn sixteen_look_ups_are_sixteen_single_ones() {
         let cube = CubeMap::from_radiance(32, None, |d| Vec3::new(1.0 + d.x, (5.0 * d.y).sin(), d.z * d.x));
         let lookup = CubeLookup::new(&cube);
-        let directions: Lanes8 = [
-            [0.3, -0.9, 0.1, 0.2, 0.5, 0.5, -0.7, 1.0],
-            [0.9, 0.2, -0.8, 0.1, 0.5, -0.5, 0.7, 0.999],
-            [-0.1, 0.3, 0.2, -0.9, 0.9, 0.4, 0.1, -0.998],
-        ];
-        let levels = [0.0, 0.5, 1.0, 2.25, 3.7, 4.9, 5.0, 9.0];
-        let mut sums = [Vec4::ZERO; 8];
-        lookup.fetch8(&directions, &levels, &mut sums);
-        for lane in 0..8 {
-            let d = Vec3::new(directions[0][lane], directions[1][lane], directions[2][lane]);
-            let expected = cube.fetch(d, levels[lane]);
+        let x = [0.3, -0.9, 0.1, 0.2, 0.5, 0.5, -0.7, 1.0, 0.0, 1.0, -1.0, 0.2, 0.3, 0.4, -0.6, 0.1];
+        let y = [0.9, 0.2, -0.8, 0.1, 0.5, -0.5, 0.7, 0.999, 0.0, 0.0, 1.0, -0.3, 0.1, 0.9, 0.6, 0.1];
+        let z = [-0.1, 0.3, 0.2, -0.9, 0.9, 0.4, 0.1, -0.998, 1.0, 0.0, 0.0, 0.7, -0.8, 0.4, 0.6, 0.1];
+        let levels = [0.0, 0.5, 1.0, 2.25, 3.7, 4.9, 5.0, 9.0, 0.0, 0.1, 4.0, 0.2, 1.5, 2.5, 3.5, 4.5];
+        let mut sums = [Vec4::ZERO; LANES];
+        let mut once = Some(([x, y, z], levels));
+        lookup.fetch16(|| once.take(), &mut sums);
+        for lane in 0..LANES {
+            let expected = cube.fetch(Vec3::new(x[lane], y[lane], z[lane]), levels[lane]);
             assert!(sums[lane].truncate().abs_diff_eq(expected, 1e-4), "lane {lane}: {} {expected}", sums[lane]);
             assert!((sums[lane].w - 1.0).abs() < 1e-5);
         }

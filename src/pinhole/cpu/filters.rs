@@ -4,12 +4,10 @@ use glam::{Vec3, Vec4};
 
 use super::cube::{CubeLookup, level_of, texel_width};
 use super::footprint::{FootprintAxes, footprint_axes};
-use super::lanes::{F, V3, clamp, splat};
+use super::lanes::{ALL, F, LANES, Select, Simd, SimdBase, SimdFloat, V3, bits, clamp, dispatch, lanes, level, splat};
 use super::visibility::{Sight, Unhindered};
 use crate::environment::CubeMap;
 use crate::pinhole::{Filter, Probe};
-
-const LANES: usize = 8;
 
 pub(super) const FILTER_NONE: u32 = 0;
 pub(super) const FILTER_ISOTROPIC: u32 = 1;
@@ -23,175 +21,212 @@ const EWA_TEXEL: f32 = 0.5;
 const EWA_COLUMNS: f32 = 256.0;
 
 /// A footprint: the unit direction of its centre, and its sides.
-pub(super) struct Sides {
-    pub r: V3,
-    pub v1: V3,
-    pub v2: V3,
+pub(super) struct Sides<S: Simd> {
+    pub r: V3<S>,
+    pub v1: V3<S>,
+    pub v2: V3<S>,
 }
 
 /// Mean radiance over a footprint of what is seen; w = fetches.
 #[inline(always)]
-pub(super) fn mean_over_footprint<const FILTER: u32>(
+pub(super) fn mean_over_footprint<S: Simd, const FILTER: u32>(
+    simd: S,
     environment: &CubeLookup,
-    sides: &Sides,
+    sides: &Sides<S>,
     sight: &impl Sight,
     most_taps: f32,
     lit: u32,
 ) -> [Vec4; LANES] {
     let r = sides.r;
     if FILTER == FILTER_NONE {
-        return single_look_up(environment, r, sight, lit);
+        return single_look_up(simd, environment, r, sight, lit);
     }
     let axes = footprint_axes(sides.v1, sides.v2);
     let texel = texel_width(r, environment.texel_rad());
     if FILTER == FILTER_ISOTROPIC {
         let mut sum = [Vec4::ZERO; LANES];
-        let open = open_part_of_footprint(sight, sides, lit);
-        add_part(environment, r, level_of(axes.major, texel), &open, lit, &mut sum);
+        let open = open_part_of_footprint(simd, sight, sides, lit);
+        add_part(simd, environment, r, level_of(axes.major, texel), &open, lit, &mut sum);
         return sum;
     }
     if FILTER == FILTER_EWA {
-        return mean_over_ellipse(environment, r, &axes, texel, sight, lit);
+        return mean_over_ellipse(simd, environment, r, &axes, texel, sight, lit);
     }
-    let sharpness = splat(SHARPNESS);
-    let taps = clamp((axes.major / (sharpness * axes.minor).max(texel)).ceil(), F::ONE, splat(most_taps));
-    let level = level_of(sharpness * axes.minor.max(axes.major / taps), texel);
+    let taps = clamp((axes.major / (axes.minor * SHARPNESS).max(texel)).ceil(), 1.0, most_taps);
+    let level = level_of(axes.minor.max(axes.major / taps) * SHARPNESS, texel);
     let mut sum = [Vec4::ZERO; LANES];
     let mut k = 0.5;
     loop {
-        let active = lit & taps.simd_gt(splat(k)).to_bitmask();
+        let active = lit & bits(taps.simd_gt(k));
         if active == 0 {
             return divided(sum, taps);
         }
-        let direction = r + axes.direction * (splat(k) / taps - splat(0.5));
-        add_seen(environment, sight, direction, level, active, &mut sum);
+        let direction = r.plus(axes.direction, k / taps - 0.5);
+        add_seen(simd, environment, sight, direction, level, active, &mut sum);
         k += 1.0;
     }
 }
 
 /// Radiance from one direction each, in the finest level; w = fetches.
 #[inline(always)]
-pub(super) fn single_look_up(environment: &CubeLookup, r: V3, sight: &impl Sight, lit: u32) -> [Vec4; LANES] {
+pub(super) fn single_look_up<S: Simd>(
+    simd: S,
+    environment: &CubeLookup,
+    r: V3<S>,
+    sight: &impl Sight,
+    lit: u32,
+) -> [Vec4; LANES] {
     let mut sum = [Vec4::ZERO; LANES];
-    add_seen(environment, sight, r, F::ZERO, lit, &mut sum);
+    add_seen(simd, environment, sight, r, splat(simd, 0.0), lit, &mut sum);
+    sum
+}
+
+/// Mean radiance over a footprint within which the light changes little: one look-up in the level that is nearest to its width.
+#[inline(always)]
+pub(super) fn even_light<S: Simd>(
+    simd: S,
+    environment: &CubeLookup,
+    sides: &Sides<S>,
+    sight: &impl Sight,
+    lit: u32,
+) -> [Vec4; LANES] {
+    let width = ((sides.v1.dot(sides.v1) + sides.v2.dot(sides.v2)) * 0.5).sqrt();
+    let level = (level_of(width, texel_width(sides.r, environment.texel_rad())) + 0.5).floor();
+    let mut sum = [Vec4::ZERO; LANES];
+    add_seen(simd, environment, sight, sides.r, level, lit, &mut sum);
     sum
 }
 
 /// The elliptical weighted average.
-fn mean_over_ellipse(
+#[inline(always)]
+fn mean_over_ellipse<S: Simd>(
+    simd: S,
     environment: &CubeLookup,
-    r: V3,
-    axes: &FootprintAxes,
-    texel: F,
+    r: V3<S>,
+    axes: &FootprintAxes<S>,
+    texel: F<S>,
     sight: &impl Sight,
     lit: u32,
 ) -> [Vec4; LANES] {
-    let diameter = splat(2.0 * EWA_RADIUS);
-    let width = (splat(EWA_TEXEL) * axes.minor).max(texel).max(diameter * axes.major / splat(EWA_COLUMNS));
+    let diameter = 2.0 * EWA_RADIUS;
+    let width = (axes.minor * EWA_TEXEL).max(texel).max(axes.major * (diameter / EWA_COLUMNS));
     let level = level_of(width, texel);
-    let columns = (diameter * axes.major / width).ceil().max(F::ONE);
-    let rows = (diameter * axes.minor / width).ceil().max(F::ONE);
-    let across = r.cross(axes.direction) * (axes.minor / axes.major.max(splat(1e-20)));
-    let (mut sum, mut weights) = ([Vec4::ZERO; LANES], F::ZERO);
+    let columns = (axes.major * diameter / width).ceil().max(1.0);
+    let rows = (axes.minor * diameter / width).ceil().max(1.0);
+    let across = r.cross(axes.direction) * (axes.minor / axes.major.max(1e-20));
+    let (mut sum, mut weights) = ([Vec4::ZERO; LANES], splat(simd, 0.0));
     let mut j = 0.5;
     loop {
-        let in_rows = lit & rows.simd_gt(splat(j)).to_bitmask();
+        let in_rows = lit & bits(rows.simd_gt(j));
         if in_rows == 0 {
             break;
         }
-        let y = splat(2.0 * j) / rows - F::ONE;
+        let y = 2.0 * j / rows - 1.0;
         let mut i = 0.5;
         loop {
-            let in_columns = in_rows & columns.simd_gt(splat(i)).to_bitmask();
+            let in_columns = in_rows & bits(columns.simd_gt(i));
             if in_columns == 0 {
                 break;
             }
-            let x = splat(2.0 * i) / columns - F::ONE;
-            let weight = (F::ONE - x * x - y * y).max(F::ZERO) & columns.simd_gt(splat(i)) & rows.simd_gt(splat(j));
-            let active = in_columns & weight.simd_gt(F::ZERO).to_bitmask();
-            let direction = r + (axes.direction * x + across * y) * splat(EWA_RADIUS);
-            let open = F::new(sight.open_part(direction, active));
-            add_part(environment, direction, level, &(weight * open).to_array(), active, &mut sum);
+            let x = 2.0 * i / columns - 1.0;
+            let inside = columns.simd_gt(i) & rows.simd_gt(j);
+            let weight = inside.select((1.0 - x * x - y * y).max(0.0), splat(simd, 0.0));
+            let active = in_columns & bits(weight.simd_gt(0.0));
+            let direction = r + (axes.direction * x + across * y) * splat(simd, EWA_RADIUS);
+            let open = lanes(simd, sight.open_part(simd, direction, active));
+            add_part(simd, environment, direction, level, &(weight * open).to_array(), active, &mut sum);
             weights += weight;
             i += 1.0;
         }
         j += 1.0;
     }
-    divided(sum, weights.max(splat(1e-20)))
+    divided(sum, weights.max(1e-20))
 }
 
 /// Adds what is seen of the radiance from a direction, and the fetch to w; where nothing is seen nothing is read.
 #[inline(always)]
-fn add_seen<S: Sight>(
+fn add_seen<S: Simd, Seen: Sight>(
+    simd: S,
     environment: &CubeLookup,
-    sight: &S,
-    direction: V3,
-    level: F,
+    sight: &Seen,
+    direction: V3<S>,
+    level: F<S>,
     active: u32,
     sums: &mut [Vec4; LANES],
 ) {
-    if S::UNHINDERED {
-        environment.fetch(direction, level, active, |lane, radiance| sums[lane] += radiance);
+    if Seen::UNHINDERED {
+        environment.fetch(simd, direction, level, active, |lane, radiance| sums[lane] += radiance);
     } else {
-        add_part(environment, direction, level, &sight.open_part(direction, active), active, sums);
+        let open = sight.open_part(simd, direction, active);
+        add_part(simd, environment, direction, level, &open, active, sums);
     }
 }
 
 /// Adds so much of the radiance from a direction, and the fetch to w.
 #[inline(always)]
-fn add_part(
+fn add_part<S: Simd>(
+    simd: S,
     environment: &CubeLookup,
-    direction: V3,
-    level: F,
+    direction: V3<S>,
+    level: F<S>,
     part: &[f32; LANES],
     active: u32,
     sums: &mut [Vec4; LANES],
 ) {
-    let active = active & F::new(*part).simd_gt(F::ZERO).to_bitmask();
-    environment.fetch(direction, level, active, |lane, radiance| {
+    let active = active & bits(lanes(simd, *part).simd_gt(0.0));
+    environment.fetch(simd, direction, level, active, |lane, radiance| {
         sums[lane] += radiance * Vec3::splat(part[lane]).extend(1.0);
     });
 }
 
 /// Radiance divided; w as it is.
 #[inline(always)]
-fn divided(sums: [Vec4; LANES], by: F) -> [Vec4; LANES] {
-    let scale = (F::ONE / by).to_array();
+fn divided<S: Simd>(sums: [Vec4; LANES], by: F<S>) -> [Vec4; LANES] {
+    let scale = (1.0 / by).to_array();
     std::array::from_fn(|lane| sums[lane] * Vec3::splat(scale[lane]).extend(1.0))
 }
 
 /// The part of the environment that is seen within a footprint, from four places in it.
 #[inline(always)]
-fn open_part_of_footprint(sight: &impl Sight, sides: &Sides, lit: u32) -> [f32; LANES] {
-    let quarter = splat(0.25);
+fn open_part_of_footprint<S: Simd>(simd: S, sight: &impl Sight, sides: &Sides<S>, lit: u32) -> [f32; LANES] {
+    let quarter = splat(simd, 0.25);
     let (a, b) = ((sides.v1 + sides.v2) * quarter, (sides.v1 - sides.v2) * quarter);
     let places = [sides.r + a, sides.r - a, sides.r + b, sides.r - b];
-    let open = places.map(|direction| F::new(sight.open_part(direction, lit)));
-    ((open[0] + open[1] + open[2] + open[3]) * quarter).to_array()
+    let [a, b, c, d] = places.map(|direction| lanes(simd, sight.open_part(simd, direction, lit)));
+    ((a + b + c + d) * 0.25).to_array()
 }
-
-type MeanOverFootprint = fn(&CubeLookup, &Sides, &Unhindered, f32, u32) -> [Vec4; LANES];
 
 /// Means over given footprints: rgb, and the number of fetches. [`Filter::Hardware`] is not accepted here.
 pub fn probe(environment: &CubeMap, filter: Filter, most_taps: u32, probes: &[Probe]) -> Vec<[f32; 4]> {
-    let lookup = CubeLookup::new(environment);
-    let mean: MeanOverFootprint = match filter {
-        Filter::None => mean_over_footprint::<FILTER_NONE>,
-        Filter::Isotropic => mean_over_footprint::<FILTER_ISOTROPIC>,
-        Filter::Anisotropic => mean_over_footprint::<FILTER_ANISOTROPIC>,
-        Filter::Ewa => mean_over_footprint::<FILTER_EWA>,
+    let (lookup, taps) = (CubeLookup::new(environment), most_taps as f32);
+    let mean = |group: &[Probe]| match filter {
+        Filter::None => dispatch!(level(), simd => mean_of_group::<_, FILTER_NONE>(simd, &lookup, group, taps)),
+        Filter::Isotropic => {
+            dispatch!(level(), simd => mean_of_group::<_, FILTER_ISOTROPIC>(simd, &lookup, group, taps))
+        }
+        Filter::Anisotropic => {
+            dispatch!(level(), simd => mean_of_group::<_, FILTER_ANISOTROPIC>(simd, &lookup, group, taps))
+        }
+        Filter::Ewa => dispatch!(level(), simd => mean_of_group::<_, FILTER_EWA>(simd, &lookup, group, taps)),
         Filter::Hardware => panic!("the hardware filter needs a GPU"),
     };
     let mut means = Vec::with_capacity(probes.len());
     for group in probes.chunks(LANES) {
-        let lanes = |of: fn(&Probe) -> Vec3| {
-            let lane =
-                |axis: usize| F::new([0, 1, 2, 3, 4, 5, 6, 7].map(|k: usize| of(&group[k.min(group.len() - 1)])[axis]));
-            V3([lane(0), lane(1), lane(2)])
-        };
-        let sides = Sides { r: lanes(|p| p.direction), v1: lanes(|p| p.sides[0]), v2: lanes(|p| p.sides[1]) };
-        let found = mean(&lookup, &sides, &Unhindered, most_taps as f32, 0xff);
-        means.extend(found[..group.len()].iter().map(Vec4::to_array));
+        means.extend(mean(group)[..group.len()].iter().map(Vec4::to_array));
     }
     means
+}
+
+#[inline(always)]
+fn mean_of_group<S: Simd, const FILTER: u32>(
+    simd: S,
+    lookup: &CubeLookup,
+    group: &[Probe],
+    most_taps: f32,
+) -> [Vec4; LANES] {
+    let vectors = |of: fn(&Probe) -> Vec3| {
+        V3([0, 1, 2].map(|axis| lanes(simd, std::array::from_fn(|k| of(&group[k.min(group.len() - 1)])[axis]))))
+    };
+    let sides = Sides { r: vectors(|p| p.direction), v1: vectors(|p| p.sides[0]), v2: vectors(|p| p.sides[1]) };
+    mean_over_footprint::<S, FILTER>(simd, lookup, &sides, &Unhindered, most_taps, ALL)
 }

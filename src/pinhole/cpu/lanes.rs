@@ -1,46 +1,83 @@
-//! Eight floats at a time, and vectors of them.
+//! Sixteen floats at a time, and vectors of them: one instruction with AVX-512, two with AVX2, four with SSE or NEON; which of
+//! them is decided when the program runs.
+//!
+//! All that takes a `Simd` is inlined into the function that was dispatched, or it would not get the instructions.
 
-use std::ops::{Add, Mul, Sub};
+use std::ops::{Add, AddAssign, Mul, Sub};
+use std::sync::OnceLock;
 
+pub(super) use fearless_simd::{Level, Select, Simd, SimdBase, SimdFloat, SimdMask, dispatch};
+use fearless_simd::{SimdInt, f32x16, mask32x16, u32x16};
 use glam::Vec3;
-use wide::f32x8;
 
-/// Eight lanes.
-pub(super) type F = f32x8;
+/// Receivers that go through the loop together.
+pub(super) const LANES: usize = 16;
+/// All lanes.
+pub(super) const ALL: u32 = (1 << LANES) - 1;
 
-/// Eight vectors, component by component.
+/// Sixteen lanes.
+pub(super) type F<S> = f32x16<S>;
+/// Yes or no in each lane.
+pub(super) type Mask<S> = mask32x16<S>;
+
+/// Sixteen vectors, component by component.
 #[derive(Clone, Copy)]
-pub(super) struct V3(pub [F; 3]);
+pub(super) struct V3<S: Simd>(pub [F<S>; 3]);
 
-#[inline(always)]
-pub(super) fn splat(value: f32) -> F {
-    f32x8::splat(value)
+/// What this machine's processor can do.
+pub(super) fn level() -> Level {
+    static LEVEL: OnceLock<Level> = OnceLock::new();
+    *LEVEL.get_or_init(Level::new)
 }
 
 #[inline(always)]
-pub(super) fn splat3([x, y, z, _]: [f32; 4]) -> V3 {
-    V3([x, y, z].map(splat))
+pub(super) fn splat<S: Simd>(simd: S, value: f32) -> F<S> {
+    F::splat(simd, value)
 }
 
 #[inline(always)]
-pub(super) fn vector(v: Vec3) -> V3 {
-    V3(v.to_array().map(splat))
+pub(super) fn splat3<S: Simd>(simd: S, [x, y, z, _]: [f32; 4]) -> V3<S> {
+    V3([splat(simd, x), splat(simd, y), splat(simd, z)])
 }
 
 #[inline(always)]
-pub(super) fn abs(x: F) -> F {
-    x.abs()
+pub(super) fn vector<S: Simd>(simd: S, v: Vec3) -> V3<S> {
+    splat3(simd, v.extend(0.0).to_array())
 }
 
 #[inline(always)]
-pub(super) fn clamp(x: F, low: F, high: F) -> F {
+pub(super) fn lanes<S: Simd>(simd: S, values: [f32; LANES]) -> F<S> {
+    F::load_array(simd, values)
+}
+
+#[inline(always)]
+pub(super) fn bits<S: Simd>(mask: Mask<S>) -> u32 {
+    mask.to_bitmask() as u32
+}
+
+#[inline(always)]
+pub(super) fn clamp<S: Simd>(x: F<S>, low: f32, high: impl fearless_simd::SimdInto<F<S>, S>) -> F<S> {
     x.max(low).min(high)
 }
 
-impl V3 {
+/// log₂ of positive numbers, within 2e-5.
+#[inline(always)]
+pub(super) fn log2<S: Simd>(x: F<S>) -> F<S> {
+    let bits: u32x16<S> = x.to_bits();
+    let exponent: F<S> = ((bits >> 23).to_float::<F<S>>()) - 127.0;
+    let mantissa = F::from_bits((bits & 0x007f_ffff) | 0x3f80_0000);
+    let t = (mantissa - 1.0) / (mantissa + 1.0);
+    let t2 = t * t;
+    // 2/ln 2 · artanh.
+    let series = ((t2 * (2.885_39 / 7.0) + 2.885_39 / 5.0) * t2 + 2.885_39 / 3.0) * t2 + 2.885_39;
+    exponent + t * series
+}
+
+impl<S: Simd> V3<S> {
     #[inline(always)]
-    pub fn dot(self, other: Self) -> F {
-        self.0[0] * other.0[0] + self.0[1] * other.0[1] + self.0[2] * other.0[2]
+    pub fn dot(self, other: Self) -> F<S> {
+        let ([a, b, c], [x, y, z]) = (self.0, other.0);
+        a.mul_add(x, b.mul_add(y, c * z))
     }
 
     #[inline(always)]
@@ -48,28 +85,51 @@ impl V3 {
         let ([a, b, c], [x, y, z]) = (self.0, other.0);
         Self([b * z - c * y, c * x - a * z, a * y - b * x])
     }
+
+    /// self + other · factor.
+    #[inline(always)]
+    pub fn plus(self, other: Self, factor: F<S>) -> Self {
+        let ([a, b, c], [x, y, z]) = (self.0, other.0);
+        Self([x.mul_add(factor, a), y.mul_add(factor, b), z.mul_add(factor, c)])
+    }
+
+    #[inline(always)]
+    pub fn to_arrays(self) -> [[f32; LANES]; 3] {
+        let [x, y, z] = self.0;
+        [x.to_array(), y.to_array(), z.to_array()]
+    }
 }
 
-impl Add for V3 {
+impl<S: Simd> Add for V3<S> {
     type Output = Self;
     #[inline(always)]
     fn add(self, other: Self) -> Self {
-        Self([self.0[0] + other.0[0], self.0[1] + other.0[1], self.0[2] + other.0[2]])
+        let ([a, b, c], [x, y, z]) = (self.0, other.0);
+        Self([a + x, b + y, c + z])
     }
 }
 
-impl Sub for V3 {
+impl<S: Simd> AddAssign for V3<S> {
+    #[inline(always)]
+    fn add_assign(&mut self, other: Self) {
+        *self = *self + other;
+    }
+}
+
+impl<S: Simd> Sub for V3<S> {
     type Output = Self;
     #[inline(always)]
     fn sub(self, other: Self) -> Self {
-        Self([self.0[0] - other.0[0], self.0[1] - other.0[1], self.0[2] - other.0[2]])
+        let ([a, b, c], [x, y, z]) = (self.0, other.0);
+        Self([a - x, b - y, c - z])
     }
 }
 
-impl Mul<F> for V3 {
+impl<S: Simd> Mul<F<S>> for V3<S> {
     type Output = Self;
     #[inline(always)]
-    fn mul(self, factor: F) -> Self {
-        Self([self.0[0] * factor, self.0[1] * factor, self.0[2] * factor])
+    fn mul(self, factor: F<S>) -> Self {
+        let [x, y, z] = self.0;
+        Self([x * factor, y * factor, z * factor])
     }
 }

@@ -1,33 +1,32 @@
 //! The gather on the CPU: the twin of `shaders/gather.wgsl`, step by step and name by name.
 //!
-//! Eight neighbouring receivers go through the loop together, one in each SIMD lane, as fragments do on a GPU;
+//! Sixteen neighbouring receivers go through the loop together, one in each SIMD lane, as fragments do on a GPU;
 //! rayon spreads the groups over the cores.
 
 mod cube;
 mod filters;
 mod footprint;
+mod hierarchical;
 mod lanes;
 mod visibility;
 
-pub use cube::{CubeLookup, Lanes8};
+pub use cube::{CubeLookup, Lanes16};
 pub use filters::probe;
+pub use hierarchical::{Light, gather_hierarchical};
 
 use glam::{Vec3, Vec4};
 use rayon::prelude::*;
-use wide::f32x8;
 
 use self::filters::{
     FILTER_ANISOTROPIC, FILTER_EWA, FILTER_ISOTROPIC, FILTER_NONE, Sides, mean_over_footprint, single_look_up,
 };
 use self::footprint::{blurred, reflected_side};
-use self::lanes::{F, V3, abs, splat, splat3};
+use self::lanes::{F, LANES, Simd, SimdBase, SimdFloat, V3, bits, dispatch, lanes, level, splat3};
 use self::visibility::{Sight, Surroundings, Unhindered};
 use super::{BATCH_SIZE, CURVE_POINTS, Filter, GatherUniforms, Params, PinholeSample, Pinholes, Receivers};
 use crate::brdf::Materials;
 use crate::environment::CubeMap;
 
-/// Receivers that go through the loop together.
-const LANES: usize = 8;
 /// Groups of lanes between two reports of progress.
 const GROUPS_PER_TASK: usize = 32;
 
@@ -46,10 +45,14 @@ pub fn gather(
     let materials = receivers.viewers.as_ref().map(|viewers| &*viewers.materials);
     let gather = Gather { pinholes, materials, uniforms, environment: CubeLookup::new(environment) };
     let task: fn(&Gather, &Receivers, usize, &mut [[f32; 4]]) = match params.filter {
-        Filter::None => task::<FILTER_NONE>,
-        Filter::Isotropic => task::<FILTER_ISOTROPIC>,
-        Filter::Anisotropic => task::<FILTER_ANISOTROPIC>,
-        Filter::Ewa => task::<FILTER_EWA>,
+        Filter::None => |g, r, first, sums| dispatch!(level(), simd => task::<_, FILTER_NONE>(simd, g, r, first, sums)),
+        Filter::Isotropic => {
+            |g, r, first, sums| dispatch!(level(), simd => task::<_, FILTER_ISOTROPIC>(simd, g, r, first, sums))
+        }
+        Filter::Anisotropic => {
+            |g, r, first, sums| dispatch!(level(), simd => task::<_, FILTER_ANISOTROPIC>(simd, g, r, first, sums))
+        }
+        Filter::Ewa => |g, r, first, sums| dispatch!(level(), simd => task::<_, FILTER_EWA>(simd, g, r, first, sums)),
         Filter::Hardware => panic!("the hardware filter needs a GPU"),
     };
     let mut sums = vec![[0.0; 4]; receivers.positions.len()];
@@ -66,17 +69,9 @@ pub fn contributions(receivers: &Receivers, pinholes: &Pinholes, environment: &C
     let uniforms = GatherUniforms::for_cube(params, pinholes, environment);
     let gather = Gather { pinholes, materials: None, uniforms, environment: CubeLookup::new(environment) };
     let count = receivers.positions.len();
-    let groups: Vec<Receiver> =
+    let groups: Vec<Group> =
         (0..count).step_by(LANES).map(|start| load_receivers(receivers, start, LANES.min(count - start))).collect();
-    let contribution = |sample: &PinholeSample| {
-        let mut squares = 0.0f32;
-        for receiver in &groups {
-            let mut sum = [Vec4::ZERO; LANES];
-            gather.sample_irradiance::<FILTER_ISOTROPIC>(sample, receiver, &mut sum);
-            squares += sum.iter().map(|s| s.truncate().length_squared()).sum::<f32>();
-        }
-        squares.sqrt() / sample.area()
-    };
+    let contribution = |sample| dispatch!(level(), simd => gather.contribution(simd, sample, &groups));
     pinholes.samples.par_iter().map(contribution).collect()
 }
 
@@ -88,82 +83,146 @@ struct Gather<'a> {
     environment: CubeLookup<'a>,
 }
 
-/// Eight receivers, lane by lane.
-struct Receiver {
-    position: V3,
-    normal: V3,
+/// Sixteen receivers, lane by lane, in memory.
+struct Group {
+    position: [[f32; LANES]; 3],
+    normal: [[f32; LANES]; 3],
     object: [u32; LANES],
     /// Towards the viewer, where there is one.
     view: Option<[Vec3; LANES]>,
 }
 
-/// A sample and eight receivers; the names are the shader's.
-struct Pair {
-    d: V3,
-    n: V3,
-    dn: F,
-    inverse_l: F,
-    r: V3,
+/// The same in registers.
+struct Receiver<'a, S: Simd> {
+    position: V3<S>,
+    normal: V3<S>,
+    object: &'a [u32; LANES],
+    view: Option<&'a [Vec3; LANES]>,
 }
 
-fn task<const FILTER: u32>(gather: &Gather, receivers: &Receivers, first: usize, sums: &mut [[f32; 4]]) {
+impl Group {
+    /// The lanes that have a receiver.
+    fn there(&self) -> u32 {
+        (0..LANES).filter(|&lane| self.object[lane] != u32::MAX).fold(0, |bits, lane| bits | 1 << lane)
+    }
+
+    #[inline(always)]
+    fn in_lanes<S: Simd>(&self, simd: S) -> Receiver<'_, S> {
+        Receiver {
+            position: V3(self.position.map(|p| lanes(simd, p))),
+            normal: V3(self.normal.map(|n| lanes(simd, n))),
+            object: &self.object,
+            view: self.view.as_ref(),
+        }
+    }
+}
+
+/// A sample and sixteen receivers; the names are the shader's.
+struct Pair<S: Simd> {
+    d: V3<S>,
+    n: V3<S>,
+    dn: F<S>,
+    l2: F<S>,
+    inverse_l: F<S>,
+    /// ⟨n, −d⟩⁺, or without a sign for two-sided samples.
+    facing: F<S>,
+    /// Both cosines; not positive (or not a number, where the sample lies on the receiver point) where nothing arrives.
+    cosines: F<S>,
+    r: V3<S>,
+}
+
+impl<S: Simd> Pair<S> {
+    #[inline(always)]
+    fn new(simd: S, sample: &PinholeSample, receiver: &Receiver<S>) -> Self {
+        let n = splat3(simd, sample.normal_object);
+        let d = splat3(simd, sample.position_area) - receiver.position;
+        let l2 = d.dot(d);
+        let dn = d.dot(n);
+        let facing = if sample.two_sided() { dn.abs() } else { (-dn).max(0.0) };
+        let inverse_l = 1.0 / l2.sqrt();
+        let cosines = facing * d.dot(receiver.normal).max(0.0) * inverse_l * inverse_l;
+        let r = d.plus(n, dn * -2.0) * inverse_l;
+        Self { d, n, dn, l2, inverse_l, facing, cosines, r }
+    }
+
+    /// The sample's footprint around the reflected direction.
+    #[inline(always)]
+    fn footprint(&self, simd: S, sample: &PinholeSample) -> Sides<S> {
+        let Self { d, n, dn, inverse_l, r, .. } = *self;
+        let side =
+            |side, change| reflected_side(splat3(simd, side), splat3(simd, change), d, n, dn, inverse_l, r);
+        let (v1, v2) = (side(sample.side_1, sample.change_1), side(sample.side_2, sample.change_2));
+        let lobe = sample.lobe();
+        let (v1, v2) = if lobe > 0.0 { blurred(simd, v1, v2, r, n, dn.abs() * inverse_l, lobe) } else { (v1, v2) };
+        Sides { r, v1, v2 }
+    }
+}
+
+#[inline(always)]
+fn task<S: Simd, const FILTER: u32>(
+    simd: S,
+    gather: &Gather,
+    receivers: &Receivers,
+    first: usize,
+    sums: &mut [[f32; 4]],
+) {
     for (group, sums) in sums.chunks_mut(LANES).enumerate() {
         let start = first + group * LANES;
-        let receiver = load_receivers(receivers, start, sums.len());
-        if receiver.object.iter().all(|&object| object == u32::MAX) {
+        let group = load_receivers(receivers, start, sums.len());
+        if group.there() == 0 {
             continue;
         }
+        let receiver = group.in_lanes(simd);
         let mut totals = [Vec4::ZERO; LANES];
         for batch in gather.pinholes.samples.chunks(BATCH_SIZE as usize) {
-            let sum = gather.gather_batch::<FILTER>(batch, &receiver);
+            let sum = gather.gather_batch::<S, FILTER>(simd, batch, &receiver);
             totals.iter_mut().zip(sum).for_each(|(total, sum)| *total += sum);
         }
         sums.iter_mut().zip(totals).for_each(|(sum, total)| *sum = total.to_array());
     }
 }
 
-/// Lanes past the end, and those without a receiver, get a normal of zero, so that nothing reaches them.
-fn load_receivers(receivers: &Receivers, start: usize, count: usize) -> Receiver {
-    let mut position = [[0.0; LANES]; 3];
-    let mut normal = [[0.0; LANES]; 3];
-    let mut object = [u32::MAX; LANES];
-    let views = receivers.viewers.as_ref().map(|viewers| &viewers.directions[start..start + count]);
-    for lane in 0..count {
-        let (p, n) = (receivers.positions[start + lane], receivers.normals[start + lane]);
-        if p[3] < 0.0 {
-            continue;
-        }
-        // Rounded: a rasteriser's interpolation may leave 0.9999999.
-        object[lane] = (p[3] + 0.5) as u32;
-        for axis in 0..3 {
-            position[axis][lane] = p[axis];
-            normal[axis][lane] = n[axis];
-        }
-    }
-    Receiver {
-        position: V3(position.map(f32x8::new)),
-        normal: V3(normal.map(f32x8::new)),
-        object,
-        view: views.map(view_lanes),
-    }
+/// Sixteen receivers in a row, or what there is of them.
+fn load_receivers(receivers: &Receivers, start: usize, count: usize) -> Group {
+    load_at(receivers, |lane| (lane < count).then_some(start + lane))
 }
 
-fn view_lanes(views: &[[f32; 4]]) -> [Vec3; LANES] {
-    std::array::from_fn(|lane| views.get(lane).map_or(Vec3::ZERO, |v| Vec3::from_slice(v)))
+/// The receivers at sixteen places. Lanes without one get a normal of zero, so that nothing reaches them.
+fn load_at(receivers: &Receivers, place: impl Fn(usize) -> Option<usize>) -> Group {
+    let mut group = Group {
+        position: [[0.0; LANES]; 3],
+        normal: [[0.0; LANES]; 3],
+        object: [u32::MAX; LANES],
+        view: receivers.viewers.as_ref().map(|_| [Vec3::ZERO; LANES]),
+    };
+    for lane in 0..LANES {
+        let Some(index) = place(lane).filter(|&index| receivers.positions[index][3] >= 0.0) else { continue };
+        let (p, n) = (receivers.positions[index], receivers.normals[index]);
+        // Rounded: a rasteriser's interpolation may leave 0.9999999.
+        group.object[lane] = (p[3] + 0.5) as u32;
+        for axis in 0..3 {
+            group.position[axis][lane] = p[axis];
+            group.normal[axis][lane] = n[axis];
+        }
+        if let (Some(views), Some(viewers)) = (&mut group.view, &receivers.viewers) {
+            views[lane] = Vec3::from_slice(&viewers.directions[index]);
+        }
+    }
+    group
 }
 
 /// Multiplies by what the receivers reflect from a unit direction, and so many sr around it, to their viewers, 1/sr.
 #[cold]
-fn reflect_to_viewers(
+fn reflect_to_viewers<S: Simd>(
     materials: &Materials,
-    receiver: &Receiver,
+    receiver: &Receiver<S>,
     views: &[Vec3; LANES],
-    (d, solid_angle): (V3, F),
+    (d, solid_angle): (V3<S>, F<S>),
     lit: u32,
     factors: &mut [Vec4; LANES],
 ) {
-    let vectors = |v: V3| {
-        let [x, y, z] = v.0.map(F::to_array);
+    let vectors = |v: V3<S>| {
+        let [x, y, z] = v.to_arrays();
         std::array::from_fn::<_, LANES, _>(|lane| Vec3::new(x[lane], y[lane], z[lane]))
     };
     let (normals, directions, solid_angle) = (vectors(receiver.normal), vectors(d), solid_angle.to_array());
@@ -175,52 +234,95 @@ fn reflect_to_viewers(
 }
 
 impl Gather<'_> {
-    fn gather_batch<const FILTER: u32>(&self, batch: &[PinholeSample], receiver: &Receiver) -> [Vec4; LANES] {
+    #[inline(always)]
+    fn gather_batch<S: Simd, const FILTER: u32>(
+        &self,
+        simd: S,
+        batch: &[PinholeSample],
+        receiver: &Receiver<S>,
+    ) -> [Vec4; LANES] {
         let mut sum = [Vec4::ZERO; LANES];
         for sample in batch {
-            self.sample_irradiance::<FILTER>(sample, receiver, &mut sum);
+            self.sample_irradiance::<S, FILTER>(simd, sample, receiver, &mut sum);
         }
         sum
     }
 
+    /// What every n-th sample brings to a group.
+    #[inline(always)]
+    fn sum_of_some<S: Simd>(&self, simd: S, samples: &[PinholeSample], every: usize, group: &Group) -> [Vec4; LANES] {
+        let mut sum = [Vec4::ZERO; LANES];
+        let receiver = group.in_lanes(simd);
+        for sample in samples.iter().step_by(every) {
+            self.sample_irradiance::<S, FILTER_ISOTROPIC>(simd, sample, &receiver, &mut sum);
+        }
+        sum
+    }
+
+    #[inline(always)]
+    fn contribution<S: Simd>(&self, simd: S, sample: &PinholeSample, groups: &[Group]) -> f32 {
+        let mut squares = 0.0f32;
+        for group in groups {
+            let mut sum = [Vec4::ZERO; LANES];
+            self.sample_irradiance::<S, FILTER_ISOTROPIC>(simd, sample, &group.in_lanes(simd), &mut sum);
+            squares += sum.iter().map(|s| s.truncate().length_squared()).sum::<f32>();
+        }
+        squares.sqrt() / sample.area()
+    }
+
     /// Adds what one sample contributes: rgb = irradiance, w = fetches.
-    #[inline]
-    fn sample_irradiance<const FILTER: u32>(
+    #[inline(always)]
+    fn sample_irradiance<S: Simd, const FILTER: u32>(
         &self,
+        simd: S,
         sample: &PinholeSample,
-        receiver: &Receiver,
+        receiver: &Receiver<S>,
         sum: &mut [Vec4; LANES],
     ) {
-        let n = splat3(sample.normal_object);
-        let d = splat3(sample.position_area) - receiver.position;
-        let l2 = d.dot(d);
-        let dn = d.dot(n);
-        let facing = if sample.two_sided() { abs(dn) } else { (-dn).max(F::ZERO) };
-        let inverse_l = F::ONE / l2.sqrt();
-        let cosines = facing * d.dot(receiver.normal).max(F::ZERO) * inverse_l * inverse_l;
-        // Also false where the sample lies on the receiver point and the quotient is not a number.
-        let lit = cosines.simd_gt(F::ZERO).to_bitmask();
+        let pair = Pair::new(simd, sample, receiver);
+        let lit = bits(pair.cosines.simd_gt(0.0));
         if lit == 0 {
             return;
         }
-        let weight = splat(sample.area()) * cosines * self.attenuation(l2, sample, &receiver.object);
-        let r = (d - n * (dn + dn)) * inverse_l;
-        let pair = Pair { d, n, dn, inverse_l, r };
+        let weight = self.weight(simd, sample, &pair, receiver);
         let (weight, lit, radiance) = match &self.pinholes.visibility {
-            None => (weight, lit, self.filtered_radiance::<FILTER>(sample, &pair, &Unhindered, lit)),
+            None => (weight, lit, self.filtered_radiance::<S, FILTER>(simd, sample, &pair, &Unhindered, lit)),
             Some(maps) => {
-                let sight = Surroundings::new(maps, sample, dn);
-                let visible = f32x8::new(sight.visible_part(V3([F::ZERO; 3]) - d, lit));
-                let lit = lit & visible.simd_gt(F::ZERO).to_bitmask();
+                let sight = Surroundings::new(maps, sample, pair.dn);
+                let l = receiver.position - splat3(simd, sample.position_area);
+                let visible = lanes(simd, sight.visible_part(simd, l, lit));
+                let lit = lit & bits(visible.simd_gt(0.0));
                 if lit == 0 {
                     return;
                 }
-                (weight * visible, lit, self.filtered_radiance::<FILTER>(sample, &pair, &sight, lit))
+                (weight * visible, lit, self.filtered_radiance::<S, FILTER>(simd, sample, &pair, &sight, lit))
             }
         };
+        self.add(sample, &pair, receiver, weight, &radiance, lit, sum);
+    }
+
+    /// Weight of a pair, all but reflectance and visibility.
+    #[inline(always)]
+    fn weight<S: Simd>(&self, simd: S, sample: &PinholeSample, pair: &Pair<S>, receiver: &Receiver<S>) -> F<S> {
+        pair.cosines * sample.area() * self.attenuation(simd, pair.l2, sample, receiver.object)
+    }
+
+    /// Adds radiance, weighted and reflected, of lit lanes; w = fetches.
+    #[inline(always)]
+    fn add<S: Simd>(
+        &self,
+        sample: &PinholeSample,
+        pair: &Pair<S>,
+        receiver: &Receiver<S>,
+        weight: F<S>,
+        radiance: &[Vec4; LANES],
+        lit: u32,
+        sum: &mut [Vec4; LANES],
+    ) {
+        let Pair { d, facing, inverse_l, .. } = *pair;
         let mut reflectance = self.reflectance(sample, facing * inverse_l);
-        if let (Some(materials), Some(views)) = (self.materials, &receiver.view) {
-            let solid_angle = splat(sample.area()) * facing * inverse_l * inverse_l * inverse_l;
+        if let (Some(materials), Some(views)) = (self.materials, receiver.view) {
+            let solid_angle = facing * inverse_l * inverse_l * inverse_l * sample.area();
             reflect_to_viewers(materials, receiver, views, (d * inverse_l, solid_angle), lit, &mut reflectance);
         }
         let weight = weight.to_array();
@@ -233,8 +335,8 @@ impl Gather<'_> {
     }
 
     /// Reflectance, w = 0, at a cosine of the angle of incidence.
-    #[inline]
-    fn reflectance(&self, sample: &PinholeSample, cosine: F) -> [Vec4; LANES] {
+    #[inline(always)]
+    fn reflectance<S: Simd>(&self, sample: &PinholeSample, cosine: F<S>) -> [Vec4; LANES] {
         let Some(curve) = sample.curve() else {
             return [Vec4::from(sample.reflectance); LANES];
         };
@@ -248,34 +350,60 @@ impl Gather<'_> {
     }
 
     /// 1/l², kept finite (WS-7).
-    #[inline]
-    fn attenuation(&self, l2: F, sample: &PinholeSample, objects: &[u32; LANES]) -> F {
+    #[inline(always)]
+    fn attenuation<S: Simd>(&self, simd: S, l2: F<S>, sample: &PinholeSample, objects: &[u32; LANES]) -> F<S> {
         let u = &self.uniforms;
         if u.attenuation == 0 {
-            return F::ONE;
+            return F::splat(simd, 1.0);
         }
         let (own, least) = (sample.object(), u.own_scale * sample.area());
-        let least = f32x8::new(objects.map(|object| if object == own { least } else { 0.0 }));
-        F::ONE / (l2 + splat(u.epsilon_scale * sample.area() + u.epsilon)).max(least)
+        let least = lanes(simd, objects.map(|object| if object == own { least } else { 0.0 }));
+        1.0 / (l2 + (u.epsilon_scale * sample.area() + u.epsilon)).max(least)
     }
 
     /// Mean radiance over the sample's footprint around r; w = fetches.
-    #[inline]
-    fn filtered_radiance<const FILTER: u32>(
+    #[inline(always)]
+    fn filtered_radiance<S: Simd, const FILTER: u32>(
         &self,
+        simd: S,
         sample: &PinholeSample,
-        &Pair { d, n, dn, inverse_l, r }: &Pair,
+        pair: &Pair<S>,
         sight: &impl Sight,
         lit: u32,
     ) -> [Vec4; LANES] {
         if FILTER == FILTER_NONE {
-            return single_look_up(&self.environment, r, sight, lit);
+            return single_look_up(simd, &self.environment, pair.r, sight, lit);
         }
-        let v1 = reflected_side(splat3(sample.side_1), splat3(sample.change_1), d, n, dn, inverse_l, r);
-        let v2 = reflected_side(splat3(sample.side_2), splat3(sample.change_2), d, n, dn, inverse_l, r);
-        let lobe = sample.lobe();
-        let (v1, v2) = if lobe > 0.0 { blurred(v1, v2, r, n, abs(dn) * inverse_l, splat(lobe)) } else { (v1, v2) };
-        let footprint = Sides { r, v1, v2 };
-        mean_over_footprint::<FILTER>(&self.environment, &footprint, sight, self.uniforms.taps as f32, lit)
+        let footprint = pair.footprint(simd, sample);
+        mean_over_footprint::<S, FILTER>(simd, &self.environment, &footprint, sight, self.uniforms.taps as f32, lit)
+    }
+
+    /// 1/l² at most, for a cell.
+    #[inline(always)]
+    fn most_attenuation<S: Simd>(&self, simd: S, l2: F<S>, area: f32) -> F<S> {
+        let u = &self.uniforms;
+        if u.attenuation == 0 {
+            return F::splat(simd, 1.0);
+        }
+        1.0 / (l2 + (u.epsilon_scale * area + u.epsilon))
+    }
+
+    /// Mean radiance over a cell's footprint; from one look-up where the light is even.
+    #[inline(always)]
+    fn cell_radiance<S: Simd>(
+        &self,
+        simd: S,
+        sample: &PinholeSample,
+        pair: &Pair<S>,
+        sight: &impl Sight,
+        even: bool,
+        lit: u32,
+    ) -> [Vec4; LANES] {
+        let footprint = pair.footprint(simd, sample);
+        if even {
+            return filters::even_light(simd, &self.environment, &footprint, sight, lit);
+        }
+        let taps = self.uniforms.taps as f32;
+        mean_over_footprint::<S, FILTER_ANISOTROPIC>(simd, &self.environment, &footprint, sight, taps, lit)
     }
 }

@@ -1,10 +1,10 @@
 //! Twin of `shaders/shared/visibility.wgsl`, and the sight of those who do not look: [`Unhindered`].
 
-use super::lanes::{F, V3, abs, clamp, splat, vector};
+use super::lanes::{F, LANES, Mask, Select, Simd, SimdBase, SimdFloat, SimdMask, V3, bits, clamp, vector};
+use glam::{Vec2, Vec3};
+
 use crate::pinhole::PinholeSample;
 use crate::pinhole::visibility::{VisibilityMaps, frame};
-
-const LANES: usize = 8;
 
 /// What a sample sees of the environment.
 pub(super) trait Sight {
@@ -12,7 +12,7 @@ pub(super) trait Sight {
     const UNHINDERED: bool;
 
     /// The part of the environment around each direction that is not hidden; of use for `active` lanes only.
-    fn open_part(&self, direction: V3, active: u32) -> [f32; LANES];
+    fn open_part<S: Simd>(&self, simd: S, direction: V3<S>, active: u32) -> [f32; LANES];
 }
 
 /// Nothing is hidden.
@@ -22,17 +22,20 @@ impl Sight for Unhindered {
     const UNHINDERED: bool = true;
 
     #[inline(always)]
-    fn open_part(&self, _: V3, _: u32) -> [f32; LANES] {
+    fn open_part<S: Simd>(&self, _: S, _: V3<S>, _: u32) -> [f32; LANES] {
         [1.0; LANES]
     }
 }
 
-/// A sample's frame and maps; lane by lane the side in question.
+/// A sample's frame and maps, and in which lanes its other side is in question.
 pub(super) struct Surroundings<'a> {
     maps: &'a VisibilityMaps,
-    map: [u32; LANES],
-    phase: [F; 2],
-    axes: [V3; 3],
+    map: u32,
+    /// The lanes for which the sample's other side counts.
+    behind: u32,
+    phase: Vec2,
+    axes: [Vec3; 2],
+    normal: Vec3,
 }
 
 /// Four texels of a map.
@@ -44,50 +47,46 @@ struct MapPlace {
 
 impl<'a> Surroundings<'a> {
     /// Looks around on the side that `dn` (see `gather`) tells, where the sample has two.
-    #[inline]
-    pub fn new(maps: &'a VisibilityMaps, sample: &PinholeSample, dn: F) -> Self {
-        let [t, b] = frame(sample.normal());
-        let behind = dn.simd_gt(F::ZERO);
-        let behind_bits = if sample.two_sided() { behind.to_bitmask() } else { 0 };
-        let first = sample.map();
-        let phase = sample.phase();
-        let side = if sample.two_sided() { behind.bitselect(splat(-1.0), F::ONE) } else { F::ONE };
-        Self {
-            maps,
-            map: std::array::from_fn(|lane| first + (behind_bits >> lane & 1)),
-            phase: [splat(phase.x), splat(phase.y)],
-            axes: [vector(t), vector(b), vector(sample.normal()) * side],
-        }
+    #[inline(always)]
+    pub fn new<S: Simd>(maps: &'a VisibilityMaps, sample: &PinholeSample, dn: F<S>) -> Self {
+        let behind = if sample.two_sided() { bits(dn.simd_gt(0.0)) } else { 0 };
+        let normal = sample.normal();
+        Self { maps, map: sample.map(), behind, phase: sample.phase(), axes: frame(normal), normal }
     }
 
     #[inline(always)]
-    fn local(&self, v: V3) -> V3 {
-        V3(self.axes.each_ref().map(|axis| axis.dot(v)))
+    fn local<S: Simd>(&self, simd: S, v: V3<S>) -> V3<S> {
+        let [x, y] = self.axes.map(|axis| vector(simd, axis).dot(v));
+        let z = vector(simd, self.normal).dot(v);
+        V3([x, y, Mask::from_bitmask(simd, u64::from(self.behind)).select(-z, z)])
     }
 
     #[inline(always)]
-    fn place(&self, V3([x, y, z]): V3) -> MapPlace {
-        let scale = splat(0.5) / (abs(x) + abs(y) + z.max(F::ZERO));
-        let n = splat(self.maps.resolution as f32);
-        let texel = |sum: F, phase: F| clamp((sum * scale + splat(0.5)) * n - splat(0.5) - phase, F::ZERO, n - F::ONE);
-        let (u, v) = (texel(x + y, self.phase[0]), texel(x - y, self.phase[1]));
-        let last = n - splat(2.0);
-        let (i, j) = (u.floor().min(last), v.floor().min(last));
+    fn place<S: Simd>(&self, V3([x, y, z]): V3<S>) -> MapPlace {
+        let scale = 0.5 / (x.abs() + y.abs() + z.max(0.0));
+        let n = self.maps.resolution as f32;
+        let texel = |sum: F<S>, phase: f32| clamp((sum * scale + 0.5) * n - (0.5 + phase), 0.0, n - 1.0);
+        let (u, v) = (texel(x + y, self.phase.x), texel(x - y, self.phase.y));
+        let (i, j) = (u.floor().min(n - 2.0), v.floor().min(n - 2.0));
         MapPlace { i: i.to_array(), j: j.to_array(), part: [(u - i).to_array(), (v - j).to_array()] }
     }
 
+    fn map(&self, lane: usize) -> u32 {
+        self.map + (self.behind >> lane & 1)
+    }
+
     /// The part of a receiver at l, metres from the sample on, that the sample sees.
-    #[inline]
-    pub fn visible_part(&self, l: V3, active: u32) -> [f32; LANES] {
-        let local = self.local(l);
+    #[inline(always)]
+    pub fn visible_part<S: Simd>(&self, simd: S, l: V3<S>, active: u32) -> [f32; LANES] {
+        let local = self.local(simd, l);
         let place = self.place(local);
-        let [x, y, z] = local.0.map(F::to_array);
+        let [x, y, z] = local.to_arrays();
         let n = self.maps.resolution as usize;
         std::array::from_fn(|lane| {
             if active & (1 << lane) == 0 {
                 return 0.0;
             }
-            let first = (self.map[lane] as usize * n + place.j[lane] as usize) * n + place.i[lane] as usize;
+            let first = (self.map(lane) as usize * n + place.j[lane] as usize) * n + place.i[lane] as usize;
             let planes = &self.maps.planes[first..first + n + 2];
             let in_front = |texel: usize| {
                 let [a, b, c, behind] = planes[texel];
@@ -110,15 +109,15 @@ impl<'a> Surroundings<'a> {
 impl Sight for Surroundings<'_> {
     const UNHINDERED: bool = false;
 
-    #[inline]
-    fn open_part(&self, direction: V3, active: u32) -> [f32; LANES] {
-        let place = self.place(self.local(direction));
+    #[inline(always)]
+    fn open_part<S: Simd>(&self, simd: S, direction: V3<S>, active: u32) -> [f32; LANES] {
+        let place = self.place(self.local(simd, direction));
         let n = self.maps.resolution;
         std::array::from_fn(|lane| {
             if active & (1 << lane) == 0 {
                 return 0.0;
             }
-            let row = (self.map[lane] * n) as usize + place.j[lane] as usize;
+            let row = (self.map(lane) * n) as usize + place.j[lane] as usize;
             let bit = |row: usize, k: u32| (self.maps.open[row] >> (place.i[lane] as u32 + k) & 1) as f32;
             bilinear([bit(row, 0), bit(row, 1), bit(row + 1, 0), bit(row + 1, 1)], &place, lane)
         })

@@ -1,0 +1,195 @@
+//! Points → tree.
+//!
+//! Each root's subtree has a fixed place of its own, so that roots are built side by side; what lies above them is built
+//! last, from their moments.
+
+use glam::Vec3;
+use rayon::prelude::*;
+
+use super::moments::Moments;
+use super::split::{halves, is_mixed, largest_patch, longest_axis};
+use super::{CellNode, CellTree};
+use crate::differential::owners;
+use crate::sampling::{PointSet, Surface, SurfacePoint, cover};
+
+/// How finely a tree divides its roots.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct TreeOptions {
+    /// Leaves that a root is split into at most; the power of four below counts.
+    pub leaves: u32,
+    /// The same seed gives the same bits.
+    pub seed: u64,
+}
+
+/// The most leaves per root that can be asked for.
+pub const MAX_LEAVES: u32 = 4096;
+/// Children of a node.
+const FAN: u32 = 4;
+
+/// Points that a leaf is made of: fewer where the memory for them would be gigabytes.
+fn points_per_leaf(leaves: f64) -> f64 {
+    (1e7 / leaves).clamp(8.0, 16.0)
+}
+
+/// Where a level of a root's subtree starts; the root is level 0 and not in it.
+fn level_start(level: u32) -> u32 {
+    (FAN.pow(level) - FAN) / (FAN - 1)
+}
+
+/// Nodes of a root's subtree, the root apart.
+fn nodes_below(leaves: u32) -> usize {
+    level_start(leaves.ilog(FAN) + 1) as usize
+}
+
+/// A root and its moments, before it has a place.
+struct Root {
+    node: CellNode,
+    moments: Moments,
+}
+
+impl CellTree {
+    /// Splits the cells of a strategy's samples. Samples whose cells are empty stand for nothing and are left out.
+    pub fn new(surface: &Surface, set: &PointSet, options: &TreeOptions) -> Self {
+        let leaves = FAN.pow(options.leaves.clamp(1, MAX_LEAVES).ilog(FAN));
+        let count = set.points.len() as f64 * f64::from(leaves);
+        let stride = surface.area() / (count * points_per_leaf(count));
+        let candidates = cover(surface, stride as f32, set.points.len(), options.seed);
+        let cells = members(&set.points, &candidates);
+
+        let objects = cells.iter().map(|cell| candidates[cell[0] as usize].object).collect();
+        let below = nodes_below(leaves);
+        let nodes = vec![CellNode::default(); cells.len() * below];
+        let first_above = nodes.len() as u32;
+        let mut tree = Self { nodes, objects, first_above, leaves_per_root: leaves, ..Self::default() };
+        let mut subtrees: Vec<Subtree> = Vec::with_capacity(cells.len());
+        let mut rest = tree.nodes.as_mut_slice();
+        for root in 0..cells.len() {
+            let (nodes, others) = rest.split_at_mut(below);
+            subtrees.push(Subtree { nodes, start: (root * below) as u32, root: root as u32 });
+            rest = others;
+        }
+        let build = |(cell, mut subtree): (&Vec<u32>, Subtree)| {
+            let mut points: Vec<SurfacePoint> = cell.iter().map(|&k| candidates[k as usize]).collect();
+            let (node, moments) = subtree.cell(&mut points, leaves, 0, 0);
+            Root { node, moments }
+        };
+        let roots: Vec<Root> = cells.par_iter().zip(subtrees).map(build).collect();
+        tree.gather(&roots);
+        tree
+    }
+
+    /// Puts the roots, and cells that are several of them, above the subtrees.
+    fn gather(&mut self, roots: &[Root]) {
+        self.roots = vec![0; roots.len()];
+        let mut order: Vec<u32> = (0..roots.len() as u32).collect();
+        let objects = self.objects.clone();
+        order.sort_by_key(|&root| objects[root as usize]);
+        for group in order.chunk_by_mut(|&a, &b| objects[a as usize] == objects[b as usize]) {
+            let top = self.nodes.len() as u32;
+            self.nodes.push(CellNode::default());
+            self.tops.push(top);
+            self.gather_group(roots, group, top);
+        }
+    }
+
+    /// Makes the node of a group of roots of one object, in its place.
+    fn gather_group(&mut self, roots: &[Root], group: &mut [u32], place: u32) -> Moments {
+        if let [root] = *group {
+            self.nodes[place as usize] = roots[root as usize].node;
+            self.roots[root as usize] = place;
+            return roots[root as usize].moments;
+        }
+        let (a, b) = halves_of_roots(roots, group);
+        let ((a1, a2), (b1, b2)) = (halves_of_roots(roots, a), halves_of_roots(roots, b));
+        let quarters = [a1, a2, b1, b2];
+        let (first, count) = (self.nodes.len() as u32, quarters.iter().filter(|q| !q.is_empty()).count() as u32);
+        self.nodes.resize((first + count) as usize, CellNode::default());
+        let quarters = quarters.into_iter().filter(|q| !q.is_empty());
+        let moments = quarters.zip(first..).map(|(quarter, child)| self.gather_group(roots, quarter, child));
+        let moments = moments.reduce(Moments::join).expect("a group has roots");
+
+        let fit = moments.fit();
+        let (mut radius, mut normal_radius) = (0.0f32, 0.0f32);
+        for &root in &*group {
+            let of_root = roots[root as usize].node.geometry();
+            radius = radius.max(of_root.centroid.distance(fit.centroid) + of_root.radius);
+            normal_radius = normal_radius.max(of_root.normal.distance(fit.normal) + of_root.normal_radius);
+        }
+        let mut node = CellNode::new(&fit, radius, normal_radius, group[0]);
+        node.set_children(first, count);
+        self.nodes[place as usize] = node;
+        moments
+    }
+}
+
+/// Each sample's candidates, those without any left out.
+fn members(points: &[SurfacePoint], candidates: &[SurfacePoint]) -> Vec<Vec<u32>> {
+    let mut cells = vec![Vec::new(); points.len()];
+    for (candidate, owner) in owners(points, candidates).into_iter().enumerate() {
+        cells[owner as usize].push(candidate as u32);
+    }
+    cells.retain(|cell| !cell.is_empty());
+    cells
+}
+
+/// Halves roots across the direction in which they spread, or in which their normals do, whichever is more.
+fn halves_of_roots<'a>(roots: &[Root], group: &'a mut [u32]) -> (&'a mut [u32], &'a mut [u32]) {
+    let position = |root: u32| roots[root as usize].moments.position();
+    let middle = group.len() / 2;
+    if middle > 0 {
+        let axis = longest_axis(group.iter().map(|&root| position(root)));
+        group.select_nth_unstable_by(middle, |&a, &b| position(a)[axis].total_cmp(&position(b)[axis]));
+    }
+    group.split_at_mut(middle)
+}
+
+/// The nodes below one root; the root apart.
+struct Subtree<'a> {
+    nodes: &'a mut [CellNode],
+    /// Where they begin in the tree.
+    start: u32,
+    root: u32,
+}
+
+impl Subtree<'_> {
+    /// Makes a cell, which is number `place` of its level, and all below it. Its own node is for the caller to put there.
+    fn cell(&mut self, points: &mut [SurfacePoint], leaves: u32, level: u32, place: u32) -> (CellNode, Moments) {
+        let first = level_start(level + 1) + place * FAN;
+        let mut count = 0;
+        let mut joined: Option<Moments> = None;
+        if leaves > 1 && points.len() > 1 {
+            let (a, b) = halves(points);
+            let ((a1, a2), (b1, b2)) = (halves(a), halves(b));
+            for quarter in [a1, a2, b1, b2].into_iter().filter(|q| !q.is_empty()) {
+                let (node, moments) = self.cell(quarter, leaves / FAN, level + 1, place * FAN + count);
+                self.nodes[(first + count) as usize] = node;
+                joined = Some(joined.map_or(moments, |m| m.join(moments)));
+                count += 1;
+            }
+        }
+        let moments = joined.unwrap_or_else(|| Moments::of(points.iter()));
+        let fit = if count == 0 && is_mixed(points) {
+            // What lies across a crease lends its area.
+            Moments::of(largest_patch(points).iter()).with_area(moments.area()).fit()
+        } else {
+            moments.fit()
+        };
+        let (radius, normal_radius) = bounds(points, fit.centroid, fit.normal);
+        let mut node = CellNode::new(&fit, radius, normal_radius, self.root);
+        if count > 0 {
+            node.set_children(self.start + first, count);
+        }
+        (node, moments)
+    }
+}
+
+/// The greatest distances of points, and of their normals, from given ones.
+fn bounds(points: &[SurfacePoint], centroid: Vec3, normal: Vec3) -> (f32, f32) {
+    let (mut radius, mut normal_radius) = (0.0f32, 0.0f32);
+    for p in points {
+        // A piece is at most as far across as a square's diagonal, or nearly.
+        radius = radius.max(p.position.distance(centroid) + (0.5 * p.area).sqrt());
+        normal_radius = normal_radius.max(p.normal.distance_squared(normal));
+    }
+    (radius, normal_radius.sqrt())
+}

@@ -1,0 +1,190 @@
+//! How bright the environment is at most within a cone of directions, and how much its radiance differs there.
+//!
+//! A pyramid of extremes beside the cube's mips. Every texel knows those of its 3×3 neighbourhood, across the faces' seams,
+//! so that one read bounds a cone.
+
+use glam::{Vec2, Vec3};
+use rayon::prelude::*;
+
+use super::cube::{CubeMap, FACES, face_of_direction, with_borders};
+
+/// What is known of the radiance from a set of directions, W/(m²·sr).
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Bound {
+    /// No channel is brighter.
+    pub most: f32,
+    /// In no channel do two directions differ by more.
+    pub contrast: f32,
+}
+
+/// Bounds of a cube map's radiance.
+#[derive(Clone, Debug)]
+pub struct LightBounds {
+    levels: Vec<Level>,
+    texels: Vec<Bound>,
+    everywhere: Bound,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Level {
+    offset: usize,
+    size: usize,
+}
+
+/// The finest level has at most so many texels along an edge: 50 MB of bounds.
+const FINEST: u32 = 1024;
+
+/// The least and the greatest radiance, channel by channel.
+#[derive(Clone, Copy)]
+struct Extremes {
+    low: Vec3,
+    high: Vec3,
+}
+
+impl Extremes {
+    fn join(self, other: Self) -> Self {
+        Self { low: self.low.min(other.low), high: self.high.max(other.high) }
+    }
+
+    fn bound(self) -> Bound {
+        Bound { most: self.high.max_element(), contrast: (self.high - self.low).max_element() }
+    }
+}
+
+impl LightBounds {
+    /// Bounds of a cube map.
+    pub fn new(cube: &CubeMap) -> Self {
+        let base = cube.level(0);
+        let mut level: Vec<Extremes> =
+            base.iter().map(|t| Extremes { low: t.truncate(), high: t.truncate() }).collect();
+        let mut size = cube.size();
+        while size > FINEST {
+            (level, size) = (halved(&level, size), size / 2);
+        }
+        let mut bounds = Self { levels: Vec::new(), texels: Vec::new(), everywhere: Bound::default() };
+        loop {
+            bounds.levels.push(Level { offset: bounds.texels.len(), size: size as usize });
+            bounds.texels.extend(dilated(&level, size));
+            if size == 1 {
+                break;
+            }
+            (level, size) = (halved(&level, size), size / 2);
+        }
+        let all = level.into_iter().reduce(Extremes::join).expect("six faces");
+        bounds.everywhere = all.bound();
+        bounds
+    }
+
+    /// Bounds of what a bilinear look-up in the finest level finds within `radius` radians of a direction of any length.
+    #[inline]
+    pub fn within(&self, direction: Vec3, radius: f32) -> Bound {
+        let (face, st) = face_of_direction(direction);
+        self.at(face, st + 1.0, self.reach(st.length_squared(), radius))
+    }
+
+    /// How far a cone around a place on a face reaches, texels of the finest level; `st2` is the square of the place's distance
+    /// from the face's centre, whose edges are at 1. On a face's plane angles are stretched by 1 + s² + t² at most; a bilinear
+    /// look-up reads a texel further.
+    #[inline]
+    fn reach(&self, st2: f32, radius: f32) -> f32 {
+        radius * (1.0 + st2) * self.half_size() + 1.0
+    }
+
+    /// Half a face's edge, texels of the finest level.
+    #[inline]
+    pub(crate) fn half_size(&self) -> f32 {
+        0.5 * self.levels[0].size as f32
+    }
+
+    /// The bound around a place on a face, from 0 to 2, as far as `reach` texels of the finest level.
+    #[inline]
+    pub(crate) fn at(&self, face: usize, st: Vec2, reach: f32) -> Bound {
+        // ⌈log₂ reach⌉ of what is 1 at least.
+        let level = (((0.999_999 * reach).to_bits() >> 23) as usize).saturating_sub(126);
+        if level >= self.levels.len() {
+            // What is wider than half the sphere, and NaN.
+            return self.everywhere;
+        }
+        let Level { offset, size } = self.levels[level];
+        let index = |s: f32| ((0.5 * s * size as f32) as usize).min(size - 1);
+        self.texels[offset + (face * size + index(st.y)) * size + index(st.x)]
+    }
+}
+
+/// Each texel's bound over its 3×3 neighbourhood.
+fn dilated(level: &[Extremes], size: u32) -> Vec<Bound> {
+    let padded = with_borders(level, size, |a, b, c| a.join(b).join(c));
+    let (n, w) = (size as usize, size as usize + 2);
+    let row = |k: usize| {
+        let (face, y) = (k / n, k % n);
+        let column = |x: usize| {
+            let at = |dy: usize| padded[(face * w + y + dy) * w + x];
+            at(0).join(at(1)).join(at(2))
+        };
+        let columns: Vec<Extremes> = (0..w).map(column).collect();
+        (0..n).map(move |x| columns[x].join(columns[x + 1]).join(columns[x + 2]).bound()).collect::<Vec<_>>()
+    };
+    (0..FACES * n).into_par_iter().flat_map_iter(row).collect()
+}
+
+fn halved(level: &[Extremes], size: u32) -> Vec<Extremes> {
+    let (n, half) = (size as usize, size as usize / 2);
+    let texel = |k: usize| {
+        let (face, y, x) = (k / (half * half), k / half % half, k % half);
+        let at = |dx: usize, dy: usize| level[(face * n + 2 * y + dy) * n + 2 * x + dx];
+        at(0, 0).join(at(1, 0)).join(at(0, 1)).join(at(1, 1))
+    };
+    (0..FACES * half * half).into_par_iter().map(texel).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::environment::face_direction;
+
+    fn spotted() -> CubeMap {
+        // Bright spots on a face, on a seam and at a corner.
+        let spots = [Vec3::X, Vec3::new(1.0, 1.0, 0.2), Vec3::ONE].map(Vec3::normalize);
+        CubeMap::from_radiance(64, None, move |d| {
+            let brightest = spots.iter().map(|s| (200.0 * (d.dot(*s) - 1.0)).exp()).fold(0.0, f32::max);
+            Vec3::new(0.5 + 9.0 * brightest, 1.0, 2.0 + d.y)
+        })
+    }
+
+    #[test]
+    fn look_ups_keep_within_the_bounds_of_their_cone() {
+        let cube = spotted();
+        let bounds = LightBounds::new(&cube);
+        let mut tight = 0;
+        for k in 0..4000u32 {
+            let at = |s: f32| (k as f32 * s).fract() * 2.0 - 1.0;
+            let centre = face_direction(k as usize % FACES, at(0.618_034), at(0.754_878)).normalize();
+            let radius = 0.5 * (k as f32 * 0.569_84).fract().powi(3);
+            let bound = bounds.within(centre, radius);
+            let (u, v) = centre.any_orthonormal_pair();
+            let (mut low, mut high) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
+            for step in 0..64 {
+                let (turn, part) = (step as f32 * 2.4, (step as f32 / 63.0).sqrt());
+                let d = centre + (radius * part).tan() * (turn.cos() * u + turn.sin() * v);
+                let value = cube.fetch(d, 0.0);
+                (low, high) = (low.min(value), high.max(value));
+            }
+            assert!(high.max_element() <= bound.most * 1.0001, "{centre} {radius}: {high} > {}", bound.most);
+            let contrast = (high - low).max_element();
+            assert!(contrast <= bound.contrast * 1.0001 + 1e-5, "{centre} {radius}: {contrast} > {}", bound.contrast);
+            tight += usize::from(bound.contrast < 2.0 * contrast + 0.2);
+        }
+        assert!(tight > 1500, "bounds should be of use: {tight}");
+    }
+
+    #[test]
+    fn a_constant_has_no_contrast_and_a_wide_cone_sees_all() {
+        let even = LightBounds::new(&CubeMap::from_radiance(16, None, |_| Vec3::splat(2.0)));
+        assert_eq!(even.within(Vec3::Y, 0.3), Bound { most: 2.0, contrast: 0.0 });
+        let cube = spotted();
+        let bounds = LightBounds::new(&cube);
+        for radius in [2.0, 4.0, f32::INFINITY, f32::NAN] {
+            assert!(bounds.within(-Vec3::X, radius).most > 9.0);
+        }
+    }
+}

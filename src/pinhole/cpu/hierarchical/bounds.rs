@@ -1,0 +1,148 @@
+//! How large, and how wrong, a pair of a block and a cell may be.
+//!
+//! The bounds are estimates: they hold to first order in the sizes of block and cell over their distance. How often they
+//! are exceeded is measured (README, *Accuracy of the hierarchy*).
+
+use glam::Vec3;
+
+use super::blocks::{Block, FINEST, Kind};
+use crate::cell_tree::NodeGeometry;
+use crate::environment::{Bound, LightBounds};
+use crate::pinhole::GatherUniforms;
+
+/// A pair's error may be this part of what is allowed for a point: errors of many pairs add up there, though not all with the
+/// same sign.
+pub const SHARE: f32 = 0.05;
+/// Pairs that add less than this part of their error's bound are dropped.
+pub const NEGLIGIBLE: f32 = 0.05;
+/// Pairs that are nearer than this many times their sizes are refined.
+const NEAR: f32 = 1.5;
+/// Half the diagonal of a footprint's parallelogram in roots of the sum of its sides' squares, and some more.
+pub const FOOTPRINT: f32 = 0.6;
+/// How far a footprint bends beyond its linear extent, for a cell of a given relative size.
+pub const BENT: f32 = 0.3;
+/// What part of the light's contrast a cell of relative size 1 gets wrong, and a cell's own changes of weight.
+pub const OF_CONTRAST: f32 = 0.5;
+pub const OF_WEIGHT: f32 = 0.3;
+/// What part of the contrast an interpolation gets wrong where the light changes over one distance of its points.
+const OF_INTERPOLATION: f32 = 0.02;
+/// Relative sizes from which a cell is not taken for one sample.
+pub const TOO_LARGE: f32 = 0.7;
+
+/// What to do with a pair.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Verdict {
+    /// It adds nothing that counts.
+    Drop,
+    /// It may be added as it is.
+    Add {
+        /// The light is even: one look-up will do.
+        even: bool,
+    },
+    /// Its cell is too large.
+    SplitCell,
+    /// Its block is too large.
+    SplitBlock,
+}
+
+/// What does not change from pair to pair.
+#[derive(Clone, Copy, Debug)]
+pub struct Judge<'a> {
+    pub uniforms: &'a GatherUniforms,
+    pub light: &'a LightBounds,
+    /// Error that a pair may have, W/m².
+    pub share: f32,
+    /// Width of the narrowest look-up, radians.
+    pub texel: f32,
+}
+
+/// A cell in question.
+#[derive(Clone, Copy, Debug)]
+pub struct Cell<'a> {
+    pub geometry: &'a NodeGeometry,
+    pub two_sided: bool,
+    /// No channel reflects more.
+    pub reflects: f32,
+    /// Width of the lobe that blurs its footprints, radians.
+    pub lobe: f32,
+    pub is_leaf: bool,
+}
+
+impl Judge<'_> {
+    /// 1/l² at most, as the gather keeps it finite.
+    fn attenuation(&self, l2: f32, area: f32) -> f32 {
+        let u = self.uniforms;
+        if u.attenuation == 0 { 1.0 } else { 1.0 / (l2 + u.epsilon_scale * area + u.epsilon).max(1e-20) }
+    }
+
+    /// Judges a pair.
+    pub fn judge(&self, block: &Block, level: usize, cell: &Cell) -> Verdict {
+        let g = cell.geometry;
+        let may_split_block = level < FINEST;
+        let d = g.centroid - block.centre;
+        let l2 = d.length_squared();
+        let l = l2.sqrt();
+        let sizes = block.radius + g.radius;
+        let dn = d.dot(g.normal);
+        let facing = if cell.two_sided { dn.abs() } else { -dn };
+        let facing = facing + sizes + g.normal_radius * l;
+        let receiving = d.dot(block.normal) + sizes + block.normal_radius * l;
+        if facing <= 0.0 || receiving <= 0.0 {
+            return Verdict::Drop;
+        }
+        let finer = |of_cell: bool| match (cell.is_leaf, may_split_block) {
+            (false, true) => if of_cell { Verdict::SplitCell } else { Verdict::SplitBlock },
+            (false, false) => Verdict::SplitCell,
+            (true, true) => Verdict::SplitBlock,
+            (true, false) => Verdict::Add { even: false },
+        };
+        if l < NEAR * sizes {
+            return finer(g.radius >= block.radius);
+        }
+        let nearest = l - sizes;
+        let weight = g.area * facing.min(l + sizes) * receiving.min(l + sizes) / (nearest * nearest)
+            * self.attenuation(nearest * nearest, g.area)
+            * cell.reflects;
+
+        let r = (d - 2.0 * dn * g.normal) / l;
+        let side = |side: Vec3, change: Vec3| {
+            let v = side - 2.0 * d.dot(change) * g.normal - 2.0 * dn * change;
+            (v - r.dot(v) * r) / l
+        };
+        let (v1, v2) = (side(g.sides[0], g.changes[0]), side(g.sides[1], g.changes[1]));
+        let lobe2 = cell.lobe * cell.lobe;
+        let (g11, g12, g22) = (v1.length_squared() + lobe2, v1.dot(v2), v2.length_squared() + lobe2);
+        let spread = ((g11 - g22) * (g11 - g22) + 4.0 * g12 * g12).sqrt();
+        let minor2 = (0.5 * (g11 + g22 - spread)).max((g11 + g22) / 512.0);
+        let (of_block, of_cell) = (block.radius / l, g.radius / l + g.normal_radius);
+        let footprint = FOOTPRINT * (g11 + g22).sqrt() + BENT * of_cell * (of_block + of_cell);
+        let Bound { most, contrast } = self.light.within(r, of_block + footprint);
+        let (top, varies) = (weight * most, weight * contrast);
+        if top < NEGLIGIBLE * self.share {
+            return Verdict::Drop;
+        }
+        if may_split_block && block.kind != Kind::Smooth {
+            return Verdict::SplitBlock;
+        }
+        let block_error = if may_split_block {
+            // The points' distance over the width of what is interpolated.
+            let step = 0.47 * of_block / minor2.sqrt().max(self.texel);
+            let step2 = step * step;
+            varies * (OF_INTERPOLATION * step2 * step2).min(1.0) + top * OF_WEIGHT * of_block.powi(3)
+        } else {
+            0.0
+        };
+        let cell_error = if cell.is_leaf {
+            0.0
+        } else {
+            varies * (OF_CONTRAST * of_cell).min(1.0) + top * OF_WEIGHT * of_cell * of_cell
+        };
+        if block_error + cell_error < self.share {
+            return Verdict::Add { even: varies < self.share };
+        }
+        if block_error == 0.0 && cell_error == 0.0 {
+            return Verdict::Add { even: false };
+        }
+        finer(cell_error >= block_error)
+    }
+}

@@ -1,0 +1,124 @@
+//! The hierarchical gather on the CPU: pairs of a receiver block and a cell, refined until each is a small part of the
+//! tolerance (after the dual-tree methods of *n*-body physics).
+//!
+//! A pair is dropped, added (evaluated at sixteen points of the block and interpolated between them) or refined on the side that
+//! brings the larger error. In blocks of 4×4 every point finds its own way down the tree, all sixteen in step.
+//!
+//! [`blocks`] knows receivers only; `bounds` says how wrong a pair may be; `tile` walks.
+
+mod blocks;
+mod bounds;
+mod packet;
+mod tile;
+
+use glam::Vec4;
+use rayon::prelude::*;
+
+use self::blocks::{TILE, Weights, tiles};
+use self::tile::TileGather;
+use super::lanes::{LANES, dispatch, level};
+use super::{CubeLookup, Gather, GatherUniforms, Group, load_at};
+use crate::environment::{CubeMap, LightBounds};
+use crate::pinhole::{Params, PinholeTree, Receivers};
+
+/// What a hierarchical gather reads beside receivers.
+#[derive(Clone, Copy, Debug)]
+pub struct Light<'a> {
+    /// The environment.
+    pub cube: &'a CubeMap,
+    /// Its bounds.
+    pub bounds: &'a LightBounds,
+}
+
+/// Gathers the irradiance at every receiver from a hierarchy of samples: R, G, B in W/m², and the number of fetches.
+///
+/// `tolerance` is the error that is allowed, as a part of the root mean square of the irradiance over all receivers (where
+/// there is any). `progress` is told, from any thread, how many more receivers are done. The filter is
+/// [`Filter::Anisotropic`](crate::pinhole::Filter::Anisotropic).
+pub fn gather_hierarchical(
+    receivers: &Receivers,
+    pinholes: &PinholeTree,
+    light: Light,
+    params: &Params,
+    tolerance: f32,
+    progress: &(dyn Fn(u64) + Sync),
+) -> Vec<[f32; 4]> {
+    let scene = Walked::new(pinholes, light, params, receivers);
+    let allowed = tolerance * scene.typical(receivers);
+    scene.gather(receivers, &tiles(receivers), allowed, progress)
+}
+
+/// Receivers, and roots, that are asked how bright the picture is.
+const SCOUTS: usize = 1024;
+const SCOUTED: usize = 512;
+
+/// What all tiles share.
+struct Walked<'a> {
+    pinholes: &'a PinholeTree,
+    gather: Gather<'a>,
+    bounds: &'a LightBounds,
+    weights: [Weights; blocks::LEVELS],
+}
+
+impl<'a> Walked<'a> {
+    fn new(pinholes: &'a PinholeTree, light: Light<'a>, params: &Params, receivers: &'a Receivers) -> Self {
+        assert!(params.taps > 0, "a footprint needs one tap at least");
+        let uniforms = GatherUniforms::for_cube(params, &pinholes.roots, light.cube);
+        let materials = receivers.viewers.as_ref().map(|viewers| &*viewers.materials);
+        let environment = CubeLookup::new(light.cube);
+        let gather = Gather { pinholes: &pinholes.roots, materials, uniforms, environment };
+        Self { pinholes, gather, bounds: light.bounds, weights: std::array::from_fn(Weights::new) }
+    }
+
+    /// The root mean square of the irradiance over the receivers, from some of them and some of the roots.
+    fn typical(&self, receivers: &Receivers) -> f32 {
+        let there: Vec<usize> = (0..receivers.positions.len()).filter(|&k| receivers.positions[k][3] >= 0.0).collect();
+        let step = there.len().div_ceil(SCOUTS).max(1);
+        let groups: Vec<Group> = there
+            .iter()
+            .step_by(step)
+            .copied()
+            .collect::<Vec<usize>>()
+            .chunks(LANES)
+            .map(|places| load_at(receivers, |lane| places.get(lane).copied()))
+            .collect();
+        let roots = &self.pinholes.roots.samples;
+        let every = roots.len().div_ceil(SCOUTED).max(1);
+        let square = |group: &Group| {
+            let sums = dispatch!(level(), simd => self.gather.sum_of_some(simd, roots, every, group));
+            sums.iter().map(|s| f64::from(s.truncate().length_squared())).sum::<f64>() / 3.0
+        };
+        let squares: f64 = groups.par_iter().map(square).sum();
+        let count: u32 = groups.iter().map(|group| group.there().count_ones()).sum();
+        // What is lit by nothing need not be exact.
+        ((squares / f64::from(count.max(1))).sqrt() as f32 * every as f32).max(f32::MIN_POSITIVE)
+    }
+
+    fn gather(
+        &self,
+        receivers: &Receivers,
+        tiles: &[(usize, usize)],
+        allowed: f32,
+        progress: &(dyn Fn(u64) + Sync),
+    ) -> Vec<[f32; 4]> {
+        let mut sums = vec![[0.0; 4]; receivers.positions.len()];
+        let (width, height) = (receivers.width as usize, receivers.height as usize);
+        let done: Vec<Vec<Vec4>> = tiles
+            .par_iter()
+            .map(|&(left, top)| {
+                let mut tile = TileGather::new(self, receivers, left, top, allowed);
+                dispatch!(level(), simd => tile.run(simd));
+                progress(((width - left).min(TILE) * (height - top).min(TILE)) as u64);
+                tile.into_sums()
+            })
+            .collect();
+        for (&(left, top), tile) in tiles.iter().zip(done) {
+            for y in 0..(height - top).min(TILE) {
+                for x in 0..(width - left).min(TILE) {
+                    sums[(top + y) * width + left + x] = tile[y * TILE + x].to_array();
+                }
+            }
+        }
+        sums
+    }
+}

@@ -1,0 +1,110 @@
+//! A block of 4×4: each of its points finds its own way down the tree, all sixteen in step.
+
+use glam::Vec4;
+
+use super::super::Group;
+use super::super::cube::{OnCube, on_cube};
+use super::super::lanes::{F, LANES, Simd, SimdBase, SimdFloat, V3, bits, lanes};
+use super::super::visibility::Unhindered;
+use super::super::{Pair, Receiver};
+use super::bounds::{BENT, FOOTPRINT, NEGLIGIBLE, OF_CONTRAST, OF_WEIGHT, TOO_LARGE};
+use super::tile::TileGather;
+
+impl TileGather<'_> {
+    /// Adds what cells, and those below them, bring to sixteen points.
+    #[inline(always)]
+    pub(super) fn packet<S: Simd>(&mut self, simd: S, points: &Group, cells: &[u32], sum: &mut [Vec4; LANES]) {
+        let receiver = points.in_lanes(simd);
+        let there = points.there();
+        let mut stack = std::mem::take(&mut self.pending);
+        stack.extend(cells.iter().map(|&cell| (cell, there)));
+        while let Some((index, mask)) = stack.pop() {
+            let further = self.visit(simd, index, mask, &receiver, sum);
+            if further != 0 {
+                let children = self.scene.pinholes.tree.node(index).children();
+                stack.extend(children.map(|child| (child, further)));
+            }
+        }
+        self.pending = stack;
+    }
+
+    /// Adds what a cell brings to the lanes for which it is small enough, and returns those for which it is not.
+    #[inline(always)]
+    fn visit<S: Simd>(
+        &self,
+        simd: S,
+        index: u32,
+        mask: u32,
+        receiver: &Receiver<S>,
+        sum: &mut [Vec4; LANES],
+    ) -> u32 {
+        let (gather, share) = (&self.scene.gather, self.judge.share);
+        let node = self.scene.pinholes.tree.node(index);
+        let g = node.geometry();
+        let sample = self.scene.pinholes.sample(node, &g);
+        let reflects = self.scene.pinholes.mirror(sample.object()).most;
+        let is_leaf = node.children().is_empty();
+        let pair = Pair::new(simd, &sample, receiver);
+        let l = pair.l2 * pair.inverse_l;
+        let facing = if sample.two_sided() { pair.facing } else { -pair.dn };
+        let receiving = pair.d.dot(receiver.normal);
+        let lit = mask & bits(pair.cosines.simd_gt(0.0));
+        // The greatest weight of any point of the cell.
+        let (alive, weight) = if is_leaf {
+            (lit, gather.weight(simd, &sample, &pair, receiver))
+        } else {
+            let facing = facing + (l * g.normal_radius + g.radius);
+            let receiving = receiving + g.radius;
+            let alive = mask & bits(facing.simd_gt(0.0) & receiving.simd_gt(0.0));
+            let nearest = (l - g.radius).max(l * 0.3);
+            let nearest2 = nearest * nearest;
+            let cosines = facing.min(l) * receiving.min(l) / nearest2;
+            (alive, cosines * g.area * gather.most_attenuation(simd, nearest2, g.area))
+        };
+        if alive == 0 {
+            return 0;
+        }
+        let sides = pair.footprint(simd, &sample);
+        let squares = sides.v1.dot(sides.v1) + sides.v2.dot(sides.v2);
+        let size = pair.inverse_l * g.radius + g.normal_radius;
+        let radius = squares.sqrt() * FOOTPRINT + size * size * BENT;
+        let (most, contrast) = self.light_within(simd, pair.r, radius, alive);
+        let weight_bound = weight * reflects;
+        let (top, varies) = (weight_bound * most, weight_bound * contrast);
+        sum.iter_mut().enumerate().for_each(|(lane, s)| s.w += (alive >> lane & 1) as f32);
+        let alive = alive & bits(top.simd_gt(NEGLIGIBLE * share));
+        let (taken, further) = if is_leaf {
+            (alive, 0)
+        } else {
+            let error = varies * (size * OF_CONTRAST).min(1.0) + top * size * size * OF_WEIGHT;
+            let taken = alive & bits(error.simd_lt(share) & size.simd_lt(TOO_LARGE));
+            (taken, alive & !taken)
+        };
+        let taken = taken & lit;
+        if taken != 0 {
+            let weight = if is_leaf { weight } else { gather.weight(simd, &sample, &pair, receiver) };
+            let even = bits(varies.simd_ge(share)) & taken == 0;
+            let radiance = gather.cell_radiance(simd, &sample, &pair, &Unhindered, even, taken);
+            gather.add(&sample, &pair, receiver, weight, &radiance, taken, sum);
+        }
+        further
+    }
+
+    /// Bounds of the light within cones around sixteen directions.
+    #[inline(always)]
+    fn light_within<S: Simd>(&self, simd: S, r: V3<S>, radius: F<S>, active: u32) -> (F<S>, F<S>) {
+        let OnCube { face, s, t } = on_cube(simd, r);
+        let (a, b) = (s - 1.0, t - 1.0);
+        let reach = radius * (a * a + b * b + 1.0) * self.judge.light.half_size() + 1.0;
+        let (face, s, t, reach) = (face.to_array(), s.to_array(), t.to_array(), reach.to_array());
+        let (mut most, mut contrast) = ([0.0; LANES], [0.0; LANES]);
+        for lane in 0..LANES {
+            if active >> lane & 1 == 1 {
+                let bound =
+                    self.judge.light.at(face[lane] as usize, glam::Vec2::new(s[lane], t[lane]), reach[lane]);
+                (most[lane], contrast[lane]) = (bound.most, bound.contrast);
+            }
+        }
+        (lanes(simd, most), lanes(simd, contrast))
+    }
+}

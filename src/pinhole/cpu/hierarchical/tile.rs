@@ -1,0 +1,165 @@
+//! One tile: pairs of its blocks with cells, from the largest to the smallest.
+
+use glam::Vec4;
+
+use super::super::lanes::{LANES, Simd, SimdBase, bits};
+use super::super::visibility::Unhindered;
+use super::super::{Group, Pair, load_at};
+use super::blocks::{EDGES, FINEST, Kind, TILE, Tile, points_along};
+use super::bounds::{Cell, Judge, SHARE, Verdict};
+use super::Walked;
+use crate::pinhole::{PinholeSample, Receivers};
+
+/// A tile being gathered.
+pub struct TileGather<'a> {
+    pub scene: &'a Walked<'a>,
+    receivers: &'a Receivers,
+    left: usize,
+    top: usize,
+    tile: Tile,
+    pub judge: Judge<'a>,
+    sums: Vec<Vec4>,
+    /// Lists of cells, to be used again.
+    spare: Vec<Vec<u32>>,
+    /// Cells, and for which lanes, to be used again.
+    pub pending: Vec<(u32, u32)>,
+}
+
+impl<'a> TileGather<'a> {
+    pub fn new(scene: &'a Walked<'a>, receivers: &'a Receivers, left: usize, top: usize, allowed: f32) -> Self {
+        let judge = Judge {
+            uniforms: &scene.gather.uniforms,
+            light: scene.bounds,
+            share: SHARE * allowed,
+            texel: scene.gather.environment.texel_rad(),
+        };
+        let tile = Tile::new(receivers, left, top, &scene.weights);
+        let sums = vec![Vec4::ZERO; TILE * TILE];
+        Self { scene, receivers, left, top, tile, judge, sums, spare: Vec::new(), pending: Vec::new() }
+    }
+
+    pub fn into_sums(self) -> Vec<Vec4> {
+        self.sums
+    }
+
+    /// Gathers the whole tile.
+    #[inline(always)]
+    pub fn run<S: Simd>(&mut self, simd: S) {
+        let tops = self.scene.pinholes.tree.tops();
+        self.block(simd, 0, 0, 0, tops);
+    }
+
+    /// Gathers what cells bring to a block.
+    fn block<S: Simd>(&mut self, simd: S, level: usize, x: usize, y: usize, cells: &[u32]) {
+        simd.vectorize(
+            #[inline(always)]
+            || self.block_in_lanes(simd, level, x, y, cells),
+        );
+    }
+
+    #[inline(always)]
+    fn block_in_lanes<S: Simd>(&mut self, simd: S, level: usize, x: usize, y: usize, cells: &[u32]) {
+        let block = *self.tile.block(level, x, y);
+        if block.kind == Kind::Empty || cells.is_empty() {
+            return;
+        }
+        let points = self.points(level, x, y);
+        let mut sum = [Vec4::ZERO; LANES];
+        if level == FINEST {
+            self.packet(simd, &points, cells, &mut sum);
+            self.spread(level, x, y, &sum, 0.0);
+            return;
+        }
+        let tree = &self.scene.pinholes.tree;
+        let mut stack = self.spare.pop().unwrap_or_default();
+        let mut deferred = self.spare.pop().unwrap_or_default();
+        stack.extend_from_slice(cells);
+        let mut judged = 0;
+        while let Some(index) = stack.pop() {
+            let node = tree.node(index);
+            let geometry = node.geometry();
+            let sample = self.scene.pinholes.sample(node, &geometry);
+            let mirror = self.scene.pinholes.mirror(sample.object());
+            let cell = Cell {
+                geometry: &geometry,
+                two_sided: mirror.two_sided,
+                reflects: mirror.most,
+                lobe: sample.lobe(),
+                is_leaf: node.children().is_empty(),
+            };
+            judged += 1;
+            match self.judge.judge(&block, level, &cell) {
+                Verdict::Drop => {}
+                Verdict::SplitCell => stack.extend(node.children()),
+                Verdict::SplitBlock => deferred.push(index),
+                Verdict::Add { even } => {
+                    if !self.add(simd, &sample, &points, even, &mut sum) {
+                        deferred.push(index);
+                    }
+                }
+            }
+        }
+        self.spread(level, x, y, &sum, judged as f32);
+        for (i, j) in [(0, 0), (1, 0), (0, 1), (1, 1)] {
+            self.block(simd, level + 1, 2 * x + i, 2 * y + j, &deferred);
+        }
+        for mut list in [stack, deferred] {
+            list.clear();
+            self.spare.push(list);
+        }
+    }
+
+    /// The sixteen points of a block.
+    fn points(&self, level: usize, x: usize, y: usize) -> Group {
+        let (edge, at) = (EDGES[level], points_along(level));
+        load_at(self.receivers, |lane| {
+            let (i, j) = (self.left + x * edge + at[lane % 4], self.top + y * edge + at[lane / 4]);
+            let inside = i < self.receivers.width as usize && j < self.receivers.height as usize;
+            inside.then_some(j * self.receivers.width as usize + i)
+        })
+    }
+
+    /// Adds what a cell brings to sixteen points; `false` if it cannot be interpolated between them.
+    #[inline(always)]
+    fn add<S: Simd>(
+        &self,
+        simd: S,
+        sample: &PinholeSample,
+        points: &Group,
+        even: bool,
+        sum: &mut [Vec4; LANES],
+    ) -> bool {
+        let gather = &self.scene.gather;
+        let receiver = points.in_lanes(simd);
+        let pair = Pair::new(simd, sample, &receiver);
+        let lit = bits(pair.cosines.simd_gt(0.0));
+        if lit == 0 {
+            return true;
+        }
+        let weight = gather.weight(simd, sample, &pair, &receiver);
+        let radiance = gather.cell_radiance(simd, sample, &pair, &Unhindered, even, lit);
+        gather.add(sample, &pair, &receiver, weight, &radiance, lit, sum);
+        true
+    }
+
+    /// Adds sums at a block's sixteen points to all of its points; the fourth component, and `more`, are counts that the
+    /// points share.
+    fn spread(&mut self, level: usize, x: usize, y: usize, sum: &[Vec4; LANES], more: f32) {
+        let edge = EDGES[level];
+        let count = (sum.iter().map(|s| s.w).sum::<f32>() + more) / (edge * edge) as f32;
+        let weights = &self.scene.weights[level];
+        for j in 0..edge {
+            let rows = weights.at(j);
+            let columns: [Vec4; 4] = std::array::from_fn(|i| {
+                let value: Vec4 = (0..4).map(|r| rows[r] * sum[4 * r + i]).sum();
+                value.truncate().extend(count)
+            });
+            let start = (y * edge + j) * TILE + x * edge;
+            for (i, out) in self.sums[start..start + edge].iter_mut().enumerate() {
+                let [a, b, c, d] = *weights.at(i);
+                // The weights' sum is 1.
+                *out += a * columns[0] + b * columns[1] + c * columns[2] + d * columns[3];
+            }
+        }
+    }
+}
