@@ -49,6 +49,11 @@ impl CellTree {
         &self.tops
     }
 
+    /// Area of all cells together, m².
+    pub fn area(&self) -> f32 {
+        self.tops.iter().map(|&top| self.node(top).area()).sum()
+    }
+
     /// The node of each root.
     pub fn roots(&self) -> &[u32] {
         &self.roots

@@ -23,7 +23,7 @@ pub use receivers::{NO_RECEIVER, Receivers, Viewers};
 pub use tree::PinholeTree;
 pub use visibility::VisibilityMaps;
 
-use glam::Vec3;
+use glam::{Vec2, Vec3};
 use serde::{Deserialize, Serialize};
 
 use crate::differential::DifferentialSample;
@@ -180,7 +180,7 @@ impl Mirror {
         let Region { position, normal, area, sides, changes, object, bends } = region;
         let Self { reflectance, curve, two_sided, .. } = *self;
         // Independent blurs: their second moments add.
-        let lobe = if bends { lobe_of_bend(changes).hypot(self.lobe) } else { self.lobe };
+        let lobe = if bends { Vec2::new(lobe_of_bend(changes), self.lobe).length() } else { self.lobe };
         PinholeParts { position, normal, area, sides, changes, reflectance, curve, lobe, object, two_sided }.into()
     }
 }

@@ -56,10 +56,10 @@ pub(super) fn on_cube<S: Simd>(simd: S, V3([x, y, z]): V3<S>) -> OnCube<S> {
     let on_y = ay.simd_ge(az);
     let main = on_x.select(x, on_y.select(y, z));
     let negative = main.simd_lt(0.0);
-    let flip = |v: F<S>| negative.select(-v, v);
+    let (flipped_x, flipped_z) = (negative.select(-x, x), negative.select(-z, z));
     let scale = 1.0 / main.abs();
-    let s = scale * on_x.select(flip(-z), on_y.select(x, flip(x)));
-    let t = scale * on_x.select(-y, on_y.select(flip(z), -y));
+    let s = scale * on_x.select(-flipped_z, on_y.select(x, flipped_x));
+    let t = scale * on_x.select(-y, on_y.select(flipped_z, -y));
     let (zero, one) = (splat(simd, 0.0), splat(simd, 1.0));
     let face = on_x.select(zero, on_y.select(splat(simd, 2.0), splat(simd, 4.0))) + negative.select(one, zero);
     OnCube { face, s: s + 1.0, t: t + 1.0 }
@@ -100,7 +100,7 @@ impl<'a> CubeLookup<'a> {
         sums: &mut [Vec4; LANES],
     ) {
         while let Some((directions, levels)) = next() {
-            let direction = V3(directions.map(|d| lanes(simd, d)));
+            let direction = V3::load(simd, &directions);
             self.fetch(simd, direction, lanes(simd, levels), ALL, |lane, radiance| sums[lane] += radiance);
         }
     }

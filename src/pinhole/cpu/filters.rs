@@ -90,7 +90,7 @@ pub(super) fn even_light<S: Simd>(
     sight: &impl Sight,
     lit: u32,
 ) -> [Vec4; LANES] {
-    let width = ((sides.v1.dot(sides.v1) + sides.v2.dot(sides.v2)) * 0.5).sqrt();
+    let width = ((sides.v1.dot(sides.v1) + sides.v2.dot(sides.v2)) * 0.5).sqrt() * 0.35;
     let level = (level_of(width, texel_width(sides.r, environment.texel_rad())) + 0.5).floor();
     let mut sum = [Vec4::ZERO; LANES];
     add_seen(simd, environment, sight, sides.r, level, lit, &mut sum);
@@ -191,9 +191,11 @@ fn divided<S: Simd>(sums: [Vec4; LANES], by: F<S>) -> [Vec4; LANES] {
 fn open_part_of_footprint<S: Simd>(simd: S, sight: &impl Sight, sides: &Sides<S>, lit: u32) -> [f32; LANES] {
     let quarter = splat(simd, 0.25);
     let (a, b) = ((sides.v1 + sides.v2) * quarter, (sides.v1 - sides.v2) * quarter);
-    let places = [sides.r + a, sides.r - a, sides.r + b, sides.r - b];
-    let [a, b, c, d] = places.map(|direction| lanes(simd, sight.open_part(simd, direction, lit)));
-    ((a + b + c + d) * 0.25).to_array()
+    let mut sum = splat(simd, 0.0);
+    for direction in [sides.r + a, sides.r - a, sides.r + b, sides.r - b] {
+        sum += lanes(simd, sight.open_part(simd, direction, lit));
+    }
+    (sum * 0.25).to_array()
 }
 
 /// Means over given footprints: rgb, and the number of fetches. [`Filter::Hardware`] is not accepted here.
@@ -224,9 +226,9 @@ fn mean_of_group<S: Simd, const FILTER: u32>(
     group: &[Probe],
     most_taps: f32,
 ) -> [Vec4; LANES] {
-    let vectors = |of: fn(&Probe) -> Vec3| {
-        V3([0, 1, 2].map(|axis| lanes(simd, std::array::from_fn(|k| of(&group[k.min(group.len() - 1)])[axis]))))
-    };
-    let sides = Sides { r: vectors(|p| p.direction), v1: vectors(|p| p.sides[0]), v2: vectors(|p| p.sides[1]) };
+    let probe = |lane: usize| &group[lane.min(group.len() - 1)];
+    let values = |of: fn(&Probe) -> Vec3| [0, 1, 2].map(|axis| std::array::from_fn(|lane| of(probe(lane))[axis]));
+    let [r, v1, v2] = [values(|p| p.direction), values(|p| p.sides[0]), values(|p| p.sides[1])];
+    let sides = Sides { r: V3::load(simd, &r), v1: V3::load(simd, &v1), v2: V3::load(simd, &v2) };
     mean_over_footprint::<S, FILTER>(simd, lookup, &sides, &Unhindered, most_taps, ALL)
 }

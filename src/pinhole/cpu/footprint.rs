@@ -41,9 +41,9 @@ pub(super) fn blurred<S: Simd>(
     let V3([x, y, z]) = r;
     let zero = splat(simd, 0.0);
     let steep = y.abs().simd_gt(0.7);
-    let any = [steep.select(z, zero), steep.select(zero, -z), steep.select(-x, y)];
+    let any = V3([steep.select(z, zero), steep.select(zero, -z), steep.select(-x, y)]);
     let perpendicular = in_plane.dot(in_plane).simd_lt(1e-6);
-    let in_plane = V3([0, 1, 2].map(|k| perpendicular.select(any[k], in_plane.0[k])));
+    let in_plane = V3::select(perpendicular, any, in_plane);
     let e1 = in_plane * (1.0 / in_plane.dot(in_plane).sqrt());
     let e2 = r.cross(e1);
     let (a1x, a1y, a2x, a2y) = (v1.dot(e1), v1.dot(e2), v2.dot(e1), v2.dot(e2));

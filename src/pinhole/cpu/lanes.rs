@@ -75,6 +75,18 @@ pub(super) fn log2<S: Simd>(x: F<S>) -> F<S> {
 
 impl<S: Simd> V3<S> {
     #[inline(always)]
+    pub fn load(simd: S, [x, y, z]: &[[f32; LANES]; 3]) -> Self {
+        Self([lanes(simd, *x), lanes(simd, *y), lanes(simd, *z)])
+    }
+
+    /// Lane by lane the one or the other.
+    #[inline(always)]
+    pub fn select(mask: Mask<S>, yes: Self, no: Self) -> Self {
+        let ([a, b, c], [x, y, z]) = (yes.0, no.0);
+        Self([mask.select(a, x), mask.select(b, y), mask.select(c, z)])
+    }
+
+    #[inline(always)]
     pub fn dot(self, other: Self) -> F<S> {
         let ([a, b, c], [x, y, z]) = (self.0, other.0);
         a.mul_add(x, b.mul_add(y, c * z))

@@ -109,8 +109,8 @@ impl Group {
     #[inline(always)]
     fn in_lanes<S: Simd>(&self, simd: S) -> Receiver<'_, S> {
         Receiver {
-            position: V3(self.position.map(|p| lanes(simd, p))),
-            normal: V3(self.normal.map(|n| lanes(simd, n))),
+            position: V3::load(simd, &self.position),
+            normal: V3::load(simd, &self.normal),
             object: &self.object,
             view: self.view.as_ref(),
         }
@@ -149,9 +149,9 @@ impl<S: Simd> Pair<S> {
     #[inline(always)]
     fn footprint(&self, simd: S, sample: &PinholeSample) -> Sides<S> {
         let Self { d, n, dn, inverse_l, r, .. } = *self;
-        let side =
-            |side, change| reflected_side(splat3(simd, side), splat3(simd, change), d, n, dn, inverse_l, r);
-        let (v1, v2) = (side(sample.side_1, sample.change_1), side(sample.side_2, sample.change_2));
+        let (m1, m2) = (splat3(simd, sample.change_1), splat3(simd, sample.change_2));
+        let v1 = reflected_side(splat3(simd, sample.side_1), m1, d, n, dn, inverse_l, r);
+        let v2 = reflected_side(splat3(simd, sample.side_2), m2, d, n, dn, inverse_l, r);
         let lobe = sample.lobe();
         let (v1, v2) = if lobe > 0.0 { blurred(simd, v1, v2, r, n, dn.abs() * inverse_l, lobe) } else { (v1, v2) };
         Sides { r, v1, v2 }
@@ -357,7 +357,7 @@ impl Gather<'_> {
             return F::splat(simd, 1.0);
         }
         let (own, least) = (sample.object(), u.own_scale * sample.area());
-        let least = lanes(simd, objects.map(|object| if object == own { least } else { 0.0 }));
+        let least = lanes(simd, std::array::from_fn(|lane| if objects[lane] == own { least } else { 0.0 }));
         1.0 / (l2 + (u.epsilon_scale * sample.area() + u.epsilon)).max(least)
     }
 
@@ -393,17 +393,15 @@ impl Gather<'_> {
     fn cell_radiance<S: Simd>(
         &self,
         simd: S,
-        sample: &PinholeSample,
-        pair: &Pair<S>,
+        footprint: &Sides<S>,
         sight: &impl Sight,
         even: bool,
         lit: u32,
     ) -> [Vec4; LANES] {
-        let footprint = pair.footprint(simd, sample);
         if even {
-            return filters::even_light(simd, &self.environment, &footprint, sight, lit);
+            return filters::even_light(simd, &self.environment, footprint, sight, lit);
         }
         let taps = self.uniforms.taps as f32;
-        mean_over_footprint::<S, FILTER_ANISOTROPIC>(simd, &self.environment, &footprint, sight, taps, lit)
+        mean_over_footprint::<S, FILTER_ANISOTROPIC>(simd, &self.environment, footprint, sight, taps, lit)
     }
 }

@@ -38,6 +38,39 @@ pub(super) struct Surroundings<'a> {
     normal: Vec3,
 }
 
+/// What a sample sees of a number of places at once.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Outlook {
+    /// All of them.
+    Clear,
+    /// None.
+    Dark,
+    /// Some, or it would take too long to know.
+    Mixed,
+}
+
+impl Outlook {
+    fn of(seen: impl Iterator<Item = Self>) -> Self {
+        let mut all = None;
+        for one in seen {
+            if one == Self::Mixed || all.is_some_and(|all| all != one) {
+                return Self::Mixed;
+            }
+            all = Some(one);
+        }
+        all.unwrap_or(Self::Dark)
+    }
+}
+
+/// Texels that are looked at for an [`Outlook`] at most.
+const MOST_TEXELS: usize = 256;
+
+/// Texels of a map, from and to, both included.
+struct MapRegion {
+    i: [usize; 2],
+    j: [usize; 2],
+}
+
 /// Four texels of a map.
 struct MapPlace {
     i: [f32; LANES],
@@ -56,7 +89,7 @@ impl<'a> Surroundings<'a> {
 
     #[inline(always)]
     fn local<S: Simd>(&self, simd: S, v: V3<S>) -> V3<S> {
-        let [x, y] = self.axes.map(|axis| vector(simd, axis).dot(v));
+        let (x, y) = (vector(simd, self.axes[0]).dot(v), vector(simd, self.axes[1]).dot(v));
         let z = vector(simd, self.normal).dot(v);
         V3([x, y, Mask::from_bitmask(simd, u64::from(self.behind)).select(-z, z)])
     }
@@ -65,10 +98,75 @@ impl<'a> Surroundings<'a> {
     fn place<S: Simd>(&self, V3([x, y, z]): V3<S>) -> MapPlace {
         let scale = 0.5 / (x.abs() + y.abs() + z.max(0.0));
         let n = self.maps.resolution as f32;
-        let texel = |sum: F<S>, phase: f32| clamp((sum * scale + 0.5) * n - (0.5 + phase), 0.0, n - 1.0);
-        let (u, v) = (texel(x + y, self.phase.x), texel(x - y, self.phase.y));
+        let u = clamp(((x + y) * scale + 0.5) * n - (0.5 + self.phase.x), 0.0, n - 1.0);
+        let v = clamp(((x - y) * scale + 0.5) * n - (0.5 + self.phase.y), 0.0, n - 1.0);
         let (i, j) = (u.floor().min(n - 2.0), v.floor().min(n - 2.0));
         MapPlace { i: i.to_array(), j: j.to_array(), part: [(u - i).to_array(), (v - j).to_array()] }
+    }
+
+    /// The texels between the places of active lanes, and `margin` more on every side; `None` if they are too many.
+    fn region(&self, place: &MapPlace, active: u32, margin: f32) -> Option<MapRegion> {
+        let last = self.maps.resolution as f32 - 1.0;
+        let bounds = |first: &[f32; LANES]| {
+            let lanes = (0..LANES).filter(|lane| active >> lane & 1 == 1).map(|lane| first[lane]);
+            let low = lanes.clone().fold(f32::INFINITY, f32::min) - margin;
+            let high = lanes.fold(0.0, f32::max) + 1.0 + margin;
+            [low.max(0.0) as usize, high.min(last).ceil() as usize]
+        };
+        let region = MapRegion { i: bounds(&place.i), j: bounds(&place.j) };
+        let count = (region.i[1] + 1 - region.i[0]) * (region.j[1] + 1 - region.j[0]);
+        (count <= MOST_TEXELS).then_some(region)
+    }
+
+    /// What the sample sees of receivers at l, metres from it on, and of what lies between them.
+    #[inline(always)]
+    pub fn outlook<S: Simd>(&self, simd: S, l: V3<S>, active: u32) -> Outlook {
+        if self.behind & active != 0 && self.behind & active != active {
+            return Outlook::Mixed;
+        }
+        let local = self.local(simd, l);
+        let Some(region) = self.region(&self.place(local), active, 0.0) else { return Outlook::Mixed };
+        let n = self.maps.resolution as usize;
+        let map = self.map(active.trailing_zeros() as usize) as usize;
+        let mut all = None;
+        for j in region.j[0]..=region.j[1] {
+            for plane in &self.maps.planes[(map * n + j) * n..][region.i[0]..=region.i[1]] {
+                let [a, b, c, behind] = *plane;
+                let [x, y, z] = local.0;
+                let seen = bits((x * a + y * b + z * c).simd_le(1.0 + behind)) & active;
+                let one = match seen {
+                    0 => Outlook::Dark,
+                    seen if seen == active => Outlook::Clear,
+                    _ => return Outlook::Mixed,
+                };
+                if all.is_some_and(|all| all != one) {
+                    return Outlook::Mixed;
+                }
+                all = Some(one);
+            }
+        }
+        all.unwrap_or(Outlook::Dark)
+    }
+
+    /// What the sample sees of the environment in these directions, between them and `reach` radians around them.
+    #[inline(always)]
+    pub fn sky<S: Simd>(&self, simd: S, direction: V3<S>, reach: f32, active: u32) -> Outlook {
+        if self.behind & active != 0 && self.behind & active != active {
+            return Outlook::Mixed;
+        }
+        let n = self.maps.resolution;
+        // A half-space has 2π sr; texels are up to half as large again across.
+        let margin = 1.5 * reach * n as f32 / std::f32::consts::TAU.sqrt();
+        let place = self.place(self.local(simd, direction));
+        let Some(region) = self.region(&place, active, margin) else { return Outlook::Mixed };
+        let map = self.map(active.trailing_zeros() as usize);
+        let mask = (u64::MAX >> (63 - region.i[1]) & u64::MAX << region.i[0]) as u32;
+        let rows = &self.maps.open[(map * n) as usize..][region.j[0]..=region.j[1]];
+        Outlook::of(rows.iter().map(|row| match row & mask {
+            0 => Outlook::Dark,
+            open if open == mask => Outlook::Clear,
+            _ => Outlook::Mixed,
+        }))
     }
 
     fn map(&self, lane: usize) -> u32 {

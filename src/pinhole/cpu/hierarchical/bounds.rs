@@ -12,9 +12,9 @@ use crate::pinhole::GatherUniforms;
 
 /// A pair's error may be this part of what is allowed for a point: errors of many pairs add up there, though not all with the
 /// same sign.
-pub const SHARE: f32 = 0.05;
-/// Pairs that add less than this part of their error's bound are dropped.
-pub const NEGLIGIBLE: f32 = 0.05;
+const SHARE: f32 = 1.0;
+/// All that is dropped at a point adds less than this part of the error that is allowed there.
+const NEGLIGIBLE: f32 = 0.03;
 /// Pairs that are nearer than this many times their sizes are refined.
 const NEAR: f32 = 1.5;
 /// Half the diagonal of a footprint's parallelogram in roots of the sum of its sides' squares, and some more.
@@ -52,6 +52,8 @@ pub struct Judge<'a> {
     pub light: &'a LightBounds,
     /// Error that a pair may have, W/m².
     pub share: f32,
+    /// What adds less than this by its area is dropped, W/m⁴.
+    pub negligible: f32,
     /// Width of the narrowest look-up, radians.
     pub texel: f32,
 }
@@ -68,7 +70,12 @@ pub struct Cell<'a> {
     pub is_leaf: bool,
 }
 
-impl Judge<'_> {
+impl<'a> Judge<'a> {
+    /// `allowed` is the error at a point, W/m²; `area` that of all mirrors, m².
+    pub fn new(uniforms: &'a GatherUniforms, light: &'a LightBounds, texel: f32, allowed: f32, area: f32) -> Self {
+        Self { uniforms, light, share: SHARE * allowed, negligible: NEGLIGIBLE * allowed / area, texel }
+    }
+
     /// 1/l² at most, as the gather keeps it finite.
     fn attenuation(&self, l2: f32, area: f32) -> f32 {
         let u = self.uniforms;
@@ -85,8 +92,11 @@ impl Judge<'_> {
         let sizes = block.radius + g.radius;
         let dn = d.dot(g.normal);
         let facing = if cell.two_sided { dn.abs() } else { -dn };
-        let facing = facing + sizes + g.normal_radius * l;
-        let receiving = d.dot(block.normal) + sizes + block.normal_radius * l;
+        let receiving = d.dot(block.normal);
+        let (f_slack, r_slack) = (sizes + g.normal_radius * l, sizes + block.normal_radius * l);
+        // Some points of it may look at each other, others not.
+        let straddles = facing < f_slack || receiving < r_slack;
+        let (facing, receiving) = (facing + f_slack, receiving + r_slack);
         if facing <= 0.0 || receiving <= 0.0 {
             return Verdict::Drop;
         }
@@ -118,7 +128,7 @@ impl Judge<'_> {
         let footprint = FOOTPRINT * (g11 + g22).sqrt() + BENT * of_cell * (of_block + of_cell);
         let Bound { most, contrast } = self.light.within(r, of_block + footprint);
         let (top, varies) = (weight * most, weight * contrast);
-        if top < NEGLIGIBLE * self.share {
+        if top <= self.negligible * g.area {
             return Verdict::Drop;
         }
         if may_split_block && block.kind != Kind::Smooth {
@@ -128,14 +138,16 @@ impl Judge<'_> {
             // The points' distance over the width of what is interpolated.
             let step = 0.47 * of_block / minor2.sqrt().max(self.texel);
             let step2 = step * step;
-            varies * (OF_INTERPOLATION * step2 * step2).min(1.0) + top * OF_WEIGHT * of_block.powi(3)
+            let of_weight = if straddles { 1.0 } else { OF_WEIGHT * of_block.powi(3) };
+            varies * (OF_INTERPOLATION * step2 * step2).min(1.0) + top * of_weight
         } else {
             0.0
         };
         let cell_error = if cell.is_leaf {
             0.0
         } else {
-            varies * (OF_CONTRAST * of_cell).min(1.0) + top * OF_WEIGHT * of_cell * of_cell
+            let of_weight = if straddles { 1.0 } else { OF_WEIGHT * of_cell * of_cell };
+            varies * (OF_CONTRAST * of_cell).min(1.0) + top * of_weight
         };
         if block_error + cell_error < self.share {
             return Verdict::Add { even: varies < self.share };

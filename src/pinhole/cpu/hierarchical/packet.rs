@@ -4,11 +4,18 @@ use glam::Vec4;
 
 use super::super::Group;
 use super::super::cube::{OnCube, on_cube};
-use super::super::lanes::{F, LANES, Simd, SimdBase, SimdFloat, V3, bits, lanes};
-use super::super::visibility::Unhindered;
+use super::super::lanes::{ALL, F, LANES, Simd, SimdBase, SimdFloat, V3, bits, lanes, splat, splat3};
+use super::super::visibility::{Surroundings, Unhindered};
 use super::super::{Pair, Receiver};
-use super::bounds::{BENT, FOOTPRINT, NEGLIGIBLE, OF_CONTRAST, OF_WEIGHT, TOO_LARGE};
+use super::bounds::{BENT, FOOTPRINT, OF_CONTRAST, OF_WEIGHT, TOO_LARGE};
 use super::tile::TileGather;
+
+/// The part of the receivers that the root sees whose cells are being visited.
+struct Seen<S: Simd> {
+    root: u32,
+    part: F<S>,
+    lanes: u32,
+}
 
 impl TileGather<'_> {
     /// Adds what cells, and those below them, bring to sixteen points.
@@ -18,8 +25,9 @@ impl TileGather<'_> {
         let there = points.there();
         let mut stack = std::mem::take(&mut self.pending);
         stack.extend(cells.iter().map(|&cell| (cell, there)));
+        let mut seen = Seen { root: u32::MAX, part: splat(simd, 1.0), lanes: ALL };
         while let Some((index, mask)) = stack.pop() {
-            let further = self.visit(simd, index, mask, &receiver, sum);
+            let further = self.visit(simd, index, mask, &receiver, &mut seen, sum);
             if further != 0 {
                 let children = self.scene.pinholes.tree.node(index).children();
                 stack.extend(children.map(|child| (child, further)));
@@ -36,30 +44,44 @@ impl TileGather<'_> {
         index: u32,
         mask: u32,
         receiver: &Receiver<S>,
+        seen: &mut Seen<S>,
         sum: &mut [Vec4; LANES],
     ) -> u32 {
         let (gather, share) = (&self.scene.gather, self.judge.share);
         let node = self.scene.pinholes.tree.node(index);
         let g = node.geometry();
         let sample = self.scene.pinholes.sample(node, &g);
+        let maps = gather.pinholes.visibility.as_ref();
+        let of_many = maps.is_some() && self.scene.pinholes.tree.is_above_roots(index);
+        let root = &gather.pinholes.samples[node.root() as usize];
         let reflects = self.scene.pinholes.mirror(sample.object()).most;
         let is_leaf = node.children().is_empty();
         let pair = Pair::new(simd, &sample, receiver);
         let l = pair.l2 * pair.inverse_l;
         let facing = if sample.two_sided() { pair.facing } else { -pair.dn };
         let receiving = pair.d.dot(receiver.normal);
+        let mut mask = mask;
+        if let (Some(maps), false) = (maps, of_many) {
+            if seen.root != node.root() {
+                let sight = Surroundings::new(maps, root, pair.dn);
+                let part = lanes(simd, sight.visible_part(simd, receiver.position - splat3(simd, root.position_area), ALL));
+                *seen = Seen { root: node.root(), part, lanes: bits(part.simd_gt(0.0)) };
+            }
+            mask &= seen.lanes;
+        }
         let lit = mask & bits(pair.cosines.simd_gt(0.0));
         // The greatest weight of any point of the cell.
-        let (alive, weight) = if is_leaf {
-            (lit, gather.weight(simd, &sample, &pair, receiver))
+        let (alive, weight, straddles) = if is_leaf {
+            (lit, gather.weight(simd, &sample, &pair, receiver), 0)
         } else {
-            let facing = facing + (l * g.normal_radius + g.radius);
-            let receiving = receiving + g.radius;
+            let slack = l * g.normal_radius + g.radius;
+            let straddles = bits(facing.simd_lt(slack) | receiving.simd_lt(g.radius));
+            let (facing, receiving) = (facing + slack, receiving + g.radius);
             let alive = mask & bits(facing.simd_gt(0.0) & receiving.simd_gt(0.0));
             let nearest = (l - g.radius).max(l * 0.3);
             let nearest2 = nearest * nearest;
             let cosines = facing.min(l) * receiving.min(l) / nearest2;
-            (alive, cosines * g.area * gather.most_attenuation(simd, nearest2, g.area))
+            (alive, cosines * g.area * gather.most_attenuation(simd, nearest2, g.area), straddles)
         };
         if alive == 0 {
             return 0;
@@ -72,19 +94,29 @@ impl TileGather<'_> {
         let weight_bound = weight * reflects;
         let (top, varies) = (weight_bound * most, weight_bound * contrast);
         sum.iter_mut().enumerate().for_each(|(lane, s)| s.w += (alive >> lane & 1) as f32);
-        let alive = alive & bits(top.simd_gt(NEGLIGIBLE * share));
+        let alive = alive & bits(top.simd_gt(self.judge.negligible * g.area));
         let (taken, further) = if is_leaf {
             (alive, 0)
         } else {
             let error = varies * (size * OF_CONTRAST).min(1.0) + top * size * size * OF_WEIGHT;
-            let taken = alive & bits(error.simd_lt(share) & size.simd_lt(TOO_LARGE));
+            let whole = bits(error.simd_lt(share) & size.simd_lt(TOO_LARGE));
+            // Where part of the cell does not count, its centre does not speak for all.
+            let taken = alive & (whole & !straddles | bits(top.simd_lt(share)) & straddles);
+            // What several roots see together is not known.
+            let taken = if of_many { 0 } else { taken };
             (taken, alive & !taken)
         };
         let taken = taken & lit;
         if taken != 0 {
             let weight = if is_leaf { weight } else { gather.weight(simd, &sample, &pair, receiver) };
             let even = bits(varies.simd_ge(share)) & taken == 0;
-            let radiance = gather.cell_radiance(simd, &sample, &pair, &Unhindered, even, taken);
+            let (weight, radiance) = match maps {
+                None => (weight, gather.cell_radiance(simd, &sides, &Unhindered, even, taken)),
+                Some(maps) => {
+                    let sight = Surroundings::new(maps, root, pair.dn);
+                    (weight * seen.part, gather.cell_radiance(simd, &sides, &sight, even, taken))
+                }
+            };
             gather.add(&sample, &pair, receiver, weight, &radiance, taken, sum);
         }
         further

@@ -2,11 +2,11 @@
 
 use glam::Vec4;
 
-use super::super::lanes::{LANES, Simd, SimdBase, bits};
-use super::super::visibility::Unhindered;
+use super::super::lanes::{LANES, Simd, SimdBase, SimdFloat, bits, splat3};
+use super::super::visibility::{Outlook, Surroundings, Unhindered};
 use super::super::{Group, Pair, load_at};
 use super::blocks::{EDGES, FINEST, Kind, TILE, Tile, points_along};
-use super::bounds::{Cell, Judge, SHARE, Verdict};
+use super::bounds::{Cell, FOOTPRINT, Judge, Verdict};
 use super::Walked;
 use crate::pinhole::{PinholeSample, Receivers};
 
@@ -27,12 +27,9 @@ pub struct TileGather<'a> {
 
 impl<'a> TileGather<'a> {
     pub fn new(scene: &'a Walked<'a>, receivers: &'a Receivers, left: usize, top: usize, allowed: f32) -> Self {
-        let judge = Judge {
-            uniforms: &scene.gather.uniforms,
-            light: scene.bounds,
-            share: SHARE * allowed,
-            texel: scene.gather.environment.texel_rad(),
-        };
+        let texel = scene.gather.environment.texel_rad();
+        let area = scene.pinholes.tree.area();
+        let judge = Judge::new(&scene.gather.uniforms, scene.bounds, texel, allowed, area);
         let tile = Tile::new(receivers, left, top, &scene.weights);
         let sums = vec![Vec4::ZERO; TILE * TILE];
         Self { scene, receivers, left, top, tile, judge, sums, spare: Vec::new(), pending: Vec::new() }
@@ -74,6 +71,7 @@ impl<'a> TileGather<'a> {
         let mut stack = self.spare.pop().unwrap_or_default();
         let mut deferred = self.spare.pop().unwrap_or_default();
         stack.extend_from_slice(cells);
+        let shadowed = self.scene.gather.pinholes.visibility.is_some();
         let mut judged = 0;
         while let Some(index) = stack.pop() {
             let node = tree.node(index);
@@ -92,8 +90,10 @@ impl<'a> TileGather<'a> {
                 Verdict::Drop => {}
                 Verdict::SplitCell => stack.extend(node.children()),
                 Verdict::SplitBlock => deferred.push(index),
+                // What several roots see together is not known.
+                Verdict::Add { .. } if shadowed && tree.is_above_roots(index) => stack.extend(node.children()),
                 Verdict::Add { even } => {
-                    if !self.add(simd, &sample, &points, even, &mut sum) {
+                    if !self.add(simd, node.root(), &sample, &points, even, &mut sum) {
                         deferred.push(index);
                     }
                 }
@@ -124,6 +124,7 @@ impl<'a> TileGather<'a> {
     fn add<S: Simd>(
         &self,
         simd: S,
+        root: u32,
         sample: &PinholeSample,
         points: &Group,
         even: bool,
@@ -136,8 +137,24 @@ impl<'a> TileGather<'a> {
         if lit == 0 {
             return true;
         }
+        let footprint = pair.footprint(simd, sample);
+        if let Some(maps) = &gather.pinholes.visibility {
+            let root = &gather.pinholes.samples[root as usize];
+            let sight = Surroundings::new(maps, root, pair.dn);
+            match sight.outlook(simd, receiver.position - splat3(simd, root.position_area), lit) {
+                Outlook::Clear => {}
+                Outlook::Dark => return true,
+                Outlook::Mixed => return false,
+            }
+            let reach = FOOTPRINT * (footprint.v1.dot(footprint.v1) + footprint.v2.dot(footprint.v2)).reduce_max().sqrt();
+            match sight.sky(simd, pair.r, reach, lit) {
+                Outlook::Clear => {}
+                Outlook::Dark => return true,
+                Outlook::Mixed => return false,
+            }
+        }
         let weight = gather.weight(simd, sample, &pair, &receiver);
-        let radiance = gather.cell_radiance(simd, sample, &pair, &Unhindered, even, lit);
+        let radiance = gather.cell_radiance(simd, &footprint, &Unhindered, even, lit);
         gather.add(sample, &pair, &receiver, weight, &radiance, lit, sum);
         true
     }
