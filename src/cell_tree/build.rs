@@ -7,7 +7,7 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use super::moments::Moments;
-use super::split::{halves, is_mixed, largest_patch, longest_axis};
+use super::split::{coordinates, halves, is_mixed, largest_patch, longest_axis};
 use super::{CellNode, CellTree};
 use crate::differential::owners;
 use crate::sampling::{PointSet, Surface, SurfacePoint, cover};
@@ -55,6 +55,7 @@ impl CellTree {
         let stride = surface.area() / (count * points_per_leaf(count));
         let candidates = cover(surface, stride as f32, set.points.len(), options.seed);
         let cells = members(&set.points, &candidates);
+        let reach = half_diagonal(&candidates);
 
         let objects = cells.iter().map(|cell| candidates[cell[0] as usize].object).collect();
         let below = nodes_below(leaves);
@@ -65,7 +66,7 @@ impl CellTree {
         let mut rest = tree.nodes.as_mut_slice();
         for root in 0..cells.len() {
             let (nodes, others) = rest.split_at_mut(below);
-            subtrees.push(Subtree { nodes, start: (root * below) as u32, root: root as u32 });
+            subtrees.push(Subtree { nodes, start: (root * below) as u32, root: root as u32, reach });
             rest = others;
         }
         let build = |(cell, mut subtree): (&Vec<u32>, Subtree)| {
@@ -74,12 +75,12 @@ impl CellTree {
             Root { node, moments }
         };
         let roots: Vec<Root> = cells.par_iter().zip(subtrees).map(build).collect();
-        tree.gather(&roots);
+        tree.gather(&roots, reach);
         tree
     }
 
     /// Puts the roots, and cells that are several of them, above the subtrees.
-    fn gather(&mut self, roots: &[Root]) {
+    fn gather(&mut self, roots: &[Root], reach: f32) {
         self.roots = vec![0; roots.len()];
         let mut order: Vec<u32> = (0..roots.len() as u32).collect();
         let objects = self.objects.clone();
@@ -88,24 +89,24 @@ impl CellTree {
             let top = self.nodes.len() as u32;
             self.nodes.push(CellNode::default());
             self.tops.push(top);
-            self.gather_group(roots, group, top);
+            self.gather_group(roots, group, top, reach);
         }
     }
 
     /// Makes the node of a group of roots of one object, in its place.
-    fn gather_group(&mut self, roots: &[Root], group: &mut [u32], place: u32) -> Moments {
+    fn gather_group(&mut self, roots: &[Root], group: &mut [u32], place: u32, reach: f32) -> Moments {
         if let [root] = *group {
             self.nodes[place as usize] = roots[root as usize].node;
             self.roots[root as usize] = place;
             return roots[root as usize].moments;
         }
-        let (a, b) = halves_of_roots(roots, group);
-        let ((a1, a2), (b1, b2)) = (halves_of_roots(roots, a), halves_of_roots(roots, b));
+        let (a, b) = halves_of_roots(roots, group, reach);
+        let ((a1, a2), (b1, b2)) = (halves_of_roots(roots, a, reach), halves_of_roots(roots, b, reach));
         let quarters = [a1, a2, b1, b2];
         let (first, count) = (self.nodes.len() as u32, quarters.iter().filter(|q| !q.is_empty()).count() as u32);
         self.nodes.resize((first + count) as usize, CellNode::default());
         let quarters = quarters.into_iter().filter(|q| !q.is_empty());
-        let moments = quarters.zip(first..).map(|(quarter, child)| self.gather_group(roots, quarter, child));
+        let moments = quarters.zip(first..).map(|(quarter, child)| self.gather_group(roots, quarter, child, reach));
         let moments = moments.reduce(Moments::join).expect("a group has roots");
 
         let fit = moments.fit();
@@ -132,13 +133,23 @@ fn members(points: &[SurfacePoint], candidates: &[SurfacePoint]) -> Vec<Vec<u32>
     cells
 }
 
-/// Halves roots across the direction in which they spread, or in which their normals do, whichever is more.
-fn halves_of_roots<'a>(roots: &[Root], group: &'a mut [u32]) -> (&'a mut [u32], &'a mut [u32]) {
-    let position = |root: u32| roots[root as usize].moments.position();
+/// Half the diagonal of the points' bounds: receivers are taken to be about so far away.
+fn half_diagonal(points: &[SurfacePoint]) -> f32 {
+    let low = points.iter().fold(Vec3::INFINITY, |low, p| low.min(p.position));
+    let high = points.iter().fold(Vec3::NEG_INFINITY, |high, p| high.max(p.position));
+    0.5 * low.distance(high).max(f32::MIN_POSITIVE)
+}
+
+/// Halves roots as cells are.
+fn halves_of_roots<'a>(roots: &[Root], group: &'a mut [u32], reach: f32) -> (&'a mut [u32], &'a mut [u32]) {
+    let at = |root: u32| {
+        let node = roots[root as usize].node.geometry();
+        coordinates(node.centroid, node.normal, reach)
+    };
     let middle = group.len() / 2;
     if middle > 0 {
-        let axis = longest_axis(group.iter().map(|&root| position(root)));
-        group.select_nth_unstable_by(middle, |&a, &b| position(a)[axis].total_cmp(&position(b)[axis]));
+        let axis = longest_axis(group.iter().map(|&root| at(root)));
+        group.select_nth_unstable_by(middle, |&a, &b| at(a)[axis].total_cmp(&at(b)[axis]));
     }
     group.split_at_mut(middle)
 }
@@ -149,6 +160,8 @@ struct Subtree<'a> {
     /// Where they begin in the tree.
     start: u32,
     root: u32,
+    /// See [`coordinates`].
+    reach: f32,
 }
 
 impl Subtree<'_> {
@@ -158,8 +171,8 @@ impl Subtree<'_> {
         let mut count = 0;
         let mut joined: Option<Moments> = None;
         if leaves > 1 && points.len() > 1 {
-            let (a, b) = halves(points);
-            let ((a1, a2), (b1, b2)) = (halves(a), halves(b));
+            let (a, b) = halves(points, self.reach);
+            let ((a1, a2), (b1, b2)) = (halves(a, self.reach), halves(b, self.reach));
             for quarter in [a1, a2, b1, b2].into_iter().filter(|q| !q.is_empty()) {
                 let (node, moments) = self.cell(quarter, leaves / FAN, level + 1, place * FAN + count);
                 self.nodes[(first + count) as usize] = node;

@@ -80,10 +80,6 @@ impl Moments {
         self.area
     }
 
-    pub fn position(&self) -> Vec3 {
-        self.position
-    }
-
     /// The same cell, standing for another area.
     #[must_use]
     pub fn with_area(self, area: f32) -> Self {

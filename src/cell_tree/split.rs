@@ -1,25 +1,44 @@
-//! How cells are halved: across the direction in which they are longest.
+//! How cells are halved: across the direction in which they widen their footprints the most, be it by their length or by the
+//! turning of their normals.
 
 use glam::Vec3;
 
 use crate::sampling::SurfacePoint;
 
-/// Halves points by their area, first along creases, then across the longest side of their bounds. Either half may be empty
-/// if there are fewer than two points.
-pub(super) fn halves(points: &mut [SurfacePoint]) -> (&mut [SurfacePoint], &mut [SurfacePoint]) {
+/// Where a place is as far as footprints are concerned: seen from `reach` metres away, a step of d metres turns reflected
+/// directions by d/reach, and a turn of the normal by twice as much.
+pub(super) fn coordinates(position: Vec3, normal: Vec3, reach: f32) -> [f32; 6] {
+    let ([a, b, c], [x, y, z]) = ((position / reach).to_array(), (2.0 * normal).to_array());
+    [a, b, c, x, y, z]
+}
+
+/// Halves points by their number, first along creases, then across the longest axis of their coordinates. Either half may be
+/// empty if there are fewer than two points.
+pub(super) fn halves(points: &mut [SurfacePoint], reach: f32) -> (&mut [SurfacePoint], &mut [SurfacePoint]) {
     if points.len() < 2 {
         return points.split_at_mut(points.len());
     }
-    let axis = longest_axis(points.iter().map(|p| p.position));
+    let axis = longest_axis(points.iter().map(|p| coordinates(p.position, p.normal, reach)));
     let middle = if is_mixed(points) { by_patches(points, axis) } else { by_median(points, axis) };
     points.split_at_mut(middle)
 }
 
-/// The coordinate axis along which points spread the most.
-pub(super) fn longest_axis(points: impl Iterator<Item = Vec3> + Clone) -> usize {
-    let low = points.clone().fold(Vec3::INFINITY, Vec3::min);
-    let extent = points.fold(Vec3::NEG_INFINITY, Vec3::max) - low;
-    extent.max_position()
+/// The axis along which coordinates spread the most.
+pub(super) fn longest_axis(points: impl Iterator<Item = [f32; 6]>) -> usize {
+    let (mut low, mut high) = ([f32::INFINITY; 6], [f32::NEG_INFINITY; 6]);
+    for point in points {
+        for axis in 0..6 {
+            low[axis] = low[axis].min(point[axis]);
+            high[axis] = high[axis].max(point[axis]);
+        }
+    }
+    let extent = |axis: usize| high[axis] - low[axis];
+    (1..6).fold(0, |longest, axis| if extent(axis) > extent(longest) { axis } else { longest })
+}
+
+/// One of a point's coordinates; what they are divided by does not matter here.
+fn along(axis: usize, point: &SurfacePoint) -> f32 {
+    if axis < 3 { point.position[axis] } else { point.normal[axis - 3] }
 }
 
 /// Whether a crease or a sheet's thickness lies between some of the points.
@@ -36,7 +55,7 @@ pub(super) fn largest_patch(points: &mut [SurfacePoint]) -> &[SurfacePoint] {
 
 fn by_median(points: &mut [SurfacePoint], axis: usize) -> usize {
     let middle = points.len() / 2;
-    points.select_nth_unstable_by(middle, |a, b| a.position[axis].total_cmp(&b.position[axis]));
+    points.select_nth_unstable_by(middle, |a, b| along(axis, a).total_cmp(&along(axis, b)));
     middle
 }
 
@@ -47,7 +66,7 @@ fn by_patches(points: &mut [SurfacePoint], axis: usize) -> usize {
         .chunk_by(|a, b| a.patch == b.patch)
         .map(|of_patch| {
             let area: f32 = of_patch.iter().map(|p| p.area).sum();
-            (of_patch.iter().map(|p| p.area * p.position[axis]).sum::<f32>() / area, area, of_patch)
+            (of_patch.iter().map(|p| p.area * along(axis, p)).sum::<f32>() / area, area, of_patch)
         })
         .collect();
     patches.sort_by(|a, b| a.0.total_cmp(&b.0));

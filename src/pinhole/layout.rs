@@ -118,6 +118,28 @@ impl PinholeSample {
         self.normal_object[3].abs() as u32 - 1
     }
 
+    /// The four quarters of its parallelogram, to second order.
+    pub(super) fn quarters(&self) -> [Self; 4] {
+        let (n, [t1, t2]) = (self.normal(), [self.side_1(), self.side_2()]);
+        let [m1, m2] = [self.change_1, self.change_2].map(|m| Vec3::from_slice(&m));
+        [(-0.25, -0.25), (0.25, -0.25), (-0.25, 0.25), (0.25, 0.25)].map(|(x, y)| {
+            let (q, m) = (x * t1 + y * t2, x * m1 + y * m2);
+            let normal = (n + m).normalize();
+            let tangent = |v: Vec3| v - v.dot(normal) * normal;
+            let mut quarter = *self;
+            // Where normals diverge the surface falls away from the tangent plane.
+            let position = self.position() + q - 0.5 * q.dot(m) * n;
+            quarter.position_area = position.extend(0.25 * self.area()).to_array();
+            quarter.normal_object = normal.extend(self.normal_object[3]).to_array();
+            let half = |v: Vec3, w: f32| (0.5 * tangent(v)).extend(w).to_array();
+            quarter.side_1 = half(t1, self.side_1[3]);
+            quarter.side_2 = half(t2, self.side_2[3]);
+            quarter.change_1 = half(m1, self.change_1[3]);
+            quarter.change_2 = half(m2, self.change_2[3]);
+            quarter
+        })
+    }
+
     /// Blur of the footprint, radians.
     pub fn lobe(&self) -> f32 {
         self.side_1[3]

@@ -30,22 +30,37 @@ pub struct Light<'a> {
     pub bounds: &'a LightBounds,
 }
 
+/// How right a hierarchical gather is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Accuracy {
+    /// The error that is allowed, as a part of the root mean square of the irradiance over all receivers.
+    pub tolerance: f32,
+    /// Leaves are quartered for receivers that are nearer to them than they are wide. Off: a leaf is one sample for all, as it
+    /// is in a gather that knows no hierarchy.
+    pub split_near: bool,
+}
+
+impl Default for Accuracy {
+    fn default() -> Self {
+        Self { tolerance: 0.01, split_near: true }
+    }
+}
+
 /// Gathers the irradiance at every receiver from a hierarchy of samples: R, G, B in W/m², and the number of fetches.
 ///
-/// `tolerance` is the error that is allowed, as a part of the root mean square of the irradiance over all receivers (where
-/// there is any). `progress` is told, from any thread, how many more receivers are done. The filter is
+/// `progress` is told, from any thread, how many more receivers are done. The filter is
 /// [`Filter::Anisotropic`](crate::pinhole::Filter::Anisotropic).
 pub fn gather_hierarchical(
     receivers: &Receivers,
     pinholes: &PinholeTree,
     light: Light,
     params: &Params,
-    tolerance: f32,
+    accuracy: Accuracy,
     progress: &(dyn Fn(u64) + Sync),
 ) -> Vec<[f32; 4]> {
     let scene = Walked::new(pinholes, light, params, receivers);
-    let allowed = tolerance * scene.typical(receivers);
-    scene.gather(receivers, &tiles(receivers), allowed, progress)
+    let allowed = accuracy.tolerance * scene.typical(receivers);
+    scene.gather(receivers, &tiles(receivers), accuracy, allowed, progress)
 }
 
 /// Receivers, and roots, that are asked how bright the picture is.
@@ -98,6 +113,7 @@ impl<'a> Walked<'a> {
         &self,
         receivers: &Receivers,
         tiles: &[(usize, usize)],
+        accuracy: Accuracy,
         allowed: f32,
         progress: &(dyn Fn(u64) + Sync),
     ) -> Vec<[f32; 4]> {
@@ -106,7 +122,7 @@ impl<'a> Walked<'a> {
         let done: Vec<Vec<Vec4>> = tiles
             .par_iter()
             .map(|&(left, top)| {
-                let mut tile = TileGather::new(self, receivers, left, top, allowed);
+                let mut tile = TileGather::new(self, receivers, [left, top], accuracy, allowed);
                 dispatch!(level(), simd => tile.run(simd));
                 progress(((width - left).min(TILE) * (height - top).min(TILE)) as u64);
                 tile.into_sums()

@@ -9,6 +9,10 @@ use super::super::visibility::{Surroundings, Unhindered};
 use super::super::{Pair, Receiver};
 use super::bounds::{BENT, FOOTPRINT, OF_CONTRAST, OF_WEIGHT, TOO_LARGE};
 use super::tile::TileGather;
+use crate::pinhole::PinholeSample;
+
+/// Times that a leaf is quartered.
+const DEEPEST: u32 = 5;
 
 /// The part of the receivers that the root sees whose cells are being visited.
 struct Seen<S: Simd> {
@@ -96,7 +100,12 @@ impl TileGather<'_> {
         sum.iter_mut().enumerate().for_each(|(lane, s)| s.w += (alive >> lane & 1) as f32);
         let alive = alive & bits(top.simd_gt(self.judge.negligible * g.area));
         let (taken, further) = if is_leaf {
-            (alive, 0)
+            let near = top * size * size * OF_WEIGHT;
+            let near = if self.accuracy.split_near { alive & bits(near.simd_gt(share)) } else { 0 };
+            if near != 0 {
+                self.near(simd, &sample, root, near, receiver, seen, sum);
+            }
+            (alive & !near, 0)
         } else {
             let error = varies * (size * OF_CONTRAST).min(1.0) + top * size * size * OF_WEIGHT;
             let whole = bits(error.simd_lt(share) & size.simd_lt(TOO_LARGE));
@@ -120,6 +129,46 @@ impl TileGather<'_> {
             gather.add(&sample, &pair, receiver, weight, &radiance, taken, sum);
         }
         further
+    }
+
+    /// Adds what a leaf brings to receivers so near to it that it is not one sample for them: its parallelogram is quartered
+    /// until each piece is, or is too small to matter.
+    #[inline(always)]
+    fn near<S: Simd>(
+        &self,
+        simd: S,
+        leaf: &PinholeSample,
+        root: &PinholeSample,
+        mask: u32,
+        receiver: &Receiver<S>,
+        seen: &Seen<S>,
+        sum: &mut [Vec4; LANES],
+    ) {
+        let gather = &self.scene.gather;
+        let mut pieces: Vec<(PinholeSample, u32, u32)> = leaf.quarters().map(|q| (q, mask, 1)).to_vec();
+        while let Some((piece, mask, depth)) = pieces.pop() {
+            let pair = Pair::new(simd, &piece, receiver);
+            let lit = mask & bits(pair.cosines.simd_gt(0.0));
+            let size = pair.inverse_l * (0.5 * (piece.side_1().length() + piece.side_2().length()));
+            let further = if depth < DEEPEST { mask & bits(size.simd_gt(TOO_LARGE)) } else { 0 };
+            if further != 0 {
+                pieces.extend(piece.quarters().map(|q| (q, further, depth + 1)));
+            }
+            let taken = lit & !further;
+            if taken == 0 {
+                continue;
+            }
+            let weight = gather.weight(simd, &piece, &pair, receiver) * seen.part;
+            let sides = pair.footprint(simd, &piece);
+            let radiance = match &gather.pinholes.visibility {
+                None => gather.cell_radiance(simd, &sides, &Unhindered, false, taken),
+                Some(maps) => {
+                    let sight = Surroundings::new(maps, root, pair.dn);
+                    gather.cell_radiance(simd, &sides, &sight, false, taken)
+                }
+            };
+            gather.add(&piece, &pair, receiver, weight, &radiance, taken, sum);
+        }
     }
 
     /// Bounds of the light within cones around sixteen directions.

@@ -2,12 +2,12 @@
 
 use glam::Vec4;
 
-use super::super::lanes::{LANES, Simd, SimdBase, SimdFloat, bits, splat3};
+use super::super::lanes::{LANES, Simd, SimdBase, bits, splat3};
 use super::super::visibility::{Outlook, Surroundings, Unhindered};
 use super::super::{Group, Pair, load_at};
 use super::blocks::{EDGES, FINEST, Kind, TILE, Tile, points_along};
 use super::bounds::{Cell, FOOTPRINT, Judge, Verdict};
-use super::Walked;
+use super::{Accuracy, Walked};
 use crate::pinhole::{PinholeSample, Receivers};
 
 /// A tile being gathered.
@@ -18,6 +18,7 @@ pub struct TileGather<'a> {
     top: usize,
     tile: Tile,
     pub judge: Judge<'a>,
+    pub accuracy: Accuracy,
     sums: Vec<Vec4>,
     /// Lists of cells, to be used again.
     spare: Vec<Vec<u32>>,
@@ -26,13 +27,13 @@ pub struct TileGather<'a> {
 }
 
 impl<'a> TileGather<'a> {
-    pub fn new(scene: &'a Walked<'a>, receivers: &'a Receivers, left: usize, top: usize, allowed: f32) -> Self {
+    pub fn new(scene: &'a Walked<'a>, receivers: &'a Receivers, [left, top]: [usize; 2], accuracy: Accuracy, allowed: f32) -> Self {
         let texel = scene.gather.environment.texel_rad();
         let area = scene.pinholes.tree.area();
         let judge = Judge::new(&scene.gather.uniforms, scene.bounds, texel, allowed, area);
         let tile = Tile::new(receivers, left, top, &scene.weights);
         let sums = vec![Vec4::ZERO; TILE * TILE];
-        Self { scene, receivers, left, top, tile, judge, sums, spare: Vec::new(), pending: Vec::new() }
+        Self { scene, receivers, left, top, tile, judge, accuracy, sums, spare: Vec::new(), pending: Vec::new() }
     }
 
     pub fn into_sums(self) -> Vec<Vec4> {
