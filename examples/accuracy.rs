@@ -12,7 +12,7 @@ use std::path::Path;
 use pinspot::image::Aov;
 use pinspot::pinhole::{Filter, Footprint};
 use pinspot::reference::Goal;
-use pinspot::render::{BackendChoice, Settings};
+use pinspot::render::{BackendChoice, EvaluationChoice, Settings};
 use pinspot::report::{Comparison, Plan, Request, Row, compare};
 use pinspot::sampling::{Density, Strategy};
 use pinspot::scene::Visibility;
@@ -45,6 +45,7 @@ fn compare_scene(name: &str) -> Result<Comparison, Error> {
         strategies: vec![Strategy::Neighbourhood],
         densities: vec![Density::Uniform],
         footprints: vec![Footprint::Curvature, Footprint::Cells],
+        evaluations: vec![EvaluationChoice::Flat],
         filters: vec![Filter::None, Filter::Anisotropic],
         samples: SAMPLES.to_vec(),
         seeds: 3,

@@ -1,6 +1,6 @@
 use pinspot::cell_tree::{CellTree, TreeOptions};
 use pinspot::environment::{Environment, LightBounds};
-use pinspot::pinhole::cpu::{Accuracy, Light, gather, gather_hierarchical};
+use pinspot::pinhole::cpu::{Accuracy, Light, gather, gather_hierarchical, typical_irradiance};
 use pinspot::pinhole::{Params, PinholeTree, Receivers};
 use pinspot::render::Settings;
 use pinspot::sampling::{self, Surface, sample};
@@ -53,7 +53,7 @@ fn main() {
         let tree = CellTree::new(&surface, &set, &TreeOptions { leaves, seed: 1 });
         let build = t.elapsed().as_secs_f64();
         let mut pinholes = PinholeTree::new(&scene, tree);
-        if arg("vis", "0") == "1" { pinholes.look_around(&scene, &tracer); }
+        if arg("vis", "0") == "1" { pinholes.roots_mut().look_around(&scene, &tracer); }
         let flat = (arg("flat", "0") == "1").then(|| {
             let mut l = pinholes.leaves();
             if arg("vis", "0") == "1" { l.look_around(&scene, &tracer); }
@@ -66,7 +66,7 @@ fn main() {
             let tol: f32 = tol.parse().unwrap();
             let t = Instant::now();
             let light = Light { cube: &environment.cube, bounds: &bounds };
-            let h = gather_hierarchical(&receivers, &pinholes, light, &params, Accuracy { tolerance: tol, split_near: arg("near", "1") == "1" }, &|_| ());
+            let h = gather_hierarchical(&receivers, &pinholes, light, &params, Accuracy { error: tol * typical_irradiance(&receivers, &pinholes, light, &params), split_near: arg("near", "1") == "1" }, &|_| ());
             let dt = t.elapsed().as_secs_f64();
             println!("{} leaves {} build {build:.3}s tol {tol} {dt:.3}s fetches {:.0} err {:.4} vs flat {:.5} energy {:.5}", scene.name, pinholes.tree().leaves().count(), mean(&h, 3),
                 reference.as_ref().map_or(0.0, |r| error(&h, r, &mask)), flat.as_ref().map_or(0.0, |f| error(&h, f, &all)), flat.as_ref().map_or(0.0, |f| mean(&h, 1) / mean(f, 1)));

@@ -6,7 +6,7 @@ use clap::Args;
 
 use pinspot::pinhole::Footprint;
 use pinspot::reference::Goal;
-use pinspot::render::{FilterChoice, Options, Settings};
+use pinspot::render::{EvaluationChoice, FilterChoice, Options, Settings};
 use pinspot::report::{Comparison, Figure, Plan, Request, compare};
 use pinspot::sampling::{Density, Strategy};
 
@@ -32,6 +32,9 @@ pub struct CompareArgs {
     /// Filters, separated by commas [default: none,auto]
     #[arg(long, value_parser = word::<FilterChoice>, value_delimiter = ',', value_name = "NAMES")]
     filters: Vec<FilterChoice>,
+    /// How samples are summed, separated by commas: flat, hierarchical (cells that are filtered anisotropically) [default: flat]
+    #[arg(long, value_parser = word::<EvaluationChoice>, value_delimiter = ',', value_name = "NAMES")]
+    evaluations: Vec<EvaluationChoice>,
     /// Sample counts, separated by commas [default: 100,1000,10000]
     #[arg(long, value_delimiter = ',', value_name = "LIST")]
     samples: Vec<u32>,
@@ -42,7 +45,7 @@ pub struct CompareArgs {
     #[arg(long, value_name = "N")]
     seed: Option<u64>,
     /// Reproduce a figure of Wand & Straßer (2003): 4 (samples, filtered and not) or 5 (strategies)
-    #[arg(long, value_name = "4|5", value_parser = figure, conflicts_with_all = ["strategies", "densities", "footprints", "filters", "samples"])]
+    #[arg(long, value_name = "4|5", value_parser = figure, conflicts_with_all = ["strategies", "densities", "footprints", "filters", "evaluations", "samples"])]
     figure: Option<Figure>,
     /// Measure only where this picture (.png, .exr) is not black
     #[arg(long, value_name = "FILE")]
@@ -121,6 +124,7 @@ fn plan(args: &CompareArgs, options: &mut Options) -> Plan {
         densities: or(&args.densities, &[options.density]),
         footprints: or(&args.footprints, &[options.footprint]),
         filters: filters.into_iter().map(FilterChoice::resolve).collect(),
+        evaluations: or(&args.evaluations, &[EvaluationChoice::Flat]),
         samples: or(&args.samples, &[100, 1000, 10_000]),
         seeds: args.seeds,
         figure: None,
@@ -130,18 +134,19 @@ fn plan(args: &CompareArgs, options: &mut Options) -> Plan {
 /// The mean errors over the seeds, and where the report is.
 fn summary(args: &CompareArgs, comparison: &Comparison) -> String {
     let mut lines = vec![format!(
-        "{:15} {:12} {:10} {:12} {:>8} {:>8} {:>8} {:>7} {:>9}",
-        "strategy", "density", "footprint", "filter", "samples", "rel_l2", "mrse", "flip", "lookups"
+        "{:15} {:12} {:10} {:12} {:12} {:>8} {:>8} {:>8} {:>7} {:>9}",
+        "strategy", "density", "footprint", "filter", "evaluation", "samples", "rel_l2", "mrse", "flip", "lookups"
     )];
     for rows in comparison.rows.chunks(args.seeds as usize) {
         let mean = |f: fn(&pinspot::report::Row) -> f64| rows.iter().map(f).sum::<f64>() / rows.len() as f64;
         let row = &rows[0];
         lines.push(format!(
-            "{:15} {:12} {:10} {:12} {:>8} {:>8.4} {:>8.3} {:>7.4} {:>9.0}",
+            "{:15} {:12} {:10} {:12} {:12} {:>8} {:>8.4} {:>8.3} {:>7.4} {:>9.0}",
             row.strategy.name(),
             row.density.name(),
             row.footprint.name(),
             row.filter,
+            row.evaluation.name(),
             row.samples,
             mean(|r| r.rel_l2),
             mean(|r| r.mrse),

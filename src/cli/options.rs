@@ -9,7 +9,7 @@ use serde::de::value::{Error as WordError, StrDeserializer};
 use pinspot::environment::CubeSize;
 use pinspot::image::Aov;
 use pinspot::pinhole::{Epsilon, Footprint};
-use pinspot::render::{BackendChoice, FilterChoice, Options, Overlay, Settings};
+use pinspot::render::{BackendChoice, EvaluationChoice, FilterChoice, Options, Overlay, Settings};
 use pinspot::sampling::{Density, Strategy};
 use pinspot::scene::{Light, Loaded, MapLayout, Scene, Visibility, load};
 
@@ -79,6 +79,15 @@ pub struct CommonOptions {
     /// auto, none, isotropic, anisotropic, hardware or ewa [default: auto: the GPU's own where a test finds it right, else anisotropic]
     #[arg(long, value_parser = word::<FilterChoice>, value_name = "NAME")]
     pub filter: Option<FilterChoice>,
+    /// auto, flat (every sample for every receiver) or hierarchical (by a tree of cells) [default: auto: hierarchical where that can be]
+    #[arg(long, value_parser = word::<EvaluationChoice>, value_name = "NAME")]
+    pub evaluation: Option<EvaluationChoice>,
+    /// Cells that each sample is split into at most; the power of four below counts [default: 64 in a hierarchy, else 1]
+    #[arg(long, value_name = "N")]
+    pub leaves: Option<u32>,
+    /// Error that a hierarchy may have, as a part of the caustics' root mean square [default: 0.01]
+    #[arg(long, value_name = "PART")]
+    pub tolerance: Option<f32>,
     #[command(flatten)]
     pub scene: SceneOptions,
     /// What to render, separated by commas: beauty, caustic, direct, albedo, normal, position, depth [default: beauty]
@@ -106,6 +115,9 @@ impl CommonOptions {
             density: self.sampling.density,
             footprint: self.footprint,
             filter: self.filter,
+            evaluation: self.evaluation,
+            leaves: self.leaves,
+            tolerance: self.tolerance,
             seed: self.sampling.seed,
             background_exposure_ev: self.background_exposure,
             caustic_gain: self.caustic_gain,

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 
 use pinspot::image::{Aov, write_exr, write_png};
-use pinspot::render::{Options, Overlay, Rendered, Renderer, Report};
+use pinspot::render::{Evaluation, Options, Overlay, Rendered, Renderer, Report};
 
 use super::options::CommonOptions;
 use super::progress::Bar;
@@ -106,17 +106,26 @@ fn write(path: &Path, rendered: &Rendered, look: &pinspot::render::Look) -> Resu
     written.map_err(|e| e.to_string())
 }
 
+/// How many, and how they were summed.
+fn samples(report: &Report) -> String {
+    match report.evaluation {
+        Evaluation::Flat { leaves: 1 } => format!("{} samples", report.samples),
+        Evaluation::Flat { leaves } => format!("{} samples of {leaves} leaves, one by one", report.samples),
+        Evaluation::Hierarchical { leaves, .. } => format!("{} samples of {leaves} leaves", report.samples),
+    }
+}
+
 fn summary(report: &Report, outputs: &[PathBuf]) -> String {
     let on = &report.backend;
     let files: Vec<String> = outputs.iter().map(|p| p.display().to_string()).collect();
     let seconds = &report.seconds;
-    let preparing = seconds.environment + seconds.sampling + seconds.differentials + seconds.backend;
+    let preparing = seconds.environment + seconds.sampling + seconds.differentials + seconds.tree + seconds.visibility + seconds.backend;
     format!(
-        "{}: {}x{} pixels, {} samples, on {on}: {:.1} s (preparing {preparing:.1} s, gather {:.1} s, {:.0} look-ups a pixel)",
+        "{}: {}x{} pixels, {}, on {on}: {:.1} s (preparing {preparing:.1} s, gather {:.1} s, {:.0} look-ups a pixel)",
         files.join(", "),
         report.size[0],
         report.size[1],
-        report.samples,
+        samples(report),
         preparing + seconds.render,
         seconds.gather,
         report.lookups,

@@ -19,7 +19,7 @@ mod tree;
 mod visibility;
 
 pub use layout::{BATCH_SIZE, CURVE_POINTS, GatherUniforms, PinholeParts, PinholeSample, Pinholes, ReflectanceCurve};
-pub use receivers::{NO_RECEIVER, Receivers, Viewers};
+pub use receivers::{Arrangement, NO_RECEIVER, Receivers, Viewers};
 pub use tree::PinholeTree;
 pub use visibility::VisibilityMaps;
 

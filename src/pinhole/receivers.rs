@@ -16,12 +16,24 @@ pub struct Receivers {
     pub width: u32,
     /// Rows.
     pub height: u32,
+    /// What neighbours have in common.
+    pub arrangement: Arrangement,
     /// World position; `w` is the object's index in the scene, or [`NO_RECEIVER`].
     pub positions: Vec<[f32; 4]>,
     /// Unit normal on the side that receives; `w` is not used.
     pub normals: Vec<[f32; 4]>,
     /// `None`: what is gathered is irradiance. Else it is the radiance that the objects reflect to their viewers.
     pub viewers: Option<Viewers>,
+}
+
+/// What neighbouring receivers have in common.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Arrangement {
+    /// Columns and rows are those of a picture.
+    #[default]
+    Picture,
+    /// Only the order counts: what follows each other is likely to be near each other.
+    List,
 }
 
 /// Who looks at receivers.
@@ -40,15 +52,17 @@ impl Receivers {
         Self {
             width,
             height,
+            arrangement: Arrangement::Picture,
             positions: vec![[0.0, 0.0, 0.0, NO_RECEIVER]; count],
             normals: vec![[0.0; 4]; count],
             viewers: None,
         }
     }
 
-    /// Arranges a list of points in rows of `width`.
+    /// Puts a list of points into rows of `width`.
     pub fn from_points(points: &[(Vec3, Vec3, u32)], width: u32) -> Self {
-        let mut grid = Self::empty(width, (points.len() as u32).div_ceil(width).max(1));
+        let rows = (points.len() as u32).div_ceil(width).max(1);
+        let mut grid = Self { arrangement: Arrangement::List, ..Self::empty(width, rows) };
         for (index, (position, normal, object)) in points.iter().enumerate() {
             grid.set(index, *position, *normal, *object);
         }

@@ -3,7 +3,6 @@
 use super::{Mirror, Mirrors, PinholeSample, Pinholes, Region};
 use crate::cell_tree::{CellNode, CellTree, NodeGeometry};
 use crate::scene::Scene;
-use crate::tracing::Tracer;
 
 /// The hierarchy of samples.
 #[derive(Clone, Debug)]
@@ -24,9 +23,9 @@ impl PinholeTree {
         new
     }
 
-    /// Lets every root look around, as [`Pinholes::look_around`].
-    pub fn look_around(&mut self, scene: &Scene, tracer: &Tracer) {
-        self.roots.look_around(scene, tracer);
+    /// The roots as samples, to look around; their maps hold for all cells below them.
+    pub fn roots_mut(&mut self) -> &mut Pinholes {
+        &mut self.roots
     }
 
     /// The cells.

@@ -15,7 +15,7 @@ use super::{Renderer, sum_of_fetches, timed};
 use crate::Error;
 use crate::Progress;
 use crate::image::{display, exposed};
-use crate::pinhole::{Receivers, Viewers};
+use crate::pinhole::{Arrangement, Receivers, Viewers};
 use crate::scene::{Object, Ray, Sides};
 use crate::tracing::Hit;
 
@@ -60,10 +60,11 @@ pub(super) fn shade(
 /// The caustics at extra points: irradiance, or from glossy receivers the radiance towards their viewers.
 fn gather_at(renderer: &Renderer, points: &[ExtraPoint], progress: &dyn Progress) -> Result<Vec<[f32; 4]>, Error> {
     let gather = |receivers: &Receivers| {
-        let Renderer { backend, pinholes, environment, options, .. } = renderer;
-        backend.gather(receivers, pinholes, &environment.cube, &options.params, progress)
+        let Renderer { backend, samples, environment, options, .. } = renderer;
+        backend.gather(receivers, samples, &environment.cube, &options.params, progress)
     };
-    let mut diffuse = Receivers::empty(POINTS_IN_A_ROW, (points.len() as u32).div_ceil(POINTS_IN_A_ROW));
+    let rows = (points.len() as u32).div_ceil(POINTS_IN_A_ROW);
+    let mut diffuse = Receivers { arrangement: Arrangement::List, ..Receivers::empty(POINTS_IN_A_ROW, rows) };
     let is_glossy = |p: &ExtraPoint| p.receives && renderer.materials.is_glossy(p.hit.object);
     for (index, point) in points.iter().enumerate().filter(|(_, p)| p.receives && !is_glossy(p)) {
         diffuse.set(index, point.hit.position, point.hit.normal, point.hit.object);

@@ -4,13 +4,14 @@ use std::fmt;
 
 use serde::Serialize;
 
-use crate::environment::{CubeMap, Environment};
+use crate::environment::{CubeMap, Environment, LightBounds};
 use crate::gpu::{Adapter, Gpu, GpuError};
 use crate::pinhole::gpu::{
     Engine, EnvironmentCube, FrameInputs, FrameViewers, Options, automatic_filter as automatic_filter_of,
     check_hardware_filter,
 };
-use crate::pinhole::{BATCH_SIZE, Filter, Params, Pinholes, Receivers, Viewers, cpu};
+use crate::pinhole::cpu::{self, Accuracy, Light};
+use crate::pinhole::{BATCH_SIZE, Filter, Params, PinholeTree, Pinholes, Receivers, Viewers};
 use crate::scene::Visibility;
 use crate::{Error, OptionError, Progress};
 
@@ -36,6 +37,22 @@ impl BackendChoice {
             other => other.clone(),
         }
     }
+}
+
+/// What is summed.
+#[derive(Debug)]
+pub(super) enum Samples {
+    /// Samples, one by one.
+    Flat(Pinholes),
+    /// A hierarchy of them.
+    Hierarchical {
+        /// The cells.
+        tree: PinholeTree,
+        /// How bright the light is.
+        bounds: LightBounds,
+        /// How right the sum is to be.
+        accuracy: Accuracy,
+    },
 }
 
 /// An open back end.
@@ -130,15 +147,21 @@ impl Backend {
     pub(super) fn gather(
         &self,
         receivers: &Receivers,
-        pinholes: &Pinholes,
+        samples: &Samples,
         light: &CubeMap,
         params: &Params,
         progress: &dyn Progress,
     ) -> Result<Vec<[f32; 4]>, Error> {
         progress.begin("gathering", receivers.positions.len() as u64);
-        match self {
-            Self::Cpu => Ok(cpu::gather(receivers, pinholes, light, params, &|n| progress.advance(n))),
-            Self::Gpu { gpu, engine, environment, .. } => {
+        match (self, samples) {
+            (_, Samples::Hierarchical { tree, bounds, accuracy }) => {
+                let light = Light { cube: light, bounds };
+                Ok(cpu::gather_hierarchical(receivers, tree, light, params, *accuracy, &|n| progress.advance(n)))
+            }
+            (Self::Cpu, Samples::Flat(pinholes)) => {
+                Ok(cpu::gather(receivers, pinholes, light, params, &|n| progress.advance(n)))
+            }
+            (Self::Gpu { gpu, engine, environment, .. }, Samples::Flat(pinholes)) => {
                 let mut sums = Vec::with_capacity(receivers.positions.len());
                 let most = (pairs_per_submit(gpu) / u64::from(BATCH_SIZE)) as usize;
                 for strip in strips(receivers, gpu.adapter.max_texture, most) {
@@ -197,6 +220,7 @@ fn strips(receivers: &Receivers, max_texture: u32, most: usize) -> Vec<Receivers
         });
         Receivers {
             width,
+            arrangement: receivers.arrangement,
             height: (part.len() as u32).div_ceil(width),
             positions: receivers.positions[part.clone()].to_vec(),
             normals: receivers.normals[part].to_vec(),

@@ -12,10 +12,11 @@ mod importance;
 mod options;
 mod overlay;
 mod report;
+mod stage;
 
 pub use gather::{Backend, BackendChoice, BackendReport};
 pub use importance::place_samples;
-pub use options::{FilterChoice, Look, Options, Overlay, Settings};
+pub use options::{Evaluation, EvaluationChoice, FilterChoice, Look, Options, Overlay, Settings};
 pub use report::{Report, Seconds};
 
 use std::sync::Arc;
@@ -26,15 +27,17 @@ use rayon::prelude::*;
 
 use self::beauty::{ExtraPoint, Irradiances};
 use self::direct::DirectLight;
+use self::gather::Samples;
 use self::gbuffer::GBuffer;
+use self::stage::Stage;
 use crate::brdf::Materials;
 use crate::differential::{DifferentialSample, differentials};
 use crate::environment::Environment;
 use crate::image::{Aov, Image, display, exposed};
-use crate::pinhole::{CURVE_POINTS, Pinholes, pinholes};
+use crate::pinhole::CURVE_POINTS;
 use crate::reflectance::Curve;
 use crate::sampling::Surface;
-use crate::scene::{Object, Scene, Visibility};
+use crate::scene::{Object, Scene};
 use crate::tracing::{Hit, Tracer};
 use crate::{Error, Progress};
 
@@ -47,7 +50,8 @@ pub struct Renderer {
     direct: DirectLight,
     materials: Arc<Materials>,
     differentials: Vec<DifferentialSample>,
-    pinholes: Pinholes,
+    samples: Samples,
+    evaluation: Evaluation,
     /// How each object mirrors.
     curves: Vec<Option<Curve>>,
     tracer: Tracer,
@@ -101,15 +105,14 @@ impl Renderer {
             timed(&mut seconds.sampling, || importance::place(&scene, &surface, &environment, &tracer, &options))?;
         let differentials = timed(&mut seconds.differentials, || differentials(&set));
         progress.advance(1);
-        let mut pinholes = pinholes(&scene, &differentials, options.footprint);
         let curve = |o: &Object| o.reflector.map(|r| Curve::new(&r.finish, CURVE_POINTS));
         let curves = scene.objects.iter().map(curve).collect();
-        if options.visibility == Visibility::Full {
-            timed(&mut seconds.visibility, || pinholes.look_around(&scene, &tracer));
-        }
         let direct = timed(&mut seconds.environment, || DirectLight::new(&environment, options.visibility));
         let (backend, filter) = timed(&mut seconds.backend, || Backend::open(backend, &environment, &options))?;
         options.params.filter = filter;
+        let evaluation = options.settled_evaluation(matches!(backend, Backend::Gpu { .. }))?;
+        let stage = Stage { scene: &scene, surface: &surface, environment: &environment, tracer: &tracer };
+        let samples = stage.samples(&set, &differentials, evaluation, &options, &mut seconds);
         let materials = Arc::new(scene.materials());
         Ok(Self {
             scene,
@@ -118,7 +121,8 @@ impl Renderer {
             direct,
             materials,
             differentials,
-            pinholes,
+            samples,
+            evaluation,
             curves,
             tracer,
             backend,
@@ -144,7 +148,7 @@ impl Renderer {
                 timed(&mut seconds.gather, || {
                     self.backend.gather(
                         &gbuffer.receivers,
-                        &self.pinholes,
+                        &self.samples,
                         &self.environment.cube,
                         &self.options.params,
                         progress,

@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::cell_tree::MAX_LEAVES;
 use crate::environment::CubeSize;
 use crate::image::Aov;
 use crate::pinhole::{Epsilon, Filter, Footprint, MAX_TAPS, Params};
@@ -27,6 +28,12 @@ pub struct Settings {
     pub filter: Option<FilterChoice>,
     /// Most look-ups along a footprint's major axis.
     pub taps: Option<u32>,
+    /// Sample by sample, or by a hierarchy of them.
+    pub evaluation: Option<EvaluationChoice>,
+    /// Cells that each sample may be split into.
+    pub leaves: Option<u32>,
+    /// Error that the hierarchy may have, as a part of the irradiance's root mean square.
+    pub tolerance: Option<f32>,
     /// `false` drops the 1/l² (the result is then a pattern, not an irradiance).
     pub attenuation: Option<bool>,
     /// What keeps 1/l² finite.
@@ -61,6 +68,9 @@ impl Settings {
             footprint: over.footprint.or(self.footprint),
             filter: over.filter.or(self.filter),
             taps: over.taps.or(self.taps),
+            evaluation: over.evaluation.or(self.evaluation),
+            leaves: over.leaves.or(self.leaves),
+            tolerance: over.tolerance.or(self.tolerance),
             attenuation: over.attenuation.or(self.attenuation),
             epsilon: over.epsilon.or(self.epsilon),
             cube_size: over.cube_size.or(self.cube_size),
@@ -90,6 +100,9 @@ impl Settings {
                 attenuation: self.attenuation.unwrap_or(true),
                 epsilon: self.epsilon.unwrap_or_default(),
             },
+            evaluation: self.evaluation.unwrap_or_default(),
+            leaves: self.leaves,
+            tolerance: self.tolerance.unwrap_or(defaults.tolerance),
             automatic_filter: self.filter.unwrap_or_default() == FilterChoice::Auto,
             cube_size: self.cube_size.unwrap_or_default(),
             visibility: self.visibility.unwrap_or_default(),
@@ -141,6 +154,61 @@ impl FilterChoice {
     }
 }
 
+/// How the samples are summed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Deserialize, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum EvaluationChoice {
+    /// Hierarchical where that can be, else flat.
+    #[default]
+    Auto,
+    /// Every sample for every receiver, as the paper does.
+    Flat,
+    /// By a tree of cells, as finely as the tolerance asks for.
+    Hierarchical,
+}
+
+impl EvaluationChoice {
+    /// Its name in scene files and on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Auto => "auto",
+            Self::Flat => "flat",
+            Self::Hierarchical => "hierarchical",
+        }
+    }
+}
+
+/// How the samples are summed, decided.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[serde(rename_all = "kebab-case", tag = "evaluation")]
+pub enum Evaluation {
+    /// Every one for every receiver.
+    Flat {
+        /// Cells that each sample is split into.
+        leaves: u32,
+    },
+    /// By a tree of cells.
+    Hierarchical {
+        /// Cells that each sample is split into.
+        leaves: u32,
+        /// Error, as a part of the irradiance's root mean square.
+        tolerance: f32,
+    },
+}
+
+impl Evaluation {
+    /// Cells that each sample is split into at most.
+    pub fn leaves(self) -> u32 {
+        match self {
+            Self::Flat { leaves } | Self::Hierarchical { leaves, .. } => leaves,
+        }
+    }
+}
+
+/// Leaves that the hierarchy gives each sample by default: from there on what the tree costs outweighs what it gains
+/// (`cargo bench --bench hierarchy`).
+const LEAVES: u32 = 64;
+
 /// What is drawn over the beauty picture.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(rename_all = "kebab-case")]
@@ -180,6 +248,12 @@ pub struct Options {
     pub footprint: Footprint,
     /// The gather.
     pub params: Params,
+    /// How the samples are summed.
+    pub evaluation: EvaluationChoice,
+    /// Cells that each sample may be split into; `None`: 64 in a hierarchy, else 1. The power of four below counts.
+    pub leaves: Option<u32>,
+    /// Error that a hierarchy may have, as a part of the irradiance's root mean square over the picture; from 1e-5 to 1.
+    pub tolerance: f32,
     /// The filter was left to Pinspot: a GPU whose own filter is right uses that instead of [`Filter::Anisotropic`] in
     /// `params`; any other filter there stays.
     pub automatic_filter: bool,
@@ -208,6 +282,9 @@ impl Default for Options {
             density: Density::default(),
             footprint: Footprint::default(),
             params: Params::default(),
+            evaluation: EvaluationChoice::default(),
+            leaves: None,
+            tolerance: 0.01,
             automatic_filter: true,
             cube_size: CubeSize::default(),
             visibility: Visibility::default(),
@@ -222,6 +299,8 @@ impl Default for Options {
 
 /// The longest edge of a picture, pixels.
 const MAX_SIZE: u32 = 16384;
+/// The most cells of a hierarchy, or samples of a sum without one.
+const MAX_CELLS: u64 = 1 << 22;
 
 impl Options {
     /// Whether every value is in its range.
@@ -249,6 +328,19 @@ impl Options {
         if !(1..=MAX_SAMPLES).contains(&self.samples) {
             return fail("samples", format!("is {}, but must be from 1 to {MAX_SAMPLES}", self.samples));
         }
+        if !(1..=MAX_LEAVES).contains(&self.leaves.unwrap_or(1)) {
+            return fail("leaves", format!("is {}, but must be from 1 to {MAX_LEAVES}", self.leaves.unwrap_or(1)));
+        }
+        let cells = u64::from(self.samples) * u64::from(self.leaves.unwrap_or(1));
+        if cells > MAX_CELLS {
+            return fail("leaves", format!("make {cells} cells with {} samples, but at most {MAX_CELLS} fit; give fewer of either", self.samples));
+        }
+        if !(1e-5..=1.0).contains(&self.tolerance) {
+            return fail("tolerance", format!("is {}, but must be from 0.00001 to 1", self.tolerance));
+        }
+        if self.leaves.unwrap_or(1) > 1 && self.footprint == Footprint::Curvature {
+            return fail("leaves", "are cells, which --footprint curvature does without; give --footprint cells, or 1 leaf".into());
+        }
         let Look { exposure_ev, background_exposure_ev, caustic_gain, .. } = self.look;
         if !(exposure_ev.abs() <= 64.0 && background_exposure_ev.abs() <= 64.0) {
             return fail("exposure_ev", "must be from -64 to 64 stops".into());
@@ -257,6 +349,30 @@ impl Options {
             return fail("caustic_gain", format!("is {caustic_gain}, but must be a number that is not negative"));
         }
         Ok(())
+    }
+
+    /// How the samples are summed, by a back end that knows hierarchies or one that does not.
+    pub(super) fn settled_evaluation(&self, on_gpu: bool) -> Result<Evaluation, OptionError> {
+        let split = |leaves: u32| 4u32.pow(leaves.ilog(4));
+        let flat = Evaluation::Flat { leaves: split(self.leaves.unwrap_or(1)) };
+        let cells = u64::from(self.samples) * u64::from(LEAVES);
+        let leaves = split(self.leaves.unwrap_or(if cells > MAX_CELLS { 1 } else { LEAVES }));
+        let hierarchical = Evaluation::Hierarchical { leaves, tolerance: self.tolerance };
+        let obstacle = [
+            (on_gpu, "runs on the CPU only, so far; give --backend cpu"),
+            (self.footprint != Footprint::Cells, "needs cells; give --footprint cells"),
+            (self.params.filter != Filter::Anisotropic, "filters anisotropically; give --filter anisotropic"),
+            (self.params.epsilon == Epsilon::Paper, "knows no area to take the paper's ε from; give another --epsilon"),
+        ];
+        let obstacle = obstacle.into_iter().find_map(|(stands, remedy)| stands.then_some(remedy));
+        match (self.evaluation, obstacle) {
+            (EvaluationChoice::Hierarchical, Some(remedy)) => {
+                let message = format!("hierarchical {remedy}, or --evaluation flat");
+                Err(OptionError { key: "evaluation", message })
+            }
+            (EvaluationChoice::Flat, _) | (_, Some(_)) => Ok(flat),
+            _ => Ok(hierarchical),
+        }
     }
 
     /// How many samples are placed, and how.

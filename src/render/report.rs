@@ -2,8 +2,8 @@
 
 use serde::Serialize;
 
-use super::Renderer;
 use super::gather::BackendReport;
+use super::{Evaluation, Renderer};
 use crate::pinhole::{Filter, Footprint};
 use crate::sampling::{Density, Strategy};
 use crate::scene::Visibility;
@@ -29,6 +29,9 @@ pub struct Report {
     pub filter: Filter,
     /// Most taps along a footprint.
     pub taps: u32,
+    /// How they were summed: `flat` or `hierarchical`, with `leaves` and `tolerance`.
+    #[serde(flatten)]
+    pub evaluation: Evaluation,
     /// Which occlusion counts.
     pub visibility: Visibility,
     /// Cube-map face size, texels.
@@ -55,6 +58,8 @@ pub struct Seconds {
     pub sampling: f64,
     /// Cells and curvature.
     pub differentials: f64,
+    /// Splitting the samples' cells.
+    pub tree: f64,
     /// Letting the samples look around.
     pub visibility: f64,
     /// Opening the device and compiling the shader.
@@ -85,6 +90,7 @@ impl Report {
             footprint: options.footprint,
             filter: options.params.filter,
             taps: options.params.taps,
+            evaluation: renderer.evaluation,
             visibility: options.visibility,
             cube_size: environment.cube.size(),
             seed: options.seed,

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 
 use crate::image::{Aov, Image, read_exr, read_exr_text, write_exr_with_text};
-use crate::render::{BackendChoice, Options, Renderer, Seconds};
+use crate::render::{BackendChoice, EvaluationChoice, Options, Renderer, Seconds};
 use crate::sampling::Density;
 use crate::scene::Scene;
 use crate::{Error, Progress};
@@ -26,7 +26,9 @@ pub(super) struct Cell {
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Facts {
     pub samples_used: usize,
-    /// Placing the samples, their differentials, what they see, and the gather.
+    /// Cells that each sample was split into at most.
+    pub leaves: u32,
+    /// Placing the samples, their differentials or their tree, what they see, and the gather.
     pub seconds: f64,
     /// Mean fetches per pixel.
     pub lookups: f64,
@@ -56,11 +58,12 @@ pub(super) fn render_or_reuse(
     let rendered = renderer.render(progress)?;
     let report = rendered.report;
     let seconds = {
-        let Seconds { sampling, differentials, visibility, gather, .. } = report.seconds;
-        sampling + differentials + visibility + gather
+        let Seconds { sampling, differentials, tree, visibility, gather, .. } = report.seconds;
+        sampling + differentials + tree + visibility + gather
     };
     let facts = Facts {
         samples_used: report.samples,
+        leaves: report.evaluation.leaves(),
         seconds,
         lookups: report.lookups,
         backend: report.backend.to_string(),
@@ -91,5 +94,9 @@ fn name(options: &Options) -> String {
         Density::Uniform => strategy.name().to_owned(),
         density => format!("{}-by-{}", strategy.name(), density.name()),
     };
-    format!("{strategy}-{}-{filter}-{samples}-seed{seed}", footprint.name())
+    let evaluation = match options.evaluation {
+        EvaluationChoice::Flat => "",
+        other => &format!("-{}", other.name()),
+    };
+    format!("{strategy}-{}-{filter}{evaluation}-{samples}-seed{seed}", footprint.name())
 }

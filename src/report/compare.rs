@@ -11,7 +11,7 @@ use super::plan::Plan;
 use super::rows::measure;
 use crate::image::{Aov, Image, ImageError, read_mask, write_atomically};
 use crate::reference::{self, Goal, Reference};
-use crate::render::{BackendChoice, Options};
+use crate::render::{BackendChoice, EvaluationChoice, Options};
 use crate::sampling::{GROUNDS, Surface, study};
 use crate::scene::Scene;
 use crate::{Error, Progress};
@@ -125,7 +125,12 @@ impl Comparison {
     fn add(&mut self, cell: Cell, truth: &Image, mask: Option<&[bool]>, shown: bool) {
         let (row, map) = measure(&cell, truth, mask, self.exposure_ev);
         if shown {
-            let label = format!("{} {} {} {}", row.strategy.name(), row.footprint.name(), row.filter, row.samples);
+            let evaluation = match row.evaluation {
+                EvaluationChoice::Flat => "",
+                other => &format!(" {}", other.name()),
+            };
+            let label =
+                format!("{} {} {}{evaluation} {}", row.strategy.name(), row.footprint.name(), row.filter, row.samples);
             self.pictures.push(Picture {
                 label,
                 image: cell.image,

@@ -1,7 +1,7 @@
 //! Which combinations a comparison renders.
 
 use crate::pinhole::{Filter, Footprint};
-use crate::render::Options;
+use crate::render::{EvaluationChoice, Options};
 use crate::sampling::{Density, Strategy};
 use crate::scene::Visibility;
 
@@ -25,6 +25,8 @@ pub struct Plan {
     pub footprints: Vec<Footprint>,
     /// How the environment is looked up.
     pub filters: Vec<Filter>,
+    /// How samples are summed; the hierarchy knows the anisotropic filter of cells only.
+    pub evaluations: Vec<EvaluationChoice>,
     /// Numbers of samples.
     pub samples: Vec<u32>,
     /// Consecutive seeds, from the options' own.
@@ -44,6 +46,7 @@ impl Plan {
             densities: vec![Density::Uniform],
             footprints: vec![Curvature],
             filters: vec![Filter::None],
+            evaluations: vec![EvaluationChoice::Flat],
             samples: vec![2000],
             seeds,
             figure: Some(figure),
@@ -77,6 +80,12 @@ impl Plan {
                 o.automatic_filter = false;
             })
         });
+        each(&|o| varied(o, &self.evaluations, |o, &evaluation| o.evaluation = evaluation));
+        all.retain(|o| {
+            o.evaluation != EvaluationChoice::Hierarchical
+                || o.footprint == Footprint::Cells && o.params.filter == Filter::Anisotropic
+        });
+        let mut each = |choices: &dyn Fn(&Options) -> Vec<Options>| all = all.iter().flat_map(choices).collect();
         each(&|o| varied(o, &self.samples, |o, &samples| o.samples = samples));
         let seeds: Vec<u64> = (0..u64::from(self.seeds)).map(|k| base.seed.wrapping_add(k)).collect();
         each(&|o| varied(o, &seeds, |o, &seed| o.seed = seed));

@@ -5,6 +5,7 @@ use serde::Serialize;
 use super::cells::Cell;
 use crate::image::{FlipMap, Image, flip, mrse, rel_l2};
 use crate::pinhole::Footprint;
+use crate::render::EvaluationChoice;
 use crate::sampling::{Density, Strategy};
 use crate::scene::Visibility;
 
@@ -21,6 +22,10 @@ pub struct Row {
     pub footprint: Footprint,
     /// How the environment was looked up.
     pub filter: &'static str,
+    /// How samples were summed.
+    pub evaluation: EvaluationChoice,
+    /// Cells that each sample was split into at most.
+    pub leaves: u32,
     /// Samples asked for.
     pub samples: u32,
     /// Samples in use.
@@ -37,7 +42,7 @@ pub struct Row {
     pub mrse: f64,
     /// Mean LDR FLIP at 67 pixels per degree, after the tone map.
     pub flip: f64,
-    /// Placing the samples, their differentials, what they see, and the gather.
+    /// Placing the samples, their differentials or their tree, what they see, and the gather.
     pub seconds: f64,
     /// Mean trilinear reads of the environment per pixel.
     pub lookups: f64,
@@ -56,6 +61,8 @@ pub(super) fn measure(cell: &Cell, reference: &Image, mask: Option<&[bool]>, exp
         density: options.density,
         footprint: options.footprint,
         filter: options.params.filter.name(),
+        evaluation: options.evaluation,
+        leaves: cell.facts.leaves,
         samples: options.samples,
         samples_used: cell.facts.samples_used,
         taps: options.params.taps,

@@ -5,7 +5,7 @@
 
 use glam::Vec3;
 
-use crate::pinhole::Receivers;
+use crate::pinhole::{Arrangement, Receivers};
 
 /// Points along the edge of a block of each level.
 pub const EDGES: [usize; LEVELS] = [64, 32, 16, 8, 4];
@@ -102,9 +102,8 @@ impl Tile {
         &self.levels[level][y * (TILE / EDGES[level]) + x]
     }
 
-    /// Looks at the receivers of the tile whose first point is (`left`, `top`).
-    pub fn new(receivers: &Receivers, left: usize, top: usize, weights: &[Weights; LEVELS]) -> Self {
-        let grid = Grid { receivers, left, top };
+    /// Looks at a tile's receivers.
+    pub fn new(grid: &Grid, weights: &[Weights; LEVELS]) -> Self {
         let mut levels: [Vec<Block>; LEVELS] = Default::default();
         let mut extents: Vec<Extent> = Vec::new();
         for level in (0..LEVELS).rev() {
@@ -131,18 +130,59 @@ impl Tile {
 }
 
 /// A tile's receivers.
-struct Grid<'a> {
+#[derive(Clone, Copy, Debug)]
+pub struct Grid<'a> {
     receivers: &'a Receivers,
-    left: usize,
-    top: usize,
+    /// Number of the tile, row by row or along the list.
+    tile: usize,
 }
 
-impl Grid<'_> {
+impl<'a> Grid<'a> {
+    /// All tiles of a set of receivers.
+    pub fn all(receivers: &'a Receivers) -> impl Iterator<Item = Self> {
+        let count = match receivers.arrangement {
+            Arrangement::Picture => {
+                (receivers.width as usize).div_ceil(TILE) * (receivers.height as usize).div_ceil(TILE)
+            }
+            Arrangement::List => receivers.positions.len().div_ceil(TILE * TILE),
+        };
+        (0..count).map(move |tile| Self { receivers, tile })
+    }
+
+    /// The place in the set of a point of the tile; `None` outside the set.
+    #[inline]
+    pub fn place(&self, x: usize, y: usize) -> Option<usize> {
+        let Receivers { width, height, arrangement, positions, .. } = self.receivers;
+        match arrangement {
+            Arrangement::Picture => {
+                let columns = (*width as usize).div_ceil(TILE);
+                let (x, y) = (self.tile % columns * TILE + x, self.tile / columns * TILE + y);
+                (x < *width as usize && y < *height as usize).then_some(y * *width as usize + x)
+            }
+            Arrangement::List => {
+                let place = self.tile * TILE * TILE + along_z_curve(x, y);
+                (place < positions.len()).then_some(place)
+            }
+        }
+    }
+
+    /// The places of all points, row by row.
+    pub fn places(&self) -> impl Iterator<Item = Option<usize>> {
+        (0..TILE * TILE).map(|k| self.place(k % TILE, k / TILE))
+    }
+
+    /// Places in the set.
+    pub fn count(&self) -> usize {
+        self.places().flatten().count()
+    }
+
+    /// The set.
+    pub fn receivers(&self) -> &'a Receivers {
+        self.receivers
+    }
+
     fn index(&self, x: usize, y: usize) -> Option<usize> {
-        let (x, y) = (self.left + x, self.top + y);
-        let inside = x < self.receivers.width as usize && y < self.receivers.height as usize;
-        let index = y * self.receivers.width as usize + x;
-        (inside && self.receivers.positions[index][3] >= 0.0).then_some(index)
+        self.place(x, y).filter(|&place| self.receivers.positions[place][3] >= 0.0)
     }
 
     fn position(&self, index: usize) -> Vec3 {
@@ -187,6 +227,10 @@ impl Grid<'_> {
     /// Whether a bicubic through sixteen points of a block leads to others of it, eight by eight; that there is nothing
     /// else between them its parts know.
     fn is_bicubic(&self, level: usize, x: usize, y: usize, block: &Block, weights: &Weights) -> bool {
+        // What reaches viewers does not change as smoothly as their directions.
+        if self.receivers.arrangement == Arrangement::List || self.receivers.viewers.is_some() {
+            return false;
+        }
         let edge = EDGES[level];
         let index = |i: usize, j: usize| self.index(x * edge + i, y * edge + j).expect("smooth blocks are full");
         let at = points_along(level);
@@ -222,18 +266,17 @@ fn block(extent: &Extent, normal: Vec3, normal_radius: f32, kind: Kind) -> Block
     Block { centre, radius: extent.high.distance(centre), normal, normal_radius, kind }
 }
 
-/// All tiles of a grid of receivers, row by row: the first point of each.
-pub fn tiles(receivers: &Receivers) -> Vec<(usize, usize)> {
-    let (width, height) = (receivers.width as usize, receivers.height as usize);
-    (0..height).step_by(TILE).flat_map(|top| (0..width).step_by(TILE).map(move |left| (left, top))).collect()
+/// The bits of two places of a tile by turns: blocks of every level are runs of the list.
+fn along_z_curve(x: usize, y: usize) -> usize {
+    (0..TILE.ilog2()).map(|bit| (x >> bit & 1) << (2 * bit) | (y >> bit & 1) << (2 * bit + 1)).sum()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    fn weights() -> [Weights; LEVELS] {
-        std::array::from_fn(Weights::new)
+    fn tile_of(receivers: &Receivers) -> Tile {
+        Tile::new(&Grid::all(receivers).next().unwrap(), &std::array::from_fn(Weights::new))
     }
 
     fn grid(size: u32, point: impl Fn(Vec3) -> Option<(Vec3, Vec3, u32)>) -> Receivers {
@@ -262,7 +305,7 @@ mod tests {
 
     #[test]
     fn planes_are_smooth_steps_and_seams_are_not() {
-        let tile = Tile::new(&grid(64, |p| Some((p, Vec3::Y, 0))), 0, 0, &weights());
+        let tile = tile_of(&grid(64, |p| Some((p, Vec3::Y, 0))));
         assert_eq!(tile.block(0, 0, 0).kind, Kind::Smooth);
         assert!((tile.block(0, 0, 0).radius - 0.5 * 2f32.sqrt()).abs() < 0.02);
 
@@ -270,12 +313,28 @@ mod tests {
         let seam = |p: Vec3| Some((p, Vec3::Y, u32::from(p.x > 0.4)));
         let hole = |p: Vec3| (p.distance(Vec3::new(0.4, 0.0, 0.4)) > 0.02).then_some((p, Vec3::Y, 0));
         for receivers in [grid(64, step), grid(64, seam), grid(64, hole)] {
-            let tile = Tile::new(&receivers, 0, 0, &weights());
+            let tile = tile_of(&receivers);
             assert_eq!(tile.block(0, 0, 0).kind, Kind::Rough);
             assert_eq!(tile.block(1, 1, 1).kind, Kind::Smooth);
         }
-        let part = Tile::new(&grid(40, |p| Some((p, Vec3::Y, 0))), 0, 0, &weights());
+        let part = tile_of(&grid(40, |p| Some((p, Vec3::Y, 0))));
         assert_eq!([part.block(0, 0, 0).kind, part.block(1, 0, 0).kind], [Kind::Rough, Kind::Smooth]);
         assert_eq!(part.block(2, 3, 3).kind, Kind::Empty);
+    }
+    #[test]
+    fn tiles_cover_pictures_and_lists() {
+        let mut list = grid(100, |p| Some((p, Vec3::Y, 0)));
+        for arrangement in [Arrangement::Picture, Arrangement::List] {
+            list.arrangement = arrangement;
+            let mut seen = vec![0; 100 * 100];
+            for tile in Grid::all(&list) {
+                (0..TILE * TILE).filter_map(|k| tile.place(k % TILE, k / TILE)).for_each(|place| seen[place] += 1);
+            }
+            assert!(seen.iter().all(|&count| count == 1), "{arrangement:?}");
+        }
+        let first = Grid::all(&list).next().unwrap();
+        let mut block: Vec<usize> = (0..16).map(|k| first.place(4 + k % 4, k / 4).unwrap()).collect();
+        block.sort_unstable();
+        assert_eq!(block, (16..32).collect::<Vec<_>>());
     }
 }

@@ -12,9 +12,9 @@ use crate::pinhole::GatherUniforms;
 
 /// A pair's error may be this part of what is allowed for a point: errors of many pairs add up there, though not all with the
 /// same sign.
-const SHARE: f32 = 1.0;
+pub const SHARE: f32 = 1.0;
 /// All that is dropped at a point adds less than this part of the error that is allowed there.
-const NEGLIGIBLE: f32 = 0.03;
+pub const NEGLIGIBLE: f32 = 0.03;
 /// Pairs that are nearer than this many times their sizes are refined.
 const NEAR: f32 = 1.5;
 /// Half the diagonal of a footprint's parallelogram in roots of the sum of its sides' squares, and some more.
@@ -56,6 +56,8 @@ pub struct Judge<'a> {
     pub negligible: f32,
     /// Width of the narrowest look-up, radians.
     pub texel: f32,
+    /// Whether receivers reflect what they get to viewers.
+    pub has_viewers: bool,
 }
 
 /// A cell in question.
@@ -71,11 +73,6 @@ pub struct Cell<'a> {
 }
 
 impl<'a> Judge<'a> {
-    /// `allowed` is the error at a point, W/m²; `area` that of all mirrors, m².
-    pub fn new(uniforms: &'a GatherUniforms, light: &'a LightBounds, texel: f32, allowed: f32, area: f32) -> Self {
-        Self { uniforms, light, share: SHARE * allowed, negligible: NEGLIGIBLE * allowed / area, texel }
-    }
-
     /// 1/l² at most, as the gather keeps it finite.
     fn attenuation(&self, l2: f32, area: f32) -> f32 {
         let u = self.uniforms;
@@ -128,7 +125,8 @@ impl<'a> Judge<'a> {
         let footprint = FOOTPRINT * (g11 + g22).sqrt() + BENT * of_cell * (of_block + of_cell);
         let Bound { most, contrast } = self.light.within(r, of_block + footprint);
         let (top, varies) = (weight * most, weight * contrast);
-        if top <= self.negligible * g.area {
+        // What glossy receivers make of it they know one by one.
+        if top <= self.negligible * g.area && (top == 0.0 || !self.has_viewers) {
             return Verdict::Drop;
         }
         if may_split_block && block.kind != Kind::Smooth {

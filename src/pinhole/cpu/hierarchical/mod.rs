@@ -14,7 +14,7 @@ mod tile;
 use glam::Vec4;
 use rayon::prelude::*;
 
-use self::blocks::{TILE, Weights, tiles};
+use self::blocks::{Grid, Weights};
 use self::tile::TileGather;
 use super::lanes::{LANES, dispatch, level};
 use super::{CubeLookup, Gather, GatherUniforms, Group, load_at};
@@ -33,20 +33,21 @@ pub struct Light<'a> {
 /// How right a hierarchical gather is.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Accuracy {
-    /// The error that is allowed, as a part of the root mean square of the irradiance over all receivers.
-    pub tolerance: f32,
+    /// The error that is allowed, W/m² (towards viewers: π times that of the radiance that a white receiver would reflect).
+    pub error: f32,
     /// Leaves are quartered for receivers that are nearer to them than they are wide. Off: a leaf is one sample for all, as it
     /// is in a gather that knows no hierarchy.
     pub split_near: bool,
 }
 
-impl Default for Accuracy {
-    fn default() -> Self {
-        Self { tolerance: 0.01, split_near: true }
-    }
+/// The root mean square of the irradiance over receivers, roughly: from some of them and some of the roots, W/m².
+pub fn typical_irradiance(receivers: &Receivers, pinholes: &PinholeTree, light: Light, params: &Params) -> f32 {
+    let unseen = Receivers { viewers: None, ..receivers.clone() };
+    Walked::new(pinholes, light, params, &unseen).typical(&unseen)
 }
 
-/// Gathers the irradiance at every receiver from a hierarchy of samples: R, G, B in W/m², and the number of fetches.
+/// Gathers the irradiance at every receiver from a hierarchy of samples, or the radiance that it reflects to its viewer: R, G, B
+/// in W/m² or W/(m²·sr), and the number of fetches.
 ///
 /// `progress` is told, from any thread, how many more receivers are done. The filter is
 /// [`Filter::Anisotropic`](crate::pinhole::Filter::Anisotropic).
@@ -59,8 +60,21 @@ pub fn gather_hierarchical(
     progress: &(dyn Fn(u64) + Sync),
 ) -> Vec<[f32; 4]> {
     let scene = Walked::new(pinholes, light, params, receivers);
-    let allowed = accuracy.tolerance * scene.typical(receivers);
-    scene.gather(receivers, &tiles(receivers), accuracy, allowed, progress)
+    let grids: Vec<Grid> = Grid::all(receivers).collect();
+    let gather = |grid: &Grid| {
+        let mut tile = TileGather::new(&scene, *grid, accuracy);
+        dispatch!(level(), simd => tile.run(simd));
+        progress(grid.count() as u64);
+        tile.into_sums()
+    };
+    let tiles: Vec<Vec<Vec4>> = grids.par_iter().map(gather).collect();
+    let mut sums = vec![[0.0; 4]; receivers.positions.len()];
+    for (grid, tile) in grids.iter().zip(tiles) {
+        grid.places().zip(tile).filter_map(|(place, sum)| Some((place?, sum))).for_each(|(place, sum)| {
+            sums[place] = sum.to_array();
+        });
+    }
+    sums
 }
 
 /// Receivers, and roots, that are asked how bright the picture is.
@@ -107,34 +121,5 @@ impl<'a> Walked<'a> {
         let count: u32 = groups.iter().map(|group| group.there().count_ones()).sum();
         // What is lit by nothing need not be exact.
         ((squares / f64::from(count.max(1))).sqrt() as f32 * every as f32).max(f32::MIN_POSITIVE)
-    }
-
-    fn gather(
-        &self,
-        receivers: &Receivers,
-        tiles: &[(usize, usize)],
-        accuracy: Accuracy,
-        allowed: f32,
-        progress: &(dyn Fn(u64) + Sync),
-    ) -> Vec<[f32; 4]> {
-        let mut sums = vec![[0.0; 4]; receivers.positions.len()];
-        let (width, height) = (receivers.width as usize, receivers.height as usize);
-        let done: Vec<Vec<Vec4>> = tiles
-            .par_iter()
-            .map(|&(left, top)| {
-                let mut tile = TileGather::new(self, receivers, [left, top], accuracy, allowed);
-                dispatch!(level(), simd => tile.run(simd));
-                progress(((width - left).min(TILE) * (height - top).min(TILE)) as u64);
-                tile.into_sums()
-            })
-            .collect();
-        for (&(left, top), tile) in tiles.iter().zip(done) {
-            for y in 0..(height - top).min(TILE) {
-                for x in 0..(width - left).min(TILE) {
-                    sums[(top + y) * width + left + x] = tile[y * TILE + x].to_array();
-                }
-            }
-        }
-        sums
     }
 }

@@ -1,6 +1,8 @@
 //! A block of 4×4: each of its points finds its own way down the tree, all sixteen in step.
 
-use glam::Vec4;
+use std::f32::consts::PI;
+
+use glam::{Vec3, Vec4};
 
 use super::super::Group;
 use super::super::cube::{OnCube, on_cube};
@@ -10,6 +12,16 @@ use super::super::{Pair, Receiver};
 use super::bounds::{BENT, FOOTPRINT, OF_CONTRAST, OF_WEIGHT, TOO_LARGE};
 use super::tile::TileGather;
 use crate::pinhole::PinholeSample;
+
+/// A unit direction turned by an angle towards another one, or that one if it is nearer.
+fn turned(from: Vec3, to: Vec3, angle: f32) -> Vec3 {
+    let across = to - from.dot(to) * from;
+    let sine = across.length();
+    if angle >= sine.atan2(from.dot(to)) {
+        return to;
+    }
+    angle.cos() * from + angle.sin() / sine * across
+}
 
 /// Times that a leaf is quartered.
 const DEEPEST: u32 = 5;
@@ -95,7 +107,13 @@ impl TileGather<'_> {
         let size = pair.inverse_l * g.radius + g.normal_radius;
         let radius = squares.sqrt() * FOOTPRINT + size * size * BENT;
         let (most, contrast) = self.light_within(simd, pair.r, radius, alive);
-        let weight_bound = weight * reflects;
+        let mut weight_bound = weight * reflects;
+        let mut of_gloss = splat(simd, 0.0);
+        if receiver.view.is_some() {
+            let (towards_viewers, changes) = self.gloss(simd, &pair, receiver, size, alive);
+            weight_bound *= towards_viewers;
+            of_gloss = changes;
+        }
         let (top, varies) = (weight_bound * most, weight_bound * contrast);
         sum.iter_mut().enumerate().for_each(|(lane, s)| s.w += (alive >> lane & 1) as f32);
         let alive = alive & bits(top.simd_gt(self.judge.negligible * g.area));
@@ -107,7 +125,7 @@ impl TileGather<'_> {
             }
             (alive & !near, 0)
         } else {
-            let error = varies * (size * OF_CONTRAST).min(1.0) + top * size * size * OF_WEIGHT;
+            let error = varies * (size * OF_CONTRAST).min(1.0) + top * (size * size * OF_WEIGHT + of_gloss);
             let whole = bits(error.simd_lt(share) & size.simd_lt(TOO_LARGE));
             // Where part of the cell does not count, its centre does not speak for all.
             let taken = alive & (whole & !straddles | bits(top.simd_lt(share)) & straddles);
@@ -169,6 +187,35 @@ impl TileGather<'_> {
             };
             gather.add(&piece, &pair, receiver, weight, &radiance, taken, sum);
         }
+    }
+
+    /// What receivers reflect to their viewers of the light from a cell of this relative size, at most: in π times their function;
+    /// and what part of that is not so all over the cell.
+    #[inline(always)]
+    fn gloss<S: Simd>(
+        &self,
+        simd: S,
+        pair: &Pair<S>,
+        receiver: &Receiver<S>,
+        size: F<S>,
+        active: u32,
+    ) -> (F<S>, F<S>) {
+        let (Some(materials), Some(views)) = (self.scene.gather.materials, receiver.view) else {
+            return (splat(simd, 1.0), splat(simd, 0.0));
+        };
+        let (l, n) = ((pair.d * pair.inverse_l).to_arrays(), receiver.normal.to_arrays());
+        let size = size.to_array();
+        let (mut most, mut part) = ([0.0; LANES], [0.0; LANES]);
+        let vector = |v: &[[f32; LANES]; 3], lane: usize| Vec3::new(v[0][lane], v[1][lane], v[2][lane]);
+        for lane in (0..LANES).filter(|lane| active >> lane & 1 == 1) {
+            let (l, n, view) = (vector(&l, lane), vector(&n, lane), views[lane]);
+            let value = |l: Vec3| PI * materials.value(receiver.object[lane], n, l, view, 0.0).max_element();
+            let mirrored = 2.0 * n.dot(view) * n - view;
+            let (at_centre, nearest) = (value(l), value(turned(l, mirrored, size[lane])));
+            most[lane] = at_centre.max(nearest);
+            part[lane] = (nearest - at_centre).abs() / most[lane].max(f32::MIN_POSITIVE);
+        }
+        (lanes(simd, most), lanes(simd, part) * OF_CONTRAST)
     }
 
     /// Bounds of the light within cones around sixteen directions.

@@ -5,17 +5,15 @@ use glam::Vec4;
 use super::super::lanes::{LANES, Simd, SimdBase, bits, splat3};
 use super::super::visibility::{Outlook, Surroundings, Unhindered};
 use super::super::{Group, Pair, load_at};
-use super::blocks::{EDGES, FINEST, Kind, TILE, Tile, points_along};
-use super::bounds::{Cell, FOOTPRINT, Judge, Verdict};
+use super::blocks::{EDGES, FINEST, Grid, Kind, TILE, Tile, points_along};
+use super::bounds::{Cell, FOOTPRINT, Judge, NEGLIGIBLE, SHARE, Verdict};
 use super::{Accuracy, Walked};
-use crate::pinhole::{PinholeSample, Receivers};
+use crate::pinhole::PinholeSample;
 
 /// A tile being gathered.
 pub struct TileGather<'a> {
     pub scene: &'a Walked<'a>,
-    receivers: &'a Receivers,
-    left: usize,
-    top: usize,
+    grid: Grid<'a>,
     tile: Tile,
     pub judge: Judge<'a>,
     pub accuracy: Accuracy,
@@ -27,15 +25,21 @@ pub struct TileGather<'a> {
 }
 
 impl<'a> TileGather<'a> {
-    pub fn new(scene: &'a Walked<'a>, receivers: &'a Receivers, [left, top]: [usize; 2], accuracy: Accuracy, allowed: f32) -> Self {
-        let texel = scene.gather.environment.texel_rad();
-        let area = scene.pinholes.tree.area();
-        let judge = Judge::new(&scene.gather.uniforms, scene.bounds, texel, allowed, area);
-        let tile = Tile::new(receivers, left, top, &scene.weights);
+    pub fn new(scene: &'a Walked<'a>, grid: Grid<'a>, accuracy: Accuracy) -> Self {
+        let judge = Judge {
+            uniforms: &scene.gather.uniforms,
+            light: scene.bounds,
+            share: SHARE * accuracy.error,
+            negligible: NEGLIGIBLE * accuracy.error / scene.pinholes.tree.area(),
+            texel: scene.gather.environment.texel_rad(),
+            has_viewers: grid.receivers().viewers.is_some(),
+        };
+        let tile = Tile::new(&grid, &scene.weights);
         let sums = vec![Vec4::ZERO; TILE * TILE];
-        Self { scene, receivers, left, top, tile, judge, accuracy, sums, spare: Vec::new(), pending: Vec::new() }
+        Self { scene, grid, tile, judge, accuracy, sums, spare: Vec::new(), pending: Vec::new() }
     }
 
+    /// The sums at the tile's points, row by row.
     pub fn into_sums(self) -> Vec<Vec4> {
         self.sums
     }
@@ -113,11 +117,8 @@ impl<'a> TileGather<'a> {
     /// The sixteen points of a block.
     fn points(&self, level: usize, x: usize, y: usize) -> Group {
         let (edge, at) = (EDGES[level], points_along(level));
-        load_at(self.receivers, |lane| {
-            let (i, j) = (self.left + x * edge + at[lane % 4], self.top + y * edge + at[lane / 4]);
-            let inside = i < self.receivers.width as usize && j < self.receivers.height as usize;
-            inside.then_some(j * self.receivers.width as usize + i)
-        })
+        let place = |lane: usize| self.grid.place(x * edge + at[lane % 4], y * edge + at[lane / 4]);
+        load_at(self.grid.receivers(), place)
     }
 
     /// Adds what a cell brings to sixteen points; `false` if it cannot be interpolated between them.
