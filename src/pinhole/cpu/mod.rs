@@ -101,11 +101,6 @@ struct Receiver<'a, S: Simd> {
 }
 
 impl Group {
-    /// The lanes that have a receiver.
-    fn there(&self) -> u32 {
-        (0..LANES).filter(|&lane| self.object[lane] != u32::MAX).fold(0, |bits, lane| bits | 1 << lane)
-    }
-
     #[inline(always)]
     fn in_lanes<S: Simd>(&self, simd: S) -> Receiver<'_, S> {
         Receiver {
@@ -114,6 +109,14 @@ impl Group {
             object: &self.object,
             view: self.view.as_ref(),
         }
+    }
+}
+
+impl<S: Simd> Receiver<'_, S> {
+    /// The lanes that have a receiver.
+    #[inline(always)]
+    fn there(&self) -> u32 {
+        (0..LANES).filter(|&lane| self.object[lane] != u32::MAX).fold(0, |bits, lane| bits | 1 << lane)
     }
 }
 
@@ -169,7 +172,7 @@ fn task<S: Simd, const FILTER: u32>(
     for (group, sums) in sums.chunks_mut(LANES).enumerate() {
         let start = first + group * LANES;
         let group = load_receivers(receivers, start, sums.len());
-        if group.there() == 0 {
+        if group.object.iter().all(|&object| object == u32::MAX) {
             continue;
         }
         let receiver = group.in_lanes(simd);
@@ -376,6 +379,11 @@ impl Gather<'_> {
         }
         let footprint = pair.footprint(simd, sample);
         mean_over_footprint::<S, FILTER>(simd, &self.environment, &footprint, sight, self.uniforms.taps as f32, lit)
+    }
+
+    /// Width of a texel of the maps of visibility, radians: a half-space has 2π sr.
+    fn map_texel(&self) -> f32 {
+        std::f32::consts::TAU.sqrt() / self.uniforms.map_resolution.max(1) as f32
     }
 
     /// 1/l² at most, for a cell.

@@ -1,6 +1,6 @@
 //! Twin of `shaders/shared/visibility.wgsl`, and the sight of those who do not look: [`Unhindered`].
 
-use super::lanes::{F, LANES, Mask, Select, Simd, SimdBase, SimdFloat, SimdMask, V3, bits, clamp, vector};
+use super::lanes::{F, LANES, Mask, Select, Simd, SimdBase, SimdFloat, SimdMask, V3, bits, clamp, splat, vector};
 use glam::{Vec2, Vec3};
 
 use crate::pinhole::PinholeSample;
@@ -49,19 +49,6 @@ pub(super) enum Outlook {
     Mixed,
 }
 
-impl Outlook {
-    fn of(seen: impl Iterator<Item = Self>) -> Self {
-        let mut all = None;
-        for one in seen {
-            if one == Self::Mixed || all.is_some_and(|all| all != one) {
-                return Self::Mixed;
-            }
-            all = Some(one);
-        }
-        all.unwrap_or(Self::Dark)
-    }
-}
-
 /// Texels that are looked at for an [`Outlook`] at most.
 const MOST_TEXELS: usize = 256;
 
@@ -76,6 +63,12 @@ struct MapPlace {
     i: [f32; LANES],
     j: [f32; LANES],
     part: [[f32; LANES]; 2],
+}
+
+/// Where on a map directions lie, texels.
+struct OnMap<S: Simd> {
+    u: F<S>,
+    v: F<S>,
 }
 
 impl<'a> Surroundings<'a> {
@@ -95,27 +88,35 @@ impl<'a> Surroundings<'a> {
     }
 
     #[inline(always)]
-    fn place<S: Simd>(&self, V3([x, y, z]): V3<S>) -> MapPlace {
+    fn on_map<S: Simd>(&self, V3([x, y, z]): V3<S>) -> OnMap<S> {
         let scale = 0.5 / (x.abs() + y.abs() + z.max(0.0));
         let n = self.maps.resolution as f32;
         let u = clamp(((x + y) * scale + 0.5) * n - (0.5 + self.phase.x), 0.0, n - 1.0);
         let v = clamp(((x - y) * scale + 0.5) * n - (0.5 + self.phase.y), 0.0, n - 1.0);
-        let (i, j) = (u.floor().min(n - 2.0), v.floor().min(n - 2.0));
+        OnMap { u, v }
+    }
+
+    #[inline(always)]
+    fn place<S: Simd>(&self, direction: V3<S>) -> MapPlace {
+        let OnMap { u, v } = self.on_map(direction);
+        let last = self.maps.resolution as f32 - 2.0;
+        let (i, j) = (u.floor().min(last), v.floor().min(last));
         MapPlace { i: i.to_array(), j: j.to_array(), part: [(u - i).to_array(), (v - j).to_array()] }
     }
 
     /// The texels between the places of active lanes, and `margin` more on every side; `None` if they are too many.
-    fn region(&self, place: &MapPlace, active: u32, margin: f32) -> Option<MapRegion> {
-        let last = self.maps.resolution as f32 - 1.0;
-        let bounds = |first: &[f32; LANES]| {
-            let lanes = (0..LANES).filter(|lane| active >> lane & 1 == 1).map(|lane| first[lane]);
-            let low = lanes.clone().fold(f32::INFINITY, f32::min) - margin;
-            let high = lanes.fold(0.0, f32::max) + 1.0 + margin;
-            [low.max(0.0) as usize, high.min(last).ceil() as usize]
-        };
-        let region = MapRegion { i: bounds(&place.i), j: bounds(&place.j) };
-        let count = (region.i[1] + 1 - region.i[0]) * (region.j[1] + 1 - region.j[0]);
-        (count <= MOST_TEXELS).then_some(region)
+    #[inline(always)]
+    fn region<S: Simd>(&self, simd: S, direction: V3<S>, active: u32, margin: f32) -> Option<MapRegion> {
+        let OnMap { u, v } = self.on_map(direction);
+        let active = Mask::from_bitmask(simd, u64::from(active));
+        let last = self.maps.resolution as usize - 1;
+        let (nothing, all) = (splat(simd, 0.0), splat(simd, last as f32));
+        // Casts end at 0.
+        let low = |least: f32| (least - margin) as usize;
+        let high = |most: f32| ((most + margin) as usize + 1).min(last);
+        let i = [low(active.select(u, all).reduce_min()), high(active.select(u, nothing).reduce_max())];
+        let j = [low(active.select(v, all).reduce_min()), high(active.select(v, nothing).reduce_max())];
+        ((i[1] + 1 - i[0]) * (j[1] + 1 - j[0]) <= MOST_TEXELS).then_some(MapRegion { i, j })
     }
 
     /// What the sample sees of receivers at l, metres from it on, and of what lies between them.
@@ -125,7 +126,7 @@ impl<'a> Surroundings<'a> {
             return Outlook::Mixed;
         }
         let local = self.local(simd, l);
-        let Some(region) = self.region(&self.place(local), active, 0.0) else { return Outlook::Mixed };
+        let Some(region) = self.region(simd, local, active, 0.0) else { return Outlook::Mixed };
         let n = self.maps.resolution as usize;
         let map = self.map(active.trailing_zeros() as usize) as usize;
         let mut all = None;
@@ -157,16 +158,20 @@ impl<'a> Surroundings<'a> {
         let n = self.maps.resolution;
         // A half-space has 2π sr; texels are up to half as large again across.
         let margin = 1.5 * reach * n as f32 / std::f32::consts::TAU.sqrt();
-        let place = self.place(self.local(simd, direction));
-        let Some(region) = self.region(&place, active, margin) else { return Outlook::Mixed };
+        let local = self.local(simd, direction);
+        let Some(region) = self.region(simd, local, active, margin) else { return Outlook::Mixed };
         let map = self.map(active.trailing_zeros() as usize);
         let mask = (u64::MAX >> (63 - region.i[1]) & u64::MAX << region.i[0]) as u32;
         let rows = &self.maps.open[(map * n) as usize..][region.j[0]..=region.j[1]];
-        Outlook::of(rows.iter().map(|row| match row & mask {
-            0 => Outlook::Dark,
-            open if open == mask => Outlook::Clear,
+        let (mut any, mut all) = (0, u32::MAX);
+        for row in rows {
+            (any, all) = (any | row, all & row);
+        }
+        match (any & mask, all & mask) {
+            (0, _) => Outlook::Dark,
+            (_, open) if open == mask => Outlook::Clear,
             _ => Outlook::Mixed,
-        }))
+        }
     }
 
     fn map(&self, lane: usize) -> u32 {
@@ -180,27 +185,13 @@ impl<'a> Surroundings<'a> {
         let place = self.place(local);
         let [x, y, z] = local.to_arrays();
         let n = self.maps.resolution as usize;
-        std::array::from_fn(|lane| {
-            if active & (1 << lane) == 0 {
-                return 0.0;
-            }
+        let mut seen = [0.0; LANES];
+        for lane in (0..LANES).filter(|lane| active >> lane & 1 == 1) {
             let first = (self.map(lane) as usize * n + place.j[lane] as usize) * n + place.i[lane] as usize;
-            let planes = &self.maps.planes[first..first + n + 2];
-            let in_front = |texel: usize| {
-                let [a, b, c, behind] = planes[texel];
-                f32::from(a * x[lane] + b * y[lane] + c * z[lane] <= 1.0 + behind)
-            };
-            let across = |texel: usize, part: f32, shift: u32| {
-                let bits = planes[texel][3].to_bits() >> shift;
-                let (edge, half) = ((bits >> 2 & 63) as f32 / 64.0, 0.125 * (1 << (bits & 3)) as f32);
-                let (low, high) = ((edge - half).max(0.0), (edge + half).min(1.0));
-                ((part - low) / (high - low)).clamp(0.0, 1.0)
-            };
-            let (fx, fy) = (place.part[0][lane], place.part[1][lane]);
-            let top = mix(in_front(0), in_front(1), across(0, fx, 8));
-            let bottom = mix(in_front(n), in_front(n + 1), across(n, fx, 8));
-            mix(top, bottom, mix(across(0, fy, 0), across(1, fy, 0), fx))
-        })
+            let part = [place.part[0][lane], place.part[1][lane]];
+            seen[lane] = visible_part(&self.maps.planes[first..first + n + 2], n, [x[lane], y[lane], z[lane]], part);
+        }
+        seen
     }
 }
 
@@ -211,15 +202,32 @@ impl Sight for Surroundings<'_> {
     fn open_part<S: Simd>(&self, simd: S, direction: V3<S>, active: u32) -> [f32; LANES] {
         let place = self.place(self.local(simd, direction));
         let n = self.maps.resolution;
-        std::array::from_fn(|lane| {
-            if active & (1 << lane) == 0 {
-                return 0.0;
-            }
+        let mut open = [0.0; LANES];
+        for lane in (0..LANES).filter(|lane| active >> lane & 1 == 1) {
             let row = (self.map(lane) * n) as usize + place.j[lane] as usize;
             let bit = |row: usize, k: u32| (self.maps.open[row] >> (place.i[lane] as u32 + k) & 1) as f32;
-            bilinear([bit(row, 0), bit(row, 1), bit(row + 1, 0), bit(row + 1, 1)], &place, lane)
-        })
+            open[lane] = bilinear([bit(row, 0), bit(row, 1), bit(row + 1, 0), bit(row + 1, 1)], &place, lane);
+        }
+        open
     }
+}
+
+/// The part of a receiver that is seen, from four texels of rows of `n`.
+#[inline(always)]
+fn visible_part(planes: &[[f32; 4]], n: usize, [x, y, z]: [f32; 3], [fx, fy]: [f32; 2]) -> f32 {
+    let in_front = |texel: usize| {
+        let [a, b, c, behind] = planes[texel];
+        f32::from(a * x + b * y + c * z <= 1.0 + behind)
+    };
+    let across = |texel: usize, part: f32, shift: u32| {
+        let bits = planes[texel][3].to_bits() >> shift;
+        let (edge, half) = ((bits >> 2 & 63) as f32 / 64.0, 0.125 * (1 << (bits & 3)) as f32);
+        let (low, high) = ((edge - half).max(0.0), (edge + half).min(1.0));
+        ((part - low) / (high - low)).clamp(0.0, 1.0)
+    };
+    let top = mix(in_front(0), in_front(1), across(0, fx, 8));
+    let bottom = mix(in_front(n), in_front(n + 1), across(n, fx, 8));
+    mix(top, bottom, mix(across(0, fy, 0), across(1, fy, 0), fx))
 }
 
 #[inline(always)]

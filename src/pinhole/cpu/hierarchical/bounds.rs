@@ -38,6 +38,8 @@ pub enum Verdict {
     Add {
         /// The light is even: one look-up will do.
         even: bool,
+        /// And even if part of the environment is hidden from the cell.
+        even_if_hidden: bool,
     },
     /// Its cell is too large.
     SplitCell,
@@ -56,6 +58,8 @@ pub struct Judge<'a> {
     pub negligible: f32,
     /// Width of the narrowest look-up, radians.
     pub texel: f32,
+    /// Width of a texel of a map of visibility, radians.
+    pub map_texel: f32,
     /// Whether receivers reflect what they get to viewers.
     pub has_viewers: bool,
 }
@@ -101,7 +105,7 @@ impl<'a> Judge<'a> {
             (false, true) => if of_cell { Verdict::SplitCell } else { Verdict::SplitBlock },
             (false, false) => Verdict::SplitCell,
             (true, true) => Verdict::SplitBlock,
-            (true, false) => Verdict::Add { even: false },
+            (true, false) => Verdict::Add { even: false, even_if_hidden: true },
         };
         if l < NEAR * sizes {
             return finer(g.radius >= block.radius);
@@ -148,10 +152,16 @@ impl<'a> Judge<'a> {
             varies * (OF_CONTRAST * of_cell).min(1.0) + top * of_weight
         };
         if block_error + cell_error < self.share {
-            return Verdict::Add { even: varies < self.share };
+            // Hidden or not: contrast as strong as the light is bright, smooth over a texel of the map.
+            let step = 0.47 * of_block / minor2.sqrt().max(self.map_texel);
+            let of_hidden = if may_split_block { (OF_INTERPOLATION * step.powi(4)).min(1.0) } else { 0.0 };
+            return Verdict::Add {
+                even: varies < self.share,
+                even_if_hidden: block_error + cell_error + top * of_hidden < self.share,
+            };
         }
         if block_error == 0.0 && cell_error == 0.0 {
-            return Verdict::Add { even: false };
+            return Verdict::Add { even: false, even_if_hidden: true };
         }
         finer(cell_error >= block_error)
     }

@@ -118,8 +118,8 @@ impl<'a> Walked<'a> {
             sums.iter().map(|s| f64::from(s.truncate().length_squared())).sum::<f64>() / 3.0
         };
         let squares: f64 = groups.par_iter().map(square).sum();
-        let count: u32 = groups.iter().map(|group| group.there().count_ones()).sum();
+        let count = there.iter().step_by(step).count();
         // What is lit by nothing need not be exact.
-        ((squares / f64::from(count.max(1))).sqrt() as f32 * every as f32).max(f32::MIN_POSITIVE)
+        ((squares / count.max(1) as f64).sqrt() as f32 * every as f32).max(f32::MIN_POSITIVE)
     }
 }

@@ -7,11 +7,11 @@ use glam::{Vec3, Vec4};
 use super::super::Group;
 use super::super::cube::{OnCube, on_cube};
 use super::super::lanes::{ALL, F, LANES, Simd, SimdBase, SimdFloat, V3, bits, lanes, splat, splat3};
-use super::super::visibility::{Surroundings, Unhindered};
+use super::super::visibility::{Outlook, Surroundings, Unhindered};
 use super::super::{Pair, Receiver};
 use super::bounds::{BENT, FOOTPRINT, OF_CONTRAST, OF_WEIGHT, TOO_LARGE};
 use super::tile::TileGather;
-use crate::pinhole::PinholeSample;
+use crate::pinhole::{PinholeSample, VisibilityMaps};
 
 /// A unit direction turned by an angle towards another one, or that one if it is nearer.
 fn turned(from: Vec3, to: Vec3, angle: f32) -> Vec3 {
@@ -33,12 +33,30 @@ struct Seen<S: Simd> {
     lanes: u32,
 }
 
+impl<S: Simd> Seen<S> {
+    #[inline(always)]
+    fn of(simd: S, maps: &VisibilityMaps, root: &PinholeSample, number: u32, receiver: &Receiver<S>) -> Self {
+        let l = receiver.position - splat3(simd, root.position_area);
+        let dn = -l.dot(splat3(simd, root.normal_object));
+        let sight = Surroundings::new(maps, root, dn);
+        let (part, lanes) = match sight.outlook(simd, l, receiver.there()) {
+            Outlook::Clear => (splat(simd, 1.0), ALL),
+            Outlook::Dark => (splat(simd, 0.0), 0),
+            Outlook::Mixed => {
+                let part = lanes(simd, sight.visible_part(simd, l, ALL));
+                (part, bits(part.simd_gt(0.0)))
+            }
+        };
+        Self { root: number, part, lanes }
+    }
+}
+
 impl TileGather<'_> {
     /// Adds what cells, and those below them, bring to sixteen points.
     #[inline(always)]
     pub(super) fn packet<S: Simd>(&mut self, simd: S, points: &Group, cells: &[u32], sum: &mut [Vec4; LANES]) {
         let receiver = points.in_lanes(simd);
-        let there = points.there();
+        let there = receiver.there();
         let mut stack = std::mem::take(&mut self.pending);
         stack.extend(cells.iter().map(|&cell| (cell, there)));
         let mut seen = Seen { root: u32::MAX, part: splat(simd, 1.0), lanes: ALL };
@@ -76,15 +94,8 @@ impl TileGather<'_> {
         let l = pair.l2 * pair.inverse_l;
         let facing = if sample.two_sided() { pair.facing } else { -pair.dn };
         let receiving = pair.d.dot(receiver.normal);
-        let mut mask = mask;
-        if let (Some(maps), false) = (maps, of_many) {
-            if seen.root != node.root() {
-                let sight = Surroundings::new(maps, root, pair.dn);
-                let part = lanes(simd, sight.visible_part(simd, receiver.position - splat3(simd, root.position_area), ALL));
-                *seen = Seen { root: node.root(), part, lanes: bits(part.simd_gt(0.0)) };
-            }
-            mask &= seen.lanes;
-        }
+        let is_known = maps.is_none() || seen.root == node.root();
+        let mask = if is_known { mask & seen.lanes } else { mask };
         let lit = mask & bits(pair.cosines.simd_gt(0.0));
         // The greatest weight of any point of the cell.
         let (alive, weight, straddles) = if is_leaf {
@@ -116,7 +127,14 @@ impl TileGather<'_> {
         }
         let (top, varies) = (weight_bound * most, weight_bound * contrast);
         sum.iter_mut().enumerate().for_each(|(lane, s)| s.w += (alive >> lane & 1) as f32);
-        let alive = alive & bits(top.simd_gt(self.judge.negligible * g.area));
+        let mut alive = alive & bits(top.simd_gt(self.judge.negligible * g.area));
+        if alive == 0 {
+            return 0;
+        }
+        if let (Some(maps), false, false) = (maps, of_many, is_known) {
+            *seen = Seen::of(simd, maps, root, node.root(), receiver);
+            alive &= seen.lanes;
+        }
         let (taken, further) = if is_leaf {
             let near = top * size * size * OF_WEIGHT;
             let near = if self.accuracy.split_near { alive & bits(near.simd_gt(share)) } else { 0 };
@@ -133,7 +151,7 @@ impl TileGather<'_> {
             let taken = if of_many { 0 } else { taken };
             (taken, alive & !taken)
         };
-        let taken = taken & lit;
+        let taken = taken & lit & alive;
         if taken != 0 {
             let weight = if is_leaf { weight } else { gather.weight(simd, &sample, &pair, receiver) };
             let even = bits(varies.simd_ge(share)) & taken == 0;
@@ -141,7 +159,13 @@ impl TileGather<'_> {
                 None => (weight, gather.cell_radiance(simd, &sides, &Unhindered, even, taken)),
                 Some(maps) => {
                     let sight = Surroundings::new(maps, root, pair.dn);
-                    (weight * seen.part, gather.cell_radiance(simd, &sides, &sight, even, taken))
+                    let reach = FOOTPRINT * squares.reduce_max().sqrt();
+                    let radiance = match sight.sky(simd, pair.r, reach, taken) {
+                        Outlook::Clear => gather.cell_radiance(simd, &sides, &Unhindered, even, taken),
+                        Outlook::Dark => return further & seen.lanes,
+                        Outlook::Mixed => gather.cell_radiance(simd, &sides, &sight, even, taken),
+                    };
+                    (weight * seen.part, radiance)
                 }
             };
             gather.add(&sample, &pair, receiver, weight, &radiance, taken, sum);

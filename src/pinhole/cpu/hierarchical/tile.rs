@@ -32,6 +32,7 @@ impl<'a> TileGather<'a> {
             share: SHARE * accuracy.error,
             negligible: NEGLIGIBLE * accuracy.error / scene.pinholes.tree.area(),
             texel: scene.gather.environment.texel_rad(),
+            map_texel: scene.gather.map_texel(),
             has_viewers: grid.receivers().viewers.is_some(),
         };
         let tile = Tile::new(&grid, &scene.weights);
@@ -97,8 +98,8 @@ impl<'a> TileGather<'a> {
                 Verdict::SplitBlock => deferred.push(index),
                 // What several roots see together is not known.
                 Verdict::Add { .. } if shadowed && tree.is_above_roots(index) => stack.extend(node.children()),
-                Verdict::Add { even } => {
-                    if !self.add(simd, node.root(), &sample, &points, even, &mut sum) {
+                Verdict::Add { even, even_if_hidden } => {
+                    if !self.add(simd, node.root(), &sample, &points, [even, even_if_hidden], &mut sum) {
                         deferred.push(index);
                     }
                 }
@@ -129,7 +130,7 @@ impl<'a> TileGather<'a> {
         root: u32,
         sample: &PinholeSample,
         points: &Group,
-        even: bool,
+        [even, even_if_hidden]: [bool; 2],
         sum: &mut [Vec4; LANES],
     ) -> bool {
         let gather = &self.scene.gather;
@@ -140,6 +141,7 @@ impl<'a> TileGather<'a> {
             return true;
         }
         let footprint = pair.footprint(simd, sample);
+        let weight = gather.weight(simd, sample, &pair, &receiver);
         if let Some(maps) = &gather.pinholes.visibility {
             let root = &gather.pinholes.samples[root as usize];
             let sight = Surroundings::new(maps, root, pair.dn);
@@ -152,10 +154,14 @@ impl<'a> TileGather<'a> {
             match sight.sky(simd, pair.r, reach, lit) {
                 Outlook::Clear => {}
                 Outlook::Dark => return true,
+                Outlook::Mixed if even_if_hidden => {
+                    let radiance = gather.cell_radiance(simd, &footprint, &sight, even, lit);
+                    gather.add(sample, &pair, &receiver, weight, &radiance, lit, sum);
+                    return true;
+                }
                 Outlook::Mixed => return false,
             }
         }
-        let weight = gather.weight(simd, sample, &pair, &receiver);
         let radiance = gather.cell_radiance(simd, &footprint, &Unhindered, even, lit);
         gather.add(sample, &pair, &receiver, weight, &radiance, lit, sum);
         true
