@@ -44,6 +44,8 @@ fn nodes_below(leaves: u32) -> usize {
 /// A root and its moments, before it has a place.
 struct Root {
     node: CellNode,
+    /// A patch of the surface that it lies on, at least in part.
+    patch: u32,
     moments: Moments,
 }
 
@@ -72,7 +74,7 @@ impl CellTree {
         let build = |(cell, mut subtree): (&Vec<u32>, Subtree)| {
             let mut points: Vec<SurfacePoint> = cell.iter().map(|&k| candidates[k as usize]).collect();
             let (node, moments) = subtree.cell(&mut points, leaves, 0, 0);
-            Root { node, moments }
+            Root { node, patch: points[0].patch, moments }
         };
         let roots: Vec<Root> = cells.par_iter().zip(subtrees).map(build).collect();
         tree.gather(&roots, reach);
@@ -110,13 +112,15 @@ impl CellTree {
         let moments = moments.reduce(Moments::join).expect("a group has roots");
 
         let fit = moments.fit();
-        let (mut radius, mut normal_radius) = (0.0f32, 0.0f32);
+        let (mut radius, mut normal_radius, mut creased) = (0.0f32, 0.0f32, false);
         for &root in &*group {
+            creased |= roots[root as usize].node.is_creased();
+            creased |= roots[root as usize].patch != roots[group[0] as usize].patch;
             let of_root = roots[root as usize].node.geometry();
             radius = radius.max(of_root.centroid.distance(fit.centroid) + of_root.radius);
             normal_radius = normal_radius.max(of_root.normal.distance(fit.normal) + of_root.normal_radius);
         }
-        let mut node = CellNode::new(&fit, radius, normal_radius, group[0]);
+        let mut node = CellNode::new(&fit, radius, normal_radius, group[0], creased);
         node.set_children(first, count);
         self.nodes[place as usize] = node;
         moments
@@ -180,15 +184,15 @@ impl Subtree<'_> {
                 count += 1;
             }
         }
-        let moments = joined.unwrap_or_else(|| Moments::of(points.iter()));
-        let fit = if count == 0 && is_mixed(points) {
+        let moments = joined.unwrap_or_else(|| {
+            let area = points.iter().map(|p| p.area).sum();
             // What lies across a crease lends its area.
-            Moments::of(largest_patch(points).iter()).with_area(moments.area()).fit()
-        } else {
-            moments.fit()
-        };
+            let points = if is_mixed(points) { largest_patch(points) } else { &*points };
+            Moments::of(points.iter()).with_area(area)
+        });
+        let fit = moments.fit();
         let (radius, normal_radius) = bounds(points, fit.centroid, fit.normal);
-        let mut node = CellNode::new(&fit, radius, normal_radius, self.root);
+        let mut node = CellNode::new(&fit, radius, normal_radius, self.root, is_mixed(points));
         if count > 0 {
             node.set_children(self.start + first, count);
         }

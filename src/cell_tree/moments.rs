@@ -76,10 +76,6 @@ impl Moments {
         }
     }
 
-    pub fn area(&self) -> f32 {
-        self.area
-    }
-
     /// The same cell, standing for another area.
     #[must_use]
     pub fn with_area(self, area: f32) -> Self {
@@ -97,11 +93,8 @@ impl Moments {
     pub fn fit(&self) -> Fit {
         let normal = self.normal.try_normalize().unwrap_or(Vec3::Y);
         let [u, v] = tangent_frame(normal);
-        let spread = Symmetric2 {
-            xx: u.dot(self.positions * u),
-            xy: u.dot(self.positions * v),
-            yy: v.dot(self.positions * v),
-        };
+        let spread =
+            Symmetric2 { xx: u.dot(self.positions * u), xy: u.dot(self.positions * v), yy: v.dot(self.positions * v) };
         let curvature = self.curvature(spread, u, v);
         let own = self.pieces / self.area;
         let variance = |sum: f32, own: f32| sum / self.area + own;

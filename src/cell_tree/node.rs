@@ -20,7 +20,8 @@ pub struct CellNode {
     /// e₂₁, e₂₂: the cell's sides are T₁ = (e₁₁, e₂₁) and T₂ = (0, e₂₂), a parallelogram with the cell's moments. k₁₁, k₁₂ and
     sides_curvature: [f32; 4],
     /// k₂₂: ∇n, 1/m. Two halves, the radius in metres below and above it the greatest distance of a normal from the mean one;
-    /// eight times the first child's index and the number of children; the root (of a node above the roots: one of its).
+    /// eight times the first child's index and the number of children; twice the root (of a node above the roots: one of its),
+    /// and 1 if there are creases within.
     curvature_bounds_links: [u32; 4],
 }
 
@@ -37,6 +38,8 @@ pub struct NodeGeometry {
     pub sides: [Vec3; 2],
     /// Change of the normal along each side.
     pub changes: [Vec3; 2],
+    /// Whether the cell is not one smooth piece of the surface.
+    pub creased: bool,
     /// No point of the cell is farther from the centroid, metres.
     pub radius: f32,
     /// No unit normal of the cell is farther from the mean one.
@@ -44,7 +47,7 @@ pub struct NodeGeometry {
 }
 
 impl CellNode {
-    pub(super) fn new(fit: &Fit, radius: f32, normal_radius: f32, root: u32) -> Self {
+    pub(super) fn new(fit: &Fit, radius: f32, normal_radius: f32, root: u32, creased: bool) -> Self {
         let [a, b] = fit.sides.map(|side| side.to_array());
         let k = fit.curvature;
         let [x, y, z] = fit.centroid.to_array();
@@ -55,7 +58,12 @@ impl CellNode {
             centroid_area: [x, y, z, fit.area],
             normal_e11: [n_x, n_y, n_z, a[0]],
             sides_curvature: [a[1], b[1], k.xx, k.xy],
-            curvature_bounds_links: [k.yy.to_bits(), half(radius) | half(normal_radius) << 16, 0, root],
+            curvature_bounds_links: [
+                k.yy.to_bits(),
+                half(radius) | half(normal_radius) << 16,
+                0,
+                root << 1 | u32::from(creased),
+            ],
         }
     }
 
@@ -73,7 +81,13 @@ impl CellNode {
     /// The number of the root that it belongs to; above the roots, of one of those below it.
     #[inline]
     pub fn root(&self) -> u32 {
-        self.curvature_bounds_links[3]
+        self.curvature_bounds_links[3] >> 1
+    }
+
+    /// Whether its cell is not one smooth piece of the surface.
+    #[inline]
+    pub fn is_creased(&self) -> bool {
+        self.curvature_bounds_links[3] & 1 == 1
     }
 
     /// Area, m².
@@ -105,6 +119,7 @@ impl CellNode {
             area: self.area(),
             sides: [e11 * u + e21 * v, e22 * v],
             changes: [e11 * n_u + e21 * n_v, e22 * n_v],
+            creased: self.is_creased(),
             radius: half(bounds),
             normal_radius: half(bounds >> 16),
         }

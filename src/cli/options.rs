@@ -85,7 +85,7 @@ pub struct CommonOptions {
     /// Cells that each sample is split into at most; the power of four below counts [default: 64 in a hierarchy, else 1]
     #[arg(long, value_name = "N")]
     pub leaves: Option<u32>,
-    /// Error that a hierarchy may have, as a part of the caustics' root mean square [default: 0.01]
+    /// Error that a hierarchy may have, as a part of the caustics' mean irradiance [default: 0.01]
     #[arg(long, value_name = "PART")]
     pub tolerance: Option<f32>,
     #[command(flatten)]

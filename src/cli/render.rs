@@ -119,7 +119,12 @@ fn summary(report: &Report, outputs: &[PathBuf]) -> String {
     let on = &report.backend;
     let files: Vec<String> = outputs.iter().map(|p| p.display().to_string()).collect();
     let seconds = &report.seconds;
-    let preparing = seconds.environment + seconds.sampling + seconds.differentials + seconds.tree + seconds.visibility + seconds.backend;
+    let preparing = seconds.environment
+        + seconds.sampling
+        + seconds.differentials
+        + seconds.tree
+        + seconds.visibility
+        + seconds.backend;
     format!(
         "{}: {}x{} pixels, {}, on {on}: {:.1} s (preparing {preparing:.1} s, gather {:.1} s, {:.0} look-ups a pixel)",
         files.join(", "),

@@ -168,7 +168,7 @@ pub fn pinholes(scene: &Scene, samples: &[DifferentialSample], footprint: Footpr
     let mirrors = Mirrors::of_scene(scene);
     let sample = |s| {
         let region = region(s);
-        Some(mirrors.of_object[region.object as usize]?.sample(region))
+        Some(mirrors.of_object[region.object as usize]?.sample(&region))
     };
     Pinholes { samples: samples.iter().filter_map(sample).collect(), curves: mirrors.curves, visibility: None }
 }
@@ -176,8 +176,8 @@ pub fn pinholes(scene: &Scene, samples: &[DifferentialSample], footprint: Footpr
 impl Mirror {
     /// The sample that stands for a region of the mirror.
     #[inline]
-    fn sample(&self, region: Region) -> PinholeSample {
-        let Region { position, normal, area, sides, changes, object, bends } = region;
+    fn sample(&self, region: &Region) -> PinholeSample {
+        let Region { position, normal, area, sides, changes, object, bends } = *region;
         let Self { reflectance, curve, two_sided, .. } = *self;
         // Independent blurs: their second moments add.
         let lobe = if bends { Vec2::new(lobe_of_bend(changes), self.lobe).length() } else { self.lobe };

@@ -18,7 +18,8 @@ impl PinholeTree {
     pub fn new(scene: &Scene, tree: CellTree) -> Self {
         let mirrors = Mirrors::of_scene(scene);
         let mut new = Self { tree, mirrors, roots: Pinholes::default() };
-        let samples = new.tree.roots().iter().map(|&root| new.sample(new.tree.node(root), &new.tree.node(root).geometry()));
+        let samples =
+            new.tree.roots().iter().map(|&root| new.sample(new.tree.node(root), &new.tree.node(root).geometry()));
         new.roots = Pinholes { samples: samples.collect(), curves: new.mirrors.curves.clone(), visibility: None };
         new
     }
@@ -50,7 +51,7 @@ impl PinholeTree {
         let NodeGeometry { centroid, normal, area, sides, changes, .. } = *geometry;
         let object = self.tree.object(node);
         let region = Region { position: centroid, normal, area, sides, changes, object, bends: true };
-        self.mirror(object).sample(region)
+        self.mirror(object).sample(&region)
     }
 
     /// How an object of the tree mirrors.

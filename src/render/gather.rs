@@ -6,11 +6,11 @@ use serde::Serialize;
 
 use crate::environment::{CubeMap, Environment, LightBounds};
 use crate::gpu::{Adapter, Gpu, GpuError};
+use crate::pinhole::cpu::{self, Accuracy, Light};
 use crate::pinhole::gpu::{
     Engine, EnvironmentCube, FrameInputs, FrameViewers, Options, automatic_filter as automatic_filter_of,
     check_hardware_filter,
 };
-use crate::pinhole::cpu::{self, Accuracy, Light};
 use crate::pinhole::{BATCH_SIZE, Filter, Params, PinholeTree, Pinholes, Receivers, Viewers};
 use crate::scene::Visibility;
 use crate::{Error, OptionError, Progress};
@@ -47,7 +47,7 @@ pub(super) enum Samples {
     /// A hierarchy of them.
     Hierarchical {
         /// The cells.
-        tree: PinholeTree,
+        tree: Box<PinholeTree>,
         /// How bright the light is.
         bounds: LightBounds,
         /// How right the sum is to be.

@@ -32,7 +32,7 @@ pub struct Settings {
     pub evaluation: Option<EvaluationChoice>,
     /// Cells that each sample may be split into.
     pub leaves: Option<u32>,
-    /// Error that the hierarchy may have, as a part of the irradiance's root mean square.
+    /// Error that the hierarchy may have, as a part of the mean irradiance.
     pub tolerance: Option<f32>,
     /// `false` drops the 1/l² (the result is then a pattern, not an irradiance).
     pub attenuation: Option<bool>,
@@ -191,7 +191,7 @@ pub enum Evaluation {
     Hierarchical {
         /// Cells that each sample is split into.
         leaves: u32,
-        /// Error, as a part of the irradiance's root mean square.
+        /// Error, as a part of the mean irradiance.
         tolerance: f32,
     },
 }
@@ -252,7 +252,7 @@ pub struct Options {
     pub evaluation: EvaluationChoice,
     /// Cells that each sample may be split into; `None`: 64 in a hierarchy, else 1. The power of four below counts.
     pub leaves: Option<u32>,
-    /// Error that a hierarchy may have, as a part of the irradiance's root mean square over the picture; from 1e-5 to 1.
+    /// Error that a hierarchy may have, as a part of the mean irradiance over the picture; from 1e-5 to 1.
     pub tolerance: f32,
     /// The filter was left to Pinspot: a GPU whose own filter is right uses that instead of [`Filter::Anisotropic`] in
     /// `params`; any other filter there stays.
@@ -333,13 +333,22 @@ impl Options {
         }
         let cells = u64::from(self.samples) * u64::from(self.leaves.unwrap_or(1));
         if cells > MAX_CELLS {
-            return fail("leaves", format!("make {cells} cells with {} samples, but at most {MAX_CELLS} fit; give fewer of either", self.samples));
+            return fail(
+                "leaves",
+                format!(
+                    "make {cells} cells with {} samples, but at most {MAX_CELLS} fit; give fewer of either",
+                    self.samples
+                ),
+            );
         }
         if !(1e-5..=1.0).contains(&self.tolerance) {
             return fail("tolerance", format!("is {}, but must be from 0.00001 to 1", self.tolerance));
         }
         if self.leaves.unwrap_or(1) > 1 && self.footprint == Footprint::Curvature {
-            return fail("leaves", "are cells, which --footprint curvature does without; give --footprint cells, or 1 leaf".into());
+            return fail(
+                "leaves",
+                "are cells, which --footprint curvature does without; give --footprint cells, or 1 leaf".into(),
+            );
         }
         let Look { exposure_ev, background_exposure_ev, caustic_gain, .. } = self.look;
         if !(exposure_ev.abs() <= 64.0 && background_exposure_ev.abs() <= 64.0) {

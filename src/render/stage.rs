@@ -51,7 +51,7 @@ impl Stage<'_> {
                 let bounds = timed(&mut seconds.environment, || LightBounds::new(&self.environment.cube));
                 let typical = timed(&mut seconds.gather, || self.typical_irradiance(&tree, &bounds, options));
                 let accuracy = Accuracy { error: tolerance * typical, split_near: true };
-                Samples::Hierarchical { tree, bounds, accuracy }
+                Samples::Hierarchical { tree: Box::new(tree), bounds, accuracy }
             }
         }
     }

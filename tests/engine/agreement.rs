@@ -5,7 +5,7 @@ use pinspot::environment::CubeMap;
 use pinspot::image::Aov;
 use pinspot::pinhole::gpu::Options;
 use pinspot::pinhole::{BATCH_SIZE, Filter, Footprint, Params, PinholeSample, Pinholes, Receivers};
-use pinspot::render::{BackendChoice, BackendReport, Rendered, Renderer, Settings};
+use pinspot::render::{BackendChoice, BackendReport, EvaluationChoice, Rendered, Renderer, Settings};
 use pinspot::sampling::Strategy;
 use pinspot::scene::{BUILT_IN, load};
 
@@ -19,6 +19,7 @@ fn render(name: &str, filter: Filter, backend: &BackendChoice, aovs: &[Aov]) -> 
     options.samples = BATCH_SIZE + 77;
     options.params.filter = filter;
     options.automatic_filter = false;
+    options.evaluation = EvaluationChoice::Flat;
     options.aovs = aovs.to_vec();
     Renderer::new(loaded.scene, options, backend, &Silent).unwrap().render(&Silent).unwrap()
 }

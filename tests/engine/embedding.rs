@@ -16,7 +16,8 @@ use crate::support::{on_cpu, pinholes_of, rel_l2};
 fn the_example_gathers_what_the_cpu_gathers() {
     let output = embed::render_one_frame().unwrap();
     let [width, height] = embed::SIZE;
-    let receivers = Receivers { width, height, positions: output.positions, normals: output.normals, ..Receivers::empty(0, 0) };
+    let receivers =
+        Receivers { width, height, positions: output.positions, normals: output.normals, ..Receivers::empty(0, 0) };
     let loaded = load::<Settings>(embed::SCENE).unwrap();
     let environment = Environment::load(&loaded.scene.environment, Default::default()).unwrap();
     let mut pinholes = pinholes_of(&loaded.scene, embed::SAMPLES, Default::default(), Default::default(), 1);

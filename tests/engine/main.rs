@@ -13,6 +13,7 @@ mod gloss;
 mod gpu_errors;
 mod ground_truth;
 mod half_float;
+mod hierarchy;
 mod metals;
 mod pictures;
 mod receivers;

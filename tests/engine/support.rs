@@ -11,7 +11,7 @@ use pinspot::image::{Aov, Image};
 use pinspot::pinhole::gpu::{Engine, EnvironmentCube, FrameInputs, FrameViewers, Options};
 use pinspot::pinhole::{Footprint, Params, Pinholes, Receivers, cpu, pinholes};
 use pinspot::reference::{self, Goal, Quantity, Reference};
-use pinspot::render::{self, BackendChoice, Renderer, Settings};
+use pinspot::render::{self, BackendChoice, EvaluationChoice, Renderer, Settings};
 use pinspot::sampling::{self, Strategy, Surface, sample};
 use pinspot::scene::{Scene, Visibility, load, parse};
 
@@ -124,13 +124,14 @@ pub fn rel_l2(a: &[[f32; 4]], b: &[[f32; 4]]) -> f64 {
     (difference / norm).sqrt()
 }
 
-/// A built-in scene's caustic by 1,000 samples on the CPU, or whatever `change` asks for.
+/// A built-in scene's caustic by 1,000 samples, one by one, on the CPU, or whatever `change` asks for.
 pub fn rendered(name: &str, size: u32, change: impl FnOnce(&mut render::Options)) -> Image {
     let loaded = load::<Settings>(name).unwrap();
     let mut options = loaded.render.options().unwrap();
     options.size = [size; 2];
     options.samples = 1000;
     options.aovs = vec![Aov::Caustic];
+    options.evaluation = EvaluationChoice::Flat;
     change(&mut options);
     let renderer = Renderer::new(loaded.scene, options, &BackendChoice::Cpu, &Silent).unwrap();
     renderer.render(&Silent).unwrap().layers.remove(0).1

@@ -15,7 +15,7 @@ pub(super) const FILTER_ANISOTROPIC: u32 = 2;
 pub(super) const FILTER_EWA: u32 = 4;
 
 /// A tap's width over the footprint's, and the ellipse's measures; see the shader.
-const SHARPNESS: f32 = 0.9;
+pub(super) const SHARPNESS: f32 = 0.9;
 const EWA_RADIUS: f32 = std::f32::consts::FRAC_1_SQRT_2;
 const EWA_TEXEL: f32 = 0.5;
 const EWA_COLUMNS: f32 = 256.0;
@@ -81,16 +81,18 @@ pub(super) fn single_look_up<S: Simd>(
     sum
 }
 
-/// Mean radiance over a footprint within which the light changes little: one look-up in the level that is nearest to its width.
+/// Mean radiance over a footprint within which the light changes little: one look-up in the level that is nearest to this part of
+/// its width.
 #[inline(always)]
 pub(super) fn even_light<S: Simd>(
     simd: S,
     environment: &CubeLookup,
     sides: &Sides<S>,
+    part: f32,
     sight: &impl Sight,
     lit: u32,
 ) -> [Vec4; LANES] {
-    let width = ((sides.v1.dot(sides.v1) + sides.v2.dot(sides.v2)) * 0.5).sqrt() * 0.35;
+    let width = ((sides.v1.dot(sides.v1) + sides.v2.dot(sides.v2)) * 0.5).sqrt() * part;
     let level = (level_of(width, texel_width(sides.r, environment.texel_rad())) + 0.5).floor();
     let mut sum = [Vec4::ZERO; LANES];
     add_seen(simd, environment, sight, sides.r, level, lit, &mut sum);

@@ -18,7 +18,8 @@ use glam::{Vec3, Vec4};
 use rayon::prelude::*;
 
 use self::filters::{
-    FILTER_ANISOTROPIC, FILTER_EWA, FILTER_ISOTROPIC, FILTER_NONE, Sides, mean_over_footprint, single_look_up,
+    FILTER_ANISOTROPIC, FILTER_EWA, FILTER_ISOTROPIC, FILTER_NONE, SHARPNESS, Sides, mean_over_footprint,
+    single_look_up,
 };
 use self::footprint::{blurred, reflected_side};
 use self::lanes::{F, LANES, Simd, SimdBase, SimdFloat, V3, bits, dispatch, lanes, level, splat3};
@@ -27,6 +28,9 @@ use super::{BATCH_SIZE, CURVE_POINTS, Filter, GatherUniforms, Params, PinholeSam
 use crate::brdf::Materials;
 use crate::environment::CubeMap;
 
+/// Where the light is even, cells are looked up in this part of their footprint's width. Measured on the ring in forest light,
+/// tolerance .1: energy .993 with 1, .995 with .7, .999 with .35.
+const EVEN_PART: f32 = 0.35;
 /// Groups of lanes between two reports of progress.
 const GROUPS_PER_TASK: usize = 32;
 
@@ -301,7 +305,7 @@ impl Gather<'_> {
                 (weight * visible, lit, self.filtered_radiance::<S, FILTER>(simd, sample, &pair, &sight, lit))
             }
         };
-        self.add(sample, &pair, receiver, weight, &radiance, lit, sum);
+        self.add(sample, &pair, receiver, (weight, &radiance, lit), sum);
     }
 
     /// Weight of a pair, all but reflectance and visibility.
@@ -317,9 +321,7 @@ impl Gather<'_> {
         sample: &PinholeSample,
         pair: &Pair<S>,
         receiver: &Receiver<S>,
-        weight: F<S>,
-        radiance: &[Vec4; LANES],
-        lit: u32,
+        (weight, radiance, lit): (F<S>, &[Vec4; LANES], u32),
         sum: &mut [Vec4; LANES],
     ) {
         let Pair { d, facing, inverse_l, .. } = *pair;
@@ -396,18 +398,21 @@ impl Gather<'_> {
         1.0 / (l2 + (u.epsilon_scale * area + u.epsilon))
     }
 
-    /// Mean radiance over a cell's footprint; from one look-up where the light is even.
+    /// Mean radiance over a cell's footprint, which may have been blurred; from one look-up where the light is even.
     #[inline(always)]
     fn cell_radiance<S: Simd>(
         &self,
         simd: S,
         footprint: &Sides<S>,
+        is_blurred: bool,
         sight: &impl Sight,
         even: bool,
         lit: u32,
     ) -> [Vec4; LANES] {
         if even {
-            return filters::even_light(simd, &self.environment, footprint, sight, lit);
+            // Cells side by side are as good as a wide kernel, and lose nothing over their mirrors' edges; blur has to be there.
+            let part = if is_blurred { SHARPNESS } else { EVEN_PART };
+            return filters::even_light(simd, &self.environment, footprint, part, sight, lit);
         }
         let taps = self.uniforms.taps as f32;
         mean_over_footprint::<S, FILTER_ANISOTROPIC>(simd, &self.environment, footprint, sight, taps, lit)

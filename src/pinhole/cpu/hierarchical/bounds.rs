@@ -12,9 +12,9 @@ use crate::pinhole::GatherUniforms;
 
 /// A pair's error may be this part of what is allowed for a point: errors of many pairs add up there, though not all with the
 /// same sign.
-pub const SHARE: f32 = 1.0;
+pub const SHARE: f32 = 1.5;
 /// All that is dropped at a point adds less than this part of the error that is allowed there.
-pub const NEGLIGIBLE: f32 = 0.03;
+pub const NEGLIGIBLE: f32 = 0.1;
 /// Pairs that are nearer than this many times their sizes are refined.
 const NEAR: f32 = 1.5;
 /// Half the diagonal of a footprint's parallelogram in roots of the sum of its sides' squares, and some more.
@@ -22,7 +22,7 @@ pub const FOOTPRINT: f32 = 0.6;
 /// How far a footprint bends beyond its linear extent, for a cell of a given relative size.
 pub const BENT: f32 = 0.3;
 /// What part of the light's contrast a cell of relative size 1 gets wrong, and a cell's own changes of weight.
-pub const OF_CONTRAST: f32 = 0.5;
+pub const OF_CONTRAST: f32 = 3.0;
 pub const OF_WEIGHT: f32 = 0.3;
 /// What part of the contrast an interpolation gets wrong where the light changes over one distance of its points.
 const OF_INTERPOLATION: f32 = 0.02;
@@ -76,7 +76,7 @@ pub struct Cell<'a> {
     pub is_leaf: bool,
 }
 
-impl<'a> Judge<'a> {
+impl Judge<'_> {
     /// 1/l² at most, as the gather keeps it finite.
     fn attenuation(&self, l2: f32, area: f32) -> f32 {
         let u = self.uniforms;
@@ -102,7 +102,13 @@ impl<'a> Judge<'a> {
             return Verdict::Drop;
         }
         let finer = |of_cell: bool| match (cell.is_leaf, may_split_block) {
-            (false, true) => if of_cell { Verdict::SplitCell } else { Verdict::SplitBlock },
+            (false, true) => {
+                if of_cell {
+                    Verdict::SplitCell
+                } else {
+                    Verdict::SplitBlock
+                }
+            }
             (false, false) => Verdict::SplitCell,
             (true, true) => Verdict::SplitBlock,
             (true, false) => Verdict::Add { even: false, even_if_hidden: true },
@@ -126,7 +132,11 @@ impl<'a> Judge<'a> {
         let spread = ((g11 - g22) * (g11 - g22) + 4.0 * g12 * g12).sqrt();
         let minor2 = (0.5 * (g11 + g22 - spread)).max((g11 + g22) / 512.0);
         let (of_block, of_cell) = (block.radius / l, g.radius / l + g.normal_radius);
-        let footprint = FOOTPRINT * (g11 + g22).sqrt() + BENT * of_cell * (of_block + of_cell);
+        let footprint = if g.creased {
+            g.radius / l + 2.0 * g.normal_radius
+        } else {
+            FOOTPRINT * (g11 + g22).sqrt() + BENT * of_cell * (of_block + of_cell)
+        };
         let Bound { most, contrast } = self.light.within(r, of_block + footprint);
         let (top, varies) = (weight * most, weight * contrast);
         // What glossy receivers make of it they know one by one.

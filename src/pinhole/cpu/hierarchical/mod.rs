@@ -40,7 +40,8 @@ pub struct Accuracy {
     pub split_near: bool,
 }
 
-/// The root mean square of the irradiance over receivers, roughly: from some of them and some of the roots, W/m².
+/// The mean irradiance of receivers, roughly: from some of them and some of the roots, W/m². Where a few receivers get nearly
+/// all of it, a tenth of the root mean square, if that is more.
 pub fn typical_irradiance(receivers: &Receivers, pinholes: &PinholeTree, light: Light, params: &Params) -> f32 {
     let unseen = Receivers { viewers: None, ..receivers.clone() };
     Walked::new(pinholes, light, params, &unseen).typical(&unseen)
@@ -99,7 +100,7 @@ impl<'a> Walked<'a> {
         Self { pinholes, gather, bounds: light.bounds, weights: std::array::from_fn(Weights::new) }
     }
 
-    /// The root mean square of the irradiance over the receivers, from some of them and some of the roots.
+    /// See [`typical_irradiance`].
     fn typical(&self, receivers: &Receivers) -> f32 {
         let there: Vec<usize> = (0..receivers.positions.len()).filter(|&k| receivers.positions[k][3] >= 0.0).collect();
         let step = there.len().div_ceil(SCOUTS).max(1);
@@ -113,13 +114,15 @@ impl<'a> Walked<'a> {
             .collect();
         let roots = &self.pinholes.roots.samples;
         let every = roots.len().div_ceil(SCOUTED).max(1);
-        let square = |group: &Group| {
+        let moments = |group: &Group| {
             let sums = dispatch!(level(), simd => self.gather.sum_of_some(simd, roots, every, group));
-            sums.iter().map(|s| f64::from(s.truncate().length_squared())).sum::<f64>() / 3.0
+            let irradiances = sums.iter().map(|s| s.truncate().as_dvec3() * every as f64);
+            irradiances.fold([0.0, 0.0], |[sum, squares], e| [sum + e.element_sum(), squares + e.length_squared()])
         };
-        let squares: f64 = groups.par_iter().map(square).sum();
-        let count = there.iter().step_by(step).count();
+        let add = |a: [f64; 2], b: [f64; 2]| [a[0] + b[0], a[1] + b[1]];
+        let [sum, squares] = groups.par_iter().map(moments).reduce(|| [0.0; 2], add);
+        let count = 3.0 * there.iter().step_by(step).count().max(1) as f64;
         // What is lit by nothing need not be exact.
-        ((squares / count.max(1) as f64).sqrt() as f32 * every as f32).max(f32::MIN_POSITIVE)
+        (sum / count).max(0.1 * (squares / count).sqrt()).max(f64::from(f32::MIN_POSITIVE)) as f32
     }
 }

@@ -116,7 +116,11 @@ impl TileGather<'_> {
         let sides = pair.footprint(simd, &sample);
         let squares = sides.v1.dot(sides.v1) + sides.v2.dot(sides.v2);
         let size = pair.inverse_l * g.radius + g.normal_radius;
-        let radius = squares.sqrt() * FOOTPRINT + size * size * BENT;
+        let radius = if g.creased {
+            size + (g.normal_radius + sample.lobe())
+        } else {
+            squares.sqrt() * FOOTPRINT + size * size * BENT
+        };
         let (most, contrast) = self.light_within(simd, pair.r, radius, alive);
         let mut weight_bound = weight * reflects;
         let mut of_gloss = splat(simd, 0.0);
@@ -139,7 +143,7 @@ impl TileGather<'_> {
             let near = top * size * size * OF_WEIGHT;
             let near = if self.accuracy.split_near { alive & bits(near.simd_gt(share)) } else { 0 };
             if near != 0 {
-                self.near(simd, &sample, root, near, receiver, seen, sum);
+                self.near(simd, &sample, root, near, (receiver, seen), sum);
             }
             (alive & !near, 0)
         } else {
@@ -152,23 +156,32 @@ impl TileGather<'_> {
             (taken, alive & !taken)
         };
         let taken = taken & lit & alive;
-        if taken != 0 {
-            let weight = if is_leaf { weight } else { gather.weight(simd, &sample, &pair, receiver) };
-            let even = bits(varies.simd_ge(share)) & taken == 0;
-            let (weight, radiance) = match maps {
-                None => (weight, gather.cell_radiance(simd, &sides, &Unhindered, even, taken)),
-                Some(maps) => {
-                    let sight = Surroundings::new(maps, root, pair.dn);
-                    let reach = FOOTPRINT * squares.reduce_max().sqrt();
-                    let radiance = match sight.sky(simd, pair.r, reach, taken) {
-                        Outlook::Clear => gather.cell_radiance(simd, &sides, &Unhindered, even, taken),
-                        Outlook::Dark => return further & seen.lanes,
-                        Outlook::Mixed => gather.cell_radiance(simd, &sides, &sight, even, taken),
-                    };
-                    (weight * seen.part, radiance)
+        if taken == 0 {
+            return further;
+        }
+        let mut weight = if is_leaf { weight } else { gather.weight(simd, &sample, &pair, receiver) };
+        let sight = maps.map(|maps| Surroundings::new(maps, root, pair.dn));
+        let mut outlook = Outlook::Clear;
+        if let Some(sight) = &sight {
+            weight *= seen.part;
+            outlook = sight.sky(simd, pair.r, FOOTPRINT * squares.reduce_max().sqrt(), taken);
+            if outlook == Outlook::Dark {
+                return further;
+            }
+        }
+        let is_blurred = sample.lobe() > 0.0;
+        let uneven = taken & bits(varies.simd_ge(share));
+        for (lanes, even) in [(taken & !uneven, true), (uneven, false)] {
+            if lanes == 0 {
+                continue;
+            }
+            let radiance = match &sight {
+                Some(sight) if outlook == Outlook::Mixed => {
+                    gather.cell_radiance(simd, &sides, is_blurred, sight, even, lanes)
                 }
+                _ => gather.cell_radiance(simd, &sides, is_blurred, &Unhindered, even, lanes),
             };
-            gather.add(&sample, &pair, receiver, weight, &radiance, taken, sum);
+            gather.add(&sample, &pair, receiver, (weight, &radiance, lanes), sum);
         }
         further
     }
@@ -182,8 +195,7 @@ impl TileGather<'_> {
         leaf: &PinholeSample,
         root: &PinholeSample,
         mask: u32,
-        receiver: &Receiver<S>,
-        seen: &Seen<S>,
+        (receiver, seen): (&Receiver<S>, &Seen<S>),
         sum: &mut [Vec4; LANES],
     ) {
         let gather = &self.scene.gather;
@@ -203,27 +215,20 @@ impl TileGather<'_> {
             let weight = gather.weight(simd, &piece, &pair, receiver) * seen.part;
             let sides = pair.footprint(simd, &piece);
             let radiance = match &gather.pinholes.visibility {
-                None => gather.cell_radiance(simd, &sides, &Unhindered, false, taken),
+                None => gather.cell_radiance(simd, &sides, piece.lobe() > 0.0, &Unhindered, false, taken),
                 Some(maps) => {
                     let sight = Surroundings::new(maps, root, pair.dn);
-                    gather.cell_radiance(simd, &sides, &sight, false, taken)
+                    gather.cell_radiance(simd, &sides, piece.lobe() > 0.0, &sight, false, taken)
                 }
             };
-            gather.add(&piece, &pair, receiver, weight, &radiance, taken, sum);
+            gather.add(&piece, &pair, receiver, (weight, &radiance, taken), sum);
         }
     }
 
     /// What receivers reflect to their viewers of the light from a cell of this relative size, at most: in π times their function;
     /// and what part of that is not so all over the cell.
     #[inline(always)]
-    fn gloss<S: Simd>(
-        &self,
-        simd: S,
-        pair: &Pair<S>,
-        receiver: &Receiver<S>,
-        size: F<S>,
-        active: u32,
-    ) -> (F<S>, F<S>) {
+    fn gloss<S: Simd>(&self, simd: S, pair: &Pair<S>, receiver: &Receiver<S>, size: F<S>, active: u32) -> (F<S>, F<S>) {
         let (Some(materials), Some(views)) = (self.scene.gather.materials, receiver.view) else {
             return (splat(simd, 1.0), splat(simd, 0.0));
         };
@@ -252,8 +257,7 @@ impl TileGather<'_> {
         let (mut most, mut contrast) = ([0.0; LANES], [0.0; LANES]);
         for lane in 0..LANES {
             if active >> lane & 1 == 1 {
-                let bound =
-                    self.judge.light.at(face[lane] as usize, glam::Vec2::new(s[lane], t[lane]), reach[lane]);
+                let bound = self.judge.light.at(face[lane] as usize, glam::Vec2::new(s[lane], t[lane]), reach[lane]);
                 (most[lane], contrast[lane]) = (bound.most, bound.contrast);
             }
         }

@@ -150,20 +150,21 @@ impl<'a> TileGather<'a> {
                 Outlook::Dark => return true,
                 Outlook::Mixed => return false,
             }
-            let reach = FOOTPRINT * (footprint.v1.dot(footprint.v1) + footprint.v2.dot(footprint.v2)).reduce_max().sqrt();
+            let reach =
+                FOOTPRINT * (footprint.v1.dot(footprint.v1) + footprint.v2.dot(footprint.v2)).reduce_max().sqrt();
             match sight.sky(simd, pair.r, reach, lit) {
                 Outlook::Clear => {}
                 Outlook::Dark => return true,
                 Outlook::Mixed if even_if_hidden => {
-                    let radiance = gather.cell_radiance(simd, &footprint, &sight, even, lit);
-                    gather.add(sample, &pair, &receiver, weight, &radiance, lit, sum);
+                    let radiance = gather.cell_radiance(simd, &footprint, sample.lobe() > 0.0, &sight, even, lit);
+                    gather.add(sample, &pair, &receiver, (weight, &radiance, lit), sum);
                     return true;
                 }
                 Outlook::Mixed => return false,
             }
         }
-        let radiance = gather.cell_radiance(simd, &footprint, &Unhindered, even, lit);
-        gather.add(sample, &pair, &receiver, weight, &radiance, lit, sum);
+        let radiance = gather.cell_radiance(simd, &footprint, sample.lobe() > 0.0, &Unhindered, even, lit);
+        gather.add(sample, &pair, &receiver, (weight, &radiance, lit), sum);
         true
     }
 

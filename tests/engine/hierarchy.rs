@@ -1,0 +1,221 @@
+//! The hierarchical gather against the flat sum over its leaves, and against the ground truth.
+
+use std::sync::Arc;
+
+use glam::Vec2;
+use pinspot::Silent;
+use pinspot::brdf::{Gloss, Materials};
+use pinspot::cell_tree::{CellTree, TreeOptions};
+use pinspot::environment::{Environment, LightBounds};
+use pinspot::image::rel_l2 as image_rel_l2;
+use pinspot::pinhole::cpu::{Accuracy, Light, gather_hierarchical, typical_irradiance};
+use pinspot::pinhole::{Arrangement, Params, PinholeTree, Receivers, Viewers};
+use pinspot::reference::Quantity;
+use pinspot::render::{BackendChoice, EvaluationChoice, Renderer, Settings};
+use pinspot::sampling::{self, Strategy, Surface, sample};
+use pinspot::scene::{BUILT_IN, Scene, Visibility, load};
+use pinspot::tracing::Tracer;
+
+use crate::support::{on_cpu, rel_l2, rendered, truth};
+
+/// A scene under one light, ready to be gathered.
+struct Work {
+    scene: Scene,
+    tracer: Tracer,
+    receivers: Receivers,
+    environment: Environment,
+    bounds: LightBounds,
+}
+
+impl Work {
+    fn new(name: &str, size: u32, map: Option<&str>) -> Self {
+        let mut scene = load::<Settings>(name).unwrap().scene;
+        if let Some(map) = map {
+            scene.environment.light =
+                pinspot::scene::Light::map(std::path::Path::new(""), map, pinspot::scene::MapLayout::Auto);
+        }
+        let environment = Environment::load(&scene.environment, Default::default()).unwrap();
+        let tracer = Tracer::new(&scene);
+        let mut receivers = Receivers::empty(size, size);
+        for k in 0..size * size {
+            let pixel = Vec2::new((k % size) as f32, (k / size) as f32) + 0.5;
+            let hit = tracer.camera_hit(scene.camera.ray(pixel, Vec2::splat(size as f32)));
+            if let Some(hit) = hit.filter(|hit| scene.objects[hit.object as usize].receiver.is_some()) {
+                receivers.set(k as usize, hit.position, hit.normal, hit.object);
+            }
+        }
+        let bounds = LightBounds::new(&environment.cube);
+        Self { scene, tracer, receivers, environment, bounds }
+    }
+
+    fn tree(&self, samples: u32, leaves: u32) -> PinholeTree {
+        let surface = Surface::of_scene(&self.scene);
+        let options = sampling::Options { samples, strategy: Strategy::Neighbourhood, seed: 1 };
+        let set = sample(&surface, &options).unwrap();
+        PinholeTree::new(&self.scene, CellTree::new(&surface, &set, &TreeOptions { leaves, seed: 1 }))
+    }
+
+    fn hierarchical(&self, tree: &PinholeTree, receivers: &Receivers, tolerance: f32) -> Vec<[f32; 4]> {
+        let (light, params) = (Light { cube: &self.environment.cube, bounds: &self.bounds }, Params::default());
+        let error = tolerance * typical_irradiance(&self.receivers, tree, light, &params);
+        gather_hierarchical(receivers, tree, light, &params, Accuracy { error, split_near: false }, &|_| ())
+    }
+
+    fn flat(&self, leaves: &pinspot::pinhole::Pinholes, receivers: &Receivers) -> Vec<[f32; 4]> {
+        on_cpu(receivers, leaves, &self.environment.cube, &Params::default())
+    }
+}
+
+fn energy(sums: &[[f32; 4]]) -> f64 {
+    sums.iter().map(|s| f64::from(s[0] + s[1] + s[2])).sum()
+}
+
+fn fetches(sums: &[[f32; 4]]) -> f64 {
+    sums.iter().map(|s| f64::from(s[3])).sum::<f64>() / sums.len() as f64
+}
+
+/// The error is below the tolerance and no energy is lost, in every built-in scene and under three maps. A fourth, a city at
+/// night, is all small lights in the dark: the wide kernels of large cells carry a little of them over the mirrors' edges.
+#[test]
+fn it_sums_what_its_leaves_do() {
+    const TOLERANCE: f32 = 0.01;
+    let mut failures = Vec::new();
+    for scene in BUILT_IN {
+        for map in [None, Some("forest"), Some("clear-sky"), Some("studio"), Some("city")] {
+            let work = Work::new(scene.name, 48, map);
+            let tree = work.tree(400, 16);
+            let flat = work.flat(&tree.leaves(), &work.receivers);
+            let fast = work.hierarchical(&tree, &work.receivers, TOLERANCE);
+            let (error, kept) = (rel_l2(&fast, &flat), energy(&fast) / energy(&flat));
+            let cost = fetches(&fast) / fetches(&flat);
+            println!("{:16} {map:?}: {error:.4}, energy {kept:.4}, fetches {cost:.3}", scene.name);
+            let off = if map == Some("city") { 0.005 } else { 0.002 };
+            if error > f64::from(TOLERANCE) || (kept - 1.0).abs() > off {
+                failures.push(format!("{} {map:?}: {error:.4}, energy {kept:.4}", scene.name));
+            }
+        }
+    }
+    assert!(failures.is_empty(), "{failures:#?}");
+}
+
+/// With a leaf a root, both know the same maps of what is hidden.
+#[test]
+fn shadows_are_those_of_the_roots() {
+    for name in ["ring-natural", "columns", "cup", "spoon", "disco-ball"] {
+        let work = Work::new(name, 96, None);
+        let mut tree = work.tree(1000, 1);
+        tree.roots_mut().look_around(&work.scene, &work.tracer);
+        let flat = work.flat(tree.roots(), &work.receivers);
+        let fast = work.hierarchical(&tree, &work.receivers, 0.01);
+        let (error, kept) = (rel_l2(&fast, &flat), energy(&fast) / energy(&flat));
+        println!("{name}: {error:.4}, energy {kept:.4}");
+        assert!(error < 0.01 && (kept - 1.0).abs() < 0.002, "{name}: {error} {kept}");
+    }
+}
+
+#[test]
+fn tolerance_is_what_the_error_follows() {
+    let work = Work::new("ring-natural", 128, None);
+    let tree = work.tree(300, 16);
+    let flat = work.flat(&tree.leaves(), &work.receivers);
+    let tries = [0.1, 0.01, 0.001].map(|tolerance| work.hierarchical(&tree, &work.receivers, tolerance));
+    let errors = tries.each_ref().map(|sums| rel_l2(sums, &flat));
+    let costs = tries.each_ref().map(|sums| fetches(sums));
+    println!("{errors:?} {costs:?}");
+    assert!(errors[0] < 0.1 && errors[1] < 0.01 && errors[2] < 0.002, "{errors:?}");
+    assert!(errors[0] > 2.0 * errors[1] && costs[0] < 0.5 * costs[1] && costs[1] < costs[2]);
+}
+
+#[test]
+fn receivers_may_come_as_a_list() {
+    let work = Work::new("cup", 64, None);
+    let tree = work.tree(300, 16);
+    let picture = work.hierarchical(&tree, &work.receivers, 1e-3);
+    let list = Receivers { arrangement: Arrangement::List, ..work.receivers.clone() };
+    assert!(rel_l2(&work.hierarchical(&tree, &list, 1e-3), &picture) < 2e-3);
+}
+
+#[test]
+fn a_thousand_times_the_leaves_cost_a_few_times_the_fetches() {
+    for name in ["ring-above", "ring-natural"] {
+        let work = Work::new(name, 256, None);
+        let cost = |leaves| fetches(&work.hierarchical(&work.tree(250, leaves), &work.receivers, 0.02));
+        let (few, many) = (cost(4), cost(1024));
+        println!("{name}: {few} {many}");
+        assert!(many < 6.0 * few, "{name}: {few} {many}");
+    }
+}
+
+/// The hierarchy on glossy receivers, seen from above at an angle.
+#[test]
+fn glossy_receivers_get_what_the_leaves_bring() {
+    let glosses = [
+        Gloss::Phong { specular: glam::Vec3::splat(0.3), exponent: 60.0 },
+        Gloss::Ggx { specular: glam::Vec3::splat(0.05), roughness: 0.35 },
+    ];
+    for gloss in &glosses {
+        let work = Work::new("ring-natural", 48, None);
+        let tree = work.tree(300, 16);
+        let material = |_| Some((glam::Vec3::splat(0.4), gloss));
+        let materials = Arc::new(Materials::new(work.scene.objects.iter().map(material)));
+        let view = glam::Vec3::new(0.3, 0.8, 0.5).normalize().extend(0.0).to_array();
+        let directions = vec![view; work.receivers.positions.len()];
+        let receivers = Receivers { viewers: Some(Viewers { directions, materials }), ..work.receivers.clone() };
+        let flat = work.flat(&tree.leaves(), &receivers);
+        let fast = work.hierarchical(&tree, &receivers, 0.01);
+        let (error, kept) = (rel_l2(&fast, &flat), energy(&fast) / energy(&flat));
+        println!("{gloss:?}: {error:.4} {kept:.4}");
+        assert!(error < 0.01 && (kept - 1.0).abs() < 0.002, "{gloss:?}: {error} {kept}");
+    }
+}
+
+/// By default, leaves bring the picture nearer to the truth than samples alone do.
+#[test]
+fn leaves_bring_it_nearer_to_the_truth() {
+    const EDGE: u32 = 48;
+    for (name, visibility) in
+        [("ring-natural", Visibility::None), ("spoon", Visibility::None), ("spoon", Visibility::Full)]
+    {
+        let truth = truth(name, Quantity::Caustic, visibility, EDGE, 0.01);
+        let error = |evaluation| {
+            let image = rendered(name, EDGE, |options| {
+                options.samples = 300;
+                options.visibility = visibility;
+                options.evaluation = evaluation;
+            });
+            image_rel_l2(&image, &truth, None)
+        };
+        let [flat, tree] = [EvaluationChoice::Flat, EvaluationChoice::Hierarchical].map(error);
+        println!("{name} {visibility:?}: {flat:.4} {tree:.4}");
+        assert!(tree < 0.6 * flat, "{name} {visibility:?}: {flat} {tree}");
+    }
+}
+
+/// What the hierarchy does not know it leaves to the flat sum, or says so.
+#[test]
+fn what_is_not_known_is_refused_or_left_to_the_flat_sum() {
+    let render = |change: &dyn Fn(&mut pinspot::render::Options)| {
+        let loaded = load::<Settings>("mirror-sphere").unwrap();
+        let mut options = loaded.render.options().unwrap();
+        (options.size, options.samples) = ([16, 16], 40);
+        change(&mut options);
+        let renderer = Renderer::new(loaded.scene, options, &BackendChoice::Cpu, &Silent);
+        renderer.map(|r| r.render(&Silent).unwrap().report.evaluation).map_err(|e| e.to_string())
+    };
+    use pinspot::pinhole::{Epsilon, Filter, Footprint};
+    use pinspot::render::Evaluation::{Flat, Hierarchical};
+    assert_eq!(render(&|_| ()).unwrap(), Hierarchical { leaves: 64, tolerance: 0.01 });
+    assert_eq!(render(&|o| o.leaves = Some(20)).unwrap(), Hierarchical { leaves: 16, tolerance: 0.01 });
+    let obstacles: [&dyn Fn(&mut pinspot::render::Options); 3] =
+        [&|o| o.params.filter = Filter::None, &|o| o.footprint = Footprint::Curvature, &|o| {
+            o.params.epsilon = Epsilon::Paper;
+        }];
+    for obstacle in obstacles {
+        assert_eq!(render(obstacle).unwrap(), Flat { leaves: 1 });
+        let insisted = render(&|o| {
+            obstacle(o);
+            o.evaluation = EvaluationChoice::Hierarchical;
+        });
+        assert!(insisted.unwrap_err().contains("--evaluation flat"));
+    }
+}
