@@ -6,9 +6,9 @@
 //! surface's curvature around the sample; sum. Pinspot is that algorithm, on GPUs through wgpu and on CPUs.
 //!
 //! ```text
-//!  scene ──► sampling ──► differential ──► pinhole (cpu │ gpu) ──► image
-//!    │                                         ▲
-//!    └─────────► environment, tracing ─────────┘
+//!  scene ──► sampling ──► differential, cell_tree ──► pinhole (cpu │ gpu) ──► image
+//!    │                                                    ▲
+//!    └──────────────► environment, tracing ───────────────┘
 //!                         render: the headless renderer that ties them together
 //!
 //!  scene ──► reference ──► report ◄── render
@@ -22,6 +22,7 @@
 //! * [`environment`]: what shines: maps, spots, constants; a prefiltered cube.
 //! * [`sampling`]: where on the reflectors the pinholes are.
 //! * [`differential`]: the surface around each of them.
+//! * [`cell_tree`]: a hierarchy of samples whose cells tile the reflectors.
 //! * [`tracing`]: rays against the meshes: what hides what.
 //! * [`pinhole`]: the sum itself; [`pinhole::gpu`] records into the caller's encoder, [`pinhole::cpu`] is its twin.
 //! * [`conformance`]: filters against the exact integral over a footprint.

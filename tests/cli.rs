@@ -383,8 +383,8 @@ fn wrong_command_lines_exit_with_two() {
     for args in [
         &["render"][..],
         &["rendr", "ring"],
-        &["render", "ring", "-o", "a.png", "--leaves", "4"],
-        &["render", "ring", "-o", "a.png", "--evaluation", "flat"],
+        &["render", "ring", "-o", "a.png", "--leaves", "many"],
+        &["render", "ring", "-o", "a.png", "--evaluation", "deep"],
         &["render", "ring", "-o", "a.png", "--filter", "bicubic"],
         &["render", "ring", "-o", "a.png", "--strategy", "hexagonal"],
         &["render", "ring", "-o", "a.png", "--visibility", "half"],
@@ -470,4 +470,35 @@ fn samples_tell_their_spectrum_where_there_is_one() {
     assert!(figures["spectrum"]["low_power"].as_f64().unwrap() < 0.3, "blue noise: {figures}");
     assert!(figures["coverage_radius"].as_f64().unwrap() < 1.0 && figures["orientation_bias"].as_f64().is_some());
     assert!(place.path("ring.png").exists());
+}
+
+#[test]
+fn the_hierarchy_is_asked_for_reported_and_bounded() {
+    let place = Workplace::new();
+    let base = ["render", "mirror-sphere", "-o", "a.png", "--size", "16x16", "--backend", "cpu"];
+    let run = |more: &[&str]| place.run(&[&base[..], more].concat());
+    let report = |more: &[&str]| {
+        let output = run(&[more, &["--json", "--quiet"]].concat());
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        serde_json::from_slice::<serde_json::Value>(&output.stdout).unwrap()
+    };
+    let by_default = report(&[]);
+    assert_eq!((&by_default["evaluation"], &by_default["leaves"]), (&"hierarchical".into(), &64.into()));
+    let flat = report(&["--evaluation", "flat", "--leaves", "5"]);
+    assert_eq!((&flat["evaluation"], &flat["leaves"]), (&"flat".into(), &4.into()));
+    assert!(flat["seconds"]["tree"].as_f64().unwrap() > 0.0);
+    for (more, remedy) in [
+        (&["--leaves", "0"][..], "from 1 to"),
+        (&["--leaves", "4096", "--samples", "100000"], "fewer of either"),
+        (&["--tolerance", "0"], "from 0.00001 to 1"),
+        (&["--tolerance", "NaN"], "from 0.00001 to 1"),
+        (&["--evaluation", "hierarchical", "--filter", "none"], "--filter anisotropic"),
+        (&["--evaluation", "hierarchical", "--epsilon", "paper"], "--evaluation flat"),
+        (&["--leaves", "4", "--footprint", "curvature"], "--footprint cells"),
+    ] {
+        let output = run(more);
+        let message = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(1), "{more:?}: {message}");
+        assert!(message.contains(remedy), "{more:?}: {message}");
+    }
 }

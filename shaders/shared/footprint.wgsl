@@ -58,6 +58,11 @@ fn footprint_axes(v1: vec3f, v2: vec3f) -> FootprintAxes {
         x = g12;
         y = radius - half_difference;
     }
+    // Of a square every direction is an axis.
+    if radius <= 1e-6 * mean {
+        x = mean;
+        y = 0.0;
+    }
     let length2 = max(x * x + y * y, 1e-30);
     let scale = inverseSqrt(length2);
     return FootprintAxes(major, minor, scale * (x * v1 + y * v2));

@@ -14,7 +14,7 @@ use crate::pinhole::GatherUniforms;
 /// same sign.
 pub const SHARE: f32 = 1.5;
 /// All that is dropped at a point adds less than this part of the error that is allowed there.
-pub const NEGLIGIBLE: f32 = 0.1;
+pub const NEGLIGIBLE: f32 = 0.03;
 /// Pairs that are nearer than this many times their sizes are refined.
 const NEAR: f32 = 1.5;
 /// Half the diagonal of a footprint's parallelogram in roots of the sum of its sides' squares, and some more.

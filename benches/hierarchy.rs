@@ -1,0 +1,246 @@
+//! What the hierarchy is worth, as ratios within one run on one core: `cargo bench --bench hierarchy`.
+//!
+//! A table of its own instead of criterion's: single runs take seconds, and what counts is their ratio. The flat sum takes the
+//! leaves of the same tree, on one row of pixels in sixteen; its time goes with the number of pixels.
+
+use std::time::Instant;
+
+use glam::Vec2;
+use pinspot::cell_tree::{CellTree, TreeOptions};
+use pinspot::environment::{Environment, LightBounds};
+use pinspot::pinhole::cpu::{Accuracy, Light, gather, gather_hierarchical, typical_irradiance};
+use pinspot::pinhole::{Params, PinholeTree, Receivers};
+use pinspot::render::Settings;
+use pinspot::sampling::{self, Strategy, Surface, sample};
+use pinspot::scene::{Scene, load};
+use pinspot::tracing::Tracer;
+
+const EDGE: u32 = 512;
+/// One row in so many is summed flat.
+const FLAT_ROWS: u32 = 16;
+
+/// A scene's light and what receives it.
+struct Work {
+    name: &'static str,
+    scene: Scene,
+    surface: Surface,
+    environment: Environment,
+    bounds: LightBounds,
+    receivers: Receivers,
+}
+
+impl Work {
+    fn new(name: &'static str, edge: u32) -> Self {
+        let scene = load::<Settings>(name).expect("built-in").scene;
+        let environment = Environment::load(&scene.environment, Default::default()).expect("built-in");
+        let tracer = Tracer::new(&scene);
+        let mut receivers = Receivers::empty(edge, edge);
+        for k in 0..edge * edge {
+            let pixel = Vec2::new((k % edge) as f32, (k / edge) as f32) + 0.5;
+            let hit = tracer.camera_hit(scene.camera.ray(pixel, Vec2::splat(edge as f32)));
+            if let Some(hit) = hit.filter(|hit| scene.objects[hit.object as usize].receiver.is_some()) {
+                receivers.set(k as usize, hit.position, hit.normal, hit.object);
+            }
+        }
+        let (surface, bounds) = (Surface::of_scene(&scene), LightBounds::new(&environment.cube));
+        Self { name, scene, surface, environment, bounds, receivers }
+    }
+
+    fn tree(&self, roots: u32, leaves: u32, seed: u64) -> PinholeTree {
+        let options = sampling::Options { samples: roots, strategy: Strategy::Neighbourhood, seed };
+        let set = sample(&self.surface, &options).expect("a reflector");
+        PinholeTree::new(&self.scene, CellTree::new(&self.surface, &set, &TreeOptions { leaves, seed }))
+    }
+
+    /// Gathers by the tree: the sums, and the best of some times, seconds.
+    fn hierarchical(&self, tree: &PinholeTree, tolerance: f32, runs: u32) -> (Vec<[f32; 4]>, f64) {
+        let (light, params) = (Light { cube: &self.environment.cube, bounds: &self.bounds }, Params::default());
+        let run = || {
+            let started = Instant::now();
+            let error = tolerance * typical_irradiance(&self.receivers, tree, light, &params);
+            let accuracy = Accuracy { error, split_near: true };
+            let sums = gather_hierarchical(&self.receivers, tree, light, &params, accuracy, &|_| ());
+            (sums, started.elapsed().as_secs_f64())
+        };
+        (0..runs).map(|_| run()).min_by(|a, b| a.1.total_cmp(&b.1)).expect("at least one run")
+    }
+
+    /// Every sixteenth row.
+    fn some_rows(&self) -> (Receivers, Vec<usize>) {
+        let width = self.receivers.width as usize;
+        let rows = (0..self.receivers.height as usize).filter(|y| y % FLAT_ROWS as usize == 5);
+        let places: Vec<usize> = rows.flat_map(|y| y * width..(y + 1) * width).collect();
+        let of = |all: &[[f32; 4]]| places.iter().map(|&k| all[k]).collect::<Vec<_>>();
+        let some = Receivers {
+            height: places.len() as u32 / self.receivers.width,
+            positions: of(&self.receivers.positions),
+            normals: of(&self.receivers.normals),
+            ..Receivers::empty(self.receivers.width, 0)
+        };
+        (some, places)
+    }
+
+    /// Sums the leaves flat: the sums of some rows, where they belong, and the seconds that all rows would take.
+    fn flat(&self, tree: &PinholeTree) -> (Vec<[f32; 4]>, Vec<usize>, f64) {
+        let (some, places) = self.some_rows();
+        let leaves = tree.leaves();
+        let started = Instant::now();
+        let sums = gather(&some, &leaves, &self.environment.cube, &Params::default(), &|_| ());
+        let seconds = started.elapsed().as_secs_f64() * self.receivers.positions.len() as f64 / places.len() as f64;
+        (sums, places, seconds)
+    }
+
+    /// Where errors count: not within 15 mm of the ring's wall, where the integral is singular, nor where there is hardly
+    /// any light.
+    fn mask(&self, truth: &[[f32; 4]]) -> Vec<bool> {
+        let mut sorted: Vec<f32> = truth.iter().map(|t| t[1]).filter(|t| *t > 0.0).collect();
+        sorted.sort_by(f32::total_cmp);
+        let least = 0.02 * sorted[(sorted.len() as f64 * 0.999) as usize];
+        let counts =
+            |(p, t): (&[f32; 4], &[f32; 4])| t[1] > least && (Vec2::new(p[0], p[2]).length() - 1.0).abs() > 0.015;
+        self.receivers.positions.iter().zip(truth).map(counts).collect()
+    }
+}
+
+/// ‖a − b‖₂ / ‖b‖₂ over some places.
+fn error(sums: &[[f32; 4]], truth: &[[f32; 4]], places: &[usize], mask: &[bool]) -> f64 {
+    let (mut off, mut norm) = (0.0, 0.0);
+    for (sum, &k) in sums.iter().zip(places).filter(|(_, k)| mask[**k]) {
+        for c in 0..3 {
+            off += f64::from(sum[c] - truth[k][c]).powi(2);
+            norm += f64::from(truth[k][c]).powi(2);
+        }
+    }
+    (off / norm).sqrt()
+}
+
+fn fetches(sums: &[[f32; 4]]) -> f64 {
+    sums.iter().map(|s| f64::from(s[3])).sum::<f64>() / sums.len() as f64
+}
+
+fn all(work: &Work) -> Vec<usize> {
+    (0..work.receivers.positions.len()).collect()
+}
+
+/// Time to an error: the tree with the fewest leaves that reaches it, flat and hierarchical.
+fn equal_error(name: &'static str, goal: f64) {
+    let work = Work::new(name, EDGE);
+    let truth = work.hierarchical(&work.tree(1000, 1024, 9), 0.001, 1).0;
+    let mask = work.mask(&truth);
+    let mut flat_seconds = None;
+    for leaves in [4u32, 16, 64, 256] {
+        for roots in [500, 750, 1000, 1500] {
+            let tree = work.tree(roots, leaves, 1);
+            let (sums, places, seconds) = work.flat(&tree);
+            let flat_error = error(&sums, &truth, &places, &mask);
+            println!("  {name} flat {roots} x {leaves}: error {flat_error:.4}, {seconds:.1} s");
+            if flat_error > goal {
+                continue;
+            }
+            flat_seconds = flat_seconds.or(Some(seconds));
+            for tolerance in [0.3, 0.1, 0.03, 0.01] {
+                let (sums, seconds) = work.hierarchical(&tree, tolerance, 3);
+                let tree_error = error(&sums, &truth, &all(&work), &mask);
+                println!(
+                    "  {name} hierarchical {roots} x {leaves}, tolerance {tolerance}: error {tree_error:.4}, {seconds:.3} s, {:.0} fetches",
+                    fetches(&sums)
+                );
+                if tree_error <= goal {
+                    let flat = flat_seconds.expect("flat is done first");
+                    println!(
+                        "{name} to an error of {goal}: {:.0} x as fast as the flat sum ({flat:.1} s, {seconds:.3} s)",
+                        flat / seconds
+                    );
+                    return;
+                }
+            }
+        }
+    }
+    println!("{name}: no error of {goal}");
+}
+
+fn growth(name: &'static str) {
+    let work = Work::new(name, EDGE);
+    let mut times = Vec::new();
+    for leaves in [1, 4, 16, 64, 256, 1024] {
+        let tree = work.tree(1000, leaves, 1);
+        let (sums, seconds) = work.hierarchical(&tree, 0.02, 3);
+        println!("  {name}, {} leaves: {seconds:.3} s, {:.0} fetches", tree.tree().leaves().count(), fetches(&sums));
+        times.push(seconds);
+    }
+    println!("{name}, from 1,000 to 1,000,000 leaves: {:.1} x the time", times[5] / times[0]);
+    let flat = work.flat(&work.tree(1000, 1, 1)).2;
+    println!("  {name}, 1,000 samples flat: {flat:.2} s");
+}
+
+fn size(name: &'static str) {
+    let seconds = [EDGE, 4 * EDGE].map(|edge| {
+        let work = Work::new(name, edge);
+        work.hierarchical(&work.tree(1000, 64, 1), 0.02, 2).1
+    });
+    println!("{name}, from 512² to 2048²: {:.1} x the time", seconds[1] / seconds[0]);
+}
+
+fn building() {
+    let work = Work::new("spoon", 16);
+    let options = sampling::Options { samples: 1562, strategy: Strategy::Neighbourhood, seed: 1 };
+    let set = sample(&work.surface, &options).expect("a reflector");
+    let best = |run: &dyn Fn()| {
+        let time = |_| {
+            let started = Instant::now();
+            run();
+            started.elapsed().as_secs_f64()
+        };
+        (0..5).map(time).fold(f64::INFINITY, f64::min)
+    };
+    let options = TreeOptions { leaves: 64, seed: 1 };
+    let tree = CellTree::new(&work.surface, &set, &options);
+    let positions: Vec<[f32; 3]> = tree.leaves().map(|leaf| leaf.centroid().to_array()).collect();
+    let many: Vec<[f32; 3]> = (0..16)
+        .flat_map(|_| positions.iter().copied())
+        .zip(0..)
+        .map(|([x, y, z], k)| [x + 1e-9 * k as f32, y, z])
+        .collect();
+    let build = best(&|| drop(CellTree::new(&work.surface, &set, &options)));
+    let kiddo = |points: &[[f32; 3]]| drop(kiddo::ImmutableKdTree::<f32, 3>::new_from_slice(points).expect("finite"));
+    let (of_leaves, of_points) = (best(&|| kiddo(&positions)), best(&|| kiddo(&many)));
+    println!(
+        "a tree of {} leaves: {build:.3} s; {:.1} x a k-d tree of the 16 points that each leaf is made of, {:.0} x one of the leaves",
+        positions.len(),
+        build / of_points,
+        build / of_leaves
+    );
+}
+
+fn on_threads(threads: usize, work: impl FnOnce() + Send) {
+    rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads").install(work);
+}
+
+fn two_cores(name: &'static str) {
+    let work = Work::new(name, EDGE);
+    let tree = work.tree(1000, 64, 1);
+    let mut seconds = [0.0; 2];
+    for (threads, seconds) in [1, 2].into_iter().zip(&mut seconds) {
+        on_threads(threads, || *seconds = work.hierarchical(&tree, 0.01, 5).1);
+    }
+    println!("{name}, two cores against one: {:.2} x as fast", seconds[0] / seconds[1]);
+}
+
+fn main() {
+    // `cargo test --benches` only wants to know whether this compiles and starts.
+    if std::env::args().any(|argument| argument == "--test") {
+        return;
+    }
+    on_threads(1, || {
+        building();
+        for name in ["ring-above", "ring-natural"] {
+            growth(name);
+            size(name);
+        }
+        equal_error("ring-above", 0.05);
+        equal_error("ring-natural", 0.01);
+    });
+    for name in ["ring-above", "ring-natural"] {
+        two_cores(name);
+    }
+}
