@@ -12,7 +12,7 @@ use crate::pinhole::GatherUniforms;
 
 /// A pair's error may be this part of what is allowed for a point: errors of many pairs add up there, though not all with the
 /// same sign.
-pub const SHARE: f32 = 1.5;
+pub const SHARE: f32 = 1.2;
 /// All that is dropped at a point adds less than this part of the error that is allowed there.
 pub const NEGLIGIBLE: f32 = 0.03;
 /// Pairs that are nearer than this many times their sizes are refined.
