@@ -21,7 +21,6 @@ const FLAT_ROWS: u32 = 16;
 
 /// A scene's light and what receives it.
 struct Work {
-    name: &'static str,
     scene: Scene,
     surface: Surface,
     environment: Environment,
@@ -43,7 +42,7 @@ impl Work {
             }
         }
         let (surface, bounds) = (Surface::of_scene(&scene), LightBounds::new(&environment.cube));
-        Self { name, scene, surface, environment, bounds, receivers }
+        Self { scene, surface, environment, bounds, receivers }
     }
 
     fn tree(&self, roots: u32, leaves: u32, seed: u64) -> PinholeTree {
@@ -231,16 +230,31 @@ fn main() {
     if std::env::args().any(|argument| argument == "--test") {
         return;
     }
+    // Parts may be asked for by name.
+    let wanted = |part: &str| {
+        let mut named = std::env::args().skip(1).filter(|argument| !argument.starts_with("--")).peekable();
+        named.peek().is_none() || named.any(|name| name == part)
+    };
     on_threads(1, || {
-        building();
-        for name in ["ring-above", "ring-natural"] {
-            growth(name);
-            size(name);
+        if wanted("building") {
+            building();
         }
-        equal_error("ring-above", 0.05);
-        equal_error("ring-natural", 0.01);
+        for name in ["ring-above", "ring-natural"] {
+            if wanted("growth") {
+                growth(name);
+            }
+            if wanted("size") {
+                size(name);
+            }
+        }
+        if wanted("error") {
+            equal_error("ring-above", 0.05);
+            equal_error("ring-natural", 0.01);
+        }
     });
     for name in ["ring-above", "ring-natural"] {
-        two_cores(name);
+        if wanted("cores") {
+            two_cores(name);
+        }
     }
 }

@@ -103,11 +103,11 @@ impl<'a> Walked<'a> {
     /// See [`typical_irradiance`].
     fn typical(&self, receivers: &Receivers) -> f32 {
         let there: Vec<usize> = (0..receivers.positions.len()).filter(|&k| receivers.positions[k][3] >= 0.0).collect();
-        let step = there.len().div_ceil(SCOUTS).max(1);
-        let groups: Vec<Group> = there
-            .iter()
-            .step_by(step)
-            .copied()
+        let count = there.len().min(SCOUTS);
+        // Even steps might follow a picture's columns: golden ones do not.
+        let scout = |k: usize| there[((k as f64 * 0.618_033_988_749_894_9).fract() * there.len() as f64) as usize];
+        let groups: Vec<Group> = (0..count)
+            .map(scout)
             .collect::<Vec<usize>>()
             .chunks(LANES)
             .map(|places| load_at(receivers, |lane| places.get(lane).copied()))
@@ -121,7 +121,7 @@ impl<'a> Walked<'a> {
         };
         let add = |a: [f64; 2], b: [f64; 2]| [a[0] + b[0], a[1] + b[1]];
         let [sum, squares] = groups.par_iter().map(moments).reduce(|| [0.0; 2], add);
-        let count = 3.0 * there.iter().step_by(step).count().max(1) as f64;
+        let count = 3.0 * count.max(1) as f64;
         // What is lit by nothing need not be exact.
         (sum / count).max(0.1 * (squares / count).sqrt()).max(f64::from(f32::MIN_POSITIVE)) as f32
     }
