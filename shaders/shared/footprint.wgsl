@@ -61,7 +61,7 @@ fn footprint_axes(v1: vec3f, v2: vec3f) -> FootprintAxes {
     // Of a square every direction is an axis.
     if radius <= 1e-6 * mean {
         x = mean;
-        y = 0.0;
+        y = g12;
     }
     let length2 = max(x * x + y * y, 1e-30);
     let scale = inverseSqrt(length2);

@@ -73,7 +73,7 @@ pub(super) fn footprint_axes<S: Simd>(v1: V3<S>, v2: V3<S>) -> FootprintAxes<S> 
     let y = second_larger.select(radius - half_difference, g12);
     // Of a square every direction is an axis.
     let square = radius.simd_le(mean * 1e-6);
-    let (x, y) = (square.select(mean, x), square.select(mean - mean, y));
+    let (x, y) = (square.select(mean, x), square.select(g12, y));
     let scale = 1.0 / (x * x + y * y).max(1e-30).sqrt();
     FootprintAxes { major, minor, direction: v1 * (x * scale) + v2 * (y * scale) }
 }
