@@ -10,7 +10,7 @@ use pinspot::cell_tree::{CellTree, TreeOptions};
 use pinspot::environment::{Environment, LightBounds};
 use pinspot::pinhole::cpu::{Accuracy, Light, gather, gather_hierarchical, typical_irradiance};
 use pinspot::pinhole::{Params, PinholeTree, Receivers};
-use pinspot::render::Settings;
+use pinspot::render::{Settings, visible_receivers};
 use pinspot::sampling::{self, Strategy, Surface, sample};
 use pinspot::scene::{Scene, load};
 use pinspot::tracing::Tracer;
@@ -33,14 +33,7 @@ impl Work {
         let scene = load::<Settings>(name).expect("built-in").scene;
         let environment = Environment::load(&scene.environment, Default::default()).expect("built-in");
         let tracer = Tracer::new(&scene);
-        let mut receivers = Receivers::empty(edge, edge);
-        for k in 0..edge * edge {
-            let pixel = Vec2::new((k % edge) as f32, (k / edge) as f32) + 0.5;
-            let hit = tracer.camera_hit(scene.camera.ray(pixel, Vec2::splat(edge as f32)));
-            if let Some(hit) = hit.filter(|hit| scene.objects[hit.object as usize].receiver.is_some()) {
-                receivers.set(k as usize, hit.position, hit.normal, hit.object);
-            }
-        }
+        let receivers = visible_receivers(&scene, &tracer, [edge; 2]);
         let (surface, bounds) = (Surface::of_scene(&scene), LightBounds::new(&environment.cube));
         Self { scene, surface, environment, bounds, receivers }
     }

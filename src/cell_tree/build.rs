@@ -9,7 +9,7 @@ use rayon::prelude::*;
 use super::moments::Moments;
 use super::split::{coordinates, halves, is_mixed, largest_patch, longest_axis};
 use super::{CellNode, CellTree};
-use crate::differential::owners;
+use crate::differential::assign;
 use crate::sampling::{PointSet, Surface, SurfacePoint, cover};
 
 /// How finely a tree divides its roots.
@@ -56,7 +56,8 @@ impl CellTree {
         let count = set.points.len() as f64 * f64::from(leaves);
         let stride = surface.area() / (count * points_per_leaf(count));
         let candidates = cover(surface, stride as f32, set.points.len(), options.seed);
-        let cells = members(&set.points, &candidates);
+        let mut cells = assign(&set.points, &candidates);
+        cells.retain(|cell| !cell.is_empty());
         let reach = half_diagonal(&candidates);
 
         let objects = cells.iter().map(|cell| candidates[cell[0] as usize].object).collect();
@@ -125,16 +126,6 @@ impl CellTree {
         self.nodes[place as usize] = node;
         moments
     }
-}
-
-/// Each sample's candidates, those without any left out.
-fn members(points: &[SurfacePoint], candidates: &[SurfacePoint]) -> Vec<Vec<u32>> {
-    let mut cells = vec![Vec::new(); points.len()];
-    for (candidate, owner) in owners(points, candidates).into_iter().enumerate() {
-        cells[owner as usize].push(candidate as u32);
-    }
-    cells.retain(|cell| !cell.is_empty());
-    cells
 }
 
 /// Half the diagonal of the points' bounds: receivers are taken to be about so far away.

@@ -5,19 +5,14 @@ use rayon::prelude::*;
 use super::{PointTree, SurfacePoint};
 
 /// Each sample's candidates, as indices.
-pub(super) fn assign(points: &[SurfacePoint], candidates: &[SurfacePoint]) -> Vec<Vec<u32>> {
-    let owner = owners(points, candidates);
+pub(crate) fn assign(points: &[SurfacePoint], candidates: &[SurfacePoint]) -> Vec<Vec<u32>> {
+    let tree = PointTree::new(points);
+    let owner: Vec<u32> = candidates.par_iter().map(|c| nearest_owner(c, points, &tree)).collect();
     let mut cells = vec![Vec::new(); points.len()];
     for (candidate, owner) in owner.into_iter().enumerate() {
         cells[owner as usize].push(candidate as u32);
     }
     cells
-}
-
-/// For each candidate the sample whose cell it belongs to.
-pub(crate) fn owners(points: &[SurfacePoint], candidates: &[SurfacePoint]) -> Vec<u32> {
-    let tree = PointTree::new(points);
-    candidates.par_iter().map(|c| nearest_owner(c, points, &tree)).collect()
 }
 
 fn nearest_owner(candidate: &SurfacePoint, points: &[SurfacePoint], tree: &PointTree) -> u32 {

@@ -8,7 +8,7 @@ mod fit;
 mod ply;
 mod symmetric;
 
-pub(crate) use cells::owners;
+pub(crate) use cells::assign;
 pub use ply::write_ply;
 pub(crate) use symmetric::Symmetric2;
 

@@ -22,6 +22,12 @@ pub(super) struct GBuffer {
     pub receivers: Receivers,
 }
 
+/// The receivers that a scene's camera sees at the centres of a picture's pixels.
+pub fn visible_receivers(scene: &Scene, tracer: &Tracer, size: [u32; 2]) -> Receivers {
+    let options = Options { size, pixel_samples: 1, ..Options::default() };
+    GBuffer::trace(tracer, scene, &options, 0, size[1]).receivers
+}
+
 impl GBuffer {
     pub fn trace(tracer: &Tracer, scene: &Scene, options: &Options, first_row: u32, rows: u32) -> Self {
         let per_edge = options.pixel_samples;

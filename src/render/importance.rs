@@ -4,7 +4,7 @@
 use glam::Vec3;
 
 use super::Options;
-use super::gbuffer::GBuffer;
+use super::gbuffer::visible_receivers;
 use crate::Error;
 use crate::differential::differentials;
 use crate::environment::{CubeMap, Environment};
@@ -85,8 +85,7 @@ impl Worth {
             let [width, height] = options.size;
             let longest = width.max(height);
             let size = [width, height].map(|edge| (edge * RECEIVERS / longest).max(1));
-            let seen = Options { size, pixel_samples: 1, ..options.clone() };
-            let receivers = GBuffer::trace(tracer, scene, &seen, 0, size[1]).receivers;
+            let receivers = visible_receivers(scene, tracer, size);
             let even = CubeMap::from_radiance(16, None, |_| Vec3::ONE);
             let light = if options.density == Density::Contribution { &environment.cube } else { &even };
             // Held back where places come close to receivers, whose single pixels should not draw all samples.

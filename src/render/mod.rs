@@ -15,6 +15,7 @@ mod report;
 mod stage;
 
 pub use gather::{Backend, BackendChoice, BackendReport};
+pub use gbuffer::visible_receivers;
 pub use importance::place_samples;
 pub use options::{Evaluation, EvaluationChoice, FilterChoice, Look, Options, Overlay, Settings};
 pub use report::{Report, Seconds};

@@ -1,7 +1,7 @@
 //! What is summed, made ready: samples with what they see, or a hierarchy of them and how right it is to be.
 
 use super::gather::Samples;
-use super::gbuffer::GBuffer;
+use super::gbuffer::visible_receivers;
 use super::options::{Evaluation, Options};
 use super::{Seconds, timed};
 use crate::cell_tree::{CellTree, TreeOptions};
@@ -71,8 +71,7 @@ impl Stage<'_> {
     fn typical_irradiance(&self, tree: &PinholeTree, bounds: &LightBounds, options: &Options) -> f32 {
         let longest = options.size[0].max(options.size[1]);
         let size = options.size.map(|edge| (edge * SCOUTS.min(longest) / longest).max(1));
-        let seen = Options { size, pixel_samples: 1, ..options.clone() };
-        let receivers = GBuffer::trace(self.tracer, self.scene, &seen, 0, size[1]).receivers;
+        let receivers = visible_receivers(self.scene, self.tracer, size);
         let light = Light { cube: &self.environment.cube, bounds };
         typical_irradiance(&receivers, tree, light, &options.params)
     }

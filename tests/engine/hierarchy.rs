@@ -2,7 +2,6 @@
 
 use std::sync::Arc;
 
-use glam::Vec2;
 use pinspot::Silent;
 use pinspot::brdf::{Gloss, Materials};
 use pinspot::cell_tree::{CellTree, TreeOptions};
@@ -11,7 +10,7 @@ use pinspot::image::rel_l2 as image_rel_l2;
 use pinspot::pinhole::cpu::{Accuracy, Light, gather_hierarchical, typical_irradiance};
 use pinspot::pinhole::{Arrangement, Params, PinholeTree, Receivers, Viewers};
 use pinspot::reference::Quantity;
-use pinspot::render::{BackendChoice, EvaluationChoice, Renderer, Settings};
+use pinspot::render::{BackendChoice, EvaluationChoice, Renderer, Settings, visible_receivers};
 use pinspot::sampling::{self, Strategy, Surface, sample};
 use pinspot::scene::{BUILT_IN, Scene, Visibility, load};
 use pinspot::tracing::Tracer;
@@ -36,14 +35,7 @@ impl Work {
         }
         let environment = Environment::load(&scene.environment, Default::default()).unwrap();
         let tracer = Tracer::new(&scene);
-        let mut receivers = Receivers::empty(size, size);
-        for k in 0..size * size {
-            let pixel = Vec2::new((k % size) as f32, (k / size) as f32) + 0.5;
-            let hit = tracer.camera_hit(scene.camera.ray(pixel, Vec2::splat(size as f32)));
-            if let Some(hit) = hit.filter(|hit| scene.objects[hit.object as usize].receiver.is_some()) {
-                receivers.set(k as usize, hit.position, hit.normal, hit.object);
-            }
-        }
+        let receivers = visible_receivers(&scene, &tracer, [size; 2]);
         let bounds = LightBounds::new(&environment.cube);
         Self { scene, tracer, receivers, environment, bounds }
     }

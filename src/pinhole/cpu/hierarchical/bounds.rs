@@ -1,7 +1,7 @@
 //! How large, and how wrong, a pair of a block and a cell may be.
 //!
 //! The bounds are estimates: they hold to first order in the sizes of block and cell over their distance. How often they
-//! are exceeded is measured (README, *Accuracy of the hierarchy*).
+//! are exceeded is measured (README, *The hierarchy*).
 
 use glam::Vec3;
 

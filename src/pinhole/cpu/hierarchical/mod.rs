@@ -18,6 +18,7 @@ use self::blocks::{Grid, Weights};
 use self::tile::TileGather;
 use super::lanes::{LANES, dispatch, level};
 use super::{CubeLookup, Gather, GatherUniforms, Group, load_at};
+use crate::brdf::Materials;
 use crate::environment::{CubeMap, LightBounds};
 use crate::pinhole::{Params, PinholeTree, Receivers};
 
@@ -43,8 +44,7 @@ pub struct Accuracy {
 /// The mean irradiance of receivers, roughly: from some of them and some of the roots, W/m². Where a few receivers get nearly
 /// all of it, a tenth of the root mean square, if that is more.
 pub fn typical_irradiance(receivers: &Receivers, pinholes: &PinholeTree, light: Light, params: &Params) -> f32 {
-    let unseen = Receivers { viewers: None, ..receivers.clone() };
-    Walked::new(pinholes, light, params, &unseen).typical(&unseen)
+    Walked::new(pinholes, light, params, None).typical(receivers)
 }
 
 /// Gathers the irradiance at every receiver from a hierarchy of samples, or the radiance that it reflects to its viewer: R, G, B
@@ -60,7 +60,8 @@ pub fn gather_hierarchical(
     accuracy: Accuracy,
     progress: &(dyn Fn(u64) + Sync),
 ) -> Vec<[f32; 4]> {
-    let scene = Walked::new(pinholes, light, params, receivers);
+    let materials = receivers.viewers.as_ref().map(|viewers| &*viewers.materials);
+    let scene = Walked::new(pinholes, light, params, materials);
     let grids: Vec<Grid> = Grid::all(receivers).collect();
     let gather = |grid: &Grid| {
         let mut tile = TileGather::new(&scene, *grid, accuracy);
@@ -91,10 +92,9 @@ struct Walked<'a> {
 }
 
 impl<'a> Walked<'a> {
-    fn new(pinholes: &'a PinholeTree, light: Light<'a>, params: &Params, receivers: &'a Receivers) -> Self {
+    fn new(pinholes: &'a PinholeTree, light: Light<'a>, params: &Params, materials: Option<&'a Materials>) -> Self {
         assert!(params.taps > 0, "a footprint needs one tap at least");
         let uniforms = GatherUniforms::for_cube(params, &pinholes.roots, light.cube);
-        let materials = receivers.viewers.as_ref().map(|viewers| &*viewers.materials);
         let environment = CubeLookup::new(light.cube);
         let gather = Gather { pinholes: &pinholes.roots, materials, uniforms, environment };
         Self { pinholes, gather, bounds: light.bounds, weights: std::array::from_fn(Weights::new) }
