@@ -5,6 +5,7 @@
 // the batch starts from the previous target where 32-bit targets do not blend (gather_onto_previous).
 // Output: rgb = irradiance, W/m², or with SHADING the radiance reflected to the viewer, W/(m²·sr); a = number of fetches.
 
+#import pair
 #import cube
 #import footprint
 #import filters
@@ -22,18 +23,6 @@ struct PinholeSample {
     change_2: vec4f,
 }
 
-struct GatherUniforms {
-    sample_count: u32,
-    taps: u32,
-    attenuation: u32,
-    own_scale: f32,
-    epsilon_scale: f32,
-    epsilon: f32,
-    texel_rad: f32,
-    radiance_scale: f32,
-    map_resolution: u32,
-}
-
 const BATCH_SIZE: u32 = 256u;
 @group(0) @binding(0) var<uniform> uniforms: GatherUniforms;
 // One batch: a window on the buffer of all samples. A uniform binding, because its loads are broadcast: a storage binding
@@ -42,8 +31,6 @@ const BATCH_SIZE: u32 = 256u;
 @group(0) @binding(2) var environment: texture_cube<f32>;
 @group(0) @binding(3) var trilinear: sampler;
 @group(0) @binding(4) var anisotropic: sampler;
-// Reflectance by the cosine of the angle of incidence, from 0 to 1; CURVE_POINTS for each curve.
-const CURVE_POINTS: u32 = 128u;
 @group(0) @binding(5) var<storage, read> curves: array<vec4f>;
 // The samples' maps of visibility; never read without VISIBILITY.
 @group(0) @binding(6) var<storage, read> planes: array<vec4f>;
@@ -133,7 +120,7 @@ fn sample_irradiance(i: u32, receiver: Receiver) -> vec4f {
     }
     let r = (d - 2.0 * dn * n) * inverse_l;
     let radiance = filtered_radiance(i, d, n, dn, inverse_l, r);
-    var factor = weight * uniforms.radiance_scale * reflectance(i, facing * inverse_l);
+    var factor = weight * uniforms.radiance_scale * reflectance(samples[i].reflectance, facing * inverse_l);
     if SHADING {
         let solid_angle = area * facing * inverse_l * inverse_l * inverse_l;
         factor *= brdf(receiver.object, receiver.normal, d * inverse_l, receiver.view, solid_angle);
@@ -147,26 +134,6 @@ fn open_part(direction: vec3f) -> f32 {
         return seen_part_of_environment(direction);
     }
     return 1.0;
-}
-
-// What sample i mirrors at a cosine of the angle of incidence.
-fn reflectance(i: u32, cosine: f32) -> vec3f {
-    let constant = samples[i].reflectance;
-    // The same for all lanes: w is the number of the sample's curve, from 1.
-    if constant.w == 0.0 {
-        return constant.rgb;
-    }
-    let place = min(cosine, 1.0) * f32(CURVE_POINTS - 1u);
-    let first = min(u32(place), CURVE_POINTS - 2u);
-    let start = (u32(constant.w) - 1u) * CURVE_POINTS + first;
-    return mix(curves[start].rgb, curves[start + 1u].rgb, place - f32(first));
-}
-
-// 1/l², kept finite (WS-7). Without branches: drivers without real ones would go through all.
-fn attenuation(l2: f32, area: f32, same_object: bool) -> f32 {
-    let least = select(0.0, uniforms.own_scale * area, same_object);
-    let inverse = 1.0 / max(l2 + uniforms.epsilon_scale * area + uniforms.epsilon, least);
-    return select(1.0, inverse, uniforms.attenuation != 0u);
 }
 
 // Mean radiance over the sample's footprint around the reflected direction r; a = fetches.

@@ -64,6 +64,11 @@ impl CellTree {
         self.objects[node.root() as usize]
     }
 
+    /// Nodes from here on are roots or lie above them.
+    pub(crate) fn first_above(&self) -> u32 {
+        self.first_above
+    }
+
     /// Whether a node lies above the roots: it is several of them together.
     #[inline]
     pub fn is_above_roots(&self, index: u32) -> bool {

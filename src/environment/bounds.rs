@@ -75,6 +75,11 @@ impl LightBounds {
         bounds
     }
 
+    /// The levels, the finest first: texels along an edge, and those of all faces.
+    pub(crate) fn levels(&self) -> impl Iterator<Item = (u32, &[Bound])> {
+        self.levels.iter().map(|l| (l.size as u32, &self.texels[l.offset..][..FACES * l.size * l.size]))
+    }
+
     /// Bounds of what a bilinear look-up in the finest level finds within `radius` radians of a direction of any length.
     #[inline]
     pub fn within(&self, direction: Vec3, radius: f32) -> Bound {

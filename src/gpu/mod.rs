@@ -89,6 +89,26 @@ pub enum GpuError {
         /// Bytes that fit.
         limit: u64,
     },
+    /// A shader's loop was ended early.
+    #[error(
+        "adapter '{adapter}' ends the loops of shaders before their time (Mesa's software adapter after 65,535 iterations), and this picture needs more of them; give --backend cpu, a larger --tolerance, or --evaluation flat"
+    )]
+    LoopCutShort {
+        /// Adapter.
+        adapter: String,
+    },
+    /// A tree of cells is too large.
+    #[error(
+        "a tree of {cells} cells takes {bytes} bytes, but this adapter's buffers end at {limit}; give fewer --samples or --leaves, or use --backend cpu"
+    )]
+    TreeTooLarge {
+        /// Cells of all levels.
+        cells: usize,
+        /// Bytes of their nodes.
+        bytes: u64,
+        /// Bytes that fit.
+        limit: u64,
+    },
     /// The sample buffer is too large.
     #[error(
         "{samples} samples do not fit this adapter's buffers ({limit} fit); give fewer --samples or use --backend cpu"

@@ -4,8 +4,12 @@ use std::borrow::Cow;
 
 /// Entry shaders by name.
 pub const SHADERS: &[(&str, &str)] = &[
-    ("gather", include_str!("../../shaders/gather.wgsl")),
+    ("blocks", include_str!("../../shaders/blocks.wgsl")),
+    ("cut", include_str!("../../shaders/cut.wgsl")),
     ("filter_probe", include_str!("../../shaders/filter_probe.wgsl")),
+    ("finish", include_str!("../../shaders/finish.wgsl")),
+    ("gather", include_str!("../../shaders/gather.wgsl")),
+    ("scout", include_str!("../../shaders/scout.wgsl")),
 ];
 
 const SHARED: &[(&str, &str)] = &[
@@ -13,7 +17,10 @@ const SHARED: &[(&str, &str)] = &[
     ("cube", include_str!("../../shaders/shared/cube.wgsl")),
     ("filters", include_str!("../../shaders/shared/filters.wgsl")),
     ("footprint", include_str!("../../shaders/shared/footprint.wgsl")),
+    ("hierarchy", include_str!("../../shaders/shared/hierarchy.wgsl")),
+    ("pair", include_str!("../../shaders/shared/pair.wgsl")),
     ("visibility", include_str!("../../shaders/shared/visibility.wgsl")),
+    ("work", include_str!("../../shaders/shared/work.wgsl")),
 ];
 
 /// A shader's source with its imports in place. Panics on a name that does not exist: the names are this crate's own.

@@ -60,8 +60,8 @@ pub(super) fn shade(
 /// The caustics at extra points: irradiance, or from glossy receivers the radiance towards their viewers.
 fn gather_at(renderer: &Renderer, points: &[ExtraPoint], progress: &dyn Progress) -> Result<Vec<[f32; 4]>, Error> {
     let gather = |receivers: &Receivers| {
-        let Renderer { backend, samples, environment, options, .. } = renderer;
-        backend.gather(receivers, samples, &environment.cube, &options.params, progress)
+        let Renderer { backend, summed, environment, options, .. } = renderer;
+        backend.gather(receivers, summed, &environment.cube, &options.params, progress)
     };
     let rows = (points.len() as u32).div_ceil(POINTS_IN_A_ROW);
     let mut diffuse = Receivers { arrangement: Arrangement::List, ..Receivers::empty(POINTS_IN_A_ROW, rows) };

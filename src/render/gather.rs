@@ -1,6 +1,8 @@
 //! The back ends: where the gather runs.
 
+use std::borrow::Cow;
 use std::fmt;
+use std::ops::Range;
 
 use serde::Serialize;
 
@@ -8,10 +10,11 @@ use crate::environment::{CubeMap, Environment, LightBounds};
 use crate::gpu::{Adapter, Gpu, GpuError};
 use crate::pinhole::cpu::{self, Accuracy, Light};
 use crate::pinhole::gpu::{
-    Engine, EnvironmentCube, FrameInputs, FrameViewers, Options, automatic_filter as automatic_filter_of,
+    CellTreeBuffers, Engine, EnvironmentCube, FrameInputs, FrameViewers, HierarchicalEngine, HierarchicalInputs,
+    HierarchicalOptions, LightBoundsTexture, Options, Tolerance, automatic_filter as automatic_filter_of,
     check_hardware_filter,
 };
-use crate::pinhole::{BATCH_SIZE, Filter, Params, PinholeTree, Pinholes, Receivers, Viewers};
+use crate::pinhole::{Arrangement, BATCH_SIZE, Filter, Params, PinholeTree, Pinholes, Receivers, Viewers};
 use crate::scene::Visibility;
 use crate::{Error, OptionError, Progress};
 
@@ -39,7 +42,7 @@ impl BackendChoice {
     }
 }
 
-/// What is summed.
+/// What is summed, where it is made.
 #[derive(Debug)]
 pub(super) enum Samples {
     /// Samples, one by one.
@@ -55,6 +58,31 @@ pub(super) enum Samples {
     },
 }
 
+/// What is summed, where it is summed.
+#[derive(Debug)]
+pub(super) enum Summed {
+    /// On the CPU.
+    Cpu(Samples),
+    /// Samples one by one, on a GPU.
+    GpuFlat {
+        /// The pipelines.
+        engine: Box<Engine>,
+        /// The samples.
+        pinholes: Pinholes,
+    },
+    /// A hierarchy on a GPU.
+    GpuHierarchical {
+        /// The pipelines.
+        engine: Box<HierarchicalEngine>,
+        /// The cells.
+        tree: Box<CellTreeBuffers>,
+        /// How bright the light is.
+        bounds: LightBoundsTexture,
+        /// How right the sum is to be.
+        accuracy: Accuracy,
+    },
+}
+
 /// An open back end.
 #[derive(Debug)]
 pub enum Backend {
@@ -64,8 +92,6 @@ pub enum Backend {
     Gpu {
         /// The device.
         gpu: Box<Gpu>,
-        /// The pipelines.
-        engine: Box<Engine>,
         /// The light on the device.
         environment: EnvironmentCube,
         /// What the user should know about this adapter.
@@ -132,14 +158,28 @@ impl Backend {
         };
         let replaceable = options.automatic_filter && params.filter == Filter::Anisotropic;
         let filter = if replaceable { automatic_filter_of(&gpu)? } else { params.filter };
-        let engine = Engine::new(
-            &gpu.device,
-            &Options { filter, visibility: options.visibility == Visibility::Full, ..Default::default() },
-        );
         let environment = EnvironmentCube::upload(&gpu.device, &gpu.queue, &environment.cube)?;
         let warning = hardware_warning(&gpu, params)?;
         gpu.check()?;
-        Ok((Self::Gpu { gpu: Box::new(gpu), engine: Box::new(engine), environment, warning }, filter))
+        Ok((Self::Gpu { gpu: Box::new(gpu), environment, warning }, filter))
+    }
+
+    /// Brings what is summed to where it is summed.
+    pub(super) fn ready(&self, samples: Samples, options: &super::Options) -> Result<Summed, Error> {
+        let Self::Gpu { gpu, .. } = self else { return Ok(Summed::Cpu(samples)) };
+        let (filter, visibility) = (options.params.filter, options.visibility == Visibility::Full);
+        Ok(match samples {
+            Samples::Flat(pinholes) => {
+                let engine = Engine::new(&gpu.device, &Options { filter, visibility, ..Default::default() });
+                Summed::GpuFlat { engine: Box::new(engine), pinholes }
+            }
+            Samples::Hierarchical { tree, bounds, accuracy } => Summed::GpuHierarchical {
+                engine: Box::new(HierarchicalEngine::new(&gpu.device, &HierarchicalOptions { filter, visibility })),
+                tree: Box::new(CellTreeBuffers::upload(&gpu.device, &tree)?),
+                bounds: LightBoundsTexture::upload(&gpu.device, &gpu.queue, &bounds),
+                accuracy,
+            },
+        })
     }
 
     /// Gathers at every receiver: R, G, B in W/m² and the number of fetches. `light` is the cube that the back end was
@@ -147,28 +187,33 @@ impl Backend {
     pub(super) fn gather(
         &self,
         receivers: &Receivers,
-        samples: &Samples,
+        summed: &Summed,
         light: &CubeMap,
         params: &Params,
         progress: &dyn Progress,
     ) -> Result<Vec<[f32; 4]>, Error> {
         progress.begin("gathering", receivers.positions.len() as u64);
-        match (self, samples) {
-            (_, Samples::Hierarchical { tree, bounds, accuracy }) => {
+        match (self, summed) {
+            (_, Summed::Cpu(Samples::Flat(pinholes))) => {
+                Ok(cpu::gather(receivers, pinholes, light, params, &|n| progress.advance(n)))
+            }
+            (_, Summed::Cpu(Samples::Hierarchical { tree, bounds, accuracy })) => {
                 let light = Light { cube: light, bounds };
                 Ok(cpu::gather_hierarchical(receivers, tree, light, params, *accuracy, &|n| progress.advance(n)))
             }
-            (Self::Cpu, Samples::Flat(pinholes)) => {
-                Ok(cpu::gather(receivers, pinholes, light, params, &|n| progress.advance(n)))
-            }
-            (Self::Gpu { gpu, engine, environment, .. }, Samples::Flat(pinholes)) => {
+            (Self::Gpu { gpu, environment, .. }, summed) => {
+                let most = match summed {
+                    Summed::GpuFlat { .. } => (pairs_per_submit(gpu) / u64::from(BATCH_SIZE)) as usize,
+                    _ => usize::MAX,
+                };
+                let on = OnGpu { gpu, environment, params, progress };
                 let mut sums = Vec::with_capacity(receivers.positions.len());
-                let most = (pairs_per_submit(gpu) / u64::from(BATCH_SIZE)) as usize;
                 for strip in strips(receivers, gpu.adapter.max_texture, most) {
-                    sums.extend(gather_strip(gpu, engine, environment, &strip, pinholes, params, progress)?);
+                    sums.extend(on.gather_strip(summed, &strip)?);
                 }
                 Ok(sums)
             }
+            (Self::Cpu, _) => unreachable!("without a GPU sums are made ready for the CPU"),
         }
     }
 
@@ -205,8 +250,8 @@ fn hardware_warning(gpu: &Gpu, params: &Params) -> Result<Option<String>, GpuErr
 fn strips(receivers: &Receivers, max_texture: u32, most: usize) -> Vec<Receivers> {
     let width = receivers.width;
     if width > max_texture {
-        // Too wide: any arrangement will do, as a gather looks at one point at a time.
-        let folded = Receivers { width: max_texture, ..receivers.clone() };
+        // Too wide: what is left is a list.
+        let folded = Receivers { width: max_texture, arrangement: Arrangement::List, ..receivers.clone() };
         return strips(&pad_rows(folded), max_texture, most);
     }
     let rows = (most / width as usize).clamp(1, max_texture as usize);
@@ -251,44 +296,158 @@ fn pairs_per_submit(gpu: &Gpu) -> u64 {
     if gpu.adapter.software { PAIRS_PER_SUBMIT_IN_SOFTWARE } else { PAIRS_PER_SUBMIT }
 }
 
-fn gather_strip(
-    gpu: &Gpu,
-    engine: &Engine,
-    environment: &EnvironmentCube,
-    receivers: &Receivers,
-    pinholes: &Pinholes,
-    params: &Params,
-    progress: &dyn Progress,
-) -> Result<Vec<[f32; 4]>, Error> {
-    let size = [receivers.width, receivers.height];
-    let positions = gpu.upload_texture(size, &receivers.positions);
-    let normals = gpu.upload_texture(size, &receivers.normals);
-    let views = receivers.viewers.as_ref().map(|viewers| gpu.upload_texture(size, &viewers.directions));
-    let viewers = views.as_ref().zip(receivers.viewers.as_ref());
-    let inputs = FrameInputs {
-        positions: &positions,
-        normals: &normals,
-        viewers: viewers.map(|(directions, viewers)| FrameViewers { directions, materials: &viewers.materials }),
-        size,
-        pinholes,
-        environment,
-        params: *params,
-    };
-    let mut frame = engine.frame(&gpu.device, &inputs)?;
+/// Parts that pixels' work is divided into at most, where an adapter ends loops early.
+const MOST_PARTS: u32 = 64;
 
-    let points = receivers.positions.len() as u64;
-    let step = (pairs_per_submit(gpu) / (points * u64::from(BATCH_SIZE)).max(1)).clamp(1, u64::from(u32::MAX)) as u32;
-    let batches = frame.batch_count();
-    let mut reported = 0;
-    for first in (0..batches).step_by(step as usize) {
-        let last = first.saturating_add(step).min(batches);
-        let mut encoder = gpu.device.create_command_encoder(&Default::default());
-        frame.record(&mut encoder, first..last);
-        gpu.queue.submit([encoder.finish()]);
-        gpu.wait()?;
-        let done = points * u64::from(last) / u64::from(batches);
-        progress.advance(done - reported);
-        reported = done;
+/// A gather on a GPU.
+struct OnGpu<'a> {
+    gpu: &'a Gpu,
+    environment: &'a EnvironmentCube,
+    params: &'a Params,
+    progress: &'a dyn Progress,
+}
+
+/// Receivers on the GPU.
+struct Uploaded<'a> {
+    positions: wgpu::TextureView,
+    normals: wgpu::TextureView,
+    directions: Option<wgpu::TextureView>,
+    receivers: &'a Receivers,
+}
+
+impl<'a> Uploaded<'a> {
+    fn new(gpu: &Gpu, receivers: &'a Receivers) -> Self {
+        let size = [receivers.width, receivers.height];
+        Self {
+            positions: gpu.upload_texture(size, &receivers.positions),
+            normals: gpu.upload_texture(size, &receivers.normals),
+            directions: receivers.viewers.as_ref().map(|viewers| gpu.upload_texture(size, &viewers.directions)),
+            receivers,
+        }
     }
-    Ok(gpu.read_texture(frame.caustic())?)
+
+    fn size(&self) -> [u32; 2] {
+        [self.receivers.width, self.receivers.height]
+    }
+
+    fn viewers(&self) -> Option<FrameViewers<'_>> {
+        let viewers = self.directions.as_ref().zip(self.receivers.viewers.as_ref());
+        viewers.map(|(directions, viewers)| FrameViewers { directions, materials: &viewers.materials })
+    }
+}
+
+impl OnGpu<'_> {
+    fn gather_strip(&self, summed: &Summed, receivers: &Receivers) -> Result<Vec<[f32; 4]>, Error> {
+        match summed {
+            Summed::GpuFlat { engine, pinholes } => self.flat(engine, pinholes, receivers),
+            Summed::GpuHierarchical { engine, tree, bounds, accuracy } => {
+                let tiled = Tiled::new(receivers);
+                let sums = self.hierarchical(engine, (tree, bounds), *accuracy, &tiled.receivers)?;
+                Ok(tiled.in_order(sums))
+            }
+            Summed::Cpu(_) => unreachable!("sums on the CPU are gathered there"),
+        }
+    }
+
+    fn flat(&self, engine: &Engine, pinholes: &Pinholes, receivers: &Receivers) -> Result<Vec<[f32; 4]>, Error> {
+        let uploaded = Uploaded::new(self.gpu, receivers);
+        let inputs = FrameInputs {
+            positions: &uploaded.positions,
+            normals: &uploaded.normals,
+            viewers: uploaded.viewers(),
+            size: uploaded.size(),
+            pinholes,
+            environment: self.environment,
+            params: *self.params,
+        };
+        let mut frame = engine.frame(&self.gpu.device, &inputs)?;
+        let points = receivers.positions.len() as u64;
+        let pairs = pairs_per_submit(self.gpu);
+        let step = (pairs / (points * u64::from(BATCH_SIZE)).max(1)).clamp(1, u64::from(u32::MAX)) as u32;
+        self.submit(points, frame.batch_count(), step, |encoder, batches| frame.record(encoder, batches))?;
+        Ok(self.gpu.read_texture(frame.caustic())?)
+    }
+
+    fn hierarchical(
+        &self,
+        engine: &HierarchicalEngine,
+        (tree, bounds): (&CellTreeBuffers, &LightBoundsTexture),
+        accuracy: Accuracy,
+        receivers: &Receivers,
+    ) -> Result<Vec<[f32; 4]>, Error> {
+        let uploaded = Uploaded::new(self.gpu, receivers);
+        let mut inputs = HierarchicalInputs {
+            positions: &uploaded.positions,
+            normals: &uploaded.normals,
+            viewers: uploaded.viewers(),
+            size: uploaded.size(),
+            is_picture: receivers.arrangement == Arrangement::Picture,
+            tree,
+            environment: self.environment,
+            bounds,
+            params: *self.params,
+            tolerance: Tolerance::Absolute(accuracy.error),
+            split_near: accuracy.split_near,
+            parts: 1,
+        };
+        let points = receivers.positions.len() as u64;
+        while inputs.parts <= MOST_PARTS {
+            let mut frame = engine.frame(&self.gpu.device, &inputs)?;
+            self.submit(points, frame.run_count(), 1, |encoder, runs| frame.record(encoder, runs))?;
+            let sums = self.gpu.read_texture(frame.caustic())?;
+            if sums.iter().all(|sum| sum[3] >= 0.0) {
+                return Ok(sums);
+            }
+            inputs.parts *= 8;
+        }
+        Err(GpuError::LoopCutShort { adapter: self.gpu.adapter.name.clone() }.into())
+    }
+
+    /// Submits so many pieces of work, `step` at a time.
+    fn submit(
+        &self,
+        points: u64,
+        count: u32,
+        step: u32,
+        mut record: impl FnMut(&mut wgpu::CommandEncoder, Range<u32>),
+    ) -> Result<(), GpuError> {
+        let mut reported = 0;
+        for first in (0..count).step_by(step as usize) {
+            let last = first.saturating_add(step).min(count);
+            let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
+            record(&mut encoder, first..last);
+            self.gpu.queue.submit([encoder.finish()]);
+            self.gpu.wait()?;
+            let done = points * u64::from(last) / u64::from(count);
+            self.progress.advance(done - reported);
+            reported = done;
+        }
+        Ok(())
+    }
+}
+
+/// Receivers as the tiles of a hierarchical gather want them: a list becomes a picture whose tiles are runs of it.
+struct Tiled<'a> {
+    receivers: Cow<'a, Receivers>,
+    /// Where each of a list's points went.
+    places: Option<Vec<usize>>,
+}
+
+impl<'a> Tiled<'a> {
+    fn new(receivers: &'a Receivers) -> Self {
+        match receivers.arrangement {
+            Arrangement::Picture => Self { receivers: Cow::Borrowed(receivers), places: None },
+            Arrangement::List => {
+                let (tiled, places) = receivers.in_tiles();
+                Self { receivers: Cow::Owned(tiled), places: Some(places) }
+            }
+        }
+    }
+
+    fn in_order(&self, sums: Vec<[f32; 4]>) -> Vec<[f32; 4]> {
+        match &self.places {
+            None => sums,
+            Some(places) => places.iter().map(|&place| sums[place]).collect(),
+        }
+    }
 }

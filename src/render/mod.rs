@@ -28,7 +28,7 @@ use rayon::prelude::*;
 
 use self::beauty::{ExtraPoint, Irradiances};
 use self::direct::DirectLight;
-use self::gather::Samples;
+use self::gather::Summed;
 use self::gbuffer::GBuffer;
 use self::stage::Stage;
 use crate::brdf::Materials;
@@ -51,7 +51,7 @@ pub struct Renderer {
     direct: DirectLight,
     materials: Arc<Materials>,
     differentials: Vec<DifferentialSample>,
-    samples: Samples,
+    summed: Summed,
     evaluation: Evaluation,
     /// How each object mirrors.
     curves: Vec<Option<Curve>>,
@@ -114,6 +114,7 @@ impl Renderer {
         let evaluation = options.settled_evaluation(matches!(backend, Backend::Gpu { .. }))?;
         let stage = Stage { scene: &scene, surface: &surface, environment: &environment, tracer: &tracer };
         let samples = stage.samples(&set, &differentials, evaluation, &options, &mut seconds);
+        let summed = timed(&mut seconds.backend, || backend.ready(samples, &options))?;
         let materials = Arc::new(scene.materials());
         Ok(Self {
             scene,
@@ -122,7 +123,7 @@ impl Renderer {
             direct,
             materials,
             differentials,
-            samples,
+            summed,
             evaluation,
             curves,
             tracer,
@@ -149,7 +150,7 @@ impl Renderer {
                 timed(&mut seconds.gather, || {
                     self.backend.gather(
                         &gbuffer.receivers,
-                        &self.samples,
+                        &self.summed,
                         &self.environment.cube,
                         &self.options.params,
                         progress,

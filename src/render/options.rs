@@ -360,17 +360,21 @@ impl Options {
         Ok(())
     }
 
-    /// How the samples are summed, by a back end that knows hierarchies or one that does not.
+    /// How the samples are summed, on a GPU or not.
     pub(super) fn settled_evaluation(&self, on_gpu: bool) -> Result<Evaluation, OptionError> {
         let split = |leaves: u32| 4u32.pow(leaves.ilog(4));
         let flat = Evaluation::Flat { leaves: split(self.leaves.unwrap_or(1)) };
         let cells = u64::from(self.samples) * u64::from(LEAVES);
         let leaves = split(self.leaves.unwrap_or(if cells > MAX_CELLS { 1 } else { LEAVES }));
         let hierarchical = Evaluation::Hierarchical { leaves, tolerance: self.tolerance };
+        let filters = match self.params.filter {
+            Filter::Anisotropic => true,
+            Filter::Hardware => on_gpu,
+            _ => false,
+        };
         let obstacle = [
-            (on_gpu, "runs on the CPU only, so far; give --backend cpu"),
             (self.footprint != Footprint::Cells, "needs cells; give --footprint cells"),
-            (self.params.filter != Filter::Anisotropic, "filters anisotropically; give --filter anisotropic"),
+            (!filters, "filters anisotropically; give --filter anisotropic"),
             (self.params.epsilon == Epsilon::Paper, "knows no area to take the paper's ε from; give another --epsilon"),
         ];
         let obstacle = obstacle.into_iter().find_map(|(stands, remedy)| stands.then_some(remedy));

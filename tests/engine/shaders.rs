@@ -7,7 +7,8 @@ use pinspot::pinhole::{BATCH_SIZE, CURVE_POINTS, GatherUniforms, PinholeSample};
 fn parse(name: &str) -> Result<naga::Module, String> {
     let source = resolve(name);
     let module = naga::front::wgsl::parse_str(&source).map_err(|e| format!("{name}: {}", e.emit_to_string(&source)))?;
-    Validator::new(ValidationFlags::all(), Capabilities::empty())
+    // Halves packed in words: every WebGPU device reads them.
+    Validator::new(ValidationFlags::all(), Capabilities::SHADER_FLOAT16_IN_FLOAT32)
         .validate(&module)
         .map_err(|e| format!("{name}: {}", e.emit_to_string(&source)))?;
     Ok(module)

@@ -7,11 +7,16 @@
 
 mod environment;
 mod hardware_check;
+mod hierarchical;
 mod pipeline;
 mod probe;
 
 pub use environment::EnvironmentCube;
 pub use hardware_check::{HardwareVerdict, automatic_filter, check_hardware_filter};
+pub use hierarchical::{
+    CellRoot, CellTreeBuffers, HierarchicalEngine, HierarchicalFrame, HierarchicalInputs, HierarchicalOptions,
+    LightBoundsTexture, Stage, Tolerance, TreeUniforms,
+};
 pub use probe::probe;
 
 use std::ops::Range;
@@ -123,7 +128,12 @@ impl Engine {
         };
         Ok(Frame {
             inputs: self.bind_inputs(device, inputs),
-            receivers: self.bind_receivers(device, inputs),
+            receivers: bind_receivers(
+                device,
+                &self.pipelines.receivers,
+                [inputs.positions, inputs.normals],
+                inputs.viewers,
+            ),
             previous,
             pipeline: if inputs.viewers.is_some() { &self.pipelines.reflect } else { &self.pipelines.gather }.clone(),
             batches: (inputs.pinholes.samples.len() as u32).div_ceil(BATCH_SIZE),
@@ -131,16 +141,6 @@ impl Engine {
             views,
             current: None,
         })
-    }
-
-    fn bind_receivers(&self, device: &wgpu::Device, inputs: &FrameInputs) -> wgpu::BindGroup {
-        let none = Materials::default();
-        let (directions, materials) =
-            inputs.viewers.map_or((inputs.normals, &none), |viewers| (viewers.directions, viewers.materials));
-        let of_objects = storage_buffer(device, "materials", bytemuck::cast_slice(&materials.of_object));
-        let tables = storage_buffer(device, "tables of reflectance", bytemuck::cast_slice(&materials.tables));
-        let textures = [inputs.positions, inputs.normals, directions];
-        self.pipelines.bind_receivers(device, textures, [&of_objects, &tables])
     }
 
     fn bind_inputs(&self, device: &wgpu::Device, inputs: &FrameInputs) -> wgpu::BindGroup {
@@ -224,8 +224,23 @@ impl Frame {
     }
 }
 
-fn check_limits(limits: &wgpu::Limits, inputs: &FrameInputs) -> Result<(), GpuError> {
-    let size = inputs.size[0].max(inputs.size[1]);
+/// Binds receivers, and what they reflect to whom; where there are no viewers nothing of that is read.
+fn bind_receivers(
+    device: &wgpu::Device,
+    layout: &wgpu::BindGroupLayout,
+    [positions, normals]: [&wgpu::TextureView; 2],
+    viewers: Option<FrameViewers>,
+) -> wgpu::BindGroup {
+    let none = Materials::default();
+    let (directions, materials) = viewers.map_or((normals, &none), |viewers| (viewers.directions, viewers.materials));
+    let of_objects = storage_buffer(device, "materials", bytemuck::cast_slice(&materials.of_object));
+    let tables = storage_buffer(device, "tables of reflectance", bytemuck::cast_slice(&materials.tables));
+    let [a, b, c] = [positions, normals, directions].map(wgpu::BindingResource::TextureView);
+    pipeline::bind(device, layout, &[a, b, c, of_objects.as_entire_binding(), tables.as_entire_binding()])
+}
+
+fn check_image(limits: &wgpu::Limits, size: [u32; 2]) -> Result<(), GpuError> {
+    let size = size[0].max(size[1]);
     if size > limits.max_texture_dimension_2d {
         return Err(GpuError::TextureTooLarge {
             what: "the image",
@@ -234,6 +249,11 @@ fn check_limits(limits: &wgpu::Limits, inputs: &FrameInputs) -> Result<(), GpuEr
             remedy: "give a smaller --size or use --backend cpu",
         });
     }
+    Ok(())
+}
+
+fn check_limits(limits: &wgpu::Limits, inputs: &FrameInputs) -> Result<(), GpuError> {
+    check_image(limits, inputs.size)?;
     // Whole batches; their offsets are 32-bit.
     let most = (limits.max_buffer_size.min(u64::from(u32::MAX)) / BATCH_BYTES) as usize * BATCH_SIZE as usize;
     if inputs.pinholes.samples.len() > most {

@@ -17,7 +17,7 @@ pub(super) struct Pipelines {
     pub filter: Filter,
     pub visibility: bool,
     inputs: wgpu::BindGroupLayout,
-    receivers: wgpu::BindGroupLayout,
+    pub receivers: wgpu::BindGroupLayout,
     previous: wgpu::BindGroupLayout,
     trilinear: wgpu::Sampler,
     anisotropic: wgpu::Sampler,
@@ -102,16 +102,6 @@ impl Pipelines {
                 open_rows.as_entire_binding(),
             ],
         )
-    }
-
-    pub fn bind_receivers(
-        &self,
-        device: &wgpu::Device,
-        textures: [&wgpu::TextureView; 3],
-        [materials, tables]: [&wgpu::Buffer; 2],
-    ) -> wgpu::BindGroup {
-        let [a, b, c] = textures.map(wgpu::BindingResource::TextureView);
-        bind(device, &self.receivers, &[a, b, c, materials.as_entire_binding(), tables.as_entire_binding()])
     }
 
     pub fn bind_previous(&self, device: &wgpu::Device, target: &wgpu::TextureView) -> wgpu::BindGroup {
@@ -205,8 +195,13 @@ pub(super) fn uniform(binding: u32) -> BindGroupLayoutEntry {
     buffer(binding, wgpu::BufferBindingType::Uniform)
 }
 
+/// An entry that other stages see.
+pub(super) fn seen_by(stages: ShaderStages, entry: BindGroupLayoutEntry) -> BindGroupLayoutEntry {
+    BindGroupLayoutEntry { visibility: stages, ..entry }
+}
+
 /// A uniform buffer whose start is given when it is bound.
-fn window(binding: u32) -> BindGroupLayoutEntry {
+pub(super) fn window(binding: u32) -> BindGroupLayoutEntry {
     let ty = wgpu::BufferBindingType::Uniform;
     entry(binding, BindingType::Buffer { ty, has_dynamic_offset: true, min_binding_size: None })
 }
@@ -230,7 +225,7 @@ pub(super) fn sampler(binding: u32) -> BindGroupLayoutEntry {
     entry(binding, BindingType::Sampler(wgpu::SamplerBindingType::Filtering))
 }
 
-fn texture(binding: u32) -> BindGroupLayoutEntry {
+pub(super) fn texture(binding: u32) -> BindGroupLayoutEntry {
     entry(
         binding,
         BindingType::Texture {

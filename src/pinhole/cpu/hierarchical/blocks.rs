@@ -5,16 +5,15 @@
 
 use glam::Vec3;
 
+use crate::pinhole::receivers::{TILE, along_z_curve};
 use crate::pinhole::{Arrangement, Receivers};
 
 /// Points along the edge of a block of each level.
-pub const EDGES: [usize; LEVELS] = [64, 32, 16, 8, 4];
+pub const EDGES: [usize; LEVELS] = [TILE, 32, 16, 8, 4];
 /// Levels of blocks.
 pub const LEVELS: usize = 5;
 /// The level whose blocks are their own sixteen points.
 pub const FINEST: usize = LEVELS - 1;
-/// Points along the edge of the largest blocks.
-pub const TILE: usize = EDGES[0];
 
 /// How far a point may lie from where its block's sixteen points lead one to expect it, in radii of the block; and a normal.
 const SMOOTH_POSITION: f32 = 0.01;
@@ -264,11 +263,6 @@ impl<'a> Grid<'a> {
 fn block(extent: &Extent, normal: Vec3, normal_radius: f32, kind: Kind) -> Block {
     let centre = 0.5 * (extent.low + extent.high);
     Block { centre, radius: extent.high.distance(centre), normal, normal_radius, kind }
-}
-
-/// The bits of two places of a tile by turns: blocks of every level are runs of the list.
-fn along_z_curve(x: usize, y: usize) -> usize {
-    (0..TILE.ilog2()).map(|bit| (x >> bit & 1) << (2 * bit) | (y >> bit & 1) << (2 * bit + 1)).sum()
 }
 
 #[cfg(test)]

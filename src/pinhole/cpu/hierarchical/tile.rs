@@ -5,10 +5,11 @@ use glam::Vec4;
 use super::super::lanes::{LANES, Simd, SimdBase, bits, splat3};
 use super::super::visibility::{Outlook, Surroundings, Unhindered};
 use super::super::{Group, Pair, load_at};
-use super::blocks::{EDGES, FINEST, Grid, Kind, TILE, Tile, points_along};
+use super::blocks::{EDGES, FINEST, Grid, Kind, Tile, points_along};
 use super::bounds::{Cell, FOOTPRINT, Judge, NEGLIGIBLE, SHARE, Verdict};
 use super::{Accuracy, Walked};
 use crate::pinhole::PinholeSample;
+use crate::pinhole::receivers::TILE;
 
 /// A tile being gathered.
 pub struct TileGather<'a> {

@@ -1,0 +1,65 @@
+// What the compute passes of the hierarchical gather work on: a run of tiles, level by level. It imports nothing; the importing
+// pass imports `hierarchy`.
+
+struct Stage {
+    // The first tile of the run, row by row over the picture.
+    first_tile: u32,
+    // The level of blocks, 0 the largest.
+    level: u32,
+    // Of the last pass only.
+    part: u32,
+    parts: u32,
+}
+
+struct Block {
+    // Middle of its bounds, metres; no point is farther from there than the radius.
+    centre: vec3f,
+    radius: f32,
+    // Unit mean normal; no normal is farther from it.
+    normal: vec3f,
+    normal_radius: f32,
+    kind: u32,
+}
+
+// There are no receivers; they are not one smooth piece of one object; they are.
+const EMPTY: u32 = 0u;
+const ROUGH: u32 = 1u;
+const SMOOTH: u32 = 2u;
+
+@group(2) @binding(0) var<uniform> stage: Stage;
+// The tops, then a list for every block: how many, and indices of nodes.
+@group(2) @binding(1) var<storage, read_write> lists: array<u32>;
+@group(2) @binding(2) var<storage, read_write> blocks: array<Block>;
+// A row for each tile, sixteen texels for each of its blocks: rgb = what cells bring to its points, a = fetches a point.
+@group(2) @binding(3) var smooth_part: texture_storage_2d<rgba32float, write>;
+// Error that is allowed for a point, W/m².
+@group(2) @binding(4) var<uniform> allowed: vec4f;
+
+struct BlockPlace {
+    level: u32,
+    // Points along its edge.
+    edge: u32,
+    // The tile, in the run; the block's column and row there; the block, in the run.
+    tile: u32,
+    block: vec2u,
+    index: u32,
+    // Its first point, in the picture.
+    origin: vec2u,
+}
+
+// The n-th block of the stage's level.
+fn place_of_block(n: u32) -> BlockPlace {
+    let level = stage.level;
+    let tile = n >> (2u * level);
+    let within = n & ((1u << (2u * level)) - 1u);
+    let block = vec2u(within & ((1u << level) - 1u), within >> level);
+    let edge = TILE >> level;
+    let number = stage.first_tile + tile;
+    let corner = TILE * vec2u(number % tree.tiles_across, number / tree.tiles_across);
+    return BlockPlace(level, edge, tile, block, tile * BLOCKS + block_in_tile(level, block), corner + edge * block);
+}
+
+// Where a block's list starts.
+fn list_of(block: u32) -> u32 {
+    return tree.tops + block * (tree.capacity + 1u);
+}
