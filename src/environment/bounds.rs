@@ -32,7 +32,7 @@ struct Level {
 }
 
 /// The finest level has at most so many texels along an edge: 50 MB of bounds.
-const FINEST: u32 = 1024;
+pub(crate) const FINEST_BOUNDS: u32 = 1024;
 
 /// The least and the greatest radiance, channel by channel.
 #[derive(Clone, Copy)]
@@ -54,11 +54,16 @@ impl Extremes {
 impl LightBounds {
     /// Bounds of a cube map.
     pub fn new(cube: &CubeMap) -> Self {
+        Self::with_finest(cube, FINEST_BOUNDS)
+    }
+
+    /// The same, the finest level having at most so many texels along an edge.
+    pub(crate) fn with_finest(cube: &CubeMap, finest: u32) -> Self {
         let base = cube.level(0);
         let mut level: Vec<Extremes> =
             base.iter().map(|t| Extremes { low: t.truncate(), high: t.truncate() }).collect();
         let mut size = cube.size();
-        while size > FINEST {
+        while size > finest {
             (level, size) = (halved(&level, size), size / 2);
         }
         let mut bounds = Self { levels: Vec::new(), texels: Vec::new(), everywhere: Bound::default() };

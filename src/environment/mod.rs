@@ -12,6 +12,7 @@ mod importance;
 mod irradiance;
 mod layout;
 
+pub(crate) use bounds::FINEST_BOUNDS;
 pub use bounds::{Bound, LightBounds};
 pub use builtin::{BUILT_IN_MAPS, BuiltInMap};
 pub use cube::{CubeMap, FACES, face_direction, face_of_direction, texel_solid_angle_sr};

@@ -109,15 +109,26 @@ impl Gpu {
         Self::from_adapter(enumerate().get(index).ok_or(GpuError::NoAdapter)?)
     }
 
+    /// Opens the best adapter with no more than what every WebGPU device has: what runs on it runs in browsers.
+    pub fn open_minimal() -> Result<Self, GpuError> {
+        let found = enumerate();
+        let adapter = found.first().ok_or(GpuError::NoAdapter)?;
+        Self::request(adapter, wgpu::Features::empty(), wgpu::Limits::default())
+    }
+
     fn from_adapter(adapter: &wgpu::Adapter) -> Result<Self, GpuError> {
-        let summary = Adapter::of(adapter);
         let wanted = wgpu::Features::FLOAT32_FILTERABLE | wgpu::Features::FLOAT32_BLENDABLE;
-        let descriptor = wgpu::DeviceDescriptor {
-            label: Some("pinspot"),
-            required_features: adapter.features() & wanted,
-            required_limits: adapter.limits(),
-            ..Default::default()
-        };
+        Self::request(adapter, adapter.features() & wanted, adapter.limits())
+    }
+
+    fn request(
+        adapter: &wgpu::Adapter,
+        required_features: wgpu::Features,
+        required_limits: wgpu::Limits,
+    ) -> Result<Self, GpuError> {
+        let summary = Adapter::of(adapter);
+        let descriptor =
+            wgpu::DeviceDescriptor { label: Some("pinspot"), required_features, required_limits, ..Default::default() };
         let (device, queue) = pollster::block_on(adapter.request_device(&descriptor))
             .map_err(|e| GpuError::NoDevice { adapter: summary.name.clone(), reason: e.to_string() })?;
         let failure = Arc::new(Mutex::new(None));

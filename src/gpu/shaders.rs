@@ -9,6 +9,7 @@ pub const SHADERS: &[(&str, &str)] = &[
     ("filter_probe", include_str!("../../shaders/filter_probe.wgsl")),
     ("finish", include_str!("../../shaders/finish.wgsl")),
     ("gather", include_str!("../../shaders/gather.wgsl")),
+    ("light_bounds", include_str!("../../shaders/light_bounds.wgsl")),
     ("scout", include_str!("../../shaders/scout.wgsl")),
 ];
 

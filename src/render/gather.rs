@@ -297,7 +297,7 @@ fn pairs_per_submit(gpu: &Gpu) -> u64 {
 }
 
 /// Parts that pixels' work is divided into at most, where an adapter ends loops early.
-const MOST_PARTS: u32 = 64;
+const MOST_PARTS: u32 = 512;
 
 /// A gather on a GPU.
 struct OnGpu<'a> {
@@ -388,7 +388,7 @@ impl OnGpu<'_> {
             params: *self.params,
             tolerance: Tolerance::Absolute(accuracy.error),
             split_near: accuracy.split_near,
-            parts: 1,
+            parts: if self.gpu.adapter.software { 8 } else { 1 },
         };
         let points = receivers.positions.len() as u64;
         while inputs.parts <= MOST_PARTS {

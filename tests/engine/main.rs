@@ -14,6 +14,7 @@ mod gpu_errors;
 mod ground_truth;
 mod half_float;
 mod hierarchy;
+mod hierarchy_gpu;
 mod metals;
 mod pictures;
 mod receivers;

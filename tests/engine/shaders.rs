@@ -1,7 +1,9 @@
 //! The shaders without a device: naga validates each, and their structs are laid out as the Rust ones.
 
 use naga::valid::{Capabilities, ValidationFlags, Validator};
+use pinspot::cell_tree::CellNode;
 use pinspot::gpu::{SHADERS, resolve};
+use pinspot::pinhole::gpu::{CellRoot, Stage, TreeUniforms};
 use pinspot::pinhole::{BATCH_SIZE, CURVE_POINTS, GatherUniforms, PinholeSample};
 
 fn parse(name: &str) -> Result<naga::Module, String> {
@@ -35,9 +37,9 @@ fn every_shader_file_is_known() {
     assert_eq!(files, known);
 }
 
-/// Name, offset and the size of the whole, of a struct in the gather's shader.
-fn wgsl_struct(name: &str) -> (Vec<(String, u32)>, u32) {
-    let module = parse("gather").unwrap();
+/// Name, offset and the size of the whole, of a struct in a shader.
+fn wgsl_struct(shader: &str, name: &str) -> (Vec<(String, u32)>, u32) {
+    let module = parse(shader).unwrap();
     let (_, ty) = module.types.iter().find(|(_, t)| t.name.as_deref() == Some(name)).unwrap();
     let naga::TypeInner::Struct { members, span } = &ty.inner else { panic!("{name} is no struct") };
     (members.iter().map(|m| (m.name.clone().unwrap(), m.offset)).collect(), *span)
@@ -53,7 +55,7 @@ macro_rules! layout {
 fn structs_are_laid_out_alike() {
     let sample =
         layout!(PinholeSample { position_area, normal_object, reflectance, side_1, side_2, change_1, change_2 });
-    assert_eq!(wgsl_struct("PinholeSample"), sample);
+    assert_eq!(wgsl_struct("gather", "PinholeSample"), sample);
     let uniforms = layout!(GatherUniforms {
         sample_count,
         taps,
@@ -65,7 +67,30 @@ fn structs_are_laid_out_alike() {
         radiance_scale,
         map_resolution,
     });
-    assert_eq!(wgsl_struct("GatherUniforms"), uniforms);
+    for shader in ["gather", "cut", "finish"] {
+        assert_eq!(wgsl_struct(shader, "GatherUniforms"), uniforms);
+    }
+    let tree = layout!(TreeUniforms {
+        size,
+        tiles_across,
+        capacity,
+        tops,
+        first_above,
+        roots,
+        may_interpolate,
+        split_near,
+        has_viewers,
+        area,
+        map_texel,
+    });
+    let root = layout!(CellRoot { position_lobe, normal_object, reflectance, most_phase, map_node });
+    let stage = layout!(Stage { first_tile, level, part, parts });
+    for shader in ["cut", "finish"] {
+        assert_eq!(wgsl_struct(shader, "TreeUniforms"), tree);
+        assert_eq!(wgsl_struct(shader, "CellRoot"), root);
+        assert_eq!(wgsl_struct(shader, "Stage"), stage);
+        assert_eq!(wgsl_struct(shader, "CellNode").1, size_of::<CellNode>() as u32);
+    }
 }
 
 #[test]

@@ -15,7 +15,7 @@ pub use environment::EnvironmentCube;
 pub use hardware_check::{HardwareVerdict, automatic_filter, check_hardware_filter};
 pub use hierarchical::{
     CellRoot, CellTreeBuffers, HierarchicalEngine, HierarchicalFrame, HierarchicalInputs, HierarchicalOptions,
-    LightBoundsTexture, Stage, Tolerance, TreeUniforms,
+    LightBoundsMaker, LightBoundsTexture, Stage, Tolerance, TreeUniforms,
 };
 pub use probe::probe;
 

@@ -1,13 +1,19 @@
-//! Bounds of the light, as a texture.
+//! Bounds of the light, as a texture: uploaded, or made on the GPU for light that changes.
 
 use wgpu::util::DeviceExt;
 
-use crate::environment::{FACES, LightBounds};
+use super::super::EnvironmentCube;
+use super::super::pipeline::{bind, cube, layout, sampler, seen_by, window};
+use super::pipelines::{compute_pipeline, entry, writable};
+use super::{STAGE_STRIDE, uniform_buffer};
+use crate::environment::{FACES, FINEST_BOUNDS, LightBounds};
+use crate::gpu::resolve;
 
 /// Bounds of an environment's radiance: a texture of six layers with all mips, each texel the most and the contrast around it.
 #[derive(Clone, Debug)]
 pub struct LightBoundsTexture {
     pub(super) view: wgpu::TextureView,
+    texture: wgpu::Texture,
 }
 
 impl LightBoundsTexture {
@@ -27,8 +33,183 @@ impl LightBoundsTexture {
         let descriptor = descriptor(size, wgpu::TextureUsages::TEXTURE_BINDING);
         let texture =
             device.create_texture_with_data(queue, &descriptor, wgpu::util::TextureDataOrder::LayerMajor, &bytes);
-        Self { view: view_of(&texture) }
+        Self { view: view_of(&texture), texture }
     }
+
+    /// Two floats a texel: the most, and the contrast, W/(m²·sr). Six layers.
+    pub fn texture(&self) -> &wgpu::Texture {
+        &self.texture
+    }
+}
+
+/// Makes bounds on the GPU, again whenever the light has changed. It is made once per environment.
+#[derive(Debug)]
+pub struct LightBoundsMaker {
+    bounds: LightBoundsTexture,
+    /// In the order in which they run: pipeline, its level's group, offset of its uniforms, workgroups along an edge.
+    steps: Vec<Step>,
+    light: wgpu::BindGroup,
+}
+
+#[derive(Debug)]
+struct Step {
+    pipeline: wgpu::ComputePipeline,
+    target: wgpu::BindGroup,
+    offset: u32,
+    workgroups: u32,
+}
+
+#[repr(C)]
+#[derive(Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
+struct BoundsUniforms {
+    size: u32,
+    first: u32,
+    first_above: u32,
+    detail: u32,
+    radiance_scale: f32,
+    padding: [u32; 3],
+}
+
+/// Bytes of a texel's extremes.
+const EXTREMES: u64 = 32;
+
+impl LightBoundsMaker {
+    /// Compiles the shaders and makes the texture. The cube's size must be a power of two.
+    pub fn new(device: &wgpu::Device, environment: &EnvironmentCube) -> Self {
+        Self::with_finest(device, environment, FINEST_BOUNDS)
+    }
+
+    fn with_finest(device: &wgpu::Device, environment: &EnvironmentCube, finest: u32) -> Self {
+        let size = environment.size().min(finest);
+        let usage =
+            wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::STORAGE_BINDING | wgpu::TextureUsages::COPY_SRC;
+        let texture = device.create_texture(&descriptor(size, usage));
+        let compute = wgpu::ShaderStages::COMPUTE;
+        let of_light = [window(0), cube(1), sampler(2), writable(3)].map(|entry| seen_by(compute, entry));
+        let of_light = layout(device, "light", &of_light);
+        let of_target = layout(device, "bounds of a level", &[seen_by(compute, written(0))]);
+
+        let (mut bytes, mut first, mut first_above) = (Vec::new(), 0, 0);
+        for level in 0..texture.mip_level_count() {
+            let size = size >> level;
+            let detail = environment.size() / texture.width();
+            let radiance_scale = environment.radiance_scale();
+            let uniforms = BoundsUniforms { size, first, first_above, detail, radiance_scale, padding: [0; 3] };
+            bytes.extend_from_slice(bytemuck::bytes_of(&uniforms));
+            bytes.resize(bytes.len().next_multiple_of(STAGE_STRIDE as usize), 0);
+            // The finest level's extremes are the cube's texels.
+            if level > 0 {
+                first_above = first;
+                first += 2 * FACES as u32 * size * size;
+            }
+        }
+        let uniforms = uniform_buffer(device, "levels of bounds", &bytes);
+        let extremes = device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some("extremes of the light"),
+            size: (u64::from(first) / 2).max(1) * EXTREMES,
+            usage: wgpu::BufferUsages::STORAGE,
+            mapped_at_creation: false,
+        });
+        let nearest = device.create_sampler(&wgpu::SamplerDescriptor::default());
+        let window = wgpu::BufferBinding {
+            buffer: &uniforms,
+            offset: 0,
+            size: std::num::NonZero::new(size_of::<BoundsUniforms>() as u64),
+        };
+        let light = [
+            wgpu::BindingResource::Buffer(window),
+            wgpu::BindingResource::TextureView(environment.view()),
+            wgpu::BindingResource::Sampler(&nearest),
+            extremes.as_entire_binding(),
+        ];
+        let light = bind(device, &of_light, &light);
+        let pipelines = Makers::new(device, [&of_light, &of_target]);
+        let mut steps = Vec::new();
+        for level in 0..texture.mip_level_count() {
+            let target = level_of(&texture, level);
+            let target = bind(device, &of_target, &[wgpu::BindingResource::TextureView(&target)]);
+            for pipeline in pipelines.of_level(level) {
+                let workgroups = (size >> level).div_ceil(8);
+                let offset = level * STAGE_STRIDE as u32;
+                steps.push(Step { pipeline: pipeline.clone(), target: target.clone(), offset, workgroups });
+            }
+        }
+        Self { bounds: LightBoundsTexture { view: view_of(&texture), texture }, steps, light }
+    }
+
+    /// Records the making of the bounds of what is in the cube when that is executed.
+    pub fn record(&self, encoder: &mut wgpu::CommandEncoder) {
+        let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
+            label: Some("bounds of the light"),
+            ..Default::default()
+        });
+        for step in &self.steps {
+            pass.set_pipeline(&step.pipeline);
+            pass.set_bind_group(0, &self.light, &[step.offset]);
+            pass.set_bind_group(1, &step.target, &[]);
+            pass.dispatch_workgroups(step.workgroups, step.workgroups, FACES as u32);
+        }
+    }
+
+    /// The bounds, as recorded last.
+    pub fn bounds(&self) -> &LightBoundsTexture {
+        &self.bounds
+    }
+}
+
+/// What makes extremes, and bounds of them.
+struct Makers {
+    bound_cube: wgpu::ComputePipeline,
+    halve_cube: wgpu::ComputePipeline,
+    halve: wgpu::ComputePipeline,
+    bound: wgpu::ComputePipeline,
+}
+
+impl Makers {
+    fn new(device: &wgpu::Device, groups: [&wgpu::BindGroupLayout; 2]) -> Self {
+        let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
+            label: Some("bounds of the light"),
+            source: wgpu::ShaderSource::Wgsl(resolve("light_bounds")),
+        });
+        let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+            label: Some("bounds of the light"),
+            bind_group_layouts: &groups.map(Some),
+            immediate_size: 0,
+        });
+        let compute = |entry: &str| compute_pipeline(device, &layout, &module, entry, &[]);
+        Self {
+            bound_cube: compute("bound_cube"),
+            halve_cube: compute("halve_cube"),
+            halve: compute("halve"),
+            bound: compute("bound"),
+        }
+    }
+
+    fn of_level(&self, level: u32) -> Vec<&wgpu::ComputePipeline> {
+        match level {
+            0 => vec![&self.bound_cube],
+            1 => vec![&self.halve_cube, &self.bound],
+            _ => vec![&self.halve, &self.bound],
+        }
+    }
+}
+
+fn level_of(texture: &wgpu::Texture, level: u32) -> wgpu::TextureView {
+    texture.create_view(&wgpu::TextureViewDescriptor {
+        dimension: Some(wgpu::TextureViewDimension::D2Array),
+        base_mip_level: level,
+        mip_level_count: Some(1),
+        ..Default::default()
+    })
+}
+
+fn written(binding: u32) -> wgpu::BindGroupLayoutEntry {
+    let ty = wgpu::BindingType::StorageTexture {
+        access: wgpu::StorageTextureAccess::WriteOnly,
+        format: wgpu::TextureFormat::Rg32Float,
+        view_dimension: wgpu::TextureViewDimension::D2Array,
+    };
+    entry(binding, ty)
 }
 
 fn view_of(texture: &wgpu::Texture) -> wgpu::TextureView {
@@ -48,5 +229,63 @@ fn descriptor(size: u32, usage: wgpu::TextureUsages) -> wgpu::TextureDescriptor<
         format: wgpu::TextureFormat::Rg32Float,
         usage,
         view_formats: &[],
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::Vec3;
+
+    use super::*;
+    use crate::environment::CubeMap;
+    use crate::gpu::Gpu;
+
+    /// The texels of a level: face by face, row by row.
+    fn read_level(gpu: &Gpu, texture: &wgpu::Texture, level: u32) -> Vec<[f32; 2]> {
+        let size = texture.width() >> level;
+        let row = (size * 8).next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT);
+        let bytes = u64::from(row * size) * FACES as u64;
+        let usage = wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ;
+        let descriptor = wgpu::BufferDescriptor { label: None, size: bytes, usage, mapped_at_creation: false };
+        let buffer = gpu.device.create_buffer(&descriptor);
+        let mut encoder = gpu.device.create_command_encoder(&Default::default());
+        let source = wgpu::TexelCopyTextureInfo { mip_level: level, ..texture.as_image_copy() };
+        let layout = wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(row), rows_per_image: Some(size) };
+        let extent = wgpu::Extent3d { width: size, height: size, depth_or_array_layers: FACES as u32 };
+        encoder.copy_texture_to_buffer(source, wgpu::TexelCopyBufferInfo { buffer: &buffer, layout }, extent);
+        gpu.queue.submit([encoder.finish()]);
+        buffer.map_async(wgpu::MapMode::Read, .., |mapped| mapped.unwrap());
+        gpu.wait().unwrap();
+        let mapped = buffer.get_mapped_range(..).unwrap();
+        let rows = mapped.chunks(row as usize);
+        rows.flat_map(|row| row[..size as usize * 8].chunks(8).map(bytemuck::pod_read_unaligned)).collect()
+    }
+
+    /// Every texel of every level, with and without texels of the cube that share one of the bounds', and again when the light has
+    /// changed.
+    #[test]
+    fn bounds_made_on_the_gpu_are_those_of_the_cpu() {
+        let gpu = Gpu::open(None).unwrap_or_else(|e| panic!("GPU tests need an adapter; run them by tests/run: {e}"));
+        let light = |turn: f32| {
+            CubeMap::from_radiance(32, None, move |d| {
+                Vec3::new((9.0 * d.x + turn).sin().abs(), 1.0 + d.y, (40.0 * (d.z - 1.0)).exp() * 9.0)
+            })
+        };
+        for (finest, turn) in [(64, 0.0), (8, 0.0), (8, 1.0)] {
+            let cube = light(turn);
+            let uploaded = EnvironmentCube::upload(&gpu.device, &gpu.queue, &cube).unwrap();
+            let maker = LightBoundsMaker::with_finest(&gpu.device, &uploaded, finest);
+            let mut encoder = gpu.device.create_command_encoder(&Default::default());
+            maker.record(&mut encoder);
+            gpu.queue.submit([encoder.finish()]);
+            for (level, (size, expected)) in LightBounds::with_finest(&cube, finest).levels().enumerate() {
+                let made = read_level(&gpu, maker.bounds().texture(), level as u32);
+                assert_eq!(made.len(), expected.len());
+                for (k, (made, expected)) in made.iter().zip(expected).enumerate() {
+                    let off = (made[0] - expected.most).abs().max((made[1] - expected.contrast).abs());
+                    assert!(off < 1e-4, "level of {size}, texel {k}: {made:?} {expected:?}");
+                }
+            }
+        }
     }
 }

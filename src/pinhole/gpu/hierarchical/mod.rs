@@ -6,7 +6,7 @@
 //! next level. A fragment pass interpolates, and lets every pixel walk down from the cells of its block's list.
 //!
 //! Lists are bounded and reused by run after run of tiles; where one is full, cells are handed on unrefined. Nothing is read back
-//! within a frame. Shaders: `blocks`, `cut`, `finish`, `scout`; CPU twin: [`crate::pinhole::cpu::gather_hierarchical`].
+//! within a frame. Shaders: `blocks`, `cut`, `finish`, `scout`, `light_bounds`; CPU twin: [`crate::pinhole::cpu::gather_hierarchical`].
 
 mod layout;
 mod light_bounds;
@@ -14,7 +14,7 @@ mod pipelines;
 mod tree;
 
 pub use layout::{CellRoot, Stage, TreeUniforms};
-pub use light_bounds::LightBoundsTexture;
+pub use light_bounds::{LightBoundsMaker, LightBoundsTexture};
 pub use tree::CellTreeBuffers;
 
 use std::ops::Range;

@@ -94,26 +94,16 @@ impl Pipelines {
                 source: wgpu::ShaderSource::Wgsl(resolve(name)),
             })
         };
-        let compute = |module: &wgpu::ShaderModule, layout: &wgpu::PipelineLayout, entry: &str, constants| {
-            device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-                label: Some(entry),
-                layout: Some(layout),
-                module,
-                entry_point: Some(entry),
-                compilation_options: wgpu::PipelineCompilationOptions { constants, ..Default::default() },
-                cache: None,
-            })
-        };
         let (scout, finish) = (module("scout"), module("finish"));
         let last = |shading: bool| {
             let constants = [constants[0], constants[1], ("SHADING", f64::from(u8::from(shading)))];
             finish_pipeline(device, &with_result, &finish, &constants)
         };
         Self {
-            blocks: compute(&module("blocks"), &with_work, "look_at_blocks", &[]),
-            cut: compute(&module("cut"), &with_work, "cut", &constants),
-            scout: compute(&scout, &with_scouts, "scout", &constants[1..]),
-            settle: compute(&scout, &with_scouts, "settle", &[]),
+            blocks: compute_pipeline(device, &with_work, &module("blocks"), "look_at_blocks", &[]),
+            cut: compute_pipeline(device, &with_work, &module("cut"), "cut", &constants),
+            scout: compute_pipeline(device, &with_scouts, &scout, "scout", &constants[1..]),
+            settle: compute_pipeline(device, &with_scouts, &scout, "settle", &[]),
             finish: last(false),
             reflect: last(true),
             layouts,
@@ -121,6 +111,23 @@ impl Pipelines {
             anisotropic: linear_sampler(device, 16),
         }
     }
+}
+
+pub(super) fn compute_pipeline(
+    device: &wgpu::Device,
+    layout: &wgpu::PipelineLayout,
+    module: &wgpu::ShaderModule,
+    entry: &str,
+    constants: &[(&str, f64)],
+) -> wgpu::ComputePipeline {
+    device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+        label: Some(entry),
+        layout: Some(layout),
+        module,
+        entry_point: Some(entry),
+        compilation_options: wgpu::PipelineCompilationOptions { constants, ..Default::default() },
+        cache: None,
+    })
 }
 
 fn finish_pipeline(
@@ -152,7 +159,7 @@ fn finish_pipeline(
     })
 }
 
-fn entry(binding: u32, ty: BindingType) -> BindGroupLayoutEntry {
+pub(super) fn entry(binding: u32, ty: BindingType) -> BindGroupLayoutEntry {
     BindGroupLayoutEntry { binding, visibility: ShaderStages::NONE, ty, count: None }
 }
 

@@ -1,0 +1,235 @@
+//! The hierarchy on the GPU: what its CPU twin sums, within WebGPU's default limits, however its work is divided.
+
+use std::sync::Arc;
+
+use pinspot::Silent;
+use pinspot::brdf::Materials;
+use pinspot::cell_tree::{CellTree, TreeOptions};
+use pinspot::environment::{Environment, LightBounds};
+use pinspot::gpu::Gpu;
+use pinspot::image::Aov;
+use pinspot::pinhole::cpu::{Accuracy, Light, gather_hierarchical, typical_irradiance};
+use pinspot::pinhole::gpu::{
+    CellTreeBuffers, EnvironmentCube, FrameViewers, HierarchicalEngine, HierarchicalInputs, HierarchicalOptions,
+    LightBoundsMaker, Tolerance,
+};
+use pinspot::pinhole::{Arrangement, Params, PinholeTree, Receivers, Viewers};
+use pinspot::render::{BackendChoice, EvaluationChoice, Rendered, Renderer, Settings, visible_receivers};
+use pinspot::sampling::{self, Strategy, Surface, sample};
+use pinspot::scene::{BUILT_IN, Scene, Visibility, load};
+use pinspot::tracing::Tracer;
+
+use crate::support::{gpu, rel_l2};
+
+fn render(name: &str, aov: Aov, visibility: Visibility, backend: &BackendChoice) -> Rendered {
+    let loaded = load::<Settings>(name).unwrap();
+    let mut options = loaded.render.options().unwrap();
+    options.size = [88, 72];
+    options.samples = 150;
+    options.leaves = Some(16);
+    options.visibility = visibility;
+    options.automatic_filter = false;
+    options.evaluation = EvaluationChoice::Hierarchical;
+    options.aovs = vec![aov];
+    Renderer::new(loaded.scene, options, backend, &Silent).unwrap().render(&Silent).unwrap()
+}
+
+/// Pictures of caustics, and what cameras see of glossy floors and in mirrors, where receivers come as lists.
+#[test]
+fn back_ends_agree() {
+    let caustics = BUILT_IN.iter().map(|scene| (scene.name, Aov::Caustic, Visibility::None));
+    let others = [
+        ("columns", Aov::Caustic, Visibility::Full),
+        ("ring-natural", Aov::Caustic, Visibility::Full),
+        ("cup", Aov::Beauty, Visibility::Full),
+        ("varnish", Aov::Beauty, Visibility::None),
+    ];
+    let mut failures = Vec::new();
+    for (name, aov, visibility) in caustics.chain(others) {
+        let [on_cpu, on_gpu] =
+            [BackendChoice::Cpu, BackendChoice::Gpu(None)].map(|backend| render(name, aov, visibility, &backend));
+        let [cpu, gpu] = [&on_cpu, &on_gpu].map(|r| r.layer(aov).unwrap());
+        assert!(cpu.mean().x > 0.0, "{name}: nothing at all");
+        let error = pinspot::image::rel_l2(gpu, cpu, None);
+        let fetches = on_gpu.report.lookups / on_cpu.report.lookups;
+        println!("{name:16} {aov:?} {visibility:?}: {error:.1e}, fetches {fetches:.3}");
+        // With occlusion the CPU knows of whole blocks whether they are hidden.
+        if error > 1e-4 || (fetches - 1.0).abs() > if visibility == Visibility::Full { 0.1 } else { 0.01 } {
+            failures.push(format!("{name} {aov:?} {visibility:?}: {error:.1e}, fetches {fetches:.3}"));
+        }
+    }
+    assert!(failures.is_empty(), "{failures:#?}");
+}
+
+/// A scene ready to be gathered by engines of the caller's.
+struct Work {
+    scene: Scene,
+    receivers: Receivers,
+    environment: Environment,
+    bounds: LightBounds,
+    tree: PinholeTree,
+}
+
+/// What differs from one gather to another.
+#[derive(Clone, Copy)]
+struct How {
+    tolerance: Tolerance,
+    parts: u32,
+    split_near: bool,
+}
+
+impl Work {
+    fn new(name: &str, size: [u32; 2], samples: u32, leaves: u32, visibility: Visibility) -> Self {
+        let scene = load::<Settings>(name).unwrap().scene;
+        let environment = Environment::load(&scene.environment, Default::default()).unwrap();
+        let tracer = Tracer::new(&scene);
+        let receivers = visible_receivers(&scene, &tracer, size);
+        let surface = Surface::of_scene(&scene);
+        let set = sample(&surface, &sampling::Options { samples, strategy: Strategy::Neighbourhood, seed: 1 }).unwrap();
+        let mut tree = PinholeTree::new(&scene, CellTree::new(&surface, &set, &TreeOptions { leaves, seed: 1 }));
+        if visibility == Visibility::Full {
+            tree.roots_mut().look_around(&scene, &tracer);
+        }
+        let bounds = LightBounds::new(&environment.cube);
+        Self { scene, receivers, environment, bounds, tree }
+    }
+
+    fn light(&self) -> Light<'_> {
+        Light { cube: &self.environment.cube, bounds: &self.bounds }
+    }
+
+    fn typical(&self) -> f32 {
+        typical_irradiance(&self.receivers, &self.tree, self.light(), &Params::default())
+    }
+
+    fn how(&self, tolerance: f32) -> How {
+        How { tolerance: Tolerance::Absolute(tolerance * self.typical()), parts: 8, split_near: false }
+    }
+
+    fn on_cpu(&self, how: &How) -> Vec<[f32; 4]> {
+        let error = match how.tolerance {
+            Tolerance::Absolute(error) => error,
+            Tolerance::Relative(part) => part * self.typical(),
+        };
+        let accuracy = Accuracy { error, split_near: how.split_near };
+        gather_hierarchical(&self.receivers, &self.tree, self.light(), &Params::default(), accuracy, &|_| ())
+    }
+
+    /// Everything in one submission, the light's bounds made there.
+    fn on_gpu(&self, gpu: &Gpu, how: &How) -> Vec<[f32; 4]> {
+        let (device, size) = (&gpu.device, [self.receivers.width, self.receivers.height]);
+        let environment = EnvironmentCube::upload(device, &gpu.queue, &self.environment.cube).unwrap();
+        let maker = LightBoundsMaker::new(device, &environment);
+        let params = Params::default();
+        let visibility = self.tree.roots().visibility.is_some();
+        let engine = HierarchicalEngine::new(device, &HierarchicalOptions { filter: params.filter, visibility });
+        let viewers = self.receivers.viewers.as_ref();
+        let directions = viewers.map(|viewers| gpu.upload_texture(size, &viewers.directions));
+        let viewers = directions.as_ref().zip(viewers);
+        let inputs = HierarchicalInputs {
+            positions: &gpu.upload_texture(size, &self.receivers.positions),
+            normals: &gpu.upload_texture(size, &self.receivers.normals),
+            viewers: viewers.map(|(directions, v)| FrameViewers { directions, materials: &v.materials }),
+            size,
+            is_picture: self.receivers.arrangement == Arrangement::Picture,
+            tree: &CellTreeBuffers::upload(device, &self.tree).unwrap(),
+            environment: &environment,
+            bounds: maker.bounds(),
+            params,
+            tolerance: how.tolerance,
+            split_near: how.split_near,
+            parts: how.parts,
+        };
+        let mut frame = engine.frame(device, &inputs).unwrap();
+        let mut encoder = device.create_command_encoder(&Default::default());
+        maker.record(&mut encoder);
+        frame.record(&mut encoder, 0..frame.run_count());
+        gpu.queue.submit([encoder.finish()]);
+        let sums = gpu.read_texture(frame.caustic()).unwrap();
+        gpu.check().unwrap();
+        sums
+    }
+}
+
+/// Half floats for the light, 128 MiB a binding, eight storage buffers a stage: what browsers have.
+#[test]
+fn a_minimal_device_is_enough() {
+    let work = Work::new("ring-natural", [96, 64], 300, 16, Visibility::Full);
+    let how = work.how(0.01);
+    let error = rel_l2(&work.on_gpu(&Gpu::open_minimal().unwrap(), &how), &work.on_cpu(&how));
+    println!("{error:.1e}");
+    assert!(error < 3e-3, "{error}");
+}
+
+#[test]
+fn parts_add_up() {
+    let work = Work::new("spoon", [72, 72], 200, 16, Visibility::None);
+    let [whole, parts] = [1, 5].map(|parts| work.on_gpu(gpu(), &How { parts, ..work.how(0.02) }));
+    assert!(whole.iter().any(|sum| sum[0] > 0.0));
+    let error = rel_l2(&parts, &whole);
+    assert!(error < 1e-6, "{error}");
+}
+
+/// The scouts' pass finds what the CPU's find, so that as much is done.
+#[test]
+fn the_error_may_be_relative_to_what_the_image_is_like() {
+    for visibility in [Visibility::None, Visibility::Full] {
+        let work = Work::new("ring-natural", [96, 64], 300, 16, visibility);
+        let fetches = |sums: &[[f32; 4]]| sums.iter().map(|s| f64::from(s[3])).sum::<f64>();
+        let relative = work.on_gpu(gpu(), &How { tolerance: Tolerance::Relative(0.01), ..work.how(0.01) });
+        let cpu = work.on_cpu(&work.how(0.01));
+        let (error, cost) = (rel_l2(&relative, &cpu), fetches(&relative) / fetches(&cpu));
+        println!("{error:.1e} {cost:.3}");
+        assert!(error < 0.01 && (cost - 1.0).abs() < 0.15, "{visibility:?}: {error} {cost}");
+    }
+}
+
+/// More cells than a list holds: they are handed on unrefined, and nothing is lost.
+#[test]
+fn full_lists_lose_nothing() {
+    let work = Work::new("ring-natural", [16, 16], 6000, 1, Visibility::Full);
+    let how = work.how(0.001);
+    let error = rel_l2(&work.on_gpu(gpu(), &how), &work.on_cpu(&how));
+    println!("{error:.1e}");
+    assert!(error < 1e-4, "{error}");
+}
+
+/// Receivers in no picture's order, with viewers of their own.
+#[test]
+fn lists_of_glossy_receivers_are_gathered() {
+    let mut work = Work::new("varnish", [64, 64], 200, 16, Visibility::None);
+    let view = glam::Vec3::new(0.3, 0.8, 0.5).normalize().extend(0.0).to_array();
+    let directions = vec![view; work.receivers.positions.len()];
+    let materials: Arc<Materials> = Arc::new(work.scene.materials());
+    let list = Receivers {
+        arrangement: Arrangement::List,
+        viewers: Some(Viewers { directions, materials }),
+        ..work.receivers.clone()
+    };
+    let (tiled, places) = list.in_tiles();
+    work.receivers = list;
+    let how = work.how(0.01);
+    let cpu = work.on_cpu(&how);
+    work.receivers = tiled;
+    let gpu = work.on_gpu(gpu(), &how);
+    let gpu: Vec<[f32; 4]> = places.iter().map(|&place| gpu[place]).collect();
+    let error = rel_l2(&gpu, &cpu);
+    println!("{error:.1e}");
+    assert!(error < 1e-3, "{error}");
+}
+
+/// Mesa's software adapter ends loops after 65,535 iterations. What that cuts short says so.
+#[test]
+fn loops_that_are_cut_short_are_reported() {
+    let work = Work::new("ring-natural", [8, 8], 100, 1024, Visibility::None);
+    let how = How { parts: 1, split_near: true, ..work.how(1e-5) };
+    let gathered = work.on_gpu(gpu(), &how);
+    let is_short = gathered.iter().any(|sum| sum[3] < 0.0);
+    if gpu().adapter.name.contains("llvmpipe") {
+        assert!(is_short, "lavapipe has learnt to loop");
+    }
+    let cpu = work.on_cpu(&how);
+    for (gpu, cpu) in gathered.iter().zip(&cpu).filter(|(gpu, _)| gpu[3] >= 0.0) {
+        assert!((gpu[0] - cpu[0]).abs() <= 1e-3 * (cpu[0] + work.typical()), "{gpu:?} {cpu:?}");
+    }
+}
