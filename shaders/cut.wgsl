@@ -27,13 +27,18 @@ const DROP: u32 = 0u;
 const SPLIT_CELL: u32 = 1u;
 const SPLIT_BLOCK: u32 = 2u;
 const ADD: u32 = 3u;
-// The same where the light is even: one look-up will do.
-const ADD_EVEN: u32 = 4u;
+
+struct Verdict {
+    what: u32,
+    // What the pair adds differs by so much within it, W/m².
+    varies: f32,
+}
 
 // Nodes to be judged.
 var<workgroup> stack: array<u32, STACK>;
-// Nodes to be added: twice the index, and 1 where the light is even.
+// Nodes to be added, and how much what they add varies.
 var<workgroup> queue: array<u32, LANES>;
+var<workgroup> queued_varies: array<f32, LANES>;
 // How many children, deferred nodes and queued ones: ten bits each.
 var<workgroup> counts: array<u32, LANES>;
 var<workgroup> sums_of_counts: array<u32, 8>;
@@ -109,21 +114,21 @@ fn cut(@builtin(workgroup_id) workgroup: vec3u, @builtin(local_invocation_index)
         pending -= taken;
         var index = 0u;
         var children = 0u;
-        var verdict = DROP;
+        var verdict = Verdict(DROP, 0.0);
         if lane < taken {
             index = stack[pending + lane];
             let cell = load_cell(index);
             children = cell.children;
             verdict = judge(block, at.level, cell);
-            if VISIBILITY && verdict >= ADD {
+            if VISIBILITY && verdict.what == ADD {
                 // What is hidden between the sixteen points no bicubic knows.
-                verdict = select(SPLIT_BLOCK, SPLIT_CELL, is_above_roots(index, cell));
+                verdict.what = select(SPLIT_BLOCK, SPLIT_CELL, is_above_roots(index, cell));
             }
         }
         judged += taken;
-        let split = verdict == SPLIT_CELL;
-        let count = select(0u, children & 7u, split) + select(0u, 1u << 10u, verdict == SPLIT_BLOCK)
-            + select(0u, 1u << 20u, verdict >= ADD);
+        let split = verdict.what == SPLIT_CELL;
+        let count = select(0u, children & 7u, split) + select(0u, 1u << 10u, verdict.what == SPLIT_BLOCK)
+            + select(0u, 1u << 20u, verdict.what == ADD);
         counts[lane] = count;
         workgroupBarrier();
         if lane < 8u {
@@ -149,11 +154,12 @@ fn cut(@builtin(workgroup_id) workgroup: vec3u, @builtin(local_invocation_index)
                 stack[start + k] = (children >> 3u) + k;
             }
         }
-        if verdict == SPLIT_BLOCK {
+        if verdict.what == SPLIT_BLOCK {
             lists[output + 1u + deferred + ((before >> 10u) & 1023u)] = index;
         }
-        if verdict >= ADD {
-            queue[before >> 20u] = 2u * index + (verdict - ADD);
+        if verdict.what == ADD {
+            queue[before >> 20u] = index;
+            queued_varies[before >> 20u] = verdict.varies;
         }
         pending += total & 1023u;
         deferred += (total >> 10u) & 1023u;
@@ -161,7 +167,7 @@ fn cut(@builtin(workgroup_id) workgroup: vec3u, @builtin(local_invocation_index)
         added += queued;
         workgroupBarrier();
         for (var k = lane / POINTS; k < queued; k += LANES / POINTS) {
-            own_sum += brought_by(queue[k], lane % POINTS);
+            own_sum += brought_by(queue[k], queued_varies[k], lane % POINTS);
         }
     }
     sums[lane] = own_sum;
@@ -187,20 +193,20 @@ fn cut(@builtin(workgroup_id) workgroup: vec3u, @builtin(local_invocation_index)
 }
 
 // What a queued cell brings to one of the sixteen points.
-fn brought_by(queued: u32, point: u32) -> vec4f {
-    let cell = load_cell(queued >> 1u);
+fn brought_by(index: u32, varies: f32, point: u32) -> vec4f {
+    let cell = load_cell(index);
     let receiver = Receiver(positions[point].xyz, normals[point], i32(positions[point].w));
     let pair = pair_of(cell, receiver);
     // Also false where the cell lies on the receiver point and the quotient is not a number.
     if !(pair.cosines > 0.0) {
         return vec4f(0.0);
     }
-    let radiance = cell_radiance(cell, pair.r, footprint_of(cell, pair), (queued & 1u) == 1u);
+    let radiance = cell_radiance(cell, pair.r, footprint_of(cell, pair), varies, SHARE * allowed.x);
     return vec4f(weight_of(cell, pair, receiver) * factor_of(cell, pair) * radiance.rgb, radiance.a);
 }
 
 // Judges a pair of a block and a cell.
-fn judge(block: Block, level: u32, cell: Cell) -> u32 {
+fn judge(block: Block, level: u32, cell: Cell) -> Verdict {
     let share = SHARE * allowed.x;
     let negligible = NEGLIGIBLE * allowed.x / tree.area;
     let d = cell.centroid - block.centre;
@@ -217,10 +223,10 @@ fn judge(block: Block, level: u32, cell: Cell) -> u32 {
     facing += f_slack;
     receiving += r_slack;
     if facing <= 0.0 || receiving <= 0.0 {
-        return DROP;
+        return Verdict(DROP, 0.0);
     }
     if l < NEAR * sizes {
-        return select(SPLIT_BLOCK, SPLIT_CELL, !is_leaf(cell) && cell.radius >= block.radius);
+        return Verdict(select(SPLIT_BLOCK, SPLIT_CELL, !is_leaf(cell) && cell.radius >= block.radius), 0.0);
     }
     let nearest = l - sizes;
     let weight = cell.area * min(facing, l + sizes) * min(receiving, l + sizes) / (nearest * nearest)
@@ -246,10 +252,10 @@ fn judge(block: Block, level: u32, cell: Cell) -> u32 {
     let varies = weight * light.y;
     // What glossy receivers make of it they know one by one.
     if top <= negligible * cell.area && (top == 0.0 || tree.has_viewers == 0u) {
-        return DROP;
+        return Verdict(DROP, 0.0);
     }
     if block.kind != SMOOTH {
-        return SPLIT_BLOCK;
+        return Verdict(SPLIT_BLOCK, 0.0);
     }
     // The points' distance over the width of what is interpolated.
     let step = 0.47 * of_block / max(sqrt(minor2), uniforms.texel_rad);
@@ -261,7 +267,7 @@ fn judge(block: Block, level: u32, cell: Cell) -> u32 {
         cell_error = varies * min(OF_CONTRAST * of_cell, 1.0) + top * of_change;
     }
     if block_error + cell_error < share {
-        return select(ADD, ADD_EVEN, varies < share);
+        return Verdict(ADD, varies);
     }
-    return select(SPLIT_BLOCK, SPLIT_CELL, !is_leaf(cell) && cell_error >= block_error);
+    return Verdict(select(SPLIT_BLOCK, SPLIT_CELL, !is_leaf(cell) && cell_error >= block_error), 0.0);
 }

@@ -33,6 +33,8 @@ struct Stage {
 
 // Times that a leaf is quartered.
 const DEEPEST: u32 = 5u;
+// What varies more than anything.
+const INFINITE: f32 = 3e38;
 // Levels of cells: of a million roots in fours, and six below each.
 const DEPTH: u32 = 20u;
 
@@ -238,18 +240,17 @@ fn visited(index: u32, cell: Cell, walk: Walk) -> Visit {
     if !lit {
         return Visit(vec4f(0.0, 0.0, 0.0, 1.0), false);
     }
-    let even = varies < share;
-    return Visit(brought_by(cell, pair, walk, sides, even) + vec4f(0.0, 0.0, 0.0, 1.0), false);
+    return Visit(brought_by(cell, pair, walk, sides, varies) + vec4f(0.0, 0.0, 0.0, 1.0), false);
 }
 
 // What a cell brings, taken for one sample.
-fn brought_by(cell: Cell, pair: Pair, walk: Walk, sides: FootprintSides, even: bool) -> vec4f {
+fn brought_by(cell: Cell, pair: Pair, walk: Walk, sides: FootprintSides, varies: f32) -> vec4f {
     if VISIBILITY {
         let root = roots[cell.root];
         let side = select(1.0, -1.0, cell.two_sided && pair.dn > 0.0);
         look_around(root.map_node.x, root.most_phase.yz, uniforms.map_resolution, root.normal_object.xyz, side);
     }
-    let radiance = cell_radiance(cell, pair.r, sides, even);
+    let radiance = cell_radiance(cell, pair.r, sides, varies, SHARE * allowed.x);
     var factor = weight_of(cell, pair, walk.receiver) * seen.part * factor_of(cell, pair);
     if SHADING {
         let solid_angle = cell.area * pair.facing * pair.inverse_l * pair.inverse_l * pair.inverse_l;
@@ -309,7 +310,7 @@ fn brought_by_quarters(leaf: Cell, walk: Walk) -> vec4f {
             continue;
         }
         if pair.cosines > 0.0 {
-            sum += brought_by(piece, pair, walk, footprint_of(piece, pair), false);
+            sum += brought_by(piece, pair, walk, footprint_of(piece, pair), INFINITE);
         }
         // Up past all fourth quarters, and on to the next one.
         let last = min(countTrailingZeros(~path) / 2u, depth);

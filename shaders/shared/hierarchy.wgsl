@@ -75,6 +75,7 @@ const FOOTPRINT: f32 = 0.6;
 const BENT: f32 = 0.3;
 const OF_CONTRAST: f32 = 3.0;
 const OF_WEIGHT: f32 = 0.3;
+const WORTH: f32 = 3.0;
 const TOO_LARGE: f32 = 0.7;
 // src/pinhole/mod.rs.
 const BEND: f32 = 0.5;
@@ -237,15 +238,17 @@ fn footprint_of(cell: Cell, pair: Pair) -> FootprintSides {
     return sides;
 }
 
-// Mean radiance over a cell's footprint, as the texture has it; from one look-up where the light is even. a = fetches.
-fn cell_radiance(cell: Cell, r: vec3f, sides: FootprintSides, even: bool) -> vec4f {
-    if even {
+// Mean radiance over a cell's footprint, as the texture has it; from one look-up where what the pair adds varies by less than its
+// share of the error, else from the fewer, the less it does. a = fetches.
+fn cell_radiance(cell: Cell, r: vec3f, sides: FootprintSides, varies: f32, share: f32) -> vec4f {
+    if varies < share {
         // Cells side by side are as good as a wide kernel, and lose nothing over their mirrors' edges; blur has to be there.
         let part = select(EVEN_PART, SHARPNESS, cell.lobe > 0.0);
         let width = sqrt(0.5 * (dot(sides.v1, sides.v1) + dot(sides.v2, sides.v2))) * part;
         return open_light(r, floor(level_of(width, texel_width(r, uniforms.texel_rad)) + 0.5), 1.0);
     }
-    return mean_over_footprint(r, sides.v1, sides.v2, f32(uniforms.taps), uniforms.texel_rad);
+    let taps = min(max(ceil(varies * (WORTH / share)), 1.0), f32(uniforms.taps));
+    return mean_over_footprint(r, sides.v1, sides.v2, taps, uniforms.texel_rad);
 }
 
 // What a cell's weight is multiplied by beside radiance.

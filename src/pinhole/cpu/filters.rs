@@ -4,7 +4,7 @@ use glam::{Vec3, Vec4};
 
 use super::cube::{CubeLookup, level_of, texel_width};
 use super::footprint::{FootprintAxes, footprint_axes};
-use super::lanes::{ALL, F, LANES, Select, Simd, SimdBase, SimdFloat, V3, bits, clamp, dispatch, lanes, level, splat};
+use super::lanes::{ALL, F, LANES, Select, Simd, SimdBase, SimdFloat, V3, bits, dispatch, lanes, level, splat};
 use super::visibility::{Sight, Unhindered};
 use crate::environment::CubeMap;
 use crate::pinhole::{Filter, Probe};
@@ -34,7 +34,7 @@ pub(super) fn mean_over_footprint<S: Simd, const FILTER: u32>(
     environment: &CubeLookup,
     sides: &Sides<S>,
     sight: &impl Sight,
-    most_taps: f32,
+    most_taps: F<S>,
     lit: u32,
 ) -> [Vec4; LANES] {
     let r = sides.r;
@@ -52,7 +52,7 @@ pub(super) fn mean_over_footprint<S: Simd, const FILTER: u32>(
     if FILTER == FILTER_EWA {
         return mean_over_ellipse(simd, environment, r, &axes, texel, sight, lit);
     }
-    let taps = clamp((axes.major / (axes.minor * SHARPNESS).max(texel)).ceil(), 1.0, most_taps);
+    let taps = (axes.major / (axes.minor * SHARPNESS).max(texel)).ceil().max(1.0).min(most_taps);
     let level = level_of(axes.minor.max(axes.major / taps) * SHARPNESS, texel);
     let mut sum = [Vec4::ZERO; LANES];
     let mut k = 0.5;
@@ -232,5 +232,5 @@ fn mean_of_group<S: Simd, const FILTER: u32>(
     let values = |of: fn(&Probe) -> Vec3| [0, 1, 2].map(|axis| std::array::from_fn(|lane| of(probe(lane))[axis]));
     let [r, v1, v2] = [values(|p| p.direction), values(|p| p.sides[0]), values(|p| p.sides[1])];
     let sides = Sides { r: V3::load(simd, &r), v1: V3::load(simd, &v1), v2: V3::load(simd, &v2) };
-    mean_over_footprint::<S, FILTER>(simd, lookup, &sides, &Unhindered, most_taps, ALL)
+    mean_over_footprint::<S, FILTER>(simd, lookup, &sides, &Unhindered, splat(simd, most_taps), ALL)
 }

@@ -380,7 +380,8 @@ impl Gather<'_> {
             return single_look_up(simd, &self.environment, pair.r, sight, lit);
         }
         let footprint = pair.footprint(simd, sample);
-        mean_over_footprint::<S, FILTER>(simd, &self.environment, &footprint, sight, self.uniforms.taps as f32, lit)
+        let taps = F::splat(simd, self.uniforms.taps as f32);
+        mean_over_footprint::<S, FILTER>(simd, &self.environment, &footprint, sight, taps, lit)
     }
 
     /// Width of a texel of the maps of visibility, radians: a half-space has 2π sr.
@@ -398,7 +399,8 @@ impl Gather<'_> {
         1.0 / (l2 + (u.epsilon_scale * area + u.epsilon))
     }
 
-    /// Mean radiance over a cell's footprint, which may have been blurred; from one look-up where the light is even.
+    /// Mean radiance over a cell's footprint, which may have been blurred; from one look-up where the light is even, else from so many
+    /// at most.
     #[inline(always)]
     fn cell_radiance<S: Simd>(
         &self,
@@ -406,15 +408,14 @@ impl Gather<'_> {
         footprint: &Sides<S>,
         is_blurred: bool,
         sight: &impl Sight,
-        even: bool,
+        taps: Option<F<S>>,
         lit: u32,
     ) -> [Vec4; LANES] {
-        if even {
+        let Some(taps) = taps else {
             // Cells side by side are as good as a wide kernel, and lose nothing over their mirrors' edges; blur has to be there.
             let part = if is_blurred { SHARPNESS } else { EVEN_PART };
             return filters::even_light(simd, &self.environment, footprint, part, sight, lit);
-        }
-        let taps = self.uniforms.taps as f32;
+        };
         mean_over_footprint::<S, FILTER_ANISOTROPIC>(simd, &self.environment, footprint, sight, taps, lit)
     }
 }

@@ -5,6 +5,7 @@
 
 use glam::Vec3;
 
+use super::super::lanes::{F, Simd, SimdBase, SimdFloat};
 use super::blocks::{Block, FINEST, Kind};
 use crate::cell_tree::NodeGeometry;
 use crate::environment::{Bound, LightBounds};
@@ -26,19 +27,21 @@ pub const OF_CONTRAST: f32 = 3.0;
 pub const OF_WEIGHT: f32 = 0.3;
 /// What part of the contrast an interpolation gets wrong where the light changes over one distance of its points.
 const OF_INTERPOLATION: f32 = 0.02;
+/// Look-ups that a pair is worth which varies by its share of the error.
+pub const WORTH: f32 = 3.0;
 /// Relative sizes from which a cell is not taken for one sample.
 pub const TOO_LARGE: f32 = 0.7;
 
 /// What to do with a pair.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Verdict {
     /// It adds nothing that counts.
     Drop,
     /// It may be added as it is.
     Add {
-        /// The light is even: one look-up will do.
-        even: bool,
-        /// And even if part of the environment is hidden from the cell.
+        /// What it adds differs by so much within it, W/m²: if less than the judge's share, one look-up will do.
+        varies: f32,
+        /// It may be added even if part of the environment is hidden from the cell.
         even_if_hidden: bool,
     },
     /// Its cell is too large.
@@ -77,6 +80,12 @@ pub struct Cell<'a> {
 }
 
 impl Judge<'_> {
+    /// Look-ups that a pair is worth whose radiance differs by so much, by weight, within it: the fewer, the coarser they are.
+    #[inline(always)]
+    pub fn taps<S: Simd>(&self, varies: F<S>) -> F<S> {
+        (varies * (WORTH / self.share)).ceil().max(1.0).min(self.uniforms.taps as f32)
+    }
+
     /// 1/l² at most, as the gather keeps it finite.
     fn attenuation(&self, l2: f32, area: f32) -> f32 {
         let u = self.uniforms;
@@ -111,7 +120,7 @@ impl Judge<'_> {
             }
             (false, false) => Verdict::SplitCell,
             (true, true) => Verdict::SplitBlock,
-            (true, false) => Verdict::Add { even: false, even_if_hidden: true },
+            (true, false) => Verdict::Add { varies: f32::INFINITY, even_if_hidden: true },
         };
         if l < NEAR * sizes {
             return finer(g.radius >= block.radius);
@@ -165,13 +174,10 @@ impl Judge<'_> {
             // Hidden or not: contrast as strong as the light is bright, smooth over a texel of the map.
             let step = 0.47 * of_block / minor2.sqrt().max(self.map_texel);
             let of_hidden = if may_split_block { (OF_INTERPOLATION * step.powi(4)).min(1.0) } else { 0.0 };
-            return Verdict::Add {
-                even: varies < self.share,
-                even_if_hidden: block_error + cell_error + top * of_hidden < self.share,
-            };
+            return Verdict::Add { varies, even_if_hidden: block_error + cell_error + top * of_hidden < self.share };
         }
         if block_error == 0.0 && cell_error == 0.0 {
-            return Verdict::Add { even: false, even_if_hidden: true };
+            return Verdict::Add { varies: f32::INFINITY, even_if_hidden: true };
         }
         finer(cell_error >= block_error)
     }

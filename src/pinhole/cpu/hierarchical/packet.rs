@@ -171,15 +171,16 @@ impl TileGather<'_> {
         }
         let is_blurred = sample.lobe() > 0.0;
         let uneven = taken & bits(varies.simd_ge(share));
-        for (lanes, even) in [(taken & !uneven, true), (uneven, false)] {
+        let taps = self.judge.taps(varies);
+        for (lanes, taps) in [(taken & !uneven, None), (uneven, Some(taps))] {
             if lanes == 0 {
                 continue;
             }
             let radiance = match &sight {
                 Some(sight) if outlook == Outlook::Mixed => {
-                    gather.cell_radiance(simd, &sides, is_blurred, sight, even, lanes)
+                    gather.cell_radiance(simd, &sides, is_blurred, sight, taps, lanes)
                 }
-                _ => gather.cell_radiance(simd, &sides, is_blurred, &Unhindered, even, lanes),
+                _ => gather.cell_radiance(simd, &sides, is_blurred, &Unhindered, taps, lanes),
             };
             gather.add(&sample, &pair, receiver, (weight, &radiance, lanes), sum);
         }
@@ -199,6 +200,7 @@ impl TileGather<'_> {
         sum: &mut [Vec4; LANES],
     ) {
         let gather = &self.scene.gather;
+        let taps = Some(splat(simd, gather.uniforms.taps as f32));
         let mut pieces: Vec<(PinholeSample, u32, u32)> = leaf.quarters().map(|q| (q, mask, 1)).to_vec();
         while let Some((piece, mask, depth)) = pieces.pop() {
             let pair = Pair::new(simd, &piece, receiver);
@@ -215,10 +217,10 @@ impl TileGather<'_> {
             let weight = gather.weight(simd, &piece, &pair, receiver) * seen.part;
             let sides = pair.footprint(simd, &piece);
             let radiance = match &gather.pinholes.visibility {
-                None => gather.cell_radiance(simd, &sides, piece.lobe() > 0.0, &Unhindered, false, taken),
+                None => gather.cell_radiance(simd, &sides, piece.lobe() > 0.0, &Unhindered, taps, taken),
                 Some(maps) => {
                     let sight = Surroundings::new(maps, root, pair.dn);
-                    gather.cell_radiance(simd, &sides, piece.lobe() > 0.0, &sight, false, taken)
+                    gather.cell_radiance(simd, &sides, piece.lobe() > 0.0, &sight, taps, taken)
                 }
             };
             gather.add(&piece, &pair, receiver, (weight, &radiance, taken), sum);

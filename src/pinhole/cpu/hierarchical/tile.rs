@@ -2,7 +2,7 @@
 
 use glam::Vec4;
 
-use super::super::lanes::{LANES, Simd, SimdBase, bits, splat3};
+use super::super::lanes::{LANES, Simd, SimdBase, bits, splat, splat3};
 use super::super::visibility::{Outlook, Surroundings, Unhindered};
 use super::super::{Group, Pair, load_at};
 use super::blocks::{EDGES, FINEST, Grid, Kind, Tile, points_along};
@@ -99,8 +99,8 @@ impl<'a> TileGather<'a> {
                 Verdict::SplitBlock => deferred.push(index),
                 // What several roots see together is not known.
                 Verdict::Add { .. } if shadowed && tree.is_above_roots(index) => stack.extend(node.children()),
-                Verdict::Add { even, even_if_hidden } => {
-                    if !self.add(simd, node.root(), &sample, &points, [even, even_if_hidden], &mut sum) {
+                Verdict::Add { varies, even_if_hidden } => {
+                    if !self.add(simd, node.root(), &sample, &points, (varies, even_if_hidden), &mut sum) {
                         deferred.push(index);
                     }
                 }
@@ -131,7 +131,7 @@ impl<'a> TileGather<'a> {
         root: u32,
         sample: &PinholeSample,
         points: &Group,
-        [even, even_if_hidden]: [bool; 2],
+        (varies, even_if_hidden): (f32, bool),
         sum: &mut [Vec4; LANES],
     ) -> bool {
         let gather = &self.scene.gather;
@@ -142,6 +142,7 @@ impl<'a> TileGather<'a> {
             return true;
         }
         let footprint = pair.footprint(simd, sample);
+        let taps = (varies >= self.judge.share).then(|| self.judge.taps(splat(simd, varies)));
         let weight = gather.weight(simd, sample, &pair, &receiver);
         if let Some(maps) = &gather.pinholes.visibility {
             let root = &gather.pinholes.samples[root as usize];
@@ -157,14 +158,14 @@ impl<'a> TileGather<'a> {
                 Outlook::Clear => {}
                 Outlook::Dark => return true,
                 Outlook::Mixed if even_if_hidden => {
-                    let radiance = gather.cell_radiance(simd, &footprint, sample.lobe() > 0.0, &sight, even, lit);
+                    let radiance = gather.cell_radiance(simd, &footprint, sample.lobe() > 0.0, &sight, taps, lit);
                     gather.add(sample, &pair, &receiver, (weight, &radiance, lit), sum);
                     return true;
                 }
                 Outlook::Mixed => return false,
             }
         }
-        let radiance = gather.cell_radiance(simd, &footprint, sample.lobe() > 0.0, &Unhindered, even, lit);
+        let radiance = gather.cell_radiance(simd, &footprint, sample.lobe() > 0.0, &Unhindered, taps, lit);
         gather.add(sample, &pair, &receiver, (weight, &radiance, lit), sum);
         true
     }
