@@ -5,14 +5,15 @@
 
 use std::time::Instant;
 
-use glam::Vec2;
+use glam::{Vec2, Vec3};
 use pinspot::cell_tree::{CellTree, TreeOptions};
+use pinspot::differential::differentials;
 use pinspot::environment::{Environment, LightBounds};
 use pinspot::pinhole::cpu::{Accuracy, Light, gather, gather_hierarchical, typical_irradiance};
 use pinspot::pinhole::{Params, PinholeTree, Receivers};
 use pinspot::render::{Settings, visible_receivers};
 use pinspot::sampling::{self, Strategy, Surface, sample};
-use pinspot::scene::{Scene, load};
+use pinspot::scene::{Mesh, Scene, load};
 use pinspot::tracing::Tracer;
 
 const EDGE: u32 = 512;
@@ -204,6 +205,47 @@ fn building() {
     );
 }
 
+/// A sheet of a million triangles, in waves that move.
+fn waves(time: f32) -> Mesh {
+    const N: u32 = 707;
+    let place = |k: u32| {
+        let [u, v] = [k % (N + 1), k / (N + 1)].map(|k| k as f32 / N as f32);
+        Vec3::new(u, 0.1 * (9.0 * u + time).sin() * (7.0 * v).cos(), v)
+    };
+    let positions: Vec<Vec3> = (0..(N + 1) * (N + 1)).map(place).collect();
+    let square = |k: u32| {
+        let a = k / N * (N + 1) + k % N;
+        [[a, a + N + 1, a + 1], [a + 1, a + N + 1, a + N + 2]]
+    };
+    let triangles = (0..N * N).flat_map(square).collect();
+    let normals = vec![Vec3::Y; positions.len()];
+    Mesh::new("waves", positions, normals, triangles).expect("a sheet").0
+}
+
+/// A mirror that changes every frame: from its mesh to samples with their cells and curvature.
+fn resampling() {
+    let options = sampling::Options { samples: 10_000, strategy: Strategy::Neighbourhood, seed: 1 };
+    let (mut ours, mut theirs) = (f64::INFINITY, f64::INFINITY);
+    for frame in 0..5 {
+        let mesh = waves(frame as f32);
+        let started = Instant::now();
+        let mut surface = Surface::default();
+        surface.append(&mesh, 0, false);
+        let set = sample(&surface, &options).expect("a reflector");
+        let samples = differentials(&set);
+        ours = ours.min(started.elapsed().as_secs_f64());
+        let positions: Vec<[f32; 3]> = set.candidates.iter().map(|p| p.position.to_array()).collect();
+        let started = Instant::now();
+        let tree = kiddo::ImmutableKdTree::<f32, 3>::new_from_slice(&positions).expect("finite");
+        theirs = theirs.min(started.elapsed().as_secs_f64());
+        drop((tree, samples));
+    }
+    println!(
+        "10,000 samples of a million triangles, two cores: {ours:.3} s, {:.1} x a k-d tree of the candidates",
+        ours / theirs
+    );
+}
+
 fn on_threads(threads: usize, work: impl FnOnce() + Send) {
     rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads").install(work);
 }
@@ -245,6 +287,9 @@ fn main() {
             equal_error("ring-natural", 0.01);
         }
     });
+    if wanted("resampling") {
+        on_threads(2, resampling);
+    }
     for name in ["ring-above", "ring-natural"] {
         if wanted("cores") {
             two_cores(name);

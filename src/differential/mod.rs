@@ -61,7 +61,11 @@ impl DifferentialSample {
 
 /// Fits the surface around every sample.
 pub fn differentials(set: &PointSet) -> Vec<DifferentialSample> {
-    let cells = cells::assign(&set.points, &set.candidates);
+    let cells = if set.owners.is_empty() {
+        cells::assign(&set.points, &set.candidates)
+    } else {
+        cells::gather(set.points.len(), &set.owners)
+    };
     // Only cells with few members of their own look around; often there is none.
     let tree = LazyLock::new(|| PointTree::new(&set.candidates));
     set.points

@@ -29,10 +29,14 @@ pub(super) fn stratified(surface: &Surface, stride: f32, rng: &mut ChaCha8Rng) -
 pub(super) fn cover(surface: &Surface, stride: f32, rng: &mut ChaCha8Rng) -> Vec<SurfacePoint> {
     // A triangle of a third of the stride or more is a candidate of its own: exact, and three times as many at worst.
     let (coarse, fine): (Vec<_>, Vec<_>) = surface.triangles().iter().partition(|t| t.area() >= stride / 3.0);
-    let mut candidates = Vec::new();
-    for triangle in coarse {
-        split(triangle, [Vec3::X, Vec3::Y, Vec3::Z], triangle.area(), stride, &mut candidates);
-    }
+    let pieces = |triangles: &[&SurfaceTriangle]| {
+        let mut pieces = Vec::with_capacity(triangles.len());
+        for triangle in triangles {
+            split(triangle, [Vec3::X, Vec3::Y, Vec3::Z], triangle.area(), stride, &mut pieces);
+        }
+        pieces
+    };
+    let mut candidates: Vec<SurfacePoint> = coarse.par_chunks(1024).flat_map_iter(pieces).collect();
     draw_along_order(fine, stride, rng, &mut candidates);
     candidates
 }

@@ -6,6 +6,7 @@
 mod candidates;
 mod elimination;
 mod grid;
+mod hash_grid;
 mod morton;
 mod neighbourhood;
 mod patches;
@@ -108,6 +109,8 @@ pub struct PointSet {
     pub points: Vec<SurfacePoint>,
     /// Points that cover the surface evenly, each with the area that it stands for; they sum up to the surface's.
     pub candidates: Vec<SurfacePoint>,
+    /// For each candidate the nearest point on its own side, where the strategy knows; else empty.
+    pub(crate) owners: Vec<u32>,
 }
 
 /// Why a surface could not be sampled.
@@ -171,6 +174,7 @@ fn place(surface: &Surface, options: &Options, importance: Option<Importance>) -
     let mut candidates = candidates::stratified(surface, stride, &mut rng);
     patches::group_small(surface, area_per_sample, &mut candidates);
     let worth = importance.map(|importance| relative_worth(&candidates, importance));
+    let mut owners = Vec::new();
     let mut points = match strategy {
         Strategy::Random => match &worth {
             Some(worth) => random::among(&candidates, worth, samples, &mut rng),
@@ -180,7 +184,9 @@ fn place(surface: &Surface, options: &Options, importance: Option<Importance>) -
         Strategy::QuantisedGrid => grid::one_per_cell(&candidates, area_per_sample, samples, true, &mut rng),
         Strategy::Elimination => elimination::elimination(surface, area_per_sample, samples, &mut rng),
         Strategy::Neighbourhood => {
-            neighbourhood::neighbourhood(&candidates, worth.as_deref(), area_per_sample, samples)
+            let kept = neighbourhood::neighbourhood(&candidates, worth.as_deref(), area_per_sample, samples);
+            owners = kept.owners;
+            kept.points
         }
     };
     patches::group_small(surface, area_per_sample, &mut points);
@@ -189,7 +195,7 @@ fn place(surface: &Surface, options: &Options, importance: Option<Importance>) -
     for point in &mut points {
         point.area = area * importance.map_or(1.0, |importance| mean / importance(point));
     }
-    Ok(PointSet { points, candidates })
+    Ok(PointSet { points, candidates, owners })
 }
 
 /// What each candidate is worth.

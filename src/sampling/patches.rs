@@ -3,7 +3,7 @@
 //! Two triangles belong to one patch if they share a vertex at the same position with the same normal. A disco ball
 //! has a patch per tile, a cylinder one in all.
 
-use std::collections::HashMap;
+use rustc_hash::FxHashMap;
 
 use super::{Surface, SurfacePoint};
 use crate::scene::{DisjointSets, Mesh};
@@ -12,7 +12,7 @@ use crate::scene::{DisjointSets, Mesh};
 pub(super) fn smooth_patches(mesh: &Mesh) -> (Vec<u32>, usize) {
     let vertices = mesh.positions().len();
     let mut sets = DisjointSets::new(vertices);
-    let mut first = HashMap::with_capacity(vertices);
+    let mut first = FxHashMap::with_capacity_and_hasher(vertices, Default::default());
     for (v, (position, normal)) in mesh.positions().iter().zip(mesh.normals()).enumerate() {
         // Normals of one vertex may differ in rounding when a file repeats them.
         let key = (position.to_array().map(f32::to_bits), (*normal * 1024.0).round().as_i16vec3().to_array());
@@ -23,13 +23,17 @@ pub(super) fn smooth_patches(mesh: &Mesh) -> (Vec<u32>, usize) {
         sets.merge(*a, *b);
         sets.merge(*a, *c);
     }
-    let mut number = HashMap::new();
+    let mut number = vec![u32::MAX; vertices];
+    let mut count = 0;
     let patches = mesh.triangles().iter().map(|t| {
-        let next = number.len() as u32;
-        *number.entry(sets.find(t[0])).or_insert(next)
+        let number = &mut number[sets.find(t[0]) as usize];
+        if *number == u32::MAX {
+            (*number, count) = (count, count + 1);
+        }
+        *number
     });
     let patches: Vec<u32> = patches.collect();
-    (patches, number.len())
+    (patches, count as usize)
 }
 
 /// Puts the patches of an object that are too small for a sample of their own into one group.

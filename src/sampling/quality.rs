@@ -27,7 +27,7 @@ pub struct Quality {
 
 /// Measures a point set on a surface of `area` m²; the figures are 0 for fewer than two points.
 pub fn quality(set: &PointSet, area: f64) -> Quality {
-    let PointSet { points, candidates } = set;
+    let PointSet { points, candidates, .. } = set;
     let d_max = 2.0 * (area / (2.0 * 3f64.sqrt() * points.len().max(1) as f64)).sqrt();
     let tree = PointTree::new(points);
     let nearest: Vec<f64> = points

@@ -1,6 +1,7 @@
 //! The reflecting surface: the triangles of all reflectors, their normals turned to the reflecting side.
 
 use glam::Vec3;
+use rayon::prelude::*;
 
 use super::patches::smooth_patches;
 use crate::scene::{Mesh, Scene, Sides};
@@ -63,13 +64,16 @@ impl Surface {
         let (patches, count) = smooth_patches(mesh);
         self.patch_areas.resize(first_patch as usize + count, 0.0);
         let sign = if flipped { -1.0 } else { 1.0 };
-        for (t, patch) in patches.into_iter().enumerate() {
-            let patch = first_patch + patch;
-            let area = mesh.triangle_area(t);
-            self.patch_areas[patch as usize] += area;
-            self.area += f64::from(area);
+        let triangle = |(t, patch): (usize, u32)| {
             let normals = mesh.corner_normals(t).map(|n| sign * n);
-            self.triangles.push(SurfaceTriangle { corners: mesh.corners(t), normals, object, patch });
+            SurfaceTriangle { corners: mesh.corners(t), normals, object, patch: first_patch + patch }
+        };
+        let first = self.triangles.len();
+        self.triangles.par_extend(patches.into_par_iter().enumerate().map(triangle));
+        for triangle in &self.triangles[first..] {
+            let area = triangle.area();
+            self.patch_areas[triangle.patch as usize] += area;
+            self.area += f64::from(area);
         }
     }
 
