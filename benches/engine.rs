@@ -4,24 +4,25 @@
 //! that does nothing but the same number of texture look-ups at the same levels. The ratio of the two rates says what the
 //! rest of the gather costs. So are the gather with and without shadows. Sampling and differentials are measured beside one build of a k-d tree over their candidates.
 
+mod bare_cpu;
 mod bare_gpu;
 
 use std::hint::black_box;
 use std::time::Duration;
 
+use bare_cpu::bare_cpu_loop;
 use criterion::{BenchmarkGroup, Criterion, Throughput, criterion_group, criterion_main, measurement::WallTime};
-use glam::{Vec3, Vec4};
+use glam::Vec3;
 use pinspot::differential::differentials;
 use pinspot::environment::Environment;
 use pinspot::gpu::Gpu;
-use pinspot::pinhole::cpu::{CubeLookup, gather};
+use pinspot::pinhole::cpu::gather;
 use pinspot::pinhole::gpu::{Engine, EnvironmentCube, FrameInputs, Options};
 use pinspot::pinhole::{Filter, Footprint, Params, Pinholes, Receivers, pinholes};
 use pinspot::render::Settings;
 use pinspot::sampling::{self, Strategy, Surface, sample};
 use pinspot::scene::load;
 use pinspot::tracing::Tracer;
-use rayon::prelude::*;
 
 const EDGE: u32 = 128;
 const SAMPLES: u32 = 1000;
@@ -66,32 +67,6 @@ fn settings(group: &mut BenchmarkGroup<WallTime>) {
     group.sample_size(10).warm_up_time(Duration::from_millis(500)).measurement_time(Duration::from_secs(5));
 }
 
-/// As many look-ups as the gather does, in the same groups of sixteen neighbours, and nothing else.
-fn bare_cpu_loop(work: &Work, levels: [f32; 2], fetches: u64) -> f32 {
-    let lookup = CubeLookup::new(&work.environment.cube);
-    let groups = u64::from(EDGE * EDGE / 16);
-    let per_group = fetches / 16 / groups;
-    let sum: Vec4 = (0..groups)
-        .into_par_iter()
-        .map(|group| {
-            let mut sums = [Vec4::ZERO; 16];
-            // Sixteen neighbouring directions that wander over the cube as those of neighbouring pixels do from sample to sample.
-            let (mut angle, mut done) = (group as f32 * 0.37, 0);
-            let next = || {
-                (angle, done) = (angle + 0.61, done + 1);
-                let (x, z) = (angle * 0.13 % 2.0 - 1.0, angle * 0.29 % 2.0 - 1.0);
-                let along = std::array::from_fn(|lane| x + 0.004 * lane as f32);
-                let spread: [f32; 16] = std::array::from_fn(|lane| (angle * 0.31 + 0.05 * lane as f32).fract());
-                let level = spread.map(|s| levels[0] + (levels[1] - levels[0]) * s);
-                (done <= per_group).then_some(([along, [0.7; 16], [z; 16]], level))
-            };
-            lookup.fetch16(next, &mut sums);
-            sums.into_iter().sum::<Vec4>()
-        })
-        .sum();
-    sum.x
-}
-
 fn gather_on_cpu(c: &mut Criterion) {
     let work = Work::new();
     let mut group = c.benchmark_group("gather, CPU");
@@ -104,7 +79,9 @@ fn gather_on_cpu(c: &mut Criterion) {
             b.iter(|| black_box(gather(&work.receivers, &work.pinholes, &work.environment.cube, &params, &|_| ())));
         });
         group.bench_function(format!("{name}, bare look-ups"), |b| {
-            b.iter(|| black_box(bare_cpu_loop(&work, Work::typical_levels(filter), fetches)));
+            let groups = u64::from(EDGE * EDGE / 16);
+            let cube = &work.environment.cube;
+            b.iter(|| black_box(bare_cpu_loop(cube, Work::typical_levels(filter), groups, fetches / 16 / groups)));
         });
     }
 }

@@ -3,17 +3,28 @@
 //! A table of its own instead of criterion's: single runs take seconds, and what counts is their ratio. The flat sum takes the
 //! leaves of the same tree, on one row of pixels in sixteen; its time goes with the number of pixels.
 
+mod bare_cpu;
+mod bare_gpu;
+
+use std::hint::black_box;
 use std::time::Instant;
 
+use bare_cpu::bare_cpu_loop;
+use bare_gpu::BareLoop;
 use glam::{Vec2, Vec3};
 use pinspot::cell_tree::{CellTree, TreeOptions};
 use pinspot::differential::differentials;
 use pinspot::environment::{Environment, LightBounds};
+use pinspot::gpu::Gpu;
 use pinspot::pinhole::cpu::{Accuracy, Light, gather, gather_hierarchical, typical_irradiance};
+use pinspot::pinhole::gpu::{
+    CellTreeBuffers, EnvironmentCube, HierarchicalEngine, HierarchicalInputs, HierarchicalOptions, LightBoundsTexture,
+    Tolerance,
+};
 use pinspot::pinhole::{Params, PinholeTree, Receivers};
 use pinspot::render::{Settings, visible_receivers};
 use pinspot::sampling::{self, Strategy, Surface, sample};
-use pinspot::scene::{Mesh, Scene, load};
+use pinspot::scene::{BUILT_IN, Mesh, Scene, load};
 use pinspot::tracing::Tracer;
 
 const EDGE: u32 = 512;
@@ -31,10 +42,14 @@ struct Work {
 
 impl Work {
     fn new(name: &'static str, edge: u32) -> Self {
+        Self::of_size(name, [edge; 2])
+    }
+
+    fn of_size(name: &'static str, size: [u32; 2]) -> Self {
         let scene = load::<Settings>(name).expect("built-in").scene;
         let environment = Environment::load(&scene.environment, Default::default()).expect("built-in");
         let tracer = Tracer::new(&scene);
-        let receivers = visible_receivers(&scene, &tracer, [edge; 2]);
+        let receivers = visible_receivers(&scene, &tracer, size);
         let (surface, bounds) = (Surface::of_scene(&scene), LightBounds::new(&environment.cube));
         Self { scene, surface, environment, bounds, receivers }
     }
@@ -174,18 +189,119 @@ fn size(name: &'static str) {
     println!("{name}, from 512² to 2048²: {:.1} x the time", seconds[1] / seconds[0]);
 }
 
+/// What a look-up costs, of the light or of its bounds, beside one in a loop that does nothing else.
+fn look_ups(name: &'static str) {
+    let work = Work::new(name, EDGE);
+    let tree = work.tree(1000, 64, 1);
+    let (sums, seconds) = work.hierarchical(&tree, 0.01, 3);
+    let groups = u64::from(EDGE * EDGE / 16);
+    let per_group = (fetches(&sums) * f64::from(EDGE * EDGE)) as u64 / 16 / groups;
+    let bare = best(3, &|| {
+        black_box(bare_cpu_loop(&work.environment.cube, [1.5, 3.5], groups, per_group));
+    });
+    let of_all = (per_group * 16 * groups) as f64 / 1e6;
+    println!(
+        "{name}: {:.0} M look-ups a second, {:.2} of a bare loop's {:.0}",
+        of_all / seconds,
+        bare / seconds,
+        of_all / bare
+    );
+}
+
+/// A frame of the hierarchy on a GPU, everything on the device: look-ups a pixel, and the shortest of some times, seconds.
+fn frame_on_gpu(gpu: &Gpu, work: &Work, tree: &PinholeTree) -> (f64, f64) {
+    let (device, size) = (&gpu.device, [work.receivers.width, work.receivers.height]);
+    let params = Params::default();
+    let options = HierarchicalOptions { filter: params.filter, visibility: false };
+    let engine = HierarchicalEngine::new(device, &options);
+    let environment = EnvironmentCube::upload(device, &gpu.queue, &work.environment.cube).expect("it fits");
+    let inputs = HierarchicalInputs {
+        positions: &gpu.upload_texture(size, &work.receivers.positions),
+        normals: &gpu.upload_texture(size, &work.receivers.normals),
+        viewers: None,
+        size,
+        is_picture: true,
+        tree: &CellTreeBuffers::upload(device, tree).expect("it fits"),
+        environment: &environment,
+        bounds: &LightBoundsTexture::upload(device, &gpu.queue, &work.bounds),
+        params,
+        tolerance: Tolerance::Relative(0.01),
+        split_near: true,
+        parts: if gpu.adapter.software { 8 } else { 1 },
+    };
+    let frame = || {
+        let mut frame = engine.frame(device, &inputs).expect("it fits");
+        let started = Instant::now();
+        let mut encoder = device.create_command_encoder(&Default::default());
+        frame.record(&mut encoder, 0..frame.run_count());
+        gpu.queue.submit([encoder.finish()]);
+        gpu.wait().expect("a device");
+        (frame, started.elapsed().as_secs_f64())
+    };
+    let (first, _) = frame();
+    let sums = gpu.read_texture(first.caustic()).expect("a device");
+    assert!(sums.iter().all(|sum| sum[3] >= 0.0), "loops were cut short");
+    let seconds = (0..5).map(|_| frame().1).fold(f64::INFINITY, f64::min);
+    (fetches(&sums), seconds)
+}
+
+/// The hierarchy on the best adapter: beside bare look-ups; and, on hardware, milliseconds.
+fn on_gpu() {
+    let gpu = match Gpu::open(None) {
+        Ok(gpu) => gpu,
+        Err(error) => return println!("on a GPU: not measured: {error}"),
+    };
+    for name in ["ring-above", "ring-natural"] {
+        let edge = if gpu.adapter.software { 256 } else { 1024 };
+        let work = Work::new(name, edge);
+        let (fetches, seconds) = frame_on_gpu(&gpu, &work, &work.tree(1000, 64, 1));
+        let environment = EnvironmentCube::upload(&gpu.device, &gpu.queue, &work.environment.cube).expect("it fits");
+        let bare = BareLoop::new(&gpu, &environment, edge);
+        let per_pixel = fetches.round() as u32;
+        bare.run(&gpu, per_pixel, [1.5, 3.5]);
+        let bare = best(5, &|| bare.run(&gpu, per_pixel, [1.5, 3.5]));
+        let millions = fetches * f64::from(edge * edge) / 1e6;
+        println!(
+            "{name}, {}: {:.0} M look-ups a second, {:.2} of a bare loop's {:.0}",
+            gpu.adapter.name,
+            millions / seconds,
+            bare / seconds,
+            millions / bare
+        );
+    }
+    if gpu.adapter.software {
+        return;
+    }
+    for scene in BUILT_IN {
+        for size in [[1920, 1080], [3840, 2160]] {
+            let work = Work::of_size(scene.name, size);
+            for [roots, leaves] in [[625, 16], [1563, 64], [3907, 256]] {
+                let (fetches, seconds) = frame_on_gpu(&gpu, &work, &work.tree(roots, leaves, 1));
+                let count = roots * leaves;
+                println!(
+                    "{}, {size:?}, {count} leaves: {:.2} ms, {fetches:.0} look-ups a pixel",
+                    scene.name,
+                    1e3 * seconds
+                );
+            }
+        }
+    }
+}
+
+/// The shortest of some times, seconds.
+fn best(runs: u32, run: &dyn Fn()) -> f64 {
+    let time = |_| {
+        let started = Instant::now();
+        run();
+        started.elapsed().as_secs_f64()
+    };
+    (0..runs).map(time).fold(f64::INFINITY, f64::min)
+}
+
 fn building() {
     let work = Work::new("spoon", 16);
     let options = sampling::Options { samples: 1562, strategy: Strategy::Neighbourhood, seed: 1 };
     let set = sample(&work.surface, &options).expect("a reflector");
-    let best = |run: &dyn Fn()| {
-        let time = |_| {
-            let started = Instant::now();
-            run();
-            started.elapsed().as_secs_f64()
-        };
-        (0..5).map(time).fold(f64::INFINITY, f64::min)
-    };
     let options = TreeOptions { leaves: 64, seed: 1 };
     let tree = CellTree::new(&work.surface, &set, &options);
     let positions: Vec<[f32; 3]> = tree.leaves().map(|leaf| leaf.centroid().to_array()).collect();
@@ -194,9 +310,9 @@ fn building() {
         .zip(0..)
         .map(|([x, y, z], k)| [x + 1e-9 * k as f32, y, z])
         .collect();
-    let build = best(&|| drop(CellTree::new(&work.surface, &set, &options)));
+    let build = best(5, &|| drop(CellTree::new(&work.surface, &set, &options)));
     let kiddo = |points: &[[f32; 3]]| drop(kiddo::ImmutableKdTree::<f32, 3>::new_from_slice(points).expect("finite"));
-    let (of_leaves, of_points) = (best(&|| kiddo(&positions)), best(&|| kiddo(&many)));
+    let (of_leaves, of_points) = (best(5, &|| kiddo(&positions)), best(5, &|| kiddo(&many)));
     println!(
         "a tree of {} leaves: {build:.3} s; {:.1} x a k-d tree of the 16 points that each leaf is made of, {:.0} x one of the leaves",
         positions.len(),
@@ -281,12 +397,18 @@ fn main() {
             if wanted("size") {
                 size(name);
             }
+            if wanted("look-ups") {
+                look_ups(name);
+            }
         }
         if wanted("error") {
             equal_error("ring-above", 0.05);
             equal_error("ring-natural", 0.01);
         }
     });
+    if wanted("gpu") {
+        on_gpu();
+    }
     if wanted("resampling") {
         on_threads(2, resampling);
     }

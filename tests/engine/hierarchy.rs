@@ -7,7 +7,7 @@ use pinspot::brdf::{Gloss, Materials};
 use pinspot::cell_tree::{CellTree, TreeOptions};
 use pinspot::environment::{Environment, LightBounds};
 use pinspot::image::rel_l2 as image_rel_l2;
-use pinspot::pinhole::cpu::{Accuracy, Light, gather_hierarchical, typical_irradiance};
+use pinspot::pinhole::cpu::{Accuracy, Light, StillGather, gather_hierarchical, typical_irradiance};
 use pinspot::pinhole::{Arrangement, Params, PinholeTree, Receivers, Viewers};
 use pinspot::reference::Quantity;
 use pinspot::render::{BackendChoice, EvaluationChoice, Renderer, Settings, visible_receivers};
@@ -210,4 +210,27 @@ fn what_is_not_known_is_refused_or_left_to_the_flat_sum() {
         });
         assert!(insisted.unwrap_err().contains("--evaluation flat"));
     }
+}
+
+/// A ball of receivers rolls over the floor: only the tiles that it left or entered are gathered again, and the picture is the
+/// same to the bit.
+#[test]
+fn what_did_not_move_is_taken_from_the_image_before() {
+    let work = Work::new("ring-natural", 192, None);
+    let tree = work.tree(200, 16);
+    let light = Light { cube: &work.environment.cube, bounds: &work.bounds };
+    let (params, accuracy) = (Params::default(), Accuracy { error: 1e-3, split_near: true });
+    let mut still = StillGather::new(&tree, light, &params, accuracy);
+    for (frame, expected) in [(0, 0), (0, 192 * 192), (1, 192 * 192 - 64 * 64), (2, 192 * 192 - 64 * 64)] {
+        let mut receivers = work.receivers.clone();
+        for k in (0..192 * 192).filter(|k| frame > 0 && k % 192 < 64 && k / 192 < 20 * frame) {
+            receivers.positions[k] = [0.1, 0.3, 0.01 * frame as f32, 7.0];
+        }
+        let anew = gather_hierarchical(&receivers, &tree, light, &params, accuracy, &|_| ());
+        let again = still.gather(receivers, &|_| ());
+        assert_eq!(again.reused, expected, "image {frame}");
+        assert!(again.sums == anew);
+    }
+    let smaller = Work::new("ring-natural", 64, None).receivers;
+    assert_eq!(still.gather(smaller, &|_| ()).reused, 0);
 }

@@ -12,7 +12,7 @@ mod visibility;
 
 pub use cube::{CubeLookup, Lanes16};
 pub use filters::probe;
-pub use hierarchical::{Accuracy, Light, gather_hierarchical, typical_irradiance};
+pub use hierarchical::{Accuracy, Light, StillGather, StillSums, gather_hierarchical, typical_irradiance};
 
 use glam::{Vec3, Vec4};
 use rayon::prelude::*;

@@ -9,7 +9,10 @@
 mod blocks;
 mod bounds;
 mod packet;
+mod still;
 mod tile;
+
+pub use still::{StillGather, StillSums};
 
 use glam::Vec4;
 use rayon::prelude::*;
@@ -62,21 +65,42 @@ pub fn gather_hierarchical(
 ) -> Vec<[f32; 4]> {
     let materials = receivers.viewers.as_ref().map(|viewers| &*viewers.materials);
     let scene = Walked::new(pinholes, light, params, materials);
+    let mut sums = vec![[0.0; 4]; receivers.positions.len()];
+    gather_tiles(&scene, receivers, accuracy, &|_| false, progress, &mut sums);
+    sums
+}
+
+/// Gathers tile by tile, but for those whose sums are known; of how many receivers they are.
+fn gather_tiles(
+    scene: &Walked,
+    receivers: &Receivers,
+    accuracy: Accuracy,
+    is_known: &(dyn Fn(&Grid) -> bool + Sync),
+    progress: &(dyn Fn(u64) + Sync),
+    sums: &mut [[f32; 4]],
+) -> usize {
     let grids: Vec<Grid> = Grid::all(receivers).collect();
     let gather = |grid: &Grid| {
-        let mut tile = TileGather::new(&scene, *grid, accuracy);
-        dispatch!(level(), simd => tile.run(simd));
+        let sums = (!is_known(grid)).then(|| {
+            let mut tile = TileGather::new(scene, *grid, accuracy);
+            dispatch!(level(), simd => tile.run(simd));
+            tile.into_sums()
+        });
         progress(grid.count() as u64);
-        tile.into_sums()
+        sums
     };
-    let tiles: Vec<Vec<Vec4>> = grids.par_iter().map(gather).collect();
-    let mut sums = vec![[0.0; 4]; receivers.positions.len()];
+    let tiles: Vec<Option<Vec<Vec4>>> = grids.par_iter().map(gather).collect();
+    let mut known = 0;
     for (grid, tile) in grids.iter().zip(tiles) {
+        let Some(tile) = tile else {
+            known += grid.count();
+            continue;
+        };
         grid.places().zip(tile).filter_map(|(place, sum)| Some((place?, sum))).for_each(|(place, sum)| {
             sums[place] = sum.to_array();
         });
     }
-    sums
+    known
 }
 
 /// Receivers, and roots, that are asked how bright the picture is.
