@@ -172,6 +172,9 @@ def plot(rows):
         over_error.loglog(errors, seconds, marker=mark, label=name)
     over_n.set(xlabel="leaves (Mitsuba: light paths)", ylabel="seconds, one core")
     over_error.set(xlabel="relative error")
+    ticks = (0.01, 0.02, 0.05, 0.1, 0.2)
+    over_error.set_xticks(ticks, [str(tick) for tick in ticks])
+    over_error.minorticks_off()
     over_n.legend(frameon=False)
     for axes in (over_n, over_error):
         axes.grid(which="major", alpha=0.3)
@@ -182,7 +185,13 @@ def plot(rows):
 def main():
     options = argparse.ArgumentParser(description=__doc__)
     options.add_argument("--quick", action="store_true", help="few and short runs: only to see whether it works")
-    quick = options.parse_args().quick
+    options.add_argument("--plot", action="store_true", help="only draw the results of the last run again")
+    options = options.parse_args()
+    if options.plot:
+        kinds = {"what": str, "n": int, "seconds": float, "error": float}
+        with open(WORK / "results.csv", newline="") as file:
+            return plot([{key: kinds[key](value) for key, value in row.items()} for row in csv.DictReader(file)])
+    quick = options.quick
     import drjit
     import mitsuba as mi
 

@@ -9,6 +9,7 @@ mod gather;
 mod gbuffer;
 mod gloss;
 mod importance;
+mod on_gpu;
 mod options;
 mod overlay;
 mod report;

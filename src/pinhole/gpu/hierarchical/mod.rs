@@ -8,21 +8,24 @@
 //! Lists are bounded and reused by run after run of tiles; where one is full, cells are handed on unrefined. Nothing is read back
 //! within a frame. Shaders: `blocks`, `cut`, `finish`, `scout`, `light_bounds`; CPU twin: [`crate::pinhole::cpu::gather_hierarchical`].
 
+mod frame;
 mod layout;
 mod light_bounds;
 mod pipelines;
+mod run;
 mod tree;
 
+pub use frame::HierarchicalFrame;
 pub use layout::{CellRoot, Stage, TreeUniforms};
 pub use light_bounds::{LightBoundsMaker, LightBoundsTexture};
 pub use tree::CellTreeBuffers;
 
-use std::ops::Range;
-
 use wgpu::util::DeviceExt;
 
-use self::layout::{BLOCK_BYTES, BLOCKS, LEVELS, POINTS, TILE};
+use self::frame::Passes;
+use self::layout::{BLOCKS, TILE};
 use self::pipelines::Pipelines;
+use self::run::Run;
 use super::pipeline::bind;
 use super::{EnvironmentCube, FrameViewers, bind_receivers, target};
 use crate::gpu::GpuError;
@@ -92,38 +95,6 @@ const RUN_BYTES: u64 = 96 << 20;
 const STAGE_STRIDE: u64 = 256;
 /// Bytes of what scouts report.
 const REPORT_BYTES: u64 = 64 * 16;
-
-/// One image being gathered.
-#[derive(Debug)]
-pub struct HierarchicalFrame {
-    /// One, or two by turns where there are parts.
-    targets: Vec<wgpu::Texture>,
-    views: Vec<wgpu::TextureView>,
-    scene: wgpu::BindGroup,
-    receivers: wgpu::BindGroup,
-    work: wgpu::BindGroup,
-    /// For each target: the group that reads the other one.
-    results: Vec<wgpu::BindGroup>,
-    scouts: Option<wgpu::BindGroup>,
-    passes: Passes,
-    /// Tiles of the image, and of a run.
-    tiles: u32,
-    tiles_per_run: u32,
-    parts: u32,
-    /// The nodes above all others, to be copied to where the lists are.
-    tops: wgpu::Buffer,
-    lists: wgpu::Buffer,
-    is_begun: bool,
-}
-
-#[derive(Clone, Debug)]
-struct Passes {
-    blocks: wgpu::ComputePipeline,
-    cut: wgpu::ComputePipeline,
-    scout: wgpu::ComputePipeline,
-    settle: wgpu::ComputePipeline,
-    finish: wgpu::RenderPipeline,
-}
 
 impl HierarchicalEngine {
     /// Compiles the shaders.
@@ -249,161 +220,6 @@ impl HierarchicalEngine {
             tree.open.as_entire_binding(),
         ];
         bind(device, &self.pipelines.layouts.scene, &resources)
-    }
-}
-
-/// What a run of tiles works on; the next one uses it again.
-struct Run {
-    stages: wgpu::Buffer,
-    lists: wgpu::Buffer,
-    blocks: wgpu::Buffer,
-    smooth: wgpu::TextureView,
-    reports: wgpu::Buffer,
-    tolerance: wgpu::Buffer,
-}
-
-impl Run {
-    fn new(device: &wgpu::Device, inputs: &HierarchicalInputs, tiles: u32, per_run: u32, bytes_per_tile: u64) -> Self {
-        let blocks = u64::from(per_run * BLOCKS);
-        let empty = |label, size| {
-            device.create_buffer(&wgpu::BufferDescriptor {
-                label: Some(label),
-                size,
-                usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST,
-                mapped_at_creation: false,
-            })
-        };
-        let smooth = device.create_texture(&wgpu::TextureDescriptor {
-            label: Some("sums at blocks' points"),
-            size: wgpu::Extent3d { width: BLOCKS * POINTS, height: per_run, depth_or_array_layers: 1 },
-            mip_level_count: 1,
-            sample_count: 1,
-            dimension: wgpu::TextureDimension::D2,
-            format: wgpu::TextureFormat::Rgba32Float,
-            usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::STORAGE_BINDING,
-            view_formats: &[],
-        });
-        let (Tolerance::Absolute(error) | Tolerance::Relative(error)) = inputs.tolerance;
-        let tolerance = device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
-            label: Some("tolerance"),
-            // Allowed at a point, and as a part of what is typical: one of them is not read.
-            contents: bytemuck::cast_slice(&[error; 8]),
-            usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::UNIFORM,
-        });
-        Self {
-            stages: uniform_buffer(device, "stages", &stages(tiles, per_run, inputs.parts.max(1))),
-            lists: empty("lists of cells", u64::from(inputs.tree.top_count) * 4 + bytes_per_tile * u64::from(per_run)),
-            blocks: empty("blocks of receivers", blocks * BLOCK_BYTES),
-            smooth: smooth.create_view(&Default::default()),
-            reports: empty("scouts' reports", REPORT_BYTES),
-            tolerance,
-        }
-    }
-
-    fn stage(&self) -> wgpu::BindingResource<'_> {
-        let size = std::num::NonZero::new(size_of::<Stage>() as u64);
-        wgpu::BindingResource::Buffer(wgpu::BufferBinding { buffer: &self.stages, offset: 0, size })
-    }
-
-    fn allowed(&self) -> wgpu::BindingResource<'_> {
-        let size = std::num::NonZero::new(16);
-        wgpu::BindingResource::Buffer(wgpu::BufferBinding { buffer: &self.tolerance, offset: 0, size })
-    }
-}
-
-/// The stages of all runs: level by level, then part by part.
-fn stages(tiles: u32, per_run: u32, parts: u32) -> Vec<u8> {
-    let mut bytes = Vec::new();
-    for first_tile in (0..tiles).step_by(per_run as usize) {
-        let of_levels = (0..LEVELS).map(|level| Stage { first_tile, level, part: 0, parts });
-        let of_parts = (0..parts).map(|part| Stage { first_tile, level: LEVELS, part, parts });
-        for stage in of_levels.chain(of_parts) {
-            bytes.extend_from_slice(bytemuck::bytes_of(&stage));
-            bytes.resize(bytes.len().next_multiple_of(STAGE_STRIDE as usize), 0);
-        }
-    }
-    bytes
-}
-
-impl HierarchicalFrame {
-    /// Number of runs of tiles. Work, and memory, of a run are bounded.
-    pub fn run_count(&self) -> u32 {
-        self.tiles.div_ceil(self.tiles_per_run)
-    }
-
-    /// Records a range of runs. Record every run once, in order, in one encoder or in several.
-    pub fn record(&mut self, encoder: &mut wgpu::CommandEncoder, runs: Range<u32>) {
-        if !self.is_begun {
-            encoder.copy_buffer_to_buffer(&self.tops, 0, &self.lists, 0, self.tops.size());
-            if let Some(scouts) = &self.scouts {
-                self.record_scouts(encoder, scouts);
-            }
-            self.is_begun = true;
-        }
-        for run in runs {
-            let tiles = self.tiles_per_run.min(self.tiles - run * self.tiles_per_run);
-            self.record_cuts(encoder, run, tiles);
-            (0..self.parts).for_each(|part| self.record_finish(encoder, run, tiles, part));
-        }
-    }
-
-    fn record_scouts(&self, encoder: &mut wgpu::CommandEncoder, scouts: &wgpu::BindGroup) {
-        let mut pass =
-            encoder.begin_compute_pass(&wgpu::ComputePassDescriptor { label: Some("scouts"), ..Default::default() });
-        for (group, bound) in (0..).zip([&self.scene, &self.receivers, scouts]) {
-            pass.set_bind_group(group, bound, &[]);
-        }
-        pass.set_pipeline(&self.passes.scout);
-        pass.dispatch_workgroups((REPORT_BYTES / 16) as u32, 1, 1);
-        pass.set_pipeline(&self.passes.settle);
-        pass.dispatch_workgroups(1, 1, 1);
-    }
-
-    fn record_cuts(&self, encoder: &mut wgpu::CommandEncoder, run: u32, tiles: u32) {
-        let mut pass =
-            encoder.begin_compute_pass(&wgpu::ComputePassDescriptor { label: Some("cuts"), ..Default::default() });
-        pass.set_bind_group(0, &self.scene, &[]);
-        pass.set_bind_group(1, &self.receivers, &[]);
-        let mut dispatch = |pipeline, level: u32| {
-            pass.set_pipeline(pipeline);
-            pass.set_bind_group(2, &self.work, &[self.stage(run, level)]);
-            pass.dispatch_workgroups(tiles << (2 * level), 1, 1);
-        };
-        // Blocks are known by their parts, cuts by those of larger blocks.
-        (0..LEVELS).rev().for_each(|level| dispatch(&self.passes.blocks, level));
-        (0..LEVELS).for_each(|level| dispatch(&self.passes.cut, level));
-    }
-
-    fn record_finish(&self, encoder: &mut wgpu::CommandEncoder, run: u32, tiles: u32, part: u32) {
-        let target = part as usize % self.views.len();
-        let load = if run == 0 { wgpu::LoadOp::Clear(wgpu::Color::TRANSPARENT) } else { wgpu::LoadOp::Load };
-        let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
-            label: Some("finish"),
-            color_attachments: &[Some(wgpu::RenderPassColorAttachment {
-                view: &self.views[target],
-                depth_slice: None,
-                resolve_target: None,
-                ops: wgpu::Operations { load, store: wgpu::StoreOp::Store },
-            })],
-            ..Default::default()
-        });
-        pass.set_pipeline(&self.passes.finish);
-        pass.set_bind_group(0, &self.scene, &[]);
-        pass.set_bind_group(1, &self.receivers, &[]);
-        pass.set_bind_group(2, &self.results[target], &[self.stage(run, LEVELS + part)]);
-        pass.draw(0..6, 0..tiles);
-    }
-
-    /// Where a stage of a run is among all.
-    fn stage(&self, run: u32, number: u32) -> u32 {
-        (run * (LEVELS + self.parts) + number) * STAGE_STRIDE as u32
-    }
-
-    /// The caustic: rgb = irradiance, W/m²; a = number of fetches, or negative where the adapter ended a shader's loop before it
-    /// was done (Mesa's software adapter does after 65,535 iterations): give more parts. Complete once all runs are recorded and
-    /// submitted.
-    pub fn caustic(&self) -> &wgpu::Texture {
-        &self.targets[(self.parts as usize - 1) % self.targets.len()]
     }
 }
 
