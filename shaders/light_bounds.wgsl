@@ -62,28 +62,37 @@ fn store(texel: vec3u, all: Extremes) {
     textureStore(bounds, texel.xy, texel.z, vec4f(bound, 0.0, 0.0));
 }
 
-// The neighbours of a texel, and itself: of those beyond a corner of the cube two others know.
+// Whether a neighbour lies beyond a corner of the cube, where there is none: two others know what there is around it.
 fn is_beyond_corner(texel: vec2i, size: u32) -> bool {
     return all((texel < vec2i(0)) | (texel >= vec2i(i32(size))));
+}
+
+// The extremes of a texel and its neighbours; those of the finest level are in the cube.
+fn around(texel: vec3u, of_cube: bool) -> Extremes {
+    let size = level.size;
+    var all = Extremes(vec3f(3e38), vec3f(-3e38));
+    for (var k = 0; k < 9; k++) {
+        let near = vec2i(texel.xy) + vec2i(k % 3 - 1, k / 3 - 1);
+        if is_beyond_corner(near, size) {
+            continue;
+        }
+        let on = across_seams(texel.z, near, size);
+        let there = texel_of(on, size);
+        if of_cube {
+            all = join(all, extremes_of_cube(on.face, level.detail * there, level.detail, size * level.detail));
+        } else {
+            all = join(all, noted(level.first, vec3u(there, on.face), size));
+        }
+    }
+    return all;
 }
 
 // The finest level.
 @compute @workgroup_size(8, 8)
 fn bound_cube(@builtin(global_invocation_id) texel: vec3u) {
-    let size = level.size;
-    if any(texel.xy >= vec2u(size)) {
-        return;
+    if all(texel.xy < vec2u(level.size)) {
+        store(texel, around(texel, true));
     }
-    var all = Extremes(vec3f(3e38), vec3f(-3e38));
-    for (var k = 0; k < 9; k++) {
-        let near = vec2i(texel.xy) + vec2i(k % 3 - 1, k / 3 - 1);
-        if !is_beyond_corner(near, size) {
-            let on = across_seams(texel.z, near, size);
-            let first = level.detail * texel_of(on, size);
-            all = join(all, extremes_of_cube(on.face, first, level.detail, size * level.detail));
-        }
-    }
-    store(texel, all);
 }
 
 // The extremes of the level below the finest one.
@@ -114,19 +123,9 @@ fn halve(@builtin(global_invocation_id) texel: vec3u) {
 // Any level but the finest.
 @compute @workgroup_size(8, 8)
 fn bound(@builtin(global_invocation_id) texel: vec3u) {
-    let size = level.size;
-    if any(texel.xy >= vec2u(size)) {
-        return;
+    if all(texel.xy < vec2u(level.size)) {
+        store(texel, around(texel, false));
     }
-    var all = Extremes(vec3f(3e38), vec3f(-3e38));
-    for (var k = 0; k < 9; k++) {
-        let near = vec2i(texel.xy) + vec2i(k % 3 - 1, k / 3 - 1);
-        if !is_beyond_corner(near, size) {
-            let on = across_seams(texel.z, near, size);
-            all = join(all, noted(level.first, vec3u(texel_of(on, size), on.face), size));
-        }
-    }
-    store(texel, all);
 }
 
 fn place(texel: vec3u, size: u32) -> u32 {

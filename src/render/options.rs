@@ -250,7 +250,8 @@ pub struct Options {
     pub params: Params,
     /// How the samples are summed.
     pub evaluation: EvaluationChoice,
-    /// Cells that each sample may be split into; `None`: 64 in a hierarchy, else 1. The power of four below counts.
+    /// Cells that each sample may be split into; `None`: 64 in a hierarchy (fewer, by powers of four, where all together would
+    /// be too many), else 1. The power of four below counts.
     pub leaves: Option<u32>,
     /// Error that a hierarchy may have, as a part of the mean irradiance over the picture; from 1e-5 to 1.
     pub tolerance: f32,
@@ -301,6 +302,9 @@ impl Default for Options {
 const MAX_SIZE: u32 = 16384;
 /// The most cells of a hierarchy, or samples of a sum without one.
 const MAX_CELLS: u64 = 1 << 22;
+/// The most leaves whose tree surely fits into the 128 MiB that every WebGPU device binds: 64 bytes a node, and four nodes for
+/// three leaves.
+const MAX_CELLS_OF_BINDING: u64 = 1_500_000;
 
 impl Options {
     /// Whether every value is in its range.
@@ -364,8 +368,11 @@ impl Options {
     pub(super) fn settled_evaluation(&self, on_gpu: bool) -> Result<Evaluation, OptionError> {
         let split = |leaves: u32| 4u32.pow(leaves.ilog(4));
         let flat = Evaluation::Flat { leaves: split(self.leaves.unwrap_or(1)) };
-        let cells = u64::from(self.samples) * u64::from(LEAVES);
-        let leaves = split(self.leaves.unwrap_or(if cells > MAX_CELLS { 1 } else { LEAVES }));
+        let most = if on_gpu { MAX_CELLS_OF_BINDING } else { MAX_CELLS };
+        let fits = |leaves: &u32| u64::from(self.samples) * u64::from(*leaves) <= most;
+        let by_default =
+            std::iter::successors(Some(LEAVES), |leaves| Some(leaves / 4)).take_while(|l| *l > 0).find(fits);
+        let leaves = split(self.leaves.or(by_default).unwrap_or(1));
         let hierarchical = Evaluation::Hierarchical { leaves, tolerance: self.tolerance };
         let filters = match self.params.filter {
             Filter::Anisotropic => true,
@@ -373,6 +380,10 @@ impl Options {
             _ => false,
         };
         let obstacle = [
+            (
+                self.leaves.is_none() && !fits(&1),
+                "has more cells than a GPU binds; give fewer --samples, or --backend cpu",
+            ),
             (self.footprint != Footprint::Cells, "needs cells; give --footprint cells"),
             (!filters, "filters anisotropically; give --filter anisotropic"),
             (self.params.epsilon == Epsilon::Paper, "knows no area to take the paper's ε from; give another --epsilon"),
@@ -396,5 +407,21 @@ impl Options {
     /// Whether any picture shows caustics.
     pub(super) fn needs_gather(&self) -> bool {
         self.aovs.contains(&Aov::Caustic) || self.aovs.contains(&Aov::Beauty) && !self.look.plain_diffuse
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn by_default_there_are_as_many_leaves_as_fit() {
+        let settled = |samples, on_gpu| Options { samples, ..Options::default() }.settled_evaluation(on_gpu).unwrap();
+        let hierarchical = |leaves| Evaluation::Hierarchical { leaves, tolerance: 0.01 };
+        assert_eq!([settled(1000, false), settled(1000, true)], [hierarchical(64); 2]);
+        assert_eq!([settled(40_000, false), settled(40_000, true)], [hierarchical(64), hierarchical(16)]);
+        assert_eq!([settled(100_000, false), settled(1_000_000, false)], [hierarchical(16), hierarchical(4)]);
+        assert_eq!(settled(1_400_000, true), hierarchical(1));
+        assert_eq!(settled(2_000_000, true), Evaluation::Flat { leaves: 1 });
     }
 }
