@@ -28,7 +28,8 @@ pub(super) fn neighbourhood(
         let mean = super::mean_worth(candidates, worth);
         worth.iter().map(|w| (mean / w).sqrt()).collect::<Vec<f32>>()
     });
-    let mut radius = packing(candidates.len() as f32 / samples as f32) * area_per_sample.sqrt();
+    // The distance that 40 candidates a sample lead to on a plane.
+    let mut radius = 0.79 * area_per_sample.sqrt();
     let grid = HashGrid::new(candidates, radius);
     let (mut too_small, mut too_large) = (0.0f32, f32::INFINITY);
     let mut best: Option<(u32, Pruned)> = None;
@@ -53,12 +54,6 @@ pub(super) fn neighbourhood(
     let points = kept.into_iter().map(|k| candidates[k as usize]).collect();
     // Where some cover more than others, the nearest need not be among those that cover.
     Kept { points, owners: if worth.is_none() { owners } else { Vec::new() } }
-}
-
-/// The distance that so many candidates a sample lead to on a plane, where a sample has an area of 1: .79 with 40, .81 with
-/// 100 (measured).
-fn packing(candidates_per_sample: f32) -> f32 {
-    (0.84 - 1.155 / candidates_per_sample.powf(0.85)).max(0.3)
 }
 
 /// The count goes with 1/radius²; where that overshoots what is known, bisect.
