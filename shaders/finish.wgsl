@@ -12,14 +12,6 @@
 #import brdf
 #import hierarchy
 
-struct Stage {
-    first_tile: u32,
-    level: u32,
-    // Which of so many parts of the lists.
-    part: u32,
-    parts: u32,
-}
-
 @group(1) @binding(2) var receiver_view: texture_2d<f32>;
 @group(1) @binding(3) var<storage, read> materials: array<Material>;
 @group(1) @binding(4) var<storage, read> tables: array<vec4f>;

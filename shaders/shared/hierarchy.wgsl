@@ -45,6 +45,17 @@ struct TreeUniforms {
     map_texel: f32,
 }
 
+// Which tiles, and which blocks of theirs, a pass works on.
+struct Stage {
+    // The first tile of the run, row by row over the picture.
+    first_tile: u32,
+    // The level of blocks, 0 the largest.
+    level: u32,
+    // Which of so many parts of the lists: of the last pass only.
+    part: u32,
+    parts: u32,
+}
+
 @group(0) @binding(0) var<uniform> uniforms: GatherUniforms;
 @group(0) @binding(1) var<uniform> tree: TreeUniforms;
 @group(0) @binding(2) var environment: texture_cube<f32>;

@@ -1,16 +1,6 @@
 // What the compute passes of the hierarchical gather work on: a run of tiles, level by level. It imports nothing; the importing
 // pass imports `hierarchy`.
 
-struct Stage {
-    // The first tile of the run, row by row over the picture.
-    first_tile: u32,
-    // The level of blocks, 0 the largest.
-    level: u32,
-    // Of the last pass only.
-    part: u32,
-    parts: u32,
-}
-
 struct Block {
     // Middle of its bounds, metres; no point is farther from there than the radius.
     centre: vec3f,

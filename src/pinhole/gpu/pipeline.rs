@@ -53,11 +53,11 @@ impl Pipelines {
                 ("VISIBILITY", f64::from(u8::from(visibility))),
                 ("SHADING", f64::from(u8::from(shading))),
             ];
-            full_screen_pipeline(
+            render_pipeline(
                 device,
                 &pipeline_layout,
                 &module,
-                if blends { "gather" } else { "gather_onto_previous" },
+                ["full_screen", if blends { "gather" } else { "gather_onto_previous" }],
                 &constants,
                 blends.then_some(wgpu::BlendState { color: add, alpha: add }),
             )
@@ -109,12 +109,12 @@ impl Pipelines {
     }
 }
 
-/// A pipeline of the module's `full_screen` triangle and one of its fragment entry points, onto [`TARGET_FORMAT`].
-pub(super) fn full_screen_pipeline(
+/// A pipeline of two of a module's entry points, without vertex buffers, onto [`TARGET_FORMAT`].
+pub(super) fn render_pipeline(
     device: &wgpu::Device,
     layout: &wgpu::PipelineLayout,
     module: &wgpu::ShaderModule,
-    fragment: &str,
+    [vertex, fragment]: [&str; 2],
     constants: &[(&str, f64)],
     blend: Option<wgpu::BlendState>,
 ) -> wgpu::RenderPipeline {
@@ -123,7 +123,7 @@ pub(super) fn full_screen_pipeline(
         layout: Some(layout),
         vertex: wgpu::VertexState {
             module,
-            entry_point: Some("full_screen"),
+            entry_point: Some(vertex),
             compilation_options: Default::default(),
             buffers: &[],
         },

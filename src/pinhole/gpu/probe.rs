@@ -2,7 +2,7 @@
 
 use wgpu::util::DeviceExt;
 
-use super::pipeline::{bind, cube, filter_constant, full_screen_pipeline, layout, linear_sampler, sampler, storage};
+use super::pipeline::{bind, cube, filter_constant, layout, linear_sampler, render_pipeline, sampler, storage};
 use crate::environment::CubeMap;
 use crate::gpu::{Gpu, GpuError, resolve};
 use crate::pinhole::gpu::EnvironmentCube;
@@ -107,7 +107,7 @@ fn pipeline(device: &wgpu::Device, group_layout: &wgpu::BindGroupLayout, filter:
         immediate_size: 0,
     });
     let constants = [("FILTER", f64::from(filter_constant(filter)))];
-    full_screen_pipeline(device, &pipeline_layout, &module, "probe", &constants, None)
+    render_pipeline(device, &pipeline_layout, &module, ["full_screen", "probe"], &constants, None)
 }
 
 #[cfg(test)]

@@ -2,9 +2,8 @@
 
 use wgpu::{BindGroupLayout, BindGroupLayoutEntry, BindingType, ShaderStages, TextureFormat, TextureViewDimension};
 
-use super::super::TARGET_FORMAT;
 use super::super::pipeline::{
-    cube, filter_constant, layout, linear_sampler, sampler, seen_by, storage, texture, uniform, window,
+    cube, filter_constant, layout, linear_sampler, render_pipeline, sampler, seen_by, storage, texture, uniform, window,
 };
 use crate::gpu::resolve;
 use crate::pinhole::Filter;
@@ -97,7 +96,7 @@ impl Pipelines {
         let (scout, finish) = (module("scout"), module("finish"));
         let last = |shading: bool| {
             let constants = [constants[0], constants[1], ("SHADING", f64::from(u8::from(shading)))];
-            finish_pipeline(device, &with_result, &finish, &constants)
+            render_pipeline(device, &with_result, &finish, ["tile_corner", "finish"], &constants, None)
         };
         Self {
             blocks: compute_pipeline(device, &with_work, &module("blocks"), "look_at_blocks", &[]),
@@ -126,35 +125,6 @@ pub(super) fn compute_pipeline(
         module,
         entry_point: Some(entry),
         compilation_options: wgpu::PipelineCompilationOptions { constants, ..Default::default() },
-        cache: None,
-    })
-}
-
-fn finish_pipeline(
-    device: &wgpu::Device,
-    layout: &wgpu::PipelineLayout,
-    module: &wgpu::ShaderModule,
-    constants: &[(&str, f64)],
-) -> wgpu::RenderPipeline {
-    device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
-        label: Some("finish"),
-        layout: Some(layout),
-        vertex: wgpu::VertexState {
-            module,
-            entry_point: Some("tile_corner"),
-            compilation_options: Default::default(),
-            buffers: &[],
-        },
-        primitive: Default::default(),
-        depth_stencil: None,
-        multisample: Default::default(),
-        fragment: Some(wgpu::FragmentState {
-            module,
-            entry_point: Some("finish"),
-            compilation_options: wgpu::PipelineCompilationOptions { constants, ..Default::default() },
-            targets: &[Some(TARGET_FORMAT.into())],
-        }),
-        multiview_mask: None,
         cache: None,
     })
 }
