@@ -49,19 +49,40 @@ fn map_place(direction: vec3f) -> MapPlace {
 fn visible_part(l: vec3f) -> f32 {
     let local = l * surroundings.axes;
     let place = map_place(local);
-    let n = surroundings.resolution;
-    let first = (surroundings.map * n + place.texel.y) * n + place.texel.x;
-    let a = planes[first];
-    let b = planes[first + 1u];
-    let c = planes[first + n];
-    let d = planes[first + n + 1u];
-    let top = mix(in_front(a, local), in_front(b, local), across(a, place.part.x, 8u));
-    let bottom = mix(in_front(c, local), in_front(d, local), across(c, place.part.x, 8u));
-    return mix(top, bottom, mix(across(a, place.part.y, 0u), across(b, place.part.y, 0u), place.part.x));
+    let texels = texels_at(place);
+    return between(texels, in_front(texels, local), place.part);
 }
 
-fn in_front(plane: vec4f, local: vec3f) -> f32 {
-    return select(0.0, 1.0, dot(plane.xyz, local) <= 1.0 + plane.w);
+// The part of the environment around a direction, in world space, that is not hidden from the sample.
+fn seen_part_of_environment(direction: vec3f) -> f32 {
+    let place = map_place(direction * surroundings.axes);
+    let row = surroundings.map * surroundings.resolution + place.texel.y;
+    let upper = (open_rows[row] >> place.texel.x) & 3u;
+    let lower = (open_rows[row + 1u] >> place.texel.x) & 3u;
+    let open = vec4f(vec4u(upper & 1u, upper >> 1u, lower & 1u, lower >> 1u));
+    if upper == lower && (upper == 0u || upper == 3u) {
+        return open.x;
+    }
+    return between(texels_at(place), open, place.part);
+}
+
+// Four texels: of two rows, two each.
+fn texels_at(place: MapPlace) -> mat4x4f {
+    let n = surroundings.resolution;
+    let first = (surroundings.map * n + place.texel.y) * n + place.texel.x;
+    return mat4x4f(planes[first], planes[first + 1u], planes[first + n], planes[first + n + 1u]);
+}
+
+// In front of the planes of which of them a place is.
+fn in_front(texels: mat4x4f, local: vec3f) -> vec4f {
+    return select(vec4f(0.0), vec4f(1.0), vec4f(local, -1.0) * texels <= vec4f(1.0));
+}
+
+// What lies between four values, each of which gives way to the next where its texel says.
+fn between(texels: mat4x4f, values: vec4f, part: vec2f) -> f32 {
+    let top = mix(values.x, values.y, across(texels[0], part.x, 8u));
+    let bottom = mix(values.z, values.w, across(texels[2], part.x, 8u));
+    return mix(top, bottom, mix(across(texels[0], part.y, 0u), across(texels[1], part.y, 0u), part.x));
 }
 
 // How far past the edge between a texel and the next, from 0 to 1; `part` of the way there.
@@ -72,16 +93,4 @@ fn across(texel: vec4f, part: f32, shift: u32) -> f32 {
     let low = max(edge - half_width, 0.0);
     let high = min(edge + half_width, 1.0);
     return saturate((part - low) / (high - low));
-}
-
-// The part of the environment around a direction, in world space, that is not hidden from the sample.
-fn seen_part_of_environment(direction: vec3f) -> f32 {
-    let place = map_place(direction * surroundings.axes);
-    let row = surroundings.map * surroundings.resolution + place.texel.y;
-    return mix(open_in_row(row, place), open_in_row(row + 1u, place), place.part.y);
-}
-
-fn open_in_row(row: u32, place: MapPlace) -> f32 {
-    let bits = open_rows[row] >> place.texel.x;
-    return mix(f32(bits & 1u), f32((bits >> 1u) & 1u), place.part.x);
 }

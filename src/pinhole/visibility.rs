@@ -25,7 +25,8 @@ pub struct VisibilityMaps {
     /// two numbers of 8, for the way to the next texel along u and along v: six bits say where on it, in 64ths, what is
     /// met changes, and two, s, how softly: within 2ˢ/4 of the way.
     pub planes: Vec<[f32; 4]>,
-    /// A word for each row of each map: bit i is set where texel i sees the environment.
+    /// A word for each row of each map: bit i is set where texel i sees the environment. Where on the way to the next texel that
+    /// changes the planes' bits say, too.
     pub open: Vec<u32>,
 }
 

@@ -205,8 +205,19 @@ impl Sight for Surroundings<'_> {
         let mut open = [0.0; LANES];
         for lane in (0..LANES).filter(|lane| active >> lane & 1 == 1) {
             let row = (self.map(lane) * n) as usize + place.j[lane] as usize;
-            let bit = |row: usize, k: u32| (self.maps.open[row] >> (place.i[lane] as u32 + k) & 1) as f32;
-            open[lane] = bilinear([bit(row, 0), bit(row, 1), bit(row + 1, 0), bit(row + 1, 1)], &place, lane);
+            let pair = |row: usize| self.maps.open[row] >> place.i[lane] as u32 & 3;
+            let bits = pair(row) | pair(row + 1) << 2;
+            open[lane] = match bits {
+                0 => 0.0,
+                15 => 1.0,
+                _ => {
+                    let n = n as usize;
+                    let first = row * n + place.i[lane] as usize;
+                    let part = [place.part[0][lane], place.part[1][lane]];
+                    let corners = [0, 1, 2, 3].map(|k| (bits >> k & 1) as f32);
+                    between(&self.maps.planes[first..first + n + 2], n, corners, part)
+                }
+            };
         }
         open
     }
@@ -219,21 +230,21 @@ fn visible_part(planes: &[[f32; 4]], n: usize, [x, y, z]: [f32; 3], [fx, fy]: [f
         let [a, b, c, behind] = planes[texel];
         f32::from(a * x + b * y + c * z <= 1.0 + behind)
     };
+    between(planes, n, [in_front(0), in_front(1), in_front(n), in_front(n + 1)], [fx, fy])
+}
+
+/// What lies between four texels of rows of `n`, each of which says where its value gives way to the next one's.
+#[inline(always)]
+fn between(planes: &[[f32; 4]], n: usize, [a, b, c, d]: [f32; 4], [fx, fy]: [f32; 2]) -> f32 {
     let across = |texel: usize, part: f32, shift: u32| {
         let bits = planes[texel][3].to_bits() >> shift;
         let (edge, half) = ((bits >> 2 & 63) as f32 / 64.0, 0.125 * (1 << (bits & 3)) as f32);
         let (low, high) = ((edge - half).max(0.0), (edge + half).min(1.0));
         ((part - low) / (high - low)).clamp(0.0, 1.0)
     };
-    let top = mix(in_front(0), in_front(1), across(0, fx, 8));
-    let bottom = mix(in_front(n), in_front(n + 1), across(n, fx, 8));
+    let top = mix(a, b, across(0, fx, 8));
+    let bottom = mix(c, d, across(n, fx, 8));
     mix(top, bottom, mix(across(0, fy, 0), across(1, fy, 0), fx))
-}
-
-#[inline(always)]
-fn bilinear([a, b, c, d]: [f32; 4], place: &MapPlace, lane: usize) -> f32 {
-    let (fx, fy) = (place.part[0][lane], place.part[1][lane]);
-    mix(mix(a, b, fx), mix(c, d, fx), fy)
 }
 
 #[inline(always)]
