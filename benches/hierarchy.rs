@@ -12,7 +12,7 @@ use std::time::Instant;
 use bare_cpu::bare_cpu_loop;
 use bare_gpu::BareLoop;
 use glam::{Vec2, Vec3};
-use pinspot::cell_tree::{CellTree, TreeOptions};
+use pinspot::cell_tree::{CellTree, NodeGeometry, TreeOptions};
 use pinspot::differential::differentials;
 use pinspot::environment::{Environment, LightBounds};
 use pinspot::gpu::Gpu;
@@ -305,11 +305,12 @@ fn building() {
     let options = TreeOptions { leaves: 64, seed: 1 };
     let tree = CellTree::new(&work.surface, &set, &options);
     let positions: Vec<[f32; 3]> = tree.leaves().map(|leaf| leaf.centroid().to_array()).collect();
-    let many: Vec<[f32; 3]> = (0..16)
-        .flat_map(|_| positions.iter().copied())
-        .zip(0..)
-        .map(|([x, y, z], k)| [x + 1e-9 * k as f32, y, z])
-        .collect();
+    let within = |k: u32| {
+        let [i, j] = [k % 4, k / 4].map(|part| (part as f32 - 1.5) / 4.0);
+        let place = move |g: NodeGeometry| g.centroid + i * g.sides[0] + j * g.sides[1];
+        tree.leaves().map(move |leaf| place(leaf.geometry()).to_array())
+    };
+    let many: Vec<[f32; 3]> = (0..16).flat_map(within).collect();
     let build = best(5, &|| drop(CellTree::new(&work.surface, &set, &options)));
     let kiddo = |points: &[[f32; 3]]| drop(kiddo::ImmutableKdTree::<f32, 3>::new_from_slice(points).expect("finite"));
     let (of_leaves, of_points) = (best(5, &|| kiddo(&positions)), best(5, &|| kiddo(&many)));

@@ -243,7 +243,7 @@ fn judge(block: Block, level: u32, cell: Cell) -> Verdict {
     let of_block = block.radius / l;
     let of_cell = cell.radius / l + cell.normal_radius;
     let footprint = select(
-        FOOTPRINT * sqrt(g11 + g22) + BENT * of_cell * (of_block + of_cell),
+        FOOTPRINT * sqrt(g11 + g22) + BENT * of_cell * (of_block + of_cell) + unevenness(cell),
         cell.radius / l + 2.0 * cell.normal_radius,
         cell.creased,
     );

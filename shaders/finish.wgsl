@@ -193,7 +193,7 @@ fn visited(index: u32, cell: Cell, walk: Walk) -> Visit {
     let squares = dot(sides.v1, sides.v1) + dot(sides.v2, sides.v2);
     let size = pair.inverse_l * cell.radius + cell.normal_radius;
     let radius = select(
-        FOOTPRINT * sqrt(squares) + BENT * size * size,
+        FOOTPRINT * sqrt(squares) + BENT * size * size + unevenness(cell),
         size + cell.normal_radius + cell.lobe,
         cell.creased,
     );

@@ -198,6 +198,12 @@ fn load_cell(index: u32) -> Cell {
     return cell;
 }
 
+// How much farther reflections go than a cell's footprint where its normals do not turn evenly from end to end, radians.
+fn unevenness(cell: Cell) -> f32 {
+    let even = FOOTPRINT * sqrt(dot(cell.change_1, cell.change_1) + dot(cell.change_2, cell.change_2));
+    return 2.0 * max(cell.normal_radius - even, 0.0);
+}
+
 fn is_leaf(cell: Cell) -> bool {
     return (cell.children & 7u) == 0u;
 }

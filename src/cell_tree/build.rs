@@ -7,7 +7,8 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use super::moments::Moments;
-use super::split::{coordinates, halves, is_mixed, largest_patch, longest_axis};
+use super::point::CellPoint;
+use super::split::{halves, is_mixed, largest_patch, longest_axis};
 use super::{CellNode, CellTree};
 use crate::differential::assign;
 use crate::sampling::{PointSet, Surface, SurfacePoint, cover};
@@ -56,8 +57,8 @@ impl CellTree {
         let count = set.points.len() as f64 * f64::from(leaves);
         let stride = surface.area() / (count * points_per_leaf(count));
         let candidates = cover(surface, stride as f32, set.points.len(), options.seed);
-        let mut cells = assign(&set.points, &candidates);
-        cells.retain(|cell| !cell.is_empty());
+        let cells = assign(&set.points, &candidates);
+        let cells: Vec<&[u32]> = cells.iter().filter(|cell| !cell.is_empty()).collect();
         let reach = half_diagonal(&candidates);
 
         let objects = cells.iter().map(|cell| candidates[cell[0] as usize].object).collect();
@@ -72,12 +73,14 @@ impl CellTree {
             subtrees.push(Subtree { nodes, start: (root * below) as u32, root: root as u32, reach });
             rest = others;
         }
-        let build = |(cell, mut subtree): (&Vec<u32>, Subtree)| {
-            let mut points: Vec<SurfacePoint> = cell.iter().map(|&k| candidates[k as usize]).collect();
-            let (node, moments) = subtree.cell(&mut points, leaves, 0, 0);
+        let build = |points: &mut Vec<CellPoint>, (cell, mut subtree): (&&[u32], Subtree)| {
+            points.clear();
+            points.extend(cell.iter().map(|&k| CellPoint::from(&candidates[k as usize])));
+            let mixed = is_mixed(points);
+            let (node, moments) = subtree.cell(points, mixed, leaves, 0, 0);
             Root { node, patch: points[0].patch, moments }
         };
-        let roots: Vec<Root> = cells.par_iter().zip(subtrees).map(build).collect();
+        let roots: Vec<Root> = cells.par_iter().zip(subtrees).map_init(Vec::new, build).collect();
         tree.gather(&roots, reach);
         tree
     }
@@ -139,11 +142,12 @@ fn half_diagonal(points: &[SurfacePoint]) -> f32 {
 fn halves_of_roots<'a>(roots: &[Root], group: &'a mut [u32], reach: f32) -> (&'a mut [u32], &'a mut [u32]) {
     let at = |root: u32| {
         let node = roots[root as usize].node.geometry();
-        coordinates(node.centroid, node.normal, reach)
+        let ([a, b, c], [x, y, z]) = (node.centroid.to_array(), node.normal.to_array());
+        [a, b, c, x, y, z]
     };
     let middle = group.len() / 2;
     if middle > 0 {
-        let axis = longest_axis(group.iter().map(|&root| at(root)));
+        let axis = longest_axis(group.iter().map(|&root| at(root)), reach);
         group.select_nth_unstable_by(middle, |&a, &b| at(a)[axis].total_cmp(&at(b)[axis]));
     }
     group.split_at_mut(middle)
@@ -155,21 +159,31 @@ struct Subtree<'a> {
     /// Where they begin in the tree.
     start: u32,
     root: u32,
-    /// See [`coordinates`].
+    /// See [`longest_axis`].
     reach: f32,
 }
 
 impl Subtree<'_> {
     /// Makes a cell, which is number `place` of its level, and all below it. Its own node is for the caller to put there.
-    fn cell(&mut self, points: &mut [SurfacePoint], leaves: u32, level: u32, place: u32) -> (CellNode, Moments) {
+    /// A cell of several patches is `mixed`.
+    fn cell(
+        &mut self,
+        points: &mut [CellPoint],
+        mixed: bool,
+        leaves: u32,
+        level: u32,
+        place: u32,
+    ) -> (CellNode, Moments) {
         let first = level_start(level + 1) + place * FAN;
         let mut count = 0;
         let mut joined: Option<Moments> = None;
         if leaves > 1 && points.len() > 1 {
-            let (a, b) = halves(points, self.reach);
-            let ((a1, a2), (b1, b2)) = (halves(a, self.reach), halves(b, self.reach));
+            let (a, b) = halves(points, mixed, self.reach);
+            let (a_mixed, b_mixed) = (mixed && is_mixed(a), mixed && is_mixed(b));
+            let ((a1, a2), (b1, b2)) = (halves(a, a_mixed, self.reach), halves(b, b_mixed, self.reach));
             for quarter in [a1, a2, b1, b2].into_iter().filter(|q| !q.is_empty()) {
-                let (node, moments) = self.cell(quarter, leaves / FAN, level + 1, place * FAN + count);
+                let mixed = mixed && is_mixed(quarter);
+                let (node, moments) = self.cell(quarter, mixed, leaves / FAN, level + 1, place * FAN + count);
                 self.nodes[(first + count) as usize] = node;
                 joined = Some(joined.map_or(moments, |m| m.join(moments)));
                 count += 1;
@@ -178,12 +192,12 @@ impl Subtree<'_> {
         let moments = joined.unwrap_or_else(|| {
             let area = points.iter().map(|p| p.area).sum();
             // What lies across a crease lends its area.
-            let points = if is_mixed(points) { largest_patch(points) } else { &*points };
+            let points = if mixed { largest_patch(points) } else { &*points };
             Moments::of(points.iter()).with_area(area)
         });
         let fit = moments.fit();
         let (radius, normal_radius) = bounds(points, fit.centroid, fit.normal);
-        let mut node = CellNode::new(&fit, radius, normal_radius, self.root, is_mixed(points));
+        let mut node = CellNode::new(&fit, radius, normal_radius, self.root, mixed);
         if count > 0 {
             node.set_children(self.start + first, count);
         }
@@ -192,12 +206,13 @@ impl Subtree<'_> {
 }
 
 /// The greatest distances of points, and of their normals, from given ones.
-fn bounds(points: &[SurfacePoint], centroid: Vec3, normal: Vec3) -> (f32, f32) {
-    let (mut radius, mut normal_radius) = (0.0f32, 0.0f32);
+fn bounds(points: &[CellPoint], centroid: Vec3, normal: Vec3) -> (f32, f32) {
+    let (mut distance2, mut turn2, mut area) = (0.0f32, 0.0f32, 0.0f32);
     for p in points {
-        // A piece is at most as far across as a square's diagonal, or nearly.
-        radius = radius.max(p.position.distance(centroid) + (0.5 * p.area).sqrt());
-        normal_radius = normal_radius.max(p.normal.distance_squared(normal));
+        distance2 = distance2.max(p.position().distance_squared(centroid));
+        turn2 = turn2.max(p.normal().distance_squared(normal));
+        area = area.max(p.area);
     }
-    (radius, normal_radius.sqrt())
+    // A piece is at most as far across as a square's diagonal, or nearly.
+    (distance2.sqrt() + (0.5 * area).sqrt(), turn2.sqrt())
 }

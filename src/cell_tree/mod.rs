@@ -11,6 +11,7 @@
 mod build;
 mod moments;
 mod node;
+mod point;
 mod split;
 
 pub use build::{MAX_LEAVES, TreeOptions};

@@ -2,8 +2,8 @@
 
 use glam::{Mat3, Vec2, Vec3};
 
+use super::point::CellPoint;
 use crate::differential::{Symmetric2, tangent_frame};
-use crate::sampling::SurfacePoint;
 
 /// Area-weighted moments of positions and normals about their means.
 #[derive(Clone, Copy, Debug)]
@@ -41,19 +41,19 @@ fn outer(a: Vec3, b: Vec3) -> Mat3 {
 
 impl Moments {
     /// Of points that are not empty.
-    pub fn of<'a>(points: impl Iterator<Item = &'a SurfacePoint> + Clone) -> Self {
+    pub fn of<'a>(points: impl Iterator<Item = &'a CellPoint> + Clone) -> Self {
         let area: f32 = points.clone().map(|p| p.area).sum();
         // Relative to the first point, so that nothing cancels far from the origin.
-        let origin = points.clone().next().expect("a cell has points").position;
-        let mean = |of: &dyn Fn(&SurfacePoint) -> Vec3| points.clone().map(|p| p.area * of(p)).sum::<Vec3>() / area;
-        let position = origin + mean(&|p| p.position - origin);
-        let normal = mean(&|p| p.normal);
+        let origin = points.clone().next().expect("a cell has points").position();
+        let mean = |of: &dyn Fn(&CellPoint) -> Vec3| points.clone().map(|p| p.area * of(p)).sum::<Vec3>() / area;
+        let position = origin + mean(&|p| p.position() - origin);
+        let normal = mean(&|p| p.normal());
         let (positions, normals) = (Mat3::ZERO, Mat3::ZERO);
         let mut moments = Self { area, position, normal, positions, normals, pieces: 0.0, count: 0 };
         for p in points {
-            let x = p.area * (p.position - position);
-            moments.positions += outer(x, p.position - position);
-            moments.normals += outer(x, p.normal - normal);
+            let x = p.area * (p.position() - position);
+            moments.positions += outer(x, p.position() - position);
+            moments.normals += outer(x, p.normal() - normal);
             moments.pieces += p.area * p.area / 12.0;
             moments.count += 1;
         }

@@ -1,30 +1,22 @@
 //! How cells are halved: across the direction in which they widen their footprints the most, be it by their length or by the
 //! turning of their normals.
 
-use glam::Vec3;
+use super::point::CellPoint;
 
-use crate::sampling::SurfacePoint;
-
-/// Where a place is as far as footprints are concerned: seen from `reach` metres away, a step of d metres turns reflected
-/// directions by d/reach, and a turn of the normal by twice as much.
-pub(super) fn coordinates(position: Vec3, normal: Vec3, reach: f32) -> [f32; 6] {
-    let ([a, b, c], [x, y, z]) = ((position / reach).to_array(), (2.0 * normal).to_array());
-    [a, b, c, x, y, z]
-}
-
-/// Halves points by their number, first along creases, then across the longest axis of their coordinates. Either half may be
-/// empty if there are fewer than two points.
-pub(super) fn halves(points: &mut [SurfacePoint], reach: f32) -> (&mut [SurfacePoint], &mut [SurfacePoint]) {
+/// Halves points by their number, first along creases, then across the longest axis. Either half may be empty if there are
+/// fewer than two points.
+pub(super) fn halves(points: &mut [CellPoint], is_mixed: bool, reach: f32) -> (&mut [CellPoint], &mut [CellPoint]) {
     if points.len() < 2 {
         return points.split_at_mut(points.len());
     }
-    let axis = longest_axis(points.iter().map(|p| coordinates(p.position, p.normal, reach)));
-    let middle = if is_mixed(points) { by_patches(points, axis) } else { by_median(points, axis) };
+    let axis = longest_axis(points.iter().map(|p| p.axes), reach);
+    let middle = if is_mixed { by_patches(points, axis) } else { by_median(points, axis) };
     points.split_at_mut(middle)
 }
 
-/// The axis along which coordinates spread the most.
-pub(super) fn longest_axis(points: impl Iterator<Item = [f32; 6]>) -> usize {
+/// The axis of position and normal along which footprints spread the most: seen from `reach` metres away, a step of d metres
+/// turns reflected directions by d/reach, and a turn of the normal by twice as much.
+pub(super) fn longest_axis(points: impl Iterator<Item = [f32; 6]>, reach: f32) -> usize {
     let (mut low, mut high) = ([f32::INFINITY; 6], [f32::NEG_INFINITY; 6]);
     for point in points {
         for axis in 0..6 {
@@ -32,41 +24,36 @@ pub(super) fn longest_axis(points: impl Iterator<Item = [f32; 6]>) -> usize {
             high[axis] = high[axis].max(point[axis]);
         }
     }
-    let extent = |axis: usize| high[axis] - low[axis];
+    let extent = |axis: usize| (high[axis] - low[axis]) * if axis < 3 { 1.0 / reach } else { 2.0 };
     (1..6).fold(0, |longest, axis| if extent(axis) > extent(longest) { axis } else { longest })
 }
 
-/// One of a point's coordinates; what they are divided by does not matter here.
-fn along(axis: usize, point: &SurfacePoint) -> f32 {
-    if axis < 3 { point.position[axis] } else { point.normal[axis - 3] }
-}
-
 /// Whether a crease or a sheet's thickness lies between some of the points.
-pub(super) fn is_mixed(points: &[SurfacePoint]) -> bool {
+pub(super) fn is_mixed(points: &[CellPoint]) -> bool {
     points.iter().any(|p| p.patch != points[0].patch)
 }
 
 /// The patch with the most points; the points may change their order.
-pub(super) fn largest_patch(points: &mut [SurfacePoint]) -> &[SurfacePoint] {
+pub(super) fn largest_patch(points: &mut [CellPoint]) -> &[CellPoint] {
     points.sort_unstable_by_key(|p| p.patch);
     let patches = points.chunk_by(|a, b| a.patch == b.patch);
     patches.max_by_key(|of_patch| of_patch.len()).expect("a cell has points")
 }
 
-fn by_median(points: &mut [SurfacePoint], axis: usize) -> usize {
+fn by_median(points: &mut [CellPoint], axis: usize) -> usize {
     let middle = points.len() / 2;
-    points.select_nth_unstable_by(middle, |a, b| along(axis, a).total_cmp(&along(axis, b)));
+    points.select_nth_unstable_by(middle, |a, b| a.axes[axis].total_cmp(&b.axes[axis]));
     middle
 }
 
 /// Orders patches along the axis and cuts between two of them, as near the middle of the area as that is.
-fn by_patches(points: &mut [SurfacePoint], axis: usize) -> usize {
+fn by_patches(points: &mut [CellPoint], axis: usize) -> usize {
     points.sort_unstable_by_key(|p| p.patch);
-    let mut patches: Vec<(f32, f32, &[SurfacePoint])> = points
+    let mut patches: Vec<(f32, f32, &[CellPoint])> = points
         .chunk_by(|a, b| a.patch == b.patch)
         .map(|of_patch| {
             let area: f32 = of_patch.iter().map(|p| p.area).sum();
-            (of_patch.iter().map(|p| p.area * along(axis, p)).sum::<f32>() / area, area, of_patch)
+            (of_patch.iter().map(|p| p.area * p.axes[axis]).sum::<f32>() / area, area, of_patch)
         })
         .collect();
     patches.sort_by(|a, b| a.0.total_cmp(&b.0));
@@ -80,7 +67,7 @@ fn by_patches(points: &mut [SurfacePoint], axis: usize) -> usize {
         }
     }
     let middle = patches[..best].iter().map(|(_, _, of_patch)| of_patch.len()).sum();
-    let ordered: Vec<SurfacePoint> = patches.iter().flat_map(|(_, _, of_patch)| of_patch.iter().copied()).collect();
+    let ordered: Vec<CellPoint> = patches.iter().flat_map(|(_, _, of_patch)| of_patch.iter().copied()).collect();
     points.copy_from_slice(&ordered);
     middle
 }

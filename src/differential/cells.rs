@@ -5,32 +5,57 @@ use rayon::prelude::*;
 
 use super::{PointTree, SurfacePoint};
 
-/// Each sample's candidates, as indices. It is fastest where candidates that follow each other are near each other.
-pub(crate) fn assign(points: &[SurfacePoint], candidates: &[SurfacePoint]) -> Vec<Vec<u32>> {
+/// Each sample's candidates, as indices.
+#[derive(Clone, Debug)]
+pub(crate) struct Cells {
+    /// Where each sample's candidates start; one more than there are samples.
+    starts: Vec<u32>,
+    candidates: Vec<u32>,
+}
+
+impl Cells {
+    /// Sorts candidates by their owners.
+    pub fn new(count: usize, owners: &[u32]) -> Self {
+        let mut starts = vec![0; count + 1];
+        for &owner in owners {
+            starts[owner as usize + 1] += 1;
+        }
+        for k in 0..count {
+            starts[k + 1] += starts[k];
+        }
+        let mut next = starts.clone();
+        let mut candidates = vec![0; owners.len()];
+        for (candidate, &owner) in owners.iter().enumerate() {
+            let free = &mut next[owner as usize];
+            candidates[*free as usize] = candidate as u32;
+            *free += 1;
+        }
+        Self { starts, candidates }
+    }
+
+    /// The samples' candidates, sample by sample.
+    pub fn iter(&self) -> impl Iterator<Item = &[u32]> {
+        self.starts.windows(2).map(|range| &self.candidates[range[0] as usize..range[1] as usize])
+    }
+}
+
+/// Gives candidates to samples. It is fastest where candidates that follow each other are near each other.
+pub(crate) fn assign(points: &[SurfacePoint], candidates: &[SurfacePoint]) -> Cells {
     let nearest = Nearest::new(points);
-    let of_run = |run: &[SurfacePoint]| {
+    let of_run = |(run, owners): (&[SurfacePoint], &mut [u32])| {
         let mut last = 0;
-        let owner = |candidate: &SurfacePoint| {
+        for (candidate, out) in run.iter().zip(owners) {
             last = nearest.from(last, candidate.position);
-            owner(candidate, points, last, &nearest)
-        };
-        run.iter().map(owner).collect::<Vec<u32>>()
+            *out = owner(candidate, points, last, &nearest);
+        }
     };
-    let owners = candidates.par_chunks(RUN).flat_map_iter(of_run).collect::<Vec<u32>>();
-    gather(points.len(), &owners)
+    let mut owners = vec![0; candidates.len()];
+    candidates.par_chunks(RUN).zip(owners.par_chunks_mut(RUN)).for_each(of_run);
+    Cells::new(points.len(), &owners)
 }
 
 /// Candidates that one thread takes in a row.
 const RUN: usize = 4096;
-
-/// Lists of candidates by their owners.
-pub(super) fn gather(count: usize, owners: &[u32]) -> Vec<Vec<u32>> {
-    let mut cells = vec![Vec::new(); count];
-    for (candidate, &owner) in owners.iter().enumerate() {
-        cells[owner as usize].push(candidate as u32);
-    }
-    cells
-}
 
 /// Finds nearest points from nearby ones.
 struct Nearest {

@@ -9,6 +9,7 @@ mod ply;
 mod symmetric;
 
 pub(crate) use cells::assign;
+use cells::Cells;
 pub use ply::write_ply;
 pub(crate) use symmetric::Symmetric2;
 
@@ -62,16 +63,17 @@ impl DifferentialSample {
 /// Fits the surface around every sample.
 pub fn differentials(set: &PointSet) -> Vec<DifferentialSample> {
     let cells = if set.owners.is_empty() {
-        cells::assign(&set.points, &set.candidates)
+        assign(&set.points, &set.candidates)
     } else {
-        cells::gather(set.points.len(), &set.owners)
+        Cells::new(set.points.len(), &set.owners)
     };
     // Only cells with few members of their own look around; often there is none.
     let tree = LazyLock::new(|| PointTree::new(&set.candidates));
+    let cells: Vec<&[u32]> = cells.iter().collect();
     set.points
         .par_iter()
         .zip(cells)
-        .filter_map(|(point, members)| fit::fit(point, &members, &set.candidates, &tree))
+        .filter_map(|(point, members)| fit::fit(point, members, &set.candidates, &tree))
         .collect()
 }
 

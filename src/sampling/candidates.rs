@@ -29,31 +29,104 @@ pub(super) fn stratified(surface: &Surface, stride: f32, rng: &mut ChaCha8Rng) -
 pub(super) fn cover(surface: &Surface, stride: f32, rng: &mut ChaCha8Rng) -> Vec<SurfacePoint> {
     // A triangle of a third of the stride or more is a candidate of its own: exact, and three times as many at worst.
     let (coarse, fine): (Vec<_>, Vec<_>) = surface.triangles().iter().partition(|t| t.area() >= stride / 3.0);
-    let pieces = |triangles: &[&SurfaceTriangle]| {
-        let mut pieces = Vec::with_capacity(triangles.len());
-        for triangle in triangles {
-            split(triangle, [Vec3::X, Vec3::Y, Vec3::Z], triangle.area(), stride, &mut pieces);
-        }
-        pieces
-    };
-    let mut candidates: Vec<SurfacePoint> = coarse.par_chunks(1024).flat_map_iter(pieces).collect();
+    let mut candidates = pieces(&coarse, stride);
     draw_along_order(fine, stride, rng, &mut candidates);
     candidates
 }
 
-/// Halves a piece of a triangle across its longest edge until it is small enough; `piece` in barycentric coordinates.
-fn split(triangle: &SurfaceTriangle, piece: [Vec3; 3], area: f32, stride: f32, out: &mut Vec<SurfacePoint>) {
+/// Triangles that one thread takes in a row.
+const RUN: usize = 1024;
+
+/// Pieces of triangles of at most `stride` m² each. How many there are is known beforehand, so that every thread can put its own
+/// where they belong.
+fn pieces(triangles: &[&SurfaceTriangle], stride: f32) -> Vec<SurfacePoint> {
+    let count = |run: &[&SurfaceTriangle]| run.iter().map(|t| pieces_of(t.area(), stride)).sum::<usize>();
+    let counts: Vec<usize> = triangles.par_chunks(RUN).map(count).collect();
+    let mut pieces = vec![SurfacePoint::NOWHERE; counts.iter().sum()];
+    let mut rest = pieces.as_mut_slice();
+    let mut runs = Vec::with_capacity(counts.len());
+    for (run, count) in triangles.chunks(RUN).zip(counts) {
+        let (own, others) = rest.split_at_mut(count);
+        runs.push((run, own));
+        rest = others;
+    }
+    runs.into_par_iter().for_each(|(run, own)| {
+        let mut places = own.iter_mut();
+        for triangle in run {
+            split(triangle, Piece::whole(triangle), triangle.area(), stride, &mut places);
+        }
+    });
+    pieces
+}
+
+/// Into how many pieces a triangle is split.
+fn pieces_of(mut area: f32, stride: f32) -> usize {
+    let mut count = 1;
+    while area > stride {
+        (area, count) = (0.5 * area, 2 * count);
+    }
+    count
+}
+
+/// A corner of a piece of a triangle; its normal is interpolated and no unit vector.
+#[derive(Clone, Copy)]
+struct Corner {
+    position: Vec3,
+    normal: Vec3,
+}
+
+/// A piece of a triangle, and the squares of its edges: first to second corner, second to third, third to first.
+#[derive(Clone, Copy)]
+struct Piece {
+    corners: [Corner; 3],
+    edges: [f32; 3],
+}
+
+impl Piece {
+    fn whole(triangle: &SurfaceTriangle) -> Self {
+        let corners = [0, 1, 2].map(|k| Corner { position: triangle.corners[k], normal: triangle.normals[k] });
+        let edge = |k: usize| triangle.corners[k].distance_squared(triangle.corners[(k + 1) % 3]);
+        Self { corners, edges: [edge(0), edge(1), edge(2)] }
+    }
+
+    /// The same with its longest edge first.
+    fn turned(self) -> Self {
+        let Self { corners: [a, b, c], edges: [ab, bc, ca] } = self;
+        if ab >= bc && ab >= ca {
+            self
+        } else if bc >= ca {
+            Self { corners: [b, c, a], edges: [bc, ca, ab] }
+        } else {
+            Self { corners: [c, a, b], edges: [ca, ab, bc] }
+        }
+    }
+
+    /// Both halves, cut across the longest edge.
+    fn halves(self) -> [Self; 2] {
+        let Self { corners: [a, b, c], edges: [ab, bc, ca] } = self.turned();
+        let middle = Corner { position: 0.5 * (a.position + b.position), normal: 0.5 * (a.normal + b.normal) };
+        let (half, cut) = (0.25 * ab, middle.position.distance_squared(c.position));
+        [Self { corners: [a, middle, c], edges: [half, cut, ca] }, Self { corners: [middle, b, c], edges: [half, bc, cut] }]
+    }
+}
+
+/// Halves a piece of a triangle until it is small enough.
+fn split<'a>(
+    triangle: &SurfaceTriangle,
+    piece: Piece,
+    area: f32,
+    stride: f32,
+    out: &mut impl Iterator<Item = &'a mut SurfacePoint>,
+) {
     if area <= stride {
-        out.push(triangle.point((piece[0] + piece[1] + piece[2]) / 3.0, area));
+        let [a, b, c] = piece.corners;
+        let position = (a.position + b.position + c.position) / 3.0;
+        *out.next().expect("pieces were counted") = triangle.piece(position, a.normal + b.normal + c.normal, area);
         return;
     }
-    let place = |b: Vec3| b.x * triangle.corners[0] + b.y * triangle.corners[1] + b.z * triangle.corners[2];
-    let length = |k: usize| place(piece[k]).distance_squared(place(piece[(k + 1) % 3]));
-    let longest = (0..3).max_by(|&a, &b| length(a).total_cmp(&length(b))).expect("three edges");
-    let [a, b, c] = [piece[longest], piece[(longest + 1) % 3], piece[(longest + 2) % 3]];
-    let middle = 0.5 * (a + b);
-    split(triangle, [a, middle, c], 0.5 * area, stride, out);
-    split(triangle, [middle, b, c], 0.5 * area, stride, out);
+    for half in piece.halves() {
+        split(triangle, half, 0.5 * area, stride, out);
+    }
 }
 
 /// Systematic sampling: one random point in the triangle at every `stride` of accumulated area.

@@ -42,6 +42,10 @@ pub struct SurfacePoint {
 }
 
 impl SurfacePoint {
+    /// What a place holds that is yet to be filled.
+    pub(super) const NOWHERE: Self =
+        Self { position: Vec3::ZERO, normal: Vec3::ZERO, area: 0.0, object: 0, patch: 0, group: 0 };
+
     /// Whether two points may stand for each other: no crease and no sheet's thickness lies between them.
     pub(crate) fn same_side(&self, other: &Self) -> bool {
         self.group == other.group && self.normal.dot(other.normal) > 0.0
@@ -104,9 +108,14 @@ impl SurfaceTriangle {
     /// The point at barycentric coordinates, standing for `area`.
     pub fn point(&self, barycentric: Vec3, area: f32) -> SurfacePoint {
         let mix = |v: [Vec3; 3]| barycentric.x * v[0] + barycentric.y * v[1] + barycentric.z * v[2];
+        self.piece(mix(self.corners), mix(self.normals), area)
+    }
+
+    /// The point at a place on it, whose normal may have any length, standing for `area`.
+    pub fn piece(&self, position: Vec3, normal: Vec3, area: f32) -> SurfacePoint {
         SurfacePoint {
-            position: mix(self.corners),
-            normal: mix(self.normals).try_normalize().unwrap_or(self.normals[0]),
+            position,
+            normal: normal.try_normalize().unwrap_or(self.normals[0]),
             area,
             object: self.object,
             patch: self.patch,

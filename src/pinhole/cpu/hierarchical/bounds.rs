@@ -79,6 +79,12 @@ pub struct Cell<'a> {
     pub is_leaf: bool,
 }
 
+/// How much farther reflections go than a cell's footprint where its normals do not turn evenly from end to end, radians.
+pub fn unevenness(cell: &NodeGeometry) -> f32 {
+    let even = FOOTPRINT * (cell.changes[0].length_squared() + cell.changes[1].length_squared()).sqrt();
+    2.0 * (cell.normal_radius - even).max(0.0)
+}
+
 impl Judge<'_> {
     /// Look-ups that a pair is worth whose radiance differs by so much, by weight, within it: the fewer, the coarser they are.
     #[inline(always)]
@@ -144,7 +150,7 @@ impl Judge<'_> {
         let footprint = if g.creased {
             g.radius / l + 2.0 * g.normal_radius
         } else {
-            FOOTPRINT * (g11 + g22).sqrt() + BENT * of_cell * (of_block + of_cell)
+            FOOTPRINT * (g11 + g22).sqrt() + BENT * of_cell * (of_block + of_cell) + unevenness(g)
         };
         let Bound { most, contrast } = self.light.within(r, of_block + footprint);
         let (top, varies) = (weight * most, weight * contrast);

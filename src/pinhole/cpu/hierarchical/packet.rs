@@ -9,7 +9,7 @@ use super::super::cube::{OnCube, on_cube};
 use super::super::lanes::{ALL, F, LANES, Simd, SimdBase, SimdFloat, V3, bits, lanes, splat, splat3};
 use super::super::visibility::{Outlook, Surroundings, Unhindered};
 use super::super::{Pair, Receiver};
-use super::bounds::{BENT, FOOTPRINT, OF_CONTRAST, OF_WEIGHT, TOO_LARGE};
+use super::bounds::{BENT, FOOTPRINT, OF_CONTRAST, OF_WEIGHT, TOO_LARGE, unevenness};
 use super::tile::TileGather;
 use crate::pinhole::{PinholeSample, VisibilityMaps};
 
@@ -119,7 +119,7 @@ impl TileGather<'_> {
         let radius = if g.creased {
             size + (g.normal_radius + sample.lobe())
         } else {
-            squares.sqrt() * FOOTPRINT + size * size * BENT
+            squares.sqrt() * FOOTPRINT + (size * size * BENT + unevenness(&g))
         };
         let (most, contrast) = self.light_within(simd, pair.r, radius, alive);
         let mut weight_bound = weight * reflects;
