@@ -8,8 +8,8 @@ mod fit;
 mod ply;
 mod symmetric;
 
-pub(crate) use cells::assign;
 use cells::Cells;
+pub(crate) use cells::assign;
 pub use ply::write_ply;
 pub(crate) use symmetric::Symmetric2;
 

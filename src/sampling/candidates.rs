@@ -106,7 +106,10 @@ impl Piece {
         let Self { corners: [a, b, c], edges: [ab, bc, ca] } = self.turned();
         let middle = Corner { position: 0.5 * (a.position + b.position), normal: 0.5 * (a.normal + b.normal) };
         let (half, cut) = (0.25 * ab, middle.position.distance_squared(c.position));
-        [Self { corners: [a, middle, c], edges: [half, cut, ca] }, Self { corners: [middle, b, c], edges: [half, bc, cut] }]
+        [
+            Self { corners: [a, middle, c], edges: [half, cut, ca] },
+            Self { corners: [middle, b, c], edges: [half, bc, cut] },
+        ]
     }
 }
 

@@ -1,8 +1,11 @@
 //! Trilinear, seamless cube-map look-ups of sixteen directions; twin of `shaders/shared/cube.wgsl` and of the GPU's sampler.
 
+use fearless_simd::{SimdSplit, f32x4, f32x8};
 use glam::Vec4;
 
-use super::lanes::{ALL, F, LANES, Select, Simd, SimdBase, SimdFloat, V3, bits, dispatch, lanes, level, log2, splat};
+use super::lanes::{
+    ALL, F, LANES, Select, Simd, SimdBase, SimdFloat, V3, bits, dispatch, lanes, level, log2, set_bits, splat,
+};
 use crate::environment::CubeMap;
 
 /// Width of a texel around a unit direction, radians. The solid angle of a texel is texel_rad² · m³ with m the largest
@@ -27,7 +30,8 @@ pub type Lanes16 = [[f32; LANES]; 3];
 /// A cube map, laid out for look-ups.
 #[derive(Clone, Debug)]
 pub struct CubeLookup<'a> {
-    texels: &'a [Vec4],
+    /// Four numbers a texel.
+    texels: &'a [f32],
     levels: Vec<Level>,
     last: f32,
 }
@@ -78,7 +82,11 @@ impl<'a> CubeLookup<'a> {
             }
         };
         let count = cube.level_count();
-        Self { texels: cube.padded_texels(), levels: (0..count).map(level).collect(), last: (count - 1) as f32 }
+        Self {
+            texels: bytemuck::cast_slice(cube.padded_texels()),
+            levels: (0..count).map(level).collect(),
+            last: (count - 1) as f32,
+        }
     }
 
     /// Width of a texel of level 0 at a face's centre, radians.
@@ -120,33 +128,32 @@ impl<'a> CubeLookup<'a> {
         let blended = bits(level.simd_gt(level.floor()));
         let (s, t) = (s.to_array(), t.to_array());
         let (face, level) = (face.to_array(), level.to_array());
-        for lane in 0..LANES {
-            if active & (1 << lane) == 0 {
-                continue;
-            }
+        for lane in set_bits(active) {
             let (face, fine) = (face[lane] as usize, level[lane] as usize);
-            let mut value = self.bilinear(fine, face, s[lane], t[lane]);
+            let mut value = self.bilinear(simd, fine, face, s[lane], t[lane]);
             if blended & (1 << lane) != 0 {
-                let coarse = self.bilinear(fine + 1, face, s[lane], t[lane]);
-                value += (level[lane] - fine as f32) * (coarse - value);
+                let coarse = self.bilinear(simd, fine + 1, face, s[lane], t[lane]);
+                value = (coarse - value).mul_add(level[lane] - fine as f32, value);
             }
-            take(lane, value);
+            take(lane, Vec4::from_array(value.to_array()));
         }
     }
 
     /// `s` and `t` from 0 to 2 across a face.
     #[inline(always)]
-    fn bilinear(&self, level: usize, face: usize, s: f32, t: f32) -> Vec4 {
+    fn bilinear<S: Simd>(&self, simd: S, level: usize, face: usize, s: f32, t: f32) -> f32x4<S> {
         let Level { offset, pitch, face: face_texels, half_size } = self.levels[level];
         // Border coordinates: texel i of the face is column i + 1.
         let (x, y) = (s * half_size + 0.5, t * half_size + 0.5);
         let (i, j) = ((x as usize).min(pitch - 2), (y as usize).min(pitch - 2));
         let (fx, fy) = (x - i as f32, y - j as f32);
-        let start = offset + face * face_texels + j * pitch + i;
-        let upper = &self.texels[start..start + pitch + 2];
-        let top = upper[0] + fx * (upper[1] - upper[0]);
-        let bottom = upper[pitch] + fx * (upper[pitch + 1] - upper[pitch]);
-        top + fy * (bottom - top)
+        let start = 4 * (offset + face * face_texels + j * pitch + i);
+        let upper = &self.texels[start..start + 4 * pitch + 8];
+        // Two texels at a time.
+        let top = f32x8::from_slice(simd, &upper[..8]);
+        let bottom = f32x8::from_slice(simd, &upper[4 * pitch..]);
+        let (left, right) = (bottom - top).mul_add(fy, top).split();
+        (right - left).mul_add(fx, left)
     }
 }
 

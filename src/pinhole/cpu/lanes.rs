@@ -60,6 +60,16 @@ pub(super) fn clamp<S: Simd>(x: F<S>, low: f32, high: impl fearless_simd::SimdIn
     x.max(low).min(high)
 }
 
+/// The lanes whose bits are set. A branch for each of all lanes would often be mispredicted.
+#[inline(always)]
+pub(super) fn set_bits(mut bits: u32) -> impl Iterator<Item = usize> {
+    std::iter::from_fn(move || {
+        let lane = (bits != 0).then(|| bits.trailing_zeros() as usize & (LANES - 1));
+        bits &= bits.wrapping_sub(1);
+        lane
+    })
+}
+
 /// log₂ of positive numbers, within 2e-5.
 #[inline(always)]
 pub(super) fn log2<S: Simd>(x: F<S>) -> F<S> {

@@ -22,7 +22,7 @@ use self::filters::{
     single_look_up,
 };
 use self::footprint::{blurred, reflected_side};
-use self::lanes::{F, LANES, Simd, SimdBase, SimdFloat, V3, bits, dispatch, lanes, level, splat3};
+use self::lanes::{F, LANES, Simd, SimdBase, SimdFloat, V3, bits, dispatch, lanes, level, set_bits, splat3};
 use self::visibility::{Sight, Surroundings, Unhindered};
 use super::{BATCH_SIZE, CURVE_POINTS, Filter, GatherUniforms, Params, PinholeSample, Pinholes, Receivers};
 use crate::brdf::Materials;
@@ -331,11 +331,9 @@ impl Gather<'_> {
             reflect_to_viewers(materials, receiver, views, (d * inverse_l, solid_angle), lit, &mut reflectance);
         }
         let weight = weight.to_array();
-        for lane in 0..LANES {
-            if lit & (1 << lane) != 0 {
-                let fetches = radiance[lane].w * Vec4::W;
-                sum[lane] += weight[lane] * reflectance[lane] * radiance[lane] + fetches;
-            }
+        for lane in set_bits(lit) {
+            let fetches = radiance[lane].w * Vec4::W;
+            sum[lane] += weight[lane] * reflectance[lane] * radiance[lane] + fetches;
         }
     }
 

@@ -1,6 +1,8 @@
 //! Twin of `shaders/shared/visibility.wgsl`, and the sight of those who do not look: [`Unhindered`].
 
-use super::lanes::{F, LANES, Mask, Select, Simd, SimdBase, SimdFloat, SimdMask, V3, bits, clamp, splat, vector};
+use super::lanes::{
+    F, LANES, Mask, Select, Simd, SimdBase, SimdFloat, SimdMask, V3, bits, clamp, set_bits, splat, vector,
+};
 use glam::{Vec2, Vec3};
 
 use crate::pinhole::PinholeSample;
@@ -186,7 +188,7 @@ impl<'a> Surroundings<'a> {
         let [x, y, z] = local.to_arrays();
         let n = self.maps.resolution as usize;
         let mut seen = [0.0; LANES];
-        for lane in (0..LANES).filter(|lane| active >> lane & 1 == 1) {
+        for lane in set_bits(active) {
             let first = (self.map(lane) as usize * n + place.j[lane] as usize) * n + place.i[lane] as usize;
             let part = [place.part[0][lane], place.part[1][lane]];
             seen[lane] = visible_part(&self.maps.planes[first..first + n + 2], n, [x[lane], y[lane], z[lane]], part);
@@ -203,7 +205,7 @@ impl Sight for Surroundings<'_> {
         let place = self.place(self.local(simd, direction));
         let n = self.maps.resolution;
         let mut open = [0.0; LANES];
-        for lane in (0..LANES).filter(|lane| active >> lane & 1 == 1) {
+        for lane in set_bits(active) {
             let row = (self.map(lane) * n) as usize + place.j[lane] as usize;
             let pair = |row: usize| self.maps.open[row] >> place.i[lane] as u32 & 3;
             let bits = pair(row) | pair(row + 1) << 2;

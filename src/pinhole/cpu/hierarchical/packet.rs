@@ -6,7 +6,7 @@ use glam::{Vec3, Vec4};
 
 use super::super::Group;
 use super::super::cube::{OnCube, on_cube};
-use super::super::lanes::{ALL, F, LANES, Simd, SimdBase, SimdFloat, V3, bits, lanes, splat, splat3};
+use super::super::lanes::{ALL, F, LANES, Simd, SimdBase, SimdFloat, V3, bits, lanes, set_bits, splat, splat3};
 use super::super::visibility::{Outlook, Surroundings, Unhindered};
 use super::super::{Pair, Receiver};
 use super::bounds::{BENT, FOOTPRINT, OF_CONTRAST, OF_WEIGHT, TOO_LARGE, unevenness};
@@ -238,7 +238,7 @@ impl TileGather<'_> {
         let size = size.to_array();
         let (mut most, mut part) = ([0.0; LANES], [0.0; LANES]);
         let vector = |v: &[[f32; LANES]; 3], lane: usize| Vec3::new(v[0][lane], v[1][lane], v[2][lane]);
-        for lane in (0..LANES).filter(|lane| active >> lane & 1 == 1) {
+        for lane in set_bits(active) {
             let (l, n, view) = (vector(&l, lane), vector(&n, lane), views[lane]);
             let value = |l: Vec3| PI * materials.value(receiver.object[lane], n, l, view, 0.0).max_element();
             let mirrored = 2.0 * n.dot(view) * n - view;
@@ -257,11 +257,9 @@ impl TileGather<'_> {
         let reach = radius * (a * a + b * b + 1.0) * self.judge.light.half_size() + 1.0;
         let (face, s, t, reach) = (face.to_array(), s.to_array(), t.to_array(), reach.to_array());
         let (mut most, mut contrast) = ([0.0; LANES], [0.0; LANES]);
-        for lane in 0..LANES {
-            if active >> lane & 1 == 1 {
-                let bound = self.judge.light.at(face[lane] as usize, glam::Vec2::new(s[lane], t[lane]), reach[lane]);
-                (most[lane], contrast[lane]) = (bound.most, bound.contrast);
-            }
+        for lane in set_bits(active) {
+            let bound = self.judge.light.at(face[lane] as usize, glam::Vec2::new(s[lane], t[lane]), reach[lane]);
+            (most[lane], contrast[lane]) = (bound.most, bound.contrast);
         }
         (lanes(simd, most), lanes(simd, contrast))
     }
