@@ -18,42 +18,46 @@ pub(super) fn per_sample(samples: u32) -> f32 {
     (8e6 / samples as f32).clamp(10.0, 40.0)
 }
 
-/// Candidates that stand for at most `stride` m² each, in random order.
-pub(super) fn stratified(surface: &Surface, stride: f32, rng: &mut ChaCha8Rng) -> Vec<SurfacePoint> {
-    let mut candidates = cover(surface, stride, rng);
-    candidates.shuffle(rng);
+/// Points that stand for at most `stride` m² each, in an order that neighbours share.
+pub(super) fn cover(surface: &Surface, stride: f32, rng: &mut ChaCha8Rng) -> Vec<SurfacePoint> {
+    // A triangle of a third of the stride or more is a candidate of its own: exact, and three times as many at worst.
+    let is_fine = |area: f32| area < stride / 3.0;
+    let mut candidates = pieces(surface, is_fine, stride);
+    let triangles = surface.triangles().iter().zip(surface.areas());
+    let fine: Vec<_> = triangles.filter(|(_, area)| is_fine(**area)).map(|(t, area)| (t, *area)).collect();
+    draw_along_order(fine, stride, rng, &mut candidates);
     candidates
 }
 
-/// The same in an order that neighbours share.
-pub(super) fn cover(surface: &Surface, stride: f32, rng: &mut ChaCha8Rng) -> Vec<SurfacePoint> {
-    // A triangle of a third of the stride or more is a candidate of its own: exact, and three times as many at worst.
-    let (coarse, fine): (Vec<_>, Vec<_>) = surface.triangles().iter().partition(|t| t.area() >= stride / 3.0);
-    let mut candidates = pieces(&coarse, stride);
-    draw_along_order(fine, stride, rng, &mut candidates);
-    candidates
+/// All numbers below one, in random order.
+pub(super) fn in_random_order(count: usize, rng: &mut ChaCha8Rng) -> Vec<u32> {
+    let mut order: Vec<u32> = (0..count as u32).collect();
+    order.shuffle(rng);
+    order
 }
 
 /// Triangles that one thread takes in a row.
 const RUN: usize = 1024;
 
-/// Pieces of triangles of at most `stride` m² each. How many there are is known beforehand, so that every thread can put its own
-/// where they belong.
-fn pieces(triangles: &[&SurfaceTriangle], stride: f32) -> Vec<SurfacePoint> {
-    let count = |run: &[&SurfaceTriangle]| run.iter().map(|t| pieces_of(t.area(), stride)).sum::<usize>();
-    let counts: Vec<usize> = triangles.par_chunks(RUN).map(count).collect();
-    let mut pieces = vec![SurfacePoint::NOWHERE; counts.iter().sum()];
+/// Pieces of all triangles but the fine ones, of at most `stride` m² each. How many there are is known beforehand, so that every
+/// thread can put its own where they belong.
+fn pieces(surface: &Surface, is_fine: impl Fn(f32) -> bool + Sync, stride: f32) -> Vec<SurfacePoint> {
+    let in_triangle = |area: &f32| if is_fine(*area) { 0 } else { pieces_of(*area, stride) };
+    let in_run = |run: &[f32]| run.iter().map(in_triangle).sum::<usize>();
+    let counts: Vec<usize> = surface.areas().par_chunks(RUN).map(in_run).collect();
+    let mut pieces: Vec<SurfacePoint> = bytemuck::zeroed_vec(counts.iter().sum());
     let mut rest = pieces.as_mut_slice();
     let mut runs = Vec::with_capacity(counts.len());
-    for (run, count) in triangles.chunks(RUN).zip(counts) {
+    for (k, count) in counts.into_iter().enumerate() {
         let (own, others) = rest.split_at_mut(count);
-        runs.push((run, own));
+        runs.push((k * RUN, own));
         rest = others;
     }
-    runs.into_par_iter().for_each(|(run, own)| {
+    runs.into_par_iter().for_each(|(first, own)| {
         let mut places = own.iter_mut();
-        for triangle in run {
-            split(triangle, Piece::whole(triangle), triangle.area(), stride, &mut places);
+        let run = surface.triangles()[first..].iter().zip(&surface.areas()[first..]).take(RUN);
+        for (triangle, &area) in run.filter(|(_, area)| !is_fine(**area)) {
+            split(triangle, Piece::whole(triangle), area, stride, &mut places);
         }
     });
     pieces
@@ -132,17 +136,20 @@ fn split<'a>(
     }
 }
 
+/// A triangle and its area, m².
+type Sized<'a> = (&'a SurfaceTriangle, f32);
+
 /// Systematic sampling: one random point in the triangle at every `stride` of accumulated area.
-fn draw_along_order(fine: Vec<&SurfaceTriangle>, stride: f32, rng: &mut ChaCha8Rng, out: &mut Vec<SurfacePoint>) {
-    let total: f64 = fine.iter().map(|t| f64::from(t.area())).sum();
+fn draw_along_order(fine: Vec<Sized>, stride: f32, rng: &mut ChaCha8Rng, out: &mut Vec<SurfacePoint>) {
+    let total: f64 = fine.iter().map(|(_, area)| f64::from(*area)).sum();
     if fine.is_empty() || total <= 0.0 {
         return;
     }
     let count = (total / f64::from(stride)).ceil().max(1.0);
     let step = total / count;
     let (mut accumulated, mut next) = (0.0, rng.random::<f64>() * step);
-    for triangle in in_space_filling_order(fine) {
-        accumulated += f64::from(triangle.area());
+    for (triangle, area) in in_space_filling_order(fine) {
+        accumulated += f64::from(area);
         while next < accumulated {
             out.push(triangle.point(random_barycentric(rng), step as f32));
             next += step;
@@ -150,17 +157,17 @@ fn draw_along_order(fine: Vec<&SurfaceTriangle>, stride: f32, rng: &mut ChaCha8R
     }
 }
 
-fn in_space_filling_order(triangles: Vec<&SurfaceTriangle>) -> impl Iterator<Item = &SurfaceTriangle> {
-    let low = triangles.iter().flat_map(|t| t.corners).fold(Vec3::INFINITY, Vec3::min);
-    let high = triangles.iter().flat_map(|t| t.corners).fold(Vec3::NEG_INFINITY, Vec3::max);
+fn in_space_filling_order(triangles: Vec<Sized>) -> impl Iterator<Item = Sized> {
+    let corners = || triangles.iter().flat_map(|(t, _)| t.corners);
+    let (low, high) = (corners().fold(Vec3::INFINITY, Vec3::min), corners().fold(Vec3::NEG_INFINITY, Vec3::max));
     let extent = (high - low).max_element();
     let key = |t: &SurfaceTriangle| {
         let normal = t.normals[0] + t.normals[1] + t.normals[2];
         morton::key((t.corners[0] + t.corners[1] + t.corners[2]) / 3.0, normal, low, extent)
     };
-    let mut keyed: Vec<(u64, &SurfaceTriangle)> = triangles.into_par_iter().map(|t| (key(t), t)).collect();
+    let mut keyed: Vec<(u64, Sized)> = triangles.into_par_iter().map(|sized| (key(sized.0), sized)).collect();
     keyed.par_sort_by_key(|(key, _)| *key);
-    keyed.into_iter().map(|(_, t)| t)
+    keyed.into_iter().map(|(_, sized)| sized)
 }
 
 /// Uniform in a triangle.
@@ -187,7 +194,7 @@ mod tests {
             [(Shape::Plane(Plane { size: [2.0, 1.0] }), 1e-3), (Shape::Sphere(Sphere { radius: 1.0 }), 5e-3)]
         {
             let surface = surface(shape);
-            let candidates = stratified(&surface, stride, &mut ChaCha8Rng::seed_from_u64(1));
+            let candidates = cover(&surface, stride, &mut ChaCha8Rng::seed_from_u64(1));
             let area: f64 = candidates.iter().map(|c| f64::from(c.area)).sum();
             assert!((area / surface.area() - 1.0).abs() < 1e-4);
             let expected = surface.area() / f64::from(stride);
@@ -203,7 +210,7 @@ mod tests {
     fn their_number_does_not_follow_the_mesh() {
         // 46 080 triangles, 1 000 candidates.
         let surface = surface(Shape::Sphere(Sphere { radius: 1.0 }));
-        let candidates = stratified(&surface, surface.area() as f32 / 1000.0, &mut ChaCha8Rng::seed_from_u64(1));
+        let candidates = cover(&surface, surface.area() as f32 / 1000.0, &mut ChaCha8Rng::seed_from_u64(1));
         assert!(candidates.len().abs_diff(1000) <= 1, "{}", candidates.len());
     }
 }

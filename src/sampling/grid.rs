@@ -13,10 +13,11 @@ use super::SurfacePoint;
 /// Close enough to the number asked for, as a fraction of it.
 const TOLERANCE: f64 = 0.005;
 
-/// Keeps one candidate per cell; `quantised` moves it to the cell's centre. The cells' edge is searched for so that
+/// Keeps one candidate per cell, the first in this order; `quantised` moves it to the cell's centre. The cells' edge is searched for so that
 /// about `samples` are kept.
 pub(super) fn one_per_cell(
     candidates: &[SurfacePoint],
+    order: &[u32],
     area_per_sample: f32,
     samples: u32,
     quantised: bool,
@@ -27,7 +28,7 @@ pub(super) fn one_per_cell(
     let mut edge = 1.15 * area_per_sample.sqrt();
     let mut best: Option<(u32, Vec<SurfacePoint>)> = None;
     for _ in 0..10 {
-        let kept = keep(candidates, edge, phase, quantised);
+        let kept = keep(candidates, order, edge, phase, quantised);
         let count = kept.len() as u32;
         let miss = count.abs_diff(samples);
         if best.as_ref().is_none_or(|(least, _)| miss < *least) {
@@ -42,10 +43,10 @@ pub(super) fn one_per_cell(
     best.expect("at least one try").1
 }
 
-fn keep(candidates: &[SurfacePoint], edge: f32, phase: Vec3, quantised: bool) -> Vec<SurfacePoint> {
+fn keep(candidates: &[SurfacePoint], order: &[u32], edge: f32, phase: Vec3, quantised: bool) -> Vec<SurfacePoint> {
     let mut kept: Vec<SurfacePoint> = Vec::new();
     let mut cells: HashMap<IVec3, Vec<u32>> = HashMap::new();
-    for candidate in candidates {
+    for candidate in order.iter().map(|&k| &candidates[k as usize]) {
         let cell = (candidate.position / edge + phase).floor();
         let in_cell = cells.entry(cell.as_ivec3()).or_default();
         if in_cell.iter().any(|&k| kept[k as usize].same_side(candidate)) {
@@ -70,11 +71,13 @@ mod tests {
     fn every_occupied_cell_keeps_one_point_a_side() {
         let mut surface = Surface::default();
         surface.append(&Shape::SolidRing(SolidRing::default()).mesh().unwrap(), 0, false);
-        let all = candidates::stratified(&surface, 5e-4, &mut ChaCha8Rng::seed_from_u64(3));
+        let mut rng = ChaCha8Rng::seed_from_u64(3);
+        let all = candidates::cover(&surface, 5e-4, &mut rng);
+        let order = candidates::in_random_order(all.len(), &mut rng);
         let (edge, phase) = (0.11, Vec3::new(0.2, 0.5, 0.7));
         let cell = |p: &SurfacePoint| (p.position / edge + phase).floor().as_ivec3();
         for quantised in [false, true] {
-            let kept = keep(&all, edge, phase, quantised);
+            let kept = keep(&all, &order, edge, phase, quantised);
             let occupied: HashSet<IVec3> = all.iter().map(cell).collect();
             let held: HashSet<IVec3> = kept.iter().map(cell).collect();
             assert_eq!(occupied, held);

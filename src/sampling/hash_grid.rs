@@ -6,19 +6,11 @@ use rayon::prelude::*;
 
 use super::SurfacePoint;
 
-/// What is known of a point where it is found.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Found {
-    pub position: Vec3,
-    pub normal: Vec3,
-    pub group: u32,
-}
-
-impl Found {
-    /// See [`SurfacePoint::same_side`].
-    pub fn same_side(&self, point: &SurfacePoint) -> bool {
-        self.group == point.group && self.normal.dot(point.normal) > 0.0
-    }
+/// Which side of a surface a point lies on.
+#[derive(Clone, Copy, Default)]
+struct Side {
+    normal: Vec3,
+    group: u32,
 }
 
 /// The table. Different cells may share a bucket.
@@ -26,7 +18,9 @@ pub(super) struct HashGrid {
     per_metre: f32,
     /// Where each bucket starts in the slots; one more than there are buckets.
     starts: Vec<u32>,
-    slots: Vec<Found>,
+    /// Of the slots. What is asked of all that are near lies close together.
+    positions: Vec<Vec3>,
+    sides: Vec<Side>,
     /// The slot of each point.
     slot_of: Vec<u32>,
 }
@@ -49,16 +43,17 @@ impl HashGrid {
             starts[b + 1] += starts[b];
         }
         let mut next = starts.clone();
-        let mut slots = vec![Found::default(); points.len()];
+        let mut positions = vec![Vec3::ZERO; points.len()];
+        let mut sides = vec![Side::default(); points.len()];
         let mut slot_of = of_points;
         for (point, slot) in points.iter().zip(&mut slot_of) {
             let free = &mut next[*slot as usize];
-            let SurfacePoint { position, normal, group, .. } = *point;
-            slots[*free as usize] = Found { position, normal, group };
+            positions[*free as usize] = point.position;
+            sides[*free as usize] = Side { normal: point.normal, group: point.group };
             *slot = *free;
             *free += 1;
         }
-        Self { per_metre, starts, slots, slot_of }
+        Self { per_metre, starts, positions, sides, slot_of }
     }
 
     /// The slot of a point: those that are near each other have slots that are.
@@ -66,9 +61,15 @@ impl HashGrid {
         self.slot_of[point] as usize
     }
 
-    /// Calls `visit` with the slot of every point within `radius` of `centre`, the point, and its squared distance, in no
-    /// particular order; with some more than once.
-    pub fn within(&self, centre: Vec3, radius: f32, mut visit: impl FnMut(usize, &Found, f32)) {
+    /// See [`SurfacePoint::same_side`].
+    pub fn is_on_same_side(&self, slot: usize, point: &SurfacePoint) -> bool {
+        let Side { normal, group } = self.sides[slot];
+        group == point.group && normal.dot(point.normal) > 0.0
+    }
+
+    /// Calls `visit` with the slot of every point within `radius` of `centre`, and its squared distance, in no particular
+    /// order; with some more than once.
+    pub fn within(&self, centre: Vec3, radius: f32, mut visit: impl FnMut(usize, f32)) {
         let low = cell(centre - radius, self.per_metre);
         let high = cell(centre + radius, self.per_metre);
         for z in low.z..=high.z {
@@ -76,10 +77,10 @@ impl HashGrid {
                 for x in low.x..=high.x {
                     let b = bucket(IVec3::new(x, y, z), self.starts.len() - 1) as usize;
                     let slots = self.starts[b] as usize..self.starts[b + 1] as usize;
-                    for (found, slot) in self.slots[slots.clone()].iter().zip(slots) {
-                        let d2 = found.position.distance_squared(centre);
+                    for (position, slot) in self.positions[slots.clone()].iter().zip(slots) {
+                        let d2 = position.distance_squared(centre);
                         if d2 <= radius * radius {
-                            visit(slot, found, d2);
+                            visit(slot, d2);
                         }
                     }
                 }
@@ -115,8 +116,8 @@ mod tests {
         for centre in set.points.iter().map(|p| p.position) {
             for radius in [0.0, 0.004, 0.02, 0.05] {
                 let mut found = vec![false; set.candidates.len()];
-                grid.within(centre, radius, |slot, f, d2| {
-                    assert!((d2.sqrt() - f.position.distance(centre)).abs() < 1e-6);
+                grid.within(centre, radius, |slot, d2| {
+                    assert!((d2.sqrt() - grid.positions[slot].distance(centre)).abs() < 1e-6);
                     found[slot] = true;
                 });
                 for (k, candidate) in set.candidates.iter().enumerate() {

@@ -171,7 +171,8 @@ fn place(surface: &Surface, options: &Options, importance: Option<Importance>) -
     // Where samples are dense they need more to choose from.
     let finer = if importance.is_some() { 2.0 } else { 1.0 };
     let stride = area_per_sample / (finer * candidates::per_sample(samples));
-    let mut candidates = candidates::stratified(surface, stride, &mut rng);
+    let mut candidates = candidates::cover(surface, stride, &mut rng);
+    let order = candidates::in_random_order(candidates.len(), &mut rng);
     patches::group_small(surface, area_per_sample, &mut candidates);
     let worth = importance.map(|importance| relative_worth(&candidates, importance));
     let mut owners = Vec::new();
@@ -180,11 +181,11 @@ fn place(surface: &Surface, options: &Options, importance: Option<Importance>) -
             Some(worth) => random::among(&candidates, worth, samples, &mut rng),
             None => random::random(surface, samples, &mut rng),
         },
-        Strategy::Grid => grid::one_per_cell(&candidates, area_per_sample, samples, false, &mut rng),
-        Strategy::QuantisedGrid => grid::one_per_cell(&candidates, area_per_sample, samples, true, &mut rng),
+        Strategy::Grid => grid::one_per_cell(&candidates, &order, area_per_sample, samples, false, &mut rng),
+        Strategy::QuantisedGrid => grid::one_per_cell(&candidates, &order, area_per_sample, samples, true, &mut rng),
         Strategy::Elimination => elimination::elimination(surface, area_per_sample, samples, &mut rng),
         Strategy::Neighbourhood => {
-            let kept = neighbourhood::neighbourhood(&candidates, worth.as_deref(), area_per_sample, samples);
+            let kept = neighbourhood::neighbourhood(&candidates, &order, worth.as_deref(), area_per_sample, samples);
             owners = kept.owners;
             kept.points
         }

@@ -2,6 +2,10 @@
 //! covered is kept and covers those within a distance. The result is a maximal Poisson-disk subset. Where places are worth
 //! more, the distance is shorter.
 
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+
+use rayon::prelude::*;
+
 use super::SurfacePoint;
 use super::hash_grid::HashGrid;
 
@@ -16,9 +20,10 @@ pub(super) struct Kept {
     pub owners: Vec<u32>,
 }
 
-/// Keeps about `samples` of the candidates, which are in random order; the distance is searched for.
+/// Keeps about `samples` of the candidates, which it takes in this order; the distance is searched for.
 pub(super) fn neighbourhood(
     candidates: &[SurfacePoint],
+    order: &[u32],
     worth: Option<&[f32]>,
     area_per_sample: f32,
     samples: u32,
@@ -34,7 +39,7 @@ pub(super) fn neighbourhood(
     let (mut too_small, mut too_large) = (0.0f32, f32::INFINITY);
     let mut best: Option<(u32, Pruned)> = None;
     for _ in 0..16 {
-        let pruned = prune(candidates, &grid, |k| scale.as_ref().map_or(radius, |s| s[k] * radius));
+        let pruned = prune(candidates, order, &grid, |k| scale.as_ref().map_or(radius, |s| s[k] * radius));
         let count = pruned.kept.len() as u32;
         let miss = count.abs_diff(samples);
         if best.as_ref().is_none_or(|(least, _)| miss < *least) {
@@ -74,28 +79,64 @@ struct Pruned {
     owners: Vec<u32>,
 }
 
-/// How far a candidate is from the nearest point that covers it, squared, and that point's number.
-type Cover = (f32, u32);
+/// Candidates that are looked at together.
+const BATCH: usize = 256;
 
-fn prune(candidates: &[SurfacePoint], grid: &HashGrid, radius: impl Fn(usize) -> f32) -> Pruned {
-    // In the grid's order: neighbours are close to each other in memory, too.
-    let mut covers: Vec<Cover> = vec![(f32::INFINITY, 0); candidates.len()];
-    let mut kept = Vec::new();
-    for (k, candidate) in candidates.iter().enumerate() {
-        let own = &mut covers[grid.slot_of(k)];
-        if own.0 < f32::INFINITY {
-            continue;
-        }
-        let number = kept.len() as u32;
-        kept.push(k as u32);
-        // Also where its own normal is none.
-        *own = (0.0, number);
-        grid.within(candidate.position, radius(k), |slot, found, d2| {
-            if d2 < covers[slot].0 && found.same_side(candidate) {
-                covers[slot] = (d2, number);
+fn prune(candidates: &[SurfacePoint], order: &[u32], grid: &HashGrid, radius: impl Fn(usize) -> f32 + Sync) -> Pruned {
+    let covers = Covers::new(candidates.len());
+    let mut kept: Vec<u32> = Vec::new();
+    let mut uncovered = order.iter().copied().filter(|&k| !covers.is_covered(grid.slot_of(k as usize)));
+    loop {
+        let first = kept.len();
+        // Those of a batch that none kept before covers, and none of their own that comes before them, will be kept: they cover what
+        // they do side by side.
+        for k in uncovered.by_ref().take(BATCH) {
+            let candidate = &candidates[k as usize];
+            let covers = |other: &u32| {
+                let other = *other as usize;
+                let d2 = candidates[other].position.distance_squared(candidate.position);
+                d2 <= radius(other).powi(2) && candidates[other].same_side(candidate)
+            };
+            if !kept[first..].iter().any(covers) {
+                kept.push(k);
             }
+        }
+        if kept.len() == first {
+            break;
+        }
+        kept[first..].par_iter().enumerate().for_each(|(place, &k)| {
+            let (candidate, number) = (&candidates[k as usize], (first + place) as u32);
+            // Also where its own normal is none.
+            covers.cover(grid.slot_of(k as usize), 0.0, number);
+            grid.within(candidate.position, radius(k as usize), |slot, d2| {
+                if grid.is_on_same_side(slot, candidate) {
+                    covers.cover(slot, d2, number);
+                }
+            });
         });
     }
-    let owners = (0..candidates.len()).map(|k| covers[grid.slot_of(k)].1).collect();
+    let owners = (0..candidates.len()).into_par_iter().map(|k| covers.nearest(grid.slot_of(k))).collect();
     Pruned { kept, owners }
+}
+
+/// Of each slot of the grid, the nearest point that covers it: above its squared distance, whose bits are ordered as distances
+/// are, below its number. Whoever comes first, the least remains.
+struct Covers(Vec<AtomicU64>);
+
+impl Covers {
+    fn new(count: usize) -> Self {
+        Self((0..count).into_par_iter().map(|_| AtomicU64::new(u64::MAX)).collect())
+    }
+
+    fn is_covered(&self, slot: usize) -> bool {
+        self.0[slot].load(Relaxed) != u64::MAX
+    }
+
+    fn cover(&self, slot: usize, distance2: f32, number: u32) {
+        self.0[slot].fetch_min(u64::from(distance2.to_bits()) << 32 | u64::from(number), Relaxed);
+    }
+
+    fn nearest(&self, slot: usize) -> u32 {
+        self.0[slot].load(Relaxed) as u32
+    }
 }

@@ -9,10 +9,10 @@ use super::{Surface, SurfacePoint};
 pub(super) fn random(surface: &Surface, samples: u32, rng: &mut ChaCha8Rng) -> Vec<SurfacePoint> {
     let mut accumulated = 0.0;
     let cumulative: Vec<f64> = surface
-        .triangles()
+        .areas()
         .iter()
-        .map(|t| {
-            accumulated += f64::from(t.area());
+        .map(|area| {
+            accumulated += f64::from(*area);
             accumulated
         })
         .collect();

@@ -1,5 +1,6 @@
 //! The reflecting surface: the triangles of all reflectors, their normals turned to the reflecting side.
 
+use bytemuck::Zeroable;
 use glam::Vec3;
 use rayon::prelude::*;
 
@@ -20,12 +21,14 @@ pub(super) struct SurfaceTriangle {
 #[derive(Clone, Debug, Default)]
 pub struct Surface {
     triangles: Vec<SurfaceTriangle>,
+    /// Of each triangle, m².
+    areas: Vec<f32>,
     patch_areas: Vec<f32>,
     area: f64,
 }
 
 /// A point on the surface.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Zeroable)]
 pub struct SurfacePoint {
     /// World space, metres.
     pub position: Vec3,
@@ -42,10 +45,6 @@ pub struct SurfacePoint {
 }
 
 impl SurfacePoint {
-    /// What a place holds that is yet to be filled.
-    pub(super) const NOWHERE: Self =
-        Self { position: Vec3::ZERO, normal: Vec3::ZERO, area: 0.0, object: 0, patch: 0, group: 0 };
-
     /// Whether two points may stand for each other: no crease and no sheet's thickness lies between them.
     pub(crate) fn same_side(&self, other: &Self) -> bool {
         self.group == other.group && self.normal.dot(other.normal) > 0.0
@@ -68,15 +67,15 @@ impl Surface {
         let (patches, count) = smooth_patches(mesh);
         self.patch_areas.resize(first_patch as usize + count, 0.0);
         let sign = if flipped { -1.0 } else { 1.0 };
-        let triangle = |(t, patch): (usize, u32)| {
+        let triangle = |(t, patch): (usize, &u32)| {
             let normals = mesh.corner_normals(t).map(|n| sign * n);
             SurfaceTriangle { corners: mesh.corners(t), normals, object, patch: first_patch + patch }
         };
         let first = self.triangles.len();
-        self.triangles.par_extend(patches.into_par_iter().enumerate().map(triangle));
-        for triangle in &self.triangles[first..] {
-            let area = triangle.area();
-            self.patch_areas[triangle.patch as usize] += area;
+        self.triangles.par_extend(patches.par_iter().enumerate().map(triangle));
+        self.areas.par_extend(self.triangles[first..].par_iter().map(SurfaceTriangle::area));
+        for (patch, &area) in patches.iter().zip(&self.areas[first..]) {
+            self.patch_areas[(first_patch + patch) as usize] += area;
             self.area += f64::from(area);
         }
     }
@@ -88,6 +87,11 @@ impl Surface {
 
     pub(super) fn triangles(&self) -> &[SurfaceTriangle] {
         &self.triangles
+    }
+
+    /// The triangles' areas, m².
+    pub(super) fn areas(&self) -> &[f32] {
+        &self.areas
     }
 
     pub(super) fn patch_area(&self, patch: u32) -> f32 {

@@ -28,6 +28,9 @@ impl DisjointSets {
 
     /// Merges two sets; the smaller representative stays, so results do not depend on the order.
     pub fn merge(&mut self, a: u32, b: u32) {
+        if self.0[a as usize] == self.0[b as usize] {
+            return;
+        }
         let (a, b) = (self.find(a), self.find(b));
         self.0[a.max(b) as usize] = a.min(b);
     }
