@@ -60,6 +60,31 @@ fn a_screen_hides_part_of_the_light_from_the_mirror() {
     }
 }
 
+/// Seen from a small mirror a screen ends 5.7° off the vertical. A sun half a texel of the maps inside it is hidden, one as far
+/// outside it is not.
+#[test]
+fn a_small_sun_is_hidden_or_not() {
+    let mirror =
+        "[[object]]\nshape = { plane = { size = [0.02, 0.02] } }\nreflector = { reflectance = [1.0, 1.0, 1.0] }\n";
+    let screen = "[[object]]\nshape = { plane = { size = [4.0, 4.0] } }\ntranslate = [2.1, 1.0, 0.0]\n";
+    let mut pinholes = seen(&scene(&format!("{mirror}{screen}")), 200);
+    let maps = pinholes.visibility.take();
+    for (angle, part) in [(8.2f32, 0.0), (3.2, 1.0)] {
+        let to_sun = Vec3::new(angle.to_radians().sin(), angle.to_radians().cos(), 0.0);
+        let cube = CubeMap::from_radiance(512, None, |d| Vec3::splat((-d.distance_squared(to_sun) / 2e-5).exp()));
+        let mirrored = Vec3::new(-to_sun.x, to_sun.y, 0.0);
+        let receivers = Receivers::from_points(&[(2.0 * mirrored, -Vec3::Y, 0)], 1);
+        for (name, gather) in BACK_ENDS {
+            let mut brought = |maps| {
+                pinholes.visibility = maps;
+                gather(&receivers, &pinholes, &cube, &Params::default())[0][0]
+            };
+            let (open, got) = (brought(None), brought(maps.clone()));
+            assert!(open > 0.0 && (got / open - part).abs() < 0.02, "{name}, {angle}°: {got} of {open}");
+        }
+    }
+}
+
 /// A ball over a flat mirror receives on a curved side of its own; none of it lies in its own shadow.
 #[test]
 fn receivers_do_not_shadow_themselves() {
