@@ -8,7 +8,7 @@ use rayon::prelude::*;
 
 use super::moments::Moments;
 use super::point::CellPoint;
-use super::split::{halves, is_mixed, largest_patch, longest_axis};
+use super::split::{halves, in_order, is_mixed, largest_patch, longest_axes};
 use super::{CellNode, CellTree};
 use crate::differential::assign;
 use crate::sampling::{PointSet, Surface, SurfacePoint, cover};
@@ -147,8 +147,8 @@ fn halves_of_roots<'a>(roots: &[Root], group: &'a mut [u32], reach: f32) -> (&'a
     };
     let middle = group.len() / 2;
     if middle > 0 {
-        let axis = longest_axis(group.iter().map(|&root| at(root)), reach);
-        group.select_nth_unstable_by(middle, |&a, &b| at(a)[axis].total_cmp(&at(b)[axis]));
+        let axes = longest_axes(group.iter().map(|&root| at(root)), reach);
+        group.select_nth_unstable_by(middle, |&a, &b| in_order(&at(a), &at(b), axes));
     }
     group.split_at_mut(middle)
 }
@@ -159,7 +159,7 @@ struct Subtree<'a> {
     /// Where they begin in the tree.
     start: u32,
     root: u32,
-    /// See [`longest_axis`].
+    /// See [`longest_axes`].
     reach: f32,
 }
 

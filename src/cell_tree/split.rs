@@ -1,6 +1,8 @@
 //! How cells are halved: across the direction in which they widen their footprints the most, be it by their length or by the
 //! turning of their normals.
 
+use std::cmp::Ordering;
+
 use super::point::CellPoint;
 
 /// Halves points by their number, first along creases, then across the longest axis. Either half may be empty if there are
@@ -9,14 +11,14 @@ pub(super) fn halves(points: &mut [CellPoint], is_mixed: bool, reach: f32) -> (&
     if points.len() < 2 {
         return points.split_at_mut(points.len());
     }
-    let axis = longest_axis(points.iter().map(|p| p.axes), reach);
-    let middle = if is_mixed { by_patches(points, axis) } else { by_median(points, axis) };
+    let axes = longest_axes(points.iter().map(|p| p.axes), reach);
+    let middle = if is_mixed { by_patches(points, axes[0]) } else { by_median(points, axes) };
     points.split_at_mut(middle)
 }
 
-/// The axis of position and normal along which footprints spread the most: seen from `reach` metres away, a step of d metres
-/// turns reflected directions by d/reach, and a turn of the normal by twice as much.
-pub(super) fn longest_axis(points: impl Iterator<Item = [f32; 6]>, reach: f32) -> usize {
+/// The axis of position and normal along which footprints spread the most, and the next one: seen from `reach` metres away, a step
+/// of d metres turns reflected directions by d/reach, and a turn of the normal by twice as much.
+pub(super) fn longest_axes(points: impl Iterator<Item = [f32; 6]>, reach: f32) -> [usize; 2] {
     let (mut low, mut high) = ([f32::INFINITY; 6], [f32::NEG_INFINITY; 6]);
     for point in points {
         for axis in 0..6 {
@@ -25,7 +27,12 @@ pub(super) fn longest_axis(points: impl Iterator<Item = [f32; 6]>, reach: f32) -
         }
     }
     let extent = |axis: usize| (high[axis] - low[axis]) * if axis < 3 { 1.0 / reach } else { 2.0 };
-    (1..6).fold(0, |longest, axis| if extent(axis) > extent(longest) { axis } else { longest })
+    let longest = |but: usize| {
+        let axes = (0..6).filter(|&axis| axis != but);
+        axes.max_by(|&a, &b| extent(a).total_cmp(&extent(b))).expect("six axes")
+    };
+    let first = longest(6);
+    [first, longest(first)]
 }
 
 /// Whether a crease or a sheet's thickness lies between some of the points.
@@ -40,10 +47,15 @@ pub(super) fn largest_patch(points: &mut [CellPoint]) -> &[CellPoint] {
     patches.max_by_key(|of_patch| of_patch.len()).expect("a cell has points")
 }
 
-fn by_median(points: &mut [CellPoint], axis: usize) -> usize {
+fn by_median(points: &mut [CellPoint], axes: [usize; 2]) -> usize {
     let middle = points.len() / 2;
-    points.select_nth_unstable_by(middle, |a, b| a.axes[axis].total_cmp(&b.axes[axis]));
+    points.select_nth_unstable_by(middle, |a, b| in_order(&a.axes, &b.axes, axes));
     middle
+}
+
+/// The order along two axes: of points in rows, as the pieces of triangles are, many share the first coordinate.
+pub(super) fn in_order(a: &[f32; 6], b: &[f32; 6], [first, second]: [usize; 2]) -> Ordering {
+    a[first].total_cmp(&b[first]).then_with(|| a[second].total_cmp(&b[second]))
 }
 
 /// Orders patches along the axis and cuts between two of them, as near the middle of the area as that is.
