@@ -29,7 +29,7 @@ const FAN: u32 = 4;
 
 /// Points that a leaf is made of: fewer where the memory for them would be gigabytes.
 fn points_per_leaf(leaves: f64) -> f64 {
-    (1e7 / leaves).clamp(8.0, 16.0)
+    (1e7 / leaves).clamp(8.0, 24.0)
 }
 
 /// Where a level of a root's subtree starts; the root is level 0 and not in it.
