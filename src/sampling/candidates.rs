@@ -137,10 +137,10 @@ fn split<'a>(
 }
 
 /// A triangle and its area, m².
-type Sized<'a> = (&'a SurfaceTriangle, f32);
+type WithArea<'a> = (&'a SurfaceTriangle, f32);
 
 /// Systematic sampling: one random point in the triangle at every `stride` of accumulated area.
-fn draw_along_order(fine: Vec<Sized>, stride: f32, rng: &mut ChaCha8Rng, out: &mut Vec<SurfacePoint>) {
+fn draw_along_order(fine: Vec<WithArea>, stride: f32, rng: &mut ChaCha8Rng, out: &mut Vec<SurfacePoint>) {
     let total: f64 = fine.iter().map(|(_, area)| f64::from(*area)).sum();
     if fine.is_empty() || total <= 0.0 {
         return;
@@ -157,7 +157,7 @@ fn draw_along_order(fine: Vec<Sized>, stride: f32, rng: &mut ChaCha8Rng, out: &m
     }
 }
 
-fn in_space_filling_order(triangles: Vec<Sized>) -> impl Iterator<Item = Sized> {
+fn in_space_filling_order(triangles: Vec<WithArea>) -> impl Iterator<Item = WithArea> {
     let corners = || triangles.iter().flat_map(|(t, _)| t.corners);
     let (low, high) = (corners().fold(Vec3::INFINITY, Vec3::min), corners().fold(Vec3::NEG_INFINITY, Vec3::max));
     let extent = (high - low).max_element();
@@ -165,9 +165,9 @@ fn in_space_filling_order(triangles: Vec<Sized>) -> impl Iterator<Item = Sized> 
         let normal = t.normals[0] + t.normals[1] + t.normals[2];
         morton::key((t.corners[0] + t.corners[1] + t.corners[2]) / 3.0, normal, low, extent)
     };
-    let mut keyed: Vec<(u64, Sized)> = triangles.into_par_iter().map(|sized| (key(sized.0), sized)).collect();
+    let mut keyed: Vec<(u64, WithArea)> = triangles.into_par_iter().map(|t| (key(t.0), t)).collect();
     keyed.par_sort_by_key(|(key, _)| *key);
-    keyed.into_iter().map(|(_, sized)| sized)
+    keyed.into_iter().map(|(_, t)| t)
 }
 
 /// Uniform in a triangle.

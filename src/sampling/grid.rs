@@ -13,8 +13,8 @@ use super::SurfacePoint;
 /// Close enough to the number asked for, as a fraction of it.
 const TOLERANCE: f64 = 0.005;
 
-/// Keeps one candidate per cell, the first in this order; `quantised` moves it to the cell's centre. The cells' edge is searched for so that
-/// about `samples` are kept.
+/// Keeps one candidate per cell, the first in this order; `quantised` moves it to the cell's centre. The cells' edge is
+/// searched for so that about `samples` are kept.
 pub(super) fn one_per_cell(
     candidates: &[SurfacePoint],
     order: &[u32],
