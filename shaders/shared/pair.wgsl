@@ -14,6 +14,9 @@ struct GatherUniforms {
     texel_rad: f32,
     radiance_scale: f32,
     map_resolution: u32,
+    // Of the environment's rotation about +Y.
+    rotation_cos: f32,
+    rotation_sin: f32,
 }
 
 const CURVE_POINTS: u32 = 128u;

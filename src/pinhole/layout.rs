@@ -182,7 +182,7 @@ impl PinholeSample {
     }
 }
 
-/// Parameters of a gather, 36 bytes.
+/// Parameters of a gather, 44 bytes.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 pub struct GatherUniforms {
@@ -204,6 +204,10 @@ pub struct GatherUniforms {
     pub radiance_scale: f32,
     /// Texels along the edge of a map of visibility.
     pub map_resolution: u32,
+    /// Cosine of the environment's rotation about +Y.
+    pub rotation_cos: f32,
+    /// Sine of the environment's rotation about +Y.
+    pub rotation_sin: f32,
 }
 
 impl GatherUniforms {
@@ -225,6 +229,8 @@ impl GatherUniforms {
             texel_rad: 2.0 / cube_size as f32,
             radiance_scale,
             map_resolution: pinholes.visibility.as_ref().map_or(0, |maps| maps.resolution),
+            rotation_cos: params.environment_rotation_rad.cos(),
+            rotation_sin: params.environment_rotation_rad.sin(),
         }
     }
 

@@ -115,6 +115,9 @@ pub struct Params {
     pub attenuation: bool,
     /// What keeps 1/l² finite.
     pub epsilon: Epsilon,
+    /// Counter-clockwise rotation of the environment about +Y, radians: a direction d in the world is looked up in the
+    /// cube map as R(−rotation)·d.
+    pub environment_rotation_rad: f32,
 }
 
 /// The most taps that can be asked for.
@@ -122,7 +125,13 @@ pub const MAX_TAPS: u32 = 64;
 
 impl Default for Params {
     fn default() -> Self {
-        Self { filter: Filter::Anisotropic, taps: 16, attenuation: true, epsilon: Epsilon::Auto }
+        Self {
+            filter: Filter::Anisotropic,
+            taps: 16,
+            attenuation: true,
+            epsilon: Epsilon::Auto,
+            environment_rotation_rad: 0.0,
+        }
     }
 }
 

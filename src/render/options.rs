@@ -99,6 +99,7 @@ impl Settings {
                 taps: self.taps.unwrap_or(defaults.params.taps),
                 attenuation: self.attenuation.unwrap_or(true),
                 epsilon: self.epsilon.unwrap_or_default(),
+                ..defaults.params
             },
             evaluation: self.evaluation.unwrap_or_default(),
             leaves: self.leaves,

@@ -66,6 +66,8 @@ fn structs_are_laid_out_alike() {
         texel_rad,
         radiance_scale,
         map_resolution,
+        rotation_cos,
+        rotation_sin,
     });
     for shader in ["gather", "cut", "finish"] {
         assert_eq!(wgsl_struct(shader, "GatherUniforms"), uniforms);
