@@ -34,12 +34,37 @@ pub enum Error {
     Option(#[from] OptionError),
 }
 
-/// An option out of its range.
-#[derive(Clone, Debug, thiserror::Error)]
-#[error("{key} {message}")]
-pub struct OptionError {
-    /// The option's name.
-    pub key: &'static str,
-    /// What is wrong and what to do.
-    pub message: String,
+/// An option that cannot be used. The command adds its flags to what this says.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum OptionError {
+    /// A value outside its range.
+    #[error("{key} is {value}, but must be {expected}")]
+    OutOfRange {
+        /// The option, as scene files call it.
+        key: &'static str,
+        /// What was given.
+        value: String,
+        /// What can be given.
+        expected: String,
+    },
+    /// A value that another option rules out.
+    #[error("{key} {reason}")]
+    Conflict {
+        /// The option, as scene files call it.
+        key: &'static str,
+        /// Why it cannot be.
+        reason: String,
+        /// Options and values, any of which would do.
+        remedies: &'static [(&'static str, &'static str)],
+    },
+}
+
+impl OptionError {
+    /// The option, as scene files call it.
+    pub fn key(&self) -> &'static str {
+        match self {
+            Self::OutOfRange { key, .. } | Self::Conflict { key, .. } => key,
+        }
+    }
 }

@@ -102,7 +102,7 @@ pub struct EnvironmentSource {
 }
 
 /// The kinds of light a scene file can name.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub enum Light {
     /// An image file.
     Map {

@@ -33,7 +33,7 @@ impl Work {
             scene.environment.light =
                 pinspot::scene::Light::map(std::path::Path::new(""), map, pinspot::scene::MapLayout::Auto);
         }
-        let environment = Environment::load(&scene.environment, Default::default()).unwrap();
+        let environment = Environment::load(&scene.environment.light, Default::default()).unwrap();
         let tracer = Tracer::new(&scene);
         let receivers = visible_receivers(&scene, &tracer, [size; 2]);
         let bounds = LightBounds::new(&environment.cube);
