@@ -1,12 +1,10 @@
 //! Radiance by direction, in world space, at the light's own resolution.
 
-use std::path::Path;
-
 use glam::{Mat3, Vec3};
 
 use super::layout::Layout;
-use super::{BUILT_IN_MAPS, EnvironmentError, RgbImage};
-use crate::scene::{EnvironmentSource, Light, MapLayout};
+use super::{EnvironmentError, built_in_map};
+use crate::scene::{EnvironmentSource, Light};
 
 /// A light around the scene.
 #[derive(Clone, Debug)]
@@ -24,28 +22,18 @@ enum Kind {
 }
 
 impl Field {
-    /// Reads the light's files. The second part of the result notes what was repaired.
-    pub fn load(source: &EnvironmentSource) -> Result<(Self, Vec<String>), EnvironmentError> {
-        let mut notes = Vec::new();
-        let mut read = |path: &Path| -> Result<RgbImage, EnvironmentError> {
-            let (image, note) = RgbImage::load(path)?;
-            notes.extend(note);
-            Ok(image)
-        };
+    /// The light that a scene describes.
+    pub fn new(source: &EnvironmentSource) -> Result<Self, EnvironmentError> {
         let kind = match &source.light {
             Light::Constant(radiance) => Kind::Constant(*radiance),
             Light::Spot { direction, sigma_rad, radiance } => {
                 Kind::Spot { direction: *direction, sigma_rad: *sigma_rad, radiance: *radiance }
             }
-            Light::BuiltInMap(name) => Kind::Map(built_in(name)?),
-            Light::Map { files, layout } => {
-                let paths: Vec<&Path> = files.iter().map(AsRef::as_ref).collect();
-                let images = paths.iter().map(|path| read(path)).collect::<Result<_, _>>()?;
-                Kind::Map(Layout::new(&paths, images, *layout)?)
-            }
+            Light::BuiltInMap(name) => Kind::Map(Layout::new(&built_in_map(name)?)),
+            Light::Map(map) => Kind::Map(Layout::new(map)),
         };
         let light_from_world = Mat3::from_rotation_y(-source.rotation_rad);
-        Ok((Self { kind, light_from_world, intensity: source.intensity }, notes))
+        Ok(Self { kind, light_from_world, intensity: source.intensity })
     }
 
     /// Radiance that arrives from a unit direction in world space, W/(m²·sr).
@@ -95,16 +83,6 @@ impl Field {
     }
 }
 
-fn built_in(name: &str) -> Result<Layout, EnvironmentError> {
-    let map = BUILT_IN_MAPS
-        .iter()
-        .find(|m| m.name == name)
-        .ok_or_else(|| EnvironmentError::UnknownBuiltIn { name: name.into() })?;
-    let path = Path::new(name);
-    let (image, _) = RgbImage::decode(path, "exr", map.exr)?;
-    Layout::new(&[path], vec![image], MapLayout::Latlong)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -116,7 +94,7 @@ mod tests {
             rotation_rad: std::f32::consts::FRAC_PI_2,
             intensity: 2.0,
         };
-        let (field, _) = Field::load(&source).unwrap();
+        let field = Field::new(&source).unwrap();
         // A quarter turn about +Y takes +Z to +X.
         assert!((field.radiance(Vec3::X).x - 6.0).abs() < 1e-5);
         let off = Vec3::new(0.1f32.cos(), 0.0, 0.1f32.sin());

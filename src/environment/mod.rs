@@ -1,32 +1,28 @@
 //! What shines: environment images, spots and constants, as a cube map with mips.
 //!
-//! Data flows `import` → `layout` → [`Field`] (radiance by direction, world space) → [`CubeMap`] (what the
+//! Data flows from the scene's images → `layout` → [`Field`] (radiance by direction, world space) → [`CubeMap`] (what the
 //! gather looks up) and irradiance. This module must not know samples, receivers or wgpu.
 
 mod bounds;
 mod builtin;
 mod cube;
 mod field;
-mod import;
 mod importance;
 mod irradiance;
 mod layout;
 
 pub(crate) use bounds::FINEST_BOUNDS;
 pub use bounds::{Bound, LightBounds};
+pub(crate) use builtin::built_in_map;
 pub use builtin::{BUILT_IN_MAPS, BuiltInMap};
 pub use cube::{CubeMap, FACES, face_direction, face_of_direction, texel_solid_angle_sr};
 pub use field::Field;
-pub use import::RgbImage;
 pub use importance::LightSampler;
-pub(crate) use layout::resolve_layout;
-
-use std::path::PathBuf;
 
 use glam::Vec3;
 use serde::Deserialize;
 
-use crate::scene::{EnvironmentSource, MapLayout};
+use crate::scene::{EnvironmentSource, MapError};
 use crate::words::NumberOrWord;
 
 /// The largest face edge, texels: 4096² × 6 texels of 16 bytes with mips are 2.1 GB.
@@ -41,14 +37,12 @@ pub struct Environment {
     pub cube: CubeMap,
     /// Irradiance by the receiver's normal, W/m², unoccluded; one level.
     pub irradiance: CubeMap,
-    /// What was repaired while importing.
-    pub notes: Vec<String>,
 }
 
 impl Environment {
     /// Reads and prefilters a light.
     pub fn load(source: &EnvironmentSource, cube_size: CubeSize) -> Result<Self, EnvironmentError> {
-        let (field, notes) = Field::load(source)?;
+        let field = Field::new(source)?;
         let size = match cube_size {
             CubeSize::Texels(size) => size,
             CubeSize::Auto => field.cube_size(),
@@ -58,7 +52,7 @@ impl Environment {
         }
         let cube = CubeMap::from_radiance(size, field.detail_rad(), |direction| field.radiance(direction));
         let irradiance = irradiance::irradiance(&cube);
-        Ok(Self { field, cube, irradiance, notes })
+        Ok(Self { field, cube, irradiance })
     }
 
     /// Irradiance of an unoccluded receiver with this normal, W/m².
@@ -100,64 +94,9 @@ impl std::str::FromStr for CubeSize {
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum EnvironmentError {
-    /// The file could not be opened.
-    #[error("cannot read environment map '{}': {reason}; check the path (maps without an extension are built-in: {})", path.display(), builtin::names())]
-    Read {
-        /// File.
-        path: PathBuf,
-        /// The system's reason.
-        reason: String,
-    },
-    /// Not an image, or damaged.
-    #[error("environment map '{}' is damaged or not an .exr or .hdr image: {reason}; export it again", path.display())]
-    Damaged {
-        /// File.
-        path: PathBuf,
-        /// The decoder's reason.
-        reason: String,
-    },
-    /// Neither .exr nor .hdr.
-    #[error("environment map '{}' has the extension '{extension}'; convert it to .exr or .hdr", path.display())]
-    Format {
-        /// File.
-        path: PathBuf,
-        /// Extension.
-        extension: String,
-    },
-    /// No pixels.
-    #[error("environment map '{}' has no pixels ({width}×{height}); export it again", path.display())]
-    NoPixels {
-        /// File.
-        path: PathBuf,
-        /// Width.
-        width: usize,
-        /// Height.
-        height: usize,
-    },
-    /// A NaN or an infinity.
-    #[error("environment map '{}': pixel ({x}, {y}) is not a finite number; repair the image", path.display())]
-    NotFinite {
-        /// File.
-        path: PathBuf,
-        /// Column.
-        x: usize,
-        /// Row.
-        y: usize,
-    },
-    /// The picture's shape does not fit the layout.
-    #[error("environment map '{}' is {width}×{height} pixels, which is no {layout:?} layout; {remedy}", path.display())]
-    Layout {
-        /// File.
-        path: PathBuf,
-        /// Width.
-        width: usize,
-        /// Height.
-        height: usize,
-        /// The layout asked for.
-        layout: MapLayout,
-        /// What to do.
-        remedy: String,
-    },
+    /// The map itself.
+    #[error(transparent)]
+    Map(#[from] MapError),
     /// No built-in map of that name.
     #[error(
         "there is no built-in environment map '{name}'; known are: {} (a file needs its extension, .exr or .hdr)",

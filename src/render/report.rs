@@ -78,7 +78,6 @@ impl Report {
     pub(super) fn new(renderer: &Renderer, lookups: f64, seconds: Seconds) -> Self {
         let Renderer { scene, options, environment, backend, .. } = renderer;
         let mut warnings = scene.notes.clone();
-        warnings.extend(environment.notes.iter().cloned());
         warnings.extend(backend.warning().map(str::to_owned));
         Self {
             scene: scene.name.clone(),

@@ -31,7 +31,7 @@ impl Work {
         let mut scene = load::<Settings>(name).unwrap().scene;
         if let Some(map) = map {
             scene.environment.light =
-                pinspot::scene::Light::map(std::path::Path::new(""), map, pinspot::scene::MapLayout::Auto);
+                pinspot::scene::Light::map(std::path::Path::new(""), map, pinspot::scene::MapLayout::Auto).unwrap().0;
         }
         let environment = Environment::load(&scene.environment, Default::default()).unwrap();
         let tracer = Tracer::new(&scene);
