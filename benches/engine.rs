@@ -42,7 +42,7 @@ impl Work {
         let options = sampling::Options { samples: SAMPLES, strategy: Strategy::Neighbourhood, seed: 1 };
         let set = sample(&Surface::of_scene(&scene), &options).expect("a reflector");
         let pinholes = pinholes(&scene, &differentials(&set), Footprint::Cells);
-        let environment = Environment::load(&scene.environment.light, Default::default()).expect("built-in");
+        let environment = Environment::new(&scene.environment.light, Default::default()).expect("built-in");
         let place = |k: u32| {
             let at = |i: u32| 1.2 * ((i as f32 + 0.5) / EDGE as f32 - 0.5);
             (Vec3::new(at(k % EDGE), 0.0, at(k / EDGE)), Vec3::Y, 1)

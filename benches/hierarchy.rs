@@ -47,7 +47,7 @@ impl Work {
 
     fn of_size(name: &'static str, size: [u32; 2]) -> Self {
         let scene = load::<Settings>(name).expect("built-in").scene;
-        let environment = Environment::load(&scene.environment.light, Default::default()).expect("built-in");
+        let environment = Environment::new(&scene.environment.light, Default::default()).expect("built-in");
         let tracer = Tracer::new(&scene);
         let receivers = visible_receivers(&scene, &tracer, size);
         let (surface, bounds) = (Surface::of_scene(&scene), LightBounds::new(&environment.cube));

@@ -54,7 +54,7 @@ pub fn render_one_frame() -> Result<Output, Failure> {
     // 1. Once: the engine, on the host's device.
     let engine = Engine::new(&device, &Options { visibility: true, ..Default::default() });
     // 2. When the light changes: the environment cube (or a cube texture of the host's own).
-    let light = Environment::load(&scene.environment.light, Default::default())?;
+    let light = Environment::new(&scene.environment.light, Default::default())?;
     let environment = EnvironmentCube::upload(&device, &queue, &light.cube)?;
     // 3. When anything moves: the samples, and what each sees around itself.
     let options = sampling::Options { samples: SAMPLES, strategy: Default::default(), seed: 1 };

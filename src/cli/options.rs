@@ -153,7 +153,7 @@ impl SceneOptions {
     /// Loads a scene and lays settings over its own.
     pub fn load(&self, scene: &str, over: Settings) -> Result<(Scene, Options), String> {
         let Loaded { mut scene, render } = load::<Settings>(scene).map_err(|e| e.to_string())?;
-        override_light(&mut scene, self.env.as_deref());
+        override_light(&mut scene, self.env.as_deref())?;
         // The file's own mistakes are the file's.
         render.clone().options().map_err(|e| format!("{}: render.{e}", scene.name))?;
         let options = render.overridden_by(over).options().map_err(|e| e.to_string())?;
@@ -175,10 +175,13 @@ impl SceneOptions {
 }
 
 /// Puts another environment map in the place of a scene's light.
-pub(super) fn override_light(scene: &mut Scene, map: Option<&str>) {
+pub(super) fn override_light(scene: &mut Scene, map: Option<&str>) -> Result<(), String> {
     if let Some(map) = map {
-        scene.environment.light = Light::map(Path::new(""), map, MapLayout::Auto);
+        let (light, notes) = Light::map(Path::new(""), map, MapLayout::Auto).map_err(|e| e.to_string())?;
+        scene.environment.light = light;
+        scene.notes.extend(notes);
     }
+    Ok(())
 }
 
 /// Parses a word as a scene file would.

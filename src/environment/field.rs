@@ -1,12 +1,10 @@
 //! Radiance by direction, in the light's own frame and at its own resolution.
 
-use std::path::Path;
-
 use glam::Vec3;
 
 use super::layout::Layout;
-use super::{BUILT_IN_MAPS, EnvironmentError, RgbImage};
-use crate::scene::{Light, MapLayout};
+use super::{EnvironmentError, built_in_map};
+use crate::scene::Light;
 
 /// The radiance of a light around the scene, before it is rotated and scaled.
 #[derive(Clone, Debug)]
@@ -20,27 +18,17 @@ enum Kind {
 }
 
 impl EnvironmentRadiance {
-    /// Reads the light's files. The second part of the result notes what was repaired.
-    pub fn load(light: &Light) -> Result<(Self, Vec<String>), EnvironmentError> {
-        let mut notes = Vec::new();
-        let mut read = |path: &Path| -> Result<RgbImage, EnvironmentError> {
-            let (image, note) = RgbImage::load(path)?;
-            notes.extend(note);
-            Ok(image)
-        };
+    /// The light that a scene describes.
+    pub fn new(light: &Light) -> Result<Self, EnvironmentError> {
         let kind = match light {
             Light::Constant(radiance) => Kind::Constant(*radiance),
             Light::Spot { direction, sigma_rad, radiance } => {
                 Kind::Spot { direction: *direction, sigma_rad: *sigma_rad, radiance: *radiance }
             }
-            Light::BuiltInMap(name) => Kind::Map(built_in(name)?),
-            Light::Map { files, layout } => {
-                let paths: Vec<&Path> = files.iter().map(AsRef::as_ref).collect();
-                let images = paths.iter().map(|path| read(path)).collect::<Result<_, _>>()?;
-                Kind::Map(Layout::new(&paths, images, *layout)?)
-            }
+            Light::BuiltInMap(name) => Kind::Map(Layout::new(&built_in_map(name)?)),
+            Light::Map(map) => Kind::Map(Layout::new(map)),
         };
-        Ok((Self(kind), notes))
+        Ok(Self(kind))
     }
 
     /// Radiance that arrives from a unit direction in the light's frame, W/(m²·sr).
@@ -88,16 +76,6 @@ impl EnvironmentRadiance {
     }
 }
 
-fn built_in(name: &str) -> Result<Layout, EnvironmentError> {
-    let map = BUILT_IN_MAPS
-        .iter()
-        .find(|m| m.name == name)
-        .ok_or_else(|| EnvironmentError::UnknownBuiltIn { name: name.into() })?;
-    let path = Path::new(name);
-    let (image, _) = RgbImage::decode(path, "exr", map.exr)?;
-    Layout::new(&[path], vec![image], MapLayout::Latlong)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -105,7 +83,7 @@ mod tests {
     #[test]
     fn a_spot_has_the_radiance_and_solid_angle_of_its_definition() {
         let light = Light::Spot { direction: Vec3::X, sigma_rad: 0.1, radiance: Vec3::splat(6.0) };
-        let (spot, _) = EnvironmentRadiance::load(&light).unwrap();
+        let spot = EnvironmentRadiance::new(&light).unwrap();
         assert!((spot.radiance(Vec3::X).x - 6.0).abs() < 1e-5);
         let off = Vec3::new(0.1f32.cos(), 0.0, 0.1f32.sin());
         assert!((spot.radiance(off).x - 6.0 * (-0.5f32).exp()).abs() < 1e-4);

@@ -168,12 +168,12 @@ impl Reference {
         if options.quantity != Quantity::Direct && scene.objects.iter().all(|o| o.reflector.is_none()) {
             return fail("reflector", "is missing: give an object `reflector = { sides = \"front\" }`");
         }
-        let (light, repaired) = Light::load(&scene.environment)?;
-        let notes = scene.notes.iter().cloned().chain(repaired).collect();
+        let light = Light::new(&scene.environment)?;
+        let notes = scene.notes.clone();
         let geometry = Geometry::new(&scene);
         let receivers = Receivers::find(&scene, &geometry, options.size, options.pixel_samples);
         let described = serde_json::to_string(&options).expect("options are plain data");
-        let fingerprint = scene.fingerprint(&described)?;
+        let fingerprint = scene.fingerprint(&described);
         Ok(Self { scene, options, geometry, light, receivers, fingerprint, notes })
     }
 

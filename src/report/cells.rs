@@ -49,7 +49,7 @@ pub(super) fn render_or_reuse(
     folder: &Path,
     progress: &dyn Progress,
 ) -> Result<Cell, Error> {
-    let fingerprint = scene.fingerprint(&format!("{options:?} {backend:?}"))?;
+    let fingerprint = scene.fingerprint(&format!("{options:?} {backend:?}"));
     let file = folder.join(format!("{}.exr", name(options)));
     if let Some((image, facts)) = read(&file, &fingerprint) {
         return Ok(Cell { options: options.clone(), image, facts, file });

@@ -59,7 +59,7 @@ impl LightStages {
         progress: &dyn Progress,
     ) -> Result<PreparedLight, EnvironmentError> {
         let key = (source.light.clone(), cube_size);
-        let environment = self.environment.try_get(key, progress, || Environment::load(&source.light, cube_size))?;
+        let environment = self.environment.try_get(key, progress, || Environment::new(&source.light, cube_size))?;
         Ok(PreparedLight { environment, rotation_rad: source.rotation_rad, intensity: source.intensity })
     }
 

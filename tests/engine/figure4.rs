@@ -81,7 +81,7 @@ fn masked_reference() -> (Receivers, Vec<f64>) {
 /// The light of `ring-above` as the engine looks it up.
 fn sun() -> CubeMap {
     let scene = load::<Settings>("ring-above").unwrap().scene;
-    Environment::load(&scene.environment.light, CubeSize::Texels(256)).unwrap().cube
+    Environment::new(&scene.environment.light, CubeSize::Texels(256)).unwrap().cube
 }
 
 struct Run {

@@ -53,7 +53,7 @@ fn errors(light: &str, roughnesses: &[f32]) -> Vec<(f32, f64, f64)> {
     let of = |roughness| {
         let scene = ring(light, roughness);
         let expected = truth(scene.clone(), 0.01);
-        let environment = Environment::load(&scene.environment.light, Default::default()).unwrap();
+        let environment = Environment::new(&scene.environment.light, Default::default()).unwrap();
         let pinholes = pinholes_of(&scene, 2000, Strategy::Neighbourhood, Footprint::Cells, 1);
         let mut sharp = pinholes.clone();
         sharp.samples.iter_mut().for_each(|s| s.side_1[3] = 0.0);

@@ -31,9 +31,9 @@ impl Work {
         let mut scene = load::<Settings>(name).unwrap().scene;
         if let Some(map) = map {
             scene.environment.light =
-                pinspot::scene::Light::map(std::path::Path::new(""), map, pinspot::scene::MapLayout::Auto);
+                pinspot::scene::Light::map(std::path::Path::new(""), map, pinspot::scene::MapLayout::Auto).unwrap().0;
         }
-        let environment = Environment::load(&scene.environment.light, Default::default()).unwrap();
+        let environment = Environment::new(&scene.environment.light, Default::default()).unwrap();
         let tracer = Tracer::new(&scene);
         let receivers = visible_receivers(&scene, &tracer, [size; 2]);
         let bounds = LightBounds::new(&environment.cube);

@@ -81,7 +81,7 @@ struct How {
 impl Work {
     fn new(name: &str, size: [u32; 2], samples: u32, leaves: u32, visibility: Visibility) -> Self {
         let scene = load::<Settings>(name).unwrap().scene;
-        let environment = Environment::load(&scene.environment.light, Default::default()).unwrap();
+        let environment = Environment::new(&scene.environment.light, Default::default()).unwrap();
         let tracer = Tracer::new(&scene);
         let receivers = visible_receivers(&scene, &tracer, size);
         let surface = Surface::of_scene(&scene);

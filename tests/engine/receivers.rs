@@ -125,7 +125,7 @@ fn glossy_receivers_are_right() {
         let expected = expected.solve(&goal, None, &Silent, &mut |_| Ok(())).unwrap().irradiance;
         let mut pinholes = pinholes_of(&scene, 2000, Strategy::Neighbourhood, Footprint::Cells, 1);
         pinholes.look_around(&scene, &Tracer::new(&scene));
-        let environment = Environment::load(&scene.environment.light, Default::default()).unwrap();
+        let environment = Environment::new(&scene.environment.light, Default::default()).unwrap();
         let size = glam::Vec2::splat(EDGE as f32);
         let rays = (0..EDGE * EDGE).map(|k| {
             let at = glam::Vec2::new((k % EDGE) as f32, (k / EDGE) as f32) + 0.5;

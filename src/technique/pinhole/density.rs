@@ -50,7 +50,7 @@ pub fn place_samples(scene: &Scene, options: &Options) -> Result<PointSet, Error
     if options.density == Density::Uniform {
         return Ok(sample(&surface, &options.sampling())?);
     }
-    let environment = Environment::load(&scene.environment.light, options.cube_size)?;
+    let environment = Environment::new(&scene.environment.light, options.cube_size)?;
     let inputs = DensityInputs {
         scene,
         surface: &surface,
