@@ -5,6 +5,7 @@ use std::fmt;
 use serde::Serialize;
 
 use super::on_gpu::OnGpu;
+use crate::blocking::wait;
 use crate::environment::{CubeMap, Environment, LightBounds};
 use crate::gpu::{Adapter, Gpu, GpuError};
 use crate::pinhole::cpu::{self, Accuracy, Light};
@@ -32,7 +33,7 @@ impl BackendChoice {
     /// The same, decided once where it leads to the CPU: looking for adapters takes time.
     #[must_use]
     pub fn settled(&self, filter: Filter) -> Self {
-        let hardware = || Gpu::open(None).is_ok_and(|gpu| !gpu.adapter.software);
+        let hardware = || wait(None, Gpu::open(None)).is_ok_and(|gpu| !gpu.adapter.software);
         match self {
             Self::Auto if filter != Filter::Hardware && !hardware() => Self::Cpu,
             other => other.clone(),
@@ -142,9 +143,9 @@ impl Backend {
         let params = &options.params;
         let gpu = match choice {
             BackendChoice::Cpu => None,
-            BackendChoice::Gpu(name) => Some(Gpu::open(name.as_deref())?),
-            BackendChoice::Auto if params.filter == Filter::Hardware => Gpu::open(None).ok(),
-            BackendChoice::Auto => Gpu::open(None).ok().filter(|gpu| !gpu.adapter.software),
+            BackendChoice::Gpu(name) => Some(wait(None, Gpu::open(name.as_deref()))?),
+            BackendChoice::Auto if params.filter == Filter::Hardware => wait(None, Gpu::open(None)).ok(),
+            BackendChoice::Auto => wait(None, Gpu::open(None)).ok().filter(|gpu| !gpu.adapter.software),
         };
         let Some(gpu) = gpu else {
             if params.filter == Filter::Hardware {
@@ -155,7 +156,7 @@ impl Backend {
             return Ok((Self::Cpu, params.filter));
         };
         let replaceable = options.automatic_filter && params.filter == Filter::Anisotropic;
-        let filter = if replaceable { automatic_filter_of(&gpu)? } else { params.filter };
+        let filter = if replaceable { wait(Some(&gpu.device), automatic_filter_of(&gpu))? } else { params.filter };
         let environment = EnvironmentCube::upload(&gpu.device, &gpu.queue, &environment.cube)?;
         let warning = hardware_warning(&gpu, params)?;
         gpu.check()?;
@@ -225,7 +226,7 @@ fn hardware_warning(gpu: &Gpu, params: &Params) -> Result<Option<String>, GpuErr
     if params.filter != Filter::Hardware {
         return Ok(None);
     }
-    let verdict = check_hardware_filter(gpu)?;
+    let verdict = wait(Some(&gpu.device), check_hardware_filter(gpu))?;
     Ok((!verdict.is_right()).then(|| {
         format!(
             "the hardware filter of '{}' is wrong for explicit gradients on cube maps (error {:.2} of a pattern's deviation); the picture is, too: use --filter anisotropic",

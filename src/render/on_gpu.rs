@@ -4,6 +4,7 @@ use std::borrow::Cow;
 use std::ops::Range;
 
 use super::gather::Summed;
+use crate::blocking::wait;
 use crate::gpu::{Gpu, GpuError};
 use crate::pinhole::cpu::Accuracy;
 use crate::pinhole::gpu::{
@@ -146,7 +147,7 @@ impl OnGpu<'_> {
         let pairs = pairs_per_submit(self.gpu);
         let step = (pairs / (points * u64::from(BATCH_SIZE)).max(1)).clamp(1, u64::from(u32::MAX)) as u32;
         self.submit(points, frame.batch_count(), step, |encoder, batches| frame.record(encoder, batches))?;
-        Ok(self.gpu.read_texture(frame.caustic())?)
+        Ok(wait(Some(&self.gpu.device), self.gpu.read_texture(frame.caustic()))?)
     }
 
     fn hierarchical(
@@ -175,7 +176,7 @@ impl OnGpu<'_> {
         while inputs.parts <= MOST_PARTS {
             let mut frame = engine.frame(&self.gpu.device, &inputs)?;
             self.submit(points, frame.run_count(), 1, |encoder, runs| frame.record(encoder, runs))?;
-            let sums = self.gpu.read_texture(frame.caustic())?;
+            let sums = wait(Some(&self.gpu.device), self.gpu.read_texture(frame.caustic()))?;
             if sums.iter().all(|sum| sum[3] >= 0.0) {
                 return Ok(sums);
             }
@@ -198,7 +199,7 @@ impl OnGpu<'_> {
             let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
             record(&mut encoder, first..last);
             self.gpu.queue.submit([encoder.finish()]);
-            self.gpu.wait()?;
+            wait(Some(&self.gpu.device), self.gpu.submitted_work_done())?;
             let done = points * u64::from(last) / u64::from(count);
             self.progress.advance(done - reported);
             reported = done;
