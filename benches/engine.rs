@@ -13,6 +13,7 @@ use std::time::Duration;
 use bare_cpu::bare_cpu_loop;
 use criterion::{BenchmarkGroup, Criterion, Throughput, criterion_group, criterion_main, measurement::WallTime};
 use glam::Vec3;
+use pinspot::blocking::wait;
 use pinspot::differential::differentials;
 use pinspot::environment::Environment;
 use pinspot::gpu::Gpu;
@@ -92,11 +93,12 @@ fn run_frame(gpu: &Gpu, engine: &Engine, inputs: &FrameInputs) {
     let mut encoder = gpu.device.create_command_encoder(&Default::default());
     frame.record(&mut encoder, 0..frame.batch_count());
     gpu.queue.submit([encoder.finish()]);
-    gpu.wait().expect("the device stays");
+    wait(Some(&gpu.device), gpu.submitted_work_done()).expect("the device stays");
 }
 
 fn gather_on_gpu(c: &mut Criterion) {
-    let gpu = Gpu::open(None).expect("an adapter; on Debian: apt-get install libvulkan1 mesa-vulkan-drivers");
+    let gpu =
+        wait(None, Gpu::open(None)).expect("an adapter; on Debian: apt-get install libvulkan1 mesa-vulkan-drivers");
     let work = Work::new();
     let size = [EDGE, EDGE];
     let positions = gpu.upload_texture(size, &work.receivers.positions);
@@ -147,7 +149,8 @@ fn sampling_and_differentials(c: &mut Criterion) {
 
 /// What shadows cost: the same gather with and without, and letting the samples look around.
 fn visibility(c: &mut Criterion) {
-    let gpu = Gpu::open(None).expect("an adapter; on Debian: apt-get install libvulkan1 mesa-vulkan-drivers");
+    let gpu =
+        wait(None, Gpu::open(None)).expect("an adapter; on Debian: apt-get install libvulkan1 mesa-vulkan-drivers");
     let mut work = Work::new();
     let scene = load::<Settings>("ring-natural").expect("built-in").scene;
     let tracer = Tracer::new(&scene);

@@ -12,6 +12,7 @@ use std::time::Instant;
 use bare_cpu::bare_cpu_loop;
 use bare_gpu::BareLoop;
 use glam::{Vec2, Vec3};
+use pinspot::blocking::wait;
 use pinspot::cell_tree::{CellTree, NodeGeometry, TreeOptions};
 use pinspot::differential::differentials;
 use pinspot::environment::{Environment, LightBounds};
@@ -235,11 +236,11 @@ fn frame_on_gpu(gpu: &Gpu, work: &Work, tree: &PinholeTree) -> (f64, f64) {
         let mut encoder = device.create_command_encoder(&Default::default());
         frame.record(&mut encoder, 0..frame.run_count());
         gpu.queue.submit([encoder.finish()]);
-        gpu.wait().expect("a device");
+        wait(Some(&gpu.device), gpu.submitted_work_done()).expect("a device");
         (frame, started.elapsed().as_secs_f64())
     };
     let (first, _) = frame();
-    let sums = gpu.read_texture(first.caustic()).expect("a device");
+    let sums = wait(Some(&gpu.device), gpu.read_texture(first.caustic())).expect("a device");
     assert!(sums.iter().all(|sum| sum[3] >= 0.0), "loops were cut short");
     let seconds = (0..5).map(|_| frame().1).fold(f64::INFINITY, f64::min);
     (fetches(&sums), seconds)
@@ -247,7 +248,7 @@ fn frame_on_gpu(gpu: &Gpu, work: &Work, tree: &PinholeTree) -> (f64, f64) {
 
 /// The hierarchy on the best adapter: beside bare look-ups; and, on hardware, milliseconds.
 fn on_gpu() {
-    let gpu = match Gpu::open(None) {
+    let gpu = match wait(None, Gpu::open(None)) {
         Ok(gpu) => gpu,
         Err(error) => return println!("on a GPU: not measured: {error}"),
     };

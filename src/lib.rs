@@ -50,6 +50,8 @@
 //!
 //! Units: metres, radians, W/(m²·sr), W/m². Right-handed, Y up, linear Rec.709.
 
+#[cfg(feature = "blocking")]
+pub mod blocking;
 pub mod brdf;
 pub mod cell_tree;
 pub mod conformance;

@@ -1,6 +1,7 @@
 //! GPU against CPU, batches against one submission, and the same bits twice.
 
 use pinspot::Silent;
+use pinspot::blocking::wait;
 use pinspot::environment::CubeMap;
 use pinspot::image::Aov;
 use pinspot::pinhole::gpu::Options;
@@ -9,7 +10,7 @@ use pinspot::render::{BackendChoice, BackendReport, EvaluationChoice, Rendered, 
 use pinspot::sampling::Strategy;
 use pinspot::scene::{BUILT_IN, load};
 
-use crate::support::{floor, gpu, on_cpu, on_gpu, on_gpu_with, pinholes_of, rel_l2, scene};
+use crate::support::{floor, gpu, on_cpu, on_gpu, on_gpu_with, pinholes_of, rel_l2, rotated_light, scene};
 
 fn render(name: &str, filter: Filter, backend: &BackendChoice, aovs: &[Aov]) -> Rendered {
     let loaded = load::<Settings>(name).unwrap();
@@ -85,6 +86,22 @@ fn ping_pong_and_ranges_of_batches_give_what_one_blended_draw_gives() {
     }
 }
 
+/// A quarter turn maps the cube's texels onto each other: rotating the look-ups is rotating the light.
+#[test]
+fn a_rotated_environment_is_the_rotated_light() {
+    let Case { receivers, pinholes, .. } = two_sided_ring();
+    let turn = std::f32::consts::FRAC_PI_2;
+    let (light, rotated) = (rotated_light(0.0), rotated_light(turn));
+    for filter in [Filter::None, Filter::Isotropic, Filter::Anisotropic, Filter::Ewa] {
+        let params = Params { filter, ..Default::default() };
+        let expected = on_gpu(&receivers, &pinholes, &rotated, &params);
+        let change = rel_l2(&on_gpu(&receivers, &pinholes, &light, &params), &expected);
+        let params = Params { environment_rotation_rad: turn, ..params };
+        let error = rel_l2(&on_gpu(&receivers, &pinholes, &light, &params), &expected);
+        assert!(error < 1e-3 && change > 0.05, "{filter:?}: {error}, {change} without the rotation");
+    }
+}
+
 /// A thin sheet that reflects on both sides is its front and its back together.
 #[test]
 fn two_sided_reflectors_reflect_on_both_sides() {
@@ -110,7 +127,7 @@ fn two_sided_reflectors_reflect_on_both_sides() {
 /// The run says so where the hardware filter is wrong, and such an adapter (lavapipe) is known to be.
 #[test]
 fn a_wrong_hardware_filter_is_reported() {
-    let verdict = pinspot::pinhole::gpu::check_hardware_filter(gpu()).unwrap();
+    let verdict = wait(Some(&gpu().device), pinspot::pinhole::gpu::check_hardware_filter(gpu())).unwrap();
     let rendered = render("mirror-sphere", Filter::Hardware, &BackendChoice::Gpu(None), &[Aov::Caustic]);
     let warned = rendered.report.warnings.iter().any(|w| w.contains("hardware filter"));
     assert_eq!(warned, !verdict.is_right(), "{verdict:?}");

@@ -1,5 +1,6 @@
 //! The conformance test of filters on the adapter here.
 
+use pinspot::blocking::wait;
 use pinspot::conformance::{Conformance, Device, FilterResult, Verdict, examine};
 use pinspot::pinhole::Filter;
 
@@ -12,8 +13,8 @@ fn result(conformance: &Conformance, filter: Filter, taps: u32) -> &FilterResult
 /// Pinspot's own filters do the same on both back ends and get better with their cost, everywhere on the cube.
 #[test]
 fn the_shader_filters_are_as_good_as_they_claim() {
-    let cpu = examine(Device::Cpu, &|| ()).unwrap();
-    let gpu = examine(Device::Gpu(gpu()), &|| ()).unwrap();
+    let cpu = wait(None, examine(Device::Cpu, &|| ())).unwrap();
+    let gpu = wait(Some(&gpu().device), examine(Device::Gpu(gpu()), &|| ())).unwrap();
     for own in &cpu.results {
         let twin = result(&gpu, own.filter, own.taps);
         assert!(
@@ -50,7 +51,7 @@ fn the_shader_filters_are_as_good_as_they_claim() {
 #[test]
 fn the_hardware_filter_is_found_out() {
     let gpu = gpu();
-    let conformance = examine(Device::Gpu(gpu), &|| ()).unwrap();
+    let conformance = wait(Some(&gpu.device), examine(Device::Gpu(gpu), &|| ())).unwrap();
     let hardware = result(&conformance, Filter::Hardware, 16);
     println!("{}: {hardware:?}", conformance.device);
     if gpu.adapter.software {

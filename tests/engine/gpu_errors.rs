@@ -1,6 +1,7 @@
 //! What goes wrong on a GPU is said, not thrown.
 
 use glam::Vec3;
+use pinspot::blocking::wait;
 use pinspot::environment::CubeMap;
 use pinspot::gpu::{Gpu, GpuError};
 use pinspot::pinhole::gpu::{Engine, EnvironmentCube, FrameInputs, Options};
@@ -10,15 +11,15 @@ use crate::support::{floor, gpu};
 
 #[test]
 fn a_lost_device_is_an_error_with_a_remedy() {
-    let gpu = Gpu::open(None).unwrap();
+    let gpu = wait(None, Gpu::open(None)).unwrap();
     gpu.device.destroy();
-    let message = gpu.wait().unwrap_err().to_string();
+    let message = wait(Some(&gpu.device), gpu.submitted_work_done()).unwrap_err().to_string();
     assert!(message.contains("lost") && message.contains("--backend cpu"), "{message}");
 }
 
 #[test]
 fn an_unknown_adapter_is_named_with_those_there_are() {
-    let message = Gpu::open(Some("voodoo")).unwrap_err().to_string();
+    let message = wait(None, Gpu::open(Some("voodoo"))).unwrap_err().to_string();
     assert!(message.contains("voodoo") && message.contains(&gpu().adapter.name), "{message}");
 }
 

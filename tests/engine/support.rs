@@ -4,6 +4,7 @@ use std::sync::OnceLock;
 
 use glam::Vec3;
 use pinspot::Silent;
+use pinspot::blocking::wait;
 use pinspot::differential::differentials;
 use pinspot::environment::CubeMap;
 use pinspot::gpu::Gpu;
@@ -19,7 +20,7 @@ use pinspot::scene::{Scene, Visibility, load, parse};
 pub fn gpu() -> &'static Gpu {
     static GPU: OnceLock<Gpu> = OnceLock::new();
     GPU.get_or_init(|| {
-        Gpu::open(None).unwrap_or_else(|e| panic!("GPU tests need an adapter; run them by tests/run: {e}"))
+        wait(None, Gpu::open(None)).unwrap_or_else(|e| panic!("GPU tests need an adapter; run them by tests/run: {e}"))
     })
 }
 
@@ -91,7 +92,7 @@ pub fn on_gpu_with(
         gpu.queue.submit([encoder.finish()]);
         first = last;
     }
-    gpu.read_texture(frame.caustic()).unwrap()
+    wait(Some(&gpu.device), gpu.read_texture(frame.caustic())).unwrap()
 }
 
 /// A function that gathers on some back end.
@@ -110,6 +111,15 @@ pub fn floor(extent: f32, n: u32) -> Receivers {
         }
     }
     Receivers::from_points(&points, n)
+}
+
+/// Light without symmetry, rotated about +Y.
+pub fn rotated_light(rotation_rad: f32) -> CubeMap {
+    let light_from_world = glam::Mat3::from_rotation_y(-rotation_rad);
+    CubeMap::from_radiance(64, None, move |d| {
+        let d = light_from_world * d;
+        Vec3::new(1.0 + d.x, 2.0 + d.y + d.z, (9.0 * d.z + 4.0 * d.x).sin().abs())
+    })
 }
 
 /// ‖a − b‖₂ / ‖b‖₂ over R, G and B.
