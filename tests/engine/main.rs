@@ -7,6 +7,7 @@ mod closed_forms;
 mod densities;
 mod distributions;
 mod embedding;
+mod environment_rotation;
 mod figure4;
 mod filter_quality;
 mod gloss;
