@@ -13,20 +13,20 @@ use bare_cpu::bare_cpu_loop;
 use bare_gpu::BareLoop;
 use glam::{Vec2, Vec3};
 use pinspot::blocking::wait;
-use pinspot::cell_tree::{CellTree, NodeGeometry, TreeOptions};
-use pinspot::differential::differentials;
-use pinspot::environment::{Environment, LightBounds};
-use pinspot::gpu::Gpu;
-use pinspot::pinhole::cpu::{Accuracy, Light, gather, gather_hierarchical, typical_irradiance};
-use pinspot::pinhole::gpu::{
+use pinspot::low_level::cell_tree::{CellTree, NodeGeometry, TreeOptions};
+use pinspot::low_level::differential::differentials;
+use pinspot::low_level::environment::{Environment, LightBounds};
+use pinspot::low_level::gpu::Gpu;
+use pinspot::low_level::pinhole::cpu::{Accuracy, Light, gather, gather_hierarchical, typical_irradiance};
+use pinspot::low_level::pinhole::gpu::{
     CellTreeBuffers, EnvironmentCube, HierarchicalEngine, HierarchicalInputs, HierarchicalOptions, LightBoundsTexture,
     Tolerance,
 };
-use pinspot::pinhole::{Params, PinholeTree, Receivers};
-use pinspot::render::{Settings, visible_receivers};
-use pinspot::sampling::{self, Strategy, Surface, sample};
+use pinspot::low_level::pinhole::{Params, PinholeTree, Receivers};
+use pinspot::low_level::sampling::{self, Strategy, Surface, sample};
+use pinspot::low_level::tracing::Tracer;
 use pinspot::scene::{BUILT_IN, Mesh, Scene, load};
-use pinspot::tracing::Tracer;
+use pinspot::{Settings, visible_receivers};
 
 const EDGE: u32 = 512;
 /// One row in so many is summed flat.

@@ -10,12 +10,12 @@
 use std::path::Path;
 
 use pinspot::image::Aov;
-use pinspot::pinhole::{Filter, Footprint};
+use pinspot::low_level::pinhole::{Filter, Footprint};
+use pinspot::low_level::sampling::{Density, Strategy};
 use pinspot::reference::Goal;
-use pinspot::render::{BackendChoice, EvaluationChoice, Settings};
 use pinspot::report::{Comparison, Plan, Request, Row, compare};
-use pinspot::sampling::{Density, Strategy};
 use pinspot::scene::Visibility;
+use pinspot::{BackendChoice, EvaluationChoice, Settings};
 use pinspot::{Error, Silent};
 
 const SCENES: [&str; 5] = ["ring", "ring-natural", "spoon", "mirror-sphere", "cup"];

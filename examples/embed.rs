@@ -6,15 +6,15 @@
 
 use glam::Vec3;
 use glam::camera::rh;
-use pinspot::differential::differentials;
-use pinspot::environment::Environment;
+use pinspot::Settings;
 use pinspot::image::{Image, display, write_png};
-use pinspot::pinhole::gpu::{Engine, EnvironmentCube, FrameInputs, Options};
-use pinspot::pinhole::{Footprint, Params, pinholes};
-use pinspot::render::Settings;
-use pinspot::sampling::{self, Surface, sample};
+use pinspot::low_level::differential::differentials;
+use pinspot::low_level::environment::Environment;
+use pinspot::low_level::pinhole::gpu::{Engine, EnvironmentCube, FrameInputs, Options};
+use pinspot::low_level::pinhole::{Footprint, Params, pinholes};
+use pinspot::low_level::sampling::{self, Surface, sample};
+use pinspot::low_level::tracing::Tracer;
 use pinspot::scene::{Scene, load};
-use pinspot::tracing::Tracer;
 use pinspot::wgpu;
 use wgpu::util::DeviceExt;
 

@@ -15,6 +15,15 @@ use crate::pinhole::Filter;
 #[cfg(feature = "gpu")]
 use crate::pinhole::gpu::{HardwareVerdict, check_hardware_filter};
 
+/// What a program waits for where sums are computed on a GPU.
+#[cfg(feature = "gpu")]
+pub use wgpu::Device;
+
+/// Without the feature `gpu` there is no device.
+#[cfg(not(feature = "gpu"))]
+#[derive(Clone, Debug)]
+pub enum Device {}
+
 /// Which back end is asked for.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub enum BackendChoice {
@@ -99,10 +108,13 @@ impl Backend {
         }
     }
 
-    /// The device of a GPU, to wait for; see [`crate::blocking::wait`].
-    #[cfg(feature = "gpu")]
-    pub fn device(&self) -> Option<&wgpu::Device> {
-        self.shared_gpu().map(|shared| &shared.gpu.device)
+    /// The device, on a GPU: to be polled while a future of the engine is waited for, as by `blocking::wait`.
+    pub fn device(&self) -> Option<&Device> {
+        match &self.0 {
+            Kind::Cpu => None,
+            #[cfg(feature = "gpu")]
+            Kind::Gpu(shared) => Some(&shared.gpu.device),
+        }
     }
 
     /// The filter that a choice leads to here, and what the user should know about it.

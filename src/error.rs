@@ -1,11 +1,13 @@
 //! The library's error: one variant a stage. Each message says what is wrong, where, and what to do.
 
 use crate::environment::EnvironmentError;
+#[cfg(feature = "gpu")]
 use crate::gpu::GpuError;
 use crate::image::ImageError;
+#[cfg(feature = "report")]
 use crate::report::ReportError;
 use crate::sampling::SamplingError;
-use crate::scene::SceneError;
+use crate::scene::{MeshError, SceneError};
 
 /// Anything that can go wrong between a scene file and a picture.
 #[derive(Debug, thiserror::Error)]
@@ -14,6 +16,9 @@ pub enum Error {
     /// The scene file, or a mesh in it.
     #[error(transparent)]
     Scene(#[from] SceneError),
+    /// An object's mesh.
+    #[error(transparent)]
+    Mesh(#[from] MeshError),
     /// The light.
     #[error(transparent)]
     Environment(#[from] EnvironmentError),
@@ -21,12 +26,14 @@ pub enum Error {
     #[error(transparent)]
     Sampling(#[from] SamplingError),
     /// The GPU.
+    #[cfg(feature = "gpu")]
     #[error(transparent)]
     Gpu(#[from] GpuError),
     /// A picture file.
     #[error(transparent)]
     Image(#[from] ImageError),
     /// A report.
+    #[cfg(feature = "report")]
     #[error(transparent)]
     Report(#[from] ReportError),
     /// An option out of its range.
@@ -61,6 +68,11 @@ pub enum OptionError {
 }
 
 impl OptionError {
+    /// A value that cannot be, for this reason.
+    pub fn invalid(key: &'static str, reason: impl Into<String>) -> Self {
+        Self::Conflict { key, reason: reason.into(), remedies: &[] }
+    }
+
     /// The option, as scene files call it.
     pub fn key(&self) -> &'static str {
         match self {

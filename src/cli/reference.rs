@@ -5,13 +5,14 @@ use std::path::PathBuf;
 use clap::Args;
 use serde::Serialize;
 
+use pinspot::Settings;
 use pinspot::image::Aov;
 use pinspot::reference::{Account, Estimate, Goal, Options, Quantity, Reference};
-use pinspot::render::Settings;
 use pinspot::scene::{Loaded, Visibility, load};
 
+use super::errors::message;
 use super::options::{override_light, parse_size, parse_switch, word};
-use super::progress::Bar;
+use super::progress::Watch;
 use super::render::check_output;
 
 #[derive(Debug, Args)]
@@ -74,10 +75,10 @@ pub fn run(args: &ReferenceArgs) -> Result<(), String> {
     let options = options(args, &render)?;
     let name = scene.name.clone();
     let goal = Goal { rel_error: args.rel_error, seconds: args.seconds, points: None };
-    let bar = Bar::new(args.quiet);
+    let bar = Watch::new(args.quiet);
     let solved = solve(args, Reference::new(scene, options.clone()), &goal, &bar);
     bar.finish();
-    let (estimate, mut warnings) = solved.map_err(|e| e.to_string())?;
+    let (estimate, mut warnings) = solved.map_err(|e| message(&e))?;
     if estimate.rel_error() > goal.rel_error {
         warnings.push(format!(
             "the time is up at a relative standard error of {:.4}, not {}; the same command goes on from here",
@@ -85,14 +86,12 @@ pub fn run(args: &ReferenceArgs) -> Result<(), String> {
             goal.rel_error
         ));
     }
-    for warning in &warnings {
-        eprintln!("pinspot: warning: {warning}");
-    }
+    warnings.iter().for_each(|warning| super::warn(warning));
     if args.json {
         let rel_error = estimate.rel_error();
         super::print_json(&Report { scene: &name, options: &options, rel_error, account: estimate.account, warnings })?;
     } else if !args.quiet {
-        eprintln!("{}", summary(args, &estimate));
+        super::to_stderr(&summary(args, &estimate));
     }
     Ok(())
 }
@@ -124,7 +123,7 @@ fn solve(
     args: &ReferenceArgs,
     reference: Result<Reference, pinspot::Error>,
     goal: &Goal,
-    bar: &Bar,
+    bar: &Watch,
 ) -> Result<(Estimate, Vec<String>), pinspot::Error> {
     let reference = reference?;
     let known = reference.read(&args.output)?;

@@ -107,9 +107,7 @@ impl FrameInputs<'_> {
     /// Whether any picture shows the irradiance on an object; the beauty shows what glossy ones reflect instead.
     fn shows_irradiance(&self, aov: Aov, object: u32) -> bool {
         let options = self.options;
-        options.aovs.contains(&aov)
-            || options.plain_diffuse
-            || !self.prepared.materials.receivers.is_glossy(object)
+        options.aovs.contains(&aov) || options.plain_diffuse || !self.prepared.materials.receivers.is_glossy(object)
     }
 
     fn objects(&self) -> std::ops::Range<u32> {
@@ -248,8 +246,7 @@ impl BandStages {
         light: &mut LightStages,
         paths: &Arc<Paths>,
     ) -> Result<Arc<SurfaceLight>, Error> {
-        let key =
-            EndsKey { paths: Id::of(paths), light: inputs.light_key(), sum: inputs.sum.map(Id::of) };
+        let key = EndsKey { paths: Id::of(paths), light: inputs.light_key(), sum: inputs.sum.map(Id::of) };
         let source = direct_light(inputs, light);
         let make = async || {
             let caustic = match inputs.sum {
@@ -283,8 +280,7 @@ impl BandStages {
         let shader = Shader { light, own, ends, caustic_gain: options.caustic_gain };
         let shaded = self.shading.get(key, progress, || shader.shade(paths));
         let settings = options.display;
-        let displayed =
-            self.display.get((Id::of(&shaded), settings), progress, || shaded.displayed(&settings));
+        let displayed = self.display.get((Id::of(&shaded), settings), progress, || shaded.displayed(&settings));
         Beauty { radiance: shaded.radiance(), displayed }
     }
 
@@ -315,11 +311,7 @@ fn direct_at(inputs: &FrameInputs, source: &DirectLight, point: &EndPoint) -> Ve
 }
 
 /// The caustic at the ends of paths: irradiance, or from glossy receivers the radiance towards their viewers.
-async fn caustic_at(
-    inputs: &FrameInputs<'_>,
-    sum: &Arc<dyn Sum>,
-    points: &[EndPoint],
-) -> Result<Vec<[f32; 4]>, Error> {
+async fn caustic_at(inputs: &FrameInputs<'_>, sum: &Arc<dyn Sum>, points: &[EndPoint]) -> Result<Vec<[f32; 4]>, Error> {
     let materials = &inputs.prepared.materials.receivers;
     let is_glossy = |p: &EndPoint| p.receives && materials.is_glossy(p.hit.object);
     let rows = (points.len() as u32).div_ceil(ENDS_IN_A_ROW);

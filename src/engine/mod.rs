@@ -37,19 +37,18 @@ use crate::technique::{Inputs, Sum, Technique, TechniqueStages};
 /// Renders pictures of a scene, and keeps what it made for the next one.
 ///
 /// ```
-/// use pinspot::{Backend, Engine, NoProgress, Options, Stage, blocking, scene};
+/// use pinspot::{Backend, Engine, NoProgress, Stage, blocking};
 ///
-/// let scene = scene::load("mirror-sphere")?.scene;
-/// let options = Options::default().with_size([32, 32]).with_samples(50);
+/// let (scene, options) = pinspot::load("mirror-sphere")?;
 /// let backend = Backend::cpu();
-/// let mut engine = Engine::new(scene, options, backend.clone());
-/// let first = blocking::wait(&backend, engine.render(&NoProgress))?;
+/// let mut engine = Engine::new(scene, options.with_size([32, 32]).with_samples(50), backend.clone());
+/// let first = blocking::wait(backend.device(), engine.render(&NoProgress))?;
 /// assert_eq!(first.layers[0].1.pixels.len(), 32 * 32);
 ///
 /// // Only the display is made again.
 /// let before = engine.stage_counts();
 /// engine.options_mut().display.exposure_ev = 1.0;
-/// blocking::wait(&backend, engine.render(&NoProgress))?;
+/// blocking::wait(backend.device(), engine.render(&NoProgress))?;
 /// assert_eq!(engine.stage_counts().made_since(&before), [Stage::Display]);
 /// # Ok::<(), pinspot::Error>(())
 /// ```

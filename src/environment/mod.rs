@@ -21,7 +21,6 @@ pub use field::EnvironmentRadiance;
 pub use importance::LightSampler;
 pub use irradiance::irradiance_map;
 
-
 use serde::Deserialize;
 
 use crate::scene::{Light, MapError};

@@ -4,7 +4,7 @@
 
 mod settings;
 
-pub use settings::Settings;
+pub use settings::{Settings, load};
 
 use serde::{Deserialize, Serialize};
 
@@ -234,7 +234,12 @@ const MAX_CELLS_OF_BINDING: u64 = 1_500_000;
 const MAX_CAUSTIC_GAIN: f32 = 1e6;
 
 /// Whether a number lies in a range; NaN lies in none.
-fn in_range<T: PartialOrd + std::fmt::Display>(key: &'static str, value: T, low: T, high: T) -> Result<(), OptionError> {
+fn in_range<T: Copy + PartialOrd + std::fmt::Display>(
+    key: &'static str,
+    value: T,
+    low: T,
+    high: T,
+) -> Result<(), OptionError> {
     if (low..=high).contains(&value) {
         return Ok(());
     }
@@ -284,7 +289,11 @@ impl Options {
         let cells = u64::from(self.samples) * u64::from(leaves);
         if cells > MAX_CELLS {
             let reason = format!("make {cells} cells with {} samples, but at most {MAX_CELLS} fit", self.samples);
-            return Err(OptionError::Conflict { key: "leaves", reason, remedies: &[("samples", "fewer"), ("leaves", "fewer")] });
+            return Err(OptionError::Conflict {
+                key: "leaves",
+                reason,
+                remedies: &[("samples", "fewer"), ("leaves", "fewer")],
+            });
         }
         if leaves > 1 && self.footprint == Footprint::Curvature {
             let reason = "are cells, which curvature footprints have none of".to_owned();

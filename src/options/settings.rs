@@ -3,12 +3,13 @@
 use serde::Deserialize;
 
 use super::{DisplaySettings, EvaluationChoice, FilterChoice, Options};
+use crate::Error;
 use crate::environment::CubeSize;
 use crate::error::OptionError;
 use crate::image::Aov;
 use crate::pinhole::{Epsilon, Footprint};
 use crate::sampling::{Density, Strategy};
-use crate::scene::Visibility;
+use crate::scene::{Loaded, Scene, Visibility};
 use crate::technique::Technique;
 
 /// What a scene file or a command line says about rendering. Everything is optional, so that one can be laid over another.
@@ -122,4 +123,13 @@ impl Settings {
         options.check()?;
         Ok(options)
     }
+}
+
+/// Loads a scene file, or the built-in scene of that name, with the options of its `[render]` table.
+///
+/// # Errors
+/// What is wrong with the scene, its meshes or its light, or an option out of range.
+pub fn load(path_or_name: &str) -> Result<(Scene, Options), Error> {
+    let Loaded { scene, render } = crate::scene::load::<Settings>(path_or_name)?;
+    Ok((scene, render.options()?))
 }

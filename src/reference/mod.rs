@@ -155,7 +155,7 @@ pub struct Reference {
 impl Reference {
     /// Loads the light and finds what the camera sees.
     pub fn new(scene: Scene, options: Options) -> Result<Self, Error> {
-        let fail = |key: &'static str, message: &str| Err(OptionError { key, message: message.into() }.into());
+        let fail = |key: &'static str, message: &str| Err(OptionError::invalid(key, message).into());
         if options.size.iter().any(|s| !(1..=16384).contains(s)) {
             return fail("size", "must be from 1×1 to 16384×16384 pixels");
         }
@@ -193,11 +193,11 @@ impl Reference {
         let Goal { rel_error, seconds, .. } = *goal;
         if !(rel_error > 0.0 && rel_error.is_finite()) {
             let message = format!("is {rel_error}, but must be a number greater than 0");
-            return Err(OptionError { key: "rel_error", message }.into());
+            return Err(OptionError::invalid("rel_error", message).into());
         }
         if let Some(seconds) = seconds.filter(|s| s.is_nan() || *s <= 0.0) {
             let message = format!("is {seconds}, but must be a number greater than 0");
-            return Err(OptionError { key: "seconds", message }.into());
+            return Err(OptionError::invalid("seconds", message).into());
         }
         match self.options.quantity {
             Quantity::Caustic | Quantity::Reflected => {

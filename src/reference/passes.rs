@@ -11,7 +11,7 @@ use super::receivers::Receivers;
 use super::replicates::{self, LEAST_SPLITS, MOST_SPLITS, Moments, POINTS_PER_SPLIT, Tally, Work};
 use super::{Account, Estimate, Goal, Options};
 use crate::image::Image;
-use crate::{Error, Progress};
+use crate::{Error, Progress, Stage};
 
 /// Points per replicate in the first pass, at least.
 const PILOT_POINTS: u32 = 16;
@@ -189,7 +189,7 @@ impl<D: Domain> Passes<'_, D> {
     /// One independent pass, and its seconds per unit.
     fn pass(&self, plan: &Plan, index: u64) -> (Estimate, f64) {
         let [width, height] = self.options.size;
-        self.progress.begin("reference", self.pixels() as u64);
+        self.progress.begin(Stage::Reference, self.pixels() as u64);
         let started = Instant::now();
         let tally = Tally::default();
         let work = self.work(plan, index, &tally);

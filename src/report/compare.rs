@@ -3,18 +3,19 @@
 use std::path::{Path, PathBuf};
 
 use super::ReportError;
-use super::cells::{Cell, render_or_reuse};
+use super::cells::{Cell, Clock, Timed, render_or_reuse};
 use super::comparison::{Comparison, GroundStudy, Picture, ReferenceSummary};
 use super::findings::findings;
 use super::page;
 use super::plan::Plan;
 use super::rows::measure;
 use crate::image::{Aov, Image, ImageError, read_mask, write_atomically};
+use crate::options::Options;
+use crate::progress::Stage;
 use crate::reference::{self, Goal, Reference};
-use crate::render::{BackendChoice, EvaluationChoice, Options};
 use crate::sampling::{GROUNDS, Surface, study};
 use crate::scene::Scene;
-use crate::{Error, Progress};
+use crate::{Backend, Engine, Error, Progress};
 
 /// What to compare.
 #[derive(Clone, Debug)]
@@ -23,8 +24,8 @@ pub struct Request {
     pub scene: Scene,
     /// What all combinations share; their AOV is the caustic, whatever is set.
     pub options: Options,
-    /// Where they run.
-    pub backend: BackendChoice,
+    /// Where they run; one device serves all combinations.
+    pub backend: Backend,
     /// The combinations.
     pub plan: Plan,
     /// Only pixels that are not black in this picture count.
@@ -42,7 +43,10 @@ const STUDY_POINTS: u32 = 1024;
 const STUDY_SETS: u32 = 10;
 
 /// Computes the reference, renders every combination that is not there yet, and measures.
-pub fn compare(request: &Request, progress: &dyn Progress) -> Result<Comparison, Error> {
+///
+/// # Errors
+/// Combinations that cannot be rendered, a folder that cannot be written to, and all that the reference and the engine report.
+pub async fn compare(request: &Request, clock: Clock<'_>, progress: &dyn Progress) -> Result<Comparison, Error> {
     let cells_folder = request.folder.join("cells");
     std::fs::create_dir_all(&cells_folder)
         .map_err(|e| ReportError::Folder { path: cells_folder.clone(), reason: e.to_string() })?;
@@ -50,7 +54,10 @@ pub fn compare(request: &Request, progress: &dyn Progress) -> Result<Comparison,
     options.aovs = vec![Aov::Caustic];
     options.check()?;
     let combinations = request.plan.combinations(&options);
-    combinations.iter().try_for_each(Options::check)?;
+    for combination in &combinations {
+        combination.check()?;
+        request.backend.resolve_filter(combination.filter).await?;
+    }
     let mask = request.mask.as_deref().map(|path| mask(path, options.size)).transpose()?;
     let (reference, truth) = solve_reference(request, &options, progress)?;
     let mut comparison = Comparison {
@@ -64,15 +71,13 @@ pub fn compare(request: &Request, progress: &dyn Progress) -> Result<Comparison,
         sampling: Vec::new(),
         warnings: Vec::new(),
         pictures: vec![Picture { label: "reference".into(), image: truth.clone(), flip: None, dots: None, row: None }],
-        exposure_ev: options.look.exposure_ev,
+        exposure_ev: options.display.exposure_ev,
         size: options.size,
     };
-    // A hardware filter looks for a GPU of any kind; all others settle for the CPU together.
-    let settled = request.backend.settled(crate::pinhole::Filter::None);
+    let mut engine = Engine::new(request.scene.clone(), options.clone(), request.backend.clone());
     for combination in &combinations {
-        let needs_gpu = combination.params.filter == crate::pinhole::Filter::Hardware;
-        let backend = if needs_gpu { &request.backend } else { &settled };
-        let cell = render_or_reuse(&request.scene, combination, backend, &cells_folder, progress)?;
+        let timed = Timed::new(clock, progress);
+        let cell = render_or_reuse(&mut engine, combination, &cells_folder, &timed).await?;
         comparison.add(cell, &truth, mask.as_deref(), combination.seed == options.seed);
     }
     comparison.study_strategies(request, progress)?;
@@ -92,7 +97,7 @@ fn solve_reference(
         size: options.size,
         pixel_samples: options.pixel_samples,
         visibility: options.visibility,
-        attenuation: options.params.attenuation,
+        attenuation: options.attenuation,
         ..Default::default()
     };
     let file = "reference.exr";
@@ -125,12 +130,9 @@ impl Comparison {
     fn add(&mut self, cell: Cell, truth: &Image, mask: Option<&[bool]>, shown: bool) {
         let (row, map) = measure(&cell, truth, mask, self.exposure_ev);
         if shown {
-            let evaluation = match row.evaluation {
-                EvaluationChoice::Flat => "",
-                other => &format!(" {}", other.name()),
-            };
-            let label =
-                format!("{} {} {}{evaluation} {}", row.strategy.name(), row.footprint.name(), row.filter, row.samples);
+            let mode = if row.mode == "flat" { String::new() } else { format!(" {}", row.mode) };
+            let (strategy, footprint, filter) = (row.strategy.name(), row.footprint.name(), row.filter.name());
+            let label = format!("{strategy} {footprint} {filter}{mode} {}", row.samples);
             self.pictures.push(Picture {
                 label,
                 image: cell.image,
@@ -153,7 +155,7 @@ impl Comparison {
 
     fn study_strategies(&mut self, request: &Request, progress: &dyn Progress) -> Result<(), Error> {
         let strategies = &request.plan.strategies;
-        progress.begin("sampling quality", (strategies.len() * (GROUNDS.len() + 1)) as u64);
+        progress.begin(Stage::Quality, (strategies.len() * (GROUNDS.len() + 1)) as u64);
         let seed = request.options.seed;
         let reflectors = Surface::of_scene(&request.scene);
         let samples = request.plan.samples.iter().copied().max().unwrap_or(1000).min(4000);
@@ -169,6 +171,7 @@ impl Comparison {
                 progress.advance(1);
             }
         }
+        progress.end(Stage::Quality);
         Ok(())
     }
 

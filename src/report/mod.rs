@@ -13,6 +13,7 @@ mod page;
 mod plan;
 mod rows;
 
+pub use cells::Clock;
 pub use compare::{Request, compare};
 pub use comparison::{Comparison, ReferenceSummary};
 pub use encode::spectrum_picture;

@@ -87,6 +87,16 @@ impl Object {
     }
 
     /// The geometry in world space.
+    ///
+    /// # Errors
+    /// A placement that is not finite, or that takes vertices out of the range of 32-bit numbers.
+    pub fn checked_mesh_in_world(&self) -> Result<Mesh, MeshError> {
+        let mesh = self.mesh_in_world();
+        mesh.check_placed(&self.name)?;
+        Ok(mesh)
+    }
+
+    /// The geometry in world space, whatever it is.
     pub fn mesh_in_world(&self) -> Mesh {
         self.mesh.placed(&self.placement)
     }

@@ -11,7 +11,8 @@ mod view;
 pub(crate) use light::{LightStages, PreparedLight};
 pub(crate) use memo::{Id, Memo};
 pub(crate) use scene::{PreparedScene, SceneStages, SurfaceMaterials};
-pub(crate) use view::{CameraRays, View, visible_receivers};
+pub use view::visible_receivers;
+pub(crate) use view::{CameraRays, View};
 
 use serde::Serialize;
 

@@ -11,7 +11,7 @@ use crate::pinhole::CURVE_POINTS;
 use crate::progress::{Progress, Stage};
 use crate::reflectance::{Curve, Finish};
 use crate::sampling::Surface;
-use crate::scene::{Mesh, Object, Receiver, Reflector, Scene, Sides, Transform};
+use crate::scene::{Mesh, MeshError, Object, Receiver, Reflector, Scene, Sides, Transform};
 use crate::tracing::Tracer;
 
 /// A scene, ready to be sampled and looked at.
@@ -70,8 +70,8 @@ impl SceneStages {
         }
     }
 
-    pub fn prepare(&mut self, scene: &Scene, progress: &dyn Progress) -> PreparedScene {
-        let meshes = self.place_meshes(scene, progress);
+    pub fn prepare(&mut self, scene: &Scene, progress: &dyn Progress) -> Result<PreparedScene, MeshError> {
+        let meshes = self.place_meshes(scene, progress)?;
         let seen = meshes.iter().zip(&scene.objects).map(|(mesh, o)| (Id::of(mesh), o.camera_visible));
         let tracer = self.tracer.get(seen.collect(), progress, || {
             Tracer::of_meshes(meshes.iter().zip(&scene.objects).map(|(mesh, o)| (&**mesh, o.camera_visible)))
@@ -81,17 +81,17 @@ impl SceneStages {
         let surface = self.surface.get(mirrors, progress, || reflecting_surface(&meshes, scene));
         let materials = scene.objects.iter().map(|o| (o.receiver.clone(), o.reflector.map(|r| r.finish))).collect();
         let materials = self.materials.get(materials, progress, || SurfaceMaterials::of_scene(scene));
-        PreparedScene { tracer, surface, materials }
+        Ok(PreparedScene { tracer, surface, materials })
     }
 
-    fn place_meshes(&mut self, scene: &Scene, progress: &dyn Progress) -> Vec<Arc<Mesh>> {
+    fn place_meshes(&mut self, scene: &Scene, progress: &dyn Progress) -> Result<Vec<Arc<Mesh>>, MeshError> {
         while self.meshes.len() > scene.objects.len() {
             self.meshes_made_before += self.meshes.pop().map_or(0, |memo| memo.times_made());
         }
         self.meshes.resize_with(scene.objects.len(), || Memo::new(Stage::Geometry));
         let place = |(memo, object): (&mut Memo<PlacedMeshKey, Mesh>, &Object)| {
             let key = PlacedMeshKey { mesh: Id::of(&object.mesh), placement: object.placement };
-            memo.get(key, progress, || object.mesh_in_world())
+            memo.try_get(key, progress, || object.checked_mesh_in_world())
         };
         self.meshes.iter_mut().zip(&scene.objects).map(place).collect()
     }

@@ -14,13 +14,13 @@ use glam::Vec3;
 use serde::{Deserialize, Serialize};
 
 pub use self::pinhole::place_samples;
+use crate::Error;
 use crate::backend::Backend;
 use crate::options::{Evaluation, Options};
 use crate::pinhole::{Filter, Receivers};
 use crate::progress::Progress;
 use crate::scene::Scene;
 use crate::stages::{LightStages, PreparedLight, PreparedScene, StageCounts};
-use crate::Error;
 
 /// A way to compute the irradiance that reaches receivers by way of the mirrors.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Deserialize, Serialize)]

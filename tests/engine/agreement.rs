@@ -2,13 +2,13 @@
 
 use pinspot::Silent;
 use pinspot::blocking::wait;
-use pinspot::environment::CubeMap;
 use pinspot::image::Aov;
-use pinspot::pinhole::gpu::Options;
-use pinspot::pinhole::{BATCH_SIZE, Filter, Footprint, Params, PinholeSample, Pinholes, Receivers};
-use pinspot::render::{BackendChoice, BackendReport, EvaluationChoice, Rendered, Renderer, Settings};
-use pinspot::sampling::Strategy;
+use pinspot::low_level::environment::CubeMap;
+use pinspot::low_level::pinhole::gpu::Options;
+use pinspot::low_level::pinhole::{BATCH_SIZE, Filter, Footprint, Params, PinholeSample, Pinholes, Receivers};
+use pinspot::low_level::sampling::Strategy;
 use pinspot::scene::{BUILT_IN, load};
+use pinspot::{BackendChoice, BackendReport, EvaluationChoice, Rendered, Renderer, Settings};
 
 use crate::support::{floor, gpu, on_cpu, on_gpu, on_gpu_with, pinholes_of, rel_l2, rotated_light, scene};
 
@@ -53,7 +53,7 @@ fn the_same_seed_gives_the_same_bits() {
         let aovs = [Aov::Beauty, Aov::Caustic, Aov::Direct, Aov::Normal, Aov::Depth];
         let [one, two] = [1, 2].map(|_| render("cup", Filter::Anisotropic, &backend, &aovs));
         assert_eq!(one.layers, two.layers, "{backend:?}");
-        let look = pinspot::render::Options::default().look;
+        let look = pinspot::Options::default().look;
         assert_eq!(one.shown(&look), two.shown(&look));
     }
 }
@@ -127,7 +127,7 @@ fn two_sided_reflectors_reflect_on_both_sides() {
 /// The run says so where the hardware filter is wrong, and such an adapter (lavapipe) is known to be.
 #[test]
 fn a_wrong_hardware_filter_is_reported() {
-    let verdict = wait(Some(&gpu().device), pinspot::pinhole::gpu::check_hardware_filter(gpu())).unwrap();
+    let verdict = wait(Some(&gpu().device), pinspot::low_level::pinhole::gpu::check_hardware_filter(gpu())).unwrap();
     let rendered = render("mirror-sphere", Filter::Hardware, &BackendChoice::Gpu(None), &[Aov::Caustic]);
     let warned = rendered.report.warnings.iter().any(|w| w.contains("hardware filter"));
     assert_eq!(warned, !verdict.is_right(), "{verdict:?}");

@@ -4,11 +4,11 @@
 #[path = "../../examples/embed.rs"]
 mod embed;
 
-use pinspot::environment::Environment;
-use pinspot::pinhole::{Params, Receivers};
-use pinspot::render::Settings;
+use pinspot::Settings;
+use pinspot::low_level::environment::Environment;
+use pinspot::low_level::pinhole::{Params, Receivers};
+use pinspot::low_level::tracing::Tracer;
 use pinspot::scene::load;
-use pinspot::tracing::Tracer;
 
 use crate::support::{on_cpu, pinholes_of, rel_l2};
 

@@ -3,14 +3,14 @@
 use std::f32::consts::FRAC_PI_2;
 
 use glam::{Mat3, Vec3};
-use pinspot::cell_tree::{CellTree, TreeOptions};
-use pinspot::environment::{CubeMap, LightBounds};
-use pinspot::pinhole::cpu::{self, Accuracy, Light, gather_hierarchical, typical_irradiance};
-use pinspot::pinhole::{Filter, Footprint, Params, PinholeTree, Pinholes, Receivers, pinholes};
-use pinspot::render::{Settings, visible_receivers};
-use pinspot::sampling::{self, Strategy, Surface, sample};
+use pinspot::low_level::cell_tree::{CellTree, TreeOptions};
+use pinspot::low_level::environment::{CubeMap, LightBounds};
+use pinspot::low_level::pinhole::cpu::{self, Accuracy, Light, gather_hierarchical, typical_irradiance};
+use pinspot::low_level::pinhole::{Filter, Footprint, Params, PinholeTree, Pinholes, Receivers, pinholes};
+use pinspot::low_level::sampling::{self, Strategy, Surface, sample};
+use pinspot::low_level::tracing::Tracer;
 use pinspot::scene::{Scene, load};
-use pinspot::tracing::Tracer;
+use pinspot::{Settings, visible_receivers};
 
 use crate::support::{on_cpu, rel_l2};
 
@@ -78,7 +78,8 @@ impl Work {
 
     fn samples(&self, has_visibility: bool) -> Pinholes {
         let set = self.sample_set(3000);
-        let mut samples = pinholes(&self.scene, &pinspot::differential::differentials(&set), Footprint::Cells);
+        let mut samples =
+            pinholes(&self.scene, &pinspot::low_level::differential::differentials(&set), Footprint::Cells);
         if has_visibility {
             samples.look_around(&self.scene, &self.tracer);
         }

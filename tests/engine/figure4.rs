@@ -8,10 +8,10 @@
 use std::f64::consts::TAU;
 
 use glam::Vec3;
-use pinspot::environment::{CubeMap, CubeSize, Environment};
-use pinspot::pinhole::{Filter, Footprint, Params, Receivers};
-use pinspot::render::Settings;
-use pinspot::sampling::Strategy;
+use pinspot::Settings;
+use pinspot::low_level::environment::{CubeMap, CubeSize, Environment};
+use pinspot::low_level::pinhole::{Filter, Footprint, Params, Receivers};
+use pinspot::low_level::sampling::Strategy;
 use pinspot::scene::load;
 use rayon::prelude::*;
 

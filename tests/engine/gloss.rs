@@ -4,11 +4,11 @@ use std::path::Path;
 
 use glam::{DVec3, Vec3};
 use pinspot::Silent;
-use pinspot::environment::{CubeMap, Environment};
-use pinspot::pinhole::{Filter, Footprint, Params, Receivers};
+use pinspot::low_level::environment::{CubeMap, Environment};
+use pinspot::low_level::pinhole::{Filter, Footprint, Params, Receivers};
+use pinspot::low_level::reflectance::Curve;
+use pinspot::low_level::sampling::Strategy;
 use pinspot::reference::{Goal, Options, Reference};
-use pinspot::reflectance::Curve;
-use pinspot::sampling::Strategy;
 use pinspot::scene::{Scene, Visibility, parse};
 
 use super::support::{BACK_ENDS, floor, on_cpu, on_gpu, pinholes_of, rel_l2};

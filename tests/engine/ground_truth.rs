@@ -4,9 +4,9 @@ use std::f64::consts::PI;
 use std::path::Path;
 
 use glam::{DVec3, Vec3};
+use pinspot::Settings;
 use pinspot::Silent;
 use pinspot::reference::{Density, Estimate, Goal, Options, Quantity, Reference};
-use pinspot::render::Settings;
 use pinspot::scene::{BUILT_IN, Light, Scene, Visibility, load, parse};
 use statrs::distribution::{ContinuousCDF, StudentsT};
 

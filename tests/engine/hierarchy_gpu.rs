@@ -4,21 +4,21 @@ use std::sync::Arc;
 
 use pinspot::Silent;
 use pinspot::blocking::wait;
-use pinspot::brdf::Materials;
-use pinspot::cell_tree::{CellTree, TreeOptions};
-use pinspot::environment::{CubeMap, Environment, LightBounds};
-use pinspot::gpu::Gpu;
 use pinspot::image::Aov;
-use pinspot::pinhole::cpu::{Accuracy, Light, gather_hierarchical, typical_irradiance};
-use pinspot::pinhole::gpu::{
+use pinspot::low_level::brdf::Materials;
+use pinspot::low_level::cell_tree::{CellTree, TreeOptions};
+use pinspot::low_level::environment::{CubeMap, Environment, LightBounds};
+use pinspot::low_level::gpu::Gpu;
+use pinspot::low_level::pinhole::cpu::{Accuracy, Light, gather_hierarchical, typical_irradiance};
+use pinspot::low_level::pinhole::gpu::{
     CellTreeBuffers, EnvironmentCube, FrameViewers, HierarchicalEngine, HierarchicalInputs, HierarchicalOptions,
     LightBoundsMaker, Tolerance,
 };
-use pinspot::pinhole::{Arrangement, Params, PinholeTree, Receivers, Viewers};
-use pinspot::render::{BackendChoice, EvaluationChoice, Rendered, Renderer, Settings, visible_receivers};
-use pinspot::sampling::{self, Strategy, Surface, sample};
+use pinspot::low_level::pinhole::{Arrangement, Params, PinholeTree, Receivers, Viewers};
+use pinspot::low_level::sampling::{self, Strategy, Surface, sample};
+use pinspot::low_level::tracing::Tracer;
 use pinspot::scene::{BUILT_IN, Scene, Visibility, load};
-use pinspot::tracing::Tracer;
+use pinspot::{BackendChoice, EvaluationChoice, Rendered, Renderer, Settings, visible_receivers};
 
 use crate::support::{gpu, rel_l2, rotated_light};
 

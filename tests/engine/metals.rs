@@ -4,11 +4,11 @@ use std::path::Path;
 
 use glam::{DVec3, Vec3};
 use pinspot::Silent;
-use pinspot::environment::CubeMap;
-use pinspot::pinhole::{Footprint, Params};
+use pinspot::low_level::environment::CubeMap;
+use pinspot::low_level::pinhole::{Footprint, Params};
+use pinspot::low_level::reflectance::{Finish, Metal};
+use pinspot::low_level::sampling::Strategy;
 use pinspot::reference::{Goal, Options, Reference};
-use pinspot::reflectance::{Finish, Metal};
-use pinspot::sampling::Strategy;
 use pinspot::scene::{Scene, parse};
 
 use super::support::{BACK_ENDS, floor, on_cpu, on_gpu, pinholes_of, rel_l2, scene};

@@ -4,8 +4,8 @@ use std::path::Path;
 
 use pinspot::Silent;
 use pinspot::image::srgb8;
-use pinspot::render::{BackendChoice, Renderer, Settings};
 use pinspot::scene::load;
+use pinspot::{BackendChoice, Renderer, Settings};
 
 #[test]
 fn the_readmes_pictures_are_what_its_commands_render() {

@@ -5,15 +5,15 @@ use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
 use pinspot::Silent;
-use pinspot::brdf::{BrdfTable, Gloss, Materials};
-use pinspot::environment::{CubeMap, Environment};
 use pinspot::image::{Aov, Image, rel_l2};
-use pinspot::pinhole::{Footprint, Params, Receivers, Viewers};
+use pinspot::low_level::brdf::{BrdfTable, Gloss, Materials};
+use pinspot::low_level::environment::{CubeMap, Environment};
+use pinspot::low_level::pinhole::{Footprint, Params, Receivers, Viewers};
+use pinspot::low_level::sampling::Strategy;
+use pinspot::low_level::tracing::Tracer;
 use pinspot::reference::{self, Goal, Quantity, Reference};
-use pinspot::render::{BackendChoice, Options, Renderer};
-use pinspot::sampling::Strategy;
 use pinspot::scene::{Scene, parse};
-use pinspot::tracing::Tracer;
+use pinspot::{BackendChoice, Options, Renderer};
 
 use crate::support::{BACK_ENDS, pinholes_of, scene};
 

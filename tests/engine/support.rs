@@ -5,16 +5,16 @@ use std::sync::OnceLock;
 use glam::Vec3;
 use pinspot::Silent;
 use pinspot::blocking::wait;
-use pinspot::differential::differentials;
-use pinspot::environment::CubeMap;
-use pinspot::gpu::Gpu;
 use pinspot::image::{Aov, Image};
-use pinspot::pinhole::gpu::{Engine, EnvironmentCube, FrameInputs, FrameViewers, Options};
-use pinspot::pinhole::{Footprint, Params, Pinholes, Receivers, cpu, pinholes};
+use pinspot::low_level::differential::differentials;
+use pinspot::low_level::environment::CubeMap;
+use pinspot::low_level::gpu::Gpu;
+use pinspot::low_level::pinhole::gpu::{Engine, EnvironmentCube, FrameInputs, FrameViewers, Options};
+use pinspot::low_level::pinhole::{Footprint, Params, Pinholes, Receivers, cpu, pinholes};
+use pinspot::low_level::sampling::{self, Strategy, Surface, sample};
 use pinspot::reference::{self, Goal, Quantity, Reference};
-use pinspot::render::{self, BackendChoice, EvaluationChoice, Renderer, Settings};
-use pinspot::sampling::{self, Strategy, Surface, sample};
 use pinspot::scene::{Scene, Visibility, load, parse};
+use pinspot::{self, BackendChoice, EvaluationChoice, Renderer, Settings};
 
 /// The adapter under test.
 pub fn gpu() -> &'static Gpu {

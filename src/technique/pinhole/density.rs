@@ -29,7 +29,6 @@ const POWER: f32 = 0.5;
 const MIN_DENSITY: f32 = 0.3;
 const MAX_DENSITY: f32 = 5.0;
 
-
 /// What a density may follow.
 pub(super) struct DensityInputs<'a> {
     pub scene: &'a Scene,
@@ -80,8 +79,7 @@ struct Importance {
 impl Importance {
     /// Not for [`Density::Uniform`].
     fn new(inputs: &DensityInputs, options: &Options) -> Result<Self, SamplingError> {
-        let first =
-            sampling::Options { samples: FIRST_SAMPLES, strategy: Strategy::Neighbourhood, seed: options.seed };
+        let first = sampling::Options { samples: FIRST_SAMPLES, strategy: Strategy::Neighbourhood, seed: options.seed };
         let mut set = sample(inputs.surface, &first)?;
         let samples = differentials(&set);
         // Those without a cell are gone from both.

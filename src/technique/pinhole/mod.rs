@@ -15,15 +15,15 @@ use self::on_cpu::{FlatOnCpu, HierarchicalOnCpu};
 use self::on_gpu::GpuStages;
 use self::samples::SampleStages;
 use super::{Inputs, Pending, Statistics, Sum, TechniqueStages};
+use crate::Error;
 use crate::environment::{Environment, LightBounds};
 use crate::options::Evaluation;
 use crate::pinhole::cpu::{Accuracy, Light, typical_irradiance};
 use crate::pinhole::{Params, PinholeTree, Pinholes};
 use crate::progress::Stage;
-use crate::scene::{Camera, Visibility};
+use crate::scene::Camera;
 use crate::stages::{Id, LightStages, Memo, StageCounts, visible_receivers};
 use crate::tracing::Tracer;
-use crate::Error;
 
 /// The longer side of the picture whose receivers the mean irradiance is estimated from, pixels.
 const ESTIMATE_SIZE: u32 = 64;
@@ -107,7 +107,7 @@ impl PinholeStages {
         match evaluation {
             Evaluation::Flat { leaves } => {
                 let pinholes = self.samples.pinholes(&inputs, &points, leaves);
-                let statistics = statistics(self.samples.count_of(&pinholes, leaves), points.positions.clone());
+                let statistics = statistics(pinholes.samples.len(), points.positions.clone());
                 self.flat(FlatInputs { pinholes, environment, params }, statistics, &inputs).await
             }
             Evaluation::Hierarchical { leaves, tolerance } => {
@@ -148,11 +148,8 @@ impl PinholeStages {
         statistics: Statistics,
         inputs: &Inputs<'_>,
     ) -> Result<Arc<dyn Sum>, Error> {
-        let key = SumKey::Flat {
-            pinholes: Id::of(&sum.pinholes),
-            environment: Id::of(&sum.environment),
-            params: sum.params,
-        };
+        let key =
+            SumKey::Flat { pinholes: Id::of(&sum.pinholes), environment: Id::of(&sum.environment), params: sum.params };
         if let Some(known) = self.sum.known(&key) {
             return Ok(known);
         }

@@ -1,8 +1,8 @@
 //! The sums on the CPU.
 
 use super::{FlatInputs, HierarchicalInputs};
-use crate::pinhole::cpu::{Light, gather, gather_hierarchical};
 use crate::pinhole::Receivers;
+use crate::pinhole::cpu::{Light, gather, gather_hierarchical};
 use crate::progress::Progress;
 use crate::technique::{Pending, Statistics, Sum};
 

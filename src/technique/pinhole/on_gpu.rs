@@ -11,8 +11,8 @@ use crate::backend::SharedGpu;
 use crate::environment::{Environment, LightBounds};
 use crate::gpu::{Gpu, GpuError};
 use crate::pinhole::gpu::{
-    self, CellTreeBuffers, Engine, EnvironmentCube, FrameInputs, FrameViewers, HierarchicalEngine,
-    HierarchicalOptions, LightBoundsTexture, Tolerance,
+    self, CellTreeBuffers, Engine, EnvironmentCube, FrameInputs, FrameViewers, HierarchicalEngine, HierarchicalOptions,
+    LightBoundsTexture, Tolerance,
 };
 use crate::pinhole::{Arrangement, BATCH_SIZE, Filter, NO_RECEIVER, Params, PinholeTree, Receivers, Viewers};
 use crate::progress::{Progress, Stage};
@@ -75,9 +75,9 @@ impl GpuStages {
             HierarchicalEngine::new(device, &HierarchicalOptions { filter: key.0, visibility: key.1 })
         });
         let environment = self.environment(shared, &sum.environment, inputs.progress)?;
-        let bounds = self.bounds.get(Id::of(&sum.bounds), inputs.progress, || {
-            LightBoundsTexture::upload(device, queue, &sum.bounds)
-        });
+        let bounds = self
+            .bounds
+            .get(Id::of(&sum.bounds), inputs.progress, || LightBoundsTexture::upload(device, queue, &sum.bounds));
         let tree =
             self.tree.try_get(Id::of(&sum.tree), inputs.progress, || CellTreeBuffers::upload(device, &sum.tree))?;
         shared.gpu.check()?;

@@ -112,15 +112,15 @@ impl SampleStages {
 
     /// Samples one by one: the points themselves, or the leaves of their cells.
     pub fn pinholes(&mut self, inputs: &Inputs, points: &Points, leaves: u32) -> Arc<Pinholes> {
-        let Inputs { scene, prepared, options, progress, .. } = inputs;
+        let Inputs { scene, options, progress, .. } = inputs;
         let key = (cells_key(inputs, points, leaves), occluder(inputs));
         if leaves > 1 {
             let tree = self.bare_tree(inputs, points, leaves);
             return self.pinholes.get(key, *progress, || with_visibility(tree.leaves(), inputs));
         }
-        let differentials =
-            self.differentials.get(Id::of(&points.set), *progress, || differentials(&points.set));
-        self.pinholes.get(key, *progress, || with_visibility(pinholes(scene, &differentials, options.footprint), inputs))
+        let differentials = self.differentials.get(Id::of(&points.set), *progress, || differentials(&points.set));
+        self.pinholes
+            .get(key, *progress, || with_visibility(pinholes(scene, &differentials, options.footprint), inputs))
     }
 
     /// A tree of cells whose sample nodes know what they see.
