@@ -3,6 +3,7 @@
 use crate::environment::EnvironmentError;
 use crate::gpu::GpuError;
 use crate::image::ImageError;
+use crate::reference::ReferenceError;
 use crate::report::ReportError;
 use crate::sampling::SamplingError;
 use crate::scene::SceneError;
@@ -26,6 +27,9 @@ pub enum Error {
     /// A picture file.
     #[error(transparent)]
     Image(#[from] ImageError),
+    /// The ground truth.
+    #[error(transparent)]
+    Reference(#[from] ReferenceError),
     /// A report.
     #[error(transparent)]
     Report(#[from] ReportError),

@@ -1,16 +1,18 @@
 //! `pinspot compare`.
 
 use std::path::PathBuf;
+use std::time::Instant;
 
 use clap::Args;
 
 use pinspot::pinhole::Footprint;
-use pinspot::reference::Goal;
+use pinspot::reference::StoppingCriterion;
 use pinspot::render::{EvaluationChoice, FilterChoice, Options, Settings};
 use pinspot::report::{Comparison, Figure, Plan, Request, compare};
 use pinspot::sampling::{Density, Strategy};
 
-use super::options::{SceneOptions, word};
+use super::options::{SceneOptions, parse_positive, word};
+use super::output::check_writable;
 use super::progress::Bar;
 
 #[derive(Debug, Args)]
@@ -51,10 +53,10 @@ pub struct CompareArgs {
     #[arg(long, value_name = "FILE")]
     mask: Option<PathBuf>,
     /// How good the reference must be: √Σse² / √ΣE²
-    #[arg(long, value_name = "FRACTION", default_value_t = 0.005)]
+    #[arg(long, value_name = "FRACTION", default_value_t = 0.005, value_parser = parse_positive)]
     rel_error: f64,
     /// Seconds that the reference may take; the report says what it reached [default: no limit]
-    #[arg(long, value_name = "S")]
+    #[arg(long, value_name = "S", value_parser = parse_positive)]
     seconds: Option<f64>,
     #[command(flatten)]
     options: SceneOptions,
@@ -75,6 +77,10 @@ fn figure(text: &str) -> Result<Figure, String> {
 }
 
 pub fn run(args: &CompareArgs) -> Result<(), String> {
+    if args.output.is_dir() {
+        let reports = ["report.html", "report.json", "report.csv"];
+        reports.iter().try_for_each(|name| check_writable(&args.output.join(name)))?;
+    }
     let over = Settings { seed: args.seed, ..args.options.settings() };
     let (scene, mut options) = args.options.load(&args.scene, over)?;
     let plan = plan(args, &mut options);
@@ -84,12 +90,15 @@ pub fn run(args: &CompareArgs) -> Result<(), String> {
         backend: args.options.backend(),
         plan,
         mask: args.mask.clone(),
-        goal: Goal { rel_error: args.rel_error, seconds: args.seconds, points: None },
         folder: args.output.clone(),
-        command: std::env::args().collect::<Vec<_>>().join(" "),
+        command: command_line(),
     };
     let bar = Bar::new(args.quiet);
-    let compared = compare(&request, &bar);
+    let started = Instant::now();
+    let clock = || started.elapsed().as_secs_f64();
+    let should_stop = || args.seconds.is_some_and(|most| clock() >= most);
+    let criterion = StoppingCriterion::new(args.rel_error).with_should_stop(&should_stop);
+    let compared = compare(&request, &criterion, &clock, &bar);
     bar.finish();
     let comparison = compared.map_err(|e| e.to_string())?;
     comparison.write(&args.output).map_err(|e| e.to_string())?;
@@ -109,6 +118,11 @@ pub fn run(args: &CompareArgs) -> Result<(), String> {
     } else {
         super::print(&summary(args, &comparison))
     }
+}
+
+/// As it was given; what is no Unicode shows as �.
+fn command_line() -> String {
+    std::env::args_os().map(|argument| argument.to_string_lossy().into_owned()).collect::<Vec<_>>().join(" ")
 }
 
 fn plan(args: &CompareArgs, options: &mut Options) -> Plan {
@@ -140,15 +154,21 @@ fn summary(args: &CompareArgs, comparison: &Comparison) -> String {
     for rows in comparison.rows.chunks(args.seeds as usize) {
         let mean = |f: fn(&pinspot::report::Row) -> f64| rows.iter().map(f).sum::<f64>() / rows.len() as f64;
         let row = &rows[0];
+        // Of a black reference no error is a part.
+        let defined: Vec<f64> = rows.iter().filter_map(|r| r.rel_l2).collect();
+        let rel_l2 = if defined.len() == rows.len() {
+            format!("{:.4}", defined.iter().sum::<f64>() / defined.len() as f64)
+        } else {
+            "-".to_owned()
+        };
         lines.push(format!(
-            "{:15} {:12} {:10} {:12} {:12} {:>8} {:>8.4} {:>8.3} {:>7.4} {:>9.0}",
+            "{:15} {:12} {:10} {:12} {:12} {:>8} {rel_l2:>8} {:>8.3} {:>7.4} {:>9.0}",
             row.strategy.name(),
             row.density.name(),
             row.footprint.name(),
             row.filter,
             row.evaluation.name(),
             row.samples,
-            mean(|r| r.rel_l2),
             mean(|r| r.mrse),
             mean(|r| r.flip),
             mean(|r| r.lookups)

@@ -4,6 +4,7 @@ mod adapters;
 mod compare;
 mod filters;
 mod options;
+mod output;
 mod progress;
 mod reference;
 mod render;

@@ -14,8 +14,8 @@ use pinspot::sampling::{Density, Development, Options, PointSet, Quality, Spectr
 use pinspot::scene::load;
 
 use super::options::SamplingOptions;
+use super::output::check_output;
 use super::progress::Bar;
-use super::render::check_output;
 
 #[derive(Debug, Args)]
 pub struct SamplesArgs {

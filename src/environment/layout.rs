@@ -78,11 +78,7 @@ impl Layout {
 }
 
 /// The layout of one image or six: `layout` itself, or what the shape says; never [`MapLayout::Auto`].
-pub(crate) fn resolve_layout(
-    paths: &[&Path],
-    images: &[RgbImage],
-    layout: MapLayout,
-) -> Result<MapLayout, EnvironmentError> {
+fn resolve_layout(paths: &[&Path], images: &[RgbImage], layout: MapLayout) -> Result<MapLayout, EnvironmentError> {
     let (w, h) = (images[0].width, images[0].height);
     let fail = |index: usize, remedy: String| {
         let (path, width, height) = (paths[index].into(), images[index].width, images[index].height);

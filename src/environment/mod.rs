@@ -19,7 +19,6 @@ pub use cube::{CubeMap, FACES, face_direction, face_of_direction, texel_solid_an
 pub use field::Field;
 pub use import::RgbImage;
 pub use importance::LightSampler;
-pub(crate) use layout::resolve_layout;
 
 use std::path::PathBuf;
 

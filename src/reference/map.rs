@@ -7,7 +7,7 @@ use glam::DVec3;
 
 use super::cone::AngleBox;
 use super::maxima::Maxima;
-use crate::environment::{BUILT_IN_MAPS, EnvironmentError, RgbImage, resolve_layout};
+use crate::environment::{BUILT_IN_MAPS, EnvironmentError, RgbImage};
 use crate::scene::MapLayout;
 
 /// One image of a map and which part of it shows what.
@@ -38,6 +38,34 @@ struct Face {
     down: DVec3,
 }
 
+impl Projection {
+    /// What the layout says, or by the images' number and shape.
+    fn new(files: &[&Path], images: &[RgbImage], layout: MapLayout) -> Result<Self, EnvironmentError> {
+        let (width, height) = (images[0].width, images[0].height);
+        let is = |columns: usize, rows: usize| width * rows == height * columns;
+        let is_cross = |columns: usize, rows: usize| is(columns, rows) && width.is_multiple_of(columns);
+        let six = || Self::Faces(Box::new(six_faces()));
+        let by_cross = |vertical: bool| Self::Faces(Box::new(cross(vertical)));
+        let squares = images.iter().all(|image| image.width == width && image.height == width);
+        let fits = match layout {
+            _ if images.len() == 6 => squares.then(six),
+            MapLayout::Latlong => Some(Self::Latlong),
+            MapLayout::Angular => is(1, 1).then_some(Self::Angular),
+            MapLayout::VerticalCross => is_cross(3, 4).then(|| by_cross(true)),
+            MapLayout::HorizontalCross => is_cross(4, 3).then(|| by_cross(false)),
+            MapLayout::Auto if is(2, 1) => Some(Self::Latlong),
+            MapLayout::Auto if is(1, 1) => Some(Self::Angular),
+            MapLayout::Auto if is_cross(3, 4) => Some(by_cross(true)),
+            MapLayout::Auto if is_cross(4, 3) => Some(by_cross(false)),
+            MapLayout::Auto | MapLayout::Faces => None,
+        };
+        fits.ok_or_else(|| {
+            let remedy = "give six equal squares, or one image of aspect 2:1, 1:1, 3:4 or 4:3 and its layout".into();
+            EnvironmentError::Layout { path: files[0].into(), width, height, layout, remedy }
+        })
+    }
+}
+
 impl Map {
     pub fn built_in(name: &str) -> Result<Self, EnvironmentError> {
         let map = BUILT_IN_MAPS.iter().find(|m| m.name == name);
@@ -55,13 +83,7 @@ impl Map {
             notes.extend(note);
             images.push(image);
         }
-        let projection = match resolve_layout(files, &images, layout)? {
-            MapLayout::Latlong => Projection::Latlong,
-            MapLayout::Angular => Projection::Angular,
-            MapLayout::VerticalCross => Projection::Faces(Box::new(cross(true))),
-            MapLayout::HorizontalCross => Projection::Faces(Box::new(cross(false))),
-            MapLayout::Faces | MapLayout::Auto => Projection::Faces(Box::new(six_faces())),
-        };
+        let projection = Projection::new(files, &images, layout)?;
         Ok((Self::new(images, projection), notes))
     }
 

@@ -36,8 +36,8 @@ pub struct Row {
     pub visibility: Visibility,
     /// Seed.
     pub seed: u64,
-    /// ‖E − R‖₂ / ‖R‖₂, over the mask if there is one.
-    pub rel_l2: f64,
+    /// ‖E − R‖₂ / ‖R‖₂, over the mask if there is one; not defined where the reference is black.
+    pub rel_l2: Option<f64>,
     /// Mean of (E − R)² / (R + 0.01)².
     pub mrse: f64,
     /// Mean LDR FLIP at 67 pixels per degree, after the tone map.
@@ -62,17 +62,17 @@ pub(super) fn measure(cell: &Cell, reference: &Image, mask: Option<&[bool]>, exp
         footprint: options.footprint,
         filter: options.params.filter.name(),
         evaluation: options.evaluation,
-        leaves: cell.facts.leaves,
+        leaves: cell.metadata.leaves,
         samples: options.samples,
-        samples_used: cell.facts.samples_used,
+        samples_used: cell.metadata.samples_used,
         taps: options.params.taps,
         visibility: options.visibility,
         seed: options.seed,
-        rel_l2: rel_l2(&cell.image, reference, mask),
+        rel_l2: Some(rel_l2(&cell.image, reference, mask)).filter(|error| error.is_finite()),
         mrse: mrse(&cell.image, reference, mask),
         flip: map.mean(mask),
-        seconds: cell.facts.seconds,
-        lookups: cell.facts.lookups,
+        seconds: cell.metadata.seconds,
+        lookups: cell.metadata.lookups,
         file: format!("cells/{file_name}"),
     };
     (row, map)

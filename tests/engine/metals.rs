@@ -6,7 +6,7 @@ use glam::{DVec3, Vec3};
 use pinspot::Silent;
 use pinspot::environment::CubeMap;
 use pinspot::pinhole::{Footprint, Params};
-use pinspot::reference::{Goal, Options, Reference};
+use pinspot::reference::{Options, Reference, StoppingCriterion};
 use pinspot::reflectance::{Finish, Metal};
 use pinspot::sampling::Strategy;
 use pinspot::scene::{Scene, parse};
@@ -73,7 +73,7 @@ fn the_ground_truth_mirrors_as_the_equations_say() {
         );
         let scene = parse::<toml::Table>("test.toml", &text, Path::new(".")).unwrap().scene;
         let expected = irradiance_below(&finish_of(&scene));
-        let goal = Goal { rel_error: 3e-4, seconds: None, points: None };
+        let goal = StoppingCriterion::new(3e-4);
         let options = Options { size: [1, 1], ..Default::default() };
         let estimate = Reference::new(scene, options).unwrap().solve(&goal, None, &Silent, &mut |_| Ok(())).unwrap();
         let got = estimate.irradiance.pixels[0].as_dvec3();

@@ -9,7 +9,7 @@ use pinspot::brdf::{BrdfTable, Gloss, Materials};
 use pinspot::environment::{CubeMap, Environment};
 use pinspot::image::{Aov, Image, rel_l2};
 use pinspot::pinhole::{Footprint, Params, Receivers, Viewers};
-use pinspot::reference::{self, Goal, Quantity, Reference};
+use pinspot::reference::{self, Quantity, Reference, StoppingCriterion};
 use pinspot::render::{BackendChoice, Options, Renderer};
 use pinspot::sampling::Strategy;
 use pinspot::scene::{Scene, parse};
@@ -120,7 +120,7 @@ fn glossy_receivers_are_right() {
     let error = |receiver: &str| {
         let scene = ring_on(receiver);
         let options = reference::Options { size: [EDGE; 2], quantity: Quantity::Reflected, ..Default::default() };
-        let goal = Goal { rel_error: 0.01, seconds: None, points: None };
+        let goal = StoppingCriterion::new(0.01);
         let expected = Reference::new(scene.clone(), options).unwrap();
         let expected = expected.solve(&goal, None, &Silent, &mut |_| Ok(())).unwrap().irradiance;
         let mut pinholes = pinholes_of(&scene, 2000, Strategy::Neighbourhood, Footprint::Cells, 1);

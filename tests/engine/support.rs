@@ -10,7 +10,7 @@ use pinspot::gpu::Gpu;
 use pinspot::image::{Aov, Image};
 use pinspot::pinhole::gpu::{Engine, EnvironmentCube, FrameInputs, FrameViewers, Options};
 use pinspot::pinhole::{Footprint, Params, Pinholes, Receivers, cpu, pinholes};
-use pinspot::reference::{self, Goal, Quantity, Reference};
+use pinspot::reference::{self, Quantity, Reference, StoppingCriterion};
 use pinspot::render::{self, BackendChoice, EvaluationChoice, Renderer, Settings};
 use pinspot::sampling::{self, Strategy, Surface, sample};
 use pinspot::scene::{Scene, Visibility, load, parse};
@@ -141,7 +141,7 @@ pub fn rendered(name: &str, size: u32, change: impl FnOnce(&mut render::Options)
 pub fn truth(name: &str, quantity: Quantity, visibility: Visibility, size: u32, rel_error: f64) -> Image {
     let scene = load::<Settings>(name).unwrap().scene;
     let options = reference::Options { size: [size; 2], quantity, visibility, ..Default::default() };
-    let goal = Goal { rel_error, seconds: None, points: None };
+    let goal = StoppingCriterion::new(rel_error);
     Reference::new(scene, options).unwrap().solve(&goal, None, &Silent, &mut |_| Ok(())).unwrap().irradiance
 }
 
