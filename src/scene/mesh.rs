@@ -136,16 +136,14 @@ impl Mesh {
         (0..self.triangles.len()).map(|t| f64::from(self.triangle_area(t))).sum()
     }
 
-    /// The mesh in the world.
+    /// The mesh in world space.
     #[must_use]
-    pub fn transformed(mut self, place: &Transform) -> Self {
-        for position in &mut self.positions {
-            *position = place.point_in_world(*position);
+    pub fn placed(&self, placement: &Transform) -> Self {
+        Self {
+            positions: self.positions.iter().map(|p| placement.point_in_world(*p)).collect(),
+            normals: self.normals.iter().map(|n| placement.normal_in_world(*n)).collect(),
+            triangles: self.triangles.clone(),
         }
-        for normal in &mut self.normals {
-            *normal = place.normal_in_world(*normal);
-        }
-        self
     }
 
     /// Gives vertices whose normal is zero the normal of a triangle they belong to, and makes all unit length.

@@ -1,7 +1,6 @@
 //! What exists: meshes, shapes, materials, cameras, scene files and the built-in scenes.
 //!
-//! A [`Scene`] is complete and valid once built: meshes are in world space, free of NaN and of
-//! degenerate triangles. This module must not know samples, environments' texels or wgpu.
+//! A [`Scene`] is complete and valid once built: meshes are free of NaN and of degenerate triangles. This module must not know samples, environments' texels or wgpu.
 
 mod builtin;
 mod camera;
@@ -17,6 +16,7 @@ mod transform;
 mod visibility;
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 pub use builtin::{BUILT_IN, BuiltIn};
 pub use camera::{Camera, Projection, Ray};
@@ -54,19 +54,40 @@ impl Scene {
     }
 }
 
-/// One object: a mesh in world space and what it does with light.
+/// One object: a mesh, where it stands, and what it does with light.
 #[derive(Clone, Debug)]
 pub struct Object {
     /// The name in the scene file, for messages.
     pub name: String,
-    /// World-space geometry.
-    pub mesh: Mesh,
+    /// Geometry in object space; objects may share it.
+    pub mesh: Arc<Mesh>,
+    /// From object to world space.
+    pub placement: Transform,
     /// `Some`: its surface mirrors light.
     pub reflector: Option<Reflector>,
     /// `Some`: caustics and diffuse light show on it.
     pub receiver: Option<Receiver>,
     /// `false`: the camera looks through it (light does not).
     pub camera_visible: bool,
+}
+
+impl Object {
+    /// An object that neither mirrors nor receives, at the origin.
+    pub fn new(name: impl Into<String>, mesh: impl Into<Arc<Mesh>>) -> Self {
+        Self {
+            name: name.into(),
+            mesh: mesh.into(),
+            placement: Transform::default(),
+            reflector: None,
+            receiver: None,
+            camera_visible: true,
+        }
+    }
+
+    /// The geometry in world space.
+    pub fn mesh_in_world(&self) -> Mesh {
+        self.mesh.placed(&self.placement)
+    }
 }
 
 /// Which light a scene stands in, before any of it is read from disk.

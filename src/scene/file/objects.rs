@@ -114,7 +114,7 @@ impl Builder<'_> {
         if table.crease_angle_deg.is_some_and(|angle| !(0.0..=180.0).contains(&angle)) {
             return Err(self.error(key("crease_angle_deg"), "must be from 0 to 180"));
         }
-        let place = Transform {
+        let placement = Transform {
             scale: table.scale,
             rotate_rad: self.vector(&key("rotate_deg"), table.rotate_deg)? * (std::f32::consts::PI / 180.0),
             translate: self.vector(&key("translate"), table.translate)?,
@@ -132,15 +132,16 @@ impl Builder<'_> {
             let parts = self.parts(file, table, notes)?.into_iter();
             let object = |(material, mesh, surface): (String, Mesh, mtl::Surface)| Object {
                 name: if material.is_empty() { name.clone() } else { format!("{name}/{material}") },
-                mesh: mesh.transformed(&place),
+                mesh: Arc::new(mesh),
+                placement,
                 reflector: surface.reflector,
                 receiver: surface.receiver,
                 camera_visible,
             };
             return Ok(parts.map(object).collect());
         }
-        let mesh = self.mesh(&name, table, notes)?.transformed(&place);
-        Ok(vec![Object { name, mesh, reflector, receiver, camera_visible }])
+        let mesh = Arc::new(self.mesh(&name, table, notes)?);
+        Ok(vec![Object { name, mesh, placement, reflector, receiver, camera_visible }])
     }
 
     /// A mesh file's parts by material: its name, or nothing where there is none.
