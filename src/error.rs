@@ -5,6 +5,7 @@ use crate::environment::EnvironmentError;
 use crate::gpu::GpuError;
 use crate::image::ImageError;
 #[cfg(feature = "report")]
+use crate::reference::ReferenceError;
 use crate::report::ReportError;
 use crate::sampling::SamplingError;
 use crate::scene::{MeshError, SceneError};
@@ -32,6 +33,9 @@ pub enum Error {
     /// A picture file.
     #[error(transparent)]
     Image(#[from] ImageError),
+    /// The ground truth.
+    #[error(transparent)]
+    Reference(#[from] ReferenceError),
     /// A report.
     #[cfg(feature = "report")]
     #[error(transparent)]

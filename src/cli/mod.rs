@@ -7,6 +7,7 @@ mod compare;
 mod errors;
 mod filters;
 mod options;
+mod output;
 mod progress;
 mod reference;
 mod render;

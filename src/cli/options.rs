@@ -214,6 +214,12 @@ pub(super) fn parse_size(text: &str) -> Result<[u32; 2], String> {
     Ok([number(width)?, number(height)?])
 }
 
+/// A number greater than 0.
+pub(super) fn parse_positive(text: &str) -> Result<f64, String> {
+    let number = text.parse().map_err(|_| format!("'{text}' is no number"))?;
+    if number > 0.0 && f64::is_finite(number) { Ok(number) } else { Err("give a number greater than 0".into()) }
+}
+
 pub(super) fn parse_switch(text: &str) -> Result<bool, String> {
     match text {
         "on" => Ok(true),

@@ -14,6 +14,7 @@ use serde::Serialize;
 
 use super::errors::message;
 use super::options::CommonOptions;
+use super::output::{check_output, extension};
 use super::progress::{Seconds, Watch};
 
 #[derive(Debug, Args)]
@@ -75,28 +76,6 @@ pub(super) fn open(choice: &BackendChoice, watch: &Watch) -> Result<Backend, Err
     let backend = wait(None, Backend::open(choice));
     watch.end(Stage::Device);
     backend
-}
-
-fn extension(path: &Path) -> String {
-    path.extension().unwrap_or_default().to_string_lossy().to_lowercase()
-}
-
-/// Whether a file of this name can be written, as far as can be known before.
-pub(super) fn check_output(path: &Path, extensions: &[&str]) -> Result<(), String> {
-    if !extensions.contains(&extension(path).as_str()) {
-        let endings = extensions.join(" or .");
-        return Err(format!("cannot write '{}': give a file that ends in .{endings}", path.display()));
-    }
-    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    if folder.is_dir() {
-        Ok(())
-    } else {
-        Err(format!(
-            "cannot write '{}': the folder '{}' does not exist; create it first",
-            path.display(),
-            folder.display()
-        ))
-    }
 }
 
 /// Refuses what would be asked for in vain.

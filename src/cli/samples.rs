@@ -15,8 +15,8 @@ use pinspot::{Density, Settings, Stage, Strategy, place_samples};
 
 use super::errors::{message, option_message};
 use super::options::SamplingOptions;
+use super::output::check_output;
 use super::progress::Watch;
-use super::render::check_output;
 
 #[derive(Debug, Args)]
 pub struct SamplesArgs {

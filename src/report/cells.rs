@@ -13,20 +13,20 @@ use crate::sampling::Density;
 use crate::{Engine, Error, Progress};
 
 const FINGERPRINT: &str = "pinspot.fingerprint";
-const FACTS: &str = "pinspot.facts";
+const METADATA: &str = "pinspot.metadata";
 
 /// A rendered combination.
 pub(super) struct Cell {
     pub options: Options,
     /// The caustic, W/m².
     pub image: Image,
-    pub facts: Facts,
+    pub metadata: Metadata,
     pub file: PathBuf,
 }
 
 /// What is known of a cell beside its picture.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-pub(super) struct Facts {
+pub(super) struct Metadata {
     /// How the samples were summed: `flat` or `hierarchical`.
     pub mode: String,
     /// How the environment was looked up.
@@ -56,8 +56,8 @@ pub(super) async fn render_or_reuse(
 ) -> Result<Cell, Error> {
     let fingerprint = engine.scene().fingerprint(&format!("{options:?} {:?}", engine.backend().report()));
     let file = folder.join(format!("{}.exr", name(options)));
-    if let Some((image, facts)) = read(&file, &fingerprint) {
-        return Ok(Cell { options: options.clone(), image, facts, file });
+    if let Some((image, metadata)) = read(&file, &fingerprint) {
+        return Ok(Cell { options: options.clone(), image, metadata, file });
     }
     engine.options_mut().clone_from(options);
     let rendered = engine.render(timed).await?;
@@ -65,7 +65,7 @@ pub(super) async fn render_or_reuse(
     let dots = engine.visible_samples(timed).await?;
     let report = rendered.report;
     let (evaluation, filter) = report.evaluation.zip(report.filter).expect("the caustic was asked for");
-    let facts = Facts {
+    let metadata = Metadata {
         mode: evaluation.mode().to_owned(),
         filter,
         samples_used: report.samples,
@@ -78,19 +78,19 @@ pub(super) async fn render_or_reuse(
         warnings: report.warnings,
     };
     let (_, image) = rendered.layers.into_iter().find(|(aov, _)| *aov == Aov::Caustic).expect("it was asked for");
-    let facts_text = serde_json::to_string(&facts).expect("facts are plain data");
-    let texts = [(FINGERPRINT, fingerprint), (FACTS, facts_text)];
+    let text = serde_json::to_string(&metadata).expect("metadata are plain data");
+    let texts = [(FINGERPRINT, fingerprint), (METADATA, text)];
     write_exr_with_text(&file, &[("", &image)], &texts)?;
-    Ok(Cell { options: options.clone(), image, facts, file })
+    Ok(Cell { options: options.clone(), image, metadata, file })
 }
 
 /// Anything that is not exactly this cell is rendered again.
-fn read(file: &Path, fingerprint: &str) -> Option<(Image, Facts)> {
+fn read(file: &Path, fingerprint: &str) -> Option<(Image, Metadata)> {
     let text = |name| read_exr_text(file, name).ok().flatten();
     if !file.exists() || text(FINGERPRINT)? != fingerprint {
         return None;
     }
-    Some((read_exr(file, "").ok()?, serde_json::from_str(&text(FACTS)?).ok()?))
+    Some((read_exr(file, "").ok()?, serde_json::from_str(&text(METADATA)?).ok()?))
 }
 
 fn name(options: &Options) -> String {

@@ -18,8 +18,12 @@ pub struct Finding {
     pub figures: String,
 }
 
-/// Judges a figure's findings from its rows and from the strategies' figures on the scene's own reflectors.
+/// Judges a figure's findings from its rows and from the strategies' figures on the scene's own reflectors; finds nothing
+/// where an error is not defined.
 pub(super) fn findings(figure: Figure, rows: &[Row], qualities: &[(Strategy, Quality)]) -> Vec<Finding> {
+    if rows.iter().any(|row| row.rel_l2.is_none()) {
+        return Vec::new();
+    }
     match figure {
         Figure::Samples => of_samples(rows),
         Figure::Strategies => of_strategies(rows, qualities),
@@ -28,7 +32,7 @@ pub(super) fn findings(figure: Figure, rows: &[Row], qualities: &[(Strategy, Qua
 
 /// Geometric mean of the errors of the rows that are chosen.
 fn error(rows: &[Row], chosen: impl Fn(&Row) -> bool) -> f64 {
-    let errors: Vec<f64> = rows.iter().filter(|r| chosen(r)).map(|r| r.rel_l2.ln()).collect();
+    let errors: Vec<f64> = rows.iter().filter(|r| chosen(r)).filter_map(|r| r.rel_l2).map(f64::ln).collect();
     (errors.iter().sum::<f64>() / errors.len() as f64).exp()
 }
 

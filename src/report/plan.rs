@@ -1,5 +1,6 @@
 //! Which combinations a comparison renders.
 
+use super::ReportError;
 use crate::options::{EvaluationChoice, FilterChoice, Options};
 use crate::pinhole::Footprint;
 use crate::sampling::{Density, Strategy};
@@ -67,8 +68,8 @@ impl Plan {
         }
     }
 
-    /// The options of every combination; the seeds of one stand together.
-    pub fn combinations(&self, base: &Options) -> Vec<Options> {
+    /// The options of every combination; the seeds of one stand together. An error if an evaluation has none.
+    pub fn combinations(&self, base: &Options) -> Result<Vec<Options>, ReportError> {
         let mut all = vec![base.clone()];
         let mut each = |choices: &dyn Fn(&Options) -> Vec<Options>| all = all.iter().flat_map(choices).collect();
         each(&|o| varied(o, &self.strategies, |o, &strategy| o.strategy = strategy));
@@ -80,11 +81,14 @@ impl Plan {
             o.evaluation != EvaluationChoice::Hierarchical
                 || o.footprint == Footprint::Cells && matches!(o.filter, FilterChoice::Auto | FilterChoice::Anisotropic)
         });
+        if let Some(&evaluation) = self.evaluations.iter().find(|e| all.iter().all(|o| o.evaluation != **e)) {
+            return Err(ReportError::NoCombination { evaluation });
+        }
         let mut each = |choices: &dyn Fn(&Options) -> Vec<Options>| all = all.iter().flat_map(choices).collect();
         each(&|o| varied(o, &self.samples, |o, &samples| o.samples = samples));
         let seeds: Vec<u64> = (0..u64::from(self.seeds)).map(|k| base.seed.wrapping_add(k)).collect();
         each(&|o| varied(o, &seeds, |o, &seed| o.seed = seed));
-        all
+        Ok(all)
     }
 }
 

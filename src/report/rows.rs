@@ -36,8 +36,8 @@ pub struct Row {
     pub visibility: Visibility,
     /// Seed.
     pub seed: u64,
-    /// ‖E − R‖₂ / ‖R‖₂, over the mask if there is one.
-    pub rel_l2: f64,
+    /// ‖E − R‖₂ / ‖R‖₂, over the mask if there is one; not defined where the reference is black.
+    pub rel_l2: Option<f64>,
     /// Mean of (E − R)² / (R + 0.01)².
     pub mrse: f64,
     /// Mean LDR FLIP at 67 pixels per degree, after the tone map.
@@ -57,22 +57,22 @@ pub(super) fn measure(cell: &Cell, reference: &Image, mask: Option<&[bool]>, exp
     let file_name = cell.file.file_name().unwrap_or_default().to_string_lossy();
     let row = Row {
         technique: options.technique,
-        mode: cell.facts.mode.clone(),
+        mode: cell.metadata.mode.clone(),
         strategy: options.strategy,
         density: options.density,
         footprint: options.footprint,
-        filter: cell.facts.filter,
-        leaves: cell.facts.leaves,
+        filter: cell.metadata.filter,
+        leaves: cell.metadata.leaves,
         samples: options.samples,
-        samples_used: cell.facts.samples_used,
+        samples_used: cell.metadata.samples_used,
         taps: options.taps,
         visibility: options.visibility,
         seed: options.seed,
-        rel_l2: rel_l2(&cell.image, reference, mask),
+        rel_l2: Some(rel_l2(&cell.image, reference, mask)).filter(|error| error.is_finite()),
         mrse: mrse(&cell.image, reference, mask),
         flip: map.mean(mask),
-        seconds: cell.facts.seconds,
-        lookups: cell.facts.lookups,
+        seconds: cell.metadata.seconds,
+        lookups: cell.metadata.lookups,
         file: format!("cells/{file_name}"),
     };
     (row, map)

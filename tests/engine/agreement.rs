@@ -1,6 +1,6 @@
 //! GPU against CPU, batches against one submission, and the same bits twice.
 
-use pinspot::Silent;
+use pinspot::NoProgress;
 use pinspot::blocking::wait;
 use pinspot::image::Aov;
 use pinspot::low_level::environment::CubeMap;
@@ -22,7 +22,7 @@ fn render(name: &str, filter: Filter, backend: &BackendChoice, aovs: &[Aov]) -> 
     options.automatic_filter = false;
     options.evaluation = EvaluationChoice::Flat;
     options.aovs = aovs.to_vec();
-    Renderer::new(loaded.scene, options, backend, &Silent).unwrap().render(&Silent).unwrap()
+    Renderer::new(loaded.scene, options, backend, &NoProgress).unwrap().render(&NoProgress).unwrap()
 }
 
 #[test]

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use pinspot::Silent;
+use pinspot::NoProgress;
 use pinspot::image::rel_l2 as image_rel_l2;
 use pinspot::low_level::brdf::{Gloss, Materials};
 use pinspot::low_level::cell_tree::{CellTree, TreeOptions};
@@ -191,8 +191,8 @@ fn what_is_not_known_is_refused_or_left_to_the_flat_sum() {
         let mut options = loaded.render.options().unwrap();
         (options.size, options.samples) = ([16, 16], 40);
         change(&mut options);
-        let renderer = Renderer::new(loaded.scene, options, &BackendChoice::Cpu, &Silent);
-        renderer.map(|r| r.render(&Silent).unwrap().report.evaluation).map_err(|e| e.to_string())
+        let renderer = Renderer::new(loaded.scene, options, &BackendChoice::Cpu, &NoProgress);
+        renderer.map(|r| r.render(&NoProgress).unwrap().report.evaluation).map_err(|e| e.to_string())
     };
     use pinspot::Evaluation::{Flat, Hierarchical};
     use pinspot::low_level::pinhole::{Epsilon, Filter, Footprint};

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use pinspot::Silent;
+use pinspot::NoProgress;
 use pinspot::blocking::wait;
 use pinspot::image::Aov;
 use pinspot::low_level::brdf::Materials;
@@ -32,7 +32,7 @@ fn render(name: &str, aov: Aov, visibility: Visibility, backend: &BackendChoice)
     options.automatic_filter = false;
     options.evaluation = EvaluationChoice::Hierarchical;
     options.aovs = vec![aov];
-    Renderer::new(loaded.scene, options, backend, &Silent).unwrap().render(&Silent).unwrap()
+    Renderer::new(loaded.scene, options, backend, &NoProgress).unwrap().render(&NoProgress).unwrap()
 }
 
 /// Pictures of caustics, and what cameras see of glossy floors and in mirrors, where receivers come as lists.

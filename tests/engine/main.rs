@@ -16,6 +16,7 @@ mod ground_truth;
 mod half_float;
 mod hierarchy;
 mod hierarchy_gpu;
+mod independence;
 mod metals;
 mod pictures;
 mod receivers;

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use pinspot::Silent;
+use pinspot::NoProgress;
 use pinspot::image::srgb8;
 use pinspot::scene::load;
 use pinspot::{BackendChoice, Renderer, Settings};
@@ -29,7 +29,7 @@ fn compare(scene: &str, picture: &Path) {
     let mut options = loaded.render.options().unwrap();
     options.size = [stored.width(), stored.height()];
     let look = options.look;
-    let rendered = Renderer::new(loaded.scene, options, &BackendChoice::Cpu, &Silent).unwrap().render(&Silent).unwrap();
+    let rendered = Renderer::new(loaded.scene, options, &BackendChoice::Cpu, &NoProgress).unwrap().render(&NoProgress).unwrap();
     let shown = rendered.shown(&look);
     let difference: f64 = shown
         .pixels

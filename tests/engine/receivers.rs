@@ -4,16 +4,13 @@ use std::f64::consts::PI;
 use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
-use pinspot::Silent;
+use pinspot::NoProgress;
 use pinspot::image::{Aov, Image, rel_l2};
-use pinspot::low_level::brdf::{BrdfTable, Gloss, Materials};
-use pinspot::low_level::environment::{CubeMap, Environment};
 use pinspot::low_level::pinhole::{Footprint, Params, Receivers, Viewers};
-use pinspot::low_level::sampling::Strategy;
-use pinspot::low_level::tracing::Tracer;
-use pinspot::reference::{self, Goal, Quantity, Reference};
-use pinspot::scene::{Scene, parse};
+use pinspot::reference::{self, Quantity, Reference, StoppingCriterion};
 use pinspot::{BackendChoice, Options, Renderer};
+use pinspot::low_level::sampling::Strategy;
+use pinspot::scene::{Scene, parse};
 
 use crate::support::{BACK_ENDS, pinholes_of, scene};
 
@@ -120,9 +117,9 @@ fn glossy_receivers_are_right() {
     let error = |receiver: &str| {
         let scene = ring_on(receiver);
         let options = reference::Options { size: [EDGE; 2], quantity: Quantity::Reflected, ..Default::default() };
-        let goal = Goal { rel_error: 0.01, seconds: None, points: None };
+        let goal = StoppingCriterion::new(0.01);
         let expected = Reference::new(scene.clone(), options).unwrap();
-        let expected = expected.solve(&goal, None, &Silent, &mut |_| Ok(())).unwrap().irradiance;
+        let expected = expected.solve(&goal, None, &NoProgress, &mut |_| Ok(())).unwrap().irradiance;
         let mut pinholes = pinholes_of(&scene, 2000, Strategy::Neighbourhood, Footprint::Cells, 1);
         pinholes.look_around(&scene, &Tracer::new(&scene));
         let environment = Environment::new(&scene.environment.light, Default::default()).unwrap();
@@ -197,8 +194,8 @@ fn the_sky_is_reflected_by_the_albedo_of_the_direction() {
     ];
     for (receiver, f) in cases {
         let options = Options { size: [8, 8], samples: 4, aovs: vec![Aov::Beauty], ..Default::default() };
-        let renderer = Renderer::new(table_under_the_sky(receiver), options, &BackendChoice::Cpu, &Silent).unwrap();
-        let mean = renderer.render(&Silent).unwrap().layers[0].1.mean().x;
+        let renderer = Renderer::new(table_under_the_sky(receiver), options, &BackendChoice::Cpu, &NoProgress).unwrap();
+        let mean = renderer.render(&NoProgress).unwrap().layers[0].1.mean().x;
         let expected = over_the_sky(&*f);
         assert!((f64::from(mean) / expected - 1.0).abs() < 0.02, "{receiver}: {mean}, not {expected}");
     }
