@@ -12,6 +12,7 @@ use std::time::Instant;
 use bare_cpu::bare_cpu_loop;
 use bare_gpu::BareLoop;
 use glam::{Vec2, Vec3};
+use pinspot::Settings;
 use pinspot::blocking::wait;
 use pinspot::low_level::cell_tree::{CellTree, NodeGeometry, TreeOptions};
 use pinspot::low_level::differential::differentials;
@@ -25,8 +26,8 @@ use pinspot::low_level::pinhole::gpu::{
 use pinspot::low_level::pinhole::{Params, PinholeTree, Receivers};
 use pinspot::low_level::sampling::{self, Strategy, Surface, sample};
 use pinspot::low_level::tracing::Tracer;
+use pinspot::low_level::visible_receivers;
 use pinspot::scene::{BUILT_IN, Mesh, Scene, load};
-use pinspot::{Settings, visible_receivers};
 
 const EDGE: u32 = 512;
 /// One row in so many is summed flat.

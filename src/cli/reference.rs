@@ -124,12 +124,7 @@ fn options(args: &ReferenceArgs, render: &Settings) -> Result<Options, String> {
 }
 
 /// The estimate, and what was repaired while loading.
-fn solve(
-    args: &ReferenceArgs,
-    scene: Scene,
-    options: &Options,
-    watch: &Watch,
-) -> Result<(Stored, Vec<String>), Error> {
+fn solve(args: &ReferenceArgs, scene: Scene, options: &Options, watch: &Watch) -> Result<(Stored, Vec<String>), Error> {
     let clock = || watch.elapsed();
     let should_stop = || args.seconds.is_some_and(|most| clock() >= most);
     let criterion = StoppingCriterion::new(args.rel_error).with_should_stop(&should_stop);

@@ -73,23 +73,21 @@ struct PathsKey {
 }
 
 #[derive(PartialEq)]
-struct EndsKey {
-    paths: Id<Paths>,
-    light: LightKey,
-    /// Nothing where no caustics are shown.
-    sum: Option<Id<dyn Sum>>,
-}
-
-#[derive(PartialEq)]
 struct ShadingKey {
     paths: Id<Paths>,
-    ends: Id<SurfaceLight>,
-    direct: Option<Id<Vec<Vec3>>>,
-    caustic: Option<Id<Vec<[f32; 4]>>>,
+    own: LightId,
+    ends: LightId,
     environment: Id<Environment>,
     rotation_rad: f32,
     intensity: f32,
     caustic_gain: f32,
+}
+
+/// The identity of the light on surfaces.
+type LightId = (Option<Id<Vec<Vec3>>>, Option<Id<Vec<[f32; 4]>>>);
+
+fn id_of(light: &SurfaceLight) -> LightId {
+    (light.direct.as_ref().map(Id::of), light.caustic.as_ref().map(Id::of))
 }
 
 /// What a frame is made from.
@@ -149,7 +147,8 @@ pub(super) struct BandStages {
     caustic: Memo<CausticKey, Vec<[f32; 4]>>,
     direct: Memo<DirectKey, Vec<Vec3>>,
     paths: Memo<PathsKey, Paths>,
-    ends: Memo<EndsKey, SurfaceLight>,
+    ends_caustic: Memo<(Id<Paths>, Id<dyn Sum>), Vec<[f32; 4]>>,
+    ends_direct: Memo<(Id<Paths>, LightKey), Vec<Vec3>>,
     shading: Memo<ShadingKey, Shaded>,
     display: Memo<(Id<Shaded>, DisplaySettings), Vec<Vec3>>,
 }
@@ -161,7 +160,8 @@ impl BandStages {
             caustic: Memo::new(Stage::Caustic),
             direct: Memo::new(Stage::Direct),
             paths: Memo::new(Stage::Paths),
-            ends: Memo::new(Stage::PathEnds),
+            ends_caustic: Memo::new(Stage::PathEnds),
+            ends_direct: Memo::new(Stage::PathEnds),
             shading: Memo::new(Stage::Shading),
             display: Memo::new(Stage::Display),
         }
@@ -245,33 +245,30 @@ impl BandStages {
         inputs: &FrameInputs<'_>,
         light: &mut LightStages,
         paths: &Arc<Paths>,
-    ) -> Result<Arc<SurfaceLight>, Error> {
-        let key = EndsKey { paths: Id::of(paths), light: inputs.light_key(), sum: inputs.sum.map(Id::of) };
+    ) -> Result<SurfaceLight, Error> {
+        if paths.ends.is_empty() {
+            return Ok(SurfaceLight { direct: None, caustic: None });
+        }
+        let mut caustic = None;
+        if let Some(sum) = inputs.sum {
+            let steps = (paths.ends.len() as u64, inputs.progress);
+            let key = (Id::of(paths), Id::of(sum));
+            let make = async || caustic_at(inputs, sum, &paths.ends).await;
+            caustic = Some(self.ends_caustic.wait_for(key, steps, make).await?);
+        }
         let source = direct_light(inputs, light);
-        let make = async || {
-            let caustic = match inputs.sum {
-                Some(sum) if !paths.ends.is_empty() => caustic_at(inputs, sum, &paths.ends).await?,
-                _ => vec![[0.0; 4]; paths.ends.len()],
-            };
-            let direct = paths.ends.par_iter().map(|point| direct_at(inputs, &source, point)).collect();
-            Ok(SurfaceLight { direct: Some(Arc::new(direct)), caustic: Some(Arc::new(caustic)) })
-        };
-        self.ends.wait_for(key, (paths.ends.len() as u64, inputs.progress), make).await
+        let direct = self.ends_direct.get((Id::of(paths), inputs.light_key()), inputs.progress, || {
+            paths.ends.par_iter().map(|point| direct_at(inputs, &source, point)).collect()
+        });
+        Ok(SurfaceLight { direct: Some(direct), caustic })
     }
 
-    fn beauty(
-        &mut self,
-        inputs: &FrameInputs,
-        paths: &Arc<Paths>,
-        own: &SurfaceLight,
-        ends: &Arc<SurfaceLight>,
-    ) -> Beauty {
+    fn beauty(&mut self, inputs: &FrameInputs, paths: &Arc<Paths>, own: &SurfaceLight, ends: &SurfaceLight) -> Beauty {
         let FrameInputs { light, options, progress, .. } = *inputs;
         let key = ShadingKey {
             paths: Id::of(paths),
-            ends: Id::of(ends),
-            direct: own.direct.as_ref().map(Id::of),
-            caustic: own.caustic.as_ref().map(Id::of),
+            own: id_of(own),
+            ends: id_of(ends),
             environment: Id::of(&light.environment),
             rotation_rad: light.rotation_rad,
             intensity: light.intensity,
@@ -289,7 +286,8 @@ impl BandStages {
         counts.add_memo(&self.caustic);
         counts.add_memo(&self.direct);
         counts.add_memo(&self.paths);
-        counts.add_memo(&self.ends);
+        counts.add_memo(&self.ends_caustic);
+        counts.add_memo(&self.ends_direct);
         counts.add_memo(&self.shading);
         counts.add_memo(&self.display);
     }

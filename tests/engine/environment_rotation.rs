@@ -3,14 +3,15 @@
 use std::f32::consts::FRAC_PI_2;
 
 use glam::{Mat3, Vec3};
+use pinspot::Settings;
 use pinspot::low_level::cell_tree::{CellTree, TreeOptions};
 use pinspot::low_level::environment::{CubeMap, LightBounds};
 use pinspot::low_level::pinhole::cpu::{self, Accuracy, Light, gather_hierarchical, typical_irradiance};
 use pinspot::low_level::pinhole::{Filter, Footprint, Params, PinholeTree, Pinholes, Receivers, pinholes};
 use pinspot::low_level::sampling::{self, Strategy, Surface, sample};
 use pinspot::low_level::tracing::Tracer;
+use pinspot::low_level::visible_receivers;
 use pinspot::scene::{Scene, load};
-use pinspot::{Settings, visible_receivers};
 
 use crate::support::{on_cpu, rel_l2};
 

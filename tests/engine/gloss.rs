@@ -6,9 +6,9 @@ use glam::{DVec3, Vec3};
 use pinspot::NoProgress;
 use pinspot::low_level::environment::{CubeMap, Environment};
 use pinspot::low_level::pinhole::{Filter, Footprint, Params, Receivers};
-use pinspot::reference::{Options, Reference, StoppingCriterion};
 use pinspot::low_level::reflectance::Curve;
 use pinspot::low_level::sampling::Strategy;
+use pinspot::reference::{Options, Reference, StoppingCriterion};
 use pinspot::scene::{Scene, Visibility, parse};
 
 use super::support::{BACK_ENDS, floor, on_cpu, on_gpu, pinholes_of, rel_l2};

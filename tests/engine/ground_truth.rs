@@ -5,8 +5,8 @@ use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 
 use glam::{DVec3, Vec3};
-use pinspot::Settings;
 use pinspot::NoProgress;
+use pinspot::Settings;
 use pinspot::reference::{Density, Estimate, Options, Quantity, Reference, StoppingCriterion};
 use pinspot::scene::{BUILT_IN, Light, Scene, Visibility, load, parse};
 use statrs::distribution::{ContinuousCDF, StudentsT};

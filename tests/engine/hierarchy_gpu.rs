@@ -2,7 +2,6 @@
 
 use std::sync::Arc;
 
-use pinspot::NoProgress;
 use pinspot::blocking::wait;
 use pinspot::image::Aov;
 use pinspot::low_level::brdf::Materials;
@@ -17,22 +16,22 @@ use pinspot::low_level::pinhole::gpu::{
 use pinspot::low_level::pinhole::{Arrangement, Params, PinholeTree, Receivers, Viewers};
 use pinspot::low_level::sampling::{self, Strategy, Surface, sample};
 use pinspot::low_level::tracing::Tracer;
+use pinspot::low_level::visible_receivers;
 use pinspot::scene::{BUILT_IN, Scene, Visibility, load};
-use pinspot::{BackendChoice, EvaluationChoice, Rendered, Renderer, Settings, visible_receivers};
+use pinspot::{BackendChoice, EvaluationChoice, FilterChoice, Rendered, Settings};
 
-use crate::support::{gpu, rel_l2, rotated_light};
+use crate::support::{self, gpu, rel_l2, rotated_light};
 
 fn render(name: &str, aov: Aov, visibility: Visibility, backend: &BackendChoice) -> Rendered {
-    let loaded = load::<Settings>(name).unwrap();
-    let mut options = loaded.render.options().unwrap();
+    let (scene, mut options) = pinspot::load(name).unwrap();
     options.size = [88, 72];
     options.samples = 150;
     options.leaves = Some(16);
     options.visibility = visibility;
-    options.automatic_filter = false;
+    options.filter = FilterChoice::Anisotropic;
     options.evaluation = EvaluationChoice::Hierarchical;
     options.aovs = vec![aov];
-    Renderer::new(loaded.scene, options, backend, &NoProgress).unwrap().render(&NoProgress).unwrap()
+    support::render(scene, options, backend).unwrap()
 }
 
 /// Pictures of caustics, and what cameras see of glossy floors and in mirrors, where receivers come as lists.

@@ -21,5 +21,6 @@ mod metals;
 mod pictures;
 mod receivers;
 mod shaders;
+mod stages;
 mod support;
 mod visibility;

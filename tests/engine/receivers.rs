@@ -6,13 +6,16 @@ use std::sync::Arc;
 use glam::{DVec3, Vec3};
 use pinspot::NoProgress;
 use pinspot::image::{Aov, Image, rel_l2};
+use pinspot::low_level::brdf::{BrdfTable, Gloss, Materials};
+use pinspot::low_level::environment::{CubeMap, Environment};
 use pinspot::low_level::pinhole::{Footprint, Params, Receivers, Viewers};
-use pinspot::reference::{self, Quantity, Reference, StoppingCriterion};
-use pinspot::{BackendChoice, Options, Renderer};
 use pinspot::low_level::sampling::Strategy;
+use pinspot::low_level::tracing::Tracer;
+use pinspot::reference::{self, Quantity, Reference, StoppingCriterion};
 use pinspot::scene::{Scene, parse};
+use pinspot::{BackendChoice, Options};
 
-use crate::support::{BACK_ENDS, pinholes_of, scene};
+use crate::support::{BACK_ENDS, pinholes_of, render, scene};
 
 /// A flat mirror of 4 × 4 m, 1 m above the origin, that faces down.
 const CEILING: &str = "[[object]]\nshape = { plane = { size = [4.0, 4.0] } }\nrotate_deg = [180.0, 0.0, 0.0]\n\
@@ -193,9 +196,9 @@ fn the_sky_is_reflected_by_the_albedo_of_the_direction() {
         ),
     ];
     for (receiver, f) in cases {
-        let options = Options { size: [8, 8], samples: 4, aovs: vec![Aov::Beauty], ..Default::default() };
-        let renderer = Renderer::new(table_under_the_sky(receiver), options, &BackendChoice::Cpu, &NoProgress).unwrap();
-        let mean = renderer.render(&NoProgress).unwrap().layers[0].1.mean().x;
+        let options = Options::default().with_size([8, 8]).with_samples(4).with_aovs(vec![Aov::Beauty]);
+        let rendered = render(table_under_the_sky(receiver), options, &BackendChoice::Cpu).unwrap();
+        let mean = rendered.layers[0].1.mean().x;
         let expected = over_the_sky(&*f);
         assert!((f64::from(mean) / expected - 1.0).abs() < 0.02, "{receiver}: {mean}, not {expected}");
     }

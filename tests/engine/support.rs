@@ -23,6 +23,13 @@ pub fn gpu() -> &'static Gpu {
     })
 }
 
+/// The adapter under test as a back end of its own.
+pub fn gpu_backend() -> Backend {
+    Backend::gpu(
+        wait(None, Gpu::open(None)).unwrap_or_else(|e| panic!("GPU tests need an adapter; run them by tests/run: {e}")),
+    )
+}
+
 /// A scene from the text of its objects; the light and the camera are of no importance.
 pub fn scene(objects: &str) -> Scene {
     let head = "[environment]\nconstant = [1.0, 1.0, 1.0]\n[camera]\nposition = [0.0, 5.0, 0.0]\ntarget = [0.0, 0.0, 0.0]\n\
