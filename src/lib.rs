@@ -54,6 +54,7 @@ pub mod brdf;
 pub mod cell_tree;
 pub mod conformance;
 pub mod differential;
+mod disjoint_sets;
 pub mod environment;
 mod error;
 pub mod gpu;
@@ -67,6 +68,7 @@ pub mod report;
 pub mod sampling;
 pub mod scene;
 pub mod tracing;
+mod vectors;
 mod words;
 
 pub use error::{Error, OptionError};

@@ -12,6 +12,7 @@ use pinspot::pinhole::{Epsilon, Footprint};
 use pinspot::render::{BackendChoice, EvaluationChoice, FilterChoice, Options, Overlay, Settings};
 use pinspot::sampling::{Density, Strategy};
 use pinspot::scene::{Light, Loaded, MapLayout, Scene, Visibility, load};
+use pinspot::{Error, OptionError};
 
 /// What is sampled and how.
 #[derive(Debug, Args)]
@@ -152,10 +153,14 @@ impl SceneOptions {
 
     /// Loads a scene and lays settings over its own.
     pub fn load(&self, scene: &str, over: Settings) -> Result<(Scene, Options), String> {
-        let Loaded { mut scene, render } = load::<Settings>(scene).map_err(|e| e.to_string())?;
-        override_light(&mut scene, self.env.as_deref())?;
+        let loaded = load::<Settings>(scene).map_err(|e| e.to_string())?;
         // The file's own mistakes are the file's.
-        render.clone().options().map_err(|e| format!("{}: render.{e}", scene.name))?;
+        loaded.render.clone().options().map_err(|error| match error {
+            Error::Option(OptionError { key, message }) => loaded.render_error(key, message).to_string(),
+            other => other.to_string(),
+        })?;
+        let Loaded { mut scene, render, .. } = loaded;
+        override_light(&mut scene, self.env.as_deref())?;
         let options = render.overridden_by(over).options().map_err(|e| e.to_string())?;
         Ok((scene, options))
     }

@@ -50,7 +50,8 @@ impl Environment {
         if size > MAX_CUBE_SIZE {
             return Err(EnvironmentError::TooFine { size, limit: MAX_CUBE_SIZE });
         }
-        let cube = CubeMap::from_radiance(size, field.detail_rad(), |direction| field.radiance(direction));
+        let resolved = field.resolved_by(2.0 / size as f32);
+        let cube = CubeMap::from_radiance(size, resolved.detail_rad(), |direction| resolved.radiance(direction));
         let irradiance = irradiance::irradiance(&cube);
         Ok(Self { field, cube, irradiance })
     }
@@ -97,6 +98,12 @@ pub enum EnvironmentError {
     /// The map itself.
     #[error(transparent)]
     Map(#[from] MapError),
+    /// A light made in code with values out of their range.
+    #[error("the environment light cannot be used: {what}")]
+    Invalid {
+        /// Which value.
+        what: String,
+    },
     /// No built-in map of that name.
     #[error(
         "there is no built-in environment map '{name}'; known are: {} (a file needs its extension, .exr or .hdr)",

@@ -11,12 +11,11 @@ mod fingerprint;
 mod light;
 mod material;
 mod mesh;
-mod mtl;
 mod normals;
-mod obj;
 pub mod shapes;
 mod transform;
 mod visibility;
+mod wavefront;
 
 use std::path::PathBuf;
 
@@ -27,12 +26,12 @@ pub use file::{Loaded, load, parse};
 pub use light::{EnvironmentMap, EnvironmentSource, Light, MAX_RADIANCE, MapError, MapLayout};
 pub use material::{Receiver, Reflector, Sides};
 pub use mesh::{Mesh, MeshError};
-pub(crate) use normals::DisjointSets;
-pub use obj::{ObjReport, load_obj};
 pub use transform::Transform;
 pub use visibility::Visibility;
+pub use wavefront::ObjReport;
 
 use crate::brdf::{Materials, TableError};
+use crate::words::escaped;
 
 /// A whole scene, ready to be sampled and looked at.
 #[derive(Clone, Debug)]
@@ -76,7 +75,7 @@ pub struct Object {
 #[non_exhaustive]
 pub enum SceneError {
     /// The scene file itself could not be read.
-    #[error("cannot read scene file '{}': {source}; give a path to a .toml file or the name of a built-in scene (`pinspot scenes` lists them{})", path.display(), hint)]
+    #[error("cannot read scene file '{}': {source}; give a path to a .toml file or the name of a built-in scene (`pinspot scenes` lists them{})", escaped(&path.display().to_string()), hint)]
     Read {
         /// The path as given.
         path: PathBuf,
