@@ -51,6 +51,7 @@ mod brdf;
 mod cell_tree;
 mod conformance;
 mod differential;
+mod disjoint_sets;
 mod engine;
 mod environment;
 mod error;
@@ -70,6 +71,7 @@ pub mod scene;
 mod stages;
 mod technique;
 mod tracing;
+mod vectors;
 mod words;
 
 pub use backend::{Backend, BackendChoice, BackendReport, Device};

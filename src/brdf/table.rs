@@ -69,7 +69,8 @@ impl BrdfTable {
             return Err(wrong(format!("it has {} bytes, not {expected}", bytes.len())));
         }
         let value = |k: usize| f64::from_le_bytes(bytes[12 + 8 * k..20 + 8 * k].try_into().expect("eight bytes"));
-        if let Some(k) = (0..3 * ENTRIES).find(|&k| !(value(k).abs() * SCALE[k / ENTRIES] <= MAX_VALUE)) {
+        if let Some(k) = (0..3 * ENTRIES).find(|&k| !(0.0..=MAX_VALUE).contains(&(value(k).abs() * SCALE[k / ENTRIES])))
+        {
             return Err(wrong(format!("entry {k} is {}, which no surface reflects", value(k))));
         }
         let channel = |k: usize, c: usize| (SCALE[c] * value(c * ENTRIES + k)).max(0.0) as f32;

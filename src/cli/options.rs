@@ -3,15 +3,14 @@
 use std::path::Path;
 
 use clap::Args;
-use pinspot::OptionError;
 use serde::de::DeserializeOwned;
 use serde::de::value::{Error as WordError, StrDeserializer};
 
 use pinspot::image::Aov;
 use pinspot::scene::{Light, Loaded, MapLayout, Scene, Visibility, load};
 use pinspot::{
-    BackendChoice, CubeSize, Density, Epsilon, EvaluationChoice, FilterChoice, Footprint, Options, Overlay, Settings,
-    Strategy, Technique,
+    BackendChoice, CubeSize, Density, Epsilon, EvaluationChoice, FilterChoice, Footprint, OptionError, Options,
+    Overlay, Settings, Strategy, Technique,
 };
 
 use super::errors::option_message;
@@ -159,10 +158,12 @@ impl SceneOptions {
 
     /// Loads a scene and lays settings over its own.
     pub fn load(&self, scene: &str, over: Settings) -> Result<(Scene, Options), String> {
-        let Loaded { mut scene, render } = load::<Settings>(scene).map_err(|e| e.to_string())?;
-        override_light(&mut scene, self.env.as_deref())?;
+        let loaded = load::<Settings>(scene).map_err(|e| e.to_string())?;
         // The file's own mistakes are the file's.
-        render.clone().options().map_err(|e| format!("{}: render.{}", scene.name, option_message(&e)))?;
+        let check = loaded.render.clone().options();
+        check.map_err(|error| loaded.render_error(error.key(), &option_message(&error)).to_string())?;
+        let Loaded { mut scene, render, .. } = loaded;
+        override_light(&mut scene, self.env.as_deref())?;
         let options = render.overridden_by(over).options().map_err(|e| wrong_option(&e))?;
         Ok((scene, options))
     }

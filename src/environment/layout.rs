@@ -67,6 +67,15 @@ impl Layout {
         0.25 * offsets.map(tap).into_iter().sum::<Vec3>()
     }
 
+    /// The largest radiance of a channel.
+    pub fn brightest(&self) -> f32 {
+        let images = match self {
+            Self::Latlong(image) | Self::Angular(image) => std::slice::from_ref(image),
+            Self::Faces(faces) => faces.as_slice(),
+        };
+        images.iter().flat_map(|image| image.pixels.as_flattened()).copied().fold(0.0, f32::max)
+    }
+
     /// Texels across a quarter of the horizon.
     pub fn texels_per_quarter(&self) -> usize {
         match self {

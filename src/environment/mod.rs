@@ -49,7 +49,8 @@ impl Environment {
         if size > MAX_CUBE_SIZE {
             return Err(EnvironmentError::TooFine { size, limit: MAX_CUBE_SIZE });
         }
-        let cube = CubeMap::from_radiance(size, radiance.detail_rad(), |direction| radiance.radiance(direction));
+        let resolved = radiance.resolved_by(2.0 / size as f32);
+        let cube = CubeMap::from_radiance(size, resolved.detail_rad(), |direction| resolved.radiance(direction));
         Ok(Self { radiance, cube })
     }
 }
@@ -90,6 +91,12 @@ pub enum EnvironmentError {
     /// The map itself.
     #[error(transparent)]
     Map(#[from] MapError),
+    /// A light made in code with values out of their range.
+    #[error("the environment light cannot be used: {what}")]
+    Invalid {
+        /// Which value.
+        what: String,
+    },
     /// No built-in map of that name.
     #[error(
         "there is no built-in environment map '{name}'; known are: {} (a file needs its extension, .exr or .hdr)",

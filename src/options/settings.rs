@@ -130,6 +130,6 @@ impl Settings {
 /// # Errors
 /// What is wrong with the scene, its meshes or its light, or an option out of range.
 pub fn load(path_or_name: &str) -> Result<(Scene, Options), Error> {
-    let Loaded { scene, render } = crate::scene::load::<Settings>(path_or_name)?;
+    let Loaded { scene, render, .. } = crate::scene::load::<Settings>(path_or_name)?;
     Ok((scene, render.options()?))
 }

@@ -44,6 +44,15 @@ pub enum Light {
 }
 
 impl Light {
+    /// The largest radiance of a channel; `None` for a built-in map, which is not decoded yet.
+    pub(super) fn brightest(&self) -> Option<f32> {
+        match self {
+            Self::Map(map) => Some(map.brightest()),
+            Self::BuiltInMap(_) => None,
+            Self::Spot { radiance, .. } | Self::Constant(radiance) => Some(radiance.max_element()),
+        }
+    }
+
     /// A map as scene files and the command line name it: a built-in map (no extension), or a file. The second part of the
     /// result notes what was repaired.
     pub fn map(
@@ -108,6 +117,12 @@ impl EnvironmentMap {
     /// One image, or six.
     pub fn images(&self) -> &[Arc<RgbImage>] {
         &self.images
+    }
+
+    /// The largest radiance of a channel.
+    fn brightest(&self) -> f32 {
+        let pixels = self.images.iter().flat_map(|image| image.pixels.as_flattened());
+        pixels.copied().fold(0.0, f32::max)
     }
 
     /// How they lay out directions; never [`MapLayout::Auto`].

@@ -10,12 +10,11 @@ mod fingerprint;
 mod light;
 mod material;
 mod mesh;
-mod mtl;
 mod normals;
-mod obj;
 pub mod shapes;
 mod transform;
 mod visibility;
+mod wavefront;
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -27,12 +26,12 @@ pub use file::{Loaded, load, parse};
 pub use light::{EnvironmentMap, EnvironmentSource, Light, MAX_RADIANCE, MapError, MapLayout};
 pub use material::{Receiver, Reflector, Sides};
 pub use mesh::{Mesh, MeshError};
-pub(crate) use normals::DisjointSets;
-pub use obj::{ObjReport, load_obj};
 pub use transform::Transform;
 pub use visibility::Visibility;
+pub use wavefront::ObjReport;
 
 use crate::brdf::{Materials, TableError};
+use crate::words::escaped;
 
 /// A whole scene, ready to be sampled and looked at.
 #[derive(Clone, Debug)]
@@ -86,19 +85,17 @@ impl Object {
         }
     }
 
-    /// The geometry in world space.
+    /// The geometry in world space, and how many triangles lost their area on the way there.
     ///
     /// # Errors
     /// A placement that is not finite, or that takes vertices out of the range of 32-bit numbers.
-    pub fn checked_mesh_in_world(&self) -> Result<Mesh, MeshError> {
-        let mesh = self.mesh_in_world();
-        mesh.check_placed(&self.name)?;
-        Ok(mesh)
+    pub fn checked_mesh_in_world(&self) -> Result<(Mesh, usize), MeshError> {
+        self.mesh.placed(&self.placement, &self.name)
     }
 
-    /// The geometry in world space, whatever it is.
+    /// The geometry in world space; empty if [`Self::checked_mesh_in_world`] has none.
     pub fn mesh_in_world(&self) -> Mesh {
-        self.mesh.placed(&self.placement)
+        self.checked_mesh_in_world().map_or_else(|_| Mesh::default(), |(mesh, _)| mesh)
     }
 }
 
@@ -107,7 +104,7 @@ impl Object {
 #[non_exhaustive]
 pub enum SceneError {
     /// The scene file itself could not be read.
-    #[error("cannot read scene file '{}': {source}; give a path to a .toml file or the name of a built-in scene (`pinspot scenes` lists them{})", path.display(), hint)]
+    #[error("cannot read scene file '{}': {source}; give a path to a .toml file or the name of a built-in scene (`pinspot scenes` lists them{})", escaped(&path.display().to_string()), hint)]
     Read {
         /// The path as given.
         path: PathBuf,

@@ -60,7 +60,9 @@ impl LightStages {
     ) -> Result<PreparedLight, EnvironmentError> {
         let key = (source.light.clone(), cube_size);
         let environment = self.environment.try_get(key, progress, || Environment::new(&source.light, cube_size))?;
-        Ok(PreparedLight { environment, rotation_rad: source.rotation_rad, intensity: source.intensity })
+        let EnvironmentSource { rotation_rad, intensity, .. } = *source;
+        environment.radiance.check_placement(intensity, rotation_rad)?;
+        Ok(PreparedLight { environment, rotation_rad, intensity })
     }
 
     /// Bounds of the radiance, for sums by a hierarchy.

@@ -91,7 +91,7 @@ impl SceneStages {
         self.meshes.resize_with(scene.objects.len(), || Memo::new(Stage::Geometry));
         let place = |(memo, object): (&mut Memo<PlacedMeshKey, Mesh>, &Object)| {
             let key = PlacedMeshKey { mesh: Id::of(&object.mesh), placement: object.placement };
-            memo.try_get(key, progress, || object.checked_mesh_in_world())
+            memo.try_get(key, progress, || Ok(object.checked_mesh_in_world()?.0))
         };
         self.meshes.iter_mut().zip(&scene.objects).map(place).collect()
     }

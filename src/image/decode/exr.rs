@@ -33,7 +33,7 @@ pub(super) fn decode(bytes: &[u8]) -> Result<RgbImage, Refusal> {
         return Err(Refusal::Unsupported("has subsampled channels; convert it to plain R, G and B".into()));
     }
     let data_window = IntegerBounds::new(layer.attributes.layer_position, layer.size);
-    placed(RgbImage { width, height, pixels }, data_window, image.attributes.display_window)
+    Ok(placed(RgbImage { width, height, pixels }, data_window, image.attributes.display_window))
 }
 
 fn check_header(header: &Header, length: usize) -> Result<(), Refusal> {
@@ -66,9 +66,9 @@ fn rgb_pixels(channels: &AnyChannels<FlatSamples>) -> Result<Vec<[f32; 3]>, Refu
 }
 
 /// The image as its display window shows it: black where it has no data.
-fn placed(image: RgbImage, data: IntegerBounds, display: IntegerBounds) -> Result<RgbImage, Refusal> {
+fn placed(image: RgbImage, data: IntegerBounds, display: IntegerBounds) -> RgbImage {
     if data == display {
-        return Ok(image);
+        return image;
     }
     let (width, height) = (display.size.0, display.size.1);
     // Column and row in the data of a pixel of the display window.
@@ -82,7 +82,7 @@ fn placed(image: RgbImage, data: IntegerBounds, display: IntegerBounds) -> Resul
             pixels.push(place.map_or([0.0; 3], |(x, y)| image.pixels[y * image.width + x]));
         }
     }
-    Ok(RgbImage { width, height, pixels })
+    RgbImage { width, height, pixels }
 }
 
 #[cfg(test)]
