@@ -18,7 +18,7 @@ use pinspot::differential::differentials;
 use pinspot::environment::Environment;
 use pinspot::gpu::Gpu;
 use pinspot::pinhole::cpu::gather;
-use pinspot::pinhole::gpu::{Engine, EnvironmentCube, FrameInputs, Options};
+use pinspot::pinhole::gpu::{Engine, EnvironmentCube, FrameInputs, GatherOptions};
 use pinspot::pinhole::{Filter, Footprint, Params, Pinholes, Receivers, pinholes};
 use pinspot::render::Settings;
 use pinspot::sampling::{self, Strategy, Surface, sample};
@@ -108,7 +108,7 @@ fn gather_on_gpu(c: &mut Criterion) {
     settings(&mut group);
     for (filter, name) in FILTERS {
         let params = Params { filter, ..Default::default() };
-        let engine = Engine::new(&gpu.device, &Options { filter, ..Default::default() });
+        let engine = Engine::new(&gpu.device, &GatherOptions { filter, ..Default::default() });
         let fetches = work.fetches(&params);
         group.throughput(Throughput::Elements(fetches));
         let inputs = FrameInputs {
@@ -169,7 +169,7 @@ fn visibility(c: &mut Criterion) {
         group.bench_function(format!("CPU, {name}"), |b| {
             b.iter(|| black_box(gather(&work.receivers, &work.pinholes, &work.environment.cube, &params, &|_| ())));
         });
-        let engine = Engine::new(&gpu.device, &Options { visibility, ..Default::default() });
+        let engine = Engine::new(&gpu.device, &GatherOptions { visibility, ..Default::default() });
         let inputs = FrameInputs {
             positions: &positions,
             normals: &normals,

@@ -10,8 +10,8 @@ use crate::environment::{CubeMap, Environment, LightBounds};
 use crate::gpu::{Adapter, Gpu, GpuError};
 use crate::pinhole::cpu::{self, Accuracy, Light};
 use crate::pinhole::gpu::{
-    CellTreeBuffers, Engine, EnvironmentCube, HierarchicalEngine, HierarchicalOptions, LightBoundsTexture, Options,
-    automatic_filter as automatic_filter_of, check_hardware_filter,
+    CellTreeBuffers, Engine, EnvironmentCube, GatherOptions, HierarchicalEngine, HierarchicalOptions,
+    LightBoundsTexture, automatic_filter as automatic_filter_of, check_hardware_filter,
 };
 use crate::pinhole::{Filter, Params, PinholeTree, Pinholes, Receivers};
 use crate::scene::Visibility;
@@ -169,7 +169,7 @@ impl Backend {
         let (filter, visibility) = (options.params.filter, options.visibility == Visibility::Full);
         Ok(match samples {
             Samples::Flat(pinholes) => {
-                let engine = Engine::new(&gpu.device, &Options { filter, visibility, ..Default::default() });
+                let engine = Engine::new(&gpu.device, &GatherOptions { filter, visibility, ..Default::default() });
                 Summed::GpuFlat { engine: Box::new(engine), pinholes }
             }
             Samples::Hierarchical { tree, bounds, accuracy } => Summed::GpuHierarchical {

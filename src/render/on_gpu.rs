@@ -66,7 +66,7 @@ fn pairs_per_submit(gpu: &Gpu) -> u64 {
 }
 
 /// Parts that pixels' work is divided into at most, where an adapter ends loops early.
-const MOST_PARTS: u32 = 512;
+const MAX_SPLIT_PASSES: u32 = 512;
 
 /// A gather on a GPU.
 pub(super) struct OnGpu<'a> {
@@ -163,24 +163,24 @@ impl OnGpu<'_> {
             normals: &uploaded.normals,
             viewers: uploaded.viewers(),
             size: uploaded.size(),
-            is_picture: receivers.arrangement == Arrangement::Picture,
+            is_grid: receivers.arrangement == Arrangement::Picture,
             tree,
             environment: self.environment,
             bounds,
             params: *self.params,
             tolerance: Tolerance::Absolute(accuracy.error),
             split_near: accuracy.split_near,
-            parts: if self.gpu.adapter.software { 8 } else { 1 },
+            split_passes: if self.gpu.adapter.software { 8 } else { 1 },
         };
         let points = receivers.positions.len() as u64;
-        while inputs.parts <= MOST_PARTS {
+        while inputs.split_passes <= MAX_SPLIT_PASSES {
             let mut frame = engine.frame(&self.gpu.device, &inputs)?;
-            self.submit(points, frame.run_count(), 1, |encoder, runs| frame.record(encoder, runs))?;
+            self.submit(points, frame.batch_count(), 1, |encoder, runs| frame.record(encoder, runs))?;
             let sums = wait(Some(&self.gpu.device), self.gpu.read_texture(frame.caustic()))?;
             if sums.iter().all(|sum| sum[3] >= 0.0) {
                 return Ok(sums);
             }
-            inputs.parts *= 8;
+            inputs.split_passes *= 8;
         }
         Err(GpuError::LoopCutShort { adapter: self.gpu.adapter.name.clone() }.into())
     }

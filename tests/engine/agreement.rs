@@ -4,7 +4,7 @@ use pinspot::Silent;
 use pinspot::blocking::wait;
 use pinspot::environment::CubeMap;
 use pinspot::image::Aov;
-use pinspot::pinhole::gpu::Options;
+use pinspot::pinhole::gpu::GatherOptions;
 use pinspot::pinhole::{BATCH_SIZE, Filter, Footprint, Params, PinholeSample, Pinholes, Receivers};
 use pinspot::render::{BackendChoice, BackendReport, EvaluationChoice, Rendered, Renderer, Settings};
 use pinspot::sampling::Strategy;
@@ -79,7 +79,7 @@ fn ping_pong_and_ranges_of_batches_give_what_one_blended_draw_gives() {
     let params = Params::default();
     let whole = on_gpu(&receivers, &pinholes, &cube, &params);
     for (force_ping_pong, step) in [(false, 1), (true, 1), (true, u32::MAX)] {
-        let options = Options { filter: params.filter, force_ping_pong, ..Default::default() };
+        let options = GatherOptions { filter: params.filter, force_ping_pong, ..Default::default() };
         let parts = on_gpu_with(&receivers, &pinholes, &cube, &params, &options, step);
         let error = rel_l2(&parts, &whole);
         assert!(error < 1e-6, "ping-pong {force_ping_pong}, step {step}: {error}");

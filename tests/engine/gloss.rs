@@ -28,7 +28,7 @@ fn ring(light: &str, roughness: f32) -> Scene {
 
 fn truth(scene: Scene, rel_error: f64) -> Vec<DVec3> {
     let goal = Goal { rel_error, seconds: None, points: None };
-    let options = Options { size: [EDGE; 2], visibility: Visibility::None, ..Default::default() };
+    let options = GatherOptions { size: [EDGE; 2], visibility: Visibility::None, ..Default::default() };
     let estimate = Reference::new(scene, options).unwrap().solve(&goal, None, &Silent, &mut |_| Ok(())).unwrap();
     estimate.irradiance.pixels.iter().map(|p| p.as_dvec3()).collect()
 }
@@ -56,7 +56,7 @@ fn errors(light: &str, roughnesses: &[f32]) -> Vec<(f32, f64, f64)> {
         let environment = Environment::load(&scene.environment, Default::default()).unwrap();
         let pinholes = pinholes_of(&scene, 2000, Strategy::Neighbourhood, Footprint::Cells, 1);
         let mut sharp = pinholes.clone();
-        sharp.samples.iter_mut().for_each(|s| s.side_1[3] = 0.0);
+        sharp.samples.iter_mut().for_each(|s| s.lobe = 0.0);
         let [own, without] = [&pinholes, &sharp]
             .map(|p| error(&on_cpu(&receivers(), p, &environment.cube, &Params::default()), &expected));
         println!("{light}, roughness {roughness}: {own:.3}, without the lobe {without:.3}");
@@ -99,7 +99,7 @@ fn both_back_ends_and_the_ground_truth_lose_what_facets_hide() {
     };
 
     let goal = Goal { rel_error: 5e-4, seconds: None, points: None };
-    let options = Options { size: [1, 1], ..Default::default() };
+    let options = GatherOptions { size: [1, 1], ..Default::default() };
     let reference = Reference::new(scene.clone(), options).unwrap();
     let estimate = reference.solve(&goal, None, &Silent, &mut |_| Ok(())).unwrap();
     close(estimate.irradiance.pixels[0].as_dvec3(), 4e-3, "the ground truth");

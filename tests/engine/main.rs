@@ -18,6 +18,5 @@ mod hierarchy_gpu;
 mod metals;
 mod pictures;
 mod receivers;
-mod shaders;
 mod support;
 mod visibility;

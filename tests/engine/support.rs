@@ -9,7 +9,7 @@ use pinspot::differential::differentials;
 use pinspot::environment::CubeMap;
 use pinspot::gpu::Gpu;
 use pinspot::image::{Aov, Image};
-use pinspot::pinhole::gpu::{Engine, EnvironmentCube, FrameInputs, FrameViewers, Options};
+use pinspot::pinhole::gpu::{Engine, EnvironmentCube, FrameInputs, FrameViewers, GatherOptions};
 use pinspot::pinhole::{Footprint, Params, Pinholes, Receivers, cpu, pinholes};
 use pinspot::reference::{self, Goal, Quantity, Reference};
 use pinspot::render::{self, BackendChoice, EvaluationChoice, Renderer, Settings};
@@ -49,7 +49,7 @@ pub fn on_gpu(receivers: &Receivers, pinholes: &Pinholes, cube: &CubeMap, params
         pinholes,
         cube,
         params,
-        &Options { filter: params.filter, visibility: pinholes.visibility.is_some(), ..Default::default() },
+        &GatherOptions { filter: params.filter, visibility: pinholes.visibility.is_some(), ..Default::default() },
         u32::MAX,
     )
 }
@@ -60,7 +60,7 @@ pub fn on_gpu_with(
     pinholes: &Pinholes,
     cube: &CubeMap,
     params: &Params,
-    options: &Options,
+    options: &GatherOptions,
     step: u32,
 ) -> Vec<[f32; 4]> {
     let gpu = gpu();
