@@ -9,7 +9,7 @@ use glam::camera::rh;
 use pinspot::differential::differentials;
 use pinspot::environment::Environment;
 use pinspot::image::{Image, display, write_png};
-use pinspot::pinhole::gpu::{Engine, EnvironmentCube, FrameInputs, Options};
+use pinspot::pinhole::gpu::{Engine, EnvironmentCube, FrameInputs, GatherOptions};
 use pinspot::pinhole::{Footprint, Params, pinholes};
 use pinspot::render::Settings;
 use pinspot::sampling::{self, Surface, sample};
@@ -52,7 +52,7 @@ pub fn render_one_frame() -> Result<Output, Failure> {
     let scene = load::<Settings>(SCENE)?.scene;
 
     // 1. Once: the engine, on the host's device.
-    let engine = Engine::new(&device, &Options { visibility: true, ..Default::default() });
+    let engine = Engine::new(&device, &GatherOptions { visibility: true, ..Default::default() });
     // 2. When the light changes: the environment cube (or a cube texture of the host's own).
     let light = Environment::load(&scene.environment, Default::default())?;
     let environment = EnvironmentCube::upload(&device, &queue, &light.cube)?;

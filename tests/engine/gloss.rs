@@ -28,7 +28,7 @@ fn ring(light: &str, roughness: f32) -> Scene {
 
 fn truth(scene: Scene, rel_error: f64) -> Vec<DVec3> {
     let goal = Goal { rel_error, seconds: None, points: None };
-    let options = GatherOptions { size: [EDGE; 2], visibility: Visibility::None, ..Default::default() };
+    let options = Options { size: [EDGE; 2], visibility: Visibility::None, ..Default::default() };
     let estimate = Reference::new(scene, options).unwrap().solve(&goal, None, &Silent, &mut |_| Ok(())).unwrap();
     estimate.irradiance.pixels.iter().map(|p| p.as_dvec3()).collect()
 }
@@ -99,7 +99,7 @@ fn both_back_ends_and_the_ground_truth_lose_what_facets_hide() {
     };
 
     let goal = Goal { rel_error: 5e-4, seconds: None, points: None };
-    let options = GatherOptions { size: [1, 1], ..Default::default() };
+    let options = Options { size: [1, 1], ..Default::default() };
     let reference = Reference::new(scene.clone(), options).unwrap();
     let estimate = reference.solve(&goal, None, &Silent, &mut |_| Ok(())).unwrap();
     close(estimate.irradiance.pixels[0].as_dvec3(), 4e-3, "the ground truth");
