@@ -19,7 +19,7 @@ use pinspot::low_level::differential::differentials;
 use pinspot::low_level::environment::Environment;
 use pinspot::low_level::gpu::Gpu;
 use pinspot::low_level::pinhole::cpu::gather;
-use pinspot::low_level::pinhole::gpu::{Engine, EnvironmentCube, FrameInputs, Options};
+use pinspot::low_level::pinhole::gpu::{Engine, EnvironmentCube, FrameInputs, GatherOptions};
 use pinspot::low_level::pinhole::{Filter, Footprint, Params, Pinholes, Receivers, pinholes};
 use pinspot::low_level::sampling::{self, Strategy, Surface, sample};
 use pinspot::low_level::tracing::Tracer;
@@ -108,7 +108,7 @@ fn gather_on_gpu(c: &mut Criterion) {
     settings(&mut group);
     for (filter, name) in FILTERS {
         let params = Params { filter, ..Default::default() };
-        let engine = Engine::new(&gpu.device, &Options { filter, ..Default::default() });
+        let engine = Engine::new(&gpu.device, &GatherOptions { filter, ..Default::default() });
         let fetches = work.fetches(&params);
         group.throughput(Throughput::Elements(fetches));
         let inputs = FrameInputs {
@@ -169,7 +169,7 @@ fn visibility(c: &mut Criterion) {
         group.bench_function(format!("CPU, {name}"), |b| {
             b.iter(|| black_box(gather(&work.receivers, &work.pinholes, &work.environment.cube, &params, &|_| ())));
         });
-        let engine = Engine::new(&gpu.device, &Options { visibility, ..Default::default() });
+        let engine = Engine::new(&gpu.device, &GatherOptions { visibility, ..Default::default() });
         let inputs = FrameInputs {
             positions: &positions,
             normals: &normals,

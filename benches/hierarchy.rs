@@ -222,20 +222,20 @@ fn frame_on_gpu(gpu: &Gpu, work: &Work, tree: &PinholeTree) -> (f64, f64) {
         normals: &gpu.upload_texture(size, &work.receivers.normals),
         viewers: None,
         size,
-        is_picture: true,
+        is_grid: true,
         tree: &CellTreeBuffers::upload(device, tree).expect("it fits"),
         environment: &environment,
         bounds: &LightBoundsTexture::upload(device, &gpu.queue, &work.bounds),
         params,
         tolerance: Tolerance::Relative(0.01),
         split_near: true,
-        parts: if gpu.adapter.software { 8 } else { 1 },
+        split_passes: if gpu.adapter.software { 8 } else { 1 },
     };
     let frame = || {
         let mut frame = engine.frame(device, &inputs).expect("it fits");
         let started = Instant::now();
         let mut encoder = device.create_command_encoder(&Default::default());
-        frame.record(&mut encoder, 0..frame.run_count());
+        frame.record(&mut encoder, 0..frame.batch_count());
         gpu.queue.submit([encoder.finish()]);
         wait(Some(&gpu.device), gpu.submitted_work_done()).expect("a device");
         (frame, started.elapsed().as_secs_f64())

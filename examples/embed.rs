@@ -10,7 +10,7 @@ use pinspot::Settings;
 use pinspot::image::{Image, display, write_png};
 use pinspot::low_level::differential::differentials;
 use pinspot::low_level::environment::Environment;
-use pinspot::low_level::pinhole::gpu::{Engine, EnvironmentCube, FrameInputs, Options};
+use pinspot::low_level::pinhole::gpu::{Engine, EnvironmentCube, FrameInputs, GatherOptions};
 use pinspot::low_level::pinhole::{Footprint, Params, pinholes};
 use pinspot::low_level::sampling::{self, Surface, sample};
 use pinspot::low_level::tracing::Tracer;
@@ -52,7 +52,7 @@ pub fn render_one_frame() -> Result<Output, Failure> {
     let scene = load::<Settings>(SCENE)?.scene;
 
     // 1. Once: the engine, on the host's device.
-    let engine = Engine::new(&device, &Options { visibility: true, ..Default::default() });
+    let engine = Engine::new(&device, &GatherOptions { visibility: true, ..Default::default() });
     // 2. When the light changes: the environment cube (or a cube texture of the host's own).
     let light = Environment::new(&scene.environment.light, Default::default())?;
     let environment = EnvironmentCube::upload(&device, &queue, &light.cube)?;

@@ -3,7 +3,7 @@
 use pinspot::blocking::wait;
 use pinspot::image::Aov;
 use pinspot::low_level::environment::CubeMap;
-use pinspot::low_level::pinhole::gpu::Options;
+use pinspot::low_level::pinhole::gpu::GatherOptions;
 use pinspot::low_level::pinhole::{BATCH_SIZE, Filter, Footprint, Params, PinholeSample, Pinholes, Receivers};
 use pinspot::low_level::sampling::Strategy;
 use pinspot::scene::BUILT_IN;
@@ -76,7 +76,7 @@ fn ping_pong_and_ranges_of_batches_give_what_one_blended_draw_gives() {
     let params = Params::default();
     let whole = on_gpu(&receivers, &pinholes, &cube, &params);
     for (force_ping_pong, step) in [(false, 1), (true, 1), (true, u32::MAX)] {
-        let options = Options { filter: params.filter, force_ping_pong, ..Default::default() };
+        let options = GatherOptions { filter: params.filter, force_ping_pong, ..Default::default() };
         let parts = on_gpu_with(&receivers, &pinholes, &cube, &params, &options, step);
         let error = rel_l2(&parts, &whole);
         assert!(error < 1e-6, "ping-pong {force_ping_pong}, step {step}: {error}");
@@ -105,11 +105,13 @@ fn two_sided_reflectors_reflect_on_both_sides() {
     let Case { receivers, pinholes, cube } = two_sided_ring();
     let params = Params::default();
     let turned = |sign: f32| -> Pinholes {
-        let turn = |v: [f32; 4]| v.map(|c| sign * c);
-        let one = |s: &PinholeSample| {
-            let [x, y, z, _] = turn(s.normal_object);
-            let normal_object = [x, y, z, 1.0];
-            PinholeSample { normal_object, change_1: turn(s.change_1), change_2: turn(s.change_2), ..*s }
+        let turn = |v: [f32; 3]| v.map(|c| sign * c);
+        let one = |s: &PinholeSample| PinholeSample {
+            normal: turn(s.normal),
+            object_sides: s.object_sides & !1,
+            change_1: turn(s.change_1),
+            change_2: turn(s.change_2),
+            ..*s
         };
         pinholes.samples.iter().map(one).collect::<Vec<_>>().into()
     };

@@ -56,7 +56,7 @@ fn errors(light: &str, roughnesses: &[f32]) -> Vec<(f32, f64, f64)> {
         let environment = Environment::new(&scene.environment.light, Default::default()).unwrap();
         let pinholes = pinholes_of(&scene, 2000, Strategy::Neighbourhood, Footprint::Cells, 1);
         let mut sharp = pinholes.clone();
-        sharp.samples.iter_mut().for_each(|s| s.side_1[3] = 0.0);
+        sharp.samples.iter_mut().for_each(|s| s.lobe = 0.0);
         let [own, without] = [&pinholes, &sharp]
             .map(|p| error(&on_cpu(&receivers(), p, &environment.cube, &Params::default()), &expected));
         println!("{light}, roughness {roughness}: {own:.3}, without the lobe {without:.3}");

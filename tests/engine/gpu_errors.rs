@@ -4,7 +4,7 @@ use glam::Vec3;
 use pinspot::blocking::wait;
 use pinspot::low_level::environment::CubeMap;
 use pinspot::low_level::gpu::{Gpu, GpuError};
-use pinspot::low_level::pinhole::gpu::{Engine, EnvironmentCube, FrameInputs, Options};
+use pinspot::low_level::pinhole::gpu::{Engine, EnvironmentCube, FrameInputs, GatherOptions};
 use pinspot::low_level::pinhole::{Params, PinholeSample};
 
 use crate::support::{floor, gpu};
@@ -30,7 +30,7 @@ fn too_large_a_texture_is_an_error_with_a_remedy() {
     let view = gpu.upload_texture([2, 2], &receivers.positions);
     let cube = CubeMap::from_radiance(16, None, |_| Vec3::ONE);
     let environment = EnvironmentCube::upload(&gpu.device, &gpu.queue, &cube).unwrap();
-    let engine = Engine::new(&gpu.device, &Options::default());
+    let engine = Engine::new(&gpu.device, &GatherOptions::default());
     let too_wide = gpu.adapter.max_texture + 1;
     let inputs = FrameInputs {
         positions: &view,

@@ -11,7 +11,7 @@ use pinspot::low_level::gpu::Gpu;
 use pinspot::low_level::pinhole::cpu::{Accuracy, Light, gather_hierarchical, typical_irradiance};
 use pinspot::low_level::pinhole::gpu::{
     CellTreeBuffers, EnvironmentCube, FrameViewers, HierarchicalEngine, HierarchicalInputs, HierarchicalOptions,
-    LightBoundsMaker, Tolerance,
+    LightBoundsBuilder, Tolerance,
 };
 use pinspot::low_level::pinhole::{Arrangement, Params, PinholeTree, Receivers, Viewers};
 use pinspot::low_level::sampling::{self, Strategy, Surface, sample};
@@ -74,7 +74,7 @@ struct Work {
 #[derive(Clone, Copy)]
 struct How {
     tolerance: Tolerance,
-    parts: u32,
+    split_passes: u32,
     split_near: bool,
     environment_rotation_rad: f32,
 }
@@ -111,7 +111,7 @@ impl Work {
 
     fn how(&self, tolerance: f32) -> How {
         let tolerance = Tolerance::Absolute(tolerance * self.typical());
-        How { tolerance, parts: 8, split_near: false, environment_rotation_rad: 0.0 }
+        How { tolerance, split_passes: 8, split_near: false, environment_rotation_rad: 0.0 }
     }
 
     fn on_cpu(&self, how: &How) -> Vec<[f32; 4]> {
@@ -127,7 +127,7 @@ impl Work {
     fn on_gpu(&self, gpu: &Gpu, how: &How) -> Vec<[f32; 4]> {
         let (device, size) = (&gpu.device, [self.receivers.width, self.receivers.height]);
         let environment = EnvironmentCube::upload(device, &gpu.queue, &self.cube).unwrap();
-        let maker = LightBoundsMaker::new(device, &environment);
+        let builder = LightBoundsBuilder::new(device, &environment);
         let params = how.params();
         let visibility = self.tree.roots().visibility.is_some();
         let engine = HierarchicalEngine::new(device, &HierarchicalOptions { filter: params.filter, visibility });
@@ -139,19 +139,19 @@ impl Work {
             normals: &gpu.upload_texture(size, &self.receivers.normals),
             viewers: viewers.map(|(directions, v)| FrameViewers { directions, materials: &v.materials }),
             size,
-            is_picture: self.receivers.arrangement == Arrangement::Picture,
+            is_grid: self.receivers.arrangement == Arrangement::Picture,
             tree: &CellTreeBuffers::upload(device, &self.tree).unwrap(),
             environment: &environment,
-            bounds: maker.bounds(),
+            bounds: builder.bounds(),
             params,
             tolerance: how.tolerance,
             split_near: how.split_near,
-            parts: how.parts,
+            split_passes: how.split_passes,
         };
         let mut frame = engine.frame(device, &inputs).unwrap();
         let mut encoder = device.create_command_encoder(&Default::default());
-        maker.record(&mut encoder);
-        frame.record(&mut encoder, 0..frame.run_count());
+        builder.record(&mut encoder);
+        frame.record(&mut encoder, 0..frame.batch_count());
         gpu.queue.submit([encoder.finish()]);
         let sums = wait(Some(device), gpu.read_texture(frame.caustic())).unwrap();
         gpu.check().unwrap();
@@ -172,7 +172,7 @@ fn a_minimal_device_is_enough() {
 #[test]
 fn parts_add_up() {
     let work = Work::new("spoon", [72, 72], 200, 16, Visibility::None);
-    let [whole, parts] = [1, 5].map(|parts| work.on_gpu(gpu(), &How { parts, ..work.how(0.02) }));
+    let [whole, parts] = [1, 5].map(|split_passes| work.on_gpu(gpu(), &How { split_passes, ..work.how(0.02) }));
     assert!(whole.iter().any(|sum| sum[0] > 0.0));
     let error = rel_l2(&parts, &whole);
     assert!(error < 1e-6, "{error}");
@@ -252,7 +252,7 @@ fn lists_of_glossy_receivers_are_gathered() {
 #[test]
 fn loops_that_are_cut_short_are_reported() {
     let work = Work::new("ring-natural", [8, 8], 100, 1024, Visibility::None);
-    let how = How { parts: 1, split_near: true, ..work.how(1e-5) };
+    let how = How { split_passes: 1, split_near: true, ..work.how(1e-5) };
     let gathered = work.on_gpu(gpu(), &how);
     let is_short = gathered.iter().any(|sum| sum[3] < 0.0);
     if gpu().adapter.name.contains("llvmpipe") {

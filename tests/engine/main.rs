@@ -20,7 +20,6 @@ mod independence;
 mod metals;
 mod pictures;
 mod receivers;
-mod shaders;
 mod stages;
 mod support;
 mod visibility;

@@ -8,7 +8,7 @@ use pinspot::image::{Aov, Image};
 use pinspot::low_level::differential::differentials;
 use pinspot::low_level::environment::CubeMap;
 use pinspot::low_level::gpu::Gpu;
-use pinspot::low_level::pinhole::gpu::{Engine, EnvironmentCube, FrameInputs, FrameViewers, Options};
+use pinspot::low_level::pinhole::gpu::{Engine, EnvironmentCube, FrameInputs, FrameViewers, GatherOptions};
 use pinspot::low_level::pinhole::{Params, Pinholes, Receivers, cpu, pinholes};
 use pinspot::low_level::sampling::{self, Surface, sample};
 use pinspot::reference::{self, Quantity, Reference, StoppingCriterion};
@@ -55,7 +55,7 @@ pub fn on_gpu(receivers: &Receivers, pinholes: &Pinholes, cube: &CubeMap, params
         pinholes,
         cube,
         params,
-        &Options { filter: params.filter, visibility: pinholes.visibility.is_some(), ..Default::default() },
+        &GatherOptions { filter: params.filter, visibility: pinholes.visibility.is_some(), ..Default::default() },
         u32::MAX,
     )
 }
@@ -66,7 +66,7 @@ pub fn on_gpu_with(
     pinholes: &Pinholes,
     cube: &CubeMap,
     params: &Params,
-    options: &Options,
+    options: &GatherOptions,
     step: u32,
 ) -> Vec<[f32; 4]> {
     let gpu = gpu();

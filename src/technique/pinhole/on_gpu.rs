@@ -54,7 +54,7 @@ impl GpuStages {
         let device = &shared.gpu.device;
         let key = (sum.params.filter, sum.pinholes.visibility.is_some());
         let pipelines = kept(&mut self.flat_pipelines, key, || {
-            Engine::new(device, &gpu::Options { filter: key.0, visibility: key.1, ..Default::default() })
+            Engine::new(device, &gpu::GatherOptions { filter: key.0, visibility: key.1, ..Default::default() })
         });
         let environment = self.environment(shared, &sum.environment, inputs.progress)?;
         shared.gpu.check()?;
@@ -218,25 +218,25 @@ impl HierarchicalOnGpu {
             normals: &uploaded.normals,
             viewers: uploaded.viewers(),
             size: uploaded.size(),
-            is_picture: receivers.arrangement == Arrangement::Picture,
+            is_grid: receivers.arrangement == Arrangement::Picture,
             tree: &self.tree,
             environment: &self.environment,
             bounds: &self.bounds,
             params: self.params,
             tolerance: Tolerance::Absolute(self.error),
             split_near: self.split_near,
-            parts: if gpu.adapter.software { 8 } else { 1 },
+            split_passes: if gpu.adapter.software { 8 } else { 1 },
         };
         let points = receivers.positions.len() as u64;
-        while inputs.parts <= MOST_PARTS {
+        while inputs.split_passes <= MAX_SPLIT_PASSES {
             let mut frame = self.pipelines.frame(&gpu.device, &inputs)?;
-            let submission = Submission { gpu, points, pieces: frame.run_count(), step: 1, progress };
-            submission.run(|encoder, runs| frame.record(encoder, runs)).await?;
+            let submission = Submission { gpu, points, pieces: frame.batch_count(), step: 1, progress };
+            submission.run(|encoder, batches| frame.record(encoder, batches)).await?;
             let sums = gpu.read_texture(frame.caustic()).await?;
             if sums.iter().all(|sum| sum[3] >= 0.0) {
                 return Ok(sums);
             }
-            inputs.parts *= 8;
+            inputs.split_passes *= 8;
         }
         Err(GpuError::LoopCutShort { adapter: gpu.adapter.name.clone() })
     }
@@ -321,7 +321,7 @@ fn pairs_per_submit(gpu: &Gpu) -> u64 {
 }
 
 /// Parts that pixels' work is divided into at most, where an adapter ends loops early.
-const MOST_PARTS: u32 = 512;
+const MAX_SPLIT_PASSES: u32 = 512;
 
 /// Receivers on the GPU.
 struct Uploaded<'a> {
