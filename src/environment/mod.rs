@@ -12,6 +12,7 @@ mod importance;
 mod irradiance;
 mod layout;
 
+#[cfg(feature = "gpu")]
 pub(crate) use bounds::FINEST_BOUNDS;
 pub use bounds::{Bound, LightBounds};
 pub(crate) use builtin::built_in_map;

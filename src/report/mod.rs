@@ -9,6 +9,7 @@ mod compare;
 mod comparison;
 mod encode;
 mod findings;
+mod flip;
 mod page;
 mod plan;
 mod rows;
