@@ -225,8 +225,9 @@ fn vertices(scene: &Scene) -> Vec<[[f32; 4]; 2]> {
     let mut vertices = Vec::new();
     for (index, object) in scene.objects.iter().enumerate() {
         let w = if object.receiver.is_some() { index as f32 } else { -1.0 };
-        for t in 0..object.mesh.triangles().len() {
-            for (p, n) in object.mesh.corners(t).into_iter().zip(object.mesh.corner_normals(t)) {
+        let mesh = object.mesh_in_world();
+        for t in 0..mesh.triangles().len() {
+            for (p, n) in mesh.corners(t).into_iter().zip(mesh.corner_normals(t)) {
                 vertices.push([p.extend(w).to_array(), n.extend(0.0).to_array()]);
             }
         }

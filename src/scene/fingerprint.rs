@@ -14,9 +14,10 @@ impl Scene {
         add(more.as_bytes());
         add(format!("{:?}", self.camera).as_bytes());
         for object in &self.objects {
-            add(bytemuck::cast_slice(object.mesh.positions()));
-            add(bytemuck::cast_slice(object.mesh.normals()));
-            add(bytemuck::cast_slice(object.mesh.triangles()));
+            let mesh = object.mesh_in_world();
+            add(bytemuck::cast_slice(mesh.positions()));
+            add(bytemuck::cast_slice(mesh.normals()));
+            add(bytemuck::cast_slice(mesh.triangles()));
             add(format!("{:?} {:?} {}", object.reflector, object.receiver, object.camera_visible).as_bytes());
         }
         let environment = &self.environment;

@@ -1,7 +1,7 @@
 //! What exists: meshes, shapes, materials, cameras, scene files and the built-in scenes.
 //!
-//! A [`Scene`] is complete and valid once built: meshes are in world space, free of NaN and of
-//! degenerate triangles. This module must not know samples, environments' texels or wgpu.
+//! A [`Scene`] is complete and valid once built: meshes are free of NaN and of degenerate triangles, and files are in memory.
+//! This module must not know samples, lighting or wgpu.
 
 mod assets;
 mod builtin;
@@ -18,6 +18,7 @@ mod visibility;
 mod wavefront;
 
 use std::path::PathBuf;
+use std::sync::Arc;
 
 pub use assets::Assets;
 pub use builtin::{BUILT_IN, BuiltIn};
@@ -55,19 +56,54 @@ impl Scene {
     }
 }
 
-/// One object: a mesh in world space and what it does with light.
+/// One object: a mesh, where it stands, and what it does with light.
 #[derive(Clone, Debug)]
 pub struct Object {
     /// The name in the scene file, for messages.
     pub name: String,
-    /// World-space geometry.
-    pub mesh: Mesh,
+    /// Geometry in object space; objects may share it.
+    pub mesh: Arc<Mesh>,
+    /// From object to world space.
+    pub placement: Transform,
     /// `Some`: its surface mirrors light.
     pub reflector: Option<Reflector>,
     /// `Some`: caustics and diffuse light show on it.
     pub receiver: Option<Receiver>,
     /// `false`: the camera looks through it (light does not).
     pub camera_visible: bool,
+}
+
+impl Object {
+    /// An object that neither mirrors nor receives, at the origin.
+    pub fn new(name: impl Into<String>, mesh: impl Into<Arc<Mesh>>) -> Self {
+        Self {
+            name: name.into(),
+            mesh: mesh.into(),
+            placement: Transform::default(),
+            reflector: None,
+            receiver: None,
+            camera_visible: true,
+        }
+    }
+
+    /// The geometry in world space.
+    pub fn mesh_in_world(&self) -> Mesh {
+        self.mesh.placed(&self.placement)
+    }
+
+    /// Whether the mesh can stand where `placement` puts it; if so, the number of its triangles that lose their area there.
+    pub fn check(&self) -> Result<usize, MeshError> {
+        let mesh = self.mesh_in_world();
+        let reason = if mesh.positions().iter().any(|p| !p.is_finite() || p.abs().max_element() > Mesh::MAX_COORDINATE)
+        {
+            "it reaches beyond 1e9 m"
+        } else if mesh.triangles().is_empty() {
+            "it becomes too small, or too far away, for 32-bit numbers"
+        } else {
+            return Ok(self.mesh.triangles().len() - mesh.triangles().len());
+        };
+        Err(MeshError::Placement { object: self.name.clone(), reason: reason.into() })
+    }
 }
 
 /// Why a scene could not be loaded. Each message names the place and the remedy.

@@ -96,7 +96,7 @@ fn receivers_do_not_shadow_themselves() {
     // Only the leg to the receiver is in question.
     pinholes.visibility.as_mut().unwrap().open.fill(u32::MAX);
     let mut points = Vec::new();
-    let mesh = &scene.objects[1].mesh;
+    let mesh = scene.objects[1].mesh_in_world();
     for t in (0..mesh.triangles().len()).step_by(7) {
         let position = mesh.corners(t).iter().sum::<Vec3>() / 3.0;
         let normal = (position - Vec3::new(0.0, 0.7, 0.0)).normalize();

@@ -114,7 +114,7 @@ impl Builder<'_> {
         if table.crease_angle_deg.is_some_and(|angle| !(0.0..=180.0).contains(&angle)) {
             return Err(self.error(key("crease_angle_deg"), "must be from 0 to 180"));
         }
-        let place = Transform {
+        let placement = Transform {
             scale: table.scale,
             rotate_rad: self.vector(key("rotate_deg"), table.rotate_deg)? * (std::f32::consts::PI / 180.0),
             translate: self.vector(key("translate"), table.translate)?,
@@ -133,17 +133,17 @@ impl Builder<'_> {
             let object = |part: ObjPart| {
                 let file = readable_name(self.assets, Path::new(file));
                 let name = if part.material.is_empty() { name.clone() } else { format!("{name}/{}", part.material) };
-                let (mesh, lost) = part.mesh.placed(&place, &name)?;
-                note_dropped(&file, part.report.dropped_triangles + lost, notes);
                 let Surface { reflector, receiver } = part.surface;
-                Ok(Object { name, mesh, reflector, receiver, camera_visible })
+                let object = Object { name, mesh: Arc::new(part.mesh), placement, reflector, receiver, camera_visible };
+                note_dropped(&file, part.report.dropped_triangles + object.check()?, notes);
+                Ok(object)
             };
             return parts.into_iter().map(object).collect();
         }
         let (mesh, dropped) = self.mesh(table, &key)?;
-        let (mesh, lost) = mesh.placed(&place, &name)?;
-        note_dropped(table.mesh.as_deref().unwrap_or(&name), dropped + lost, notes);
-        Ok(vec![Object { name, mesh, reflector, receiver, camera_visible }])
+        let object = Object { name, mesh: Arc::new(mesh), placement, reflector, receiver, camera_visible };
+        note_dropped(table.mesh.as_deref().unwrap_or(&object.name), dropped + object.check()?, notes);
+        Ok(vec![object])
     }
 
     fn receiver(&self, table: &ReceiverTable, key: &dyn Fn(&str) -> Key) -> Result<Receiver, SceneError> {
