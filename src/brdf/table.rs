@@ -6,7 +6,7 @@ use std::f32::consts::{FRAC_PI_2, PI};
 use glam::Vec3;
 
 /// Steps of θ_half (dense towards 0: its root is even), θ_diff and φ_diff.
-const STEPS: [usize; 3] = [90, 90, 180];
+pub(crate) const STEPS: [usize; 3] = [90, 90, 180];
 const ENTRIES: usize = STEPS[0] * STEPS[1] * STEPS[2];
 /// The units of the database, R, G and B.
 const SCALE: [f64; 3] = [1.0 / 1500.0, 1.15 / 1500.0, 1.66 / 1500.0];

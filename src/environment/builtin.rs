@@ -64,10 +64,9 @@ mod tests {
 
     #[test]
     fn the_suns_energy_survives_the_cube_map() {
-        use crate::scene::{EnvironmentSource, Light};
+        use crate::scene::Light;
         let light = Light::BuiltInMap("clear-sky".into());
-        let source = EnvironmentSource { light, rotation_rad: 0.0, intensity: 1.0 };
-        let environment = crate::environment::Environment::load(&source, Default::default()).unwrap();
+        let environment = crate::environment::Environment::new(&light, Default::default()).unwrap();
         let (sky, _) = RgbImage::decode("sky.exr", BUILT_IN_MAPS[0].exr).unwrap();
         let row_sr = |y: usize| {
             let edge = |k: usize| (std::f64::consts::PI * k as f64 / sky.height as f64).cos();

@@ -1,17 +1,19 @@
-//! Radiance by direction, in world space, at the light's own resolution.
+//! Radiance by direction, in the light's own frame and at its own resolution.
 
-use glam::{Mat3, Vec3};
+use std::borrow::Cow;
+
+use glam::Vec3;
 
 use super::layout::Layout;
 use super::{EnvironmentError, built_in_map};
-use crate::scene::{EnvironmentSource, Light, MAX_RADIANCE};
+use crate::scene::{Light, MAX_RADIANCE};
 
-/// A light around the scene.
+/// The radiance of a light around the scene, before it is rotated and scaled.
 #[derive(Clone, Debug)]
-pub struct Field {
+pub struct EnvironmentRadiance {
     kind: Kind,
-    light_from_world: Mat3,
-    intensity: f32,
+    /// The largest radiance of a channel, W/(m²·sr).
+    brightest: f32,
 }
 
 #[derive(Clone, Debug)]
@@ -33,14 +35,11 @@ impl Kind {
     }
 }
 
-impl Field {
+impl EnvironmentRadiance {
     /// The light that a scene describes.
-    pub fn new(source: &EnvironmentSource) -> Result<Self, EnvironmentError> {
+    pub fn new(light: &Light) -> Result<Self, EnvironmentError> {
         let invalid = |what: &str| Err(EnvironmentError::Invalid { what: what.into() });
-        if !source.rotation_rad.is_finite() {
-            return invalid("its rotation is not a finite number");
-        }
-        let kind = match &source.light {
+        let kind = match light {
             Light::Constant(radiance) => Kind::Constant(*radiance),
             Light::Spot { direction, .. } if !direction.is_normalized() => {
                 return invalid("the direction of its spot is not of unit length");
@@ -56,50 +55,61 @@ impl Field {
         };
         // A built-in map is decoded only here, so a scene's own check has not seen it.
         let [darkest, brightest] = kind.range();
-        let intensity = source.intensity;
-        if !(darkest >= 0.0 && intensity >= 0.0 && brightest.max(1.0) * intensity.max(1.0) <= MAX_RADIANCE) {
-            return invalid("its radiance, its intensity and their product must be from 0 to 1e36");
+        if !(darkest >= 0.0 && brightest <= MAX_RADIANCE) {
+            return invalid("its radiance must be from 0 to 1e36");
         }
-        let light_from_world = Mat3::from_rotation_y(-source.rotation_rad);
-        Ok(Self { kind, light_from_world, intensity: source.intensity })
+        Ok(Self { kind, brightest })
     }
 
-    /// Radiance that arrives from a unit direction in world space, W/(m²·sr).
-    pub fn radiance(&self, direction_in_world: Vec3) -> Vec3 {
-        self.look_up(direction_in_world, Layout::radiance)
+    /// Whether an intensity and a rotation in radians leave everything within range.
+    ///
+    /// # Errors
+    /// An intensity that is negative or not finite, that makes the light too bright, or a rotation that is not finite.
+    pub fn check_placement(&self, intensity: f32, rotation_rad: f32) -> Result<(), EnvironmentError> {
+        let invalid = |what: &str| Err(EnvironmentError::Invalid { what: what.into() });
+        if !rotation_rad.is_finite() {
+            return invalid("its rotation is not a finite number");
+        }
+        if !(intensity >= 0.0 && self.brightest.max(1.0) * intensity.max(1.0) <= MAX_RADIANCE) {
+            return invalid("its radiance, its intensity and their product must be from 0 to 1e36");
+        }
+        Ok(())
+    }
+
+    /// Radiance that arrives from a unit direction in the light's frame, W/(m²·sr).
+    pub fn radiance(&self, direction: Vec3) -> Vec3 {
+        self.look_up(direction, Layout::radiance)
     }
 
     /// The same, reconstructed more smoothly: for the eye, not for measurements.
-    pub fn smooth_radiance(&self, direction_in_world: Vec3) -> Vec3 {
-        self.look_up(direction_in_world, Layout::smooth_radiance)
+    pub fn smooth_radiance(&self, direction: Vec3) -> Vec3 {
+        self.look_up(direction, Layout::smooth_radiance)
     }
 
-    fn look_up(&self, direction_in_world: Vec3, in_map: impl Fn(&Layout, Vec3) -> Vec3) -> Vec3 {
-        let d = self.light_from_world * direction_in_world;
-        self.intensity
-            * match &self.kind {
-                Kind::Map(layout) => in_map(layout, d),
-                Kind::Constant(radiance) => *radiance,
-                Kind::Spot { direction, sigma_rad, radiance } => {
-                    // The chord gives small angles without the cancellation of acos.
-                    let angle = 2.0 * (0.5 * (d - *direction).length()).min(1.0).asin();
-                    *radiance * (-0.5 * (angle / sigma_rad).powi(2)).exp()
-                }
+    fn look_up(&self, d: Vec3, in_map: impl Fn(&Layout, Vec3) -> Vec3) -> Vec3 {
+        match &self.kind {
+            Kind::Map(layout) => in_map(layout, d),
+            Kind::Constant(radiance) => *radiance,
+            Kind::Spot { direction, sigma_rad, radiance } => {
+                // The chord gives small angles without the cancellation of acos.
+                let angle = 2.0 * (0.5 * (d - *direction).length()).min(1.0).asin();
+                *radiance * (-0.5 * (angle / sigma_rad).powi(2)).exp()
             }
+        }
     }
 
     /// The light to be averaged over cells `texel_rad` wide on a grid of 64² points: a spot that would fall between them is
     /// made as wide as they are apart, and dimmer, so that its energy stays.
-    pub(super) fn resolved_by(&self, texel_rad: f32) -> Self {
+    pub(super) fn resolved_by(&self, texel_rad: f32) -> Cow<'_, Self> {
         let least_sigma_rad = texel_rad / 32.0;
-        let kind = match self.kind {
+        match self.kind {
             Kind::Spot { direction, sigma_rad, radiance } if sigma_rad < least_sigma_rad => {
                 let radiance = radiance * (sigma_rad / least_sigma_rad).powi(2);
-                Kind::Spot { direction, sigma_rad: least_sigma_rad, radiance }
+                let kind = Kind::Spot { direction, sigma_rad: least_sigma_rad, radiance };
+                Cow::Owned(Self { kind, brightest: radiance.max_element() })
             }
-            ref kind => kind.clone(),
-        };
-        Self { kind, ..self.clone() }
+            _ => Cow::Borrowed(self),
+        }
     }
 
     /// The smallest angle over which the radiance changes much, radians; `None` for a constant.
@@ -131,16 +141,11 @@ mod tests {
 
     #[test]
     fn a_spot_has_the_radiance_and_solid_angle_of_its_definition() {
-        let source = EnvironmentSource {
-            light: Light::Spot { direction: Vec3::Z, sigma_rad: 0.1, radiance: Vec3::splat(3.0) },
-            rotation_rad: std::f32::consts::FRAC_PI_2,
-            intensity: 2.0,
-        };
-        let field = Field::new(&source).unwrap();
-        // A quarter turn about +Y takes +Z to +X.
-        assert!((field.radiance(Vec3::X).x - 6.0).abs() < 1e-5);
+        let light = Light::Spot { direction: Vec3::X, sigma_rad: 0.1, radiance: Vec3::splat(6.0) };
+        let spot = EnvironmentRadiance::new(&light).unwrap();
+        assert!((spot.radiance(Vec3::X).x - 6.0).abs() < 1e-5);
         let off = Vec3::new(0.1f32.cos(), 0.0, 0.1f32.sin());
-        assert!((field.radiance(off).x - 6.0 * (-0.5f32).exp()).abs() < 1e-4);
+        assert!((spot.radiance(off).x - 6.0 * (-0.5f32).exp()).abs() < 1e-4);
     }
 
     #[test]
@@ -150,8 +155,7 @@ mod tests {
         for (direction, sigma_rad) in [(Vec3::Y, 1e-4), (tilted, 1e-4), (tilted, 2e-3), (tilted, 0.02)] {
             for size in [16, 64, 256] {
                 let light = Light::Spot { direction, sigma_rad, radiance: Vec3::ONE };
-                let source = EnvironmentSource { light, rotation_rad: 0.0, intensity: 1.0 };
-                let cube = Environment::load(&source, CubeSize::Texels(size)).unwrap().cube;
+                let cube = Environment::new(&light, CubeSize::Texels(size)).unwrap().cube;
                 let texel = |(k, t): (usize, &glam::Vec4)| {
                     let k = k as u32 % (size * size);
                     f64::from(t.y) * texel_solid_angle_sr(size, k % size, k / size)
@@ -166,7 +170,8 @@ mod tests {
     #[test]
     fn lights_made_in_code_are_checked() {
         let refused = |light: Light, rotation_rad: f32, intensity: f32| {
-            Field::new(&EnvironmentSource { light, rotation_rad, intensity }).unwrap_err().to_string()
+            let placed = EnvironmentRadiance::new(&light).and_then(|r| r.check_placement(intensity, rotation_rad));
+            placed.unwrap_err().to_string()
         };
         let white = || Light::Constant(Vec3::ONE);
         let spot = |direction, sigma_rad| Light::Spot { direction, sigma_rad, radiance: Vec3::ONE };

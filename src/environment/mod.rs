@@ -1,7 +1,8 @@
 //! What shines: environment images, spots and constants, as a cube map with mips.
 //!
-//! Data flows from the scene's images → `layout` → [`Field`] (radiance by direction, world space) → [`CubeMap`] (what the
-//! gather looks up) and irradiance. This module must not know samples, receivers or wgpu.
+//! Data flows from the scene's images → `layout` → [`EnvironmentRadiance`] (radiance by direction) → [`CubeMap`] (what the
+//! sums look up) and irradiance. All of it is in the light's own frame: whoever looks something up rotates the direction
+//! and scales the result. This module must not know samples, receivers or wgpu.
 
 mod bounds;
 mod builtin;
@@ -16,49 +17,41 @@ pub use bounds::{Bound, LightBounds};
 pub(crate) use builtin::built_in_map;
 pub use builtin::{BUILT_IN_MAPS, BuiltInMap};
 pub use cube::{CubeMap, FACES, face_direction, face_of_direction, texel_solid_angle_sr};
-pub use field::Field;
+pub use field::EnvironmentRadiance;
 pub use importance::LightSampler;
+pub use irradiance::irradiance_map;
 
-use glam::Vec3;
 use serde::Deserialize;
 
-use crate::scene::{EnvironmentSource, MapError};
+use crate::scene::{Light, MapError};
 use crate::words::NumberOrWord;
 
 /// The largest face edge, texels: 4096² × 6 texels of 16 bytes with mips are 2.1 GB.
 pub const MAX_CUBE_SIZE: u32 = 4096;
 
-/// A light source around the scene, ready to be looked up.
+/// A light around the scene, ready to be looked up, in its own frame and at its own brightness.
 #[derive(Clone, Debug)]
 pub struct Environment {
     /// Radiance by direction, at the source's own resolution.
-    pub field: Field,
+    pub radiance: EnvironmentRadiance,
     /// Radiance, W/(m²·sr), prefiltered.
     pub cube: CubeMap,
-    /// Irradiance by the receiver's normal, W/m², unoccluded; one level.
-    pub irradiance: CubeMap,
 }
 
 impl Environment {
     /// Reads and prefilters a light.
-    pub fn load(source: &EnvironmentSource, cube_size: CubeSize) -> Result<Self, EnvironmentError> {
-        let field = Field::new(source)?;
+    pub fn new(light: &Light, cube_size: CubeSize) -> Result<Self, EnvironmentError> {
+        let radiance = EnvironmentRadiance::new(light)?;
         let size = match cube_size {
             CubeSize::Texels(size) => size,
-            CubeSize::Auto => field.cube_size(),
+            CubeSize::Auto => radiance.cube_size(),
         };
         if size > MAX_CUBE_SIZE {
             return Err(EnvironmentError::TooFine { size, limit: MAX_CUBE_SIZE });
         }
-        let resolved = field.resolved_by(2.0 / size as f32);
+        let resolved = radiance.resolved_by(2.0 / size as f32);
         let cube = CubeMap::from_radiance(size, resolved.detail_rad(), |direction| resolved.radiance(direction));
-        let irradiance = irradiance::irradiance(&cube);
-        Ok(Self { field, cube, irradiance })
-    }
-
-    /// Irradiance of an unoccluded receiver with this normal, W/m².
-    pub fn irradiance(&self, normal: Vec3) -> Vec3 {
-        self.irradiance.fetch(normal, 0.0)
+        Ok(Self { radiance, cube })
     }
 }
 

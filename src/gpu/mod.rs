@@ -1,10 +1,8 @@
-//! Devices, what they can do, and the resolver of shader imports. Knows no scenes, no files and no windows.
+//! Devices and what they can do. Knows no scenes, no files and no windows.
 
 mod device;
-mod shaders;
 
 pub use device::{Adapter, Gpu, adapters};
-pub use shaders::{SHADERS, resolve};
 
 /// Why the GPU could not be used.
 #[derive(Debug, thiserror::Error)]

@@ -24,7 +24,7 @@ pub struct EnvironmentSource {
 }
 
 /// The kinds of environment light.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub enum Light {
     /// An image, or six.
     Map(EnvironmentMap),
@@ -73,6 +73,15 @@ impl Light {
 pub struct EnvironmentMap {
     images: Vec<Arc<RgbImage>>,
     layout: MapLayout,
+}
+
+impl PartialEq for EnvironmentMap {
+    /// Whether both share the same images in memory; pixels are not compared.
+    fn eq(&self, other: &Self) -> bool {
+        self.layout == other.layout
+            && self.images.len() == other.images.len()
+            && self.images.iter().zip(&other.images).all(|(a, b)| Arc::ptr_eq(a, b))
+    }
 }
 
 impl EnvironmentMap {

@@ -189,16 +189,19 @@ impl Mesh {
         (0..self.triangles.len()).map(|t| f64::from(self.triangle_area(t))).sum()
     }
 
-    /// The mesh in world space, without the triangles that lose their area there.
-    #[must_use]
-    pub fn placed(&self, placement: &Transform) -> Self {
+    /// The mesh in the world, and how many of its triangles lost their area on the way. `object` is used in messages only.
+    pub fn placed(&self, placement: &Transform, object: &str) -> Result<(Self, usize), MeshError> {
         let rotation = placement.rotation();
-        let point = |p: &Vec3| rotation * (placement.scale * *p) + placement.translate;
-        let normal = |n: &Vec3| rotation * (*n * placement.scale.signum());
-        let positions: Vec<Vec3> = self.positions.iter().map(point).collect();
-        let has_area = |t: &&[u32; 3]| has_area(t.map(|v| positions[v as usize]));
-        let triangles = self.triangles.iter().filter(has_area).copied().collect();
-        Self { normals: self.normals.iter().map(normal).collect(), triangles, positions }
+        let positions =
+            self.positions.iter().map(|p| rotation * (placement.scale * *p) + placement.translate).collect();
+        let normals = self.normals.iter().map(|n| rotation * (*n * placement.scale.signum())).collect();
+        Self::new(object, positions, normals, self.triangles.clone()).map_err(|error| {
+            let reason = match error {
+                MeshError::Empty { .. } => "it becomes too small or too far away for 32-bit numbers",
+                _ => "it reaches beyond 1e9 m",
+            };
+            MeshError::Placement { object: object.into(), reason: reason.into() }
+        })
     }
 
     /// Gives vertices whose normal is zero the normal of a triangle they belong to, and makes all unit length.
@@ -223,12 +226,6 @@ fn area([a, b, c]: [Vec3; 3]) -> f32 {
     0.5 * (b - a).cross(c - a).length()
 }
 
-/// Whether the area of a triangle is not lost in rounding.
-fn has_area([a, b, c]: [Vec3; 3]) -> bool {
-    let longest = (b - a).length_squared().max((c - b).length_squared()).max((a - c).length_squared());
-    area([a, b, c]) > 1e-7 * longest
-}
-
 fn check_finite(origin: &str, what: &'static str, vectors: &[Vec3]) -> Result<(), MeshError> {
     match vectors.iter().position(|v| !v.is_finite()) {
         Some(i) => Err(MeshError::NotFinite { origin: origin.into(), vertex: i + 1, what }),
@@ -247,7 +244,11 @@ fn drop_degenerate(
         return Err(MeshError::IndexOutOfRange { origin: origin.into(), triangle: i + 1 });
     }
     let before = triangles.len();
-    triangles.retain(|t| has_area(t.map(|v| positions[v as usize])));
+    triangles.retain(|t| {
+        let [a, b, c] = t.map(|v| positions[v as usize]);
+        let longest = (b - a).length_squared().max((c - b).length_squared()).max((a - c).length_squared());
+        area([a, b, c]) > 1e-7 * longest
+    });
     let dropped = before - triangles.len();
     Ok((triangles, dropped))
 }

@@ -1,7 +1,6 @@
 //! What exists: meshes, shapes, materials, cameras, scene files and the built-in scenes.
 //!
-//! A [`Scene`] is complete and valid once built: meshes are free of NaN and of degenerate triangles, and files are in memory.
-//! This module must not know samples, lighting or wgpu.
+//! A [`Scene`] is complete and valid once built: meshes are free of NaN and of degenerate triangles. This module must not know samples, environments' texels or wgpu.
 
 mod assets;
 mod builtin;
@@ -86,23 +85,17 @@ impl Object {
         }
     }
 
-    /// The geometry in world space.
-    pub fn mesh_in_world(&self) -> Mesh {
-        self.mesh.placed(&self.placement)
+    /// The geometry in world space, and how many triangles lost their area on the way there.
+    ///
+    /// # Errors
+    /// A placement that is not finite, or that takes vertices out of the range of 32-bit numbers.
+    pub fn checked_mesh_in_world(&self) -> Result<(Mesh, usize), MeshError> {
+        self.mesh.placed(&self.placement, &self.name)
     }
 
-    /// Whether the mesh can stand where `placement` puts it; if so, the number of its triangles that lose their area there.
-    pub fn check(&self) -> Result<usize, MeshError> {
-        let mesh = self.mesh_in_world();
-        let reason = if mesh.positions().iter().any(|p| !p.is_finite() || p.abs().max_element() > Mesh::MAX_COORDINATE)
-        {
-            "it reaches beyond 1e9 m"
-        } else if mesh.triangles().is_empty() {
-            "it becomes too small, or too far away, for 32-bit numbers"
-        } else {
-            return Ok(self.mesh.triangles().len() - mesh.triangles().len());
-        };
-        Err(MeshError::Placement { object: self.name.clone(), reason: reason.into() })
+    /// The geometry in world space; empty if [`Self::checked_mesh_in_world`] has none.
+    pub fn mesh_in_world(&self) -> Mesh {
+        self.checked_mesh_in_world().map_or_else(|_| Mesh::default(), |(mesh, _)| mesh)
     }
 }
 

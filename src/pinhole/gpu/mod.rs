@@ -3,19 +3,20 @@
 //! [`Engine`] is made once per device and filter; [`Engine::frame`] once per image, with the receivers' textures, the
 //! samples and the environment; [`Frame::record`] adds ranges of batches, so that a caller can submit between them
 //! and no watchdog fires. Neither submits, polls or owns a window; [`check_hardware_filter`] and [`probe()`] do submit, on a device of
-//! Pinspot's own. Shader: `shaders/gather.wgsl`; CPU twin: `cpu`.
+//! Pinspot's own. Shader: `shaders/gather.wgsl`; CPU twin: [`cpu::gather`](super::cpu::gather).
 
 mod environment;
 mod hardware_check;
 mod hierarchical;
 mod pipeline;
 mod probe;
+mod shaders;
 
 pub use environment::EnvironmentCube;
 pub use hardware_check::{HardwareVerdict, automatic_filter, check_hardware_filter};
 pub use hierarchical::{
-    CellRoot, CellTreeBuffers, HierarchicalEngine, HierarchicalFrame, HierarchicalInputs, HierarchicalOptions,
-    LightBoundsMaker, LightBoundsTexture, Stage, Tolerance, TreeUniforms,
+    CellTreeBuffers, HierarchicalEngine, HierarchicalFrame, HierarchicalInputs, HierarchicalOptions,
+    LightBoundsBuilder, LightBoundsTexture, Tolerance,
 };
 pub use probe::probe;
 
@@ -33,16 +34,16 @@ pub const TARGET_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba32Float;
 
 /// What is fixed when an engine is made.
 #[derive(Clone, Copy, Debug)]
-pub struct Options {
+pub struct GatherOptions {
     /// The filter; it is compiled into the shader.
     pub filter: Filter,
-    /// Whether the samples' maps of visibility count; they, too, are compiled in.
+    /// Whether the samples' visibility maps count; that, too, is compiled in.
     pub visibility: bool,
     /// Accumulate by ping-pong between two textures even where 32-bit targets blend.
     pub force_ping_pong: bool,
 }
 
-impl Default for Options {
+impl Default for GatherOptions {
     fn default() -> Self {
         Self { filter: Filter::Anisotropic, visibility: false, force_ping_pong: false }
     }
@@ -67,7 +68,7 @@ pub struct FrameInputs<'a> {
     pub viewers: Option<FrameViewers<'a>>,
     /// Width and height of all.
     pub size: [u32; 2],
-    /// The samples; with maps of visibility if, and only if, the engine was made for them.
+    /// The samples; with visibility maps if, and only if, the engine was made for them.
     pub pinholes: &'a Pinholes,
     /// The environment.
     pub environment: &'a EnvironmentCube,
@@ -101,7 +102,7 @@ pub struct Frame {
 
 impl Engine {
     /// Compiles the shader.
-    pub fn new(device: &wgpu::Device, options: &Options) -> Self {
+    pub fn new(device: &wgpu::Device, options: &GatherOptions) -> Self {
         let blends = device.features().contains(wgpu::Features::FLOAT32_BLENDABLE) && !options.force_ping_pong;
         Self { pipelines: Pipelines::new(device, options.filter, options.visibility, blends), blends }
     }
@@ -161,11 +162,11 @@ impl Engine {
             usage: wgpu::BufferUsages::UNIFORM,
         });
         let curves = storage_buffer(device, "reflectance curves", bytemuck::cast_slice(&inputs.pinholes.curves));
-        let (planes, open): (&[[f32; 4]], &[u32]) =
+        let (planes, sky_masks): (&[[f32; 4]], &[u32]) =
             inputs.pinholes.visibility.as_ref().map_or((&[], &[]), |maps| (&maps.planes, &maps.open));
-        let planes = storage_buffer(device, "planes seen", bytemuck::cast_slice(planes));
-        let open = storage_buffer(device, "environment seen", bytemuck::cast_slice(open));
-        self.pipelines.bind_inputs(device, &uniforms, &samples, cube.view(), [&curves, &planes, &open])
+        let planes = storage_buffer(device, "visible planes", bytemuck::cast_slice(planes));
+        let sky_masks = storage_buffer(device, "sky masks", bytemuck::cast_slice(sky_masks));
+        self.pipelines.bind_inputs(device, &uniforms, &samples, cube.view(), [&curves, &planes, &sky_masks])
     }
 }
 

@@ -134,15 +134,17 @@ impl Builder<'_> {
                 let file = readable_name(self.assets, Path::new(file));
                 let name = if part.material.is_empty() { name.clone() } else { format!("{name}/{}", part.material) };
                 let Surface { reflector, receiver } = part.surface;
-                let object = Object { name, mesh: Arc::new(part.mesh), placement, reflector, receiver, camera_visible };
-                note_dropped(&file, part.report.dropped_triangles + object.check()?, notes);
+                let mesh = Arc::new(part.mesh);
+                let object = Object { name, mesh, placement, reflector, receiver, camera_visible };
+                note_dropped(&file, part.report.dropped_triangles + object.checked_mesh_in_world()?.1, notes);
                 Ok(object)
             };
             return parts.into_iter().map(object).collect();
         }
         let (mesh, dropped) = self.mesh(table, &key)?;
         let object = Object { name, mesh: Arc::new(mesh), placement, reflector, receiver, camera_visible };
-        note_dropped(table.mesh.as_deref().unwrap_or(&object.name), dropped + object.check()?, notes);
+        let lost = object.checked_mesh_in_world()?.1;
+        note_dropped(table.mesh.as_deref().unwrap_or(&object.name), dropped + lost, notes);
         Ok(vec![object])
     }
 
