@@ -13,17 +13,17 @@ use std::time::Duration;
 use bare_cpu::bare_cpu_loop;
 use criterion::{BenchmarkGroup, Criterion, Throughput, criterion_group, criterion_main, measurement::WallTime};
 use glam::Vec3;
+use pinspot::Settings;
 use pinspot::blocking::wait;
-use pinspot::differential::differentials;
-use pinspot::environment::Environment;
-use pinspot::gpu::Gpu;
-use pinspot::pinhole::cpu::gather;
-use pinspot::pinhole::gpu::{Engine, EnvironmentCube, FrameInputs, GatherOptions};
-use pinspot::pinhole::{Filter, Footprint, Params, Pinholes, Receivers, pinholes};
-use pinspot::render::Settings;
-use pinspot::sampling::{self, Strategy, Surface, sample};
+use pinspot::low_level::differential::differentials;
+use pinspot::low_level::environment::Environment;
+use pinspot::low_level::gpu::Gpu;
+use pinspot::low_level::pinhole::cpu::gather;
+use pinspot::low_level::pinhole::gpu::{Engine, EnvironmentCube, FrameInputs, GatherOptions};
+use pinspot::low_level::pinhole::{Filter, Footprint, Params, Pinholes, Receivers, pinholes};
+use pinspot::low_level::sampling::{self, Strategy, Surface, sample};
+use pinspot::low_level::tracing::Tracer;
 use pinspot::scene::load;
-use pinspot::tracing::Tracer;
 
 const EDGE: u32 = 128;
 const SAMPLES: u32 = 1000;
@@ -43,7 +43,7 @@ impl Work {
         let options = sampling::Options { samples: SAMPLES, strategy: Strategy::Neighbourhood, seed: 1 };
         let set = sample(&Surface::of_scene(&scene), &options).expect("a reflector");
         let pinholes = pinholes(&scene, &differentials(&set), Footprint::Cells);
-        let environment = Environment::load(&scene.environment, Default::default()).expect("built-in");
+        let environment = Environment::new(&scene.environment.light, Default::default()).expect("built-in");
         let place = |k: u32| {
             let at = |i: u32| 1.2 * ((i as f32 + 0.5) / EDGE as f32 - 0.5);
             (Vec3::new(at(k % EDGE), 0.0, at(k / EDGE)), Vec3::Y, 1)

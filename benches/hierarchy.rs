@@ -12,21 +12,22 @@ use std::time::Instant;
 use bare_cpu::bare_cpu_loop;
 use bare_gpu::BareLoop;
 use glam::{Vec2, Vec3};
+use pinspot::Settings;
 use pinspot::blocking::wait;
-use pinspot::cell_tree::{CellTree, NodeGeometry, TreeOptions};
-use pinspot::differential::differentials;
-use pinspot::environment::{Environment, LightBounds};
-use pinspot::gpu::Gpu;
-use pinspot::pinhole::cpu::{Accuracy, Light, gather, gather_hierarchical, typical_irradiance};
-use pinspot::pinhole::gpu::{
+use pinspot::low_level::cell_tree::{CellTree, NodeGeometry, TreeOptions};
+use pinspot::low_level::differential::differentials;
+use pinspot::low_level::environment::{Environment, LightBounds};
+use pinspot::low_level::gpu::Gpu;
+use pinspot::low_level::pinhole::cpu::{Accuracy, Light, gather, gather_hierarchical, typical_irradiance};
+use pinspot::low_level::pinhole::gpu::{
     CellTreeBuffers, EnvironmentCube, HierarchicalEngine, HierarchicalInputs, HierarchicalOptions, LightBoundsTexture,
     Tolerance,
 };
-use pinspot::pinhole::{Params, PinholeTree, Receivers};
-use pinspot::render::{Settings, visible_receivers};
-use pinspot::sampling::{self, Strategy, Surface, sample};
+use pinspot::low_level::pinhole::{Params, PinholeTree, Receivers};
+use pinspot::low_level::sampling::{self, Strategy, Surface, sample};
+use pinspot::low_level::tracing::Tracer;
+use pinspot::low_level::visible_receivers;
 use pinspot::scene::{BUILT_IN, Mesh, Scene, load};
-use pinspot::tracing::Tracer;
 
 const EDGE: u32 = 512;
 /// One row in so many is summed flat.
@@ -48,7 +49,7 @@ impl Work {
 
     fn of_size(name: &'static str, size: [u32; 2]) -> Self {
         let scene = load::<Settings>(name).expect("built-in").scene;
-        let environment = Environment::load(&scene.environment, Default::default()).expect("built-in");
+        let environment = Environment::new(&scene.environment.light, Default::default()).expect("built-in");
         let tracer = Tracer::new(&scene);
         let receivers = visible_receivers(&scene, &tracer, size);
         let (surface, bounds) = (Surface::of_scene(&scene), LightBounds::new(&environment.cube));

@@ -5,9 +5,11 @@ use std::sync::Arc;
 use std::task::{Context, Poll, Wake, Waker};
 use std::thread::{self, Thread};
 
+use crate::Device;
+
 /// Runs a future to its end on this thread. Between polls the thread sleeps until the device has finished what was submitted, or
 /// until the future is woken; without a device, futures that wait for one keep the thread busy.
-pub fn wait<F: Future>(device: Option<&wgpu::Device>, future: F) -> F::Output {
+pub fn wait<F: Future>(device: Option<&Device>, future: F) -> F::Output {
     let mut future = pin!(future);
     let waker = Waker::from(Arc::new(Unpark(thread::current())));
     let mut context = Context::from_waker(&waker);
@@ -15,6 +17,7 @@ pub fn wait<F: Future>(device: Option<&wgpu::Device>, future: F) -> F::Output {
         if let Poll::Ready(output) = future.as_mut().poll(&mut context) {
             return output;
         }
+        #[cfg(feature = "gpu")]
         if let Some(device) = device {
             // The future finds out by itself what goes wrong here.
             let _ = device.poll(wgpu::PollType::wait_indefinitely());

@@ -8,7 +8,7 @@ use obvhs::cwbvh::{CwBvh, builder::build_cwbvh};
 use obvhs::ray::RayHit;
 use obvhs::triangle::Triangle;
 
-use crate::scene::{Ray, Scene};
+use crate::scene::{Mesh, Object, Ray, Scene};
 
 /// What a ray meets first.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -62,12 +62,19 @@ impl fmt::Debug for Tracer {
 }
 
 impl Tracer {
-    /// Builds the hierarchy.
+    /// Builds the hierarchy over a scene.
     pub fn new(scene: &Scene) -> Self {
-        let mut triangles = Vec::new();
-        for (object, o) in scene.objects.iter().enumerate() {
-            for t in 0..o.mesh.triangles().len() {
-                let (corners, normals) = (o.mesh.corners(t), o.mesh.corner_normals(t));
+        let meshes: Vec<Mesh> = scene.objects.iter().map(Object::mesh_in_world).collect();
+        Self::of_meshes(meshes.iter().zip(scene.objects.iter().map(|o| o.camera_visible)))
+    }
+
+    /// Builds the hierarchy over objects' meshes in world space; the second part says whether the camera sees one.
+    pub fn of_meshes<'a>(meshes: impl Iterator<Item = (&'a Mesh, bool)>) -> Self {
+        let (mut triangles, mut camera_visible) = (Vec::new(), Vec::new());
+        for (object, (mesh, is_visible)) in meshes.enumerate() {
+            camera_visible.push(is_visible);
+            for t in 0..mesh.triangles().len() {
+                let (corners, normals) = (mesh.corners(t), mesh.corner_normals(t));
                 triangles.push(TraceTriangle { corners, normals, object: object as u32 });
             }
         }
@@ -82,7 +89,6 @@ impl Tracer {
         let all = triangles.iter().flat_map(|t| t.corners);
         let (low, high) = all.fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(l, h), p| (l.min(p), h.max(p)));
         let extent = if triangles.is_empty() { 0.0 } else { (high - low).length() };
-        let camera_visible = scene.objects.iter().map(|o| o.camera_visible).collect();
         Self { triangles, bvh, camera_visible, offset: 1e-5 * extent }
     }
 

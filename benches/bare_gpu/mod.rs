@@ -1,8 +1,8 @@
 //! A fragment shader that does nothing but trilinear look-ups of a cube map: the yardstick of the gather.
 
 use pinspot::blocking::wait;
-use pinspot::gpu::Gpu;
-use pinspot::pinhole::gpu::{EnvironmentCube, TARGET_FORMAT};
+use pinspot::low_level::gpu::Gpu;
+use pinspot::low_level::pinhole::gpu::{EnvironmentCube, TARGET_FORMAT};
 use pinspot::wgpu;
 use wgpu::util::DeviceExt;
 

@@ -14,6 +14,7 @@ mod node;
 mod point;
 mod split;
 
+#[cfg(feature = "gpu")]
 pub(crate) use build::FAN as MAX_CHILDREN;
 pub use build::{MAX_LEAVES, TreeOptions};
 pub use node::{CellNode, NodeGeometry};

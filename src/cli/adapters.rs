@@ -3,8 +3,8 @@
 use clap::Args;
 
 use pinspot::blocking::wait;
-use pinspot::gpu::{Adapter, Gpu, adapters};
-use pinspot::pinhole::gpu::check_hardware_filter;
+use pinspot::low_level::gpu::{Adapter, Gpu, adapters};
+use pinspot::low_level::pinhole::gpu::check_hardware_filter;
 
 #[derive(Debug, Args)]
 pub struct AdaptersArgs {

@@ -4,14 +4,13 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use pinspot::Progress;
 use pinspot::blocking::wait;
-use pinspot::conformance::{Conformance, Device, FilterResult, PATTERNS, examine, zone_plates};
-use pinspot::gpu::{Gpu, adapters};
 use pinspot::image::{write_atomically, write_png};
-use pinspot::pinhole::Filter;
+use pinspot::low_level::conformance::{Conformance, Device, FilterResult, PATTERNS, examine, zone_plates};
+use pinspot::low_level::gpu::{Gpu, adapters};
+use pinspot::{Filter, Progress, Stage};
 
-use super::progress::Bar;
+use super::progress::Watch;
 
 #[derive(Debug, Args)]
 pub struct FiltersArgs {
@@ -39,10 +38,10 @@ pub fn run(args: &FiltersArgs) -> Result<(), String> {
     };
     let cpu = args.adapter.is_none().then_some(Device::Cpu);
     let devices: Vec<Device> = cpu.into_iter().chain(gpus.iter().map(Device::Gpu)).collect();
-    let bar = Bar::new(args.quiet);
+    let bar = Watch::new(args.quiet);
     let mut all = Vec::new();
     for (k, device) in devices.into_iter().enumerate() {
-        bar.begin("trying filters", (device.filters().len() * PATTERNS.len()) as u64);
+        bar.begin(Stage::Filters, (device.filters().len() * PATTERNS.len()) as u64);
         let result = wait(device.wgpu_device(), examine(device, &|| bar.advance(1))).map_err(|e| e.to_string())?;
         if let Some(folder) = &args.output {
             let picture = wait(device.wgpu_device(), zone_plates(device)).map_err(|e| e.to_string())?;

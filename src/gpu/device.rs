@@ -8,7 +8,7 @@ use std::task::{Poll, Waker};
 use super::GpuError;
 
 /// What an adapter is and can do.
-#[derive(Clone, Debug, serde::Serialize)]
+#[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
 pub struct Adapter {
     /// Name, as the driver says.
     pub name: String,

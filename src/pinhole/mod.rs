@@ -13,6 +13,7 @@
 
 mod constants;
 pub mod cpu;
+#[cfg(feature = "gpu")]
 pub mod gpu;
 mod layout;
 mod receivers;

@@ -13,7 +13,7 @@ use super::receivers::Receivers;
 use super::{Density, Estimate, Options};
 
 /// Where there are few points and little to find, a cut this fine still pays.
-pub(super) const LEAST_SPLITS: u32 = 512;
+const LEAST_SPLITS: u32 = 512;
 /// More would not fit into a core's cache.
 pub(super) const MOST_SPLITS: u32 = 1 << 16;
 /// The most points that `sobol_burley` has.
@@ -43,30 +43,37 @@ pub(super) struct Work<'a> {
 /// Counts the work, over all threads.
 #[derive(Default)]
 pub(super) struct Tally {
-    splits: AtomicU64,
     points: AtomicU64,
+    receivers: AtomicU64,
+    limited: AtomicU64,
 }
 
 impl Tally {
-    fn add(&self, splits: u64, points: u32) {
-        self.splits.fetch_add(splits, Relaxed);
+    fn add(&self, points: u32, is_limited: bool) {
         self.points.fetch_add(u64::from(points), Relaxed);
-    }
-
-    /// Splits of all cuts.
-    pub fn splits(&self) -> f64 {
-        self.splits.load(Relaxed) as f64
+        self.receivers.fetch_add(1, Relaxed);
+        self.limited.fetch_add(u64::from(is_limited), Relaxed);
     }
 
     /// Points of all receivers, per replicate.
     pub fn points(&self) -> f64 {
         self.points.load(Relaxed) as f64
     }
+
+    /// Mean points of a receiver, per replicate.
+    pub fn points_per_receiver(&self) -> f64 {
+        self.points() / (self.receivers.load(Relaxed) as f64).max(1.0)
+    }
+
+    /// Whether some cut is coarser than it should be.
+    pub fn is_limited(&self) -> bool {
+        self.limited.load(Relaxed) > 0
+    }
 }
 
 /// Points and splits are balanced where there are so many points, all replicates together, for each split: the points then
 /// take about as long as the splits. Neither a finer cut nor more points would bring more.
-pub(super) const POINTS_PER_SPLIT: u32 = 4;
+const POINTS_PER_SPLIT: u32 = 4;
 
 /// The fewest splits for a pixel of so many points per replicate.
 fn least_splits(points: u32, options: &Options) -> u32 {
@@ -94,22 +101,25 @@ pub(super) fn points_per_pixel(points: f64, known: &Estimate) -> Vec<u32> {
 pub(super) fn pixel<D: Domain>(domain: &D, work: &Work, pixel: usize, cut: &mut Cut<D::Region>) -> Moments {
     let points = work.receivers.of_pixel(pixel);
     let mut means = vec![DVec3::ZERO; work.options.replicates as usize];
-    let least = least_splits(work.counts[pixel], work.options).min(work.most_splits);
-    let depth = Depth { least, most: work.most_splits, negligible: work.negligible };
+    let least = least_splits(work.counts[pixel], work.options);
+    let depth = Depth { least: least.min(work.most_splits), most: work.most_splits, negligible: work.negligible };
     for (k, receiver) in points.iter().enumerate() {
         let Some(receiver) = receiver else { continue };
         let splits = cut.splits;
-        match work.options.density {
-            Density::Bounded => cut.refine(domain, receiver, &depth),
-            Density::Uniform => cut.uniform(domain),
-        }
+        let is_limited = match work.options.density {
+            Density::Bounded => cut.refine(domain, receiver, &depth) || least > work.most_splits,
+            Density::Uniform => {
+                cut.uniform(domain);
+                false
+            }
+        };
         let splits = cut.splits - splits;
         let count = work.counts[pixel].max(affordable_points(splits, work.options));
         if cut.total() > 0.0 {
             let stream = (pixel * points.len() + k) as u64;
             add_replicates(domain, work, receiver, cut, stream, count, &mut means);
         }
-        work.tally.add(splits, count);
+        work.tally.add(count, is_limited);
     }
     moments(&means, points.len())
 }

@@ -1,35 +1,32 @@
 //! GPU against CPU, batches against one submission, and the same bits twice.
 
-use pinspot::Silent;
 use pinspot::blocking::wait;
-use pinspot::environment::CubeMap;
 use pinspot::image::Aov;
-use pinspot::pinhole::gpu::GatherOptions;
-use pinspot::pinhole::{BATCH_SIZE, Filter, Footprint, Params, PinholeSample, Pinholes, Receivers};
-use pinspot::render::{BackendChoice, BackendReport, EvaluationChoice, Rendered, Renderer, Settings};
-use pinspot::sampling::Strategy;
-use pinspot::scene::{BUILT_IN, load};
+use pinspot::low_level::environment::CubeMap;
+use pinspot::low_level::pinhole::gpu::GatherOptions;
+use pinspot::low_level::pinhole::{BATCH_SIZE, Filter, Footprint, Params, PinholeSample, Pinholes, Receivers};
+use pinspot::low_level::sampling::Strategy;
+use pinspot::scene::BUILT_IN;
+use pinspot::{BackendChoice, BackendReport, DisplaySettings, EvaluationChoice, FilterChoice, Rendered};
 
-use crate::support::{floor, gpu, on_cpu, on_gpu, on_gpu_with, pinholes_of, rel_l2, rotated_light, scene};
+use crate::support::{self, floor, gpu, on_cpu, on_gpu, on_gpu_with, pinholes_of, rel_l2, rotated_light, scene};
 
-fn render(name: &str, filter: Filter, backend: &BackendChoice, aovs: &[Aov]) -> Rendered {
-    let loaded = load::<Settings>(name).unwrap();
-    let mut options = loaded.render.options().unwrap();
+fn render(name: &str, filter: FilterChoice, backend: &BackendChoice, aovs: &[Aov]) -> Rendered {
+    let (scene, mut options) = pinspot::load(name).unwrap();
     options.size = [96, 72];
     // More than a batch, and not a whole number of them.
     options.samples = BATCH_SIZE + 77;
-    options.params.filter = filter;
-    options.automatic_filter = false;
+    options.filter = filter;
     options.evaluation = EvaluationChoice::Flat;
     options.aovs = aovs.to_vec();
-    Renderer::new(loaded.scene, options, backend, &Silent).unwrap().render(&Silent).unwrap()
+    support::render(scene, options, backend).unwrap()
 }
 
 #[test]
 fn back_ends_agree_on_every_built_in_scene() {
     let mut failures = Vec::new();
     for scene in BUILT_IN {
-        for filter in [Filter::None, Filter::Isotropic, Filter::Anisotropic] {
+        for filter in [FilterChoice::None, FilterChoice::Isotropic, FilterChoice::Anisotropic] {
             let on_gpu = render(scene.name, filter, &BackendChoice::Gpu(None), &[Aov::Caustic]);
             let on_cpu = render(scene.name, filter, &BackendChoice::Cpu, &[Aov::Caustic]);
             assert!(matches!(on_gpu.report.backend, BackendReport::Gpu { .. }));
@@ -51,10 +48,10 @@ fn back_ends_agree_on_every_built_in_scene() {
 fn the_same_seed_gives_the_same_bits() {
     for backend in [BackendChoice::Cpu, BackendChoice::Gpu(None)] {
         let aovs = [Aov::Beauty, Aov::Caustic, Aov::Direct, Aov::Normal, Aov::Depth];
-        let [one, two] = [1, 2].map(|_| render("cup", Filter::Anisotropic, &backend, &aovs));
+        let [one, two] = [1, 2].map(|_| render("cup", FilterChoice::Anisotropic, &backend, &aovs));
         assert_eq!(one.layers, two.layers, "{backend:?}");
-        let look = pinspot::render::Options::default().look;
-        assert_eq!(one.shown(&look), two.shown(&look));
+        let settings = DisplaySettings::default();
+        assert_eq!(one.displayed(&settings), two.displayed(&settings));
     }
 }
 
@@ -108,11 +105,13 @@ fn two_sided_reflectors_reflect_on_both_sides() {
     let Case { receivers, pinholes, cube } = two_sided_ring();
     let params = Params::default();
     let turned = |sign: f32| -> Pinholes {
-        let turn = |v: [f32; 4]| v.map(|c| sign * c);
-        let one = |s: &PinholeSample| {
-            let [x, y, z, _] = turn(s.normal_object);
-            let normal_object = [x, y, z, 1.0];
-            PinholeSample { normal_object, change_1: turn(s.change_1), change_2: turn(s.change_2), ..*s }
+        let turn = |v: [f32; 3]| v.map(|c| sign * c);
+        let one = |s: &PinholeSample| PinholeSample {
+            normal: turn(s.normal),
+            object_sides: s.object_sides & !1,
+            change_1: turn(s.change_1),
+            change_2: turn(s.change_2),
+            ..*s
         };
         pinholes.samples.iter().map(one).collect::<Vec<_>>().into()
     };
@@ -127,8 +126,8 @@ fn two_sided_reflectors_reflect_on_both_sides() {
 /// The run says so where the hardware filter is wrong, and such an adapter (lavapipe) is known to be.
 #[test]
 fn a_wrong_hardware_filter_is_reported() {
-    let verdict = wait(Some(&gpu().device), pinspot::pinhole::gpu::check_hardware_filter(gpu())).unwrap();
-    let rendered = render("mirror-sphere", Filter::Hardware, &BackendChoice::Gpu(None), &[Aov::Caustic]);
+    let verdict = wait(Some(&gpu().device), pinspot::low_level::pinhole::gpu::check_hardware_filter(gpu())).unwrap();
+    let rendered = render("mirror-sphere", FilterChoice::Hardware, &BackendChoice::Gpu(None), &[Aov::Caustic]);
     let warned = rendered.report.warnings.iter().any(|w| w.contains("hardware filter"));
     assert_eq!(warned, !verdict.is_right(), "{verdict:?}");
     if gpu().adapter.name.contains("llvmpipe") {

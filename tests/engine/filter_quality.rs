@@ -1,8 +1,8 @@
 //! The conformance test of filters on the adapter here.
 
 use pinspot::blocking::wait;
-use pinspot::conformance::{Conformance, Device, FilterResult, Verdict, examine};
-use pinspot::pinhole::Filter;
+use pinspot::low_level::conformance::{Conformance, Device, FilterResult, Verdict, examine};
+use pinspot::low_level::pinhole::Filter;
 
 use crate::support::gpu;
 

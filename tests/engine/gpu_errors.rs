@@ -2,10 +2,10 @@
 
 use glam::Vec3;
 use pinspot::blocking::wait;
-use pinspot::environment::CubeMap;
-use pinspot::gpu::{Gpu, GpuError};
-use pinspot::pinhole::gpu::{Engine, EnvironmentCube, FrameInputs, GatherOptions};
-use pinspot::pinhole::{Params, PinholeSample};
+use pinspot::low_level::environment::CubeMap;
+use pinspot::low_level::gpu::{Gpu, GpuError};
+use pinspot::low_level::pinhole::gpu::{Engine, EnvironmentCube, FrameInputs, GatherOptions};
+use pinspot::low_level::pinhole::{Params, PinholeSample};
 
 use crate::support::{floor, gpu};
 

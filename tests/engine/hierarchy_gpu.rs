@@ -2,37 +2,36 @@
 
 use std::sync::Arc;
 
-use pinspot::Silent;
 use pinspot::blocking::wait;
-use pinspot::brdf::Materials;
-use pinspot::cell_tree::{CellTree, TreeOptions};
-use pinspot::environment::{CubeMap, Environment, LightBounds};
-use pinspot::gpu::Gpu;
 use pinspot::image::Aov;
-use pinspot::pinhole::cpu::{Accuracy, Light, gather_hierarchical, typical_irradiance};
-use pinspot::pinhole::gpu::{
+use pinspot::low_level::brdf::Materials;
+use pinspot::low_level::cell_tree::{CellTree, TreeOptions};
+use pinspot::low_level::environment::{CubeMap, Environment, LightBounds};
+use pinspot::low_level::gpu::Gpu;
+use pinspot::low_level::pinhole::cpu::{Accuracy, Light, gather_hierarchical, typical_irradiance};
+use pinspot::low_level::pinhole::gpu::{
     CellTreeBuffers, EnvironmentCube, FrameViewers, HierarchicalEngine, HierarchicalInputs, HierarchicalOptions,
     LightBoundsBuilder, Tolerance,
 };
-use pinspot::pinhole::{Arrangement, Params, PinholeTree, Receivers, Viewers};
-use pinspot::render::{BackendChoice, EvaluationChoice, Rendered, Renderer, Settings, visible_receivers};
-use pinspot::sampling::{self, Strategy, Surface, sample};
+use pinspot::low_level::pinhole::{Arrangement, Params, PinholeTree, Receivers, Viewers};
+use pinspot::low_level::sampling::{self, Strategy, Surface, sample};
+use pinspot::low_level::tracing::Tracer;
+use pinspot::low_level::visible_receivers;
 use pinspot::scene::{BUILT_IN, Scene, Visibility, load};
-use pinspot::tracing::Tracer;
+use pinspot::{BackendChoice, EvaluationChoice, FilterChoice, Rendered, Settings};
 
-use crate::support::{gpu, rel_l2, rotated_light};
+use crate::support::{self, gpu, rel_l2, rotated_light};
 
 fn render(name: &str, aov: Aov, visibility: Visibility, backend: &BackendChoice) -> Rendered {
-    let loaded = load::<Settings>(name).unwrap();
-    let mut options = loaded.render.options().unwrap();
+    let (scene, mut options) = pinspot::load(name).unwrap();
     options.size = [88, 72];
     options.samples = 150;
     options.leaves = Some(16);
     options.visibility = visibility;
-    options.automatic_filter = false;
+    options.filter = FilterChoice::Anisotropic;
     options.evaluation = EvaluationChoice::Hierarchical;
     options.aovs = vec![aov];
-    Renderer::new(loaded.scene, options, backend, &Silent).unwrap().render(&Silent).unwrap()
+    support::render(scene, options, backend).unwrap()
 }
 
 /// Pictures of caustics, and what cameras see of glossy floors and in mirrors, where receivers come as lists.
@@ -89,7 +88,7 @@ impl How {
 impl Work {
     fn new(name: &str, size: [u32; 2], samples: u32, leaves: u32, visibility: Visibility) -> Self {
         let scene = load::<Settings>(name).unwrap().scene;
-        let cube = Environment::load(&scene.environment, Default::default()).unwrap().cube;
+        let cube = Environment::new(&scene.environment.light, Default::default()).unwrap().cube;
         let tracer = Tracer::new(&scene);
         let receivers = visible_receivers(&scene, &tracer, size);
         let surface = Surface::of_scene(&scene);

@@ -2,10 +2,10 @@
 
 use std::path::Path;
 
-use pinspot::Silent;
+use pinspot::BackendChoice;
 use pinspot::image::srgb8;
-use pinspot::render::{BackendChoice, Renderer, Settings};
-use pinspot::scene::load;
+
+use crate::support::render;
 
 #[test]
 fn the_readmes_pictures_are_what_its_commands_render() {
@@ -25,12 +25,11 @@ fn the_readmes_pictures_are_what_its_commands_render() {
 
 fn compare(scene: &str, picture: &Path) {
     let stored = image::open(picture).unwrap_or_else(|e| panic!("{}: {e}", picture.display())).into_rgb8();
-    let loaded = load::<Settings>(scene).unwrap();
-    let mut options = loaded.render.options().unwrap();
+    let (loaded, mut options) = pinspot::load(scene).unwrap();
     options.size = [stored.width(), stored.height()];
-    let look = options.look;
-    let rendered = Renderer::new(loaded.scene, options, &BackendChoice::Cpu, &Silent).unwrap().render(&Silent).unwrap();
-    let shown = rendered.shown(&look);
+    let display = options.display;
+    let rendered = render(loaded, options, &BackendChoice::Cpu).unwrap();
+    let shown = rendered.displayed(&display);
     let difference: f64 = shown
         .pixels
         .iter()

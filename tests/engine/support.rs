@@ -3,18 +3,17 @@
 use std::sync::OnceLock;
 
 use glam::Vec3;
-use pinspot::Silent;
 use pinspot::blocking::wait;
-use pinspot::differential::differentials;
-use pinspot::environment::CubeMap;
-use pinspot::gpu::Gpu;
 use pinspot::image::{Aov, Image};
-use pinspot::pinhole::gpu::{Engine, EnvironmentCube, FrameInputs, FrameViewers, GatherOptions};
-use pinspot::pinhole::{Footprint, Params, Pinholes, Receivers, cpu, pinholes};
-use pinspot::reference::{self, Goal, Quantity, Reference};
-use pinspot::render::{self, BackendChoice, EvaluationChoice, Renderer, Settings};
-use pinspot::sampling::{self, Strategy, Surface, sample};
+use pinspot::low_level::differential::differentials;
+use pinspot::low_level::environment::CubeMap;
+use pinspot::low_level::gpu::Gpu;
+use pinspot::low_level::pinhole::gpu::{Engine, EnvironmentCube, FrameInputs, FrameViewers, GatherOptions};
+use pinspot::low_level::pinhole::{Params, Pinholes, Receivers, cpu, pinholes};
+use pinspot::low_level::sampling::{self, Surface, sample};
+use pinspot::reference::{self, Quantity, Reference, StoppingCriterion};
 use pinspot::scene::{Scene, Visibility, load, parse};
+use pinspot::{Backend, BackendChoice, Error, EvaluationChoice, Footprint, NoProgress, Rendered, Settings, Strategy};
 
 /// The adapter under test.
 pub fn gpu() -> &'static Gpu {
@@ -22,6 +21,13 @@ pub fn gpu() -> &'static Gpu {
     GPU.get_or_init(|| {
         wait(None, Gpu::open(None)).unwrap_or_else(|e| panic!("GPU tests need an adapter; run them by tests/run: {e}"))
     })
+}
+
+/// The adapter under test as a back end of its own.
+pub fn gpu_backend() -> Backend {
+    Backend::gpu(
+        wait(None, Gpu::open(None)).unwrap_or_else(|e| panic!("GPU tests need an adapter; run them by tests/run: {e}")),
+    )
 }
 
 /// A scene from the text of its objects; the light and the camera are of no importance.
@@ -134,25 +140,30 @@ pub fn rel_l2(a: &[[f32; 4]], b: &[[f32; 4]]) -> f64 {
     (difference / norm).sqrt()
 }
 
+/// The pictures of a new engine.
+pub fn render(scene: Scene, options: pinspot::Options, choice: &BackendChoice) -> Result<Rendered, Error> {
+    let backend = wait(None, Backend::open(choice))?;
+    let mut engine = pinspot::Engine::new(scene, options, backend.clone());
+    wait(backend.device(), engine.render(&NoProgress))
+}
+
 /// A built-in scene's caustic by 1,000 samples, one by one, on the CPU, or whatever `change` asks for.
-pub fn rendered(name: &str, size: u32, change: impl FnOnce(&mut render::Options)) -> Image {
-    let loaded = load::<Settings>(name).unwrap();
-    let mut options = loaded.render.options().unwrap();
+pub fn rendered(name: &str, size: u32, change: impl FnOnce(&mut pinspot::Options)) -> Image {
+    let (scene, mut options) = pinspot::load(name).unwrap();
     options.size = [size; 2];
     options.samples = 1000;
     options.aovs = vec![Aov::Caustic];
     options.evaluation = EvaluationChoice::Flat;
     change(&mut options);
-    let renderer = Renderer::new(loaded.scene, options, &BackendChoice::Cpu, &Silent).unwrap();
-    renderer.render(&Silent).unwrap().layers.remove(0).1
+    render(scene, options, &BackendChoice::Cpu).unwrap().layers.remove(0).1
 }
 
 /// The ground truth of a built-in scene.
 pub fn truth(name: &str, quantity: Quantity, visibility: Visibility, size: u32, rel_error: f64) -> Image {
     let scene = load::<Settings>(name).unwrap().scene;
     let options = reference::Options { size: [size; 2], quantity, visibility, ..Default::default() };
-    let goal = Goal { rel_error, seconds: None, points: None };
-    Reference::new(scene, options).unwrap().solve(&goal, None, &Silent, &mut |_| Ok(())).unwrap().irradiance
+    let goal = StoppingCriterion::new(rel_error);
+    Reference::new(scene, options).unwrap().solve(&goal, None, &NoProgress, &mut |_| Ok(())).unwrap().irradiance
 }
 
 /// The middle one of three or more.
