@@ -59,6 +59,20 @@ pub enum GpuError {
         /// What to do.
         remedy: &'static str,
     },
+    /// There is nothing to gather at.
+    #[error("the image has {width} × {height} pixels; give it one at least")]
+    EmptyImage {
+        /// Pixels along a row.
+        width: u32,
+        /// Rows.
+        height: u32,
+    },
+    /// Bounds of the light need a pyramid of cube maps.
+    #[error("the environment's cube map is {size} texels wide, but its bounds need a power of two")]
+    CubeSize {
+        /// Texels along an edge.
+        size: u32,
+    },
     /// The filter is compiled into an engine.
     #[error(
         "the engine was made for the filter {engine}, but the frame's parameters ask for {params}; make an engine for each"

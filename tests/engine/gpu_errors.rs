@@ -4,7 +4,7 @@ use glam::Vec3;
 use pinspot::blocking::wait;
 use pinspot::low_level::environment::CubeMap;
 use pinspot::low_level::gpu::{Gpu, GpuError};
-use pinspot::low_level::pinhole::gpu::{Engine, EnvironmentCube, FrameInputs, GatherOptions};
+use pinspot::low_level::pinhole::gpu::{Engine, EnvironmentCube, FrameInputs, GatherOptions, LightBoundsBuilder};
 use pinspot::low_level::pinhole::{Params, PinholeSample};
 
 use crate::support::{floor, gpu};
@@ -45,4 +45,26 @@ fn too_large_a_texture_is_an_error_with_a_remedy() {
     assert!(matches!(error, GpuError::TextureTooLarge { .. }));
     let message = error.to_string();
     assert!(message.contains(&too_wide.to_string()) && message.contains("--size"), "{message}");
+}
+
+/// What would be refused by the device, or worse, is refused before.
+#[test]
+fn images_and_cubes_that_are_impossible_are_errors() {
+    let gpu = gpu();
+    let cube = CubeMap::from_radiance(16, None, |_| Vec3::ONE);
+    let uploaded = EnvironmentCube::upload(&gpu.device, &gpu.queue, &cube).unwrap();
+    let odd = EnvironmentCube::from_view(uploaded.view().clone(), 0, 1.0);
+    assert!(matches!(LightBoundsBuilder::new(&gpu.device, &odd), Err(GpuError::CubeSize { size: 0 })));
+    let view = gpu.upload_texture([2, 2], &[]);
+    let inputs = FrameInputs {
+        positions: &view,
+        normals: &view,
+        viewers: None,
+        size: [0, 1],
+        pinholes: &vec![PinholeSample::default()].into(),
+        environment: &uploaded,
+        params: Params::default(),
+    };
+    let frame = Engine::new(&gpu.device, &GatherOptions::default()).frame(&gpu.device, &inputs);
+    assert!(matches!(frame, Err(GpuError::EmptyImage { .. })));
 }
