@@ -5,6 +5,7 @@ mod adapters;
 #[cfg(feature = "report")]
 mod compare;
 mod errors;
+#[cfg(feature = "gpu")]
 mod filters;
 mod options;
 mod output;
@@ -38,6 +39,7 @@ enum Command {
     /// Write the samples as a point cloud (.ply) and print how evenly they are distributed
     Samples(samples::SamplesArgs),
     /// Measure the error of each cube-map filter on this machine against the exact integral
+    #[cfg(feature = "gpu")]
     Filters(filters::FiltersArgs),
     /// List the GPU adapters and their capabilities
     #[cfg(feature = "gpu")]
@@ -55,6 +57,7 @@ pub fn run() -> ExitCode {
         #[cfg(feature = "report")]
         Command::Compare(args) => compare::run(&args),
         Command::Samples(args) => samples::run(&args),
+        #[cfg(feature = "gpu")]
         Command::Filters(args) => filters::run(&args),
         #[cfg(feature = "gpu")]
         Command::Adapters(args) => adapters::run(&args),
