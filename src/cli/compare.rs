@@ -40,7 +40,7 @@ pub struct CompareArgs {
     /// Sample counts, separated by commas [default: 100,1000,10000]
     #[arg(long, value_delimiter = ',', value_name = "LIST")]
     samples: Vec<u32>,
-    /// Number of consecutive seeds, starting with --seed
+    /// Number of consecutive seeds
     #[arg(long, value_name = "K", default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..=1000))]
     seeds: u32,
     /// The first seed [default: 1]

@@ -102,7 +102,7 @@ pub struct CommonOptions {
     /// beauty]
     #[arg(long, value_parser = word::<Aov>, value_delimiter = ',', value_name = "NAMES")]
     pub aov: Option<Vec<Aov>>,
-    /// Exposure of the environment where the camera sees it directly, in stops [default: that of --exposure]
+    /// Exposure of the environment where the camera sees it directly, in stops [default: the exposure]
     #[arg(long, value_name = "EV", allow_hyphen_values = true)]
     pub background_exposure: Option<f32>,
     /// Factor on the caustic in the beauty picture
