@@ -68,7 +68,7 @@ pub fn load<R: DeserializeOwned + Default>(path_or_name: &str) -> Result<Loaded<
 ///     object = [{ mesh = "triangle.obj", reflector = {} }]
 /// "#;
 /// let files = HashMap::from([(PathBuf::from("triangle.obj"), "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3")]);
-/// let loaded = pinspot::scene::parse::<pinspot::render::Settings>("scene.toml", scene, &files)?;
+/// let loaded = pinspot::scene::parse::<pinspot::Settings>("scene.toml", scene, &files)?;
 /// assert_eq!(loaded.scene.objects[0].mesh.triangles().len(), 1);
 /// # Ok::<(), pinspot::scene::SceneError>(())
 /// ```

@@ -15,9 +15,9 @@ use cap::Cap;
 use rand::SeedableRng;
 use rand::rngs::ChaCha8Rng;
 
-use pinspot::brdf::BrdfTable;
+use pinspot::Settings;
 use pinspot::image::RgbImage;
-use pinspot::render::Settings;
+use pinspot::low_level::brdf::BrdfTable;
 use pinspot::scene::{Light, Mesh, Scene, parse};
 
 /// Half a GiB: a reader that allocates what a header declares ends here.
