@@ -5,6 +5,7 @@
 
 mod table;
 
+#[cfg(feature = "gpu")]
 pub(crate) use table::STEPS as TABLE_STEPS;
 pub use table::{BrdfTable, TableError};
 

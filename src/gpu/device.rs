@@ -1,5 +1,6 @@
 //! Adapters and devices for programs without a device of their own. Nothing here blocks: see [`crate::blocking`] for that.
 
+use std::borrow::Cow;
 use std::fmt;
 use std::future::poll_fn;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -242,9 +243,14 @@ fn keep_first(slot: &Mutex<Option<Failure>>, failure: Failure) {
 }
 
 impl Gpu {
-    /// Uploads texels as a 32-bit float texture to be read by shaders.
+    /// Uploads texels, row by row, as a 32-bit float texture to be read by shaders. Texels that are missing are zero.
     pub fn upload_texture(&self, [width, height]: [u32; 2], texels: &[[f32; 4]]) -> wgpu::TextureView {
         use wgpu::util::DeviceExt;
+        let count = width as usize * height as usize;
+        let mut texels = Cow::Borrowed(texels);
+        if texels.len() < count {
+            texels.to_mut().resize(count, [0.0; 4]);
+        }
         let texture = self.device.create_texture_with_data(
             &self.queue,
             &wgpu::TextureDescriptor {
@@ -258,7 +264,7 @@ impl Gpu {
                 view_formats: &[],
             },
             wgpu::util::TextureDataOrder::LayerMajor,
-            bytemuck::cast_slice(texels),
+            bytemuck::cast_slice(&texels),
         );
         texture.create_view(&Default::default())
     }

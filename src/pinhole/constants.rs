@@ -3,6 +3,7 @@
 /// Points along the edge of a tile of receivers.
 pub const TILE_SIZE: u32 = 64;
 /// Receiver points that stand for a block: four by four.
+#[cfg(feature = "gpu")]
 pub const INTERPOLATION_POINTS: u32 = 16;
 /// How far a point may lie from where its block's sixteen points lead one to expect it, in radii of the block.
 pub const SMOOTH_POSITION_TOLERANCE: f32 = 0.01;
@@ -68,5 +69,6 @@ pub const MIN_BEND_BLUR: f32 = 0.03;
 pub const FILTER_NONE: u32 = 0;
 pub const FILTER_ISOTROPIC: u32 = 1;
 pub const FILTER_ANISOTROPIC: u32 = 2;
+#[cfg(feature = "gpu")]
 pub const FILTER_HARDWARE: u32 = 3;
 pub const FILTER_EWA: u32 = 4;

@@ -127,7 +127,7 @@ impl Work {
     fn on_gpu(&self, gpu: &Gpu, how: &How) -> Vec<[f32; 4]> {
         let (device, size) = (&gpu.device, [self.receivers.width, self.receivers.height]);
         let environment = EnvironmentCube::upload(device, &gpu.queue, &self.cube).unwrap();
-        let builder = LightBoundsBuilder::new(device, &environment);
+        let builder = LightBoundsBuilder::new(device, &environment).unwrap();
         let params = how.params();
         let visibility = self.tree.roots().visibility.is_some();
         let engine = HierarchicalEngine::new(device, &HierarchicalOptions { filter: params.filter, visibility });
@@ -170,15 +170,15 @@ fn a_minimal_device_is_enough() {
 }
 
 #[test]
-fn parts_add_up() {
+fn split_passes_add_up() {
     let work = Work::new("spoon", [72, 72], 200, 16, Visibility::None);
-    let [whole, parts] = [1, 5].map(|split_passes| work.on_gpu(gpu(), &How { split_passes, ..work.how(0.02) }));
+    let [whole, split] = [1, 5].map(|split_passes| work.on_gpu(gpu(), &How { split_passes, ..work.how(0.02) }));
     assert!(whole.iter().any(|sum| sum[0] > 0.0));
-    let error = rel_l2(&parts, &whole);
+    let error = rel_l2(&split, &whole);
     assert!(error < 1e-6, "{error}");
 }
 
-/// The scouts' pass finds what the CPU's find, so that as much is done.
+/// The estimate's pass finds what the CPU's estimate finds, so that as much is done.
 #[test]
 fn the_error_may_be_relative_to_what_the_image_is_like() {
     for visibility in [Visibility::None, Visibility::Full] {

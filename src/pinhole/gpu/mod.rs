@@ -176,8 +176,10 @@ impl Frame {
         self.batches
     }
 
-    /// Records the gather of a range of batches. Record every batch once, in order, in one encoder or in several.
+    /// Records the gather of a range of batches, up to [`Self::batch_count`]. Record every batch once, in order, in one encoder or
+    /// in several.
     pub fn record(&mut self, encoder: &mut wgpu::CommandEncoder, batches: Range<u32>) {
+        let batches = batches.start..batches.end.min(self.batches);
         if self.previous.is_empty() {
             // With blending, the whole range is one pass.
             self.pass(encoder, 0, batches);
@@ -240,15 +242,13 @@ fn bind_receivers(
     pipeline::bind(device, layout, &[a, b, c, of_objects.as_entire_binding(), tables.as_entire_binding()])
 }
 
-fn check_image(limits: &wgpu::Limits, size: [u32; 2]) -> Result<(), GpuError> {
-    let size = size[0].max(size[1]);
+fn check_image(limits: &wgpu::Limits, [width, height]: [u32; 2]) -> Result<(), GpuError> {
+    if width == 0 || height == 0 {
+        return Err(GpuError::EmptyImage { width, height });
+    }
+    let size = width.max(height);
     if size > limits.max_texture_dimension_2d {
-        return Err(GpuError::TextureTooLarge {
-            what: "the image",
-            size,
-            limit: limits.max_texture_dimension_2d,
-            remedy: "give a smaller --size or use --backend cpu",
-        });
+        return Err(GpuError::TextureTooLarge { what: "the image", size, limit: limits.max_texture_dimension_2d });
     }
     Ok(())
 }

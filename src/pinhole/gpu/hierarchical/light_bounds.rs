@@ -9,6 +9,7 @@ use super::layout::BOUNDS_WORKGROUP_EDGE;
 use super::pipelines::{compute_pipeline, entry, writable};
 use super::{DYNAMIC_OFFSET, uniform_buffer};
 use crate::environment::{FACES, FINEST_BOUNDS, LightBounds};
+use crate::gpu::GpuError;
 
 /// Bounds of an environment's radiance: a texture of six layers with all mips, each texel the most and the contrast around it.
 #[derive(Clone, Debug)]
@@ -76,11 +77,14 @@ const EXTREMES: u64 = 32;
 
 impl LightBoundsBuilder {
     /// Compiles the shaders and makes the texture. The cube's size must be a power of two.
-    pub fn new(device: &wgpu::Device, environment: &EnvironmentCube) -> Self {
+    pub fn new(device: &wgpu::Device, environment: &EnvironmentCube) -> Result<Self, GpuError> {
         Self::with_finest(device, environment, FINEST_BOUNDS)
     }
 
-    fn with_finest(device: &wgpu::Device, environment: &EnvironmentCube, finest: u32) -> Self {
+    fn with_finest(device: &wgpu::Device, environment: &EnvironmentCube, finest: u32) -> Result<Self, GpuError> {
+        if !environment.size().is_power_of_two() {
+            return Err(GpuError::CubeSize { size: environment.size() });
+        }
         let size = environment.size().min(finest);
         let usage =
             wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::STORAGE_BINDING | wgpu::TextureUsages::COPY_SRC;
@@ -89,41 +93,7 @@ impl LightBoundsBuilder {
         let of_light = [window(0), cube(1), sampler(2), writable(3)].map(|entry| seen_by(compute, entry));
         let of_light = layout(device, "light", &of_light);
         let of_target = layout(device, "bounds of a level", &[seen_by(compute, written(0))]);
-
-        let (mut bytes, mut first, mut first_above) = (Vec::new(), 0, 0);
-        for level in 0..texture.mip_level_count() {
-            let size = size >> level;
-            let detail = environment.size() / texture.width();
-            let radiance_scale = environment.radiance_scale();
-            let uniforms = BoundsUniforms { size, first, first_above, detail, radiance_scale, padding: [0; 3] };
-            bytes.extend_from_slice(bytemuck::bytes_of(&uniforms));
-            bytes.resize(bytes.len().next_multiple_of(DYNAMIC_OFFSET as usize), 0);
-            // The finest level's extremes are the cube's texels.
-            if level > 0 {
-                first_above = first;
-                first += 2 * FACES as u32 * size * size;
-            }
-        }
-        let uniforms = uniform_buffer(device, "levels of bounds", &bytes);
-        let extremes = device.create_buffer(&wgpu::BufferDescriptor {
-            label: Some("extremes of the light"),
-            size: (u64::from(first) / 2).max(1) * EXTREMES,
-            usage: wgpu::BufferUsages::STORAGE,
-            mapped_at_creation: false,
-        });
-        let nearest = device.create_sampler(&wgpu::SamplerDescriptor::default());
-        let window = wgpu::BufferBinding {
-            buffer: &uniforms,
-            offset: 0,
-            size: std::num::NonZero::new(size_of::<BoundsUniforms>() as u64),
-        };
-        let light = [
-            wgpu::BindingResource::Buffer(window),
-            wgpu::BindingResource::TextureView(environment.view()),
-            wgpu::BindingResource::Sampler(&nearest),
-            extremes.as_entire_binding(),
-        ];
-        let light = bind(device, &of_light, &light);
+        let light = bind_light(device, &of_light, environment, &texture);
         let pipelines = BoundsPipelines::new(device, [&of_light, &of_target]);
         let mut steps = Vec::new();
         for level in 0..texture.mip_level_count() {
@@ -135,7 +105,7 @@ impl LightBoundsBuilder {
                 steps.push(Step { pipeline: pipeline.clone(), target: target.clone(), offset, workgroups });
             }
         }
-        Self { bounds: LightBoundsTexture { view: view_of(&texture), texture }, steps, light }
+        Ok(Self { bounds: LightBoundsTexture { view: view_of(&texture), texture }, steps, light })
     }
 
     /// Records the making of the bounds of what is in the cube when that is executed.
@@ -156,6 +126,55 @@ impl LightBoundsBuilder {
     pub fn bounds(&self) -> &LightBoundsTexture {
         &self.bounds
     }
+}
+
+/// The uniforms of all levels of the bounds, and how many vectors their extremes take.
+fn uniforms_of_levels(environment: &EnvironmentCube, bounds: &wgpu::Texture) -> (Vec<u8>, u32) {
+    let (mut bytes, mut first, mut first_above) = (Vec::new(), 0, 0);
+    for level in 0..bounds.mip_level_count() {
+        let size = bounds.width() >> level;
+        let detail = environment.size() / bounds.width();
+        let radiance_scale = environment.radiance_scale();
+        let uniforms = BoundsUniforms { size, first, first_above, detail, radiance_scale, padding: [0; 3] };
+        bytes.extend_from_slice(bytemuck::bytes_of(&uniforms));
+        bytes.resize(bytes.len().next_multiple_of(DYNAMIC_OFFSET as usize), 0);
+        // The finest level's extremes are the cube's texels.
+        if level > 0 {
+            first_above = first;
+            first += 2 * FACES as u32 * size * size;
+        }
+    }
+    (bytes, first)
+}
+
+/// Binds the cube, the uniforms of all levels, and room for their extremes.
+fn bind_light(
+    device: &wgpu::Device,
+    layout: &wgpu::BindGroupLayout,
+    environment: &EnvironmentCube,
+    bounds: &wgpu::Texture,
+) -> wgpu::BindGroup {
+    let (uniforms, vectors) = uniforms_of_levels(environment, bounds);
+    let uniforms = uniform_buffer(device, "levels of bounds", &uniforms);
+    let extremes = device.create_buffer(&wgpu::BufferDescriptor {
+        label: Some("extremes of the light"),
+        size: (u64::from(vectors) / 2).max(1) * EXTREMES,
+        usage: wgpu::BufferUsages::STORAGE,
+        mapped_at_creation: false,
+    });
+    let nearest = device.create_sampler(&wgpu::SamplerDescriptor::default());
+    let window = wgpu::BufferBinding {
+        buffer: &uniforms,
+        offset: 0,
+        size: std::num::NonZero::new(size_of::<BoundsUniforms>() as u64),
+    };
+    let resources = [
+        wgpu::BindingResource::Buffer(window),
+        wgpu::BindingResource::TextureView(environment.view()),
+        wgpu::BindingResource::Sampler(&nearest),
+        extremes.as_entire_binding(),
+    ];
+    bind(device, layout, &resources)
 }
 
 /// The pipelines of extremes, and of bounds of them.
@@ -274,7 +293,7 @@ mod tests {
         for (finest, turn) in [(64, 0.0), (8, 0.0), (8, 1.0)] {
             let cube = light(turn);
             let uploaded = EnvironmentCube::upload(&gpu.device, &gpu.queue, &cube).unwrap();
-            let builder = LightBoundsBuilder::with_finest(&gpu.device, &uploaded, finest);
+            let builder = LightBoundsBuilder::with_finest(&gpu.device, &uploaded, finest).unwrap();
             let mut encoder = gpu.device.create_command_encoder(&Default::default());
             builder.record(&mut encoder);
             gpu.queue.submit([encoder.finish()]);

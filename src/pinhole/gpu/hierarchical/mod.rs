@@ -73,7 +73,7 @@ pub struct HierarchicalInputs<'a> {
     pub tolerance: Tolerance,
     /// Leaves are quartered for receivers that are nearer to them than they are wide.
     pub split_near: bool,
-    /// Passes that the pixels' own work is split into; at least 1. More where an adapter limits loops (see
+    /// Passes that the pixels' own work is split into, from 1 to 4096. More where an adapter limits loops (see
     /// [`HierarchicalFrame::caustic`]) or the time of a draw.
     pub split_passes: u32,
 }
@@ -91,6 +91,8 @@ pub enum Tolerance {
 const LIST_CAPACITY: u32 = 4096;
 /// Bytes of the lists of a batch of tiles.
 const BATCH_LIST_BYTES: u64 = 96 << 20;
+/// The most passes that an image's work is split into.
+const MAX_SPLIT_PASSES: u32 = 4096;
 /// Dynamic offsets of uniforms are multiples of this on every device.
 const DYNAMIC_OFFSET: u64 = 256;
 /// Bytes of the partial sums of an irradiance estimate.
@@ -113,7 +115,7 @@ impl Tiling {
     fn new(inputs: &HierarchicalInputs) -> Self {
         let [across, down] = inputs.size.map(|pixels| pixels.div_ceil(TILE_SIZE));
         let list_capacity = LIST_CAPACITY.max(2 * inputs.tree.top_count);
-        let split_passes = inputs.split_passes.max(1);
+        let split_passes = inputs.split_passes.clamp(1, MAX_SPLIT_PASSES);
         let one = Self { across, down, list_capacity, per_batch: 1, split_passes };
         let per_batch = ((BATCH_LIST_BYTES / one.bytes_per_tile()) as u32).clamp(1, one.count().max(1));
         Self { per_batch, ..one }
@@ -121,6 +123,11 @@ impl Tiling {
 
     fn count(&self) -> u32 {
         self.across * self.down
+    }
+
+    /// Of the nodes without a parent, and of all lists of a batch.
+    fn list_bytes(&self, tree: &CellTreeBuffers) -> u64 {
+        u64::from(tree.top_count) * 4 + self.bytes_per_tile() * u64::from(self.per_batch)
     }
 
     /// Of its blocks' lists.
@@ -207,7 +214,13 @@ impl HierarchicalEngine {
         if inputs.tree.map_resolution.is_some() != self.visibility {
             return Err(GpuError::OtherVisibility { engine: self.visibility });
         }
-        super::check_image(&device.limits(), inputs.size)
+        super::check_image(&device.limits(), inputs.size)?;
+        let limit = device.limits().max_storage_buffer_binding_size.min(device.limits().max_buffer_size);
+        let bytes = Tiling::new(inputs).list_bytes(inputs.tree);
+        if bytes > limit {
+            return Err(GpuError::TreeTooLarge { cells: inputs.tree.top_count as usize, bytes, limit });
+        }
+        Ok(())
     }
 
     fn bind_scene(&self, device: &wgpu::Device, inputs: &HierarchicalInputs, tiling: &Tiling) -> wgpu::BindGroup {

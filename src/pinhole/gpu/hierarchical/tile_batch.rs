@@ -19,7 +19,6 @@ pub(super) struct TileBatch {
 impl TileBatch {
     pub fn new(device: &wgpu::Device, inputs: &HierarchicalInputs, tiling: &Tiling) -> Self {
         let blocks = u64::from(tiling.per_batch * BLOCKS_PER_TILE);
-        let lists = u64::from(inputs.tree.top_count) * 4 + tiling.bytes_per_tile() * u64::from(tiling.per_batch);
         let empty = |label, size| {
             device.create_buffer(&wgpu::BufferDescriptor {
                 label: Some(label),
@@ -49,7 +48,7 @@ impl TileBatch {
         });
         Self {
             passes: uniform_buffer(device, "tile passes", &tile_passes(tiling)),
-            lists: empty("lists of cells", lists),
+            lists: empty("lists of cells", tiling.list_bytes(inputs.tree)),
             blocks: empty("blocks of receivers", blocks * BLOCK_BYTES),
             interpolated_part: interpolated_part.create_view(&Default::default()),
             partial_sums: empty("partial sums of the irradiance estimate", PARTIAL_SUM_BYTES),

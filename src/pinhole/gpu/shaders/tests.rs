@@ -93,7 +93,22 @@ macro_rules! layout {
 
 /// The structs that Rust and the shaders share, by their names in the shaders. Padding at the end has no name there.
 fn rust_structs() -> BTreeMap<&'static str, Layout> {
-    let gather = layout!(GatherUniforms {
+    BTreeMap::from([
+        ("BoundsUniforms", layout!(BoundsUniforms { size, first, first_above, detail, radiance_scale })),
+        ("CellNode", layout!(CellNode { centroid_area, normal_e11, sides_curvature, curvature_bounds_links })),
+        ("GatherUniforms", gather_uniforms()),
+        ("Material", layout!(Material { albedo, kind, specular, width, table })),
+        ("PinholeSample", pinhole_sample()),
+        ("Probe", layout!(GpuProbe { direction, side_1, side_2 })),
+        ("SampleNode", sample_node()),
+        ("TilePass", layout!(TilePass { first_tile, level, split, split_count })),
+        ("Tolerance", layout!(Tolerance { error, relative_error })),
+        ("TreeUniforms", tree_uniforms()),
+    ])
+}
+
+fn gather_uniforms() -> Layout {
+    layout!(GatherUniforms {
         sample_count,
         taps,
         attenuation,
@@ -105,8 +120,11 @@ fn rust_structs() -> BTreeMap<&'static str, Layout> {
         map_resolution,
         rotation_cos,
         rotation_sin,
-    });
-    let sample = layout!(PinholeSample {
+    })
+}
+
+fn pinhole_sample() -> Layout {
+    layout!(PinholeSample {
         position,
         area,
         normal,
@@ -121,8 +139,11 @@ fn rust_structs() -> BTreeMap<&'static str, Layout> {
         texel_jitter_u,
         change_2,
         texel_jitter_v,
-    });
-    let sample_node = layout!(SampleNode {
+    })
+}
+
+fn sample_node() -> Layout {
+    layout!(SampleNode {
         position,
         lobe,
         normal,
@@ -133,8 +154,11 @@ fn rust_structs() -> BTreeMap<&'static str, Layout> {
         max_reflectance,
         map,
         node,
-    });
-    let tree = layout!(TreeUniforms {
+    })
+}
+
+fn tree_uniforms() -> Layout {
+    layout!(TreeUniforms {
         size,
         tiles_across,
         list_capacity,
@@ -145,21 +169,7 @@ fn rust_structs() -> BTreeMap<&'static str, Layout> {
         split_near,
         has_view_directions,
         area,
-    });
-    let cell = layout!(CellNode { centroid_area, normal_e11, sides_curvature, curvature_bounds_links });
-    let bounds = layout!(BoundsUniforms { size, first, first_above, detail, radiance_scale });
-    BTreeMap::from([
-        ("BoundsUniforms", bounds),
-        ("CellNode", cell),
-        ("GatherUniforms", gather),
-        ("Material", layout!(Material { albedo, kind, specular, width, table })),
-        ("PinholeSample", sample),
-        ("Probe", layout!(GpuProbe { direction, side_1, side_2 })),
-        ("SampleNode", sample_node),
-        ("TilePass", layout!(TilePass { first_tile, level, split, split_count })),
-        ("Tolerance", layout!(Tolerance { error, relative_error })),
-        ("TreeUniforms", tree),
-    ])
+    })
 }
 
 #[test]
