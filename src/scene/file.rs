@@ -107,7 +107,7 @@ const NOT_BUILT_YET: [&str; 1] = ["refractor"];
 
 fn in_file(file: &str, Fault { line, key, problem }: Fault) -> SceneError {
     let message = match problem {
-        Problem::Other(message) => message,
+        Problem::Other(message) => escaped(&message),
         Problem::Unknown { what, word, .. } if NOT_BUILT_YET.contains(&word.as_str()) => {
             format!("{what} '{word}' is not built yet; remove it")
         }
