@@ -10,14 +10,12 @@
 use std::path::Path;
 use std::time::Instant;
 
+use pinspot::blocking::wait;
 use pinspot::image::Aov;
-use pinspot::pinhole::{Filter, Footprint};
 use pinspot::reference::StoppingCriterion;
-use pinspot::render::{BackendChoice, EvaluationChoice, Settings};
 use pinspot::report::{Comparison, Plan, Request, Row, compare};
-use pinspot::sampling::{Density, Strategy};
 use pinspot::scene::Visibility;
-use pinspot::{Error, Silent};
+use pinspot::{Backend, Density, Error, EvaluationChoice, Filter, FilterChoice, Footprint, NoProgress, Strategy};
 
 const SCENES: [&str; 5] = ["ring", "ring-natural", "spoon", "mirror-sphere", "cup"];
 const SAMPLES: [u32; 3] = [100, 1000, 10_000];
@@ -37,8 +35,7 @@ fn main() -> Result<(), Error> {
 }
 
 fn compare_scene(name: &str) -> Result<Comparison, Error> {
-    let loaded = pinspot::scene::load::<Settings>(name)?;
-    let mut options = loaded.render.options()?;
+    let (scene, mut options) = pinspot::load(name)?;
     options.size = SIZE;
     options.aovs = vec![Aov::Caustic];
     // The paper's integral, for its recipe's sake.
@@ -48,15 +45,15 @@ fn compare_scene(name: &str) -> Result<Comparison, Error> {
         densities: vec![Density::Uniform],
         footprints: vec![Footprint::Curvature, Footprint::Cells],
         evaluations: vec![EvaluationChoice::Flat],
-        filters: vec![Filter::None, Filter::Anisotropic],
+        filters: vec![FilterChoice::None, FilterChoice::Anisotropic],
         samples: SAMPLES.to_vec(),
         seeds: 3,
         figure: None,
     };
     let request = Request {
-        scene: loaded.scene,
+        scene,
         options,
-        backend: BackendChoice::Cpu,
+        backend: Backend::cpu(),
         plan,
         mask: None,
         folder: Path::new("target/accuracy").join(name),
@@ -65,15 +62,16 @@ fn compare_scene(name: &str) -> Result<Comparison, Error> {
     let started = Instant::now();
     let clock = || started.elapsed().as_secs_f64();
     let should_stop = || clock() > SECONDS;
-    compare(&request, &StoppingCriterion::new(REL_ERROR).with_should_stop(&should_stop), &clock, &Silent)
+    let criterion = StoppingCriterion::new(REL_ERROR).with_should_stop(&should_stop);
+    wait(None, compare(&request, &criterion, &clock, &NoProgress))
 }
 
 fn print_rows(scene: &str, comparison: &Comparison) {
     let se = comparison.reference.rel_error;
     for (k, (label, footprint, filter)) in [
-        ("unfiltered", Footprint::Curvature, "none"),
-        ("the paper's recipe", Footprint::Curvature, "anisotropic"),
-        ("**Pinspot**", Footprint::Cells, "anisotropic"),
+        ("unfiltered", Footprint::Curvature, Filter::None),
+        ("the paper's recipe", Footprint::Curvature, Filter::Anisotropic),
+        ("**Pinspot**", Footprint::Cells, Filter::Anisotropic),
     ]
     .into_iter()
     .enumerate()

@@ -6,15 +6,15 @@
 
 use glam::Vec3;
 use glam::camera::rh;
-use pinspot::differential::differentials;
-use pinspot::environment::Environment;
+use pinspot::Settings;
 use pinspot::image::{Image, display, write_png};
-use pinspot::pinhole::gpu::{Engine, EnvironmentCube, FrameInputs, Options};
-use pinspot::pinhole::{Footprint, Params, pinholes};
-use pinspot::render::Settings;
-use pinspot::sampling::{self, Surface, sample};
+use pinspot::low_level::differential::differentials;
+use pinspot::low_level::environment::Environment;
+use pinspot::low_level::pinhole::gpu::{Engine, EnvironmentCube, FrameInputs, Options};
+use pinspot::low_level::pinhole::{Footprint, Params, pinholes};
+use pinspot::low_level::sampling::{self, Surface, sample};
+use pinspot::low_level::tracing::Tracer;
 use pinspot::scene::{Scene, load};
-use pinspot::tracing::Tracer;
 use pinspot::wgpu;
 use wgpu::util::DeviceExt;
 
@@ -54,7 +54,7 @@ pub fn render_one_frame() -> Result<Output, Failure> {
     // 1. Once: the engine, on the host's device.
     let engine = Engine::new(&device, &Options { visibility: true, ..Default::default() });
     // 2. When the light changes: the environment cube (or a cube texture of the host's own).
-    let light = Environment::load(&scene.environment, Default::default())?;
+    let light = Environment::new(&scene.environment.light, Default::default())?;
     let environment = EnvironmentCube::upload(&device, &queue, &light.cube)?;
     // 3. When anything moves: the samples, and what each sees around itself.
     let options = sampling::Options { samples: SAMPLES, strategy: Default::default(), seed: 1 };

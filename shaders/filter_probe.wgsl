@@ -25,6 +25,11 @@ fn open_part(direction: vec3f) -> f32 {
     return 1.0;
 }
 
+// The environment of a probe is not rotated.
+fn light_from_world(d: vec3f) -> vec3f {
+    return d;
+}
+
 @vertex
 fn full_screen(@builtin(vertex_index) vertex: u32) -> @builtin(position) vec4f {
     let corner = vec2f(f32((vertex << 1u) & 2u), f32(vertex & 2u));

@@ -139,7 +139,7 @@ fn open_part(direction: vec3f) -> f32 {
 // Mean radiance over the sample's footprint around the reflected direction r; a = fetches.
 fn filtered_radiance(i: u32, d: vec3f, n: vec3f, dn: f32, inverse_l: f32, r: vec3f) -> vec4f {
     if FILTER == FILTER_NONE {
-        return open_light(r, 0.0, 1.0);
+        return open_light(r, light_from_world(r), 0.0, 1.0);
     }
     let side_1 = samples[i].side_1;
     let v1 = reflected_side(side_1.xyz, samples[i].change_1.xyz, d, n, dn, inverse_l, r);

@@ -67,7 +67,8 @@ fn brought_by_root(root: u32, receiver: Receiver) -> vec3f {
     let sides = footprint_of(cell, pair);
     let axes = footprint_axes(sides.v1, sides.v2);
     let open = open_part_of_footprint(pair.r, sides.v1, sides.v2);
-    let radiance = fetch(pair.r, level_of(axes.major, texel_width(pair.r, uniforms.texel_rad)));
+    let light_r = light_from_world(pair.r);
+    let radiance = fetch(light_r, level_of(axes.major, texel_width(light_r, uniforms.texel_rad)));
     return weight * open * factor_of(cell, pair) * radiance;
 }
 

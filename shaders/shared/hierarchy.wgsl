@@ -262,7 +262,8 @@ fn cell_radiance(cell: Cell, r: vec3f, sides: FootprintSides, varies: f32, share
         // Cells side by side are as good as a wide kernel, and lose nothing over their mirrors' edges; blur has to be there.
         let part = select(EVEN_PART, SHARPNESS, cell.lobe > 0.0);
         let width = sqrt(0.5 * (dot(sides.v1, sides.v1) + dot(sides.v2, sides.v2))) * part;
-        return open_light(r, floor(level_of(width, texel_width(r, uniforms.texel_rad)) + 0.5), 1.0);
+        let light_r = light_from_world(r);
+        return open_light(r, light_r, floor(level_of(width, texel_width(light_r, uniforms.texel_rad)) + 0.5), 1.0);
     }
     let taps = min(max(ceil(varies * (WORTH / share)), 1.0), f32(uniforms.taps));
     return mean_over_footprint(r, sides.v1, sides.v2, taps, uniforms.texel_rad);
@@ -281,9 +282,9 @@ fn open_part(direction: vec3f) -> f32 {
     return 1.0;
 }
 
-// Bounds of the radiance within a cone: x = its most, y = its contrast.
+// Bounds of the radiance within a cone around a world direction: x = its most, y = its contrast.
 fn light_within(direction: vec3f, radius: f32) -> vec2f {
-    let on = on_cube(direction);
+    let on = on_cube(light_from_world(direction));
     let size = f32(textureDimensions(bounds).x);
     // On a face's plane angles are stretched by 1 + s² + t² at most; a bilinear look-up reads a texel further.
     let reach = 0.5 * size * radius * (1.0 + dot(on.st, on.st)) + 1.0;

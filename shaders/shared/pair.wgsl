@@ -21,6 +21,14 @@ struct GatherUniforms {
 
 const CURVE_POINTS: u32 = 128u;
 
+// A world direction in the environment's own frame: R_y(-rotation). The cube and its bounds are looked up there; what a sample
+// sees of the sky stays in world space.
+fn light_from_world(d: vec3f) -> vec3f {
+    let c = uniforms.rotation_cos;
+    let s = uniforms.rotation_sin;
+    return vec3f(c * d.x - s * d.z, d.y, s * d.x + c * d.z);
+}
+
 // 1/l², kept finite (WS-7). Without branches: drivers without real ones would go through all.
 fn attenuation(l2: f32, area: f32, same_object: bool) -> f32 {
     let least = select(0.0, uniforms.own_scale * area, same_object);

@@ -1,19 +1,19 @@
 //! `pinspot compare`.
 
 use std::path::PathBuf;
-use std::time::Instant;
 
 use clap::Args;
 
-use pinspot::pinhole::Footprint;
+use pinspot::blocking::wait;
 use pinspot::reference::StoppingCriterion;
-use pinspot::render::{EvaluationChoice, FilterChoice, Options, Settings};
 use pinspot::report::{Comparison, Figure, Plan, Request, compare};
-use pinspot::sampling::{Density, Strategy};
+use pinspot::{Density, EvaluationChoice, FilterChoice, Footprint, Options, Settings, Strategy};
 
+use super::errors::message;
 use super::options::{SceneOptions, parse_positive, word};
 use super::output::check_writable;
-use super::progress::Bar;
+use super::progress::Watch;
+use super::render::open;
 
 #[derive(Debug, Args)]
 pub struct CompareArgs {
@@ -84,32 +84,29 @@ pub fn run(args: &CompareArgs) -> Result<(), String> {
     let over = Settings { seed: args.seed, ..args.options.settings() };
     let (scene, mut options) = args.options.load(&args.scene, over)?;
     let plan = plan(args, &mut options);
+    let watch = Watch::new(args.quiet);
     let request = Request {
         scene,
         options,
-        backend: args.options.backend(),
+        backend: open(&args.options.backend(), &watch).map_err(|e| message(&e))?,
         plan,
         mask: args.mask.clone(),
         folder: args.output.clone(),
         command: command_line(),
     };
-    let bar = Bar::new(args.quiet);
-    let started = Instant::now();
-    let clock = || started.elapsed().as_secs_f64();
+    let clock = || watch.elapsed();
     let should_stop = || args.seconds.is_some_and(|most| clock() >= most);
     let criterion = StoppingCriterion::new(args.rel_error).with_should_stop(&should_stop);
-    let compared = compare(&request, &criterion, &clock, &bar);
-    bar.finish();
-    let comparison = compared.map_err(|e| e.to_string())?;
-    comparison.write(&args.output).map_err(|e| e.to_string())?;
-    for warning in &comparison.warnings {
-        eprintln!("pinspot: warning: {warning}");
-    }
+    let compared = wait(request.backend.device(), compare(&request, &criterion, &clock, &watch));
+    watch.finish();
+    let comparison = compared.map_err(|e| message(&e))?;
+    comparison.write(&args.output).map_err(|e| message(&e))?;
+    comparison.warnings.iter().for_each(|warning| super::warn(warning));
     if comparison.reference.rel_error > args.rel_error {
-        eprintln!(
-            "pinspot: warning: the reference's time was up at a relative standard error of {:.4}; the same command goes on from here",
+        super::warn(&format!(
+            "the reference's time was up at a relative standard error of {:.4}; the same command goes on from here",
             comparison.reference.rel_error
-        );
+        ));
     }
     if args.json {
         super::print_json(&comparison)
@@ -137,7 +134,7 @@ fn plan(args: &CompareArgs, options: &mut Options) -> Plan {
         strategies: or(&args.strategies, &[options.strategy]),
         densities: or(&args.densities, &[options.density]),
         footprints: or(&args.footprints, &[options.footprint]),
-        filters: filters.into_iter().map(FilterChoice::resolve).collect(),
+        filters,
         evaluations: or(&args.evaluations, &[EvaluationChoice::Flat]),
         samples: or(&args.samples, &[100, 1000, 10_000]),
         seeds: args.seeds,
@@ -149,7 +146,7 @@ fn plan(args: &CompareArgs, options: &mut Options) -> Plan {
 fn summary(args: &CompareArgs, comparison: &Comparison) -> String {
     let mut lines = vec![format!(
         "{:15} {:12} {:10} {:12} {:12} {:>8} {:>8} {:>8} {:>7} {:>9}",
-        "strategy", "density", "footprint", "filter", "evaluation", "samples", "rel_l2", "mrse", "flip", "lookups"
+        "strategy", "density", "footprint", "filter", "mode", "samples", "rel_l2", "mrse", "flip", "lookups"
     )];
     for rows in comparison.rows.chunks(args.seeds as usize) {
         let mean = |f: fn(&pinspot::report::Row) -> f64| rows.iter().map(f).sum::<f64>() / rows.len() as f64;
@@ -166,8 +163,8 @@ fn summary(args: &CompareArgs, comparison: &Comparison) -> String {
             row.strategy.name(),
             row.density.name(),
             row.footprint.name(),
-            row.filter,
-            row.evaluation.name(),
+            row.filter.name(),
+            row.mode,
             row.samples,
             mean(|r| r.mrse),
             mean(|r| r.flip),

@@ -3,15 +3,18 @@
 use std::path::Path;
 
 use clap::Args;
+use pinspot::OptionError;
 use serde::de::DeserializeOwned;
 use serde::de::value::{Error as WordError, StrDeserializer};
 
-use pinspot::environment::CubeSize;
 use pinspot::image::Aov;
-use pinspot::pinhole::{Epsilon, Footprint};
-use pinspot::render::{BackendChoice, EvaluationChoice, FilterChoice, Options, Overlay, Settings};
-use pinspot::sampling::{Density, Strategy};
 use pinspot::scene::{Light, Loaded, MapLayout, Scene, Visibility, load};
+use pinspot::{
+    BackendChoice, CubeSize, Density, Epsilon, EvaluationChoice, FilterChoice, Footprint, Options, Overlay, Settings,
+    Strategy, Technique,
+};
+
+use super::errors::option_message;
 
 /// What is sampled and how.
 #[derive(Debug, Args)]
@@ -71,6 +74,9 @@ pub struct SceneOptions {
 /// Options over the scene's `[render]` table.
 #[derive(Debug, Args)]
 pub struct CommonOptions {
+    /// How irradiance by way of the mirrors is computed: pinhole [default: pinhole]
+    #[arg(long, value_parser = word::<Technique>, value_name = "NAME")]
+    pub technique: Option<Technique>,
     #[command(flatten)]
     pub sampling: SamplingOptions,
     /// How a sample's footprint is found: cells, or curvature (the paper's) [default: cells]
@@ -110,6 +116,7 @@ pub struct CommonOptions {
 impl CommonOptions {
     fn settings(&self) -> Settings {
         Settings {
+            technique: self.technique,
             samples: self.sampling.samples,
             strategy: self.sampling.strategy,
             density: self.sampling.density,
@@ -130,7 +137,7 @@ impl CommonOptions {
     pub fn load(&self, scene: &str) -> Result<(Scene, Options), String> {
         let (scene, mut options) = self.scene.load(scene, self.settings())?;
         options.overlay = self.overlay.unwrap_or_default();
-        options.look.plain_diffuse = self.plain_diffuse;
+        options.plain_diffuse = self.plain_diffuse;
         Ok((scene, options))
     }
 }
@@ -153,10 +160,10 @@ impl SceneOptions {
     /// Loads a scene and lays settings over its own.
     pub fn load(&self, scene: &str, over: Settings) -> Result<(Scene, Options), String> {
         let Loaded { mut scene, render } = load::<Settings>(scene).map_err(|e| e.to_string())?;
-        override_light(&mut scene, self.env.as_deref());
+        override_light(&mut scene, self.env.as_deref())?;
         // The file's own mistakes are the file's.
-        render.clone().options().map_err(|e| format!("{}: render.{e}", scene.name))?;
-        let options = render.overridden_by(over).options().map_err(|e| e.to_string())?;
+        render.clone().options().map_err(|e| format!("{}: render.{}", scene.name, option_message(&e)))?;
+        let options = render.overridden_by(over).options().map_err(|e| wrong_option(&e))?;
         Ok((scene, options))
     }
 
@@ -168,17 +175,32 @@ impl SceneOptions {
                 let message = "--adapter names a GPU, but --backend is cpu; drop one of them\n";
                 clap::Error::raw(clap::error::ErrorKind::ArgumentConflict, message).exit()
             }
+            #[cfg(feature = "gpu")]
             ("gpu", name) | ("auto", name @ Some(_)) => BackendChoice::Gpu(name.clone()),
+            #[cfg(not(feature = "gpu"))]
+            ("gpu", _) | (_, Some(_)) => {
+                let message = "this program was built without the feature 'gpu'; give --backend cpu\n";
+                clap::Error::raw(clap::error::ErrorKind::InvalidValue, message).exit()
+            }
             _ => BackendChoice::Auto,
         }
     }
 }
 
+/// Ends the program as a wrong command line does: the scene's own options are right, so that the flags are not.
+fn wrong_option(error: &OptionError) -> String {
+    let message = format!("{}\n", option_message(error));
+    clap::Error::raw(clap::error::ErrorKind::InvalidValue, message).exit()
+}
+
 /// Puts another environment map in the place of a scene's light.
-pub(super) fn override_light(scene: &mut Scene, map: Option<&str>) {
+pub(super) fn override_light(scene: &mut Scene, map: Option<&str>) -> Result<(), String> {
     if let Some(map) = map {
-        scene.environment.light = Light::map(Path::new(""), map, MapLayout::Auto);
+        let (light, notes) = Light::map(Path::new(""), map, MapLayout::Auto).map_err(|e| e.to_string())?;
+        scene.environment.light = light;
+        scene.notes.extend(notes);
     }
+    Ok(())
 }
 
 /// Parses a word as a scene file would.

@@ -1,20 +1,19 @@
 //! `pinspot reference`.
 
 use std::path::PathBuf;
-use std::time::Instant;
 
 use clap::Args;
 use serde::Serialize;
 
-use pinspot::Error;
 use pinspot::image::Aov;
 use pinspot::reference::{Options, Quantity, Reference, ReferenceError, Statistics, StoppingCriterion, Stored};
-use pinspot::render::Settings;
 use pinspot::scene::{Loaded, Scene, Visibility, load};
+use pinspot::{Error, Settings};
 
+use super::errors::message;
 use super::options::{override_light, parse_positive, parse_size, parse_switch, word};
 use super::output::check_output;
-use super::progress::Bar;
+use super::progress::Watch;
 
 #[derive(Debug, Args)]
 pub struct ReferenceArgs {
@@ -76,12 +75,12 @@ struct Report<'a> {
 pub fn run(args: &ReferenceArgs) -> Result<(), String> {
     check_output(&args.output, &["exr"])?;
     let Loaded { mut scene, render } = load::<Settings>(&args.scene).map_err(|e| e.to_string())?;
-    override_light(&mut scene, args.env.as_deref());
+    override_light(&mut scene, args.env.as_deref())?;
     let options = options(args, &render)?;
     let name = scene.name.clone();
-    let bar = Bar::new(args.quiet);
-    let solved = solve(args, scene, &options, &bar);
-    bar.finish();
+    let watch = Watch::new(args.quiet);
+    let solved = solve(args, scene, &options, &watch);
+    watch.finish();
     let (stored, mut warnings) = solved.map_err(|e| with_remedy(&e))?;
     let rel_error = stored.estimate.rel_error();
     if rel_error > args.rel_error {
@@ -90,15 +89,13 @@ pub fn run(args: &ReferenceArgs) -> Result<(), String> {
             args.rel_error
         ));
     }
-    for warning in &warnings {
-        eprintln!("pinspot: warning: {warning}");
-    }
+    warnings.iter().for_each(|warning| super::warn(warning));
     if args.json {
         let Stored { estimate, seconds } = stored;
         let statistics = estimate.statistics;
         super::print_json(&Report { scene: &name, options: &options, rel_error, statistics, seconds, warnings })?;
     } else if !args.quiet {
-        eprintln!("{}", summary(args, &stored));
+        super::to_stderr(&summary(args, &stored));
     }
     Ok(())
 }
@@ -127,14 +124,13 @@ fn options(args: &ReferenceArgs, render: &Settings) -> Result<Options, String> {
 }
 
 /// The estimate, and what was repaired while loading.
-fn solve(args: &ReferenceArgs, scene: Scene, options: &Options, bar: &Bar) -> Result<(Stored, Vec<String>), Error> {
-    let started = Instant::now();
-    let clock = || started.elapsed().as_secs_f64();
+fn solve(args: &ReferenceArgs, scene: Scene, options: &Options, watch: &Watch) -> Result<(Stored, Vec<String>), Error> {
+    let clock = || watch.elapsed();
     let should_stop = || args.seconds.is_some_and(|most| clock() >= most);
     let criterion = StoppingCriterion::new(args.rel_error).with_should_stop(&should_stop);
     let reference = Reference::new(scene, options.clone())?;
     let known = if args.force { None } else { reference.read(&args.output)? };
-    let stored = reference.solve_in_file(&args.output, known, &criterion, &clock, bar)?;
+    let stored = reference.solve_in_file(&args.output, known, &criterion, &clock, watch)?;
     stored.estimate.check_complete()?;
     Ok((stored, reference.notes))
 }
@@ -147,7 +143,7 @@ fn with_remedy(error: &Error) -> String {
         Error::Reference(ReferenceError::Incomplete { .. }) => {
             format!("{error}; the file keeps them, and the same command goes on from there: give it more --seconds")
         }
-        _ => error.to_string(),
+        _ => message(error),
     }
 }
 

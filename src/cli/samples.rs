@@ -6,16 +6,17 @@ use clap::Args;
 use serde::Serialize;
 
 use pinspot::Progress;
-use pinspot::differential::{differentials, write_ply};
 use pinspot::image::{write_atomically, write_png};
-use pinspot::render::{Settings, place_samples};
+use pinspot::low_level::differential::{differentials, write_ply};
+use pinspot::low_level::sampling::{Development, Options, PointSet, Quality, Spectrum, Surface, quality, study};
 use pinspot::report::spectrum_picture;
-use pinspot::sampling::{Density, Development, Options, PointSet, Quality, Spectrum, Surface, quality, study};
 use pinspot::scene::load;
+use pinspot::{Density, Settings, Stage, Strategy, place_samples};
 
+use super::errors::{message, option_message};
 use super::options::SamplingOptions;
 use super::output::check_output;
-use super::progress::Bar;
+use super::progress::Watch;
 
 #[derive(Debug, Args)]
 pub struct SamplesArgs {
@@ -43,7 +44,7 @@ pub struct SamplesArgs {
 #[derive(Serialize)]
 struct Figures {
     requested: u32,
-    strategy: pinspot::sampling::Strategy,
+    strategy: Strategy,
     density: Density,
     seed: u64,
     /// Samples in the file; one that no part of the surface is nearest to is left out.
@@ -69,10 +70,8 @@ pub fn run(args: &SamplesArgs) -> Result<(), String> {
         seed: args.options.seed,
         ..Default::default()
     };
-    let render = loaded.render.overridden_by(over).options().map_err(|e| e.to_string())?;
-    for note in &loaded.scene.notes {
-        eprintln!("pinspot: warning: {note}");
-    }
+    let render = loaded.render.overridden_by(over).options().map_err(|e| option_message(&e))?;
+    loaded.scene.notes.iter().for_each(|note| super::warn(note));
     let surface = Surface::of_scene(&loaded.scene);
     let development = Development::of(&surface);
     if args.spectrum.is_some() && development.is_none() {
@@ -80,10 +79,10 @@ pub fn run(args: &SamplesArgs) -> Result<(), String> {
             "--spectrum needs reflectors that unroll into a rectangle: one flat rectangle or one whole cylinder";
         return Err(format!("{}: {message}", loaded.scene.name));
     }
-    let bar = Bar::new(args.quiet);
-    bar.begin("sampling the reflectors", 3);
+    let bar = Watch::new(args.quiet);
+    bar.begin(Stage::Points, 3);
     let options = Options { samples: render.samples, strategy: render.strategy, seed: render.seed };
-    let set = place_samples(&loaded.scene, &render).map_err(|e| e.to_string())?;
+    let set = place_samples(&loaded.scene, &render).map_err(|e| message(&e))?;
     bar.advance(1);
     let samples = differentials(&set);
     bar.advance(1);
@@ -91,6 +90,7 @@ pub fn run(args: &SamplesArgs) -> Result<(), String> {
         Some(d) => study(&surface, Some(d), &options, args.sets).map_err(|e| e.to_string())?.spectrum,
         None => None,
     };
+    bar.end(Stage::Points);
     bar.finish();
     write_atomically(&args.output, |out| write_ply(&samples, out).map_err(|e| e.to_string()))
         .map_err(|e| e.to_string())?;

@@ -14,8 +14,8 @@ const SIZE: u32 = 32;
 /// ∫ L ω dω over a cell, for R, G and B.
 type VectorIrradiance = [Vec3; 3];
 
-/// The irradiance for every normal, as a cube map with one level.
-pub(super) fn irradiance(radiance: &CubeMap) -> CubeMap {
+/// The irradiance of an unoccluded receiver for every normal, W/m², as a cube map with one level.
+pub fn irradiance_map(radiance: &CubeMap) -> CubeMap {
     let cells = cells(radiance);
     let texels = (0..FACES as u32 * SIZE * SIZE)
         .into_par_iter()
@@ -61,7 +61,7 @@ mod tests {
     #[test]
     fn constant_radiance_gives_pi_times_it() {
         let cube = CubeMap::from_radiance(64, None, |_| Vec3::new(1.0, 2.0, 0.0));
-        let map = irradiance(&cube);
+        let map = irradiance_map(&cube);
         for n in [Vec3::X, Vec3::Y, Vec3::new(0.3, -0.8, 0.5).normalize()] {
             assert!(map.fetch(n, 0.0).abs_diff_eq(Vec3::new(PI, 2.0 * PI, 0.0), 0.01), "{}", map.fetch(n, 0.0));
         }
@@ -71,7 +71,7 @@ mod tests {
     fn a_small_light_follows_lamberts_cosine() {
         let towards = Vec3::new(0.2, 0.9, 0.4).normalize();
         let spot = |d: Vec3| Vec3::splat((-((d - towards).length() / 0.02).powi(2)).exp());
-        let map = irradiance(&CubeMap::from_radiance(256, Some(0.02), spot));
+        let map = irradiance_map(&CubeMap::from_radiance(256, Some(0.02), spot));
         let full = map.fetch(towards, 0.0).x;
         for n in [Vec3::Y, Vec3::X, Vec3::new(0.5, 0.5, -0.6).normalize()] {
             let expected = full * n.dot(towards).max(0.0);

@@ -1,11 +1,13 @@
 //! Pictures: linear RGB images, tone mapping, EXR and PNG files, error metrics. Knows no scenes.
 
 mod aov;
+mod decode;
 mod files;
 mod metrics;
 mod tone;
 
 pub use aov::Aov;
+pub use decode::{DecodeError, RgbImage};
 pub use files::{
     ImageError, png_bytes, read_exr, read_exr_text, read_mask, write_atomically, write_exr, write_exr_with_text,
     write_png,

@@ -12,6 +12,7 @@
 //! the memory layout that both read. This module must not know scene files, cameras or image files.
 
 pub mod cpu;
+#[cfg(feature = "gpu")]
 pub mod gpu;
 mod layout;
 mod receivers;

@@ -1,19 +1,19 @@
 //! Environment images for the ground truth: bilinear look-ups in the original image, and bounds from a pyramid of maxima.
 
 use std::f64::consts::{PI, TAU};
-use std::path::Path;
+use std::sync::Arc;
 
 use glam::DVec3;
 
 use super::cone::AngleBox;
 use super::maxima::Maxima;
-use crate::environment::{BUILT_IN_MAPS, EnvironmentError, RgbImage};
-use crate::scene::MapLayout;
+use crate::image::RgbImage;
+use crate::scene::{EnvironmentMap, MapLayout};
 
 /// One image of a map and which part of it shows what.
 #[derive(Debug)]
 pub(super) struct Map {
-    images: Vec<RgbImage>,
+    images: Vec<Arc<RgbImage>>,
     projection: Projection,
     /// Bounds by azimuth and polar angle.
     maxima: Maxima,
@@ -38,56 +38,17 @@ struct Face {
     down: DVec3,
 }
 
-impl Projection {
-    /// What the layout says, or by the images' number and shape.
-    fn new(files: &[&Path], images: &[RgbImage], layout: MapLayout) -> Result<Self, EnvironmentError> {
-        let (width, height) = (images[0].width, images[0].height);
-        let is = |columns: usize, rows: usize| width * rows == height * columns;
-        let is_cross = |columns: usize, rows: usize| is(columns, rows) && width.is_multiple_of(columns);
-        let six = || Self::Faces(Box::new(six_faces()));
-        let by_cross = |vertical: bool| Self::Faces(Box::new(cross(vertical)));
-        let squares = images.iter().all(|image| image.width == width && image.height == width);
-        let fits = match layout {
-            _ if images.len() == 6 => squares.then(six),
-            MapLayout::Latlong => Some(Self::Latlong),
-            MapLayout::Angular => is(1, 1).then_some(Self::Angular),
-            MapLayout::VerticalCross => is_cross(3, 4).then(|| by_cross(true)),
-            MapLayout::HorizontalCross => is_cross(4, 3).then(|| by_cross(false)),
-            MapLayout::Auto if is(2, 1) => Some(Self::Latlong),
-            MapLayout::Auto if is(1, 1) => Some(Self::Angular),
-            MapLayout::Auto if is_cross(3, 4) => Some(by_cross(true)),
-            MapLayout::Auto if is_cross(4, 3) => Some(by_cross(false)),
-            MapLayout::Auto | MapLayout::Faces => None,
-        };
-        fits.ok_or_else(|| {
-            let remedy = "give six equal squares, or one image of aspect 2:1, 1:1, 3:4 or 4:3 and its layout".into();
-            EnvironmentError::Layout { path: files[0].into(), width, height, layout, remedy }
-        })
-    }
-}
-
 impl Map {
-    pub fn built_in(name: &str) -> Result<Self, EnvironmentError> {
-        let map = BUILT_IN_MAPS.iter().find(|m| m.name == name);
-        let map = map.ok_or_else(|| EnvironmentError::UnknownBuiltIn { name: name.into() })?;
-        let (image, _) = RgbImage::decode(Path::new(name), "exr", map.exr)?;
-        Ok(Self::new(vec![image], Projection::Latlong))
-    }
-
-    /// Reads one file or six; the second part of the result notes what was repaired.
-    pub fn load(files: &[&Path], layout: MapLayout) -> Result<(Self, Vec<String>), EnvironmentError> {
-        let mut notes = Vec::new();
-        let mut images = Vec::new();
-        for file in files {
-            let (image, note) = RgbImage::load(file)?;
-            notes.extend(note);
-            images.push(image);
-        }
-        let projection = Projection::new(files, &images, layout)?;
-        Ok((Self::new(images, projection), notes))
-    }
-
-    fn new(images: Vec<RgbImage>, projection: Projection) -> Self {
+    /// From one image, or six.
+    pub fn new(source: &EnvironmentMap) -> Self {
+        let projection = match source.layout() {
+            MapLayout::Latlong => Projection::Latlong,
+            MapLayout::Angular => Projection::Angular,
+            MapLayout::VerticalCross => Projection::Faces(Box::new(cross(true))),
+            MapLayout::HorizontalCross => Projection::Faces(Box::new(cross(false))),
+            MapLayout::Faces | MapLayout::Auto => Projection::Faces(Box::new(six_faces())),
+        };
+        let images = source.images().to_vec();
         let mut map = Self { images, projection, maxima: Maxima::default() };
         map.maxima = match map.projection {
             Projection::Latlong => Maxima::of_latlong(&map.images[0]),

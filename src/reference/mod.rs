@@ -180,7 +180,7 @@ pub struct Reference {
 impl Reference {
     /// Loads the light and finds what the camera sees.
     pub fn new(scene: Scene, options: Options) -> Result<Self, Error> {
-        let fail = |key: &'static str, message: &str| Err(OptionError { key, message: message.into() }.into());
+        let fail = |key: &'static str, message: &str| Err(OptionError::invalid(key, message).into());
         if options.size.iter().any(|s| !(1..=16384).contains(s)) {
             return fail("size", "must be from 1×1 to 16384×16384 pixels");
         }
@@ -193,12 +193,12 @@ impl Reference {
         if options.quantity != Quantity::Direct && scene.objects.iter().all(|o| o.reflector.is_none()) {
             return fail("reflector", "is missing: give an object `reflector = { sides = \"front\" }`");
         }
-        let (light, repaired) = Light::load(&scene.environment)?;
-        let notes = scene.notes.iter().cloned().chain(repaired).collect();
+        let light = Light::new(&scene.environment)?;
+        let notes = scene.notes.clone();
         let geometry = Geometry::new(&scene);
         let receivers = Receivers::find(&scene, &geometry, options.size, options.pixel_samples);
         let described = serde_json::to_string(&options).expect("options are plain data");
-        let fingerprint = scene.fingerprint(&described)?;
+        let fingerprint = scene.fingerprint(&described);
         Ok(Self { scene, options, geometry, light, receivers, fingerprint, notes })
     }
 
@@ -224,7 +224,7 @@ impl Reference {
         let rel_error = criterion.rel_error;
         if !(rel_error > 0.0 && rel_error.is_finite()) {
             let message = format!("is {rel_error}, but must be a number greater than 0");
-            return Err(OptionError { key: "rel_error", message }.into());
+            return Err(OptionError::invalid("rel_error", message).into());
         }
         match self.options.quantity {
             Quantity::Caustic | Quantity::Reflected => {

@@ -15,7 +15,7 @@ use super::receivers::Receivers;
 use super::replicates::{self, MOST_SPLITS, Moments, Tally, Work};
 use super::{Options, StoppingCriterion};
 use crate::image::Image;
-use crate::{Error, Progress};
+use crate::{Error, Progress, Stage};
 
 /// The most splits of a cut, pass by pass: the first is over soon, whatever the scene. Each of the next ones is about the
 /// pixels only whose cuts the one before left too coarse, so all of them together cost little more than the last.
@@ -108,7 +108,19 @@ impl<D: Domain> Passes<'_, D> {
         criterion: &StoppingCriterion,
         checkpoint: &mut Checkpoint,
     ) -> Result<(Estimate, bool), Error> {
-        self.progress.begin("reference", plan.chunks.iter().map(|c| c.len() as u64).sum());
+        self.progress.begin(Stage::Reference, plan.chunks.iter().map(|c| c.len() as u64).sum());
+        let passed = self.pass_over_chunks(plan, known, criterion, checkpoint);
+        self.progress.end(Stage::Reference);
+        passed
+    }
+
+    fn pass_over_chunks(
+        &self,
+        plan: &Plan,
+        known: &Estimate,
+        criterion: &StoppingCriterion,
+        checkpoint: &mut Checkpoint,
+    ) -> Result<(Estimate, bool), Error> {
         let tally = Tally::default();
         let work = self.work(plan, u64::from(known.statistics.passes), &tally);
         let is_stopped = AtomicBool::new(false);

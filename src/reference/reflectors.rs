@@ -364,7 +364,7 @@ mod tests {
         for name in ["ring", "ring-solid", "cup", "spoon", "disco-ball"] {
             let scene = crate::scene::load::<toml::Table>(name).unwrap().scene;
             let geometry = Geometry::new(&scene);
-            let (light, _) = Light::load(&scene.environment).unwrap();
+            let light = Light::new(&scene.environment).unwrap();
             let domain = Reflectors::new(&scene, &geometry, &light, &options);
             let receivers = Receivers::find(&scene, &geometry, [24, 16], 1);
             for pixel in 0..24 * 16 {

@@ -140,7 +140,7 @@ impl Reference {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Silent;
+    use crate::NoProgress;
     use crate::reference::Options;
 
     fn reference(seed: u64) -> Reference {
@@ -152,7 +152,7 @@ mod tests {
         let ticks = std::cell::Cell::new(0.0);
         let clock = || ticks.replace(ticks.get() + 1.0);
         let criterion = StoppingCriterion::new(0.2);
-        reference.solve_in_file(path, None, &criterion, &clock, &Silent).unwrap()
+        reference.solve_in_file(path, None, &criterion, &clock, &NoProgress).unwrap()
     }
 
     #[test]
@@ -169,7 +169,7 @@ mod tests {
         assert_eq!(known.estimate.weights, first.estimate.weights);
         assert_eq!(known.estimate.statistics, first.estimate.statistics);
         let better = StoppingCriterion::new(0.1 * first.estimate.rel_error());
-        let better = own.solve_in_file(&path, Some(known), &better, &|| 0.0, &Silent).unwrap();
+        let better = own.solve_in_file(&path, Some(known), &better, &|| 0.0, &NoProgress).unwrap();
         assert!(better.estimate.statistics.passes > first.estimate.statistics.passes);
         assert!(better.estimate.rel_error() <= 0.1 * first.estimate.rel_error());
         assert!(better.seconds <= first.seconds, "what the clock did not count is not added");

@@ -3,19 +3,19 @@
 use std::path::{Path, PathBuf};
 
 use super::ReportError;
-use super::cells::{Cell, render_or_reuse};
+use super::cells::{Cell, Clock, Timed, render_or_reuse};
 use super::comparison::{Comparison, GroundStudy, Picture, ReferenceSummary};
 use super::findings::findings;
 use super::page;
 use super::plan::Plan;
 use super::rows::measure;
 use crate::image::{Aov, Image, ImageError, read_mask, write_atomically};
-use crate::pinhole::Filter;
+use crate::options::{FilterChoice, Options};
+use crate::progress::Stage;
 use crate::reference::{self, Reference, StoppingCriterion};
-use crate::render::{BackendChoice, EvaluationChoice, Options};
 use crate::sampling::{GROUNDS, Surface, study};
 use crate::scene::Scene;
-use crate::{Error, Progress};
+use crate::{Backend, Engine, Error, Progress};
 
 /// What to compare.
 #[derive(Clone, Debug)]
@@ -24,8 +24,8 @@ pub struct Request {
     pub scene: Scene,
     /// What all combinations share; their AOV is the caustic, whatever is set.
     pub options: Options,
-    /// Where they run.
-    pub backend: BackendChoice,
+    /// Where they run; one device serves all combinations.
+    pub backend: Backend,
     /// The combinations.
     pub plan: Plan,
     /// Only pixels that are not black in this picture count.
@@ -41,11 +41,14 @@ const STUDY_POINTS: u32 = 1024;
 const STUDY_SETS: u32 = 10;
 
 /// Computes the reference as well as `criterion` asks, renders every combination that is not there yet, and measures.
-/// `clock`: seconds from any start.
-pub fn compare(
+/// `clock`: seconds since any moment.
+///
+/// # Errors
+/// Combinations that cannot be rendered, a folder that cannot be written to, and all that the reference and the engine report.
+pub async fn compare(
     request: &Request,
-    criterion: &StoppingCriterion,
-    clock: &dyn Fn() -> f64,
+    criterion: &StoppingCriterion<'_>,
+    clock: Clock<'_>,
     progress: &dyn Progress,
 ) -> Result<Comparison, Error> {
     let (options, combinations) = combinations(request)?;
@@ -56,12 +59,10 @@ pub fn compare(
     let reference = reference(request, &options)?;
     let (summary, truth) = solve(&reference, request, criterion, clock, progress)?;
     let mut comparison = Comparison::new(request, &options, summary, truth.clone());
-    // A hardware filter looks for a GPU of any kind; all others settle for the CPU together.
-    let settled = request.backend.settled(Filter::None);
+    let mut engine = Engine::new(request.scene.clone(), options.clone(), request.backend.clone());
     for combination in &combinations {
-        let needs_gpu = combination.params.filter == Filter::Hardware;
-        let backend = if needs_gpu { &request.backend } else { &settled };
-        let cell = render_or_reuse(&request.scene, combination, backend, &cells_folder, progress)?;
+        let timed = Timed::new(clock, progress);
+        let cell = render_or_reuse(&mut engine, combination, &cells_folder, &timed).await?;
         comparison.add(cell, &truth, mask.as_deref(), combination.seed == options.seed);
     }
     comparison.study_strategies(request, progress)?;
@@ -79,8 +80,8 @@ fn combinations(request: &Request) -> Result<(Options, Vec<Options>), Error> {
     options.check()?;
     let combinations = request.plan.combinations(&options)?;
     combinations.iter().try_for_each(Options::check)?;
-    let hardware = combinations.iter().any(|o| o.params.filter == Filter::Hardware);
-    if hardware && matches!(request.backend, BackendChoice::Cpu) {
+    let hardware = combinations.iter().any(|o| o.filter == FilterChoice::Hardware);
+    if hardware && !request.backend.is_gpu() {
         return Err(ReportError::NoHardwareFilter.into());
     }
     Ok((options, combinations))
@@ -91,7 +92,7 @@ fn reference(request: &Request, options: &Options) -> Result<Reference, Error> {
         size: options.size,
         pixel_samples: options.pixel_samples,
         visibility: options.visibility,
-        attenuation: options.params.attenuation,
+        attenuation: options.attenuation,
         ..Default::default()
     };
     Reference::new(request.scene.clone(), wanted)
@@ -102,7 +103,7 @@ fn solve(
     reference: &Reference,
     request: &Request,
     criterion: &StoppingCriterion,
-    clock: &dyn Fn() -> f64,
+    clock: Clock<'_>,
     progress: &dyn Progress,
 ) -> Result<(ReferenceSummary, Image), Error> {
     let file = format!("reference-{}.exr", &reference.fingerprint()[..8]);
@@ -145,7 +146,7 @@ impl Comparison {
             sampling: Vec::new(),
             warnings: Vec::new(),
             pictures: vec![Picture { label: "reference".into(), image: truth, flip: None, dots: None, row: None }],
-            exposure_ev: options.look.exposure_ev,
+            exposure_ev: options.display.exposure_ev,
             size: options.size,
         }
     }
@@ -153,12 +154,9 @@ impl Comparison {
     fn add(&mut self, cell: Cell, truth: &Image, mask: Option<&[bool]>, shown: bool) {
         let (row, map) = measure(&cell, truth, mask, self.exposure_ev);
         if shown {
-            let evaluation = match row.evaluation {
-                EvaluationChoice::Flat => "",
-                other => &format!(" {}", other.name()),
-            };
-            let label =
-                format!("{} {} {}{evaluation} {}", row.strategy.name(), row.footprint.name(), row.filter, row.samples);
+            let mode = if row.mode == "flat" { String::new() } else { format!(" {}", row.mode) };
+            let (strategy, footprint, filter) = (row.strategy.name(), row.footprint.name(), row.filter.name());
+            let label = format!("{strategy} {footprint} {filter}{mode} {}", row.samples);
             self.pictures.push(Picture {
                 label,
                 image: cell.image,
@@ -181,7 +179,7 @@ impl Comparison {
 
     fn study_strategies(&mut self, request: &Request, progress: &dyn Progress) -> Result<(), Error> {
         let strategies = &request.plan.strategies;
-        progress.begin("sampling quality", (strategies.len() * (GROUNDS.len() + 1)) as u64);
+        progress.begin(Stage::Quality, (strategies.len() * (GROUNDS.len() + 1)) as u64);
         let seed = request.options.seed;
         let reflectors = Surface::of_scene(&request.scene);
         let samples = request.plan.samples.iter().copied().max().unwrap_or(1000).min(4000);
@@ -197,6 +195,7 @@ impl Comparison {
                 progress.advance(1);
             }
         }
+        progress.end(Stage::Quality);
         Ok(())
     }
 

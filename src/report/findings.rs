@@ -4,7 +4,7 @@ use serde::Serialize;
 
 use super::plan::Figure;
 use super::rows::Row;
-use crate::pinhole::Footprint;
+use crate::pinhole::{Filter, Footprint};
 use crate::sampling::{Quality, Strategy};
 
 /// A claim and whether the numbers bear it out.
@@ -37,22 +37,23 @@ fn error(rows: &[Row], chosen: impl Fn(&Row) -> bool) -> f64 {
 }
 
 fn of_samples(rows: &[Row]) -> Vec<Finding> {
-    let of = |footprint: Footprint, filter: &str, samples: u32| {
+    let of = |footprint: Footprint, filter: Filter, samples: u32| {
         error(rows, |r| r.footprint == footprint && r.filter == filter && r.samples == samples)
     };
     let (curvature, cells) = (Footprint::Curvature, Footprint::Cells);
     let counts = [100, 1000, 10_000];
     let list = |footprint, filter| counts.map(|n| format!("{:.3}", of(footprint, filter, n))).join(" / ");
-    let at = |n| (of(curvature, "none", n), of(curvature, "anisotropic", n));
-    let falls = counts.windows(2).all(|w| of(curvature, "anisotropic", w[1]) < of(curvature, "anisotropic", w[0]));
+    let at = |n| (of(curvature, Filter::None, n), of(curvature, Filter::Anisotropic, n));
+    let falls =
+        counts.windows(2).all(|w| of(curvature, Filter::Anisotropic, w[1]) < of(curvature, Filter::Anisotropic, w[0]));
     vec![
         Finding {
             text: "Filtering lowers the error at every number of samples".into(),
             holds: counts.iter().all(|n| at(*n).1 < at(*n).0),
             figures: format!(
                 "rel_l2 at 100 / 1,000 / 10,000: unfiltered {}, filtered {}",
-                list(curvature, "none"),
-                list(curvature, "anisotropic")
+                list(curvature, Filter::None),
+                list(curvature, Filter::Anisotropic)
             ),
         },
         Finding {
@@ -63,12 +64,16 @@ fn of_samples(rows: &[Row]) -> Vec<Finding> {
         Finding {
             text: "The filtered error falls with the number of samples".into(),
             holds: falls,
-            figures: format!("rel_l2 {}", list(curvature, "anisotropic")),
+            figures: format!("rel_l2 {}", list(curvature, Filter::Anisotropic)),
         },
         Finding {
             text: "Not in the paper: footprints fitted to cells have less error than its square ones".into(),
-            holds: counts.iter().all(|n| of(cells, "anisotropic", *n) < of(curvature, "anisotropic", *n)),
-            figures: format!("rel_l2 {} against {}", list(cells, "anisotropic"), list(curvature, "anisotropic")),
+            holds: counts.iter().all(|n| of(cells, Filter::Anisotropic, *n) < of(curvature, Filter::Anisotropic, *n)),
+            figures: format!(
+                "rel_l2 {} against {}",
+                list(cells, Filter::Anisotropic),
+                list(curvature, Filter::Anisotropic)
+            ),
         },
     ]
 }

@@ -13,6 +13,7 @@ mod page;
 mod plan;
 mod rows;
 
+pub use cells::Clock;
 pub use compare::{Request, compare};
 pub use comparison::{Comparison, ReferenceSummary};
 pub use encode::spectrum_picture;
@@ -22,7 +23,7 @@ pub use rows::Row;
 
 use std::path::PathBuf;
 
-use crate::render::EvaluationChoice;
+use crate::options::EvaluationChoice;
 
 /// Why a report could not be made.
 #[derive(Debug, thiserror::Error)]

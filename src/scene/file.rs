@@ -12,7 +12,9 @@ use serde::de::DeserializeOwned;
 
 use self::objects::ObjectTable;
 
-use super::{BUILT_IN, Camera, EnvironmentSource, Light, MapLayout, Projection, Scene, SceneError};
+use super::{
+    Assets, BUILT_IN, Camera, EnvironmentMap, EnvironmentSource, Light, MapLayout, Projection, Scene, SceneError,
+};
 
 /// A scene and the `[render]` table that came with it.
 #[derive(Clone, Debug)]
@@ -37,20 +39,25 @@ pub fn load<R: DeserializeOwned + Default>(path_or_name: &str) -> Result<Loaded<
     parse(path_or_name, &text, path.parent().unwrap_or(Path::new(".")))
 }
 
-/// Parses a scene file's text; `base` is what its paths are relative to, `file` is used in messages.
-pub fn parse<R: DeserializeOwned + Default>(file: &str, text: &str, base: &Path) -> Result<Loaded<R>, SceneError> {
+/// Parses a scene file's text. The files that it names are read from `assets`: a folder's path, or files in memory. `file` is
+/// used in messages.
+pub fn parse<R: DeserializeOwned + Default>(
+    file: &str,
+    text: &str,
+    assets: &(impl Assets + ?Sized),
+) -> Result<Loaded<R>, SceneError> {
     let tables: SceneTable<R> = toml::from_str(text).map_err(|error| {
         let line = error.span().map_or(1, |span| text[..span.start].matches('\n').count() + 1);
         SceneError::Syntax { file: file.into(), line, message: readable(error.message()) }
     })?;
-    let builder = Builder { file, text, base };
+    let builder = Builder { file, text, assets: &assets };
     let mut notes = Vec::new();
     let mut objects = Vec::with_capacity(tables.object.len());
     for (index, table) in tables.object.into_iter().enumerate() {
         objects.extend(builder.objects(index, &table, &mut notes)?);
     }
     let name = Path::new(file).file_stem().unwrap_or_default().to_string_lossy().into_owned();
-    let environment = builder.environment(tables.environment)?;
+    let environment = builder.environment(tables.environment, &mut notes)?;
     let camera = builder.camera(&tables.camera)?;
     Ok(Loaded { scene: Scene { name, environment, camera, objects, notes }, render: tables.render })
 }
@@ -153,7 +160,7 @@ fn up() -> [f32; 3] {
 struct Builder<'a> {
     file: &'a str,
     text: &'a str,
-    base: &'a Path,
+    assets: &'a dyn Assets,
 }
 
 impl Builder<'_> {
@@ -189,7 +196,7 @@ impl Builder<'_> {
         }
     }
 
-    fn environment(&self, table: EnvironmentTable) -> Result<EnvironmentSource, SceneError> {
+    fn environment(&self, table: EnvironmentTable, notes: &mut Vec<String>) -> Result<EnvironmentSource, SceneError> {
         if !table.rotation_deg.is_finite() {
             return Err(self.error("environment.rotation_deg", "must be a finite number of degrees"));
         }
@@ -199,11 +206,11 @@ impl Builder<'_> {
         Ok(EnvironmentSource {
             rotation_rad: table.rotation_deg.to_radians(),
             intensity: table.intensity,
-            light: self.light(table)?,
+            light: self.light(table, notes)?,
         })
     }
 
-    fn light(&self, table: EnvironmentTable) -> Result<Light, SceneError> {
+    fn light(&self, table: EnvironmentTable, notes: &mut Vec<String>) -> Result<Light, SceneError> {
         let is_file = table.faces.is_some() || table.map.as_ref().is_some_and(|m| Path::new(m).extension().is_some());
         if table.layout.is_some() && !is_file {
             return Err(self.error("environment.layout", "is for environment images from files"));
@@ -213,9 +220,16 @@ impl Builder<'_> {
             (Some(_), None, None, None) if layout == MapLayout::Faces => {
                 Err(self.error("environment.layout", "\"faces\" needs faces = [six files] instead of map"))
             }
-            (Some(map), None, None, None) => Ok(Light::map(self.base, &map, layout)),
+            (Some(map), None, None, None) => {
+                let (light, repaired) = Light::map(self.assets, &map, layout)?;
+                notes.extend(repaired);
+                Ok(light)
+            }
             (None, Some(faces), None, None) if matches!(layout, MapLayout::Auto | MapLayout::Faces) => {
-                Ok(Light::Map { files: faces.map(|f| self.base.join(f)).into(), layout: MapLayout::Faces })
+                let faces = faces.each_ref().map(String::as_str);
+                let (map, repaired) = EnvironmentMap::load(self.assets, &faces, MapLayout::Faces)?;
+                notes.extend(repaired);
+                Ok(Light::Map(map))
             }
             (None, Some(_), None, None) => {
                 Err(self.error("environment.layout", "must be \"faces\" where six faces are given"))

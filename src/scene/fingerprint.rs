@@ -3,16 +3,14 @@
 //! What is hashed is written out byte by byte, so that a name changes when the scene does and at no other time: not with the
 //! words that Rust prints a type in.
 
-use std::path::{Path, PathBuf};
-
 use glam::{DVec3, Vec3};
 
-use super::{Camera, Light, MapLayout, Object, Projection, Receiver, Reflector, Scene, SceneError, Sides};
+use super::{Camera, Light, MapLayout, Object, Projection, Receiver, Reflector, Scene, Sides};
 use crate::brdf::Gloss;
 
 impl Scene {
     /// A hash of the scene's contents (meshes and environment images by value, not by name) and of `more`.
-    pub fn fingerprint(&self, more: &str) -> Result<String, SceneError> {
+    pub fn fingerprint(&self, more: &str) -> String {
         let mut hash = Hash(blake3::Hasher::new());
         hash.bytes(concat!("pinspot ", env!("CARGO_PKG_VERSION")).as_bytes());
         hash.bytes(more.as_bytes());
@@ -21,8 +19,8 @@ impl Scene {
         self.objects.iter().for_each(|object| hash.object(object));
         hash.float(self.environment.rotation_rad);
         hash.float(self.environment.intensity);
-        hash.light(&self.environment.light)?;
-        Ok(hash.0.finalize().to_hex()[..32].to_owned())
+        hash.light(&self.environment.light);
+        hash.0.finalize().to_hex()[..32].to_owned()
     }
 }
 
@@ -115,11 +113,11 @@ impl Hash {
         }
     }
 
-    fn light(&mut self, light: &Light) -> Result<(), SceneError> {
+    fn light(&mut self, light: &Light) {
         match light {
-            Light::Map { files, layout } => {
+            Light::Map(map) => {
                 self.number(0);
-                self.number(match layout {
+                self.number(match map.layout() {
                     MapLayout::Auto => 0,
                     MapLayout::Latlong => 1,
                     MapLayout::Angular => 2,
@@ -127,9 +125,10 @@ impl Hash {
                     MapLayout::HorizontalCross => 4,
                     MapLayout::Faces => 5,
                 });
-                self.number(files.len() as u64);
-                for file in files {
-                    self.bytes(&read(file)?);
+                self.number(map.images().len() as u64);
+                for image in map.images() {
+                    self.number(image.width as u64);
+                    self.bytes(bytemuck::cast_slice(&image.pixels));
                 }
             }
             Light::BuiltInMap(name) => {
@@ -147,13 +146,7 @@ impl Hash {
                 self.vector(*radiance);
             }
         }
-        Ok(())
     }
-}
-
-fn read(path: &Path) -> Result<Vec<u8>, SceneError> {
-    let fail = |source| SceneError::Read { path: PathBuf::from(path), hint: String::new(), source };
-    std::fs::read(path).map_err(fail)
 }
 
 #[cfg(test)]
@@ -169,7 +162,7 @@ mod tests {
         let name = |change: &dyn Fn(&mut Scene)| {
             let mut scene = scene.clone();
             change(&mut scene);
-            scene.fingerprint("").unwrap()
+            scene.fingerprint("")
         };
         let first = |scene: &Scene, wanted: fn(&Object) -> bool| scene.objects.iter().position(wanted).unwrap();
         let mirror = first(&scene, |o| o.reflector.is_some());
@@ -192,13 +185,13 @@ mod tests {
         names.push(name(&|s| s.objects[mirror].reflector.as_mut().unwrap().sides = Sides::Back));
         names.push(name(&|s| s.objects[floor].receiver.as_mut().unwrap().albedo.y *= 0.5));
         names.push(name(&|s| s.objects[floor].receiver.as_mut().unwrap().gloss = Gloss::None));
-        names.push(scene.fingerprint("other options").unwrap());
+        names.push(scene.fingerprint("other options"));
         let count = names.len();
         names.sort();
         names.dedup();
         assert_eq!(names.len(), count, "two of them have one name");
         let mut renamed = scene.clone();
         renamed.name = "another".into();
-        assert_eq!(renamed.fingerprint("").unwrap(), scene.fingerprint("").unwrap());
+        assert_eq!(renamed.fingerprint(""), scene.fingerprint(""));
     }
 }

@@ -12,6 +12,9 @@ pub struct Mesh {
     triangles: Vec<[u32; 3]>,
 }
 
+/// The largest coordinate of a mesh in world space, metres: squares of distances stay within 32-bit numbers.
+pub const MAX_COORDINATE: f32 = 1e15;
+
 /// Why a mesh is unusable. `origin` names the file or the built-in shape.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
@@ -67,6 +70,14 @@ pub enum MeshError {
         place: String,
         /// `position` or `normal`.
         what: &'static str,
+    },
+    /// The placement takes it out of the range of 32-bit numbers.
+    #[error(
+        "object '{object}' reaches further than {MAX_COORDINATE:e} m from the origin once it is placed, or nowhere at all; check its scale, rotation and translation"
+    )]
+    OutOfWorld {
+        /// The object's name.
+        object: String,
     },
     /// An index past the vertices.
     #[error(
@@ -144,6 +155,15 @@ impl Mesh {
             normals: self.normals.iter().map(|n| placement.normal_in_world(*n)).collect(),
             triangles: self.triangles.clone(),
         }
+    }
+
+    /// Whether a mesh in world space is finite and within [`MAX_COORDINATE`]; `object` is used in messages.
+    pub(super) fn check_placed(&self, object: &str) -> Result<(), MeshError> {
+        let fits = |p: &Vec3| p.is_finite() && p.abs().max_element() <= MAX_COORDINATE;
+        if self.positions.iter().all(fits) && self.normals.iter().all(|n| n.is_finite()) {
+            return Ok(());
+        }
+        Err(MeshError::OutOfWorld { object: object.into() })
     }
 
     /// Gives vertices whose normal is zero the normal of a triangle they belong to, and makes all unit length.

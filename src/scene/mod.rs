@@ -2,10 +2,12 @@
 //!
 //! A [`Scene`] is complete and valid once built: meshes are free of NaN and of degenerate triangles. This module must not know samples, environments' texels or wgpu.
 
+mod assets;
 mod builtin;
 mod camera;
 mod file;
 mod fingerprint;
+mod light;
 mod material;
 mod mesh;
 mod mtl;
@@ -15,20 +17,20 @@ pub mod shapes;
 mod transform;
 mod visibility;
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
 
+pub use assets::Assets;
 pub use builtin::{BUILT_IN, BuiltIn};
 pub use camera::{Camera, Projection, Ray};
 pub use file::{Loaded, load, parse};
+pub use light::{EnvironmentMap, EnvironmentSource, Light, MAX_RADIANCE, MapError, MapLayout};
 pub use material::{Receiver, Reflector, Sides};
 pub use mesh::{Mesh, MeshError};
 pub(crate) use normals::DisjointSets;
 pub use obj::{ObjReport, load_obj};
 pub use transform::Transform;
 pub use visibility::Visibility;
-
-use glam::Vec3;
 
 use crate::brdf::{Materials, TableError};
 
@@ -85,74 +87,19 @@ impl Object {
     }
 
     /// The geometry in world space.
+    ///
+    /// # Errors
+    /// A placement that is not finite, or that takes vertices out of the range of 32-bit numbers.
+    pub fn checked_mesh_in_world(&self) -> Result<Mesh, MeshError> {
+        let mesh = self.mesh_in_world();
+        mesh.check_placed(&self.name)?;
+        Ok(mesh)
+    }
+
+    /// The geometry in world space, whatever it is.
     pub fn mesh_in_world(&self) -> Mesh {
         self.mesh.placed(&self.placement)
     }
-}
-
-/// Which light a scene stands in, before any of it is read from disk.
-#[derive(Clone, Debug)]
-pub struct EnvironmentSource {
-    /// The light itself.
-    pub light: Light,
-    /// Turns the light about +Y, counter-clockwise, radians.
-    pub rotation_rad: f32,
-    /// Multiplies every radiance.
-    pub intensity: f32,
-}
-
-/// The kinds of light a scene file can name.
-#[derive(Clone, Debug)]
-pub enum Light {
-    /// An image file.
-    Map {
-        /// The files: one, or six for [`MapLayout::Faces`] in the order +X −X +Y −Y +Z −Z.
-        files: Vec<PathBuf>,
-        /// How the directions are laid out in the image.
-        layout: MapLayout,
-    },
-    /// One of the maps embedded in the library, by name.
-    BuiltInMap(String),
-    /// A Gaussian spot in an otherwise black environment: L(θ) = radiance · exp(−θ²/2σ²).
-    Spot {
-        /// Towards the light; unit length.
-        direction: Vec3,
-        /// Standard deviation σ, radians.
-        sigma_rad: f32,
-        /// Peak radiance, W/(m²·sr).
-        radiance: Vec3,
-    },
-    /// The same radiance from everywhere, W/(m²·sr).
-    Constant(Vec3),
-}
-
-impl Light {
-    /// A map as scene files and `--env` name it: a built-in map's name (no extension), or a file relative to `base`.
-    pub fn map(base: &Path, name: &str, layout: MapLayout) -> Self {
-        if Path::new(name).extension().is_none() {
-            Self::BuiltInMap(name.to_owned())
-        } else {
-            Self::Map { files: vec![base.join(name)], layout }
-        }
-    }
-}
-
-/// How an environment image lays out directions.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum MapLayout {
-    /// By aspect ratio: 2:1 latlong, 1:1 angular, 3:4 vertical cross, 4:3 horizontal cross.
-    Auto,
-    /// Equirectangular.
-    Latlong,
-    /// Debevec's light probe.
-    Angular,
-    /// Three faces wide, four high.
-    VerticalCross,
-    /// Four faces wide, three high.
-    HorizontalCross,
-    /// Six square images.
-    Faces,
 }
 
 /// Why a scene could not be loaded. Each message names the place and the remedy.
@@ -194,6 +141,9 @@ pub enum SceneError {
     /// A mesh is unusable.
     #[error(transparent)]
     Mesh(#[from] MeshError),
+    /// An environment map is unusable.
+    #[error(transparent)]
+    Map(#[from] MapError),
     /// A receiver's table is unusable.
     #[error(transparent)]
     Table(#[from] TableError),

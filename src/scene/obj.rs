@@ -4,6 +4,8 @@ use std::path::Path;
 
 use glam::Vec3;
 
+use super::Assets;
+use super::assets::readable_name;
 use super::mesh::{Mesh, MeshError};
 use super::normals::smooth_normals;
 
@@ -18,8 +20,8 @@ pub struct ObjReport {
 
 /// Reads every object and group of an OBJ file as one mesh. `crease_angle_rad` is used only where the file
 /// has no normals. Materials are not read.
-pub fn load_obj(path: &Path, crease_angle_rad: f32) -> Result<(Mesh, ObjReport), MeshError> {
-    let file = read(path, |_| Ok(Default::default()))?;
+pub fn load_obj(assets: &dyn Assets, path: &Path, crease_angle_rad: f32) -> Result<(Mesh, ObjReport), MeshError> {
+    let file = read(assets, path, |_| Ok(Default::default()))?;
     let (mesh, report) = file.merged(|_| true, crease_angle_rad)?;
     Ok((mesh, report))
 }
@@ -35,11 +37,15 @@ pub(super) struct ObjPart {
 /// Reads an OBJ file and its materials, a mesh for each. What kept the materials from being read is the second part of the
 /// result; there is a single mesh then.
 pub(super) fn load_obj_by_material(
+    assets: &dyn Assets,
     path: &Path,
     crease_angle_rad: f32,
 ) -> Result<(Vec<ObjPart>, Option<String>), MeshError> {
     let folder = path.parent().unwrap_or(Path::new("")).to_owned();
-    let file = read(path, |name| tobj::load_mtl(folder.join(name)))?;
+    let file = read(assets, path, |name| {
+        let bytes = assets.read(&folder.join(name)).map_err(|_| tobj::LoadError::OpenFileFailed)?;
+        tobj::load_mtl_buf(&mut bytes.as_slice())
+    })?;
     let (materials, failure) = match &file.materials {
         Ok(materials) => (materials.as_slice(), None),
         Err(error) => (&[][..], Some(error.clone())),
@@ -66,13 +72,17 @@ struct ObjFile {
     materials: Result<Vec<tobj::Material>, String>,
 }
 
-fn read(path: &Path, load_materials: impl Fn(&Path) -> tobj::MTLLoadResult) -> Result<ObjFile, MeshError> {
-    let origin = path.display().to_string();
+fn read(
+    assets: &dyn Assets,
+    path: &Path,
+    load_materials: impl Fn(&Path) -> tobj::MTLLoadResult,
+) -> Result<ObjFile, MeshError> {
+    let origin = readable_name(assets, path);
     let extension = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
     if extension != "obj" {
         return Err(MeshError::Format { origin, extension: format!(".{extension}") });
     }
-    let bytes = std::fs::read(path).map_err(|e| MeshError::Read { origin: origin.clone(), reason: e.to_string() })?;
+    let bytes = assets.read(path).map_err(|e| MeshError::Read { origin: origin.clone(), reason: e.to_string() })?;
     let damaged = |reason: String| MeshError::Damaged { origin: origin.clone(), reason };
     let options = tobj::LoadOptions { triangulate: true, single_index: true, ignore_points: true, ignore_lines: true };
     let (models, materials) =
@@ -153,10 +163,8 @@ mod tests {
     use super::*;
 
     fn load(text: &str) -> Result<(Mesh, ObjReport), MeshError> {
-        let dir = tempfile::tempdir().unwrap();
-        let path = dir.path().join("mesh.obj");
-        std::fs::write(&path, text).unwrap();
-        load_obj(&path, 0.5)
+        let assets = std::collections::HashMap::from([("mesh.obj".into(), text)]);
+        load_obj(&assets, Path::new("mesh.obj"), 0.5)
     }
 
     #[test]

@@ -4,11 +4,11 @@
 #[path = "../../examples/embed.rs"]
 mod embed;
 
-use pinspot::environment::Environment;
-use pinspot::pinhole::{Params, Receivers};
-use pinspot::render::Settings;
+use pinspot::Settings;
+use pinspot::low_level::environment::Environment;
+use pinspot::low_level::pinhole::{Params, Receivers};
+use pinspot::low_level::tracing::Tracer;
 use pinspot::scene::load;
-use pinspot::tracing::Tracer;
 
 use crate::support::{on_cpu, pinholes_of, rel_l2};
 
@@ -19,7 +19,7 @@ fn the_example_gathers_what_the_cpu_gathers() {
     let receivers =
         Receivers { width, height, positions: output.positions, normals: output.normals, ..Receivers::empty(0, 0) };
     let loaded = load::<Settings>(embed::SCENE).unwrap();
-    let environment = Environment::load(&loaded.scene.environment, Default::default()).unwrap();
+    let environment = Environment::new(&loaded.scene.environment.light, Default::default()).unwrap();
     let mut pinholes = pinholes_of(&loaded.scene, embed::SAMPLES, Default::default(), Default::default(), 1);
     pinholes.look_around(&loaded.scene, &Tracer::new(&loaded.scene));
     let expected = on_cpu(&receivers, &pinholes, &environment.cube, &Params::default());

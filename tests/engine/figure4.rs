@@ -8,10 +8,10 @@
 use std::f64::consts::TAU;
 
 use glam::{DVec3, Vec3};
-use pinspot::environment::{CubeMap, CubeSize, Environment};
-use pinspot::pinhole::{Filter, Footprint, Params, Receivers};
-use pinspot::render::Settings;
-use pinspot::sampling::Strategy;
+use pinspot::Settings;
+use pinspot::low_level::environment::{CubeMap, CubeSize, Environment};
+use pinspot::low_level::pinhole::{Filter, Footprint, Params, Receivers};
+use pinspot::low_level::sampling::Strategy;
 use pinspot::scene::load;
 use rayon::prelude::*;
 
@@ -81,7 +81,7 @@ fn masked_reference() -> (Receivers, Vec<f64>) {
 /// The light of `ring-above` as the engine looks it up.
 fn sun() -> CubeMap {
     let scene = load::<Settings>("ring-above").unwrap().scene;
-    Environment::load(&scene.environment, CubeSize::Texels(256)).unwrap().cube
+    Environment::new(&scene.environment.light, CubeSize::Texels(256)).unwrap().cube
 }
 
 struct Run {

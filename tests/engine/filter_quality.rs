@@ -1,7 +1,8 @@
 //! The conformance test of filters on the adapter here.
 
-use pinspot::conformance::{Conformance, Device, FilterResult, Verdict, examine};
-use pinspot::pinhole::Filter;
+use pinspot::blocking::wait;
+use pinspot::low_level::conformance::{Conformance, Device, FilterResult, Verdict, examine};
+use pinspot::low_level::pinhole::Filter;
 
 use crate::support::gpu;
 
@@ -12,8 +13,8 @@ fn result(conformance: &Conformance, filter: Filter, taps: u32) -> &FilterResult
 /// Pinspot's own filters do the same on both back ends and get better with their cost, everywhere on the cube.
 #[test]
 fn the_shader_filters_are_as_good_as_they_claim() {
-    let cpu = examine(Device::Cpu, &|| ()).unwrap();
-    let gpu = examine(Device::Gpu(gpu()), &|| ()).unwrap();
+    let cpu = wait(None, examine(Device::Cpu, &|| ())).unwrap();
+    let gpu = wait(Some(&gpu().device), examine(Device::Gpu(gpu()), &|| ())).unwrap();
     for own in &cpu.results {
         let twin = result(&gpu, own.filter, own.taps);
         assert!(
@@ -50,10 +51,10 @@ fn the_shader_filters_are_as_good_as_they_claim() {
 #[test]
 fn the_hardware_filter_is_found_out() {
     let gpu = gpu();
-    let conformance = examine(Device::Gpu(gpu), &|| ()).unwrap();
+    let conformance = wait(Some(&gpu.device), examine(Device::Gpu(gpu), &|| ())).unwrap();
     let hardware = result(&conformance, Filter::Hardware, 16);
     println!("{}: {hardware:?}", conformance.device);
-    let quick = pinspot::pinhole::gpu::check_hardware_filter(gpu).unwrap();
+    let quick = wait(Some(&gpu.device), pinspot::low_level::pinhole::gpu::check_hardware_filter(gpu)).unwrap();
     assert_eq!(quick.is_right(), hardware.verdict == Verdict::Right, "{quick:?} {hardware:?}");
     let seen_as_anisotropic = hardware.orientation > 0.9 && hardware.orientation < 1.1;
     match hardware.verdict {

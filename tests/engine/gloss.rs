@@ -3,12 +3,12 @@
 use std::path::Path;
 
 use glam::{DVec3, Vec3};
-use pinspot::Silent;
-use pinspot::environment::{CubeMap, Environment};
-use pinspot::pinhole::{Filter, Footprint, Params, Receivers};
+use pinspot::NoProgress;
+use pinspot::low_level::environment::{CubeMap, Environment};
+use pinspot::low_level::pinhole::{Filter, Footprint, Params, Receivers};
+use pinspot::low_level::reflectance::Curve;
+use pinspot::low_level::sampling::Strategy;
 use pinspot::reference::{Options, Reference, StoppingCriterion};
-use pinspot::reflectance::Curve;
-use pinspot::sampling::Strategy;
 use pinspot::scene::{Scene, Visibility, parse};
 
 use super::support::{BACK_ENDS, floor, on_cpu, on_gpu, pinholes_of, rel_l2, rel_l2_of};
@@ -29,7 +29,7 @@ fn ring(light: &str, roughness: f32) -> Scene {
 fn truth(scene: Scene, rel_error: f64) -> Vec<DVec3> {
     let goal = StoppingCriterion::new(rel_error);
     let options = Options { size: [EDGE; 2], visibility: Visibility::None, ..Default::default() };
-    let estimate = Reference::new(scene, options).unwrap().solve(&goal, None, &Silent, &mut |_| Ok(())).unwrap();
+    let estimate = Reference::new(scene, options).unwrap().solve(&goal, None, &NoProgress, &mut |_| Ok(())).unwrap();
     estimate.irradiance.pixels.iter().map(|p| p.as_dvec3()).collect()
 }
 
@@ -44,7 +44,7 @@ fn errors(light: &str, roughnesses: &[f32]) -> Vec<(f32, f64, f64)> {
     let of = |roughness| {
         let scene = ring(light, roughness);
         let expected = truth(scene.clone(), 0.01);
-        let environment = Environment::load(&scene.environment, Default::default()).unwrap();
+        let environment = Environment::new(&scene.environment.light, Default::default()).unwrap();
         let pinholes = pinholes_of(&scene, 2000, Strategy::Neighbourhood, Footprint::Cells, 1);
         let mut sharp = pinholes.clone();
         sharp.samples.iter_mut().for_each(|s| s.side_1[3] = 0.0);
@@ -92,7 +92,7 @@ fn both_back_ends_and_the_ground_truth_lose_what_facets_hide() {
     let goal = StoppingCriterion::new(5e-4);
     let options = Options { size: [1, 1], ..Default::default() };
     let reference = Reference::new(scene.clone(), options).unwrap();
-    let estimate = reference.solve(&goal, None, &Silent, &mut |_| Ok(())).unwrap();
+    let estimate = reference.solve(&goal, None, &NoProgress, &mut |_| Ok(())).unwrap();
     close(estimate.irradiance.pixels[0].as_dvec3(), 4e-3, "the ground truth");
 
     let pinholes = pinholes_of(&scene, 4000, Strategy::Neighbourhood, Footprint::Cells, 1);

@@ -1,24 +1,25 @@
 //! What goes wrong on a GPU is said, not thrown.
 
 use glam::Vec3;
-use pinspot::environment::CubeMap;
-use pinspot::gpu::{Gpu, GpuError};
-use pinspot::pinhole::gpu::{Engine, EnvironmentCube, FrameInputs, Options};
-use pinspot::pinhole::{Params, PinholeSample};
+use pinspot::blocking::wait;
+use pinspot::low_level::environment::CubeMap;
+use pinspot::low_level::gpu::{Gpu, GpuError};
+use pinspot::low_level::pinhole::gpu::{Engine, EnvironmentCube, FrameInputs, Options};
+use pinspot::low_level::pinhole::{Params, PinholeSample};
 
 use crate::support::{floor, gpu};
 
 #[test]
 fn a_lost_device_is_an_error_with_a_remedy() {
-    let gpu = Gpu::open(None).unwrap();
+    let gpu = wait(None, Gpu::open(None)).unwrap();
     gpu.device.destroy();
-    let message = gpu.wait().unwrap_err().to_string();
+    let message = wait(Some(&gpu.device), gpu.submitted_work_done()).unwrap_err().to_string();
     assert!(message.contains("lost") && message.contains("--backend cpu"), "{message}");
 }
 
 #[test]
 fn an_unknown_adapter_is_named_with_those_there_are() {
-    let message = Gpu::open(Some("voodoo")).unwrap_err().to_string();
+    let message = wait(None, Gpu::open(Some("voodoo"))).unwrap_err().to_string();
     assert!(message.contains("voodoo") && message.contains(&gpu().adapter.name), "{message}");
 }
 

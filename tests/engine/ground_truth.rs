@@ -5,14 +5,14 @@ use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 
 use glam::{DVec3, Vec3};
-use pinspot::Silent;
+use pinspot::NoProgress;
+use pinspot::Settings;
 use pinspot::reference::{Density, Estimate, Options, Quantity, Reference, StoppingCriterion};
-use pinspot::render::Settings;
 use pinspot::scene::{BUILT_IN, Light, Scene, Visibility, load, parse};
 use statrs::distribution::{ContinuousCDF, StudentsT};
 
 fn solve(scene: Scene, options: Options, goal: StoppingCriterion) -> Estimate {
-    Reference::new(scene, options).unwrap().solve(&goal, None, &Silent, &mut |_| Ok(())).unwrap()
+    Reference::new(scene, options).unwrap().solve(&goal, None, &NoProgress, &mut |_| Ok(())).unwrap()
 }
 
 const PRECISE: StoppingCriterion = StoppingCriterion::new(2e-4);
@@ -217,7 +217,7 @@ fn stopped(reference: &Reference, pixels: usize, known: Option<Estimate>) -> Est
     let asked = AtomicUsize::new(0);
     let should_stop = || asked.fetch_add(1, Relaxed) >= pixels;
     let criterion = StoppingCriterion::new(1e-6).with_should_stop(&should_stop);
-    reference.solve(&criterion, known, &Silent, &mut |_| Ok(())).unwrap()
+    reference.solve(&criterion, known, &NoProgress, &mut |_| Ok(())).unwrap()
 }
 
 #[test]
@@ -248,7 +248,7 @@ fn work_that_is_stopped_anywhere_is_unbiased_and_its_error_honest() {
     const SEEDS: u64 = 60;
     let total = |e: &Estimate| e.irradiance.pixels.iter().map(|p| f64::from(p.y)).sum::<f64>();
     let error = |e: &Estimate| e.standard_error.pixels.iter().map(|p| f64::from(p.y).powi(2)).sum::<f64>().sqrt();
-    let precise = small(1000).solve(&StoppingCriterion::new(1e-3), None, &Silent, &mut |_| Ok(())).unwrap();
+    let precise = small(1000).solve(&StoppingCriterion::new(1e-3), None, &NoProgress, &mut |_| Ok(())).unwrap();
     let scores: Vec<f64> = (1..=SEEDS)
         .map(|seed| {
             let estimate = stopped(&small(seed), PIXELS + 13 * (seed as usize % 25), None);
@@ -273,6 +273,6 @@ fn checkpoints_come_while_a_pass_goes_on_and_hold_what_is_known() {
         coverages.push(estimate.coverage());
         Ok(())
     };
-    reference.solve(&criterion, None, &Silent, checkpoint).unwrap();
+    reference.solve(&criterion, None, &NoProgress, checkpoint).unwrap();
     assert_eq!(coverages, [1.0 / 3.0, 2.0 / 3.0, 1.0], "three chunks of 4,096 pixels");
 }

@@ -1,10 +1,10 @@
 //! A device that has only what WebGPU promises: it filters half floats but not 32-bit ones, and blends neither.
 
 use glam::Vec3;
-use pinspot::environment::CubeMap;
-use pinspot::pinhole::gpu::{Engine, EnvironmentCube, FrameInputs, Options};
-use pinspot::pinhole::{Footprint, Params};
-use pinspot::sampling::Strategy;
+use pinspot::low_level::environment::CubeMap;
+use pinspot::low_level::pinhole::gpu::{Engine, EnvironmentCube, FrameInputs, Options};
+use pinspot::low_level::pinhole::{Footprint, Params};
+use pinspot::low_level::sampling::Strategy;
 use pinspot::wgpu;
 use wgpu::util::DeviceExt;
 

@@ -2,10 +2,10 @@
 
 use std::path::Path;
 
-use pinspot::Silent;
+use pinspot::BackendChoice;
 use pinspot::image::srgb8;
-use pinspot::render::{BackendChoice, Renderer, Settings};
-use pinspot::scene::load;
+
+use crate::support;
 
 /// Levels of 255 that rounding may add to a channel: processors without fused multiplication round differently.
 const ROUNDING: u8 = 1;
@@ -55,12 +55,11 @@ fn compare(scene: &str, stored: &Path) -> Option<String> {
 }
 
 fn render(scene: &str, size: [u32; 2]) -> image::RgbImage {
-    let loaded = load::<Settings>(scene).unwrap();
-    let mut options = loaded.render.options().unwrap();
+    let (scene, mut options) = pinspot::load(scene).unwrap();
     options.size = size;
-    let look = options.look;
-    let rendered = Renderer::new(loaded.scene, options, &BackendChoice::Cpu, &Silent).unwrap().render(&Silent).unwrap();
-    let bytes = rendered.shown(&look).pixels.iter().flat_map(|p| srgb8(*p)).collect();
+    let display = options.display;
+    let rendered = support::render(scene, options, &BackendChoice::Cpu).unwrap();
+    let bytes = rendered.displayed(&display).pixels.iter().flat_map(|p| srgb8(*p)).collect();
     image::RgbImage::from_raw(size[0], size[1], bytes).unwrap()
 }
 

@@ -1,10 +1,10 @@
 //! The shaders without a device: naga validates each, and their structs are laid out as the Rust ones.
 
 use naga::valid::{Capabilities, ValidationFlags, Validator};
-use pinspot::cell_tree::CellNode;
-use pinspot::gpu::{SHADERS, resolve};
-use pinspot::pinhole::gpu::{CellRoot, Stage, TreeUniforms};
-use pinspot::pinhole::{BATCH_SIZE, CURVE_POINTS, GatherUniforms, PinholeSample};
+use pinspot::low_level::cell_tree::CellNode;
+use pinspot::low_level::gpu::{SHADERS, resolve};
+use pinspot::low_level::pinhole::gpu::{CellRoot, Stage, TreeUniforms};
+use pinspot::low_level::pinhole::{BATCH_SIZE, CURVE_POINTS, GatherUniforms, PinholeSample};
 
 fn parse(name: &str) -> Result<naga::Module, String> {
     let source = resolve(name);

@@ -3,24 +3,31 @@
 use std::sync::OnceLock;
 
 use glam::{DVec3, Vec3};
-use pinspot::Silent;
-use pinspot::differential::differentials;
-use pinspot::environment::CubeMap;
-use pinspot::gpu::Gpu;
+use pinspot::blocking::wait;
 use pinspot::image::{Aov, Image};
-use pinspot::pinhole::gpu::{Engine, EnvironmentCube, FrameInputs, FrameViewers, Options};
-use pinspot::pinhole::{Footprint, Params, Pinholes, Receivers, cpu, pinholes};
+use pinspot::low_level::differential::differentials;
+use pinspot::low_level::environment::CubeMap;
+use pinspot::low_level::gpu::Gpu;
+use pinspot::low_level::pinhole::gpu::{Engine, EnvironmentCube, FrameInputs, FrameViewers, Options};
+use pinspot::low_level::pinhole::{Params, Pinholes, Receivers, cpu, pinholes};
+use pinspot::low_level::sampling::{self, Surface, sample};
 use pinspot::reference::{self, Quantity, Reference, StoppingCriterion};
-use pinspot::render::{self, BackendChoice, EvaluationChoice, Renderer, Settings};
-use pinspot::sampling::{self, Strategy, Surface, sample};
 use pinspot::scene::{Scene, Visibility, load, parse};
+use pinspot::{Backend, BackendChoice, Error, EvaluationChoice, Footprint, NoProgress, Rendered, Settings, Strategy};
 
 /// The adapter under test.
 pub fn gpu() -> &'static Gpu {
     static GPU: OnceLock<Gpu> = OnceLock::new();
     GPU.get_or_init(|| {
-        Gpu::open(None).unwrap_or_else(|e| panic!("GPU tests need an adapter; run them by tests/run: {e}"))
+        wait(None, Gpu::open(None)).unwrap_or_else(|e| panic!("GPU tests need an adapter; run them by tests/run: {e}"))
     })
+}
+
+/// The adapter under test as a back end of its own.
+pub fn gpu_backend() -> Backend {
+    Backend::gpu(
+        wait(None, Gpu::open(None)).unwrap_or_else(|e| panic!("GPU tests need an adapter; run them by tests/run: {e}")),
+    )
 }
 
 /// A scene from the text of its objects; the light and the camera are of no importance.
@@ -91,7 +98,7 @@ pub fn on_gpu_with(
         gpu.queue.submit([encoder.finish()]);
         first = last;
     }
-    gpu.read_texture(frame.caustic()).unwrap()
+    wait(Some(&gpu.device), gpu.read_texture(frame.caustic())).unwrap()
 }
 
 /// A function that gathers on some back end.
@@ -112,6 +119,15 @@ pub fn floor(extent: f32, n: u32) -> Receivers {
     Receivers::from_points(&points, n)
 }
 
+/// Light without symmetry, rotated about +Y.
+pub fn rotated_light(rotation_rad: f32) -> CubeMap {
+    let light_from_world = glam::Mat3::from_rotation_y(-rotation_rad);
+    CubeMap::from_radiance(64, None, move |d| {
+        let d = light_from_world * d;
+        Vec3::new(1.0 + d.x, 2.0 + d.y + d.z, (9.0 * d.z + 4.0 * d.x).sin().abs())
+    })
+}
+
 /// ‖a − b‖₂ / ‖b‖₂ over R, G and B.
 pub fn rel_l2(a: &[[f32; 4]], b: &[[f32; 4]]) -> f64 {
     let rgb = |[r, g, b, _]: [f32; 4]| DVec3::new(r.into(), g.into(), b.into());
@@ -127,17 +143,22 @@ pub fn rel_l2_of(a: &[[f32; 4]], b: &[DVec3]) -> f64 {
     pinspot::image::rel_l2(&a, &image(b.iter().map(|b| b.as_vec3()).collect()), None)
 }
 
+/// The pictures of a new engine.
+pub fn render(scene: Scene, options: pinspot::Options, choice: &BackendChoice) -> Result<Rendered, Error> {
+    let backend = wait(None, Backend::open(choice))?;
+    let mut engine = pinspot::Engine::new(scene, options, backend.clone());
+    wait(backend.device(), engine.render(&NoProgress))
+}
+
 /// A built-in scene's caustic by 1,000 samples, one by one, on the CPU, or whatever `change` asks for.
-pub fn rendered(name: &str, size: u32, change: impl FnOnce(&mut render::Options)) -> Image {
-    let loaded = load::<Settings>(name).unwrap();
-    let mut options = loaded.render.options().unwrap();
+pub fn rendered(name: &str, size: u32, change: impl FnOnce(&mut pinspot::Options)) -> Image {
+    let (scene, mut options) = pinspot::load(name).unwrap();
     options.size = [size; 2];
     options.samples = 1000;
     options.aovs = vec![Aov::Caustic];
     options.evaluation = EvaluationChoice::Flat;
     change(&mut options);
-    let renderer = Renderer::new(loaded.scene, options, &BackendChoice::Cpu, &Silent).unwrap();
-    renderer.render(&Silent).unwrap().layers.remove(0).1
+    render(scene, options, &BackendChoice::Cpu).unwrap().layers.remove(0).1
 }
 
 /// The ground truth of a built-in scene.
@@ -145,7 +166,7 @@ pub fn truth(name: &str, quantity: Quantity, visibility: Visibility, size: u32, 
     let scene = load::<Settings>(name).unwrap().scene;
     let options = reference::Options { size: [size; 2], quantity, visibility, ..Default::default() };
     let goal = StoppingCriterion::new(rel_error);
-    Reference::new(scene, options).unwrap().solve(&goal, None, &Silent, &mut |_| Ok(())).unwrap().irradiance
+    Reference::new(scene, options).unwrap().solve(&goal, None, &NoProgress, &mut |_| Ok(())).unwrap().irradiance
 }
 
 /// The middle one of three or more.

@@ -1,13 +1,13 @@
 //! What hides what: both legs against closed forms and the ground truth, on both back ends.
 
 use glam::{DVec3, Vec3};
-use pinspot::environment::CubeMap;
 use pinspot::image::{Aov, rel_l2};
-use pinspot::pinhole::{Footprint, Params, Pinholes, Receivers};
+use pinspot::low_level::environment::CubeMap;
+use pinspot::low_level::pinhole::{Footprint, Params, Pinholes, Receivers};
+use pinspot::low_level::sampling::Strategy;
+use pinspot::low_level::tracing::Tracer;
 use pinspot::reference::Quantity;
-use pinspot::sampling::Strategy;
 use pinspot::scene::{Scene, Visibility};
-use pinspot::tracing::Tracer;
 
 use crate::support::{BACK_ENDS, floor, on_cpu, pinholes_of, rendered, scene, truth};
 

@@ -2,7 +2,7 @@
 
 use glam::{Vec3, Vec4};
 
-use super::cube::{CubeLookup, level_of, texel_width};
+use super::cube::{CubeLookup, level_of};
 use super::footprint::{FootprintAxes, footprint_axes};
 use super::lanes::{ALL, F, LANES, Select, Simd, SimdBase, SimdFloat, V3, bits, dispatch, lanes, level, splat};
 use super::visibility::{Sight, Unhindered};
@@ -42,7 +42,7 @@ pub(super) fn mean_over_footprint<S: Simd, const FILTER: u32>(
         return single_look_up(simd, environment, r, sight, lit);
     }
     let axes = footprint_axes(sides.v1, sides.v2);
-    let texel = texel_width(r, environment.texel_rad());
+    let texel = environment.texel_width(r);
     if FILTER == FILTER_ISOTROPIC {
         let mut sum = [Vec4::ZERO; LANES];
         let open = open_part_of_footprint(simd, sight, sides, lit);
@@ -93,7 +93,7 @@ pub(super) fn even_light<S: Simd>(
     lit: u32,
 ) -> [Vec4; LANES] {
     let width = ((sides.v1.dot(sides.v1) + sides.v2.dot(sides.v2)) * 0.5).sqrt() * part;
-    let level = (level_of(width, texel_width(sides.r, environment.texel_rad())) + 0.5).floor();
+    let level = (level_of(width, environment.texel_width(sides.r)) + 0.5).floor();
     let mut sum = [Vec4::ZERO; LANES];
     add_seen(simd, environment, sight, sides.r, level, lit, &mut sum);
     sum

@@ -47,7 +47,7 @@ pub fn gather(
     assert!(params.taps > 0, "a footprint needs one tap at least");
     let uniforms = GatherUniforms::for_cube(params, pinholes, environment);
     let materials = receivers.viewers.as_ref().map(|viewers| &*viewers.materials);
-    let gather = Gather { pinholes, materials, uniforms, environment: CubeLookup::new(environment) };
+    let gather = Gather { pinholes, materials, environment: CubeLookup::rotated(environment, &uniforms), uniforms };
     let task: fn(&Gather, &Receivers, usize, &mut [[f32; 4]]) = match params.filter {
         Filter::None => |g, r, first, sums| dispatch!(level(), simd => task::<_, FILTER_NONE>(simd, g, r, first, sums)),
         Filter::Isotropic => {
@@ -71,7 +71,8 @@ pub fn gather(
 /// area. For those who decide where samples should be.
 pub fn contributions(receivers: &Receivers, pinholes: &Pinholes, environment: &CubeMap, params: &Params) -> Vec<f32> {
     let uniforms = GatherUniforms::for_cube(params, pinholes, environment);
-    let gather = Gather { pinholes, materials: None, uniforms, environment: CubeLookup::new(environment) };
+    let gather =
+        Gather { pinholes, materials: None, environment: CubeLookup::rotated(environment, &uniforms), uniforms };
     let count = receivers.positions.len();
     let groups: Vec<Group> =
         (0..count).step_by(LANES).map(|start| load_receivers(receivers, start, LANES.min(count - start))).collect();

@@ -23,7 +23,7 @@ struct GpuProbe {
 }
 
 /// Means over footprints: rgb, and the number of fetches.
-pub fn probe(
+pub async fn probe(
     gpu: &Gpu,
     environment: &CubeMap,
     filter: Filter,
@@ -34,13 +34,13 @@ pub fn probe(
     let mut means = Vec::with_capacity(probes.len());
     // Whole rows, no more than fit into any texture.
     for probes in probes.chunks((WIDTH * 1024) as usize) {
-        means.extend(probe_batch(gpu, &uploaded, filter, most_taps as f32, probes)?);
+        means.extend(probe_batch(gpu, &uploaded, filter, most_taps as f32, probes).await?);
     }
     let scale = uploaded.radiance_scale();
     Ok(means.into_iter().map(|[r, g, b, n]| [scale * r, scale * g, scale * b, n]).collect())
 }
 
-fn probe_batch(
+async fn probe_batch(
     gpu: &Gpu,
     environment: &EnvironmentCube,
     filter: Filter,
@@ -91,7 +91,7 @@ fn probe_batch(
         pass.draw(0..3, 0..1);
     }
     gpu.queue.submit([encoder.finish()]);
-    let mut means = gpu.read_texture(&target)?;
+    let mut means = gpu.read_texture(&target).await?;
     means.truncate(probes.len());
     Ok(means)
 }

@@ -6,8 +6,9 @@ use std::sync::Arc;
 use serde::Deserialize;
 
 use super::{Builder, one};
-use crate::brdf::{BrdfTable, Gloss, LEAST_ROUGHNESS};
+use crate::brdf::{BrdfTable, Gloss, LEAST_ROUGHNESS, TableError};
 use crate::reflectance::{Finish, Metal};
+use crate::scene::assets::readable_name;
 use crate::scene::obj::{ObjPart, load_obj_by_material};
 use crate::scene::shapes::Shape;
 use crate::scene::{
@@ -92,9 +93,9 @@ fn crease_angle_rad(table: &ObjectTable) -> f32 {
     table.crease_angle_deg.unwrap_or(CREASE_ANGLE_DEG).to_radians()
 }
 
-fn note_dropped(path: &Path, report: ObjReport, notes: &mut Vec<String>) {
+fn note_dropped(origin: &str, report: ObjReport, notes: &mut Vec<String>) {
     if report.dropped_triangles > 0 {
-        notes.push(format!("{}: dropped {} degenerate triangles", path.display(), report.dropped_triangles));
+        notes.push(format!("{origin}: dropped {} degenerate triangles", report.dropped_triangles));
     }
 }
 
@@ -151,15 +152,14 @@ impl Builder<'_> {
         table: &ObjectTable,
         notes: &mut Vec<String>,
     ) -> Result<Vec<(String, Mesh, mtl::Surface)>, SceneError> {
-        let path = self.base.join(file);
-        let origin = path.display().to_string();
-        let (parts, failure) = load_obj_by_material(&path, crease_angle_rad(table))?;
+        let (parts, failure) = load_obj_by_material(self.assets, Path::new(file), crease_angle_rad(table))?;
+        let origin = readable_name(self.assets, Path::new(file));
         if let Some(reason) = failure {
             notes
                 .push(format!("{origin}: its materials cannot be read ({reason}), so it neither mirrors nor receives"));
         }
         let part = |part: ObjPart| {
-            note_dropped(&path, part.report, notes);
+            note_dropped(&origin, part.report, notes);
             let name = part.material.as_ref().map_or(String::new(), |m| m.name.clone());
             let surface = part.material.as_ref().map_or(Ok(mtl::Surface::default()), mtl::surface);
             let surface = surface.map_err(|reason| MeshError::Material { origin: origin.clone(), reason })?;
@@ -186,10 +186,17 @@ impl Builder<'_> {
                 let specular = self.colour(&key("receiver.ggx.specular"), ggx.specular, 1.0)?;
                 Gloss::Ggx { specular, roughness: ggx.roughness }
             }
-            (None, None, Some(file)) => Gloss::Table(Arc::new(BrdfTable::load(&self.base.join(file))?)),
+            (None, None, Some(file)) => Gloss::Table(Arc::new(self.table(file)?)),
             _ => return Err(self.error(key("receiver"), "give at most one of phong, ggx and table")),
         };
         Ok(Receiver { albedo: self.colour(&key("receiver.albedo"), table.albedo, 1.0)?, gloss })
+    }
+
+    fn table(&self, file: &str) -> Result<BrdfTable, SceneError> {
+        let name = readable_name(self.assets, Path::new(file));
+        let fail = |error: std::io::Error| TableError::Read { file: name.clone(), reason: error.to_string() };
+        let bytes = self.assets.read(Path::new(file)).map_err(fail)?;
+        Ok(BrdfTable::decode(&name, &bytes)?)
     }
 
     fn finish(&self, table: &ReflectorTable, key: &dyn Fn(&str) -> String) -> Result<Finish, SceneError> {
@@ -206,9 +213,8 @@ impl Builder<'_> {
     fn mesh(&self, name: &str, table: &ObjectTable, notes: &mut Vec<String>) -> Result<Mesh, SceneError> {
         match (&table.mesh, table.shape) {
             (Some(file), None) => {
-                let path = self.base.join(file);
-                let (mesh, report) = load_obj(&path, crease_angle_rad(table))?;
-                note_dropped(&path, report, notes);
+                let (mesh, report) = load_obj(self.assets, Path::new(file), crease_angle_rad(table))?;
+                note_dropped(&readable_name(self.assets, Path::new(file)), report, notes);
                 Ok(mesh)
             }
             (None, Some(_)) if table.crease_angle_deg.is_some() => {

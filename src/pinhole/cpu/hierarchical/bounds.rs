@@ -92,6 +92,12 @@ impl Judge<'_> {
         (varies * (WORTH / self.share)).ceil().max(1.0).min(self.uniforms.taps as f32)
     }
 
+    /// A direction in the world as the light's bounds have it.
+    fn direction_in_light(&self, d: Vec3) -> Vec3 {
+        let (cos, sin) = (self.uniforms.rotation_cos, self.uniforms.rotation_sin);
+        Vec3::new(cos * d.x - sin * d.z, d.y, sin * d.x + cos * d.z)
+    }
+
     /// 1/l² at most, as the gather keeps it finite.
     fn attenuation(&self, l2: f32, area: f32) -> f32 {
         let u = self.uniforms;
@@ -152,7 +158,7 @@ impl Judge<'_> {
         } else {
             FOOTPRINT * (g11 + g22).sqrt() + BENT * of_cell * (of_block + of_cell) + unevenness(g)
         };
-        let Bound { most, contrast } = self.light.within(r, of_block + footprint);
+        let Bound { most, contrast } = self.light.within(self.direction_in_light(r), of_block + footprint);
         let (top, varies) = (weight * most, weight * contrast);
         // What glossy receivers make of it they know one by one.
         if top <= self.negligible * g.area && (top == 0.0 || !self.has_viewers) {

@@ -119,7 +119,7 @@ impl<'a> Walked<'a> {
     fn new(pinholes: &'a PinholeTree, light: Light<'a>, params: &Params, materials: Option<&'a Materials>) -> Self {
         assert!(params.taps > 0, "a footprint needs one tap at least");
         let uniforms = GatherUniforms::for_cube(params, &pinholes.roots, light.cube);
-        let environment = CubeLookup::new(light.cube);
+        let environment = CubeLookup::rotated(light.cube, &uniforms);
         let gather = Gather { pinholes: &pinholes.roots, materials, uniforms, environment };
         Self { pinholes, gather, bounds: light.bounds, weights: std::array::from_fn(Weights::new) }
     }

@@ -252,7 +252,7 @@ impl TileGather<'_> {
     /// Bounds of the light within cones around sixteen directions.
     #[inline(always)]
     fn light_within<S: Simd>(&self, simd: S, r: V3<S>, radius: F<S>, active: u32) -> (F<S>, F<S>) {
-        let OnCube { face, s, t } = on_cube(simd, r);
+        let OnCube { face, s, t } = on_cube(simd, self.scene.gather.environment.direction_in_cube(r));
         let (a, b) = (s - 1.0, t - 1.0);
         let reach = radius * (a * a + b * b + 1.0) * self.judge.light.half_size() + 1.0;
         let (face, s, t, reach) = (face.to_array(), s.to_array(), t.to_array(), reach.to_array());

@@ -237,6 +237,7 @@ mod tests {
     use glam::Vec3;
 
     use super::*;
+    use crate::blocking::wait;
     use crate::environment::CubeMap;
     use crate::gpu::Gpu;
 
@@ -255,7 +256,7 @@ mod tests {
         encoder.copy_texture_to_buffer(source, wgpu::TexelCopyBufferInfo { buffer: &buffer, layout }, extent);
         gpu.queue.submit([encoder.finish()]);
         buffer.map_async(wgpu::MapMode::Read, .., |mapped| mapped.unwrap());
-        gpu.wait().unwrap();
+        wait(Some(&gpu.device), gpu.submitted_work_done()).unwrap();
         let mapped = buffer.get_mapped_range(..).unwrap();
         let rows = mapped.chunks(row as usize);
         rows.flat_map(|row| row[..size as usize * 8].chunks(8).map(bytemuck::pod_read_unaligned)).collect()
@@ -265,7 +266,8 @@ mod tests {
     /// changed.
     #[test]
     fn bounds_made_on_the_gpu_are_those_of_the_cpu() {
-        let gpu = Gpu::open(None).unwrap_or_else(|e| panic!("GPU tests need an adapter; run them by tests/run: {e}"));
+        let gpu = wait(None, Gpu::open(None))
+            .unwrap_or_else(|e| panic!("GPU tests need an adapter; run them by tests/run: {e}"));
         let light = |turn: f32| {
             CubeMap::from_radiance(32, None, move |d| {
                 Vec3::new((9.0 * d.x + turn).sin().abs(), 1.0 + d.y, (40.0 * (d.z - 1.0)).exp() * 9.0)
