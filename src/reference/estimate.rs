@@ -17,7 +17,10 @@ pub struct Estimate {
     pub statistics: Statistics,
     /// Sums of the weights of the passes that reached each pixel.
     pub(super) weights: Vec<f32>,
-    pub(super) schedule: Schedule,
+    /// Whether the cuts for each pixel have been as fine as pays.
+    pub(super) is_fine: Vec<bool>,
+    /// How fine cuts may be in the next pass: an index of [`super::passes::SPLIT_LIMITS`].
+    pub(super) level: usize,
 }
 
 /// How an estimate came about.
@@ -29,24 +32,16 @@ pub struct Statistics {
     pub points_per_pixel: f64,
 }
 
-/// What the next pass goes by.
-#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
-pub(super) struct Schedule {
-    /// In [`super::passes::SPLIT_LIMITS`].
-    pub level: usize,
-    /// Mean points of a receiver, per replicate, in the last complete pass with the finest cuts; 0 before it.
-    pub points: f64,
-}
-
 impl Estimate {
     pub(super) fn unknown([width, height]: [u32; 2]) -> Self {
         let black = Image::new(width, height);
         Self {
             standard_error: black.map(|_| Vec3::INFINITY),
             weights: vec![0.0; black.pixels.len()],
+            is_fine: vec![false; black.pixels.len()],
             irradiance: black,
             statistics: Statistics::default(),
-            schedule: Schedule::default(),
+            level: 0,
         }
     }
 

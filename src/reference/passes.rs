@@ -10,15 +10,15 @@ use rayon::prelude::*;
 
 use super::cut::Cut;
 use super::domain::Domain;
-use super::estimate::{Estimate, Schedule};
+use super::estimate::Estimate;
 use super::receivers::Receivers;
 use super::replicates::{self, MOST_SPLITS, Moments, Tally, Work};
 use super::{Options, StoppingCriterion};
 use crate::image::Image;
 use crate::{Error, Progress, Stage};
 
-/// The most splits of a cut, pass by pass until the finest is reached: the first pass is over soon, whatever the scene, and
-/// all but the last together cost a fraction of it. Where finer cuts would not pay, the steps between are left out.
+/// The most splits of a cut, pass by pass: the first is over soon, whatever the scene. Each of the next ones is about the
+/// pixels only whose cuts the one before left too coarse, so all of them together cost little more than the last.
 pub(super) const SPLIT_LIMITS: [u32; 5] = [32, 256, 2048, 16_384, MOST_SPLITS];
 /// Points per replicate, at least, until cuts are as fine as they get.
 const PILOT_POINTS: f64 = 8.0;
@@ -75,26 +75,29 @@ impl<D: Domain> Passes<'_, D> {
 
     /// `None` if there are points enough.
     fn next_plan(&self, criterion: &StoppingCriterion, known: &Estimate) -> Option<Plan> {
-        let Schedule { level, points } = known.schedule;
-        if level == 0 {
-            // Pixels that an interrupted first pass has reached are done.
-            let chunks = chunks(self.options.size, |pixel| known.weights[pixel] == 0.0);
+        let level = known.level;
+        if known.coverage() < 1.0 {
             let counts = vec![PILOT_POINTS as u32; self.pixels()];
+            let chunks = chunks(self.options.size, |pixel| known.weights[pixel] == 0.0);
             return Some(Plan { counts, level, typical_irradiance: 0.0, chunks });
+        }
+        let typical_irradiance = typical_irradiance(known);
+        if known.is_fine.contains(&false) {
+            let counts = replicates::points_per_pixel(PILOT_POINTS, known);
+            let chunks = chunks(self.options.size, |pixel| !known.is_fine[pixel]);
+            return Some(Plan { counts, level, typical_irradiance, chunks });
         }
         let used = known.statistics.points_per_pixel;
         let allowed = criterion.max_points.map_or(f64::INFINITY, |most| most - used);
         if allowed <= 0.1 * used {
             return None;
         }
-        let wanted = if points == 0.0 { PILOT_POINTS } else { points * growth(known.rel_error(), criterion.rel_error) };
+        // Weights of fine pixels are squares of points.
+        let typical = known.weights.iter().map(|w| f64::from(*w).sqrt()).sum::<f64>() / known.weights.len() as f64;
+        let wanted = typical * growth(known.rel_error(), criterion.rel_error);
         let points = wanted.min(allowed / f64::from(self.options.replicates)).max(2.0);
-        Some(Plan {
-            counts: replicates::points_per_pixel(points, known),
-            level,
-            typical_irradiance: typical_irradiance(known),
-            chunks: chunks(self.options.size, |_| true),
-        })
+        let counts = replicates::points_per_pixel(points, known);
+        Some(Plan { counts, level, typical_irradiance, chunks: chunks(self.options.size, |_| true) })
     }
 
     /// One independent pass added to what is known, and whether it reached all of its pixels.
@@ -136,13 +139,7 @@ impl<D: Domain> Passes<'_, D> {
             }
             checkpoint(&estimate)?;
         }
-        let last = SPLIT_LIMITS.len() - 1;
-        let is_fine = plan.level == last || !tally.is_limited();
-        estimate.schedule = if is_fine {
-            Schedule { level: last, points: tally.points_per_receiver() }
-        } else {
-            Schedule { level: plan.level + 1, points: 0.0 }
-        };
+        estimate.level = if estimate.is_fine.contains(&false) { plan.level + 1 } else { SPLIT_LIMITS.len() - 1 };
         Ok((estimate, true))
     }
 
@@ -167,13 +164,12 @@ impl<D: Domain> Passes<'_, D> {
 
     /// What was known, and what a pass has found so far.
     fn combined(&self, known: &Estimate, found: &[Option<Moments>], level: usize, tally: &Tally) -> Estimate {
-        let reached = found.iter().flatten().count() as f64;
-        let points = tally.points() / reached;
-        // By the square of the points: better than by their number, because the error of quasi-random points falls faster
-        // than 1/√n. Coarse cuts are far worse than their points say. Weights that depend on no value keep the mean unbiased.
-        let fineness = if tally.is_limited() { f64::from(SPLIT_LIMITS[level]) / f64::from(MOST_SPLITS) } else { 1.0 };
         let mut estimate = known.clone();
-        estimate.add(found, (points.max(1.0) * fineness).powi(2));
+        estimate.add(
+            found,
+            tally.points_per_receiver().max(1.0),
+            f64::from(SPLIT_LIMITS[level]) / f64::from(MOST_SPLITS),
+        );
         estimate.statistics.passes += 1;
         estimate.statistics.points_per_pixel +=
             tally.points() * f64::from(self.options.replicates) / self.pixels() as f64;
@@ -208,10 +204,16 @@ fn growth(error: f64, goal: f64) -> f64 {
 }
 
 impl Estimate {
-    /// Adds what an independent pass found, with a weight; pixels that it did not reach stay as they are.
-    fn add(&mut self, found: &[Option<Moments>], weight: f64) {
+    /// Adds what an independent pass of so many points found; pixels that it did not reach stay as they are. `fineness`: the
+    /// part of the finest cuts' splits that it was allowed.
+    ///
+    /// Passes weigh as the square of their points: better than as their number, because the error of quasi-random points falls
+    /// faster than 1/√n. Cuts that are too coarse are far worse than their points say. Weights that depend on no value keep the
+    /// mean unbiased.
+    fn add(&mut self, found: &[Option<Moments>], points: f64, fineness: f64) {
         for (pixel, moments) in found.iter().enumerate() {
-            let Some(Moments { mean, standard_error }) = *moments else { continue };
+            let Some(Moments { mean, standard_error, is_fine }) = *moments else { continue };
+            let weight = (if is_fine { points } else { points * fineness }).powi(2);
             let before = f64::from(self.weights[pixel]);
             let (a, b) = (before / (before + weight), weight / (before + weight));
             let known = |image: &Image| if before > 0.0 { image.pixels[pixel].as_dvec3() } else { DVec3::ZERO };
@@ -221,6 +223,7 @@ impl Estimate {
             self.irradiance.pixels[pixel] = mean.as_vec3();
             self.standard_error.pixels[pixel] = standard_error.as_vec3();
             self.weights[pixel] = (before + weight) as f32;
+            self.is_fine[pixel] |= is_fine;
         }
     }
 }

@@ -24,6 +24,8 @@ const MAX_POINTS: u32 = 1 << 16;
 pub(super) struct Moments {
     pub mean: DVec3,
     pub standard_error: DVec3,
+    /// Whether all cuts were as fine as pays.
+    pub is_fine: bool,
 }
 
 /// What all pixels of a pass share.
@@ -45,14 +47,12 @@ pub(super) struct Work<'a> {
 pub(super) struct Tally {
     points: AtomicU64,
     receivers: AtomicU64,
-    limited: AtomicU64,
 }
 
 impl Tally {
-    fn add(&self, points: u32, is_limited: bool) {
+    fn add(&self, points: u32) {
         self.points.fetch_add(u64::from(points), Relaxed);
         self.receivers.fetch_add(1, Relaxed);
-        self.limited.fetch_add(u64::from(is_limited), Relaxed);
     }
 
     /// Points of all receivers, per replicate.
@@ -63,11 +63,6 @@ impl Tally {
     /// Mean points of a receiver, per replicate.
     pub fn points_per_receiver(&self) -> f64 {
         self.points() / (self.receivers.load(Relaxed) as f64).max(1.0)
-    }
-
-    /// Whether some cut is coarser than it should be.
-    pub fn is_limited(&self) -> bool {
-        self.limited.load(Relaxed) > 0
     }
 }
 
@@ -101,27 +96,28 @@ pub(super) fn points_per_pixel(points: f64, known: &Estimate) -> Vec<u32> {
 pub(super) fn pixel<D: Domain>(domain: &D, work: &Work, pixel: usize, cut: &mut Cut<D::Region>) -> Moments {
     let points = work.receivers.of_pixel(pixel);
     let mut means = vec![DVec3::ZERO; work.options.replicates as usize];
+    let mut is_fine = true;
     let least = least_splits(work.counts[pixel], work.options);
     let depth = Depth { least: least.min(work.most_splits), most: work.most_splits, negligible: work.negligible };
     for (k, receiver) in points.iter().enumerate() {
         let Some(receiver) = receiver else { continue };
         let splits = cut.splits;
-        let is_limited = match work.options.density {
-            Density::Bounded => cut.refine(domain, receiver, &depth) || least > work.most_splits,
-            Density::Uniform => {
-                cut.uniform(domain);
-                false
+        match work.options.density {
+            Density::Bounded => {
+                let is_limited = cut.refine(domain, receiver, &depth);
+                is_fine &= work.most_splits == MOST_SPLITS || !is_limited && least <= work.most_splits;
             }
-        };
+            Density::Uniform => cut.uniform(domain),
+        }
         let splits = cut.splits - splits;
         let count = work.counts[pixel].max(affordable_points(splits, work.options));
         if cut.total() > 0.0 {
             let stream = (pixel * points.len() + k) as u64;
             add_replicates(domain, work, receiver, cut, stream, count, &mut means);
         }
-        work.tally.add(count, is_limited);
+        work.tally.add(count);
     }
-    moments(&means, points.len())
+    Moments { is_fine, ..moments(&means, points.len()) }
 }
 
 fn add_replicates<D: Domain>(
@@ -156,7 +152,7 @@ fn moments(means: &[DVec3], points: usize) -> Moments {
     let mean = means.iter().sum::<DVec3>() / count;
     let squares: DVec3 = means.iter().map(|m| (*m - mean) * (*m - mean)).sum();
     let standard_error = (squares / (count * (count - 1.0))).map(f64::sqrt);
-    Moments { mean: mean / points as f64, standard_error: standard_error / points as f64 }
+    Moments { mean: mean / points as f64, standard_error: standard_error / points as f64, is_fine: true }
 }
 
 /// Numbers to an unrelated seed (the finaliser of SplitMix64 over each).

@@ -1,11 +1,12 @@
-//! References in files: an EXR with `R G B`, `error.R error.G error.B` and each pixel's weight, and in its attributes what is
-//! needed to go on.
+//! References in files: an EXR with `R G B`, `error.R error.G error.B`, and what is needed to go on: each pixel's weight and
+//! whether its cuts are as fine as pays (`weight.R weight.G`), and a text among the attributes.
 
 use std::path::{Path, PathBuf};
 
+use glam::Vec3;
 use serde::{Deserialize, Serialize};
 
-use super::estimate::{Schedule, Statistics};
+use super::estimate::Statistics;
 use super::passes::SPLIT_LIMITS;
 use super::{Estimate, Reference, ReferenceError, StoppingCriterion};
 use crate::image::{Image, read_exr, read_exr_text, write_exr_with_text};
@@ -36,7 +37,7 @@ pub struct Stored {
 #[serde(deny_unknown_fields)]
 struct Text {
     statistics: Statistics,
-    schedule: Schedule,
+    level: usize,
     seconds: f64,
 }
 
@@ -72,11 +73,12 @@ impl Reference {
 
     /// Writes an estimate, whole or not at all.
     pub fn write(&self, path: &Path, estimate: &Estimate, seconds: f64) -> Result<(), Error> {
-        let text = Text { statistics: estimate.statistics, schedule: estimate.schedule, seconds };
+        let text = Text { statistics: estimate.statistics, level: estimate.level, seconds };
         let text = serde_json::to_string(&text).expect("numbers are plain data");
         let mut weights = estimate.irradiance.clone();
-        for (pixel, weight) in weights.pixels.iter_mut().zip(&estimate.weights) {
-            *pixel = glam::Vec3::splat(*weight);
+        for (pixel, (weight, is_fine)) in weights.pixels.iter_mut().zip(estimate.weights.iter().zip(&estimate.is_fine))
+        {
+            *pixel = Vec3::new(*weight, f32::from(*is_fine), 0.0);
         }
         let layers = [("", &estimate.irradiance), (ERROR, &estimate.standard_error), (WEIGHT, &weights)];
         let texts = [(FINGERPRINT, self.fingerprint().to_owned()), (STATISTICS, text)];
@@ -109,7 +111,7 @@ impl Reference {
         standard_error: Image,
         weights: &Image,
     ) -> Result<Stored, &'static str> {
-        let Text { statistics, schedule, seconds } = *text;
+        let Text { statistics, level, seconds } = *text;
         let within = |value: f64, most: f64| (0.0..=most).contains(&value);
         if [&irradiance, &standard_error, weights].iter().any(|i| [i.width, i.height] != self.options.size) {
             return Err("its size is");
@@ -117,19 +119,20 @@ impl Reference {
         if statistics.passes > MOST_PASSES || !within(statistics.points_per_pixel, MOST_POINTS) {
             return Err("its statistics are");
         }
-        if schedule.level >= SPLIT_LIMITS.len() || !within(schedule.points, MOST_POINTS) || !within(seconds, f64::MAX) {
+        if level >= SPLIT_LIMITS.len() || !within(seconds, f64::MAX) {
             return Err("its statistics are");
         }
+        let is_fine = weights.pixels.iter().map(|w| w.y > 0.5).collect();
         let weights: Vec<f32> = weights.pixels.iter().map(|w| w.x).collect();
-        if weights.iter().any(|w| !(0.0..=MOST_WEIGHT).contains(w) || *w == 0.0 && schedule.level > 0) {
+        if weights.iter().any(|w| !(0.0..=MOST_WEIGHT).contains(w) || *w == 0.0 && level > 0) {
             return Err("a pixel's weight is");
         }
-        let is_known = |pixel: glam::Vec3| pixel.is_finite() && pixel.min_element() >= 0.0;
+        let is_known = |pixel: Vec3| pixel.is_finite() && pixel.min_element() >= 0.0;
         let known = weights.iter().zip(&standard_error.pixels).all(|(w, error)| *w == 0.0 || is_known(*error));
         if !known || !irradiance.pixels.iter().all(|p| is_known(*p)) {
             return Err("a pixel is");
         }
-        let estimate = Estimate { irradiance, standard_error, statistics, weights, schedule };
+        let estimate = Estimate { irradiance, standard_error, statistics, weights, is_fine, level };
         Ok(Stored { estimate, seconds })
     }
 }
@@ -199,14 +202,13 @@ mod tests {
         spoil(&|e| e.weights[3] = f32::MAX);
         spoil(&|e| e.weights[3] = f32::NAN);
         spoil(&|e| e.weights[3] = -1.0);
-        spoil(&|e| (e.weights[3], e.schedule.level) = (0.0, 1));
+        spoil(&|e| (e.weights[3], e.level) = (0.0, 1));
         spoil(&|e| e.standard_error.pixels[5].y = f32::INFINITY);
         spoil(&|e| e.irradiance.pixels[5].y = f32::NAN);
         spoil(&|e| e.irradiance.pixels[5].y = -1.0);
         spoil(&|e| e.statistics.points_per_pixel = 1e300);
         spoil(&|e| e.statistics.passes = u32::MAX);
-        spoil(&|e| e.schedule.points = 1e300);
-        spoil(&|e| e.schedule.level = 77);
+        spoil(&|e| e.level = 77);
         own.write(&path, &estimate, -1.0).unwrap();
         refused();
         own.write(&path, &estimate, seconds).unwrap();

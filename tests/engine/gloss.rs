@@ -11,7 +11,7 @@ use pinspot::low_level::sampling::Strategy;
 use pinspot::reference::{Options, Reference, StoppingCriterion};
 use pinspot::scene::{Scene, Visibility, parse};
 
-use super::support::{BACK_ENDS, floor, on_cpu, on_gpu, pinholes_of, rel_l2};
+use super::support::{BACK_ENDS, floor, on_cpu, on_gpu, pinholes_of, rel_l2, rel_l2_of};
 
 const EDGE: u32 = 12;
 
@@ -39,15 +39,6 @@ fn receivers() -> Receivers {
     Receivers::from_points(&points.collect::<Vec<_>>(), EDGE)
 }
 
-fn error(got: &[[f32; 4]], expected: &[DVec3]) -> f64 {
-    let off: f64 = got
-        .iter()
-        .zip(expected)
-        .map(|(g, e)| (DVec3::new(g[0].into(), g[1].into(), g[2].into()) - *e).length_squared())
-        .sum();
-    (off / expected.iter().map(|e| e.length_squared()).sum::<f64>()).sqrt()
-}
-
 /// Relative errors at 2,000 samples: (roughness, as the engine does it, without the lobe).
 fn errors(light: &str, roughnesses: &[f32]) -> Vec<(f32, f64, f64)> {
     let of = |roughness| {
@@ -58,7 +49,7 @@ fn errors(light: &str, roughnesses: &[f32]) -> Vec<(f32, f64, f64)> {
         let mut sharp = pinholes.clone();
         sharp.samples.iter_mut().for_each(|s| s.lobe = 0.0);
         let [own, without] = [&pinholes, &sharp]
-            .map(|p| error(&on_cpu(&receivers(), p, &environment.cube, &Params::default()), &expected));
+            .map(|p| rel_l2_of(&on_cpu(&receivers(), p, &environment.cube, &Params::default()), &expected));
         println!("{light}, roughness {roughness}: {own:.3}, without the lobe {without:.3}");
         (roughness, own, without)
     };

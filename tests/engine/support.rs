@@ -2,7 +2,7 @@
 
 use std::sync::OnceLock;
 
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 use pinspot::blocking::wait;
 use pinspot::image::{Aov, Image};
 use pinspot::low_level::differential::differentials;
@@ -130,14 +130,17 @@ pub fn rotated_light(rotation_rad: f32) -> CubeMap {
 
 /// ‖a − b‖₂ / ‖b‖₂ over R, G and B.
 pub fn rel_l2(a: &[[f32; 4]], b: &[[f32; 4]]) -> f64 {
-    let (mut difference, mut norm) = (0.0, 0.0);
-    for (a, b) in a.iter().zip(b) {
-        for c in 0..3 {
-            difference += f64::from(a[c] - b[c]).powi(2);
-            norm += f64::from(b[c]).powi(2);
-        }
-    }
-    (difference / norm).sqrt()
+    let rgb = |[r, g, b, _]: [f32; 4]| DVec3::new(r.into(), g.into(), b.into());
+    let b: Vec<DVec3> = b.iter().map(|b| rgb(*b)).collect();
+    rel_l2_of(a, &b)
+}
+
+/// The same against values that are known better.
+pub fn rel_l2_of(a: &[[f32; 4]], b: &[DVec3]) -> f64 {
+    assert_eq!(a.len(), b.len());
+    let image = |pixels: Vec<Vec3>| Image { width: pixels.len() as u32, height: 1, pixels };
+    let a = image(a.iter().map(|a| Vec3::from_slice(&a[..3])).collect());
+    pinspot::image::rel_l2(&a, &image(b.iter().map(|b| b.as_vec3()).collect()), None)
 }
 
 /// The pictures of a new engine.

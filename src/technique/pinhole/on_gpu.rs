@@ -231,7 +231,7 @@ impl HierarchicalOnGpu {
         while inputs.split_passes <= MAX_SPLIT_PASSES {
             let mut frame = self.pipelines.frame(&gpu.device, &inputs)?;
             let submission = Submission { gpu, points, pieces: frame.batch_count(), step: 1, progress };
-            submission.run(|encoder, runs| frame.record(encoder, runs)).await?;
+            submission.run(|encoder, batches| frame.record(encoder, batches)).await?;
             let sums = gpu.read_texture(frame.caustic()).await?;
             if sums.iter().all(|sum| sum[3] >= 0.0) {
                 return Ok(sums);
