@@ -17,14 +17,21 @@ pub fn wait<F: Future>(device: Option<&Device>, future: F) -> F::Output {
         if let Poll::Ready(output) = future.as_mut().poll(&mut context) {
             return output;
         }
-        #[cfg(feature = "gpu")]
-        if let Some(device) = device {
-            // The future finds out by itself what goes wrong here.
-            let _ = device.poll(wgpu::PollType::wait_indefinitely());
-        }
+        device.inspect(|device| poll(device));
         // Returns at once if the future has been woken since it was polled.
         thread::park();
     }
+}
+
+/// Sleeps until the device has finished what was submitted. The future finds out by itself what goes wrong here.
+#[cfg(feature = "gpu")]
+fn poll(device: &Device) {
+    let _ = device.poll(wgpu::PollType::wait_indefinitely());
+}
+
+#[cfg(not(feature = "gpu"))]
+fn poll(device: &Device) {
+    match *device {}
 }
 
 struct Unpark(Thread);

@@ -4,8 +4,8 @@ use crate::environment::EnvironmentError;
 #[cfg(feature = "gpu")]
 use crate::gpu::GpuError;
 use crate::image::ImageError;
-#[cfg(feature = "report")]
 use crate::reference::ReferenceError;
+#[cfg(feature = "report")]
 use crate::report::ReportError;
 use crate::sampling::SamplingError;
 use crate::scene::{MeshError, SceneError};

@@ -49,6 +49,7 @@ mod backend;
 pub mod blocking;
 mod brdf;
 mod cell_tree;
+#[cfg(feature = "gpu")]
 mod conformance;
 mod differential;
 mod disjoint_sets;

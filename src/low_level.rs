@@ -14,6 +14,7 @@ pub mod cell_tree {
 }
 
 /// Filters against the exact integral over a footprint.
+#[cfg(feature = "gpu")]
 pub mod conformance {
     pub use crate::conformance::*;
 }

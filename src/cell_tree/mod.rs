@@ -67,6 +67,7 @@ impl CellTree {
         self.objects[node.root() as usize]
     }
 
+    #[cfg(feature = "gpu")]
     /// Nodes from here on are roots or lie above them.
     pub(crate) fn first_above(&self) -> u32 {
         self.first_above

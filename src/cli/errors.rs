@@ -1,6 +1,11 @@
 //! What the library reports, with the command's own options and remedies added.
 
-use pinspot::scene::MeshError;
+use pinspot::low_level::environment::EnvironmentError;
+#[cfg(feature = "gpu")]
+use pinspot::low_level::gpu::GpuError;
+use pinspot::low_level::sampling::SamplingError;
+#[cfg(feature = "report")]
+use pinspot::report::ReportError;
 use pinspot::{Error, OptionError};
 
 /// One line for a user of the command.
@@ -35,33 +40,34 @@ fn flag(key: &str, value: &str) -> String {
     }
 }
 
+fn remedy(error: &Error) -> Option<&'static str> {
+    match error {
+        #[cfg(feature = "gpu")]
+        Error::Gpu(error) => gpu_remedy(error),
+        Error::Sampling(SamplingError::Even { .. }) => {
+            Some("give --strategy neighbourhood or random, or --density uniform")
+        }
+        Error::Environment(EnvironmentError::TooFine { .. }) => Some("give a smaller --cube-size"),
+        #[cfg(feature = "report")]
+        Error::Report(ReportError::MaskSize { .. }) => Some("or give another --size"),
+        _ => None,
+    }
+}
+
 #[cfg(feature = "gpu")]
-fn remedy(error: &Error) -> Option<&'static str> {
-    use pinspot::low_level::gpu::GpuError;
-    let Error::Gpu(error) = error else { return scene_remedy(error) };
-    match error {
-        GpuError::NoAdapter => Some(
-            "give --backend cpu, or install a Vulkan driver (on Debian: apt-get install libvulkan1 mesa-vulkan-drivers)",
-        ),
-        GpuError::NoDevice { .. } => Some("give another --adapter, or --backend cpu"),
-        GpuError::Lost { .. } => Some("run again, with fewer --samples or with --backend cpu"),
-        GpuError::Refused { .. } => Some("give --backend cpu, and report this"),
-        GpuError::MapsTooLarge { .. } => Some("give fewer --samples, --visibility none or --backend cpu"),
-        GpuError::LoopCutShort { .. } => Some("give --backend cpu, a larger --tolerance, or --evaluation flat"),
-        GpuError::TreeTooLarge { .. } => Some("give fewer --samples or --leaves, or --backend cpu"),
-        GpuError::TooManySamples { .. } => Some("give fewer --samples or --backend cpu"),
-        _ => None,
-    }
-}
-
-#[cfg(not(feature = "gpu"))]
-fn remedy(error: &Error) -> Option<&'static str> {
-    scene_remedy(error)
-}
-
-fn scene_remedy(error: &Error) -> Option<&'static str> {
-    match error {
-        Error::Mesh(MeshError::Empty { .. }) => Some("export it with faces"),
-        _ => None,
-    }
+fn gpu_remedy(error: &GpuError) -> Option<&'static str> {
+    Some(match error {
+        GpuError::NoAdapter => {
+            "give --backend cpu, or install a Vulkan driver (on Debian: apt-get install libvulkan1 mesa-vulkan-drivers)"
+        }
+        GpuError::NoDevice { .. } => "give another --adapter, or --backend cpu",
+        GpuError::Lost { .. } => "run again, with fewer --samples or with --backend cpu",
+        GpuError::Refused { .. } => "give --backend cpu, and report this",
+        GpuError::TextureTooLarge { .. } => "give a smaller --size or --cube-size, or --backend cpu",
+        GpuError::MapsTooLarge { .. } => "give fewer --samples, --visibility none or --backend cpu",
+        GpuError::LoopCutShort { .. } => "give --backend cpu, a larger --tolerance, or --evaluation flat",
+        GpuError::TreeTooLarge { .. } => "give fewer --samples or --leaves, or --backend cpu",
+        GpuError::TooManySamples { .. } => "give fewer --samples or --backend cpu",
+        _ => return None,
+    })
 }

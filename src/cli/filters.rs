@@ -10,6 +10,7 @@ use pinspot::low_level::conformance::{Conformance, Device, FilterResult, PATTERN
 use pinspot::low_level::gpu::{Gpu, adapters};
 use pinspot::{Filter, Progress, Stage};
 
+use super::errors::message;
 use super::progress::Watch;
 
 #[derive(Debug, Args)]
@@ -33,7 +34,7 @@ pub fn run(args: &FiltersArgs) -> Result<(), String> {
         std::fs::create_dir_all(folder).map_err(|e| format!("cannot create the folder '{}': {e}", folder.display()))?;
     }
     let gpus: Vec<Gpu> = match &args.adapter {
-        Some(name) => vec![wait(None, Gpu::open(Some(name))).map_err(|e| e.to_string())?],
+        Some(name) => vec![wait(None, Gpu::open(Some(name))).map_err(|e| message(&e.into()))?],
         None => (0..wait(None, adapters()).len()).filter_map(|index| wait(None, Gpu::open_nth(index)).ok()).collect(),
     };
     let cpu = args.adapter.is_none().then_some(Device::Cpu);
@@ -42,9 +43,9 @@ pub fn run(args: &FiltersArgs) -> Result<(), String> {
     let mut all = Vec::new();
     for (k, device) in devices.into_iter().enumerate() {
         bar.begin(Stage::Filters, (device.filters().len() * PATTERNS.len()) as u64);
-        let result = wait(device.wgpu_device(), examine(device, &|| bar.advance(1))).map_err(|e| e.to_string())?;
+        let result = wait(device.wgpu_device(), examine(device, &|| bar.advance(1))).map_err(|e| message(&e.into()))?;
         if let Some(folder) = &args.output {
-            let picture = wait(device.wgpu_device(), zone_plates(device)).map_err(|e| e.to_string())?;
+            let picture = wait(device.wgpu_device(), zone_plates(device)).map_err(|e| message(&e.into()))?;
             let path = folder.join(format!("{k}-{}.png", file_name(&result.device)));
             write_png(&path, &picture).map_err(|e| e.to_string())?;
         }

@@ -5,6 +5,7 @@ mod adapters;
 #[cfg(feature = "report")]
 mod compare;
 mod errors;
+#[cfg(feature = "gpu")]
 mod filters;
 mod options;
 mod output;
@@ -38,6 +39,7 @@ enum Command {
     /// Write the reflector samples as a point cloud (.ply) and print how evenly they are spread
     Samples(samples::SamplesArgs),
     /// Test how well this machine filters cube maps: each filter against the exact integral
+    #[cfg(feature = "gpu")]
     Filters(filters::FiltersArgs),
     /// List the GPU adapters found, and what each can do
     #[cfg(feature = "gpu")]
@@ -54,6 +56,7 @@ pub fn run() -> ExitCode {
         #[cfg(feature = "report")]
         Command::Compare(args) => compare::run(&args),
         Command::Samples(args) => samples::run(&args),
+        #[cfg(feature = "gpu")]
         Command::Filters(args) => filters::run(&args),
         #[cfg(feature = "gpu")]
         Command::Adapters(args) => adapters::run(&args),

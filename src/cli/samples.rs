@@ -1,14 +1,17 @@
 //! `pinspot samples`.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 use serde::Serialize;
 
 use pinspot::Progress;
-use pinspot::image::{write_atomically, write_png};
+use pinspot::image::write_atomically;
+#[cfg(feature = "report")]
+use pinspot::image::write_png;
 use pinspot::low_level::differential::{differentials, write_ply};
 use pinspot::low_level::sampling::{Development, Options, PointSet, Quality, Spectrum, Surface, quality, study};
+#[cfg(feature = "report")]
 use pinspot::report::spectrum_picture;
 use pinspot::scene::load;
 use pinspot::{Density, Settings, Stage, Strategy, place_samples};
@@ -31,6 +34,7 @@ pub struct SamplesArgs {
     #[arg(long, value_name = "K", default_value_t = 10, value_parser = clap::value_parser!(u32).range(1..=1000))]
     sets: u32,
     /// Write a picture of the power spectrum (.png); frequency 0 in the middle, white noise is a quarter grey
+    #[cfg(feature = "report")]
     #[arg(long, value_name = "FILE.png")]
     spectrum: Option<PathBuf>,
     /// Print the figures as JSON on stdout
@@ -39,6 +43,19 @@ pub struct SamplesArgs {
     /// Print no figures
     #[arg(long)]
     quiet: bool,
+}
+
+impl SamplesArgs {
+    #[cfg(feature = "report")]
+    fn spectrum(&self) -> Option<&Path> {
+        self.spectrum.as_deref()
+    }
+
+    /// Without the feature `report` there are no such pictures.
+    #[cfg(not(feature = "report"))]
+    fn spectrum(&self) -> Option<&Path> {
+        None
+    }
 }
 
 #[derive(Serialize)]
@@ -59,7 +76,7 @@ struct Figures {
 
 pub fn run(args: &SamplesArgs) -> Result<(), String> {
     check_output(&args.output, &["ply"])?;
-    if let Some(path) = &args.spectrum {
+    if let Some(path) = args.spectrum() {
         check_output(path, &["png"])?;
     }
     let loaded = load::<Settings>(&args.scene).map_err(|e| e.to_string())?;
@@ -74,7 +91,7 @@ pub fn run(args: &SamplesArgs) -> Result<(), String> {
     loaded.scene.notes.iter().for_each(|note| super::warn(note));
     let surface = Surface::of_scene(&loaded.scene);
     let development = Development::of(&surface);
-    if args.spectrum.is_some() && development.is_none() {
+    if args.spectrum().is_some() && development.is_none() {
         let message =
             "--spectrum needs reflectors that unroll into a rectangle: one flat rectangle or one whole cylinder";
         return Err(format!("{}: {message}", loaded.scene.name));
@@ -94,6 +111,7 @@ pub fn run(args: &SamplesArgs) -> Result<(), String> {
     bar.finish();
     write_atomically(&args.output, |out| write_ply(&samples, out).map_err(|e| e.to_string()))
         .map_err(|e| e.to_string())?;
+    #[cfg(feature = "report")]
     if let (Some(path), Some(spectrum)) = (&args.spectrum, &spectrum) {
         write_png(path, &spectrum_picture(spectrum)).map_err(|e| e.to_string())?;
     }

@@ -17,13 +17,19 @@ pub struct BuiltInMap {
     pub exr: &'static [u8],
 }
 
+#[cfg(feature = "builtin-maps")]
 macro_rules! maps {
     ($($name:literal: $about:literal,)*) => {
         &[$(BuiltInMap { name: $name, about: $about, exr: include_bytes!(concat!("../../envmaps/", $name, ".exr")) }),*]
     };
 }
 
-/// All built-in maps.
+/// All built-in maps; none without the feature `builtin-maps`.
+#[cfg(not(feature = "builtin-maps"))]
+pub const BUILT_IN_MAPS: &[BuiltInMap] = &[];
+
+/// All built-in maps; none without the feature `builtin-maps`.
+#[cfg(feature = "builtin-maps")]
 pub const BUILT_IN_MAPS: &[BuiltInMap] = maps! {
     "clear-sky": "a clear sky with a true sun",
     "overcast": "an overcast sky",
@@ -42,10 +48,13 @@ pub(crate) fn built_in_map(name: &str) -> Result<EnvironmentMap, EnvironmentErro
 }
 
 pub(super) fn names() -> String {
+    if BUILT_IN_MAPS.is_empty() {
+        return "none, as this program was built without the feature 'builtin-maps'".to_owned();
+    }
     BUILT_IN_MAPS.iter().map(|m| m.name).collect::<Vec<_>>().join(", ")
 }
 
-#[cfg(test)]
+#[cfg(all(test, feature = "builtin-maps"))]
 mod tests {
     use super::*;
     use crate::environment::texel_solid_angle_sr;

@@ -12,6 +12,7 @@ mod importance;
 mod irradiance;
 mod layout;
 
+#[cfg(feature = "gpu")]
 pub(crate) use bounds::FINEST_BOUNDS;
 pub use bounds::{Bound, LightBounds};
 pub(crate) use builtin::built_in_map;
@@ -108,7 +109,7 @@ pub enum EnvironmentError {
     },
     /// The light is finer than any cube map.
     #[error(
-        "this light needs a cube map of {size}² texels a face, but {limit}² is the largest; use a wider spot or a smaller map, or set --cube-size (which blurs the light)"
+        "this light needs a cube map of {size}² texels a face, but {limit}² is the largest; use a wider spot or a smaller map, or give a cube size (which blurs the light)"
     )]
     TooFine {
         /// Texels needed.

@@ -9,9 +9,7 @@ pub use device::{Adapter, Gpu, adapters};
 #[non_exhaustive]
 pub enum GpuError {
     /// No adapter of any kind.
-    #[error(
-        "no GPU adapter was found; use --backend cpu, or install a Vulkan driver (on Debian: apt-get install libvulkan1 mesa-vulkan-drivers)"
-    )]
+    #[error("no GPU adapter was found")]
     NoAdapter,
     /// None with that name.
     #[error("no GPU adapter has '{name}' in its name; found: {found}")]
@@ -22,7 +20,7 @@ pub enum GpuError {
         found: String,
     },
     /// The driver refused a device.
-    #[error("adapter '{adapter}' gives no device: {reason}; try another --adapter or --backend cpu")]
+    #[error("adapter '{adapter}' gives no device: {reason}")]
     NoDevice {
         /// Adapter.
         adapter: String,
@@ -30,9 +28,7 @@ pub enum GpuError {
         reason: String,
     },
     /// The device was lost while it worked.
-    #[error(
-        "adapter '{adapter}' was lost while rendering ({reason}); run again, with fewer samples or with --backend cpu"
-    )]
+    #[error("adapter '{adapter}' was lost while rendering ({reason})")]
     Lost {
         /// Adapter.
         adapter: String,
@@ -40,7 +36,7 @@ pub enum GpuError {
         reason: String,
     },
     /// The device refused a command.
-    #[error("adapter '{adapter}' refused a command: {reason}; try --backend cpu and report this")]
+    #[error("adapter '{adapter}' refused a command: {reason}")]
     Refused {
         /// Adapter.
         adapter: String,
@@ -48,7 +44,7 @@ pub enum GpuError {
         reason: String,
     },
     /// A texture is too large.
-    #[error("{what} is {size} texels wide, but this adapter's textures end at {limit}; {remedy}")]
+    #[error("{what} is {size} texels wide, but this adapter's textures end at {limit}")]
     TextureTooLarge {
         /// Which texture.
         what: &'static str,
@@ -56,8 +52,6 @@ pub enum GpuError {
         size: u32,
         /// The adapter's limit.
         limit: u32,
-        /// What to do.
-        remedy: &'static str,
     },
     /// There is nothing to gather at.
     #[error("the image has {width} × {height} pixels; give it one at least")]
@@ -90,9 +84,7 @@ pub enum GpuError {
         engine: bool,
     },
     /// The samples' maps of visibility are too large.
-    #[error(
-        "what {samples} samples see takes {bytes} bytes, but this adapter's buffers end at {limit}; give fewer --samples, --visibility none or --backend cpu"
-    )]
+    #[error("what {samples} samples see takes {bytes} bytes, but this adapter's buffers end at {limit}")]
     MapsTooLarge {
         /// Samples given.
         samples: usize,
@@ -103,16 +95,14 @@ pub enum GpuError {
     },
     /// A shader's loop was ended early.
     #[error(
-        "adapter '{adapter}' ends the loops of shaders before their time (Mesa's software adapter after 65,535 iterations), and this picture needs more of them; give --backend cpu, a larger --tolerance, or --evaluation flat"
+        "adapter '{adapter}' ends the loops of shaders before their time (Mesa's software adapter after 65,535 iterations), and this picture needs more of them"
     )]
     LoopCutShort {
         /// Adapter.
         adapter: String,
     },
     /// A tree of cells is too large.
-    #[error(
-        "a tree of {cells} cells takes {bytes} bytes, but this adapter's buffers end at {limit}; give fewer --samples or --leaves, or use --backend cpu"
-    )]
+    #[error("a tree of {cells} cells takes {bytes} bytes, but this adapter's buffers end at {limit}")]
     TreeTooLarge {
         /// Cells of all levels.
         cells: usize,
@@ -122,9 +112,7 @@ pub enum GpuError {
         limit: u64,
     },
     /// The sample buffer is too large.
-    #[error(
-        "{samples} samples do not fit this adapter's buffers ({limit} fit); give fewer --samples or use --backend cpu"
-    )]
+    #[error("{samples} samples do not fit this adapter's buffers ({limit} fit)")]
     TooManySamples {
         /// Samples given.
         samples: usize,

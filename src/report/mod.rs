@@ -9,6 +9,7 @@ mod compare;
 mod comparison;
 mod encode;
 mod findings;
+mod flip;
 mod page;
 mod plan;
 mod rows;
@@ -50,7 +51,7 @@ pub enum ReportError {
     #[error("the CPU has no hardware filter; leave it out, or compare on a GPU")]
     NoHardwareFilter,
     /// A mask of another size.
-    #[error("the mask '{}' is {width}×{height} pixels, but the pictures are {expected_width}×{expected_height}; give a mask of their size, or --size", path.display())]
+    #[error("the mask '{}' is {width}×{height} pixels, but the pictures are {expected_width}×{expected_height}; give a mask of their size", path.display())]
     MaskSize {
         /// File.
         path: PathBuf,

@@ -3,7 +3,8 @@
 use serde::Serialize;
 
 use super::cells::Cell;
-use crate::image::{FlipMap, Image, flip, mrse, rel_l2};
+use super::flip::{FlipMap, flip};
+use crate::image::{Image, mrse, rel_l2};
 use crate::pinhole::{Filter, Footprint};
 use crate::sampling::{Density, Strategy};
 use crate::scene::Visibility;

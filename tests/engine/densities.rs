@@ -71,5 +71,5 @@ fn strategies_that_place_samples_evenly_say_so() {
     (options.strategy, options.density) = (Strategy::Grid, Density::Curvature);
     let message = place_samples(&loaded.scene, &options).unwrap_err().to_string();
     assert!(message.contains("strategy grid"), "{message}");
-    assert!(message.contains("--density uniform"), "{message}");
+    assert!(message.contains("neighbourhood and random"), "{message}");
 }

@@ -10,11 +10,11 @@ use pinspot::low_level::pinhole::{Params, PinholeSample};
 use crate::support::{floor, gpu};
 
 #[test]
-fn a_lost_device_is_an_error_with_a_remedy() {
+fn a_lost_device_is_an_error() {
     let gpu = wait(None, Gpu::open(None)).unwrap();
     gpu.device.destroy();
     let message = wait(Some(&gpu.device), gpu.submitted_work_done()).unwrap_err().to_string();
-    assert!(message.contains("lost") && message.contains("--backend cpu"), "{message}");
+    assert!(message.contains("lost") && message.contains(&gpu.adapter.name), "{message}");
 }
 
 #[test]
@@ -24,7 +24,7 @@ fn an_unknown_adapter_is_named_with_those_there_are() {
 }
 
 #[test]
-fn too_large_a_texture_is_an_error_with_a_remedy() {
+fn too_large_a_texture_is_an_error() {
     let gpu = gpu();
     let receivers = floor(1.0, 2);
     let view = gpu.upload_texture([2, 2], &receivers.positions);
@@ -44,7 +44,7 @@ fn too_large_a_texture_is_an_error_with_a_remedy() {
     let error = engine.frame(&gpu.device, &inputs).unwrap_err();
     assert!(matches!(error, GpuError::TextureTooLarge { .. }));
     let message = error.to_string();
-    assert!(message.contains(&too_wide.to_string()) && message.contains("--size"), "{message}");
+    assert!(message.contains(&too_wide.to_string()) && message.contains("the image"), "{message}");
 }
 
 /// What would be refused by the device, or worse, is refused before.

@@ -248,12 +248,7 @@ fn check_image(limits: &wgpu::Limits, [width, height]: [u32; 2]) -> Result<(), G
     }
     let size = width.max(height);
     if size > limits.max_texture_dimension_2d {
-        return Err(GpuError::TextureTooLarge {
-            what: "the image",
-            size,
-            limit: limits.max_texture_dimension_2d,
-            remedy: "give a smaller --size or use --backend cpu",
-        });
+        return Err(GpuError::TextureTooLarge { what: "the image", size, limit: limits.max_texture_dimension_2d });
     }
     Ok(())
 }

@@ -108,7 +108,7 @@ impl PinholeStages {
             Evaluation::Flat { leaves } => {
                 let pinholes = self.samples.pinholes(&inputs, &points, leaves);
                 let statistics = statistics(pinholes.samples.len(), points.positions.clone());
-                self.flat(FlatInputs { pinholes, environment, params }, statistics, &inputs).await
+                self.flat(FlatInputs { pinholes, environment, params }, statistics, &inputs)
             }
             Evaluation::Hierarchical { leaves, tolerance } => {
                 let tree = self.samples.tree(&inputs, &points, leaves);
@@ -117,7 +117,7 @@ impl PinholeStages {
                 let accuracy = Accuracy { error: tolerance * typical, split_near: true };
                 let statistics = statistics(tree.roots().samples.len(), points.positions.clone());
                 let sum = HierarchicalInputs { tree, environment, bounds, params, accuracy };
-                self.hierarchical(sum, statistics, &inputs).await
+                self.hierarchical(sum, statistics, &inputs)
             }
         }
     }
@@ -142,26 +142,17 @@ impl PinholeStages {
         })
     }
 
-    async fn flat(
-        &mut self,
-        sum: FlatInputs,
-        statistics: Statistics,
-        inputs: &Inputs<'_>,
-    ) -> Result<Arc<dyn Sum>, Error> {
+    fn flat(&mut self, sum: FlatInputs, statistics: Statistics, inputs: &Inputs<'_>) -> Result<Arc<dyn Sum>, Error> {
         let key =
             SumKey::Flat { pinholes: Id::of(&sum.pinholes), environment: Id::of(&sum.environment), params: sum.params };
         if let Some(known) = self.sum.known(&key) {
             return Ok(known);
         }
-        #[cfg(feature = "gpu")]
-        if let Some(shared) = inputs.backend.shared_gpu() {
-            let on_gpu = self.gpu.flat(shared, sum, statistics, inputs)?;
-            return Ok(self.sum.keep(key, on_gpu));
-        }
-        Ok(self.sum.keep(key, Arc::new(FlatOnCpu { sum, statistics })))
+        let placed = self.place_flat(sum, statistics, inputs)?;
+        Ok(self.sum.keep(key, placed))
     }
 
-    async fn hierarchical(
+    fn hierarchical(
         &mut self,
         sum: HierarchicalInputs,
         statistics: Statistics,
@@ -176,12 +167,50 @@ impl PinholeStages {
         if let Some(known) = self.sum.known(&key) {
             return Ok(known);
         }
-        #[cfg(feature = "gpu")]
-        if let Some(shared) = inputs.backend.shared_gpu() {
-            let on_gpu = self.gpu.hierarchical(shared, sum, statistics, inputs)?;
-            return Ok(self.sum.keep(key, on_gpu));
+        let placed = self.place_hierarchical(sum, statistics, inputs)?;
+        Ok(self.sum.keep(key, placed))
+    }
+}
+
+/// Where sums are computed: on the back end's GPU, or on the CPU.
+#[cfg(feature = "gpu")]
+impl PinholeStages {
+    fn place_flat(&mut self, sum: FlatInputs, statistics: Statistics, inputs: &Inputs) -> Result<Arc<dyn Sum>, Error> {
+        match inputs.backend.shared_gpu() {
+            Some(shared) => self.gpu.flat(shared, sum, statistics, inputs),
+            None => Ok(Arc::new(FlatOnCpu { sum, statistics })),
         }
-        Ok(self.sum.keep(key, Arc::new(HierarchicalOnCpu { sum, statistics })))
+    }
+
+    fn place_hierarchical(
+        &mut self,
+        sum: HierarchicalInputs,
+        statistics: Statistics,
+        inputs: &Inputs,
+    ) -> Result<Arc<dyn Sum>, Error> {
+        match inputs.backend.shared_gpu() {
+            Some(shared) => self.gpu.hierarchical(shared, sum, statistics, inputs),
+            None => Ok(Arc::new(HierarchicalOnCpu { sum, statistics })),
+        }
+    }
+}
+
+/// Without the feature `gpu` there is the CPU only.
+#[cfg(not(feature = "gpu"))]
+impl PinholeStages {
+    #[expect(clippy::unused_self, clippy::unnecessary_wraps, reason = "as with the feature `gpu`")]
+    fn place_flat(&mut self, sum: FlatInputs, statistics: Statistics, _: &Inputs) -> Result<Arc<dyn Sum>, Error> {
+        Ok(Arc::new(FlatOnCpu { sum, statistics }))
+    }
+
+    #[expect(clippy::unused_self, clippy::unnecessary_wraps, reason = "as with the feature `gpu`")]
+    fn place_hierarchical(
+        &mut self,
+        sum: HierarchicalInputs,
+        statistics: Statistics,
+        _: &Inputs,
+    ) -> Result<Arc<dyn Sum>, Error> {
+        Ok(Arc::new(HierarchicalOnCpu { sum, statistics }))
     }
 }
 
