@@ -56,8 +56,8 @@ impl Environment {
         if size > MAX_CUBE_SIZE {
             return Err(EnvironmentError::TooFine { size, limit: MAX_CUBE_SIZE });
         }
-        let cube = CubeMap::from_radiance(size, field.detail_rad(), |direction| field.radiance(direction));
-        let irradiance = irradiance::irradiance(&cube);
+        let cube = CubeMap::from_radiance_of_rows(size, field.detail_rad(), |row| field.radiance_of_all(row));
+        let irradiance = cube.irradiance();
         Ok(Self { field, cube, irradiance, notes })
     }
 
