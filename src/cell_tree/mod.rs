@@ -5,7 +5,7 @@
 //! the samples that a strategy placed. Each is split into leaves that tile it, four at a time; above, roots are gathered by fours
 //! into ever larger cells, object by object. Whoever evaluates the tree may stop anywhere.
 //!
-//! Data flows points → fine candidates → cells → moments, from the leaves up → nodes. This module must not know environments
+//! Data flows points with their candidates → cells → moments, from the leaves up → nodes. This module must not know environments
 //! or receivers.
 
 mod build;
@@ -13,6 +13,7 @@ mod moments;
 mod node;
 mod point;
 mod split;
+mod tiling;
 
 pub use build::{MAX_LEAVES, TreeOptions};
 pub use node::{CellNode, NodeGeometry};

@@ -72,7 +72,7 @@ mod tests {
         let mut surface = Surface::default();
         surface.append(&Shape::SolidRing(SolidRing::default()).mesh().unwrap(), 0, false);
         let mut rng = ChaCha8Rng::seed_from_u64(3);
-        let all = candidates::cover(&surface, 5e-4, &mut rng);
+        let all = candidates::cover(&surface, 5e-4, &mut rng).points;
         let order = candidates::in_random_order(all.len(), &mut rng);
         let (edge, phase) = (0.11, Vec3::new(0.2, 0.5, 0.7));
         let cell = |p: &SurfacePoint| (p.position / edge + phase).floor().as_ivec3();
