@@ -13,16 +13,17 @@ use std::time::Duration;
 use bare_cpu::bare_cpu_loop;
 use criterion::{BenchmarkGroup, Criterion, Throughput, criterion_group, criterion_main, measurement::WallTime};
 use glam::Vec3;
-use pinspot::differential::differentials;
-use pinspot::environment::Environment;
-use pinspot::gpu::Gpu;
-use pinspot::pinhole::cpu::gather;
-use pinspot::pinhole::gpu::{Engine, EnvironmentCube, FrameInputs, Options};
-use pinspot::pinhole::{Filter, Footprint, Params, Pinholes, Receivers, pinholes};
-use pinspot::render::Settings;
-use pinspot::sampling::{self, Strategy, Surface, sample};
+use pinspot::Settings;
+use pinspot::blocking::wait;
+use pinspot::low_level::differential::differentials;
+use pinspot::low_level::environment::Environment;
+use pinspot::low_level::gpu::Gpu;
+use pinspot::low_level::pinhole::cpu::gather;
+use pinspot::low_level::pinhole::gpu::{Engine, EnvironmentCube, FrameInputs, GatherOptions};
+use pinspot::low_level::pinhole::{Filter, Footprint, Params, Pinholes, Receivers, pinholes};
+use pinspot::low_level::sampling::{self, Strategy, Surface, sample};
+use pinspot::low_level::tracing::Tracer;
 use pinspot::scene::load;
-use pinspot::tracing::Tracer;
 
 const EDGE: u32 = 128;
 const SAMPLES: u32 = 1000;
@@ -42,7 +43,7 @@ impl Work {
         let options = sampling::Options { samples: SAMPLES, strategy: Strategy::Neighbourhood, seed: 1 };
         let set = sample(&Surface::of_scene(&scene), &options).expect("a reflector");
         let pinholes = pinholes(&scene, &differentials(&set), Footprint::Cells);
-        let environment = Environment::load(&scene.environment, Default::default()).expect("built-in");
+        let environment = Environment::new(&scene.environment.light, Default::default()).expect("built-in");
         let place = |k: u32| {
             let at = |i: u32| 1.2 * ((i as f32 + 0.5) / EDGE as f32 - 0.5);
             (Vec3::new(at(k % EDGE), 0.0, at(k / EDGE)), Vec3::Y, 1)
@@ -92,11 +93,12 @@ fn run_frame(gpu: &Gpu, engine: &Engine, inputs: &FrameInputs) {
     let mut encoder = gpu.device.create_command_encoder(&Default::default());
     frame.record(&mut encoder, 0..frame.batch_count());
     gpu.queue.submit([encoder.finish()]);
-    gpu.wait().expect("the device stays");
+    wait(Some(&gpu.device), gpu.submitted_work_done()).expect("the device stays");
 }
 
 fn gather_on_gpu(c: &mut Criterion) {
-    let gpu = Gpu::open(None).expect("an adapter; on Debian: apt-get install libvulkan1 mesa-vulkan-drivers");
+    let gpu =
+        wait(None, Gpu::open(None)).expect("an adapter; on Debian: apt-get install libvulkan1 mesa-vulkan-drivers");
     let work = Work::new();
     let size = [EDGE, EDGE];
     let positions = gpu.upload_texture(size, &work.receivers.positions);
@@ -106,7 +108,7 @@ fn gather_on_gpu(c: &mut Criterion) {
     settings(&mut group);
     for (filter, name) in FILTERS {
         let params = Params { filter, ..Default::default() };
-        let engine = Engine::new(&gpu.device, &Options { filter, ..Default::default() });
+        let engine = Engine::new(&gpu.device, &GatherOptions { filter, ..Default::default() });
         let fetches = work.fetches(&params);
         group.throughput(Throughput::Elements(fetches));
         let inputs = FrameInputs {
@@ -147,7 +149,8 @@ fn sampling_and_differentials(c: &mut Criterion) {
 
 /// What shadows cost: the same gather with and without, and letting the samples look around.
 fn visibility(c: &mut Criterion) {
-    let gpu = Gpu::open(None).expect("an adapter; on Debian: apt-get install libvulkan1 mesa-vulkan-drivers");
+    let gpu =
+        wait(None, Gpu::open(None)).expect("an adapter; on Debian: apt-get install libvulkan1 mesa-vulkan-drivers");
     let mut work = Work::new();
     let scene = load::<Settings>("ring-natural").expect("built-in").scene;
     let tracer = Tracer::new(&scene);
@@ -166,7 +169,7 @@ fn visibility(c: &mut Criterion) {
         group.bench_function(format!("CPU, {name}"), |b| {
             b.iter(|| black_box(gather(&work.receivers, &work.pinholes, &work.environment.cube, &params, &|_| ())));
         });
-        let engine = Engine::new(&gpu.device, &Options { visibility, ..Default::default() });
+        let engine = Engine::new(&gpu.device, &GatherOptions { visibility, ..Default::default() });
         let inputs = FrameInputs {
             positions: &positions,
             normals: &normals,

@@ -12,20 +12,22 @@ use std::time::Instant;
 use bare_cpu::bare_cpu_loop;
 use bare_gpu::BareLoop;
 use glam::{Vec2, Vec3};
-use pinspot::cell_tree::{CellTree, NodeGeometry, TreeOptions};
-use pinspot::differential::differentials;
-use pinspot::environment::{Environment, LightBounds};
-use pinspot::gpu::Gpu;
-use pinspot::pinhole::cpu::{Accuracy, Light, gather, gather_hierarchical, typical_irradiance};
-use pinspot::pinhole::gpu::{
+use pinspot::Settings;
+use pinspot::blocking::wait;
+use pinspot::low_level::cell_tree::{CellTree, NodeGeometry, TreeOptions};
+use pinspot::low_level::differential::differentials;
+use pinspot::low_level::environment::{Environment, LightBounds};
+use pinspot::low_level::gpu::Gpu;
+use pinspot::low_level::pinhole::cpu::{Accuracy, Light, gather, gather_hierarchical, typical_irradiance};
+use pinspot::low_level::pinhole::gpu::{
     CellTreeBuffers, EnvironmentCube, HierarchicalEngine, HierarchicalInputs, HierarchicalOptions, LightBoundsTexture,
     Tolerance,
 };
-use pinspot::pinhole::{Params, PinholeTree, Receivers};
-use pinspot::render::{Settings, visible_receivers};
-use pinspot::sampling::{self, Strategy, Surface, sample};
+use pinspot::low_level::pinhole::{Params, PinholeTree, Receivers};
+use pinspot::low_level::sampling::{self, Strategy, Surface, sample};
+use pinspot::low_level::tracing::Tracer;
+use pinspot::low_level::visible_receivers;
 use pinspot::scene::{BUILT_IN, Mesh, Scene, load};
-use pinspot::tracing::Tracer;
 
 const EDGE: u32 = 512;
 /// One row in so many is summed flat.
@@ -47,7 +49,7 @@ impl Work {
 
     fn of_size(name: &'static str, size: [u32; 2]) -> Self {
         let scene = load::<Settings>(name).expect("built-in").scene;
-        let environment = Environment::load(&scene.environment, Default::default()).expect("built-in");
+        let environment = Environment::new(&scene.environment.light, Default::default()).expect("built-in");
         let tracer = Tracer::new(&scene);
         let receivers = visible_receivers(&scene, &tracer, size);
         let (surface, bounds) = (Surface::of_scene(&scene), LightBounds::new(&environment.cube));
@@ -220,26 +222,26 @@ fn frame_on_gpu(gpu: &Gpu, work: &Work, tree: &PinholeTree) -> (f64, f64) {
         normals: &gpu.upload_texture(size, &work.receivers.normals),
         viewers: None,
         size,
-        is_picture: true,
+        is_grid: true,
         tree: &CellTreeBuffers::upload(device, tree).expect("it fits"),
         environment: &environment,
         bounds: &LightBoundsTexture::upload(device, &gpu.queue, &work.bounds),
         params,
         tolerance: Tolerance::Relative(0.01),
         split_near: true,
-        parts: if gpu.adapter.software { 8 } else { 1 },
+        split_passes: if gpu.adapter.software { 8 } else { 1 },
     };
     let frame = || {
         let mut frame = engine.frame(device, &inputs).expect("it fits");
         let started = Instant::now();
         let mut encoder = device.create_command_encoder(&Default::default());
-        frame.record(&mut encoder, 0..frame.run_count());
+        frame.record(&mut encoder, 0..frame.batch_count());
         gpu.queue.submit([encoder.finish()]);
-        gpu.wait().expect("a device");
+        wait(Some(&gpu.device), gpu.submitted_work_done()).expect("a device");
         (frame, started.elapsed().as_secs_f64())
     };
     let (first, _) = frame();
-    let sums = gpu.read_texture(first.caustic()).expect("a device");
+    let sums = wait(Some(&gpu.device), gpu.read_texture(first.caustic())).expect("a device");
     assert!(sums.iter().all(|sum| sum[3] >= 0.0), "loops were cut short");
     let seconds = (0..5).map(|_| frame().1).fold(f64::INFINITY, f64::min);
     (fetches(&sums), seconds)
@@ -247,7 +249,7 @@ fn frame_on_gpu(gpu: &Gpu, work: &Work, tree: &PinholeTree) -> (f64, f64) {
 
 /// The hierarchy on the best adapter: beside bare look-ups; and, on hardware, milliseconds.
 fn on_gpu() {
-    let gpu = match Gpu::open(None) {
+    let gpu = match wait(None, Gpu::open(None)) {
         Ok(gpu) => gpu,
         Err(error) => return println!("on a GPU: not measured: {error}"),
     };

@@ -7,26 +7,27 @@ use std::time::Duration;
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use kiddo::ImmutableKdTree;
-use pinspot::cell_tree::{CellTree, TreeOptions};
-use pinspot::environment::{CubeMap, Field, LightBounds, LightSampler};
-use pinspot::render::Settings;
-use pinspot::sampling::{Options, Strategy, Surface, sample};
-use pinspot::scene::{EnvironmentSource, Light, load};
+use pinspot::Settings;
+use pinspot::low_level::cell_tree::{CellTree, TreeOptions};
+use pinspot::low_level::environment::{CubeMap, EnvironmentRadiance, LightBounds, LightSampler, irradiance_map};
+use pinspot::low_level::sampling::{Options, Strategy, Surface, sample};
+use pinspot::scene::{Light, load};
 
 /// From a map of 1024×512 pixels that is in memory to all that gathers read of it, at 256² texels a face; beside a copy of 64 MB.
 fn light(c: &mut Criterion) {
     let light = Light::BuiltInMap("clear-sky".into());
-    let (field, _) =
-        Field::load(&EnvironmentSource { light, rotation_rad: 0.3, intensity: 1.0 }).expect("a built-in map");
+    let radiance = EnvironmentRadiance::new(&light).expect("a built-in map");
     let mut group = c.benchmark_group("light");
     group.bench_function("cube, irradiance, bounds, sampler", |b| {
         b.iter(|| {
-            let cube = CubeMap::from_radiance_of_rows(256, field.detail_rad(), |row| field.radiance_of_all(row));
-            black_box((cube.irradiance(), LightBounds::new(&cube), LightSampler::new(&cube)));
+            let cube = CubeMap::from_radiance_of_rows(256, radiance.detail_rad(), |row| radiance.radiance_of_all(row));
+            black_box((irradiance_map(&cube), LightBounds::new(&cube), LightSampler::new(&cube)));
         });
     });
     let (from, mut to) = (vec![1.0f32; 1 << 24], vec![0.0f32; 1 << 24]);
-    group.bench_function("yardstick: copying 64 MB", |b| b.iter(|| black_box(&mut to).copy_from_slice(black_box(&from))));
+    group.bench_function("yardstick: copying 64 MB", |b| {
+        b.iter(|| black_box(&mut to).copy_from_slice(black_box(&from)))
+    });
     group.finish();
 }
 

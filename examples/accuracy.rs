@@ -8,21 +8,21 @@
 //! run goes on where it stopped. A quarter of an hour to an hour on two cores.
 
 use std::path::Path;
+use std::time::Instant;
 
+use pinspot::blocking::wait;
 use pinspot::image::Aov;
-use pinspot::pinhole::{Filter, Footprint};
-use pinspot::reference::Goal;
-use pinspot::render::{BackendChoice, EvaluationChoice, Settings};
+use pinspot::reference::StoppingCriterion;
 use pinspot::report::{Comparison, Plan, Request, Row, compare};
-use pinspot::sampling::{Density, Strategy};
 use pinspot::scene::Visibility;
-use pinspot::{Error, Silent};
+use pinspot::{Backend, Density, Error, EvaluationChoice, Filter, FilterChoice, Footprint, NoProgress, Strategy};
 
 const SCENES: [&str; 5] = ["ring", "ring-natural", "spoon", "mirror-sphere", "cup"];
 const SAMPLES: [u32; 3] = [100, 1000, 10_000];
 const SIZE: [u32; 2] = [256, 256];
 /// Relative standard error of the references, and the seconds after which a worse one must do.
-const GOAL: Goal = Goal { rel_error: 0.005, seconds: Some(1500.0), points: None };
+const REL_ERROR: f64 = 0.005;
+const SECONDS: f64 = 1500.0;
 
 fn main() -> Result<(), Error> {
     println!("| scene (± reference) | | 100 | 1,000 | 10,000 |\n|---|---|---|---|---|");
@@ -35,8 +35,7 @@ fn main() -> Result<(), Error> {
 }
 
 fn compare_scene(name: &str) -> Result<Comparison, Error> {
-    let loaded = pinspot::scene::load::<Settings>(name)?;
-    let mut options = loaded.render.options()?;
+    let (scene, mut options) = pinspot::load(name)?;
     options.size = SIZE;
     options.aovs = vec![Aov::Caustic];
     // The paper's integral, for its recipe's sake.
@@ -46,30 +45,33 @@ fn compare_scene(name: &str) -> Result<Comparison, Error> {
         densities: vec![Density::Uniform],
         footprints: vec![Footprint::Curvature, Footprint::Cells],
         evaluations: vec![EvaluationChoice::Flat],
-        filters: vec![Filter::None, Filter::Anisotropic],
+        filters: vec![FilterChoice::None, FilterChoice::Anisotropic],
         samples: SAMPLES.to_vec(),
         seeds: 3,
         figure: None,
     };
     let request = Request {
-        scene: loaded.scene,
+        scene,
         options,
-        backend: BackendChoice::Cpu,
+        backend: Backend::cpu(),
         plan,
         mask: None,
-        goal: GOAL,
         folder: Path::new("target/accuracy").join(name),
         command: "cargo run --release --example accuracy".into(),
     };
-    compare(&request, &Silent)
+    let started = Instant::now();
+    let clock = || started.elapsed().as_secs_f64();
+    let should_stop = || clock() > SECONDS;
+    let criterion = StoppingCriterion::new(REL_ERROR).with_should_stop(&should_stop);
+    wait(None, compare(&request, &criterion, &clock, &NoProgress))
 }
 
 fn print_rows(scene: &str, comparison: &Comparison) {
     let se = comparison.reference.rel_error;
     for (k, (label, footprint, filter)) in [
-        ("unfiltered", Footprint::Curvature, "none"),
-        ("the paper's recipe", Footprint::Curvature, "anisotropic"),
-        ("**Pinspot**", Footprint::Cells, "anisotropic"),
+        ("unfiltered", Footprint::Curvature, Filter::None),
+        ("the paper's recipe", Footprint::Curvature, Filter::Anisotropic),
+        ("**Pinspot**", Footprint::Cells, Filter::Anisotropic),
     ]
     .into_iter()
     .enumerate()
@@ -77,7 +79,7 @@ fn print_rows(scene: &str, comparison: &Comparison) {
         let cells = SAMPLES.map(|n| {
             let chosen = |r: &&Row| r.samples == n && r.footprint == footprint && r.filter == filter;
             let rows: Vec<&Row> = comparison.rows.iter().filter(chosen).collect();
-            let mut errors: Vec<f64> = rows.iter().map(|r| r.rel_l2).collect();
+            let mut errors: Vec<f64> = rows.iter().filter_map(|r| r.rel_l2).collect();
             errors.sort_by(f64::total_cmp);
             let lookups = rows.iter().map(|r| r.lookups).sum::<f64>() / rows.len() as f64;
             format!("{:.3} ({lookups:.0})", errors[errors.len() / 2])

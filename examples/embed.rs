@@ -1,29 +1,33 @@
-//! Pinspot inside a program with a wgpu device of its own: its own G-buffer, one encoder, the caustic texture out.
+//! Pinspot inside a program with a wgpu device of its own: its own G-buffer and encoder, a mirror that moves, the caustic as a
+//! texture.
 //!
 //! `cargo run --example embed [FILE.png]`
 //!
-//! What a host does is numbered 1 to 5. Everything else here is the host: a device, a rasterised G-buffer, a read-back.
+//! What a host does is in [`Caustics`] and [`cells_of`]. Everything else here is the host: a device, a rasterised G-buffer, a
+//! read-back.
 
 use glam::Vec3;
 use glam::camera::rh;
-use pinspot::differential::differentials;
-use pinspot::environment::Environment;
 use pinspot::image::{Image, display, write_png};
-use pinspot::pinhole::gpu::{Engine, EnvironmentCube, FrameInputs, Options};
-use pinspot::pinhole::{Footprint, Params, pinholes};
-use pinspot::render::Settings;
-use pinspot::sampling::{self, Surface, sample};
+use pinspot::low_level::cell_tree::{CellTree, TreeOptions};
+use pinspot::low_level::environment::{Environment, LightBounds};
+use pinspot::low_level::pinhole::gpu::{
+    CellTreeBuffers, EnvironmentCube, HierarchicalEngine, HierarchicalFrame, HierarchicalInputs, HierarchicalOptions,
+    LightBoundsTexture, Tolerance,
+};
+use pinspot::low_level::pinhole::{Params, PinholeTree};
+use pinspot::low_level::sampling::{self, Surface, sample};
+use pinspot::low_level::tracing::Tracer;
 use pinspot::scene::{Scene, load};
-use pinspot::tracing::Tracer;
-use pinspot::wgpu;
+use pinspot::{Filter, Settings, wgpu};
 use wgpu::util::DeviceExt;
 
-/// The scene that the host shows.
-pub const SCENE: &str = "ring-natural";
-/// Pixels.
+/// Pixels of a frame.
 pub const SIZE: [u32; 2] = [160, 120];
-/// Samples asked for.
-pub const SAMPLES: u32 = 600;
+/// Frames of the animation.
+pub const FRAMES: u32 = 3;
+/// The error that is allowed, as a part of the image's mean irradiance.
+pub const TOLERANCE: f32 = 0.02;
 
 /// A frame, read back.
 pub struct Output {
@@ -39,52 +43,103 @@ type Failure = Box<dyn std::error::Error>;
 
 fn main() -> Result<(), Failure> {
     let file = std::env::args().nth(1).unwrap_or("embed.png".into());
-    let output = render_one_frame()?;
-    let pixels = output.caustic.iter().map(|c| display(Vec3::new(c[0], c[1], c[2]) * 0.25)).collect();
-    write_png(file.as_ref(), &Image { width: SIZE[0], height: SIZE[1], pixels })?;
+    let frames = render_frames()?;
+    // One below the other.
+    let caustics = frames.iter().flat_map(|frame| &frame.caustic);
+    let pixels = caustics.map(|c| display(Vec3::new(c[0], c[1], c[2]) * 0.25)).collect();
+    write_png(file.as_ref(), &Image { width: SIZE[0], height: SIZE[1] * FRAMES, pixels })?;
     println!("{file}");
     Ok(())
 }
 
-/// One frame of the host.
-pub fn render_one_frame() -> Result<Output, Failure> {
+/// What Pinspot keeps on the host's device.
+struct Caustics {
+    engine: HierarchicalEngine,
+    /// The light: an upload, or a cube texture of the host's own.
+    environment: EnvironmentCube,
+    bounds: LightBoundsTexture,
+}
+
+impl Caustics {
+    /// Once, and again for another light.
+    fn new(device: &wgpu::Device, queue: &wgpu::Queue, scene: &Scene) -> Result<Self, Failure> {
+        let light = Environment::new(&scene.environment.light, Default::default())?;
+        let options = HierarchicalOptions { filter: Filter::Anisotropic, visibility: true };
+        Ok(Self {
+            engine: HierarchicalEngine::new(device, &options),
+            environment: EnvironmentCube::upload(device, queue, &light.cube)?,
+            bounds: LightBoundsTexture::upload(device, queue, &LightBounds::new(&light.cube)),
+        })
+    }
+
+    /// Every frame: records the gather behind the G-buffer, into the host's encoder. Nothing is submitted or read back.
+    fn record(
+        &self,
+        device: &wgpu::Device,
+        encoder: &mut wgpu::CommandEncoder,
+        gbuffer: &GBuffer,
+        cells: &CellTreeBuffers,
+    ) -> Result<HierarchicalFrame, Failure> {
+        let inputs = HierarchicalInputs {
+            positions: &gbuffer.positions.create_view(&Default::default()),
+            normals: &gbuffer.normals.create_view(&Default::default()),
+            viewers: None,
+            size: SIZE,
+            is_grid: true,
+            tree: cells,
+            environment: &self.environment,
+            bounds: &self.bounds,
+            params: Params::default(),
+            tolerance: Tolerance::Relative(TOLERANCE),
+            split_near: true,
+            // One will do on hardware; Mesa's software adapter limits loops.
+            split_passes: 8,
+        };
+        let mut frame = self.engine.frame(device, &inputs)?;
+        frame.record(encoder, 0..frame.batch_count());
+        Ok(frame)
+    }
+}
+
+/// When anything moves: the hierarchy of samples, and what each sample sees.
+pub fn cells_of(scene: &Scene) -> Result<PinholeTree, Failure> {
+    let surface = Surface::of_scene(scene);
+    let options = sampling::Options { samples: 300, strategy: Default::default(), seed: 1 };
+    let cells = CellTree::new(&surface, &sample(&surface, &options)?, &TreeOptions { leaves: 16, seed: 1 });
+    let mut tree = PinholeTree::new(scene, cells);
+    tree.roots_mut().look_around(scene, &Tracer::new(scene));
+    Ok(tree)
+}
+
+/// The host's scene: the ring tilts from frame to frame.
+pub fn scene_at(frame: u32) -> Result<Scene, Failure> {
+    let mut scene = load::<Settings>("ring-natural")?.scene;
+    let placement = &mut scene.objects[0].placement;
+    placement.rotate_rad.z += 0.2 * frame as f32;
+    placement.translate.y += 0.2 * frame as f32;
+    Ok(scene)
+}
+
+/// The host: every frame is one encoder and one submission.
+pub fn render_frames() -> Result<Vec<Output>, Failure> {
     let (device, queue) = pollster::block_on(open_device())?;
-    let scene = load::<Settings>(SCENE)?.scene;
-
-    // 1. Once: the engine, on the host's device.
-    let engine = Engine::new(&device, &Options { visibility: true, ..Default::default() });
-    // 2. When the light changes: the environment cube (or a cube texture of the host's own).
-    let light = Environment::load(&scene.environment, Default::default())?;
-    let environment = EnvironmentCube::upload(&device, &queue, &light.cube)?;
-    // 3. When anything moves: the samples, and what each sees around itself.
-    let options = sampling::Options { samples: SAMPLES, strategy: Default::default(), seed: 1 };
-    let set = sample(&Surface::of_scene(&scene), &options)?;
-    let mut pinholes = pinholes(&scene, &differentials(&set), Footprint::Cells);
-    pinholes.look_around(&scene, &Tracer::new(&scene));
-
+    let caustics = Caustics::new(&device, &queue, &scene_at(0)?)?;
     let gbuffer = GBuffer::new(&device);
-    let mut encoder = device.create_command_encoder(&Default::default());
-    gbuffer.record(&device, &mut encoder, &scene);
-    // 4. Per frame: record the gather behind the G-buffer, into the same encoder. A host that worries about watchdogs
-    //    records ranges of batches into several.
-    let inputs = FrameInputs {
-        positions: &gbuffer.positions.create_view(&Default::default()),
-        normals: &gbuffer.normals.create_view(&Default::default()),
-        viewers: None,
-        size: SIZE,
-        pinholes: &pinholes,
-        environment: &environment,
-        params: Params::default(),
-    };
-    let mut frame = engine.frame(&device, &inputs)?;
-    frame.record(&mut encoder, 0..frame.batch_count());
-    // 5. The caustic is a texture like any other; the host submits when it likes.
-    let textures = [&gbuffer.positions, &gbuffer.normals, frame.caustic()];
-    let buffers = textures.map(|texture| copy_to_buffer(&device, &mut encoder, texture));
-    queue.submit([encoder.finish()]);
-
-    let [positions, normals, caustic] = buffers.map(|buffer| read(&device, &buffer));
-    Ok(Output { positions: positions?, normals: normals?, caustic: caustic? })
+    let mut outputs = Vec::new();
+    for number in 0..FRAMES {
+        let scene = scene_at(number)?;
+        let cells = CellTreeBuffers::upload(&device, &cells_of(&scene)?)?;
+        let mut encoder = device.create_command_encoder(&Default::default());
+        gbuffer.record(&device, &mut encoder, &scene);
+        let frame = caustics.record(&device, &mut encoder, &gbuffer, &cells)?;
+        // The caustic is a texture like any other; this host only reads it back.
+        let textures = [&gbuffer.positions, &gbuffer.normals, frame.caustic()];
+        let buffers = textures.map(|texture| copy_to_buffer(&device, &mut encoder, texture));
+        queue.submit([encoder.finish()]);
+        let [positions, normals, caustic] = buffers.map(|buffer| read(&device, &buffer));
+        outputs.push(Output { positions: positions?, normals: normals?, caustic: caustic? });
+    }
+    Ok(outputs)
 }
 
 async fn open_device() -> Result<(wgpu::Device, wgpu::Queue), Failure> {
@@ -225,8 +280,9 @@ fn vertices(scene: &Scene) -> Vec<[[f32; 4]; 2]> {
     let mut vertices = Vec::new();
     for (index, object) in scene.objects.iter().enumerate() {
         let w = if object.receiver.is_some() { index as f32 } else { -1.0 };
-        for t in 0..object.mesh.triangles().len() {
-            for (p, n) in object.mesh.corners(t).into_iter().zip(object.mesh.corner_normals(t)) {
+        let mesh = object.mesh_in_world();
+        for t in 0..mesh.triangles().len() {
+            for (p, n) in mesh.corners(t).into_iter().zip(mesh.corner_normals(t)) {
                 vertices.push([p.extend(w).to_array(), n.extend(0.0).to_array()]);
             }
         }

@@ -1,29 +1,16 @@
 // Asks a filter for the mean over given footprints: the gather's own filters, or the adapter's anisotropic sampler, of which
 // several ignore explicit gradients on cube maps. Rust: src/pinhole/gpu/probe.rs. One fragment a probe.
 
-#import cube
-#import footprint
+#import gather_inputs
 #import filters
 
 struct Probe {
     direction: vec3f,
-    taps: f32,
     side_1: vec3f,
-    texel_rad: f32,
     side_2: vec3f,
 }
 
-const WIDTH: u32 = 256u;
-
-@group(0) @binding(0) var<storage, read> probes: array<Probe>;
-@group(0) @binding(1) var environment: texture_cube<f32>;
-@group(0) @binding(2) var trilinear: sampler;
-@group(0) @binding(3) var anisotropic: sampler;
-
-// Nothing is hidden from a probe.
-fn open_part(direction: vec3f) -> f32 {
-    return 1.0;
-}
+@group(0) @binding(7) var<storage, read> probes: array<Probe>;
 
 @vertex
 fn full_screen(@builtin(vertex_index) vertex: u32) -> @builtin(position) vec4f {
@@ -33,8 +20,10 @@ fn full_screen(@builtin(vertex_index) vertex: u32) -> @builtin(position) vec4f {
 
 @fragment
 fn probe(@builtin(position) position: vec4f) -> @location(0) vec4f {
-    let index = u32(position.y) * WIDTH + u32(position.x);
+    let index = u32(position.y) * PROBES_PER_ROW + u32(position.x);
     // Past the last one: any probe will do.
     let p = probes[min(index, arrayLength(&probes) - 1u)];
-    return mean_over_footprint(p.direction, p.side_1, p.side_2, p.taps, p.texel_rad);
+    // Nothing is hidden from a probe: without VISIBILITY no map is read.
+    var map: VisibilityMap;
+    return mean_over_footprint(p.direction, FootprintSides(p.side_1, p.side_2), f32(uniforms.taps), map);
 }

@@ -1,8 +1,9 @@
-// Bounds of the light, made on the GPU for light that changes: a pyramid of extremes beside the cube's mips. Every texel knows
-// those of its 3×3 neighbourhood, across the faces' seams, so that one read bounds a cone. CPU twin: src/environment/bounds.rs.
+// Bounds of the light, computed on the GPU for light that changes: a pyramid of extremes beside the cube's mips. Every texel covers
+// its 3×3 neighbourhood, across the faces' seams, so that one read bounds a cone. CPU twin: src/environment/bounds.rs.
 //
 // The finest level and the extremes of the next one are read from the cube; all others from the extremes of the level above.
 
+#import constants
 #import cube
 
 struct BoundsUniforms {
@@ -56,13 +57,13 @@ fn texel_of(on: OnCube, size: u32) -> vec2u {
     return min(vec2u((0.5 * on.st + 0.5) * f32(size)), vec2u(size - 1u));
 }
 
-fn store(texel: vec3u, all: Extremes) {
+fn store_bound(texel: vec3u, all: Extremes) {
     let contrast = all.high - all.low;
     let bound = vec2f(max(all.high.r, max(all.high.g, all.high.b)), max(contrast.r, max(contrast.g, contrast.b)));
     textureStore(bounds, texel.xy, texel.z, vec4f(bound, 0.0, 0.0));
 }
 
-// Whether a neighbour lies beyond a corner of the cube, where there is none: two others know what there is around it.
+// Whether a neighbour lies beyond a corner of the cube, where there is none: two others cover what is around it.
 fn is_beyond_corner(texel: vec2i, size: u32) -> bool {
     return all((texel < vec2i(0)) | (texel >= vec2i(i32(size))));
 }
@@ -81,50 +82,50 @@ fn around(texel: vec3u, of_cube: bool) -> Extremes {
         if of_cube {
             all = join(all, extremes_of_cube(on.face, level.detail * there, level.detail, size * level.detail));
         } else {
-            all = join(all, noted(level.first, vec3u(there, on.face), size));
+            all = join(all, stored(level.first, vec3u(there, on.face), size));
         }
     }
     return all;
 }
 
 // The finest level.
-@compute @workgroup_size(8, 8)
+@compute @workgroup_size(BOUNDS_WORKGROUP_EDGE, BOUNDS_WORKGROUP_EDGE)
 fn bound_cube(@builtin(global_invocation_id) texel: vec3u) {
     if all(texel.xy < vec2u(level.size)) {
-        store(texel, around(texel, true));
+        store_bound(texel, around(texel, true));
     }
 }
 
 // The extremes of the level below the finest one.
-@compute @workgroup_size(8, 8)
-fn halve_cube(@builtin(global_invocation_id) texel: vec3u) {
+@compute @workgroup_size(BOUNDS_WORKGROUP_EDGE, BOUNDS_WORKGROUP_EDGE)
+fn downsample_cube(@builtin(global_invocation_id) texel: vec3u) {
     let size = level.size;
     if any(texel.xy >= vec2u(size)) {
         return;
     }
     let edge = 2u * level.detail;
-    note(texel, extremes_of_cube(texel.z, edge * texel.xy, edge, size * edge));
+    store_extremes(texel, extremes_of_cube(texel.z, edge * texel.xy, edge, size * edge));
 }
 
 // The extremes of any level below that.
-@compute @workgroup_size(8, 8)
-fn halve(@builtin(global_invocation_id) texel: vec3u) {
+@compute @workgroup_size(BOUNDS_WORKGROUP_EDGE, BOUNDS_WORKGROUP_EDGE)
+fn downsample(@builtin(global_invocation_id) texel: vec3u) {
     if any(texel.xy >= vec2u(level.size)) {
         return;
     }
     var all = Extremes(vec3f(3e38), vec3f(-3e38));
     for (var k = 0u; k < 4u; k++) {
         let above = vec3u(2u * texel.xy + vec2u(k & 1u, k >> 1u), texel.z);
-        all = join(all, noted(level.first_above, above, 2u * level.size));
+        all = join(all, stored(level.first_above, above, 2u * level.size));
     }
-    note(texel, all);
+    store_extremes(texel, all);
 }
 
 // Any level but the finest.
-@compute @workgroup_size(8, 8)
+@compute @workgroup_size(BOUNDS_WORKGROUP_EDGE, BOUNDS_WORKGROUP_EDGE)
 fn bound(@builtin(global_invocation_id) texel: vec3u) {
     if all(texel.xy < vec2u(level.size)) {
-        store(texel, around(texel, false));
+        store_bound(texel, around(texel, false));
     }
 }
 
@@ -132,13 +133,13 @@ fn place(texel: vec3u, size: u32) -> u32 {
     return 2u * ((texel.z * size + texel.y) * size + texel.x);
 }
 
-fn note(texel: vec3u, all: Extremes) {
+fn store_extremes(texel: vec3u, all: Extremes) {
     let at = level.first + place(texel, level.size);
     extremes[at] = vec4f(all.low, 0.0);
     extremes[at + 1u] = vec4f(all.high, 0.0);
 }
 
-fn noted(first: u32, texel: vec3u, size: u32) -> Extremes {
+fn stored(first: u32, texel: vec3u, size: u32) -> Extremes {
     let at = first + place(texel, size);
     return Extremes(extremes[at].rgb, extremes[at + 1u].rgb);
 }

@@ -1,74 +1,89 @@
 //! **Pinspot** renders caustics from natural light.
 //!
-//! A mirror turns every small piece of itself into a pinhole camera that projects the surroundings on whatever it
-//! faces. Wand and Straßer (*Real-Time Caustics*, 2003) made an algorithm of it: discretise the reflector into sample
-//! points; let each project the environment map on the receivers, blurred by a footprint that follows from the
-//! surface's curvature around the sample; sum. Pinspot is that algorithm, on GPUs through wgpu and on CPUs.
+//! Every small piece of a mirror acts as a pinhole camera that projects its surroundings onto the surfaces it faces. Wand and
+//! Straßer (*Real-Time Caustics*, 2003) made an algorithm of it: discretise the reflector into sample points; each projects
+//! the environment map onto the receivers, blurred by a footprint that follows from the surface's curvature around the
+//! sample; sum over the samples. Pinspot is that algorithm, on GPUs through wgpu and on CPUs.
 //!
 //! ```text
-//!  scene ──► sampling ──► differential, cell_tree ──► pinhole (cpu │ gpu) ──► image
-//!    │                                                    ▲
-//!    └──────────────► environment, tracing ───────────────┘
-//!                         render: the headless renderer that ties them together
-//!
-//!  scene ──► reference ──► report ◄── render
+//!  scene ──► stages ──► technique (pinhole: sampling, differential, cell_tree) ──► engine ──► image
+//!                                                                                    │
+//!  scene ──► reference ─────────────────────────────────────────────► report ◄───────┘
 //! ```
 //!
 //! Data flows from left to right; no module imports from one to its right.
 //!
-//! * [`scene`]: what exists: meshes, shapes, materials, cameras, scene files.
-//! * [`reflectance`]: how much a mirror mirrors at which angle: metals, coats.
-//! * [`brdf`]: what receivers do with light: Lambert, Phong, GGX, tables.
-//! * [`environment`]: what shines: maps, spots, constants; a prefiltered cube.
-//! * [`sampling`]: where on the reflectors the pinholes are.
-//! * [`differential`]: the surface around each of them.
-//! * [`cell_tree`]: a hierarchy of samples whose cells tile the reflectors.
-//! * [`tracing`]: rays against the meshes: what hides what.
-//! * [`pinhole`]: the sum itself; [`pinhole::gpu`] records into the caller's encoder, [`pinhole::cpu`] is its twin.
-//! * [`conformance`]: filters against the exact integral over a footprint.
-//! * [`image`](mod@image): pictures and files.
-//! * [`render`]: scene file in, pictures out.
-//! * [`reference`](mod@reference): the ground truth, which shares nothing with what it judges.
-//! * [`report`]: comparisons of techniques against it.
-//!
-//! Programs with a wgpu device of their own start at [`pinhole::gpu::Engine`]; see `examples/embed.rs`. Programs that want
-//! pictures start at [`render::Renderer`]:
+//! Programs that want pictures start at [`Engine`]. Programs with a wgpu device of their own start at
+//! [`low_level::gpu`]; see `examples/embed.rs`. Comparisons with the ground truth are in [`report`] and
+//! [`reference`](mod@reference).
 //!
 //! ```
-//! use pinspot::Silent;
-//! use pinspot::render::{BackendChoice, Renderer, Settings};
+//! use pinspot::{Backend, Engine, NoProgress, blocking};
 //!
-//! let loaded = pinspot::scene::load::<Settings>("mirror-sphere")?;
-//! let mut options = loaded.render.options()?;
-//! options.size = [32, 32];
-//! options.samples = 50;
-//! let renderer = Renderer::new(loaded.scene, options, &BackendChoice::Cpu, &Silent)?;
-//! let rendered = renderer.render(&Silent)?;
+//! let (scene, options) = pinspot::load("mirror-sphere")?;
+//! let backend = Backend::cpu();
+//! let mut engine = Engine::new(scene, options.with_size([32, 32]).with_samples(50), backend.clone());
+//! let rendered = blocking::wait(backend.device(), engine.render(&NoProgress))?;
 //! assert_eq!(rendered.layers[0].1.pixels.len(), 32 * 32);
 //! # Ok::<(), pinspot::Error>(())
 //! ```
 //!
-//! Units: metres, radians, W/(m²·sr), W/m². Right-handed, Y up, linear Rec.709.
+//! # Features
+//!
+//! All are on by default. Without any of them the crate is a library for scenes, light, sampling, trees and sums on the CPU.
+//!
+//! | feature | adds |
+//! |---|---|
+//! | `gpu` | sums on GPUs through wgpu |
+//! | `blocking` | waiting for the library's futures on the calling thread |
+//! | `builtin-maps` | the environment maps of `envmaps`, embedded |
+//! | `report` | comparisons with the ground truth as JSON, CSV and HTML |
+//! | `cli` | the `pinspot` command |
+//!
+//! # Units
+//!
+//! Metres, radians, W/(m²·sr), W/m². Right-handed, Y up, linear Rec.709.
 
-pub mod brdf;
-pub mod cell_tree;
-pub mod conformance;
-pub mod differential;
-pub mod environment;
+mod backend;
+#[cfg(feature = "blocking")]
+pub mod blocking;
+mod brdf;
+mod cell_tree;
+#[cfg(feature = "gpu")]
+mod conformance;
+mod differential;
+mod disjoint_sets;
+mod engine;
+mod environment;
 mod error;
-pub mod gpu;
+#[cfg(feature = "gpu")]
+mod gpu;
 pub mod image;
-pub mod pinhole;
+pub mod low_level;
+mod options;
+mod pinhole;
 mod progress;
 pub mod reference;
-pub mod reflectance;
-pub mod render;
+mod reflectance;
+#[cfg(feature = "report")]
 pub mod report;
-pub mod sampling;
+mod sampling;
 pub mod scene;
-pub mod tracing;
+mod stages;
+mod technique;
+mod tracing;
+mod vectors;
 mod words;
 
+pub use backend::{Backend, BackendChoice, BackendReport, Device};
+pub use engine::{Engine, Rendered, Report};
+pub use environment::CubeSize;
 pub use error::{Error, OptionError};
-pub use progress::{Progress, Silent};
+pub use options::{DisplaySettings, Evaluation, EvaluationChoice, FilterChoice, Options, Overlay, Settings, load};
+pub use pinhole::{Epsilon, Filter, Footprint};
+pub use progress::{NoProgress, Progress, Stage};
+pub use sampling::{Density, Strategy};
+pub use stages::StageCounts;
+pub use technique::{Technique, place_samples};
+#[cfg(feature = "gpu")]
 pub use wgpu;

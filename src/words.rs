@@ -1,4 +1,4 @@
-//! Values of scene files that are a number or a word; the command line parses the same text.
+//! Text that scene files, the command line and messages share: values that are a number or a word, and names.
 
 use std::fmt;
 
@@ -19,4 +19,10 @@ impl fmt::Display for NumberOrWord {
             Self::Word(word) => word.fmt(f),
         }
     }
+}
+
+/// A name for messages: control characters would otherwise reach the terminal.
+pub(crate) fn escaped(name: &str) -> String {
+    let escape = |c: char| if c.is_control() { c.escape_default().to_string() } else { c.to_string() };
+    name.chars().map(escape).collect()
 }

@@ -79,6 +79,102 @@ impl Page {
     }
 }
 
+/// A canvas as a number that differs where its pixels do.
+fn canvas(name: &str) -> String {
+    format!(
+        "(() => {{ const c = document.getElementById('{name}'); \
+         const d = c.getContext('2d').getImageData(0, 0, c.width, c.height).data; \
+         let h = 0; for (const v of d) h = (31 * h + v) | 0; return h; }})()"
+    )
+}
+
+impl Page {
+    /// Sets a control as a user would, and waits until `what` is another than before.
+    fn set_and_see(&self, control: &str, value: &str, event: &str, what: &str) {
+        let before = self.evaluate(what);
+        self.evaluate(&format!(
+            "(() => {{ const c = document.getElementById('{control}'); c.value = '{value}'; \
+             c.dispatchEvent(new Event('{event}', {{ bubbles: true }})); }})()"
+        ));
+        self.wait_for(&format!("JSON.stringify({what}) !== {:?}", before.to_string()));
+    }
+
+    fn click_and_see(&self, control: &str, what: &str) {
+        let before = self.evaluate(what);
+        self.evaluate(&format!(
+            "document.querySelector('{control}').dispatchEvent(new Event('click', {{ bubbles: true }}))"
+        ));
+        self.wait_for(&format!("JSON.stringify({what}) !== {:?}", before.to_string()));
+    }
+
+    /// Returns when all that was asked of the page before has been drawn: two frames later.
+    fn settle(&self) {
+        self.evaluate("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(() => done(true))))");
+    }
+}
+
+/// A click on a row shows its image as B and marks the row.
+fn sorted_rows_show_their_image(page: &Page) {
+    page.click_and_see("#results tbody tr:first-child", "document.querySelector('#results tr.current').dataset.image");
+    page.wait_for("document.querySelector('#results tbody tr:first-child').classList.contains('current')");
+    page.wait_for(
+        "document.getElementById('select-b').value === document.querySelector('#results tr.current').dataset.image",
+    );
+    page.click_and_see("#thumbs button:nth-child(3)", "document.getElementById('select-b').value");
+    assert_eq!(page.text("document.getElementById('select-b').value"), "2");
+}
+
+fn controls_change_the_images(page: &Page) {
+    page.set_and_see("layout", "side", "change", "document.getElementById('canvas-b').closest('figure').hidden");
+    page.set_and_see("exposure", "4", "input", &canvas("canvas-a"));
+    page.wait_for("document.getElementById('exposure-value').textContent === '+4.00 EV'");
+    // The difference is shown from the start. Each heat map has colours and a caption of its own; none hides it.
+    let caption = "document.querySelector('figure[data-view=heat] .caption').textContent";
+    let mut captions = vec![page.text(caption)];
+    for heat in ["flip", "signed"] {
+        page.set_and_see("heat", heat, "change", caption);
+        captions.push(page.text(caption));
+    }
+    page.set_and_see("heat", "difference", "change", &canvas("canvas-heat"));
+    captions.sort();
+    captions.dedup();
+    assert!(captions.len() == 3 && captions.iter().all(|c| !c.is_empty()), "{captions:?}");
+    let is_hidden = "document.getElementById('canvas-heat').closest('figure').hidden";
+    page.set_and_see("heat", "none", "change", is_hidden);
+    assert_eq!(page.evaluate(is_hidden), true);
+    // Sample points are drawn over B, and taken away again.
+    let plain = page.evaluate(&canvas("canvas-b"));
+    let dots = |on: bool| {
+        page.evaluate("document.getElementById('dots').click()");
+        page.wait_for(&format!("({} === {plain}) !== {on}", canvas("canvas-b")));
+    };
+    dots(true);
+    dots(false);
+}
+
+/// Another metric and another cost are other curves; a click on a legend entry hides its series, another shows it.
+fn plots_follow_their_choices(page: &Page) {
+    let curves =
+        |plot: &str| format!("[...document.querySelectorAll('#{plot} .curve')].map(c => c.getAttribute('d')).join()");
+    assert_eq!(page.evaluate("document.querySelectorAll('#plot-samples .curve').length"), 4);
+    page.set_and_see("metric", "flip", "change", &curves("plot-samples"));
+    page.set_and_see("cost", "lookups", "change", &curves("plot-cost"));
+    let count = "document.querySelectorAll('#plot-samples .curve').length";
+    for expected in [3, 4] {
+        page.click_and_see("#plot-samples .entry", count);
+        assert_eq!(page.evaluate(count), expected);
+    }
+}
+
+fn rows_are_filtered_by_words(page: &Page) {
+    let visible = "document.querySelectorAll('#results tbody tr:not([hidden])').length";
+    page.set_and_see("filter", "random none", "input", visible);
+    assert_eq!(page.evaluate(visible), 4);
+    assert_eq!(page.text("document.getElementById('count').textContent"), "4 of 16 rows");
+    page.set_and_see("filter", "", "input", visible);
+    assert_eq!(page.evaluate(visible), 16);
+}
+
 fn find_program(name: &str) -> Option<PathBuf> {
     std::env::split_paths(&std::env::var_os("PATH")?).map(|folder| folder.join(name)).find(|path| path.is_file())
 }
@@ -119,29 +215,14 @@ fn the_report_opens_flips_and_sorts() {
     let mut reversed = sorted.clone();
     reversed.reverse();
     assert!(once == sorted && twice == reversed || once == reversed && twice == sorted, "{once:?} {twice:?}");
-    // Exposure changes what is shown; the other controls take what they offer.
-    let sum = "(() => { const c = document.getElementById('canvas-a'); const d = c.getContext('2d').getImageData(0, 0, c.width, c.height).data; \
-        let s = 0; for (const v of d) s += v; return s; })()";
-    let dark = page.evaluate(sum).as_f64().unwrap();
-    page.evaluate("(() => { const e = document.getElementById('exposure'); e.value = 4; e.dispatchEvent(new Event('input', { bubbles: true })); })()");
-    let start = Instant::now();
-    while page.evaluate(sum).as_f64().unwrap() <= 1.02 * dark {
-        assert!(start.elapsed() < Duration::from_secs(10), "exposure changes nothing");
-    }
-    for heat in ["flip", "signed", "difference", "none"] {
-        page.evaluate(&format!(
-            "(() => {{ const h = document.getElementById('heat'); h.value = '{heat}'; h.dispatchEvent(new Event('change', {{ bubbles: true }})); }})()"
-        ));
-        std::thread::sleep(Duration::from_millis(200));
-    }
-    page.evaluate("document.getElementById('dots').click()");
-    page.wait_for(
-        "document.querySelectorAll('#plot-samples path, #plot-samples polyline, #plot-samples line').length > 4",
-    );
+    sorted_rows_show_their_image(&page);
+    controls_change_the_images(&page);
+    plots_follow_their_choices(&page);
+    rows_are_filtered_by_words(&page);
     page.wait_for("!document.getElementById('sampling').hidden");
     let links = page.text("JSON.stringify([...document.querySelectorAll('[src],[href]')].flatMap(n => [n.getAttribute('src'), n.getAttribute('href')]).filter(v => v !== null && !/^(data:|#)/.test(v)))");
     assert_eq!(links, "[]");
-    std::thread::sleep(Duration::from_millis(300));
+    page.settle();
     let complaints = page.complaints.lock().unwrap();
     // Chromium remarks on the test's own reading of the canvas.
     let own: Vec<&String> = complaints.iter().filter(|c| !c.contains("willReadFrequently")).collect();

@@ -1,8 +1,8 @@
 //! Trilinear look-ups on the CPU and nothing else: what a gather is held against.
 
 use glam::Vec4;
-use pinspot::environment::CubeMap;
-use pinspot::pinhole::cpu::CubeLookup;
+use pinspot::low_level::environment::CubeMap;
+use pinspot::low_level::pinhole::cpu::CubeLookup;
 use rayon::prelude::*;
 
 /// So many look-ups for each of so many groups of sixteen neighbours, at levels from one to the other.

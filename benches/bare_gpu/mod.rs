@@ -1,7 +1,8 @@
 //! A fragment shader that does nothing but trilinear look-ups of a cube map: the yardstick of the gather.
 
-use pinspot::gpu::Gpu;
-use pinspot::pinhole::gpu::{EnvironmentCube, TARGET_FORMAT};
+use pinspot::blocking::wait;
+use pinspot::low_level::gpu::Gpu;
+use pinspot::low_level::pinhole::gpu::{EnvironmentCube, TARGET_FORMAT};
 use pinspot::wgpu;
 use wgpu::util::DeviceExt;
 
@@ -98,6 +99,6 @@ impl BareLoop {
             pass.draw(0..3, 0..1);
         }
         gpu.queue.submit([encoder.finish()]);
-        gpu.wait().expect("the device stays");
+        wait(Some(&gpu.device), gpu.submitted_work_done()).expect("the device stays");
     }
 }

@@ -1,19 +1,33 @@
-// What receivers do with light. CPU twin: src/brdf/.
-//
-// The importing pass declares `materials` and `tables`.
+// What receivers reflect to their viewers. CPU twin: src/brdf/.
+
+#import receivers
 
 override SHADING: bool = false;
 
 struct Material {
-    albedo_kind: vec4f,
-    specular_width: vec4f,
-    table: vec4u,
+    albedo: vec3f,
+    kind: u32,
+    specular: vec3f,
+    // Phong's exponent, or GGX's α.
+    width: f32,
+    // The first entry of its table.
+    table: u32,
 }
 
-const KIND_PHONG: f32 = 1.0;
-const KIND_GGX: f32 = 2.0;
-const KIND_TABLE: f32 = 3.0;
+// Never read without SHADING.
+@group(1) @binding(2) var receiver_view: texture_2d<f32>;
+@group(1) @binding(3) var<storage, read> materials: array<Material>;
+@group(1) @binding(4) var<storage, read> tables: array<vec4f>;
+
 const PI: f32 = 3.14159265;
+
+// Towards the viewer of a receiver.
+fn view_direction(pixel: vec2u) -> vec3f {
+    if SHADING {
+        return textureLoad(receiver_view, pixel, 0).xyz;
+    }
+    return vec3f(0.0);
+}
 
 // The function of an object, 1/sr: n, l and v are the unit normal, towards the light and towards the viewer. Lobes are widened to
 // what they are on average over light from `solid_angle` sr around l; tables are not.
@@ -24,19 +38,19 @@ fn brdf(object: u32, n: vec3f, l: vec3f, v: vec3f, solid_angle: f32) -> vec3f {
     if cos_l <= 0.0 || cos_v <= 0.0 {
         return vec3f(0.0);
     }
-    let diffuse = material.albedo_kind.rgb / PI;
-    let specular = material.specular_width.rgb;
-    let width = material.specular_width.w;
-    let kind = material.albedo_kind.w;
-    if kind == KIND_PHONG {
+    let diffuse = material.albedo / PI;
+    let specular = material.specular;
+    let width = material.width;
+    let kind = material.kind;
+    if kind == MATERIAL_PHONG {
         let mirrored = max(dot(2.0 * cos_l * n - l, v), 0.0);
-        // pow(0, 0) is anybody's guess.
         // Variances add, that of cosᵉ being 1/e and that of a square its area's twelfth.
         let exponent = width / (1.0 + width * solid_angle / 12.0);
+        // pow(0, 0) is implementation-defined.
         let lobe = select(0.0, pow(max(mirrored, 1e-30), exponent), mirrored > 0.0 || exponent == 0.0);
         return diffuse + specular * ((exponent + 2.0) / (2.0 * PI) * lobe);
     }
-    if kind == KIND_GGX {
+    if kind == MATERIAL_GGX {
         let h = normalize(l + v);
         // The half vector turns half as far as the light; α² is twice a variance.
         let alpha = min(sqrt(width * width + solid_angle / 24.0), 1.0);
@@ -44,8 +58,8 @@ fn brdf(object: u32, n: vec3f, l: vec3f, v: vec3f, solid_angle: f32) -> vec3f {
         let passes = (1.0 - schlick(specular, cos_l)) * (1.0 - schlick(specular, cos_v));
         return diffuse * passes + schlick(specular, dot(l, h)) * lobe;
     }
-    if kind == KIND_TABLE {
-        return tabulated(material.table.x, n, l, v);
+    if kind == MATERIAL_TABLE {
+        return tabulated(material.table, n, l, v);
     }
     return diffuse;
 }
@@ -68,7 +82,7 @@ fn masking(cos_l: f32, cos_v: f32, alpha: f32) -> f32 {
 }
 
 // Steps of θ_half, θ_diff and φ_diff of a table.
-const STEPS: vec3u = vec3u(90u, 90u, 180u);
+const STEPS: vec3u = vec3u(TABLE_THETA_HALF_STEPS, TABLE_THETA_DIFF_STEPS, TABLE_PHI_DIFF_STEPS);
 
 fn tabulated(first: u32, n: vec3f, l: vec3f, v: vec3f) -> vec3f {
     let h = normalize(l + v);

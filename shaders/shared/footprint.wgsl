@@ -1,4 +1,10 @@
-// Footprints: the part of the environment that a sample's region reflects to one receiver point (WS-18).
+// Footprints: the part of the environment that a sample's region reflects to one receiver point (Wand & Straßer 2003, Section 3.3).
+// CPU twin: src/pinhole/cpu/footprint.rs.
+
+struct FootprintSides {
+    v1: vec3f,
+    v2: vec3f,
+}
 
 struct FootprintAxes {
     major: f32,
@@ -13,16 +19,11 @@ fn reflected_side(side: vec3f, change: vec3f, d: vec3f, n: vec3f, dn: f32, inver
     return (v - r * dot(r, v)) * inverse_l;
 }
 
-struct FootprintSides {
-    v1: vec3f,
-    v2: vec3f,
-}
-
 // A footprint blurred by a lobe: a parallelogram with the second moments of both together. The lobe around r is `lobe` wide in
 // the plane of incidence and, as normals turn the light less there, narrower by the cosine across it.
 fn blurred(sides: FootprintSides, r: vec3f, n: vec3f, cosine: f32, lobe: f32) -> FootprintSides {
     var in_plane = n - r * dot(n, r);
-    // Perpendicular incidence knows no plane: any will do.
+    // At perpendicular incidence the plane is undefined: any will do.
     if dot(in_plane, in_plane) < 1e-6 {
         in_plane = select(vec3f(0.0, -r.z, r.y), vec3f(r.z, 0.0, -r.x), abs(r.y) > 0.7);
     }
@@ -40,9 +41,11 @@ fn blurred(sides: FootprintSides, r: vec3f, n: vec3f, cosine: f32, lobe: f32) ->
     return FootprintSides(e1 * l11 + e2 * l21, e2 * sqrt(max(m22 - l21 * l21, 0.0)));
 }
 
-// Principal axes of the parallelogram with sides v1, v2, as the rectangle with the same second moments: lengths of its
+// Principal axes of the parallelogram, as the rectangle with the same second moments: lengths of its
 // sides, and the longer side itself.
-fn footprint_axes(v1: vec3f, v2: vec3f) -> FootprintAxes {
+fn footprint_axes(sides: FootprintSides) -> FootprintAxes {
+    let v1 = sides.v1;
+    let v2 = sides.v2;
     let g11 = dot(v1, v1);
     let g12 = dot(v1, v2);
     let g22 = dot(v2, v2);
@@ -58,7 +61,7 @@ fn footprint_axes(v1: vec3f, v2: vec3f) -> FootprintAxes {
         x = g12;
         y = radius - half_difference;
     }
-    // Of a square every direction is an axis.
+    // A square has no preferred axis.
     if radius <= 1e-6 * mean {
         x = mean;
         y = g12;

@@ -1,32 +1,40 @@
-// What a sample sees around itself. CPU twin: src/pinhole/cpu/visibility.rs; how the maps are made and laid out:
+// What a sample sees around itself. CPU twin: src/pinhole/cpu/visibility.rs; how the maps are traced and laid out:
 // src/pinhole/visibility.rs.
-//
-// The importing pass declares `planes` and `open_rows`.
+
+#import gather_inputs
 
 override VISIBILITY: bool = false;
 
-struct Surroundings {
-    map: u32,
-    resolution: u32,
-    // Texel coordinates of the map's corner.
-    phase: vec2f,
-    // The sample's frame; the last points to the side in question.
+// One side of a sample.
+struct VisibilityMap {
+    index: u32,
+    // How far the texels are shifted.
+    texel_jitter: vec2f,
+    // The sample's frame; the last axis points to the side in question.
     axes: mat3x3f,
 }
 
-var<private> surroundings: Surroundings;
+// The map of one side (1 or -1) of a sample with unit normal n, which has two maps where it has two sides.
+fn visibility_map(first_map: u32, texel_jitter: vec2f, n: vec3f, side: f32) -> VisibilityMap {
+    let frame = tangent_frame(n);
+    return VisibilityMap(
+        select(first_map, first_map + 1u, side < 0.0),
+        texel_jitter,
+        mat3x3f(frame.u, frame.v, side * n),
+    );
+}
 
-// Looks around on one side (1 or -1) of a sample with unit normal n and two maps where it has two sides.
-fn look_around(first_map: u32, phase: vec2f, resolution: u32, n: vec3f, side: f32) {
+struct TangentFrame {
+    u: vec3f,
+    v: vec3f,
+}
+
+// Two unit tangents (Duff et al. 2017, Building an Orthonormal Basis, Revisited).
+fn tangent_frame(n: vec3f) -> TangentFrame {
     let sign = select(1.0, -1.0, n.z < 0.0);
     let a = -1.0 / (sign + n.z);
     let b = n.x * n.y * a;
-    let axes = mat3x3f(
-        vec3f(1.0 + sign * n.x * n.x * a, sign * b, -sign * n.x),
-        vec3f(b, sign + n.y * n.y * a, -n.y),
-        side * n,
-    );
-    surroundings = Surroundings(select(first_map, first_map + 1u, side < 0.0), resolution, phase, axes);
+    return TangentFrame(vec3f(1.0 + sign * n.x * n.x * a, sign * b, -sign * n.x), vec3f(b, sign + n.y * n.y * a, -n.y));
 }
 
 struct MapPlace {
@@ -35,50 +43,53 @@ struct MapPlace {
     part: vec2f,
 }
 
-fn map_place(direction: vec3f) -> MapPlace {
+fn map_place(direction: vec3f, map: VisibilityMap) -> MapPlace {
     let d = vec2f(direction.x, direction.y);
     let scale = 0.5 / (abs(d.x) + abs(d.y) + max(direction.z, 0.0));
     let place = vec2f(d.x + d.y, d.x - d.y) * scale + 0.5;
-    let n = f32(surroundings.resolution);
-    let texel = clamp(place * n - 0.5 - surroundings.phase, vec2f(0.0), vec2f(n - 1.0));
-    let first = min(vec2u(texel), vec2u(surroundings.resolution - 2u));
+    let n = f32(uniforms.map_resolution);
+    let texel = clamp(place * n - 0.5 - map.texel_jitter, vec2f(0.0), vec2f(n - 1.0));
+    let first = min(vec2u(texel), vec2u(uniforms.map_resolution - 2u));
     return MapPlace(first, texel - vec2f(first));
 }
 
-// The part of a receiver at l, metres from the sample on in world space, that the sample sees.
-fn visible_part(l: vec3f) -> f32 {
-    let local = l * surroundings.axes;
-    let place = map_place(local);
-    let texels = texels_at(place);
+// The fraction of a receiver at l, metres from the sample in world space, that the sample sees.
+fn visible_fraction(l: vec3f, map: VisibilityMap) -> f32 {
+    let local = l * map.axes;
+    let place = map_place(local, map);
+    let texels = texels_at(place, map);
     return between(texels, in_front(texels, local), place.part);
 }
 
-// The part of the environment around a direction, in world space, that is not hidden from the sample.
-fn seen_part_of_environment(direction: vec3f) -> f32 {
-    let place = map_place(direction * surroundings.axes);
-    let row = surroundings.map * surroundings.resolution + place.texel.y;
-    let upper = (open_rows[row] >> place.texel.x) & 3u;
-    let lower = (open_rows[row + 1u] >> place.texel.x) & 3u;
-    let open = vec4f(vec4u(upper & 1u, upper >> 1u, lower & 1u, lower >> 1u));
-    if upper == lower && (upper == 0u || upper == 3u) {
-        return open.x;
+// The fraction of the sky around a direction, in world space, that the sample sees.
+fn sky_fraction(direction: vec3f, map: VisibilityMap) -> f32 {
+    if !VISIBILITY {
+        return 1.0;
     }
-    return between(texels_at(place), open, place.part);
+    let place = map_place(direction * map.axes, map);
+    let row = map.index * uniforms.map_resolution + place.texel.y;
+    let upper = (sky_masks[row] >> place.texel.x) & 3u;
+    let lower = (sky_masks[row + 1u] >> place.texel.x) & 3u;
+    let sky = vec4f(vec4u(upper & 1u, upper >> 1u, lower & 1u, lower >> 1u));
+    if upper == lower && (upper == 0u || upper == 3u) {
+        return sky.x;
+    }
+    return between(texels_at(place, map), sky, place.part);
 }
 
 // Four texels: of two rows, two each.
-fn texels_at(place: MapPlace) -> mat4x4f {
-    let n = surroundings.resolution;
-    let first = (surroundings.map * n + place.texel.y) * n + place.texel.x;
+fn texels_at(place: MapPlace, map: VisibilityMap) -> mat4x4f {
+    let n = uniforms.map_resolution;
+    let first = (map.index * n + place.texel.y) * n + place.texel.x;
     return mat4x4f(planes[first], planes[first + 1u], planes[first + n], planes[first + n + 1u]);
 }
 
-// In front of the planes of which of them a place is.
+// Which texels' planes a point lies in front of.
 fn in_front(texels: mat4x4f, local: vec3f) -> vec4f {
     return select(vec4f(0.0), vec4f(1.0), vec4f(local, -1.0) * texels <= vec4f(1.0));
 }
 
-// What lies between four values, each of which gives way to the next where its texel says.
+// Interpolates four values, each of which gives way to the next where its texel says.
 fn between(texels: mat4x4f, values: vec4f, part: vec2f) -> f32 {
     let top = mix(values.x, values.y, across(texels[0], part.x, 8u));
     let bottom = mix(values.z, values.w, across(texels[2], part.x, 8u));

@@ -5,6 +5,8 @@
 
 mod table;
 
+#[cfg(feature = "gpu")]
+pub(crate) use table::STEPS as TABLE_STEPS;
 pub use table::{BrdfTable, TableError};
 
 use std::f32::consts::{FRAC_1_PI, TAU};
@@ -45,18 +47,24 @@ pub const LEAST_ROUGHNESS: f32 = 0.05;
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 pub struct Material {
-    /// Diffuse albedo; one of the `KIND_…`s.
-    pub albedo_kind: [f32; 4],
-    /// Specular reflectance; the exponent, or α.
-    pub specular_width: [f32; 4],
-    /// The first entry of its table; unused.
-    pub table: [u32; 4],
+    /// Diffuse albedo.
+    pub albedo: [f32; 3],
+    /// One of the `MATERIAL_…`s.
+    pub kind: u32,
+    /// Specular reflectance.
+    pub specular: [f32; 3],
+    /// Phong's exponent, or GGX's α.
+    pub width: f32,
+    /// The first entry of its table.
+    pub table: u32,
+    /// Unused.
+    pub padding: [u32; 3],
 }
 
-const KIND_LAMBERT: f32 = 0.0;
-const KIND_PHONG: f32 = 1.0;
-const KIND_GGX: f32 = 2.0;
-const KIND_TABLE: f32 = 3.0;
+const MATERIAL_LAMBERT: u32 = 0;
+pub(crate) const MATERIAL_PHONG: u32 = 1;
+pub(crate) const MATERIAL_GGX: u32 = 2;
+pub(crate) const MATERIAL_TABLE: u32 = 3;
 
 /// The functions of a scene's objects.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -73,18 +81,21 @@ impl Materials {
         let mut tables = Vec::new();
         let mut pack = |albedo: Vec3, gloss: &Gloss| {
             let (kind, specular, width, table) = match gloss {
-                Gloss::None => (KIND_LAMBERT, Vec3::ZERO, 0.0, 0),
-                Gloss::Phong { specular, exponent } => (KIND_PHONG, *specular, *exponent, 0),
-                Gloss::Ggx { specular, roughness } => (KIND_GGX, *specular, roughness * roughness, 0),
+                Gloss::None => (MATERIAL_LAMBERT, Vec3::ZERO, 0.0, 0),
+                Gloss::Phong { specular, exponent } => (MATERIAL_PHONG, *specular, *exponent, 0),
+                Gloss::Ggx { specular, roughness } => (MATERIAL_GGX, *specular, roughness * roughness, 0),
                 Gloss::Table(table) => {
                     tables.extend_from_slice(table.entries());
-                    (KIND_TABLE, Vec3::ZERO, 0.0, tables.len() - table.entries().len())
+                    (MATERIAL_TABLE, Vec3::ZERO, 0.0, tables.len() - table.entries().len())
                 }
             };
             Material {
-                albedo_kind: albedo.extend(kind).to_array(),
-                specular_width: specular.extend(width).to_array(),
-                table: [table as u32, 0, 0, 0],
+                albedo: albedo.to_array(),
+                kind,
+                specular: specular.to_array(),
+                width,
+                table: table as u32,
+                padding: [0; 3],
             }
         };
         let of_object = objects.map(|o| o.map_or(Material::default(), |(albedo, gloss)| pack(albedo, gloss))).collect();
@@ -100,17 +111,16 @@ impl Materials {
         if cos_l <= 0.0 || cos_v <= 0.0 {
             return Vec3::ZERO;
         }
-        let diffuse = FRAC_1_PI * Vec3::from_slice(&material.albedo_kind);
-        let [r, g, b, width] = material.specular_width;
-        let specular = Vec3::new(r, g, b);
-        match material.albedo_kind[3] {
-            KIND_PHONG => {
+        let diffuse = FRAC_1_PI * Vec3::from(material.albedo);
+        let (specular, width) = (Vec3::from(material.specular), material.width);
+        match material.kind {
+            MATERIAL_PHONG => {
                 // Variances add, that of cosᵉ being 1/e and that of a square its area's twelfth.
                 let width = width / (1.0 + width * solid_angle / 12.0);
                 let mirrored = (2.0 * cos_l * n - l).dot(v).max(0.0);
                 diffuse + specular * ((width + 2.0) / TAU * mirrored.powf(width))
             }
-            KIND_GGX => {
+            MATERIAL_GGX => {
                 let h = (l + v).normalize();
                 // The half vector turns half as far as the light; α² is twice a variance.
                 let width = (width * width + solid_angle / 24.0).sqrt().min(1.0);
@@ -118,25 +128,25 @@ impl Materials {
                 let lobe = distribution(n.dot(h), width) * visibility(cos_l, cos_v, width);
                 diffuse * passes(cos_l) * passes(cos_v) + schlick(specular, l.dot(h)) * lobe
             }
-            KIND_TABLE => table::value(&self.tables[material.table[0] as usize..], n, l, v),
+            MATERIAL_TABLE => table::value(&self.tables[material.table as usize..], n, l, v),
             _ => diffuse,
         }
     }
 
     /// Whether an object reflects in some directions more than in others.
     pub fn is_glossy(&self, object: u32) -> bool {
-        self.of_object[object as usize].albedo_kind[3] != KIND_LAMBERT
+        self.of_object[object as usize].kind != MATERIAL_LAMBERT
     }
 
     /// The width of an object's lobe as α of a GGX surface, if it has one: a guide for those who draw directions.
     pub fn lobe_alpha(&self, object: u32) -> Option<f32> {
         let material = &self.of_object[object as usize];
-        let width = material.specular_width[3];
-        match material.albedo_kind[3] {
+        let width = material.width;
+        match material.kind {
             // Lobes of cosᵉ around the mirrored direction are as wide as those of facets with α² = 8/(e + 2) or so.
-            KIND_PHONG => Some((8.0 / (width + 2.0)).sqrt().min(1.0)),
-            KIND_GGX => Some(width),
-            KIND_TABLE => Some(TABLE_ALPHA),
+            MATERIAL_PHONG => Some((8.0 / (width + 2.0)).sqrt().min(1.0)),
+            MATERIAL_GGX => Some(width),
+            MATERIAL_TABLE => Some(TABLE_ALPHA),
             _ => None,
         }
     }

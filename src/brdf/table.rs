@@ -2,15 +2,17 @@
 //! Model*), by half and difference angles (Rusinkiewicz 1998).
 
 use std::f32::consts::{FRAC_PI_2, PI};
-use std::path::Path;
 
 use glam::Vec3;
 
 /// Steps of θ_half (dense towards 0: its root is even), θ_diff and φ_diff.
-const STEPS: [usize; 3] = [90, 90, 180];
+pub(crate) const STEPS: [usize; 3] = [90, 90, 180];
 const ENTRIES: usize = STEPS[0] * STEPS[1] * STEPS[2];
 /// The units of the database, R, G and B.
 const SCALE: [f64; 3] = [1.0 / 1500.0, 1.15 / 1500.0, 1.66 / 1500.0];
+
+/// The largest value of a table, 1/sr: that of a mirror a thousandth of a radian wide.
+const MAX_VALUE: f64 = 1e6;
 
 /// A table, 1/sr.
 #[derive(Clone, PartialEq)]
@@ -52,11 +54,9 @@ pub enum TableError {
 }
 
 impl BrdfTable {
-    /// Reads a `.binary` file of the MERL database. Negative entries (directions below the surface) become 0.
-    pub fn load(path: &Path) -> Result<Self, TableError> {
-        let file = path.display().to_string();
-        let bytes = std::fs::read(path).map_err(|e| TableError::Read { file: file.clone(), reason: e.to_string() })?;
-        let wrong = |reason: String| TableError::Format { file: file.clone(), reason };
+    /// Decodes a `.binary` file of the MERL database; `name` is used in messages and to tell tables apart. Negative entries (directions below the surface) become 0.
+    pub fn decode(name: &str, bytes: &[u8]) -> Result<Self, TableError> {
+        let wrong = |reason: String| TableError::Format { file: name.into(), reason };
         if bytes.len() < 12 {
             return Err(wrong("it is truncated".into()));
         }
@@ -69,12 +69,13 @@ impl BrdfTable {
             return Err(wrong(format!("it has {} bytes, not {expected}", bytes.len())));
         }
         let value = |k: usize| f64::from_le_bytes(bytes[12 + 8 * k..20 + 8 * k].try_into().expect("eight bytes"));
-        if !(0..3 * ENTRIES).all(|k| value(k).is_finite()) {
-            return Err(wrong("an entry is not a finite number".into()));
+        if let Some(k) = (0..3 * ENTRIES).find(|&k| !(0.0..=MAX_VALUE).contains(&(value(k).abs() * SCALE[k / ENTRIES])))
+        {
+            return Err(wrong(format!("entry {k} is {}, which no surface reflects", value(k))));
         }
         let channel = |k: usize, c: usize| (SCALE[c] * value(c * ENTRIES + k)).max(0.0) as f32;
         let entries = (0..ENTRIES).map(|k| [channel(k, 0), channel(k, 1), channel(k, 2), 0.0]).collect();
-        Ok(Self { name: file, entries })
+        Ok(Self { name: name.into(), entries })
     }
 
     /// Tabulates a function of θ_half, θ_diff (both up to π/2) and φ_diff (up to π), in radians.
@@ -124,21 +125,20 @@ mod tests {
 
     #[test]
     fn a_file_of_the_format_is_read_back() {
-        let dir = tempfile::tempdir().unwrap();
-        let path = dir.path().join("grey.binary");
         let mut bytes: Vec<u8> = STEPS.iter().flat_map(|s| (*s as i32).to_le_bytes()).collect();
         for (c, scale) in SCALE.iter().enumerate() {
             bytes.extend((0..ENTRIES).flat_map(|_| (0.1 * (c + 1) as f64 / scale).to_le_bytes()));
         }
-        std::fs::write(&path, &bytes).unwrap();
-        let table = BrdfTable::load(&path).unwrap();
+        let table = BrdfTable::decode("grey.binary", &bytes).unwrap();
         let found = value(table.entries(), Vec3::Y, Vec3::Y, Vec3::new(0.6, 0.8, 0.0));
         assert!(found.abs_diff_eq(Vec3::new(0.1, 0.2, 0.3), 1e-6), "{found}");
-        std::fs::write(&path, &bytes[..1000]).unwrap();
-        assert!(BrdfTable::load(&path).unwrap_err().to_string().contains("1000 bytes"));
-        std::fs::write(&path, [0; 20]).unwrap();
-        assert!(BrdfTable::load(&path).unwrap_err().to_string().contains("sizes are 0, 0, 0"));
-        assert!(BrdfTable::load(Path::new("none.binary")).unwrap_err().to_string().contains("check the path"));
+        let refused = |bytes: &[u8]| BrdfTable::decode("grey.binary", bytes).unwrap_err().to_string();
+        assert!(refused(&bytes[..1000]).contains("1000 bytes"));
+        assert!(refused(&[0; 20]).contains("sizes are 0, 0, 0"));
+        for entry in [1e300, f64::NAN, -1e300, f64::INFINITY] {
+            bytes[12 + 8 * 7..20 + 8 * 7].copy_from_slice(&entry.to_le_bytes());
+            assert!(refused(&bytes).contains("grey.binary") && refused(&bytes).contains("entry 7"), "{entry}");
+        }
     }
 
     #[test]

@@ -25,7 +25,7 @@ pub struct TreeOptions {
 /// The most leaves per root that can be asked for.
 pub const MAX_LEAVES: u32 = 4096;
 /// Children of a node.
-const FAN: u32 = 4;
+pub(crate) const FAN: u32 = 4;
 
 /// Points that a leaf is made of: fewer where the memory for them would be gigabytes.
 fn points_per_leaf(leaves: f64) -> f64 {

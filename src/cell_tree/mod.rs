@@ -15,6 +15,8 @@ mod point;
 mod split;
 mod tiling;
 
+#[cfg(feature = "gpu")]
+pub(crate) use build::FAN as MAX_CHILDREN;
 pub use build::{MAX_LEAVES, TreeOptions};
 pub use node::{CellNode, NodeGeometry};
 
@@ -66,6 +68,7 @@ impl CellTree {
         self.objects[node.root() as usize]
     }
 
+    #[cfg(feature = "gpu")]
     /// Nodes from here on are roots or lie above them.
     pub(crate) fn first_above(&self) -> u32 {
         self.first_above

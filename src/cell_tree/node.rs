@@ -14,15 +14,15 @@ use crate::differential::tangent_frame;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 pub struct CellNode {
     /// Centroid, lifted onto the surface, metres; area, m².
-    centroid_area: [f32; 4],
+    pub(crate) centroid_area: [f32; 4],
     /// Unit mean normal; e₁₁, metres.
-    normal_e11: [f32; 4],
+    pub(crate) normal_e11: [f32; 4],
     /// e₂₁, e₂₂: the cell's sides are T₁ = (e₁₁, e₂₁) and T₂ = (0, e₂₂), a parallelogram with the cell's moments. k₁₁, k₁₂ and
-    sides_curvature: [f32; 4],
+    pub(crate) sides_curvature: [f32; 4],
     /// k₂₂: ∇n, 1/m. Two halves, the radius in metres below and above it the greatest distance of a normal from the mean one;
     /// eight times the first child's index and the number of children; twice the root (of a node above the roots: one of its),
     /// and 1 if there are creases within.
-    curvature_bounds_links: [u32; 4],
+    pub(crate) curvature_bounds_links: [u32; 4],
 }
 
 /// A node's numbers in world space.

@@ -2,8 +2,9 @@
 
 use clap::Args;
 
-use pinspot::gpu::{Adapter, Gpu};
-use pinspot::pinhole::gpu::check_hardware_filter;
+use pinspot::blocking::wait;
+use pinspot::low_level::gpu::{Adapter, Gpu, adapters};
+use pinspot::low_level::pinhole::gpu::check_hardware_filter;
 
 #[derive(Debug, Args)]
 pub struct AdaptersArgs {
@@ -22,7 +23,7 @@ struct Entry {
 }
 
 pub fn run(args: &AdaptersArgs) -> Result<(), String> {
-    let entries: Vec<Entry> = pinspot::gpu::adapters().into_iter().enumerate().map(examine).collect();
+    let entries: Vec<Entry> = wait(None, adapters()).into_iter().enumerate().map(examine).collect();
     if args.json {
         return super::print_json(&entries);
     }
@@ -36,7 +37,8 @@ pub fn run(args: &AdaptersArgs) -> Result<(), String> {
 }
 
 fn examine((index, adapter): (usize, Adapter)) -> Entry {
-    let verdict = Gpu::open_nth(index).and_then(|gpu| check_hardware_filter(&gpu)).ok();
+    let verdict =
+        wait(None, Gpu::open_nth(index)).and_then(|gpu| wait(Some(&gpu.device), check_hardware_filter(&gpu))).ok();
     Entry {
         adapter,
         hardware_filter_error: verdict.map(|v| v.rms_error),

@@ -4,14 +4,16 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use pinspot::pinhole::Footprint;
-use pinspot::reference::Goal;
-use pinspot::render::{EvaluationChoice, FilterChoice, Options, Settings};
+use pinspot::blocking::wait;
+use pinspot::reference::StoppingCriterion;
 use pinspot::report::{Comparison, Figure, Plan, Request, compare};
-use pinspot::sampling::{Density, Strategy};
+use pinspot::{Density, EvaluationChoice, FilterChoice, Footprint, Options, Settings, Strategy};
 
-use super::options::{SceneOptions, word};
-use super::progress::Bar;
+use super::errors::message;
+use super::options::{SceneOptions, parse_positive, word};
+use super::output::check_writable;
+use super::progress::Watch;
+use super::render::open;
 
 #[derive(Debug, Args)]
 pub struct CompareArgs {
@@ -51,10 +53,10 @@ pub struct CompareArgs {
     #[arg(long, value_name = "FILE")]
     mask: Option<PathBuf>,
     /// How good the reference must be: √Σse² / √ΣE²
-    #[arg(long, value_name = "FRACTION", default_value_t = 0.005)]
+    #[arg(long, value_name = "FRACTION", default_value_t = 0.005, value_parser = parse_positive)]
     rel_error: f64,
     /// Seconds that the reference may take; the report says what it reached [default: no limit]
-    #[arg(long, value_name = "S")]
+    #[arg(long, value_name = "S", value_parser = parse_positive)]
     seconds: Option<f64>,
     #[command(flatten)]
     options: SceneOptions,
@@ -75,32 +77,36 @@ fn figure(text: &str) -> Result<Figure, String> {
 }
 
 pub fn run(args: &CompareArgs) -> Result<(), String> {
+    if args.output.is_dir() {
+        let reports = ["report.html", "report.json", "report.csv"];
+        reports.iter().try_for_each(|name| check_writable(&args.output.join(name)))?;
+    }
     let over = Settings { seed: args.seed, ..args.options.settings() };
     let (scene, mut options) = args.options.load(&args.scene, over)?;
     let plan = plan(args, &mut options);
+    let watch = Watch::new(args.quiet);
     let request = Request {
         scene,
         options,
-        backend: args.options.backend(),
+        backend: open(&args.options.backend(), &watch).map_err(|e| message(&e))?,
         plan,
         mask: args.mask.clone(),
-        goal: Goal { rel_error: args.rel_error, seconds: args.seconds, points: None },
         folder: args.output.clone(),
-        command: std::env::args().collect::<Vec<_>>().join(" "),
+        command: command_line(),
     };
-    let bar = Bar::new(args.quiet);
-    let compared = compare(&request, &bar);
-    bar.finish();
-    let comparison = compared.map_err(|e| e.to_string())?;
-    comparison.write(&args.output).map_err(|e| e.to_string())?;
-    for warning in &comparison.warnings {
-        eprintln!("pinspot: warning: {warning}");
-    }
+    let clock = || watch.elapsed();
+    let should_stop = || args.seconds.is_some_and(|most| clock() >= most);
+    let criterion = StoppingCriterion::new(args.rel_error).with_should_stop(&should_stop);
+    let compared = wait(request.backend.device(), compare(&request, &criterion, &clock, &watch));
+    watch.finish();
+    let comparison = compared.map_err(|e| message(&e))?;
+    comparison.write(&args.output).map_err(|e| message(&e))?;
+    comparison.warnings.iter().for_each(|warning| super::warn(warning));
     if comparison.reference.rel_error > args.rel_error {
-        eprintln!(
-            "pinspot: warning: the reference's time was up at a relative standard error of {:.4}; the same command goes on from here",
+        super::warn(&format!(
+            "the reference's time was up at a relative standard error of {:.4}; the same command goes on from here",
             comparison.reference.rel_error
-        );
+        ));
     }
     if args.json {
         super::print_json(&comparison)
@@ -109,6 +115,11 @@ pub fn run(args: &CompareArgs) -> Result<(), String> {
     } else {
         super::print(&summary(args, &comparison))
     }
+}
+
+/// As it was given; what is no Unicode shows as �.
+fn command_line() -> String {
+    std::env::args_os().map(|argument| argument.to_string_lossy().into_owned()).collect::<Vec<_>>().join(" ")
 }
 
 fn plan(args: &CompareArgs, options: &mut Options) -> Plan {
@@ -123,7 +134,7 @@ fn plan(args: &CompareArgs, options: &mut Options) -> Plan {
         strategies: or(&args.strategies, &[options.strategy]),
         densities: or(&args.densities, &[options.density]),
         footprints: or(&args.footprints, &[options.footprint]),
-        filters: filters.into_iter().map(FilterChoice::resolve).collect(),
+        filters,
         evaluations: or(&args.evaluations, &[EvaluationChoice::Flat]),
         samples: or(&args.samples, &[100, 1000, 10_000]),
         seeds: args.seeds,
@@ -135,20 +146,26 @@ fn plan(args: &CompareArgs, options: &mut Options) -> Plan {
 fn summary(args: &CompareArgs, comparison: &Comparison) -> String {
     let mut lines = vec![format!(
         "{:15} {:12} {:10} {:12} {:12} {:>8} {:>8} {:>8} {:>7} {:>9}",
-        "strategy", "density", "footprint", "filter", "evaluation", "samples", "rel_l2", "mrse", "flip", "lookups"
+        "strategy", "density", "footprint", "filter", "mode", "samples", "rel_l2", "mrse", "flip", "lookups"
     )];
     for rows in comparison.rows.chunks(args.seeds as usize) {
         let mean = |f: fn(&pinspot::report::Row) -> f64| rows.iter().map(f).sum::<f64>() / rows.len() as f64;
         let row = &rows[0];
+        // Of a black reference no error is a part.
+        let defined: Vec<f64> = rows.iter().filter_map(|r| r.rel_l2).collect();
+        let rel_l2 = if defined.len() == rows.len() {
+            format!("{:.4}", defined.iter().sum::<f64>() / defined.len() as f64)
+        } else {
+            "-".to_owned()
+        };
         lines.push(format!(
-            "{:15} {:12} {:10} {:12} {:12} {:>8} {:>8.4} {:>8.3} {:>7.4} {:>9.0}",
+            "{:15} {:12} {:10} {:12} {:12} {:>8} {rel_l2:>8} {:>8.3} {:>7.4} {:>9.0}",
             row.strategy.name(),
             row.density.name(),
             row.footprint.name(),
-            row.filter,
-            row.evaluation.name(),
+            row.filter.name(),
+            row.mode,
             row.samples,
-            mean(|r| r.rel_l2),
             mean(|r| r.mrse),
             mean(|r| r.flip),
             mean(|r| r.lookups)

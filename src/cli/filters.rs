@@ -4,13 +4,14 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use pinspot::Progress;
-use pinspot::conformance::{Conformance, Device, FilterResult, PATTERNS, examine, zone_plates};
-use pinspot::gpu::Gpu;
+use pinspot::blocking::wait;
 use pinspot::image::{write_atomically, write_png};
-use pinspot::pinhole::Filter;
+use pinspot::low_level::conformance::{Conformance, Device, FilterResult, PATTERNS, examine, zone_plates};
+use pinspot::low_level::gpu::{Gpu, adapters};
+use pinspot::{Filter, Progress, Stage};
 
-use super::progress::Bar;
+use super::errors::message;
+use super::progress::Watch;
 
 #[derive(Debug, Args)]
 pub struct FiltersArgs {
@@ -33,18 +34,18 @@ pub fn run(args: &FiltersArgs) -> Result<(), String> {
         std::fs::create_dir_all(folder).map_err(|e| format!("cannot create the folder '{}': {e}", folder.display()))?;
     }
     let gpus: Vec<Gpu> = match &args.adapter {
-        Some(name) => vec![Gpu::open(Some(name)).map_err(|e| e.to_string())?],
-        None => (0..pinspot::gpu::adapters().len()).filter_map(|index| Gpu::open_nth(index).ok()).collect(),
+        Some(name) => vec![wait(None, Gpu::open(Some(name))).map_err(|e| message(&e.into()))?],
+        None => (0..wait(None, adapters()).len()).filter_map(|index| wait(None, Gpu::open_nth(index)).ok()).collect(),
     };
     let cpu = args.adapter.is_none().then_some(Device::Cpu);
     let devices: Vec<Device> = cpu.into_iter().chain(gpus.iter().map(Device::Gpu)).collect();
-    let bar = Bar::new(args.quiet);
+    let bar = Watch::new(args.quiet);
     let mut all = Vec::new();
     for (k, device) in devices.into_iter().enumerate() {
-        bar.begin("trying filters", (device.filters().len() * PATTERNS.len()) as u64);
-        let result = examine(device, &|| bar.advance(1)).map_err(|e| e.to_string())?;
+        bar.begin(Stage::Filters, (device.filters().len() * PATTERNS.len()) as u64);
+        let result = wait(device.wgpu_device(), examine(device, &|| bar.advance(1))).map_err(|e| message(&e.into()))?;
         if let Some(folder) = &args.output {
-            let picture = zone_plates(device).map_err(|e| e.to_string())?;
+            let picture = wait(device.wgpu_device(), zone_plates(device)).map_err(|e| message(&e.into()))?;
             let path = folder.join(format!("{k}-{}.png", file_name(&result.device)));
             write_png(&path, &picture).map_err(|e| e.to_string())?;
         }

@@ -1,9 +1,14 @@
 //! The command line. Thin: it parses, calls the library and writes; nothing is computed here.
 
+#[cfg(feature = "gpu")]
 mod adapters;
+#[cfg(feature = "report")]
 mod compare;
+mod errors;
+#[cfg(feature = "gpu")]
 mod filters;
 mod options;
+mod output;
 mod progress;
 mod reference;
 mod render;
@@ -29,12 +34,15 @@ enum Command {
     /// Compute the ground truth with its standard error (.exr); the same command again goes on where it stopped
     Reference(reference::ReferenceArgs),
     /// Compare strategies, footprints, filters and sample counts with the ground truth: an HTML report
+    #[cfg(feature = "report")]
     Compare(compare::CompareArgs),
     /// Write the reflector samples as a point cloud (.ply) and print how evenly they are spread
     Samples(samples::SamplesArgs),
     /// Test how well this machine filters cube maps: each filter against the exact integral
+    #[cfg(feature = "gpu")]
     Filters(filters::FiltersArgs),
     /// List the GPU adapters found, and what each can do
+    #[cfg(feature = "gpu")]
     Adapters(adapters::AdaptersArgs),
     /// List the built-in scenes and environment maps
     Scenes(scenes::ScenesArgs),
@@ -45,16 +53,19 @@ pub fn run() -> ExitCode {
     let result = match Cli::parse().command {
         Command::Render(args) => render::run(&args),
         Command::Reference(args) => reference::run(&args),
+        #[cfg(feature = "report")]
         Command::Compare(args) => compare::run(&args),
         Command::Samples(args) => samples::run(&args),
+        #[cfg(feature = "gpu")]
         Command::Filters(args) => filters::run(&args),
+        #[cfg(feature = "gpu")]
         Command::Adapters(args) => adapters::run(&args),
         Command::Scenes(args) => scenes::run(&args),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,
         Err(message) => {
-            eprintln!("pinspot: error: {}", message.replace('\n', " "));
+            to_stderr(&format!("pinspot: error: {}", printable(&message)));
             ExitCode::FAILURE
         }
     }
@@ -71,4 +82,25 @@ fn print(text: &str) -> Result<(), String> {
 
 fn print_json(value: &impl serde::Serialize) -> Result<(), String> {
     print(&serde_json::to_string_pretty(value).map_err(|e| e.to_string())?)
+}
+
+/// Prints a line to stderr; where that is closed or full, nobody can be told.
+fn to_stderr(line: &str) {
+    use std::io::Write;
+    let _ = writeln!(std::io::stderr(), "{line}");
+}
+
+/// Prints a warning to stderr.
+fn warn(warning: &str) {
+    to_stderr(&format!("pinspot: warning: {}", printable(warning)));
+}
+
+/// One line without control characters, which names in files may contain.
+fn printable(text: &str) -> String {
+    let escaped = |c: char| match c {
+        '\n' => vec![' '],
+        c if c.is_control() => c.escape_default().collect(),
+        c => vec![c],
+    };
+    text.chars().flat_map(escaped).collect()
 }

@@ -6,12 +6,14 @@ use clap::Args;
 use serde::de::DeserializeOwned;
 use serde::de::value::{Error as WordError, StrDeserializer};
 
-use pinspot::environment::CubeSize;
 use pinspot::image::Aov;
-use pinspot::pinhole::{Epsilon, Footprint};
-use pinspot::render::{BackendChoice, EvaluationChoice, FilterChoice, Options, Overlay, Settings};
-use pinspot::sampling::{Density, Strategy};
 use pinspot::scene::{Light, Loaded, MapLayout, Scene, Visibility, load};
+use pinspot::{
+    BackendChoice, CubeSize, Density, Epsilon, EvaluationChoice, FilterChoice, Footprint, OptionError, Options,
+    Overlay, Settings, Strategy, Technique,
+};
+
+use super::errors::option_message;
 
 /// What is sampled and how.
 #[derive(Debug, Args)]
@@ -71,6 +73,9 @@ pub struct SceneOptions {
 /// Options over the scene's `[render]` table.
 #[derive(Debug, Args)]
 pub struct CommonOptions {
+    /// How irradiance by way of the mirrors is computed: pinhole [default: pinhole]
+    #[arg(long, value_parser = word::<Technique>, value_name = "NAME")]
+    pub technique: Option<Technique>,
     #[command(flatten)]
     pub sampling: SamplingOptions,
     /// How a sample's footprint is found: cells, or curvature (the paper's) [default: cells]
@@ -110,6 +115,7 @@ pub struct CommonOptions {
 impl CommonOptions {
     fn settings(&self) -> Settings {
         Settings {
+            technique: self.technique,
             samples: self.sampling.samples,
             strategy: self.sampling.strategy,
             density: self.sampling.density,
@@ -130,7 +136,7 @@ impl CommonOptions {
     pub fn load(&self, scene: &str) -> Result<(Scene, Options), String> {
         let (scene, mut options) = self.scene.load(scene, self.settings())?;
         options.overlay = self.overlay.unwrap_or_default();
-        options.look.plain_diffuse = self.plain_diffuse;
+        options.plain_diffuse = self.plain_diffuse;
         Ok((scene, options))
     }
 }
@@ -152,11 +158,13 @@ impl SceneOptions {
 
     /// Loads a scene and lays settings over its own.
     pub fn load(&self, scene: &str, over: Settings) -> Result<(Scene, Options), String> {
-        let Loaded { mut scene, render } = load::<Settings>(scene).map_err(|e| e.to_string())?;
-        override_light(&mut scene, self.env.as_deref());
+        let loaded = load::<Settings>(scene).map_err(|e| e.to_string())?;
         // The file's own mistakes are the file's.
-        render.clone().options().map_err(|e| format!("{}: render.{e}", scene.name))?;
-        let options = render.overridden_by(over).options().map_err(|e| e.to_string())?;
+        let check = loaded.render.clone().options();
+        check.map_err(|error| loaded.render_error(error.key(), &option_message(&error)).to_string())?;
+        let Loaded { mut scene, render, .. } = loaded;
+        override_light(&mut scene, self.env.as_deref())?;
+        let options = render.overridden_by(over).options().map_err(|e| wrong_option(&e))?;
         Ok((scene, options))
     }
 
@@ -168,17 +176,32 @@ impl SceneOptions {
                 let message = "--adapter names a GPU, but --backend is cpu; drop one of them\n";
                 clap::Error::raw(clap::error::ErrorKind::ArgumentConflict, message).exit()
             }
+            #[cfg(feature = "gpu")]
             ("gpu", name) | ("auto", name @ Some(_)) => BackendChoice::Gpu(name.clone()),
+            #[cfg(not(feature = "gpu"))]
+            ("gpu", _) | (_, Some(_)) => {
+                let message = "this program was built without the feature 'gpu'; give --backend cpu\n";
+                clap::Error::raw(clap::error::ErrorKind::InvalidValue, message).exit()
+            }
             _ => BackendChoice::Auto,
         }
     }
 }
 
+/// Ends the program as a wrong command line does: the scene's own options are right, so that the flags are not.
+fn wrong_option(error: &OptionError) -> String {
+    let message = format!("{}\n", option_message(error));
+    clap::Error::raw(clap::error::ErrorKind::InvalidValue, message).exit()
+}
+
 /// Puts another environment map in the place of a scene's light.
-pub(super) fn override_light(scene: &mut Scene, map: Option<&str>) {
+pub(super) fn override_light(scene: &mut Scene, map: Option<&str>) -> Result<(), String> {
     if let Some(map) = map {
-        scene.environment.light = Light::map(Path::new(""), map, MapLayout::Auto);
+        let (light, notes) = Light::map(Path::new(""), map, MapLayout::Auto).map_err(|e| e.to_string())?;
+        scene.environment.light = light;
+        scene.notes.extend(notes);
     }
+    Ok(())
 }
 
 /// Parses a word as a scene file would.
@@ -190,6 +213,12 @@ pub(super) fn parse_size(text: &str) -> Result<[u32; 2], String> {
     let (width, height) = text.split_once('x').ok_or("give WIDTHxHEIGHT, such as 512x512")?;
     let number = |t: &str| t.parse().map_err(|_| format!("'{t}' is no number of pixels; give WIDTHxHEIGHT"));
     Ok([number(width)?, number(height)?])
+}
+
+/// A number greater than 0.
+pub(super) fn parse_positive(text: &str) -> Result<f64, String> {
+    let number = text.parse().map_err(|_| format!("'{text}' is no number"))?;
+    if number > 0.0 && f64::is_finite(number) { Ok(number) } else { Err("give a number greater than 0".into()) }
 }
 
 pub(super) fn parse_switch(text: &str) -> Result<bool, String> {

@@ -6,13 +6,14 @@ use clap::Args;
 use serde::Serialize;
 
 use pinspot::image::Aov;
-use pinspot::reference::{Account, Estimate, Goal, Options, Quantity, Reference};
-use pinspot::render::Settings;
-use pinspot::scene::{Loaded, Visibility, load};
+use pinspot::reference::{Options, Quantity, Reference, ReferenceError, Statistics, StoppingCriterion, Stored};
+use pinspot::scene::{Loaded, Scene, Visibility, load};
+use pinspot::{Error, Settings};
 
-use super::options::{override_light, parse_size, parse_switch, word};
-use super::progress::Bar;
-use super::render::check_output;
+use super::errors::message;
+use super::options::{override_light, parse_positive, parse_size, parse_switch, word};
+use super::output::check_output;
+use super::progress::Watch;
 
 #[derive(Debug, Args)]
 pub struct ReferenceArgs {
@@ -22,10 +23,10 @@ pub struct ReferenceArgs {
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
     /// Stop when √Σse² / √ΣE² over the image is this small
-    #[arg(long, value_name = "FRACTION", default_value_t = 0.005)]
+    #[arg(long, value_name = "FRACTION", default_value_t = 0.005, value_parser = parse_positive)]
     rel_error: f64,
     /// Stop after this many seconds, whatever is reached; the same command again goes on
-    #[arg(long, value_name = "S")]
+    #[arg(long, value_name = "S", value_parser = parse_positive)]
     seconds: Option<f64>,
     /// What to compute: caustic or direct
     #[arg(long, value_parser = word::<Aov>, value_name = "NAME", default_value = "caustic")]
@@ -48,6 +49,9 @@ pub struct ReferenceArgs {
     /// Environment map instead of the scene's light: a file (.exr, .hdr) or a built-in map's name
     #[arg(long, value_name = "FILE")]
     env: Option<String>,
+    /// Start anew, whatever the file holds
+    #[arg(long)]
+    force: bool,
     /// Print a JSON report on stdout
     #[arg(long)]
     json: bool,
@@ -63,36 +67,35 @@ struct Report<'a> {
     options: &'a Options,
     rel_error: f64,
     #[serde(flatten)]
-    account: Account,
+    statistics: Statistics,
+    seconds: f64,
     warnings: Vec<String>,
 }
 
 pub fn run(args: &ReferenceArgs) -> Result<(), String> {
     check_output(&args.output, &["exr"])?;
-    let Loaded { mut scene, render } = load::<Settings>(&args.scene).map_err(|e| e.to_string())?;
-    override_light(&mut scene, args.env.as_deref());
+    let Loaded { mut scene, render, .. } = load::<Settings>(&args.scene).map_err(|e| e.to_string())?;
+    override_light(&mut scene, args.env.as_deref())?;
     let options = options(args, &render)?;
     let name = scene.name.clone();
-    let goal = Goal { rel_error: args.rel_error, seconds: args.seconds, points: None };
-    let bar = Bar::new(args.quiet);
-    let solved = solve(args, Reference::new(scene, options.clone()), &goal, &bar);
-    bar.finish();
-    let (estimate, mut warnings) = solved.map_err(|e| e.to_string())?;
-    if estimate.rel_error() > goal.rel_error {
+    let watch = Watch::new(args.quiet);
+    let solved = solve(args, scene, &options, &watch);
+    watch.finish();
+    let (stored, mut warnings) = solved.map_err(|e| with_remedy(&e))?;
+    let rel_error = stored.estimate.rel_error();
+    if rel_error > args.rel_error {
         warnings.push(format!(
-            "the time is up at a relative standard error of {:.4}, not {}; the same command goes on from here",
-            estimate.rel_error(),
-            goal.rel_error
+            "the time is up at a relative standard error of {rel_error:.4}, not {}; the same command goes on from here",
+            args.rel_error
         ));
     }
-    for warning in &warnings {
-        eprintln!("pinspot: warning: {warning}");
-    }
+    warnings.iter().for_each(|warning| super::warn(warning));
     if args.json {
-        let rel_error = estimate.rel_error();
-        super::print_json(&Report { scene: &name, options: &options, rel_error, account: estimate.account, warnings })?;
+        let Stored { estimate, seconds } = stored;
+        let statistics = estimate.statistics;
+        super::print_json(&Report { scene: &name, options: &options, rel_error, statistics, seconds, warnings })?;
     } else if !args.quiet {
-        eprintln!("{}", summary(args, &estimate));
+        super::to_stderr(&summary(args, &stored));
     }
     Ok(())
 }
@@ -120,20 +123,32 @@ fn options(args: &ReferenceArgs, render: &Settings) -> Result<Options, String> {
     })
 }
 
-fn solve(
-    args: &ReferenceArgs,
-    reference: Result<Reference, pinspot::Error>,
-    goal: &Goal,
-    bar: &Bar,
-) -> Result<(Estimate, Vec<String>), pinspot::Error> {
-    let reference = reference?;
-    let known = reference.read(&args.output)?;
-    let estimate = reference.solve(goal, known, bar, &mut |estimate| reference.write(&args.output, estimate))?;
-    Ok((estimate, reference.notes))
+/// The estimate, and what was repaired while loading.
+fn solve(args: &ReferenceArgs, scene: Scene, options: &Options, watch: &Watch) -> Result<(Stored, Vec<String>), Error> {
+    let clock = || watch.elapsed();
+    let should_stop = || args.seconds.is_some_and(|most| clock() >= most);
+    let criterion = StoppingCriterion::new(args.rel_error).with_should_stop(&should_stop);
+    let reference = Reference::new(scene, options.clone())?;
+    let known = if args.force { None } else { reference.read(&args.output)? };
+    let stored = reference.solve_in_file(&args.output, known, &criterion, &clock, watch)?;
+    stored.estimate.check_complete()?;
+    Ok((stored, reference.notes))
 }
 
-fn summary(args: &ReferenceArgs, estimate: &Estimate) -> String {
-    let Account { passes, points_per_pixel, seconds, .. } = estimate.account;
+fn with_remedy(error: &Error) -> String {
+    match error {
+        Error::Reference(ReferenceError::Foreign { .. }) => {
+            format!("{error}; give -o another name, or --force to replace it")
+        }
+        Error::Reference(ReferenceError::Incomplete { .. }) => {
+            format!("{error}; the file keeps them, and the same command goes on from there: give it more --seconds")
+        }
+        _ => message(error),
+    }
+}
+
+fn summary(args: &ReferenceArgs, Stored { estimate, seconds }: &Stored) -> String {
+    let Statistics { passes, points_per_pixel, .. } = estimate.statistics;
     format!(
         "{}: relative standard error {:.4}, {points_per_pixel:.0} points a pixel in {passes} passes, {seconds:.1} s in all",
         args.output.display(),

@@ -4,11 +4,18 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 
+use pinspot::blocking::wait;
 use pinspot::image::{Aov, write_exr, write_png};
-use pinspot::render::{Evaluation, Options, Overlay, Rendered, Renderer, Report};
+use pinspot::{
+    Backend, BackendChoice, DisplaySettings, Engine, Error, Evaluation, FilterChoice, Options, Overlay, Rendered,
+    Report, Stage,
+};
+use serde::Serialize;
 
+use super::errors::message;
 use super::options::CommonOptions;
-use super::progress::Bar;
+use super::output::{check_output, extension};
+use super::progress::{Seconds, Watch};
 
 #[derive(Debug, Args)]
 pub struct RenderArgs {
@@ -27,51 +34,48 @@ pub struct RenderArgs {
     quiet: bool,
 }
 
+/// What `--json` prints.
+#[derive(Serialize)]
+struct JsonReport<'a> {
+    #[serde(flatten)]
+    report: &'a Report,
+    seconds: &'a Seconds,
+}
+
 pub fn run(args: &RenderArgs) -> Result<(), String> {
     // What can be known to fail is checked before the long work.
     args.output.iter().try_for_each(|path| check_output(path, &["png", "exr"]))?;
-    let backend = args.options.scene.backend();
+    let choice = args.options.scene.backend();
     let (scene, options) = args.options.load(&args.scene)?;
     check_uses(args, &options)?;
-    let bar = Bar::new(args.quiet);
-    let look = options.look;
-    let rendered = Renderer::new(scene, options, &backend, &bar).and_then(|r| r.render(&bar));
-    bar.finish();
-    let rendered = rendered.map_err(|e| e.to_string())?;
-    for warning in &rendered.report.warnings {
-        eprintln!("pinspot: warning: {warning}");
-    }
+    let watch = Watch::new(args.quiet);
+    let display = options.display;
+    let rendered = open(&choice, &watch).and_then(|backend| {
+        let mut engine = Engine::new(scene, options, backend.clone());
+        wait(backend.device(), engine.render(&watch))
+    });
+    watch.finish();
+    let rendered = rendered.map_err(|e| message(&e))?;
+    rendered.report.warnings.iter().for_each(|warning| super::warn(warning));
     for path in &args.output {
-        write(path, &rendered, &look)?;
+        write(path, &rendered, &display)?;
     }
+    let seconds = watch.seconds();
     if args.json {
-        super::print_json(&rendered.report)?;
+        super::print_json(&JsonReport { report: &rendered.report, seconds: &seconds })?;
     } else if !args.quiet {
-        eprintln!("{}", summary(&rendered.report, &args.output));
+        super::to_stderr(&summary(&rendered.report, &seconds, &args.output));
     }
     Ok(())
 }
 
-fn extension(path: &Path) -> String {
-    path.extension().unwrap_or_default().to_string_lossy().to_lowercase()
-}
-
-/// Whether a file of this name can be written, as far as can be known before.
-pub(super) fn check_output(path: &Path, extensions: &[&str]) -> Result<(), String> {
-    if !extensions.contains(&extension(path).as_str()) {
-        let endings = extensions.join(" or .");
-        return Err(format!("cannot write '{}': give a file that ends in .{endings}", path.display()));
-    }
-    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    if folder.is_dir() {
-        Ok(())
-    } else {
-        Err(format!(
-            "cannot write '{}': the folder '{}' does not exist; create it first",
-            path.display(),
-            folder.display()
-        ))
-    }
+/// Opens a back end.
+pub(super) fn open(choice: &BackendChoice, watch: &Watch) -> Result<Backend, Error> {
+    use pinspot::Progress;
+    watch.begin(Stage::Device, 1);
+    let backend = wait(None, Backend::open(choice));
+    watch.end(Stage::Device);
+    backend
 }
 
 /// Refuses what would be asked for in vain.
@@ -90,15 +94,37 @@ fn check_uses(args: &RenderArgs, options: &Options) -> Result<(), String> {
             ));
         }
     }
+    for (option, given) in [
+        ("--exposure", args.options.scene.exposure.is_some()),
+        ("--background-exposure", args.options.background_exposure.is_some()),
+    ] {
+        if given && !png {
+            return Err(format!(
+                "{option} changes what is displayed, which an .exr does not hold; give a .png or drop it"
+            ));
+        }
+    }
     if options.aovs.len() > 1 && !args.output.iter().any(|path| extension(path) == "exr") {
         return Err("a .png holds one picture, but --aov names several; give an .exr with -o for all of them".into());
+    }
+    check_sampling_uses(args, options)
+}
+
+/// Refuses options of the technique that nothing would use.
+fn check_sampling_uses(args: &RenderArgs, options: &Options) -> Result<(), String> {
+    let is_flat = options.evaluation == pinspot::EvaluationChoice::Flat;
+    if args.options.tolerance.is_some() && is_flat {
+        return Err("--tolerance is that of a hierarchy, but --evaluation is flat; drop one of them".into());
+    }
+    if args.options.scene.taps.is_some() && options.filter == FilterChoice::None {
+        return Err("--taps are those of a filter, but --filter is none; drop one of them".into());
     }
     Ok(())
 }
 
-fn write(path: &Path, rendered: &Rendered, look: &pinspot::render::Look) -> Result<(), String> {
+fn write(path: &Path, rendered: &Rendered, display: &DisplaySettings) -> Result<(), String> {
     let written = if extension(path) == "png" {
-        write_png(path, &rendered.shown(look))
+        write_png(path, &rendered.displayed(display))
     } else {
         let layers: Vec<_> = rendered.layers.iter().map(|(aov, image)| (aov.name(), image)).collect();
         write_exr(path, &layers)
@@ -106,33 +132,30 @@ fn write(path: &Path, rendered: &Rendered, look: &pinspot::render::Look) -> Resu
     written.map_err(|e| e.to_string())
 }
 
-/// How many, and how they were summed.
+/// How many samples there are, and how they were summed.
 fn samples(report: &Report) -> String {
     match report.evaluation {
-        Evaluation::Flat { leaves: 1 } => format!("{} samples", report.samples),
-        Evaluation::Flat { leaves } => format!("{} samples of {leaves} leaves, one by one", report.samples),
-        Evaluation::Hierarchical { leaves, .. } => format!("{} samples of {leaves} leaves", report.samples),
+        None => "no samples".to_owned(),
+        Some(Evaluation::Flat { leaves: 1 }) => format!("{} samples", report.samples),
+        Some(Evaluation::Flat { leaves }) => format!("{} samples of {leaves} leaves, one by one", report.samples),
+        Some(Evaluation::Hierarchical { leaves, .. }) => format!("{} samples of {leaves} leaves", report.samples),
     }
 }
 
-fn summary(report: &Report, outputs: &[PathBuf]) -> String {
-    let on = &report.backend;
+fn summary(report: &Report, seconds: &Seconds, outputs: &[PathBuf]) -> String {
+    use Stage::{Caustic, Direct, Display, Estimate, PathEnds, Paths, Rays, Shading};
+    let picture = seconds.of(&[Rays, Caustic, Direct, Paths, PathEnds, Shading, Display, Estimate]);
     let files: Vec<String> = outputs.iter().map(|p| p.display().to_string()).collect();
-    let seconds = &report.seconds;
-    let preparing = seconds.environment
-        + seconds.sampling
-        + seconds.differentials
-        + seconds.tree
-        + seconds.visibility
-        + seconds.backend;
     format!(
-        "{}: {}x{} pixels, {}, on {on}: {:.1} s (preparing {preparing:.1} s, gather {:.1} s, {:.0} look-ups a pixel)",
+        "{}: {}x{} pixels, {}, on {}: {:.1} s (preparing {:.1} s, caustic {:.1} s, {:.0} look-ups a pixel)",
         files.join(", "),
         report.size[0],
         report.size[1],
         samples(report),
-        preparing + seconds.render,
-        seconds.gather,
+        report.backend,
+        seconds.total,
+        (seconds.total - picture).max(0.0),
+        seconds.of(&[Caustic, PathEnds, Estimate]),
         report.lookups,
     )
 }

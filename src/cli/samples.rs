@@ -1,21 +1,25 @@
 //! `pinspot samples`.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 use serde::Serialize;
 
 use pinspot::Progress;
-use pinspot::differential::{differentials, write_ply};
-use pinspot::image::{write_atomically, write_png};
-use pinspot::render::{Settings, place_samples};
+use pinspot::image::write_atomically;
+#[cfg(feature = "report")]
+use pinspot::image::write_png;
+use pinspot::low_level::differential::{differentials, write_ply};
+use pinspot::low_level::sampling::{Development, Options, PointSet, Quality, Spectrum, Surface, quality, study};
+#[cfg(feature = "report")]
 use pinspot::report::spectrum_picture;
-use pinspot::sampling::{Density, Development, Options, PointSet, Quality, Spectrum, Surface, quality, study};
 use pinspot::scene::load;
+use pinspot::{Density, Settings, Stage, Strategy, place_samples};
 
+use super::errors::{message, option_message};
 use super::options::SamplingOptions;
-use super::progress::Bar;
-use super::render::check_output;
+use super::output::check_output;
+use super::progress::Watch;
 
 #[derive(Debug, Args)]
 pub struct SamplesArgs {
@@ -30,6 +34,7 @@ pub struct SamplesArgs {
     #[arg(long, value_name = "K", default_value_t = 10, value_parser = clap::value_parser!(u32).range(1..=1000))]
     sets: u32,
     /// Write a picture of the power spectrum (.png); frequency 0 in the middle, white noise is a quarter grey
+    #[cfg(feature = "report")]
     #[arg(long, value_name = "FILE.png")]
     spectrum: Option<PathBuf>,
     /// Print the figures as JSON on stdout
@@ -40,10 +45,23 @@ pub struct SamplesArgs {
     quiet: bool,
 }
 
+impl SamplesArgs {
+    #[cfg(feature = "report")]
+    fn spectrum(&self) -> Option<&Path> {
+        self.spectrum.as_deref()
+    }
+
+    /// Without the feature `report` there are no such pictures.
+    #[cfg(not(feature = "report"))]
+    fn spectrum(&self) -> Option<&Path> {
+        None
+    }
+}
+
 #[derive(Serialize)]
 struct Figures {
     requested: u32,
-    strategy: pinspot::sampling::Strategy,
+    strategy: Strategy,
     density: Density,
     seed: u64,
     /// Samples in the file; one that no part of the surface is nearest to is left out.
@@ -58,7 +76,7 @@ struct Figures {
 
 pub fn run(args: &SamplesArgs) -> Result<(), String> {
     check_output(&args.output, &["ply"])?;
-    if let Some(path) = &args.spectrum {
+    if let Some(path) = args.spectrum() {
         check_output(path, &["png"])?;
     }
     let loaded = load::<Settings>(&args.scene).map_err(|e| e.to_string())?;
@@ -69,21 +87,19 @@ pub fn run(args: &SamplesArgs) -> Result<(), String> {
         seed: args.options.seed,
         ..Default::default()
     };
-    let render = loaded.render.overridden_by(over).options().map_err(|e| e.to_string())?;
-    for note in &loaded.scene.notes {
-        eprintln!("pinspot: warning: {note}");
-    }
+    let render = loaded.render.overridden_by(over).options().map_err(|e| option_message(&e))?;
+    loaded.scene.notes.iter().for_each(|note| super::warn(note));
     let surface = Surface::of_scene(&loaded.scene);
     let development = Development::of(&surface);
-    if args.spectrum.is_some() && development.is_none() {
+    if args.spectrum().is_some() && development.is_none() {
         let message =
             "--spectrum needs reflectors that unroll into a rectangle: one flat rectangle or one whole cylinder";
         return Err(format!("{}: {message}", loaded.scene.name));
     }
-    let bar = Bar::new(args.quiet);
-    bar.begin("sampling the reflectors", 3);
+    let bar = Watch::new(args.quiet);
+    bar.begin(Stage::Points, 3);
     let options = Options { samples: render.samples, strategy: render.strategy, seed: render.seed };
-    let set = place_samples(&loaded.scene, &render).map_err(|e| e.to_string())?;
+    let set = place_samples(&loaded.scene, &render).map_err(|e| message(&e))?;
     bar.advance(1);
     let samples = differentials(&set);
     bar.advance(1);
@@ -91,9 +107,11 @@ pub fn run(args: &SamplesArgs) -> Result<(), String> {
         Some(d) => study(&surface, Some(d), &options, args.sets).map_err(|e| e.to_string())?.spectrum,
         None => None,
     };
+    bar.end(Stage::Points);
     bar.finish();
     write_atomically(&args.output, |out| write_ply(&samples, out).map_err(|e| e.to_string()))
         .map_err(|e| e.to_string())?;
+    #[cfg(feature = "report")]
     if let (Some(path), Some(spectrum)) = (&args.spectrum, &spectrum) {
         write_png(path, &spectrum_picture(spectrum)).map_err(|e| e.to_string())?;
     }

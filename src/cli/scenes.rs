@@ -2,7 +2,7 @@
 
 use clap::Args;
 
-use pinspot::environment::BUILT_IN_MAPS;
+use pinspot::low_level::environment::BUILT_IN_MAPS;
 use pinspot::scene::BUILT_IN;
 
 #[derive(Debug, Args)]

@@ -50,11 +50,25 @@ pub enum Device<'a> {
     Gpu(&'a Gpu),
 }
 
-impl Device<'_> {
-    fn probe(self, pattern: Pattern, filter: Filter, taps: u32, probes: &[Probe]) -> Result<Vec<[f32; 4]>, GpuError> {
+impl<'a> Device<'a> {
+    /// The wgpu device; `None` for the CPU.
+    pub fn wgpu_device(self) -> Option<&'a wgpu::Device> {
+        match self {
+            Self::Cpu => None,
+            Self::Gpu(gpu) => Some(&gpu.device),
+        }
+    }
+
+    async fn probe(
+        self,
+        pattern: Pattern,
+        filter: Filter,
+        taps: u32,
+        probes: &[Probe],
+    ) -> Result<Vec<[f32; 4]>, GpuError> {
         match self {
             Self::Cpu => Ok(cpu::probe(pattern.cube(), filter, taps, probes)),
-            Self::Gpu(device) => gpu::probe(device, pattern.cube(), filter, taps, probes),
+            Self::Gpu(device) => gpu::probe(device, pattern.cube(), filter, taps, probes).await,
         }
     }
 
@@ -123,7 +137,7 @@ const RIGHT: f64 = 0.07;
 const SEES_DIRECTION: f64 = 0.5;
 
 /// Tries all filters on a device. `progress` is told of every pattern that a filter is done with.
-pub fn examine(device: Device, progress: &dyn Fn()) -> Result<Conformance, GpuError> {
+pub async fn examine(device: Device<'_>, progress: &dyn Fn()) -> Result<Conformance, GpuError> {
     let cases = cases();
     let exact: Vec<Vec<f64>> = PATTERNS.iter().map(|pattern| means(pattern.cube(), &cases)).collect();
     let mut results = Vec::new();
@@ -132,7 +146,7 @@ pub fn examine(device: Device, progress: &dyn Fn()) -> Result<Conformance, GpuEr
         let mut fetches = 0.0;
         for pattern in PATTERNS {
             let probes: Vec<Probe> = cases.iter().map(|c| c.probe).collect();
-            let got = device.probe(pattern, filter, taps, &probes)?;
+            let got = device.probe(pattern, filter, taps, &probes).await?;
             fetches += got.iter().map(|g| f64::from(g[3])).sum::<f64>();
             answers.push(got.iter().map(|g| f64::from(g[0])).collect::<Vec<f64>>());
             progress();
@@ -142,7 +156,7 @@ pub fn examine(device: Device, progress: &dyn Fn()) -> Result<Conformance, GpuEr
     }
     let (device, auto) = match device {
         Device::Cpu => ("CPU".to_owned(), Filter::Anisotropic),
-        Device::Gpu(gpu) => (gpu.adapter.to_string(), gpu::automatic_filter(gpu)?),
+        Device::Gpu(gpu) => (gpu.adapter.to_string(), gpu::automatic_filter(gpu).await?),
     };
     Ok(Conformance { device, auto, results, footprints: cases.len() })
 }

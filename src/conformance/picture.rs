@@ -20,14 +20,14 @@ const ANGLE_RAD: f32 = 0.5;
 
 /// The zone plate of one face under footprints of 16 × 1 texels: the exact means, then one tile for every filter of
 /// [`Device::filters`]. Display-linear.
-pub fn zone_plates(device: Device) -> Result<Image, GpuError> {
+pub async fn zone_plates(device: Device<'_>) -> Result<Image, GpuError> {
     let cube = Pattern::ZonePlate.cube();
     let at = |k: usize| 1.9 * ((k as f32 + 0.5) / TILE as f32 - 0.5);
     let probes: Vec<Probe> =
         (0..TILE * TILE).map(|k| footprint(4, at(k % TILE), at(k / TILE), ANGLE_RAD, TEXELS)).collect();
     let mut tiles: Vec<Vec<f32>> = vec![probes.par_iter().map(|p| mean(cube, p, TEXELS) as f32).collect()];
     for (filter, taps) in device.filters() {
-        let got = device.probe(Pattern::ZonePlate, filter, taps, &probes)?;
+        let got = device.probe(Pattern::ZonePlate, filter, taps, &probes).await?;
         tiles.push(got.iter().map(|g| g[0]).collect());
     }
     let width = tiles.len() * (TILE + GAP) - GAP;

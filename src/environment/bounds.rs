@@ -78,6 +78,7 @@ impl LightBounds {
         bounds
     }
 
+    #[cfg(feature = "gpu")]
     /// The levels, the finest first: texels along an edge, and those of all faces.
     pub(crate) fn levels(&self) -> impl Iterator<Item = (u32, &[Bound])> {
         self.levels.iter().map(|l| (l.size as u32, &self.texels[l.offset..][..FACES * l.size * l.size]))

@@ -1,5 +1,11 @@
 //! The maps of `envmaps/`, embedded.
 
+use std::sync::Arc;
+
+use super::EnvironmentError;
+use crate::image::RgbImage;
+use crate::scene::{EnvironmentMap, MapError, MapLayout};
+
 /// A built-in map.
 #[derive(Clone, Copy, Debug)]
 pub struct BuiltInMap {
@@ -11,13 +17,19 @@ pub struct BuiltInMap {
     pub exr: &'static [u8],
 }
 
+#[cfg(feature = "builtin-maps")]
 macro_rules! maps {
     ($($name:literal: $about:literal,)*) => {
         &[$(BuiltInMap { name: $name, about: $about, exr: include_bytes!(concat!("../../envmaps/", $name, ".exr")) }),*]
     };
 }
 
-/// All built-in maps.
+/// All built-in maps; none without the feature `builtin-maps`.
+#[cfg(not(feature = "builtin-maps"))]
+pub const BUILT_IN_MAPS: &[BuiltInMap] = &[];
+
+/// All built-in maps; none without the feature `builtin-maps`.
+#[cfg(feature = "builtin-maps")]
 pub const BUILT_IN_MAPS: &[BuiltInMap] = maps! {
     "clear-sky": "a clear sky with a true sun",
     "overcast": "an overcast sky",
@@ -26,35 +38,45 @@ pub const BUILT_IN_MAPS: &[BuiltInMap] = maps! {
     "city": "a city at night",
 };
 
+/// A built-in map, decoded.
+pub(crate) fn built_in_map(name: &str) -> Result<EnvironmentMap, EnvironmentError> {
+    let map = BUILT_IN_MAPS.iter().find(|map| map.name == name);
+    let map = map.ok_or_else(|| EnvironmentError::UnknownBuiltIn { name: name.into() })?;
+    let name = format!("{name}.exr");
+    let (image, _) = RgbImage::decode(&name, map.exr).map_err(MapError::from)?;
+    Ok(EnvironmentMap::new(vec![(name, Arc::new(image))], MapLayout::Latlong)?)
+}
+
 pub(super) fn names() -> String {
+    if BUILT_IN_MAPS.is_empty() {
+        return "none, as this program was built without the feature 'builtin-maps'".to_owned();
+    }
     BUILT_IN_MAPS.iter().map(|m| m.name).collect::<Vec<_>>().join(", ")
 }
 
-#[cfg(test)]
+#[cfg(all(test, feature = "builtin-maps"))]
 mod tests {
     use super::*;
-    use crate::environment::{RgbImage, texel_solid_angle_sr};
-    use std::path::Path;
+    use crate::environment::texel_solid_angle_sr;
 
     #[test]
     fn maps_are_small_equirectangular_and_bright_enough() {
         for map in BUILT_IN_MAPS {
             assert!(map.exr.len() <= 1 << 20, "{}: {} bytes", map.name, map.exr.len());
-            let (image, note) = RgbImage::decode(Path::new(map.name), "exr", map.exr).unwrap();
+            let (image, note) = RgbImage::decode("map.exr", map.exr).unwrap();
             assert!(image.width == 2 * image.height && note.is_none(), "{}", map.name);
         }
         // The clear sky's sun is a true one: far beyond half floats.
-        let (sky, _) = RgbImage::decode(Path::new("sky"), "exr", BUILT_IN_MAPS[0].exr).unwrap();
+        let (sky, _) = RgbImage::decode("sky.exr", BUILT_IN_MAPS[0].exr).unwrap();
         assert!(sky.pixels.iter().any(|p| p[1] > 65504.0));
     }
 
     #[test]
     fn the_suns_energy_survives_the_cube_map() {
-        use crate::scene::{EnvironmentSource, Light};
+        use crate::scene::Light;
         let light = Light::BuiltInMap("clear-sky".into());
-        let source = EnvironmentSource { light, rotation_rad: 0.0, intensity: 1.0 };
-        let environment = crate::environment::Environment::load(&source, Default::default()).unwrap();
-        let (sky, _) = RgbImage::decode(Path::new("sky"), "exr", BUILT_IN_MAPS[0].exr).unwrap();
+        let environment = crate::environment::Environment::new(&light, Default::default()).unwrap();
+        let (sky, _) = RgbImage::decode("sky.exr", BUILT_IN_MAPS[0].exr).unwrap();
         let row_sr = |y: usize| {
             let edge = |k: usize| (std::f64::consts::PI * k as f64 / sky.height as f64).cos();
             (edge(y) - edge(y + 1)) * std::f64::consts::TAU / sky.width as f64

@@ -1,19 +1,19 @@
-//! Radiance by direction, in world space, at the light's own resolution.
+//! Radiance by direction, in the light's own frame and at its own resolution.
 
-use std::path::Path;
+use std::borrow::Cow;
 
-use glam::{Mat3, Vec3};
+use glam::Vec3;
 
 use super::layout::Layout;
-use super::{BUILT_IN_MAPS, EnvironmentError, RgbImage};
-use crate::scene::{EnvironmentSource, Light, MapLayout};
+use super::{EnvironmentError, built_in_map};
+use crate::scene::{Light, MAX_RADIANCE};
 
-/// A light around the scene.
+/// The radiance of a light around the scene, before it is rotated and scaled.
 #[derive(Clone, Debug)]
-pub struct Field {
+pub struct EnvironmentRadiance {
     kind: Kind,
-    light_from_world: Mat3,
-    intensity: f32,
+    /// The largest radiance of a channel, W/(m²·sr).
+    brightest: f32,
 }
 
 #[derive(Clone, Debug)]
@@ -23,65 +23,101 @@ enum Kind {
     Constant(Vec3),
 }
 
-impl Field {
-    /// Reads the light's files. The second part of the result notes what was repaired.
-    pub fn load(source: &EnvironmentSource) -> Result<(Self, Vec<String>), EnvironmentError> {
-        let mut notes = Vec::new();
-        let mut read = |path: &Path| -> Result<RgbImage, EnvironmentError> {
-            let (image, note) = RgbImage::load(path)?;
-            notes.extend(note);
-            Ok(image)
-        };
-        let kind = match &source.light {
+impl Kind {
+    /// The least and the largest radiance of a channel.
+    fn range(&self) -> [f32; 2] {
+        match self {
+            Self::Map(layout) => [0.0, layout.brightest()],
+            // A NaN makes a minimum of NaN.
+            Self::Spot { radiance, .. } | Self::Constant(radiance) if radiance.is_nan() => [f32::NAN; 2],
+            Self::Spot { radiance, .. } | Self::Constant(radiance) => [radiance.min_element(), radiance.max_element()],
+        }
+    }
+}
+
+impl EnvironmentRadiance {
+    /// The light that a scene describes.
+    pub fn new(light: &Light) -> Result<Self, EnvironmentError> {
+        let invalid = |what: &str| Err(EnvironmentError::Invalid { what: what.into() });
+        let kind = match light {
             Light::Constant(radiance) => Kind::Constant(*radiance),
+            Light::Spot { direction, .. } if !direction.is_normalized() => {
+                return invalid("the direction of its spot is not of unit length");
+            }
+            Light::Spot { sigma_rad, .. } if !(1e-4..=1.0).contains(sigma_rad) => {
+                return invalid("the σ of its spot is not from 0.0001 to 1");
+            }
             Light::Spot { direction, sigma_rad, radiance } => {
                 Kind::Spot { direction: *direction, sigma_rad: *sigma_rad, radiance: *radiance }
             }
-            Light::BuiltInMap(name) => Kind::Map(built_in(name)?),
-            Light::Map { files, layout } => {
-                let paths: Vec<&Path> = files.iter().map(AsRef::as_ref).collect();
-                let images = paths.iter().map(|path| read(path)).collect::<Result<_, _>>()?;
-                Kind::Map(Layout::new(&paths, images, *layout)?)
-            }
+            Light::BuiltInMap(name) => Kind::Map(Layout::new(&built_in_map(name)?)),
+            Light::Map(map) => Kind::Map(Layout::new(map)),
         };
-        let light_from_world = Mat3::from_rotation_y(-source.rotation_rad);
-        Ok((Self { kind, light_from_world, intensity: source.intensity }, notes))
+        // A built-in map is decoded only here, so a scene's own check has not seen it.
+        let [darkest, brightest] = kind.range();
+        if !(darkest >= 0.0 && brightest <= MAX_RADIANCE) {
+            return invalid("its radiance must be from 0 to 1e36");
+        }
+        Ok(Self { kind, brightest })
     }
 
-    /// Radiance that arrives from a unit direction in world space, W/(m²·sr).
-    pub fn radiance(&self, direction_in_world: Vec3) -> Vec3 {
-        self.look_up(direction_in_world, Layout::radiance)
+    /// Whether an intensity and a rotation in radians leave everything within range.
+    ///
+    /// # Errors
+    /// An intensity that is negative or not finite, that makes the light too bright, or a rotation that is not finite.
+    pub fn check_placement(&self, intensity: f32, rotation_rad: f32) -> Result<(), EnvironmentError> {
+        let invalid = |what: &str| Err(EnvironmentError::Invalid { what: what.into() });
+        if !rotation_rad.is_finite() {
+            return invalid("its rotation is not a finite number");
+        }
+        if !(intensity >= 0.0 && self.brightest.max(1.0) * intensity.max(1.0) <= MAX_RADIANCE) {
+            return invalid("its radiance, its intensity and their product must be from 0 to 1e36");
+        }
+        Ok(())
+    }
+
+    /// Radiance that arrives from a unit direction in the light's frame, W/(m²·sr).
+    pub fn radiance(&self, direction: Vec3) -> Vec3 {
+        self.look_up(direction, Layout::radiance)
     }
 
     /// Puts the radiance in place of each of many unit directions; much faster than one by one for equirectangular maps.
-    pub fn radiance_of_all(&self, directions_in_world: &mut [Vec3]) {
+    pub fn radiance_of_all(&self, directions: &mut [Vec3]) {
         match &self.kind {
-            Kind::Map(layout) => {
-                directions_in_world.iter_mut().for_each(|d| *d = self.light_from_world * *d);
-                layout.radiance_of_all(directions_in_world);
-                directions_in_world.iter_mut().for_each(|radiance| *radiance *= self.intensity);
-            }
-            _ => directions_in_world.iter_mut().for_each(|d| *d = self.radiance(*d)),
+            Kind::Map(layout) => layout.radiance_of_all(directions),
+            _ => directions.iter_mut().for_each(|d| *d = self.radiance(*d)),
         }
     }
 
     /// The same, reconstructed more smoothly: for the eye, not for measurements.
-    pub fn smooth_radiance(&self, direction_in_world: Vec3) -> Vec3 {
-        self.look_up(direction_in_world, Layout::smooth_radiance)
+    pub fn smooth_radiance(&self, direction: Vec3) -> Vec3 {
+        self.look_up(direction, Layout::smooth_radiance)
     }
 
-    fn look_up(&self, direction_in_world: Vec3, in_map: impl Fn(&Layout, Vec3) -> Vec3) -> Vec3 {
-        let d = self.light_from_world * direction_in_world;
-        self.intensity
-            * match &self.kind {
-                Kind::Map(layout) => in_map(layout, d),
-                Kind::Constant(radiance) => *radiance,
-                Kind::Spot { direction, sigma_rad, radiance } => {
-                    // The chord gives small angles without the cancellation of acos.
-                    let angle = 2.0 * (0.5 * (d - *direction).length()).min(1.0).asin();
-                    *radiance * (-0.5 * (angle / sigma_rad).powi(2)).exp()
-                }
+    fn look_up(&self, d: Vec3, in_map: impl Fn(&Layout, Vec3) -> Vec3) -> Vec3 {
+        match &self.kind {
+            Kind::Map(layout) => in_map(layout, d),
+            Kind::Constant(radiance) => *radiance,
+            Kind::Spot { direction, sigma_rad, radiance } => {
+                // The chord gives small angles without the cancellation of acos.
+                let angle = 2.0 * (0.5 * (d - *direction).length()).min(1.0).asin();
+                *radiance * (-0.5 * (angle / sigma_rad).powi(2)).exp()
             }
+        }
+    }
+
+    /// The light to be averaged over cells `texel_rad` wide on a grid of 64² points: a spot that would fall between them is
+    /// made as wide as they are apart, and dimmer, so that its energy stays.
+    pub(super) fn resolved_by(&self, texel_rad: f32) -> Cow<'_, Self> {
+        let least_sigma_rad = texel_rad / 32.0;
+        match self.kind {
+            Kind::Spot { direction, sigma_rad, radiance } if sigma_rad < least_sigma_rad => {
+                let radiance = radiance * (sigma_rad / least_sigma_rad).powi(2);
+                let kind = Kind::Spot { direction, sigma_rad: least_sigma_rad, radiance };
+                Cow::Owned(Self { kind, brightest: radiance.max_element() })
+            }
+            _ => Cow::Borrowed(self),
+        }
     }
 
     /// The smallest angle over which the radiance changes much, radians; `None` for a constant.
@@ -107,31 +143,54 @@ impl Field {
     }
 }
 
-fn built_in(name: &str) -> Result<Layout, EnvironmentError> {
-    let map = BUILT_IN_MAPS
-        .iter()
-        .find(|m| m.name == name)
-        .ok_or_else(|| EnvironmentError::UnknownBuiltIn { name: name.into() })?;
-    let path = Path::new(name);
-    let (image, _) = RgbImage::decode(path, "exr", map.exr)?;
-    Layout::new(&[path], vec![image], MapLayout::Latlong)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
     fn a_spot_has_the_radiance_and_solid_angle_of_its_definition() {
-        let source = EnvironmentSource {
-            light: Light::Spot { direction: Vec3::Z, sigma_rad: 0.1, radiance: Vec3::splat(3.0) },
-            rotation_rad: std::f32::consts::FRAC_PI_2,
-            intensity: 2.0,
-        };
-        let (field, _) = Field::load(&source).unwrap();
-        // A quarter turn about +Y takes +Z to +X.
-        assert!((field.radiance(Vec3::X).x - 6.0).abs() < 1e-5);
+        let light = Light::Spot { direction: Vec3::X, sigma_rad: 0.1, radiance: Vec3::splat(6.0) };
+        let spot = EnvironmentRadiance::new(&light).unwrap();
+        assert!((spot.radiance(Vec3::X).x - 6.0).abs() < 1e-5);
         let off = Vec3::new(0.1f32.cos(), 0.0, 0.1f32.sin());
-        assert!((field.radiance(off).x - 6.0 * (-0.5f32).exp()).abs() < 1e-4);
+        assert!((spot.radiance(off).x - 6.0 * (-0.5f32).exp()).abs() < 1e-4);
+    }
+
+    #[test]
+    fn a_spot_keeps_its_energy_in_a_cube_map_of_any_size() {
+        use crate::environment::{CubeSize, Environment, texel_solid_angle_sr};
+        let tilted = Vec3::new(0.3, 0.8, -0.4).normalize();
+        for (direction, sigma_rad) in [(Vec3::Y, 1e-4), (tilted, 1e-4), (tilted, 2e-3), (tilted, 0.02)] {
+            for size in [16, 64, 256] {
+                let light = Light::Spot { direction, sigma_rad, radiance: Vec3::ONE };
+                let cube = Environment::new(&light, CubeSize::Texels(size)).unwrap().cube;
+                let texel = |(k, t): (usize, &glam::Vec4)| {
+                    let k = k as u32 % (size * size);
+                    f64::from(t.y) * texel_solid_angle_sr(size, k % size, k / size)
+                };
+                let energy: f64 = cube.level(0).iter().enumerate().map(texel).sum();
+                let expected = std::f64::consts::TAU * f64::from(sigma_rad).powi(2);
+                assert!((energy / expected - 1.0).abs() < 0.01, "σ {sigma_rad}, {size}: {}", energy / expected);
+            }
+        }
+    }
+
+    #[test]
+    fn lights_made_in_code_are_checked() {
+        let refused = |light: Light, rotation_rad: f32, intensity: f32| {
+            let placed = EnvironmentRadiance::new(&light).and_then(|r| r.check_placement(intensity, rotation_rad));
+            placed.unwrap_err().to_string()
+        };
+        let white = || Light::Constant(Vec3::ONE);
+        let spot = |direction, sigma_rad| Light::Spot { direction, sigma_rad, radiance: Vec3::ONE };
+        assert!(refused(white(), f32::NAN, 1.0).contains("rotation"));
+        assert!(refused(white(), 0.0, f32::NAN).contains("intensity"));
+        assert!(refused(white(), 0.0, -1.0).contains("intensity"));
+        assert!(refused(Light::Constant(Vec3::splat(f32::NAN)), 0.0, 1.0).contains("radiance"));
+        assert!(refused(Light::Constant(Vec3::splat(1e30)), 0.0, 1e30).contains("product"));
+        assert!(refused(Light::BuiltInMap("clear-sky".into()), 0.0, 1e36).contains("product"));
+        assert!(refused(spot(Vec3::ZERO, 0.1), 0.0, 1.0).contains("unit length"));
+        assert!(refused(spot(Vec3::Y, 0.0), 0.0, 1.0).contains("σ"));
+        assert!(refused(Light::BuiltInMap("clear".into()), 0.0, 1.0).contains("clear-sky"));
     }
 }

@@ -18,21 +18,18 @@ const LANES: usize = 16;
 /// ∫ L ω dω over a cell, for R, G and B, component by component: of sixteen cells.
 type VectorIrradiance = [[[f32; LANES]; 3]; 3];
 
-impl CubeMap {
-    /// Irradiance by normal, W/m², where this is the radiance by direction: a cube map with one level.
-    #[must_use]
-    pub fn irradiance(&self) -> Self {
-        let cells = cells(self);
-        let level = Level::new();
-        let centre = |i: u32| 2.0 * (i as f32 + 0.5) / SIZE as f32 - 1.0;
-        let texel = |k: u32| {
-            let face = (k / (SIZE * SIZE)) as usize;
-            let normal = face_direction(face, centre(k % SIZE), centre(k / SIZE % SIZE)).normalize();
-            dispatch!(level, simd => lambert_sum(simd, normal, &cells))
-        };
-        let texels: Vec<Vec3> = (0..FACES as u32 * SIZE * SIZE).into_par_iter().map(texel).collect();
-        Self::from_texels(SIZE, &texels, false)
-    }
+/// The irradiance of an unoccluded receiver for every normal, W/m², as a cube map with one level.
+pub fn irradiance_map(radiance: &CubeMap) -> CubeMap {
+    let cells = cells(radiance);
+    let level = Level::new();
+    let centre = |i: u32| 2.0 * (i as f32 + 0.5) / SIZE as f32 - 1.0;
+    let texel = |k: u32| {
+        let face = (k / (SIZE * SIZE)) as usize;
+        let normal = face_direction(face, centre(k % SIZE), centre(k / SIZE % SIZE)).normalize();
+        dispatch!(level, simd => lambert_sum(simd, normal, &cells))
+    };
+    let texels: Vec<Vec3> = (0..FACES as u32 * SIZE * SIZE).into_par_iter().map(texel).collect();
+    CubeMap::from_texels(SIZE, &texels, false)
 }
 
 /// Σ max(0, n·v) over all cells, channel by channel.
@@ -80,7 +77,7 @@ mod tests {
     #[test]
     fn constant_radiance_gives_pi_times_it() {
         let cube = CubeMap::from_radiance(64, None, |_| Vec3::new(1.0, 2.0, 0.0));
-        let map = cube.irradiance();
+        let map = irradiance_map(&cube);
         for n in [Vec3::X, Vec3::Y, Vec3::new(0.3, -0.8, 0.5).normalize()] {
             assert!(map.fetch(n, 0.0).abs_diff_eq(Vec3::new(PI, 2.0 * PI, 0.0), 0.01), "{}", map.fetch(n, 0.0));
         }
@@ -90,7 +87,7 @@ mod tests {
     fn a_small_light_follows_lamberts_cosine() {
         let towards = Vec3::new(0.2, 0.9, 0.4).normalize();
         let spot = |d: Vec3| Vec3::splat((-((d - towards).length() / 0.02).powi(2)).exp());
-        let map = CubeMap::from_radiance(256, Some(0.02), spot).irradiance();
+        let map = irradiance_map(&CubeMap::from_radiance(256, Some(0.02), spot));
         let full = map.fetch(towards, 0.0).x;
         for n in [Vec3::Y, Vec3::X, Vec3::new(0.5, 0.5, -0.6).normalize()] {
             let expected = full * n.dot(towards).max(0.0);

@@ -5,36 +5,35 @@
 //! six faces come in WebGPU's order and orientation.
 
 use std::f32::consts::{FRAC_PI_2, FRAC_PI_4, PI, TAU};
-use std::path::Path;
+use std::sync::Arc;
 
 use fearless_simd::{Level, Select, Simd, SimdBase, SimdFloat, dispatch, f32x16, u32x16};
 use glam::{Vec2, Vec3, Vec3A};
 
 use super::cube::face_of_direction;
-use super::{EnvironmentError, RgbImage};
-use crate::scene::MapLayout;
+use crate::image::RgbImage;
+use crate::scene::{EnvironmentMap, MapLayout};
 
 /// An image that knows which direction each of its points shows.
 #[derive(Clone, Debug)]
 pub(super) enum Layout {
-    Latlong(RgbImage),
-    Angular(RgbImage),
+    Latlong(Arc<RgbImage>),
+    Angular(Arc<RgbImage>),
     /// +X −X +Y −Y +Z −Z.
-    Faces(Box<[RgbImage; 6]>),
+    Faces(Box<[Arc<RgbImage>; 6]>),
 }
 
 impl Layout {
     /// From one image, or six.
-    pub fn new(paths: &[&Path], mut images: Vec<RgbImage>, layout: MapLayout) -> Result<Self, EnvironmentError> {
-        Ok(match resolve_layout(paths, &images, layout)? {
-            MapLayout::Latlong => Self::Latlong(images.swap_remove(0)),
-            MapLayout::Angular => Self::Angular(images.swap_remove(0)),
+    pub fn new(map: &EnvironmentMap) -> Self {
+        let images = map.images();
+        match map.layout() {
+            MapLayout::Latlong => Self::Latlong(images[0].clone()),
+            MapLayout::Angular => Self::Angular(images[0].clone()),
             MapLayout::VerticalCross => from_cross(&images[0], images[0].width / 3, true),
             MapLayout::HorizontalCross => from_cross(&images[0], images[0].width / 4, false),
-            MapLayout::Faces | MapLayout::Auto => {
-                Self::Faces(Box::new(images.try_into().expect("the layout of six images is faces")))
-            }
-        })
+            MapLayout::Faces | MapLayout::Auto => Self::Faces(Box::new([0, 1, 2, 3, 4, 5].map(|k| images[k].clone()))),
+        }
     }
 
     /// Radiance from a unit direction.
@@ -88,6 +87,15 @@ impl Layout {
         0.25 * offsets.map(tap).into_iter().sum::<Vec3>()
     }
 
+    /// The largest radiance of a channel.
+    pub fn brightest(&self) -> f32 {
+        let images = match self {
+            Self::Latlong(image) | Self::Angular(image) => std::slice::from_ref(image),
+            Self::Faces(faces) => faces.as_slice(),
+        };
+        images.iter().flat_map(|image| image.pixels.as_flattened()).copied().fold(0.0, f32::max)
+    }
+
     /// Texels across a quarter of the horizon.
     pub fn texels_per_quarter(&self) -> usize {
         match self {
@@ -95,52 +103,6 @@ impl Layout {
             Self::Faces(faces) => faces[0].width,
         }
     }
-}
-
-/// The layout of one image or six: `layout` itself, or what the shape says; never [`MapLayout::Auto`].
-pub(crate) fn resolve_layout(
-    paths: &[&Path],
-    images: &[RgbImage],
-    layout: MapLayout,
-) -> Result<MapLayout, EnvironmentError> {
-    let (w, h) = (images[0].width, images[0].height);
-    let fail = |index: usize, remedy: String| {
-        let (path, width, height) = (paths[index].into(), images[index].width, images[index].height);
-        Err(EnvironmentError::Layout { path, width, height, layout, remedy })
-    };
-    if images.len() == 6 {
-        return match images.iter().position(|face| face.width != w || face.height != w) {
-            Some(face) => fail(face, format!("all six faces must be squares of one size ({w}×{w} here)")),
-            None => Ok(MapLayout::Faces),
-        };
-    }
-    let (fits, remedy) = match layout {
-        MapLayout::Auto => {
-            let by_shape = [
-                (w == 2 * h, MapLayout::Latlong),
-                (w == h, MapLayout::Angular),
-                (4 * w == 3 * h, MapLayout::VerticalCross),
-                (3 * w == 4 * h, MapLayout::HorizontalCross),
-            ];
-            if let Some((_, found)) = by_shape.into_iter().find(|(fits, _)| *fits) {
-                return Ok(found);
-            }
-            (
-                false,
-                "set layout to latlong, angular, vertical-cross or horizontal-cross, or give an image of aspect 2:1, 1:1, 3:4 or 4:3",
-            )
-        }
-        MapLayout::Latlong => (true, ""),
-        MapLayout::Angular => (w == h, "an angular map is square"),
-        MapLayout::VerticalCross => {
-            (4 * w == 3 * h && w % 3 == 0, "a vertical cross is three faces wide and four high")
-        }
-        MapLayout::HorizontalCross => {
-            (3 * w == 4 * h && w % 4 == 0, "a horizontal cross is four faces wide and three high")
-        }
-        MapLayout::Faces => (false, "six faces are six files"),
-    };
-    if fits { Ok(layout) } else { fail(0, remedy.into()) }
 }
 
 /// Directions that are looked up together.
@@ -168,7 +130,7 @@ fn taps_in_latlong<S: Simd>(simd: S, directions: &[[f32; LANES]; 3], [width, hei
     let over_edge = right.simd_ge(w).select(right - w, right).to_int::<u32x16<S>>();
     let [upper_row, lower_row] = [upper, lower].map(|row| row.to_int::<u32x16<S>>() * width);
     let pixels = [upper_row + from_edge, upper_row + over_edge, lower_row + from_edge, lower_row + over_edge];
-    Taps { pixels: pixels.map(|lanes| lanes.to_array()), parts: [column - left, row - upper].map(|p| p.to_array()) }
+    Taps { pixels: pixels.map(SimdBase::to_array), parts: [column - left, row - upper].map(SimdBase::to_array) }
 }
 
 /// The angles of the directions (`x`, `y`), from −π to π, within 3e-7. Reduction and polynomial are those of Cephes' `atanf`.
@@ -213,7 +175,7 @@ fn from_cross(image: &RgbImage, size: usize, vertical: bool) -> Layout {
                 pixels.push(image.pixel(tile[0] * size + texel(st.x), tile[1] * size + texel(st.y)).to_array());
             }
         }
-        RgbImage { width: size, height: size, pixels }
+        Arc::new(RgbImage { width: size, height: size, pixels })
     });
     Layout::Faces(Box::new(faces))
 }
@@ -251,8 +213,8 @@ mod tests {
         (Vec3::NEG_Z, Vec3::new(1.0, 1.0, 0.0)),
     ];
 
-    fn one(image: RgbImage, layout: MapLayout) -> Result<Layout, EnvironmentError> {
-        Layout::new(&[Path::new("map.exr")], vec![image], layout)
+    fn one(image: RgbImage, layout: MapLayout) -> Layout {
+        Layout::new(&EnvironmentMap::new(vec![("map".into(), Arc::new(image))], layout).unwrap())
     }
 
     fn blank(width: usize, height: usize) -> RgbImage {
@@ -289,7 +251,7 @@ mod tests {
             image.pixels[i] = SIX[2].1.to_array();
             image.pixels[31 * 64 + i] = SIX[3].1.to_array();
         }
-        check(&one(image, MapLayout::Auto).unwrap(), "latlong");
+        check(&one(image, MapLayout::Auto), "latlong");
     }
 
     #[test]
@@ -299,12 +261,12 @@ mod tests {
         for (at, axis) in [([0.75, 0.5], 0), ([0.25, 0.5], 1), ([0.5, 0.25], 2), ([0.5, 0.75], 3), ([0.5, 0.5], 5)] {
             paint(&mut image, at, SIX[axis].1);
         }
-        let layout = one(image.clone(), MapLayout::Auto).unwrap();
+        let layout = one(image.clone(), MapLayout::Auto);
         for axis in [0, 1, 2, 3, 5] {
             assert!(layout.radiance(SIX[axis].0).abs_diff_eq(SIX[axis].1, 1e-4), "axis {axis}");
         }
         paint(&mut image, [0.999, 0.5], SIX[4].1);
-        let layout = one(image, MapLayout::Angular).unwrap();
+        let layout = one(image, MapLayout::Angular);
         check(&layout, "angular");
     }
 
@@ -318,14 +280,14 @@ mod tests {
         {
             paint(&mut image, [third(at[0]), quarter(at[1])], SIX[axis].1);
         }
-        check(&one(image, MapLayout::Auto).unwrap(), "vertical cross");
+        check(&one(image, MapLayout::Auto), "vertical cross");
         let mut image = blank(64, 48);
         for (at, axis) in
             [([2.0, 1.0], 0), ([0.0, 1.0], 1), ([1.0, 0.0], 2), ([1.0, 2.0], 3), ([3.0, 1.0], 4), ([1.0, 1.0], 5)]
         {
             paint(&mut image, [quarter(at[0]), third(at[1])], SIX[axis].1);
         }
-        check(&one(image, MapLayout::Auto).unwrap(), "horizontal cross");
+        check(&one(image, MapLayout::Auto), "horizontal cross");
     }
 
     #[test]
@@ -360,14 +322,8 @@ mod tests {
         let faces = SIX.map(|(_, colour)| {
             let mut face = blank(16, 16);
             paint(&mut face, [0.5, 0.5], colour);
-            face
+            ("face".into(), Arc::new(face))
         });
-        check(&Layout::new(&[Path::new("a"); 6], faces.to_vec(), MapLayout::Faces).unwrap(), "faces");
-    }
-
-    #[test]
-    fn a_wrong_aspect_is_named() {
-        let message = one(blank(50, 20), MapLayout::Auto).unwrap_err().to_string();
-        assert!(message.contains("map.exr") && message.contains("50×20") && message.contains("2:1"), "{message}");
+        check(&Layout::new(&EnvironmentMap::new(faces.to_vec(), MapLayout::Faces).unwrap()), "faces");
     }
 }

@@ -1,69 +1,58 @@
 //! What shines: environment images, spots and constants, as a cube map with mips.
 //!
-//! Data flows `import` → `layout` → [`Field`] (radiance by direction, world space) → [`CubeMap`] (what the
-//! gather looks up) and irradiance. This module must not know samples, receivers or wgpu.
+//! Data flows from the scene's images → `layout` → [`EnvironmentRadiance`] (radiance by direction) → [`CubeMap`] (what the
+//! sums look up) and irradiance. All of it is in the light's own frame: whoever looks something up rotates the direction
+//! and scales the result. This module must not know samples, receivers or wgpu.
 
 mod bounds;
 mod builtin;
 mod cube;
 mod field;
-mod import;
 mod importance;
 mod irradiance;
 mod layout;
 
+#[cfg(feature = "gpu")]
 pub(crate) use bounds::FINEST_BOUNDS;
 pub use bounds::{Bound, LightBounds};
+pub(crate) use builtin::built_in_map;
 pub use builtin::{BUILT_IN_MAPS, BuiltInMap};
 pub use cube::{CubeMap, FACES, face_direction, face_of_direction, texel_solid_angle_sr};
-pub use field::Field;
-pub use import::RgbImage;
+pub use field::EnvironmentRadiance;
 pub use importance::LightSampler;
-pub(crate) use layout::resolve_layout;
+pub use irradiance::irradiance_map;
 
-use std::path::PathBuf;
-
-use glam::Vec3;
 use serde::Deserialize;
 
-use crate::scene::{EnvironmentSource, MapLayout};
+use crate::scene::{Light, MapError};
 use crate::words::NumberOrWord;
 
 /// The largest face edge, texels: 4096² × 6 texels of 16 bytes with mips are 2.1 GB.
 pub const MAX_CUBE_SIZE: u32 = 4096;
 
-/// A light source around the scene, ready to be looked up.
+/// A light around the scene, ready to be looked up, in its own frame and at its own brightness.
 #[derive(Clone, Debug)]
 pub struct Environment {
     /// Radiance by direction, at the source's own resolution.
-    pub field: Field,
+    pub radiance: EnvironmentRadiance,
     /// Radiance, W/(m²·sr), prefiltered.
     pub cube: CubeMap,
-    /// Irradiance by the receiver's normal, W/m², unoccluded; one level.
-    pub irradiance: CubeMap,
-    /// What was repaired while importing.
-    pub notes: Vec<String>,
 }
 
 impl Environment {
     /// Reads and prefilters a light.
-    pub fn load(source: &EnvironmentSource, cube_size: CubeSize) -> Result<Self, EnvironmentError> {
-        let (field, notes) = Field::load(source)?;
+    pub fn new(light: &Light, cube_size: CubeSize) -> Result<Self, EnvironmentError> {
+        let radiance = EnvironmentRadiance::new(light)?;
         let size = match cube_size {
             CubeSize::Texels(size) => size,
-            CubeSize::Auto => field.cube_size(),
+            CubeSize::Auto => radiance.cube_size(),
         };
         if size > MAX_CUBE_SIZE {
             return Err(EnvironmentError::TooFine { size, limit: MAX_CUBE_SIZE });
         }
-        let cube = CubeMap::from_radiance_of_rows(size, field.detail_rad(), |row| field.radiance_of_all(row));
-        let irradiance = cube.irradiance();
-        Ok(Self { field, cube, irradiance, notes })
-    }
-
-    /// Irradiance of an unoccluded receiver with this normal, W/m².
-    pub fn irradiance(&self, normal: Vec3) -> Vec3 {
-        self.irradiance.fetch(normal, 0.0)
+        let resolved = radiance.resolved_by(2.0 / size as f32);
+        let cube = CubeMap::from_radiance_of_rows(size, resolved.detail_rad(), |row| resolved.radiance_of_all(row));
+        Ok(Self { radiance, cube })
     }
 }
 
@@ -100,63 +89,14 @@ impl std::str::FromStr for CubeSize {
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum EnvironmentError {
-    /// The file could not be opened.
-    #[error("cannot read environment map '{}': {reason}; check the path (maps without an extension are built-in: {})", path.display(), builtin::names())]
-    Read {
-        /// File.
-        path: PathBuf,
-        /// The system's reason.
-        reason: String,
-    },
-    /// Not an image, or damaged.
-    #[error("environment map '{}' is damaged or not an .exr or .hdr image: {reason}; export it again", path.display())]
-    Damaged {
-        /// File.
-        path: PathBuf,
-        /// The decoder's reason.
-        reason: String,
-    },
-    /// Neither .exr nor .hdr.
-    #[error("environment map '{}' has the extension '{extension}'; convert it to .exr or .hdr", path.display())]
-    Format {
-        /// File.
-        path: PathBuf,
-        /// Extension.
-        extension: String,
-    },
-    /// No pixels.
-    #[error("environment map '{}' has no pixels ({width}×{height}); export it again", path.display())]
-    NoPixels {
-        /// File.
-        path: PathBuf,
-        /// Width.
-        width: usize,
-        /// Height.
-        height: usize,
-    },
-    /// A NaN or an infinity.
-    #[error("environment map '{}': pixel ({x}, {y}) is not a finite number; repair the image", path.display())]
-    NotFinite {
-        /// File.
-        path: PathBuf,
-        /// Column.
-        x: usize,
-        /// Row.
-        y: usize,
-    },
-    /// The picture's shape does not fit the layout.
-    #[error("environment map '{}' is {width}×{height} pixels, which is no {layout:?} layout; {remedy}", path.display())]
-    Layout {
-        /// File.
-        path: PathBuf,
-        /// Width.
-        width: usize,
-        /// Height.
-        height: usize,
-        /// The layout asked for.
-        layout: MapLayout,
-        /// What to do.
-        remedy: String,
+    /// The map itself.
+    #[error(transparent)]
+    Map(#[from] MapError),
+    /// A light made in code with values out of their range.
+    #[error("the environment light cannot be used: {what}")]
+    Invalid {
+        /// Which value.
+        what: String,
     },
     /// No built-in map of that name.
     #[error(
@@ -169,7 +109,7 @@ pub enum EnvironmentError {
     },
     /// The light is finer than any cube map.
     #[error(
-        "this light needs a cube map of {size}² texels a face, but {limit}² is the largest; use a wider spot or a smaller map, or set --cube-size (which blurs the light)"
+        "this light needs a cube map of {size}² texels a face, but {limit}² is the largest; use a wider spot or a smaller map, or give a cube size (which blurs the light)"
     )]
     TooFine {
         /// Texels needed.

@@ -1,13 +1,15 @@
-//! Adapters and devices for programs without a device of their own.
+//! Adapters and devices for programs without a device of their own. Nothing here blocks: see [`crate::blocking`] for that.
 
+use std::borrow::Cow;
 use std::fmt;
-
-use std::sync::{Arc, Mutex};
+use std::future::poll_fn;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::task::{Poll, Waker};
 
 use super::GpuError;
 
 /// What an adapter is and can do.
-#[derive(Clone, Debug, serde::Serialize)]
+#[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
 pub struct Adapter {
     /// Name, as the driver says.
     pub name: String,
@@ -49,9 +51,9 @@ impl Adapter {
     }
 }
 
-fn enumerate() -> Vec<wgpu::Adapter> {
+async fn enumerate() -> Vec<wgpu::Adapter> {
     let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
-    let mut found = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::PRIMARY));
+    let mut found = instance.enumerate_adapters(wgpu::Backends::PRIMARY).await;
     // Discrete before integrated before software.
     found.sort_by_key(|a| match a.get_info().device_type {
         wgpu::DeviceType::DiscreteGpu => 0,
@@ -64,8 +66,8 @@ fn enumerate() -> Vec<wgpu::Adapter> {
 }
 
 /// All adapters, the best first.
-pub fn adapters() -> Vec<Adapter> {
-    enumerate().iter().map(Adapter::of).collect()
+pub async fn adapters() -> Vec<Adapter> {
+    enumerate().await.iter().map(Adapter::of).collect()
 }
 
 /// A device of our own, for the command line and for tests.
@@ -88,8 +90,8 @@ enum Failure {
 
 impl Gpu {
     /// Opens the best adapter, or the best one with `name` in its name (any case).
-    pub fn open(name: Option<&str>) -> Result<Self, GpuError> {
-        let found = enumerate();
+    pub async fn open(name: Option<&str>) -> Result<Self, GpuError> {
+        let found = enumerate().await;
         let matches =
             |a: &wgpu::Adapter| name.is_none_or(|name| a.get_info().name.to_lowercase().contains(&name.to_lowercase()));
         let Some(adapter) = found.iter().find(|a| matches(a)) else {
@@ -101,27 +103,27 @@ impl Gpu {
                 _ => GpuError::NoAdapter,
             });
         };
-        Self::from_adapter(adapter)
+        Self::from_adapter(adapter).await
     }
 
     /// Opens the adapter at a place in the list of [`adapters`].
-    pub fn open_nth(index: usize) -> Result<Self, GpuError> {
-        Self::from_adapter(enumerate().get(index).ok_or(GpuError::NoAdapter)?)
+    pub async fn open_nth(index: usize) -> Result<Self, GpuError> {
+        Self::from_adapter(enumerate().await.get(index).ok_or(GpuError::NoAdapter)?).await
     }
 
     /// Opens the best adapter with no more than what every WebGPU device has: what runs on it runs in browsers.
-    pub fn open_minimal() -> Result<Self, GpuError> {
-        let found = enumerate();
+    pub async fn open_minimal() -> Result<Self, GpuError> {
+        let found = enumerate().await;
         let adapter = found.first().ok_or(GpuError::NoAdapter)?;
-        Self::request(adapter, wgpu::Features::empty(), wgpu::Limits::default())
+        Self::request(adapter, wgpu::Features::empty(), wgpu::Limits::default()).await
     }
 
-    fn from_adapter(adapter: &wgpu::Adapter) -> Result<Self, GpuError> {
+    async fn from_adapter(adapter: &wgpu::Adapter) -> Result<Self, GpuError> {
         let wanted = wgpu::Features::FLOAT32_FILTERABLE | wgpu::Features::FLOAT32_BLENDABLE;
-        Self::request(adapter, adapter.features() & wanted, adapter.limits())
+        Self::request(adapter, adapter.features() & wanted, adapter.limits()).await
     }
 
-    fn request(
+    async fn request(
         adapter: &wgpu::Adapter,
         required_features: wgpu::Features,
         required_limits: wgpu::Limits,
@@ -129,7 +131,9 @@ impl Gpu {
         let summary = Adapter::of(adapter);
         let descriptor =
             wgpu::DeviceDescriptor { label: Some("pinspot"), required_features, required_limits, ..Default::default() };
-        let (device, queue) = pollster::block_on(adapter.request_device(&descriptor))
+        let (device, queue) = adapter
+            .request_device(&descriptor)
+            .await
             .map_err(|e| GpuError::NoDevice { adapter: summary.name.clone(), reason: e.to_string() })?;
         let failure = Arc::new(Mutex::new(None));
         let slot = failure.clone();
@@ -144,32 +148,109 @@ impl Gpu {
     /// The first thing that went wrong since the device was opened.
     pub fn check(&self) -> Result<(), GpuError> {
         let adapter = self.adapter.name.clone();
-        match self.failure.lock().expect("no panic holds the lock").clone() {
+        match lock(&self.failure).clone() {
             None => Ok(()),
             Some(Failure::Lost(reason)) => Err(GpuError::Lost { adapter, reason }),
             Some(Failure::Refused(reason)) => Err(GpuError::Refused { adapter, reason }),
         }
     }
 
-    /// Waits until all submitted work is done.
-    pub fn wait(&self) -> Result<(), GpuError> {
-        let polled = self.device.poll(wgpu::PollType::wait_indefinitely());
-        self.check()?;
-        polled.map_err(|e| GpuError::Lost { adapter: self.adapter.name.clone(), reason: e.to_string() })?;
-        Ok(())
+    /// Completes when all work submitted before this call is done.
+    pub fn submitted_work_done(&self) -> impl Future<Output = Result<(), GpuError>> {
+        let completion = Completion::default();
+        let done = completion.clone();
+        self.queue.on_submitted_work_done(move || done.complete(()));
+        self.completed(completion)
+    }
+
+    /// What a callback of the device hands over. Each poll of the future drives the device, so that any executor makes progress.
+    async fn completed<T>(&self, completion: Completion<T>) -> Result<T, GpuError> {
+        poll_fn(|context| {
+            let polled = self.device.poll(wgpu::PollType::Poll);
+            let outcome = completion.take_or_register(context.waker());
+            if let Err(error) = self.check() {
+                return Poll::Ready(Err(error));
+            }
+            match (outcome, polled) {
+                (Some(value), _) => Poll::Ready(Ok(value)),
+                (None, Err(error)) => Poll::Ready(Err(self.lost(error))),
+                (None, Ok(_)) => {
+                    // Browsers call back by themselves, and only once their event loop gets its turn.
+                    if cfg!(not(target_family = "wasm")) {
+                        context.waker().wake_by_ref();
+                    }
+                    Poll::Pending
+                }
+            }
+        })
+        .await
+    }
+
+    fn lost(&self, reason: impl fmt::Display) -> GpuError {
+        GpuError::Lost { adapter: self.adapter.name.clone(), reason: reason.to_string() }
     }
 }
 
+/// A value that a callback hands over to a future.
+#[derive(Debug)]
+struct Completion<T>(Arc<Mutex<Slot<T>>>);
+
+#[derive(Debug)]
+struct Slot<T> {
+    value: Option<T>,
+    waker: Option<Waker>,
+}
+
+impl<T> Default for Completion<T> {
+    fn default() -> Self {
+        Self(Arc::new(Mutex::new(Slot { value: None, waker: None })))
+    }
+}
+
+impl<T> Clone for Completion<T> {
+    fn clone(&self) -> Self {
+        Self(self.0.clone())
+    }
+}
+
+impl<T> Completion<T> {
+    fn complete(&self, value: T) {
+        let waker = {
+            let mut slot = lock(&self.0);
+            slot.value = Some(value);
+            slot.waker.take()
+        };
+        if let Some(waker) = waker {
+            waker.wake();
+        }
+    }
+
+    fn take_or_register(&self, waker: &Waker) -> Option<T> {
+        let mut slot = lock(&self.0);
+        slot.waker = Some(waker.clone());
+        slot.value.take()
+    }
+}
+
+/// A panic elsewhere leaves these values whole: each is written at once.
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
 fn keep_first(slot: &Mutex<Option<Failure>>, failure: Failure) {
-    let mut slot = slot.lock().expect("no panic holds the lock");
     // A device that is dropped reports itself lost; by then nobody asks.
-    slot.get_or_insert(failure);
+    lock(slot).get_or_insert(failure);
 }
 
 impl Gpu {
-    /// Uploads texels as a 32-bit float texture to be read by shaders.
+    /// Uploads texels, row by row, as a 32-bit float texture to be read by shaders. Texels that are missing are zero.
     pub fn upload_texture(&self, [width, height]: [u32; 2], texels: &[[f32; 4]]) -> wgpu::TextureView {
         use wgpu::util::DeviceExt;
+        let count = width as usize * height as usize;
+        let mut texels = Cow::Borrowed(texels);
+        if texels.len() < count {
+            texels.to_mut().resize(count, [0.0; 4]);
+        }
         let texture = self.device.create_texture_with_data(
             &self.queue,
             &wgpu::TextureDescriptor {
@@ -183,41 +264,60 @@ impl Gpu {
                 view_formats: &[],
             },
             wgpu::util::TextureDataOrder::LayerMajor,
-            bytemuck::cast_slice(texels),
+            bytemuck::cast_slice(&texels),
         );
         texture.create_view(&Default::default())
     }
 
-    /// Waits for the queue and copies a 32-bit float texture back, row by row.
-    pub fn read_texture(&self, texture: &wgpu::Texture) -> Result<Vec<[f32; 4]>, GpuError> {
-        const TEXEL: u32 = 16;
-        let (width, height) = (texture.width(), texture.height());
-        let row = (width * TEXEL).next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT);
+    /// Copies a 32-bit float texture back, row by row, once the work submitted before this call is done.
+    pub fn read_texture(&self, texture: &wgpu::Texture) -> impl Future<Output = Result<Vec<[f32; 4]>, GpuError>> {
+        let rows = Rows::of(texture);
         let buffer = self.device.create_buffer(&wgpu::BufferDescriptor {
             label: Some("read back"),
-            size: u64::from(row) * u64::from(height),
+            size: u64::from(rows.stride) * u64::from(rows.count),
             usage: wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ,
             mapped_at_creation: false,
         });
         let mut encoder = self.device.create_command_encoder(&Default::default());
-        let layout = wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(row), rows_per_image: None };
+        let layout = wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(rows.stride), rows_per_image: None };
         encoder.copy_texture_to_buffer(
             texture.as_image_copy(),
             wgpu::TexelCopyBufferInfo { buffer: &buffer, layout },
             texture.size(),
         );
         self.queue.submit([encoder.finish()]);
-        let (sender, receiver) = std::sync::mpsc::channel();
-        buffer.map_async(wgpu::MapMode::Read, .., move |result| drop(sender.send(result)));
-        self.wait()?;
-        let lost = |reason: String| GpuError::Lost { adapter: self.adapter.name.clone(), reason };
-        receiver.recv().map_err(|e| lost(e.to_string()))?.map_err(|e| lost(e.to_string()))?;
-        let bytes = buffer.get_mapped_range(..).map_err(|e| lost(e.to_string()))?;
-        let texels = bytes
-            .chunks(row as usize)
-            .flat_map(|r| r[..(width * TEXEL) as usize].chunks_exact(TEXEL as usize))
+        let completion = Completion::default();
+        let mapped = completion.clone();
+        buffer.map_async(wgpu::MapMode::Read, .., move |result| mapped.complete(result));
+        async move {
+            self.completed(completion).await?.map_err(|e| self.lost(e))?;
+            let bytes = buffer.get_mapped_range(..).map_err(|e| self.lost(e))?;
+            Ok(rows.texels(&bytes))
+        }
+    }
+}
+
+/// How the rows of a 32-bit float texture lie in a buffer.
+struct Rows {
+    /// Bytes from row to row.
+    stride: u32,
+    /// Bytes of a row's texels.
+    length: u32,
+    count: u32,
+}
+
+impl Rows {
+    fn of(texture: &wgpu::Texture) -> Self {
+        let length = texture.width() * size_of::<[f32; 4]>() as u32;
+        let stride = length.next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT);
+        Self { stride, length, count: texture.height() }
+    }
+
+    fn texels(&self, bytes: &[u8]) -> Vec<[f32; 4]> {
+        bytes
+            .chunks(self.stride as usize)
+            .flat_map(|row| row[..self.length as usize].chunks_exact(size_of::<[f32; 4]>()))
             .map(bytemuck::pod_read_unaligned)
-            .collect();
-        Ok(texels)
+            .collect()
     }
 }

@@ -1,19 +1,15 @@
-//! Devices, what they can do, and the resolver of shader imports. Knows no scenes, no files and no windows.
+//! Devices and what they can do. Knows no scenes, no files and no windows.
 
 mod device;
-mod shaders;
 
 pub use device::{Adapter, Gpu, adapters};
-pub use shaders::{SHADERS, resolve};
 
 /// Why the GPU could not be used.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum GpuError {
     /// No adapter of any kind.
-    #[error(
-        "no GPU adapter was found; use --backend cpu, or install a Vulkan driver (on Debian: apt-get install libvulkan1 mesa-vulkan-drivers)"
-    )]
+    #[error("no GPU adapter was found")]
     NoAdapter,
     /// None with that name.
     #[error("no GPU adapter has '{name}' in its name; found: {found}")]
@@ -24,7 +20,7 @@ pub enum GpuError {
         found: String,
     },
     /// The driver refused a device.
-    #[error("adapter '{adapter}' gives no device: {reason}; try another --adapter or --backend cpu")]
+    #[error("adapter '{adapter}' gives no device: {reason}")]
     NoDevice {
         /// Adapter.
         adapter: String,
@@ -32,9 +28,7 @@ pub enum GpuError {
         reason: String,
     },
     /// The device was lost while it worked.
-    #[error(
-        "adapter '{adapter}' was lost while rendering ({reason}); run again, with fewer samples or with --backend cpu"
-    )]
+    #[error("adapter '{adapter}' was lost while rendering ({reason})")]
     Lost {
         /// Adapter.
         adapter: String,
@@ -42,7 +36,7 @@ pub enum GpuError {
         reason: String,
     },
     /// The device refused a command.
-    #[error("adapter '{adapter}' refused a command: {reason}; try --backend cpu and report this")]
+    #[error("adapter '{adapter}' refused a command: {reason}")]
     Refused {
         /// Adapter.
         adapter: String,
@@ -50,7 +44,7 @@ pub enum GpuError {
         reason: String,
     },
     /// A texture is too large.
-    #[error("{what} is {size} texels wide, but this adapter's textures end at {limit}; {remedy}")]
+    #[error("{what} is {size} texels wide, but this adapter's textures end at {limit}")]
     TextureTooLarge {
         /// Which texture.
         what: &'static str,
@@ -58,8 +52,20 @@ pub enum GpuError {
         size: u32,
         /// The adapter's limit.
         limit: u32,
-        /// What to do.
-        remedy: &'static str,
+    },
+    /// There is nothing to gather at.
+    #[error("the image has {width} × {height} pixels; give it one at least")]
+    EmptyImage {
+        /// Pixels along a row.
+        width: u32,
+        /// Rows.
+        height: u32,
+    },
+    /// Bounds of the light need a pyramid of cube maps.
+    #[error("the environment's cube map is {size} texels wide, but its bounds need a power of two")]
+    CubeSize {
+        /// Texels along an edge.
+        size: u32,
     },
     /// The filter is compiled into an engine.
     #[error(
@@ -78,9 +84,7 @@ pub enum GpuError {
         engine: bool,
     },
     /// The samples' maps of visibility are too large.
-    #[error(
-        "what {samples} samples see takes {bytes} bytes, but this adapter's buffers end at {limit}; give fewer --samples, --visibility none or --backend cpu"
-    )]
+    #[error("what {samples} samples see takes {bytes} bytes, but this adapter's buffers end at {limit}")]
     MapsTooLarge {
         /// Samples given.
         samples: usize,
@@ -91,16 +95,14 @@ pub enum GpuError {
     },
     /// A shader's loop was ended early.
     #[error(
-        "adapter '{adapter}' ends the loops of shaders before their time (Mesa's software adapter after 65,535 iterations), and this picture needs more of them; give --backend cpu, a larger --tolerance, or --evaluation flat"
+        "adapter '{adapter}' ends the loops of shaders before their time (Mesa's software adapter after 65,535 iterations), and this picture needs more of them"
     )]
     LoopCutShort {
         /// Adapter.
         adapter: String,
     },
     /// A tree of cells is too large.
-    #[error(
-        "a tree of {cells} cells takes {bytes} bytes, but this adapter's buffers end at {limit}; give fewer --samples or --leaves, or use --backend cpu"
-    )]
+    #[error("a tree of {cells} cells takes {bytes} bytes, but this adapter's buffers end at {limit}")]
     TreeTooLarge {
         /// Cells of all levels.
         cells: usize,
@@ -110,9 +112,7 @@ pub enum GpuError {
         limit: u64,
     },
     /// The sample buffer is too large.
-    #[error(
-        "{samples} samples do not fit this adapter's buffers ({limit} fit); give fewer --samples or use --backend cpu"
-    )]
+    #[error("{samples} samples do not fit this adapter's buffers ({limit} fit)")]
     TooManySamples {
         /// Samples given.
         samples: usize,

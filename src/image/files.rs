@@ -38,23 +38,50 @@ pub fn write_atomically(
     write: impl FnOnce(&mut BufWriter<&std::fs::File>) -> Result<(), String>,
 ) -> Result<(), ImageError> {
     let fail = |reason: String| ImageError::Write { path: path.into(), reason };
-    if path.is_dir() {
+    let target = &target_of(path).map_err(|e| fail(e.to_string()))?;
+    let old = std::fs::metadata(target).ok();
+    if old.as_ref().is_some_and(std::fs::Metadata::is_dir) {
         return Err(fail("it is a folder".into()));
     }
-    let folder = match path.parent() {
+    if old.as_ref().is_some_and(|old| old.permissions().readonly()) {
+        return Err(fail("it is read-only".into()));
+    }
+    let folder = match target.parent() {
         Some(parent) if !parent.as_os_str().is_empty() => parent,
         _ => Path::new("."),
     };
     let mut builder = tempfile::Builder::new();
     #[cfg(unix)]
     builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
-    let file = builder.prefix(".pinspot-").tempfile_in(folder).map_err(|e| fail(e.to_string()))?;
+    let file = builder.prefix(".pinspot-").tempfile_in(folder).map_err(|e| fail(reason_of(&e)))?;
     let mut writer = BufWriter::new(file.as_file());
     write(&mut writer).map_err(fail)?;
     writer.flush().map_err(|e| fail(e.to_string()))?;
     drop(writer);
-    file.persist(path).map_err(|e| fail(e.to_string()))?;
+    if let Some(old) = old {
+        file.as_file().set_permissions(old.permissions()).map_err(|e| fail(e.to_string()))?;
+    }
+    file.persist(target).map_err(|e| fail(reason_of(&e.error)))?;
     Ok(())
+}
+
+/// The file that a chain of symbolic links ends at; it need not exist.
+fn target_of(path: &Path) -> std::io::Result<PathBuf> {
+    let mut target = path.to_owned();
+    // As many links as Linux follows.
+    for _ in 0..40 {
+        match std::fs::read_link(&target) {
+            Ok(next) => target = target.parent().unwrap_or(Path::new("")).join(next),
+            Err(_) => return Ok(target),
+        }
+    }
+    Err(std::io::Error::other("too many symbolic links"))
+}
+
+/// The system's reason, without the name of the temporary file.
+fn reason_of(error: &std::io::Error) -> String {
+    let inner = error.get_ref().and_then(|inner| inner.source());
+    inner.map_or_else(|| error.to_string(), ToString::to_string)
 }
 
 /// Writes display-linear colours as 8-bit sRGB.
@@ -177,6 +204,32 @@ mod tests {
         write_exr(&path, &[("caustic", &caustic), ("depth", &depth)]).unwrap();
         assert_eq!(read_exr(&path, "depth").unwrap(), depth);
         assert!(read_exr(&path, "").is_err());
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn links_are_followed_and_modes_are_kept() {
+        use std::os::unix::fs::{PermissionsExt, symlink};
+        let dir = tempfile::tempdir().unwrap();
+        let [link, hop, file] = ["link.png", "hop.png", "real/file.png"].map(|name| dir.path().join(name));
+        std::fs::create_dir(dir.path().join("real")).unwrap();
+        symlink("hop.png", &link).unwrap();
+        symlink("real/file.png", &hop).unwrap();
+        write_png(&link, &Image::new(1, 1)).unwrap();
+        assert!(link.is_symlink() && hop.is_symlink() && file.is_file(), "a dangling chain of links is followed");
+        let mode = |path: &Path| std::fs::metadata(path).unwrap().permissions().mode() & 0o777;
+        let set_mode = |mode| std::fs::set_permissions(&file, PermissionsExt::from_mode(mode)).unwrap();
+        set_mode(0o600);
+        write_png(&link, &Image::new(2, 1)).unwrap();
+        assert_eq!((mode(&file), link.is_symlink()), (0o600, true));
+        set_mode(0o444);
+        let message = write_png(&link, &Image::new(1, 1)).unwrap_err().to_string();
+        assert!(message.contains("link.png") && message.contains("read-only"), "{message}");
+        symlink("round.png", dir.path().join("round.png")).unwrap();
+        let message = write_png(&dir.path().join("round.png"), &Image::new(1, 1)).unwrap_err().to_string();
+        assert!(message.contains("too many symbolic links"), "{message}");
+        let left = std::fs::read_dir(dir.path()).unwrap().map(|f| f.unwrap().file_name());
+        assert!(!left.into_iter().any(|f| f.to_string_lossy().starts_with(".pinspot")));
     }
 
     #[test]

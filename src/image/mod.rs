@@ -1,16 +1,18 @@
 //! Pictures: linear RGB images, tone mapping, EXR and PNG files, error metrics. Knows no scenes.
 
 mod aov;
+mod decode;
 mod files;
 mod metrics;
 mod tone;
 
 pub use aov::Aov;
+pub use decode::{DecodeError, RgbImage};
 pub use files::{
     ImageError, png_bytes, read_exr, read_exr_text, read_mask, write_atomically, write_exr, write_exr_with_text,
     write_png,
 };
-pub use metrics::{FlipMap, flip, mrse, rel_l2};
+pub use metrics::{mrse, rel_l2};
 pub use tone::{display, exposed, srgb8};
 
 use glam::Vec3;

@@ -34,25 +34,47 @@ impl From<Vec<PinholeSample>> for Pinholes {
     }
 }
 
+/// The number of a curve of reflectance where there is none.
+pub(super) const NO_CURVE: u32 = u32::MAX;
+
 /// One pinhole, 112 bytes: seven vectors of four.
 #[repr(C)]
-#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 pub struct PinholeSample {
-    /// c: world position, metres; a: the area that the sample stands for, m².
-    pub position_area: [f32; 4],
-    /// n: unit normal; ±(object + 1), negative where both sides reflect.
-    pub normal_object: [f32; 4],
-    /// Reflectance; the number of the curve that holds instead, from 1, or 0.
-    pub reflectance: [f32; 4],
-    /// T₁: full first side of the footprint on the surface, metres; full width of the lobe that blurs the footprint,
-    /// radians.
-    pub side_1: [f32; 4],
-    /// T₂: full second side; the number of the sample's first map of visibility, from 1, or 0.
-    pub side_2: [f32; 4],
-    /// M₁: change of the normal along T₁; how far the map's texels are shifted along u, from −½ to ½ of a texel.
-    pub change_1: [f32; 4],
-    /// M₂: change of the normal along T₂; the shift along v.
-    pub change_2: [f32; 4],
+    /// World position, metres.
+    pub position: [f32; 3],
+    /// The area that the sample stands for, m².
+    pub area: f32,
+    /// Unit normal.
+    pub normal: [f32; 3],
+    /// Twice the object's index in the scene, plus 1 where both sides reflect.
+    pub object_sides: u32,
+    /// Reflectance where there is no curve.
+    pub reflectance: [f32; 3],
+    /// The number of its curve of reflectance; `u32::MAX`: there is none.
+    pub curve: u32,
+    /// T₁: full first side of the footprint on the surface, metres.
+    pub side_1: [f32; 3],
+    /// Full width of the lobe that blurs the footprint, radians.
+    pub lobe: f32,
+    /// T₂: full second side.
+    pub side_2: [f32; 3],
+    /// The number of its first visibility map.
+    pub map: u32,
+    /// M₁: change of the normal along T₁.
+    pub change_1: [f32; 3],
+    /// How far the map's texels are shifted along u, from −½ to ½ of a texel.
+    pub texel_jitter_u: f32,
+    /// M₂: change of the normal along T₂.
+    pub change_2: [f32; 3],
+    /// The shift along v.
+    pub texel_jitter_v: f32,
+}
+
+impl Default for PinholeSample {
+    fn default() -> Self {
+        Self { curve: NO_CURVE, ..Self::zeroed() }
+    }
 }
 
 /// What a pinhole is made of.
@@ -82,17 +104,19 @@ pub struct PinholeParts {
 
 impl From<PinholeParts> for PinholeSample {
     fn from(parts: PinholeParts) -> Self {
-        let object = (parts.object + 1) as f32;
-        let object = if parts.two_sided { -object } else { object };
-        let vector = |v: Vec3| v.extend(0.0).to_array();
         Self {
-            position_area: parts.position.extend(parts.area).to_array(),
-            normal_object: parts.normal.extend(object).to_array(),
-            reflectance: parts.reflectance.extend(parts.curve.map_or(0.0, |c| (c + 1) as f32)).to_array(),
-            side_1: parts.sides[0].extend(parts.lobe).to_array(),
-            side_2: vector(parts.sides[1]),
-            change_1: vector(parts.changes[0]),
-            change_2: vector(parts.changes[1]),
+            position: parts.position.to_array(),
+            area: parts.area,
+            normal: parts.normal.to_array(),
+            object_sides: 2 * parts.object + u32::from(parts.two_sided),
+            reflectance: parts.reflectance.to_array(),
+            curve: parts.curve.unwrap_or(NO_CURVE),
+            side_1: parts.sides[0].to_array(),
+            lobe: parts.lobe,
+            side_2: parts.sides[1].to_array(),
+            change_1: parts.changes[0].to_array(),
+            change_2: parts.changes[1].to_array(),
+            ..Self::zeroed()
         }
     }
 }
@@ -100,85 +124,101 @@ impl From<PinholeParts> for PinholeSample {
 impl PinholeSample {
     /// World position, metres.
     pub fn position(&self) -> Vec3 {
-        Vec3::from_slice(&self.position_area)
+        self.position.into()
     }
 
     /// Unit normal.
     pub fn normal(&self) -> Vec3 {
-        Vec3::from_slice(&self.normal_object)
+        self.normal.into()
     }
 
     /// The area that the sample stands for, m².
     pub fn area(&self) -> f32 {
-        self.position_area[3]
+        self.area
     }
 
     /// Index of the object in the scene.
     pub fn object(&self) -> u32 {
-        self.normal_object[3].abs() as u32 - 1
+        self.object_sides >> 1
     }
 
     /// The four quarters of its parallelogram, to second order.
     pub(super) fn quarters(&self) -> [Self; 4] {
         let (n, [t1, t2]) = (self.normal(), [self.side_1(), self.side_2()]);
-        let [m1, m2] = [self.change_1, self.change_2].map(|m| Vec3::from_slice(&m));
+        let [m1, m2] = [self.change_1(), self.change_2()];
         [(-0.25, -0.25), (0.25, -0.25), (-0.25, 0.25), (0.25, 0.25)].map(|(x, y)| {
             let (q, m) = (x * t1 + y * t2, x * m1 + y * m2);
             let normal = (n + m).normalize();
             let tangent = |v: Vec3| v - v.dot(normal) * normal;
-            let mut quarter = *self;
-            // Where normals diverge the surface falls away from the tangent plane.
-            let position = self.position() + q - 0.5 * q.dot(m) * n;
-            quarter.position_area = position.extend(0.25 * self.area()).to_array();
-            quarter.normal_object = normal.extend(self.normal_object[3]).to_array();
-            let half = |v: Vec3, w: f32| (0.5 * tangent(v)).extend(w).to_array();
-            quarter.side_1 = half(t1, self.side_1[3]);
-            quarter.side_2 = half(t2, self.side_2[3]);
-            quarter.change_1 = half(m1, self.change_1[3]);
-            quarter.change_2 = half(m2, self.change_2[3]);
-            quarter
+            let half = |v: Vec3| (0.5 * tangent(v)).to_array();
+            Self {
+                // Where normals diverge the surface falls away from the tangent plane.
+                position: (self.position() + q - 0.5 * q.dot(m) * n).to_array(),
+                area: 0.25 * self.area,
+                normal: normal.to_array(),
+                side_1: half(t1),
+                side_2: half(t2),
+                change_1: half(m1),
+                change_2: half(m2),
+                ..*self
+            }
         })
     }
 
     /// Blur of the footprint, radians.
     pub fn lobe(&self) -> f32 {
-        self.side_1[3]
+        self.lobe
     }
 
     /// T₁, metres.
     pub fn side_1(&self) -> Vec3 {
-        Vec3::from_slice(&self.side_1)
+        self.side_1.into()
     }
 
     /// T₂, metres.
     pub fn side_2(&self) -> Vec3 {
-        Vec3::from_slice(&self.side_2)
+        self.side_2.into()
     }
 
-    /// The first of its maps of visibility, from 0; of use only where there are maps.
+    /// Change of the normal along T₁.
+    pub fn change_1(&self) -> Vec3 {
+        self.change_1.into()
+    }
+
+    /// Change of the normal along T₂.
+    pub fn change_2(&self) -> Vec3 {
+        self.change_2.into()
+    }
+
+    /// Reflectance where there is no curve.
+    pub fn reflectance(&self) -> Vec3 {
+        self.reflectance.into()
+    }
+
+    /// The first of its visibility maps; of use only where there are maps.
     pub fn map(&self) -> u32 {
-        (self.side_2[3] as u32).saturating_sub(1)
+        self.map
     }
 
-    /// How far the maps' texels are shifted.
-    pub fn phase(&self) -> Vec2 {
-        Vec2::new(self.change_1[3], self.change_2[3])
+    /// How far the maps' texels are shifted, from −½ to ½ of a texel.
+    pub fn texel_jitter(&self) -> Vec2 {
+        Vec2::new(self.texel_jitter_u, self.texel_jitter_v)
     }
 
-    /// Notes its first map of visibility.
-    pub(super) fn set_map(&mut self, map: u32, phase: Vec2) {
-        self.side_2[3] = (map + 1) as f32;
-        (self.change_1[3], self.change_2[3]) = (phase.x, phase.y);
+    /// Notes its first visibility map.
+    pub(super) fn set_map(&mut self, map: u32, texel_jitter: Vec2) {
+        self.map = map;
+        [self.texel_jitter_u, self.texel_jitter_v] = texel_jitter.to_array();
     }
 
     /// Which of the curves of reflectance holds.
     pub fn curve(&self) -> Option<usize> {
-        (self.reflectance[3] as usize).checked_sub(1)
+        (self.curve != NO_CURVE).then_some(self.curve as usize)
     }
 
     /// Whether both sides reflect.
     pub fn two_sided(&self) -> bool {
-        self.normal_object[3] < 0.0
+        self.object_sides & 1 == 1
     }
 }
 

@@ -11,7 +11,9 @@
 //! [`cpu`] and [`gpu`] are twins: the same steps under the same names. [`PinholeSample`] and [`GatherUniforms`] are
 //! the memory layout that both read. This module must not know scene files, cameras or image files.
 
+mod constants;
 pub mod cpu;
+#[cfg(feature = "gpu")]
 pub mod gpu;
 mod layout;
 mod receivers;
@@ -26,6 +28,7 @@ pub use visibility::VisibilityMaps;
 use glam::{Vec2, Vec3};
 use serde::{Deserialize, Serialize};
 
+use self::constants::{BEND_BLUR, MIN_BEND_BLUR};
 use crate::differential::DifferentialSample;
 use crate::reflectance::{Curve, Finish};
 use crate::scene::{Object, Reflector, Scene, Sides};
@@ -139,17 +142,10 @@ impl Default for Params {
 /// nearest to the ground truth (`tests/engine/gloss.rs`).
 const LOBE_PER_ALPHA: f32 = 3.75;
 
-/// A sample's reflected directions are taken to change linearly; where its surface turns far, they bend. This part of the
-/// normal's squared change is the blur that comes nearest to the ground truth: without it a cup of 100 samples throws a
-/// caustic four times too bright at its focus, and its error is .436 instead of .365 (`examples/accuracy.rs`).
-const BEND: f32 = 0.5;
-/// Less blur than this, radians, changes nothing that could be measured, and is spared.
-const LEAST_BEND: f32 = 0.03;
-
 /// The blur for the second order of a footprint with these changes of the normal, radians.
 fn lobe_of_bend(changes: [Vec3; 2]) -> f32 {
-    let bend = BEND * (changes[0].length_squared() + changes[1].length_squared());
-    if bend < LEAST_BEND { 0.0 } else { bend }
+    let bend = BEND_BLUR * (changes[0].length_squared() + changes[1].length_squared());
+    if bend < MIN_BEND_BLUR { 0.0 } else { bend }
 }
 
 /// A sample's region, as a footprint is made of it.

@@ -4,13 +4,14 @@ use std::sync::Arc;
 
 use glam::Vec3;
 
+use super::constants::TILE_SIZE;
 use crate::brdf::Materials;
 
 /// The `w` of a position where there is nothing to receive.
 pub const NO_RECEIVER: f32 = -1.0;
 
 /// Points along the edge of the largest blocks that a hierarchical gather looks at.
-pub(super) const TILE: usize = 64;
+pub(super) const TILE: usize = TILE_SIZE as usize;
 
 /// The bits of two places of a tile by turns: blocks of every level are runs of a list.
 pub(super) fn along_z_curve(x: usize, y: usize) -> usize {

@@ -107,7 +107,7 @@ impl View {
         let view = |back: bool| Self {
             piece: Piece { position: sample.position(), object: sample.object(), front: of_mesh != back, extent },
             axes: [t, b, if back { -n } else { n }],
-            phase: sample.phase(),
+            phase: sample.texel_jitter(),
         };
         if sample.two_sided() { vec![view(false), view(true)] } else { vec![view(false)] }
     }

@@ -64,25 +64,29 @@ impl<R: Copy> Cut<R> {
         Self { regions: Vec::new(), cumulative: Vec::new(), queue: BinaryHeap::new(), splits: 0 }
     }
 
-    /// Makes the cut for a receiver: splits the region of the largest mass, again and again.
-    pub fn refine<D: Domain<Region = R>>(&mut self, domain: &D, receiver: &Receiver, depth: &Depth) {
+    /// Makes the cut for a receiver: splits the region of the largest mass, again and again. Returns whether more splits than
+    /// are allowed would have paid.
+    pub fn refine<D: Domain<Region = R>>(&mut self, domain: &D, receiver: &Receiver, depth: &Depth) -> bool {
         self.regions.clear();
         self.queue.clear();
         domain.roots(&mut |root| self.add(domain, receiver, root, None));
         let mut wanted = depth.least / 2;
         let mut mass = f64::INFINITY;
+        let mut pays = true;
         self.split(domain, receiver, wanted);
         while !self.queue.is_empty() && wanted < depth.most {
             let more = wanted.min(depth.most - wanted);
             self.split(domain, receiver, more);
             wanted += more;
             let before = std::mem::replace(&mut mass, self.regions.iter().map(|r| r.mass).sum());
-            let pays = mass < WORTHWHILE * before && mass > depth.negligible;
+            pays = mass < WORTHWHILE * before && mass > depth.negligible;
             if wanted >= depth.least && !pays {
                 break;
             }
         }
+        let limited = pays && !self.queue.is_empty();
         self.finish(domain);
+        limited
     }
 
     /// Every root as one region, in proportion to its measure alone: no importance at all.

@@ -59,10 +59,11 @@ impl Geometry {
     pub fn new(scene: &Scene) -> Self {
         let mut triangles = Vec::new();
         for (object, o) in scene.objects.iter().enumerate() {
-            for t in 0..o.mesh.triangles().len() {
+            let mesh = o.mesh_in_world();
+            for t in 0..mesh.triangles().len() {
                 triangles.push(Triangle {
-                    corners: o.mesh.corners(t).map(Vec3::as_dvec3),
-                    normals: o.mesh.corner_normals(t).map(Vec3::as_dvec3),
+                    corners: mesh.corners(t).map(Vec3::as_dvec3),
+                    normals: mesh.corner_normals(t).map(Vec3::as_dvec3),
                     object: object as u32,
                 });
             }

@@ -1,13 +1,11 @@
 //! The light as the ground truth sees it: radiance by direction from the original image or the analytic spot, in f64, and
 //! upper bounds of it over cones of directions. Its own look-ups: of `environment` it uses the file readers alone.
 
-use std::path::Path;
-
 use glam::{DMat3, DVec3};
 
 use super::cone::{Cone, angle};
 use super::map::Map;
-use crate::environment::EnvironmentError;
+use crate::environment::{EnvironmentError, built_in_map};
 use crate::scene::{EnvironmentSource, Light as Source};
 
 /// A light around the scene.
@@ -26,9 +24,8 @@ enum Kind {
 }
 
 impl Light {
-    /// Reads the light's files; the second part of the result notes what was repaired.
-    pub fn load(source: &EnvironmentSource) -> Result<(Self, Vec<String>), EnvironmentError> {
-        let mut notes = Vec::new();
+    /// The light that a scene describes.
+    pub fn new(source: &EnvironmentSource) -> Result<Self, EnvironmentError> {
         let kind = match &source.light {
             Source::Constant(radiance) => Kind::Constant(radiance.as_dvec3()),
             Source::Spot { direction, sigma_rad, radiance } => Kind::Spot {
@@ -36,16 +33,11 @@ impl Light {
                 sigma_rad: f64::from(*sigma_rad),
                 radiance: radiance.as_dvec3(),
             },
-            Source::BuiltInMap(name) => Kind::Map(Box::new(Map::built_in(name)?)),
-            Source::Map { files, layout } => {
-                let files: Vec<&Path> = files.iter().map(AsRef::as_ref).collect();
-                let (map, repaired) = Map::load(&files, *layout)?;
-                notes = repaired;
-                Kind::Map(Box::new(map))
-            }
+            Source::BuiltInMap(name) => Kind::Map(Box::new(Map::new(&built_in_map(name)?))),
+            Source::Map(map) => Kind::Map(Box::new(Map::new(map))),
         };
         let local_from_world = DMat3::from_rotation_y(-f64::from(source.rotation_rad));
-        Ok((Self { kind, local_from_world, intensity: f64::from(source.intensity) }, notes))
+        Ok(Self { kind, local_from_world, intensity: f64::from(source.intensity) })
     }
 
     /// Radiance that arrives from a unit direction, W/(m²·sr).
@@ -82,9 +74,11 @@ fn gaussian(angle: f64, sigma: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use std::f64::consts::PI;
+    use std::sync::Arc;
 
     use super::*;
-    use crate::scene::MapLayout;
+    use crate::image::RgbImage;
+    use crate::scene::{EnvironmentMap, MapLayout};
     use glam::Vec3;
     use rand::{RngExt, SeedableRng};
 
@@ -109,8 +103,7 @@ mod tests {
         ];
         let mut rng = rand::rngs::ChaCha8Rng::seed_from_u64(3);
         for light in lights {
-            let (light, _) =
-                Light::load(&EnvironmentSource { light, rotation_rad: 0.7, intensity: 2.0 }).expect("it loads");
+            let light = Light::new(&EnvironmentSource { light, rotation_rad: 0.7, intensity: 2.0 }).expect("it loads");
             for _ in 0..20_000 {
                 let cone =
                     Cone { axis: random_direction(&mut rng), half_angle: PI * 10f64.powf(rng.random_range(-5.0..0.0)) };
@@ -127,7 +120,6 @@ mod tests {
     /// The same directions as the engine's own look-up, which a test of six colours pins, for every layout.
     #[test]
     fn look_ups_agree_with_the_engines() {
-        let folder = tempfile::tempdir().unwrap();
         let mut rng = rand::rngs::ChaCha8Rng::seed_from_u64(5);
         for (layout, width, height) in [
             (MapLayout::Latlong, 64, 32),
@@ -135,23 +127,18 @@ mod tests {
             (MapLayout::VerticalCross, 48, 64),
             (MapLayout::HorizontalCross, 64, 48),
         ] {
-            let mut image = crate::image::Image::new(width, height);
-            for (k, pixel) in image.pixels.iter_mut().enumerate() {
-                *pixel = Vec3::new((k as u32 % width) as f32, (k as u32 / width) as f32, 1.0);
-            }
-            let path = folder.path().join("map.exr");
-            crate::image::write_exr(&path, &[("", &image)]).unwrap();
-            let source = EnvironmentSource {
-                light: Source::Map { files: vec![path], layout },
-                rotation_rad: 0.3,
-                intensity: 1.5,
-            };
-            let (light, _) = Light::load(&source).unwrap();
-            let (field, _) = crate::environment::Field::load(&source).unwrap();
+            let pixel = |k: usize| [(k % width) as f32, (k / width) as f32, 1.0];
+            let image = RgbImage { width, height, pixels: (0..width * height).map(pixel).collect() };
+            let map = EnvironmentMap::new(vec![("map".into(), Arc::new(image))], layout).unwrap();
+            let source = EnvironmentSource { light: Source::Map(map), rotation_rad: 0.3, intensity: 1.5 };
+            let light = Light::new(&source).unwrap();
+            let engines_light = crate::environment::EnvironmentRadiance::new(&source.light).unwrap();
+            let light_from_world = glam::Mat3::from_rotation_y(-source.rotation_rad);
             let mut differing = 0;
             for _ in 0..2000 {
                 let d = random_direction(&mut rng);
-                let (own, engines) = (light.radiance(d), field.radiance(d.as_vec3()).as_dvec3());
+                let engines = source.intensity * engines_light.radiance(light_from_world * d.as_vec3());
+                let (own, engines) = (light.radiance(d), engines.as_dvec3());
                 differing += u32::from(!own.abs_diff_eq(engines, 0.02));
             }
             // A direction within rounding of a face's edge may fall on either side.

@@ -1,19 +1,19 @@
 //! Environment images for the ground truth: bilinear look-ups in the original image, and bounds from a pyramid of maxima.
 
 use std::f64::consts::{PI, TAU};
-use std::path::Path;
+use std::sync::Arc;
 
 use glam::DVec3;
 
 use super::cone::AngleBox;
 use super::maxima::Maxima;
-use crate::environment::{BUILT_IN_MAPS, EnvironmentError, RgbImage, resolve_layout};
-use crate::scene::MapLayout;
+use crate::image::RgbImage;
+use crate::scene::{EnvironmentMap, MapLayout};
 
 /// One image of a map and which part of it shows what.
 #[derive(Debug)]
 pub(super) struct Map {
-    images: Vec<RgbImage>,
+    images: Vec<Arc<RgbImage>>,
     projection: Projection,
     /// Bounds by azimuth and polar angle.
     maxima: Maxima,
@@ -39,33 +39,16 @@ struct Face {
 }
 
 impl Map {
-    pub fn built_in(name: &str) -> Result<Self, EnvironmentError> {
-        let map = BUILT_IN_MAPS.iter().find(|m| m.name == name);
-        let map = map.ok_or_else(|| EnvironmentError::UnknownBuiltIn { name: name.into() })?;
-        let (image, _) = RgbImage::decode(Path::new(name), "exr", map.exr)?;
-        Ok(Self::new(vec![image], Projection::Latlong))
-    }
-
-    /// Reads one file or six; the second part of the result notes what was repaired.
-    pub fn load(files: &[&Path], layout: MapLayout) -> Result<(Self, Vec<String>), EnvironmentError> {
-        let mut notes = Vec::new();
-        let mut images = Vec::new();
-        for file in files {
-            let (image, note) = RgbImage::load(file)?;
-            notes.extend(note);
-            images.push(image);
-        }
-        let projection = match resolve_layout(files, &images, layout)? {
+    /// From one image, or six.
+    pub fn new(source: &EnvironmentMap) -> Self {
+        let projection = match source.layout() {
             MapLayout::Latlong => Projection::Latlong,
             MapLayout::Angular => Projection::Angular,
             MapLayout::VerticalCross => Projection::Faces(Box::new(cross(true))),
             MapLayout::HorizontalCross => Projection::Faces(Box::new(cross(false))),
             MapLayout::Faces | MapLayout::Auto => Projection::Faces(Box::new(six_faces())),
         };
-        Ok((Self::new(images, projection), notes))
-    }
-
-    fn new(images: Vec<RgbImage>, projection: Projection) -> Self {
+        let images = source.images().to_vec();
         let mut map = Self { images, projection, maxima: Maxima::default() };
         map.maxima = match map.projection {
             Projection::Latlong => Maxima::of_latlong(&map.images[0]),

@@ -3,7 +3,7 @@
 use std::f64::consts::{PI, TAU};
 
 use super::cone::AngleBox;
-use crate::environment::RgbImage;
+use crate::image::RgbImage;
 
 /// Upper bounds of the radiance over boxes of azimuth and polar angle: a grid of values and, above it, maxima over 2×2.
 #[derive(Debug, Default)]

@@ -1,6 +1,7 @@
 //! Ground truth: an unbiased estimate of the irradiance that the techniques approximate, and its standard error.
 //!
-//! It shares no sampling, footprint or filter code with what it judges. Data flows scene → `geometry` (f64 triangles) and
+//! It shares the scene's description, file decoding, errors and progress with what it judges, and nothing else: a test pins its
+//! imports. Data flows scene → `geometry` (f64 triangles) and
 //! `light` (radiance from the original image) → a `domain` to integrate over (`reflectors`, or the `sky` for direct light) →
 //! a `cut` per receiver point (the density) → replicates of quasi-random points, in
 //! `passes` over the image → [`Estimate`].
@@ -10,6 +11,7 @@ mod brdf;
 mod cone;
 mod cut;
 mod domain;
+mod estimate;
 mod geometry;
 mod gloss;
 mod light;
@@ -17,11 +19,17 @@ mod map;
 mod maxima;
 mod passes;
 mod receivers;
+mod reflectance;
 mod reflectors;
 mod replicates;
 mod sky;
 mod store;
 mod tree;
+
+pub use self::estimate::{Estimate, Statistics};
+pub use self::store::Stored;
+
+use std::path::PathBuf;
 
 use self::domain::Domain;
 use self::geometry::Geometry;
@@ -30,7 +38,6 @@ use self::passes::Passes;
 use self::receivers::Receivers;
 use self::reflectors::Reflectors;
 use self::sky::Sky;
-use crate::image::Image;
 use crate::scene::{Scene, Visibility};
 use crate::{Error, OptionError, Progress};
 
@@ -94,49 +101,67 @@ impl Default for Options {
     }
 }
 
-/// When to stop.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Goal {
+/// When to stop: at the first of these.
+#[derive(Clone, Copy)]
+#[non_exhaustive]
+pub struct StoppingCriterion<'a> {
     /// The relative standard error √Σse² / √ΣE² over the image at which the work is done.
     pub rel_error: f64,
-    /// Stop before that when this time is up; the first pass is always finished.
-    pub seconds: Option<f64>,
-    /// Stop before that after about this many points per pixel, all passes and replicates together.
-    pub points: Option<f64>,
+    /// About so many points per pixel, all passes and replicates together, once all is known of how fine cuts must be.
+    pub max_points: Option<f64>,
+    /// Asked before every pixel, from any thread: whether to begin nothing more.
+    pub should_stop: &'a (dyn Fn() -> bool + Sync),
 }
 
-/// Irradiance and what is known of its error.
-#[derive(Clone, Debug)]
-pub struct Estimate {
-    /// W/m², or what else the quantity is measured in.
-    pub irradiance: Image,
-    /// Its standard error, W/m²; itself uncertain where most replicates miss a rare light, that is, where it is more than
-    /// about a tenth of the irradiance.
-    pub standard_error: Image,
-    /// How it came about.
-    pub account: Account,
-}
-
-/// How an estimate came about.
-#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
-pub struct Account {
-    /// Independent passes that were combined.
-    pub passes: u32,
-    /// Sum of the passes' weights, squares of their mean points per replicate (the first one's a tenth of that).
-    pub weight: f64,
-    /// Mean number of points per pixel, all passes and replicates together.
-    pub points_per_pixel: f64,
-    /// Seconds of work.
-    pub seconds: f64,
-}
-
-impl Estimate {
-    /// √Σse² / √ΣE² over the image; 0 for a black one without error.
-    pub fn rel_error(&self) -> f64 {
-        let norm = |image: &Image| image.pixels.iter().map(|p| p.as_dvec3().length_squared()).sum::<f64>().sqrt();
-        let (error, norm) = (norm(&self.standard_error), norm(&self.irradiance));
-        if error == 0.0 { 0.0 } else { error / norm }
+impl<'a> StoppingCriterion<'a> {
+    /// Only the relative standard error.
+    pub const fn new(rel_error: f64) -> Self {
+        const fn never() -> bool {
+            false
+        }
+        Self { rel_error, max_points: None, should_stop: &never }
     }
+
+    /// The same with a limit to the points per pixel.
+    #[must_use]
+    pub const fn with_max_points(self, max_points: f64) -> Self {
+        Self { max_points: Some(max_points), ..self }
+    }
+
+    /// The same with an end that the caller decides on: a time limit, a key, a closed window.
+    #[must_use]
+    pub const fn with_should_stop<'b>(self, should_stop: &'b (dyn Fn() -> bool + Sync)) -> StoppingCriterion<'b>
+    where
+        'a: 'b,
+    {
+        StoppingCriterion { should_stop, ..self }
+    }
+}
+
+/// Why a reference could not be computed, or kept in its file.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ReferenceError {
+    /// The work was stopped before anything was known of every pixel.
+    #[error("the work was stopped when {:.0} % of the pixels had been reached for the first time", 100.0 * coverage)]
+    Incomplete {
+        /// The part of the pixels that were reached.
+        coverage: f64,
+    },
+    /// A file that is something else.
+    #[error("'{}' exists, and is no earlier state of this reference (its scene, light, size, options and seed)", path.display())]
+    Foreign {
+        /// File.
+        path: PathBuf,
+    },
+    /// A file that cannot be gone on from.
+    #[error("the reference in '{}' is damaged ({reason}); delete it", path.display())]
+    Damaged {
+        /// File.
+        path: PathBuf,
+        /// What is wrong.
+        reason: String,
+    },
 }
 
 /// A scene, prepared for ground truth.
@@ -155,7 +180,7 @@ pub struct Reference {
 impl Reference {
     /// Loads the light and finds what the camera sees.
     pub fn new(scene: Scene, options: Options) -> Result<Self, Error> {
-        let fail = |key: &'static str, message: &str| Err(OptionError { key, message: message.into() }.into());
+        let fail = |key: &'static str, message: &str| Err(OptionError::invalid(key, message).into());
         if options.size.iter().any(|s| !(1..=16384).contains(s)) {
             return fail("size", "must be from 1×1 to 16384×16384 pixels");
         }
@@ -168,13 +193,18 @@ impl Reference {
         if options.quantity != Quantity::Direct && scene.objects.iter().all(|o| o.reflector.is_none()) {
             return fail("reflector", "is missing: give an object `reflector = { sides = \"front\" }`");
         }
-        let (light, repaired) = Light::load(&scene.environment)?;
-        let notes = scene.notes.iter().cloned().chain(repaired).collect();
+        let light = Light::new(&scene.environment)?;
+        let notes = scene.notes.clone();
         let geometry = Geometry::new(&scene);
         let receivers = Receivers::find(&scene, &geometry, options.size, options.pixel_samples);
         let described = serde_json::to_string(&options).expect("options are plain data");
-        let fingerprint = scene.fingerprint(&described)?;
+        let fingerprint = scene.fingerprint(&described);
         Ok(Self { scene, options, geometry, light, receivers, fingerprint, notes })
+    }
+
+    /// What is computed, and how.
+    pub fn options(&self) -> &Options {
+        &self.options
     }
 
     /// Names everything that the result depends on; two references with one fingerprint may be combined.
@@ -182,32 +212,29 @@ impl Reference {
         &self.fingerprint
     }
 
-    /// Adds passes to `known` (or starts) until the goal is reached, and shows every improvement to `save`.
+    /// Adds passes to `known` (or starts) until the criterion is met. `checkpoint` is shown what there is from time to time, so
+    /// that it can be kept.
     pub fn solve(
         &self,
-        goal: &Goal,
+        criterion: &StoppingCriterion,
         known: Option<Estimate>,
         progress: &dyn Progress,
-        save: &mut dyn FnMut(&Estimate) -> Result<(), Error>,
+        checkpoint: &mut dyn FnMut(&Estimate) -> Result<(), Error>,
     ) -> Result<Estimate, Error> {
-        let Goal { rel_error, seconds, .. } = *goal;
+        let rel_error = criterion.rel_error;
         if !(rel_error > 0.0 && rel_error.is_finite()) {
             let message = format!("is {rel_error}, but must be a number greater than 0");
-            return Err(OptionError { key: "rel_error", message }.into());
-        }
-        if let Some(seconds) = seconds.filter(|s| s.is_nan() || *s <= 0.0) {
-            let message = format!("is {seconds}, but must be a number greater than 0");
-            return Err(OptionError { key: "seconds", message }.into());
+            return Err(OptionError::invalid("rel_error", message).into());
         }
         match self.options.quantity {
             Quantity::Caustic | Quantity::Reflected => {
                 let domain = Reflectors::new(&self.scene, &self.geometry, &self.light, &self.options);
-                self.passes(&domain, progress).solve(goal, known, save)
+                self.passes(&domain, progress).solve(criterion, known, checkpoint)
             }
             Quantity::Direct => {
                 let Self { geometry, light, .. } = self;
                 let domain = Sky { geometry, light, visibility: self.options.visibility };
-                self.passes(&domain, progress).solve(goal, known, save)
+                self.passes(&domain, progress).solve(criterion, known, checkpoint)
             }
         }
     }

@@ -1,30 +1,31 @@
-//! Passes over the image until a goal is reached: how many points each takes, what it costs, and their combination.
+//! Passes over the image until a stopping criterion is met: how many points each takes, and their combination.
+//!
+//! A pass can end after any pixel. Each pixel keeps the weight of the passes that reached it, so its mean stays unbiased and
+//! its standard error honest: whether a pass reaches a pixel depends on the time that others took, not on its own value.
 
-use std::time::Instant;
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 
 use glam::DVec3;
 use rayon::prelude::*;
 
 use super::cut::Cut;
 use super::domain::Domain;
+use super::estimate::Estimate;
 use super::receivers::Receivers;
-use super::replicates::{self, LEAST_SPLITS, MOST_SPLITS, Moments, POINTS_PER_SPLIT, Tally, Work};
-use super::{Account, Estimate, Goal, Options};
+use super::replicates::{self, MOST_SPLITS, Moments, Tally, Work};
+use super::{Options, StoppingCriterion};
 use crate::image::Image;
-use crate::{Error, Progress};
+use crate::{Error, Progress, Stage};
 
-/// Points per replicate in the first pass, at least.
-const PILOT_POINTS: u32 = 16;
-/// What a point of it weighs: it does not know yet where points are needed.
-const WEIGHT_OF_FIRST: f64 = 0.1;
-/// A pass takes about so many seconds at most, so that an interruption costs no more,
-const LONGEST_PASS: f64 = 90.0;
-/// unless that is less than so many times what its cuts cost with the fewest points.
-const LONGEST_IN_CUTS: f64 = 2.0;
-/// About so many pixels tell what irradiance is typical, and how long a pass takes, before anything is known.
-const SCOUTS: f64 = 144.0;
+/// The most splits of a cut, pass by pass: the first is over soon, whatever the scene. Each of the next ones is about the
+/// pixels only whose cuts the one before left too coarse, so all of them together cost little more than the last.
+pub(super) const SPLIT_LIMITS: [u32; 5] = [32, 256, 2048, 16_384, MOST_SPLITS];
+/// Points per replicate, at least, until cuts are as fine as they get.
+const PILOT_POINTS: f64 = 8.0;
 /// Where no more than this part of the typical irradiance can arrive, no finer cut is needed.
 const NEGLIGIBLE: f64 = 0.1;
+/// Pixels that are computed between two checkpoints.
+const PIXELS_PER_CHUNK: usize = 4096;
 
 /// The work on one reference.
 pub(super) struct Passes<'a, D> {
@@ -34,64 +35,36 @@ pub(super) struct Passes<'a, D> {
     pub progress: &'a dyn Progress,
 }
 
-/// How fast the work goes. Its unit is a split with the points that it is worth, or as many points without.
-struct Pace {
-    seconds_per_unit: f64,
-    /// What the cuts of some pixels want that get few points.
-    splits: Vec<f64>,
-}
-
-impl Pace {
-    /// Mean number of splits if none has more than this.
-    fn splits_per_pixel(&self, most: f64) -> f64 {
-        self.splits.iter().map(|s| s.min(most)).sum::<f64>() / self.splits.len().max(1) as f64
-    }
-}
-
 /// What a pass is to do.
 struct Plan {
     /// Points per replicate, for each pixel: at least.
     counts: Vec<u32>,
-    most_splits: u32,
+    /// In [`SPLIT_LIMITS`].
+    level: usize,
     typical_irradiance: f64,
+    /// The pixels, in the order in which they are computed, in parts that are spread over the image.
+    chunks: Vec<Vec<usize>>,
 }
 
+/// Told of the estimate between chunks.
+pub(super) type Checkpoint<'a> = dyn FnMut(&Estimate) -> Result<(), Error> + 'a;
+
 impl<D: Domain> Passes<'_, D> {
-    /// Adds passes to `known` (or starts) until the goal is reached, and shows every improvement to `save`.
+    /// Adds passes to `known` (or starts) until the criterion is met, and shows what it has in between to `checkpoint`.
     pub fn solve(
         &self,
-        goal: &Goal,
+        criterion: &StoppingCriterion,
         known: Option<Estimate>,
-        save: &mut dyn FnMut(&Estimate) -> Result<(), Error>,
+        checkpoint: &mut Checkpoint,
     ) -> Result<Estimate, Error> {
-        let started = Instant::now();
-        let left = || goal.seconds.map_or(f64::INFINITY, |s| s - started.elapsed().as_secs_f64());
-        if let Some(known) = known.as_ref().filter(|k| k.rel_error() <= goal.rel_error) {
-            return Ok(known.clone());
-        }
-        let (mut pace, typical) = self.scout();
-        let mut most_splits = 0;
-        let mut estimate = if let Some(known) = known {
-            known
-        } else {
-            let counts = vec![PILOT_POINTS; self.pixels()];
-            let plan = Plan { counts, most_splits: self.most_splits(&pace, left()), typical_irradiance: typical };
-            let (first, _) = self.pass(&plan, 0);
-            save(&first)?;
-            most_splits = plan.most_splits;
-            first
-        };
-        while estimate.rel_error() > goal.rel_error {
-            let Some(plan) = self.next_plan(goal, &estimate, &pace, left()) else { break };
-            // With much coarser cuts than before a pass would do more harm than good.
-            if plan.most_splits < most_splits / 2 {
+        let mut estimate = known.unwrap_or_else(|| Estimate::unknown(self.options.size));
+        while estimate.rel_error() > criterion.rel_error {
+            let Some(plan) = self.next_plan(criterion, &estimate) else { break };
+            let (next, is_complete) = self.pass(&plan, &estimate, criterion, checkpoint)?;
+            estimate = next;
+            if !is_complete {
                 break;
             }
-            most_splits = plan.most_splits;
-            let (pass, seconds_per_unit) = self.pass(&plan, u64::from(estimate.account.passes));
-            pace.seconds_per_unit = seconds_per_unit;
-            estimate = combine(estimate, &pass);
-            save(&estimate)?;
         }
         Ok(estimate)
     }
@@ -100,147 +73,157 @@ impl<D: Domain> Passes<'_, D> {
         self.options.size.iter().map(|s| *s as usize).product()
     }
 
-    /// A few pixels across and down: the pace, and the typical irradiance.
-    fn scout(&self) -> (Pace, f64) {
-        let [width, height] = self.options.size.map(|s| s as usize);
-        let stride = (self.pixels() as f64 / SCOUTS).sqrt().ceil() as usize;
-        let rows = (stride / 2..height).step_by(stride);
-        let scouts: Vec<usize> =
-            rows.flat_map(|j| (stride / 2..width).step_by(stride).map(move |i| j * width + i)).collect();
-        let counts = vec![PILOT_POINTS; self.pixels()];
-        let mut plan = Plan { counts, most_splits: MOST_SPLITS, typical_irradiance: 0.0 };
-        // Once for the irradiance, and again for the pace, as it depends on that.
-        plan.typical_irradiance = rms(self.some_pixels(&plan, &scouts).1.into_iter().map(|m| m.mean));
-        let started = Instant::now();
-        let (tallies, _) = self.some_pixels(&plan, &scouts);
-        let units: f64 = tallies.iter().map(|t| self.units(t)).sum();
-        let pace = Pace {
-            seconds_per_unit: started.elapsed().as_secs_f64() / units.max(1.0),
-            splits: tallies.iter().map(Tally::splits).collect(),
-        };
-        (pace, plan.typical_irradiance)
-    }
-
-    fn some_pixels(&self, plan: &Plan, pixels: &[usize]) -> (Vec<Tally>, Vec<Moments>) {
-        let pixel = |cut: &mut _, pixel: &usize| {
-            let tally = Tally::default();
-            // Other random numbers than any pass's: what passes do may depend on these.
-            let moments = replicates::pixel(self.domain, &self.work(plan, u64::MAX, &tally), *pixel, cut);
-            (tally, moments)
-        };
-        pixels.par_iter().map_init(Cut::new, pixel).unzip()
-    }
-
-    /// The work that was tallied.
-    fn units(&self, tally: &Tally) -> f64 {
-        tally.splits().max(tally.points() * self.units_per_point())
-    }
-
-    /// Units for one point per replicate.
-    fn units_per_point(&self) -> f64 {
-        f64::from(self.options.replicates) / f64::from(POINTS_PER_SPLIT)
-    }
-
-    /// As many splits per pixel as there is time for.
-    fn most_splits(&self, pace: &Pace, seconds: f64) -> u32 {
-        let affordable = seconds / (pace.seconds_per_unit * self.pixels() as f64);
-        let mut most = MOST_SPLITS;
-        while most > LEAST_SPLITS && pace.splits_per_pixel(f64::from(most)) > affordable {
-            most = (0.9 * f64::from(most)) as u32;
+    /// `None` if there are points enough.
+    fn next_plan(&self, criterion: &StoppingCriterion, known: &Estimate) -> Option<Plan> {
+        let level = known.level;
+        if known.coverage() < 1.0 {
+            let counts = vec![PILOT_POINTS as u32; self.pixels()];
+            let chunks = chunks(self.options.size, |pixel| known.weights[pixel] == 0.0);
+            return Some(Plan { counts, level, typical_irradiance: 0.0, chunks });
         }
-        most
-    }
-
-    /// `None` if nothing that would help is affordable.
-    fn next_plan(&self, goal: &Goal, known: &Estimate, pace: &Pace, left: f64) -> Option<Plan> {
-        let Account { passes, points_per_pixel, seconds, .. } = known.account;
-        let replicates = f64::from(self.options.replicates);
-        let allowed = goal.points.map_or(f64::INFINITY, |p| p - points_per_pixel);
-        if left <= 0.1 * seconds / f64::from(passes) || allowed <= 0.1 * points_per_pixel {
+        let typical_irradiance = typical_irradiance(known);
+        if known.is_fine.contains(&false) {
+            let counts = replicates::points_per_pixel(PILOT_POINTS, known);
+            let chunks = chunks(self.options.size, |pixel| !known.is_fine[pixel]);
+            return Some(Plan { counts, level, typical_irradiance, chunks });
+        }
+        let used = known.statistics.points_per_pixel;
+        let allowed = criterion.max_points.map_or(f64::INFINITY, |most| most - used);
+        if allowed <= 0.1 * used {
             return None;
         }
-        let cuts = pace.seconds_per_unit * pace.splits_per_pixel(f64::INFINITY) * self.pixels() as f64;
-        let affordable = left.min(LONGEST_PASS.max(LONGEST_IN_CUTS * cuts));
-        let typical_points = points_per_pixel / (replicates * f64::from(passes));
-        let wanted = typical_points * growth(known.rel_error(), goal.rel_error);
-        let mut points = wanted.min(allowed / replicates).max(2.0);
-        let mut counts = replicates::points_per_pixel(points, known);
-        while points > 2.0 && self.predicted_seconds(&counts, pace) > affordable {
-            points = (0.8 * points).max(2.0);
-            counts = replicates::points_per_pixel(points, known);
-        }
-        let typical_irradiance = rms(known.irradiance.pixels.iter().map(|p| p.as_dvec3()));
-        Some(Plan { counts, most_splits: self.most_splits(pace, left), typical_irradiance })
+        // Weights of fine pixels are squares of points.
+        let typical = known.weights.iter().map(|w| f64::from(*w).sqrt()).sum::<f64>() / known.weights.len() as f64;
+        let wanted = typical * growth(known.rel_error(), criterion.rel_error);
+        let points = wanted.min(allowed / f64::from(self.options.replicates)).max(2.0);
+        let counts = replicates::points_per_pixel(points, known);
+        Some(Plan { counts, level, typical_irradiance, chunks: chunks(self.options.size, |_| true) })
     }
 
-    fn predicted_seconds(&self, counts: &[u32], pace: &Pace) -> f64 {
-        let splits = pace.splits_per_pixel(f64::INFINITY);
-        let units = |count: &u32| splits.max(f64::from(*count) * self.units_per_point());
-        pace.seconds_per_unit * counts.iter().map(units).sum::<f64>()
+    /// One independent pass added to what is known, and whether it reached all of its pixels.
+    fn pass(
+        &self,
+        plan: &Plan,
+        known: &Estimate,
+        criterion: &StoppingCriterion,
+        checkpoint: &mut Checkpoint,
+    ) -> Result<(Estimate, bool), Error> {
+        self.progress.begin(Stage::Reference, plan.chunks.iter().map(|c| c.len() as u64).sum());
+        let passed = self.pass_over_chunks(plan, known, criterion, checkpoint);
+        self.progress.end(Stage::Reference);
+        passed
+    }
+
+    fn pass_over_chunks(
+        &self,
+        plan: &Plan,
+        known: &Estimate,
+        criterion: &StoppingCriterion,
+        checkpoint: &mut Checkpoint,
+    ) -> Result<(Estimate, bool), Error> {
+        let tally = Tally::default();
+        let work = self.work(plan, u64::from(known.statistics.passes), &tally);
+        let is_stopped = AtomicBool::new(false);
+        let mut found: Vec<Option<Moments>> = vec![None; self.pixels()];
+        let mut estimate = known.clone();
+        for chunk in &plan.chunks {
+            let moments = self.some_pixels(chunk, &work, &|| {
+                is_stopped.fetch_or((criterion.should_stop)(), Relaxed) || is_stopped.load(Relaxed)
+            });
+            chunk.iter().zip(moments).for_each(|(pixel, moments)| found[*pixel] = moments);
+            if found.iter().any(Option::is_some) {
+                estimate = self.combined(known, &found, plan.level, &tally);
+            }
+            if is_stopped.load(Relaxed) {
+                return Ok((estimate, false));
+            }
+            checkpoint(&estimate)?;
+        }
+        estimate.level = if estimate.is_fine.contains(&false) { plan.level + 1 } else { SPLIT_LIMITS.len() - 1 };
+        Ok((estimate, true))
+    }
+
+    /// `None` for those that were not begun any more.
+    fn some_pixels(&self, pixels: &[usize], work: &Work, stops: &(dyn Fn() -> bool + Sync)) -> Vec<Option<Moments>> {
+        let pixel = |cut: &mut _, pixel: &usize| {
+            if stops() {
+                return None;
+            }
+            self.progress.advance(1);
+            Some(replicates::pixel(self.domain, work, *pixel, cut))
+        };
+        pixels.par_iter().with_min_len(16).map_init(Cut::new, pixel).collect()
     }
 
     fn work<'b>(&'b self, plan: &'b Plan, pass: u64, tally: &'b Tally) -> Work<'b> {
-        let Plan { counts, most_splits, typical_irradiance } = plan;
         let Self { receivers, options, .. } = self;
-        let negligible = NEGLIGIBLE * typical_irradiance;
-        Work { receivers, options, counts, most_splits: *most_splits, negligible, pass, tally }
+        let negligible = NEGLIGIBLE * plan.typical_irradiance;
+        let most_splits = SPLIT_LIMITS[plan.level];
+        Work { receivers, options, counts: &plan.counts, most_splits, negligible, pass, tally }
     }
 
-    /// One independent pass, and its seconds per unit.
-    fn pass(&self, plan: &Plan, index: u64) -> (Estimate, f64) {
-        let [width, height] = self.options.size;
-        self.progress.begin("reference", self.pixels() as u64);
-        let started = Instant::now();
-        let tally = Tally::default();
-        let work = self.work(plan, index, &tally);
-        let pixel = |cut: &mut _, pixel| {
-            self.progress.advance(1);
-            replicates::pixel(self.domain, &work, pixel, cut)
-        };
-        let moments: Vec<Moments> =
-            (0..self.pixels()).into_par_iter().with_min_len(16).map_init(Cut::new, pixel).collect();
-        let image = |f: fn(&Moments) -> DVec3| Image {
-            width,
-            height,
-            pixels: moments.iter().map(|m| f(m).as_vec3()).collect(),
-        };
-        let seconds = started.elapsed().as_secs_f64();
-        let points = tally.points() / self.pixels() as f64;
-        let points_per_pixel = points * f64::from(self.options.replicates);
-        let weight = points * points * if index == 0 { WEIGHT_OF_FIRST } else { 1.0 };
-        let account = Account { passes: 1, weight, points_per_pixel, seconds };
-        let estimate = Estimate { irradiance: image(|m| m.mean), standard_error: image(|m| m.standard_error), account };
-        (estimate, seconds / self.units(&tally).max(1.0))
+    /// What was known, and what a pass has found so far.
+    fn combined(&self, known: &Estimate, found: &[Option<Moments>], level: usize, tally: &Tally) -> Estimate {
+        let mut estimate = known.clone();
+        estimate.add(
+            found,
+            tally.points_per_receiver().max(1.0),
+            f64::from(SPLIT_LIMITS[level]) / f64::from(MOST_SPLITS),
+        );
+        estimate.statistics.passes += 1;
+        estimate.statistics.points_per_pixel +=
+            tally.points() * f64::from(self.options.replicates) / self.pixels() as f64;
+        estimate
     }
 }
 
-fn rms(values: impl ExactSizeIterator<Item = DVec3>) -> f64 {
-    let count = values.len().max(1) as f64;
-    (values.map(|v| v.element_sum().powi(2)).sum::<f64>() / count).sqrt()
+/// The pixels that are `wanted`, in runs of rows from all over the image, so that an interrupted pass has been everywhere.
+fn chunks([width, height]: [u32; 2], wanted: impl Fn(usize) -> bool) -> Vec<Vec<usize>> {
+    let (width, height) = (width as usize, height as usize);
+    let count = (width * height).div_ceil(PIXELS_PER_CHUNK).clamp(1, height);
+    let chunk = |first: usize| {
+        let rows = (first..height).step_by(count);
+        rows.flat_map(|j| j * width..(j + 1) * width).filter(|pixel| wanted(*pixel)).collect()
+    };
+    (0..count).map(chunk).filter(|chunk: &Vec<usize>| !chunk.is_empty()).collect()
+}
+
+/// Root mean square over the image, less what noise adds to it.
+fn typical_irradiance(known: &Estimate) -> f64 {
+    let sums = |image: &Image| image.pixels.iter().map(|p| p.as_dvec3().element_sum()).collect::<Vec<f64>>();
+    let (means, errors) = (sums(&known.irradiance), sums(&known.standard_error));
+    let count = means.len() as f64;
+    let mean = means.iter().sum::<f64>() / count;
+    let squares = means.iter().zip(&errors).map(|(mean, error)| mean * mean - error * error).sum::<f64>() / count;
+    squares.max(mean * mean).sqrt()
 }
 
 /// By which factor the points must grow to bring an error down, if quasi-random points converge as n^-¾.
 fn growth(error: f64, goal: f64) -> f64 {
-    (1.1 * error / goal).powf(4.0 / 3.0).clamp(2.0, 64.0)
+    (1.1 * error / goal).powf(4.0 / 3.0).clamp(2.0, 8.0)
 }
 
-/// The mean of independent estimates, weighted by the square of their points: better than by their number, because the
-/// error of quasi-random points falls faster than 1/√n. Weights that depend on no estimate keep the mean unbiased.
-fn combine(a: Estimate, b: &Estimate) -> Estimate {
-    let (Account { weight: wa, .. }, Account { weight: wb, .. }) = (a.account, b.account);
-    let total = wa + wb;
-    let mut combined = a;
-    for (mean, other) in combined.irradiance.pixels.iter_mut().zip(&b.irradiance.pixels) {
-        *mean = ((wa * mean.as_dvec3() + wb * other.as_dvec3()) / total).as_vec3();
+impl Estimate {
+    /// Adds what an independent pass of so many points found; pixels that it did not reach stay as they are. `fineness`: the
+    /// part of the finest cuts' splits that it was allowed.
+    ///
+    /// Passes weigh as the square of their points: better than as their number, because the error of quasi-random points falls
+    /// faster than 1/√n. Cuts that are too coarse are far worse than their points say. Weights that depend on no value keep the
+    /// mean unbiased.
+    fn add(&mut self, found: &[Option<Moments>], points: f64, fineness: f64) {
+        for (pixel, moments) in found.iter().enumerate() {
+            let Some(Moments { mean, standard_error, is_fine }) = *moments else { continue };
+            let weight = (if is_fine { points } else { points * fineness }).powi(2);
+            let before = f64::from(self.weights[pixel]);
+            let (a, b) = (before / (before + weight), weight / (before + weight));
+            let known = |image: &Image| if before > 0.0 { image.pixels[pixel].as_dvec3() } else { DVec3::ZERO };
+            let mean = a * known(&self.irradiance) + b * mean;
+            let (known_error, new_error) = (a * known(&self.standard_error), b * standard_error);
+            let standard_error = (known_error * known_error + new_error * new_error).map(f64::sqrt);
+            self.irradiance.pixels[pixel] = mean.as_vec3();
+            self.standard_error.pixels[pixel] = standard_error.as_vec3();
+            self.weights[pixel] = (before + weight) as f32;
+            self.is_fine[pixel] |= is_fine;
+        }
     }
-    for (error, other) in combined.standard_error.pixels.iter_mut().zip(&b.standard_error.pixels) {
-        let (ea, eb) = (wa / total * error.as_dvec3(), wb / total * other.as_dvec3());
-        *error = (ea * ea + eb * eb).map(f64::sqrt).as_vec3();
-    }
-    let account = &mut combined.account;
-    account.passes += b.account.passes;
-    account.weight = total;
-    account.points_per_pixel += b.account.points_per_pixel;
-    account.seconds += b.account.seconds;
-    combined
 }

@@ -13,13 +13,11 @@ use super::domain::{Domain, Receiver};
 use super::geometry::{Geometry, Triangle};
 use super::gloss;
 use super::light::Light;
+use super::reflectance::Reflectance;
 use super::tree::{Bounds, Content, Part, Tree, WHOLE};
 use super::{Options, Quantity, brdf};
-use crate::reflectance::Curve;
-use crate::scene::{self, Scene, Sides, Visibility};
+use crate::scene::{Object, Receiver as Surface, Scene, Sides, Visibility};
 
-/// Of reflectances by angle: so many that interpolation costs nothing.
-const CURVE_POINTS: usize = 2048;
 /// Widths of a rough mirror's lobe within which light counts in full for the density,
 const LOBES: f64 = 2.0;
 /// and the part of the brightest light that counts everywhere, per roughness.
@@ -34,9 +32,9 @@ pub(super) struct Reflectors<'a> {
     visibility: Visibility,
     attenuation: bool,
     /// By object, where what they reflect to the camera is in question.
-    viewed: Option<Vec<Option<scene::Receiver>>>,
+    viewed: Option<Vec<Option<Surface>>>,
     materials: Vec<Option<Material>>,
-    curves: Vec<Curve>,
+    reflectances: Vec<Reflectance>,
     tree: Tree,
     /// The brightest light.
     brightest: f64,
@@ -44,8 +42,8 @@ pub(super) struct Reflectors<'a> {
 
 #[derive(Clone, Copy)]
 struct Material {
-    /// In `curves`.
-    curve: usize,
+    /// In `reflectances`.
+    reflectance: usize,
     /// The largest of any channel at any angle.
     most_reflectance: f64,
     alpha: f64,
@@ -67,14 +65,17 @@ pub(super) struct Region {
 
 impl<'a> Reflectors<'a> {
     pub fn new(scene: &Scene, geometry: &'a Geometry, light: &'a Light, options: &Options) -> Self {
-        let mut curves = Vec::new();
-        let material = |o: &crate::scene::Object| {
+        let mut reflectances = Vec::new();
+        let material = |o: &Object| {
             let reflector = o.reflector?;
-            curves.push(Curve::of_facets(&reflector.finish, CURVE_POINTS));
+            let reflectance = Reflectance::new(&reflector.finish);
+            let most_reflectance = reflectance.largest();
+            reflectances.push(reflectance);
             Some(Material {
-                curve: curves.len() - 1,
-                alpha: reflector.finish.alpha(),
-                most_reflectance: curves[curves.len() - 1].values().iter().map(|v| v.max_element()).fold(0.0, f64::max),
+                reflectance: reflectances.len() - 1,
+                // α = roughness² (Burley 2012, Section 5.4).
+                alpha: reflector.finish.roughness.powi(2),
+                most_reflectance,
                 two_sided: reflector.sides == Sides::Both,
                 side: if reflector.sides == Sides::Back { -1.0 } else { 1.0 },
             })
@@ -90,7 +91,7 @@ impl<'a> Reflectors<'a> {
             viewed: (options.quantity == Quantity::Reflected)
                 .then(|| scene.objects.iter().map(|o| o.receiver.clone()).collect()),
             materials,
-            curves,
+            reflectances,
             tree,
             brightest: light.bound(&Cone::everything()),
         }
@@ -306,7 +307,7 @@ impl Domain for Reflectors<'_> {
 
 impl Reflectors<'_> {
     /// What a receiver reflects to the camera of light from a direction, 1/sr.
-    fn seen_part(&self, surfaces: &[Option<scene::Receiver>], receiver: &Receiver, from: DVec3) -> DVec3 {
+    fn seen_part(&self, surfaces: &[Option<Surface>], receiver: &Receiver, from: DVec3) -> DVec3 {
         let object = self.geometry.triangles[receiver.triangle as usize].object;
         let surface = surfaces[object as usize].as_ref();
         surface.map_or(DVec3::ZERO, |surface| brdf::value(surface, receiver.normal, from, receiver.view))
@@ -325,12 +326,13 @@ impl Reflectors<'_> {
             return DVec3::ZERO;
         }
         let out = -d / squared.sqrt();
+        let reflectance = &self.reflectances[material.reflectance];
         let (reflected, reflectance) = if material.alpha == 0.0 {
-            ((d - 2.0 * dn * n) / squared.sqrt(), self.curves[material.curve].at(facing / squared.sqrt()))
+            ((d - 2.0 * dn * n) / squared.sqrt(), reflectance.at(facing / squared.sqrt()))
         } else {
             let seen_side = if dn > 0.0 { -n } else { n };
             let Some(facet) = gloss::facet(seen_side, out, material.alpha, facet) else { return DVec3::ZERO };
-            (facet.towards_light, facet.weight * self.curves[material.curve].at(facet.cosine))
+            (facet.towards_light, facet.weight * reflectance.at(facet.cosine))
         };
         if self.visibility == Visibility::Full
             && (self.geometry.blocks_segment(receiver.position, x, [receiver.triangle, id])
@@ -362,7 +364,7 @@ mod tests {
         for name in ["ring", "ring-solid", "cup", "spoon", "disco-ball"] {
             let scene = crate::scene::load::<toml::Table>(name).unwrap().scene;
             let geometry = Geometry::new(&scene);
-            let (light, _) = Light::load(&scene.environment).unwrap();
+            let light = Light::new(&scene.environment).unwrap();
             let domain = Reflectors::new(&scene, &geometry, &light, &options);
             let receivers = Receivers::find(&scene, &geometry, [24, 16], 1);
             for pixel in 0..24 * 16 {

@@ -13,7 +13,7 @@ use super::receivers::Receivers;
 use super::{Density, Estimate, Options};
 
 /// Where there are few points and little to find, a cut this fine still pays.
-pub(super) const LEAST_SPLITS: u32 = 512;
+const LEAST_SPLITS: u32 = 512;
 /// More would not fit into a core's cache.
 pub(super) const MOST_SPLITS: u32 = 1 << 16;
 /// The most points that `sobol_burley` has.
@@ -24,6 +24,8 @@ const MAX_POINTS: u32 = 1 << 16;
 pub(super) struct Moments {
     pub mean: DVec3,
     pub standard_error: DVec3,
+    /// Whether all cuts were as fine as pays.
+    pub is_fine: bool,
 }
 
 /// What all pixels of a pass share.
@@ -43,30 +45,30 @@ pub(super) struct Work<'a> {
 /// Counts the work, over all threads.
 #[derive(Default)]
 pub(super) struct Tally {
-    splits: AtomicU64,
     points: AtomicU64,
+    receivers: AtomicU64,
 }
 
 impl Tally {
-    fn add(&self, splits: u64, points: u32) {
-        self.splits.fetch_add(splits, Relaxed);
+    fn add(&self, points: u32) {
         self.points.fetch_add(u64::from(points), Relaxed);
-    }
-
-    /// Splits of all cuts.
-    pub fn splits(&self) -> f64 {
-        self.splits.load(Relaxed) as f64
+        self.receivers.fetch_add(1, Relaxed);
     }
 
     /// Points of all receivers, per replicate.
     pub fn points(&self) -> f64 {
         self.points.load(Relaxed) as f64
     }
+
+    /// Mean points of a receiver, per replicate.
+    pub fn points_per_receiver(&self) -> f64 {
+        self.points() / (self.receivers.load(Relaxed) as f64).max(1.0)
+    }
 }
 
 /// Points and splits are balanced where there are so many points, all replicates together, for each split: the points then
 /// take about as long as the splits. Neither a finer cut nor more points would bring more.
-pub(super) const POINTS_PER_SPLIT: u32 = 4;
+const POINTS_PER_SPLIT: u32 = 4;
 
 /// The fewest splits for a pixel of so many points per replicate.
 fn least_splits(points: u32, options: &Options) -> u32 {
@@ -94,13 +96,17 @@ pub(super) fn points_per_pixel(points: f64, known: &Estimate) -> Vec<u32> {
 pub(super) fn pixel<D: Domain>(domain: &D, work: &Work, pixel: usize, cut: &mut Cut<D::Region>) -> Moments {
     let points = work.receivers.of_pixel(pixel);
     let mut means = vec![DVec3::ZERO; work.options.replicates as usize];
-    let least = least_splits(work.counts[pixel], work.options).min(work.most_splits);
-    let depth = Depth { least, most: work.most_splits, negligible: work.negligible };
+    let mut is_fine = true;
+    let least = least_splits(work.counts[pixel], work.options);
+    let depth = Depth { least: least.min(work.most_splits), most: work.most_splits, negligible: work.negligible };
     for (k, receiver) in points.iter().enumerate() {
         let Some(receiver) = receiver else { continue };
         let splits = cut.splits;
         match work.options.density {
-            Density::Bounded => cut.refine(domain, receiver, &depth),
+            Density::Bounded => {
+                let is_limited = cut.refine(domain, receiver, &depth);
+                is_fine &= work.most_splits == MOST_SPLITS || !is_limited && least <= work.most_splits;
+            }
             Density::Uniform => cut.uniform(domain),
         }
         let splits = cut.splits - splits;
@@ -109,9 +115,9 @@ pub(super) fn pixel<D: Domain>(domain: &D, work: &Work, pixel: usize, cut: &mut 
             let stream = (pixel * points.len() + k) as u64;
             add_replicates(domain, work, receiver, cut, stream, count, &mut means);
         }
-        work.tally.add(splits, count);
+        work.tally.add(count);
     }
-    moments(&means, points.len())
+    Moments { is_fine, ..moments(&means, points.len()) }
 }
 
 fn add_replicates<D: Domain>(
@@ -146,7 +152,7 @@ fn moments(means: &[DVec3], points: usize) -> Moments {
     let mean = means.iter().sum::<DVec3>() / count;
     let squares: DVec3 = means.iter().map(|m| (*m - mean) * (*m - mean)).sum();
     let standard_error = (squares / (count * (count - 1.0))).map(f64::sqrt);
-    Moments { mean: mean / points as f64, standard_error: standard_error / points as f64 }
+    Moments { mean: mean / points as f64, standard_error: standard_error / points as f64, is_fine: true }
 }
 
 /// Numbers to an unrelated seed (the finaliser of SplitMix64 over each).

@@ -1,30 +1,36 @@
 //! One combination, rendered, and kept in a file so that a long comparison survives an interruption.
 
 use std::path::{Path, PathBuf};
+use std::sync::Mutex;
 
 use serde::{Deserialize, Serialize};
 
 use crate::image::{Aov, Image, read_exr, read_exr_text, write_exr_with_text};
-use crate::render::{BackendChoice, EvaluationChoice, Options, Renderer, Seconds};
+use crate::options::{EvaluationChoice, Options};
+use crate::pinhole::Filter;
+use crate::progress::Stage;
 use crate::sampling::Density;
-use crate::scene::Scene;
-use crate::{Error, Progress};
+use crate::{Engine, Error, Progress};
 
 const FINGERPRINT: &str = "pinspot.fingerprint";
-const FACTS: &str = "pinspot.facts";
+const METADATA: &str = "pinspot.metadata";
 
 /// A rendered combination.
 pub(super) struct Cell {
     pub options: Options,
     /// The caustic, W/m².
     pub image: Image,
-    pub facts: Facts,
+    pub metadata: Metadata,
     pub file: PathBuf,
 }
 
 /// What is known of a cell beside its picture.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-pub(super) struct Facts {
+pub(super) struct Metadata {
+    /// How the samples were summed: `flat` or `hierarchical`.
+    pub mode: String,
+    /// How the environment was looked up.
+    pub filter: Filter,
     pub samples_used: usize,
     /// Cells that each sample was split into at most.
     pub leaves: u32,
@@ -42,54 +48,54 @@ pub(super) struct Facts {
 }
 
 /// Reads a combination from its file in `folder`, or renders it and writes that file.
-pub(super) fn render_or_reuse(
-    scene: &Scene,
+pub(super) async fn render_or_reuse(
+    engine: &mut Engine,
     options: &Options,
-    backend: &BackendChoice,
     folder: &Path,
-    progress: &dyn Progress,
+    timed: &Timed<'_>,
 ) -> Result<Cell, Error> {
-    let fingerprint = scene.fingerprint(&format!("{options:?} {backend:?}"))?;
+    let fingerprint = engine.scene().fingerprint(&format!("{options:?} {:?}", engine.backend().report()));
     let file = folder.join(format!("{}.exr", name(options)));
-    if let Some((image, facts)) = read(&file, &fingerprint) {
-        return Ok(Cell { options: options.clone(), image, facts, file });
+    if let Some((image, metadata)) = read(&file, &fingerprint) {
+        return Ok(Cell { options: options.clone(), image, metadata, file });
     }
-    let renderer = Renderer::new(scene.clone(), options.clone(), backend, progress)?;
-    let rendered = renderer.render(progress)?;
+    engine.options_mut().clone_from(options);
+    let rendered = engine.render(timed).await?;
+    let seconds = timed.seconds();
+    let dots = engine.visible_samples(timed).await?;
     let report = rendered.report;
-    let seconds = {
-        let Seconds { sampling, differentials, tree, visibility, gather, .. } = report.seconds;
-        sampling + differentials + tree + visibility + gather
-    };
-    let facts = Facts {
+    let (evaluation, filter) = report.evaluation.zip(report.filter).expect("the caustic was asked for");
+    let metadata = Metadata {
+        mode: evaluation.mode().to_owned(),
+        filter,
         samples_used: report.samples,
-        leaves: report.evaluation.leaves(),
+        leaves: evaluation.leaves(),
         seconds,
         lookups: report.lookups,
         backend: report.backend.to_string(),
-        adapter: report.backend.adapter().map(ToString::to_string),
-        dots: renderer.visible_samples().into_iter().map(Into::into).collect(),
+        adapter: report.backend.adapter(),
+        dots: dots.into_iter().map(Into::into).collect(),
         warnings: report.warnings,
     };
     let (_, image) = rendered.layers.into_iter().find(|(aov, _)| *aov == Aov::Caustic).expect("it was asked for");
-    let facts_text = serde_json::to_string(&facts).expect("facts are plain data");
-    let texts = [(FINGERPRINT, fingerprint), (FACTS, facts_text)];
+    let text = serde_json::to_string(&metadata).expect("metadata are plain data");
+    let texts = [(FINGERPRINT, fingerprint), (METADATA, text)];
     write_exr_with_text(&file, &[("", &image)], &texts)?;
-    Ok(Cell { options: options.clone(), image, facts, file })
+    Ok(Cell { options: options.clone(), image, metadata, file })
 }
 
 /// Anything that is not exactly this cell is rendered again.
-fn read(file: &Path, fingerprint: &str) -> Option<(Image, Facts)> {
+fn read(file: &Path, fingerprint: &str) -> Option<(Image, Metadata)> {
     let text = |name| read_exr_text(file, name).ok().flatten();
     if !file.exists() || text(FINGERPRINT)? != fingerprint {
         return None;
     }
-    Some((read_exr(file, "").ok()?, serde_json::from_str(&text(FACTS)?).ok()?))
+    Some((read_exr(file, "").ok()?, serde_json::from_str(&text(METADATA)?).ok()?))
 }
 
 fn name(options: &Options) -> String {
     let Options { strategy, density, footprint, samples, seed, .. } = options;
-    let filter = options.params.filter.name();
+    let filter = options.filter.name();
     let strategy = match density {
         Density::Uniform => strategy.name().to_owned(),
         density => format!("{}-by-{}", strategy.name(), density.name()),
@@ -99,4 +105,51 @@ fn name(options: &Options) -> String {
         other => &format!("-{}", other.name()),
     };
     format!("{strategy}-{}-{filter}{evaluation}-{samples}-seed{seed}", footprint.name())
+}
+
+/// Seconds since some moment; the library itself reads no clock.
+pub type Clock<'a> = &'a (dyn Fn() -> f64 + Sync);
+
+/// Passes progress on, and adds up the seconds of a technique's own stages: placing the samples, their differentials or their
+/// tree, what they see, and the sum.
+pub(super) struct Timed<'a> {
+    clock: Clock<'a>,
+    progress: &'a dyn Progress,
+    state: Mutex<TimedState>,
+}
+
+#[derive(Default)]
+struct TimedState {
+    began: f64,
+    seconds: f64,
+}
+
+impl<'a> Timed<'a> {
+    pub fn new(clock: Clock<'a>, progress: &'a dyn Progress) -> Self {
+        Self { clock, progress, state: Mutex::default() }
+    }
+
+    fn seconds(&self) -> f64 {
+        self.state.lock().expect("no panic holds the lock").seconds
+    }
+}
+
+impl Progress for Timed<'_> {
+    fn begin(&self, stage: Stage, total: u64) {
+        self.state.lock().expect("no panic holds the lock").began = (self.clock)();
+        self.progress.begin(stage, total);
+    }
+
+    fn advance(&self, steps: u64) {
+        self.progress.advance(steps);
+    }
+
+    fn end(&self, stage: Stage) {
+        use Stage::{Caustic, Differentials, Points, Tree, Visibility};
+        if matches!(stage, Points | Differentials | Tree | Visibility | Caustic) {
+            let mut state = self.state.lock().expect("no panic holds the lock");
+            state.seconds += (self.clock)() - state.began;
+        }
+        self.progress.end(stage);
+    }
 }

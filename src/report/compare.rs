@@ -3,18 +3,19 @@
 use std::path::{Path, PathBuf};
 
 use super::ReportError;
-use super::cells::{Cell, render_or_reuse};
+use super::cells::{Cell, Clock, Timed, render_or_reuse};
 use super::comparison::{Comparison, GroundStudy, Picture, ReferenceSummary};
 use super::findings::findings;
 use super::page;
 use super::plan::Plan;
 use super::rows::measure;
 use crate::image::{Aov, Image, ImageError, read_mask, write_atomically};
-use crate::reference::{self, Goal, Reference};
-use crate::render::{BackendChoice, EvaluationChoice, Options};
+use crate::options::{FilterChoice, Options};
+use crate::progress::Stage;
+use crate::reference::{self, Reference, StoppingCriterion};
 use crate::sampling::{GROUNDS, Surface, study};
 use crate::scene::Scene;
-use crate::{Error, Progress};
+use crate::{Backend, Engine, Error, Progress};
 
 /// What to compare.
 #[derive(Clone, Debug)]
@@ -23,14 +24,12 @@ pub struct Request {
     pub scene: Scene,
     /// What all combinations share; their AOV is the caustic, whatever is set.
     pub options: Options,
-    /// Where they run.
-    pub backend: BackendChoice,
+    /// Where they run; one device serves all combinations.
+    pub backend: Backend,
     /// The combinations.
     pub plan: Plan,
     /// Only pixels that are not black in this picture count.
     pub mask: Option<PathBuf>,
-    /// How good the reference must be.
-    pub goal: Goal,
     /// The folder that everything is written to, and that finished cells are taken from.
     pub folder: PathBuf,
     /// The command that asked, for the report.
@@ -41,38 +40,29 @@ pub struct Request {
 const STUDY_POINTS: u32 = 1024;
 const STUDY_SETS: u32 = 10;
 
-/// Computes the reference, renders every combination that is not there yet, and measures.
-pub fn compare(request: &Request, progress: &dyn Progress) -> Result<Comparison, Error> {
+/// Computes the reference as well as `criterion` asks, renders every combination that is not there yet, and measures.
+/// `clock`: seconds since any moment.
+///
+/// # Errors
+/// Combinations that cannot be rendered, a folder that cannot be written to, and all that the reference and the engine report.
+pub async fn compare(
+    request: &Request,
+    criterion: &StoppingCriterion<'_>,
+    clock: Clock<'_>,
+    progress: &dyn Progress,
+) -> Result<Comparison, Error> {
+    let (options, combinations) = combinations(request)?;
+    let mask = request.mask.as_deref().map(|path| mask(path, options.size)).transpose()?;
     let cells_folder = request.folder.join("cells");
     std::fs::create_dir_all(&cells_folder)
         .map_err(|e| ReportError::Folder { path: cells_folder.clone(), reason: e.to_string() })?;
-    let mut options = request.options.clone();
-    options.aovs = vec![Aov::Caustic];
-    options.check()?;
-    let combinations = request.plan.combinations(&options);
-    combinations.iter().try_for_each(Options::check)?;
-    let mask = request.mask.as_deref().map(|path| mask(path, options.size)).transpose()?;
-    let (reference, truth) = solve_reference(request, &options, progress)?;
-    let mut comparison = Comparison {
-        scene: request.scene.name.clone(),
-        adapter: String::new(),
-        made_with: Vec::new(),
-        reference,
-        rows: Vec::new(),
-        findings: Vec::new(),
-        reflectors: Vec::new(),
-        sampling: Vec::new(),
-        warnings: Vec::new(),
-        pictures: vec![Picture { label: "reference".into(), image: truth.clone(), flip: None, dots: None, row: None }],
-        exposure_ev: options.look.exposure_ev,
-        size: options.size,
-    };
-    // A hardware filter looks for a GPU of any kind; all others settle for the CPU together.
-    let settled = request.backend.settled(crate::pinhole::Filter::None);
+    let reference = reference(request, &options)?;
+    let (summary, truth) = solve(&reference, request, criterion, clock, progress)?;
+    let mut comparison = Comparison::new(request, &options, summary, truth.clone());
+    let mut engine = Engine::new(request.scene.clone(), options.clone(), request.backend.clone());
     for combination in &combinations {
-        let needs_gpu = combination.params.filter == crate::pinhole::Filter::Hardware;
-        let backend = if needs_gpu { &request.backend } else { &settled };
-        let cell = render_or_reuse(&request.scene, combination, backend, &cells_folder, progress)?;
+        let timed = Timed::new(clock, progress);
+        let cell = render_or_reuse(&mut engine, combination, &cells_folder, &timed).await?;
         comparison.add(cell, &truth, mask.as_deref(), combination.seed == options.seed);
     }
     comparison.study_strategies(request, progress)?;
@@ -83,31 +73,53 @@ pub fn compare(request: &Request, progress: &dyn Progress) -> Result<Comparison,
     Ok(comparison)
 }
 
-fn solve_reference(
-    request: &Request,
-    options: &Options,
-    progress: &dyn Progress,
-) -> Result<(ReferenceSummary, Image), Error> {
+/// What all combinations share, and each of them; refused here where one cannot be rendered.
+fn combinations(request: &Request) -> Result<(Options, Vec<Options>), Error> {
+    let mut options = request.options.clone();
+    options.aovs = vec![Aov::Caustic];
+    options.check()?;
+    let combinations = request.plan.combinations(&options)?;
+    combinations.iter().try_for_each(Options::check)?;
+    let hardware = combinations.iter().any(|o| o.filter == FilterChoice::Hardware);
+    if hardware && !request.backend.is_gpu() {
+        return Err(ReportError::NoHardwareFilter.into());
+    }
+    Ok((options, combinations))
+}
+
+fn reference(request: &Request, options: &Options) -> Result<Reference, Error> {
     let wanted = reference::Options {
         size: options.size,
         pixel_samples: options.pixel_samples,
         visibility: options.visibility,
-        attenuation: options.params.attenuation,
+        attenuation: options.attenuation,
         ..Default::default()
     };
-    let file = "reference.exr";
-    let path = request.folder.join(file);
-    let reference = Reference::new(request.scene.clone(), wanted)?;
+    Reference::new(request.scene.clone(), wanted)
+}
+
+/// Each reference has a file of its own, so that a comparison with other options never overwrites hours of work.
+fn solve(
+    reference: &Reference,
+    request: &Request,
+    criterion: &StoppingCriterion,
+    clock: Clock<'_>,
+    progress: &dyn Progress,
+) -> Result<(ReferenceSummary, Image), Error> {
+    let file = format!("reference-{}.exr", &reference.fingerprint()[..8]);
+    let path = request.folder.join(&file);
     let known = reference.read(&path)?;
-    let estimate = reference.solve(&request.goal, known, progress, &mut |e| reference.write(&path, e))?;
+    let stored = reference.solve_in_file(&path, known, criterion, clock, progress)?;
+    stored.estimate.check_complete()?;
     let summary = ReferenceSummary {
         file,
         aov: "caustic",
-        visibility: options.visibility,
-        rel_error: estimate.rel_error(),
-        account: estimate.account,
+        visibility: reference.options().visibility,
+        rel_error: stored.estimate.rel_error(),
+        statistics: stored.estimate.statistics,
+        seconds: stored.seconds,
     };
-    Ok((summary, estimate.irradiance))
+    Ok((summary, stored.estimate.irradiance))
 }
 
 fn mask(path: &Path, [expected_width, expected_height]: [u32; 2]) -> Result<Vec<bool>, Error> {
@@ -122,28 +134,42 @@ fn mask(path: &Path, [expected_width, expected_height]: [u32; 2]) -> Result<Vec<
 }
 
 impl Comparison {
+    fn new(request: &Request, options: &Options, reference: ReferenceSummary, truth: Image) -> Self {
+        Self {
+            scene: request.scene.name.clone(),
+            adapter: String::new(),
+            made_with: Vec::new(),
+            reference,
+            rows: Vec::new(),
+            findings: Vec::new(),
+            reflectors: Vec::new(),
+            sampling: Vec::new(),
+            warnings: Vec::new(),
+            pictures: vec![Picture { label: "reference".into(), image: truth, flip: None, dots: None, row: None }],
+            exposure_ev: options.display.exposure_ev,
+            size: options.size,
+        }
+    }
+
     fn add(&mut self, cell: Cell, truth: &Image, mask: Option<&[bool]>, shown: bool) {
         let (row, map) = measure(&cell, truth, mask, self.exposure_ev);
         if shown {
-            let evaluation = match row.evaluation {
-                EvaluationChoice::Flat => "",
-                other => &format!(" {}", other.name()),
-            };
-            let label =
-                format!("{} {} {}{evaluation} {}", row.strategy.name(), row.footprint.name(), row.filter, row.samples);
+            let mode = if row.mode == "flat" { String::new() } else { format!(" {}", row.mode) };
+            let (strategy, footprint, filter) = (row.strategy.name(), row.footprint.name(), row.filter.name());
+            let label = format!("{strategy} {footprint} {filter}{mode} {}", row.samples);
             self.pictures.push(Picture {
                 label,
                 image: cell.image,
                 flip: Some(map.values),
-                dots: Some(cell.facts.dots.clone()),
+                dots: Some(cell.metadata.dots.clone()),
                 row: Some(self.rows.len()),
             });
         }
         if self.rows.is_empty() {
-            self.adapter = cell.facts.adapter.clone().unwrap_or_else(|| cell.facts.backend.clone());
-            self.made_with = page::made_with(&cell.facts);
+            self.adapter = cell.metadata.adapter.clone().unwrap_or_else(|| cell.metadata.backend.clone());
+            self.made_with = page::made_with(&cell.metadata);
         }
-        for warning in cell.facts.warnings {
+        for warning in cell.metadata.warnings {
             if !self.warnings.contains(&warning) {
                 self.warnings.push(warning);
             }
@@ -153,7 +179,7 @@ impl Comparison {
 
     fn study_strategies(&mut self, request: &Request, progress: &dyn Progress) -> Result<(), Error> {
         let strategies = &request.plan.strategies;
-        progress.begin("sampling quality", (strategies.len() * (GROUNDS.len() + 1)) as u64);
+        progress.begin(Stage::Quality, (strategies.len() * (GROUNDS.len() + 1)) as u64);
         let seed = request.options.seed;
         let reflectors = Surface::of_scene(&request.scene);
         let samples = request.plan.samples.iter().copied().max().unwrap_or(1000).min(4000);
@@ -169,6 +195,7 @@ impl Comparison {
                 progress.advance(1);
             }
         }
+        progress.end(Stage::Quality);
         Ok(())
     }
 

@@ -6,14 +6,14 @@ use serde::Serialize;
 use super::findings::Finding;
 use super::rows::Row;
 use crate::image::Image;
-use crate::reference::Account;
+use crate::reference::Statistics;
 use crate::sampling::{Ground, Quality, Strategy, Study};
 
 /// The reference of a comparison.
 #[derive(Clone, Debug, Serialize)]
 pub struct ReferenceSummary {
     /// Its file.
-    pub file: &'static str,
+    pub file: String,
     /// What it shows.
     pub aov: &'static str,
     /// Occlusion.
@@ -22,7 +22,9 @@ pub struct ReferenceSummary {
     pub rel_error: f64,
     /// How it came about.
     #[serde(flatten)]
-    pub account: Account,
+    pub statistics: Statistics,
+    /// Seconds of work, by the caller's clock.
+    pub seconds: f64,
 }
 
 /// Figures of a strategy on a surface that unrolls.

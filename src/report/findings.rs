@@ -4,7 +4,7 @@ use serde::Serialize;
 
 use super::plan::Figure;
 use super::rows::Row;
-use crate::pinhole::Footprint;
+use crate::pinhole::{Filter, Footprint};
 use crate::sampling::{Quality, Strategy};
 
 /// A claim and whether the numbers bear it out.
@@ -18,8 +18,12 @@ pub struct Finding {
     pub figures: String,
 }
 
-/// Judges a figure's findings from its rows and from the strategies' figures on the scene's own reflectors.
+/// Judges a figure's findings from its rows and from the strategies' figures on the scene's own reflectors; finds nothing
+/// where an error is not defined.
 pub(super) fn findings(figure: Figure, rows: &[Row], qualities: &[(Strategy, Quality)]) -> Vec<Finding> {
+    if rows.iter().any(|row| row.rel_l2.is_none()) {
+        return Vec::new();
+    }
     match figure {
         Figure::Samples => of_samples(rows),
         Figure::Strategies => of_strategies(rows, qualities),
@@ -28,27 +32,28 @@ pub(super) fn findings(figure: Figure, rows: &[Row], qualities: &[(Strategy, Qua
 
 /// Geometric mean of the errors of the rows that are chosen.
 fn error(rows: &[Row], chosen: impl Fn(&Row) -> bool) -> f64 {
-    let errors: Vec<f64> = rows.iter().filter(|r| chosen(r)).map(|r| r.rel_l2.ln()).collect();
+    let errors: Vec<f64> = rows.iter().filter(|r| chosen(r)).filter_map(|r| r.rel_l2).map(f64::ln).collect();
     (errors.iter().sum::<f64>() / errors.len() as f64).exp()
 }
 
 fn of_samples(rows: &[Row]) -> Vec<Finding> {
-    let of = |footprint: Footprint, filter: &str, samples: u32| {
+    let of = |footprint: Footprint, filter: Filter, samples: u32| {
         error(rows, |r| r.footprint == footprint && r.filter == filter && r.samples == samples)
     };
     let (curvature, cells) = (Footprint::Curvature, Footprint::Cells);
     let counts = [100, 1000, 10_000];
     let list = |footprint, filter| counts.map(|n| format!("{:.3}", of(footprint, filter, n))).join(" / ");
-    let at = |n| (of(curvature, "none", n), of(curvature, "anisotropic", n));
-    let falls = counts.windows(2).all(|w| of(curvature, "anisotropic", w[1]) < of(curvature, "anisotropic", w[0]));
+    let at = |n| (of(curvature, Filter::None, n), of(curvature, Filter::Anisotropic, n));
+    let falls =
+        counts.windows(2).all(|w| of(curvature, Filter::Anisotropic, w[1]) < of(curvature, Filter::Anisotropic, w[0]));
     vec![
         Finding {
             text: "Filtering lowers the error at every number of samples".into(),
             holds: counts.iter().all(|n| at(*n).1 < at(*n).0),
             figures: format!(
                 "rel_l2 at 100 / 1,000 / 10,000: unfiltered {}, filtered {}",
-                list(curvature, "none"),
-                list(curvature, "anisotropic")
+                list(curvature, Filter::None),
+                list(curvature, Filter::Anisotropic)
             ),
         },
         Finding {
@@ -59,12 +64,16 @@ fn of_samples(rows: &[Row]) -> Vec<Finding> {
         Finding {
             text: "The filtered error falls with the number of samples".into(),
             holds: falls,
-            figures: format!("rel_l2 {}", list(curvature, "anisotropic")),
+            figures: format!("rel_l2 {}", list(curvature, Filter::Anisotropic)),
         },
         Finding {
             text: "Not in the paper: footprints fitted to cells have less error than its square ones".into(),
-            holds: counts.iter().all(|n| of(cells, "anisotropic", *n) < of(curvature, "anisotropic", *n)),
-            figures: format!("rel_l2 {} against {}", list(cells, "anisotropic"), list(curvature, "anisotropic")),
+            holds: counts.iter().all(|n| of(cells, Filter::Anisotropic, *n) < of(curvature, Filter::Anisotropic, *n)),
+            figures: format!(
+                "rel_l2 {} against {}",
+                list(cells, Filter::Anisotropic),
+                list(curvature, Filter::Anisotropic)
+            ),
         },
     ]
 }

@@ -9,10 +9,12 @@ mod compare;
 mod comparison;
 mod encode;
 mod findings;
+mod flip;
 mod page;
 mod plan;
 mod rows;
 
+pub use cells::Clock;
 pub use compare::{Request, compare};
 pub use comparison::{Comparison, ReferenceSummary};
 pub use encode::spectrum_picture;
@@ -21,6 +23,8 @@ pub use plan::{Figure, Plan};
 pub use rows::Row;
 
 use std::path::PathBuf;
+
+use crate::options::EvaluationChoice;
 
 /// Why a report could not be made.
 #[derive(Debug, thiserror::Error)]
@@ -34,8 +38,20 @@ pub enum ReportError {
         /// The system's reason.
         reason: String,
     },
+    /// An evaluation that none of the plan's filters and footprints go with.
+    #[error(
+        "no combination of these has the evaluation {}: a hierarchy filters anisotropically and needs the footprint cells; name both, or leave the evaluation out",
+        evaluation.name()
+    )]
+    NoCombination {
+        /// The evaluation.
+        evaluation: EvaluationChoice,
+    },
+    /// A filter that the back end does not have.
+    #[error("the CPU has no hardware filter; leave it out, or compare on a GPU")]
+    NoHardwareFilter,
     /// A mask of another size.
-    #[error("the mask '{}' is {width}×{height} pixels, but the pictures are {expected_width}×{expected_height}; give a mask of their size, or --size", path.display())]
+    #[error("the mask '{}' is {width}×{height} pixels, but the pictures are {expected_width}×{expected_height}; give a mask of their size", path.display())]
     MaskSize {
         /// File.
         path: PathBuf,

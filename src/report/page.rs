@@ -2,19 +2,16 @@
 
 use serde_json::{Value, json};
 
-use super::cells::Facts;
+use super::cells::Metadata;
 use super::comparison::{Comparison, GroundStudy, Picture, unrolled};
 use super::encode::{packed, png, points_picture, rgb9e5, spectrum_picture};
 
 const TEMPLATE: &str = include_str!("report.html");
 
 /// What a comparison was made with, for its head.
-pub(super) fn made_with(facts: &Facts) -> Vec<(String, String)> {
-    let mut entries = vec![("Pinspot", env!("CARGO_PKG_VERSION").to_owned()), ("Back end", facts.backend.clone())];
-    if let Some(adapter) = &facts.adapter {
-        entries.push(("Adapter", adapter.clone()));
-        entries.push(("wgpu", "30".to_owned()));
-    }
+pub(super) fn made_with(metadata: &Metadata) -> Vec<(String, String)> {
+    let mut entries = vec![("Pinspot", env!("CARGO_PKG_VERSION").to_owned()), ("Back end", metadata.backend.clone())];
+    entries.extend(metadata.adapter.iter().map(|adapter| ("Adapter", adapter.clone())));
     entries.push(("System", format!("{} {}", std::env::consts::OS, std::env::consts::ARCH)));
     entries.into_iter().map(|(name, value)| (name.to_owned(), value)).collect()
 }
@@ -42,7 +39,7 @@ fn data(comparison: &Comparison) -> Value {
         .collect();
     let mut reference = serde_json::to_value(&comparison.reference).expect("plain data");
     reference["image"] = json!(0);
-    reference["samples_per_pixel"] = json!(comparison.reference.account.points_per_pixel);
+    reference["samples_per_pixel"] = json!(comparison.reference.statistics.points_per_pixel);
     json!({
         "title": format!("{}: comparison", comparison.scene),
         "scene": comparison.scene,

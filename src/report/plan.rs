@@ -1,7 +1,8 @@
 //! Which combinations a comparison renders.
 
-use crate::pinhole::{Filter, Footprint};
-use crate::render::{EvaluationChoice, Options};
+use super::ReportError;
+use crate::options::{EvaluationChoice, FilterChoice, Options};
+use crate::pinhole::Footprint;
 use crate::sampling::{Density, Strategy};
 use crate::scene::Visibility;
 
@@ -24,7 +25,7 @@ pub struct Plan {
     /// How footprints are found.
     pub footprints: Vec<Footprint>,
     /// How the environment is looked up.
-    pub filters: Vec<Filter>,
+    pub filters: Vec<FilterChoice>,
     /// How samples are summed; the hierarchy knows the anisotropic filter of cells only.
     pub evaluations: Vec<EvaluationChoice>,
     /// Numbers of samples.
@@ -45,7 +46,7 @@ impl Plan {
             strategies: vec![Strategy::Neighbourhood],
             densities: vec![Density::Uniform],
             footprints: vec![Curvature],
-            filters: vec![Filter::None],
+            filters: vec![FilterChoice::None],
             evaluations: vec![EvaluationChoice::Flat],
             samples: vec![2000],
             seeds,
@@ -54,12 +55,12 @@ impl Plan {
         match figure {
             Figure::Samples => Self {
                 footprints: vec![Curvature, Cells],
-                filters: vec![Filter::None, Filter::Anisotropic],
+                filters: vec![FilterChoice::None, FilterChoice::Anisotropic],
                 samples: vec![100, 1000, 10_000],
                 ..plan
             },
             Figure::Strategies => {
-                options.params.attenuation = false;
+                options.attenuation = false;
                 let strategies =
                     vec![Strategy::Random, Strategy::Grid, Strategy::QuantisedGrid, Strategy::Neighbourhood];
                 Self { strategies, ..plan }
@@ -67,29 +68,27 @@ impl Plan {
         }
     }
 
-    /// The options of every combination; the seeds of one stand together.
-    pub fn combinations(&self, base: &Options) -> Vec<Options> {
+    /// The options of every combination; the seeds of one stand together. An error if an evaluation has none.
+    pub fn combinations(&self, base: &Options) -> Result<Vec<Options>, ReportError> {
         let mut all = vec![base.clone()];
         let mut each = |choices: &dyn Fn(&Options) -> Vec<Options>| all = all.iter().flat_map(choices).collect();
         each(&|o| varied(o, &self.strategies, |o, &strategy| o.strategy = strategy));
         each(&|o| varied(o, &self.densities, |o, &density| o.density = density));
         each(&|o| varied(o, &self.footprints, |o, &footprint| o.footprint = footprint));
-        each(&|o| {
-            varied(o, &self.filters, |o, &filter| {
-                o.params.filter = filter;
-                o.automatic_filter = false;
-            })
-        });
+        each(&|o| varied(o, &self.filters, |o, &filter| o.filter = filter));
         each(&|o| varied(o, &self.evaluations, |o, &evaluation| o.evaluation = evaluation));
         all.retain(|o| {
             o.evaluation != EvaluationChoice::Hierarchical
-                || o.footprint == Footprint::Cells && o.params.filter == Filter::Anisotropic
+                || o.footprint == Footprint::Cells && matches!(o.filter, FilterChoice::Auto | FilterChoice::Anisotropic)
         });
+        if let Some(&evaluation) = self.evaluations.iter().find(|e| all.iter().all(|o| o.evaluation != **e)) {
+            return Err(ReportError::NoCombination { evaluation });
+        }
         let mut each = |choices: &dyn Fn(&Options) -> Vec<Options>| all = all.iter().flat_map(choices).collect();
         each(&|o| varied(o, &self.samples, |o, &samples| o.samples = samples));
         let seeds: Vec<u64> = (0..u64::from(self.seeds)).map(|k| base.seed.wrapping_add(k)).collect();
         each(&|o| varied(o, &seeds, |o, &seed| o.seed = seed));
-        all
+        Ok(all)
     }
 }
 

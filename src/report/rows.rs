@@ -3,17 +3,20 @@
 use serde::Serialize;
 
 use super::cells::Cell;
-use crate::image::{FlipMap, Image, flip, mrse, rel_l2};
-use crate::pinhole::Footprint;
-use crate::render::EvaluationChoice;
+use super::flip::{FlipMap, flip};
+use crate::image::{Image, mrse, rel_l2};
+use crate::pinhole::{Filter, Footprint};
 use crate::sampling::{Density, Strategy};
 use crate::scene::Visibility;
+use crate::technique::Technique;
 
 /// One combination and its errors.
 #[derive(Clone, Debug, Serialize)]
 pub struct Row {
-    /// The technique: `pinhole`.
-    pub technique: &'static str,
+    /// The technique.
+    pub technique: Technique,
+    /// How it summed: `flat` or `hierarchical`.
+    pub mode: String,
     /// How samples were placed.
     pub strategy: Strategy,
     /// Where they are denser.
@@ -21,9 +24,7 @@ pub struct Row {
     /// How footprints were found.
     pub footprint: Footprint,
     /// How the environment was looked up.
-    pub filter: &'static str,
-    /// How samples were summed.
-    pub evaluation: EvaluationChoice,
+    pub filter: Filter,
     /// Cells that each sample was split into at most.
     pub leaves: u32,
     /// Samples asked for.
@@ -36,8 +37,8 @@ pub struct Row {
     pub visibility: Visibility,
     /// Seed.
     pub seed: u64,
-    /// ‖E − R‖₂ / ‖R‖₂, over the mask if there is one.
-    pub rel_l2: f64,
+    /// ‖E − R‖₂ / ‖R‖₂, over the mask if there is one; not defined where the reference is black.
+    pub rel_l2: Option<f64>,
     /// Mean of (E − R)² / (R + 0.01)².
     pub mrse: f64,
     /// Mean LDR FLIP at 67 pixels per degree, after the tone map.
@@ -56,23 +57,23 @@ pub(super) fn measure(cell: &Cell, reference: &Image, mask: Option<&[bool]>, exp
     let options = &cell.options;
     let file_name = cell.file.file_name().unwrap_or_default().to_string_lossy();
     let row = Row {
-        technique: "pinhole",
+        technique: options.technique,
+        mode: cell.metadata.mode.clone(),
         strategy: options.strategy,
         density: options.density,
         footprint: options.footprint,
-        filter: options.params.filter.name(),
-        evaluation: options.evaluation,
-        leaves: cell.facts.leaves,
+        filter: cell.metadata.filter,
+        leaves: cell.metadata.leaves,
         samples: options.samples,
-        samples_used: cell.facts.samples_used,
-        taps: options.params.taps,
+        samples_used: cell.metadata.samples_used,
+        taps: options.taps,
         visibility: options.visibility,
         seed: options.seed,
-        rel_l2: rel_l2(&cell.image, reference, mask),
+        rel_l2: Some(rel_l2(&cell.image, reference, mask)).filter(|error| error.is_finite()),
         mrse: mrse(&cell.image, reference, mask),
         flip: map.mean(mask),
-        seconds: cell.facts.seconds,
-        lookups: cell.facts.lookups,
+        seconds: cell.metadata.seconds,
+        lookups: cell.metadata.lookups,
         file: format!("cells/{file_name}"),
     };
     (row, map)

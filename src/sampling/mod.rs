@@ -147,7 +147,7 @@ pub enum SamplingError {
     #[error("the scene has no reflector; give an object `reflector = {{ sides = \"front\" }}`")]
     NoReflector,
     /// Only some strategies can place samples unevenly.
-    #[error("strategy {} places its samples evenly; give --strategy neighbourhood or random, or --density uniform", strategy.name())]
+    #[error("strategy {} places its samples evenly; only neighbourhood and random follow a density", strategy.name())]
     Even {
         /// The strategy.
         strategy: Strategy,

@@ -11,7 +11,8 @@ use rayon::prelude::*;
 use rustc_hash::FxBuildHasher;
 
 use super::{Surface, SurfacePoint};
-use crate::scene::{DisjointSets, Mesh};
+use crate::disjoint_sets::DisjointSets;
+use crate::scene::Mesh;
 
 /// Each triangle's patch, and the number of patches.
 pub(super) fn smooth_patches(mesh: &Mesh) -> (Vec<u32>, usize) {

@@ -55,8 +55,10 @@ impl Surface {
     /// Collects a scene's reflectors.
     pub fn of_scene(scene: &Scene) -> Self {
         let mut surface = Self::default();
-        for (object, reflector) in scene.objects.iter().enumerate().filter_map(|(i, o)| Some((i, o.reflector?))) {
-            surface.append(&scene.objects[object].mesh, object as u32, reflector.sides == Sides::Back);
+        for (index, object) in scene.objects.iter().enumerate() {
+            if let Some(reflector) = object.reflector {
+                surface.append(&object.mesh_in_world(), index as u32, reflector.sides == Sides::Back);
+            }
         }
         surface
     }

@@ -2,6 +2,8 @@
 
 use glam::{Vec2, Vec3};
 
+use crate::vectors::direction;
+
 /// How a camera projects.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Projection {
@@ -45,8 +47,8 @@ impl Camera {
     /// A camera at `position` that looks at `target`; `None` where the frame degenerates
     /// (target at the position, or `up` along the view axis).
     pub fn look_at(position: Vec3, target: Vec3, up: Vec3, projection: Projection) -> Option<Self> {
-        let forward = (target - position).try_normalize()?;
-        let right = forward.cross(up.try_normalize()?);
+        let forward = direction(target - position)?;
+        let right = forward.cross(direction(up)?);
         if right.length() < 1e-5 {
             return None;
         }

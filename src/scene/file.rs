@@ -2,6 +2,9 @@
 //!
 //! The `[render]` table belongs to whoever renders: its type is a parameter here.
 
+mod camera;
+mod document;
+mod environment;
 mod objects;
 
 use std::path::Path;
@@ -10,17 +13,32 @@ use glam::Vec3;
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
 
+use self::camera::CameraTable;
+use self::document::{Fault, KeyLines, Problem};
+use self::environment::EnvironmentTable;
 use self::objects::ObjectTable;
 
-use super::{BUILT_IN, Camera, EnvironmentSource, Light, MapLayout, Projection, Scene, SceneError};
+use super::{Assets, BUILT_IN, Scene, SceneError};
+use crate::words::escaped;
 
 /// A scene and the `[render]` table that came with it.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct Loaded<R> {
     /// The scene.
     pub scene: Scene,
     /// Its `[render]` table.
     pub render: R,
+    file: String,
+    lines: KeyLines,
+}
+
+impl<R> Loaded<R> {
+    /// An error in the value of a key of the `[render]` table, which whoever renders has found: it names file and line.
+    pub fn render_error(&self, key: &str, message: impl Into<String>) -> SceneError {
+        let key = format!("render.{key}");
+        SceneError::Value { file: self.file.clone(), line: self.lines.line_of(&key), key, message: message.into() }
+    }
 }
 
 /// Loads a scene file, or the built-in scene of that name. `R` is the type of the `[render]` table.
@@ -37,22 +55,42 @@ pub fn load<R: DeserializeOwned + Default>(path_or_name: &str) -> Result<Loaded<
     parse(path_or_name, &text, path.parent().unwrap_or(Path::new(".")))
 }
 
-/// Parses a scene file's text; `base` is what its paths are relative to, `file` is used in messages.
-pub fn parse<R: DeserializeOwned + Default>(file: &str, text: &str, base: &Path) -> Result<Loaded<R>, SceneError> {
-    let tables: SceneTable<R> = toml::from_str(text).map_err(|error| {
-        let line = error.span().map_or(1, |span| text[..span.start].matches('\n').count() + 1);
-        SceneError::Syntax { file: file.into(), line, message: readable(error.message()) }
-    })?;
-    let builder = Builder { file, text, base };
+/// Parses a scene file's text. The files that it names are read from `assets`: a folder's path, or files in memory. `file` is
+/// used in messages.
+///
+/// ```
+/// use std::collections::HashMap;
+/// use std::path::PathBuf;
+///
+/// let scene = r#"
+///     environment = { constant = [1, 1, 1] }
+///     camera = { position = [0, 5, 5], target = [0, 0, 0], perspective = { fov_y_deg = 40 } }
+///     object = [{ mesh = "triangle.obj", reflector = {} }]
+/// "#;
+/// let files = HashMap::from([(PathBuf::from("triangle.obj"), "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3")]);
+/// let loaded = pinspot::scene::parse::<pinspot::render::Settings>("scene.toml", scene, &files)?;
+/// assert_eq!(loaded.scene.objects[0].mesh.triangles().len(), 1);
+/// # Ok::<(), pinspot::scene::SceneError>(())
+/// ```
+pub fn parse<R: DeserializeOwned + Default>(
+    file: &str,
+    text: &str,
+    assets: &(impl Assets + ?Sized),
+) -> Result<Loaded<R>, SceneError> {
+    let text = text.strip_prefix('\u{feff}').unwrap_or(text);
+    let name = escaped(&Path::new(file).file_stem().unwrap_or_default().to_string_lossy());
+    let file = escaped(file);
+    let (tables, lines) = document::parse::<SceneTable<R>>(text).map_err(|fault| in_file(&file, fault))?;
+    let builder = Builder { file: &file, lines: &lines, assets: &assets };
     let mut notes = Vec::new();
     let mut objects = Vec::with_capacity(tables.object.len());
     for (index, table) in tables.object.into_iter().enumerate() {
         objects.extend(builder.objects(index, &table, &mut notes)?);
     }
-    let name = Path::new(file).file_stem().unwrap_or_default().to_string_lossy().into_owned();
-    let environment = builder.environment(tables.environment)?;
+    let environment = builder.environment(tables.environment, &mut notes)?;
     let camera = builder.camera(&tables.camera)?;
-    Ok(Loaded { scene: Scene { name, environment, camera, objects, notes }, render: tables.render })
+    let scene = Scene { name, environment, camera, objects, notes };
+    Ok(Loaded { scene, render: tables.render, file, lines })
 }
 
 /// The candidate most similar to `word`, if any is similar at all.
@@ -67,25 +105,23 @@ pub(crate) fn nearest<'a>(word: &str, candidates: impl Iterator<Item = &'a str>)
 /// Keys of the documented format that later versions bring.
 const NOT_BUILT_YET: [&str; 1] = ["refractor"];
 
-/// serde's message, with the nearest known key or word in place of a list of all of them.
-fn readable(message: &str) -> String {
-    let message = message.replace('\n', " ");
-    for kind in ["field", "variant"] {
-        let Some(rest) = message.strip_prefix(&format!("unknown {kind} `")) else { continue };
-        let Some((word, rest)) = rest.split_once('`') else { continue };
-        let what = if kind == "field" { "key" } else { "value" };
-        if NOT_BUILT_YET.contains(&word) {
-            return format!("{what} '{word}' is not built yet; remove it");
+fn in_file(file: &str, Fault { line, key, problem }: Fault) -> SceneError {
+    let message = match problem {
+        Problem::Other(message) => message,
+        Problem::Unknown { what, word, .. } if NOT_BUILT_YET.contains(&word.as_str()) => {
+            format!("{what} '{word}' is not built yet; remove it")
         }
-        // Serde quotes every candidate with back-ticks.
-        let candidates: Vec<&str> = rest.split('`').skip(1).step_by(2).collect();
-        let remedy = match nearest(word, candidates.iter().copied()) {
-            Some(candidate) => format!("did you mean '{candidate}'?"),
-            None => format!("known are: {}", candidates.join(", ")),
-        };
-        return format!("unknown {what} '{word}'; {remedy}");
+        Problem::Unknown { what, word, known } => match nearest(&word, known.iter().copied()) {
+            Some(candidate) => format!("unknown {what} '{word}'; did you mean '{candidate}'?"),
+            None => format!("unknown {what} '{word}'; known are: {}", known.join(", ")),
+        },
+    };
+    let file = file.to_owned();
+    if key.is_empty() {
+        SceneError::Syntax { file, line, message }
+    } else {
+        SceneError::Value { file, line, key, message }
     }
-    message
 }
 
 #[derive(Deserialize)]
@@ -99,183 +135,58 @@ struct SceneTable<R> {
     object: Vec<ObjectTable>,
 }
 
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct EnvironmentTable {
-    map: Option<String>,
-    faces: Option<[String; 6]>,
-    layout: Option<MapLayout>,
-    spot: Option<SpotTable>,
-    constant: Option<[f32; 3]>,
-    #[serde(default)]
-    rotation_deg: f32,
-    #[serde(default = "one")]
-    intensity: f32,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct SpotTable {
-    direction: [f32; 3],
-    sigma_rad: f32,
-    radiance: [f32; 3],
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct CameraTable {
-    position: [f32; 3],
-    target: [f32; 3],
-    #[serde(default = "up")]
-    up: [f32; 3],
-    orthographic: Option<OrthographicTable>,
-    perspective: Option<PerspectiveTable>,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct OrthographicTable {
-    height: f32,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct PerspectiveTable {
-    fov_y_deg: f32,
-}
-
 fn one() -> f32 {
     1.0
 }
-fn up() -> [f32; 3] {
-    [0.0, 1.0, 0.0]
+
+/// A key as messages show it, and its path in the document.
+struct Key {
+    shown: String,
+    path: String,
 }
+
+impl From<&str> for Key {
+    fn from(key: &str) -> Self {
+        Self { shown: key.into(), path: key.into() }
+    }
+}
+
 struct Builder<'a> {
     file: &'a str,
-    text: &'a str,
-    base: &'a Path,
+    lines: &'a KeyLines,
+    assets: &'a dyn Assets,
 }
 
 impl Builder<'_> {
-    fn error(&self, key: impl Into<String>, message: impl Into<String>) -> SceneError {
-        let key = key.into();
-        SceneError::Value { file: self.file.into(), line: self.line_of(&key), key, message: message.into() }
+    fn error(&self, key: impl Into<Key>, message: impl Into<String>) -> SceneError {
+        let Key { shown, path } = key.into();
+        let line = self.lines.line_of(&path);
+        SceneError::Value { file: self.file.into(), line, key: shown, message: message.into() }
     }
 
-    /// The line of a key such as `camera.position` or `object 'ring'.scale`: where its parts stand one after the other.
-    fn line_of(&self, key: &str) -> usize {
-        let mut at = 0;
-        for part in key.split('.') {
-            let part = part.strip_prefix("object '").map_or(part, |name| name.trim_end_matches('\''));
-            at += self.text[at..].find(part).unwrap_or(0);
-        }
-        self.text[..at].matches('\n').count() + 1
-    }
-
-    fn vector(&self, key: &str, value: [f32; 3]) -> Result<Vec3, SceneError> {
+    fn vector(&self, key: impl Into<Key>, value: [f32; 3]) -> Result<Vec3, SceneError> {
         let value = Vec3::from(value);
         if value.is_finite() { Ok(value) } else { Err(self.error(key, "must be three finite numbers")) }
     }
 
     /// A colour in [0, `most`].
-    fn colour(&self, key: &str, value: [f32; 3], most: f32) -> Result<Vec3, SceneError> {
-        let value = self.vector(key, value)?;
-        if value.min_element() >= 0.0 && value.max_element() <= most {
-            Ok(value)
-        } else if most.is_finite() {
-            Err(self.error(key, format!("is {value}, but must be three numbers from 0 to {most}")))
-        } else {
-            Err(self.error(key, format!("is {value}, but must be three numbers that are not negative")))
+    fn colour(&self, key: impl Into<Key>, value: [f32; 3], most: f32) -> Result<Vec3, SceneError> {
+        let value = Vec3::from(value);
+        if value.is_finite() && value.min_element() >= 0.0 && value.max_element() <= most {
+            return Ok(value);
         }
-    }
-
-    fn environment(&self, table: EnvironmentTable) -> Result<EnvironmentSource, SceneError> {
-        if !table.rotation_deg.is_finite() {
-            return Err(self.error("environment.rotation_deg", "must be a finite number of degrees"));
-        }
-        if !(table.intensity.is_finite() && table.intensity >= 0.0) {
-            return Err(self.error("environment.intensity", "must be a number that is not negative"));
-        }
-        Ok(EnvironmentSource {
-            rotation_rad: table.rotation_deg.to_radians(),
-            intensity: table.intensity,
-            light: self.light(table)?,
-        })
-    }
-
-    fn light(&self, table: EnvironmentTable) -> Result<Light, SceneError> {
-        let is_file = table.faces.is_some() || table.map.as_ref().is_some_and(|m| Path::new(m).extension().is_some());
-        if table.layout.is_some() && !is_file {
-            return Err(self.error("environment.layout", "is for environment images from files"));
-        }
-        let layout = table.layout.unwrap_or(MapLayout::Auto);
-        match (table.map, table.faces, table.spot, table.constant) {
-            (Some(_), None, None, None) if layout == MapLayout::Faces => {
-                Err(self.error("environment.layout", "\"faces\" needs faces = [six files] instead of map"))
-            }
-            (Some(map), None, None, None) => Ok(Light::map(self.base, &map, layout)),
-            (None, Some(faces), None, None) if matches!(layout, MapLayout::Auto | MapLayout::Faces) => {
-                Ok(Light::Map { files: faces.map(|f| self.base.join(f)).into(), layout: MapLayout::Faces })
-            }
-            (None, Some(_), None, None) => {
-                Err(self.error("environment.layout", "must be \"faces\" where six faces are given"))
-            }
-            (None, None, Some(spot), None) => self.spot(&spot),
-            (None, None, None, Some(constant)) => {
-                Ok(Light::Constant(self.colour("environment.constant", constant, f32::INFINITY)?))
-            }
-            _ => Err(self.error("environment", "give exactly one of map, faces, spot and constant")),
-        }
-    }
-
-    fn spot(&self, spot: &SpotTable) -> Result<Light, SceneError> {
-        let direction = self.vector("environment.spot.direction", spot.direction)?;
-        let direction =
-            direction.try_normalize().ok_or_else(|| self.error("environment.spot.direction", "must not be zero"))?;
-        if !(spot.sigma_rad >= 1e-4 && spot.sigma_rad <= 1.0) {
-            return Err(self
-                .error("environment.spot.sigma_rad", format!("is {}, but must be from 0.0001 to 1", spot.sigma_rad)));
-        }
-        let radiance = self.colour("environment.spot.radiance", spot.radiance, f32::INFINITY)?;
-        Ok(Light::Spot { direction, sigma_rad: spot.sigma_rad, radiance })
-    }
-
-    fn camera(&self, table: &CameraTable) -> Result<Camera, SceneError> {
-        let position = self.vector("camera.position", table.position)?;
-        let target = self.vector("camera.target", table.target)?;
-        let up = self.vector("camera.up", table.up)?;
-        let projection = match (&table.orthographic, &table.perspective) {
-            (Some(o), None) if o.height > 0.0 && o.height.is_finite() => Projection::Orthographic { height: o.height },
-            (Some(o), None) => {
-                return Err(
-                    self.error("camera.orthographic.height", format!("is {}, but must be a positive length", o.height))
-                );
-            }
-            (None, Some(p)) if p.fov_y_deg > 0.0 && p.fov_y_deg < 180.0 => {
-                Projection::Perspective { fov_y_rad: p.fov_y_deg.to_radians() }
-            }
-            (None, Some(p)) => {
-                return Err(self.error(
-                    "camera.perspective.fov_y_deg",
-                    format!("is {}, but must be between 0 and 180", p.fov_y_deg),
-                ));
-            }
-            _ => {
-                return Err(self.error(
-                    "camera",
-                    "give exactly one of orthographic = { height = … } and perspective = { fov_y_deg = … }",
-                ));
-            }
-        };
-        Camera::look_at(position, target, up, projection).ok_or_else(|| {
-            self.error("camera", "position and target must differ, and up must not be along the view axis")
-        })
+        let [r, g, b] = value.to_array();
+        Err(self.error(key, format!("is [{r:?}, {g:?}, {b:?}], but must be three numbers from 0 to {most:?}")))
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use std::collections::HashMap;
+    use std::path::PathBuf;
+
     use super::*;
+    use crate::scene::Light;
 
     #[derive(Debug, Default, Deserialize)]
     #[serde(deny_unknown_fields)]
@@ -357,11 +268,66 @@ receiver = { albedo = [0.5, 0.5, 0.5] }
         assert!(scene.objects[1].receiver.is_some() && scene.objects[1].reflector.is_none());
         assert!(scene.objects[2].reflector.is_some());
         write("two.mtl", "newmtl wood\nKd 5 0.3 0.1\n");
-        let message = load().unwrap_err().to_string();
-        assert!(message.contains("'wood': Kd") && message.contains("two.obj"), "{message}");
+        let refused = || load().unwrap_err().to_string();
+        assert!(refused().contains("two.mtl:2: Kd of material 'wood'"), "{}", refused());
+        write("two.mtl", "newmtl wood\nKd 0.5\n");
+        assert!(refused().contains("two.obj:8: there is no material 'steel' in "), "{}", refused());
         std::fs::remove_file(dir.path().join("two.mtl")).unwrap();
-        let scene = load().unwrap().scene;
-        assert!(scene.objects.len() == 2 && scene.notes[0].contains("materials cannot be read"), "{:?}", scene.notes);
+        assert!(refused().contains("two.obj:1: cannot read the material library 'two.mtl'"), "{}", refused());
+    }
+
+    #[test]
+    fn scenes_load_from_memory() {
+        let mut map = b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 1 +X 2\n".to_vec();
+        map.extend([128, 128, 128, 129, 128, 128, 128, 129]);
+        let files: HashMap<PathBuf, Vec<u8>> = HashMap::from([
+            ("sky.hdr".into(), map),
+            ("a/b.mtl".into(), b"newmtl m\nKd 0.5".to_vec()),
+            ("a/b.obj".into(), b"mtllib b.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl m\nf 1 2 3".to_vec()),
+        ]);
+        let text = GOOD.replace("constant = [1.0, 1.0, 1.0]", "map = \"sky.hdr\"").replace(
+            "shape = { plane = { size = [3.0, 3.0] } }\nreceiver = { albedo = [0.5, 0.5, 0.5] }",
+            "mesh = \"a/b.obj\"",
+        );
+        let scene = parse::<Render>("scene.toml", &text, &files).unwrap().scene;
+        assert!(scene.objects[1].receiver.is_some());
+        let Light::Map(map) = &scene.environment.light else { panic!("{:?}", scene.environment) };
+        assert_eq!(map.images()[0].pixels, [[1.0; 3]; 2]);
+        let other = text.replace("radius = 1.0", "radius = 2.0");
+        let other = parse::<Render>("scene.toml", &other, &files).unwrap().scene;
+        assert_ne!(scene.fingerprint(""), other.fingerprint(""));
+        let message = parse::<Render>("scene.toml", &text.replace("sky.hdr", "sea.hdr"), &files).unwrap_err();
+        assert!(message.to_string().contains("'sea.hdr': no such file"), "{message}");
+    }
+
+    #[test]
+    fn errors_of_the_render_table_name_its_line() {
+        let loaded = parse::<Render>("scene.toml", &format!("\u{feff}{GOOD}"), Path::new(".")).unwrap();
+        let message = loaded.render_error("samples", "must be positive").to_string();
+        assert_eq!(message, "scene.toml:10: render.samples: must be positive");
+        assert!(loaded.render_error("size", "is odd").to_string().starts_with("scene.toml:9: render.size"));
+    }
+
+    #[test]
+    fn directions_may_be_of_any_length() {
+        for length in ["1e30", "1e-30"] {
+            let text = GOOD.replace("up = [0.0, 0.0, -1.0]", &format!("up = [0.0, 0.0, -{length}]")).replace(
+                "constant = [1.0, 1.0, 1.0]",
+                &format!("spot = {{ direction = [0, {length}, 0], sigma_rad = 0.1, radiance = [1, 1, 1] }}"),
+            );
+            let scene = parse::<Render>("scene.toml", &text, Path::new(".")).unwrap().scene;
+            let Light::Spot { direction, .. } = scene.environment.light else { panic!("no spot") };
+            assert!(direction == Vec3::Y && scene.camera.up.abs_diff_eq(Vec3::NEG_Z, 1e-6));
+        }
+    }
+
+    #[test]
+    fn control_characters_do_not_reach_messages() {
+        let text = GOOD.replace("name = \"table\"", r#"name = "ta\u001bble""#).replace("[0.5, 0.5, 0.5]", "[5, 0, 0]");
+        let message = failure(&text);
+        assert!(message.contains(r"ta\u{1b}ble") && !message.contains('\u{1b}'), "{message:?}");
+        let message = failure(&GOOD.replace("samples =", r#""sam\u0007ples" ="#));
+        assert!(!message.contains('\u{7}'), "{message:?}");
     }
 
     #[test]
@@ -377,10 +343,46 @@ receiver = { albedo = [0.5, 0.5, 0.5] }
             ("up = [0.0, 0.0, -1.0]", "up = [0.0, 1.0, 0.0]", "up must not be along"),
             ("constant = [1.0, 1.0, 1.0]", "constant = [1.0, nan, 1.0]", "environment.constant"),
             ("constant = [1.0, 1.0, 1.0]", "", "exactly one of map"),
+            ("constant = [1.0, 1.0, 1.0]", "constant = [3e38, 0, 0]", "scene.toml:3: environment.constant: is [3e38"),
+            (
+                "constant = [1.0, 1.0, 1.0]",
+                "constant = [1e30, 0, 0]\nintensity = 1e30",
+                "scene.toml:4: environment.intensity: times the radiance",
+            ),
+            (
+                "constant = [1.0, 1.0, 1.0]",
+                "constant = [1, 1, 1]\nintensity = -1",
+                "scene.toml:4: environment.intensity",
+            ),
+            (
+                "constant = [1.0, 1.0, 1.0]",
+                "constant = [1, 1, 1, 1]",
+                "scene.toml:3: environment.constant: has 4 elements",
+            ),
+            ("[0.5, 0.5, 0.5]", "[0.5, 0.5, 0.5, 9]", "scene.toml:18: object 'table'.receiver.albedo: has 4 elements"),
+            ("size = [3.0, 3.0]", "size = [3.0]", "scene.toml:17: object 'table'.shape.plane.size: has 1 elements"),
+            ("size = [3.0, 3.0]", "size = [3e30, 3]", "scene.toml:17: object 'table'.shape"),
+            (
+                "position = [0.0, 5.0, 0.0]",
+                "position = [0.0, 5e30, 0.0]",
+                "scene.toml:5: camera.position: must be at most",
+            ),
+            (
+                "name = \"table\"",
+                "name = \"table\"\nscale = 1e30",
+                "object 'table' cannot be placed: it reaches beyond",
+            ),
+            (
+                "name = \"table\"",
+                "name = \"table\"\nscale = 1e-30",
+                "object 'table' cannot be placed: it becomes too small",
+            ),
+            ("name = \"table\"", "name = \"table\"\ntranslate = [3e38, 0, 0]", "object 'table' cannot be placed"),
             ("shape = { ring = { radius = 1.0, height = 0.5 } }", "", "exactly one of mesh"),
         ] {
             let message = failure(&GOOD.replacen(from, to, 1));
-            let of_file = message.starts_with("scene.toml:") || expected == "none.binary";
+            let of_file =
+                message.starts_with("scene.toml:") || expected == "none.binary" || expected.contains("placed");
             assert!(message.contains(expected) && of_file, "{message}");
         }
     }

@@ -1,42 +1,197 @@
 //! A name for everything in a scene that a picture depends on, so that results kept in files can be told apart.
+//!
+//! What is hashed is written out byte by byte, so that a name changes when the scene does and at no other time: not with the
+//! words that Rust prints a type in.
 
-use std::path::{Path, PathBuf};
+use glam::{DVec3, Vec3};
 
-use super::{Light, Scene, SceneError};
+use super::{Camera, Light, MapLayout, Object, Projection, Receiver, Reflector, Scene, Sides};
+use crate::brdf::Gloss;
 
 impl Scene {
     /// A hash of the scene's contents (meshes and environment images by value, not by name) and of `more`.
-    pub fn fingerprint(&self, more: &str) -> Result<String, SceneError> {
-        let mut hasher = blake3::Hasher::new();
-        let mut add = |bytes: &[u8]| {
-            hasher.update(&(bytes.len() as u64).to_le_bytes());
-            hasher.update(bytes);
-        };
-        add(concat!("pinspot ", env!("CARGO_PKG_VERSION")).as_bytes());
-        add(more.as_bytes());
-        add(format!("{:?}", self.camera).as_bytes());
-        for object in &self.objects {
-            add(bytemuck::cast_slice(object.mesh.positions()));
-            add(bytemuck::cast_slice(object.mesh.normals()));
-            add(bytemuck::cast_slice(object.mesh.triangles()));
-            add(format!("{:?} {:?} {}", object.reflector, object.receiver, object.camera_visible).as_bytes());
-        }
-        let environment = &self.environment;
-        add(format!("{} {}", environment.rotation_rad, environment.intensity).as_bytes());
-        match &environment.light {
-            Light::Map { files, layout } => {
-                add(format!("{layout:?}").as_bytes());
-                for file in files {
-                    add(&read(file)?);
-                }
-            }
-            light => add(format!("{light:?}").as_bytes()),
-        }
-        Ok(hasher.finalize().to_hex()[..32].to_owned())
+    pub fn fingerprint(&self, more: &str) -> String {
+        let mut hash = Hash(blake3::Hasher::new());
+        hash.bytes(concat!("pinspot ", env!("CARGO_PKG_VERSION")).as_bytes());
+        hash.bytes(more.as_bytes());
+        hash.camera(&self.camera);
+        hash.number(self.objects.len() as u64);
+        self.objects.iter().for_each(|object| hash.object(object));
+        hash.float(self.environment.rotation_rad);
+        hash.float(self.environment.intensity);
+        hash.light(&self.environment.light);
+        hash.0.finalize().to_hex()[..32].to_owned()
     }
 }
 
-fn read(path: &Path) -> Result<Vec<u8>, SceneError> {
-    let fail = |source| SceneError::Read { path: PathBuf::from(path), hint: String::new(), source };
-    std::fs::read(path).map_err(fail)
+/// Bytes in an order and of lengths that tell different scenes apart. Each variant of an enum has a number of its own.
+struct Hash(blake3::Hasher);
+
+impl Hash {
+    fn bytes(&mut self, bytes: &[u8]) {
+        self.number(bytes.len() as u64);
+        self.0.update(bytes);
+    }
+
+    fn number(&mut self, number: u64) {
+        self.0.update(&number.to_le_bytes());
+    }
+
+    fn float(&mut self, number: f32) {
+        self.0.update(&number.to_le_bytes());
+    }
+
+    fn double(&mut self, number: f64) {
+        self.0.update(&number.to_le_bytes());
+    }
+
+    fn vector(&mut self, vector: Vec3) {
+        vector.to_array().into_iter().for_each(|c| self.float(c));
+    }
+
+    fn camera(&mut self, camera: &Camera) {
+        let Camera { position, forward, right, up, projection } = *camera;
+        [position, forward, right, up].into_iter().for_each(|v| self.vector(v));
+        match projection {
+            Projection::Perspective { fov_y_rad } => {
+                self.number(0);
+                self.float(fov_y_rad);
+            }
+            Projection::Orthographic { height } => {
+                self.number(1);
+                self.float(height);
+            }
+        }
+    }
+
+    fn object(&mut self, object: &Object) {
+        let mesh = object.mesh_in_world();
+        self.bytes(bytemuck::cast_slice(mesh.positions()));
+        self.bytes(bytemuck::cast_slice(mesh.normals()));
+        self.bytes(bytemuck::cast_slice(mesh.triangles()));
+        self.number(u64::from(object.camera_visible));
+        self.number(u64::from(object.reflector.is_some()));
+        object.reflector.iter().for_each(|reflector| self.reflector(reflector));
+        self.number(u64::from(object.receiver.is_some()));
+        object.receiver.iter().for_each(|receiver| self.receiver(receiver));
+    }
+
+    fn reflector(&mut self, reflector: &Reflector) {
+        let Reflector { sides, finish } = *reflector;
+        self.number(match sides {
+            Sides::Front => 0,
+            Sides::Back => 1,
+            Sides::Both => 2,
+        });
+        let DVec3 { x, y, z } = finish.reflectance;
+        [x, y, z, finish.roughness].into_iter().for_each(|c| self.double(c));
+        // The name is what scene files know a metal by.
+        let metal = finish.metal.map(|metal| serde_json::to_string(&metal).expect("a metal is a word"));
+        self.bytes(metal.unwrap_or_default().as_bytes());
+        // No coat has the index 0.
+        self.double(finish.coat.unwrap_or(0.0));
+    }
+
+    fn receiver(&mut self, receiver: &Receiver) {
+        self.vector(receiver.albedo);
+        match &receiver.gloss {
+            Gloss::None => self.number(0),
+            Gloss::Phong { specular, exponent } => {
+                self.number(1);
+                self.vector(*specular);
+                self.float(*exponent);
+            }
+            Gloss::Ggx { specular, roughness } => {
+                self.number(2);
+                self.vector(*specular);
+                self.float(*roughness);
+            }
+            Gloss::Table(table) => {
+                self.number(3);
+                self.bytes(bytemuck::cast_slice(table.entries()));
+            }
+        }
+    }
+
+    fn light(&mut self, light: &Light) {
+        match light {
+            Light::Map(map) => {
+                self.number(0);
+                self.number(match map.layout() {
+                    MapLayout::Auto => 0,
+                    MapLayout::Latlong => 1,
+                    MapLayout::Angular => 2,
+                    MapLayout::VerticalCross => 3,
+                    MapLayout::HorizontalCross => 4,
+                    MapLayout::Faces => 5,
+                });
+                self.number(map.images().len() as u64);
+                for image in map.images() {
+                    self.number(image.width as u64);
+                    self.bytes(bytemuck::cast_slice(&image.pixels));
+                }
+            }
+            Light::BuiltInMap(name) => {
+                self.number(1);
+                self.bytes(name.as_bytes());
+            }
+            Light::Spot { direction, sigma_rad, radiance } => {
+                self.number(2);
+                self.vector(*direction);
+                self.float(*sigma_rad);
+                self.vector(*radiance);
+            }
+            Light::Constant(radiance) => {
+                self.number(3);
+                self.vector(*radiance);
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A way of changing a scene.
+    type Change = fn(&mut Scene);
+
+    #[test]
+    fn whatever_changes_a_picture_changes_the_name() {
+        let scene = crate::scene::load::<toml::Table>("varnish").unwrap().scene;
+        let name = |change: &dyn Fn(&mut Scene)| {
+            let mut scene = scene.clone();
+            change(&mut scene);
+            scene.fingerprint("")
+        };
+        let first = |scene: &Scene, wanted: fn(&Object) -> bool| scene.objects.iter().position(wanted).unwrap();
+        let mirror = first(&scene, |o| o.reflector.is_some());
+        let floor = first(&scene, |o| o.receiver.is_some());
+        let changes: [Change; 9] = [
+            |s| s.camera.position.x += 1e-6,
+            |s| s.camera.projection = Projection::Orthographic { height: 1.0 },
+            |s| s.environment.rotation_rad += 1e-6,
+            |s| s.environment.intensity *= 2.0,
+            |s| s.environment.light = Light::BuiltInMap("city".into()),
+            |s| s.environment.light = Light::Constant(Vec3::ONE),
+            |s| s.objects[0].camera_visible ^= true,
+            |s| s.objects[0].placement.translate.y += 1e-3,
+            |s| drop(s.objects.pop()),
+        ];
+        let mut names: Vec<String> = changes.iter().map(|change| name(change)).collect();
+        names.push(name(&|_| ()));
+        names.push(name(&|s| s.objects[mirror].reflector.as_mut().unwrap().finish.roughness = 0.3));
+        names.push(name(&|s| s.objects[mirror].reflector.as_mut().unwrap().finish.coat = Some(1.7)));
+        names.push(name(&|s| s.objects[mirror].reflector.as_mut().unwrap().sides = Sides::Back));
+        names.push(name(&|s| s.objects[floor].receiver.as_mut().unwrap().albedo.y *= 0.5));
+        names.push(name(&|s| s.objects[floor].receiver.as_mut().unwrap().gloss = Gloss::None));
+        names.push(scene.fingerprint("other options"));
+        let count = names.len();
+        names.sort();
+        names.dedup();
+        assert_eq!(names.len(), count, "two of them have one name");
+        let mut renamed = scene.clone();
+        renamed.name = "another".into();
+        assert_eq!(renamed.fingerprint(""), scene.fingerprint(""));
+    }
 }

@@ -32,12 +32,36 @@ pub enum MeshError {
         /// The parser's reason.
         reason: String,
     },
-    /// A material of the file is of no use.
-    #[error("mesh '{origin}': {reason}; mend its .mtl file, or give the object a receiver or reflector of its own")]
-    Material {
+    /// A statement of an OBJ or MTL file is wrong.
+    #[error("{file}:{line}: {reason}; mend the file or export it again")]
+    Statement {
         /// File.
-        origin: String,
-        /// Which number is wrong.
+        file: String,
+        /// Line, from 1.
+        line: usize,
+        /// What is wrong.
+        reason: String,
+    },
+    /// The file's material library could not be read.
+    #[error(
+        "{file}:{line}: cannot read the material library '{library}': {reason}; put it beside the mesh, or give the object a reflector or receiver of its own"
+    )]
+    Library {
+        /// File of the mesh.
+        file: String,
+        /// Line of its `mtllib`.
+        line: usize,
+        /// The library's name there.
+        library: String,
+        /// The system's reason.
+        reason: String,
+    },
+    /// The mesh does not survive its placement.
+    #[error("object '{object}' cannot be placed: {reason}; check its scale, rotate_deg and translate")]
+    Placement {
+        /// Object.
+        object: String,
+        /// What became of it.
         reason: String,
     },
     /// A format that is not read.
@@ -59,14 +83,34 @@ pub enum MeshError {
         dropped: usize,
     },
     /// A NaN or an infinity.
-    #[error("mesh '{origin}': {place} has a {what} that is not a finite number; repair the mesh and export it again")]
+    #[error(
+        "mesh '{origin}': vertex {vertex} has a {what} that is not a finite number; repair the mesh and export it again"
+    )]
     NotFinite {
         /// File or shape.
         origin: String,
-        /// `vertex 3`, or `line 12` of a file; both from 1.
-        place: String,
+        /// From 1.
+        vertex: usize,
         /// `position` or `normal`.
         what: &'static str,
+    },
+    /// A vertex beyond [`Mesh::MAX_COORDINATE`].
+    #[error("mesh '{origin}': vertex {vertex} is more than 1e9 m from the origin; scale the mesh down")]
+    TooFar {
+        /// File or shape.
+        origin: String,
+        /// From 1.
+        vertex: usize,
+    },
+    /// Not a normal for each vertex.
+    #[error("mesh '{origin}' has {positions} positions but {normals} normals; give one normal a position")]
+    Counts {
+        /// File or shape.
+        origin: String,
+        /// Number of positions.
+        positions: usize,
+        /// Number of normals.
+        normals: usize,
     },
     /// An index past the vertices.
     #[error(
@@ -81,6 +125,9 @@ pub enum MeshError {
 }
 
 impl Mesh {
+    /// The largest coordinate, metres: areas of larger triangles leave the range of 32-bit numbers.
+    pub const MAX_COORDINATE: f32 = 1e9;
+
     /// Validates the parts of a mesh; `normals` are normalised. Degenerate triangles are dropped; their
     /// number is the second part of the result. `origin` is used in messages only.
     pub fn new(
@@ -89,10 +136,16 @@ impl Mesh {
         normals: Vec<Vec3>,
         triangles: Vec<[u32; 3]>,
     ) -> Result<(Self, usize), MeshError> {
+        if positions.len() != normals.len() {
+            let (positions, normals) = (positions.len(), normals.len());
+            return Err(MeshError::Counts { origin: origin.into(), positions, normals });
+        }
         check_finite(origin, "position", &positions)?;
         check_finite(origin, "normal", &normals)?;
-        let triangles = drop_degenerate(origin, &positions, triangles)?;
-        let (triangles, dropped) = triangles;
+        if let Some(i) = positions.iter().position(|p| p.abs().max_element() > Self::MAX_COORDINATE) {
+            return Err(MeshError::TooFar { origin: origin.into(), vertex: i + 1 });
+        }
+        let (triangles, dropped) = drop_degenerate(origin, &positions, triangles)?;
         if triangles.is_empty() {
             return Err(MeshError::Empty { origin: origin.into(), dropped });
         }
@@ -136,16 +189,19 @@ impl Mesh {
         (0..self.triangles.len()).map(|t| f64::from(self.triangle_area(t))).sum()
     }
 
-    /// The mesh in the world.
-    #[must_use]
-    pub fn transformed(mut self, place: &Transform) -> Self {
-        for position in &mut self.positions {
-            *position = place.point_in_world(*position);
-        }
-        for normal in &mut self.normals {
-            *normal = place.normal_in_world(*normal);
-        }
-        self
+    /// The mesh in the world, and how many of its triangles lost their area on the way. `object` is used in messages only.
+    pub fn placed(&self, placement: &Transform, object: &str) -> Result<(Self, usize), MeshError> {
+        let rotation = placement.rotation();
+        let positions =
+            self.positions.iter().map(|p| rotation * (placement.scale * *p) + placement.translate).collect();
+        let normals = self.normals.iter().map(|n| rotation * (*n * placement.scale.signum())).collect();
+        Self::new(object, positions, normals, self.triangles.clone()).map_err(|error| {
+            let reason = match error {
+                MeshError::Empty { .. } => "it becomes too small or too far away for 32-bit numbers",
+                _ => "it reaches beyond 1e9 m",
+            };
+            MeshError::Placement { object: object.into(), reason: reason.into() }
+        })
     }
 
     /// Gives vertices whose normal is zero the normal of a triangle they belong to, and makes all unit length.
@@ -166,13 +222,13 @@ impl Mesh {
 }
 
 /// A triangle's area, m².
-pub fn area([a, b, c]: [Vec3; 3]) -> f32 {
+fn area([a, b, c]: [Vec3; 3]) -> f32 {
     0.5 * (b - a).cross(c - a).length()
 }
 
 fn check_finite(origin: &str, what: &'static str, vectors: &[Vec3]) -> Result<(), MeshError> {
     match vectors.iter().position(|v| !v.is_finite()) {
-        Some(i) => Err(MeshError::NotFinite { origin: origin.into(), place: format!("vertex {}", i + 1), what }),
+        Some(i) => Err(MeshError::NotFinite { origin: origin.into(), vertex: i + 1, what }),
         None => Ok(()),
     }
 }

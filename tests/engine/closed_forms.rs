@@ -3,9 +3,9 @@
 use std::f64::consts::PI;
 
 use glam::{DVec3, Vec3};
-use pinspot::environment::CubeMap;
-use pinspot::pinhole::{Epsilon, Filter, Footprint, Params, Receivers};
-use pinspot::sampling::Strategy;
+use pinspot::low_level::environment::CubeMap;
+use pinspot::low_level::pinhole::{Epsilon, Filter, Footprint, Params, Receivers};
+use pinspot::low_level::sampling::Strategy;
 
 use crate::support::{BACK_ENDS, floor, median, on_cpu, pinholes_of, scene};
 

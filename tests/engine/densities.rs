@@ -1,11 +1,11 @@
 //! Samples that are denser where they matter: they bias nothing, and the errors fall where they should.
 
-use pinspot::differential::differentials;
 use pinspot::image::rel_l2;
+use pinspot::low_level::differential::differentials;
+use pinspot::low_level::sampling::{Density, Strategy, Surface};
 use pinspot::reference::Quantity;
-use pinspot::render::{Settings, place_samples};
-use pinspot::sampling::{Density, Strategy, Surface};
 use pinspot::scene::{Visibility, load};
+use pinspot::{Settings, place_samples};
 
 use crate::support::{median, rendered, truth};
 
@@ -71,5 +71,5 @@ fn strategies_that_place_samples_evenly_say_so() {
     (options.strategy, options.density) = (Strategy::Grid, Density::Curvature);
     let message = place_samples(&loaded.scene, &options).unwrap_err().to_string();
     assert!(message.contains("strategy grid"), "{message}");
-    assert!(message.contains("--density uniform"), "{message}");
+    assert!(message.contains("neighbourhood and random"), "{message}");
 }

@@ -1,7 +1,7 @@
 //! Statistics of the strategies.
 
 use glam::Vec3;
-use pinspot::sampling::{Options, PointSet, Strategy, Surface, quality, sample};
+use pinspot::low_level::sampling::{Options, PointSet, Strategy, Surface, quality, sample};
 use pinspot::scene::shapes::{Cup, DiscoBall, Ring, Shape, Sphere, Spoon};
 
 fn surface(shape: Shape) -> Surface {

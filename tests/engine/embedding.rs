@@ -1,29 +1,36 @@
-//! The engine inside another program: `examples/embed.rs` as it is, checked against the CPU twin on the same G-buffer.
+//! The engine inside another program: `examples/embed.rs` as it is, checked against the CPU on the same G-buffers.
 
 #[expect(dead_code, reason = "the example's main is not called")]
 #[path = "../../examples/embed.rs"]
 mod embed;
 
-use pinspot::environment::Environment;
-use pinspot::pinhole::{Params, Receivers};
-use pinspot::render::Settings;
-use pinspot::scene::load;
-use pinspot::tracing::Tracer;
+use pinspot::low_level::environment::{Environment, LightBounds};
+use pinspot::low_level::pinhole::cpu::{Accuracy, Light, gather_hierarchical, typical_irradiance};
+use pinspot::low_level::pinhole::{Params, Receivers};
 
-use crate::support::{on_cpu, pinholes_of, rel_l2};
+use crate::support::rel_l2;
 
 #[test]
-fn the_example_gathers_what_the_cpu_gathers() {
-    let output = embed::render_one_frame().unwrap();
+fn the_example_gathers_what_the_cpu_gathers_while_its_mirror_moves() {
+    let outputs = embed::render_frames().unwrap();
     let [width, height] = embed::SIZE;
-    let receivers =
-        Receivers { width, height, positions: output.positions, normals: output.normals, ..Receivers::empty(0, 0) };
-    let loaded = load::<Settings>(embed::SCENE).unwrap();
-    let environment = Environment::load(&loaded.scene.environment, Default::default()).unwrap();
-    let mut pinholes = pinholes_of(&loaded.scene, embed::SAMPLES, Default::default(), Default::default(), 1);
-    pinholes.look_around(&loaded.scene, &Tracer::new(&loaded.scene));
-    let expected = on_cpu(&receivers, &pinholes, &environment.cube, &Params::default());
-    assert!(expected.iter().any(|e| e[0] > 0.0));
-    let error = rel_l2(&output.caustic, &expected);
-    assert!(error < 1e-3, "{error}");
+    let environment = Environment::new(&embed::scene_at(0).unwrap().environment.light, Default::default()).unwrap();
+    let bounds = LightBounds::new(&environment.cube);
+    let light = Light { cube: &environment.cube, bounds: &bounds };
+    let params = Params::default();
+    for (number, output) in (0..).zip(&outputs) {
+        let (positions, normals) = (output.positions.clone(), output.normals.clone());
+        let receivers = Receivers { width, height, positions, normals, ..Receivers::empty(0, 0) };
+        let tree = embed::cells_of(&embed::scene_at(number).unwrap()).unwrap();
+        let error = embed::TOLERANCE * typical_irradiance(&receivers, &tree, light, &params);
+        let expected =
+            gather_hierarchical(&receivers, &tree, light, &params, Accuracy { error, split_near: true }, &|_| ());
+        assert!(expected.iter().any(|e| e[0] > 0.0));
+        let error = rel_l2(&output.caustic, &expected);
+        println!("frame {number}: {error:.1e}");
+        assert!(error < f64::from(embed::TOLERANCE), "frame {number}: {error}");
+    }
+    for pair in outputs.windows(2) {
+        assert!(rel_l2(&pair[1].caustic, &pair[0].caustic) > 0.1, "nothing has moved");
+    }
 }

@@ -7,15 +7,15 @@
 
 use std::f64::consts::TAU;
 
-use glam::Vec3;
-use pinspot::environment::{CubeMap, CubeSize, Environment};
-use pinspot::pinhole::{Filter, Footprint, Params, Receivers};
-use pinspot::render::Settings;
-use pinspot::sampling::Strategy;
+use glam::{DVec3, Vec3};
+use pinspot::Settings;
+use pinspot::low_level::environment::{CubeMap, CubeSize, Environment};
+use pinspot::low_level::pinhole::{Filter, Footprint, Params, Receivers};
+use pinspot::low_level::sampling::Strategy;
 use pinspot::scene::load;
 use rayon::prelude::*;
 
-use crate::support::{median, on_cpu, pinholes_of};
+use crate::support::{median, on_cpu, pinholes_of, rel_l2_of};
 
 const SIZE: u32 = 512;
 #[expect(clippy::approx_constant, reason = "the scene file's own digits")]
@@ -81,7 +81,7 @@ fn masked_reference() -> (Receivers, Vec<f64>) {
 /// The light of `ring-above` as the engine looks it up.
 fn sun() -> CubeMap {
     let scene = load::<Settings>("ring-above").unwrap().scene;
-    Environment::load(&scene.environment, CubeSize::Texels(256)).unwrap().cube
+    Environment::new(&scene.environment.light, CubeSize::Texels(256)).unwrap().cube
 }
 
 struct Run {
@@ -96,12 +96,8 @@ fn error(run: &Run, receivers: &Receivers, reference: &[f64]) -> f64 {
     let pinholes = pinholes_of(&scene, run.samples, Strategy::Neighbourhood, run.footprint, run.seed);
     let params = Params { filter: run.filter, ..Default::default() };
     let estimate = on_cpu(receivers, &pinholes, &sun(), &params);
-    let (mut difference, mut norm) = (0.0, 0.0);
-    for (e, r) in estimate.iter().zip(reference) {
-        difference += (f64::from(e[0]) - r).powi(2);
-        norm += r.powi(2);
-    }
-    (difference / norm).sqrt()
+    let red: Vec<[f32; 4]> = estimate.iter().map(|e| [e[0]; 4]).collect();
+    rel_l2_of(&red, &reference.iter().map(|r| DVec3::splat(*r)).collect::<Vec<_>>())
 }
 
 #[test]

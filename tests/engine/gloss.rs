@@ -3,15 +3,15 @@
 use std::path::Path;
 
 use glam::{DVec3, Vec3};
-use pinspot::Silent;
-use pinspot::environment::{CubeMap, Environment};
-use pinspot::pinhole::{Filter, Footprint, Params, Receivers};
-use pinspot::reference::{Goal, Options, Reference};
-use pinspot::reflectance::Curve;
-use pinspot::sampling::Strategy;
+use pinspot::NoProgress;
+use pinspot::low_level::environment::{CubeMap, Environment};
+use pinspot::low_level::pinhole::{Filter, Footprint, Params, Receivers};
+use pinspot::low_level::reflectance::Curve;
+use pinspot::low_level::sampling::Strategy;
+use pinspot::reference::{Options, Reference, StoppingCriterion};
 use pinspot::scene::{Scene, Visibility, parse};
 
-use super::support::{BACK_ENDS, floor, on_cpu, on_gpu, pinholes_of, rel_l2};
+use super::support::{BACK_ENDS, floor, on_cpu, on_gpu, pinholes_of, rel_l2, rel_l2_of};
 
 const EDGE: u32 = 12;
 
@@ -27,9 +27,9 @@ fn ring(light: &str, roughness: f32) -> Scene {
 }
 
 fn truth(scene: Scene, rel_error: f64) -> Vec<DVec3> {
-    let goal = Goal { rel_error, seconds: None, points: None };
+    let goal = StoppingCriterion::new(rel_error);
     let options = Options { size: [EDGE; 2], visibility: Visibility::None, ..Default::default() };
-    let estimate = Reference::new(scene, options).unwrap().solve(&goal, None, &Silent, &mut |_| Ok(())).unwrap();
+    let estimate = Reference::new(scene, options).unwrap().solve(&goal, None, &NoProgress, &mut |_| Ok(())).unwrap();
     estimate.irradiance.pixels.iter().map(|p| p.as_dvec3()).collect()
 }
 
@@ -39,26 +39,17 @@ fn receivers() -> Receivers {
     Receivers::from_points(&points.collect::<Vec<_>>(), EDGE)
 }
 
-fn error(got: &[[f32; 4]], expected: &[DVec3]) -> f64 {
-    let off: f64 = got
-        .iter()
-        .zip(expected)
-        .map(|(g, e)| (DVec3::new(g[0].into(), g[1].into(), g[2].into()) - *e).length_squared())
-        .sum();
-    (off / expected.iter().map(|e| e.length_squared()).sum::<f64>()).sqrt()
-}
-
 /// Relative errors at 2,000 samples: (roughness, as the engine does it, without the lobe).
 fn errors(light: &str, roughnesses: &[f32]) -> Vec<(f32, f64, f64)> {
     let of = |roughness| {
         let scene = ring(light, roughness);
         let expected = truth(scene.clone(), 0.01);
-        let environment = Environment::load(&scene.environment, Default::default()).unwrap();
+        let environment = Environment::new(&scene.environment.light, Default::default()).unwrap();
         let pinholes = pinholes_of(&scene, 2000, Strategy::Neighbourhood, Footprint::Cells, 1);
         let mut sharp = pinholes.clone();
-        sharp.samples.iter_mut().for_each(|s| s.side_1[3] = 0.0);
+        sharp.samples.iter_mut().for_each(|s| s.lobe = 0.0);
         let [own, without] = [&pinholes, &sharp]
-            .map(|p| error(&on_cpu(&receivers(), p, &environment.cube, &Params::default()), &expected));
+            .map(|p| rel_l2_of(&on_cpu(&receivers(), p, &environment.cube, &Params::default()), &expected));
         println!("{light}, roughness {roughness}: {own:.3}, without the lobe {without:.3}");
         (roughness, own, without)
     };
@@ -98,10 +89,10 @@ fn both_back_ends_and_the_ground_truth_lose_what_facets_hide() {
         assert!((got / expected - 1.0).abs().max_element() < most, "{who}: {got}, not {expected}");
     };
 
-    let goal = Goal { rel_error: 5e-4, seconds: None, points: None };
+    let goal = StoppingCriterion::new(5e-4);
     let options = Options { size: [1, 1], ..Default::default() };
     let reference = Reference::new(scene.clone(), options).unwrap();
-    let estimate = reference.solve(&goal, None, &Silent, &mut |_| Ok(())).unwrap();
+    let estimate = reference.solve(&goal, None, &NoProgress, &mut |_| Ok(())).unwrap();
     close(estimate.irradiance.pixels[0].as_dvec3(), 4e-3, "the ground truth");
 
     let pinholes = pinholes_of(&scene, 4000, Strategy::Neighbourhood, Footprint::Cells, 1);

@@ -1,35 +1,36 @@
 //! What goes wrong on a GPU is said, not thrown.
 
 use glam::Vec3;
-use pinspot::environment::CubeMap;
-use pinspot::gpu::{Gpu, GpuError};
-use pinspot::pinhole::gpu::{Engine, EnvironmentCube, FrameInputs, Options};
-use pinspot::pinhole::{Params, PinholeSample};
+use pinspot::blocking::wait;
+use pinspot::low_level::environment::CubeMap;
+use pinspot::low_level::gpu::{Gpu, GpuError};
+use pinspot::low_level::pinhole::gpu::{Engine, EnvironmentCube, FrameInputs, GatherOptions, LightBoundsBuilder};
+use pinspot::low_level::pinhole::{Params, PinholeSample};
 
 use crate::support::{floor, gpu};
 
 #[test]
-fn a_lost_device_is_an_error_with_a_remedy() {
-    let gpu = Gpu::open(None).unwrap();
+fn a_lost_device_is_an_error() {
+    let gpu = wait(None, Gpu::open(None)).unwrap();
     gpu.device.destroy();
-    let message = gpu.wait().unwrap_err().to_string();
-    assert!(message.contains("lost") && message.contains("--backend cpu"), "{message}");
+    let message = wait(Some(&gpu.device), gpu.submitted_work_done()).unwrap_err().to_string();
+    assert!(message.contains("lost") && message.contains(&gpu.adapter.name), "{message}");
 }
 
 #[test]
 fn an_unknown_adapter_is_named_with_those_there_are() {
-    let message = Gpu::open(Some("voodoo")).unwrap_err().to_string();
+    let message = wait(None, Gpu::open(Some("voodoo"))).unwrap_err().to_string();
     assert!(message.contains("voodoo") && message.contains(&gpu().adapter.name), "{message}");
 }
 
 #[test]
-fn too_large_a_texture_is_an_error_with_a_remedy() {
+fn too_large_a_texture_is_an_error() {
     let gpu = gpu();
     let receivers = floor(1.0, 2);
     let view = gpu.upload_texture([2, 2], &receivers.positions);
     let cube = CubeMap::from_radiance(16, None, |_| Vec3::ONE);
     let environment = EnvironmentCube::upload(&gpu.device, &gpu.queue, &cube).unwrap();
-    let engine = Engine::new(&gpu.device, &Options::default());
+    let engine = Engine::new(&gpu.device, &GatherOptions::default());
     let too_wide = gpu.adapter.max_texture + 1;
     let inputs = FrameInputs {
         positions: &view,
@@ -43,5 +44,27 @@ fn too_large_a_texture_is_an_error_with_a_remedy() {
     let error = engine.frame(&gpu.device, &inputs).unwrap_err();
     assert!(matches!(error, GpuError::TextureTooLarge { .. }));
     let message = error.to_string();
-    assert!(message.contains(&too_wide.to_string()) && message.contains("--size"), "{message}");
+    assert!(message.contains(&too_wide.to_string()) && message.contains("the image"), "{message}");
+}
+
+/// What would be refused by the device, or worse, is refused before.
+#[test]
+fn images_and_cubes_that_are_impossible_are_errors() {
+    let gpu = gpu();
+    let cube = CubeMap::from_radiance(16, None, |_| Vec3::ONE);
+    let uploaded = EnvironmentCube::upload(&gpu.device, &gpu.queue, &cube).unwrap();
+    let odd = EnvironmentCube::from_view(uploaded.view().clone(), 0, 1.0);
+    assert!(matches!(LightBoundsBuilder::new(&gpu.device, &odd), Err(GpuError::CubeSize { size: 0 })));
+    let view = gpu.upload_texture([2, 2], &[]);
+    let inputs = FrameInputs {
+        positions: &view,
+        normals: &view,
+        viewers: None,
+        size: [0, 1],
+        pinholes: &vec![PinholeSample::default()].into(),
+        environment: &uploaded,
+        params: Params::default(),
+    };
+    let frame = Engine::new(&gpu.device, &GatherOptions::default()).frame(&gpu.device, &inputs);
+    assert!(matches!(frame, Err(GpuError::EmptyImage { .. })));
 }

@@ -1,10 +1,10 @@
 //! A device that has only what WebGPU promises: it filters half floats but not 32-bit ones, and blends neither.
 
 use glam::Vec3;
-use pinspot::environment::CubeMap;
-use pinspot::pinhole::gpu::{Engine, EnvironmentCube, FrameInputs, Options};
-use pinspot::pinhole::{Footprint, Params};
-use pinspot::sampling::Strategy;
+use pinspot::low_level::environment::CubeMap;
+use pinspot::low_level::pinhole::gpu::{Engine, EnvironmentCube, FrameInputs, GatherOptions};
+use pinspot::low_level::pinhole::{Footprint, Params};
+use pinspot::low_level::sampling::Strategy;
 use pinspot::wgpu;
 use wgpu::util::DeviceExt;
 
@@ -29,7 +29,7 @@ fn a_sun_beyond_half_floats_survives_on_a_plain_device() {
     assert!(environment.radiance_scale() > 1.0);
     let [positions, normals] =
         [&receivers.positions, &receivers.normals].map(|texels| texture(&device, &queue, texels));
-    let engine = Engine::new(&device, &Options::default());
+    let engine = Engine::new(&device, &GatherOptions::default());
     let inputs = FrameInputs {
         positions: &positions,
         normals: &normals,

@@ -2,20 +2,20 @@
 
 use std::sync::Arc;
 
-use pinspot::Silent;
-use pinspot::brdf::{Gloss, Materials};
-use pinspot::cell_tree::{CellTree, TreeOptions};
-use pinspot::environment::{Environment, LightBounds};
 use pinspot::image::rel_l2 as image_rel_l2;
-use pinspot::pinhole::cpu::{Accuracy, Light, StillGather, gather_hierarchical, typical_irradiance};
-use pinspot::pinhole::{Arrangement, Params, PinholeTree, Receivers, Viewers};
+use pinspot::low_level::brdf::{Gloss, Materials};
+use pinspot::low_level::cell_tree::{CellTree, TreeOptions};
+use pinspot::low_level::environment::{Environment, LightBounds};
+use pinspot::low_level::pinhole::cpu::{Accuracy, Light, StillGather, gather_hierarchical, typical_irradiance};
+use pinspot::low_level::pinhole::{Arrangement, Params, PinholeTree, Receivers, Viewers};
+use pinspot::low_level::sampling::{self, Strategy, Surface, sample};
+use pinspot::low_level::tracing::Tracer;
+use pinspot::low_level::visible_receivers;
 use pinspot::reference::Quantity;
-use pinspot::render::{BackendChoice, EvaluationChoice, Renderer, Settings, visible_receivers};
-use pinspot::sampling::{self, Strategy, Surface, sample};
 use pinspot::scene::{BUILT_IN, Scene, Visibility, load};
-use pinspot::tracing::Tracer;
+use pinspot::{BackendChoice, EvaluationChoice, Settings};
 
-use crate::support::{on_cpu, rel_l2, rendered, truth};
+use crate::support::{self, on_cpu, rel_l2, rendered, truth};
 
 /// A scene under one light, ready to be gathered.
 struct Work {
@@ -31,9 +31,9 @@ impl Work {
         let mut scene = load::<Settings>(name).unwrap().scene;
         if let Some(map) = map {
             scene.environment.light =
-                pinspot::scene::Light::map(std::path::Path::new(""), map, pinspot::scene::MapLayout::Auto);
+                pinspot::scene::Light::map(std::path::Path::new(""), map, pinspot::scene::MapLayout::Auto).unwrap().0;
         }
-        let environment = Environment::load(&scene.environment, Default::default()).unwrap();
+        let environment = Environment::new(&scene.environment.light, Default::default()).unwrap();
         let tracer = Tracer::new(&scene);
         let receivers = visible_receivers(&scene, &tracer, [size; 2]);
         let bounds = LightBounds::new(&environment.cube);
@@ -53,7 +53,7 @@ impl Work {
         gather_hierarchical(receivers, tree, light, &params, Accuracy { error, split_near: false }, &|_| ())
     }
 
-    fn flat(&self, leaves: &pinspot::pinhole::Pinholes, receivers: &Receivers) -> Vec<[f32; 4]> {
+    fn flat(&self, leaves: &pinspot::low_level::pinhole::Pinholes, receivers: &Receivers) -> Vec<[f32; 4]> {
         on_cpu(receivers, leaves, &self.environment.cube, &Params::default())
     }
 }
@@ -186,21 +186,20 @@ fn leaves_bring_it_nearer_to_the_truth() {
 /// What the hierarchy does not know it leaves to the flat sum, or says so.
 #[test]
 fn what_is_not_known_is_refused_or_left_to_the_flat_sum() {
-    let render = |change: &dyn Fn(&mut pinspot::render::Options)| {
-        let loaded = load::<Settings>("mirror-sphere").unwrap();
-        let mut options = loaded.render.options().unwrap();
+    let render = |change: &dyn Fn(&mut pinspot::Options)| {
+        let (scene, mut options) = pinspot::load("mirror-sphere").unwrap();
         (options.size, options.samples) = ([16, 16], 40);
         change(&mut options);
-        let renderer = Renderer::new(loaded.scene, options, &BackendChoice::Cpu, &Silent);
-        renderer.map(|r| r.render(&Silent).unwrap().report.evaluation).map_err(|e| e.to_string())
+        let rendered = support::render(scene, options, &BackendChoice::Cpu);
+        rendered.map(|r| r.report.evaluation.unwrap()).map_err(|e| e.to_string())
     };
-    use pinspot::pinhole::{Epsilon, Filter, Footprint};
-    use pinspot::render::Evaluation::{Flat, Hierarchical};
+    use pinspot::Evaluation::{Flat, Hierarchical};
+    use pinspot::{Epsilon, FilterChoice, Footprint};
     assert_eq!(render(&|_| ()).unwrap(), Hierarchical { leaves: 64, tolerance: 0.01 });
     assert_eq!(render(&|o| o.leaves = Some(20)).unwrap(), Hierarchical { leaves: 16, tolerance: 0.01 });
-    let obstacles: [&dyn Fn(&mut pinspot::render::Options); 3] =
-        [&|o| o.params.filter = Filter::None, &|o| o.footprint = Footprint::Curvature, &|o| {
-            o.params.epsilon = Epsilon::Paper;
+    let obstacles: [&dyn Fn(&mut pinspot::Options); 3] =
+        [&|o| o.filter = FilterChoice::None, &|o| o.footprint = Footprint::Curvature, &|o| {
+            o.epsilon = Epsilon::Paper;
         }];
     for obstacle in obstacles {
         assert_eq!(render(obstacle).unwrap(), Flat { leaves: 1 });
@@ -208,7 +207,7 @@ fn what_is_not_known_is_refused_or_left_to_the_flat_sum() {
             obstacle(o);
             o.evaluation = EvaluationChoice::Hierarchical;
         });
-        assert!(insisted.unwrap_err().contains("--evaluation flat"));
+        assert!(insisted.unwrap_err().starts_with("evaluation hierarchical "));
     }
 }
 

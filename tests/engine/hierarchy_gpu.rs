@@ -2,36 +2,36 @@
 
 use std::sync::Arc;
 
-use pinspot::Silent;
-use pinspot::brdf::Materials;
-use pinspot::cell_tree::{CellTree, TreeOptions};
-use pinspot::environment::{Environment, LightBounds};
-use pinspot::gpu::Gpu;
+use pinspot::blocking::wait;
 use pinspot::image::Aov;
-use pinspot::pinhole::cpu::{Accuracy, Light, gather_hierarchical, typical_irradiance};
-use pinspot::pinhole::gpu::{
+use pinspot::low_level::brdf::Materials;
+use pinspot::low_level::cell_tree::{CellTree, TreeOptions};
+use pinspot::low_level::environment::{CubeMap, Environment, LightBounds};
+use pinspot::low_level::gpu::Gpu;
+use pinspot::low_level::pinhole::cpu::{Accuracy, Light, gather_hierarchical, typical_irradiance};
+use pinspot::low_level::pinhole::gpu::{
     CellTreeBuffers, EnvironmentCube, FrameViewers, HierarchicalEngine, HierarchicalInputs, HierarchicalOptions,
-    LightBoundsMaker, Tolerance,
+    LightBoundsBuilder, Tolerance,
 };
-use pinspot::pinhole::{Arrangement, Params, PinholeTree, Receivers, Viewers};
-use pinspot::render::{BackendChoice, EvaluationChoice, Rendered, Renderer, Settings, visible_receivers};
-use pinspot::sampling::{self, Strategy, Surface, sample};
+use pinspot::low_level::pinhole::{Arrangement, Params, PinholeTree, Receivers, Viewers};
+use pinspot::low_level::sampling::{self, Strategy, Surface, sample};
+use pinspot::low_level::tracing::Tracer;
+use pinspot::low_level::visible_receivers;
 use pinspot::scene::{BUILT_IN, Scene, Visibility, load};
-use pinspot::tracing::Tracer;
+use pinspot::{BackendChoice, EvaluationChoice, FilterChoice, Rendered, Settings};
 
-use crate::support::{gpu, rel_l2};
+use crate::support::{self, gpu, rel_l2, rotated_light};
 
 fn render(name: &str, aov: Aov, visibility: Visibility, backend: &BackendChoice) -> Rendered {
-    let loaded = load::<Settings>(name).unwrap();
-    let mut options = loaded.render.options().unwrap();
+    let (scene, mut options) = pinspot::load(name).unwrap();
     options.size = [88, 72];
     options.samples = 150;
     options.leaves = Some(16);
     options.visibility = visibility;
-    options.automatic_filter = false;
+    options.filter = FilterChoice::Anisotropic;
     options.evaluation = EvaluationChoice::Hierarchical;
     options.aovs = vec![aov];
-    Renderer::new(loaded.scene, options, backend, &Silent).unwrap().render(&Silent).unwrap()
+    support::render(scene, options, backend).unwrap()
 }
 
 /// Pictures of caustics, and what cameras see of glossy floors and in mirrors, where receivers come as lists.
@@ -65,7 +65,7 @@ fn back_ends_agree() {
 struct Work {
     scene: Scene,
     receivers: Receivers,
-    environment: Environment,
+    cube: CubeMap,
     bounds: LightBounds,
     tree: PinholeTree,
 }
@@ -74,14 +74,21 @@ struct Work {
 #[derive(Clone, Copy)]
 struct How {
     tolerance: Tolerance,
-    parts: u32,
+    split_passes: u32,
     split_near: bool,
+    environment_rotation_rad: f32,
+}
+
+impl How {
+    fn params(&self) -> Params {
+        Params { environment_rotation_rad: self.environment_rotation_rad, ..Params::default() }
+    }
 }
 
 impl Work {
     fn new(name: &str, size: [u32; 2], samples: u32, leaves: u32, visibility: Visibility) -> Self {
         let scene = load::<Settings>(name).unwrap().scene;
-        let environment = Environment::load(&scene.environment, Default::default()).unwrap();
+        let cube = Environment::new(&scene.environment.light, Default::default()).unwrap().cube;
         let tracer = Tracer::new(&scene);
         let receivers = visible_receivers(&scene, &tracer, size);
         let surface = Surface::of_scene(&scene);
@@ -90,12 +97,12 @@ impl Work {
         if visibility == Visibility::Full {
             tree.roots_mut().look_around(&scene, &tracer);
         }
-        let bounds = LightBounds::new(&environment.cube);
-        Self { scene, receivers, environment, bounds, tree }
+        let bounds = LightBounds::new(&cube);
+        Self { scene, receivers, cube, bounds, tree }
     }
 
     fn light(&self) -> Light<'_> {
-        Light { cube: &self.environment.cube, bounds: &self.bounds }
+        Light { cube: &self.cube, bounds: &self.bounds }
     }
 
     fn typical(&self) -> f32 {
@@ -103,7 +110,8 @@ impl Work {
     }
 
     fn how(&self, tolerance: f32) -> How {
-        How { tolerance: Tolerance::Absolute(tolerance * self.typical()), parts: 8, split_near: false }
+        let tolerance = Tolerance::Absolute(tolerance * self.typical());
+        How { tolerance, split_passes: 8, split_near: false, environment_rotation_rad: 0.0 }
     }
 
     fn on_cpu(&self, how: &How) -> Vec<[f32; 4]> {
@@ -112,15 +120,15 @@ impl Work {
             Tolerance::Relative(part) => part * self.typical(),
         };
         let accuracy = Accuracy { error, split_near: how.split_near };
-        gather_hierarchical(&self.receivers, &self.tree, self.light(), &Params::default(), accuracy, &|_| ())
+        gather_hierarchical(&self.receivers, &self.tree, self.light(), &how.params(), accuracy, &|_| ())
     }
 
     /// Everything in one submission, the light's bounds made there.
     fn on_gpu(&self, gpu: &Gpu, how: &How) -> Vec<[f32; 4]> {
         let (device, size) = (&gpu.device, [self.receivers.width, self.receivers.height]);
-        let environment = EnvironmentCube::upload(device, &gpu.queue, &self.environment.cube).unwrap();
-        let maker = LightBoundsMaker::new(device, &environment);
-        let params = Params::default();
+        let environment = EnvironmentCube::upload(device, &gpu.queue, &self.cube).unwrap();
+        let builder = LightBoundsBuilder::new(device, &environment).unwrap();
+        let params = how.params();
         let visibility = self.tree.roots().visibility.is_some();
         let engine = HierarchicalEngine::new(device, &HierarchicalOptions { filter: params.filter, visibility });
         let viewers = self.receivers.viewers.as_ref();
@@ -131,21 +139,21 @@ impl Work {
             normals: &gpu.upload_texture(size, &self.receivers.normals),
             viewers: viewers.map(|(directions, v)| FrameViewers { directions, materials: &v.materials }),
             size,
-            is_picture: self.receivers.arrangement == Arrangement::Picture,
+            is_grid: self.receivers.arrangement == Arrangement::Picture,
             tree: &CellTreeBuffers::upload(device, &self.tree).unwrap(),
             environment: &environment,
-            bounds: maker.bounds(),
+            bounds: builder.bounds(),
             params,
             tolerance: how.tolerance,
             split_near: how.split_near,
-            parts: how.parts,
+            split_passes: how.split_passes,
         };
         let mut frame = engine.frame(device, &inputs).unwrap();
         let mut encoder = device.create_command_encoder(&Default::default());
-        maker.record(&mut encoder);
-        frame.record(&mut encoder, 0..frame.run_count());
+        builder.record(&mut encoder);
+        frame.record(&mut encoder, 0..frame.batch_count());
         gpu.queue.submit([encoder.finish()]);
-        let sums = gpu.read_texture(frame.caustic()).unwrap();
+        let sums = wait(Some(device), gpu.read_texture(frame.caustic())).unwrap();
         gpu.check().unwrap();
         sums
     }
@@ -156,21 +164,21 @@ impl Work {
 fn a_minimal_device_is_enough() {
     let work = Work::new("ring-natural", [96, 64], 300, 16, Visibility::Full);
     let how = work.how(0.01);
-    let error = rel_l2(&work.on_gpu(&Gpu::open_minimal().unwrap(), &how), &work.on_cpu(&how));
+    let error = rel_l2(&work.on_gpu(&wait(None, Gpu::open_minimal()).unwrap(), &how), &work.on_cpu(&how));
     println!("{error:.1e}");
     assert!(error < 3e-3, "{error}");
 }
 
 #[test]
-fn parts_add_up() {
+fn split_passes_add_up() {
     let work = Work::new("spoon", [72, 72], 200, 16, Visibility::None);
-    let [whole, parts] = [1, 5].map(|parts| work.on_gpu(gpu(), &How { parts, ..work.how(0.02) }));
+    let [whole, split] = [1, 5].map(|split_passes| work.on_gpu(gpu(), &How { split_passes, ..work.how(0.02) }));
     assert!(whole.iter().any(|sum| sum[0] > 0.0));
-    let error = rel_l2(&parts, &whole);
+    let error = rel_l2(&split, &whole);
     assert!(error < 1e-6, "{error}");
 }
 
-/// The scouts' pass finds what the CPU's find, so that as much is done.
+/// The estimate's pass finds what the CPU's estimate finds, so that as much is done.
 #[test]
 fn the_error_may_be_relative_to_what_the_image_is_like() {
     for visibility in [Visibility::None, Visibility::Full] {
@@ -181,6 +189,28 @@ fn the_error_may_be_relative_to_what_the_image_is_like() {
         let (error, cost) = (rel_l2(&relative, &cpu), fetches(&relative) / fetches(&cpu));
         println!("{error:.1e} {cost:.3}");
         assert!(error < 0.01 && (cost - 1.0).abs() < 0.15, "{visibility:?}: {error} {cost}");
+    }
+}
+
+/// A quarter turn maps the cube's texels onto each other: rotating the look-ups is rotating the light.
+#[test]
+fn a_rotated_environment_is_the_rotated_light() {
+    let mut work = Work::new("ring-natural", [96, 64], 300, 16, Visibility::Full);
+    let turn = std::f32::consts::FRAC_PI_2;
+    let mut set_light = |rotation: f32| {
+        work.cube = rotated_light(rotation);
+        work.bounds = LightBounds::new(&work.cube);
+        let how = work.how(0.01);
+        let relative = How { tolerance: Tolerance::Relative(0.01), ..how };
+        (how, relative, [how, relative].map(|how| work.on_gpu(gpu(), &how)))
+    };
+    let (how, relative, expected) = set_light(turn);
+    let (_, _, unrotated) = set_light(0.0);
+    for ((how, expected), unrotated) in [how, relative].iter().zip(&expected).zip(&unrotated) {
+        let rotated = work.on_gpu(gpu(), &How { environment_rotation_rad: turn, ..*how });
+        let (error, change) = (rel_l2(&rotated, expected), rel_l2(unrotated, expected));
+        println!("{:?}: {error:.1e}, {change:.1e} without the rotation", how.tolerance);
+        assert!(error < 1e-3 && change > 0.05, "{error} {change}");
     }
 }
 
@@ -222,7 +252,7 @@ fn lists_of_glossy_receivers_are_gathered() {
 #[test]
 fn loops_that_are_cut_short_are_reported() {
     let work = Work::new("ring-natural", [8, 8], 100, 1024, Visibility::None);
-    let how = How { parts: 1, split_near: true, ..work.how(1e-5) };
+    let how = How { split_passes: 1, split_near: true, ..work.how(1e-5) };
     let gathered = work.on_gpu(gpu(), &how);
     let is_short = gathered.iter().any(|sum| sum[3] < 0.0);
     if gpu().adapter.name.contains("llvmpipe") {

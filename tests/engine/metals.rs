@@ -3,12 +3,12 @@
 use std::path::Path;
 
 use glam::{DVec3, Vec3};
-use pinspot::Silent;
-use pinspot::environment::CubeMap;
-use pinspot::pinhole::{Footprint, Params};
-use pinspot::reference::{Goal, Options, Reference};
-use pinspot::reflectance::{Finish, Metal};
-use pinspot::sampling::Strategy;
+use pinspot::NoProgress;
+use pinspot::low_level::environment::CubeMap;
+use pinspot::low_level::pinhole::{Footprint, Params};
+use pinspot::low_level::reflectance::{Finish, Metal};
+use pinspot::low_level::sampling::Strategy;
+use pinspot::reference::{Options, Reference, StoppingCriterion};
 use pinspot::scene::{Scene, parse};
 
 use super::support::{BACK_ENDS, floor, on_cpu, on_gpu, pinholes_of, rel_l2, scene};
@@ -73,9 +73,10 @@ fn the_ground_truth_mirrors_as_the_equations_say() {
         );
         let scene = parse::<toml::Table>("test.toml", &text, Path::new(".")).unwrap().scene;
         let expected = irradiance_below(&finish_of(&scene));
-        let goal = Goal { rel_error: 3e-4, seconds: None, points: None };
+        let goal = StoppingCriterion::new(3e-4);
         let options = Options { size: [1, 1], ..Default::default() };
-        let estimate = Reference::new(scene, options).unwrap().solve(&goal, None, &Silent, &mut |_| Ok(())).unwrap();
+        let estimate =
+            Reference::new(scene, options).unwrap().solve(&goal, None, &NoProgress, &mut |_| Ok(())).unwrap();
         let got = estimate.irradiance.pixels[0].as_dvec3();
         assert!((got / expected - 1.0).abs().max_element() < 2e-3, "{finish}: {got}, not {expected}");
     }

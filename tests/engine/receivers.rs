@@ -4,18 +4,18 @@ use std::f64::consts::PI;
 use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
-use pinspot::Silent;
-use pinspot::brdf::{BrdfTable, Gloss, Materials};
-use pinspot::environment::{CubeMap, Environment};
+use pinspot::NoProgress;
 use pinspot::image::{Aov, Image, rel_l2};
-use pinspot::pinhole::{Footprint, Params, Receivers, Viewers};
-use pinspot::reference::{self, Goal, Quantity, Reference};
-use pinspot::render::{BackendChoice, Options, Renderer};
-use pinspot::sampling::Strategy;
+use pinspot::low_level::brdf::{BrdfTable, Gloss, Materials};
+use pinspot::low_level::environment::{CubeMap, Environment};
+use pinspot::low_level::pinhole::{Footprint, Params, Receivers, Viewers};
+use pinspot::low_level::sampling::Strategy;
+use pinspot::low_level::tracing::Tracer;
+use pinspot::reference::{self, Quantity, Reference, StoppingCriterion};
 use pinspot::scene::{Scene, parse};
-use pinspot::tracing::Tracer;
+use pinspot::{BackendChoice, Options};
 
-use crate::support::{BACK_ENDS, pinholes_of, scene};
+use crate::support::{BACK_ENDS, pinholes_of, render, scene};
 
 /// A flat mirror of 4 × 4 m, 1 m above the origin, that faces down.
 const CEILING: &str = "[[object]]\nshape = { plane = { size = [4.0, 4.0] } }\nrotate_deg = [180.0, 0.0, 0.0]\n\
@@ -120,12 +120,12 @@ fn glossy_receivers_are_right() {
     let error = |receiver: &str| {
         let scene = ring_on(receiver);
         let options = reference::Options { size: [EDGE; 2], quantity: Quantity::Reflected, ..Default::default() };
-        let goal = Goal { rel_error: 0.01, seconds: None, points: None };
+        let goal = StoppingCriterion::new(0.01);
         let expected = Reference::new(scene.clone(), options).unwrap();
-        let expected = expected.solve(&goal, None, &Silent, &mut |_| Ok(())).unwrap().irradiance;
+        let expected = expected.solve(&goal, None, &NoProgress, &mut |_| Ok(())).unwrap().irradiance;
         let mut pinholes = pinholes_of(&scene, 2000, Strategy::Neighbourhood, Footprint::Cells, 1);
         pinholes.look_around(&scene, &Tracer::new(&scene));
-        let environment = Environment::load(&scene.environment, Default::default()).unwrap();
+        let environment = Environment::new(&scene.environment.light, Default::default()).unwrap();
         let size = glam::Vec2::splat(EDGE as f32);
         let rays = (0..EDGE * EDGE).map(|k| {
             let at = glam::Vec2::new((k % EDGE) as f32, (k / EDGE) as f32) + 0.5;
@@ -196,9 +196,9 @@ fn the_sky_is_reflected_by_the_albedo_of_the_direction() {
         ),
     ];
     for (receiver, f) in cases {
-        let options = Options { size: [8, 8], samples: 4, aovs: vec![Aov::Beauty], ..Default::default() };
-        let renderer = Renderer::new(table_under_the_sky(receiver), options, &BackendChoice::Cpu, &Silent).unwrap();
-        let mean = renderer.render(&Silent).unwrap().layers[0].1.mean().x;
+        let options = Options::default().with_size([8, 8]).with_samples(4).with_aovs(vec![Aov::Beauty]);
+        let rendered = render(table_under_the_sky(receiver), options, &BackendChoice::Cpu).unwrap();
+        let mean = rendered.layers[0].1.mean().x;
         let expected = over_the_sky(&*f);
         assert!((f64::from(mean) / expected - 1.0).abs() < 0.02, "{receiver}: {mean}, not {expected}");
     }

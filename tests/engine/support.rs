@@ -2,25 +2,32 @@
 
 use std::sync::OnceLock;
 
-use glam::Vec3;
-use pinspot::Silent;
-use pinspot::differential::differentials;
-use pinspot::environment::CubeMap;
-use pinspot::gpu::Gpu;
+use glam::{DVec3, Vec3};
+use pinspot::blocking::wait;
 use pinspot::image::{Aov, Image};
-use pinspot::pinhole::gpu::{Engine, EnvironmentCube, FrameInputs, FrameViewers, Options};
-use pinspot::pinhole::{Footprint, Params, Pinholes, Receivers, cpu, pinholes};
-use pinspot::reference::{self, Goal, Quantity, Reference};
-use pinspot::render::{self, BackendChoice, EvaluationChoice, Renderer, Settings};
-use pinspot::sampling::{self, Strategy, Surface, sample};
+use pinspot::low_level::differential::differentials;
+use pinspot::low_level::environment::CubeMap;
+use pinspot::low_level::gpu::Gpu;
+use pinspot::low_level::pinhole::gpu::{Engine, EnvironmentCube, FrameInputs, FrameViewers, GatherOptions};
+use pinspot::low_level::pinhole::{Params, Pinholes, Receivers, cpu, pinholes};
+use pinspot::low_level::sampling::{self, Surface, sample};
+use pinspot::reference::{self, Quantity, Reference, StoppingCriterion};
 use pinspot::scene::{Scene, Visibility, load, parse};
+use pinspot::{Backend, BackendChoice, Error, EvaluationChoice, Footprint, NoProgress, Rendered, Settings, Strategy};
 
 /// The adapter under test.
 pub fn gpu() -> &'static Gpu {
     static GPU: OnceLock<Gpu> = OnceLock::new();
     GPU.get_or_init(|| {
-        Gpu::open(None).unwrap_or_else(|e| panic!("GPU tests need an adapter; run them by tests/run: {e}"))
+        wait(None, Gpu::open(None)).unwrap_or_else(|e| panic!("GPU tests need an adapter; run them by tests/run: {e}"))
     })
+}
+
+/// The adapter under test as a back end of its own.
+pub fn gpu_backend() -> Backend {
+    Backend::gpu(
+        wait(None, Gpu::open(None)).unwrap_or_else(|e| panic!("GPU tests need an adapter; run them by tests/run: {e}")),
+    )
 }
 
 /// A scene from the text of its objects; the light and the camera are of no importance.
@@ -48,7 +55,7 @@ pub fn on_gpu(receivers: &Receivers, pinholes: &Pinholes, cube: &CubeMap, params
         pinholes,
         cube,
         params,
-        &Options { filter: params.filter, visibility: pinholes.visibility.is_some(), ..Default::default() },
+        &GatherOptions { filter: params.filter, visibility: pinholes.visibility.is_some(), ..Default::default() },
         u32::MAX,
     )
 }
@@ -59,7 +66,7 @@ pub fn on_gpu_with(
     pinholes: &Pinholes,
     cube: &CubeMap,
     params: &Params,
-    options: &Options,
+    options: &GatherOptions,
     step: u32,
 ) -> Vec<[f32; 4]> {
     let gpu = gpu();
@@ -91,7 +98,7 @@ pub fn on_gpu_with(
         gpu.queue.submit([encoder.finish()]);
         first = last;
     }
-    gpu.read_texture(frame.caustic()).unwrap()
+    wait(Some(&gpu.device), gpu.read_texture(frame.caustic())).unwrap()
 }
 
 /// A function that gathers on some back end.
@@ -112,37 +119,54 @@ pub fn floor(extent: f32, n: u32) -> Receivers {
     Receivers::from_points(&points, n)
 }
 
+/// Light without symmetry, rotated about +Y.
+pub fn rotated_light(rotation_rad: f32) -> CubeMap {
+    let light_from_world = glam::Mat3::from_rotation_y(-rotation_rad);
+    CubeMap::from_radiance(64, None, move |d| {
+        let d = light_from_world * d;
+        Vec3::new(1.0 + d.x, 2.0 + d.y + d.z, (9.0 * d.z + 4.0 * d.x).sin().abs())
+    })
+}
+
 /// ‖a − b‖₂ / ‖b‖₂ over R, G and B.
 pub fn rel_l2(a: &[[f32; 4]], b: &[[f32; 4]]) -> f64 {
-    let (mut difference, mut norm) = (0.0, 0.0);
-    for (a, b) in a.iter().zip(b) {
-        for c in 0..3 {
-            difference += f64::from(a[c] - b[c]).powi(2);
-            norm += f64::from(b[c]).powi(2);
-        }
-    }
-    (difference / norm).sqrt()
+    let rgb = |[r, g, b, _]: [f32; 4]| DVec3::new(r.into(), g.into(), b.into());
+    let b: Vec<DVec3> = b.iter().map(|b| rgb(*b)).collect();
+    rel_l2_of(a, &b)
+}
+
+/// The same against values that are known better.
+pub fn rel_l2_of(a: &[[f32; 4]], b: &[DVec3]) -> f64 {
+    assert_eq!(a.len(), b.len());
+    let image = |pixels: Vec<Vec3>| Image { width: pixels.len() as u32, height: 1, pixels };
+    let a = image(a.iter().map(|a| Vec3::from_slice(&a[..3])).collect());
+    pinspot::image::rel_l2(&a, &image(b.iter().map(|b| b.as_vec3()).collect()), None)
+}
+
+/// The pictures of a new engine.
+pub fn render(scene: Scene, options: pinspot::Options, choice: &BackendChoice) -> Result<Rendered, Error> {
+    let backend = wait(None, Backend::open(choice))?;
+    let mut engine = pinspot::Engine::new(scene, options, backend.clone());
+    wait(backend.device(), engine.render(&NoProgress))
 }
 
 /// A built-in scene's caustic by 1,000 samples, one by one, on the CPU, or whatever `change` asks for.
-pub fn rendered(name: &str, size: u32, change: impl FnOnce(&mut render::Options)) -> Image {
-    let loaded = load::<Settings>(name).unwrap();
-    let mut options = loaded.render.options().unwrap();
+pub fn rendered(name: &str, size: u32, change: impl FnOnce(&mut pinspot::Options)) -> Image {
+    let (scene, mut options) = pinspot::load(name).unwrap();
     options.size = [size; 2];
     options.samples = 1000;
     options.aovs = vec![Aov::Caustic];
     options.evaluation = EvaluationChoice::Flat;
     change(&mut options);
-    let renderer = Renderer::new(loaded.scene, options, &BackendChoice::Cpu, &Silent).unwrap();
-    renderer.render(&Silent).unwrap().layers.remove(0).1
+    render(scene, options, &BackendChoice::Cpu).unwrap().layers.remove(0).1
 }
 
 /// The ground truth of a built-in scene.
 pub fn truth(name: &str, quantity: Quantity, visibility: Visibility, size: u32, rel_error: f64) -> Image {
     let scene = load::<Settings>(name).unwrap().scene;
     let options = reference::Options { size: [size; 2], quantity, visibility, ..Default::default() };
-    let goal = Goal { rel_error, seconds: None, points: None };
-    Reference::new(scene, options).unwrap().solve(&goal, None, &Silent, &mut |_| Ok(())).unwrap().irradiance
+    let goal = StoppingCriterion::new(rel_error);
+    Reference::new(scene, options).unwrap().solve(&goal, None, &NoProgress, &mut |_| Ok(())).unwrap().irradiance
 }
 
 /// The middle one of three or more.

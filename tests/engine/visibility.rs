@@ -1,13 +1,13 @@
 //! What hides what: both legs against closed forms and the ground truth, on both back ends.
 
 use glam::{DVec3, Vec3};
-use pinspot::environment::CubeMap;
 use pinspot::image::{Aov, rel_l2};
-use pinspot::pinhole::{Footprint, Params, Pinholes, Receivers};
+use pinspot::low_level::environment::CubeMap;
+use pinspot::low_level::pinhole::{Footprint, Params, Pinholes, Receivers};
+use pinspot::low_level::sampling::Strategy;
+use pinspot::low_level::tracing::Tracer;
 use pinspot::reference::Quantity;
-use pinspot::sampling::Strategy;
 use pinspot::scene::{Scene, Visibility};
-use pinspot::tracing::Tracer;
 
 use crate::support::{BACK_ENDS, floor, on_cpu, pinholes_of, rendered, scene, truth};
 
@@ -96,7 +96,7 @@ fn receivers_do_not_shadow_themselves() {
     // Only the leg to the receiver is in question.
     pinholes.visibility.as_mut().unwrap().open.fill(u32::MAX);
     let mut points = Vec::new();
-    let mesh = &scene.objects[1].mesh;
+    let mesh = scene.objects[1].mesh_in_world();
     for t in (0..mesh.triangles().len()).step_by(7) {
         let position = mesh.corners(t).iter().sum::<Vec3>() / 3.0;
         let normal = (position - Vec3::new(0.0, 0.7, 0.0)).normalize();

@@ -7,11 +7,12 @@ use super::lanes::{
     ALL, F, LANES, Select, Simd, SimdBase, SimdFloat, V3, bits, dispatch, lanes, level, log2, set_bits, splat,
 };
 use crate::environment::CubeMap;
+use crate::pinhole::GatherUniforms;
 
 /// Width of a texel around a unit direction, radians. The solid angle of a texel is texel_rad² · m³ with m the largest
 /// component.
 #[inline(always)]
-pub(super) fn texel_width<S: Simd>(direction: V3<S>, texel_rad: f32) -> F<S> {
+fn texel_width<S: Simd>(direction: V3<S>, texel_rad: f32) -> F<S> {
     let [x, y, z] = direction.0;
     let m = x.abs().max(y.abs()).max(z.abs());
     m * m.sqrt() * texel_rad
@@ -34,6 +35,14 @@ pub struct CubeLookup<'a> {
     texels: &'a [f32],
     levels: Vec<Level>,
     last: f32,
+    rotation: Rotation,
+}
+
+/// The environment's rotation about +Y.
+#[derive(Clone, Copy, Debug)]
+struct Rotation {
+    cos: f32,
+    sin: f32,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -86,7 +95,27 @@ impl<'a> CubeLookup<'a> {
             texels: bytemuck::cast_slice(cube.padded_texels()),
             levels: (0..count).map(level).collect(),
             last: (count - 1) as f32,
+            rotation: Rotation { cos: 1.0, sin: 0.0 },
         }
+    }
+
+    /// The same cube, rotated about +Y as a gather's uniforms say.
+    pub(super) fn rotated(cube: &'a CubeMap, uniforms: &GatherUniforms) -> Self {
+        let rotation = Rotation { cos: uniforms.rotation_cos, sin: uniforms.rotation_sin };
+        Self { rotation, ..Self::new(cube) }
+    }
+
+    /// A direction in the world as the cube has it. Without rotation it keeps its bits.
+    #[inline(always)]
+    pub(super) fn direction_in_cube<S: Simd>(&self, V3([x, y, z]): V3<S>) -> V3<S> {
+        let Rotation { cos, sin } = self.rotation;
+        V3([x.mul_add(cos, z * -sin), y, z.mul_add(cos, x * sin)])
+    }
+
+    /// Width of a finest texel around a unit direction in the world, radians.
+    #[inline(always)]
+    pub(super) fn texel_width<S: Simd>(&self, direction: V3<S>) -> F<S> {
+        texel_width(self.direction_in_cube(direction), self.texel_rad())
     }
 
     /// Width of a texel of level 0 at a face's centre, radians.
@@ -123,7 +152,7 @@ impl<'a> CubeLookup<'a> {
         active: u32,
         mut take: impl FnMut(usize, Vec4),
     ) {
-        let OnCube { face, s, t } = on_cube(simd, direction);
+        let OnCube { face, s, t } = on_cube(simd, self.direction_in_cube(direction));
         let level = level.min(self.last);
         let blended = bits(level.simd_gt(level.floor()));
         let (s, t) = (s.to_array(), t.to_array());

@@ -2,23 +2,16 @@
 
 use glam::{Vec3, Vec4};
 
-use super::cube::{CubeLookup, level_of, texel_width};
+use super::cube::{CubeLookup, level_of};
 use super::footprint::{FootprintAxes, footprint_axes};
 use super::lanes::{ALL, F, LANES, Select, Simd, SimdBase, SimdFloat, V3, bits, dispatch, lanes, level, splat};
 use super::visibility::{Sight, Unhindered};
 use crate::environment::CubeMap;
+use crate::pinhole::constants::{
+    EWA_MAX_COLUMNS, EWA_RADIUS, EWA_TEXEL, FILTER_ANISOTROPIC, FILTER_EWA, FILTER_ISOTROPIC, FILTER_NONE,
+    TAP_SHARPNESS,
+};
 use crate::pinhole::{Filter, Probe};
-
-pub(super) const FILTER_NONE: u32 = 0;
-pub(super) const FILTER_ISOTROPIC: u32 = 1;
-pub(super) const FILTER_ANISOTROPIC: u32 = 2;
-pub(super) const FILTER_EWA: u32 = 4;
-
-/// A tap's width over the footprint's, and the ellipse's measures; see the shader.
-pub(super) const SHARPNESS: f32 = 0.9;
-const EWA_RADIUS: f32 = std::f32::consts::FRAC_1_SQRT_2;
-const EWA_TEXEL: f32 = 0.5;
-const EWA_COLUMNS: f32 = 256.0;
 
 /// A footprint: the unit direction of its centre, and its sides.
 pub(super) struct Sides<S: Simd> {
@@ -42,7 +35,7 @@ pub(super) fn mean_over_footprint<S: Simd, const FILTER: u32>(
         return single_look_up(simd, environment, r, sight, lit);
     }
     let axes = footprint_axes(sides.v1, sides.v2);
-    let texel = texel_width(r, environment.texel_rad());
+    let texel = environment.texel_width(r);
     if FILTER == FILTER_ISOTROPIC {
         let mut sum = [Vec4::ZERO; LANES];
         let open = open_part_of_footprint(simd, sight, sides, lit);
@@ -52,8 +45,8 @@ pub(super) fn mean_over_footprint<S: Simd, const FILTER: u32>(
     if FILTER == FILTER_EWA {
         return mean_over_ellipse(simd, environment, r, &axes, texel, sight, lit);
     }
-    let taps = (axes.major / (axes.minor * SHARPNESS).max(texel)).ceil().max(1.0).min(most_taps);
-    let level = level_of(axes.minor.max(axes.major / taps) * SHARPNESS, texel);
+    let taps = (axes.major / (axes.minor * TAP_SHARPNESS).max(texel)).ceil().max(1.0).min(most_taps);
+    let level = level_of(axes.minor.max(axes.major / taps) * TAP_SHARPNESS, texel);
     let mut sum = [Vec4::ZERO; LANES];
     let mut k = 0.5;
     loop {
@@ -93,7 +86,7 @@ pub(super) fn even_light<S: Simd>(
     lit: u32,
 ) -> [Vec4; LANES] {
     let width = ((sides.v1.dot(sides.v1) + sides.v2.dot(sides.v2)) * 0.5).sqrt() * part;
-    let level = (level_of(width, texel_width(sides.r, environment.texel_rad())) + 0.5).floor();
+    let level = (level_of(width, environment.texel_width(sides.r)) + 0.5).floor();
     let mut sum = [Vec4::ZERO; LANES];
     add_seen(simd, environment, sight, sides.r, level, lit, &mut sum);
     sum
@@ -111,7 +104,7 @@ fn mean_over_ellipse<S: Simd>(
     lit: u32,
 ) -> [Vec4; LANES] {
     let diameter = 2.0 * EWA_RADIUS;
-    let width = (axes.minor * EWA_TEXEL).max(texel).max(axes.major * (diameter / EWA_COLUMNS));
+    let width = (axes.minor * EWA_TEXEL).max(texel).max(axes.major * (diameter / EWA_MAX_COLUMNS));
     let level = level_of(width, texel);
     let columns = (axes.major * diameter / width).ceil().max(1.0);
     let rows = (axes.minor * diameter / width).ceil().max(1.0);

@@ -17,20 +17,17 @@ pub use hierarchical::{Accuracy, Light, StillGather, StillSums, gather_hierarchi
 use glam::{Vec3, Vec4};
 use rayon::prelude::*;
 
-use self::filters::{
-    FILTER_ANISOTROPIC, FILTER_EWA, FILTER_ISOTROPIC, FILTER_NONE, SHARPNESS, Sides, mean_over_footprint,
-    single_look_up,
-};
+use self::filters::{Sides, mean_over_footprint, single_look_up};
 use self::footprint::{blurred, reflected_side};
-use self::lanes::{F, LANES, Simd, SimdBase, SimdFloat, V3, bits, dispatch, lanes, level, set_bits, splat3};
+use self::lanes::{F, LANES, Simd, SimdBase, SimdFloat, V3, bits, dispatch, lanes, level, set_bits, vector};
 use self::visibility::{Sight, Surroundings, Unhindered};
+use super::constants::{
+    EVEN_LIGHT_SHARPNESS, FILTER_ANISOTROPIC, FILTER_EWA, FILTER_ISOTROPIC, FILTER_NONE, TAP_SHARPNESS,
+};
 use super::{BATCH_SIZE, CURVE_POINTS, Filter, GatherUniforms, Params, PinholeSample, Pinholes, Receivers};
 use crate::brdf::Materials;
 use crate::environment::CubeMap;
 
-/// Where the light is even, cells are looked up in this part of their footprint's width. Measured on the ring in forest light,
-/// tolerance .1: energy .993 with 1, .995 with .7, .999 with .35.
-const EVEN_PART: f32 = 0.35;
 /// Groups of lanes between two reports of progress.
 const GROUPS_PER_TASK: usize = 32;
 
@@ -47,7 +44,7 @@ pub fn gather(
     assert!(params.taps > 0, "a footprint needs one tap at least");
     let uniforms = GatherUniforms::for_cube(params, pinholes, environment);
     let materials = receivers.viewers.as_ref().map(|viewers| &*viewers.materials);
-    let gather = Gather { pinholes, materials, uniforms, environment: CubeLookup::new(environment) };
+    let gather = Gather { pinholes, materials, environment: CubeLookup::rotated(environment, &uniforms), uniforms };
     let task: fn(&Gather, &Receivers, usize, &mut [[f32; 4]]) = match params.filter {
         Filter::None => |g, r, first, sums| dispatch!(level(), simd => task::<_, FILTER_NONE>(simd, g, r, first, sums)),
         Filter::Isotropic => {
@@ -71,7 +68,8 @@ pub fn gather(
 /// area. For those who decide where samples should be.
 pub fn contributions(receivers: &Receivers, pinholes: &Pinholes, environment: &CubeMap, params: &Params) -> Vec<f32> {
     let uniforms = GatherUniforms::for_cube(params, pinholes, environment);
-    let gather = Gather { pinholes, materials: None, uniforms, environment: CubeLookup::new(environment) };
+    let gather =
+        Gather { pinholes, materials: None, environment: CubeLookup::rotated(environment, &uniforms), uniforms };
     let count = receivers.positions.len();
     let groups: Vec<Group> =
         (0..count).step_by(LANES).map(|start| load_receivers(receivers, start, LANES.min(count - start))).collect();
@@ -141,8 +139,8 @@ struct Pair<S: Simd> {
 impl<S: Simd> Pair<S> {
     #[inline(always)]
     fn new(simd: S, sample: &PinholeSample, receiver: &Receiver<S>) -> Self {
-        let n = splat3(simd, sample.normal_object);
-        let d = splat3(simd, sample.position_area) - receiver.position;
+        let n = vector(simd, sample.normal());
+        let d = vector(simd, sample.position()) - receiver.position;
         let l2 = d.dot(d);
         let dn = d.dot(n);
         let facing = if sample.two_sided() { dn.abs() } else { (-dn).max(0.0) };
@@ -156,9 +154,9 @@ impl<S: Simd> Pair<S> {
     #[inline(always)]
     fn footprint(&self, simd: S, sample: &PinholeSample) -> Sides<S> {
         let Self { d, n, dn, inverse_l, r, .. } = *self;
-        let (m1, m2) = (splat3(simd, sample.change_1), splat3(simd, sample.change_2));
-        let v1 = reflected_side(splat3(simd, sample.side_1), m1, d, n, dn, inverse_l, r);
-        let v2 = reflected_side(splat3(simd, sample.side_2), m2, d, n, dn, inverse_l, r);
+        let (m1, m2) = (vector(simd, sample.change_1()), vector(simd, sample.change_2()));
+        let v1 = reflected_side(vector(simd, sample.side_1()), m1, d, n, dn, inverse_l, r);
+        let v2 = reflected_side(vector(simd, sample.side_2()), m2, d, n, dn, inverse_l, r);
         let lobe = sample.lobe();
         let (v1, v2) = if lobe > 0.0 { blurred(simd, v1, v2, r, n, dn.abs() * inverse_l, lobe) } else { (v1, v2) };
         Sides { r, v1, v2 }
@@ -296,7 +294,7 @@ impl Gather<'_> {
             None => (weight, lit, self.filtered_radiance::<S, FILTER>(simd, sample, &pair, &Unhindered, lit)),
             Some(maps) => {
                 let sight = Surroundings::new(maps, sample, pair.dn);
-                let l = receiver.position - splat3(simd, sample.position_area);
+                let l = receiver.position - vector(simd, sample.position());
                 let visible = lanes(simd, sight.visible_part(simd, l, lit));
                 let lit = lit & bits(visible.simd_gt(0.0));
                 if lit == 0 {
@@ -341,7 +339,7 @@ impl Gather<'_> {
     #[inline(always)]
     fn reflectance<S: Simd>(&self, sample: &PinholeSample, cosine: F<S>) -> [Vec4; LANES] {
         let Some(curve) = sample.curve() else {
-            return [Vec4::from(sample.reflectance); LANES];
+            return [sample.reflectance().extend(0.0); LANES];
         };
         let curve = &self.pinholes.curves[curve];
         cosine.to_array().map(|cosine| {
@@ -411,7 +409,7 @@ impl Gather<'_> {
     ) -> [Vec4; LANES] {
         let Some(taps) = taps else {
             // Cells side by side are as good as a wide kernel, and lose nothing over their mirrors' edges; blur has to be there.
-            let part = if is_blurred { SHARPNESS } else { EVEN_PART };
+            let part = if is_blurred { TAP_SHARPNESS } else { EVEN_LIGHT_SHARPNESS };
             return filters::even_light(simd, &self.environment, footprint, part, sight, lit);
         };
         mean_over_footprint::<S, FILTER_ANISOTROPIC>(simd, &self.environment, footprint, sight, taps, lit)

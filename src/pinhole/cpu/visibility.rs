@@ -79,7 +79,7 @@ impl<'a> Surroundings<'a> {
     pub fn new<S: Simd>(maps: &'a VisibilityMaps, sample: &PinholeSample, dn: F<S>) -> Self {
         let behind = if sample.two_sided() { bits(dn.simd_gt(0.0)) } else { 0 };
         let normal = sample.normal();
-        Self { maps, map: sample.map(), behind, phase: sample.phase(), axes: frame(normal), normal }
+        Self { maps, map: sample.map(), behind, phase: sample.texel_jitter(), axes: frame(normal), normal }
     }
 
     #[inline(always)]

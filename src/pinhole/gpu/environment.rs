@@ -23,13 +23,7 @@ impl EnvironmentCube {
     pub fn upload(device: &wgpu::Device, queue: &wgpu::Queue, cube: &CubeMap) -> Result<Self, GpuError> {
         let limit = device.limits().max_texture_dimension_2d;
         if cube.size() > limit {
-            let remedy = "give a smaller --cube-size or use --backend cpu";
-            return Err(GpuError::TextureTooLarge {
-                what: "the environment's cube map",
-                size: cube.size(),
-                limit,
-                remedy,
-            });
+            return Err(GpuError::TextureTooLarge { what: "the environment's cube map", size: cube.size(), limit });
         }
         let wide = device.features().contains(wgpu::Features::FLOAT32_FILTERABLE);
         let brightest = cube.padded_texels().iter().map(|t| t.truncate().max_element()).fold(0.0, f32::max);

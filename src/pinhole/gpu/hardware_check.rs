@@ -25,8 +25,8 @@ impl HardwareVerdict {
 }
 
 /// What `--filter auto` means on a device: its own filter where that is right, as it costs least; else Pinspot's.
-pub fn automatic_filter(gpu: &Gpu) -> Result<Filter, GpuError> {
-    Ok(if check_hardware_filter(gpu)?.is_right() { Filter::Hardware } else { Filter::Anisotropic })
+pub async fn automatic_filter(gpu: &Gpu) -> Result<Filter, GpuError> {
+    Ok(if check_hardware_filter(gpu).await?.is_right() { Filter::Hardware } else { Filter::Anisotropic })
 }
 
 /// Stripes that vary with height on the four upright faces: 0 or 2, so that their mean and their deviation are 1.
@@ -51,10 +51,10 @@ fn probes() -> Vec<(Probe, f32)> {
 }
 
 /// Runs the check; a few milliseconds.
-pub fn check_hardware_filter(gpu: &Gpu) -> Result<HardwareVerdict, GpuError> {
+pub async fn check_hardware_filter(gpu: &Gpu) -> Result<HardwareVerdict, GpuError> {
     let pattern = CubeMap::from_radiance(256, Some(0.01), stripes);
     let (probes, means): (Vec<Probe>, Vec<f32>) = probes().into_iter().unzip();
-    let answers = probe(gpu, &pattern, Filter::Hardware, 16, &probes)?;
+    let answers = probe(gpu, &pattern, Filter::Hardware, 16, &probes).await?;
     let squared = answers.iter().zip(means).map(|(got, mean)| (got[0] - mean).powi(2));
     Ok(HardwareVerdict { rms_error: (squared.sum::<f32>() / probes.len() as f32).sqrt() })
 }

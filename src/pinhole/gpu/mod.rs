@@ -3,19 +3,20 @@
 //! [`Engine`] is made once per device and filter; [`Engine::frame`] once per image, with the receivers' textures, the
 //! samples and the environment; [`Frame::record`] adds ranges of batches, so that a caller can submit between them
 //! and no watchdog fires. Neither submits, polls or owns a window; [`check_hardware_filter`] and [`probe()`] do submit, on a device of
-//! Pinspot's own. Shader: `shaders/gather.wgsl`; CPU twin: `cpu`.
+//! Pinspot's own. Shader: `shaders/gather.wgsl`; CPU twin: [`cpu::gather`](super::cpu::gather).
 
 mod environment;
 mod hardware_check;
 mod hierarchical;
 mod pipeline;
 mod probe;
+mod shaders;
 
 pub use environment::EnvironmentCube;
 pub use hardware_check::{HardwareVerdict, automatic_filter, check_hardware_filter};
 pub use hierarchical::{
-    CellRoot, CellTreeBuffers, HierarchicalEngine, HierarchicalFrame, HierarchicalInputs, HierarchicalOptions,
-    LightBoundsMaker, LightBoundsTexture, Stage, Tolerance, TreeUniforms,
+    CellTreeBuffers, HierarchicalEngine, HierarchicalFrame, HierarchicalInputs, HierarchicalOptions,
+    LightBoundsBuilder, LightBoundsTexture, Tolerance,
 };
 pub use probe::probe;
 
@@ -33,16 +34,16 @@ pub const TARGET_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba32Float;
 
 /// What is fixed when an engine is made.
 #[derive(Clone, Copy, Debug)]
-pub struct Options {
+pub struct GatherOptions {
     /// The filter; it is compiled into the shader.
     pub filter: Filter,
-    /// Whether the samples' maps of visibility count; they, too, are compiled in.
+    /// Whether the samples' visibility maps count; that, too, is compiled in.
     pub visibility: bool,
     /// Accumulate by ping-pong between two textures even where 32-bit targets blend.
     pub force_ping_pong: bool,
 }
 
-impl Default for Options {
+impl Default for GatherOptions {
     fn default() -> Self {
         Self { filter: Filter::Anisotropic, visibility: false, force_ping_pong: false }
     }
@@ -67,7 +68,7 @@ pub struct FrameInputs<'a> {
     pub viewers: Option<FrameViewers<'a>>,
     /// Width and height of all.
     pub size: [u32; 2],
-    /// The samples; with maps of visibility if, and only if, the engine was made for them.
+    /// The samples; with visibility maps if, and only if, the engine was made for them.
     pub pinholes: &'a Pinholes,
     /// The environment.
     pub environment: &'a EnvironmentCube,
@@ -101,7 +102,7 @@ pub struct Frame {
 
 impl Engine {
     /// Compiles the shader.
-    pub fn new(device: &wgpu::Device, options: &Options) -> Self {
+    pub fn new(device: &wgpu::Device, options: &GatherOptions) -> Self {
         let blends = device.features().contains(wgpu::Features::FLOAT32_BLENDABLE) && !options.force_ping_pong;
         Self { pipelines: Pipelines::new(device, options.filter, options.visibility, blends), blends }
     }
@@ -161,11 +162,11 @@ impl Engine {
             usage: wgpu::BufferUsages::UNIFORM,
         });
         let curves = storage_buffer(device, "reflectance curves", bytemuck::cast_slice(&inputs.pinholes.curves));
-        let (planes, open): (&[[f32; 4]], &[u32]) =
+        let (planes, sky_masks): (&[[f32; 4]], &[u32]) =
             inputs.pinholes.visibility.as_ref().map_or((&[], &[]), |maps| (&maps.planes, &maps.open));
-        let planes = storage_buffer(device, "planes seen", bytemuck::cast_slice(planes));
-        let open = storage_buffer(device, "environment seen", bytemuck::cast_slice(open));
-        self.pipelines.bind_inputs(device, &uniforms, &samples, cube.view(), [&curves, &planes, &open])
+        let planes = storage_buffer(device, "visible planes", bytemuck::cast_slice(planes));
+        let sky_masks = storage_buffer(device, "sky masks", bytemuck::cast_slice(sky_masks));
+        self.pipelines.bind_inputs(device, &uniforms, &samples, cube.view(), [&curves, &planes, &sky_masks])
     }
 }
 
@@ -175,8 +176,10 @@ impl Frame {
         self.batches
     }
 
-    /// Records the gather of a range of batches. Record every batch once, in order, in one encoder or in several.
+    /// Records the gather of a range of batches, up to [`Self::batch_count`]. Record every batch once, in order, in one encoder or
+    /// in several.
     pub fn record(&mut self, encoder: &mut wgpu::CommandEncoder, batches: Range<u32>) {
+        let batches = batches.start..batches.end.min(self.batches);
         if self.previous.is_empty() {
             // With blending, the whole range is one pass.
             self.pass(encoder, 0, batches);
@@ -239,15 +242,13 @@ fn bind_receivers(
     pipeline::bind(device, layout, &[a, b, c, of_objects.as_entire_binding(), tables.as_entire_binding()])
 }
 
-fn check_image(limits: &wgpu::Limits, size: [u32; 2]) -> Result<(), GpuError> {
-    let size = size[0].max(size[1]);
+fn check_image(limits: &wgpu::Limits, [width, height]: [u32; 2]) -> Result<(), GpuError> {
+    if width == 0 || height == 0 {
+        return Err(GpuError::EmptyImage { width, height });
+    }
+    let size = width.max(height);
     if size > limits.max_texture_dimension_2d {
-        return Err(GpuError::TextureTooLarge {
-            what: "the image",
-            size,
-            limit: limits.max_texture_dimension_2d,
-            remedy: "give a smaller --size or use --backend cpu",
-        });
+        return Err(GpuError::TextureTooLarge { what: "the image", size, limit: limits.max_texture_dimension_2d });
     }
     Ok(())
 }

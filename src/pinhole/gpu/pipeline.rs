@@ -3,7 +3,8 @@
 use wgpu::{BindGroupLayoutEntry, BindingType, ShaderStages, TextureSampleType, TextureViewDimension};
 
 use super::TARGET_FORMAT;
-use crate::gpu::resolve;
+use super::shaders::GATHER;
+use crate::pinhole::constants::{FILTER_ANISOTROPIC, FILTER_EWA, FILTER_HARDWARE, FILTER_ISOTROPIC, FILTER_NONE};
 use crate::pinhole::{BATCH_SIZE, Filter, PinholeSample};
 
 /// Bytes of one batch of samples.
@@ -25,17 +26,10 @@ pub(super) struct Pipelines {
 
 impl Pipelines {
     pub fn new(device: &wgpu::Device, filter: Filter, visibility: bool, blends: bool) -> Self {
-        let inputs = layout(
-            device,
-            "gather inputs",
-            &[uniform(0), window(1), cube(2), sampler(3), sampler(4), storage(5), storage(6), storage(7)],
-        );
+        let inputs = layout(device, "gather inputs", &[&gather_inputs()[..], &[window(GATHER_INPUTS)]].concat());
         let receivers = layout(device, "receivers", &[texture(0), texture(1), texture(2), storage(3), storage(4)]);
         let previous = layout(device, "previous target", &[texture(0)]);
-        let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
-            label: Some("gather"),
-            source: wgpu::ShaderSource::Wgsl(resolve("gather")),
-        });
+        let module = GATHER.module(device);
         let groups = [Some(&inputs), Some(&receivers), Some(&previous)];
         let pipeline_layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
             label: Some("gather"),
@@ -82,24 +76,24 @@ impl Pipelines {
         uniforms: &wgpu::Buffer,
         samples: &wgpu::Buffer,
         environment: &wgpu::TextureView,
-        [curves, planes, open_rows]: [&wgpu::Buffer; 3],
+        [curves, planes, sky_masks]: [&wgpu::Buffer; 3],
     ) -> wgpu::BindGroup {
         bind(
             device,
             &self.inputs,
             &[
                 uniforms.as_entire_binding(),
-                wgpu::BindingResource::Buffer(wgpu::BufferBinding {
-                    buffer: samples,
-                    offset: 0,
-                    size: std::num::NonZero::new(BATCH_BYTES),
-                }),
                 wgpu::BindingResource::TextureView(environment),
                 wgpu::BindingResource::Sampler(&self.trilinear),
                 wgpu::BindingResource::Sampler(&self.anisotropic),
                 curves.as_entire_binding(),
                 planes.as_entire_binding(),
-                open_rows.as_entire_binding(),
+                sky_masks.as_entire_binding(),
+                wgpu::BindingResource::Buffer(wgpu::BufferBinding {
+                    buffer: samples,
+                    offset: 0,
+                    size: std::num::NonZero::new(BATCH_BYTES),
+                }),
             ],
         )
     }
@@ -148,12 +142,19 @@ pub(super) fn render_pipeline(
 /// The shader's `FILTER_…` constants.
 pub(super) fn filter_constant(filter: Filter) -> u32 {
     match filter {
-        Filter::None => 0,
-        Filter::Isotropic => 1,
-        Filter::Anisotropic => 2,
-        Filter::Hardware => 3,
-        Filter::Ewa => 4,
+        Filter::None => FILTER_NONE,
+        Filter::Isotropic => FILTER_ISOTROPIC,
+        Filter::Anisotropic => FILTER_ANISOTROPIC,
+        Filter::Hardware => FILTER_HARDWARE,
+        Filter::Ewa => FILTER_EWA,
     }
+}
+
+/// Bindings of `shaders/shared/gather_inputs.wgsl`.
+pub(super) const GATHER_INPUTS: u32 = 7;
+
+pub(super) fn gather_inputs() -> [BindGroupLayoutEntry; GATHER_INPUTS as usize] {
+    [uniform(0), cube(1), sampler(2), sampler(3), storage(4), storage(5), storage(6)]
 }
 
 pub(super) fn linear_sampler(device: &wgpu::Device, anisotropy_clamp: u16) -> wgpu::Sampler {

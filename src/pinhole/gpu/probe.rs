@@ -2,28 +2,41 @@
 
 use wgpu::util::DeviceExt;
 
-use super::pipeline::{bind, cube, filter_constant, layout, linear_sampler, render_pipeline, sampler, storage};
+use super::pipeline::{
+    GATHER_INPUTS, bind, filter_constant, gather_inputs, layout, linear_sampler, render_pipeline, storage,
+};
+use super::shaders::FILTER_PROBE;
+use super::storage_buffer;
 use crate::environment::CubeMap;
-use crate::gpu::{Gpu, GpuError, resolve};
+use crate::gpu::{Gpu, GpuError};
 use crate::pinhole::gpu::EnvironmentCube;
-use crate::pinhole::{Filter, Probe};
+use crate::pinhole::{Filter, GatherUniforms, Params, Probe};
 
-/// Probes in a row of the target; the shader's `WIDTH`.
-const WIDTH: u32 = 256;
+/// Probes in a row of the target.
+pub(super) const PROBES_PER_ROW: u32 = 256;
 
+/// A probe as the shader reads it.
 #[repr(C)]
 #[derive(Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
-struct GpuProbe {
-    direction: [f32; 3],
-    taps: f32,
-    side_1: [f32; 3],
-    texel_rad: f32,
-    side_2: [f32; 3],
-    padding: f32,
+pub(super) struct GpuProbe {
+    pub direction: [f32; 3],
+    padding_1: f32,
+    pub side_1: [f32; 3],
+    padding_2: f32,
+    pub side_2: [f32; 3],
+    padding_3: f32,
+}
+
+impl From<&Probe> for GpuProbe {
+    fn from(probe: &Probe) -> Self {
+        let [side_1, side_2] = probe.sides.map(|side| side.to_array());
+        let direction = probe.direction.to_array();
+        Self { direction, side_1, side_2, padding_1: 0.0, padding_2: 0.0, padding_3: 0.0 }
+    }
 }
 
 /// Means over footprints: rgb, and the number of fetches.
-pub fn probe(
+pub async fn probe(
     gpu: &Gpu,
     environment: &CubeMap,
     filter: Filter,
@@ -31,48 +44,27 @@ pub fn probe(
     probes: &[Probe],
 ) -> Result<Vec<[f32; 4]>, GpuError> {
     let uploaded = EnvironmentCube::upload(&gpu.device, &gpu.queue, environment)?;
+    let params = Params { filter, taps: most_taps, ..Params::default() };
     let mut means = Vec::with_capacity(probes.len());
     // Whole rows, no more than fit into any texture.
-    for probes in probes.chunks((WIDTH * 1024) as usize) {
-        means.extend(probe_batch(gpu, &uploaded, filter, most_taps as f32, probes)?);
+    for probes in probes.chunks((PROBES_PER_ROW * 1024) as usize) {
+        means.extend(probe_batch(gpu, &uploaded, &params, probes).await?);
     }
     let scale = uploaded.radiance_scale();
     Ok(means.into_iter().map(|[r, g, b, n]| [scale * r, scale * g, scale * b, n]).collect())
 }
 
-fn probe_batch(
+async fn probe_batch(
     gpu: &Gpu,
     environment: &EnvironmentCube,
-    filter: Filter,
-    taps: f32,
+    params: &Params,
     probes: &[Probe],
 ) -> Result<Vec<[f32; 4]>, GpuError> {
     let device = &gpu.device;
-    let texel_rad = 2.0 / environment.size() as f32;
-    let pack = |p: &Probe| {
-        let [side_1, side_2] = p.sides.map(|side| side.to_array());
-        GpuProbe { direction: p.direction.to_array(), taps, side_1, texel_rad, side_2, padding: 0.0 }
-    };
-    let packed: Vec<GpuProbe> = probes.iter().map(pack).collect();
-    let buffer = device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
-        label: Some("probes"),
-        contents: bytemuck::cast_slice(&packed),
-        usage: wgpu::BufferUsages::STORAGE,
-    });
-    let group_layout = layout(device, "filter probe", &[storage(0), cube(1), sampler(2), sampler(3)]);
-    let (trilinear, anisotropic) = (linear_sampler(device, 1), linear_sampler(device, 16));
-    let group = bind(
-        device,
-        &group_layout,
-        &[
-            buffer.as_entire_binding(),
-            wgpu::BindingResource::TextureView(environment.view()),
-            wgpu::BindingResource::Sampler(&trilinear),
-            wgpu::BindingResource::Sampler(&anisotropic),
-        ],
-    );
-    let pipeline = pipeline(device, &group_layout, filter);
-    let target = super::target(device, [WIDTH, (probes.len() as u32).div_ceil(WIDTH)]);
+    let group_layout = layout(device, "filter probe", &[&gather_inputs()[..], &[storage(GATHER_INPUTS)]].concat());
+    let group = bind_probes(device, &group_layout, environment, params, probes);
+    let pipeline = pipeline(device, &group_layout, params.filter);
+    let target = super::target(device, [PROBES_PER_ROW, (probes.len() as u32).div_ceil(PROBES_PER_ROW)]);
     let view = target.create_view(&Default::default());
     let mut encoder = device.create_command_encoder(&Default::default());
     {
@@ -91,16 +83,43 @@ fn probe_batch(
         pass.draw(0..3, 0..1);
     }
     gpu.queue.submit([encoder.finish()]);
-    let mut means = gpu.read_texture(&target)?;
+    let mut means = gpu.read_texture(&target).await?;
     means.truncate(probes.len());
     Ok(means)
 }
 
-fn pipeline(device: &wgpu::Device, group_layout: &wgpu::BindGroupLayout, filter: Filter) -> wgpu::RenderPipeline {
-    let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
-        label: Some("filter probe"),
-        source: wgpu::ShaderSource::Wgsl(resolve("filter_probe")),
+fn bind_probes(
+    device: &wgpu::Device,
+    group_layout: &wgpu::BindGroupLayout,
+    environment: &EnvironmentCube,
+    params: &Params,
+    probes: &[Probe],
+) -> wgpu::BindGroup {
+    let uniforms = device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
+        label: Some("gather uniforms"),
+        contents: bytemuck::bytes_of(&GatherUniforms::new(params, &Default::default(), environment.size(), 1.0)),
+        usage: wgpu::BufferUsages::UNIFORM,
     });
+    let packed: Vec<GpuProbe> = probes.iter().map(GpuProbe::from).collect();
+    let probes = storage_buffer(device, "probes", bytemuck::cast_slice(&packed));
+    // There are no curves and no visibility maps.
+    let nothing = storage_buffer(device, "nothing", &[]);
+    let (trilinear, anisotropic) = (linear_sampler(device, 1), linear_sampler(device, 16));
+    let resources = [
+        uniforms.as_entire_binding(),
+        wgpu::BindingResource::TextureView(environment.view()),
+        wgpu::BindingResource::Sampler(&trilinear),
+        wgpu::BindingResource::Sampler(&anisotropic),
+        nothing.as_entire_binding(),
+        nothing.as_entire_binding(),
+        nothing.as_entire_binding(),
+        probes.as_entire_binding(),
+    ];
+    bind(device, group_layout, &resources)
+}
+
+fn pipeline(device: &wgpu::Device, group_layout: &wgpu::BindGroupLayout, filter: Filter) -> wgpu::RenderPipeline {
+    let module = FILTER_PROBE.module(device);
     let pipeline_layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
         label: Some("filter probe"),
         bind_group_layouts: &[Some(group_layout)],
@@ -108,25 +127,4 @@ fn pipeline(device: &wgpu::Device, group_layout: &wgpu::BindGroupLayout, filter:
     });
     let constants = [("FILTER", f64::from(filter_constant(filter)))];
     render_pipeline(device, &pipeline_layout, &module, ["full_screen", "probe"], &constants, None)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn probes_are_laid_out_as_in_the_shader() {
-        let module = naga::front::wgsl::parse_str(&resolve("filter_probe")).unwrap();
-        let (_, ty) = module.types.iter().find(|(_, t)| t.name.as_deref() == Some("Probe")).unwrap();
-        let naga::TypeInner::Struct { members, span } = &ty.inner else { panic!("Probe is no struct") };
-        let in_shader: Vec<(&str, u32)> = members.iter().map(|m| (m.name.as_deref().unwrap(), m.offset)).collect();
-        macro_rules! field {
-            ($name:ident) => {
-                (stringify!($name), std::mem::offset_of!(GpuProbe, $name) as u32)
-            };
-        }
-        let here = [field!(direction), field!(taps), field!(side_1), field!(texel_rad), field!(side_2)];
-        assert_eq!(in_shader, here);
-        assert_eq!(*span, size_of::<GpuProbe>() as u32);
-    }
 }

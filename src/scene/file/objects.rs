@@ -5,14 +5,14 @@ use std::sync::Arc;
 
 use serde::Deserialize;
 
-use super::{Builder, one};
-use crate::brdf::{BrdfTable, Gloss, LEAST_ROUGHNESS};
+use super::{Builder, Key, one};
+use crate::brdf::{BrdfTable, Gloss, LEAST_ROUGHNESS, TableError};
 use crate::reflectance::{Finish, Metal};
-use crate::scene::obj::{ObjPart, load_obj_by_material};
+use crate::scene::assets::readable_name;
 use crate::scene::shapes::Shape;
-use crate::scene::{
-    Mesh, MeshError, ObjReport, Object, Receiver, Reflector, SceneError, Sides, Transform, load_obj, mtl,
-};
+use crate::scene::wavefront::{ObjPart, Surface, load_obj, load_obj_by_material};
+use crate::scene::{Mesh, Object, Receiver, Reflector, SceneError, Sides, Transform};
+use crate::words::escaped;
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -92,9 +92,9 @@ fn crease_angle_rad(table: &ObjectTable) -> f32 {
     table.crease_angle_deg.unwrap_or(CREASE_ANGLE_DEG).to_radians()
 }
 
-fn note_dropped(path: &Path, report: ObjReport, notes: &mut Vec<String>) {
-    if report.dropped_triangles > 0 {
-        notes.push(format!("{}: dropped {} degenerate triangles", path.display(), report.dropped_triangles));
+fn note_dropped(origin: &str, triangles: usize, notes: &mut Vec<String>) {
+    if triangles > 0 {
+        notes.push(format!("{}: dropped {triangles} degenerate triangles", escaped(origin)));
     }
 }
 
@@ -106,18 +106,18 @@ impl Builder<'_> {
         table: &ObjectTable,
         notes: &mut Vec<String>,
     ) -> Result<Vec<Object>, SceneError> {
-        let name = table.name.clone().unwrap_or_else(|| format!("object {}", index + 1));
-        let key = |k: &str| format!("object '{name}'.{k}");
+        let name = table.name.as_ref().map_or_else(|| format!("object {}", index + 1), |name| escaped(name));
+        let key = |k: &str| Key { shown: format!("object '{name}'.{k}"), path: format!("object.{index}.{k}") };
         if !(table.scale.is_finite() && table.scale != 0.0) {
             return Err(self.error(key("scale"), format!("is {}, but must be a number other than zero", table.scale)));
         }
         if table.crease_angle_deg.is_some_and(|angle| !(0.0..=180.0).contains(&angle)) {
             return Err(self.error(key("crease_angle_deg"), "must be from 0 to 180"));
         }
-        let place = Transform {
+        let placement = Transform {
             scale: table.scale,
-            rotate_rad: self.vector(&key("rotate_deg"), table.rotate_deg)? * (std::f32::consts::PI / 180.0),
-            translate: self.vector(&key("translate"), table.translate)?,
+            rotate_rad: self.vector(key("rotate_deg"), table.rotate_deg)? * (std::f32::consts::PI / 180.0),
+            translate: self.vector(key("translate"), table.translate)?,
         };
         let reflector = match &table.reflector {
             None => None,
@@ -129,52 +129,33 @@ impl Builder<'_> {
         };
         let camera_visible = table.camera_visible;
         if let (Some(file), None, None, None) = (&table.mesh, table.shape, &reflector, &receiver) {
-            let parts = self.parts(file, table, notes)?.into_iter();
-            let object = |(material, mesh, surface): (String, Mesh, mtl::Surface)| Object {
-                name: if material.is_empty() { name.clone() } else { format!("{name}/{material}") },
-                mesh: mesh.transformed(&place),
-                reflector: surface.reflector,
-                receiver: surface.receiver,
-                camera_visible,
+            let parts = load_obj_by_material(self.assets, Path::new(file), crease_angle_rad(table))?;
+            let object = |part: ObjPart| {
+                let file = readable_name(self.assets, Path::new(file));
+                let name = if part.material.is_empty() { name.clone() } else { format!("{name}/{}", part.material) };
+                let Surface { reflector, receiver } = part.surface;
+                let mesh = Arc::new(part.mesh);
+                let object = Object { name, mesh, placement, reflector, receiver, camera_visible };
+                note_dropped(&file, part.report.dropped_triangles + object.checked_mesh_in_world()?.1, notes);
+                Ok(object)
             };
-            return Ok(parts.map(object).collect());
+            return parts.into_iter().map(object).collect();
         }
-        let mesh = self.mesh(&name, table, notes)?.transformed(&place);
-        Ok(vec![Object { name, mesh, reflector, receiver, camera_visible }])
+        let (mesh, dropped) = self.mesh(table, &key)?;
+        let object = Object { name, mesh: Arc::new(mesh), placement, reflector, receiver, camera_visible };
+        let lost = object.checked_mesh_in_world()?.1;
+        note_dropped(table.mesh.as_deref().unwrap_or(&object.name), dropped + lost, notes);
+        Ok(vec![object])
     }
 
-    /// A mesh file's parts by material: its name, or nothing where there is none.
-    fn parts(
-        &self,
-        file: &str,
-        table: &ObjectTable,
-        notes: &mut Vec<String>,
-    ) -> Result<Vec<(String, Mesh, mtl::Surface)>, SceneError> {
-        let path = self.base.join(file);
-        let origin = path.display().to_string();
-        let (parts, failure) = load_obj_by_material(&path, crease_angle_rad(table))?;
-        if let Some(reason) = failure {
-            notes
-                .push(format!("{origin}: its materials cannot be read ({reason}), so it neither mirrors nor receives"));
-        }
-        let part = |part: ObjPart| {
-            note_dropped(&path, part.report, notes);
-            let name = part.material.as_ref().map_or(String::new(), |m| m.name.clone());
-            let surface = part.material.as_ref().map_or(Ok(mtl::Surface::default()), mtl::surface);
-            let surface = surface.map_err(|reason| MeshError::Material { origin: origin.clone(), reason })?;
-            Ok((name, part.mesh, surface))
-        };
-        parts.into_iter().map(part).collect()
-    }
-
-    fn receiver(&self, table: &ReceiverTable, key: &dyn Fn(&str) -> String) -> Result<Receiver, SceneError> {
+    fn receiver(&self, table: &ReceiverTable, key: &dyn Fn(&str) -> Key) -> Result<Receiver, SceneError> {
         let gloss = match (&table.phong, &table.ggx, &table.table) {
             (None, None, None) => Gloss::None,
             (Some(phong), None, None) => {
                 if !(0.0..=1e5).contains(&phong.exponent) {
                     return Err(self.error(key("receiver.phong.exponent"), "must be from 0 to 100000"));
                 }
-                let specular = self.colour(&key("receiver.phong.specular"), phong.specular, 1.0)?;
+                let specular = self.colour(key("receiver.phong.specular"), phong.specular, 1.0)?;
                 Gloss::Phong { specular, exponent: phong.exponent }
             }
             (None, Some(ggx), None) => {
@@ -182,41 +163,50 @@ impl Builder<'_> {
                     let message = format!("must be from {LEAST_ROUGHNESS} to 1; a smoother one is a reflector");
                     return Err(self.error(key("receiver.ggx.roughness"), message));
                 }
-                let specular = self.colour(&key("receiver.ggx.specular"), ggx.specular, 1.0)?;
+                let specular = self.colour(key("receiver.ggx.specular"), ggx.specular, 1.0)?;
                 Gloss::Ggx { specular, roughness: ggx.roughness }
             }
-            (None, None, Some(file)) => Gloss::Table(Arc::new(BrdfTable::load(&self.base.join(file))?)),
+            (None, None, Some(file)) => Gloss::Table(Arc::new(self.table(file)?)),
             _ => return Err(self.error(key("receiver"), "give at most one of phong, ggx and table")),
         };
-        Ok(Receiver { albedo: self.colour(&key("receiver.albedo"), table.albedo, 1.0)?, gloss })
+        Ok(Receiver { albedo: self.colour(key("receiver.albedo"), table.albedo, 1.0)?, gloss })
     }
 
-    fn finish(&self, table: &ReflectorTable, key: &dyn Fn(&str) -> String) -> Result<Finish, SceneError> {
+    fn table(&self, file: &str) -> Result<BrdfTable, SceneError> {
+        let name = readable_name(self.assets, Path::new(file));
+        let fail = |error: std::io::Error| TableError::Read { file: name.clone(), reason: error.to_string() };
+        let bytes = self.assets.read(Path::new(file)).map_err(fail)?;
+        Ok(BrdfTable::decode(&name, &bytes)?)
+    }
+
+    fn finish(&self, table: &ReflectorTable, key: &dyn Fn(&str) -> Key) -> Result<Finish, SceneError> {
         if table.coat.is_some_and(|index| !(1.0..=4.0).contains(&index)) {
             return Err(self.error(key("reflector.coat"), "must be a refractive index from 1 to 4"));
         }
-        let reflectance = self.colour(&key("reflector.reflectance"), table.reflectance, 1.0)?.as_dvec3();
+        let reflectance = self.colour(key("reflector.reflectance"), table.reflectance, 1.0)?.as_dvec3();
         if !(0.0..=1.0).contains(&table.roughness) {
             return Err(self.error(key("reflector.roughness"), "must be from 0 to 1"));
         }
         Ok(Finish { reflectance, metal: table.metal, coat: table.coat, roughness: table.roughness })
     }
 
-    fn mesh(&self, name: &str, table: &ObjectTable, notes: &mut Vec<String>) -> Result<Mesh, SceneError> {
+    /// An object's mesh, and the number of its triangles that had no area.
+    fn mesh(&self, table: &ObjectTable, key: &dyn Fn(&str) -> Key) -> Result<(Mesh, usize), SceneError> {
         match (&table.mesh, table.shape) {
             (Some(file), None) => {
-                let path = self.base.join(file);
-                let (mesh, report) = load_obj(&path, crease_angle_rad(table))?;
-                note_dropped(&path, report, notes);
-                Ok(mesh)
+                let (mesh, report) = load_obj(self.assets, Path::new(file), crease_angle_rad(table))?;
+                Ok((mesh, report.dropped_triangles))
             }
             (None, Some(_)) if table.crease_angle_deg.is_some() => {
-                let key = format!("object '{name}'.crease_angle_deg");
-                Err(self.error(key, "is for meshes; built-in shapes have exact normals"))
+                Err(self.error(key("crease_angle_deg"), "is for meshes; built-in shapes have exact normals"))
             }
-            (None, Some(shape)) => shape.mesh().map_err(|m| self.error(format!("object '{name}'.shape"), m)),
-            _ => {
-                Err(self.error(format!("object '{name}'"), "give exactly one of mesh = \"FILE.obj\" and shape = { … }"))
+            (None, Some(shape)) => {
+                let mesh = shape.mesh().map_err(|message| self.error(key("shape"), message))?;
+                Ok((mesh, 0))
+            }
+            (given, _) => {
+                let key = key(if given.is_some() { "mesh" } else { "name" });
+                Err(self.error(key, "give exactly one of mesh = \"FILE.obj\" and shape = { … }"))
             }
         }
     }

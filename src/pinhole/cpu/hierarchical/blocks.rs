@@ -5,6 +5,7 @@
 
 use glam::Vec3;
 
+use crate::pinhole::constants::{SMOOTH_NORMAL_TOLERANCE, SMOOTH_POSITION_TOLERANCE};
 use crate::pinhole::receivers::{TILE, along_z_curve};
 use crate::pinhole::{Arrangement, Receivers};
 
@@ -14,10 +15,6 @@ pub const EDGES: [usize; LEVELS] = [TILE, 32, 16, 8, 4];
 pub const LEVELS: usize = 5;
 /// The level whose blocks are their own sixteen points.
 pub const FINEST: usize = LEVELS - 1;
-
-/// How far a point may lie from where its block's sixteen points lead one to expect it, in radii of the block; and a normal.
-const SMOOTH_POSITION: f32 = 0.01;
-const SMOOTH_NORMAL: f32 = 0.02;
 
 /// What is known of a block.
 #[derive(Clone, Copy, Debug, Default)]
@@ -235,7 +232,7 @@ impl<'a> Grid<'a> {
         let at = points_along(level);
         let object = self.receivers.positions[index(0, 0)][3];
         let points: [[usize; 4]; 4] = at.map(|j| at.map(|i| index(i, j)));
-        let tolerance = SMOOTH_POSITION * block.radius;
+        let tolerance = SMOOTH_POSITION_TOLERANCE * block.radius;
         for j in (edge / 16..edge).step_by(edge / 8) {
             let rows = weights.at(j);
             let column = |i: usize| {
@@ -250,7 +247,7 @@ impl<'a> Grid<'a> {
                 let k = index(i, j);
                 if self.receivers.positions[k][3] != object
                     || self.position(k).distance(position) > tolerance
-                    || self.normal(k).distance(normal) > SMOOTH_NORMAL
+                    || self.normal(k).distance(normal) > SMOOTH_NORMAL_TOLERANCE
                 {
                     return false;
                 }

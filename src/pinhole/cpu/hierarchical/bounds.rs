@@ -10,27 +10,10 @@ use super::blocks::{Block, FINEST, Kind};
 use crate::cell_tree::NodeGeometry;
 use crate::environment::{Bound, LightBounds};
 use crate::pinhole::GatherUniforms;
-
-/// A pair's error may be this part of what is allowed for a point: errors of many pairs add up there, though not all with the
-/// same sign.
-pub const SHARE: f32 = 1.2;
-/// All that is dropped at a point adds less than this part of the error that is allowed there.
-pub const NEGLIGIBLE: f32 = 0.03;
-/// Pairs that are nearer than this many times their sizes are refined.
-const NEAR: f32 = 1.5;
-/// Half the diagonal of a footprint's parallelogram in roots of the sum of its sides' squares, and some more.
-pub const FOOTPRINT: f32 = 0.6;
-/// How far a footprint bends beyond its linear extent, for a cell of a given relative size.
-pub const BENT: f32 = 0.3;
-/// What part of the light's contrast a cell of relative size 1 gets wrong, and a cell's own changes of weight.
-pub const OF_CONTRAST: f32 = 3.0;
-pub const OF_WEIGHT: f32 = 0.3;
-/// What part of the contrast an interpolation gets wrong where the light changes over one distance of its points.
-const OF_INTERPOLATION: f32 = 0.02;
-/// Look-ups that a pair is worth which varies by its share of the error.
-pub const WORTH: f32 = 3.0;
-/// Relative sizes from which a cell is not taken for one sample.
-pub const TOO_LARGE: f32 = 0.7;
+use crate::pinhole::constants::{
+    CONTRAST_ERROR_SCALE, FOOTPRINT_BEND, FOOTPRINT_RADIUS, INTERPOLATION_ERROR_SCALE, MIN_MINOR_SHARE,
+    NEAR_FIELD_SIZES, POINT_SPACING, TAPS_PER_ERROR_BUDGET, WEIGHT_ERROR_SCALE,
+};
 
 /// What to do with a pair.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -81,7 +64,7 @@ pub struct Cell<'a> {
 
 /// How much farther reflections go than a cell's footprint where its normals do not turn evenly from end to end, radians.
 pub fn unevenness(cell: &NodeGeometry) -> f32 {
-    let even = FOOTPRINT * (cell.changes[0].length_squared() + cell.changes[1].length_squared()).sqrt();
+    let even = FOOTPRINT_RADIUS * (cell.changes[0].length_squared() + cell.changes[1].length_squared()).sqrt();
     2.0 * (cell.normal_radius - even).max(0.0)
 }
 
@@ -89,7 +72,13 @@ impl Judge<'_> {
     /// Look-ups that a pair is worth whose radiance differs by so much, by weight, within it: the fewer, the coarser they are.
     #[inline(always)]
     pub fn taps<S: Simd>(&self, varies: F<S>) -> F<S> {
-        (varies * (WORTH / self.share)).ceil().max(1.0).min(self.uniforms.taps as f32)
+        (varies * (TAPS_PER_ERROR_BUDGET / self.share)).ceil().max(1.0).min(self.uniforms.taps as f32)
+    }
+
+    /// A direction in the world as the light's bounds have it.
+    fn direction_in_light(&self, d: Vec3) -> Vec3 {
+        let (cos, sin) = (self.uniforms.rotation_cos, self.uniforms.rotation_sin);
+        Vec3::new(cos * d.x - sin * d.z, d.y, sin * d.x + cos * d.z)
     }
 
     /// 1/l² at most, as the gather keeps it finite.
@@ -128,7 +117,7 @@ impl Judge<'_> {
             (true, true) => Verdict::SplitBlock,
             (true, false) => Verdict::Add { varies: f32::INFINITY, even_if_hidden: true },
         };
-        if l < NEAR * sizes {
+        if l < NEAR_FIELD_SIZES * sizes {
             return finer(g.radius >= block.radius);
         }
         let nearest = l - sizes;
@@ -145,14 +134,14 @@ impl Judge<'_> {
         let lobe2 = cell.lobe * cell.lobe;
         let (g11, g12, g22) = (v1.length_squared() + lobe2, v1.dot(v2), v2.length_squared() + lobe2);
         let spread = ((g11 - g22) * (g11 - g22) + 4.0 * g12 * g12).sqrt();
-        let minor2 = (0.5 * (g11 + g22 - spread)).max((g11 + g22) / 512.0);
+        let minor2 = (0.5 * (g11 + g22 - spread)).max((g11 + g22) * MIN_MINOR_SHARE);
         let (of_block, of_cell) = (block.radius / l, g.radius / l + g.normal_radius);
         let footprint = if g.creased {
             g.radius / l + 2.0 * g.normal_radius
         } else {
-            FOOTPRINT * (g11 + g22).sqrt() + BENT * of_cell * (of_block + of_cell) + unevenness(g)
+            FOOTPRINT_RADIUS * (g11 + g22).sqrt() + FOOTPRINT_BEND * of_cell * (of_block + of_cell) + unevenness(g)
         };
-        let Bound { most, contrast } = self.light.within(r, of_block + footprint);
+        let Bound { most, contrast } = self.light.within(self.direction_in_light(r), of_block + footprint);
         let (top, varies) = (weight * most, weight * contrast);
         // What glossy receivers make of it they know one by one.
         if top <= self.negligible * g.area && (top == 0.0 || !self.has_viewers) {
@@ -163,23 +152,23 @@ impl Judge<'_> {
         }
         let block_error = if may_split_block {
             // The points' distance over the width of what is interpolated.
-            let step = 0.47 * of_block / minor2.sqrt().max(self.texel);
+            let step = POINT_SPACING * of_block / minor2.sqrt().max(self.texel);
             let step2 = step * step;
-            let of_weight = if straddles { 1.0 } else { OF_WEIGHT * of_block.powi(3) };
-            varies * (OF_INTERPOLATION * step2 * step2).min(1.0) + top * of_weight
+            let of_weight = if straddles { 1.0 } else { WEIGHT_ERROR_SCALE * of_block.powi(3) };
+            varies * (INTERPOLATION_ERROR_SCALE * step2 * step2).min(1.0) + top * of_weight
         } else {
             0.0
         };
         let cell_error = if cell.is_leaf {
             0.0
         } else {
-            let of_weight = if straddles { 1.0 } else { OF_WEIGHT * of_cell * of_cell };
-            varies * (OF_CONTRAST * of_cell).min(1.0) + top * of_weight
+            let of_weight = if straddles { 1.0 } else { WEIGHT_ERROR_SCALE * of_cell * of_cell };
+            varies * (CONTRAST_ERROR_SCALE * of_cell).min(1.0) + top * of_weight
         };
         if block_error + cell_error < self.share {
             // Hidden or not: contrast as strong as the light is bright, smooth over a texel of the map.
-            let step = 0.47 * of_block / minor2.sqrt().max(self.map_texel);
-            let of_hidden = if may_split_block { (OF_INTERPOLATION * step.powi(4)).min(1.0) } else { 0.0 };
+            let step = POINT_SPACING * of_block / minor2.sqrt().max(self.map_texel);
+            let of_hidden = if may_split_block { (INTERPOLATION_ERROR_SCALE * step.powi(4)).min(1.0) } else { 0.0 };
             return Verdict::Add { varies, even_if_hidden: block_error + cell_error + top * of_hidden < self.share };
         }
         if block_error == 0.0 && cell_error == 0.0 {

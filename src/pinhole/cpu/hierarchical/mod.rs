@@ -23,6 +23,7 @@ use super::lanes::{LANES, dispatch, level};
 use super::{CubeLookup, Gather, GatherUniforms, Group, load_at};
 use crate::brdf::Materials;
 use crate::environment::{CubeMap, LightBounds};
+use crate::pinhole::constants::{ESTIMATE_MAX_SAMPLE_NODES, ESTIMATE_RMS_SHARE};
 use crate::pinhole::{Params, PinholeTree, Receivers};
 
 /// What a hierarchical gather reads beside receivers.
@@ -105,7 +106,6 @@ fn gather_tiles(
 
 /// Receivers, and roots, that are asked how bright the picture is.
 const SCOUTS: usize = 1024;
-const SCOUTED: usize = 512;
 
 /// What all tiles share.
 struct Walked<'a> {
@@ -119,7 +119,7 @@ impl<'a> Walked<'a> {
     fn new(pinholes: &'a PinholeTree, light: Light<'a>, params: &Params, materials: Option<&'a Materials>) -> Self {
         assert!(params.taps > 0, "a footprint needs one tap at least");
         let uniforms = GatherUniforms::for_cube(params, &pinholes.roots, light.cube);
-        let environment = CubeLookup::new(light.cube);
+        let environment = CubeLookup::rotated(light.cube, &uniforms);
         let gather = Gather { pinholes: &pinholes.roots, materials, uniforms, environment };
         Self { pinholes, gather, bounds: light.bounds, weights: std::array::from_fn(Weights::new) }
     }
@@ -137,7 +137,7 @@ impl<'a> Walked<'a> {
             .map(|places| load_at(receivers, |lane| places.get(lane).copied()))
             .collect();
         let roots = &self.pinholes.roots.samples;
-        let every = roots.len().div_ceil(SCOUTED).max(1);
+        let every = roots.len().div_ceil(ESTIMATE_MAX_SAMPLE_NODES as usize).max(1);
         let moments = |group: &Group| {
             let sums = dispatch!(level(), simd => self.gather.sum_of_some(simd, roots, every, group));
             let irradiances = sums.iter().map(|s| s.truncate().as_dvec3() * every as f64);
@@ -147,6 +147,7 @@ impl<'a> Walked<'a> {
         let [sum, squares] = groups.par_iter().map(moments).reduce(|| [0.0; 2], add);
         let count = 3.0 * count.max(1) as f64;
         // What is lit by nothing need not be exact.
-        (sum / count).max(0.1 * (squares / count).sqrt()).max(f64::from(f32::MIN_POSITIVE)) as f32
+        (sum / count).max(f64::from(ESTIMATE_RMS_SHARE) * (squares / count).sqrt()).max(f64::from(f32::MIN_POSITIVE))
+            as f32
     }
 }

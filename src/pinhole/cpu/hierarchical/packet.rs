@@ -6,11 +6,15 @@ use glam::{Vec3, Vec4};
 
 use super::super::Group;
 use super::super::cube::{OnCube, on_cube};
-use super::super::lanes::{ALL, F, LANES, Simd, SimdBase, SimdFloat, V3, bits, lanes, set_bits, splat, splat3};
+use super::super::lanes::{ALL, F, LANES, Simd, SimdBase, SimdFloat, V3, bits, lanes, set_bits, splat, vector};
 use super::super::visibility::{Outlook, Surroundings, Unhindered};
 use super::super::{Pair, Receiver};
-use super::bounds::{BENT, FOOTPRINT, OF_CONTRAST, OF_WEIGHT, TOO_LARGE, unevenness};
+use super::bounds::unevenness;
 use super::tile::TileGather;
+use crate::pinhole::constants::{
+    CONTRAST_ERROR_SCALE, FOOTPRINT_BEND, FOOTPRINT_RADIUS, MAX_QUARTERINGS, MAX_RELATIVE_SIZE, MIN_DISTANCE_RATIO,
+    WEIGHT_ERROR_SCALE,
+};
 use crate::pinhole::{PinholeSample, VisibilityMaps};
 
 /// A unit direction turned by an angle towards another one, or that one if it is nearer.
@@ -23,9 +27,6 @@ fn turned(from: Vec3, to: Vec3, angle: f32) -> Vec3 {
     angle.cos() * from + angle.sin() / sine * across
 }
 
-/// Times that a leaf is quartered.
-const DEEPEST: u32 = 5;
-
 /// The part of the receivers that the root sees whose cells are being visited.
 struct Seen<S: Simd> {
     root: u32,
@@ -36,8 +37,8 @@ struct Seen<S: Simd> {
 impl<S: Simd> Seen<S> {
     #[inline(always)]
     fn of(simd: S, maps: &VisibilityMaps, root: &PinholeSample, number: u32, receiver: &Receiver<S>) -> Self {
-        let l = receiver.position - splat3(simd, root.position_area);
-        let dn = -l.dot(splat3(simd, root.normal_object));
+        let l = receiver.position - vector(simd, root.position());
+        let dn = -l.dot(vector(simd, root.normal()));
         let sight = Surroundings::new(maps, root, dn);
         let (part, lanes) = match sight.outlook(simd, l, receiver.there()) {
             Outlook::Clear => (splat(simd, 1.0), ALL),
@@ -105,7 +106,7 @@ impl TileGather<'_> {
             let straddles = bits(facing.simd_lt(slack) | receiving.simd_lt(g.radius));
             let (facing, receiving) = (facing + slack, receiving + g.radius);
             let alive = mask & bits(facing.simd_gt(0.0) & receiving.simd_gt(0.0));
-            let nearest = (l - g.radius).max(l * 0.3);
+            let nearest = (l - g.radius).max(l * MIN_DISTANCE_RATIO);
             let nearest2 = nearest * nearest;
             let cosines = facing.min(l) * receiving.min(l) / nearest2;
             (alive, cosines * g.area * gather.most_attenuation(simd, nearest2, g.area), straddles)
@@ -119,7 +120,7 @@ impl TileGather<'_> {
         let radius = if g.creased {
             size + (g.normal_radius + sample.lobe())
         } else {
-            squares.sqrt() * FOOTPRINT + (size * size * BENT + unevenness(&g))
+            squares.sqrt() * FOOTPRINT_RADIUS + (size * size * FOOTPRINT_BEND + unevenness(&g))
         };
         let (most, contrast) = self.light_within(simd, pair.r, radius, alive);
         let mut weight_bound = weight * reflects;
@@ -140,15 +141,16 @@ impl TileGather<'_> {
             alive &= seen.lanes;
         }
         let (taken, further) = if is_leaf {
-            let near = top * size * size * OF_WEIGHT;
+            let near = top * size * size * WEIGHT_ERROR_SCALE;
             let near = if self.accuracy.split_near { alive & bits(near.simd_gt(share)) } else { 0 };
             if near != 0 {
                 self.near(simd, &sample, root, near, (receiver, seen), sum);
             }
             (alive & !near, 0)
         } else {
-            let error = varies * (size * OF_CONTRAST).min(1.0) + top * (size * size * OF_WEIGHT + of_gloss);
-            let whole = bits(error.simd_lt(share) & size.simd_lt(TOO_LARGE));
+            let error =
+                varies * (size * CONTRAST_ERROR_SCALE).min(1.0) + top * (size * size * WEIGHT_ERROR_SCALE + of_gloss);
+            let whole = bits(error.simd_lt(share) & size.simd_lt(MAX_RELATIVE_SIZE));
             // Where part of the cell does not count, its centre does not speak for all.
             let taken = alive & (whole & !straddles | bits(top.simd_lt(share)) & straddles);
             // What several roots see together is not known.
@@ -164,7 +166,7 @@ impl TileGather<'_> {
         let mut outlook = Outlook::Clear;
         if let Some(sight) = &sight {
             weight *= seen.part;
-            outlook = sight.sky(simd, pair.r, FOOTPRINT * squares.reduce_max().sqrt(), taken);
+            outlook = sight.sky(simd, pair.r, FOOTPRINT_RADIUS * squares.reduce_max().sqrt(), taken);
             if outlook == Outlook::Dark {
                 return further;
             }
@@ -206,7 +208,7 @@ impl TileGather<'_> {
             let pair = Pair::new(simd, &piece, receiver);
             let lit = mask & bits(pair.cosines.simd_gt(0.0));
             let size = pair.inverse_l * (0.5 * (piece.side_1().length() + piece.side_2().length()));
-            let further = if depth < DEEPEST { mask & bits(size.simd_gt(TOO_LARGE)) } else { 0 };
+            let further = if depth < MAX_QUARTERINGS { mask & bits(size.simd_gt(MAX_RELATIVE_SIZE)) } else { 0 };
             if further != 0 {
                 pieces.extend(piece.quarters().map(|q| (q, further, depth + 1)));
             }
@@ -246,13 +248,13 @@ impl TileGather<'_> {
             most[lane] = at_centre.max(nearest);
             part[lane] = (nearest - at_centre).abs() / most[lane].max(f32::MIN_POSITIVE);
         }
-        (lanes(simd, most), lanes(simd, part) * OF_CONTRAST)
+        (lanes(simd, most), lanes(simd, part) * CONTRAST_ERROR_SCALE)
     }
 
     /// Bounds of the light within cones around sixteen directions.
     #[inline(always)]
     fn light_within<S: Simd>(&self, simd: S, r: V3<S>, radius: F<S>, active: u32) -> (F<S>, F<S>) {
-        let OnCube { face, s, t } = on_cube(simd, r);
+        let OnCube { face, s, t } = on_cube(simd, self.scene.gather.environment.direction_in_cube(r));
         let (a, b) = (s - 1.0, t - 1.0);
         let reach = radius * (a * a + b * b + 1.0) * self.judge.light.half_size() + 1.0;
         let (face, s, t, reach) = (face.to_array(), s.to_array(), t.to_array(), reach.to_array());

@@ -2,13 +2,14 @@
 
 use glam::Vec4;
 
-use super::super::lanes::{LANES, Simd, SimdBase, bits, splat, splat3};
+use super::super::lanes::{LANES, Simd, SimdBase, bits, splat, vector};
 use super::super::visibility::{Outlook, Surroundings, Unhindered};
 use super::super::{Group, Pair, load_at};
 use super::blocks::{EDGES, FINEST, Grid, Kind, Tile, points_along};
-use super::bounds::{Cell, FOOTPRINT, Judge, NEGLIGIBLE, SHARE, Verdict};
+use super::bounds::{Cell, Judge, Verdict};
 use super::{Accuracy, Walked};
 use crate::pinhole::PinholeSample;
+use crate::pinhole::constants::{FOOTPRINT_RADIUS, NEGLIGIBLE_SHARE, PAIR_ERROR_SHARE};
 use crate::pinhole::receivers::TILE;
 
 /// A tile being gathered.
@@ -30,8 +31,8 @@ impl<'a> TileGather<'a> {
         let judge = Judge {
             uniforms: &scene.gather.uniforms,
             light: scene.bounds,
-            share: SHARE * accuracy.error,
-            negligible: NEGLIGIBLE * accuracy.error / scene.pinholes.tree.area(),
+            share: PAIR_ERROR_SHARE * accuracy.error,
+            negligible: NEGLIGIBLE_SHARE * accuracy.error / scene.pinholes.tree.area(),
             texel: scene.gather.environment.texel_rad(),
             map_texel: scene.gather.map_texel(),
             has_viewers: grid.receivers().viewers.is_some(),
@@ -147,13 +148,13 @@ impl<'a> TileGather<'a> {
         if let Some(maps) = &gather.pinholes.visibility {
             let root = &gather.pinholes.samples[root as usize];
             let sight = Surroundings::new(maps, root, pair.dn);
-            match sight.outlook(simd, receiver.position - splat3(simd, root.position_area), lit) {
+            match sight.outlook(simd, receiver.position - vector(simd, root.position()), lit) {
                 Outlook::Clear => {}
                 Outlook::Dark => return true,
                 Outlook::Mixed => return false,
             }
-            let reach =
-                FOOTPRINT * (footprint.v1.dot(footprint.v1) + footprint.v2.dot(footprint.v2)).reduce_max().sqrt();
+            let reach = FOOTPRINT_RADIUS
+                * (footprint.v1.dot(footprint.v1) + footprint.v2.dot(footprint.v2)).reduce_max().sqrt();
             match sight.sky(simd, pair.r, reach, lit) {
                 Outlook::Clear => {}
                 Outlook::Dark => return true,

@@ -1,92 +1,133 @@
-//! What the passes of the hierarchical gather read, byte for byte as in `shaders/shared/hierarchy.wgsl` and `work.wgsl`.
+//! What the passes of the hierarchical gather read, byte for byte as in `shaders/shared/cell_tree.wgsl` and
+//! `receiver_tiles.wgsl`.
 
 use bytemuck::{Pod, Zeroable};
 
-use crate::pinhole::PinholeTree;
+use crate::pinhole::{PinholeSample, PinholeTree};
 
-/// Points along the edge of a tile.
-pub const TILE: u32 = 64;
 /// Levels of blocks within a tile.
-pub const LEVELS: u32 = 4;
+pub const BLOCK_LEVELS: u32 = 4;
 /// Blocks of all levels within a tile.
-pub const BLOCKS: u32 = (4u32.pow(LEVELS) - 1) / 3;
-/// Points that stand for a block.
-pub const POINTS: u32 = 16;
-/// Bytes of what is known of a block.
+pub const BLOCKS_PER_TILE: u32 = (4u32.pow(BLOCK_LEVELS) - 1) / 3;
+/// Bytes of a block, which only shaders write and read.
 pub const BLOCK_BYTES: u64 = 48;
+/// Invocations of a workgroup.
+pub const WORKGROUP_SIZE: u32 = 64;
+/// Workgroups of an irradiance estimate: each receiver it asks is an invocation.
+pub const ESTIMATE_WORKGROUPS: u32 = 64;
+/// Invocations along an edge of the workgroups that compute bounds of the light.
+pub const BOUNDS_WORKGROUP_EDGE: u32 = 8;
+/// Levels that a traversal keeps track of: those of a million samples in fours, and six below each.
+pub const MAX_TREE_DEPTH: u32 = 20;
 
-/// What the cells of a root have in common, 80 bytes.
+/// What the cells of a sample have in common, 80 bytes.
 #[repr(C)]
-#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
-pub struct CellRoot {
-    /// World position of the root's own cell, metres; width of the mirror's lobe, radians.
-    pub position_lobe: [f32; 4],
-    /// Its normal; ±(object + 1), negative where both sides reflect.
-    pub normal_object: [f32; 4],
-    /// Reflectance; the number of its curve, from 1, or 0.
-    pub reflectance: [f32; 4],
-    /// No channel reflects more; how far the map's texels are shifted.
-    pub most_phase: [f32; 4],
-    /// Its first map of visibility; the index of its node.
-    pub map_node: [u32; 4],
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+pub(in crate::pinhole::gpu) struct SampleNode {
+    /// World position of the sample's own cell, metres.
+    pub position: [f32; 3],
+    /// Width of the mirror's lobe, radians.
+    pub lobe: f32,
+    /// Unit normal.
+    pub normal: [f32; 3],
+    /// Twice the object's index in the scene, plus 1 where both sides reflect.
+    pub object_sides: u32,
+    /// Reflectance where there is no curve.
+    pub reflectance: [f32; 3],
+    /// The number of its curve of reflectance, or `NO_CURVE`.
+    pub curve: u32,
+    /// How far its map's texels are shifted.
+    pub texel_jitter: [f32; 2],
+    /// No channel reflects more.
+    pub max_reflectance: f32,
+    /// Its first visibility map.
+    pub map: u32,
+    /// The index of its node.
+    pub node: u32,
+    padding: [u32; 3],
 }
 
-impl CellRoot {
-    /// The roots of a tree, in their order.
+impl SampleNode {
+    /// The sample nodes of a tree, in their order.
     pub fn of_tree(tree: &PinholeTree) -> Vec<Self> {
-        let root = |(sample, &node): (&crate::pinhole::PinholeSample, &u32)| {
+        let node = |(sample, &node): (&PinholeSample, &u32)| {
             let mirror = tree.mirror(sample.object());
-            let phase = sample.phase();
             Self {
-                position_lobe: sample.position().extend(mirror.lobe).to_array(),
-                normal_object: sample.normal_object,
+                position: sample.position,
+                lobe: mirror.lobe,
+                normal: sample.normal,
+                object_sides: sample.object_sides,
                 reflectance: sample.reflectance,
-                most_phase: [mirror.most, phase.x, phase.y, 0.0],
-                map_node: [sample.map(), node, 0, 0],
+                curve: sample.curve,
+                texel_jitter: sample.texel_jitter().to_array(),
+                max_reflectance: mirror.most,
+                map: sample.map,
+                node,
+                padding: [0; 3],
             }
         };
-        tree.roots().samples.iter().zip(tree.tree().roots()).map(root).collect()
+        tree.roots().samples.iter().zip(tree.tree().roots()).map(node).collect()
     }
 }
 
 /// What is the same for all passes of an image, 48 bytes.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
-pub struct TreeUniforms {
+pub(in crate::pinhole::gpu) struct TreeUniforms {
     /// Width and height of the picture.
     pub size: [u32; 2],
     /// Tiles in a row of it.
     pub tiles_across: u32,
     /// Entries of a list of cells.
-    pub capacity: u32,
-    /// Nodes above all others.
-    pub tops: u32,
-    /// Nodes from here on are roots or lie above them.
-    pub first_above: u32,
-    /// Number of roots.
-    pub roots: u32,
+    pub list_capacity: u32,
+    /// Nodes without a parent.
+    pub top_count: u32,
+    /// Nodes from here on are cluster nodes, or sample nodes among them.
+    pub first_cluster: u32,
+    /// Number of samples.
+    pub sample_count: u32,
     /// 1: sixteen points may stand for a block.
     pub may_interpolate: u32,
     /// 1: leaves are quartered for receivers near to them.
     pub split_near: u32,
     /// 1: receivers reflect to viewers.
-    pub has_viewers: u32,
+    pub has_view_directions: u32,
     /// Area of all cells, m².
     pub area: f32,
-    /// Width of a texel of a map of visibility, radians.
-    pub map_texel: f32,
+    /// Unused.
+    pub padding: u32,
+}
+
+/// The error that is allowed, 16 bytes.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub(in crate::pinhole::gpu) struct Tolerance {
+    /// At a point, W/m².
+    pub error: f32,
+    /// As a part of the estimated irradiance, from which the estimate's pass computes the other.
+    pub relative_error: f32,
+    padding: [u32; 2],
+}
+
+impl From<super::Tolerance> for Tolerance {
+    fn from(tolerance: super::Tolerance) -> Self {
+        match tolerance {
+            super::Tolerance::Absolute(error) => Self { error, ..Self::default() },
+            super::Tolerance::Relative(relative_error) => Self { relative_error, ..Self::default() },
+        }
+    }
 }
 
 /// Which tiles, and which blocks of theirs, a pass works on.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
-pub struct Stage {
-    /// The first tile of the run, row by row over the picture.
+pub(in crate::pinhole::gpu) struct TilePass {
+    /// The first tile of the batch, row by row over the picture.
     pub first_tile: u32,
     /// The level of blocks, 0 the largest.
     pub level: u32,
-    /// Which of so many parts of the lists: of the last pass only.
-    pub part: u32,
-    /// How many parts.
-    pub parts: u32,
+    /// Which share of the lists a split resolve pass takes,
+    pub split: u32,
+    /// of how many.
+    pub split_count: u32,
 }

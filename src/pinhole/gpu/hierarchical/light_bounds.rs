@@ -4,10 +4,12 @@ use wgpu::util::DeviceExt;
 
 use super::super::EnvironmentCube;
 use super::super::pipeline::{bind, cube, layout, sampler, seen_by, window};
+use super::super::shaders::LIGHT_BOUNDS;
+use super::layout::BOUNDS_WORKGROUP_EDGE;
 use super::pipelines::{compute_pipeline, entry, writable};
-use super::{STAGE_STRIDE, uniform_buffer};
+use super::{DYNAMIC_OFFSET, uniform_buffer};
 use crate::environment::{FACES, FINEST_BOUNDS, LightBounds};
-use crate::gpu::resolve;
+use crate::gpu::GpuError;
 
 /// Bounds of an environment's radiance: a texture of six layers with all mips, each texel the most and the contrast around it.
 #[derive(Clone, Debug)]
@@ -44,7 +46,7 @@ impl LightBoundsTexture {
 
 /// Makes bounds on the GPU, again whenever the light has changed. It is made once per environment.
 #[derive(Debug)]
-pub struct LightBoundsMaker {
+pub struct LightBoundsBuilder {
     bounds: LightBoundsTexture,
     /// In the order in which they run: pipeline, its level's group, offset of its uniforms, workgroups along an edge.
     steps: Vec<Step>,
@@ -61,25 +63,28 @@ struct Step {
 
 #[repr(C)]
 #[derive(Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
-struct BoundsUniforms {
-    size: u32,
-    first: u32,
-    first_above: u32,
-    detail: u32,
-    radiance_scale: f32,
+pub(in crate::pinhole::gpu) struct BoundsUniforms {
+    pub size: u32,
+    pub first: u32,
+    pub first_above: u32,
+    pub detail: u32,
+    pub radiance_scale: f32,
     padding: [u32; 3],
 }
 
 /// Bytes of a texel's extremes.
 const EXTREMES: u64 = 32;
 
-impl LightBoundsMaker {
+impl LightBoundsBuilder {
     /// Compiles the shaders and makes the texture. The cube's size must be a power of two.
-    pub fn new(device: &wgpu::Device, environment: &EnvironmentCube) -> Self {
+    pub fn new(device: &wgpu::Device, environment: &EnvironmentCube) -> Result<Self, GpuError> {
         Self::with_finest(device, environment, FINEST_BOUNDS)
     }
 
-    fn with_finest(device: &wgpu::Device, environment: &EnvironmentCube, finest: u32) -> Self {
+    fn with_finest(device: &wgpu::Device, environment: &EnvironmentCube, finest: u32) -> Result<Self, GpuError> {
+        if !environment.size().is_power_of_two() {
+            return Err(GpuError::CubeSize { size: environment.size() });
+        }
         let size = environment.size().min(finest);
         let usage =
             wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::STORAGE_BINDING | wgpu::TextureUsages::COPY_SRC;
@@ -88,53 +93,19 @@ impl LightBoundsMaker {
         let of_light = [window(0), cube(1), sampler(2), writable(3)].map(|entry| seen_by(compute, entry));
         let of_light = layout(device, "light", &of_light);
         let of_target = layout(device, "bounds of a level", &[seen_by(compute, written(0))]);
-
-        let (mut bytes, mut first, mut first_above) = (Vec::new(), 0, 0);
-        for level in 0..texture.mip_level_count() {
-            let size = size >> level;
-            let detail = environment.size() / texture.width();
-            let radiance_scale = environment.radiance_scale();
-            let uniforms = BoundsUniforms { size, first, first_above, detail, radiance_scale, padding: [0; 3] };
-            bytes.extend_from_slice(bytemuck::bytes_of(&uniforms));
-            bytes.resize(bytes.len().next_multiple_of(STAGE_STRIDE as usize), 0);
-            // The finest level's extremes are the cube's texels.
-            if level > 0 {
-                first_above = first;
-                first += 2 * FACES as u32 * size * size;
-            }
-        }
-        let uniforms = uniform_buffer(device, "levels of bounds", &bytes);
-        let extremes = device.create_buffer(&wgpu::BufferDescriptor {
-            label: Some("extremes of the light"),
-            size: (u64::from(first) / 2).max(1) * EXTREMES,
-            usage: wgpu::BufferUsages::STORAGE,
-            mapped_at_creation: false,
-        });
-        let nearest = device.create_sampler(&wgpu::SamplerDescriptor::default());
-        let window = wgpu::BufferBinding {
-            buffer: &uniforms,
-            offset: 0,
-            size: std::num::NonZero::new(size_of::<BoundsUniforms>() as u64),
-        };
-        let light = [
-            wgpu::BindingResource::Buffer(window),
-            wgpu::BindingResource::TextureView(environment.view()),
-            wgpu::BindingResource::Sampler(&nearest),
-            extremes.as_entire_binding(),
-        ];
-        let light = bind(device, &of_light, &light);
-        let pipelines = Makers::new(device, [&of_light, &of_target]);
+        let light = bind_light(device, &of_light, environment, &texture);
+        let pipelines = BoundsPipelines::new(device, [&of_light, &of_target]);
         let mut steps = Vec::new();
         for level in 0..texture.mip_level_count() {
             let target = level_of(&texture, level);
             let target = bind(device, &of_target, &[wgpu::BindingResource::TextureView(&target)]);
             for pipeline in pipelines.of_level(level) {
-                let workgroups = (size >> level).div_ceil(8);
-                let offset = level * STAGE_STRIDE as u32;
+                let workgroups = (size >> level).div_ceil(BOUNDS_WORKGROUP_EDGE);
+                let offset = level * DYNAMIC_OFFSET as u32;
                 steps.push(Step { pipeline: pipeline.clone(), target: target.clone(), offset, workgroups });
             }
         }
-        Self { bounds: LightBoundsTexture { view: view_of(&texture), texture }, steps, light }
+        Ok(Self { bounds: LightBoundsTexture { view: view_of(&texture), texture }, steps, light })
     }
 
     /// Records the making of the bounds of what is in the cube when that is executed.
@@ -157,20 +128,66 @@ impl LightBoundsMaker {
     }
 }
 
-/// What makes extremes, and bounds of them.
-struct Makers {
+/// The uniforms of all levels of the bounds, and how many vectors their extremes take.
+fn uniforms_of_levels(environment: &EnvironmentCube, bounds: &wgpu::Texture) -> (Vec<u8>, u32) {
+    let (mut bytes, mut first, mut first_above) = (Vec::new(), 0, 0);
+    for level in 0..bounds.mip_level_count() {
+        let size = bounds.width() >> level;
+        let detail = environment.size() / bounds.width();
+        let radiance_scale = environment.radiance_scale();
+        let uniforms = BoundsUniforms { size, first, first_above, detail, radiance_scale, padding: [0; 3] };
+        bytes.extend_from_slice(bytemuck::bytes_of(&uniforms));
+        bytes.resize(bytes.len().next_multiple_of(DYNAMIC_OFFSET as usize), 0);
+        // The finest level's extremes are the cube's texels.
+        if level > 0 {
+            first_above = first;
+            first += 2 * FACES as u32 * size * size;
+        }
+    }
+    (bytes, first)
+}
+
+/// Binds the cube, the uniforms of all levels, and room for their extremes.
+fn bind_light(
+    device: &wgpu::Device,
+    layout: &wgpu::BindGroupLayout,
+    environment: &EnvironmentCube,
+    bounds: &wgpu::Texture,
+) -> wgpu::BindGroup {
+    let (uniforms, vectors) = uniforms_of_levels(environment, bounds);
+    let uniforms = uniform_buffer(device, "levels of bounds", &uniforms);
+    let extremes = device.create_buffer(&wgpu::BufferDescriptor {
+        label: Some("extremes of the light"),
+        size: (u64::from(vectors) / 2).max(1) * EXTREMES,
+        usage: wgpu::BufferUsages::STORAGE,
+        mapped_at_creation: false,
+    });
+    let nearest = device.create_sampler(&wgpu::SamplerDescriptor::default());
+    let window = wgpu::BufferBinding {
+        buffer: &uniforms,
+        offset: 0,
+        size: std::num::NonZero::new(size_of::<BoundsUniforms>() as u64),
+    };
+    let resources = [
+        wgpu::BindingResource::Buffer(window),
+        wgpu::BindingResource::TextureView(environment.view()),
+        wgpu::BindingResource::Sampler(&nearest),
+        extremes.as_entire_binding(),
+    ];
+    bind(device, layout, &resources)
+}
+
+/// The pipelines of extremes, and of bounds of them.
+struct BoundsPipelines {
     bound_cube: wgpu::ComputePipeline,
-    halve_cube: wgpu::ComputePipeline,
-    halve: wgpu::ComputePipeline,
+    downsample_cube: wgpu::ComputePipeline,
+    downsample: wgpu::ComputePipeline,
     bound: wgpu::ComputePipeline,
 }
 
-impl Makers {
+impl BoundsPipelines {
     fn new(device: &wgpu::Device, groups: [&wgpu::BindGroupLayout; 2]) -> Self {
-        let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
-            label: Some("bounds of the light"),
-            source: wgpu::ShaderSource::Wgsl(resolve("light_bounds")),
-        });
+        let module = LIGHT_BOUNDS.module(device);
         let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
             label: Some("bounds of the light"),
             bind_group_layouts: &groups.map(Some),
@@ -179,8 +196,8 @@ impl Makers {
         let compute = |entry: &str| compute_pipeline(device, &layout, &module, entry, &[]);
         Self {
             bound_cube: compute("bound_cube"),
-            halve_cube: compute("halve_cube"),
-            halve: compute("halve"),
+            downsample_cube: compute("downsample_cube"),
+            downsample: compute("downsample"),
             bound: compute("bound"),
         }
     }
@@ -188,8 +205,8 @@ impl Makers {
     fn of_level(&self, level: u32) -> Vec<&wgpu::ComputePipeline> {
         match level {
             0 => vec![&self.bound_cube],
-            1 => vec![&self.halve_cube, &self.bound],
-            _ => vec![&self.halve, &self.bound],
+            1 => vec![&self.downsample_cube, &self.bound],
+            _ => vec![&self.downsample, &self.bound],
         }
     }
 }
@@ -237,6 +254,7 @@ mod tests {
     use glam::Vec3;
 
     use super::*;
+    use crate::blocking::wait;
     use crate::environment::CubeMap;
     use crate::gpu::Gpu;
 
@@ -255,7 +273,7 @@ mod tests {
         encoder.copy_texture_to_buffer(source, wgpu::TexelCopyBufferInfo { buffer: &buffer, layout }, extent);
         gpu.queue.submit([encoder.finish()]);
         buffer.map_async(wgpu::MapMode::Read, .., |mapped| mapped.unwrap());
-        gpu.wait().unwrap();
+        wait(Some(&gpu.device), gpu.submitted_work_done()).unwrap();
         let mapped = buffer.get_mapped_range(..).unwrap();
         let rows = mapped.chunks(row as usize);
         rows.flat_map(|row| row[..size as usize * 8].chunks(8).map(bytemuck::pod_read_unaligned)).collect()
@@ -265,7 +283,8 @@ mod tests {
     /// changed.
     #[test]
     fn bounds_made_on_the_gpu_are_those_of_the_cpu() {
-        let gpu = Gpu::open(None).unwrap_or_else(|e| panic!("GPU tests need an adapter; run them by tests/run: {e}"));
+        let gpu = wait(None, Gpu::open(None))
+            .unwrap_or_else(|e| panic!("GPU tests need an adapter; run them by tests/run: {e}"));
         let light = |turn: f32| {
             CubeMap::from_radiance(32, None, move |d| {
                 Vec3::new((9.0 * d.x + turn).sin().abs(), 1.0 + d.y, (40.0 * (d.z - 1.0)).exp() * 9.0)
@@ -274,12 +293,12 @@ mod tests {
         for (finest, turn) in [(64, 0.0), (8, 0.0), (8, 1.0)] {
             let cube = light(turn);
             let uploaded = EnvironmentCube::upload(&gpu.device, &gpu.queue, &cube).unwrap();
-            let maker = LightBoundsMaker::with_finest(&gpu.device, &uploaded, finest);
+            let builder = LightBoundsBuilder::with_finest(&gpu.device, &uploaded, finest).unwrap();
             let mut encoder = gpu.device.create_command_encoder(&Default::default());
-            maker.record(&mut encoder);
+            builder.record(&mut encoder);
             gpu.queue.submit([encoder.finish()]);
             for (level, (size, expected)) in LightBounds::with_finest(&cube, finest).levels().enumerate() {
-                let made = read_level(&gpu, maker.bounds().texture(), level as u32);
+                let made = read_level(&gpu, builder.bounds().texture(), level as u32);
                 assert_eq!(made.len(), expected.len());
                 for (k, (made, expected)) in made.iter().zip(expected).enumerate() {
                     let off = (made[0] - expected.most).abs().max((made[1] - expected.contrast).abs());

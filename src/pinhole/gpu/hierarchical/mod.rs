@@ -1,34 +1,34 @@
 //! The hierarchical gather on the GPU, recorded into the caller's encoder on the caller's device.
 //!
 //! [`HierarchicalEngine`] is made once per device and filter, [`CellTreeBuffers`] once per tree, [`LightBoundsTexture`] once per
-//! light, [`HierarchicalFrame`] once per image. Compute passes look at blocks of receivers and judge pairs of a block and a cell, from
+//! light, [`HierarchicalFrame`] once per image. Compute passes make blocks of receivers and refine pairs of a block and a cell, from
 //! the largest blocks to the smallest: what can be interpolated is added at sixteen points of its block, the rest is listed for the
-//! next level. A fragment pass interpolates, and lets every pixel walk down from the cells of its block's list.
+//! next level. A fragment pass interpolates, and lets every pixel traverse the tree from the cells of its block's list down.
 //!
-//! Lists are bounded and reused by run after run of tiles; where one is full, cells are handed on unrefined. Nothing is read back
-//! within a frame. Shaders: `blocks`, `cut`, `finish`, `scout`, `light_bounds`; CPU twin: [`crate::pinhole::cpu::gather_hierarchical`].
+//! Lists are bounded and reused by batch after batch of tiles; where one is full, cells are handed on unrefined. Nothing is read
+//! back within a frame. Shaders: `receiver_blocks`, `refine`, `resolve`, `irradiance_estimate`, `light_bounds`. The CPU's
+//! [`crate::pinhole::cpu::gather_hierarchical`] applies the same criteria in another order; see `shaders/README.md`.
 
 mod frame;
-mod layout;
-mod light_bounds;
+pub(super) mod layout;
+pub(super) mod light_bounds;
 mod pipelines;
-mod run;
+mod tile_batch;
 mod tree;
 
 pub use frame::HierarchicalFrame;
-pub use layout::{CellRoot, Stage, TreeUniforms};
-pub use light_bounds::{LightBoundsMaker, LightBoundsTexture};
+pub use light_bounds::{LightBoundsBuilder, LightBoundsTexture};
 pub use tree::CellTreeBuffers;
 
 use wgpu::util::DeviceExt;
 
-use self::frame::Passes;
-use self::layout::{BLOCKS, TILE};
+use self::layout::{BLOCKS_PER_TILE, ESTIMATE_WORKGROUPS, TreeUniforms};
 use self::pipelines::Pipelines;
-use self::run::Run;
+use self::tile_batch::TileBatch;
 use super::pipeline::bind;
 use super::{EnvironmentCube, FrameViewers, bind_receivers, target};
 use crate::gpu::GpuError;
+use crate::pinhole::constants::TILE_SIZE;
 use crate::pinhole::{Filter, GatherUniforms, Params};
 
 /// The hierarchical gather's pipelines on one device. It needs nothing beyond what every WebGPU device has.
@@ -44,7 +44,7 @@ pub struct HierarchicalEngine {
 pub struct HierarchicalOptions {
     /// [`Filter::Anisotropic`] or [`Filter::Hardware`]; it is compiled into the shaders.
     pub filter: Filter,
-    /// Whether the roots' maps of visibility count.
+    /// Whether the samples' visibility maps count.
     pub visibility: bool,
 }
 
@@ -60,8 +60,8 @@ pub struct HierarchicalInputs<'a> {
     /// Width and height of all.
     pub size: [u32; 2],
     /// Whether neighbours in the textures are neighbours in a picture: then sixteen may stand for many.
-    pub is_picture: bool,
-    /// The cells; with maps of visibility if, and only if, the engine was made for them.
+    pub is_grid: bool,
+    /// The cells; with visibility maps if, and only if, the engine was made for them.
     pub tree: &'a CellTreeBuffers,
     /// The environment,
     pub environment: &'a EnvironmentCube,
@@ -73,9 +73,9 @@ pub struct HierarchicalInputs<'a> {
     pub tolerance: Tolerance,
     /// Leaves are quartered for receivers that are nearer to them than they are wide.
     pub split_near: bool,
-    /// Passes that share what a pixel does by itself; at least 1. More where an adapter limits loops (see
+    /// Passes that the pixels' own work is split into, from 1 to 4096. More where an adapter limits loops (see
     /// [`HierarchicalFrame::caustic`]) or the time of a draw.
-    pub parts: u32,
+    pub split_passes: u32,
 }
 
 /// The error that is allowed.
@@ -88,13 +88,53 @@ pub enum Tolerance {
 }
 
 /// Entries of a list of cells; more if there are more objects than that.
-const CAPACITY: u32 = 4096;
-/// Bytes of the lists of a run of tiles.
-const RUN_BYTES: u64 = 96 << 20;
+const LIST_CAPACITY: u32 = 4096;
+/// Bytes of the lists of a batch of tiles.
+const BATCH_LIST_BYTES: u64 = 96 << 20;
+/// The most passes that an image's work is split into.
+const MAX_SPLIT_PASSES: u32 = 4096;
 /// Dynamic offsets of uniforms are multiples of this on every device.
-const STAGE_STRIDE: u64 = 256;
-/// Bytes of what scouts report.
-const REPORT_BYTES: u64 = 64 * 16;
+const DYNAMIC_OFFSET: u64 = 256;
+/// Bytes of the partial sums of an irradiance estimate.
+const PARTIAL_SUM_BYTES: u64 = ESTIMATE_WORKGROUPS as u64 * 16;
+
+/// How an image is divided into tiles, and their work into passes.
+#[derive(Clone, Copy, Debug)]
+struct Tiling {
+    /// Tiles along a row and a column.
+    across: u32,
+    down: u32,
+    /// Entries of a block's list.
+    list_capacity: u32,
+    /// Tiles in a batch.
+    per_batch: u32,
+    split_passes: u32,
+}
+
+impl Tiling {
+    fn new(inputs: &HierarchicalInputs) -> Self {
+        let [across, down] = inputs.size.map(|pixels| pixels.div_ceil(TILE_SIZE));
+        let list_capacity = LIST_CAPACITY.max(2 * inputs.tree.top_count);
+        let split_passes = inputs.split_passes.clamp(1, MAX_SPLIT_PASSES);
+        let one = Self { across, down, list_capacity, per_batch: 1, split_passes };
+        let per_batch = ((BATCH_LIST_BYTES / one.bytes_per_tile()) as u32).clamp(1, one.count().max(1));
+        Self { per_batch, ..one }
+    }
+
+    fn count(&self) -> u32 {
+        self.across * self.down
+    }
+
+    /// Of the nodes without a parent, and of all lists of a batch.
+    fn list_bytes(&self, tree: &CellTreeBuffers) -> u64 {
+        u64::from(tree.top_count) * 4 + self.bytes_per_tile() * u64::from(self.per_batch)
+    }
+
+    /// Of its blocks' lists.
+    fn bytes_per_tile(&self) -> u64 {
+        u64::from(BLOCKS_PER_TILE) * u64::from(self.list_capacity + 1) * 4
+    }
+}
 
 impl HierarchicalEngine {
     /// Compiles the shaders.
@@ -106,81 +146,65 @@ impl HierarchicalEngine {
     /// Makes what one image needs.
     pub fn frame(&self, device: &wgpu::Device, inputs: &HierarchicalInputs) -> Result<HierarchicalFrame, GpuError> {
         self.check(device, inputs)?;
-        let [width, height] = inputs.size;
-        let tiles_across = width.div_ceil(TILE);
-        let tiles = tiles_across * height.div_ceil(TILE);
-        let tops = inputs.tree.top_count;
-        let capacity = CAPACITY.max(2 * tops);
-        let bytes_per_tile = u64::from(BLOCKS) * u64::from(capacity + 1) * 4;
-        let tiles_per_run = ((RUN_BYTES / bytes_per_tile) as u32).clamp(1, tiles);
-        let uniforms = TreeUniforms {
-            size: inputs.size,
-            tiles_across,
-            capacity,
-            tops,
-            first_above: inputs.tree.first_above,
-            roots: inputs.tree.root_count,
-            may_interpolate: (inputs.is_picture && inputs.viewers.is_none()).into(),
-            split_near: inputs.split_near.into(),
-            has_viewers: inputs.viewers.is_some().into(),
-            area: inputs.tree.area,
-            map_texel: inputs.tree.map_resolution.map_or(0.0, |n| std::f32::consts::TAU.sqrt() / n as f32),
-        };
-        let run = Run::new(device, inputs, tiles, tiles_per_run, bytes_per_tile);
+        let tiling = Tiling::new(inputs);
+        let batch = TileBatch::new(device, inputs, &tiling);
         let layouts = &self.pipelines.layouts;
-        let work = [
-            run.stage(),
-            run.lists.as_entire_binding(),
-            run.blocks.as_entire_binding(),
-            wgpu::BindingResource::TextureView(&run.smooth),
-            run.allowed(),
-        ];
-        let parts = inputs.parts.max(1);
-        let targets: Vec<wgpu::Texture> = (0..parts.min(2)).map(|_| target(device, inputs.size)).collect();
+        let count = tiling.split_passes.min(2);
+        let targets: Vec<wgpu::Texture> = (0..count).map(|_| target(device, inputs.size)).collect();
         let views: Vec<wgpu::TextureView> = targets.iter().map(|t| t.create_view(&Default::default())).collect();
-        let result = |other: &wgpu::TextureView| {
-            let resources = [
-                run.stage(),
-                run.lists.as_entire_binding(),
-                wgpu::BindingResource::TextureView(&run.smooth),
-                run.allowed(),
-                wgpu::BindingResource::TextureView(other),
-            ];
-            bind(device, &layouts.result, &resources)
-        };
-        // Without parts nothing is read from there.
-        let results = match views.as_slice() {
-            [first, second] => vec![result(second), result(first)],
-            _ => vec![result(&run.smooth)],
-        };
-        let scouts = matches!(inputs.tolerance, Tolerance::Relative(_)).then(|| {
-            let resources = [run.reports.as_entire_binding(), run.tolerance.as_entire_binding()];
-            bind(device, &layouts.scouts, &resources)
+        let estimate = matches!(inputs.tolerance, Tolerance::Relative(_)).then(|| {
+            let resources = [batch.partial_sums.as_entire_binding(), batch.tolerance.as_entire_binding()];
+            bind(device, &layouts.estimate, &resources)
         });
-        let Pipelines { blocks, cut, scout, settle, finish, reflect, .. } = &self.pipelines;
-        let finish = if inputs.viewers.is_some() { reflect } else { finish };
         Ok(HierarchicalFrame {
+            scene: self.bind_scene(device, inputs, &tiling),
+            receivers: bind_receivers(device, &layouts.receivers, [inputs.positions, inputs.normals], inputs.viewers),
+            work: self.bind_work(device, &batch),
+            results: self.bind_results(device, &batch, &views),
             targets,
             views,
-            scene: self.bind_scene(device, inputs, &uniforms),
-            receivers: bind_receivers(device, &layouts.receivers, [inputs.positions, inputs.normals], inputs.viewers),
-            work: bind(device, &layouts.work, &work),
-            results,
-            scouts,
-            passes: Passes {
-                blocks: blocks.clone(),
-                cut: cut.clone(),
-                scout: scout.clone(),
-                settle: settle.clone(),
-                finish: finish.clone(),
-            },
-            tiles,
-            tiles_per_run,
-            parts,
+            estimate,
+            passes: self.pipelines.passes(inputs.viewers.is_some()),
+            tiling,
             tops: inputs.tree.tops.clone(),
-            lists: run.lists,
+            lists: batch.lists,
             is_begun: false,
         })
+    }
+
+    fn bind_work(&self, device: &wgpu::Device, batch: &TileBatch) -> wgpu::BindGroup {
+        let resources = [
+            batch.tile_pass(),
+            batch.lists.as_entire_binding(),
+            batch.blocks.as_entire_binding(),
+            wgpu::BindingResource::TextureView(&batch.interpolated_part),
+            batch.tolerance.as_entire_binding(),
+        ];
+        bind(device, &self.pipelines.layouts.work, &resources)
+    }
+
+    /// For each target: what the resolve pass reads, with the other one.
+    fn bind_results(
+        &self,
+        device: &wgpu::Device,
+        batch: &TileBatch,
+        targets: &[wgpu::TextureView],
+    ) -> Vec<wgpu::BindGroup> {
+        let result = |other: &wgpu::TextureView| {
+            let resources = [
+                batch.tile_pass(),
+                batch.lists.as_entire_binding(),
+                wgpu::BindingResource::TextureView(&batch.interpolated_part),
+                batch.tolerance.as_entire_binding(),
+                wgpu::BindingResource::TextureView(other),
+            ];
+            bind(device, &self.pipelines.layouts.result, &resources)
+        };
+        match targets {
+            [first, second] => vec![result(second), result(first)],
+            // Of a single pass nothing is read from there.
+            _ => vec![result(&batch.interpolated_part)],
+        }
     }
 
     fn check(&self, device: &wgpu::Device, inputs: &HierarchicalInputs) -> Result<(), GpuError> {
@@ -190,34 +214,48 @@ impl HierarchicalEngine {
         if inputs.tree.map_resolution.is_some() != self.visibility {
             return Err(GpuError::OtherVisibility { engine: self.visibility });
         }
-        super::check_image(&device.limits(), inputs.size)
+        super::check_image(&device.limits(), inputs.size)?;
+        let limit = device.limits().max_storage_buffer_binding_size.min(device.limits().max_buffer_size);
+        let bytes = Tiling::new(inputs).list_bytes(inputs.tree);
+        if bytes > limit {
+            return Err(GpuError::TreeTooLarge { cells: inputs.tree.top_count as usize, bytes, limit });
+        }
+        Ok(())
     }
 
-    fn bind_scene(
-        &self,
-        device: &wgpu::Device,
-        inputs: &HierarchicalInputs,
-        uniforms: &TreeUniforms,
-    ) -> wgpu::BindGroup {
+    fn bind_scene(&self, device: &wgpu::Device, inputs: &HierarchicalInputs, tiling: &Tiling) -> wgpu::BindGroup {
         let (cube, tree) = (inputs.environment, inputs.tree);
         let gather = GatherUniforms {
             map_resolution: tree.map_resolution.unwrap_or(0),
             ..GatherUniforms::new(&inputs.params, &Default::default(), cube.size(), cube.radiance_scale())
         };
         let gather = uniform_buffer(device, "gather uniforms", bytemuck::bytes_of(&gather));
-        let uniforms = uniform_buffer(device, "tree uniforms", bytemuck::bytes_of(uniforms));
+        let uniforms = TreeUniforms {
+            size: inputs.size,
+            tiles_across: tiling.across,
+            list_capacity: tiling.list_capacity,
+            top_count: tree.top_count,
+            first_cluster: tree.first_cluster,
+            sample_count: tree.sample_count,
+            may_interpolate: (inputs.is_grid && inputs.viewers.is_none()).into(),
+            split_near: inputs.split_near.into(),
+            has_view_directions: inputs.viewers.is_some().into(),
+            area: tree.area,
+            padding: 0,
+        };
+        let uniforms = uniform_buffer(device, "tree uniforms", bytemuck::bytes_of(&uniforms));
         let resources = [
             gather.as_entire_binding(),
-            uniforms.as_entire_binding(),
             wgpu::BindingResource::TextureView(cube.view()),
             wgpu::BindingResource::Sampler(&self.pipelines.trilinear),
             wgpu::BindingResource::Sampler(&self.pipelines.anisotropic),
-            wgpu::BindingResource::TextureView(&inputs.bounds.view),
-            tree.nodes.as_entire_binding(),
-            tree.roots.as_entire_binding(),
             tree.curves.as_entire_binding(),
             tree.planes.as_entire_binding(),
-            tree.open.as_entire_binding(),
+            tree.sky_masks.as_entire_binding(),
+            uniforms.as_entire_binding(),
+            wgpu::BindingResource::TextureView(&inputs.bounds.view),
+            tree.nodes.as_entire_binding(),
+            tree.sample_nodes.as_entire_binding(),
         ];
         bind(device, &self.pipelines.layouts.scene, &resources)
     }

@@ -3,20 +3,27 @@
 use wgpu::{BindGroupLayout, BindGroupLayoutEntry, BindingType, ShaderStages, TextureFormat, TextureViewDimension};
 
 use super::super::pipeline::{
-    cube, filter_constant, layout, linear_sampler, render_pipeline, sampler, seen_by, storage, texture, uniform, window,
+    GATHER_INPUTS, filter_constant, gather_inputs, layout, linear_sampler, render_pipeline, seen_by, storage, texture,
+    uniform, window,
 };
-use crate::gpu::resolve;
+use super::super::shaders::{IRRADIANCE_ESTIMATE, RECEIVER_BLOCKS, REFINE, RESOLVE};
 use crate::pinhole::Filter;
+
+/// The pipelines of an image's passes.
+#[derive(Clone, Debug)]
+pub(super) struct Passes {
+    pub receiver_blocks: wgpu::ComputePipeline,
+    pub refine: wgpu::ComputePipeline,
+    pub estimate: wgpu::ComputePipeline,
+    pub set_tolerance: wgpu::ComputePipeline,
+    pub resolve: wgpu::RenderPipeline,
+}
 
 #[derive(Debug)]
 pub(super) struct Pipelines {
-    pub blocks: wgpu::ComputePipeline,
-    pub cut: wgpu::ComputePipeline,
-    pub scout: wgpu::ComputePipeline,
-    pub settle: wgpu::ComputePipeline,
-    pub finish: wgpu::RenderPipeline,
-    /// The same towards viewers.
-    pub reflect: wgpu::RenderPipeline,
+    passes: Passes,
+    /// The last pass towards viewers.
+    resolve_towards_viewers: wgpu::RenderPipeline,
     pub layouts: Layouts,
     pub trilinear: wgpu::Sampler,
     pub anisotropic: wgpu::Sampler,
@@ -30,10 +37,10 @@ pub(super) struct Layouts {
     pub receivers: BindGroupLayout,
     /// What the compute passes work on.
     pub work: BindGroupLayout,
-    /// The same, as the last pass reads it.
+    /// The same, as the resolve pass reads it.
     pub result: BindGroupLayout,
-    /// What scouts report.
-    pub scouts: BindGroupLayout,
+    /// What the irradiance estimate writes.
+    pub estimate: BindGroupLayout,
 }
 
 const BOTH: ShaderStages = ShaderStages::COMPUTE.union(ShaderStages::FRAGMENT);
@@ -41,33 +48,20 @@ const COMPUTE: ShaderStages = ShaderStages::COMPUTE;
 
 impl Layouts {
     fn new(device: &wgpu::Device) -> Self {
-        let bounds = bounds_texture(5);
-        let scene = [
-            uniform(0),
-            uniform(1),
-            cube(2),
-            sampler(3),
-            sampler(4),
-            bounds,
-            storage(6),
-            storage(7),
-            storage(8),
-            storage(9),
-            storage(10),
-        ];
-        let all = BOTH | ShaderStages::VERTEX;
-        let scene = scene.map(|entry| seen_by(if entry.binding == 1 { all } else { BOTH }, entry));
+        let tree = seen_by(BOTH | ShaderStages::VERTEX, uniform(GATHER_INPUTS));
+        let cells = [bounds_texture(8), storage(9), storage(10)].map(|entry| seen_by(BOTH, entry));
+        let scene = [&gather_inputs().map(|entry| seen_by(BOTH, entry))[..], &[tree], &cells].concat();
         let of_points = [texture(0), texture(1)].map(|entry| seen_by(BOTH, entry));
         let receivers = [&of_points[..], &[texture(2), storage(3), storage(4)]].concat();
         let work = [window(0), writable(1), writable(2), written(3), uniform(4)].map(|entry| seen_by(COMPUTE, entry));
-        let stage = seen_by(ShaderStages::VERTEX_FRAGMENT, window(0));
-        let scouts = [writable(0), writable(1)].map(|entry| seen_by(COMPUTE, entry));
+        let tile_pass = seen_by(ShaderStages::VERTEX_FRAGMENT, window(0));
+        let estimate = [writable(0), writable(1)].map(|entry| seen_by(COMPUTE, entry));
         Self {
             scene: layout(device, "cells and light", &scene),
             receivers: layout(device, "receivers", &receivers),
-            work: layout(device, "cuts", &work),
-            result: layout(device, "cuts made", &[stage, storage(1), texture(2), uniform(3), texture(4)]),
-            scouts: layout(device, "scouts", &scouts),
+            work: layout(device, "tile batch", &work),
+            result: layout(device, "refined tiles", &[tile_pass, storage(1), texture(2), uniform(3), texture(4)]),
+            estimate: layout(device, "irradiance estimate", &estimate),
         }
     }
 }
@@ -75,40 +69,47 @@ impl Layouts {
 impl Pipelines {
     pub fn new(device: &wgpu::Device, filter: Filter, visibility: bool) -> Self {
         let layouts = Layouts::new(device);
-        let of_groups = |groups: [&BindGroupLayout; 3]| {
+        let with_group = |third: &BindGroupLayout| {
             device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
                 label: Some("hierarchical gather"),
-                bind_group_layouts: &groups.map(Some),
+                bind_group_layouts: &[&layouts.scene, &layouts.receivers, third].map(Some),
                 immediate_size: 0,
             })
         };
-        let with_work = of_groups([&layouts.scene, &layouts.receivers, &layouts.work]);
-        let with_scouts = of_groups([&layouts.scene, &layouts.receivers, &layouts.scouts]);
-        let with_result = of_groups([&layouts.scene, &layouts.receivers, &layouts.result]);
         let constants =
             [("FILTER", f64::from(filter_constant(filter))), ("VISIBILITY", f64::from(u8::from(visibility)))];
-        let module = |name: &str| {
-            device.create_shader_module(wgpu::ShaderModuleDescriptor {
-                label: Some(name),
-                source: wgpu::ShaderSource::Wgsl(resolve(name)),
-            })
-        };
-        let (scout, finish) = (module("scout"), module("finish"));
-        let last = |shading: bool| {
+        let (work, estimate, result) =
+            (with_group(&layouts.work), with_group(&layouts.estimate), with_group(&layouts.result));
+        let (of_estimate, of_resolve) = (IRRADIANCE_ESTIMATE.module(device), RESOLVE.module(device));
+        let resolve = |shading: bool| {
             let constants = [constants[0], constants[1], ("SHADING", f64::from(u8::from(shading)))];
-            render_pipeline(device, &with_result, &finish, ["tile_corner", "finish"], &constants, None)
+            render_pipeline(device, &result, &of_resolve, ["tile_corner", "resolve"], &constants, None)
+        };
+        let compute = |layout, module: &wgpu::ShaderModule, entry, constants: &[(&str, f64)]| {
+            compute_pipeline(device, layout, module, entry, constants)
         };
         Self {
-            blocks: compute_pipeline(device, &with_work, &module("blocks"), "look_at_blocks", &[]),
-            cut: compute_pipeline(device, &with_work, &module("cut"), "cut", &constants),
-            scout: compute_pipeline(device, &with_scouts, &scout, "scout", &constants[1..]),
-            settle: compute_pipeline(device, &with_scouts, &scout, "settle", &[]),
-            finish: last(false),
-            reflect: last(true),
+            passes: Passes {
+                receiver_blocks: compute(&work, &RECEIVER_BLOCKS.module(device), "make_block", &[]),
+                refine: compute(&work, &REFINE.module(device), "refine", &constants),
+                estimate: compute(&estimate, &of_estimate, "estimate", &constants[1..]),
+                set_tolerance: compute(&estimate, &of_estimate, "set_tolerance", &[]),
+                resolve: resolve(false),
+            },
+            resolve_towards_viewers: resolve(true),
             layouts,
             trilinear: linear_sampler(device, 1),
             anisotropic: linear_sampler(device, 16),
         }
+    }
+
+    /// The passes of an image with, or without, viewers.
+    pub fn passes(&self, has_viewers: bool) -> Passes {
+        let mut passes = self.passes.clone();
+        if has_viewers {
+            passes.resolve = self.resolve_towards_viewers.clone();
+        }
+        passes
     }
 }
 

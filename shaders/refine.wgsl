@@ -1,0 +1,344 @@
+// Refines pairs of a block of receivers and a cell: one workgroup takes its block and the cells of the parent block's list. Pairs are
+// dropped, added at the block's sixteen points, or refined: on the side of the cell here, on the side of the block by the next
+// level, which finds them in this block's list. CPU twins: src/pinhole/cpu/hierarchical/{tile,bounds}.rs.
+//
+// Lists are bounded. Where one might overflow, cells are handed on as they are: the next level refines them, and at last every
+// point for itself (resolve.wgsl).
+
+#import tile_batch
+
+// Nodes that the stack holds.
+const STACK_SIZE: u32 = 1536u;
+
+// What to do with a pair.
+const DROP: u32 = 0u;
+const SPLIT_CELL: u32 = 1u;
+const SPLIT_BLOCK: u32 = 2u;
+const ADD: u32 = 3u;
+
+struct Decision {
+    action: u32,
+    // How much the pair's contribution differs within it, W/m².
+    contribution_range: f32,
+}
+
+// Nodes to be decided on.
+var<workgroup> stack: array<u32, STACK_SIZE>;
+// Nodes to be added, and the ranges of their contributions.
+var<workgroup> queue: array<u32, WORKGROUP_SIZE>;
+var<workgroup> queued_ranges: array<f32, WORKGROUP_SIZE>;
+// How many children, deferred nodes and queued ones: ten bits each.
+var<workgroup> counts: array<u32, WORKGROUP_SIZE>;
+var<workgroup> sums_of_counts: array<u32, 8>;
+var<workgroup> sums: array<vec4f, WORKGROUP_SIZE>;
+var<workgroup> points: array<Receiver, INTERPOLATION_POINTS>;
+var<workgroup> input_count: u32;
+
+// How far a block is. All lanes have the same.
+struct Progress {
+    // The next entry of the parent's list, and how many are left there.
+    input: u32,
+    inputs_left: u32,
+    // Nodes on the stack, and in this block's list.
+    pending: u32,
+    deferred: u32,
+    // Pairs decided on, and added.
+    decided: u32,
+    added: u32,
+}
+
+@compute @workgroup_size(WORKGROUP_SIZE)
+fn refine(@builtin(workgroup_id) workgroup: vec3u, @builtin(local_invocation_index) lane: u32) {
+    let at = place_of_block(workgroup.x);
+    let block = blocks[at.index];
+    if lane < INTERPOLATION_POINTS {
+        points[lane] = interpolation_point(at, lane);
+    }
+    var progress = start(at, block, lane);
+    var own_sum = vec4f(0.0);
+    var is_done = false;
+    loop {
+        pull_inputs(&progress, lane);
+        if progress.pending == 0u {
+            is_done = true;
+            break;
+        }
+        if is_nearly_full(progress) {
+            hand_on(at, &progress, lane);
+            is_done = true;
+            break;
+        }
+        own_sum += process(at, block, &progress, lane);
+    }
+    if lane == 0u {
+        lists[list_of(at.index)] = select(INCOMPLETE, progress.deferred, is_done && input_count != INCOMPLETE);
+    }
+    store_sums(at, progress, own_sum, lane);
+}
+
+// At the first level every node without a parent is an input, further down the list of the block around this one.
+fn start(at: BlockPlace, block: Block, lane: u32) -> Progress {
+    var input = 0u;
+    if at.level > 0u {
+        input = list_of(at.tile * BLOCKS_PER_TILE + block_in_tile(at.level - 1u, at.block / 2u));
+    }
+    if lane == 0u {
+        input_count = tree.top_count;
+        if at.level > 0u {
+            input_count = lists[input];
+        }
+    }
+    if at.level > 0u {
+        input += 1u;
+    }
+    let count = workgroupUniformLoad(&input_count);
+    let left = select(count, 0u, block.kind == EMPTY || count == INCOMPLETE);
+    return Progress(input, left, 0u, 0u, 0u, 0u);
+}
+
+// Fills the stack up to a node for each lane.
+fn pull_inputs(progress: ptr<function, Progress>, lane: u32) {
+    let pending = (*progress).pending;
+    let pulled = min(WORKGROUP_SIZE - min(pending, WORKGROUP_SIZE), (*progress).inputs_left);
+    if lane < pulled {
+        stack[pending + lane] = lists[(*progress).input + lane];
+    }
+    (*progress).input += pulled;
+    (*progress).inputs_left -= pulled;
+    (*progress).pending += pulled;
+    workgroupBarrier();
+}
+
+// Whether another round might overflow the stack or the list: a lane's node is replaced by MAX_CHILDREN at most.
+fn is_nearly_full(progress: Progress) -> bool {
+    let more = (MAX_CHILDREN - 1u) * WORKGROUP_SIZE;
+    return progress.pending + more > STACK_SIZE
+        || progress.pending + progress.deferred + progress.inputs_left + more > tree.list_capacity;
+}
+
+// Hands everything on to the next level.
+fn hand_on(at: BlockPlace, progress: ptr<function, Progress>, lane: u32) {
+    let pending = (*progress).pending;
+    let left = (*progress).inputs_left;
+    let end = list_of(at.index) + 1u + (*progress).deferred;
+    for (var k = lane; k < pending; k += WORKGROUP_SIZE) {
+        lists[end + k] = stack[k];
+    }
+    for (var k = lane; k < left; k += WORKGROUP_SIZE) {
+        lists[end + pending + k] = lists[(*progress).input + k];
+    }
+    (*progress).deferred += pending + left;
+}
+
+// Decides on a node for each lane, and adds what may be added. Returns contributions to the lane's point.
+fn process(at: BlockPlace, block: Block, progress: ptr<function, Progress>, lane: u32) -> vec4f {
+    let taken = min((*progress).pending, WORKGROUP_SIZE);
+    (*progress).pending -= taken;
+    (*progress).decided += taken;
+    var index = 0u;
+    var children = 0u;
+    var decision = Decision(DROP, 0.0);
+    if lane < taken {
+        index = stack[(*progress).pending + lane];
+        let cell = load_cell(index);
+        children = cell.children;
+        decision = decide(block, at.level, cell);
+        if VISIBILITY && decision.action == ADD {
+            // Occlusion between the sixteen points cannot be interpolated.
+            decision.action = select(SPLIT_BLOCK, SPLIT_CELL, is_cluster(index, cell));
+        }
+    }
+    let count = select(0u, children & 7u, decision.action == SPLIT_CELL)
+        + select(0u, 1u << 10u, decision.action == SPLIT_BLOCK) + select(0u, 1u << 20u, decision.action == ADD);
+    let sum = prefix_sum(count, lane);
+    if decision.action == SPLIT_CELL {
+        for (var k = 0u; k < (children & 7u); k++) {
+            stack[(*progress).pending + (sum.before & 1023u) + k] = (children >> 3u) + k;
+        }
+    }
+    if decision.action == SPLIT_BLOCK {
+        lists[list_of(at.index) + 1u + (*progress).deferred + ((sum.before >> 10u) & 1023u)] = index;
+    }
+    if decision.action == ADD {
+        queue[sum.before >> 20u] = index;
+        queued_ranges[sum.before >> 20u] = decision.contribution_range;
+    }
+    let queued = sum.total >> 20u;
+    (*progress).pending += sum.total & 1023u;
+    (*progress).deferred += (sum.total >> 10u) & 1023u;
+    (*progress).added += queued;
+    workgroupBarrier();
+    var own_sum = vec4f(0.0);
+    for (var k = lane / INTERPOLATION_POINTS; k < queued; k += WORKGROUP_SIZE / INTERPOLATION_POINTS) {
+        own_sum += contribution(queue[k], queued_ranges[k], points[lane % INTERPOLATION_POINTS]);
+    }
+    return own_sum;
+}
+
+struct PrefixSum {
+    // Over the lanes before this one, and over all.
+    before: u32,
+    total: u32,
+}
+
+fn prefix_sum(count: u32, lane: u32) -> PrefixSum {
+    counts[lane] = count;
+    workgroupBarrier();
+    if lane < 8u {
+        var sum = 0u;
+        for (var k = 0u; k < 8u; k++) {
+            sum += counts[8u * lane + k];
+        }
+        sums_of_counts[lane] = sum;
+    }
+    workgroupBarrier();
+    var sum = PrefixSum(0u, 0u);
+    for (var k = lane & 56u; k < lane; k++) {
+        sum.before += counts[k];
+    }
+    for (var k = 0u; k < 8u; k++) {
+        sum.before += select(0u, sums_of_counts[k], k < lane / 8u);
+        sum.total += sums_of_counts[k];
+    }
+    return sum;
+}
+
+// What a cell contributes to one of the sixteen points.
+fn contribution(index: u32, contribution_range: f32, receiver: Receiver) -> vec4f {
+    let cell = load_cell(index);
+    let pair = pair_of(cell, receiver);
+    // Also false where the cell lies on the receiver point and the quotient is not a number.
+    if !(pair.cosines > 0.0) {
+        return vec4f(0.0);
+    }
+    // Where there is occlusion nothing is interpolated.
+    var map: VisibilityMap;
+    let error_budget = PAIR_ERROR_SHARE * tolerance.error;
+    let radiance = cell_radiance(cell, pair.r, footprint_of(cell, pair), contribution_range, error_budget, map);
+    return vec4f(weight_of(cell, pair, receiver) * reflected_scale(cell, pair) * radiance.rgb, radiance.a);
+}
+
+// Adds up the lanes of each point.
+fn store_sums(at: BlockPlace, progress: Progress, own_sum: vec4f, lane: u32) {
+    sums[lane] = own_sum;
+    workgroupBarrier();
+    if lane >= INTERPOLATION_POINTS {
+        return;
+    }
+    var sum = vec3f(0.0);
+    var fetches = f32(progress.decided);
+    for (var k = lane; k < WORKGROUP_SIZE; k += INTERPOLATION_POINTS) {
+        sum += sums[k].rgb;
+    }
+    for (var k = 0u; k < WORKGROUP_SIZE; k++) {
+        fetches += sums[k].a;
+    }
+    fetches /= f32(at.edge * at.edge);
+    // Negative: fetches only.
+    let texel = vec2u((at.index % BLOCKS_PER_TILE) * INTERPOLATION_POINTS + lane, at.tile);
+    textureStore(interpolated_part, texel, vec4f(sum, select(-fetches, fetches, progress.added > 0u)));
+}
+
+// A block and a cell.
+struct BlockPair {
+    // From the middle of the block to the cell's centroid, and how far.
+    d: vec3f,
+    l: f32,
+    // Radii of both together.
+    sizes: f32,
+    // d·n
+    dn: f32,
+    // The largest cosines at any point of the cell and of the block, times l.
+    max_cos_at_sample_l: f32,
+    max_cos_at_receiver_l: f32,
+    // Only some points of the cell and the block face each other.
+    straddles_horizon: bool,
+}
+
+fn block_pair(block: Block, cell: Cell) -> BlockPair {
+    let d = cell.centroid - block.centre;
+    let l = sqrt(dot(d, d));
+    let sizes = block.radius + cell.radius;
+    let dn = dot(d, cell.normal);
+    let at_sample = select(-dn, abs(dn), cell.two_sided);
+    let at_receiver = dot(d, block.normal);
+    let sample_slack = sizes + cell.normal_radius * l;
+    let receiver_slack = sizes + block.normal_radius * l;
+    let straddles = at_sample < sample_slack || at_receiver < receiver_slack;
+    return BlockPair(d, l, sizes, dn, at_sample + sample_slack, at_receiver + receiver_slack, straddles);
+}
+
+// The criterion of refinement.
+fn decide(block: Block, level: u32, cell: Cell) -> Decision {
+    let pair = block_pair(block, cell);
+    if pair.max_cos_at_sample_l <= 0.0 || pair.max_cos_at_receiver_l <= 0.0 {
+        return Decision(DROP, 0.0);
+    }
+    if pair.l < NEAR_FIELD_SIZES * pair.sizes {
+        return Decision(select(SPLIT_BLOCK, SPLIT_CELL, !is_leaf(cell) && cell.radius >= block.radius), 0.0);
+    }
+    let block_size = block.radius / pair.l;
+    let cell_size = cell.radius / pair.l + cell.normal_radius;
+    let cone = reflected_cone(cell, pair, block_size, cell_size);
+    let light = light_within(cone.direction, cone.radius);
+    let max_weight = max_weight_of(cell, pair);
+    let max_contribution = max_weight * light.x;
+    let contribution_range = max_weight * light.y;
+    let negligible = NEGLIGIBLE_SHARE * tolerance.error / tree.area * cell.area;
+    // Glossy receivers weight it one by one.
+    if max_contribution <= negligible && (max_contribution == 0.0 || tree.has_view_directions == 0u) {
+        return Decision(DROP, 0.0);
+    }
+    if block.kind != SMOOTH {
+        return Decision(SPLIT_BLOCK, 0.0);
+    }
+    // The points' distance over the width of what is interpolated.
+    let step = POINT_SPACING * block_size / max(sqrt(cone.minor2), uniforms.texel_rad);
+    let block_weight_error =
+        select(WEIGHT_ERROR_SCALE * block_size * block_size * block_size, 1.0, pair.straddles_horizon);
+    let block_error = contribution_range * min(INTERPOLATION_ERROR_SCALE * step * step * step * step, 1.0)
+        + max_contribution * block_weight_error;
+    var cell_error = 0.0;
+    if !is_leaf(cell) {
+        let cell_weight_error = select(WEIGHT_ERROR_SCALE * cell_size * cell_size, 1.0, pair.straddles_horizon);
+        cell_error = contribution_range * min(CONTRAST_ERROR_SCALE * cell_size, 1.0) + max_contribution * cell_weight_error;
+    }
+    if block_error + cell_error < PAIR_ERROR_SHARE * tolerance.error {
+        return Decision(ADD, contribution_range);
+    }
+    return Decision(select(SPLIT_BLOCK, SPLIT_CELL, !is_leaf(cell) && cell_error >= block_error), 0.0);
+}
+
+// The greatest weight of any point of the cell at any point of the block.
+fn max_weight_of(cell: Cell, pair: BlockPair) -> f32 {
+    let nearest = pair.l - pair.sizes;
+    let farthest = pair.l + pair.sizes;
+    return cell.area * min(pair.max_cos_at_sample_l, farthest) * min(pair.max_cos_at_receiver_l, farthest)
+        / (nearest * nearest) * max_attenuation(nearest * nearest, cell.area) * cell.max_reflectance;
+}
+
+// The directions in which a cell's light comes that is reflected to a block.
+struct Cone {
+    direction: vec3f,
+    radius: f32,
+    // The squared minor axis of a footprint.
+    minor2: f32,
+}
+
+fn reflected_cone(cell: Cell, pair: BlockPair, block_size: f32, cell_size: f32) -> Cone {
+    let r = (pair.d - 2.0 * pair.dn * cell.normal) / pair.l;
+    let v1 = reflected_side(cell.side_1, cell.change_1, pair.d, cell.normal, pair.dn, 1.0 / pair.l, r);
+    let v2 = reflected_side(cell.side_2, cell.change_2, pair.d, cell.normal, pair.dn, 1.0 / pair.l, r);
+    let lobe2 = cell.lobe * cell.lobe;
+    let g11 = dot(v1, v1) + lobe2;
+    let g12 = dot(v1, v2);
+    let g22 = dot(v2, v2) + lobe2;
+    let spread = sqrt((g11 - g22) * (g11 - g22) + 4.0 * g12 * g12);
+    let minor2 = max(0.5 * (g11 + g22 - spread), (g11 + g22) * MIN_MINOR_SHARE);
+    let footprint = select(
+        FOOTPRINT_RADIUS * sqrt(g11 + g22) + FOOTPRINT_BEND * cell_size * (block_size + cell_size) + unevenness(cell),
+        cell.radius / pair.l + 2.0 * cell.normal_radius,
+        cell.creased,
+    );
+    return Cone(r, block_size + footprint, minor2);
+}

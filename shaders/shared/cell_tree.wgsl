@@ -1,0 +1,247 @@
+// What the passes of the hierarchical gather read, and how a cell acts on a receiver. CPU twins: src/cell_tree/node.rs and
+// src/pinhole/cpu/hierarchical/. Rust layouts: src/pinhole/gpu/hierarchical/layout.rs.
+//
+// From the top: cluster nodes, sample nodes (one a sample), cells of a sample, leaves.
+
+#import gather_inputs
+#import receivers
+#import cube
+#import footprint
+#import filters
+#import visibility
+
+// A cell; see src/cell_tree/node.rs.
+struct CellNode {
+    centroid_area: vec4f,
+    normal_e11: vec4f,
+    sides_curvature: vec4f,
+    curvature_bounds_links: vec4u,
+}
+
+// What the cells of a sample have in common.
+struct SampleNode {
+    // World position of the sample's own cell.
+    position: vec3f,
+    // Width of the mirror's lobe, radians.
+    lobe: f32,
+    normal: vec3f,
+    // Twice the object's index, plus 1 where both sides reflect.
+    object_sides: u32,
+    reflectance: vec3f,
+    // Its curve of reflectance, or NO_CURVE.
+    curve: u32,
+    texel_jitter: vec2f,
+    // No channel reflects more.
+    max_reflectance: f32,
+    // Its first visibility map.
+    map: u32,
+    // The index of its node.
+    node: u32,
+}
+
+struct TreeUniforms {
+    // Of the picture.
+    size: vec2u,
+    tiles_across: u32,
+    // Entries of a list of cells.
+    list_capacity: u32,
+    // Nodes without a parent.
+    top_count: u32,
+    // Nodes from here on are cluster nodes, or sample nodes among them.
+    first_cluster: u32,
+    sample_count: u32,
+    may_interpolate: u32,
+    split_near: u32,
+    has_view_directions: u32,
+    // Of all cells, m².
+    area: f32,
+}
+
+// The error that is allowed.
+struct Tolerance {
+    // At a point, W/m².
+    error: f32,
+    // As a part of the estimated irradiance; see irradiance_estimate.wgsl.
+    relative_error: f32,
+}
+
+@group(0) @binding(7) var<uniform> tree: TreeUniforms;
+// Bounds of the radiance itself: x = its maximum, y = its contrast.
+@group(0) @binding(8) var bounds: texture_2d_array<f32>;
+@group(0) @binding(9) var<storage, read> nodes: array<CellNode>;
+@group(0) @binding(10) var<storage, read> sample_nodes: array<SampleNode>;
+
+// The length of a list that an adapter did not let be finished.
+const INCOMPLETE: u32 = 0xffffffffu;
+
+fn receiver_at(place: vec2u) -> Receiver {
+    if any(place >= tree.size) {
+        return Receiver(vec3f(0.0), -1, vec3f(0.0), vec3f(0.0));
+    }
+    return load_receiver(place);
+}
+
+// A cell in world space.
+struct Cell {
+    centroid: vec3f,
+    area: f32,
+    normal: vec3f,
+    radius: f32,
+    side_1: vec3f,
+    normal_radius: f32,
+    side_2: vec3f,
+    // Width of the lobe that blurs its footprints, radians.
+    lobe: f32,
+    change_1: vec3f,
+    creased: bool,
+    change_2: vec3f,
+    // Its sample; of a cluster node, one of them.
+    sample: u32,
+    // Eight times the first child's index, plus the number of children.
+    children: u32,
+    two_sided: bool,
+    object: i32,
+    max_reflectance: f32,
+}
+
+fn load_cell(index: u32) -> Cell {
+    let node = nodes[index];
+    let n = node.normal_e11.xyz;
+    let frame = tangent_frame(n);
+    let e11 = node.normal_e11.w;
+    let e21 = node.sides_curvature.x;
+    let e22 = node.sides_curvature.y;
+    let k12 = node.sides_curvature.w;
+    let n_u = node.sides_curvature.z * frame.u + k12 * frame.v;
+    let n_v = k12 * frame.u + bitcast<f32>(node.curvature_bounds_links.x) * frame.v;
+    let radii = unpack2x16float(node.curvature_bounds_links.y);
+    var cell: Cell;
+    cell.centroid = node.centroid_area.xyz;
+    cell.area = node.centroid_area.w;
+    cell.normal = n;
+    cell.radius = radii.x;
+    cell.normal_radius = radii.y;
+    cell.side_1 = e11 * frame.u + e21 * frame.v;
+    cell.side_2 = e22 * frame.v;
+    cell.change_1 = e11 * n_u + e21 * n_v;
+    cell.change_2 = e22 * n_v;
+    cell.children = node.curvature_bounds_links.z;
+    cell.sample = node.curvature_bounds_links.w >> 1u;
+    cell.creased = (node.curvature_bounds_links.w & 1u) == 1u;
+    let object_sides = sample_nodes[cell.sample].object_sides;
+    cell.two_sided = (object_sides & 1u) == 1u;
+    cell.object = i32(object_sides >> 1u);
+    cell.max_reflectance = sample_nodes[cell.sample].max_reflectance;
+    let bend = BEND_BLUR * (dot(cell.change_1, cell.change_1) + dot(cell.change_2, cell.change_2));
+    cell.lobe = length(vec2f(select(bend, 0.0, bend < MIN_BEND_BLUR), sample_nodes[cell.sample].lobe));
+    return cell;
+}
+
+// How much farther reflections go than a cell's footprint where its normals do not turn evenly from end to end, radians.
+fn unevenness(cell: Cell) -> f32 {
+    let even = FOOTPRINT_RADIUS * sqrt(dot(cell.change_1, cell.change_1) + dot(cell.change_2, cell.change_2));
+    return 2.0 * max(cell.normal_radius - even, 0.0);
+}
+
+fn is_leaf(cell: Cell) -> bool {
+    return (cell.children & 7u) == 0u;
+}
+
+// Whether a node holds several samples.
+fn is_cluster(index: u32, cell: Cell) -> bool {
+    return index >= tree.first_cluster && sample_nodes[cell.sample].node != index;
+}
+
+// A receiver and a cell. l is the distance between them.
+struct Pair {
+    // From the receiver to the cell.
+    d: vec3f,
+    l2: f32,
+    // The unit direction in which the light comes that is reflected to the receiver.
+    r: vec3f,
+    inverse_l: f32,
+    // d·n
+    dn: f32,
+    // Cosine at the sample, times l.
+    cos_at_sample_l: f32,
+    // Product of the cosines at the sample and at the receiver.
+    cosines: f32,
+}
+
+fn pair_of(cell: Cell, receiver: Receiver) -> Pair {
+    let d = cell.centroid - receiver.position;
+    let l2 = dot(d, d);
+    let dn = dot(d, cell.normal);
+    let cos_at_sample_l = select(max(-dn, 0.0), abs(dn), cell.two_sided);
+    let inverse_l = inverseSqrt(l2);
+    let cosines = cos_at_sample_l * max(dot(d, receiver.normal), 0.0) * inverse_l * inverse_l;
+    return Pair(d, l2, (d - 2.0 * dn * cell.normal) * inverse_l, inverse_l, dn, cos_at_sample_l, cosines);
+}
+
+// The geometry term, times the cell's area.
+fn weight_of(cell: Cell, pair: Pair, receiver: Receiver) -> f32 {
+    return pair.cosines * cell.area * attenuation(pair.l2, cell.area, cell.object == receiver.object);
+}
+
+// The cell's footprint around the reflected direction.
+fn footprint_of(cell: Cell, pair: Pair) -> FootprintSides {
+    let v1 = reflected_side(cell.side_1, cell.change_1, pair.d, cell.normal, pair.dn, pair.inverse_l, pair.r);
+    let v2 = reflected_side(cell.side_2, cell.change_2, pair.d, cell.normal, pair.dn, pair.inverse_l, pair.r);
+    let sides = FootprintSides(v1, v2);
+    if cell.lobe > 0.0 {
+        return blurred(sides, pair.r, cell.normal, abs(pair.dn) * pair.inverse_l, cell.lobe);
+    }
+    return sides;
+}
+
+// Mean radiance over a cell's footprint, as the texture has it: from one look-up where the pair's contribution ranges over less than
+// its error budget, else from the fewer, the smaller that range is. a = fetches.
+fn cell_radiance(
+    cell: Cell, r: vec3f, sides: FootprintSides, contribution_range: f32, error_budget: f32, map: VisibilityMap,
+) -> vec4f {
+    if contribution_range < error_budget {
+        // Neighbouring cells do as well as a wide kernel, and lose nothing at their mirrors' edges; blur has to be kept.
+        let sharpness = select(EVEN_LIGHT_SHARPNESS, TAP_SHARPNESS, cell.lobe > 0.0);
+        let width = sqrt(0.5 * (dot(sides.v1, sides.v1) + dot(sides.v2, sides.v2))) * sharpness;
+        let light_r = light_from_world(r);
+        let level = floor(level_of(width, texel_width(light_r, uniforms.texel_rad)) + 0.5);
+        return visible_light(r, light_r, level, 1.0, map);
+    }
+    let taps = min(max(ceil(contribution_range * (TAPS_PER_ERROR_BUDGET / error_budget)), 1.0), f32(uniforms.taps));
+    return mean_over_footprint(r, sides, taps, map);
+}
+
+// What the radiance is multiplied by beside a cell's weight.
+fn reflected_scale(cell: Cell, pair: Pair) -> vec3f {
+    let sample = cell.sample;
+    let cosine = pair.cos_at_sample_l * pair.inverse_l;
+    return uniforms.radiance_scale * reflectance(sample_nodes[sample].reflectance, sample_nodes[sample].curve, cosine);
+}
+
+// What a sample sees on one side (1 or -1).
+fn map_of_sample(sample: u32, side: f32) -> VisibilityMap {
+    if !VISIBILITY {
+        return VisibilityMap(0u, vec2f(0.0), mat3x3f());
+    }
+    let node = sample_nodes[sample];
+    return visibility_map(node.map, node.texel_jitter, node.normal, side);
+}
+
+// Bounds of the radiance within a cone around a world direction: x = its maximum, y = its contrast.
+fn light_within(direction: vec3f, radius: f32) -> vec2f {
+    let on = on_cube(light_from_world(direction));
+    let size = f32(textureDimensions(bounds).x);
+    // On a face's plane angles are stretched by 1 + s² + t² at most; a bilinear look-up reads a texel further.
+    let reach = 0.5 * size * radius * (1.0 + dot(on.st, on.st)) + 1.0;
+    // ⌈log₂ reach⌉ of what is 1 at least; NaN is wider than everything.
+    let level = max(i32(bitcast<u32>(0.999999 * reach) >> 23u) - 126, 0);
+    let last = i32(textureNumLevels(bounds)) - 1;
+    if level > last {
+        // Each of the last level's texels knows all faces but the opposite one.
+        let maximum = max(textureLoad(bounds, vec2u(0u), 0u, last).x, textureLoad(bounds, vec2u(0u), 1u, last).x);
+        return vec2f(maximum);
+    }
+    let edge = max(i32(size) >> u32(level), 1);
+    let texel = min(vec2i((0.5 * on.st + 0.5) * f32(edge)), vec2i(edge - 1));
+    return textureLoad(bounds, texel, on.face, level).xy;
+}

@@ -1,0 +1,62 @@
+// What every gather reads: its parameters, the environment and what samples see and reflect. CPU twin: src/pinhole/cpu/mod.rs;
+// Rust layout: src/pinhole/layout.rs.
+
+#import constants
+
+struct GatherUniforms {
+    sample_count: u32,
+    taps: u32,
+    attenuation: u32,
+    own_scale: f32,
+    epsilon_scale: f32,
+    epsilon: f32,
+    texel_rad: f32,
+    radiance_scale: f32,
+    map_resolution: u32,
+    // Of the environment's rotation about +Y.
+    rotation_cos: f32,
+    rotation_sin: f32,
+}
+
+@group(0) @binding(0) var<uniform> uniforms: GatherUniforms;
+@group(0) @binding(1) var environment: texture_cube<f32>;
+@group(0) @binding(2) var trilinear: sampler;
+@group(0) @binding(3) var anisotropic: sampler;
+// Reflectance by the cosine of the angle of incidence, from 0 to 1, CURVE_POINTS for each curve.
+@group(0) @binding(4) var<storage, read> curves: array<vec4f>;
+// The samples' visibility maps; never read without VISIBILITY.
+@group(0) @binding(5) var<storage, read> planes: array<vec4f>;
+@group(0) @binding(6) var<storage, read> sky_masks: array<u32>;
+
+// A world direction in the environment's own frame: R_y(-rotation). The cube and its bounds are looked up there; what a sample
+// sees of the sky stays in world space.
+fn light_from_world(d: vec3f) -> vec3f {
+    let c = uniforms.rotation_cos;
+    let s = uniforms.rotation_sin;
+    return vec3f(c * d.x - s * d.z, d.y, s * d.x + c * d.z);
+}
+
+// 1/l², kept finite. Without branches: on drivers without real ones every lane would take both.
+fn attenuation(l2: f32, area: f32, same_object: bool) -> f32 {
+    let min_l2 = select(0.0, uniforms.own_scale * area, same_object);
+    let inverse = 1.0 / max(l2 + uniforms.epsilon_scale * area + uniforms.epsilon, min_l2);
+    return select(1.0, inverse, uniforms.attenuation != 0u);
+}
+
+// Upper bound of the attenuation for any pair of objects.
+fn max_attenuation(l2: f32, area: f32) -> f32 {
+    let inverse = 1.0 / max(l2 + uniforms.epsilon_scale * area + uniforms.epsilon, 1e-20);
+    return select(1.0, inverse, uniforms.attenuation != 0u);
+}
+
+// Reflectance at a cosine of the angle of incidence: `constant`, unless there is a curve.
+fn reflectance(constant: vec3f, curve: u32, cosine: f32) -> vec3f {
+    // The same for all lanes.
+    if curve == NO_CURVE {
+        return constant;
+    }
+    let place = min(cosine, 1.0) * f32(CURVE_POINTS - 1u);
+    let first = min(u32(place), CURVE_POINTS - 2u);
+    let start = curve * CURVE_POINTS + first;
+    return mix(curves[start].rgb, curves[start + 1u].rgb, place - f32(first));
+}

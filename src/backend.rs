@@ -1,0 +1,205 @@
+//! Where sums are computed: the CPU, or a GPU whose device is opened once and serves any number of engines.
+
+use std::fmt;
+#[cfg(feature = "gpu")]
+use std::sync::{Arc, OnceLock};
+
+use serde::Serialize;
+
+use crate::Error;
+use crate::error::OptionError;
+#[cfg(feature = "gpu")]
+use crate::gpu::{Adapter, Gpu, GpuError};
+use crate::options::FilterChoice;
+use crate::pinhole::Filter;
+#[cfg(feature = "gpu")]
+use crate::pinhole::gpu::{HardwareVerdict, check_hardware_filter};
+
+/// What a program waits for where sums are computed on a GPU.
+#[cfg(feature = "gpu")]
+pub use wgpu::Device;
+
+/// Without the feature `gpu` there is no device.
+#[cfg(not(feature = "gpu"))]
+#[derive(Clone, Debug)]
+pub enum Device {}
+
+/// Which back end is asked for.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub enum BackendChoice {
+    /// A hardware GPU if there is one, else the CPU (which is faster than a software GPU).
+    #[default]
+    Auto,
+    /// The CPU.
+    Cpu,
+    /// The best adapter, or the best one with this in its name; software ones too.
+    #[cfg(feature = "gpu")]
+    Gpu(Option<String>),
+}
+
+/// An open back end. Clones share the device.
+#[derive(Clone, Debug)]
+pub struct Backend(Kind);
+
+#[derive(Clone, Debug)]
+enum Kind {
+    Cpu,
+    #[cfg(feature = "gpu")]
+    Gpu(Arc<SharedGpu>),
+}
+
+/// A device, and what is known of it.
+#[cfg(feature = "gpu")]
+#[derive(Debug)]
+pub(crate) struct SharedGpu {
+    pub gpu: Gpu,
+    /// How well its hardware filters, once somebody asked.
+    verdict: OnceLock<HardwareVerdict>,
+}
+
+impl Backend {
+    /// SIMD and all cores.
+    pub fn cpu() -> Self {
+        Self(Kind::Cpu)
+    }
+
+    /// A GPU through wgpu.
+    #[cfg(feature = "gpu")]
+    pub fn gpu(gpu: Gpu) -> Self {
+        Self(Kind::Gpu(Arc::new(SharedGpu { gpu, verdict: OnceLock::new() })))
+    }
+
+    /// Opens a back end. [`BackendChoice::Auto`] always opens one; the others fail where there is no such adapter.
+    pub async fn open(choice: &BackendChoice) -> Result<Self, Error> {
+        match choice {
+            BackendChoice::Cpu => Ok(Self::cpu()),
+            #[cfg(feature = "gpu")]
+            BackendChoice::Gpu(name) => Ok(Self::gpu(Gpu::open(name.as_deref()).await?)),
+            #[cfg(feature = "gpu")]
+            BackendChoice::Auto => {
+                let hardware = Gpu::open(None).await.ok().filter(|gpu| !gpu.adapter.software);
+                Ok(hardware.map_or_else(Self::cpu, Self::gpu))
+            }
+            #[cfg(not(feature = "gpu"))]
+            BackendChoice::Auto => Ok(Self::cpu()),
+        }
+    }
+
+    /// What reports say of it.
+    pub fn report(&self) -> BackendReport {
+        match &self.0 {
+            Kind::Cpu => BackendReport::Cpu { threads: rayon::current_num_threads() },
+            #[cfg(feature = "gpu")]
+            Kind::Gpu(shared) => BackendReport::Gpu { adapter: shared.gpu.adapter.clone() },
+        }
+    }
+
+    /// Whether it is a GPU.
+    pub fn is_gpu(&self) -> bool {
+        !matches!(self.0, Kind::Cpu)
+    }
+
+    /// The device, on a GPU.
+    #[cfg(feature = "gpu")]
+    pub(crate) fn shared_gpu(&self) -> Option<&Arc<SharedGpu>> {
+        match &self.0 {
+            Kind::Cpu => None,
+            Kind::Gpu(shared) => Some(shared),
+        }
+    }
+
+    /// The device, on a GPU: to be polled while a future of the engine is waited for, as by `blocking::wait`.
+    pub fn device(&self) -> Option<&Device> {
+        match &self.0 {
+            Kind::Cpu => None,
+            #[cfg(feature = "gpu")]
+            Kind::Gpu(shared) => Some(&shared.gpu.device),
+        }
+    }
+
+    /// The filter that a choice leads to here, and what the user should know about it.
+    pub(crate) async fn resolve_filter(&self, choice: FilterChoice) -> Result<(Filter, Option<String>), Error> {
+        #[cfg(feature = "gpu")]
+        if let Kind::Gpu(shared) = &self.0 {
+            return Ok(shared.resolve_filter(choice).await?);
+        }
+        match choice.filter() {
+            Some(Filter::Hardware) => Err(OptionError::Conflict {
+                key: "filter",
+                reason: "hardware needs a GPU".to_owned(),
+                remedies: &[("filter", "anisotropic"), ("backend", "gpu")],
+            }
+            .into()),
+            filter => Ok((filter.unwrap_or(Filter::Anisotropic), None)),
+        }
+    }
+}
+
+#[cfg(feature = "gpu")]
+impl SharedGpu {
+    async fn verdict(&self) -> Result<HardwareVerdict, GpuError> {
+        if let Some(known) = self.verdict.get() {
+            return Ok(*known);
+        }
+        let verdict = check_hardware_filter(&self.gpu).await?;
+        Ok(*self.verdict.get_or_init(|| verdict))
+    }
+
+    async fn resolve_filter(&self, choice: FilterChoice) -> Result<(Filter, Option<String>), GpuError> {
+        let filter = match choice.filter() {
+            None if self.verdict().await?.is_right() => Filter::Hardware,
+            None => Filter::Anisotropic,
+            Some(filter) => filter,
+        };
+        if choice.filter() != Some(Filter::Hardware) {
+            return Ok((filter, None));
+        }
+        let verdict = self.verdict().await?;
+        let warning = (!verdict.is_right()).then(|| {
+            format!(
+                "the hardware filter of '{}' is wrong for explicit gradients on cube maps (RMS error {:.2} of the pattern's standard deviation), so the picture is wrong as well; use the anisotropic filter",
+                self.gpu.adapter.name, verdict.rms_error
+            )
+        });
+        Ok((filter, warning))
+    }
+}
+
+/// What is said of a back end in reports.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[serde(rename_all = "lowercase", tag = "backend")]
+#[non_exhaustive]
+pub enum BackendReport {
+    /// The CPU.
+    Cpu {
+        /// Worker threads.
+        threads: usize,
+    },
+    /// A GPU.
+    #[cfg(feature = "gpu")]
+    Gpu {
+        /// The adapter.
+        adapter: Adapter,
+    },
+}
+
+impl BackendReport {
+    /// The adapter in words; `None` on the CPU.
+    pub fn adapter(&self) -> Option<String> {
+        match self {
+            Self::Cpu { .. } => None,
+            #[cfg(feature = "gpu")]
+            Self::Gpu { adapter } => Some(adapter.to_string()),
+        }
+    }
+}
+
+impl fmt::Display for BackendReport {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Cpu { threads } => write!(f, "the CPU ({threads} threads)"),
+            #[cfg(feature = "gpu")]
+            Self::Gpu { adapter } => adapter.fmt(f),
+        }
+    }
+}

@@ -1,0 +1,72 @@
+//! Waiting for the library's futures, for programs that may block: the command line, tests, benchmarks.
+
+use std::pin::pin;
+use std::sync::Arc;
+use std::task::{Context, Poll, Wake, Waker};
+use std::thread::{self, Thread};
+
+use crate::Device;
+
+/// Runs a future to its end on this thread. Between polls the thread sleeps until the device has finished what was submitted, or
+/// until the future is woken; without a device, futures that wait for one keep the thread busy.
+pub fn wait<F: Future>(device: Option<&Device>, future: F) -> F::Output {
+    let mut future = pin!(future);
+    let waker = Waker::from(Arc::new(Unpark(thread::current())));
+    let mut context = Context::from_waker(&waker);
+    loop {
+        if let Poll::Ready(output) = future.as_mut().poll(&mut context) {
+            return output;
+        }
+        device.inspect(|device| poll(device));
+        // Returns at once if the future has been woken since it was polled.
+        thread::park();
+    }
+}
+
+/// Sleeps until the device has finished what was submitted. The future finds out by itself what goes wrong here.
+#[cfg(feature = "gpu")]
+fn poll(device: &Device) {
+    let _ = device.poll(wgpu::PollType::wait_indefinitely());
+}
+
+#[cfg(not(feature = "gpu"))]
+fn poll(device: &Device) {
+    match *device {}
+}
+
+struct Unpark(Thread);
+
+impl Wake for Unpark {
+    fn wake(self: Arc<Self>) {
+        self.0.unpark();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::future::poll_fn;
+    use std::time::Duration;
+
+    use super::*;
+
+    #[test]
+    fn a_future_woken_by_another_thread_completes() {
+        let mut polls = 0;
+        let polled = wait(
+            None,
+            poll_fn(|context| {
+                polls += 1;
+                if polls == 3 {
+                    return Poll::Ready(polls);
+                }
+                let waker = context.waker().clone();
+                thread::spawn(move || {
+                    thread::sleep(Duration::from_millis(5));
+                    waker.wake();
+                });
+                Poll::Pending
+            }),
+        );
+        assert_eq!(polled, 3);
+    }
+}

@@ -1,0 +1,105 @@
+//! The pictures while they fill up, band by band.
+
+use glam::{Vec2, Vec3};
+
+use super::frame::{Band, Beauty, FrameInputs};
+use super::overlay;
+use super::report::Report;
+use crate::image::{Aov, Image, display, exposed};
+use crate::options::{DisplaySettings, Options};
+
+/// What a render gives.
+#[derive(Clone, Debug)]
+pub struct Rendered {
+    /// The pictures asked for, in that order.
+    pub layers: Vec<(Aov, Image)>,
+    /// The beauty as it is displayed: exposed, tone-mapped, anti-aliased after both; display-linear.
+    displayed: Option<Image>,
+    /// What was done.
+    pub report: Report,
+}
+
+impl Rendered {
+    /// A picture by name.
+    pub fn layer(&self, aov: Aov) -> Option<&Image> {
+        self.layers.iter().find(|(a, _)| *a == aov).map(|(_, image)| image)
+    }
+
+    /// What a PNG shows, display-linear: the beauty if it was asked for, else the first picture with this exposure.
+    pub fn displayed(&self, settings: &DisplaySettings) -> Image {
+        match (&self.displayed, self.layers.first()) {
+            (Some(beauty), _) => beauty.clone(),
+            (None, Some((_, first))) => first.map(|p| display(exposed(p, settings.exposure_ev))),
+            (None, None) => Image::new(0, 0),
+        }
+    }
+}
+
+/// The pictures while they fill up.
+pub(super) struct Film {
+    /// All but the beauty.
+    data: Vec<(Aov, Image)>,
+    /// Radiance, and what is displayed of it.
+    beauty: Option<(Image, Image)>,
+}
+
+impl Film {
+    pub fn new(options: &Options) -> Self {
+        let blank = || Image::new(options.size[0], options.size[1]);
+        let data = options.aovs.iter().filter(|a| **a != Aov::Beauty).map(|a| (*a, blank())).collect();
+        Self { data, beauty: options.aovs.contains(&Aov::Beauty).then(|| (blank(), blank())) }
+    }
+
+    /// Puts a band in its place.
+    pub fn add(&mut self, inputs: &FrameInputs, band: &Band) {
+        let view = &band.rays.view;
+        let (first, count) = ((view.first_row * view.size[0]) as usize, (view.rows * view.size[0]) as usize);
+        for (aov, image) in &mut self.data {
+            for (k, pixel) in image.pixels[first..first + count].iter_mut().enumerate() {
+                *pixel = mean_of_pixel(inputs, band, *aov, k as u32);
+            }
+        }
+        if let (Some((radiance, shown)), Some(Beauty { radiance: band_radiance, displayed })) =
+            (&mut self.beauty, &band.beauty)
+        {
+            radiance.pixels[first..first + count].copy_from_slice(band_radiance);
+            shown.pixels[first..first + count].copy_from_slice(displayed);
+        }
+    }
+
+    pub fn finish(mut self, aovs: &[Aov], dots: Option<&[Vec2]>, report: Report) -> Rendered {
+        let (beauty, mut displayed) = self.beauty.unzip();
+        if let (Some(displayed), Some(dots)) = (&mut displayed, dots) {
+            overlay::draw_dots(displayed, dots);
+        }
+        self.data.extend(beauty.map(|b| (Aov::Beauty, b)));
+        self.data.sort_by_key(|(aov, _)| aovs.iter().position(|a| a == aov));
+        Rendered { layers: self.data, displayed, report }
+    }
+}
+
+/// The mean over a pixel's points of a picture that is plain data.
+fn mean_of_pixel(inputs: &FrameInputs, band: &Band, aov: Aov, pixel: u32) -> Vec3 {
+    let (width, n) = (band.rays.view.size[0], band.rays.view.pixel_samples);
+    let weight = 1.0 / (n * n) as f32;
+    let index = |sub: u32| band.rays.index(pixel % width, pixel / width, sub % n, sub / n);
+    (0..n * n).map(|sub| weight * value(inputs, band, aov, index(sub))).sum()
+}
+
+fn value(inputs: &FrameInputs, band: &Band, aov: Aov, index: usize) -> Vec3 {
+    let Some(hit) = &band.rays.hits[index] else {
+        return if aov == Aov::Depth { Vec3::NEG_ONE } else { Vec3::ZERO };
+    };
+    let receiver = inputs.scene.objects[hit.object as usize].receiver.as_ref();
+    let camera = &inputs.scene.camera;
+    match aov {
+        Aov::Caustic => inputs.light.intensity * band.light.caustic_at(index),
+        Aov::Direct => receiver.map_or(Vec3::ZERO, |_| inputs.light.intensity * band.light.direct_at(index)),
+        Aov::Albedo => receiver.map_or(Vec3::ZERO, |r| r.albedo),
+        Aov::Normal => hit.normal,
+        Aov::Position => hit.position,
+        Aov::Depth => Vec3::splat((hit.position - camera.position).dot(camera.forward)),
+        // The mean of its own points, which are not the camera's rays.
+        Aov::Beauty => Vec3::ZERO,
+    }
+}

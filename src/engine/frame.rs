@@ -1,0 +1,338 @@
+//! The stages of a band of the picture: camera rays → the light on what they meet → paths by way of mirrors → radiance →
+//! display. A picture of up to [`KEPT_POINTS`] points is one band, which is kept; larger ones are made band by band.
+
+use std::sync::Arc;
+
+use glam::Vec3;
+use rayon::prelude::*;
+
+use super::direct::DirectLight;
+use super::paths::{EndPoint, PathTracer, Paths};
+use super::shading::{Shaded, Shader, SurfaceLight};
+use crate::Error;
+use crate::environment::Environment;
+use crate::image::Aov;
+use crate::options::{DisplaySettings, Options};
+use crate::pinhole::{Arrangement, Receivers, Viewers};
+use crate::progress::{Progress, Stage};
+use crate::scene::{Scene, Sides, Visibility};
+use crate::stages::{
+    CameraRays, Id, LightStages, Memo, PreparedLight, PreparedScene, StageCounts, SurfaceMaterials, View,
+};
+use crate::technique::Sum;
+use crate::tracing::{Hit, Tracer};
+
+/// The most points of a picture whose stages are kept: one of 3840×2160 pixels.
+pub(super) const KEPT_POINTS: u64 = 1 << 23;
+/// The points of a band of a larger picture, about.
+const BAND_POINTS: u64 = 1 << 22;
+/// End points are summed in rows of so many.
+const ENDS_IN_A_ROW: u32 = 1024;
+
+/// The rows of each band of a picture, whole pixels.
+pub(super) fn rows_per_band(options: &Options) -> u32 {
+    let per_row = u64::from(options.size[0]) * u64::from(options.pixel_samples).pow(2);
+    let height = options.size[1];
+    if per_row * u64::from(height) <= KEPT_POINTS {
+        return height;
+    }
+    (BAND_POINTS / per_row).clamp(1, u64::from(height)) as u32
+}
+
+/// Direct light on surfaces depends on these.
+#[derive(Clone, PartialEq)]
+struct LightKey {
+    tracer: Id<Tracer>,
+    environment: Id<Environment>,
+    rotation_rad: f32,
+    visibility: Visibility,
+}
+
+#[derive(PartialEq)]
+struct CausticKey {
+    rays: Id<CameraRays>,
+    sum: Id<dyn Sum>,
+    /// By object.
+    wanted: Vec<bool>,
+}
+
+#[derive(PartialEq)]
+struct DirectKey {
+    rays: Id<CameraRays>,
+    light: LightKey,
+    wanted: Vec<bool>,
+}
+
+#[derive(PartialEq)]
+struct PathsKey {
+    rays: Id<CameraRays>,
+    tracer: Id<Tracer>,
+    materials: Id<SurfaceMaterials>,
+    sides: Vec<Option<Sides>>,
+    is_plain: bool,
+}
+
+#[derive(PartialEq)]
+struct ShadingKey {
+    paths: Id<Paths>,
+    own: LightId,
+    ends: LightId,
+    environment: Id<Environment>,
+    rotation_rad: f32,
+    intensity: f32,
+    caustic_gain: f32,
+}
+
+/// The identity of the light on surfaces.
+type LightId = (Option<Id<Vec<Vec3>>>, Option<Id<Vec<[f32; 4]>>>);
+
+fn id_of(light: &SurfaceLight) -> LightId {
+    (light.direct.as_ref().map(Id::of), light.caustic.as_ref().map(Id::of))
+}
+
+/// What a frame is made from.
+pub(super) struct FrameInputs<'a> {
+    pub scene: &'a Scene,
+    pub prepared: &'a PreparedScene,
+    pub light: &'a PreparedLight,
+    pub options: &'a Options,
+    /// Nothing where no caustics are shown.
+    pub sum: Option<&'a Arc<dyn Sum>>,
+    pub progress: &'a dyn Progress,
+}
+
+impl FrameInputs<'_> {
+    /// Whether any picture shows the irradiance on an object; the beauty shows what glossy ones reflect instead.
+    fn shows_irradiance(&self, aov: Aov, object: u32) -> bool {
+        let options = self.options;
+        options.aovs.contains(&aov) || options.plain_diffuse || !self.prepared.materials.receivers.is_glossy(object)
+    }
+
+    fn objects(&self) -> std::ops::Range<u32> {
+        0..self.scene.objects.len() as u32
+    }
+
+    fn light_key(&self) -> LightKey {
+        LightKey {
+            tracer: Id::of(&self.prepared.tracer),
+            environment: Id::of(&self.light.environment),
+            rotation_rad: self.light.rotation_rad,
+            visibility: self.options.visibility,
+        }
+    }
+}
+
+/// What a band shows.
+pub(super) struct Band {
+    pub rays: Arc<CameraRays>,
+    /// On the surfaces that the camera's own rays meet.
+    pub light: SurfaceLight,
+    pub beauty: Option<Beauty>,
+    /// Fetches of the environment.
+    pub fetches: f64,
+}
+
+/// The beauty picture of a band, pixel by pixel.
+pub(super) struct Beauty {
+    /// Radiance, W/(m²·sr).
+    pub radiance: Vec<Vec3>,
+    /// Display-linear.
+    pub displayed: Arc<Vec<Vec3>>,
+}
+
+/// The stages of a band.
+#[derive(Debug)]
+pub(super) struct BandStages {
+    rays: Memo<(Id<Tracer>, View), CameraRays>,
+    caustic: Memo<CausticKey, Vec<[f32; 4]>>,
+    direct: Memo<DirectKey, Vec<Vec3>>,
+    paths: Memo<PathsKey, Paths>,
+    ends_caustic: Memo<(Id<Paths>, Id<dyn Sum>), Vec<[f32; 4]>>,
+    ends_direct: Memo<(Id<Paths>, LightKey), Vec<Vec3>>,
+    shading: Memo<ShadingKey, Shaded>,
+    display: Memo<(Id<Shaded>, DisplaySettings), Vec<Vec3>>,
+}
+
+impl BandStages {
+    pub fn new() -> Self {
+        Self {
+            rays: Memo::new(Stage::Rays),
+            caustic: Memo::new(Stage::Caustic),
+            direct: Memo::new(Stage::Direct),
+            paths: Memo::new(Stage::Paths),
+            ends_caustic: Memo::new(Stage::PathEnds),
+            ends_direct: Memo::new(Stage::PathEnds),
+            shading: Memo::new(Stage::Shading),
+            display: Memo::new(Stage::Display),
+        }
+    }
+
+    /// Makes what changed again.
+    pub async fn render(
+        &mut self,
+        inputs: &FrameInputs<'_>,
+        light: &mut LightStages,
+        (first_row, rows): (u32, u32),
+    ) -> Result<Band, Error> {
+        let Options { size, pixel_samples, ref aovs, .. } = *inputs.options;
+        let view = View { camera: inputs.scene.camera, size, pixel_samples, first_row, rows };
+        let tracer = &inputs.prepared.tracer;
+        let rays = self.rays.get((Id::of(tracer), view), inputs.progress, || CameraRays::trace(tracer, view));
+        let caustic = self.caustic(inputs, &rays).await?;
+        let is_lit = aovs.iter().any(|aov| matches!(aov, Aov::Direct | Aov::Beauty));
+        let direct = is_lit.then(|| self.direct(inputs, light, &rays));
+        let mut fetches = fetches_of(caustic.as_deref());
+        let surfaces = SurfaceLight { direct, caustic };
+        let mut beauty = None;
+        if aovs.contains(&Aov::Beauty) {
+            let paths = self.paths(inputs, &rays);
+            let ends = self.ends(inputs, light, &paths).await?;
+            fetches += fetches_of(ends.caustic.as_deref());
+            beauty = Some(self.beauty(inputs, &paths, &surfaces, &ends));
+        }
+        Ok(Band { rays, light: surfaces, beauty, fetches })
+    }
+
+    /// Irradiance by way of the mirrors where the camera's own rays meet receivers.
+    async fn caustic(
+        &mut self,
+        inputs: &FrameInputs<'_>,
+        rays: &Arc<CameraRays>,
+    ) -> Result<Option<Arc<Vec<[f32; 4]>>>, Error> {
+        let Some(sum) = inputs.sum else { return Ok(None) };
+        let receives = |object: u32| inputs.scene.objects[object as usize].receiver.is_some();
+        let wanted: Vec<bool> =
+            inputs.objects().map(|o| receives(o) && inputs.shows_irradiance(Aov::Caustic, o)).collect();
+        let key = CausticKey { rays: Id::of(rays), sum: Id::of(sum), wanted: wanted.clone() };
+        let steps = (rays.hits.len() as u64, inputs.progress);
+        let make = async || {
+            let receivers = rays.receivers(|object| wanted[object as usize]);
+            sum.irradiance(&receivers, inputs.progress).await
+        };
+        self.caustic.wait_for(key, steps, make).await.map(Some)
+    }
+
+    /// The environment's irradiance where the camera's own rays meet surfaces.
+    fn direct(&mut self, inputs: &FrameInputs, light: &mut LightStages, rays: &Arc<CameraRays>) -> Arc<Vec<Vec3>> {
+        let wanted: Vec<bool> = inputs.objects().map(|o| inputs.shows_irradiance(Aov::Direct, o)).collect();
+        let key = DirectKey { rays: Id::of(rays), light: inputs.light_key(), wanted: wanted.clone() };
+        let source = direct_light(inputs, light);
+        self.direct.get(key, inputs.progress, || {
+            let shown = |hit: &&Hit| wanted[hit.object as usize];
+            let at = |hit: &Option<Hit>| {
+                hit.as_ref().filter(shown).map_or(Vec3::ZERO, |hit| source.irradiance(hit.position, hit.normal))
+            };
+            rays.hits.par_iter().map(at).collect()
+        })
+    }
+
+    fn paths(&mut self, inputs: &FrameInputs, rays: &Arc<CameraRays>) -> Arc<Paths> {
+        let FrameInputs { scene, prepared, options, progress, .. } = *inputs;
+        let is_plain = options.plain_diffuse;
+        let key = PathsKey {
+            rays: Id::of(rays),
+            tracer: Id::of(&prepared.tracer),
+            materials: Id::of(&prepared.materials),
+            sides: scene.objects.iter().map(|o| o.reflector.map(|r| r.sides)).collect(),
+            is_plain,
+        };
+        self.paths.get(key, progress, || PathTracer { scene, prepared, rays, is_plain }.trace())
+    }
+
+    /// The light at the ends of paths.
+    async fn ends(
+        &mut self,
+        inputs: &FrameInputs<'_>,
+        light: &mut LightStages,
+        paths: &Arc<Paths>,
+    ) -> Result<SurfaceLight, Error> {
+        if paths.ends.is_empty() {
+            return Ok(SurfaceLight { direct: None, caustic: None });
+        }
+        let mut caustic = None;
+        if let Some(sum) = inputs.sum {
+            let steps = (paths.ends.len() as u64, inputs.progress);
+            let key = (Id::of(paths), Id::of(sum));
+            let make = async || caustic_at(inputs, sum, &paths.ends).await;
+            caustic = Some(self.ends_caustic.wait_for(key, steps, make).await?);
+        }
+        let source = direct_light(inputs, light);
+        let direct = self.ends_direct.get((Id::of(paths), inputs.light_key()), inputs.progress, || {
+            paths.ends.par_iter().map(|point| direct_at(inputs, &source, point)).collect()
+        });
+        Ok(SurfaceLight { direct: Some(direct), caustic })
+    }
+
+    fn beauty(&mut self, inputs: &FrameInputs, paths: &Arc<Paths>, own: &SurfaceLight, ends: &SurfaceLight) -> Beauty {
+        let FrameInputs { light, options, progress, .. } = *inputs;
+        let key = ShadingKey {
+            paths: Id::of(paths),
+            own: id_of(own),
+            ends: id_of(ends),
+            environment: Id::of(&light.environment),
+            rotation_rad: light.rotation_rad,
+            intensity: light.intensity,
+            caustic_gain: options.caustic_gain,
+        };
+        let shader = Shader { light, own, ends, caustic_gain: options.caustic_gain };
+        let shaded = self.shading.get(key, progress, || shader.shade(paths));
+        let settings = options.display;
+        let displayed = self.display.get((Id::of(&shaded), settings), progress, || shaded.displayed(&settings));
+        Beauty { radiance: shaded.radiance(), displayed }
+    }
+
+    pub fn count(&self, counts: &mut StageCounts) {
+        counts.add_memo(&self.rays);
+        counts.add_memo(&self.caustic);
+        counts.add_memo(&self.direct);
+        counts.add_memo(&self.paths);
+        counts.add_memo(&self.ends_caustic);
+        counts.add_memo(&self.ends_direct);
+        counts.add_memo(&self.shading);
+        counts.add_memo(&self.display);
+    }
+}
+
+fn direct_light<'a>(inputs: &FrameInputs<'a>, light: &mut LightStages) -> DirectLight<'a> {
+    let FrameInputs { prepared, options, progress, .. } = *inputs;
+    DirectLight::new(inputs.light, light, &prepared.tracer, options.visibility, progress)
+}
+
+/// The environment's irradiance at the end of a path, or the radiance that it reflects to its viewer.
+fn direct_at(inputs: &FrameInputs, source: &DirectLight, point: &EndPoint) -> Vec3 {
+    let materials = &inputs.prepared.materials.receivers;
+    if point.receives && materials.is_glossy(point.hit.object) {
+        source.reflected(materials, &point.hit, point.view)
+    } else {
+        source.irradiance(point.hit.position, point.hit.normal)
+    }
+}
+
+/// The caustic at the ends of paths: irradiance, or from glossy receivers the radiance towards their viewers.
+async fn caustic_at(inputs: &FrameInputs<'_>, sum: &Arc<dyn Sum>, points: &[EndPoint]) -> Result<Vec<[f32; 4]>, Error> {
+    let materials = &inputs.prepared.materials.receivers;
+    let is_glossy = |p: &EndPoint| p.receives && materials.is_glossy(p.hit.object);
+    let rows = (points.len() as u32).div_ceil(ENDS_IN_A_ROW);
+    let mut diffuse = Receivers { arrangement: Arrangement::List, ..Receivers::empty(ENDS_IN_A_ROW, rows) };
+    for (index, point) in points.iter().enumerate().filter(|(_, p)| p.receives && !is_glossy(p)) {
+        diffuse.set(index, point.hit.position, point.hit.normal, point.hit.object);
+    }
+    let mut sums = sum.irradiance(&diffuse, inputs.progress).await?;
+    let glossy: Vec<usize> = (0..points.len()).filter(|&k| is_glossy(&points[k])).collect();
+    if !glossy.is_empty() {
+        let place = |&k: &usize| (points[k].hit.position, points[k].hit.normal, points[k].hit.object);
+        let mut receivers = Receivers::from_points(&glossy.iter().map(place).collect::<Vec<_>>(), ENDS_IN_A_ROW);
+        let mut directions: Vec<_> = glossy.iter().map(|&k| points[k].view.extend(0.0).to_array()).collect();
+        directions.resize(receivers.positions.len(), [0.0; 4]);
+        receivers.viewers = Some(Viewers { directions, materials: materials.clone() });
+        for (&k, sum) in glossy.iter().zip(sum.irradiance(&receivers, inputs.progress).await?) {
+            sums[k] = sum;
+        }
+    }
+    Ok(sums)
+}
+
+/// The fourth component of sums counts fetches.
+fn fetches_of(sums: Option<&Vec<[f32; 4]>>) -> f64 {
+    sums.map_or(0.0, |sums| sums.iter().map(|s| f64::from(s[3])).sum())
+}

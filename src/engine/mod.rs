@@ -1,0 +1,205 @@
+//! The engine: a scene, options and a back end in; pictures and a report out; and everything in between kept, so that an edit
+//! makes only that again which depends on it.
+//!
+//! ```text
+//! device ─► scene ─► light ─► samples, tree, what they see ─► camera rays ─► light on surfaces ─► shading ─► display
+//! ```
+//!
+//! Every stage compares the inputs that it was made from with what they are now. There is nothing to invalidate by hand:
+//! change the scene or the options in any way, and render. The picture equals that of a new engine.
+
+mod direct;
+mod film;
+mod frame;
+mod gloss;
+mod overlay;
+mod paths;
+mod report;
+mod shading;
+
+pub use film::Rendered;
+pub use report::Report;
+
+use std::sync::Arc;
+
+use glam::{UVec2, Vec2};
+
+use self::film::Film;
+use self::frame::{BandStages, FrameInputs, rows_per_band};
+use crate::Error;
+use crate::backend::Backend;
+use crate::options::{Options, Overlay};
+use crate::progress::Progress;
+use crate::scene::Scene;
+use crate::stages::{LightStages, PreparedLight, PreparedScene, SceneStages, StageCounts};
+use crate::technique::{Inputs, Sum, Technique, TechniqueStages};
+
+/// Renders pictures of a scene, and keeps what it made for the next one.
+///
+/// ```
+/// use pinspot::{Backend, Engine, NoProgress, Stage, blocking};
+///
+/// let (scene, options) = pinspot::load("mirror-sphere")?;
+/// let backend = Backend::cpu();
+/// let mut engine = Engine::new(scene, options.with_size([32, 32]).with_samples(50), backend.clone());
+/// let first = blocking::wait(backend.device(), engine.render(&NoProgress))?;
+/// assert_eq!(first.layers[0].1.pixels.len(), 32 * 32);
+///
+/// // Only the display is made again.
+/// let before = engine.stage_counts();
+/// engine.options_mut().display.exposure_ev = 1.0;
+/// blocking::wait(backend.device(), engine.render(&NoProgress))?;
+/// assert_eq!(engine.stage_counts().made_since(&before), [Stage::Display]);
+/// # Ok::<(), pinspot::Error>(())
+/// ```
+#[derive(Debug)]
+pub struct Engine {
+    scene: Scene,
+    options: Options,
+    backend: Backend,
+    scene_stages: SceneStages,
+    light_stages: LightStages,
+    /// Of the technique that was used last.
+    technique: (Technique, Box<dyn TechniqueStages>),
+    /// The stages of the picture, if it is small enough to be kept.
+    band: BandStages,
+    /// What stages that are gone had counted.
+    counted_before: StageCounts,
+}
+
+/// What a picture is made from.
+struct Prepared {
+    scene: PreparedScene,
+    light: PreparedLight,
+    /// Nothing where no caustics are shown.
+    sum: Option<Arc<dyn Sum>>,
+}
+
+impl Engine {
+    /// An engine that has made nothing yet.
+    pub fn new(scene: Scene, options: Options, backend: Backend) -> Self {
+        let technique = (options.technique, options.technique.stages());
+        Self {
+            scene,
+            options,
+            backend,
+            scene_stages: SceneStages::new(),
+            light_stages: LightStages::new(),
+            technique,
+            band: BandStages::new(),
+            counted_before: StageCounts::default(),
+        }
+    }
+
+    /// The scene.
+    pub fn scene(&self) -> &Scene {
+        &self.scene
+    }
+
+    /// The scene, to change: move the camera or an object, give it another mesh, rotate or scale the light, put another in
+    /// its place.
+    pub fn scene_mut(&mut self) -> &mut Scene {
+        &mut self.scene
+    }
+
+    /// The options.
+    pub fn options(&self) -> &Options {
+        &self.options
+    }
+
+    /// The options, to change. They are checked by [`Self::render`].
+    pub fn options_mut(&mut self) -> &mut Options {
+        &mut self.options
+    }
+
+    /// Where sums are computed.
+    pub fn backend(&self) -> &Backend {
+        &self.backend
+    }
+
+    /// How often each stage was made.
+    pub fn stage_counts(&self) -> StageCounts {
+        let mut counts = self.counted_before.clone();
+        self.scene_stages.count(&mut counts);
+        self.light_stages.count(&mut counts);
+        self.technique.1.count(&mut counts);
+        self.band.count(&mut counts);
+        counts
+    }
+
+    /// Renders all pictures that the options ask for. On the CPU the future is ready when it is first polled; on a GPU the
+    /// device has to be polled meanwhile, by an event loop or by [`crate::blocking::wait`].
+    ///
+    /// # Errors
+    /// Options out of range or in conflict, a light that cannot be prepared, a scene without reflectors, or a device that is
+    /// lost or too small. The engine stays usable: mend what is wrong and render again.
+    pub async fn render(&mut self, progress: &dyn Progress) -> Result<Rendered, Error> {
+        let prepared = self.prepare(progress).await?;
+        let inputs = FrameInputs {
+            scene: &self.scene,
+            prepared: &prepared.scene,
+            light: &prepared.light,
+            options: &self.options,
+            sum: prepared.sum.as_ref(),
+            progress,
+        };
+        let mut film = Film::new(&self.options);
+        let mut fetches = 0.0;
+        let (height, rows_per_band) = (self.options.size[1], rows_per_band(&self.options));
+        for first_row in (0..height).step_by(rows_per_band as usize) {
+            let rows = rows_per_band.min(height - first_row);
+            let band = self.band.render(&inputs, &mut self.light_stages, (first_row, rows)).await?;
+            fetches += band.fetches;
+            film.add(&inputs, &band);
+            if rows < height {
+                // Too large a picture to be kept.
+                self.band.count(&mut self.counted_before);
+                self.band = BandStages::new();
+            }
+        }
+        let dots = (self.options.overlay == Overlay::Samples).then(|| self.dots(&prepared));
+        let pixels = f64::from(self.options.size[0]) * f64::from(height);
+        let report = Report::new(self, &prepared, fetches / pixels);
+        Ok(film.finish(&self.options.aovs, dots.as_deref(), report))
+    }
+
+    /// Where the samples that the camera sees appear, in pixels from the picture's top left corner; empty where no caustics
+    /// are asked for.
+    ///
+    /// # Errors
+    /// As [`Self::render`].
+    pub async fn visible_samples(&mut self, progress: &dyn Progress) -> Result<Vec<Vec2>, Error> {
+        let prepared = self.prepare(progress).await?;
+        Ok(self.dots(&prepared))
+    }
+
+    async fn prepare(&mut self, progress: &dyn Progress) -> Result<Prepared, Error> {
+        self.options.check()?;
+        let scene = self.scene_stages.prepare(&self.scene, progress)?;
+        let light = self.light_stages.prepare(&self.scene.environment, self.options.cube_size, progress)?;
+        if self.technique.0 != self.options.technique {
+            self.technique.1.count(&mut self.counted_before);
+            self.technique = (self.options.technique, self.options.technique.stages());
+        }
+        let inputs = Inputs {
+            scene: &self.scene,
+            prepared: &scene,
+            light: &light,
+            options: &self.options,
+            backend: &self.backend,
+            progress,
+        };
+        let sum = if self.options.shows_caustic() {
+            Some(self.technique.1.prepare(inputs, &mut self.light_stages).await?)
+        } else {
+            None
+        };
+        Ok(Prepared { scene, light, sum })
+    }
+
+    fn dots(&self, prepared: &Prepared) -> Vec<Vec2> {
+        let Some(sum) = &prepared.sum else { return Vec::new() };
+        let size = UVec2::from_array(self.options.size).as_vec2();
+        overlay::visible_samples(&self.scene, &prepared.scene.tracer, &sum.statistics().positions, size)
+    }
+}

@@ -1,0 +1,298 @@
+//! Paths from the camera by way of the mirrors that it sees to the environment or to a surface that is lit.
+//!
+//! Every pixel is shaded from one point, or from 4×4 where surfaces meet or mirror. A path says where it ends, not how bright
+//! it is there: that is found for all paths together, and changes without the paths. Points of one pixel that end on the same
+//! object in the same way share the light of one point.
+
+use glam::{UVec2, Vec2, Vec3};
+use rayon::prelude::*;
+
+use super::gloss::likely_facet;
+use crate::scene::{Object, Ray, Scene, Sides};
+use crate::stages::{CameraRays, PreparedScene};
+use crate::tracing::Hit;
+
+/// Points along the edge of a pixel where surfaces meet.
+const EDGE_POINTS: u32 = 4;
+/// Surfaces that a path meets before it ends in the environment.
+const MAX_SURFACES: u32 = 7;
+/// Albedo of what neither mirrors nor receives on the side that is seen.
+const PLAIN_ALBEDO: f32 = 0.2;
+/// Albedo of everything in the plain diffuse view.
+const DIFFUSE_VIEW_ALBEDO: f32 = 0.6;
+
+/// The paths of a band of pixels.
+#[derive(Debug)]
+pub(super) struct Paths {
+    pub pixels: Vec<PixelPaths>,
+    /// Points at the ends of paths that are not the camera rays' own.
+    pub ends: Vec<EndPoint>,
+}
+
+/// A point of a surface that a path ends at, or that reflects to its viewer more than to others.
+#[derive(Clone, Debug)]
+pub(super) struct EndPoint {
+    pub hit: Hit,
+    /// Whether it receives light by way of the mirrors.
+    pub receives: bool,
+    /// Unit direction towards whoever sees it.
+    pub view: Vec3,
+}
+
+/// Where a path gets its light.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Source {
+    /// From the environment, in a unit direction of the world, blurred for a mirror of width `alpha`.
+    Environment { direction: Vec3, alpha: f32 },
+    /// From the surface at the camera ray of this index.
+    CameraRay(u32),
+    /// From the end point of this index.
+    EndPoint(u32),
+}
+
+/// What one path contributes to its point.
+#[derive(Debug)]
+pub(super) struct Term {
+    /// Which of the pixel's points it belongs to.
+    pub point: u16,
+    /// The environment as the camera sees it directly, which has an exposure of its own.
+    pub is_background: bool,
+    /// What the source's radiance is multiplied by, or its irradiance: then with albedo / π.
+    pub factor: Vec3,
+    pub source: Source,
+}
+
+/// The paths of one pixel.
+#[derive(Debug, Default)]
+pub(super) struct PixelPaths {
+    /// Points that the pixel is the mean of.
+    pub points: u16,
+    pub terms: Vec<Term>,
+    ends: Vec<EndPoint>,
+    /// How each end point was reached: the objects on the way, hashed.
+    end_keys: Vec<u64>,
+}
+
+impl PixelPaths {
+    /// The end point of a surface reached by way of `key`; the first one stands for all of the pixel's.
+    fn end_point(&mut self, key: u64, point: EndPoint) -> Source {
+        let index = self.end_keys.iter().position(|k| *k == key).unwrap_or_else(|| {
+            self.end_keys.push(key);
+            self.ends.push(point);
+            self.ends.len() - 1
+        });
+        Source::EndPoint(index as u32)
+    }
+
+    fn add(&mut self, factor: Vec3, source: Source, is_background: bool) {
+        self.terms.push(Term { point: self.points, is_background, factor, source });
+    }
+}
+
+/// What paths are traced through.
+pub(super) struct PathTracer<'a> {
+    pub scene: &'a Scene,
+    pub prepared: &'a PreparedScene,
+    pub rays: &'a CameraRays,
+    /// Everything diffuse, no mirrors.
+    pub is_plain: bool,
+}
+
+impl PathTracer<'_> {
+    /// Traces a band's paths.
+    pub fn trace(&self) -> Paths {
+        let width = self.rays.view.size[0];
+        let corners = self.trace_corners();
+        let mut pixels: Vec<PixelPaths> = (0..width * self.rays.view.rows)
+            .into_par_iter()
+            .map(|k| self.trace_pixel(&corners, k % width, k / width))
+            .collect();
+        let ends = collect_ends(&mut pixels);
+        Paths { pixels, ends }
+    }
+
+    fn size(&self) -> Vec2 {
+        UVec2::from_array(self.rays.view.size).as_vec2()
+    }
+
+    /// What the camera sees at the pixels' corners, to find the pixels where surfaces meet.
+    fn trace_corners(&self) -> Vec<Option<Hit>> {
+        let view = &self.rays.view;
+        if view.pixel_samples > 1 {
+            return Vec::new();
+        }
+        let columns = view.size[0] + 1;
+        let corner = |k: u32| {
+            let at = Vec2::new((k % columns) as f32, (k / columns + view.first_row) as f32);
+            self.prepared.tracer.camera_hit(view.camera.ray(at, self.size()))
+        };
+        (0..columns * (view.rows + 1)).into_par_iter().map(corner).collect()
+    }
+
+    fn trace_pixel(&self, corners: &[Option<Hit>], x: u32, row: u32) -> PixelPaths {
+        let mut paths = PixelPaths::default();
+        let view = &self.rays.view;
+        let (n, y) = (view.pixel_samples, view.first_row + row);
+        if n > 1 {
+            for sub in 0..n * n {
+                let index = self.rays.index(x, row, sub % n, sub / n);
+                let at = Vec2::new((x * n + sub % n) as f32 + 0.5, (y * n + sub / n) as f32 + 0.5);
+                self.trace_point(index, at / n as f32, &mut paths);
+            }
+            return paths;
+        }
+        let centre = self.rays.index(x, row, 0, 0);
+        let pixel = Vec2::new(x as f32, y as f32);
+        if self.is_smooth(self.rays.hits[centre].as_ref(), self.around(corners, x, row)) {
+            self.trace_point(centre, pixel + 0.5, &mut paths);
+            return paths;
+        }
+        for sub in 0..EDGE_POINTS * EDGE_POINTS {
+            let within = (Vec2::new((sub % EDGE_POINTS) as f32, (sub / EDGE_POINTS) as f32) + 0.5) / EDGE_POINTS as f32;
+            self.trace_point(centre, pixel + within, &mut paths);
+        }
+        paths
+    }
+
+    fn around<'h>(&self, corners: &'h [Option<Hit>], x: u32, row: u32) -> [Option<&'h Hit>; 4] {
+        let columns = self.rays.view.size[0] + 1;
+        [(0, 0), (1, 0), (0, 1), (1, 1)].map(|(i, j)| corners[((row + j) * columns + x + i) as usize].as_ref())
+    }
+
+    /// Whether one point is enough for a pixel.
+    fn is_smooth(&self, centre: Option<&Hit>, around: [Option<&Hit>; 4]) -> bool {
+        let Some(centre) = centre else {
+            return around.iter().all(Option::is_none);
+        };
+        let mirrors = mirrors(&self.scene.objects[centre.object as usize], centre.front);
+        (!mirrors || self.is_plain)
+            && around
+                .iter()
+                .all(|corner| corner.is_some_and(|c| c.object == centre.object && c.normal.dot(centre.normal) > 0.98))
+    }
+
+    /// Follows the camera's ray through a point of the picture. `own` is the index of the pixel's camera ray, whose light is
+    /// known.
+    fn trace_point(&self, own: usize, at: Vec2, paths: &mut PixelPaths) {
+        let mut ray = self.rays.view.camera.ray(at, self.size());
+        let mut hit = self.prepared.tracer.camera_hit(ray);
+        let mut walk = Walk { own, throughput: Vec3::ONE, key: 0, alpha: 0.0, bounce: 0 };
+        while let Some(found) = hit.filter(|_| walk.bounce < MAX_SURFACES) {
+            let Some(mirrored) = self.meet(&found, &ray, &mut walk, paths) else {
+                paths.points += 1;
+                return;
+            };
+            ray = Ray { origin: found.position, direction: mirrored };
+            hit = self.prepared.tracer.secondary_hit(ray);
+            walk.bounce += 1;
+        }
+        let source = Source::Environment { direction: ray.direction, alpha: walk.alpha };
+        paths.add(walk.throughput, source, walk.key == 0);
+        paths.points += 1;
+    }
+
+    /// Adds what a surface sends along a path, and goes on in the mirrored direction if it mirrors.
+    fn meet(&self, found: &Hit, ray: &Ray, walk: &mut Walk, paths: &mut PixelPaths) -> Option<Vec3> {
+        let object = &self.scene.objects[found.object as usize];
+        walk.key = walk.key.wrapping_mul(1_000_003) + 2 * u64::from(found.object) + u64::from(found.front) + 1;
+        let reflectance = self.reflectance(found, object, ray);
+        self.add_surface(found, object, reflectance.is_some(), ray, walk, paths);
+        walk.throughput *= reflectance?;
+        Some(Self::mirrored(found, object, ray, walk, paths.points))
+    }
+
+    /// What a surface mirrors, if it does on the side that is seen.
+    fn reflectance(&self, found: &Hit, object: &Object, ray: &Ray) -> Option<Vec3> {
+        if self.is_plain || !mirrors(object, found.front) {
+            return None;
+        }
+        let curve = self.prepared.materials.mirrors[found.object as usize].as_ref()?;
+        Some(curve.at(ray.direction.dot(found.normal).abs().into()).as_vec3())
+    }
+
+    /// Adds the light that a surface reflects diffusely or glossily.
+    fn add_surface(
+        &self,
+        found: &Hit,
+        object: &Object,
+        is_mirror: bool,
+        ray: &Ray,
+        walk: &Walk,
+        paths: &mut PixelPaths,
+    ) {
+        let is_glossy = !self.is_plain && self.prepared.materials.receivers.is_glossy(found.object);
+        let albedo = match &object.receiver {
+            _ if self.is_plain => Vec3::splat(DIFFUSE_VIEW_ALBEDO),
+            Some(receiver) => receiver.albedo,
+            None if is_mirror => Vec3::ZERO,
+            None => Vec3::splat(PLAIN_ALBEDO),
+        };
+        if albedo == Vec3::ZERO && !is_glossy {
+            return;
+        }
+        let is_own = |o: &Hit| walk.bounce == 0 && o.object == found.object && o.front == found.front;
+        let source = if !is_glossy && self.rays.hits[walk.own].as_ref().is_some_and(is_own) {
+            Source::CameraRay(walk.own as u32)
+        } else {
+            let receives = !self.is_plain && object.receiver.is_some();
+            paths.end_point(walk.key, EndPoint { hit: *found, receives, view: -ray.direction.normalize() })
+        };
+        let factor = if is_glossy { walk.throughput } else { walk.throughput * albedo * std::f32::consts::FRAC_1_PI };
+        paths.add(factor, source, false);
+    }
+
+    /// The direction in which a mirror, or one of its facets, sends a ray on.
+    fn mirrored(found: &Hit, object: &Object, ray: &Ray, walk: &mut Walk, point: u16) -> Vec3 {
+        let alpha = object.reflector.map_or(0.0, |r| r.finish.alpha() as f32);
+        let mut facet = found.normal;
+        if alpha > 0.0 {
+            walk.alpha = walk.alpha.max(alpha);
+            // What facets mirror lies too far apart to share a point.
+            walk.key = walk.key.wrapping_mul(1_000_003) + u64::from(point);
+            let seed = (walk.own as u32).wrapping_mul(0x9E37_79B9) ^ walk.bounce;
+            let [u, v, ..] = sobol_burley::sample_4d(u32::from(point), 0, seed);
+            facet = likely_facet(found.normal, alpha, [u, v]);
+        }
+        let mirrored = ray.direction.reflect(facet);
+        // A facet may throw light into the surface; then the smooth mirror stands for it.
+        let outwards = mirrored.dot(found.normal) * ray.direction.dot(found.normal) < 0.0;
+        let direction = if outwards { mirrored } else { ray.direction.reflect(found.normal) };
+        direction.normalize()
+    }
+}
+
+/// A path on its way.
+struct Walk {
+    /// The index of the pixel's camera ray.
+    own: usize,
+    throughput: Vec3,
+    /// The objects met, hashed; 0: none.
+    key: u64,
+    /// Width of the roughest mirror on the way.
+    alpha: f32,
+    bounce: u32,
+}
+
+fn mirrors(object: &Object, front: bool) -> bool {
+    object.reflector.is_some_and(|r| match r.sides {
+        Sides::Front => front,
+        Sides::Back => !front,
+        Sides::Both => true,
+    })
+}
+
+/// Collects the pixels' end points into one list and makes their indices point into it.
+fn collect_ends(pixels: &mut [PixelPaths]) -> Vec<EndPoint> {
+    let mut all = Vec::new();
+    for pixel in pixels {
+        let first = all.len() as u32;
+        all.append(&mut pixel.ends);
+        pixel.end_keys = Vec::new();
+        for term in &mut pixel.terms {
+            if let Source::EndPoint(index) = &mut term.source {
+                *index += first;
+            }
+        }
+    }
+    all
+}

@@ -1,0 +1,126 @@
+//! From paths and the light at their ends to radiance towards the camera, and from there to what is displayed.
+
+use std::sync::Arc;
+
+use glam::Vec3;
+use rayon::prelude::*;
+
+use super::gloss::blurred_radiance;
+use super::paths::{Paths, PixelPaths, Source, Term};
+use crate::image::{display, exposed};
+use crate::options::DisplaySettings;
+use crate::stages::PreparedLight;
+
+/// The light at points of surfaces, for an intensity of the environment of 1: irradiance, or radiance towards the viewer where
+/// the surface is glossy.
+#[derive(Debug)]
+pub(super) struct SurfaceLight {
+    /// From the environment; `None`: not asked for.
+    pub direct: Option<Arc<Vec<Vec3>>>,
+    /// By way of the mirrors; w = fetches. As many or, padded to whole rows, more. `None`: not asked for.
+    pub caustic: Option<Arc<Vec<[f32; 4]>>>,
+}
+
+impl SurfaceLight {
+    /// From the environment.
+    pub fn direct_at(&self, index: usize) -> Vec3 {
+        self.direct.as_ref().map_or(Vec3::ZERO, |direct| direct[index])
+    }
+
+    /// By way of the mirrors.
+    pub fn caustic_at(&self, index: usize) -> Vec3 {
+        self.caustic.as_ref().map_or(Vec3::ZERO, |caustic| Vec3::from_slice(&caustic[index]))
+    }
+
+    fn at(&self, index: u32, caustic_gain: f32) -> Vec3 {
+        self.direct_at(index as usize) + caustic_gain * self.caustic_at(index as usize)
+    }
+}
+
+/// Radiance towards the camera, point by point.
+#[derive(Debug)]
+pub(super) struct Shaded {
+    /// Where each pixel's points begin, and where the last pixel's end.
+    first_point: Vec<u32>,
+    points: Vec<ShadedPoint>,
+}
+
+/// Radiance of one point of a pixel, W/(m²·sr).
+#[derive(Clone, Copy, Debug, Default)]
+struct ShadedPoint {
+    surfaces: Vec3,
+    /// The environment as the camera sees it directly.
+    background: Vec3,
+}
+
+/// What paths are shaded with.
+pub(super) struct Shader<'a> {
+    pub light: &'a PreparedLight,
+    /// At the camera's own rays.
+    pub own: &'a SurfaceLight,
+    /// At the ends of paths.
+    pub ends: &'a SurfaceLight,
+    pub caustic_gain: f32,
+}
+
+impl Shader<'_> {
+    pub fn shade(&self, paths: &Paths) -> Shaded {
+        let mut first_point = vec![0];
+        first_point.extend(paths.pixels.iter().scan(0, |sum, pixel| {
+            *sum += u32::from(pixel.points);
+            Some(*sum)
+        }));
+        let points: Vec<Vec<ShadedPoint>> = paths.pixels.par_iter().map(|pixel| self.shade_pixel(pixel)).collect();
+        Shaded { first_point, points: points.concat() }
+    }
+
+    fn shade_pixel(&self, pixel: &PixelPaths) -> Vec<ShadedPoint> {
+        let mut points = vec![ShadedPoint::default(); usize::from(pixel.points)];
+        for term in &pixel.terms {
+            let radiance = self.light.intensity * term.factor * self.light_of(term);
+            let point = &mut points[usize::from(term.point)];
+            if term.is_background { point.background += radiance } else { point.surfaces += radiance }
+        }
+        points
+    }
+
+    fn light_of(&self, term: &Term) -> Vec3 {
+        match term.source {
+            Source::CameraRay(index) => self.own.at(index, self.caustic_gain),
+            Source::EndPoint(index) => self.ends.at(index, self.caustic_gain),
+            Source::Environment { direction, alpha } => {
+                let direction = self.light.light_from_world(direction);
+                let environment = &self.light.environment;
+                if alpha > 0.0 {
+                    blurred_radiance(&environment.cube, direction, alpha)
+                } else {
+                    environment.radiance.smooth_radiance(direction)
+                }
+            }
+        }
+    }
+}
+
+impl Shaded {
+    fn pixels(&self) -> impl IndexedParallelIterator<Item = &[ShadedPoint]> {
+        self.first_point.par_windows(2).map(|ends| &self.points[ends[0] as usize..ends[1] as usize])
+    }
+
+    /// The mean radiance of each pixel.
+    pub fn radiance(&self) -> Vec<Vec3> {
+        let mean = |points: &[ShadedPoint]| {
+            points.iter().map(|p| p.surfaces + p.background).sum::<Vec3>() / points.len().max(1) as f32
+        };
+        self.pixels().map(mean).collect()
+    }
+
+    /// What is displayed of each pixel, display-linear. Each point is tone-mapped before the mean, so that edges against bright
+    /// light are smooth, too.
+    pub fn displayed(&self, settings: &DisplaySettings) -> Vec<Vec3> {
+        let shown = |p: &ShadedPoint| {
+            display(exposed(p.surfaces, settings.exposure_ev) + exposed(p.background, settings.background_exposure_ev))
+        };
+        let mean = |points: &[ShadedPoint]| points.iter().map(shown).sum::<Vec3>() / points.len().max(1) as f32;
+        self.pixels().map(mean).collect()
+    }
+}

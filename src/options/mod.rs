@@ -1,0 +1,382 @@
+//! What to render and how: validated options, and the `[render]` table and command line that lead to them.
+//!
+//! This module must not know how anything is computed.
+
+mod settings;
+
+pub use settings::{Settings, load};
+
+use serde::{Deserialize, Serialize};
+
+use crate::cell_tree::MAX_LEAVES;
+use crate::environment::CubeSize;
+use crate::error::OptionError;
+use crate::image::Aov;
+use crate::pinhole::{Epsilon, Filter, Footprint, MAX_TAPS, Params};
+use crate::sampling::{self, Density, MAX_SAMPLES, Strategy};
+use crate::scene::Visibility;
+use crate::technique::Technique;
+
+/// A filter, or the choice of one left to Pinspot.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Deserialize, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum FilterChoice {
+    /// The GPU's own where a test finds it right, else anisotropic, in the shader.
+    #[default]
+    Auto,
+    /// [`Filter::None`].
+    None,
+    /// [`Filter::Isotropic`].
+    Isotropic,
+    /// [`Filter::Anisotropic`].
+    Anisotropic,
+    /// [`Filter::Hardware`].
+    Hardware,
+    /// [`Filter::Ewa`].
+    Ewa,
+}
+
+impl FilterChoice {
+    /// The filter; `None` where the choice is left to the back end.
+    pub fn filter(self) -> Option<Filter> {
+        match self {
+            Self::Auto => None,
+            Self::None => Some(Filter::None),
+            Self::Isotropic => Some(Filter::Isotropic),
+            Self::Anisotropic => Some(Filter::Anisotropic),
+            Self::Hardware => Some(Filter::Hardware),
+            Self::Ewa => Some(Filter::Ewa),
+        }
+    }
+
+    /// Its name in scene files and on the command line.
+    pub fn name(self) -> &'static str {
+        self.filter().map_or("auto", Filter::name)
+    }
+}
+
+/// How the samples are summed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Deserialize, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum EvaluationChoice {
+    /// Hierarchical where that can be, else flat.
+    #[default]
+    Auto,
+    /// Every sample for every receiver, as the paper does.
+    Flat,
+    /// By a tree of cells, as finely as the tolerance asks for.
+    Hierarchical,
+}
+
+impl EvaluationChoice {
+    /// Its name in scene files and on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Auto => "auto",
+            Self::Flat => "flat",
+            Self::Hierarchical => "hierarchical",
+        }
+    }
+}
+
+/// How the samples are summed, decided.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[serde(rename_all = "kebab-case", tag = "mode")]
+pub enum Evaluation {
+    /// Every one for every receiver.
+    Flat {
+        /// Cells that each sample is split into.
+        leaves: u32,
+    },
+    /// By a tree of cells.
+    Hierarchical {
+        /// Cells that each sample is split into.
+        leaves: u32,
+        /// Error, as a part of the mean irradiance.
+        tolerance: f32,
+    },
+}
+
+impl Evaluation {
+    /// The mode of the technique, in reports.
+    pub fn mode(self) -> &'static str {
+        match self {
+            Self::Flat { .. } => "flat",
+            Self::Hierarchical { .. } => "hierarchical",
+        }
+    }
+
+    /// Cells that each sample is split into at most.
+    pub fn leaves(self) -> u32 {
+        match self {
+            Self::Flat { leaves } | Self::Hierarchical { leaves, .. } => leaves,
+        }
+    }
+}
+
+/// Leaves that the hierarchy gives each sample by default: from there on what the tree costs outweighs what it gains
+/// (`cargo bench --bench hierarchy`).
+const LEAVES: u32 = 64;
+
+/// What is drawn over the beauty picture.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Overlay {
+    /// Nothing.
+    #[default]
+    None,
+    /// A dot for every sample.
+    Samples,
+}
+
+/// How radiance becomes a picture.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct DisplaySettings {
+    /// Exposure, stops; from −64 to 64.
+    pub exposure_ev: f32,
+    /// The same for the environment where the camera sees it directly.
+    pub background_exposure_ev: f32,
+}
+
+macro_rules! options {
+    ($($(#[doc = $doc:literal])+ $field:ident / $setter:ident: $type:ty = $default:expr,)*) => {
+        /// What to render and how. Every field has a default and a setter of its own.
+        ///
+        /// ```
+        /// use pinspot::Options;
+        ///
+        /// let options = Options::default().with_size([64, 64]).with_samples(100);
+        /// assert_eq!(options.tolerance, 0.01);
+        /// assert!(options.with_taps(0).check().is_err());
+        /// ```
+        #[derive(Clone, Debug, PartialEq)]
+        #[non_exhaustive]
+        pub struct Options {
+            $($(#[doc = $doc])+ pub $field: $type,)*
+        }
+
+        impl Default for Options {
+            fn default() -> Self {
+                Self { $($field: $default,)* }
+            }
+        }
+
+        impl Options {
+            $(
+                $(#[doc = $doc])+
+                #[must_use]
+                pub fn $setter(mut self, $field: $type) -> Self {
+                    self.$field = $field;
+                    self
+                }
+            )*
+        }
+    };
+}
+
+options! {
+    /// Width and height, pixels; each from 1 to 16384.
+    size / with_size: [u32; 2] = [512, 512],
+    /// Values are means over n×n points of a pixel; from 1 to 16.
+    pixel_samples / with_pixel_samples: u32 = 1,
+    /// The pictures to render, each once.
+    aovs / with_aovs: Vec<Aov> = vec![Aov::Beauty],
+    /// How irradiance by way of the mirrors is computed.
+    technique / with_technique: Technique = Technique::default(),
+    /// Number of samples asked for; from 1 to [`MAX_SAMPLES`].
+    samples / with_samples: u32 = 1000,
+    /// How the samples are placed.
+    strategy / with_strategy: Strategy = Strategy::default(),
+    /// Where the samples are denser.
+    density / with_density: Density = Density::default(),
+    /// Random seed.
+    seed / with_seed: u64 = 1,
+    /// How the samples' footprints are found.
+    footprint / with_footprint: Footprint = Footprint::default(),
+    /// How the environment is looked up under a footprint.
+    filter / with_filter: FilterChoice = FilterChoice::default(),
+    /// Most look-ups along a footprint's major axis; from 1 to [`MAX_TAPS`].
+    taps / with_taps: u32 = 16,
+    /// `false` drops the 1/l².
+    attenuation / with_attenuation: bool = true,
+    /// What keeps 1/l² finite.
+    epsilon / with_epsilon: Epsilon = Epsilon::default(),
+    /// How the samples are summed.
+    evaluation / with_evaluation: EvaluationChoice = EvaluationChoice::default(),
+    /// Cells that each sample may be split into; `None`: 64 in a hierarchy (fewer, by powers of four, where all together
+    /// would be too many), else 1. The power of four below counts.
+    leaves / with_leaves: Option<u32> = None,
+    /// Error that a hierarchy may have, relative to the mean irradiance over the picture; from 1e-5 to 1.
+    tolerance / with_tolerance: f32 = 0.01,
+    /// The environment's cube map.
+    cube_size / with_cube_size: CubeSize = CubeSize::default(),
+    /// Which occlusion is taken into account.
+    visibility / with_visibility: Visibility = Visibility::default(),
+    /// Exposure.
+    display / with_display: DisplaySettings = DisplaySettings::default(),
+    /// Multiplies the caustic in the beauty picture; from 0 to 1e6.
+    caustic_gain / with_caustic_gain: f32 = 1.0,
+    /// Everything diffuse and grey, no mirrors and no caustics: shows the shapes.
+    plain_diffuse / with_plain_diffuse: bool = false,
+    /// What is drawn over the beauty picture.
+    overlay / with_overlay: Overlay = Overlay::None,
+}
+
+/// The longest edge of a picture, pixels.
+const MAX_SIZE: u32 = 16384;
+/// The most cells of a hierarchy, or samples of a sum without one.
+const MAX_CELLS: u64 = 1 << 22;
+/// The most leaves whose tree surely fits into the 128 MiB that every WebGPU device binds: 64 bytes a node, and four nodes for
+/// three leaves.
+const MAX_CELLS_OF_BINDING: u64 = 1_500_000;
+
+/// The largest factor on the caustic.
+const MAX_CAUSTIC_GAIN: f32 = 1e6;
+
+/// Whether a number lies in a range; NaN lies in none.
+fn in_range<T: Copy + PartialOrd + std::fmt::Display>(
+    key: &'static str,
+    value: T,
+    low: T,
+    high: T,
+) -> Result<(), OptionError> {
+    if (low..=high).contains(&value) {
+        return Ok(());
+    }
+    Err(OptionError::OutOfRange { key, value: value.to_string(), expected: format!("from {low} to {high}") })
+}
+
+impl Options {
+    /// Whether every value is in its range, and no two contradict each other.
+    pub fn check(&self) -> Result<(), OptionError> {
+        let [width, height] = self.size;
+        if !(1..=MAX_SIZE).contains(&width) || !(1..=MAX_SIZE).contains(&height) {
+            let expected = format!("from 1×1 to {MAX_SIZE}×{MAX_SIZE} pixels");
+            return Err(OptionError::OutOfRange { key: "size", value: format!("{width}×{height}"), expected });
+        }
+        in_range("pixel_samples", self.pixel_samples, 1, 16)?;
+        in_range("samples", self.samples, 1, MAX_SAMPLES)?;
+        in_range("taps", self.taps, 1, MAX_TAPS)?;
+        in_range("tolerance", self.tolerance, 1e-5, 1.0)?;
+        in_range("exposure_ev", self.display.exposure_ev, -64.0, 64.0)?;
+        in_range("background_exposure_ev", self.display.background_exposure_ev, -64.0, 64.0)?;
+        in_range("caustic_gain", self.caustic_gain, 0.0, MAX_CAUSTIC_GAIN)?;
+        if let Epsilon::Value(epsilon) = self.epsilon {
+            in_range("epsilon", epsilon, 0.0, 1e30)?;
+        }
+        self.check_pictures()?;
+        self.check_leaves()
+    }
+
+    fn check_pictures(&self) -> Result<(), OptionError> {
+        let expected = "one or more of beauty, caustic, direct, albedo, normal, position, depth, each once".to_owned();
+        let repeated = (1..self.aovs.len()).find(|&i| self.aovs[..i].contains(&self.aovs[i]));
+        match repeated {
+            Some(i) => {
+                let value = format!("{} twice", self.aovs[i].name());
+                Err(OptionError::OutOfRange { key: "aov", value, expected })
+            }
+            None if self.aovs.is_empty() => {
+                Err(OptionError::OutOfRange { key: "aov", value: "empty".to_owned(), expected })
+            }
+            None => Ok(()),
+        }
+    }
+
+    fn check_leaves(&self) -> Result<(), OptionError> {
+        let Some(leaves) = self.leaves else { return Ok(()) };
+        in_range("leaves", leaves, 1, MAX_LEAVES)?;
+        let cells = u64::from(self.samples) * u64::from(leaves);
+        if cells > MAX_CELLS {
+            let reason = format!("make {cells} cells with {} samples, but at most {MAX_CELLS} fit", self.samples);
+            return Err(OptionError::Conflict {
+                key: "leaves",
+                reason,
+                remedies: &[("samples", "fewer"), ("leaves", "fewer")],
+            });
+        }
+        if leaves > 1 && self.footprint == Footprint::Curvature {
+            let reason = "are cells, which curvature footprints have none of".to_owned();
+            return Err(OptionError::Conflict {
+                key: "leaves",
+                reason,
+                remedies: &[("footprint", "cells"), ("leaves", "1")],
+            });
+        }
+        Ok(())
+    }
+
+    /// How the samples are summed with a filter, on a GPU or not.
+    pub(crate) fn resolved_evaluation(&self, filter: Filter, on_gpu: bool) -> Result<Evaluation, OptionError> {
+        let power_of_four = |leaves: u32| 4u32.pow(leaves.ilog(4));
+        let flat = Evaluation::Flat { leaves: power_of_four(self.leaves.unwrap_or(1)) };
+        let most = if on_gpu { MAX_CELLS_OF_BINDING } else { MAX_CELLS };
+        let fits = |leaves: &u32| u64::from(self.samples) * u64::from(*leaves) <= most;
+        let by_default =
+            std::iter::successors(Some(LEAVES), |leaves| Some(leaves / 4)).take_while(|l| *l > 0).find(fits);
+        let leaves = power_of_four(self.leaves.or(by_default).unwrap_or(1));
+        let hierarchical = Evaluation::Hierarchical { leaves, tolerance: self.tolerance };
+        let has_filter = filter == Filter::Anisotropic || filter == Filter::Hardware && on_gpu;
+        let obstacles: [(bool, &str, &'static [(&'static str, &'static str)]); 4] = [
+            (
+                self.leaves.is_none() && !fits(&1),
+                "has more cells than a GPU binds",
+                &[("samples", "fewer"), ("backend", "cpu"), ("evaluation", "flat")],
+            ),
+            (
+                self.footprint != Footprint::Cells,
+                "needs footprints that are cells",
+                &[("footprint", "cells"), ("evaluation", "flat")],
+            ),
+            (!has_filter, "filters anisotropically", &[("filter", "anisotropic"), ("evaluation", "flat")]),
+            (
+                self.epsilon == Epsilon::Paper,
+                "has no sample area to take the paper's ε from",
+                &[("epsilon", "auto"), ("evaluation", "flat")],
+            ),
+        ];
+        let obstacle = obstacles.into_iter().find(|(stands, ..)| *stands);
+        match (self.evaluation, obstacle) {
+            (EvaluationChoice::Hierarchical, Some((_, reason, remedies))) => {
+                let reason = format!("hierarchical {reason}");
+                Err(OptionError::Conflict { key: "evaluation", reason, remedies })
+            }
+            (EvaluationChoice::Flat, _) | (_, Some(_)) => Ok(flat),
+            _ => Ok(hierarchical),
+        }
+    }
+
+    /// How many samples are placed, and how.
+    pub(crate) fn sampling(&self) -> sampling::Options {
+        sampling::Options { samples: self.samples, strategy: self.strategy, seed: self.seed }
+    }
+
+    /// The parameters of a sum with a filter and an environment that is rotated.
+    pub(crate) fn params(&self, filter: Filter, environment_rotation_rad: f32) -> Params {
+        let Self { taps, attenuation, epsilon, .. } = *self;
+        Params { filter, taps, attenuation, epsilon, environment_rotation_rad }
+    }
+
+    /// Whether any picture shows caustics.
+    pub(crate) fn shows_caustic(&self) -> bool {
+        self.aovs.contains(&Aov::Caustic) || self.aovs.contains(&Aov::Beauty) && !self.plain_diffuse
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn by_default_there_are_as_many_leaves_as_fit() {
+        let resolved = |samples, on_gpu| {
+            Options::default().with_samples(samples).resolved_evaluation(Filter::Anisotropic, on_gpu).unwrap()
+        };
+        let hierarchical = |leaves| Evaluation::Hierarchical { leaves, tolerance: 0.01 };
+        assert_eq!([resolved(1000, false), resolved(1000, true)], [hierarchical(64); 2]);
+        assert_eq!([resolved(40_000, false), resolved(40_000, true)], [hierarchical(64), hierarchical(16)]);
+        assert_eq!([resolved(100_000, false), resolved(1_000_000, false)], [hierarchical(16), hierarchical(4)]);
+        assert_eq!(resolved(1_400_000, true), hierarchical(1));
+        assert_eq!(resolved(2_000_000, true), Evaluation::Flat { leaves: 1 });
+    }
+}

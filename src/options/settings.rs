@@ -1,0 +1,135 @@
+//! The `[render]` table of a scene file, and the command line over it.
+
+use serde::Deserialize;
+
+use super::{DisplaySettings, EvaluationChoice, FilterChoice, Options};
+use crate::Error;
+use crate::environment::CubeSize;
+use crate::error::OptionError;
+use crate::image::Aov;
+use crate::pinhole::{Epsilon, Footprint};
+use crate::sampling::{Density, Strategy};
+use crate::scene::{Loaded, Scene, Visibility};
+use crate::technique::Technique;
+
+/// What a scene file or a command line says about rendering. Everything is optional, so that one can be laid over another.
+#[derive(Clone, Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Settings {
+    /// Width and height, pixels.
+    pub size: Option<[u32; 2]>,
+    /// How irradiance by way of the mirrors is computed.
+    pub technique: Option<Technique>,
+    /// Number of samples asked for.
+    pub samples: Option<u32>,
+    /// How the samples are placed.
+    pub strategy: Option<Strategy>,
+    /// Where samples are denser.
+    pub density: Option<Density>,
+    /// How a sample's footprint is found.
+    pub footprint: Option<Footprint>,
+    /// How the environment is looked up under a footprint.
+    pub filter: Option<FilterChoice>,
+    /// Most look-ups along a footprint's major axis.
+    pub taps: Option<u32>,
+    /// Sample by sample, or by a hierarchy of them.
+    pub evaluation: Option<EvaluationChoice>,
+    /// Cells that each sample may be split into.
+    pub leaves: Option<u32>,
+    /// Error that the hierarchy may have, as a part of the mean irradiance.
+    pub tolerance: Option<f32>,
+    /// `false` drops the 1/l² (the result is then a pattern, not an irradiance).
+    pub attenuation: Option<bool>,
+    /// What keeps 1/l² finite.
+    pub epsilon: Option<Epsilon>,
+    /// Edge of the cube map's faces, texels.
+    pub cube_size: Option<CubeSize>,
+    /// Which occlusion is taken into account.
+    pub visibility: Option<Visibility>,
+    /// Random seed.
+    pub seed: Option<u64>,
+    /// n: values are means over n×n points of a pixel.
+    pub pixel_samples: Option<u32>,
+    /// Exposure, in stops.
+    pub exposure_ev: Option<f32>,
+    /// Exposure of the environment where the camera sees it, in stops; by default `exposure_ev`.
+    pub background_exposure_ev: Option<f32>,
+    /// Multiplies the caustic in the beauty picture.
+    pub caustic_gain: Option<f32>,
+    /// What to render.
+    pub aov: Option<Vec<Aov>>,
+}
+
+impl Settings {
+    /// These settings with every key that `over` sets replaced.
+    #[must_use]
+    pub fn overridden_by(self, over: Self) -> Self {
+        Self {
+            size: over.size.or(self.size),
+            technique: over.technique.or(self.technique),
+            samples: over.samples.or(self.samples),
+            strategy: over.strategy.or(self.strategy),
+            density: over.density.or(self.density),
+            footprint: over.footprint.or(self.footprint),
+            filter: over.filter.or(self.filter),
+            taps: over.taps.or(self.taps),
+            evaluation: over.evaluation.or(self.evaluation),
+            leaves: over.leaves.or(self.leaves),
+            tolerance: over.tolerance.or(self.tolerance),
+            attenuation: over.attenuation.or(self.attenuation),
+            epsilon: over.epsilon.or(self.epsilon),
+            cube_size: over.cube_size.or(self.cube_size),
+            visibility: over.visibility.or(self.visibility),
+            seed: over.seed.or(self.seed),
+            pixel_samples: over.pixel_samples.or(self.pixel_samples),
+            exposure_ev: over.exposure_ev.or(self.exposure_ev),
+            background_exposure_ev: over.background_exposure_ev.or(self.background_exposure_ev),
+            caustic_gain: over.caustic_gain.or(self.caustic_gain),
+            aov: over.aov.or(self.aov),
+        }
+    }
+
+    /// The options, defaults filled in and every value checked.
+    pub fn options(self) -> Result<Options, OptionError> {
+        let defaults = Options::default();
+        let exposure_ev = self.exposure_ev.unwrap_or(0.0);
+        let options = Options {
+            size: self.size.unwrap_or(defaults.size),
+            technique: self.technique.unwrap_or_default(),
+            samples: self.samples.unwrap_or(defaults.samples),
+            strategy: self.strategy.unwrap_or_default(),
+            density: self.density.unwrap_or_default(),
+            footprint: self.footprint.unwrap_or_default(),
+            filter: self.filter.unwrap_or_default(),
+            taps: self.taps.unwrap_or(defaults.taps),
+            attenuation: self.attenuation.unwrap_or(defaults.attenuation),
+            epsilon: self.epsilon.unwrap_or_default(),
+            evaluation: self.evaluation.unwrap_or_default(),
+            leaves: self.leaves,
+            tolerance: self.tolerance.unwrap_or(defaults.tolerance),
+            cube_size: self.cube_size.unwrap_or_default(),
+            visibility: self.visibility.unwrap_or_default(),
+            seed: self.seed.unwrap_or(defaults.seed),
+            pixel_samples: self.pixel_samples.unwrap_or(defaults.pixel_samples),
+            aovs: self.aov.unwrap_or(defaults.aovs),
+            display: DisplaySettings {
+                exposure_ev,
+                background_exposure_ev: self.background_exposure_ev.unwrap_or(exposure_ev),
+            },
+            caustic_gain: self.caustic_gain.unwrap_or(defaults.caustic_gain),
+            plain_diffuse: defaults.plain_diffuse,
+            overlay: defaults.overlay,
+        };
+        options.check()?;
+        Ok(options)
+    }
+}
+
+/// Loads a scene file, or the built-in scene of that name, with the options of its `[render]` table.
+///
+/// # Errors
+/// What is wrong with the scene, its meshes or its light, or an option out of range.
+pub fn load(path_or_name: &str) -> Result<(Scene, Options), Error> {
+    let Loaded { scene, render, .. } = crate::scene::load::<Settings>(path_or_name)?;
+    Ok((scene, render.options()?))
+}

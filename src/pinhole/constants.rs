@@ -1,0 +1,74 @@
+//! Numbers that the CPU and the shaders share. Shaders get them from here: see `gpu::shaders`.
+
+/// Points along the edge of a tile of receivers.
+pub const TILE_SIZE: u32 = 64;
+/// Receiver points that stand for a block: four by four.
+#[cfg(feature = "gpu")]
+pub const INTERPOLATION_POINTS: u32 = 16;
+/// How far a point may lie from where its block's sixteen points lead one to expect it, in radii of the block.
+pub const SMOOTH_POSITION_TOLERANCE: f32 = 0.01;
+/// How far a unit normal may lie from where the sixteen lead one to expect it.
+pub const SMOOTH_NORMAL_TOLERANCE: f32 = 0.02;
+
+/// A pair's error may be this part of what is allowed for a point: errors of many pairs add up there, though not all with the
+/// same sign.
+pub const PAIR_ERROR_SHARE: f32 = 1.2;
+/// All that is dropped at a point adds less than this part of the error that is allowed there.
+pub const NEGLIGIBLE_SHARE: f32 = 0.03;
+/// Pairs of a block and a cell that are nearer than this many times their sizes are refined.
+pub const NEAR_FIELD_SIZES: f32 = 1.5;
+/// No point of a cell is taken to be nearer to a receiver than this part of the distance to its centroid.
+pub const MIN_DISTANCE_RATIO: f32 = 0.3;
+/// Half the diagonal of a footprint's parallelogram in roots of the sum of its sides' squares, and some more.
+pub const FOOTPRINT_RADIUS: f32 = 0.6;
+/// How far a footprint bends beyond its linear extent, for a cell of a given relative size.
+pub const FOOTPRINT_BEND: f32 = 0.3;
+/// Error of taking a cell for one sample: the part of the light's contrast that it gets wrong, at relative size 1.
+pub const CONTRAST_ERROR_SCALE: f32 = 3.0;
+/// Error of taking a cell for one sample: the part of its contribution by which its weight differs within it, at relative size 1.
+pub const WEIGHT_ERROR_SCALE: f32 = 0.3;
+/// Part of the contrast that an interpolation gets wrong where the light changes over one distance of its points.
+pub const INTERPOLATION_ERROR_SCALE: f32 = 0.02;
+/// Distance of a block's interpolation points, in radii of the block.
+pub const POINT_SPACING: f32 = 0.47;
+/// The squared minor axis of a footprint is taken to be at least this part of the sum of its sides' squares.
+pub const MIN_MINOR_SHARE: f32 = 1.0 / 512.0;
+/// Taps that a pair is worth whose contribution ranges over its error budget.
+pub const TAPS_PER_ERROR_BUDGET: f32 = 3.0;
+/// Relative size from which a cell is not taken for one sample.
+pub const MAX_RELATIVE_SIZE: f32 = 0.7;
+/// How often a leaf near a receiver is quartered.
+pub const MAX_QUARTERINGS: u32 = 5;
+/// Sample nodes that an irradiance estimate asks at most.
+pub const ESTIMATE_MAX_SAMPLE_NODES: u32 = 512;
+/// An irradiance estimate is at least this part of the root mean square, where few receivers get nearly all of the light.
+pub const ESTIMATE_RMS_SHARE: f32 = 0.1;
+
+/// A tap's width over its share of the footprint. Bilinear interpolation blurs a level's texels by more than their width, so a tap
+/// reads a level a little finer. Measured: 1 blurs the ring's caustic (error .376 at 100 samples, here .361), 0.7 sharpens it
+/// further (.342) but shows gaps between footprints where a sun is focused (cup, 1,000 samples: .18, here .20, .26).
+pub const TAP_SHARPNESS: f32 = 0.9;
+/// Where the light is even, cells are looked up in this part of their footprint's width. Measured on the ring in forest light,
+/// tolerance .1: energy .993 with 1, .995 with .7, .999 with .35.
+pub const EVEN_LIGHT_SHARPNESS: f32 = 0.35;
+/// The ellipse's semi-axes in sides of the footprint: 1/√2, at which the weights 1 − ρ² have a parallelogram's second moments.
+pub const EWA_RADIUS: f32 = std::f32::consts::FRAC_1_SQRT_2;
+/// Texels of the level read, in minor axes.
+pub const EWA_TEXEL: f32 = 0.5;
+/// The most columns of look-ups along the major axis.
+pub const EWA_MAX_COLUMNS: f32 = 256.0;
+
+/// A sample's reflected directions are taken to change linearly; where its surface turns far, they bend. This part of the
+/// normal's squared change is the blur that comes nearest to the ground truth: without it a cup of 100 samples throws a
+/// caustic four times too bright at its focus, and its error is .436 instead of .365 (`examples/accuracy.rs`).
+pub const BEND_BLUR: f32 = 0.5;
+/// Less blur than this, radians, changes nothing that could be measured, and is spared.
+pub const MIN_BEND_BLUR: f32 = 0.03;
+
+/// Numbers of the filters that are compiled into a gather.
+pub const FILTER_NONE: u32 = 0;
+pub const FILTER_ISOTROPIC: u32 = 1;
+pub const FILTER_ANISOTROPIC: u32 = 2;
+#[cfg(feature = "gpu")]
+pub const FILTER_HARDWARE: u32 = 3;
+pub const FILTER_EWA: u32 = 4;

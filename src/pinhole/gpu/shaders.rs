@@ -1,0 +1,154 @@
+//! The shaders. A line `#import name` is replaced by `shaders/shared/name.wgsl`, once per shader; `#import constants` by the numbers
+//! that Rust and the shaders share, of which Rust has the only copy.
+
+use std::fmt::Write;
+
+use super::hierarchical::layout::{
+    BLOCK_LEVELS, BLOCKS_PER_TILE, BOUNDS_WORKGROUP_EDGE, ESTIMATE_WORKGROUPS, MAX_TREE_DEPTH, WORKGROUP_SIZE,
+};
+use super::probe::PROBES_PER_ROW;
+use crate::brdf::{MATERIAL_GGX, MATERIAL_PHONG, MATERIAL_TABLE, TABLE_STEPS};
+use crate::cell_tree::MAX_CHILDREN;
+use crate::pinhole::constants::*;
+use crate::pinhole::layout::{BATCH_SIZE, CURVE_POINTS, NO_CURVE};
+
+/// A shader that pipelines are made of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Shader {
+    /// Its file, without the extension.
+    pub name: &'static str,
+    source: &'static str,
+}
+
+macro_rules! shader {
+    ($name:literal) => {
+        Shader { name: $name, source: include_str!(concat!("../../../shaders/", $name, ".wgsl")) }
+    };
+}
+
+pub(super) const FILTER_PROBE: Shader = shader!("filter_probe");
+pub(super) const GATHER: Shader = shader!("gather");
+pub(super) const IRRADIANCE_ESTIMATE: Shader = shader!("irradiance_estimate");
+pub(super) const LIGHT_BOUNDS: Shader = shader!("light_bounds");
+pub(super) const RECEIVER_BLOCKS: Shader = shader!("receiver_blocks");
+pub(super) const REFINE: Shader = shader!("refine");
+pub(super) const RESOLVE: Shader = shader!("resolve");
+
+const SHARED: &[Shader] = &[
+    shader!("shared/brdf"),
+    shader!("shared/cell_tree"),
+    shader!("shared/cube"),
+    shader!("shared/filters"),
+    shader!("shared/footprint"),
+    shader!("shared/gather_inputs"),
+    shader!("shared/receiver_tiles"),
+    shader!("shared/receivers"),
+    shader!("shared/tile_batch"),
+    shader!("shared/visibility"),
+];
+
+impl Shader {
+    /// Its source with the imports in place.
+    pub fn resolve(self) -> String {
+        let mut resolved = Resolved::default();
+        resolved.add(self.source);
+        resolved.source
+    }
+
+    /// Its module on a device.
+    pub fn module(self, device: &wgpu::Device) -> wgpu::ShaderModule {
+        device.create_shader_module(wgpu::ShaderModuleDescriptor {
+            label: Some(self.name),
+            source: wgpu::ShaderSource::Wgsl(self.resolve().into()),
+        })
+    }
+}
+
+#[derive(Default)]
+struct Resolved {
+    source: String,
+    imported: Vec<&'static str>,
+}
+
+impl Resolved {
+    fn add(&mut self, source: &'static str) {
+        for line in source.lines() {
+            match line.strip_prefix("#import ") {
+                Some(name) => self.import(name),
+                None => {
+                    self.source.push_str(line);
+                    self.source.push('\n');
+                }
+            }
+        }
+    }
+
+    fn import(&mut self, name: &'static str) {
+        if self.imported.contains(&name) {
+            return;
+        }
+        self.imported.push(name);
+        if name == "constants" {
+            self.source.push_str(&constants());
+        } else if let Some(shared) = SHARED.iter().find(|shared| shared.name.strip_prefix("shared/") == Some(name)) {
+            self.add(shared.source);
+        }
+        // A name that does not exist leaves names undeclared: the shader's validation fails.
+    }
+}
+
+/// A constant in WGSL.
+trait Constant: Copy {
+    const TYPE: &str;
+    fn literal(self) -> String;
+}
+
+impl Constant for u32 {
+    const TYPE: &str = "u32";
+
+    fn literal(self) -> String {
+        format!("{self}u")
+    }
+}
+
+impl Constant for f32 {
+    const TYPE: &str = "f32";
+
+    fn literal(self) -> String {
+        format!("{self:?}f")
+    }
+}
+
+fn declare<T: Constant>(source: &mut String, name: &str, value: T) {
+    writeln!(source, "const {name}: {} = {};", T::TYPE, value.literal()).expect("a string takes everything");
+}
+
+/// Declarations of all shared numbers.
+fn constants() -> String {
+    let mut source = String::new();
+    macro_rules! declare {
+        ($($name:ident),* $(,)?) => {
+            $(declare(&mut source, stringify!($name), $name);)*
+        };
+    }
+    declare!(TILE_SIZE, INTERPOLATION_POINTS, BLOCK_LEVELS, BLOCKS_PER_TILE);
+    declare!(WORKGROUP_SIZE, BOUNDS_WORKGROUP_EDGE, ESTIMATE_WORKGROUPS, PROBES_PER_ROW);
+    declare(&mut source, "CURVE_POINTS", CURVE_POINTS as u32);
+    declare!(BATCH_SIZE, NO_CURVE, MAX_CHILDREN, MAX_TREE_DEPTH, MAX_QUARTERINGS);
+    declare!(SMOOTH_POSITION_TOLERANCE, SMOOTH_NORMAL_TOLERANCE, POINT_SPACING, MIN_MINOR_SHARE, MIN_DISTANCE_RATIO);
+    declare!(PAIR_ERROR_SHARE, NEGLIGIBLE_SHARE, NEAR_FIELD_SIZES, MAX_RELATIVE_SIZE, TAPS_PER_ERROR_BUDGET);
+    declare!(FOOTPRINT_RADIUS, FOOTPRINT_BEND, BEND_BLUR, MIN_BEND_BLUR);
+    declare!(CONTRAST_ERROR_SCALE, WEIGHT_ERROR_SCALE, INTERPOLATION_ERROR_SCALE);
+    declare!(ESTIMATE_MAX_SAMPLE_NODES, ESTIMATE_RMS_SHARE);
+    declare!(TAP_SHARPNESS, EVEN_LIGHT_SHARPNESS, EWA_RADIUS, EWA_TEXEL, EWA_MAX_COLUMNS);
+    declare!(FILTER_NONE, FILTER_ISOTROPIC, FILTER_ANISOTROPIC, FILTER_HARDWARE, FILTER_EWA);
+    declare!(MATERIAL_PHONG, MATERIAL_GGX, MATERIAL_TABLE);
+    let [theta_half, theta_diff, phi_diff] = TABLE_STEPS.map(|steps| steps as u32);
+    declare(&mut source, "TABLE_THETA_HALF_STEPS", theta_half);
+    declare(&mut source, "TABLE_THETA_DIFF_STEPS", theta_diff);
+    declare(&mut source, "TABLE_PHI_DIFF_STEPS", phi_diff);
+    source
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,222 @@
+//! The shaders without a device: naga validates each, and every struct that crosses is laid out as the Rust one.
+
+use std::collections::BTreeMap;
+use std::mem::offset_of;
+
+use naga::valid::{Capabilities, ValidationFlags, Validator};
+use naga::{AddressSpace, Handle, Module, Type, TypeInner};
+
+use super::*;
+use crate::brdf::Material;
+use crate::cell_tree::CellNode;
+use crate::pinhole::gpu::hierarchical::layout::{BLOCK_BYTES, SampleNode, TilePass, Tolerance, TreeUniforms};
+use crate::pinhole::gpu::hierarchical::light_bounds::BoundsUniforms;
+use crate::pinhole::gpu::probe::GpuProbe;
+use crate::pinhole::{GatherUniforms, PinholeSample};
+
+const ALL: [Shader; 7] = [FILTER_PROBE, GATHER, IRRADIANCE_ESTIMATE, LIGHT_BOUNDS, RECEIVER_BLOCKS, REFINE, RESOLVE];
+
+fn parse(shader: Shader) -> Result<Module, String> {
+    let (name, source) = (shader.name, shader.resolve());
+    let module = naga::front::wgsl::parse_str(&source).map_err(|e| format!("{name}: {}", e.emit_to_string(&source)))?;
+    // Halves packed in words: every WebGPU device reads them.
+    Validator::new(ValidationFlags::all(), Capabilities::SHADER_FLOAT16_IN_FLOAT32)
+        .validate(&module)
+        .map_err(|e| format!("{name}: {}", e.emit_to_string(&source)))?;
+    Ok(module)
+}
+
+#[test]
+fn every_shader_is_valid() {
+    let failures: Vec<String> = ALL.into_iter().filter_map(|shader| parse(shader).err()).collect();
+    assert!(failures.is_empty(), "{}", failures.join("\n"));
+}
+
+#[test]
+fn every_shader_file_is_known() {
+    let files_in = |folder: &str| -> Vec<String> {
+        let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("shaders").join(folder);
+        let paths = std::fs::read_dir(folder).unwrap().map(|file| file.unwrap().path());
+        let mut names: Vec<String> = paths
+            .filter(|path| path.extension().is_some_and(|extension| extension == "wgsl"))
+            .map(|path| path.file_stem().unwrap().to_string_lossy().into_owned())
+            .collect();
+        names.sort();
+        names
+    };
+    assert_eq!(files_in(""), ALL.map(|shader| shader.name));
+    let shared: Vec<&str> = SHARED.iter().map(|shader| shader.name.trim_start_matches("shared/")).collect();
+    assert_eq!(files_in("shared"), shared);
+}
+
+/// Names and offsets of a struct's members, and the size of the whole.
+#[derive(Debug, PartialEq)]
+struct Layout {
+    members: Vec<(String, u32)>,
+    size: u32,
+}
+
+/// Adds the structs that a type is made of.
+fn collect_structs(module: &Module, ty: Handle<Type>, found: &mut BTreeMap<String, Layout>) {
+    match &module.types[ty].inner {
+        TypeInner::Array { base, .. } => collect_structs(module, *base, found),
+        TypeInner::Struct { members, span } => {
+            members.iter().for_each(|member| collect_structs(module, member.ty, found));
+            let name = module.types[ty].name.clone().unwrap();
+            let members = members.iter().map(|member| (member.name.clone().unwrap(), member.offset)).collect();
+            found.insert(name, Layout { members, size: *span });
+        }
+        _ => (),
+    }
+}
+
+/// All structs in the uniform and storage buffers of a shader.
+fn structs_in_buffers(shader: Shader) -> BTreeMap<String, Layout> {
+    let module = parse(shader).unwrap();
+    let mut found = BTreeMap::new();
+    for (_, variable) in module.global_variables.iter() {
+        if matches!(variable.space, AddressSpace::Uniform | AddressSpace::Storage { .. }) {
+            collect_structs(&module, variable.ty, &mut found);
+        }
+    }
+    found
+}
+
+macro_rules! layout {
+    ($type:ty { $($field:ident),* $(,)? }) => {
+        Layout {
+            members: vec![$((stringify!($field).to_owned(), offset_of!($type, $field) as u32)),*],
+            size: size_of::<$type>() as u32,
+        }
+    };
+}
+
+/// The structs that Rust and the shaders share, by their names in the shaders. Padding at the end has no name there.
+fn rust_structs() -> BTreeMap<&'static str, Layout> {
+    BTreeMap::from([
+        ("BoundsUniforms", layout!(BoundsUniforms { size, first, first_above, detail, radiance_scale })),
+        ("CellNode", layout!(CellNode { centroid_area, normal_e11, sides_curvature, curvature_bounds_links })),
+        ("GatherUniforms", gather_uniforms()),
+        ("Material", layout!(Material { albedo, kind, specular, width, table })),
+        ("PinholeSample", pinhole_sample()),
+        ("Probe", layout!(GpuProbe { direction, side_1, side_2 })),
+        ("SampleNode", sample_node()),
+        ("TilePass", layout!(TilePass { first_tile, level, split, split_count })),
+        ("Tolerance", layout!(Tolerance { error, relative_error })),
+        ("TreeUniforms", tree_uniforms()),
+    ])
+}
+
+fn gather_uniforms() -> Layout {
+    layout!(GatherUniforms {
+        sample_count,
+        taps,
+        attenuation,
+        own_scale,
+        epsilon_scale,
+        epsilon,
+        texel_rad,
+        radiance_scale,
+        map_resolution,
+        rotation_cos,
+        rotation_sin,
+    })
+}
+
+fn pinhole_sample() -> Layout {
+    layout!(PinholeSample {
+        position,
+        area,
+        normal,
+        object_sides,
+        reflectance,
+        curve,
+        side_1,
+        lobe,
+        side_2,
+        map,
+        change_1,
+        texel_jitter_u,
+        change_2,
+        texel_jitter_v,
+    })
+}
+
+fn sample_node() -> Layout {
+    layout!(SampleNode {
+        position,
+        lobe,
+        normal,
+        object_sides,
+        reflectance,
+        curve,
+        texel_jitter,
+        max_reflectance,
+        map,
+        node,
+    })
+}
+
+fn tree_uniforms() -> Layout {
+    layout!(TreeUniforms {
+        size,
+        tiles_across,
+        list_capacity,
+        top_count,
+        first_cluster,
+        sample_count,
+        may_interpolate,
+        split_near,
+        has_view_directions,
+        area,
+    })
+}
+
+#[test]
+fn every_struct_in_a_buffer_is_laid_out_as_in_rust() {
+    let in_rust = rust_structs();
+    let mut seen = Vec::new();
+    for shader in ALL {
+        for (name, layout) in structs_in_buffers(shader) {
+            if name == "Block" {
+                // Rust knows only how large it is.
+                assert_eq!(u64::from(layout.size), BLOCK_BYTES);
+                continue;
+            }
+            let Some(expected) = in_rust.get(name.as_str()) else { panic!("{}: {name} is not pinned", shader.name) };
+            assert_eq!(layout.members, expected.members, "{}: {name}", shader.name);
+            // Shaders round sizes up to the alignment of uniforms' members, and buffers are at least as large.
+            assert!(layout.size <= expected.size, "{}: {name} has {} bytes", shader.name, layout.size);
+            seen.push(name);
+        }
+    }
+    for name in in_rust.keys() {
+        assert!(seen.iter().any(|seen| seen == name), "no shader has a struct {name}");
+    }
+}
+
+/// Elements of arrays have to be as large as well.
+#[test]
+fn array_elements_are_as_large_as_in_rust() {
+    let in_rust = rust_structs();
+    for shader in ALL {
+        let module = parse(shader).unwrap();
+        for (_, variable) in module.global_variables.iter() {
+            let TypeInner::Array { base, stride, .. } = module.types[variable.ty].inner else { continue };
+            let Some(expected) = module.types[base].name.as_deref().and_then(|name| in_rust.get(name)) else {
+                continue;
+            };
+            assert_eq!(stride, expected.size, "{}: {:?}", shader.name, variable.name);
+        }
+    }
+}
+
+#[test]
+fn shared_numbers_reach_the_shaders() {
+    let source = constants();
+    assert!(source.contains("const BATCH_SIZE: u32 = 256u;") && source.contains("const TAP_SHARPNESS: f32 = 0.9f;"));
+    // Bit for bit.
+    assert!(source.contains(&format!("const EWA_RADIUS: f32 = {EWA_RADIUS:?}f;")));
+    let module = naga::front::wgsl::parse_str(&source).unwrap();
+    assert_eq!(module.constants.len(), source.lines().count());
+}

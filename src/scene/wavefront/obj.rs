@@ -1,0 +1,189 @@
+//! The statements of an OBJ file, checked: what is left for `tobj` has no errors, and the errors have lines.
+
+use std::fmt::Write;
+
+use super::text::{Statement, decoded, statements};
+use crate::scene::MeshError;
+
+/// An OBJ file's text in a form that `tobj` reads without fail: vertices first, then faces by absolute indices.
+pub(super) struct Checked {
+    pub vertices: String,
+    pub faces: String,
+    /// Lines and file names of its material libraries.
+    pub libraries: Vec<(usize, String)>,
+    /// Lines and names of the materials in use, each once.
+    pub materials: Vec<(usize, String)>,
+}
+
+/// Checks a file's statements; `name` is used in messages.
+pub(super) fn check(name: &str, bytes: &[u8]) -> Result<Checked, MeshError> {
+    let text = decoded(bytes);
+    let mut checker = Checker::default();
+    for statement in statements(&text) {
+        let fail = |reason: String| MeshError::Statement { file: name.into(), line: statement.line, reason };
+        checker.statement(&statement).map_err(fail)?;
+    }
+    checker.finished().map_err(|(line, reason)| MeshError::Statement { file: name.into(), line, reason })
+}
+
+/// A corner of a face: absolute indices from 1 of its position and its normal, if it has one.
+type Corner = (usize, Option<usize>);
+
+enum FaceStatement {
+    Face { line: usize, corners: std::ops::Range<usize> },
+    Material(usize),
+}
+
+#[derive(Default)]
+struct Checker {
+    positions: usize,
+    normals: usize,
+    vertices: String,
+    corners: Vec<Corner>,
+    faces: Vec<FaceStatement>,
+    libraries: Vec<(usize, String)>,
+    materials: Vec<(usize, String)>,
+}
+
+impl Checker {
+    fn statement(&mut self, statement: &Statement) -> Result<(), String> {
+        match statement.keyword() {
+            "v" => self.position(statement),
+            "vn" => self.normal(statement),
+            "f" | "fo" => self.face(statement),
+            "usemtl" => {
+                self.use_material(statement);
+                Ok(())
+            }
+            "mtllib" => {
+                self.libraries.push((statement.line, statement.rest().to_owned()));
+                Ok(())
+            }
+            // Texture coordinates, groups, lines, free-form surfaces.
+            _ => Ok(()),
+        }
+    }
+
+    fn position(&mut self, statement: &Statement) -> Result<(), String> {
+        let numbers = finite(statement, "position")?;
+        let used = match numbers.len() {
+            // A weight divides; colours are not used.
+            4 if numbers[3] != 0.0 => 4,
+            3 | 6.. => 3,
+            4 => return Err("the weight of a vertex must not be zero".into()),
+            count => return Err(format!("a vertex has 3 coordinates, but here are {count}")),
+        };
+        self.positions += 1;
+        write_vertex(&mut self.vertices, "v", statement, used);
+        Ok(())
+    }
+
+    fn normal(&mut self, statement: &Statement) -> Result<(), String> {
+        let count = finite(statement, "normal")?.len();
+        if count != 3 {
+            return Err(format!("a normal has 3 components, but here are {count}"));
+        }
+        self.normals += 1;
+        write_vertex(&mut self.vertices, "vn", statement, 3);
+        Ok(())
+    }
+
+    fn face(&mut self, statement: &Statement) -> Result<(), String> {
+        let start = self.corners.len();
+        for word in statement.words() {
+            let corner = self.corner(word)?;
+            self.corners.push(corner);
+        }
+        let corners = start..self.corners.len();
+        if corners.len() < 3 {
+            let reason = "a face has three corners or more, but here are {}; the file may be truncated";
+            return Err(reason.replace("{}", &corners.len().to_string()));
+        }
+        self.faces.push(FaceStatement::Face { line: statement.line, corners });
+        Ok(())
+    }
+
+    /// `position`, `position/texture`, `position//normal` or `position/texture/normal`.
+    fn corner(&self, word: &str) -> Result<Corner, String> {
+        let mut parts = word.split('/');
+        let position = absolute(parts.next().unwrap_or_default(), self.positions, word)?;
+        let normal = match (parts.next(), parts.next(), parts.next()) {
+            (_, Some(""), None) | (_, None, None) => None,
+            (_, Some(normal), None) => Some(absolute(normal, self.normals, word)?),
+            _ => return Err(format!("'{word}' is not a corner of a face")),
+        };
+        Ok((position, normal))
+    }
+
+    fn use_material(&mut self, statement: &Statement) {
+        let known = self.materials.iter().position(|(_, name)| name == statement.rest());
+        let index = known.unwrap_or_else(|| {
+            self.materials.push((statement.line, statement.rest().to_owned()));
+            self.materials.len() - 1
+        });
+        self.faces.push(FaceStatement::Material(index));
+    }
+
+    fn finished(self) -> Result<Checked, (usize, String)> {
+        // Normals that only some corners have are never meant.
+        let with_normals = self.corners.iter().all(|(_, normal)| normal.is_some());
+        let mut faces = String::new();
+        for face in &self.faces {
+            let (line, corners) = match face {
+                FaceStatement::Face { line, corners } => (*line, &self.corners[corners.clone()]),
+                FaceStatement::Material(index) => {
+                    // By number: names may hold anything.
+                    let _ = writeln!(faces, "usemtl {index}");
+                    continue;
+                }
+            };
+            faces.push('f');
+            for &(position, normal) in corners {
+                let missing = |what: &str, index: usize, count: usize| {
+                    let reason =
+                        format!("the face names {what} {index}, but the file has {count}; it may be truncated");
+                    Err((line, reason))
+                };
+                match normal {
+                    _ if position > self.positions => return missing("vertex", position, self.positions),
+                    Some(normal) if normal > self.normals => return missing("normal", normal, self.normals),
+                    Some(normal) if with_normals => drop(write!(faces, " {position}//{normal}")),
+                    _ => drop(write!(faces, " {position}")),
+                }
+            }
+            faces.push('\n');
+        }
+        Ok(Checked { vertices: self.vertices, faces, libraries: self.libraries, materials: self.materials })
+    }
+}
+
+fn finite(statement: &Statement, what: &str) -> Result<Vec<f32>, String> {
+    let numbers = statement.numbers()?;
+    match numbers.iter().find(|number| !number.is_finite()) {
+        Some(_) => Err(format!("the {what} has a number that is not finite")),
+        None => Ok(numbers),
+    }
+}
+
+fn write_vertex(out: &mut String, keyword: &str, statement: &Statement, count: usize) {
+    out.push_str(keyword);
+    for word in statement.words().take(count) {
+        out.push(' ');
+        out.push_str(word);
+    }
+    out.push('\n');
+}
+
+/// An index from 1; negative ones count from the last of `count`.
+fn absolute(index: &str, count: usize, word: &str) -> Result<usize, String> {
+    let number = index.parse::<i64>().map_err(|_| format!("'{word}' is not a corner of a face"))?;
+    match usize::try_from(number) {
+        Ok(0) => Err(format!("'{word}' has the index 0, but indices count from 1")),
+        Ok(index) => Ok(index),
+        Err(_) => usize::try_from(number.unsigned_abs())
+            .ok()
+            .filter(|back| *back <= count)
+            .map(|back| count + 1 - back)
+            .ok_or_else(|| format!("'{word}' counts back beyond the first of {count}")),
+    }
+}

@@ -1,0 +1,92 @@
+//! The light made ready. Everything here is in the environment's own frame and at its own brightness, so that rotating or
+//! scaling it makes nothing again: look-ups rotate their directions, and sums are scaled. Knows no scene.
+
+use std::sync::Arc;
+
+use glam::{Mat3, Vec3};
+
+use super::StageCounts;
+use super::memo::{Id, Memo};
+use crate::environment::{CubeMap, CubeSize, Environment, EnvironmentError, LightBounds, LightSampler, irradiance_map};
+use crate::progress::{Progress, Stage};
+use crate::scene::{EnvironmentSource, Light};
+
+/// A light in its own frame, and how it stands in the world.
+#[derive(Clone, Debug)]
+pub(crate) struct PreparedLight {
+    pub environment: Arc<Environment>,
+    /// Counter-clockwise about +Y, radians.
+    pub rotation_rad: f32,
+    /// What every radiance is multiplied by.
+    pub intensity: f32,
+}
+
+impl PreparedLight {
+    /// From the environment's frame to the world's.
+    pub fn world_from_light(&self) -> Mat3 {
+        Mat3::from_rotation_y(self.rotation_rad)
+    }
+
+    /// A direction of the world in the environment's frame.
+    pub fn light_from_world(&self, direction_in_world: Vec3) -> Vec3 {
+        Mat3::from_rotation_y(-self.rotation_rad) * direction_in_world
+    }
+}
+
+/// The stages that make a [`PreparedLight`] and what is derived from it.
+#[derive(Debug)]
+pub(crate) struct LightStages {
+    environment: Memo<(Light, CubeSize), Environment>,
+    bounds: Memo<Id<Environment>, LightBounds>,
+    irradiance: Memo<Id<Environment>, CubeMap>,
+    sampler: Memo<Id<Environment>, LightSampler>,
+}
+
+impl LightStages {
+    pub fn new() -> Self {
+        Self {
+            environment: Memo::new(Stage::Light),
+            bounds: Memo::new(Stage::LightBounds),
+            irradiance: Memo::new(Stage::Irradiance),
+            sampler: Memo::new(Stage::LightSampler),
+        }
+    }
+
+    pub fn prepare(
+        &mut self,
+        source: &EnvironmentSource,
+        cube_size: CubeSize,
+        progress: &dyn Progress,
+    ) -> Result<PreparedLight, EnvironmentError> {
+        let key = (source.light.clone(), cube_size);
+        let environment = self.environment.try_get(key, progress, || Environment::new(&source.light, cube_size))?;
+        let EnvironmentSource { rotation_rad, intensity, .. } = *source;
+        environment.radiance.check_placement(intensity, rotation_rad)?;
+        Ok(PreparedLight { environment, rotation_rad, intensity })
+    }
+
+    /// Bounds of the radiance, for sums by a hierarchy.
+    pub fn bounds(&mut self, light: &PreparedLight, progress: &dyn Progress) -> Arc<LightBounds> {
+        let cube = &light.environment.cube;
+        self.bounds.get(Id::of(&light.environment), progress, || LightBounds::new(cube))
+    }
+
+    /// Irradiance by normal, for direct light.
+    pub fn irradiance(&mut self, light: &PreparedLight, progress: &dyn Progress) -> Arc<CubeMap> {
+        let cube = &light.environment.cube;
+        self.irradiance.get(Id::of(&light.environment), progress, || irradiance_map(cube))
+    }
+
+    /// Draws directions by their power, for direct light that is shadowed or glossy.
+    pub fn sampler(&mut self, light: &PreparedLight, progress: &dyn Progress) -> Arc<LightSampler> {
+        let cube = &light.environment.cube;
+        self.sampler.get(Id::of(&light.environment), progress, || LightSampler::new(cube))
+    }
+
+    pub fn count(&self, counts: &mut StageCounts) {
+        counts.add_memo(&self.environment);
+        counts.add_memo(&self.bounds);
+        counts.add_memo(&self.irradiance);
+        counts.add_memo(&self.sampler);
+    }
+}

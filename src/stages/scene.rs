@@ -1,0 +1,116 @@
+//! The scene made ready: meshes in world space, rays against them, the reflecting surface, and materials.
+//!
+//! Knows neither light nor samples.
+
+use std::sync::Arc;
+
+use super::StageCounts;
+use super::memo::{Id, Memo};
+use crate::brdf::Materials;
+use crate::pinhole::CURVE_POINTS;
+use crate::progress::{Progress, Stage};
+use crate::reflectance::{Curve, Finish};
+use crate::sampling::Surface;
+use crate::scene::{Mesh, MeshError, Object, Receiver, Reflector, Scene, Sides, Transform};
+use crate::tracing::Tracer;
+
+/// A scene, ready to be sampled and looked at.
+#[derive(Clone, Debug)]
+pub(crate) struct PreparedScene {
+    pub tracer: Arc<Tracer>,
+    pub surface: Arc<Surface>,
+    pub materials: Arc<SurfaceMaterials>,
+}
+
+/// What the objects' surfaces do with light.
+#[derive(Debug)]
+pub(crate) struct SurfaceMaterials {
+    /// What each object reflects diffusely and glossily.
+    pub receivers: Arc<Materials>,
+    /// What each object mirrors by the angle of incidence.
+    pub mirrors: Vec<Option<Curve>>,
+}
+
+impl SurfaceMaterials {
+    fn of_scene(scene: &Scene) -> Self {
+        let curve = |o: &Object| o.reflector.map(|r| Curve::new(&r.finish, CURVE_POINTS));
+        Self { receivers: Arc::new(scene.materials()), mirrors: scene.objects.iter().map(curve).collect() }
+    }
+}
+
+#[derive(PartialEq)]
+struct PlacedMeshKey {
+    mesh: Id<Mesh>,
+    placement: Transform,
+}
+
+/// The stages that make a [`PreparedScene`].
+#[derive(Debug)]
+pub(crate) struct SceneStages {
+    /// One for each object.
+    meshes: Vec<Memo<PlacedMeshKey, Mesh>>,
+    /// What objects that are gone had counted.
+    meshes_made_before: u64,
+    tracer: Memo<Vec<(Id<Mesh>, bool)>, Tracer>,
+    surface: Memo<Vec<Option<(Id<Mesh>, Sides)>>, Surface>,
+    materials: Memo<MaterialsKey, SurfaceMaterials>,
+}
+
+/// What each object receives and mirrors.
+type MaterialsKey = Vec<(Option<Receiver>, Option<Finish>)>;
+
+impl SceneStages {
+    pub fn new() -> Self {
+        Self {
+            meshes: Vec::new(),
+            meshes_made_before: 0,
+            tracer: Memo::new(Stage::Bvh),
+            surface: Memo::new(Stage::Surface),
+            materials: Memo::new(Stage::Materials),
+        }
+    }
+
+    pub fn prepare(&mut self, scene: &Scene, progress: &dyn Progress) -> Result<PreparedScene, MeshError> {
+        let meshes = self.place_meshes(scene, progress)?;
+        let seen = meshes.iter().zip(&scene.objects).map(|(mesh, o)| (Id::of(mesh), o.camera_visible));
+        let tracer = self.tracer.get(seen.collect(), progress, || {
+            Tracer::of_meshes(meshes.iter().zip(&scene.objects).map(|(mesh, o)| (&**mesh, o.camera_visible)))
+        });
+        let mirrors = |(mesh, o): (&Arc<Mesh>, &Object)| Some((Id::of(mesh), o.reflector?.sides));
+        let mirrors = meshes.iter().zip(&scene.objects).map(mirrors).collect();
+        let surface = self.surface.get(mirrors, progress, || reflecting_surface(&meshes, scene));
+        let materials = scene.objects.iter().map(|o| (o.receiver.clone(), o.reflector.map(|r| r.finish))).collect();
+        let materials = self.materials.get(materials, progress, || SurfaceMaterials::of_scene(scene));
+        Ok(PreparedScene { tracer, surface, materials })
+    }
+
+    fn place_meshes(&mut self, scene: &Scene, progress: &dyn Progress) -> Result<Vec<Arc<Mesh>>, MeshError> {
+        while self.meshes.len() > scene.objects.len() {
+            self.meshes_made_before += self.meshes.pop().map_or(0, |memo| memo.times_made());
+        }
+        self.meshes.resize_with(scene.objects.len(), || Memo::new(Stage::Geometry));
+        let place = |(memo, object): (&mut Memo<PlacedMeshKey, Mesh>, &Object)| {
+            let key = PlacedMeshKey { mesh: Id::of(&object.mesh), placement: object.placement };
+            memo.try_get(key, progress, || Ok(object.checked_mesh_in_world()?.0))
+        };
+        self.meshes.iter_mut().zip(&scene.objects).map(place).collect()
+    }
+
+    pub fn count(&self, counts: &mut StageCounts) {
+        counts.add(Stage::Geometry, self.meshes_made_before);
+        self.meshes.iter().for_each(|memo| counts.add_memo(memo));
+        counts.add_memo(&self.tracer);
+        counts.add_memo(&self.surface);
+        counts.add_memo(&self.materials);
+    }
+}
+
+fn reflecting_surface(meshes: &[Arc<Mesh>], scene: &Scene) -> Surface {
+    let mut surface = Surface::default();
+    for (index, (mesh, object)) in meshes.iter().zip(&scene.objects).enumerate() {
+        if let Some(Reflector { sides, .. }) = object.reflector {
+            surface.append(mesh, index as u32, sides == Sides::Back);
+        }
+    }
+    surface
+}

@@ -1,0 +1,68 @@
+//! What the camera sees: the first hit of a ray for every point of a band of rows, and the receivers among them.
+
+use glam::{UVec2, Vec2};
+use rayon::prelude::*;
+
+use crate::pinhole::Receivers;
+use crate::scene::{Camera, Scene};
+use crate::tracing::{Hit, Tracer};
+
+/// A band of rows of a picture.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct View {
+    pub camera: Camera,
+    /// Width and height of the picture, pixels.
+    pub size: [u32; 2],
+    /// Points along a pixel's edge.
+    pub pixel_samples: u32,
+    /// The band's first row, and how many.
+    pub first_row: u32,
+    pub rows: u32,
+}
+
+/// The first hits of a band of rows of the picture, `pixel_samples`² points a pixel.
+#[derive(Debug)]
+pub(crate) struct CameraRays {
+    pub view: View,
+    /// Points in a row.
+    pub width: u32,
+    /// What the camera sees at every point.
+    pub hits: Vec<Option<Hit>>,
+}
+
+impl CameraRays {
+    pub fn trace(tracer: &Tracer, view: View) -> Self {
+        let View { camera, size, pixel_samples: per_edge, first_row, rows } = view;
+        let (width, height) = (size[0] * per_edge, rows * per_edge);
+        let size = UVec2::from_array(size).as_vec2();
+        let hit = |k: u32| {
+            let point = Vec2::new((k % width) as f32, (k / width + first_row * per_edge) as f32) + 0.5;
+            tracer.camera_hit(camera.ray(point / per_edge as f32, size))
+        };
+        let hits = (0..width * height).into_par_iter().map(hit).collect();
+        Self { view, width, hits }
+    }
+
+    /// The points on objects that are wanted, as receivers.
+    pub fn receivers(&self, wanted: impl Fn(u32) -> bool) -> Receivers {
+        let mut receivers = Receivers::empty(self.width, self.view.rows * self.view.pixel_samples);
+        for (index, hit) in self.hits.iter().enumerate() {
+            if let Some(hit) = hit.filter(|h| wanted(h.object)) {
+                receivers.set(index, hit.position, hit.normal, hit.object);
+            }
+        }
+        receivers
+    }
+
+    /// Index of a point: pixel (`x`, `row` of the band), point (`i`, `j`) of the pixel.
+    pub fn index(&self, x: u32, row: u32, i: u32, j: u32) -> usize {
+        let per_edge = self.view.pixel_samples;
+        ((row * per_edge + j) * self.width + x * per_edge + i) as usize
+    }
+}
+
+/// The receivers that a scene's camera sees at the centres of a picture's pixels.
+pub fn visible_receivers(scene: &Scene, tracer: &Tracer, size: [u32; 2]) -> Receivers {
+    let view = View { camera: scene.camera, size, pixel_samples: 1, first_row: 0, rows: size[1] };
+    CameraRays::trace(tracer, view).receivers(|object| scene.objects[object as usize].receiver.is_some())
+}

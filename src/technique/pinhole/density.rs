@@ -1,0 +1,123 @@
+//! Where samples are denser than elsewhere: a first, even set of samples is asked how much each contributes to the receivers
+//! that the camera sees, and the places around it inherit that (Wand and Straßer, Sections 3.2 and 5, propose sampling by
+//! normals and by contribution).
+
+use glam::Vec3;
+
+use crate::Error;
+use crate::differential::differentials;
+use crate::environment::{CubeMap, Environment};
+use crate::options::Options;
+use crate::pinhole::{Epsilon, Filter, Footprint, Params, cpu, pinholes};
+use crate::sampling::{
+    self, Density, PointSet, PointTree, SamplingError, Strategy, Surface, SurfacePoint, sample, sample_by,
+};
+use crate::scene::{Scene, Visibility};
+use crate::stages::visible_receivers;
+use crate::tracing::Tracer;
+
+/// The filter of the contributions.
+pub(super) const FILTER: Filter = Filter::Isotropic;
+/// Samples of the first set.
+const FIRST_SAMPLES: u32 = 1500;
+/// The longer side of the picture whose receivers count, pixels.
+const RECEIVERS: u32 = 40;
+/// The density is this power of the importance: errors fall fastest where it is less than proportional, as places of little
+/// importance need samples, too.
+const POWER: f32 = 0.5;
+/// Bounds of the density, relative to its mean.
+const MIN_DENSITY: f32 = 0.3;
+const MAX_DENSITY: f32 = 5.0;
+
+/// What a density may follow.
+pub(super) struct DensityInputs<'a> {
+    pub scene: &'a Scene,
+    pub surface: &'a Surface,
+    pub tracer: &'a Tracer,
+    pub cube: &'a CubeMap,
+    /// Of the environment, about +Y.
+    pub rotation_rad: f32,
+}
+
+/// Places a scene's samples as the options say. The light is prepared only if their density depends on it.
+///
+/// # Errors
+/// Options out of range, a scene without reflectors, a strategy that cannot follow a density, or a light that does not fit.
+pub fn place_samples(scene: &Scene, options: &Options) -> Result<PointSet, Error> {
+    options.check()?;
+    let surface = Surface::of_scene(scene);
+    if options.density == Density::Uniform {
+        return Ok(sample(&surface, &options.sampling())?);
+    }
+    let environment = Environment::new(&scene.environment.light, options.cube_size)?;
+    let inputs = DensityInputs {
+        scene,
+        surface: &surface,
+        tracer: &Tracer::new(scene),
+        cube: &environment.cube,
+        rotation_rad: scene.environment.rotation_rad,
+    };
+    Ok(place(&inputs, options)?)
+}
+
+/// The same from stages that are there.
+pub(super) fn place(inputs: &DensityInputs, options: &Options) -> Result<PointSet, SamplingError> {
+    if options.density == Density::Uniform {
+        return sample(inputs.surface, &options.sampling());
+    }
+    let importance = Importance::new(inputs, options)?;
+    sample_by(inputs.surface, &options.sampling(), &|point| importance.at(point))
+}
+
+/// How important places of the surface are, relative to each other.
+struct Importance {
+    points: Vec<SurfacePoint>,
+    tree: PointTree,
+    of_points: Vec<f32>,
+}
+
+impl Importance {
+    /// Not for [`Density::Uniform`].
+    fn new(inputs: &DensityInputs, options: &Options) -> Result<Self, SamplingError> {
+        let first = sampling::Options { samples: FIRST_SAMPLES, strategy: Strategy::Neighbourhood, seed: options.seed };
+        let mut set = sample(inputs.surface, &first)?;
+        let samples = differentials(&set);
+        // Those without a cell are gone from both.
+        set.points =
+            samples.iter().filter_map(|s| set.points.iter().find(|p| p.position == s.position).copied()).collect();
+        let importance = if options.density == Density::Curvature {
+            samples.iter().map(|s| s.curvatures[0].abs() + s.curvatures[1].abs()).collect()
+        } else {
+            let mut pinholes = pinholes(inputs.scene, &samples, Footprint::Cells);
+            let shadowed = options.density == Density::Visibility
+                || options.density == Density::Contribution && options.visibility == Visibility::Full;
+            if shadowed {
+                pinholes.look_around(inputs.scene, inputs.tracer);
+            }
+            let longest = options.size[0].max(options.size[1]);
+            let size = options.size.map(|edge| (edge * RECEIVERS / longest).max(1));
+            let receivers = visible_receivers(inputs.scene, inputs.tracer, size);
+            let even = CubeMap::from_radiance(16, None, |_| Vec3::ONE);
+            let light = if options.density == Density::Contribution { inputs.cube } else { &even };
+            // Held back where places come close to receivers, whose single pixels should not draw all samples.
+            let params = Params { epsilon: Epsilon::Paper, ..options.params(FILTER, inputs.rotation_rad) };
+            cpu::contributions(&receivers, &pinholes, light, &params)
+        };
+        let tree = PointTree::new(&set.points);
+        Ok(Self { of_points: densities(importance), tree, points: set.points })
+    }
+
+    fn at(&self, point: &SurfacePoint) -> f32 {
+        let mut near = self.tree.nearest(point.position, 8).map(|(_, k)| k);
+        let nearest = near.find(|&k| self.points[k].same_side(point));
+        nearest.map_or(1.0, |k| self.of_points[k])
+    }
+}
+
+/// Powers of the importance relative to their mean, within bounds.
+fn densities(importance: Vec<f32>) -> Vec<f32> {
+    let powers: Vec<f32> = importance.into_iter().map(|w| w.max(0.0).powf(POWER)).collect();
+    let mean = powers.iter().sum::<f32>() / powers.len().max(1) as f32;
+    let bounded = |p: f32| if mean > 0.0 { (p / mean).clamp(MIN_DENSITY, MAX_DENSITY) } else { 1.0 };
+    powers.into_iter().map(bounded).collect()
+}

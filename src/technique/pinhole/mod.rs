@@ -1,0 +1,241 @@
+//! The pinholes' stages (Wand and Straßer 2003): samples → what they see → a sum, flat or by a hierarchy, on the CPU or on a
+//! GPU. The sums themselves are in [`crate::pinhole`].
+
+mod density;
+mod on_cpu;
+#[cfg(feature = "gpu")]
+mod on_gpu;
+mod samples;
+
+use std::sync::Arc;
+
+pub use self::density::place_samples;
+use self::on_cpu::{FlatOnCpu, HierarchicalOnCpu};
+#[cfg(feature = "gpu")]
+use self::on_gpu::GpuStages;
+use self::samples::SampleStages;
+use super::{Inputs, Pending, Statistics, Sum, TechniqueStages};
+use crate::Error;
+use crate::environment::{Environment, LightBounds};
+use crate::options::Evaluation;
+use crate::pinhole::cpu::{Accuracy, Light, typical_irradiance};
+use crate::pinhole::{Params, PinholeTree, Pinholes};
+use crate::progress::Stage;
+use crate::scene::Camera;
+use crate::stages::{Id, LightStages, Memo, StageCounts, visible_receivers};
+use crate::tracing::Tracer;
+
+/// The longer side of the picture whose receivers the mean irradiance is estimated from, pixels.
+const ESTIMATE_SIZE: u32 = 64;
+
+/// Samples one by one, with the light that they project.
+#[derive(Clone, Debug)]
+struct FlatInputs {
+    pinholes: Arc<Pinholes>,
+    environment: Arc<Environment>,
+    params: Params,
+}
+
+/// A hierarchy of samples, with the light that they project and the error that its sum may have.
+#[derive(Clone, Debug)]
+struct HierarchicalInputs {
+    tree: Arc<PinholeTree>,
+    environment: Arc<Environment>,
+    bounds: Arc<LightBounds>,
+    params: Params,
+    accuracy: Accuracy,
+}
+
+/// What a sum is made of; equal if nothing of it was made again.
+#[derive(PartialEq)]
+enum SumKey {
+    Flat { pinholes: Id<Pinholes>, environment: Id<Environment>, params: Params },
+    Hierarchical { tree: Id<PinholeTree>, environment: Id<Environment>, params: Params, accuracy: Accuracy },
+}
+
+/// What the mean irradiance over the picture depends on.
+#[derive(PartialEq)]
+struct EstimateKey {
+    tree: Id<PinholeTree>,
+    environment: Id<Environment>,
+    tracer: Id<Tracer>,
+    receives: Vec<bool>,
+    camera: Camera,
+    size: [u32; 2],
+    params: Params,
+}
+
+/// The pinholes' own stages.
+#[derive(Debug)]
+pub(super) struct PinholeStages {
+    samples: SampleStages,
+    estimate: Memo<EstimateKey, f32>,
+    #[cfg(feature = "gpu")]
+    gpu: GpuStages,
+    sum: LastSum,
+}
+
+/// The sum handed out last, for as long as nothing changes.
+#[derive(Default)]
+struct LastSum(Option<(SumKey, Arc<dyn Sum>)>);
+
+impl std::fmt::Debug for LastSum {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str("LastSum")
+    }
+}
+
+impl PinholeStages {
+    pub fn new() -> Self {
+        Self {
+            samples: SampleStages::new(),
+            estimate: Memo::new(Stage::Estimate),
+            #[cfg(feature = "gpu")]
+            gpu: GpuStages::new(),
+            sum: LastSum::default(),
+        }
+    }
+
+    async fn make(&mut self, inputs: Inputs<'_>, light: &mut LightStages) -> Result<Arc<dyn Sum>, Error> {
+        let Inputs { options, backend, progress, .. } = inputs;
+        let (filter, warning) = backend.resolve_filter(options.filter).await?;
+        let evaluation = options.resolved_evaluation(filter, backend.is_gpu())?;
+        let params = options.params(filter, inputs.light.rotation_rad);
+        let environment = inputs.light.environment.clone();
+        let points = self.samples.points(&inputs)?;
+        let statistics = |samples, positions| Statistics { samples, positions, evaluation, filter, warning };
+        match evaluation {
+            Evaluation::Flat { leaves } => {
+                let pinholes = self.samples.pinholes(&inputs, &points, leaves);
+                let statistics = statistics(pinholes.samples.len(), points.positions.clone());
+                self.flat(FlatInputs { pinholes, environment, params }, statistics, &inputs)
+            }
+            Evaluation::Hierarchical { leaves, tolerance } => {
+                let tree = self.samples.tree(&inputs, &points, leaves);
+                let bounds = light.bounds(inputs.light, progress);
+                let typical = self.estimate(&inputs, &tree, &bounds, &params);
+                let accuracy = Accuracy { error: tolerance * typical, split_near: true };
+                let statistics = statistics(tree.roots().samples.len(), points.positions.clone());
+                let sum = HierarchicalInputs { tree, environment, bounds, params, accuracy };
+                self.hierarchical(sum, statistics, &inputs)
+            }
+        }
+    }
+
+    /// The mean irradiance over the picture, W/m²: what the tolerance is relative to.
+    fn estimate(&mut self, inputs: &Inputs, tree: &Arc<PinholeTree>, bounds: &LightBounds, params: &Params) -> f32 {
+        let Inputs { scene, prepared, light, options, progress, .. } = inputs;
+        let longest = options.size[0].max(options.size[1]);
+        let size = options.size.map(|edge| (edge * ESTIMATE_SIZE.min(longest) / longest).max(1));
+        let key = EstimateKey {
+            tree: Id::of(tree),
+            environment: Id::of(&light.environment),
+            tracer: Id::of(&prepared.tracer),
+            receives: scene.objects.iter().map(|o| o.receiver.is_some()).collect(),
+            camera: scene.camera,
+            size,
+            params: *params,
+        };
+        *self.estimate.get(key, *progress, || {
+            let receivers = visible_receivers(scene, &prepared.tracer, size);
+            typical_irradiance(&receivers, tree, Light { cube: &light.environment.cube, bounds }, params)
+        })
+    }
+
+    fn flat(&mut self, sum: FlatInputs, statistics: Statistics, inputs: &Inputs<'_>) -> Result<Arc<dyn Sum>, Error> {
+        let key =
+            SumKey::Flat { pinholes: Id::of(&sum.pinholes), environment: Id::of(&sum.environment), params: sum.params };
+        if let Some(known) = self.sum.known(&key) {
+            return Ok(known);
+        }
+        let placed = self.place_flat(sum, statistics, inputs)?;
+        Ok(self.sum.keep(key, placed))
+    }
+
+    fn hierarchical(
+        &mut self,
+        sum: HierarchicalInputs,
+        statistics: Statistics,
+        inputs: &Inputs<'_>,
+    ) -> Result<Arc<dyn Sum>, Error> {
+        let key = SumKey::Hierarchical {
+            tree: Id::of(&sum.tree),
+            environment: Id::of(&sum.environment),
+            params: sum.params,
+            accuracy: sum.accuracy,
+        };
+        if let Some(known) = self.sum.known(&key) {
+            return Ok(known);
+        }
+        let placed = self.place_hierarchical(sum, statistics, inputs)?;
+        Ok(self.sum.keep(key, placed))
+    }
+}
+
+/// Where sums are computed: on the back end's GPU, or on the CPU.
+#[cfg(feature = "gpu")]
+impl PinholeStages {
+    fn place_flat(&mut self, sum: FlatInputs, statistics: Statistics, inputs: &Inputs) -> Result<Arc<dyn Sum>, Error> {
+        match inputs.backend.shared_gpu() {
+            Some(shared) => self.gpu.flat(shared, sum, statistics, inputs),
+            None => Ok(Arc::new(FlatOnCpu { sum, statistics })),
+        }
+    }
+
+    fn place_hierarchical(
+        &mut self,
+        sum: HierarchicalInputs,
+        statistics: Statistics,
+        inputs: &Inputs,
+    ) -> Result<Arc<dyn Sum>, Error> {
+        match inputs.backend.shared_gpu() {
+            Some(shared) => self.gpu.hierarchical(shared, sum, statistics, inputs),
+            None => Ok(Arc::new(HierarchicalOnCpu { sum, statistics })),
+        }
+    }
+}
+
+/// Without the feature `gpu` there is the CPU only.
+#[cfg(not(feature = "gpu"))]
+impl PinholeStages {
+    #[expect(clippy::unused_self, clippy::unnecessary_wraps, reason = "as with the feature `gpu`")]
+    fn place_flat(&mut self, sum: FlatInputs, statistics: Statistics, _: &Inputs) -> Result<Arc<dyn Sum>, Error> {
+        Ok(Arc::new(FlatOnCpu { sum, statistics }))
+    }
+
+    #[expect(clippy::unused_self, clippy::unnecessary_wraps, reason = "as with the feature `gpu`")]
+    fn place_hierarchical(
+        &mut self,
+        sum: HierarchicalInputs,
+        statistics: Statistics,
+        _: &Inputs,
+    ) -> Result<Arc<dyn Sum>, Error> {
+        Ok(Arc::new(HierarchicalOnCpu { sum, statistics }))
+    }
+}
+
+impl LastSum {
+    fn known(&mut self, key: &SumKey) -> Option<Arc<dyn Sum>> {
+        // What no longer fits is let go before anything new is made.
+        self.0 = self.0.take().filter(|(known, _)| known == key);
+        self.0.as_ref().map(|(_, sum)| sum.clone())
+    }
+
+    fn keep(&mut self, key: SumKey, sum: Arc<dyn Sum>) -> Arc<dyn Sum> {
+        self.0 = Some((key, sum.clone()));
+        sum
+    }
+}
+
+impl TechniqueStages for PinholeStages {
+    fn prepare<'a>(&'a mut self, inputs: Inputs<'a>, light: &'a mut LightStages) -> Pending<'a, Arc<dyn Sum>> {
+        Box::pin(self.make(inputs, light))
+    }
+
+    fn count(&self, counts: &mut StageCounts) {
+        self.samples.count(counts);
+        counts.add_memo(&self.estimate);
+        #[cfg(feature = "gpu")]
+        self.gpu.count(counts);
+    }
+}

@@ -1,0 +1,379 @@
+//! The sums on a GPU: pipelines and copies of light and samples are made once; receivers go up in strips, work is submitted in
+//! pieces of bounded length, and sums come back.
+
+use std::borrow::Cow;
+use std::ops::Range;
+use std::sync::Arc;
+
+use super::{FlatInputs, HierarchicalInputs};
+use crate::Error;
+use crate::backend::SharedGpu;
+use crate::environment::{Environment, LightBounds};
+use crate::gpu::{Gpu, GpuError};
+use crate::pinhole::gpu::{
+    self, CellTreeBuffers, Engine, EnvironmentCube, FrameInputs, FrameViewers, HierarchicalEngine, HierarchicalOptions,
+    LightBoundsTexture, Tolerance,
+};
+use crate::pinhole::{Arrangement, BATCH_SIZE, Filter, NO_RECEIVER, Params, PinholeTree, Receivers, Viewers};
+use crate::progress::{Progress, Stage};
+use crate::stages::{Id, Memo, StageCounts};
+use crate::technique::{Inputs, Pending, Statistics, Sum};
+
+/// What pipelines are compiled for: the filter, and whether samples have maps of visibility.
+type PipelineKey = (Filter, bool);
+
+/// Everything that is kept on the device.
+#[derive(Debug)]
+pub(super) struct GpuStages {
+    flat_pipelines: Vec<(PipelineKey, Arc<Engine>)>,
+    hierarchical_pipelines: Vec<(PipelineKey, Arc<HierarchicalEngine>)>,
+    environment: Memo<Id<Environment>, EnvironmentCube>,
+    bounds: Memo<Id<LightBounds>, LightBoundsTexture>,
+    tree: Memo<Id<PinholeTree>, CellTreeBuffers>,
+}
+
+impl GpuStages {
+    pub fn new() -> Self {
+        Self {
+            flat_pipelines: Vec::new(),
+            hierarchical_pipelines: Vec::new(),
+            environment: Memo::new(Stage::Upload),
+            bounds: Memo::new(Stage::Upload),
+            tree: Memo::new(Stage::Upload),
+        }
+    }
+
+    /// Brings what a flat sum reads to the device.
+    pub fn flat(
+        &mut self,
+        shared: &Arc<SharedGpu>,
+        sum: FlatInputs,
+        statistics: Statistics,
+        inputs: &Inputs,
+    ) -> Result<Arc<dyn Sum>, Error> {
+        let device = &shared.gpu.device;
+        let key = (sum.params.filter, sum.pinholes.visibility.is_some());
+        let pipelines = kept(&mut self.flat_pipelines, key, || {
+            Engine::new(device, &gpu::GatherOptions { filter: key.0, visibility: key.1, ..Default::default() })
+        });
+        let environment = self.environment(shared, &sum.environment, inputs.progress)?;
+        shared.gpu.check()?;
+        Ok(Arc::new(FlatOnGpu { shared: shared.clone(), pipelines, environment, sum, statistics }))
+    }
+
+    /// Brings what a sum by a hierarchy reads to the device.
+    pub fn hierarchical(
+        &mut self,
+        shared: &Arc<SharedGpu>,
+        sum: HierarchicalInputs,
+        statistics: Statistics,
+        inputs: &Inputs,
+    ) -> Result<Arc<dyn Sum>, Error> {
+        let Gpu { device, queue, .. } = &shared.gpu;
+        let key = (sum.params.filter, sum.tree.roots().visibility.is_some());
+        let pipelines = kept(&mut self.hierarchical_pipelines, key, || {
+            HierarchicalEngine::new(device, &HierarchicalOptions { filter: key.0, visibility: key.1 })
+        });
+        let environment = self.environment(shared, &sum.environment, inputs.progress)?;
+        let bounds = self
+            .bounds
+            .get(Id::of(&sum.bounds), inputs.progress, || LightBoundsTexture::upload(device, queue, &sum.bounds));
+        let tree =
+            self.tree.try_get(Id::of(&sum.tree), inputs.progress, || CellTreeBuffers::upload(device, &sum.tree))?;
+        shared.gpu.check()?;
+        let HierarchicalInputs { params, accuracy, .. } = sum;
+        Ok(Arc::new(HierarchicalOnGpu {
+            shared: shared.clone(),
+            pipelines,
+            environment,
+            bounds,
+            tree,
+            params,
+            error: accuracy.error,
+            split_near: accuracy.split_near,
+            statistics,
+        }))
+    }
+
+    fn environment(
+        &mut self,
+        shared: &SharedGpu,
+        environment: &Arc<Environment>,
+        progress: &dyn Progress,
+    ) -> Result<Arc<EnvironmentCube>, GpuError> {
+        let Gpu { device, queue, .. } = &shared.gpu;
+        let upload = || EnvironmentCube::upload(device, queue, &environment.cube);
+        self.environment.try_get(Id::of(environment), progress, upload)
+    }
+
+    pub fn count(&self, counts: &mut StageCounts) {
+        counts.add_memo(&self.environment);
+        counts.add_memo(&self.bounds);
+        counts.add_memo(&self.tree);
+    }
+}
+
+/// The pipelines for a key: those that were compiled before, or new ones. There are few keys, so that none is ever dropped.
+fn kept<T>(all: &mut Vec<(PipelineKey, Arc<T>)>, key: PipelineKey, make: impl FnOnce() -> T) -> Arc<T> {
+    if let Some((_, known)) = all.iter().find(|(known, _)| *known == key) {
+        return known.clone();
+    }
+    let made = Arc::new(make());
+    all.push((key, made.clone()));
+    made
+}
+
+/// Every sample for every receiver.
+#[derive(Debug)]
+struct FlatOnGpu {
+    shared: Arc<SharedGpu>,
+    pipelines: Arc<Engine>,
+    environment: Arc<EnvironmentCube>,
+    sum: FlatInputs,
+    statistics: Statistics,
+}
+
+/// By a tree of cells.
+#[derive(Debug)]
+struct HierarchicalOnGpu {
+    shared: Arc<SharedGpu>,
+    pipelines: Arc<HierarchicalEngine>,
+    environment: Arc<EnvironmentCube>,
+    bounds: Arc<LightBoundsTexture>,
+    tree: Arc<CellTreeBuffers>,
+    params: Params,
+    /// Error that is allowed, W/m².
+    error: f32,
+    split_near: bool,
+    statistics: Statistics,
+}
+
+impl Sum for FlatOnGpu {
+    fn irradiance<'a>(&'a self, receivers: &'a Receivers, progress: &'a dyn Progress) -> Pending<'a, Vec<[f32; 4]>> {
+        Box::pin(async move {
+            let gpu = &self.shared.gpu;
+            let most = (pairs_per_submit(gpu) / u64::from(BATCH_SIZE)) as usize;
+            let mut sums = Vec::with_capacity(receivers.positions.len());
+            for strip in strips(receivers, gpu.adapter.max_texture, most) {
+                sums.extend(self.strip(&strip, progress).await?);
+            }
+            sums.truncate(receivers.positions.len());
+            Ok(sums)
+        })
+    }
+
+    fn statistics(&self) -> &Statistics {
+        &self.statistics
+    }
+}
+
+impl FlatOnGpu {
+    async fn strip(&self, receivers: &Receivers, progress: &dyn Progress) -> Result<Vec<[f32; 4]>, GpuError> {
+        let gpu = &self.shared.gpu;
+        let uploaded = Uploaded::new(gpu, receivers);
+        let inputs = FrameInputs {
+            positions: &uploaded.positions,
+            normals: &uploaded.normals,
+            viewers: uploaded.viewers(),
+            size: uploaded.size(),
+            pinholes: &self.sum.pinholes,
+            environment: &self.environment,
+            params: self.sum.params,
+        };
+        let mut frame = self.pipelines.frame(&gpu.device, &inputs)?;
+        let points = receivers.positions.len() as u64;
+        let pairs = pairs_per_submit(gpu);
+        let step = (pairs / (points * u64::from(BATCH_SIZE)).max(1)).clamp(1, u64::from(u32::MAX)) as u32;
+        let submission = Submission { gpu, points, pieces: frame.batch_count(), step, progress };
+        submission.run(|encoder, batches| frame.record(encoder, batches)).await?;
+        gpu.read_texture(frame.caustic()).await
+    }
+}
+
+impl Sum for HierarchicalOnGpu {
+    fn irradiance<'a>(&'a self, receivers: &'a Receivers, progress: &'a dyn Progress) -> Pending<'a, Vec<[f32; 4]>> {
+        Box::pin(async move {
+            let mut sums = Vec::with_capacity(receivers.positions.len());
+            for strip in strips(receivers, self.shared.gpu.adapter.max_texture, usize::MAX) {
+                let tiled = Tiled::new(&strip);
+                let in_tiles = self.strip(&tiled.receivers, progress).await?;
+                sums.extend(tiled.in_order(in_tiles));
+            }
+            sums.truncate(receivers.positions.len());
+            Ok(sums)
+        })
+    }
+
+    fn statistics(&self) -> &Statistics {
+        &self.statistics
+    }
+}
+
+impl HierarchicalOnGpu {
+    async fn strip(&self, receivers: &Receivers, progress: &dyn Progress) -> Result<Vec<[f32; 4]>, GpuError> {
+        let gpu = &self.shared.gpu;
+        let uploaded = Uploaded::new(gpu, receivers);
+        let mut inputs = gpu::HierarchicalInputs {
+            positions: &uploaded.positions,
+            normals: &uploaded.normals,
+            viewers: uploaded.viewers(),
+            size: uploaded.size(),
+            is_grid: receivers.arrangement == Arrangement::Picture,
+            tree: &self.tree,
+            environment: &self.environment,
+            bounds: &self.bounds,
+            params: self.params,
+            tolerance: Tolerance::Absolute(self.error),
+            split_near: self.split_near,
+            split_passes: if gpu.adapter.software { 8 } else { 1 },
+        };
+        let points = receivers.positions.len() as u64;
+        while inputs.split_passes <= MAX_SPLIT_PASSES {
+            let mut frame = self.pipelines.frame(&gpu.device, &inputs)?;
+            let submission = Submission { gpu, points, pieces: frame.batch_count(), step: 1, progress };
+            submission.run(|encoder, batches| frame.record(encoder, batches)).await?;
+            let sums = gpu.read_texture(frame.caustic()).await?;
+            if sums.iter().all(|sum| sum[3] >= 0.0) {
+                return Ok(sums);
+            }
+            inputs.split_passes *= 8;
+        }
+        Err(GpuError::LoopCutShort { adapter: gpu.adapter.name.clone() })
+    }
+}
+
+/// Work that is submitted in pieces, some at a time.
+struct Submission<'a> {
+    gpu: &'a Gpu,
+    /// What the progress counts.
+    points: u64,
+    pieces: u32,
+    step: u32,
+    progress: &'a dyn Progress,
+}
+
+impl Submission<'_> {
+    async fn run(&self, mut record: impl FnMut(&mut wgpu::CommandEncoder, Range<u32>)) -> Result<(), GpuError> {
+        let mut reported = 0;
+        for first in (0..self.pieces).step_by(self.step as usize) {
+            let last = first.saturating_add(self.step).min(self.pieces);
+            let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
+            record(&mut encoder, first..last);
+            self.gpu.queue.submit([encoder.finish()]);
+            self.gpu.submitted_work_done().await?;
+            let done = self.points * u64::from(last) / u64::from(self.pieces);
+            self.progress.advance(done - reported);
+            reported = done;
+        }
+        Ok(())
+    }
+}
+
+/// The receivers in whole rows: pieces that fit into the adapter's textures and, but for a single row, have at most
+/// `most` points, so that one batch of samples is a submission of bounded length.
+fn strips(receivers: &Receivers, max_texture: u32, most: usize) -> Vec<Receivers> {
+    let width = receivers.width;
+    if width > max_texture {
+        // Too wide: what is left is a list.
+        let folded = Receivers { width: max_texture, arrangement: Arrangement::List, ..receivers.clone() };
+        return strips(&pad_rows(folded), max_texture, most);
+    }
+    let rows = (most / width as usize).clamp(1, max_texture as usize);
+    let per_strip = width as usize * rows;
+    let count = receivers.positions.len();
+    let strip = |start: usize| {
+        let part = start..(start + per_strip).min(count);
+        let viewers = receivers.viewers.as_ref().map(|viewers| Viewers {
+            directions: viewers.directions[part.clone()].to_vec(),
+            materials: viewers.materials.clone(),
+        });
+        Receivers {
+            width,
+            arrangement: receivers.arrangement,
+            height: (part.len() as u32).div_ceil(width),
+            positions: receivers.positions[part.clone()].to_vec(),
+            normals: receivers.normals[part].to_vec(),
+            viewers,
+        }
+    };
+    (0..count).step_by(per_strip).map(strip).collect()
+}
+
+fn pad_rows(mut receivers: Receivers) -> Receivers {
+    let rows = (receivers.positions.len() as u32).div_ceil(receivers.width);
+    let count = (rows * receivers.width) as usize;
+    receivers.height = rows;
+    receivers.positions.resize(count, [0.0, 0.0, 0.0, NO_RECEIVER]);
+    receivers.normals.resize(count, [0.0; 4]);
+    if let Some(viewers) = &mut receivers.viewers {
+        viewers.directions.resize(count, [0.0; 4]);
+    }
+    receivers
+}
+
+/// Sample–receiver pairs per submission: well under a second on a slow GPU, so that no watchdog fires.
+const PAIRS_PER_SUBMIT: u64 = 1 << 28;
+/// The same for software adapters, where it only paces the progress bar.
+const PAIRS_PER_SUBMIT_IN_SOFTWARE: u64 = 1 << 24;
+
+fn pairs_per_submit(gpu: &Gpu) -> u64 {
+    if gpu.adapter.software { PAIRS_PER_SUBMIT_IN_SOFTWARE } else { PAIRS_PER_SUBMIT }
+}
+
+/// Parts that pixels' work is divided into at most, where an adapter ends loops early.
+const MAX_SPLIT_PASSES: u32 = 512;
+
+/// Receivers on the GPU.
+struct Uploaded<'a> {
+    positions: wgpu::TextureView,
+    normals: wgpu::TextureView,
+    directions: Option<wgpu::TextureView>,
+    receivers: &'a Receivers,
+}
+
+impl<'a> Uploaded<'a> {
+    fn new(gpu: &Gpu, receivers: &'a Receivers) -> Self {
+        let size = [receivers.width, receivers.height];
+        Self {
+            positions: gpu.upload_texture(size, &receivers.positions),
+            normals: gpu.upload_texture(size, &receivers.normals),
+            directions: receivers.viewers.as_ref().map(|viewers| gpu.upload_texture(size, &viewers.directions)),
+            receivers,
+        }
+    }
+
+    fn size(&self) -> [u32; 2] {
+        [self.receivers.width, self.receivers.height]
+    }
+
+    fn viewers(&self) -> Option<FrameViewers<'_>> {
+        let viewers = self.directions.as_ref().zip(self.receivers.viewers.as_ref());
+        viewers.map(|(directions, viewers)| FrameViewers { directions, materials: &viewers.materials })
+    }
+}
+
+/// Receivers as the tiles of a hierarchical gather want them: a list becomes a picture whose tiles are runs of it.
+struct Tiled<'a> {
+    receivers: Cow<'a, Receivers>,
+    /// Where each of a list's points went.
+    places: Option<Vec<usize>>,
+}
+
+impl<'a> Tiled<'a> {
+    fn new(receivers: &'a Receivers) -> Self {
+        match receivers.arrangement {
+            Arrangement::Picture => Self { receivers: Cow::Borrowed(receivers), places: None },
+            Arrangement::List => {
+                let (tiled, places) = receivers.in_tiles();
+                Self { receivers: Cow::Owned(tiled), places: Some(places) }
+            }
+        }
+    }
+
+    fn in_order(&self, sums: Vec<[f32; 4]>) -> Vec<[f32; 4]> {
+        match &self.places {
+            None => sums,
+            Some(places) => places.iter().map(|&place| sums[place]).collect(),
+        }
+    }
+}

@@ -1,0 +1,193 @@
+//! The samples' stages: points → cells or a tree of them → what each sample sees.
+
+use std::sync::Arc;
+
+use glam::Vec3;
+
+use super::density::{self, DensityInputs};
+use crate::cell_tree::{CellTree, TreeOptions};
+use crate::differential::{DifferentialSample, differentials};
+use crate::environment::Environment;
+use crate::pinhole::{Footprint, Params, PinholeTree, Pinholes, pinholes};
+use crate::progress::Stage;
+use crate::sampling::{Density, PointSet, SamplingError, Strategy, Surface};
+use crate::scene::{Camera, Reflector, Scene, Visibility};
+use crate::stages::{Id, Memo, StageCounts};
+use crate::technique::Inputs;
+use crate::tracing::Tracer;
+
+/// Samples' positions, and the surface that they were placed on.
+#[derive(Clone, Debug)]
+pub(super) struct Points {
+    pub set: Arc<PointSet>,
+    pub positions: Arc<Vec<Vec3>>,
+}
+
+/// What the positions depend on.
+#[derive(PartialEq)]
+struct PointsKey {
+    surface: Id<Surface>,
+    samples: u32,
+    strategy: Strategy,
+    seed: u64,
+    density: Option<DensityKey>,
+}
+
+/// What a density that follows the light or the receivers depends on.
+#[derive(PartialEq)]
+struct DensityKey {
+    density: Density,
+    tracer: Id<Tracer>,
+    environment: Id<Environment>,
+    reflectors: Vec<Option<Reflector>>,
+    receives: Vec<bool>,
+    camera: Camera,
+    size: [u32; 2],
+    visibility: Visibility,
+    params: Params,
+}
+
+/// What a tree or a set of pinholes depends on before anything is hidden.
+#[derive(PartialEq)]
+struct CellsKey {
+    points: Id<PointSet>,
+    surface: Id<Surface>,
+    reflectors: Vec<Option<Reflector>>,
+    footprint: Footprint,
+    leaves: u32,
+    seed: u64,
+}
+
+/// Rays against the scene, or none where nothing hides anything.
+type OccluderKey = Option<Id<Tracer>>;
+
+#[derive(Debug)]
+pub(super) struct SampleStages {
+    points: Memo<PointsKey, (Arc<PointSet>, Arc<Vec<Vec3>>)>,
+    differentials: Memo<Id<PointSet>, Vec<DifferentialSample>>,
+    tree: Memo<CellsKey, PinholeTree>,
+    /// The tree with what its samples see.
+    visible_tree: Memo<(Id<PinholeTree>, OccluderKey), PinholeTree>,
+    pinholes: Memo<(CellsKey, OccluderKey), Pinholes>,
+}
+
+impl SampleStages {
+    pub fn new() -> Self {
+        Self {
+            points: Memo::new(Stage::Points),
+            differentials: Memo::new(Stage::Differentials),
+            tree: Memo::new(Stage::Tree),
+            visible_tree: Memo::new(Stage::Visibility),
+            pinholes: Memo::new(Stage::Visibility),
+        }
+    }
+
+    /// Places the samples.
+    pub fn points(&mut self, inputs: &Inputs) -> Result<Points, SamplingError> {
+        let Inputs { prepared, light, options, progress, .. } = inputs;
+        let key = PointsKey {
+            surface: Id::of(&prepared.surface),
+            samples: options.samples,
+            strategy: options.strategy,
+            seed: options.seed,
+            density: (options.density != Density::Uniform).then(|| density_key(inputs)),
+        };
+        let made = self.points.try_get(key, *progress, || {
+            let set = density::place(
+                &DensityInputs {
+                    scene: inputs.scene,
+                    surface: &prepared.surface,
+                    tracer: &prepared.tracer,
+                    cube: &light.environment.cube,
+                    rotation_rad: light.rotation_rad,
+                },
+                options,
+            )?;
+            let positions = set.points.iter().map(|p| p.position).collect();
+            Ok::<_, SamplingError>((Arc::new(set), Arc::new(positions)))
+        })?;
+        let (set, positions) = &*made;
+        Ok(Points { set: set.clone(), positions: positions.clone() })
+    }
+
+    /// Samples one by one: the points themselves, or the leaves of their cells.
+    pub fn pinholes(&mut self, inputs: &Inputs, points: &Points, leaves: u32) -> Arc<Pinholes> {
+        let Inputs { scene, options, progress, .. } = inputs;
+        let key = (cells_key(inputs, points, leaves), occluder(inputs));
+        if leaves > 1 {
+            let tree = self.bare_tree(inputs, points, leaves);
+            return self.pinholes.get(key, *progress, || with_visibility(tree.leaves(), inputs));
+        }
+        let differentials = self.differentials.get(Id::of(&points.set), *progress, || differentials(&points.set));
+        self.pinholes
+            .get(key, *progress, || with_visibility(pinholes(scene, &differentials, options.footprint), inputs))
+    }
+
+    /// A tree of cells whose sample nodes know what they see.
+    pub fn tree(&mut self, inputs: &Inputs, points: &Points, leaves: u32) -> Arc<PinholeTree> {
+        let bare = self.bare_tree(inputs, points, leaves);
+        let Some(tracer) = occluder(inputs) else { return bare };
+        self.visible_tree.get((Id::of(&bare), Some(tracer)), inputs.progress, || {
+            let mut tree = (*bare).clone();
+            tree.roots_mut().look_around(inputs.scene, &inputs.prepared.tracer);
+            tree
+        })
+    }
+
+    fn bare_tree(&mut self, inputs: &Inputs, points: &Points, leaves: u32) -> Arc<PinholeTree> {
+        let Inputs { scene, prepared, options, progress, .. } = inputs;
+        self.tree.get(cells_key(inputs, points, leaves), *progress, || {
+            let options = TreeOptions { leaves, seed: options.seed };
+            PinholeTree::new(scene, CellTree::new(&prepared.surface, &points.set, &options))
+        })
+    }
+
+    pub fn count(&self, counts: &mut StageCounts) {
+        counts.add_memo(&self.points);
+        counts.add_memo(&self.differentials);
+        counts.add_memo(&self.tree);
+        counts.add_memo(&self.visible_tree);
+        counts.add_memo(&self.pinholes);
+    }
+}
+
+fn with_visibility(mut pinholes: Pinholes, inputs: &Inputs) -> Pinholes {
+    if inputs.options.visibility == Visibility::Full {
+        pinholes.look_around(inputs.scene, &inputs.prepared.tracer);
+    }
+    pinholes
+}
+
+fn occluder(inputs: &Inputs) -> OccluderKey {
+    (inputs.options.visibility == Visibility::Full).then(|| Id::of(&inputs.prepared.tracer))
+}
+
+fn reflectors(scene: &Scene) -> Vec<Option<Reflector>> {
+    scene.objects.iter().map(|o| o.reflector).collect()
+}
+
+fn cells_key(inputs: &Inputs, points: &Points, leaves: u32) -> CellsKey {
+    CellsKey {
+        points: Id::of(&points.set),
+        surface: Id::of(&inputs.prepared.surface),
+        reflectors: reflectors(inputs.scene),
+        footprint: inputs.options.footprint,
+        leaves,
+        seed: inputs.options.seed,
+    }
+}
+
+fn density_key(inputs: &Inputs) -> DensityKey {
+    let Inputs { scene, prepared, light, options, .. } = inputs;
+    DensityKey {
+        density: options.density,
+        tracer: Id::of(&prepared.tracer),
+        environment: Id::of(&light.environment),
+        reflectors: reflectors(scene),
+        receives: scene.objects.iter().map(|o| o.receiver.is_some()).collect(),
+        camera: scene.camera,
+        size: options.size,
+        visibility: options.visibility,
+        params: options.params(density::FILTER, light.rotation_rad),
+    }
+}

@@ -1,0 +1,97 @@
+//! What the ground truth has in common with what it judges: the scene's description, file decoding, errors and progress.
+
+use std::path::Path;
+
+/// Everything of the library that `src/reference` may name outside its tests.
+const SHARED: [&str; 12] = [
+    "Error",
+    "OptionError",
+    "Progress",
+    "brdf::Gloss",
+    "environment::BUILT_IN_MAPS",
+    "environment::EnvironmentError",
+    "environment::RgbImage",
+    "image::Image",
+    "image::ImageError",
+    "image::read_exr",
+    "image::read_exr_text",
+    "image::write_exr_with_text",
+];
+
+/// Of `scene` it may name the description of what is there; of `reflectance` the description of a finish.
+const DESCRIPTIONS: [(&str, &[&str]); 2] = [
+    (
+        "scene",
+        &[
+            "Camera",
+            "EnvironmentSource",
+            "Light",
+            "MapLayout",
+            "Object",
+            "Projection",
+            "Receiver",
+            "Scene",
+            "SceneError",
+            "Sides",
+            "Visibility",
+        ],
+    ),
+    ("reflectance", &["Finish", "Metal"]),
+];
+
+#[test]
+fn the_ground_truth_shares_nothing_with_what_it_judges() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("src/reference");
+    let mut files = 0;
+    let mut strangers = Vec::new();
+    for entry in std::fs::read_dir(&folder).unwrap() {
+        let path = entry.unwrap().path();
+        assert!(
+            path.extension().is_some_and(|e| e == "rs"),
+            "a folder or stray file to be looked at: {}",
+            path.display()
+        );
+        let source = std::fs::read_to_string(&path).unwrap();
+        let product = source.split("#[cfg(test)]").next().unwrap();
+        assert!(!product.contains("super::super"), "{} leaves its module by another way", path.display());
+        let named = names(product);
+        strangers.extend(named.into_iter().filter(|n| !is_shared(n)).map(|n| format!("{}: {n}", path.display())));
+        files += 1;
+    }
+    assert!(files > 10, "only {files} files");
+    assert!(strangers.is_empty(), "{strangers:#?}");
+}
+
+fn is_shared(name: &str) -> bool {
+    SHARED.contains(&name)
+        || DESCRIPTIONS.iter().any(|(module, items)| {
+            name.strip_prefix(module).and_then(|rest| rest.strip_prefix("::")).is_some_and(|item| items.contains(&item))
+        })
+}
+
+/// All paths below `crate::` that a source names, with lists in braces taken apart.
+fn names(source: &str) -> Vec<String> {
+    let code = source.lines().filter(|line| !line.trim_start().starts_with("//")).collect::<Vec<_>>().join(" ");
+    let mut found = Vec::new();
+    for (_, rest) in code.match_indices("crate::").map(|(at, part)| code[at..].split_at(part.len())) {
+        let end = rest.find(|c: char| !(c.is_alphanumeric() || c == '_' || c == ':')).unwrap_or(rest.len());
+        let path = &rest[..end];
+        match rest[end..].strip_prefix('{').filter(|_| path.is_empty() || path.ends_with("::")) {
+            Some(list) => {
+                let items = list.split('}').next().unwrap();
+                assert!(!items.contains('{'), "a nested list of imports: write one `use` a module");
+                let items = items.split(',').map(|item| item.split(" as ").next().unwrap().trim());
+                found.extend(items.filter(|item| !item.is_empty()).map(|item| format!("{path}{item}")));
+            }
+            None => found.push(path.to_owned()),
+        }
+    }
+    found
+}
+
+#[test]
+fn names_are_found_however_they_are_written() {
+    let source = "use crate::scene::{Object as Thing, Scene};\nuse crate::{Error, Progress};\n// crate::nothing\nfn f(x: crate::pinhole::Filter) {}";
+    assert_eq!(names(source), ["scene::Object", "scene::Scene", "Error", "Progress", "pinhole::Filter"]);
+    assert!(!is_shared("pinhole::Filter") && !is_shared("reflectance::Curve") && is_shared("scene::Scene"));
+}

@@ -1,0 +1,259 @@
+//! The engine's stages: an edit makes only those again that depend on it, and the picture is that of a new engine.
+
+use std::fmt::Write;
+use std::sync::Arc;
+
+use glam::Vec3;
+use pinspot::Stage::{
+    self, Bvh, Caustic, Differentials, Direct, Display, Estimate, Geometry, Irradiance, Light, LightBounds,
+    LightSampler, Materials, PathEnds, Paths, Points, Rays, Shading, Surface, Tree, Upload,
+};
+use pinspot::blocking::wait;
+use pinspot::image::Aov;
+use pinspot::scene::Mesh;
+use pinspot::{Backend, BackendChoice, Engine, EvaluationChoice, NoProgress, Rendered};
+
+use crate::support::gpu_backend;
+
+/// What an edit of the engine is, and the stages that depend on it.
+struct Edit {
+    name: &'static str,
+    edit: fn(&mut Engine),
+    makes: &'static [Stage],
+}
+
+/// The scene's mirror and what it lights, by their places in the list of objects.
+const MIRROR: usize = 0;
+const TABLE: usize = 1;
+
+/// Whatever changes the sum changes these.
+macro_rules! and_the_picture {
+    ($($stage:expr),* $(,)?) => {
+        &[$($stage,)* Shading, Display]
+    };
+}
+
+const EDITS: &[Edit] = &[
+    Edit { name: "nothing", edit: |_| (), makes: &[] },
+    Edit { name: "exposure", edit: |e| e.options_mut().display.exposure_ev = 1.5, makes: &[Display] },
+    Edit { name: "caustic gain", edit: |e| e.options_mut().caustic_gain = 2.0, makes: and_the_picture![] },
+    Edit { name: "scale the light", edit: |e| e.scene_mut().environment.intensity = 3.0, makes: and_the_picture![] },
+    Edit {
+        name: "rotate the light",
+        edit: |e| e.scene_mut().environment.rotation_rad = 0.7,
+        makes: and_the_picture![Estimate, Caustic, Direct, PathEnds],
+    },
+    Edit {
+        name: "another map",
+        edit: |e| e.scene_mut().environment.light = pinspot::scene::Light::BuiltInMap("studio".into()),
+        makes: and_the_picture![
+            Light,
+            LightBounds,
+            Irradiance,
+            LightSampler,
+            Upload,
+            Estimate,
+            Caustic,
+            Direct,
+            PathEnds
+        ],
+    },
+    Edit { name: "tolerance", edit: |e| e.options_mut().tolerance = 0.05, makes: and_the_picture![Caustic, PathEnds] },
+    Edit { name: "taps", edit: |e| e.options_mut().taps = 4, makes: and_the_picture![Estimate, Caustic, PathEnds] },
+    Edit {
+        name: "number of samples",
+        edit: |e| e.options_mut().samples = 70,
+        makes: and_the_picture![Points, Tree, Stage::Visibility, Upload, Estimate, Caustic, PathEnds],
+    },
+    Edit {
+        name: "seed",
+        edit: |e| e.options_mut().seed = 9,
+        makes: and_the_picture![Points, Tree, Stage::Visibility, Upload, Estimate, Caustic, PathEnds],
+    },
+    Edit {
+        name: "move the camera",
+        edit: |e| e.scene_mut().camera.position.x += 0.05,
+        makes: and_the_picture![Estimate, Rays, Caustic, Direct, Paths, PathEnds],
+    },
+    Edit {
+        name: "move the table",
+        edit: |e| e.scene_mut().objects[TABLE].placement.translate.x += 0.1,
+        makes: and_the_picture![
+            Geometry,
+            Bvh,
+            Stage::Visibility,
+            Upload,
+            Estimate,
+            Rays,
+            Caustic,
+            Direct,
+            Paths,
+            PathEnds
+        ],
+    },
+    Edit {
+        name: "turn the mirror",
+        edit: |e| e.scene_mut().objects[MIRROR].placement.rotate_rad.y += 0.3,
+        makes: and_the_picture![
+            Geometry,
+            Bvh,
+            Surface,
+            Points,
+            Tree,
+            Stage::Visibility,
+            Upload,
+            Estimate,
+            Rays,
+            Caustic,
+            Direct,
+            Paths,
+            PathEnds
+        ],
+    },
+    Edit {
+        name: "deform the mirror",
+        edit: |e| {
+            let object = &mut e.scene_mut().objects[MIRROR];
+            object.mesh = Arc::new(stretched(&object.mesh));
+        },
+        makes: and_the_picture![
+            Geometry,
+            Bvh,
+            Surface,
+            Points,
+            Tree,
+            Stage::Visibility,
+            Upload,
+            Estimate,
+            Rays,
+            Caustic,
+            Direct,
+            Paths,
+            PathEnds
+        ],
+    },
+    Edit {
+        name: "the table's albedo",
+        edit: |e| e.scene_mut().objects[TABLE].receiver.as_mut().unwrap().albedo = Vec3::new(0.2, 0.4, 0.1),
+        makes: and_the_picture![Materials, Paths, PathEnds],
+    },
+    Edit {
+        name: "every sample for every receiver",
+        edit: |e| (e.options_mut().evaluation, e.options_mut().leaves) = (EvaluationChoice::Flat, None),
+        makes: and_the_picture![Differentials, Stage::Visibility, Caustic, PathEnds],
+    },
+];
+
+fn stretched(mesh: &Mesh) -> Mesh {
+    let positions = mesh.positions().iter().map(|p| *p * Vec3::new(1.2, 1.0, 0.9)).collect();
+    let normals = mesh.normals().iter().map(|n| *n / Vec3::new(1.2, 1.0, 0.9)).collect();
+    Mesh::new("stretched", positions, normals, mesh.triangles().to_vec()).unwrap().0
+}
+
+fn engine(backend: &Backend) -> Engine {
+    let (scene, options) = pinspot::load("ring-natural").unwrap();
+    assert!(scene.objects[MIRROR].reflector.is_some() && scene.objects[TABLE].receiver.is_some());
+    let aovs = vec![Aov::Beauty, Aov::Caustic, Aov::Direct, Aov::Depth];
+    let options = options.with_size([48, 40]).with_samples(60).with_leaves(Some(16)).with_aovs(aovs);
+    Engine::new(scene, options, backend.clone())
+}
+
+fn render(engine: &mut Engine) -> Rendered {
+    let backend = engine.backend().clone();
+    wait(backend.device(), engine.render(&NoProgress)).unwrap()
+}
+
+/// The same scene and options in a new engine.
+fn afresh(engine: &Engine) -> Rendered {
+    render(&mut Engine::new(engine.scene().clone(), engine.options().clone(), engine.backend().clone()))
+}
+
+#[test]
+fn an_edit_makes_only_what_depends_on_it() {
+    let backend = Backend::cpu();
+    let mut engine = engine(&backend);
+    render(&mut engine);
+    let mut table = format!("| edit | {} |\n", Stage::ENGINE.map(Stage::name).join(" | "));
+    let mut failures = Vec::new();
+    for Edit { name, edit, makes } in EDITS {
+        let before = engine.stage_counts();
+        edit(&mut engine);
+        let edited = render(&mut engine);
+        let made = engine.stage_counts().made_since(&before);
+        let marks = Stage::ENGINE.map(|stage| if made.contains(&stage) { "●" } else { "" });
+        writeln!(table, "| {name} | {} |", marks.join(" | ")).unwrap();
+        let expected: Vec<Stage> =
+            Stage::ENGINE.into_iter().filter(|stage| makes.contains(stage) && *stage != Upload).collect();
+        if made != expected {
+            failures.push(format!("{name}: made {made:?}, expected {expected:?}"));
+        }
+        let fresh = afresh(&engine);
+        let display = engine.options().display;
+        if edited.layers != fresh.layers || edited.displayed(&display) != fresh.displayed(&display) {
+            failures.push(format!("{name}: the picture is not that of a new engine"));
+        }
+    }
+    println!("{table}");
+    assert!(failures.is_empty(), "{failures:#?}");
+}
+
+#[test]
+fn on_a_gpu_nothing_else_is_made_and_the_pictures_agree() {
+    let backend = gpu_backend();
+    let mut engine = engine(&backend);
+    render(&mut engine);
+    let mut failures = Vec::new();
+    for Edit { name, edit, makes } in EDITS {
+        let before = engine.stage_counts();
+        edit(&mut engine);
+        let edited = render(&mut engine);
+        let made = engine.stage_counts().made_since(&before);
+        let expected: Vec<Stage> = Stage::ENGINE.into_iter().filter(|stage| makes.contains(stage)).collect();
+        if made != expected {
+            failures.push(format!("{name}: made {made:?}, expected {expected:?}"));
+        }
+        for ((aov, a), (_, b)) in edited.layers.iter().zip(&afresh(&engine).layers) {
+            let error = pinspot::image::rel_l2(a, b, None);
+            if error.is_nan() || error > 1e-6 {
+                failures.push(format!("{name}: {aov:?} differs from that of a new engine by {error:.1e}"));
+            }
+        }
+    }
+    assert!(failures.is_empty(), "{failures:#?}");
+}
+
+#[test]
+fn an_engine_is_usable_after_an_error() {
+    let backend = Backend::cpu();
+    let mut engine = engine(&backend);
+    let first = render(&mut engine);
+    let mistakes: [(fn(&mut Engine), fn(&mut Engine)); 4] = [
+        (|e| e.options_mut().taps = 0, |e| e.options_mut().taps = 16),
+        (
+            |e| e.scene_mut().environment.light = pinspot::scene::Light::BuiltInMap("nowhere".into()),
+            |e| e.scene_mut().environment.light = pinspot::load("ring-natural").unwrap().0.environment.light,
+        ),
+        (
+            |e| e.scene_mut().objects[TABLE].placement.translate.y = f32::NAN,
+            |e| {
+                e.scene_mut().objects[TABLE].placement =
+                    pinspot::load("ring-natural").unwrap().0.objects[TABLE].placement
+            },
+        ),
+        (
+            |e| e.options_mut().filter = pinspot::FilterChoice::Hardware,
+            |e| e.options_mut().filter = pinspot::FilterChoice::Auto,
+        ),
+    ];
+    for (mistake, mend) in mistakes {
+        mistake(&mut engine);
+        assert!(wait(None, engine.render(&NoProgress)).is_err());
+        mend(&mut engine);
+        assert_eq!(render(&mut engine).layers, first.layers);
+    }
+}
+
+#[test]
+fn a_choice_of_the_cpu_opens_no_device() {
+    assert!(wait(None, Backend::open(&BackendChoice::Cpu)).unwrap().device().is_none());
+}
