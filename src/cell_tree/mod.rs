@@ -1,4 +1,4 @@
-//! A hierarchy of differential samples whose cells tile the reflectors (WS-F8).
+//! A hierarchy of differential samples whose cells tile the reflectors.
 //!
 //! Every node is a sample like those of [`differential`](crate::differential): area, centroid, mean normal, the moments of
 //! its cell, the change of its normal; beside them a radius and a cone of normals that bound the cell. Roots are the cells of

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 
 use super::point::CellPoint;
 use crate::differential::{Cells, NearestSample, nearest_samples};
-use crate::sampling::{Origin, PointSet, Surface, SurfacePiece};
+use crate::sampling::{Origin, PointSet, Surface, SurfacePiece, SurfacePoint};
 
 /// The cells of a set's samples. What lies inside a cell is kept as pieces of triangles, which become points when they are needed.
 pub(super) struct Tiling<'a> {
@@ -28,6 +28,8 @@ struct Parts {
     piece_owners: Vec<u32>,
     points: Vec<CellPoint>,
     point_owners: Vec<u32>,
+    /// Points whose cells are not known yet.
+    loose: Vec<SurfacePoint>,
 }
 
 /// Pieces with fewer points are not divided further to see whether one cell holds them.
@@ -54,9 +56,9 @@ impl<'a> Tiling<'a> {
         };
         let runs: Vec<Parts> = starts.into_par_iter().map(of_run).collect();
         let mut parts = runs.into_iter().fold(Parts::default(), Parts::join);
-        let fine = set.on_fine_triangles(surface, stride, seed);
-        parts.point_owners.extend(nearest_samples(&samples, &fine));
-        parts.points.extend(fine.iter().map(CellPoint::from));
+        parts.loose.extend(set.on_fine_triangles(surface, stride, seed));
+        parts.point_owners.extend(nearest_samples(&samples, &parts.loose));
+        parts.points.extend(parts.loose.iter().map(CellPoint::from));
         Self {
             surface,
             stride,
@@ -91,6 +93,7 @@ impl Parts {
         self.piece_owners.extend(other.piece_owners);
         self.points.extend(other.points);
         self.point_owners.extend(other.point_owners);
+        self.loose.extend(other.loose);
         self
     }
 
@@ -111,9 +114,12 @@ impl Divider<'_> {
     /// Adds what a candidate of `owner` stands for, unless it was drawn on fine triangles.
     fn add(&self, surface: &Surface, candidate: usize, owner: u32, parts: &mut Parts) {
         let Some(piece) = self.set.piece(surface, candidate) else { return };
-        match self.samples.around(&self.set.candidates[candidate], owner, piece.ball().1) {
+        let candidate = &self.set.candidates[candidate];
+        match self.samples.around(candidate, owner, piece.ball().1) {
             Some(competitors) => self.divide(&piece, &competitors, parts),
-            None => parts.add_piece(&piece, owner),
+            None => piece.divide(self.stride, |point| {
+                parts.loose.push(SurfacePoint { group: candidate.group, ..point });
+            }),
         }
     }
 
@@ -144,5 +150,53 @@ impl Divider<'_> {
         let distance2 = |k: &u32| place.distance_squared(self.position(*k));
         let nearer = |a: &&u32, b: &&u32| distance2(a).total_cmp(&distance2(b));
         *among.iter().min_by(nearer).expect("every piece has an owner")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sampling::{Options, Strategy, sample};
+    use crate::scene::shapes::{Ring, Shape, Sphere, Spoon};
+
+    /// Coarse triangles, some as large as candidates, and ones that are finer than those; from strategies that know their cells and
+    /// one that does not.
+    #[test]
+    fn cells_hold_what_is_nearest_to_their_samples() {
+        let shapes = [
+            Shape::Ring(Ring::default()),
+            Shape::Sphere(Sphere { radius: 1.0 }),
+            Shape::Spoon(Spoon { thickness: 0.004, ..Default::default() }),
+        ];
+        for (shape, samples, strategy) in [
+            (&shapes[0], 300, Strategy::Neighbourhood),
+            (&shapes[1], 1000, Strategy::Neighbourhood),
+            (&shapes[1], 100, Strategy::Neighbourhood),
+            (&shapes[2], 500, Strategy::Neighbourhood),
+            (&shapes[0], 300, Strategy::Random),
+        ] {
+            let mut surface = Surface::default();
+            surface.append(&shape.mesh().unwrap(), 0, false);
+            let set = sample(&surface, &Options { samples, strategy, seed: 1 }).unwrap();
+            let stride = (surface.area() / f64::from(1000 * samples)) as f32;
+            let tiling = Tiling::new(&surface, &set, stride, 1);
+            let (mut area, mut count, mut nearer, mut points) = (0.0, 0, 0, Vec::new());
+            for sample in tiling.samples() {
+                tiling.collect(sample, &mut points);
+                area += points.iter().map(|p| f64::from(p.area)).sum::<f64>();
+                for p in points.iter().step_by(17) {
+                    let own = p.position().distance(set.points[sample as usize].position);
+                    let is_nearer = |other: &&SurfacePoint| {
+                        other.normal.dot(p.normal()) > 0.0 && other.position.distance(p.position()) < 0.999 * own
+                    };
+                    count += 1;
+                    nearer += usize::from(set.points.iter().any(|other| is_nearer(&other)));
+                }
+            }
+            let name = shape.name();
+            assert!((area / surface.area() - 1.0).abs() < 1e-3, "{name} {samples}: {area}");
+            // Samples across a crease or with little in common in their normals may be nearer.
+            assert!(nearer * 50 <= count, "{name} {samples}: {nearer} of {count}");
+        }
     }
 }

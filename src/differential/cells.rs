@@ -112,7 +112,8 @@ impl<'a> NearestSample<'a> {
         let neighbours = &self.neighbours[sample as usize];
         // Whoever is so near to the candidate is no farther from the sample than that.
         let between = 2.0 * reach;
-        if neighbours.last()?.0 < between * between || !self.points[sample as usize].same_side(candidate) {
+        let reaches = neighbours.len() < NEIGHBOURS || neighbours[NEIGHBOURS - 1].0 >= between * between;
+        if !reaches || !self.points[sample as usize].same_side(candidate) {
             return None;
         }
         let competes = |k: &u32| {

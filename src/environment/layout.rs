@@ -326,4 +326,29 @@ mod tests {
         });
         check(&Layout::new(&EnvironmentMap::new(faces.to_vec(), MapLayout::Faces).unwrap()), "faces");
     }
+
+    #[test]
+    fn many_look_ups_are_as_many_single_ones() {
+        let mut image = blank(64, 32);
+        for (k, pixel) in image.pixels.iter_mut().enumerate() {
+            *pixel = [0.0, 0.3, 0.6].map(|phase| ((k as f32) * 0.618_034 + phase).fract());
+        }
+        let layout = Layout::Latlong(image.into());
+        // A spiral over the sphere, an incomplete group of lanes, and the axes but for the poles, where any column will do.
+        let mut directions: Vec<Vec3> = (0..10_001)
+            .map(|k| {
+                let (y, turn) = (1.0 - (k as f32 + 0.5) / 5_000.5, k as f32 * 2.4);
+                ((1.0 - y * y).sqrt() * Vec3::new(turn.cos(), 0.0, turn.sin())).with_y(y)
+            })
+            .collect();
+        directions.extend(SIX.map(|(axis, _)| axis).into_iter().filter(|axis| axis.y == 0.0));
+        let single: Vec<Vec3> = directions.iter().map(|d| layout.radiance(*d)).collect();
+        let mut all = directions.clone();
+        layout.radiance_of_all(&mut all);
+        for ((d, one), other) in directions.iter().zip(single).zip(all) {
+            // The arc cosine of the single look-up is rough near the poles.
+            let tolerance = if d.y.abs() > 0.999 { 1e-2 } else { 1e-4 };
+            assert!(one.abs_diff_eq(other, tolerance), "{d}: {one} {other}");
+        }
+    }
 }

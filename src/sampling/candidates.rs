@@ -2,7 +2,7 @@
 //!
 //! Coarse triangles are split into pieces whose centroids and exact areas are the candidates. Fine ones, of which
 //! only some become candidates, are drawn at even strides of area along a space-filling order. So the number of
-//! candidates follows from the number of samples, not from the mesh (WS-15).
+//! candidates follows from the number of samples, not from the mesh.
 
 use bytemuck::Zeroable;
 use glam::Vec3;

@@ -1,4 +1,4 @@
-//! Strategies *grid* and *quantised grid* (WS-12, WS-13): of a dense set one point is kept per cell of a 3-D grid.
+//! Strategies *grid* and *quantised grid* (Wand & Straßer, Section 3.2): of a dense set one point is kept per cell of a 3-D grid.
 //!
 //! The two faces of a thin sheet, or two sides of a crease, may share a cell: each keeps a point of its own.
 

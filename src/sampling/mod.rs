@@ -36,13 +36,13 @@ pub const MAX_SAMPLES: u32 = 1 << 22;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Deserialize, serde::Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Strategy {
-    /// Area-uniform random points (WS-11).
+    /// Area-uniform random points.
     Random,
-    /// One point of a dense set kept per cell of a 3-D grid (WS-12).
+    /// One point of a dense set kept per cell of a 3-D grid.
     Grid,
-    /// The same, snapped to the cells' centres (WS-13).
+    /// The same, snapped to the cells' centres.
     QuantisedGrid,
-    /// Greedy removal of points that a sphere around another one covers (WS-14).
+    /// Greedy removal of points that a sphere around another one covers.
     #[default]
     Neighbourhood,
     /// Weighted sample elimination (Yuksel 2015): meets the number exactly.
@@ -62,7 +62,7 @@ impl Strategy {
     }
 }
 
-/// Where samples are denser: what a place of the surface is thought to be worth, by area (WS-F7). Each sample's weight is
+/// Where samples are denser: what a place of the surface is thought to be worth, by area. Each sample's weight is
 /// the area that it stands for, so that none of them biases the sum.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Deserialize, serde::Serialize)]
 #[serde(rename_all = "kebab-case")]

