@@ -54,7 +54,7 @@ impl Work {
 
     /// Fetches of one gather.
     fn fetches(&self, params: &Params) -> u64 {
-        let sums = gather(&self.receivers, &self.pinholes, &self.environment.cube, params, &|_| ());
+        let sums = gather(&self.receivers, &self.pinholes, &self.environment.cube, params, &|_| ()).unwrap();
         sums.iter().map(|s| f64::from(s[3])).sum::<f64>() as u64
     }
 
@@ -164,7 +164,7 @@ fn visibility(c: &mut Criterion) {
     for name in ["unshadowed", "shadowed"] {
         let visibility = name == "shadowed";
         if visibility {
-            work.pinholes.look_around(&scene, &tracer);
+            work.pinholes.trace_visibility(&scene, &tracer);
         }
         group.bench_function(format!("CPU, {name}"), |b| {
             b.iter(|| black_box(gather(&work.receivers, &work.pinholes, &work.environment.cube, &params, &|_| ())));
@@ -184,7 +184,7 @@ fn visibility(c: &mut Criterion) {
         });
     }
     group.bench_function(format!("looking around, {SAMPLES} samples"), |b| {
-        b.iter(|| work.pinholes.look_around(&scene, &tracer));
+        b.iter(|| work.pinholes.trace_visibility(&scene, &tracer));
     });
 }
 

@@ -18,7 +18,7 @@ use pinspot::low_level::cell_tree::{CellTree, NodeGeometry, TreeOptions};
 use pinspot::low_level::differential::differentials;
 use pinspot::low_level::environment::{Environment, LightBounds};
 use pinspot::low_level::gpu::Gpu;
-use pinspot::low_level::pinhole::cpu::{Accuracy, Light, gather, gather_hierarchical, typical_irradiance};
+use pinspot::low_level::pinhole::cpu::{Accuracy, Light, estimate_irradiance, gather, gather_hierarchical};
 use pinspot::low_level::pinhole::gpu::{
     CellTreeBuffers, EnvironmentCube, HierarchicalEngine, HierarchicalInputs, HierarchicalOptions, LightBoundsTexture,
     Tolerance,
@@ -67,7 +67,7 @@ impl Work {
         let (light, params) = (Light { cube: &self.environment.cube, bounds: &self.bounds }, Params::default());
         let run = || {
             let started = Instant::now();
-            let error = tolerance * typical_irradiance(&self.receivers, tree, light, &params);
+            let error = tolerance * estimate_irradiance(&self.receivers, tree, light, &params);
             let accuracy = Accuracy { error, split_near: true };
             let sums = gather_hierarchical(&self.receivers, tree, light, &params, accuracy, &|_| ());
             (sums, started.elapsed().as_secs_f64())
@@ -95,7 +95,7 @@ impl Work {
         let (some, places) = self.some_rows();
         let leaves = tree.leaves();
         let started = Instant::now();
-        let sums = gather(&some, &leaves, &self.environment.cube, &Params::default(), &|_| ());
+        let sums = gather(&some, &leaves, &self.environment.cube, &Params::default(), &|_| ()).unwrap();
         let seconds = started.elapsed().as_secs_f64() * self.receivers.positions.len() as f64 / places.len() as f64;
         (sums, places, seconds)
     }

@@ -4,6 +4,7 @@ use crate::environment::EnvironmentError;
 #[cfg(feature = "gpu")]
 use crate::gpu::GpuError;
 use crate::image::ImageError;
+use crate::pinhole::cpu::HardwareFilterError;
 use crate::reference::ReferenceError;
 #[cfg(feature = "report")]
 use crate::report::ReportError;
@@ -69,6 +70,12 @@ pub enum OptionError {
         /// Options and values, any of which would do.
         remedies: &'static [(&'static str, &'static str)],
     },
+}
+
+impl From<HardwareFilterError> for Error {
+    fn from(error: HardwareFilterError) -> Self {
+        OptionError::invalid("filter", format!("does not fit: {error}")).into()
+    }
 }
 
 impl OptionError {

@@ -42,10 +42,13 @@ pub struct Piece {
 
 /// All triangles of a scene.
 pub struct Tracer {
+    /// Scaled, so that all scenes are of about one size: the hierarchy loses what is nearer than a ten-thousandth of a unit.
     triangles: Vec<TraceTriangle>,
+    /// Units per metre; a power of two, which rounds nothing.
+    scale: f32,
     bvh: CwBvh,
     camera_visible: Vec<bool>,
-    /// Rays start this far off a surface, metres.
+    /// Rays start this far off a surface, units.
     offset: f32,
 }
 
@@ -78,6 +81,12 @@ impl Tracer {
                 triangles.push(TraceTriangle { corners, normals, object: object as u32 });
             }
         }
+        let all = triangles.iter().flat_map(|t| t.corners);
+        let (low, high) = all.fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(l, h), p| (l.min(p), h.max(p)));
+        let scale = if triangles.is_empty() { 1.0 } else { unit_scale(0.5 * high - 0.5 * low) };
+        for triangle in &mut triangles {
+            triangle.corners = triangle.corners.map(|corner| scale * corner);
+        }
         let bounds: Vec<_> = triangles
             .iter()
             .map(|t| {
@@ -86,10 +95,8 @@ impl Tracer {
             })
             .collect();
         let bvh = build_cwbvh(&bounds, BvhBuildParams::fast_build(), &mut Default::default());
-        let all = triangles.iter().flat_map(|t| t.corners);
-        let (low, high) = all.fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(l, h), p| (l.min(p), h.max(p)));
-        let extent = if triangles.is_empty() { 0.0 } else { (high - low).length() };
-        Self { triangles, bvh, camera_visible, offset: 1e-5 * extent }
+        let offset = if triangles.is_empty() { 0.0 } else { offset(scale * low, scale * high) };
+        Self { triangles, scale, bvh, camera_visible, offset }
     }
 
     /// The first thing that the camera sees along a ray.
@@ -106,9 +113,10 @@ impl Tracer {
     pub fn seen_by(&self, piece: &Piece, direction: Vec3) -> Option<Hit> {
         let side = if piece.front { 1.0 } else { -1.0 };
         // A piece is a little curved, and its middle may lie below its triangles.
+        let extent = self.scale * piece.extent;
         let itself = |triangle: &TraceTriangle, distance: f32| {
             triangle.object == piece.object
-                && distance < piece.extent
+                && distance < extent
                 && side * triangle.normals.iter().sum::<Vec3>().dot(direction) > 0.0
         };
         self.hit(Ray { origin: piece.position, direction }, self.offset, |triangle, t| !itself(triangle, t))
@@ -117,6 +125,7 @@ impl Tracer {
     /// Whether anything lies in a direction from a surface.
     pub fn is_blocked(&self, ray: Ray) -> bool {
         let from = self.offset;
+        let ray = self.scaled(ray);
         let traced = obvhs::ray::Ray::new(ray.origin.into(), ray.direction.into(), from, f32::INFINITY);
         !self.triangles.is_empty()
             && !self.bvh.ray_traverse_miss(traced, |r, index| {
@@ -125,10 +134,17 @@ impl Tracer {
             })
     }
 
+    /// A ray of the world in units.
+    fn scaled(&self, ray: Ray) -> Ray {
+        Ray { origin: self.scale * ray.origin, ..ray }
+    }
+
+    /// The first triangle along a ray that is seen; distances are in units.
     fn hit(&self, ray: Ray, from: f32, sees: impl Fn(&TraceTriangle, f32) -> bool) -> Option<Hit> {
         if self.triangles.is_empty() {
             return None;
         }
+        let ray = self.scaled(ray);
         let traced = obvhs::ray::Ray::new(ray.origin.into(), ray.direction.into(), from, f32::INFINITY);
         let mut found = RayHit::none();
         let mut barycentric = (0, [0.0; 3]);
@@ -146,6 +162,7 @@ impl Tracer {
         found.t.is_finite().then(|| self.describe(ray, found.t, barycentric.0, barycentric.1))
     }
 
+    /// A hit of a scaled ray, in the world.
     fn describe(&self, ray: Ray, distance: f32, id: usize, weights: [f32; 3]) -> Hit {
         let triangle = &self.triangles[id];
         let mix = |v: [Vec3; 3]| weights[0] * v[0] + weights[1] * v[1] + weights[2] * v[2];
@@ -157,13 +174,26 @@ impl Tracer {
         let front = towards_normal.dot(ray.direction) <= 0.0;
         Hit {
             object: triangle.object,
-            position: mix(triangle.corners),
-            distance,
+            position: mix(triangle.corners) / self.scale,
+            distance: distance / self.scale,
             normal: if front { normal } else { -normal },
             face_normal: if front { towards_normal } else { -towards_normal }.normalize(),
             front,
         }
     }
+}
+
+/// The power of two that brings half the size of a scene's bounds, metres, to between 4,096 and 8,192: far more than what the
+/// hierarchy loses, also compared with the offset of rays.
+fn unit_scale(half_size: Vec3) -> f32 {
+    let exponent = half_size.max_element().max(f32::MIN_POSITIVE).log2().floor() as i32;
+    2f32.powi((12 - exponent).clamp(-126, 126))
+}
+
+/// How far off a surface rays start in a scene with these bounds: more than what is lost by rounding.
+fn offset(low: Vec3, high: Vec3) -> f32 {
+    let farthest = low.abs().max(high.abs()).max_element();
+    (1e-5 * (high - low).length()).max(4.0 * f32::EPSILON * farthest)
 }
 
 /// Möller–Trumbore with inclusive edges, so that a ray through a shared edge meets one triangle or both, never neither:
@@ -185,4 +215,36 @@ fn intersect([a, b, c]: &[Vec3; 3], ray: Ray, from: f32, to: f32) -> Option<(f32
     }
     let t = ac.dot(q) / determinant;
     (t > from && t < to).then_some((t, [1.0 - u - v, u, v]))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::shapes::{Shape, Sphere};
+
+    /// A unit sphere, scaled.
+    fn sphere(scale: f32) -> Tracer {
+        let unit = Shape::Sphere(Sphere { radius: 1.0 }).mesh().unwrap();
+        let positions = unit.positions().iter().map(|p| scale * *p).collect();
+        let mesh = Mesh::new("sphere", positions, unit.normals().to_vec(), unit.triangles().to_vec()).unwrap().0;
+        Tracer::of_meshes([(&mesh, true)].into_iter())
+    }
+
+    #[test]
+    fn scenes_of_every_scale_stop_the_same_rays() {
+        for scale in [1e-6, 1e-4, 1e-2, 1.0, 1e3, 1e6, 9e8] {
+            let tracer = sphere(scale);
+            let mut hits = 0;
+            for k in 0..1000 {
+                let turn = k as f32 * 2.4;
+                let radius = 0.98 * (k as f32 / 999.0).sqrt();
+                let origin = scale * Vec3::new(radius * turn.cos(), radius * turn.sin(), 3.0);
+                let hit = tracer.secondary_hit(Ray { origin, direction: Vec3::NEG_Z });
+                let on_sphere = |hit: Hit| (hit.position.length() / scale - 1.0).abs() < 1e-3 && hit.normal.is_finite();
+                hits += usize::from(hit.is_some_and(on_sphere));
+                assert!(tracer.is_blocked(Ray { origin, direction: Vec3::NEG_Z }), "{scale}: ray {k}");
+            }
+            assert_eq!(hits, 1000, "scale {scale}");
+        }
+    }
 }

@@ -9,9 +9,9 @@ use rayon::prelude::*;
 use super::moments::Moments;
 use super::point::CellPoint;
 use super::split::{halves, in_order, is_mixed, largest_patch, longest_axes};
+use super::tiling::Tiling;
 use super::{CellNode, CellTree};
-use crate::differential::assign;
-use crate::sampling::{PointSet, Surface, SurfacePoint, cover};
+use crate::sampling::{PointSet, Surface, SurfacePoint};
 
 /// How finely a tree divides its roots.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -55,32 +55,30 @@ impl CellTree {
     pub fn new(surface: &Surface, set: &PointSet, options: &TreeOptions) -> Self {
         let leaves = FAN.pow(options.leaves.clamp(1, MAX_LEAVES).ilog(FAN));
         let count = set.points.len() as f64 * f64::from(leaves);
-        let stride = surface.area() / (count * points_per_leaf(count));
-        let candidates = cover(surface, stride as f32, set.points.len(), options.seed);
-        let cells = assign(&set.points, &candidates);
-        let cells: Vec<&[u32]> = cells.iter().filter(|cell| !cell.is_empty()).collect();
-        let reach = half_diagonal(&candidates);
+        let stride = (surface.area() / (count * points_per_leaf(count))) as f32;
+        let reach = half_diagonal(&set.candidates);
+        let tiling = Tiling::new(surface, set, stride, options.seed);
+        let samples = tiling.samples();
 
-        let objects = cells.iter().map(|cell| candidates[cell[0] as usize].object).collect();
+        let objects = samples.iter().map(|sample| set.points[*sample as usize].object).collect();
         let below = nodes_below(leaves);
-        let nodes = vec![CellNode::default(); cells.len() * below];
+        let nodes = vec![CellNode::default(); samples.len() * below];
         let first_above = nodes.len() as u32;
         let mut tree = Self { nodes, objects, first_above, leaves_per_root: leaves, ..Self::default() };
-        let mut subtrees: Vec<Subtree> = Vec::with_capacity(cells.len());
+        let mut subtrees: Vec<Subtree> = Vec::with_capacity(samples.len());
         let mut rest = tree.nodes.as_mut_slice();
-        for root in 0..cells.len() {
+        for root in 0..samples.len() {
             let (nodes, others) = rest.split_at_mut(below);
             subtrees.push(Subtree { nodes, start: (root * below) as u32, root: root as u32, reach });
             rest = others;
         }
-        let build = |points: &mut Vec<CellPoint>, (cell, mut subtree): (&&[u32], Subtree)| {
-            points.clear();
-            points.extend(cell.iter().map(|&k| CellPoint::from(&candidates[k as usize])));
+        let build = |points: &mut Vec<CellPoint>, (sample, mut subtree): (&u32, Subtree)| {
+            tiling.collect(*sample, points);
             let mixed = is_mixed(points);
             let (node, moments) = subtree.cell(points, mixed, leaves, 0, 0);
             Root { node, patch: points[0].patch, moments }
         };
-        let roots: Vec<Root> = cells.par_iter().zip(subtrees).map_init(Vec::new, build).collect();
+        let roots: Vec<Root> = samples.par_iter().zip(subtrees).map_init(Vec::new, build).collect();
         tree.gather(&roots, reach);
         tree
     }

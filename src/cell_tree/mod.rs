@@ -1,11 +1,11 @@
-//! A hierarchy of differential samples whose cells tile the reflectors (WS-F8).
+//! A hierarchy of differential samples whose cells tile the reflectors.
 //!
 //! Every node is a sample like those of [`differential`](crate::differential): area, centroid, mean normal, the moments of
 //! its cell, the change of its normal; beside them a radius and a cone of normals that bound the cell. Roots are the cells of
 //! the samples that a strategy placed. Each is split into leaves that tile it, four at a time; above, roots are gathered by fours
 //! into ever larger cells, object by object. Whoever evaluates the tree may stop anywhere.
 //!
-//! Data flows points → fine candidates → cells → moments, from the leaves up → nodes. This module must not know environments
+//! Data flows points with their candidates → cells → moments, from the leaves up → nodes. This module must not know environments
 //! or receivers.
 
 mod build;
@@ -13,6 +13,7 @@ mod moments;
 mod node;
 mod point;
 mod split;
+mod tiling;
 
 #[cfg(feature = "gpu")]
 pub(crate) use build::FAN as MAX_CHILDREN;

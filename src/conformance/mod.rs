@@ -67,7 +67,8 @@ impl<'a> Device<'a> {
         probes: &[Probe],
     ) -> Result<Vec<[f32; 4]>, GpuError> {
         match self {
-            Self::Cpu => Ok(cpu::probe(pattern.cube(), filter, taps, probes)),
+            // `filters` offers none that the CPU lacks.
+            Self::Cpu => Ok(cpu::probe(pattern.cube(), filter, taps, probes).unwrap_or_default()),
             Self::Gpu(device) => gpu::probe(device, pattern.cube(), filter, taps, probes).await,
         }
     }

@@ -59,7 +59,7 @@ impl Pattern {
     /// The pattern as a cube map with mips.
     pub(super) fn cube(self) -> &'static CubeMap {
         static CUBES: [OnceLock<CubeMap>; PATTERNS.len()] = [const { OnceLock::new() }; PATTERNS.len()];
-        CUBES[self as usize].get_or_init(|| CubeMap::from_texels(SIZE as u32, self.texels(), true))
+        CUBES[self as usize].get_or_init(|| CubeMap::from_texels(SIZE as u32, &self.texels(), true))
     }
 
     /// Standard deviation of the texels.

@@ -33,47 +33,52 @@ impl Cells {
         Self { starts, candidates }
     }
 
+    /// A sample's candidates.
+    pub fn of(&self, sample: u32) -> &[u32] {
+        &self.candidates[self.starts[sample as usize] as usize..self.starts[sample as usize + 1] as usize]
+    }
+
     /// The samples' candidates, sample by sample.
     pub fn iter(&self) -> impl Iterator<Item = &[u32]> {
         self.starts.windows(2).map(|range| &self.candidates[range[0] as usize..range[1] as usize])
     }
 }
 
-/// Gives candidates to samples. It is fastest where candidates that follow each other are near each other.
-pub(crate) fn assign(points: &[SurfacePoint], candidates: &[SurfacePoint]) -> Cells {
-    let nearest = Nearest::new(points);
+/// The sample that each candidate belongs to. It is fastest where candidates that follow each other are near each other.
+pub(crate) fn nearest_samples(samples: &NearestSample, candidates: &[SurfacePoint]) -> Vec<u32> {
     let of_run = |(run, owners): (&[SurfacePoint], &mut [u32])| {
         let mut last = 0;
         for (candidate, out) in run.iter().zip(owners) {
-            last = nearest.from(last, candidate.position);
-            *out = owner(candidate, points, last, &nearest);
+            last = samples.from(last, candidate.position);
+            *out = samples.on_side_of(candidate, last);
         }
     };
     let mut owners = vec![0; candidates.len()];
     candidates.par_chunks(RUN).zip(owners.par_chunks_mut(RUN)).for_each(of_run);
-    Cells::new(points.len(), &owners)
+    owners
 }
 
 /// Candidates that one thread takes in a row.
 const RUN: usize = 4096;
 
-/// Finds nearest points from nearby ones.
-struct Nearest {
+/// Finds the samples that are nearest to places.
+pub(crate) struct NearestSample<'a> {
+    points: &'a [SurfacePoint],
     tree: PointTree,
     positions: Vec<Vec3>,
-    /// Of each point, the nearest first: squared distance and index.
+    /// Of each sample, the nearest first: squared distance and index.
     neighbours: Vec<Vec<(f32, u32)>>,
 }
 
 /// Neighbours that are known of a point.
 const NEIGHBOURS: usize = 32;
 
-impl Nearest {
-    fn new(points: &[SurfacePoint]) -> Self {
+impl<'a> NearestSample<'a> {
+    pub fn new(points: &'a [SurfacePoint]) -> Self {
         let tree = PointTree::new(points);
         let of = |p: &SurfacePoint| tree.nearest(p.position, NEIGHBOURS).map(|(d2, k)| (d2, k as u32)).collect();
         let neighbours = points.par_iter().map(of).collect();
-        Self { positions: points.iter().map(|p| p.position).collect(), neighbours, tree }
+        Self { points, positions: points.iter().map(|p| p.position).collect(), neighbours, tree }
     }
 
     /// The nearest point, by way of one that may be near it. What is nearer than that is no farther from it than twice its
@@ -99,20 +104,42 @@ impl Nearest {
             }
         }
     }
-}
 
-/// Whose a candidate is, if this is the nearest point.
-fn owner(candidate: &SurfacePoint, points: &[SurfacePoint], nearest: usize, all: &Nearest) -> u32 {
-    if points[nearest].same_side(candidate) {
-        return nearest as u32;
+    /// The samples that may be nearest to places within `radius` of a candidate, on its side, if that belongs to the first of them;
+    /// `None` where they are not known.
+    pub fn around(&self, candidate: &SurfacePoint, sample: u32, radius: f32) -> Option<Vec<u32>> {
+        let reach = candidate.position.distance(self.positions[sample as usize]) + 2.0 * radius;
+        let neighbours = &self.neighbours[sample as usize];
+        // Whoever is so near to the candidate is no farther from the sample than that.
+        let between = 2.0 * reach;
+        let reaches = neighbours.len() < NEIGHBOURS || neighbours[NEIGHBOURS - 1].0 >= between * between;
+        if !reaches || !self.points[sample as usize].same_side(candidate) {
+            return None;
+        }
+        let competes = |k: &u32| {
+            let point = &self.points[*k as usize];
+            *k != sample
+                && point.position.distance_squared(candidate.position) < reach * reach
+                && point.same_side(candidate)
+        };
+        let near = neighbours.iter().take_while(|(d2, _)| *d2 < between * between).map(|(_, k)| *k);
+        Some(std::iter::once(sample).chain(near.filter(competes)).collect())
     }
-    let distance2 = |k: &u32| points[*k as usize].position.distance_squared(candidate.position);
-    let nearer = |a: &u32, b: &u32| distance2(a).total_cmp(&distance2(b));
-    let near = || all.neighbours[nearest].iter().map(|(_, k)| *k);
-    // A patch without a sample nearby lends its area to the nearest face that looks the same way.
-    let same_side = near().filter(|k| points[*k as usize].same_side(candidate)).min_by(nearer);
-    let same_way = || near().filter(|k| points[*k as usize].normal.dot(candidate.normal) > 0.0).min_by(nearer);
-    same_side.or_else(same_way).unwrap_or(nearest as u32)
+
+    /// Whose a candidate is, if this is the nearest sample.
+    fn on_side_of(&self, candidate: &SurfacePoint, nearest: usize) -> u32 {
+        let points = self.points;
+        if points[nearest].same_side(candidate) {
+            return nearest as u32;
+        }
+        let distance2 = |k: &u32| points[*k as usize].position.distance_squared(candidate.position);
+        let nearer = |a: &u32, b: &u32| distance2(a).total_cmp(&distance2(b));
+        let near = || self.neighbours[nearest].iter().map(|(_, k)| *k);
+        // A patch without a sample nearby lends its area to the nearest face that looks the same way.
+        let same_side = near().filter(|k| points[*k as usize].same_side(candidate)).min_by(nearer);
+        let same_way = || near().filter(|k| points[*k as usize].normal.dot(candidate.normal) > 0.0).min_by(nearer);
+        same_side.or_else(same_way).unwrap_or(nearest as u32)
+    }
 }
 
 #[cfg(test)]
@@ -127,7 +154,7 @@ mod tests {
         surface.append(&Shape::Spoon(Spoon { thickness: 0.004, ..Default::default() }).mesh().unwrap(), 0, false);
         for (samples, strategy) in [(1, Strategy::Random), (20, Strategy::Random), (700, Strategy::Random)] {
             let set = sample(&surface, &Options { samples, strategy, seed: 1 }).unwrap();
-            let nearest = Nearest::new(&set.points);
+            let nearest = NearestSample::new(&set.points);
             let mut last = 0;
             for candidate in &set.candidates {
                 last = nearest.from(last, candidate.position);

@@ -1,4 +1,4 @@
-//! The fit of one cell: area moments and the linear regression of the normal (WS-16, WS-17).
+//! The fit of one cell: area moments and the linear regression of the normal (Wand & Straßer, Section 3.3).
 
 use std::ops::Deref;
 

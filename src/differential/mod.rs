@@ -8,8 +8,7 @@ mod fit;
 mod ply;
 mod symmetric;
 
-use cells::Cells;
-pub(crate) use cells::assign;
+pub(crate) use cells::{Cells, NearestSample, nearest_samples};
 pub use ply::write_ply;
 pub(crate) use symmetric::Symmetric2;
 
@@ -63,7 +62,7 @@ impl DifferentialSample {
 /// Fits the surface around every sample.
 pub fn differentials(set: &PointSet) -> Vec<DifferentialSample> {
     let cells = if set.owners.is_empty() {
-        assign(&set.points, &set.candidates)
+        Cells::new(set.points.len(), &nearest_samples(&NearestSample::new(&set.points), &set.candidates))
     } else {
         Cells::new(set.points.len(), &set.owners)
     };

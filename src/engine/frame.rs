@@ -13,7 +13,7 @@ use crate::Error;
 use crate::environment::Environment;
 use crate::image::Aov;
 use crate::options::{DisplaySettings, Options};
-use crate::pinhole::{Arrangement, Receivers, Viewers};
+use crate::pinhole::{ReceiverLayout, Receivers, ViewDirections};
 use crate::progress::{Progress, Stage};
 use crate::scene::{Scene, Sides, Visibility};
 use crate::stages::{
@@ -315,7 +315,7 @@ async fn caustic_at(inputs: &FrameInputs<'_>, sum: &Arc<dyn Sum>, points: &[EndP
     let materials = &inputs.prepared.materials.receivers;
     let is_glossy = |p: &EndPoint| p.receives && materials.is_glossy(p.hit.object);
     let rows = (points.len() as u32).div_ceil(ENDS_IN_A_ROW);
-    let mut diffuse = Receivers { arrangement: Arrangement::List, ..Receivers::empty(ENDS_IN_A_ROW, rows) };
+    let mut diffuse = Receivers { layout: ReceiverLayout::Unordered, ..Receivers::empty(ENDS_IN_A_ROW, rows) };
     for (index, point) in points.iter().enumerate().filter(|(_, p)| p.receives && !is_glossy(p)) {
         diffuse.set(index, point.hit.position, point.hit.normal, point.hit.object);
     }
@@ -326,7 +326,7 @@ async fn caustic_at(inputs: &FrameInputs<'_>, sum: &Arc<dyn Sum>, points: &[EndP
         let mut receivers = Receivers::from_points(&glossy.iter().map(place).collect::<Vec<_>>(), ENDS_IN_A_ROW);
         let mut directions: Vec<_> = glossy.iter().map(|&k| points[k].view.extend(0.0).to_array()).collect();
         directions.resize(receivers.positions.len(), [0.0; 4]);
-        receivers.viewers = Some(Viewers { directions, materials: materials.clone() });
+        receivers.view_directions = Some(ViewDirections { directions, materials: materials.clone() });
         for (&k, sum) in glossy.iter().zip(sum.irradiance(&receivers, inputs.progress).await?) {
             sums[k] = sum;
         }

@@ -6,7 +6,7 @@
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
-use super::cube::{CubeMap, FACES, face_of_direction, with_borders};
+use super::cube::{CubeMap, FACES, face_of_direction, fill_borders, fill_rows, padded_len, rows};
 
 /// What is known of the radiance from a set of directions, W/(m²·sr).
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -35,7 +35,7 @@ struct Level {
 pub(crate) const FINEST_BOUNDS: u32 = 1024;
 
 /// The least and the greatest radiance, channel by channel.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Default)]
 struct Extremes {
     low: Vec3,
     high: Vec3,
@@ -59,12 +59,10 @@ impl LightBounds {
 
     /// The same, the finest level having at most so many texels along an edge.
     pub(crate) fn with_finest(cube: &CubeMap, finest: u32) -> Self {
-        let base = cube.level(0);
-        let mut level: Vec<Extremes> =
-            base.iter().map(|t| Extremes { low: t.truncate(), high: t.truncate() }).collect();
         let mut size = cube.size();
+        let mut level = extremes_of(cube);
         while size > finest {
-            (level, size) = (halved(&level, size), size / 2);
+            (level, size) = (downsample(&level, size), size / 2);
         }
         let mut bounds = Self { levels: Vec::new(), texels: Vec::new(), everywhere: Bound::default() };
         loop {
@@ -73,9 +71,9 @@ impl LightBounds {
             if size == 1 {
                 break;
             }
-            (level, size) = (halved(&level, size), size / 2);
+            (level, size) = (downsample(&level, size), size / 2);
         }
-        let all = level.into_iter().reduce(Extremes::join).expect("six faces");
+        let all = rows(&level, size).flatten().copied().reduce(Extremes::join).expect("six faces");
         bounds.everywhere = all.bound();
         bounds
     }
@@ -122,30 +120,50 @@ impl LightBounds {
     }
 }
 
-/// Each texel's bound over its 3×3 neighbourhood.
-fn dilated(level: &[Extremes], size: u32) -> Vec<Bound> {
-    let padded = with_borders(level, size, |a, b, c| a.join(b).join(c));
-    let (n, w) = (size as usize, size as usize + 2);
-    let row = |k: usize| {
-        let (face, y) = (k / n, k % n);
-        let column = |x: usize| {
-            let at = |dy: usize| padded[(face * w + y + dy) * w + x];
-            at(0).join(at(1)).join(at(2))
-        };
-        let columns: Vec<Extremes> = (0..w).map(column).collect();
-        (0..n).map(move |x| columns[x].join(columns[x + 1]).join(columns[x + 2]).bound()).collect::<Vec<_>>()
-    };
-    (0..FACES * n).into_par_iter().flat_map_iter(row).collect()
+/// The extremes of each texel of a cube's finest level; with borders, as those of all levels.
+fn extremes_of(cube: &CubeMap) -> Vec<Extremes> {
+    let texels = &cube.padded_texels()[..padded_len(cube.size())];
+    let mut level: Vec<Extremes> =
+        texels.par_iter().map(|t| Extremes { low: t.truncate(), high: t.truncate() }).collect();
+    // A corner stands for all three texels that meet there, not for their mean.
+    fill_borders(&mut level, cube.size(), join_corner);
+    level
 }
 
-fn halved(level: &[Extremes], size: u32) -> Vec<Extremes> {
-    let (n, half) = (size as usize, size as usize / 2);
-    let texel = |k: usize| {
-        let (face, y, x) = (k / (half * half), k / half % half, k % half);
-        let at = |dx: usize, dy: usize| level[(face * n + 2 * y + dy) * n + 2 * x + dx];
-        at(0, 0).join(at(1, 0)).join(at(0, 1)).join(at(1, 1))
-    };
-    (0..FACES * half * half).into_par_iter().map(texel).collect()
+fn join_corner(a: Extremes, b: Extremes, c: Extremes) -> Extremes {
+    a.join(b).join(c)
+}
+
+/// Each texel's bound over its 3×3 neighbourhood.
+fn dilated(level: &[Extremes], size: u32) -> Vec<Bound> {
+    let (n, w) = (size as usize, size as usize + 2);
+    let mut bounds = vec![Bound::default(); FACES * n * n];
+    bounds.par_chunks_exact_mut(n).enumerate().for_each(|(k, out)| {
+        let three_rows = &level[(k / n * w + k % n) * w..][..3 * w];
+        let column = |x: usize| three_rows[x].join(three_rows[w + x]).join(three_rows[2 * w + x]);
+        let (mut left, mut middle) = (column(0), column(1));
+        for (x, bound) in out.iter_mut().enumerate() {
+            let right = column(x + 2);
+            *bound = left.join(middle).join(right).bound();
+            (left, middle) = (middle, right);
+        }
+    });
+    bounds
+}
+
+/// The next coarser level of one of `size`² texels a face.
+fn downsample(level: &[Extremes], size: u32) -> Vec<Extremes> {
+    let (n, w) = (size / 2, size as usize + 2);
+    let mut coarser = vec![Extremes::default(); padded_len(n)];
+    fill_rows(&mut coarser, n, |face, y, row| {
+        let two_rows = &level[(face * w + 2 * y + 1) * w..][..2 * w];
+        for (x, texel) in row.iter_mut().enumerate() {
+            let pair = |dy: usize| two_rows[dy * w + 2 * x + 1].join(two_rows[dy * w + 2 * x + 2]);
+            *texel = pair(0).join(pair(1));
+        }
+    });
+    fill_borders(&mut coarser, n, join_corner);
+    coarser
 }
 
 #[cfg(test)]

@@ -41,7 +41,7 @@ pub const BUILT_IN_MAPS: &[BuiltInMap] = maps! {
 /// A built-in map, decoded.
 pub(crate) fn built_in_map(name: &str) -> Result<EnvironmentMap, EnvironmentError> {
     let map = BUILT_IN_MAPS.iter().find(|map| map.name == name);
-    let map = map.ok_or_else(|| EnvironmentError::UnknownBuiltIn { name: name.into() })?;
+    let map = map.ok_or_else(|| EnvironmentError::UnknownBuiltIn { name: crate::words::escaped(name) })?;
     let name = format!("{name}.exr");
     let (image, _) = RgbImage::decode(&name, map.exr).map_err(MapError::from)?;
     Ok(EnvironmentMap::new(vec![(name, Arc::new(image))], MapLayout::Latlong)?)

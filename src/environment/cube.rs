@@ -52,16 +52,20 @@ pub fn texel_solid_angle_sr(size: u32, x: u32, y: u32) -> f64 {
     corner_term(s1, t1) - corner_term(s0, t1) - corner_term(s1, t0) + corner_term(s0, t0)
 }
 
-/// [`texel_solid_angle_sr`] of all texels of a face, row by row; neighbours share the corners' terms.
+/// [`texel_solid_angle_sr`] of all texels of a face, row by row. The quarters of a face are alike, and texels share the terms of
+/// their corners.
 pub(super) fn face_solid_angles_sr(size: u32) -> Vec<f32> {
-    let corner = |i: u32| 2.0 * f64::from(i) / f64::from(size) - 1.0;
-    let corner_row = |y: u32| -> Vec<f64> { (0..=size).map(|x| corner_term(corner(x), corner(y))).collect() };
-    let row = |y: u32| -> Vec<f32> {
-        let (upper, lower) = (corner_row(y), corner_row(y + 1));
-        let columns = upper.windows(2).zip(lower.windows(2));
-        columns.map(|(u, l)| (l[1] - l[0] - u[1] + u[0]) as f32).collect()
-    };
-    (0..size).into_par_iter().flat_map_iter(row).collect()
+    if size < 2 {
+        return vec![texel_solid_angle_sr(size, 0, 0) as f32];
+    }
+    let half = size as usize / 2;
+    let corner = |i: usize| 2.0 * i as f64 / f64::from(size);
+    let terms: Vec<Vec<f64>> =
+        (0..=half).map(|y| (0..=half).map(|x| corner_term(corner(x), corner(y))).collect()).collect();
+    let from_centre = |i: usize| if i < half { half - 1 - i } else { i - half };
+    let texel = |y: usize, x: usize| terms[y + 1][x + 1] - terms[y + 1][x] - terms[y][x + 1] + terms[y][x];
+    let row = |y: usize| (0..size as usize).map(move |x| texel(from_centre(y), from_centre(x)) as f32);
+    (0..size as usize).flat_map(row).collect()
 }
 
 /// Solid angle of the part of a face between its centre and (`s`, `t`), sr, signed.
@@ -70,36 +74,54 @@ fn corner_term(s: f64, t: f64) -> f64 {
 }
 
 impl CubeMap {
-    /// Samples `radiance` on a cube of `size`² texels a face (a power of two) and prefilters it. Where a texel is wider
+    /// Samples `radiance` on a cube of `size`² texels a face (rounded up to a power of two) and prefilters it. Where a texel is wider
     /// than `detail_rad`, it is the mean over a grid of directions in it.
     pub fn from_radiance(size: u32, detail_rad: Option<f32>, radiance: impl Fn(Vec3) -> Vec3 + Sync) -> Self {
+        let of_all = |directions: &mut [Vec3]| directions.iter_mut().for_each(|d| *d = radiance(*d));
+        Self::from_radiance_of_rows(size, detail_rad, of_all)
+    }
+
+    /// The same; `radiance` puts the radiance in place of each of many unit directions.
+    pub fn from_radiance_of_rows(size: u32, detail_rad: Option<f32>, radiance: impl Fn(&mut [Vec3]) + Sync) -> Self {
+        let size = size.max(1).next_power_of_two();
         let texel_rad = 2.0 / size as f32;
         let grid = detail_rad.map_or(1, |detail| match texel_rad / detail {
             // As fine as the detail: the centre will do.
             ratio if ratio <= 0.6 => 1,
             ratio => (3.0 * ratio).ceil().min(64.0) as u32,
         });
-        let row = |(face, y): (usize, u32)| -> Vec<Vec3> {
-            (0..size).map(|x| texel_mean(face, x, y, size, grid, &radiance)).collect()
-        };
-        let rows: Vec<(usize, u32)> = (0..FACES).flat_map(|face| (0..size).map(move |y| (face, y))).collect();
-        let base: Vec<Vec3> = rows.into_par_iter().flat_map_iter(row).collect();
-        Self::from_texels(size, base, true)
+        Self::from_rows(size, true, |face, y, row| sample_row(face, y, grid, row, &radiance))
     }
 
     /// From the texels of the six faces, face by face and row by row; with all mips, or without any.
-    pub fn from_texels(size: u32, base: Vec<Vec3>, mips: bool) -> Self {
-        assert!(size.is_power_of_two() && base.len() == FACES * (size * size) as usize, "six square faces");
-        let (mut offsets, mut texels) = (Vec::new(), Vec::new());
-        let (mut level, mut n) = (base, size);
-        loop {
-            offsets.push(texels.len() as u32);
-            texels.extend(padded(&level, n));
-            if n == 1 || !mips {
-                break;
+    pub(crate) fn from_texels(size: u32, base: &[Vec3], mips: bool) -> Self {
+        let n = size as usize;
+        assert!(size.is_power_of_two() && base.len() == FACES * n * n, "six square faces");
+        Self::from_rows(size, mips, |face, y, row| {
+            for (texel, value) in row.iter_mut().zip(&base[(face * n + y) * n..]) {
+                *texel = value.extend(1.0);
             }
-            level = halved(&level, n);
-            n /= 2;
+        })
+    }
+
+    /// `fill` makes a row of a face of level 0.
+    fn from_rows(size: u32, mips: bool, fill: impl Fn(usize, usize, &mut [Vec4]) + Sync) -> Self {
+        let levels = if mips { size.ilog2() + 1 } else { 1 };
+        let mut offsets = vec![0];
+        for level in 0..levels {
+            offsets.push(offsets[level as usize] + padded_len(size >> level) as u32);
+        }
+        let mut texels = vec![Vec4::ZERO; offsets.pop().expect("there is a level") as usize];
+        for level in 0..levels {
+            let (finer, rest) = texels.split_at_mut(offsets[level as usize] as usize);
+            let n = size >> level;
+            let own = &mut rest[..padded_len(n)];
+            if level == 0 {
+                fill_rows(own, n, &fill);
+            } else {
+                downsample(&finer[offsets[level as usize - 1] as usize..], own, n);
+            }
+            fill_borders(own, n, |a, b, c| (a + b + c) / 3.0);
         }
         Self { size, offsets, texels }
     }
@@ -125,12 +147,14 @@ impl CubeMap {
     }
 
     /// One level's texels without borders, face by face and row by row.
+    pub fn rows(&self, level: u32) -> impl Iterator<Item = &[Vec4]> {
+        let n = self.size >> level;
+        rows(&self.texels[self.level_offset(level) as usize..][..padded_len(n)], n)
+    }
+
+    /// The same in one piece.
     pub fn level(&self, level: u32) -> Vec<Vec4> {
-        let n = (self.size >> level) as usize;
-        let w = n + 2;
-        let start = self.level_offset(level) as usize;
-        let rows = (0..FACES).flat_map(|face| (0..n).map(move |y| start + (face * w + y + 1) * w + 1));
-        rows.flat_map(|row| &self.texels[row..row + n]).copied().collect()
+        self.rows(level).flatten().copied().collect()
     }
 
     /// Trilinear look-up, seamless; `lod` is clamped to the levels there are.
@@ -157,72 +181,101 @@ impl CubeMap {
     }
 }
 
-fn texel_mean(face: usize, x: u32, y: u32, size: u32, grid: u32, radiance: &impl Fn(Vec3) -> Vec3) -> Vec3 {
-    let (mut sum, mut weight) = (Vec3::ZERO, 0.0);
-    for k in 0..grid * grid {
-        let within = |i: u32, k: u32| 2.0 * (i as f32 + (k as f32 + 0.5) / grid as f32) / size as f32 - 1.0;
-        let d = face_direction(face, within(x, k % grid), within(y, k / grid));
-        // Solid angle per area of the face is 1/|d|³.
-        let w = d.length_squared().powf(-1.5);
-        sum += w * radiance(d.normalize());
-        weight += w;
-    }
-    sum / weight
-}
-
-/// The next level: means over 2×2 texels, weighted by solid angle.
-fn halved(level: &[Vec3], n: u32) -> Vec<Vec3> {
-    let half = n / 2;
-    let weights = face_solid_angles_sr(n);
-    let texel = |k: u32| {
-        let (face, y, x) = (k / (half * half), k / half % half, k % half);
-        let (mut sum, mut total) = (Vec3::ZERO, 0.0);
-        for (dx, dy) in [(0, 0), (1, 0), (0, 1), (1, 1)] {
-            let i = (2 * y + dy) * n + 2 * x + dx;
-            sum += weights[i as usize] * level[(face * n * n + i) as usize];
-            total += weights[i as usize];
+/// Makes row `y` of a face: means over `grid`² directions in each texel, weighted by solid angle.
+fn sample_row(face: usize, y: usize, grid: u32, row: &mut [Vec4], radiance: &impl Fn(&mut [Vec3])) {
+    let count = row.len() as u32 * grid;
+    let (mut directions, mut weights) = (vec![Vec3::ZERO; count as usize], vec![0.0; count as usize]);
+    let within = |texel: u32, k: u32| 2.0 * (texel as f32 + (k as f32 + 0.5) / grid as f32) / row.len() as f32 - 1.0;
+    let columns: Vec<f32> = (0..count).map(|k| within(k / grid, k % grid)).collect();
+    let mut sums = vec![Vec4::ZERO; row.len()];
+    for j in 0..grid {
+        let t = within(y as u32, j);
+        for ((direction, weight), s) in directions.iter_mut().zip(&mut weights).zip(&columns) {
+            let towards = face_direction(face, *s, t);
+            let per_length = towards.length_recip();
+            // Solid angle per area of the face is 1/|d|³.
+            (*direction, *weight) = (per_length * towards, per_length * per_length * per_length);
         }
-        sum / total
-    };
-    (0..FACES as u32 * half * half).into_par_iter().map(texel).collect()
-}
-
-/// One level with a border of one texel around every face.
-fn padded(level: &[Vec3], n: u32) -> Vec<Vec4> {
-    with_borders(level, n, |a, b, c| (a + b + c) / 3.0).into_iter().map(|t| t.extend(1.0)).collect()
-}
-
-/// Texels of six faces with a border of one texel around each, copied from its neighbours; `corner` makes those where three
-/// faces meet.
-pub(super) fn with_borders<T: Copy>(level: &[T], n: u32, corner: impl Fn(T, T, T) -> T) -> Vec<T> {
-    let w = n + 2;
-    let texel = |face: usize, x: u32, y: u32| level[face * (n * n) as usize + (y * n + x) as usize];
-    // A point just outside a face lies on its neighbour; the edge's own texel coordinate is kept.
-    let neighbour = |face: usize, x: i32, y: i32| {
-        let centre = |i: i32| (2.0 * (i as f32 + 0.5) / n as f32 - 1.0).clamp(-1.0, 1.0);
-        let outside = |i: i32| i < 0 || i >= n as i32;
-        let push = |i: i32| if outside(i) { centre(i) * 1.0001 } else { centre(i) * 0.9999 };
-        let (other, st) = face_of_direction(face_direction(face, push(x), push(y)));
-        let index = |s: f32| ((0.5 * (s + 1.0) * n as f32) as u32).min(n - 1);
-        texel(other, index(st.x), index(st.y))
-    };
-    let mut out = Vec::with_capacity(FACES * (w * w) as usize);
-    for face in 0..FACES {
-        for j in -1..=n as i32 {
-            for i in -1..=n as i32 {
-                let inside = |k: i32| k.clamp(0, n as i32 - 1);
-                out.push(match (inside(i) != i, inside(j) != j) {
-                    (false, false) => texel(face, i as u32, j as u32),
-                    (true, true) => {
-                        let (x, y) = (inside(i), inside(j));
-                        corner(texel(face, x as u32, y as u32), neighbour(face, i, y), neighbour(face, x, j))
-                    }
-                    _ => neighbour(face, i, j),
-                });
+        radiance(&mut directions);
+        let in_texels = directions.chunks_exact(grid as usize).zip(weights.chunks_exact(grid as usize));
+        for (sum, (radiance, weights)) in sums.iter_mut().zip(in_texels) {
+            for (radiance, weight) in radiance.iter().zip(weights) {
+                *sum += *weight * radiance.extend(1.0);
             }
         }
     }
-    out
+    for (texel, sum) in row.iter_mut().zip(sums) {
+        *texel = (sum.truncate() / sum.w).extend(1.0);
+    }
+}
+
+/// Texels of a level whose faces have borders of one texel.
+pub(super) fn padded_len(n: u32) -> usize {
+    FACES * (n as usize + 2).pow(2)
+}
+
+/// The rows of a padded level without borders, face by face.
+pub(super) fn rows<T>(padded: &[T], n: u32) -> impl Iterator<Item = &[T]> {
+    let (n, w) = (n as usize, n as usize + 2);
+    padded.chunks_exact(w * w).flat_map(move |face| face[w..w * (w - 1)].chunks_exact(w).map(move |row| &row[1..=n]))
+}
+
+/// Makes the rows of a padded level, but not its borders: `fill` takes a face and a row of it.
+pub(super) fn fill_rows<T: Send>(padded: &mut [T], n: u32, fill: impl Fn(usize, usize, &mut [T]) + Sync) {
+    let (n, w) = (n as usize, n as usize + 2);
+    padded.par_chunks_exact_mut(w).enumerate().for_each(|(k, row)| {
+        let (face, y) = (k / w, k % w);
+        if (1..=n).contains(&y) {
+            fill(face, y - 1, &mut row[1..=n]);
+        }
+    });
+}
+
+/// Makes the rows of a level of `n`² texels a face from the next finer one: means over 2×2 texels, weighted by solid angle.
+fn downsample(finer: &[Vec4], padded: &mut [Vec4], n: u32) {
+    let weights = face_solid_angles_sr(2 * n);
+    let (finer_n, finer_w) = (2 * n as usize, 2 * n as usize + 2);
+    fill_rows(padded, n, |face, y, row| {
+        let texels = |dy: usize| &finer[(face * finer_w + 2 * y + dy + 1) * finer_w + 1..][..finer_n];
+        let weights = |dy: usize| &weights[(2 * y + dy) * finer_n..][..finer_n];
+        let pairs = |dy: usize| texels(dy).chunks_exact(2).zip(weights(dy).chunks_exact(2));
+        for ((texel, (t, w)), (u, v)) in row.iter_mut().zip(pairs(0)).zip(pairs(1)) {
+            let sum = w[0] * t[0] + w[1] * t[1] + v[0] * u[0] + v[1] * u[1];
+            *texel = (sum.truncate() / (w[0] + w[1] + v[0] + v[1])).extend(1.0);
+        }
+    });
+}
+
+/// Makes the borders of a padded level whose rows are there, from the neighbours of each face; `corner` makes the texels where three
+/// faces meet.
+pub(super) fn fill_borders<T: Copy>(padded: &mut [T], n: u32, corner: impl Fn(T, T, T) -> T) {
+    let (w, last) = (n as usize + 2, n as usize + 1);
+    let index = |face: usize, x: usize, y: usize| (face * w + y) * w + x;
+    for face in 0..FACES {
+        for k in 1..=n as usize {
+            for (x, y) in [(k, 0), (k, last), (0, k), (last, k)] {
+                let (other, [u, v]) = across_edge(face, x, y, n);
+                padded[index(face, x, y)] = padded[index(other, u, v)];
+            }
+        }
+        for (x, y) in [(0, 0), (last, 0), (0, last), (last, last)] {
+            let (inner_x, inner_y) = (x.clamp(1, last - 1), y.clamp(1, last - 1));
+            let at = |x: usize, y: usize| padded[index(face, x, y)];
+            padded[index(face, x, y)] = corner(at(inner_x, inner_y), at(x, inner_y), at(inner_x, y));
+        }
+    }
+}
+
+/// The face and the texel of it that lie at a texel of another face's border, both in border coordinates. A point just outside a face
+/// lies on its neighbour; the coordinate along the edge is kept.
+fn across_edge(face: usize, x: usize, y: usize, n: u32) -> (usize, [usize; 2]) {
+    let place = |i: usize| {
+        let centre = (2.0 * (i as f32 - 0.5) / n as f32 - 1.0).clamp(-1.0, 1.0);
+        if i == 0 || i > n as usize { centre * 1.0001 } else { centre * 0.9999 }
+    };
+    let (other, st) = face_of_direction(face_direction(face, place(x), place(y)));
+    let index = |s: f32| ((0.5 * (s + 1.0) * n as f32) as usize).min(n as usize - 1) + 1;
+    (other, [index(st.x), index(st.y)])
 }
 
 #[cfg(test)]

@@ -81,6 +81,14 @@ impl EnvironmentRadiance {
         self.look_up(direction, Layout::radiance)
     }
 
+    /// Puts the radiance in place of each of many unit directions; much faster than one by one for equirectangular maps.
+    pub fn radiance_of_all(&self, directions: &mut [Vec3]) {
+        match &self.kind {
+            Kind::Map(layout) => layout.radiance_of_all(directions),
+            _ => directions.iter_mut().for_each(|d| *d = self.radiance(*d)),
+        }
+    }
+
     /// The same, reconstructed more smoothly: for the eye, not for measurements.
     pub fn smooth_radiance(&self, direction: Vec3) -> Vec3 {
         self.look_up(direction, Layout::smooth_radiance)

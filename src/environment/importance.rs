@@ -1,8 +1,8 @@
 //! Directions drawn in proportion to the light that comes from them, for those who trace rays to it.
 
-use glam::{Vec2, Vec3};
+use glam::{Vec2, Vec3, Vec4};
 
-use super::cube::{CubeMap, FACES, face_direction, face_of_direction, texel_solid_angle_sr};
+use super::cube::{CubeMap, FACES, face_direction, face_of_direction, face_solid_angles_sr};
 
 /// Faces are resolved into at most this many texels along an edge.
 const FINEST: u32 = 256;
@@ -21,20 +21,20 @@ impl LightSampler {
     pub fn new(cube: &CubeMap) -> Self {
         let level = (0..cube.level_count()).find(|l| cube.size() >> l <= FINEST).unwrap_or(0);
         let size = cube.size() >> level;
-        let radiance = cube.level(level);
-        let floor = 1e-3 * radiance.iter().map(|t| t.max_element().max(0.0)).sum::<f32>() / radiance.len() as f32;
-        let power = |k: usize| {
-            let (x, y) = (k as u32 % size, k as u32 / size % size);
-            // Never nothing: bilinear look-ups reach from one texel into the next.
-            let brightest = radiance[k].truncate().max_element().max(floor).max(f32::MIN_POSITIVE);
-            brightest * texel_solid_angle_sr(size, x, y) as f32
+        let solid_angles = face_solid_angles_sr(size);
+        let count = (FACES as u32 * size * size) as f32;
+        let sum = cube.rows(level).map(|row| row.iter().map(|t| t.max_element().max(0.0)).sum::<f32>()).sum::<f32>();
+        let floor = 1e-3 * sum / count;
+        // Never nothing: bilinear look-ups reach from one texel into the next.
+        let power = |(texel, solid_angle): (&Vec4, &f32)| {
+            texel.truncate().max_element().max(floor).max(f32::MIN_POSITIVE) * solid_angle
         };
         let mut sampler = Self { size, rows: Vec::new(), texels: Vec::new() };
         let mut total = 0.0f64;
-        for row in 0..FACES * size as usize {
+        for (row, angles) in cube.rows(level).zip(solid_angles.chunks_exact(size as usize).cycle()) {
             let mut sum = 0.0f64;
-            for x in 0..size as usize {
-                sum += f64::from(power(row * size as usize + x));
+            for texel in row.iter().zip(angles) {
+                sum += f64::from(power(texel));
                 sampler.texels.push(sum as f32);
             }
             total += sum;

@@ -3,6 +3,7 @@
 //! The radiance is first summed into cells, each as the vector ∫ L ω dω per channel. The integral is then a sum of
 //! clamped dot products: exact but for the few cells that the horizon cuts.
 
+use fearless_simd::{Level, Simd, SimdBase, SimdFloat, dispatch, f32x16};
 use glam::Vec3;
 use rayon::prelude::*;
 
@@ -11,44 +12,59 @@ use super::cube::{CubeMap, FACES, face_direction, face_solid_angles_sr};
 /// Face size of the result, and of the cells that are summed over.
 const SIZE: u32 = 32;
 
-/// ∫ L ω dω over a cell, for R, G and B.
-type VectorIrradiance = [Vec3; 3];
+/// Cells that are summed side by side.
+const LANES: usize = 16;
+
+/// ∫ L ω dω over a cell, for R, G and B, component by component: of sixteen cells.
+type VectorIrradiance = [[[f32; LANES]; 3]; 3];
 
 /// The irradiance of an unoccluded receiver for every normal, W/m², as a cube map with one level.
 pub fn irradiance_map(radiance: &CubeMap) -> CubeMap {
     let cells = cells(radiance);
-    let texels = (0..FACES as u32 * SIZE * SIZE)
-        .into_par_iter()
-        .map(|k| {
-            let centre = |i: u32| 2.0 * (i as f32 + 0.5) / SIZE as f32 - 1.0;
-            let face = (k / (SIZE * SIZE)) as usize;
-            let normal = face_direction(face, centre(k % SIZE), centre(k / SIZE % SIZE)).normalize();
-            let mut sum = Vec3::ZERO;
-            for [r, g, b] in &cells {
-                sum += Vec3::new(normal.dot(*r), normal.dot(*g), normal.dot(*b)).max(Vec3::ZERO);
-            }
-            sum
-        })
-        .collect();
-    CubeMap::from_texels(SIZE, texels, false)
+    let level = Level::new();
+    let centre = |i: u32| 2.0 * (i as f32 + 0.5) / SIZE as f32 - 1.0;
+    let texel = |k: u32| {
+        let face = (k / (SIZE * SIZE)) as usize;
+        let normal = face_direction(face, centre(k % SIZE), centre(k / SIZE % SIZE)).normalize();
+        dispatch!(level, simd => lambert_sum(simd, normal, &cells))
+    };
+    let texels: Vec<Vec3> = (0..FACES as u32 * SIZE * SIZE).into_par_iter().map(texel).collect();
+    CubeMap::from_texels(SIZE, &texels, false)
+}
+
+/// Σ max(0, n·v) over all cells, channel by channel.
+#[inline(always)]
+fn lambert_sum<S: Simd>(simd: S, normal: Vec3, cells: &[VectorIrradiance]) -> Vec3 {
+    let mut sums = [f32x16::splat(simd, 0.0); 3];
+    for cells in cells {
+        for (sum, [x, y, z]) in sums.iter_mut().zip(cells) {
+            let load = |lanes: &[f32; LANES]| f32x16::load_array(simd, *lanes);
+            let dot = load(x).mul_add(normal.x, load(y).mul_add(normal.y, load(z) * normal.z));
+            *sum += dot.max(0.0);
+        }
+    }
+    Vec3::from_array(sums.map(|sum| sum.to_array().iter().sum()))
 }
 
 fn cells(radiance: &CubeMap) -> Vec<VectorIrradiance> {
     let n = radiance.size();
     let per_cell = (n / SIZE).max(1);
-    let cells_per_edge = n / per_cell;
-    let mut cells = vec![[Vec3::ZERO; 3]; FACES * (cells_per_edge * cells_per_edge) as usize];
+    let per_edge = n / per_cell;
+    let mut cells = vec![[[[0.0; LANES]; 3]; 3]; (FACES * (per_edge * per_edge) as usize).div_ceil(LANES)];
     let solid_angles = face_solid_angles_sr(n);
-    for (k, texel) in radiance.level(0).iter().enumerate() {
-        let k = k as u32;
-        let (face, y, x) = (k / (n * n), k / n % n, k % n);
-        let centre = |i: u32| 2.0 * (i as f32 + 0.5) / n as f32 - 1.0;
-        let direction = face_direction(face as usize, centre(x), centre(y)).normalize();
-        let vector = direction * solid_angles[(y * n + x) as usize];
-        let cell = &mut cells[((face * cells_per_edge + y / per_cell) * cells_per_edge + x / per_cell) as usize];
-        cell[0] += texel.x * vector;
-        cell[1] += texel.y * vector;
-        cell[2] += texel.z * vector;
+    let centre = |i: u32| 2.0 * (i as f32 + 0.5) / n as f32 - 1.0;
+    for (row, k) in radiance.rows(0).zip(0..) {
+        let (face, y) = (k / n, k % n);
+        let (first, angles) = ((face * per_edge + y / per_cell) * per_edge, &solid_angles[(y * n) as usize..]);
+        for ((texel, angle), x) in row.iter().zip(angles).zip(0..) {
+            let vector = *angle * face_direction(face as usize, centre(x), centre(y)).normalize();
+            let cell = (first + x / per_cell) as usize;
+            for (channel, radiance) in texel.truncate().to_array().into_iter().enumerate() {
+                for (component, value) in vector.to_array().into_iter().enumerate() {
+                    cells[cell / LANES][channel][component][cell % LANES] += radiance * value;
+                }
+            }
+        }
     }
     cells
 }

@@ -4,10 +4,11 @@
 //! its centre and +X to the left of it; angular maps and crosses have −Z at the centre, +X to the right, +Y up;
 //! six faces come in WebGPU's order and orientation.
 
-use std::f32::consts::{PI, TAU};
+use std::f32::consts::{FRAC_PI_2, FRAC_PI_4, PI, TAU};
 use std::sync::Arc;
 
-use glam::{Vec2, Vec3};
+use fearless_simd::{Level, Select, Simd, SimdBase, SimdFloat, dispatch, f32x16, u32x16};
+use glam::{Vec2, Vec3, Vec3A};
 
 use super::cube::face_of_direction;
 use crate::image::RgbImage;
@@ -58,6 +59,25 @@ impl Layout {
         }
     }
 
+    /// Puts the radiance in place of each of many unit directions.
+    pub fn radiance_of_all(&self, directions: &mut [Vec3]) {
+        let Self::Latlong(image) = self else {
+            return directions.iter_mut().for_each(|d| *d = self.radiance(*d));
+        };
+        let (level, size) = (Level::new(), [image.width as u32, image.height as u32]);
+        for directions in directions.chunks_mut(LANES) {
+            let mut lanes = [[0.0; LANES]; 3];
+            for (k, d) in directions.iter().enumerate() {
+                (lanes[0][k], lanes[1][k], lanes[2][k]) = (d.x, d.y, d.z);
+            }
+            let Taps { pixels, parts: [s, t] } = dispatch!(level, simd => taps_in_latlong(simd, &lanes, size));
+            for (k, d) in directions.iter_mut().enumerate() {
+                let [a, b, c, e] = pixels.map(|lanes| Vec3A::from(image.pixels[lanes[k] as usize]));
+                *d = a.lerp(b, s[k]).lerp(c.lerp(e, s[k]), t[k]).into();
+            }
+        }
+    }
+
     /// Radiance as a smooth picture: magnified, bilinear look-ups show their texels; four of them, half a texel apart, do not.
     pub fn smooth_radiance(&self, d: Vec3) -> Vec3 {
         let texel = std::f32::consts::FRAC_PI_2 / self.texels_per_quarter() as f32;
@@ -83,6 +103,50 @@ impl Layout {
             Self::Faces(faces) => faces[0].width,
         }
     }
+}
+
+/// Directions that are looked up together.
+const LANES: usize = 16;
+
+/// What bilinear look-ups read: the numbers of the upper two pixels and of the lower two, and how far from the left to the right and
+/// from the upper to the lower ones they lie.
+struct Taps {
+    pixels: [[u32; LANES]; 4],
+    parts: [[f32; LANES]; 2],
+}
+
+/// Look-ups of directions, component by component, in an equirectangular image of this width and height.
+#[inline(always)]
+fn taps_in_latlong<S: Simd>(simd: S, directions: &[[f32; LANES]; 3], [width, height]: [u32; 2]) -> Taps {
+    let [x, y, z] = directions.map(|lanes| f32x16::load_array(simd, lanes));
+    let (w, h) = (width as f32, height as f32);
+    let turn = atan2(x, -z) * TAU.recip();
+    let column = turn.simd_lt(0.0).select(turn + 1.0, turn) * w - 0.5;
+    // Unlike the arc cosine, this is exact near the poles, too.
+    let row = (atan2((x * x + z * z).sqrt(), y) * (PI.recip() * h) - 0.5).max(0.0).min(h - 1.0);
+    let (left, upper) = (column.floor(), row.floor());
+    let (right, lower) = (left + 1.0, (upper + 1.0).min(h - 1.0));
+    let from_edge = left.simd_lt(0.0).select(left + w, left).to_int::<u32x16<S>>();
+    let over_edge = right.simd_ge(w).select(right - w, right).to_int::<u32x16<S>>();
+    let [upper_row, lower_row] = [upper, lower].map(|row| row.to_int::<u32x16<S>>() * width);
+    let pixels = [upper_row + from_edge, upper_row + over_edge, lower_row + from_edge, lower_row + over_edge];
+    Taps { pixels: pixels.map(SimdBase::to_array), parts: [column - left, row - upper].map(SimdBase::to_array) }
+}
+
+/// The angles of the directions (`x`, `y`), from −π to π, within 3e-7. Reduction and polynomial are those of Cephes' `atanf`.
+#[inline(always)]
+fn atan2<S: Simd>(y: f32x16<S>, x: f32x16<S>) -> f32x16<S> {
+    const TAN_PI_8: f32 = 0.414_213_56;
+    let (low, high) = (x.abs().min(y.abs()), x.abs().max(y.abs()).max(f32::MIN_POSITIVE));
+    let is_steep = low.simd_gt(high * TAN_PI_8);
+    let t = is_steep.select(low - high, low) / is_steep.select(low + high, high);
+    let t2 = t * t;
+    let series = ((t2 * 8.053_744_5e-2 - 1.387_768_5e-1) * t2 + 1.997_771_1e-1) * t2 - 3.333_295e-1;
+    let reduced = series * t2 * t + t;
+    let angle = is_steep.select(reduced + FRAC_PI_4, reduced);
+    let in_quadrant = x.abs().simd_lt(y.abs()).select(FRAC_PI_2 - angle, angle);
+    let in_half = x.simd_lt(0.0).select(PI - in_quadrant, in_quadrant);
+    in_half.copysign(y)
 }
 
 /// Bilinear look-up; texel (i, j)'s centre is at ((i + ½)/W, (j + ½)/H), v clamps and u clamps or wraps.
@@ -261,5 +325,30 @@ mod tests {
             ("face".into(), Arc::new(face))
         });
         check(&Layout::new(&EnvironmentMap::new(faces.to_vec(), MapLayout::Faces).unwrap()), "faces");
+    }
+
+    #[test]
+    fn many_look_ups_are_as_many_single_ones() {
+        let mut image = blank(64, 32);
+        for (k, pixel) in image.pixels.iter_mut().enumerate() {
+            *pixel = [0.0, 0.3, 0.6].map(|phase| ((k as f32) * 0.618_034 + phase).fract());
+        }
+        let layout = Layout::Latlong(image.into());
+        // A spiral over the sphere, an incomplete group of lanes, and the axes but for the poles, where any column will do.
+        let mut directions: Vec<Vec3> = (0..10_001)
+            .map(|k| {
+                let (y, turn) = (1.0 - (k as f32 + 0.5) / 5_000.5, k as f32 * 2.4);
+                ((1.0 - y * y).sqrt() * Vec3::new(turn.cos(), 0.0, turn.sin())).with_y(y)
+            })
+            .collect();
+        directions.extend(SIX.map(|(axis, _)| axis).into_iter().filter(|axis| axis.y == 0.0));
+        let single: Vec<Vec3> = directions.iter().map(|d| layout.radiance(*d)).collect();
+        let mut all = directions.clone();
+        layout.radiance_of_all(&mut all);
+        for ((d, one), other) in directions.iter().zip(single).zip(all) {
+            // The arc cosine of the single look-up is rough near the poles.
+            let tolerance = if d.y.abs() > 0.999 { 1e-2 } else { 1e-4 };
+            assert!(one.abs_diff_eq(other, tolerance), "{d}: {one} {other}");
+        }
     }
 }

@@ -51,7 +51,7 @@ impl Environment {
             return Err(EnvironmentError::TooFine { size, limit: MAX_CUBE_SIZE });
         }
         let resolved = radiance.resolved_by(2.0 / size as f32);
-        let cube = CubeMap::from_radiance(size, resolved.detail_rad(), |direction| resolved.radiance(direction));
+        let cube = CubeMap::from_radiance_of_rows(size, resolved.detail_rad(), |row| resolved.radiance_of_all(row));
         Ok(Self { radiance, cube })
     }
 }

@@ -142,29 +142,6 @@ impl PinholeSample {
         self.object_sides >> 1
     }
 
-    /// The four quarters of its parallelogram, to second order.
-    pub(super) fn quarters(&self) -> [Self; 4] {
-        let (n, [t1, t2]) = (self.normal(), [self.side_1(), self.side_2()]);
-        let [m1, m2] = [self.change_1(), self.change_2()];
-        [(-0.25, -0.25), (0.25, -0.25), (-0.25, 0.25), (0.25, 0.25)].map(|(x, y)| {
-            let (q, m) = (x * t1 + y * t2, x * m1 + y * m2);
-            let normal = (n + m).normalize();
-            let tangent = |v: Vec3| v - v.dot(normal) * normal;
-            let half = |v: Vec3| (0.5 * tangent(v)).to_array();
-            Self {
-                // Where normals diverge the surface falls away from the tangent plane.
-                position: (self.position() + q - 0.5 * q.dot(m) * n).to_array(),
-                area: 0.25 * self.area,
-                normal: normal.to_array(),
-                side_1: half(t1),
-                side_2: half(t2),
-                change_1: half(m1),
-                change_2: half(m2),
-                ..*self
-            }
-        })
-    }
-
     /// Blur of the footprint, radians.
     pub fn lobe(&self) -> f32 {
         self.lobe
@@ -261,7 +238,7 @@ impl GatherUniforms {
         };
         Self {
             sample_count: pinholes.samples.len() as u32,
-            taps: params.taps,
+            taps: params.taps.max(1),
             attenuation: params.attenuation.into(),
             own_scale,
             epsilon_scale,

@@ -7,10 +7,11 @@
 //! a · ⟨n, −d̂⟩⁺ · ⟨n_p, d̂⟩⁺ / |d|² · L(r̂ filtered over the sample's footprint)
 //! ```
 //!
-//! times the part of the receiver that the sample sees, and of the footprint that sees the environment ([`VisibilityMaps`]).
-//! [`cpu`] and [`gpu`] are twins: the same steps under the same names. [`PinholeSample`] and [`GatherUniforms`] are
+//! times the visible fraction of the receiver and the sky fraction of the footprint ([`VisibilityMaps`]).
+//! [`cpu`] and [`gpu`] implement the same steps under the same names. [`PinholeSample`] and [`GatherUniforms`] are
 //! the memory layout that both read. This module must not know scene files, cameras or image files.
 
+mod cell;
 mod constants;
 pub mod cpu;
 #[cfg(feature = "gpu")]
@@ -21,7 +22,7 @@ mod tree;
 mod visibility;
 
 pub use layout::{BATCH_SIZE, CURVE_POINTS, GatherUniforms, PinholeParts, PinholeSample, Pinholes, ReflectanceCurve};
-pub use receivers::{Arrangement, NO_RECEIVER, Receivers, Viewers};
+pub use receivers::{NO_RECEIVER, ReceiverLayout, Receivers, ViewDirections};
 pub use tree::PinholeTree;
 pub use visibility::VisibilityMaps;
 
@@ -35,7 +36,7 @@ use crate::scene::{Object, Reflector, Scene, Sides};
 use crate::tracing::Tracer;
 use crate::words::NumberOrWord;
 
-/// How a sample's footprint is found.
+/// Which part of the surface a sample stands for.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Deserialize, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Footprint {
@@ -56,17 +57,17 @@ impl Footprint {
     }
 }
 
-/// How the environment is looked up under a footprint.
+/// How the environment is averaged over a footprint.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Deserialize, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Filter {
-    /// One look-up in the finest level (WS-19).
+    /// One look-up in the finest level: aliased, for comparison.
     None,
     /// One look-up in the level of the footprint's major axis.
     Isotropic,
     /// Several look-ups along the major axis in the level of the minor one.
     Anisotropic,
-    /// The GPU's own anisotropic filter, with the footprint as explicit gradients (WS-18).
+    /// The GPU's own anisotropic filter, with the footprint as explicit gradients (`textureSampleGrad`).
     Hardware,
     /// The elliptical weighted average (Heckbert 1989): look-ups all over the ellipse. Slow; for comparison.
     Ewa,
@@ -85,7 +86,7 @@ impl Filter {
     }
 }
 
-/// What keeps 1/l² finite where a sample comes close to a receiver (WS-7).
+/// What keeps 1/l² finite where a sample comes close to a receiver (Wand & Straßer, Section 3.3).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize)]
 #[serde(try_from = "NumberOrWord")]
 pub enum Epsilon {
@@ -98,7 +99,7 @@ pub enum Epsilon {
     Value(f32),
 }
 
-/// A footprint on its own, for asking a filter what it makes of it.
+/// A single footprint, to evaluate a filter on its own.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Probe {
     /// Its centre, unit length.
@@ -112,7 +113,7 @@ pub struct Probe {
 pub struct Params {
     /// The filter.
     pub filter: Filter,
-    /// Most look-ups along a footprint's major axis, from 1 to [`MAX_TAPS`].
+    /// Maximum number of look-ups along a footprint's major axis, from 1 to [`MAX_TAPS`]; 0 counts as 1.
     pub taps: u32,
     /// `false` drops the 1/l².
     pub attenuation: bool,
@@ -123,7 +124,7 @@ pub struct Params {
     pub environment_rotation_rad: f32,
 }
 
-/// The most taps that can be asked for.
+/// Upper limit of [`Params::taps`].
 pub const MAX_TAPS: u32 = 64;
 
 impl Default for Params {
@@ -138,84 +139,71 @@ impl Default for Params {
     }
 }
 
-/// Width of a rough mirror's lobe, radians, for a GGX surface of width 1. GGX has no finite second moment; this is what comes
-/// nearest to the ground truth (`tests/engine/gloss.rs`).
+/// Width of a rough mirror's lobe, radians, for a GGX surface of width 1. GGX has no finite second moment; this value comes
+/// closest to the ground truth (`tests/engine/gloss.rs`).
 const LOBE_PER_ALPHA: f32 = 3.75;
 
-/// The blur for the second order of a footprint with these changes of the normal, radians.
+/// The blur that stands for the second order of a footprint with these changes of the normal, radians.
 fn lobe_of_bend(changes: [Vec3; 2]) -> f32 {
     let bend = BEND_BLUR * (changes[0].length_squared() + changes[1].length_squared());
     if bend < MIN_BEND_BLUR { 0.0 } else { bend }
 }
 
-/// A sample's region, as a footprint is made of it.
-struct Region {
-    position: Vec3,
-    normal: Vec3,
-    area: f32,
-    sides: [Vec3; 2],
-    changes: [Vec3; 2],
-    object: u32,
-    /// Whether reflected directions bend within it.
-    bends: bool,
-}
-
-/// Packs differential samples for the gather, with their object's finish and sides.
+/// Packs differential samples for the gather, with the material and the sides of their objects. Samples of objects that are no
+/// mirrors in `scene` are left out.
 pub fn pinholes(scene: &Scene, samples: &[DifferentialSample], footprint: Footprint) -> Pinholes {
-    let region = |s: &DifferentialSample| {
+    let mirrors = Mirrors::of_scene(scene);
+    let pack = |s: &DifferentialSample| {
+        let mirror = mirrors.of_object.get(s.object as usize)?.as_ref()?;
         let (position, normal, area, sides) = match footprint {
             Footprint::Cells => (s.cell.centroid, s.cell.normal, s.cell.area, s.cell.sides),
             Footprint::Curvature => (s.position, s.normal, s.area, s.directions.map(|u| s.area.sqrt() * u)),
         };
         let changes = sides.map(|side| s.normal_change(side));
-        Region { position, normal, area, sides, changes, object: s.object, bends: footprint == Footprint::Cells }
+        let lobe = if footprint == Footprint::Cells { mirror.lobe_with_bend(changes) } else { mirror.lobe };
+        let Mirror { reflectance, curve, two_sided, .. } = *mirror;
+        let object = s.object;
+        let parts =
+            PinholeParts { position, normal, area, sides, changes, reflectance, curve, lobe, object, two_sided };
+        Some(parts.into())
     };
-    let mirrors = Mirrors::of_scene(scene);
-    let sample = |s| {
-        let region = region(s);
-        Some(mirrors.of_object[region.object as usize]?.sample(&region))
-    };
-    Pinholes { samples: samples.iter().filter_map(sample).collect(), curves: mirrors.curves, visibility: None }
-}
-
-impl Mirror {
-    /// The sample that stands for a region of the mirror.
-    #[inline]
-    fn sample(&self, region: &Region) -> PinholeSample {
-        let Region { position, normal, area, sides, changes, object, bends } = *region;
-        let Self { reflectance, curve, two_sided, .. } = *self;
-        // Independent blurs: their second moments add.
-        let lobe = if bends { Vec2::new(lobe_of_bend(changes), self.lobe).length() } else { self.lobe };
-        PinholeParts { position, normal, area, sides, changes, reflectance, curve, lobe, object, two_sided }.into()
-    }
+    Pinholes { samples: samples.iter().filter_map(pack).collect(), curves: mirrors.curves, visibility: None }
 }
 
 impl Pinholes {
-    /// Lets every sample look around, so that what hides the receivers or the environment from it counts. `scene` is the one
-    /// that the samples and the tracer were made of.
-    pub fn look_around(&mut self, scene: &Scene, tracer: &Tracer) {
+    /// Traces a visibility map for every sample, so that occlusion of receivers and of the environment counts. `scene` is the
+    /// one that the samples and the tracer were made of.
+    pub fn trace_visibility(&mut self, scene: &Scene, tracer: &Tracer) {
         self.visibility = Some(VisibilityMaps::trace(scene, tracer, &mut self.samples));
     }
 }
 
-/// How the scene's objects mirror.
+/// The mirror materials of a scene's objects.
 #[derive(Clone, Debug, Default)]
 struct Mirrors {
     of_object: Vec<Option<Mirror>>,
     curves: Vec<ReflectanceCurve>,
 }
 
-/// How an object mirrors.
+/// The mirror material of an object.
 #[derive(Clone, Copy, Debug)]
 struct Mirror {
     reflectance: Vec3,
-    /// Which of the curves holds instead, if one does.
+    /// Index of the reflectance curve that holds instead, if one does.
     curve: Option<u32>,
-    /// No channel reflects more at any angle.
-    most: f32,
-    /// Width of the lobe of a rough one, radians.
+    /// Upper bound of the reflectance over channels and angles.
+    max_reflectance: f32,
+    /// Width of a rough mirror's lobe, radians; 0 for a smooth one.
     lobe: f32,
     two_sided: bool,
+}
+
+impl Mirror {
+    /// Width of the lobe with the blur of a footprint's bend. Independent blurs: their second moments add.
+    #[inline]
+    fn lobe_with_bend(&self, changes: [Vec3; 2]) -> f32 {
+        Vec2::new(lobe_of_bend(changes), self.lobe).length()
+    }
 }
 
 impl Mirrors {
@@ -233,9 +221,9 @@ impl Mirrors {
             let reflectance = finish.reflectance.as_vec3();
             let curve = (!finish.is_constant()).then(|| number(finish));
             let at_angles = Curve::new(&finish, CURVE_POINTS);
-            let most = at_angles.values().iter().map(|v| v.as_vec3().max_element()).fold(0.0, f32::max);
+            let max_reflectance = at_angles.values().iter().map(|v| v.as_vec3().max_element()).fold(0.0, f32::max);
             let lobe = LOBE_PER_ALPHA * finish.alpha() as f32;
-            Some(Mirror { reflectance, curve, most, lobe, two_sided: sides == Sides::Both })
+            Some(Mirror { reflectance, curve, max_reflectance, lobe, two_sided: sides == Sides::Both })
         };
         let of_object = scene.objects.iter().map(mirror).collect();
         let row = |finish: &Finish| {
@@ -260,8 +248,8 @@ impl std::str::FromStr for Epsilon {
             ("auto", _) => Ok(Self::Auto),
             ("paper", _) => Ok(Self::Paper),
             (_, Ok(n)) if n >= 0.0 && n.is_finite() => Ok(Self::Value(n)),
-            (_, Ok(n)) => Err(format!("epsilon is {n}, but must be a number of m² that is not negative")),
-            _ => Err(format!("'{text}' is no epsilon; give auto, paper or a number of m²")),
+            (_, Ok(n)) => Err(format!("epsilon is {n}, but must be a non-negative number of m²")),
+            _ => Err(format!("'{text}' is not an epsilon; give auto, paper or a number of m²")),
         }
     }
 }

@@ -4,53 +4,53 @@ use std::sync::Arc;
 
 use glam::Vec3;
 
-use super::constants::TILE_SIZE;
 use crate::brdf::Materials;
 
-/// The `w` of a position where there is nothing to receive.
+/// The `w` of a position without a receiver.
 pub const NO_RECEIVER: f32 = -1.0;
 
-/// Points along the edge of the largest blocks that a hierarchical gather looks at.
-pub(super) const TILE: usize = TILE_SIZE as usize;
+/// Points along an edge of a receiver tile, the unit of work of a hierarchical gather.
+pub(super) const TILE: usize = super::constants::TILE_SIZE as usize;
 
-/// The bits of two places of a tile by turns: blocks of every level are runs of a list.
+/// Index along the Z-order curve of a place in a tile: the bits of both coordinates interleaved. Blocks of every level are
+/// contiguous ranges of the curve.
 pub(super) fn along_z_curve(x: usize, y: usize) -> usize {
     (0..TILE.ilog2()).map(|bit| (x >> bit & 1) << (2 * bit) | (y >> bit & 1) << (2 * bit + 1)).sum()
 }
 
-/// A grid of receiver points, `width × height`, row by row. It need not be a picture: any points will do.
+/// Receiver points, `width × height`, row by row. Any set of points will do; [`ReceiverLayout`] says whether it is an image.
 #[derive(Clone, Debug)]
 pub struct Receivers {
     /// Columns.
     pub width: u32,
     /// Rows.
     pub height: u32,
-    /// What neighbours have in common.
-    pub arrangement: Arrangement,
+    /// How neighbours relate.
+    pub layout: ReceiverLayout,
     /// World position; `w` is the object's index in the scene, or [`NO_RECEIVER`].
     pub positions: Vec<[f32; 4]>,
     /// Unit normal on the side that receives; `w` is not used.
     pub normals: Vec<[f32; 4]>,
-    /// `None`: what is gathered is irradiance. Else it is the radiance that the objects reflect to their viewers.
-    pub viewers: Option<Viewers>,
+    /// `None`: the gather computes irradiance. Otherwise it computes the radiance reflected towards the viewer.
+    pub view_directions: Option<ViewDirections>,
 }
 
-/// What neighbouring receivers have in common.
+/// How neighbouring receivers relate.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Arrangement {
-    /// Columns and rows are those of a picture.
+pub enum ReceiverLayout {
+    /// Columns and rows are those of an image: neighbours are samples of one surface where it is smooth.
     #[default]
-    Picture,
-    /// Only the order counts: what follows each other is likely to be near each other.
-    List,
+    Grid,
+    /// Rows mean nothing. Consecutive points should be close to each other, which keeps the gather fast.
+    Unordered,
 }
 
-/// Who looks at receivers.
+/// Where each receiver is seen from, and how it reflects.
 #[derive(Clone, Debug)]
-pub struct Viewers {
+pub struct ViewDirections {
     /// Unit direction from each receiver towards its viewer; `w` is not used.
     pub directions: Vec<[f32; 4]>,
-    /// What the scene's objects do with light.
+    /// Materials of the scene's objects.
     pub materials: Arc<Materials>,
 }
 
@@ -61,30 +61,39 @@ impl Receivers {
         Self {
             width,
             height,
-            arrangement: Arrangement::Picture,
+            layout: ReceiverLayout::Grid,
             positions: vec![[0.0, 0.0, 0.0, NO_RECEIVER]; count],
             normals: vec![[0.0; 4]; count],
-            viewers: None,
+            view_directions: None,
         }
     }
 
-    /// Puts a list of points into rows of `width`.
+    /// Unordered points (position, unit normal, object), in rows of `width`.
     pub fn from_points(points: &[(Vec3, Vec3, u32)], width: u32) -> Self {
-        let rows = (points.len() as u32).div_ceil(width).max(1);
-        let mut grid = Self { arrangement: Arrangement::List, ..Self::empty(width, rows) };
+        let rows = (points.len() as u32).div_ceil(width.max(1)).max(1);
+        let mut grid = Self { layout: ReceiverLayout::Unordered, ..Self::empty(width.max(1), rows) };
         for (index, (position, normal, object)) in points.iter().enumerate() {
             grid.set(index, *position, *normal, *object);
         }
         grid
     }
 
-    /// Puts a receiver in place `index`.
+    /// Sets the receiver at `index`.
     pub fn set(&mut self, index: usize, position: Vec3, normal: Vec3, object: u32) {
         self.positions[index] = position.extend(object as f32).to_array();
         self.normals[index] = normal.extend(0.0).to_array();
     }
 
-    /// Receivers in order as a grid of tiles of 64², whose blocks are runs of the list; and where each of them went.
+    /// The object of the receiver at `index`, if there is a receiver.
+    #[inline]
+    pub(super) fn object(&self, index: usize) -> Option<u32> {
+        let object = self.positions[index][3];
+        // Rounded, as interpolation by a rasterizer may yield 0.9999999.
+        (object >= 0.0).then_some((object + 0.5) as u32)
+    }
+
+    /// Unordered receivers as a grid of tiles of 64², each filled along the Z-order curve, so that blocks are ranges of the
+    /// original order; and the index in the grid of each of them.
     pub fn in_tiles(&self) -> (Self, Vec<usize>) {
         let count = self.positions.len();
         let tiles = count.div_ceil(TILE * TILE).max(1);
@@ -98,17 +107,18 @@ impl Receivers {
         };
         let places: Vec<usize> = (0..count).map(place).collect();
         let mut tiled = Self::empty(width as u32, (tiles.div_ceil(across) * TILE) as u32);
-        tiled.arrangement = Arrangement::List;
-        let mut directions = self.viewers.as_ref().map(|_| vec![[0.0; 4]; tiled.positions.len()]);
+        tiled.layout = ReceiverLayout::Unordered;
+        let mut directions = self.view_directions.as_ref().map(|_| vec![[0.0; 4]; tiled.positions.len()]);
         for (k, &place) in places.iter().enumerate() {
             tiled.positions[place] = self.positions[k];
             tiled.normals[place] = self.normals[k];
-            if let (Some(directions), Some(viewers)) = (&mut directions, &self.viewers) {
-                directions[place] = viewers.directions[k];
+            if let (Some(directions), Some(view)) = (&mut directions, &self.view_directions) {
+                directions[place] = view.directions[k];
             }
         }
-        let materials = self.viewers.as_ref().map(|viewers| viewers.materials.clone());
-        tiled.viewers = directions.zip(materials).map(|(directions, materials)| Viewers { directions, materials });
+        let materials = self.view_directions.as_ref().map(|view| view.materials.clone());
+        tiled.view_directions =
+            directions.zip(materials).map(|(directions, materials)| ViewDirections { directions, materials });
         (tiled, places)
     }
 }

@@ -1,6 +1,7 @@
-//! A cell tree with what its mirrors are made of: what a hierarchical gather reads.
+//! A cell tree with the materials of its mirrors: the input of a hierarchical gather.
 
-use super::{Mirror, Mirrors, PinholeSample, Pinholes, Region};
+use super::cell::Cell;
+use super::{Mirror, Mirrors, PinholeParts, PinholeSample, Pinholes};
 use crate::cell_tree::{CellNode, CellTree, NodeGeometry};
 use crate::scene::Scene;
 
@@ -9,24 +10,22 @@ use crate::scene::Scene;
 pub struct PinholeTree {
     pub(super) tree: CellTree,
     mirrors: Mirrors,
-    /// The roots as samples, with the maps of what they see; all cells below share those.
-    pub(super) roots: Pinholes,
+    /// The sample nodes, with their visibility maps, which all cells below them share.
+    pub(super) sample_nodes: Pinholes,
 }
 
 impl PinholeTree {
-    /// Gives a tree's cells the finishes of their objects. `scene` is the one that the tree was made of.
+    /// Combines a tree's cells with the materials of their objects. `scene` is the one that the tree was made of.
     pub fn new(scene: &Scene, tree: CellTree) -> Self {
-        let mirrors = Mirrors::of_scene(scene);
-        let mut new = Self { tree, mirrors, roots: Pinholes::default() };
-        let samples =
-            new.tree.roots().iter().map(|&root| new.sample(new.tree.node(root), &new.tree.node(root).geometry()));
-        new.roots = Pinholes { samples: samples.collect(), curves: new.mirrors.curves.clone(), visibility: None };
+        let mut new = Self { tree, mirrors: Mirrors::of_scene(scene), sample_nodes: Pinholes::default() };
+        let samples = new.tree.roots().iter().map(|&index| new.packed(new.tree.node(index))).collect();
+        new.sample_nodes = Pinholes { samples, curves: new.mirrors.curves.clone(), visibility: None };
         new
     }
 
-    /// The roots as samples, to look around; their maps hold for all cells below them.
-    pub fn roots_mut(&mut self) -> &mut Pinholes {
-        &mut self.roots
+    /// The sample nodes, to trace their visibility; their maps hold for all cells below them.
+    pub fn sample_nodes_mut(&mut self) -> &mut Pinholes {
+        &mut self.sample_nodes
     }
 
     /// The cells.
@@ -34,27 +33,53 @@ impl PinholeTree {
         &self.tree
     }
 
-    /// The roots as samples.
-    pub fn roots(&self) -> &Pinholes {
-        &self.roots
+    /// The sample nodes as samples.
+    pub fn sample_nodes(&self) -> &Pinholes {
+        &self.sample_nodes
     }
 
-    /// The leaves as samples, for a gather that knows no hierarchy.
+    /// The leaves as samples, for a flat gather.
     pub fn leaves(&self) -> Pinholes {
-        let samples = self.tree.leaves().map(|leaf| self.sample(leaf, &leaf.geometry())).collect();
+        let samples = self.tree.leaves().map(|leaf| self.packed(leaf)).collect();
         Pinholes { samples, curves: self.mirrors.curves.clone(), visibility: None }
     }
 
-    /// A cell as a sample.
-    #[inline]
-    pub(super) fn sample(&self, node: &CellNode, geometry: &NodeGeometry) -> PinholeSample {
-        let NodeGeometry { centroid, normal, area, sides, changes, .. } = *geometry;
-        let object = self.tree.object(node);
-        let region = Region { position: centroid, normal, area, sides, changes, object, bends: true };
-        self.mirror(object).sample(&region)
+    fn packed(&self, node: &CellNode) -> PinholeSample {
+        self.cell(node).sample.into()
     }
 
-    /// How an object of the tree mirrors.
+    /// Unpacks a node.
+    #[inline(always)]
+    pub(super) fn cell(&self, node: &CellNode) -> Cell {
+        let NodeGeometry { centroid, normal, area, sides, changes, creased, radius, normal_radius } = node.geometry();
+        let object = self.tree.object(node);
+        let mirror = self.mirror(object);
+        let Mirror { reflectance, curve, two_sided, max_reflectance, .. } = *mirror;
+        let lobe = mirror.lobe_with_bend(changes);
+        let position = centroid;
+        Cell {
+            sample: PinholeParts {
+                position,
+                normal,
+                area,
+                sides,
+                changes,
+                reflectance,
+                curve,
+                lobe,
+                object,
+                two_sided,
+            },
+            max_reflectance,
+            radius,
+            normal_radius,
+            is_creased: creased,
+            children: node.children(),
+            sample_node: node.root(),
+        }
+    }
+
+    /// The mirror material of an object of the tree.
     #[inline]
     pub(super) fn mirror(&self, object: u32) -> &Mirror {
         self.mirrors.of_object[object as usize].as_ref().expect("objects in the tree are reflectors")

@@ -2,8 +2,9 @@
 //!
 //! Coarse triangles are split into pieces whose centroids and exact areas are the candidates. Fine ones, of which
 //! only some become candidates, are drawn at even strides of area along a space-filling order. So the number of
-//! candidates follows from the number of samples, not from the mesh (WS-15).
+//! candidates follows from the number of samples, not from the mesh.
 
+use bytemuck::Zeroable;
 use glam::Vec3;
 use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, seq::SliceRandom};
@@ -18,14 +19,48 @@ pub(super) fn per_sample(samples: u32) -> f32 {
     (8e6 / samples as f32).clamp(10.0, 40.0)
 }
 
+/// Points that cover a surface.
+pub(super) struct Candidates {
+    /// Pieces of triangles first, then points that were drawn.
+    pub points: Vec<SurfacePoint>,
+    /// Of each piece.
+    pub origins: Vec<Origin>,
+}
+
+/// The piece of a triangle that a candidate stands for.
+#[derive(Clone, Copy, Debug, Zeroable)]
+pub(crate) struct Origin {
+    triangle: u32,
+    /// The way to it through the halvings of the triangle: a leading one, then a bit for each half.
+    path: u32,
+}
+
 /// Points that stand for at most `stride` m² each, in an order that neighbours share.
-pub(super) fn cover(surface: &Surface, stride: f32, rng: &mut ChaCha8Rng) -> Vec<SurfacePoint> {
-    // A triangle of a third of the stride or more is a candidate of its own: exact, and three times as many at worst.
-    let is_fine = |area: f32| area < stride / 3.0;
-    let mut candidates = pieces(surface, is_fine, stride);
+pub(super) fn cover(surface: &Surface, stride: f32, rng: &mut ChaCha8Rng) -> Candidates {
+    cover_where(surface, |_| true, stride, rng)
+}
+
+/// The same for those triangles that are too fine to be candidates at some `coarser` stride.
+pub(super) fn cover_fine(surface: &Surface, coarser: f32, stride: f32, rng: &mut ChaCha8Rng) -> Vec<SurfacePoint> {
+    cover_where(surface, |area| is_fine(area, coarser), stride, rng).points
+}
+
+/// Whether a triangle is too small to be a candidate of its own. One of a third of the stride or more is: that is exact, and three
+/// times as many at worst.
+fn is_fine(area: f32, stride: f32) -> bool {
+    area < stride / 3.0
+}
+
+fn cover_where(
+    surface: &Surface,
+    is_wanted: impl Fn(f32) -> bool + Sync,
+    stride: f32,
+    rng: &mut ChaCha8Rng,
+) -> Candidates {
+    let mut candidates = pieces(surface, |area| is_wanted(area) && !is_fine(area, stride), stride);
     let triangles = surface.triangles().iter().zip(surface.areas());
-    let fine: Vec<_> = triangles.filter(|(_, area)| is_fine(**area)).map(|(t, area)| (t, *area)).collect();
-    draw_along_order(fine, stride, rng, &mut candidates);
+    let fine = triangles.filter(|(_, area)| is_wanted(**area) && is_fine(**area, stride));
+    draw_along_order(fine.map(|(t, area)| (t, *area)).collect(), stride, rng, &mut candidates.points);
     candidates
 }
 
@@ -39,28 +74,33 @@ pub(super) fn in_random_order(count: usize, rng: &mut ChaCha8Rng) -> Vec<u32> {
 /// Triangles that one thread takes in a row.
 const RUN: usize = 1024;
 
-/// Pieces of all triangles but the fine ones, of at most `stride` m² each. How many there are is known beforehand, so that every
-/// thread can put its own where they belong.
-fn pieces(surface: &Surface, is_fine: impl Fn(f32) -> bool + Sync, stride: f32) -> Vec<SurfacePoint> {
-    let in_triangle = |area: &f32| if is_fine(*area) { 0 } else { pieces_of(*area, stride) };
+/// Pieces of some triangles, of at most `stride` m² each. How many there are is known beforehand, so that every thread can put its
+/// own where they belong.
+fn pieces(surface: &Surface, is_wanted: impl Fn(f32) -> bool + Sync, stride: f32) -> Candidates {
+    let in_triangle = |area: &f32| if is_wanted(*area) { pieces_of(*area, stride) } else { 0 };
     let in_run = |run: &[f32]| run.iter().map(in_triangle).sum::<usize>();
     let counts: Vec<usize> = surface.areas().par_chunks(RUN).map(in_run).collect();
-    let mut pieces: Vec<SurfacePoint> = bytemuck::zeroed_vec(counts.iter().sum());
-    let mut rest = pieces.as_mut_slice();
+    let total = counts.iter().sum();
+    let (mut points, mut origins) = (bytemuck::zeroed_vec(total), bytemuck::zeroed_vec(total));
+    let mut rest: (&mut [SurfacePoint], &mut [Origin]) = (&mut points, &mut origins);
     let mut runs = Vec::with_capacity(counts.len());
     for (k, count) in counts.into_iter().enumerate() {
-        let (own, others) = rest.split_at_mut(count);
-        runs.push((k * RUN, own));
-        rest = others;
+        let ((own_points, other_points), (own_origins, other_origins)) =
+            (rest.0.split_at_mut(count), rest.1.split_at_mut(count));
+        runs.push((k * RUN, own_points, own_origins));
+        rest = (other_points, other_origins);
     }
-    runs.into_par_iter().for_each(|(first, own)| {
-        let mut places = own.iter_mut();
-        let run = surface.triangles()[first..].iter().zip(&surface.areas()[first..]).take(RUN);
-        for (triangle, &area) in run.filter(|(_, area)| !is_fine(**area)) {
-            split(triangle, Piece::whole(triangle), area, stride, &mut places);
+    runs.into_par_iter().for_each(|(first, points, origins)| {
+        let mut places = points.iter_mut().zip(origins);
+        let run = surface.triangles()[first..].iter().zip(&surface.areas()[first..]).take(RUN).zip(first as u32..);
+        for ((triangle, &area), number) in run.filter(|((_, area), _)| is_wanted(**area)) {
+            split(Piece::whole(triangle), 1, area, stride, &mut |piece, path, area| {
+                let (point, origin) = places.next().expect("pieces were counted");
+                (*point, *origin) = (piece.point(triangle, area), Origin { triangle: number, path });
+            });
         }
     });
-    pieces
+    Candidates { points, origins }
 }
 
 /// Into how many pieces a triangle is split.
@@ -93,6 +133,19 @@ impl Piece {
         Self { corners, edges: [edge(0), edge(1), edge(2)] }
     }
 
+    /// The piece at the end of a path; see [`Origin`].
+    fn at(triangle: &SurfaceTriangle, path: u32) -> Self {
+        let bits = (0..path.ilog2()).rev().map(|k| path >> k & 1);
+        bits.fold(Self::whole(triangle), |piece, bit| piece.halves()[bit as usize])
+    }
+
+    /// The candidate that stands for it.
+    fn point(&self, triangle: &SurfaceTriangle, area: f32) -> SurfacePoint {
+        let [a, b, c] = self.corners;
+        let position = (a.position + b.position + c.position) / 3.0;
+        triangle.piece(position, a.normal + b.normal + c.normal, area)
+    }
+
     /// The same with its longest edge first.
     fn turned(self) -> Self {
         let Self { corners: [a, b, c], edges: [ab, bc, ca] } = self;
@@ -118,21 +171,69 @@ impl Piece {
 }
 
 /// Halves a piece of a triangle until it is small enough.
-fn split<'a>(
-    triangle: &SurfaceTriangle,
-    piece: Piece,
-    area: f32,
-    stride: f32,
-    out: &mut impl Iterator<Item = &'a mut SurfacePoint>,
-) {
+fn split(piece: Piece, path: u32, area: f32, stride: f32, out: &mut impl FnMut(&Piece, u32, f32)) {
     if area <= stride {
-        let [a, b, c] = piece.corners;
-        let position = (a.position + b.position + c.position) / 3.0;
-        *out.next().expect("pieces were counted") = triangle.piece(position, a.normal + b.normal + c.normal, area);
-        return;
+        return out(&piece, path, area);
     }
-    for half in piece.halves() {
-        split(triangle, half, 0.5 * area, stride, out);
+    for (half, bit) in piece.halves().into_iter().zip(0..) {
+        split(half, path << 1 | bit, 0.5 * area, stride, out);
+    }
+}
+
+/// A piece of a triangle of the surface.
+pub(crate) struct SurfacePiece<'a> {
+    triangle: &'a SurfaceTriangle,
+    piece: Piece,
+    /// Which it is.
+    pub origin: Origin,
+    /// m².
+    pub area: f32,
+}
+
+impl<'a> SurfacePiece<'a> {
+    /// The piece with a known origin and area.
+    pub fn at(surface: &'a Surface, origin: Origin, area: f32) -> Self {
+        let triangle = &surface.triangles()[origin.triangle as usize];
+        Self { triangle, piece: Piece::at(triangle, origin.path), origin, area }
+    }
+
+    /// Its centroid, and how far its corners are from that at most.
+    pub fn ball(&self) -> (Vec3, f32) {
+        let [a, b, c] = self.piece.corners.map(|corner| corner.position);
+        let centroid = (a + b + c) / 3.0;
+        (centroid, [a, b, c].map(|p| p.distance_squared(centroid)).into_iter().fold(0.0, f32::max).sqrt())
+    }
+
+    /// Both halves.
+    pub fn halves(&self) -> [Self; 2] {
+        let [a, b] = self.piece.halves();
+        [(a, 0), (b, 1)].map(|(piece, bit)| Self {
+            triangle: self.triangle,
+            piece,
+            origin: Origin { triangle: self.origin.triangle, path: self.origin.path << 1 | bit },
+            area: 0.5 * self.area,
+        })
+    }
+
+    /// Calls `visit` with points that cover it, each for about `stride` m²: the centroids of congruent triangles, row by row.
+    pub fn divide(&self, stride: f32, mut visit: impl FnMut(SurfacePoint)) {
+        let rows = (self.area / stride).sqrt().round().max(1.0) as u32;
+        let (step, area) = (1.0 / rows as f32, self.area / (rows * rows) as f32);
+        let [a, b, c] = self.piece.corners;
+        let mut centroid = |i: f32, j: f32| {
+            let (s, t) = (i * step, j * step);
+            let mix = |a: Vec3, b: Vec3, c: Vec3| a + s * (b - a) + t * (c - a);
+            let position = mix(a.position, b.position, c.position);
+            visit(self.triangle.piece(position, mix(a.normal, b.normal, c.normal), area));
+        };
+        for row in 0..rows {
+            for column in 0..rows - row {
+                centroid(column as f32 + 1.0 / 3.0, row as f32 + 1.0 / 3.0);
+                if column + 1 < rows - row {
+                    centroid(column as f32 + 2.0 / 3.0, row as f32 + 2.0 / 3.0);
+                }
+            }
+        }
     }
 }
 
@@ -194,7 +295,7 @@ mod tests {
             [(Shape::Plane(Plane { size: [2.0, 1.0] }), 1e-3), (Shape::Sphere(Sphere { radius: 1.0 }), 5e-3)]
         {
             let surface = surface(shape);
-            let candidates = cover(&surface, stride, &mut ChaCha8Rng::seed_from_u64(1));
+            let candidates = cover(&surface, stride, &mut ChaCha8Rng::seed_from_u64(1)).points;
             let area: f64 = candidates.iter().map(|c| f64::from(c.area)).sum();
             assert!((area / surface.area() - 1.0).abs() < 1e-4);
             let expected = surface.area() / f64::from(stride);
@@ -210,7 +311,7 @@ mod tests {
     fn their_number_does_not_follow_the_mesh() {
         // 46 080 triangles, 1 000 candidates.
         let surface = surface(Shape::Sphere(Sphere { radius: 1.0 }));
-        let candidates = cover(&surface, surface.area() as f32 / 1000.0, &mut ChaCha8Rng::seed_from_u64(1));
+        let candidates = cover(&surface, surface.area() as f32 / 1000.0, &mut ChaCha8Rng::seed_from_u64(1)).points;
         assert!(candidates.len().abs_diff(1000) <= 1, "{}", candidates.len());
     }
 }

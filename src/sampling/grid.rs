@@ -1,4 +1,4 @@
-//! Strategies *grid* and *quantised grid* (WS-12, WS-13): of a dense set one point is kept per cell of a 3-D grid.
+//! Strategies *grid* and *quantised grid* (Wand & Straßer, Section 3.2): of a dense set one point is kept per cell of a 3-D grid.
 //!
 //! The two faces of a thin sheet, or two sides of a crease, may share a cell: each keeps a point of its own.
 
@@ -72,7 +72,7 @@ mod tests {
         let mut surface = Surface::default();
         surface.append(&Shape::SolidRing(SolidRing::default()).mesh().unwrap(), 0, false);
         let mut rng = ChaCha8Rng::seed_from_u64(3);
-        let all = candidates::cover(&surface, 5e-4, &mut rng);
+        let all = candidates::cover(&surface, 5e-4, &mut rng).points;
         let order = candidates::in_random_order(all.len(), &mut rng);
         let (edge, phase) = (0.11, Vec3::new(0.2, 0.5, 0.7));
         let cell = |p: &SurfacePoint| (p.position / edge + phase).floor().as_ivec3();

@@ -15,6 +15,8 @@ struct Side {
 
 /// The table. Different cells may share a bucket.
 pub(super) struct HashGrid {
+    /// The least coordinates of all points, metres: cells are counted from there.
+    low: Vec3,
     per_metre: f32,
     /// Where each bucket starts in the slots; one more than there are buckets.
     starts: Vec<u32>,
@@ -31,9 +33,10 @@ const PER_BUCKET: usize = 4;
 impl HashGrid {
     /// Sorts points into cells with this edge, metres.
     pub fn new(points: &[SurfacePoint], edge: f32) -> Self {
+        let low = points.iter().fold(Vec3::INFINITY, |low, p| low.min(p.position));
         let per_metre = edge.recip();
         let buckets = (points.len() / PER_BUCKET).next_power_of_two();
-        let bucket_of = |p: &SurfacePoint| bucket(cell(p.position, per_metre), buckets);
+        let bucket_of = |p: &SurfacePoint| bucket(cell(p.position - low, per_metre), buckets);
         let of_points: Vec<u32> = points.par_iter().map(bucket_of).collect();
         let mut starts = vec![0u32; buckets + 1];
         for &b in &of_points {
@@ -53,7 +56,12 @@ impl HashGrid {
             *slot = *free;
             *free += 1;
         }
-        Self { per_metre, starts, positions, sides, slot_of }
+        Self { low, per_metre, starts, positions, sides, slot_of }
+    }
+
+    /// Whether few cells lie within a radius, and few points beyond it in those.
+    pub fn suits(&self, radius: f32) -> bool {
+        (0.25..2.0).contains(&(radius * self.per_metre))
     }
 
     /// The slot of a point: those that are near each other have slots that are.
@@ -70,8 +78,8 @@ impl HashGrid {
     /// Calls `visit` with the slot of every point within `radius` of `centre`, and its squared distance, in no particular
     /// order; with some more than once.
     pub fn within(&self, centre: Vec3, radius: f32, mut visit: impl FnMut(usize, f32)) {
-        let low = cell(centre - radius, self.per_metre);
-        let high = cell(centre + radius, self.per_metre);
+        let place = centre - self.low;
+        let (low, high) = (cell(place - radius, self.per_metre), cell(place + radius, self.per_metre));
         for z in low.z..=high.z {
             for y in low.y..=high.y {
                 for x in low.x..=high.x {

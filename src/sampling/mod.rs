@@ -21,6 +21,8 @@ pub use spectrum::{Development, Spectrum};
 pub use study::{GROUNDS, Ground, Study, study};
 pub use surface::{Surface, SurfacePoint};
 
+pub(crate) use candidates::{Origin, SurfacePiece};
+use glam::Vec3;
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use rand::SeedableRng;
 use rand::rngs::ChaCha8Rng;
@@ -34,13 +36,13 @@ pub const MAX_SAMPLES: u32 = 1 << 22;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Deserialize, serde::Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Strategy {
-    /// Area-uniform random points (WS-11).
+    /// Area-uniform random points.
     Random,
-    /// One point of a dense set kept per cell of a 3-D grid (WS-12).
+    /// One point of a dense set kept per cell of a 3-D grid.
     Grid,
-    /// The same, snapped to the cells' centres (WS-13).
+    /// The same, snapped to the cells' centres.
     QuantisedGrid,
-    /// Greedy removal of points that a sphere around another one covers (WS-14).
+    /// Greedy removal of points that a sphere around another one covers.
     #[default]
     Neighbourhood,
     /// Weighted sample elimination (Yuksel 2015): meets the number exactly.
@@ -60,7 +62,7 @@ impl Strategy {
     }
 }
 
-/// Where samples are denser: what a place of the surface is thought to be worth, by area (WS-F7). Each sample's weight is
+/// Where samples are denser: what a place of the surface is thought to be worth, by area. Each sample's weight is
 /// the area that it stands for, so that none of them biases the sum.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Deserialize, serde::Serialize)]
 #[serde(rename_all = "kebab-case")]
@@ -111,6 +113,30 @@ pub struct PointSet {
     pub candidates: Vec<SurfacePoint>,
     /// For each candidate the nearest point on its own side, where the strategy knows; else empty.
     pub(crate) owners: Vec<u32>,
+    /// Of the first candidates, those that are pieces of triangles; the others were drawn on triangles finer than `stride`.
+    origins: Vec<Origin>,
+    /// No candidate stands for more, m².
+    stride: f32,
+}
+
+impl PointSet {
+    /// The piece of a triangle that a candidate stands for; `None` if it was drawn on triangles that are finer than candidates, see
+    /// [`Self::on_fine_triangles`].
+    pub(crate) fn piece<'a>(&self, surface: &'a Surface, candidate: usize) -> Option<SurfacePiece<'a>> {
+        let origin = *self.origins.get(candidate)?;
+        Some(SurfacePiece::at(surface, origin, self.candidates[candidate].area))
+    }
+
+    /// Finer points for all candidates that were drawn on fine triangles, each for at most `stride` m², in an order that neighbours
+    /// share; they are grouped as the set's points are.
+    pub(crate) fn on_fine_triangles(&self, surface: &Surface, stride: f32, seed: u64) -> Vec<SurfacePoint> {
+        if self.origins.len() == self.candidates.len() {
+            return Vec::new();
+        }
+        let mut points = candidates::cover_fine(surface, self.stride, stride, &mut ChaCha8Rng::seed_from_u64(seed));
+        patches::group_small(surface, surface.area() as f32 / self.points.len() as f32, &mut points);
+        points
+    }
 }
 
 /// Why a surface could not be sampled.
@@ -126,6 +152,12 @@ pub enum SamplingError {
         /// The strategy.
         strategy: Strategy,
     },
+    /// The reflectors' area is beyond the range of 32-bit floats.
+    #[error("the reflectors have an area of {area:e} m², which is out of range; scale the scene")]
+    Area {
+        /// m².
+        area: f64,
+    },
     /// No samples, or too many.
     #[error("{samples} samples were asked for; give from 1 to {MAX_SAMPLES}")]
     Count {
@@ -137,14 +169,6 @@ pub enum SamplingError {
 /// Places samples evenly on a surface.
 pub fn sample(surface: &Surface, options: &Options) -> Result<PointSet, SamplingError> {
     place(surface, options, None)
-}
-
-/// Points that cover a surface evenly, each for at most `stride` m², in an order that neighbours share; they are grouped as the
-/// points of a set of `samples` are.
-pub(crate) fn cover(surface: &Surface, stride: f32, samples: usize, seed: u64) -> Vec<SurfacePoint> {
-    let mut points = candidates::cover(surface, stride, &mut ChaCha8Rng::seed_from_u64(seed));
-    patches::group_small(surface, surface.area() as f32 / samples as f32, &mut points);
-    points
 }
 
 /// What a place is worth, relative to others.
@@ -168,10 +192,14 @@ fn place(surface: &Surface, options: &Options, importance: Option<Importance>) -
     }
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let area_per_sample = surface.area() as f32 / samples as f32;
+    // Candidates are thousands of times smaller than a sample's area at most.
+    if !(area_per_sample * 1e-4).is_normal() {
+        return Err(SamplingError::Area { area: surface.area() });
+    }
     // Where samples are dense they need more to choose from.
     let finer = if importance.is_some() { 2.0 } else { 1.0 };
     let stride = area_per_sample / (finer * candidates::per_sample(samples));
-    let mut candidates = candidates::cover(surface, stride, &mut rng);
+    let candidates::Candidates { points: mut candidates, origins } = candidates::cover(surface, stride, &mut rng);
     let order = candidates::in_random_order(candidates.len(), &mut rng);
     patches::group_small(surface, area_per_sample, &mut candidates);
     let worth = importance.map(|importance| relative_worth(&candidates, importance));
@@ -196,7 +224,14 @@ fn place(surface: &Surface, options: &Options, importance: Option<Importance>) -
     for point in &mut points {
         point.area = area * importance.map_or(1.0, |importance| mean / importance(point));
     }
-    Ok(PointSet { points, candidates, owners })
+    Ok(PointSet { points, candidates, owners, origins, stride })
+}
+
+/// The diagonal of the points' bounds, m.
+fn extent(points: &[SurfacePoint]) -> f32 {
+    let low = points.iter().fold(Vec3::INFINITY, |low, p| low.min(p.position));
+    let high = points.iter().fold(Vec3::NEG_INFINITY, |high, p| high.max(p.position));
+    low.distance(high)
 }
 
 /// What each candidate is worth.
@@ -220,7 +255,7 @@ impl PointTree {
     }
 
     /// Calls `visit` with every point within `radius` of `centre`, in no particular order.
-    pub fn within(&self, centre: glam::Vec3, radius: f32, mut visit: impl FnMut(usize)) {
+    pub fn within(&self, centre: Vec3, radius: f32, mut visit: impl FnMut(usize)) {
         let query = centre.to_array();
         self.0
             .query(&query)
@@ -230,13 +265,13 @@ impl PointTree {
     }
 
     /// The nearest point.
-    pub fn nearest_one(&self, centre: glam::Vec3) -> usize {
+    pub fn nearest_one(&self, centre: Vec3) -> usize {
         let query = centre.to_array();
         self.0.query(&query).nearest_one::<SquaredEuclidean<f32>>().execute().item as usize
     }
 
     /// The `count` nearest points (fewer if there are fewer), nearest first: squared distance and index.
-    pub fn nearest(&self, centre: glam::Vec3, count: usize) -> impl Iterator<Item = (f32, usize)> {
+    pub fn nearest(&self, centre: Vec3, count: usize) -> impl Iterator<Item = (f32, usize)> {
         let query = centre.to_array();
         let count = std::num::NonZero::new(count).expect("at least one");
         let found = self.0.query(&query).nearest_n::<SquaredEuclidean<f32>>(count).execute();

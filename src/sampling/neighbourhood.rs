@@ -1,4 +1,4 @@
-//! Strategy *neighbourhood* (WS-14), the default: from a dense set in random order, every point that is not yet
+//! Strategy *neighbourhood* (Wand & Straßer, Section 3.2), the default: from a dense set in random order, every point that is not yet
 //! covered is kept and covers those within a distance. The result is a maximal Poisson-disk subset. Where places are worth
 //! more, the distance is shorter.
 
@@ -11,6 +11,9 @@ use super::hash_grid::HashGrid;
 
 /// Close enough to the number asked for, as a fraction of it.
 const TOLERANCE: f64 = 0.005;
+
+/// Distances that are tried.
+const MAX_SEARCHES: u32 = 16;
 
 /// What is kept of a set.
 pub(super) struct Kept {
@@ -35,17 +38,22 @@ pub(super) fn neighbourhood(
     });
     // The distance that 40 candidates a sample lead to on a plane.
     let mut radius = 0.79 * area_per_sample.sqrt();
-    let grid = HashGrid::new(candidates, radius);
+    let mut grid = HashGrid::new(candidates, radius);
+    let extent = super::extent(candidates);
     let (mut too_small, mut too_large) = (0.0f32, f32::INFINITY);
     let mut best: Option<(u32, Pruned)> = None;
-    for _ in 0..16 {
+    for _ in 0..MAX_SEARCHES {
+        if !grid.suits(radius) {
+            grid = HashGrid::new(candidates, radius);
+        }
         let pruned = prune(candidates, order, &grid, |k| scale.as_ref().map_or(radius, |s| s[k] * radius));
         let count = pruned.kept.len() as u32;
         let miss = count.abs_diff(samples);
         if best.as_ref().is_none_or(|(least, _)| miss < *least) {
             best = Some((miss, pruned));
         }
-        if f64::from(miss) <= TOLERANCE * f64::from(samples) {
+        // Once a single point covers all that it can, a larger distance changes nothing.
+        if f64::from(miss) <= TOLERANCE * f64::from(samples) || count > samples && radius > extent {
             break;
         }
         if count > samples {
@@ -138,5 +146,51 @@ impl Covers {
 
     fn nearest(&self, slot: usize) -> u32 {
         self.0[slot].load(Relaxed) as u32
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::sampling::{Options, Strategy, Surface, sample};
+    use crate::scene::Mesh;
+    use crate::scene::shapes::{Plane, Ring, Shape, Sphere};
+    use glam::Vec3;
+
+    fn placed(mesh: &Mesh, scale: Vec3, offset: Vec3) -> Mesh {
+        let positions = mesh.positions().iter().map(|p| scale * *p + offset).collect();
+        Mesh::new("mesh", positions, mesh.normals().to_vec(), mesh.triangles().to_vec()).unwrap().0
+    }
+
+    /// The search ends, with as many samples as there are pieces that cannot stand for each other if those are more than were asked
+    /// for. A grid whose cells stayed as small as those of the first distance would take minutes.
+    #[test]
+    fn fewer_samples_than_separate_pieces_end_the_search() {
+        let ring = Shape::Ring(Ring::default()).mesh().unwrap();
+        let sphere = Shape::Sphere(Sphere { radius: 1.0 }).mesh().unwrap();
+        let plane = Shape::Plane(Plane { size: [1.0, 1.0] }).mesh().unwrap();
+        let alone = |mesh: Mesh| {
+            let mut surface = Surface::default();
+            surface.append(&mesh, 0, false);
+            surface
+        };
+        let mut apart = Surface::default();
+        for k in 0..400u32 {
+            let place = 100.0 * Vec3::new((k % 20) as f32, 0.0, (k / 20) as f32);
+            apart.append(&placed(&plane, Vec3::splat(0.1), place), k, false);
+        }
+        let cases = [
+            ("one sample of a ring", alone(ring.clone()), 1, 1..=8),
+            ("one sample of a sphere", alone(sphere), 1, 1..=8),
+            ("mirrors far apart", apart, 100, 400..=400),
+            ("a needle", alone(placed(&plane, Vec3::new(3e2, 1.0, 1e-3), Vec3::ZERO)), 1000, 900..=1100),
+            ("a long thin tube", alone(placed(&ring, Vec3::new(1e-3, 2e3, 1e-3), Vec3::ZERO)), 1000, 800..=1200),
+            ("a tiny ring", alone(placed(&ring, Vec3::splat(1e-8), Vec3::ZERO)), 1000, 980..=1020),
+            ("a ring far away", alone(placed(&ring, Vec3::splat(1e3), Vec3::splat(1e6))), 1000, 980..=1020),
+        ];
+        for (name, surface, samples, expected) in cases {
+            let options = Options { samples, strategy: Strategy::Neighbourhood, seed: 1 };
+            let count = sample(&surface, &options).unwrap().points.len();
+            assert!(expected.contains(&count), "{name}: {count}");
+        }
     }
 }

@@ -1,4 +1,4 @@
-//! Strategy *random* (WS-11): area-uniform, independent points.
+//! Strategy *random* (Wand & Straßer, Section 3.2): area-uniform, independent points.
 
 use rand::RngExt;
 use rand::rngs::ChaCha8Rng;

@@ -68,7 +68,7 @@ pub fn load<R: DeserializeOwned + Default>(path_or_name: &str) -> Result<Loaded<
 ///     object = [{ mesh = "triangle.obj", reflector = {} }]
 /// "#;
 /// let files = HashMap::from([(PathBuf::from("triangle.obj"), "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3")]);
-/// let loaded = pinspot::scene::parse::<pinspot::render::Settings>("scene.toml", scene, &files)?;
+/// let loaded = pinspot::scene::parse::<pinspot::Settings>("scene.toml", scene, &files)?;
 /// assert_eq!(loaded.scene.objects[0].mesh.triangles().len(), 1);
 /// # Ok::<(), pinspot::scene::SceneError>(())
 /// ```
@@ -107,7 +107,7 @@ const NOT_BUILT_YET: [&str; 1] = ["refractor"];
 
 fn in_file(file: &str, Fault { line, key, problem }: Fault) -> SceneError {
     let message = match problem {
-        Problem::Other(message) => message,
+        Problem::Other(message) => escaped(&message),
         Problem::Unknown { what, word, .. } if NOT_BUILT_YET.contains(&word.as_str()) => {
             format!("{what} '{word}' is not built yet; remove it")
         }

@@ -5,7 +5,7 @@
 mod embed;
 
 use pinspot::low_level::environment::{Environment, LightBounds};
-use pinspot::low_level::pinhole::cpu::{Accuracy, Light, gather_hierarchical, typical_irradiance};
+use pinspot::low_level::pinhole::cpu::{Accuracy, Light, estimate_irradiance, gather_hierarchical};
 use pinspot::low_level::pinhole::{Params, Receivers};
 
 use crate::support::rel_l2;
@@ -22,7 +22,7 @@ fn the_example_gathers_what_the_cpu_gathers_while_its_mirror_moves() {
         let (positions, normals) = (output.positions.clone(), output.normals.clone());
         let receivers = Receivers { width, height, positions, normals, ..Receivers::empty(0, 0) };
         let tree = embed::cells_of(&embed::scene_at(number).unwrap()).unwrap();
-        let error = embed::TOLERANCE * typical_irradiance(&receivers, &tree, light, &params);
+        let error = embed::TOLERANCE * estimate_irradiance(&receivers, &tree, light, &params);
         let expected =
             gather_hierarchical(&receivers, &tree, light, &params, Accuracy { error, split_near: true }, &|_| ());
         assert!(expected.iter().any(|e| e[0] > 0.0));

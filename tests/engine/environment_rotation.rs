@@ -6,7 +6,7 @@ use glam::{Mat3, Vec3};
 use pinspot::Settings;
 use pinspot::low_level::cell_tree::{CellTree, TreeOptions};
 use pinspot::low_level::environment::{CubeMap, LightBounds};
-use pinspot::low_level::pinhole::cpu::{self, Accuracy, Light, gather_hierarchical, typical_irradiance};
+use pinspot::low_level::pinhole::cpu::{self, Accuracy, Light, estimate_irradiance, gather_hierarchical};
 use pinspot::low_level::pinhole::{Filter, Footprint, Params, PinholeTree, Pinholes, Receivers, pinholes};
 use pinspot::low_level::sampling::{self, Strategy, Surface, sample};
 use pinspot::low_level::tracing::Tracer;
@@ -82,7 +82,7 @@ impl Work {
         let mut samples =
             pinholes(&self.scene, &pinspot::low_level::differential::differentials(&set), Footprint::Cells);
         if has_visibility {
-            samples.look_around(&self.scene, &self.tracer);
+            samples.trace_visibility(&self.scene, &self.tracer);
         }
         samples
     }
@@ -92,7 +92,7 @@ impl Work {
         let cells = CellTree::new(&surface, &self.sample_set(200), &TreeOptions { leaves: 16, seed: 1 });
         let mut tree = PinholeTree::new(&self.scene, cells);
         if has_visibility {
-            tree.roots_mut().look_around(&self.scene, &self.tracer);
+            tree.sample_nodes_mut().trace_visibility(&self.scene, &self.tracer);
         }
         tree
     }
@@ -126,7 +126,7 @@ fn hierarchical_sums_rotate_the_environment() {
             let gather = |cube: &CubeMap, params: &Params| {
                 let bounds = LightBounds::new(cube);
                 let light = Light { cube, bounds: &bounds };
-                let error = 0.002 * typical_irradiance(&work.receivers, &tree, light, params);
+                let error = 0.002 * estimate_irradiance(&work.receivers, &tree, light, params);
                 let accuracy = Accuracy { error, split_near: true };
                 gather_hierarchical(&work.receivers, &tree, light, params, accuracy, &|_| ())
             };
@@ -151,7 +151,7 @@ fn contributions_and_estimates_rotate_the_environment() {
 
         let typical = |cube, params| {
             let bounds = LightBounds::new(cube);
-            typical_irradiance(&work.receivers, &tree, Light { cube, bounds: &bounds }, params)
+            estimate_irradiance(&work.receivers, &tree, Light { cube, bounds: &bounds }, params)
         };
         let (at_look_up, baked) = (typical(&cubes.still, &rotated), typical(&cubes.rotated, &still));
         assert!((at_look_up / baked - 1.0).abs() < cubes.tolerance() as f32, "{at_look_up} {baked}");

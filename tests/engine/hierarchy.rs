@@ -6,8 +6,8 @@ use pinspot::image::rel_l2 as image_rel_l2;
 use pinspot::low_level::brdf::{Gloss, Materials};
 use pinspot::low_level::cell_tree::{CellTree, TreeOptions};
 use pinspot::low_level::environment::{Environment, LightBounds};
-use pinspot::low_level::pinhole::cpu::{Accuracy, Light, StillGather, gather_hierarchical, typical_irradiance};
-use pinspot::low_level::pinhole::{Arrangement, Params, PinholeTree, Receivers, Viewers};
+use pinspot::low_level::pinhole::cpu::{Accuracy, CachedGather, Light, estimate_irradiance, gather_hierarchical};
+use pinspot::low_level::pinhole::{Params, PinholeTree, ReceiverLayout, Receivers, ViewDirections};
 use pinspot::low_level::sampling::{self, Strategy, Surface, sample};
 use pinspot::low_level::tracing::Tracer;
 use pinspot::low_level::visible_receivers;
@@ -49,7 +49,7 @@ impl Work {
 
     fn hierarchical(&self, tree: &PinholeTree, receivers: &Receivers, tolerance: f32) -> Vec<[f32; 4]> {
         let (light, params) = (Light { cube: &self.environment.cube, bounds: &self.bounds }, Params::default());
-        let error = tolerance * typical_irradiance(&self.receivers, tree, light, &params);
+        let error = tolerance * estimate_irradiance(&self.receivers, tree, light, &params);
         gather_hierarchical(receivers, tree, light, &params, Accuracy { error, split_near: false }, &|_| ())
     }
 
@@ -96,8 +96,8 @@ fn shadows_are_those_of_the_roots() {
     for name in ["ring-natural", "columns", "cup", "spoon", "disco-ball"] {
         let work = Work::new(name, 96, None);
         let mut tree = work.tree(1000, 1);
-        tree.roots_mut().look_around(&work.scene, &work.tracer);
-        let flat = work.flat(tree.roots(), &work.receivers);
+        tree.sample_nodes_mut().trace_visibility(&work.scene, &work.tracer);
+        let flat = work.flat(tree.sample_nodes(), &work.receivers);
         let fast = work.hierarchical(&tree, &work.receivers, 0.01);
         let (error, kept) = (rel_l2(&fast, &flat), energy(&fast) / energy(&flat));
         println!("{name}: {error:.4}, energy {kept:.4}");
@@ -123,7 +123,7 @@ fn receivers_may_come_as_a_list() {
     let work = Work::new("cup", 64, None);
     let tree = work.tree(300, 16);
     let picture = work.hierarchical(&tree, &work.receivers, 1e-3);
-    let list = Receivers { arrangement: Arrangement::List, ..work.receivers.clone() };
+    let list = Receivers { layout: ReceiverLayout::Unordered, ..work.receivers.clone() };
     assert!(rel_l2(&work.hierarchical(&tree, &list, 1e-3), &picture) < 2e-3);
 }
 
@@ -152,7 +152,8 @@ fn glossy_receivers_get_what_the_leaves_bring() {
         let materials = Arc::new(Materials::new(work.scene.objects.iter().map(material)));
         let view = glam::Vec3::new(0.3, 0.8, 0.5).normalize().extend(0.0).to_array();
         let directions = vec![view; work.receivers.positions.len()];
-        let receivers = Receivers { viewers: Some(Viewers { directions, materials }), ..work.receivers.clone() };
+        let receivers =
+            Receivers { view_directions: Some(ViewDirections { directions, materials }), ..work.receivers.clone() };
         let flat = work.flat(&tree.leaves(), &receivers);
         let fast = work.hierarchical(&tree, &receivers, 0.01);
         let (error, kept) = (rel_l2(&fast, &flat), energy(&fast) / energy(&flat));
@@ -219,7 +220,7 @@ fn what_did_not_move_is_taken_from_the_image_before() {
     let tree = work.tree(200, 16);
     let light = Light { cube: &work.environment.cube, bounds: &work.bounds };
     let (params, accuracy) = (Params::default(), Accuracy { error: 1e-3, split_near: true });
-    let mut still = StillGather::new(&tree, light, &params, accuracy);
+    let mut still = CachedGather::new(&tree, light, &params, accuracy);
     for (frame, expected) in [(0, 0), (0, 192 * 192), (1, 192 * 192 - 64 * 64), (2, 192 * 192 - 64 * 64)] {
         let mut receivers = work.receivers.clone();
         for k in (0..192 * 192).filter(|k| frame > 0 && k % 192 < 64 && k / 192 < 20 * frame) {

@@ -8,12 +8,12 @@ use pinspot::low_level::brdf::Materials;
 use pinspot::low_level::cell_tree::{CellTree, TreeOptions};
 use pinspot::low_level::environment::{CubeMap, Environment, LightBounds};
 use pinspot::low_level::gpu::Gpu;
-use pinspot::low_level::pinhole::cpu::{Accuracy, Light, gather_hierarchical, typical_irradiance};
+use pinspot::low_level::pinhole::cpu::{Accuracy, Light, estimate_irradiance, gather_hierarchical};
 use pinspot::low_level::pinhole::gpu::{
     CellTreeBuffers, EnvironmentCube, FrameViewers, HierarchicalEngine, HierarchicalInputs, HierarchicalOptions,
     LightBoundsBuilder, Tolerance,
 };
-use pinspot::low_level::pinhole::{Arrangement, Params, PinholeTree, Receivers, Viewers};
+use pinspot::low_level::pinhole::{Params, PinholeTree, ReceiverLayout, Receivers, ViewDirections};
 use pinspot::low_level::sampling::{self, Strategy, Surface, sample};
 use pinspot::low_level::tracing::Tracer;
 use pinspot::low_level::visible_receivers;
@@ -95,7 +95,7 @@ impl Work {
         let set = sample(&surface, &sampling::Options { samples, strategy: Strategy::Neighbourhood, seed: 1 }).unwrap();
         let mut tree = PinholeTree::new(&scene, CellTree::new(&surface, &set, &TreeOptions { leaves, seed: 1 }));
         if visibility == Visibility::Full {
-            tree.roots_mut().look_around(&scene, &tracer);
+            tree.sample_nodes_mut().trace_visibility(&scene, &tracer);
         }
         let bounds = LightBounds::new(&cube);
         Self { scene, receivers, cube, bounds, tree }
@@ -106,7 +106,7 @@ impl Work {
     }
 
     fn typical(&self) -> f32 {
-        typical_irradiance(&self.receivers, &self.tree, self.light(), &Params::default())
+        estimate_irradiance(&self.receivers, &self.tree, self.light(), &Params::default())
     }
 
     fn how(&self, tolerance: f32) -> How {
@@ -129,9 +129,9 @@ impl Work {
         let environment = EnvironmentCube::upload(device, &gpu.queue, &self.cube).unwrap();
         let builder = LightBoundsBuilder::new(device, &environment).unwrap();
         let params = how.params();
-        let visibility = self.tree.roots().visibility.is_some();
+        let visibility = self.tree.sample_nodes().visibility.is_some();
         let engine = HierarchicalEngine::new(device, &HierarchicalOptions { filter: params.filter, visibility });
-        let viewers = self.receivers.viewers.as_ref();
+        let viewers = self.receivers.view_directions.as_ref();
         let directions = viewers.map(|viewers| gpu.upload_texture(size, &viewers.directions));
         let viewers = directions.as_ref().zip(viewers);
         let inputs = HierarchicalInputs {
@@ -139,7 +139,7 @@ impl Work {
             normals: &gpu.upload_texture(size, &self.receivers.normals),
             viewers: viewers.map(|(directions, v)| FrameViewers { directions, materials: &v.materials }),
             size,
-            is_grid: self.receivers.arrangement == Arrangement::Picture,
+            is_grid: self.receivers.layout == ReceiverLayout::Grid,
             tree: &CellTreeBuffers::upload(device, &self.tree).unwrap(),
             environment: &environment,
             bounds: builder.bounds(),
@@ -232,8 +232,8 @@ fn lists_of_glossy_receivers_are_gathered() {
     let directions = vec![view; work.receivers.positions.len()];
     let materials: Arc<Materials> = Arc::new(work.scene.materials());
     let list = Receivers {
-        arrangement: Arrangement::List,
-        viewers: Some(Viewers { directions, materials }),
+        layout: ReceiverLayout::Unordered,
+        view_directions: Some(ViewDirections { directions, materials }),
         ..work.receivers.clone()
     };
     let (tiled, places) = list.in_tiles();

@@ -8,7 +8,7 @@ use pinspot::NoProgress;
 use pinspot::image::{Aov, Image, rel_l2};
 use pinspot::low_level::brdf::{BrdfTable, Gloss, Materials};
 use pinspot::low_level::environment::{CubeMap, Environment};
-use pinspot::low_level::pinhole::{Footprint, Params, Receivers, Viewers};
+use pinspot::low_level::pinhole::{Footprint, Params, Receivers, ViewDirections};
 use pinspot::low_level::sampling::Strategy;
 use pinspot::low_level::tracing::Tracer;
 use pinspot::reference::{self, Quantity, Reference, StoppingCriterion};
@@ -90,7 +90,7 @@ fn both_back_ends_reflect_as_the_formulas_say() {
         let materials = Arc::new(Materials::new(objects(gloss).into_iter()));
         let mut receivers = Receivers::from_points(&[(Vec3::ZERO, Vec3::Y, 1); 3], 3);
         let directions = views.map(|v| v.as_vec3().extend(0.0).to_array()).to_vec();
-        receivers.viewers = Some(Viewers { directions, materials });
+        receivers.view_directions = Some(ViewDirections { directions, materials });
         for (name, gather) in BACK_ENDS {
             let got = gather(&receivers, &pinholes, &cube, &Params::default());
             for (got, view) in got.iter().zip(views) {
@@ -124,7 +124,7 @@ fn glossy_receivers_are_right() {
         let expected = Reference::new(scene.clone(), options).unwrap();
         let expected = expected.solve(&goal, None, &NoProgress, &mut |_| Ok(())).unwrap().irradiance;
         let mut pinholes = pinholes_of(&scene, 2000, Strategy::Neighbourhood, Footprint::Cells, 1);
-        pinholes.look_around(&scene, &Tracer::new(&scene));
+        pinholes.trace_visibility(&scene, &Tracer::new(&scene));
         let environment = Environment::new(&scene.environment.light, Default::default()).unwrap();
         let size = glam::Vec2::splat(EDGE as f32);
         let rays = (0..EDGE * EDGE).map(|k| {
@@ -138,7 +138,7 @@ fn glossy_receivers_are_right() {
             })
             .unzip();
         let mut receivers = Receivers::from_points(&points, EDGE);
-        receivers.viewers = Some(Viewers { directions, materials: Arc::new(scene.materials()) });
+        receivers.view_directions = Some(ViewDirections { directions, materials: Arc::new(scene.materials()) });
         let errors = BACK_ENDS.map(|(_, gather)| {
             let got = gather(&receivers, &pinholes, &environment.cube, &Params::default());
             let pixels = got.iter().map(|g| Vec3::new(g[0], g[1], g[2])).collect();

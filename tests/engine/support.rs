@@ -45,7 +45,7 @@ pub fn pinholes_of(scene: &Scene, samples: u32, strategy: Strategy, footprint: F
 
 /// Irradiance by the CPU twin.
 pub fn on_cpu(receivers: &Receivers, pinholes: &Pinholes, cube: &CubeMap, params: &Params) -> Vec<[f32; 4]> {
-    cpu::gather(receivers, pinholes, cube, params, &|_| ())
+    cpu::gather(receivers, pinholes, cube, params, &|_| ()).unwrap()
 }
 
 /// Irradiance by the GPU, all batches in one submission.
@@ -76,8 +76,8 @@ pub fn on_gpu_with(
     let environment = EnvironmentCube::from_view(uploaded.view().clone(), uploaded.size(), uploaded.radiance_scale());
     let positions = gpu.upload_texture(size, &receivers.positions);
     let normals = gpu.upload_texture(size, &receivers.normals);
-    let views = receivers.viewers.as_ref().map(|viewers| gpu.upload_texture(size, &viewers.directions));
-    let viewers = views.as_ref().zip(receivers.viewers.as_ref());
+    let views = receivers.view_directions.as_ref().map(|viewers| gpu.upload_texture(size, &viewers.directions));
+    let viewers = views.as_ref().zip(receivers.view_directions.as_ref());
     let viewers = viewers.map(|(directions, v)| FrameViewers { directions, materials: &v.materials });
     let engine = Engine::new(&gpu.device, options);
     let inputs = FrameInputs {

@@ -22,7 +22,7 @@ fn screen(x: f32) -> String {
 
 fn seen(scene: &Scene, samples: u32) -> Pinholes {
     let mut pinholes = pinholes_of(scene, samples, Strategy::Neighbourhood, Footprint::Cells, 1);
-    pinholes.look_around(scene, &Tracer::new(scene));
+    pinholes.trace_visibility(scene, &Tracer::new(scene));
     pinholes
 }
 
@@ -94,7 +94,7 @@ fn receivers_do_not_shadow_themselves() {
     let scene = scene(&format!("{mirror}{ball}"));
     let mut pinholes = seen(&scene, 1500);
     // Only the leg to the receiver is in question.
-    pinholes.visibility.as_mut().unwrap().open.fill(u32::MAX);
+    pinholes.visibility.as_mut().unwrap().sky_mask.fill(u32::MAX);
     let mut points = Vec::new();
     let mesh = scene.objects[1].mesh_in_world();
     for t in (0..mesh.triangles().len()).step_by(7) {

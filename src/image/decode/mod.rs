@@ -134,7 +134,7 @@ impl RgbImage {
 }
 
 fn one_line(text: &str) -> String {
-    text.split_whitespace().collect::<Vec<_>>().join(" ")
+    crate::words::escaped(&text.split_whitespace().collect::<Vec<_>>().join(" "))
 }
 
 /// The number of pixels, if a file of `length` bytes can hold that many.

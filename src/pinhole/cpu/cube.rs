@@ -21,7 +21,7 @@ fn texel_width<S: Simd>(direction: V3<S>, texel_rad: f32) -> F<S> {
 /// The level whose texels are `width` wide.
 #[inline(always)]
 pub(super) fn level_of<S: Simd>(width: F<S>, texel: F<S>) -> F<S> {
-    // What has no width is a normal number still.
+    // Clamped: the logarithm needs a normal number.
     log2((width / texel).max(1e-30)).max(0.0)
 }
 
@@ -38,7 +38,7 @@ pub struct CubeLookup<'a> {
     rotation: Rotation,
 }
 
-/// The environment's rotation about +Y.
+/// Cosine and sine of the environment's rotation about +Y.
 #[derive(Clone, Copy, Debug)]
 struct Rotation {
     cos: f32,
@@ -54,7 +54,7 @@ struct Level {
     half_size: f32,
 }
 
-/// Where directions meet the cube: the face, and the place on it from 0 to 2.
+/// Where directions intersect the cube: the face, and the place on it from 0 to 2.
 pub(super) struct OnCube<S: Simd> {
     pub face: F<S>,
     pub s: F<S>,
@@ -105,17 +105,17 @@ impl<'a> CubeLookup<'a> {
         Self { rotation, ..Self::new(cube) }
     }
 
-    /// A direction in the world as the cube has it. Without rotation it keeps its bits.
+    /// A world direction in the space of the cube. Without rotation it keeps its bits.
     #[inline(always)]
-    pub(super) fn direction_in_cube<S: Simd>(&self, V3([x, y, z]): V3<S>) -> V3<S> {
+    pub(super) fn light_from_world<S: Simd>(&self, V3([x, y, z]): V3<S>) -> V3<S> {
         let Rotation { cos, sin } = self.rotation;
         V3([x.mul_add(cos, z * -sin), y, z.mul_add(cos, x * sin)])
     }
 
-    /// Width of a finest texel around a unit direction in the world, radians.
+    /// Width of a texel of level 0 around a unit direction in the world, radians.
     #[inline(always)]
     pub(super) fn texel_width<S: Simd>(&self, direction: V3<S>) -> F<S> {
-        texel_width(self.direction_in_cube(direction), self.texel_rad())
+        texel_width(self.light_from_world(direction), self.texel_rad())
     }
 
     /// Width of a texel of level 0 at a face's centre, radians.
@@ -123,8 +123,8 @@ impl<'a> CubeLookup<'a> {
         1.0 / self.levels[0].half_size
     }
 
-    /// Adds the radiance from sixteen directions (of any length) at sixteen levels, time and again, to `sums`; the fourth
-    /// component counts. `next` says where to look, until it has nothing more.
+    /// Adds the radiance from sixteen directions (of any length) at sixteen levels to `sums`, for as long as `next` yields
+    /// them; the fourth component counts.
     pub fn fetch16(&self, mut next: impl FnMut() -> Option<(Lanes16, [f32; LANES])>, sums: &mut [Vec4; LANES]) {
         dispatch!(level(), simd => self.fetch_all(simd, &mut next, sums));
     }
@@ -142,7 +142,7 @@ impl<'a> CubeLookup<'a> {
         }
     }
 
-    /// Calls `take` with each lane whose bit is set in `active`, and the radiance from its direction at its level, w = 1.
+    /// Calls `take` with each lane whose bit is set in `active`, and the radiance from its world direction at its level, w = 1.
     #[inline(always)]
     pub(super) fn fetch<S: Simd>(
         &self,
@@ -152,7 +152,7 @@ impl<'a> CubeLookup<'a> {
         active: u32,
         mut take: impl FnMut(usize, Vec4),
     ) {
-        let OnCube { face, s, t } = on_cube(simd, self.direction_in_cube(direction));
+        let OnCube { face, s, t } = on_cube(simd, self.light_from_world(direction));
         let level = level.min(self.last);
         let blended = bits(level.simd_gt(level.floor()));
         let (s, t) = (s.to_array(), t.to_array());
@@ -192,7 +192,7 @@ mod tests {
     use glam::Vec3;
 
     #[test]
-    fn sixteen_look_ups_are_sixteen_single_ones() {
+    fn sixteen_fetches_equal_single_ones() {
         let cube = CubeMap::from_radiance(32, None, |d| Vec3::new(1.0 + d.x, (5.0 * d.y).sin(), d.z * d.x));
         let lookup = CubeLookup::new(&cube);
         let x = [0.3, -0.9, 0.1, 0.2, 0.5, 0.5, -0.7, 1.0, 0.0, 1.0, -1.0, 0.2, 0.3, 0.4, -0.6, 0.1];

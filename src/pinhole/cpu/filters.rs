@@ -1,11 +1,11 @@
-//! Mean radiance over a footprint; twin of `shaders/shared/filters.wgsl`.
+//! Mean radiance over a footprint; twin of `shaders/shared/filters.wgsl`. Footprints are in world space.
 
 use glam::{Vec3, Vec4};
 
 use super::cube::{CubeLookup, level_of};
 use super::footprint::{FootprintAxes, footprint_axes};
 use super::lanes::{ALL, F, LANES, Select, Simd, SimdBase, SimdFloat, V3, bits, dispatch, lanes, level, splat};
-use super::visibility::{Sight, Unhindered};
+use super::visibility::{Occlusion, Unoccluded};
 use crate::environment::CubeMap;
 use crate::pinhole::constants::{
     EWA_MAX_COLUMNS, EWA_RADIUS, EWA_TEXEL, FILTER_ANISOTROPIC, FILTER_EWA, FILTER_ISOTROPIC, FILTER_NONE,
@@ -14,38 +14,38 @@ use crate::pinhole::constants::{
 use crate::pinhole::{Filter, Probe};
 
 /// A footprint: the unit direction of its centre, and its sides.
-pub(super) struct Sides<S: Simd> {
+pub(super) struct FootprintSides<S: Simd> {
     pub r: V3<S>,
     pub v1: V3<S>,
     pub v2: V3<S>,
 }
 
-/// Mean radiance over a footprint of what is seen; w = fetches.
+/// Mean unoccluded radiance over a footprint; w = fetches.
 #[inline(always)]
 pub(super) fn mean_over_footprint<S: Simd, const FILTER: u32>(
     simd: S,
     environment: &CubeLookup,
-    sides: &Sides<S>,
-    sight: &impl Sight,
-    most_taps: F<S>,
+    sides: &FootprintSides<S>,
+    occlusion: &impl Occlusion,
+    max_taps: F<S>,
     lit: u32,
 ) -> [Vec4; LANES] {
     let r = sides.r;
     if FILTER == FILTER_NONE {
-        return single_look_up(simd, environment, r, sight, lit);
+        return single_fetch(simd, environment, r, occlusion, lit);
     }
     let axes = footprint_axes(sides.v1, sides.v2);
     let texel = environment.texel_width(r);
     if FILTER == FILTER_ISOTROPIC {
         let mut sum = [Vec4::ZERO; LANES];
-        let open = open_part_of_footprint(simd, sight, sides, lit);
-        add_part(simd, environment, r, level_of(axes.major, texel), &open, lit, &mut sum);
+        let fraction = sky_fraction_of_footprint(simd, occlusion, sides, lit);
+        add_weighted(simd, environment, r, level_of(axes.major, texel), &fraction, lit, &mut sum);
         return sum;
     }
     if FILTER == FILTER_EWA {
-        return mean_over_ellipse(simd, environment, r, &axes, texel, sight, lit);
+        return mean_over_ellipse(simd, environment, r, &axes, texel, occlusion, lit);
     }
-    let taps = (axes.major / (axes.minor * TAP_SHARPNESS).max(texel)).ceil().max(1.0).min(most_taps);
+    let taps = (axes.major / (axes.minor * TAP_SHARPNESS).max(texel)).ceil().max(1.0).min(max_taps);
     let level = level_of(axes.minor.max(axes.major / taps) * TAP_SHARPNESS, texel);
     let mut sum = [Vec4::ZERO; LANES];
     let mut k = 0.5;
@@ -55,40 +55,40 @@ pub(super) fn mean_over_footprint<S: Simd, const FILTER: u32>(
             return divided(sum, taps);
         }
         let direction = r.plus(axes.direction, k / taps - 0.5);
-        add_seen(simd, environment, sight, direction, level, active, &mut sum);
+        add_unoccluded(simd, environment, occlusion, direction, level, active, &mut sum);
         k += 1.0;
     }
 }
 
-/// Radiance from one direction each, in the finest level; w = fetches.
+/// Radiance from a single direction, in the finest level; w = fetches.
 #[inline(always)]
-pub(super) fn single_look_up<S: Simd>(
+pub(super) fn single_fetch<S: Simd>(
     simd: S,
     environment: &CubeLookup,
     r: V3<S>,
-    sight: &impl Sight,
+    occlusion: &impl Occlusion,
     lit: u32,
 ) -> [Vec4; LANES] {
     let mut sum = [Vec4::ZERO; LANES];
-    add_seen(simd, environment, sight, r, splat(simd, 0.0), lit, &mut sum);
+    add_unoccluded(simd, environment, occlusion, r, splat(simd, 0.0), lit, &mut sum);
     sum
 }
 
-/// Mean radiance over a footprint within which the light changes little: one look-up in the level that is nearest to this part of
+/// Mean radiance over a footprint within which the light changes little: one look-up in the level nearest to this fraction of
 /// its width.
 #[inline(always)]
-pub(super) fn even_light<S: Simd>(
+pub(super) fn smooth_light<S: Simd>(
     simd: S,
     environment: &CubeLookup,
-    sides: &Sides<S>,
-    part: f32,
-    sight: &impl Sight,
+    sides: &FootprintSides<S>,
+    width_scale: f32,
+    occlusion: &impl Occlusion,
     lit: u32,
 ) -> [Vec4; LANES] {
-    let width = ((sides.v1.dot(sides.v1) + sides.v2.dot(sides.v2)) * 0.5).sqrt() * part;
+    let width = ((sides.v1.dot(sides.v1) + sides.v2.dot(sides.v2)) * 0.5).sqrt() * width_scale;
     let level = (level_of(width, environment.texel_width(sides.r)) + 0.5).floor();
     let mut sum = [Vec4::ZERO; LANES];
-    add_seen(simd, environment, sight, sides.r, level, lit, &mut sum);
+    add_unoccluded(simd, environment, occlusion, sides.r, level, lit, &mut sum);
     sum
 }
 
@@ -100,7 +100,7 @@ fn mean_over_ellipse<S: Simd>(
     r: V3<S>,
     axes: &FootprintAxes<S>,
     texel: F<S>,
-    sight: &impl Sight,
+    occlusion: &impl Occlusion,
     lit: u32,
 ) -> [Vec4; LANES] {
     let diameter = 2.0 * EWA_RADIUS;
@@ -128,8 +128,8 @@ fn mean_over_ellipse<S: Simd>(
             let weight = inside.select((1.0 - x * x - y * y).max(0.0), splat(simd, 0.0));
             let active = in_columns & bits(weight.simd_gt(0.0));
             let direction = r + (axes.direction * x + across * y) * splat(simd, EWA_RADIUS);
-            let open = lanes(simd, sight.open_part(simd, direction, active));
-            add_part(simd, environment, direction, level, &(weight * open).to_array(), active, &mut sum);
+            let fraction = lanes(simd, occlusion.sky_fraction(simd, direction, active));
+            add_weighted(simd, environment, direction, level, &(weight * fraction).to_array(), active, &mut sum);
             weights += weight;
             i += 1.0;
         }
@@ -138,80 +138,117 @@ fn mean_over_ellipse<S: Simd>(
     divided(sum, weights.max(1e-20))
 }
 
-/// Adds what is seen of the radiance from a direction, and the fetch to w; where nothing is seen nothing is read.
+/// Adds the unoccluded radiance from a direction, and 1 to w; where all is occluded nothing is read.
 #[inline(always)]
-fn add_seen<S: Simd, Seen: Sight>(
+fn add_unoccluded<S: Simd, O: Occlusion>(
     simd: S,
     environment: &CubeLookup,
-    sight: &Seen,
+    occlusion: &O,
     direction: V3<S>,
     level: F<S>,
     active: u32,
     sums: &mut [Vec4; LANES],
 ) {
-    if Seen::UNHINDERED {
+    if O::IS_UNOCCLUDED {
         environment.fetch(simd, direction, level, active, |lane, radiance| sums[lane] += radiance);
     } else {
-        let open = sight.open_part(simd, direction, active);
-        add_part(simd, environment, direction, level, &open, active, sums);
+        let fractions = occlusion.sky_fraction(simd, direction, active);
+        add_weighted(simd, environment, direction, level, &fractions, active, sums);
     }
 }
 
-/// Adds so much of the radiance from a direction, and the fetch to w.
+/// Adds weighted radiance from a direction, and 1 to w.
 #[inline(always)]
-fn add_part<S: Simd>(
+fn add_weighted<S: Simd>(
     simd: S,
     environment: &CubeLookup,
     direction: V3<S>,
     level: F<S>,
-    part: &[f32; LANES],
+    weights: &[f32; LANES],
     active: u32,
     sums: &mut [Vec4; LANES],
 ) {
-    let active = active & bits(lanes(simd, *part).simd_gt(0.0));
+    let active = active & bits(lanes(simd, *weights).simd_gt(0.0));
     environment.fetch(simd, direction, level, active, |lane, radiance| {
-        sums[lane] += radiance * Vec3::splat(part[lane]).extend(1.0);
+        sums[lane] += radiance * Vec3::splat(weights[lane]).extend(1.0);
     });
 }
 
-/// Radiance divided; w as it is.
+/// Divides the radiance, but not w.
 #[inline(always)]
 fn divided<S: Simd>(sums: [Vec4; LANES], by: F<S>) -> [Vec4; LANES] {
     let scale = (1.0 / by).to_array();
     std::array::from_fn(|lane| sums[lane] * Vec3::splat(scale[lane]).extend(1.0))
 }
 
-/// The part of the environment that is seen within a footprint, from four places in it.
+/// Sky fraction of a footprint, from four directions in it.
 #[inline(always)]
-fn open_part_of_footprint<S: Simd>(simd: S, sight: &impl Sight, sides: &Sides<S>, lit: u32) -> [f32; LANES] {
+fn sky_fraction_of_footprint<S: Simd>(
+    simd: S,
+    occlusion: &impl Occlusion,
+    sides: &FootprintSides<S>,
+    lit: u32,
+) -> [f32; LANES] {
     let quarter = splat(simd, 0.25);
     let (a, b) = ((sides.v1 + sides.v2) * quarter, (sides.v1 - sides.v2) * quarter);
     let mut sum = splat(simd, 0.0);
     for direction in [sides.r + a, sides.r - a, sides.r + b, sides.r - b] {
-        sum += lanes(simd, sight.open_part(simd, direction, lit));
+        sum += lanes(simd, occlusion.sky_fraction(simd, direction, lit));
     }
     (sum * 0.25).to_array()
 }
 
-/// Means over given footprints: rgb, and the number of fetches. [`Filter::Hardware`] is not accepted here.
-pub fn probe(environment: &CubeMap, filter: Filter, most_taps: u32, probes: &[Probe]) -> Vec<[f32; 4]> {
-    let (lookup, taps) = (CubeLookup::new(environment), most_taps as f32);
+/// The filters that exist on the CPU.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum CpuFilter {
+    None,
+    Isotropic,
+    Anisotropic,
+    Ewa,
+}
+
+/// [`Filter::Hardware`] was asked of the CPU.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("the hardware filter exists on GPUs only")]
+pub struct HardwareFilterError;
+
+impl TryFrom<Filter> for CpuFilter {
+    type Error = HardwareFilterError;
+    fn try_from(filter: Filter) -> Result<Self, Self::Error> {
+        match filter {
+            Filter::None => Ok(Self::None),
+            Filter::Isotropic => Ok(Self::Isotropic),
+            Filter::Anisotropic => Ok(Self::Anisotropic),
+            Filter::Ewa => Ok(Self::Ewa),
+            Filter::Hardware => Err(HardwareFilterError),
+        }
+    }
+}
+
+/// Means over given footprints: rgb, and the number of fetches.
+pub fn probe(
+    environment: &CubeMap,
+    filter: Filter,
+    max_taps: u32,
+    probes: &[Probe],
+) -> Result<Vec<[f32; 4]>, HardwareFilterError> {
+    let filter = CpuFilter::try_from(filter)?;
+    let (lookup, taps) = (CubeLookup::new(environment), max_taps.max(1) as f32);
     let mean = |group: &[Probe]| match filter {
-        Filter::None => dispatch!(level(), simd => mean_of_group::<_, FILTER_NONE>(simd, &lookup, group, taps)),
-        Filter::Isotropic => {
+        CpuFilter::None => dispatch!(level(), simd => mean_of_group::<_, FILTER_NONE>(simd, &lookup, group, taps)),
+        CpuFilter::Isotropic => {
             dispatch!(level(), simd => mean_of_group::<_, FILTER_ISOTROPIC>(simd, &lookup, group, taps))
         }
-        Filter::Anisotropic => {
+        CpuFilter::Anisotropic => {
             dispatch!(level(), simd => mean_of_group::<_, FILTER_ANISOTROPIC>(simd, &lookup, group, taps))
         }
-        Filter::Ewa => dispatch!(level(), simd => mean_of_group::<_, FILTER_EWA>(simd, &lookup, group, taps)),
-        Filter::Hardware => panic!("the hardware filter needs a GPU"),
+        CpuFilter::Ewa => dispatch!(level(), simd => mean_of_group::<_, FILTER_EWA>(simd, &lookup, group, taps)),
     };
     let mut means = Vec::with_capacity(probes.len());
     for group in probes.chunks(LANES) {
         means.extend(mean(group)[..group.len()].iter().map(Vec4::to_array));
     }
-    means
+    Ok(means)
 }
 
 #[inline(always)]
@@ -219,11 +256,11 @@ fn mean_of_group<S: Simd, const FILTER: u32>(
     simd: S,
     lookup: &CubeLookup,
     group: &[Probe],
-    most_taps: f32,
+    max_taps: f32,
 ) -> [Vec4; LANES] {
     let probe = |lane: usize| &group[lane.min(group.len() - 1)];
     let values = |of: fn(&Probe) -> Vec3| [0, 1, 2].map(|axis| std::array::from_fn(|lane| of(probe(lane))[axis]));
     let [r, v1, v2] = [values(|p| p.direction), values(|p| p.sides[0]), values(|p| p.sides[1])];
-    let sides = Sides { r: V3::load(simd, &r), v1: V3::load(simd, &v1), v2: V3::load(simd, &v2) };
-    mean_over_footprint::<S, FILTER>(simd, lookup, &sides, &Unhindered, splat(simd, most_taps), ALL)
+    let sides = FootprintSides { r: V3::load(simd, &r), v1: V3::load(simd, &v1), v2: V3::load(simd, &v2) };
+    mean_over_footprint::<S, FILTER>(simd, lookup, &sides, &Unoccluded, splat(simd, max_taps), ALL)
 }

@@ -8,7 +8,7 @@ pub(super) struct FootprintAxes<S: Simd> {
     pub direction: V3<S>,
 }
 
-/// How the unit reflected direction r changes along a side of the region: the derivative of (d − 2(d·n)n)/|d| for
+/// Change of the unit reflected direction r along a side of the cell: the derivative of (d − 2(d·n)n)/|d| for
 /// dd = side, dn = change, where the side is tangent (side·n = 0).
 #[inline(always)]
 pub(super) fn reflected_side<S: Simd>(
@@ -24,8 +24,8 @@ pub(super) fn reflected_side<S: Simd>(
     v.plus(r, -r.dot(v)) * inverse_l
 }
 
-/// A footprint blurred by a lobe: a parallelogram with the second moments of both together. The lobe around r is `lobe` wide in
-/// the plane of incidence and, as normals turn the light less there, narrower by the cosine across it.
+/// A footprint convolved with a lobe: a parallelogram with the sum of their second moments. The lobe around r is `lobe` wide
+/// in the plane of incidence and narrower by the cosine across it, as there a turn of the normal turns the light less.
 #[inline(always)]
 pub(super) fn blurred<S: Simd>(
     simd: S,
@@ -37,7 +37,7 @@ pub(super) fn blurred<S: Simd>(
     lobe: f32,
 ) -> (V3<S>, V3<S>) {
     let in_plane = n - r * n.dot(r);
-    // Perpendicular incidence knows no plane: any will do.
+    // Perpendicular incidence has no plane of incidence: any will do.
     let V3([x, y, z]) = r;
     let zero = splat(simd, 0.0);
     let steep = y.abs().simd_gt(0.7);
@@ -58,7 +58,7 @@ pub(super) fn blurred<S: Simd>(
 }
 
 /// Principal axes of the parallelogram with sides v1, v2: side lengths of the rectangle with the same second moments, and
-/// the longer side itself.
+/// its longer side as a vector.
 #[inline(always)]
 pub(super) fn footprint_axes<S: Simd>(v1: V3<S>, v2: V3<S>) -> FootprintAxes<S> {
     let (g11, g12, g22) = (v1.dot(v1), v1.dot(v2), v2.dot(v2));
@@ -71,7 +71,7 @@ pub(super) fn footprint_axes<S: Simd>(v1: V3<S>, v2: V3<S>) -> FootprintAxes<S> 
     let second_larger = half_difference.simd_lt(0.0);
     let x = second_larger.select(g12, half_difference + radius);
     let y = second_larger.select(radius - half_difference, g12);
-    // Of a square every direction is an axis.
+    // Every direction is an axis of a square.
     let square = radius.simd_le(mean * 1e-6);
     let (x, y) = (square.select(mean, x), square.select(g12, y));
     let scale = 1.0 / (x * x + y * y).max(1e-30).sqrt();

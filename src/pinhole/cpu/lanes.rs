@@ -1,7 +1,7 @@
-//! Sixteen floats at a time, and vectors of them: one instruction with AVX-512, two with AVX2, four with SSE or NEON; which of
-//! them is decided when the program runs.
+//! Sixteen floats at a time, and vectors of them: one instruction with AVX-512, two with AVX2, four with SSE or NEON, chosen
+//! at run time.
 //!
-//! All that takes a `Simd` is inlined into the function that was dispatched, or it would not get the instructions.
+//! Everything that takes a `Simd` must be inlined into the dispatched function, or it is compiled without the instructions.
 
 use std::ops::{Add, AddAssign, Mul, Sub};
 use std::sync::OnceLock;
@@ -17,14 +17,14 @@ pub(super) const ALL: u32 = (1 << LANES) - 1;
 
 /// Sixteen lanes.
 pub(super) type F<S> = f32x16<S>;
-/// Yes or no in each lane.
+/// A Boolean in each lane.
 pub(super) type Mask<S> = mask32x16<S>;
 
 /// Sixteen vectors, component by component.
 #[derive(Clone, Copy)]
 pub(super) struct V3<S: Simd>(pub [F<S>; 3]);
 
-/// What this machine's processor can do.
+/// The instruction set of this processor.
 pub(super) fn level() -> Level {
     static LEVEL: OnceLock<Level> = OnceLock::new();
     *LEVEL.get_or_init(Level::new)
@@ -36,13 +36,8 @@ pub(super) fn splat<S: Simd>(simd: S, value: f32) -> F<S> {
 }
 
 #[inline(always)]
-pub(super) fn splat3<S: Simd>(simd: S, [x, y, z, _]: [f32; 4]) -> V3<S> {
-    V3([splat(simd, x), splat(simd, y), splat(simd, z)])
-}
-
-#[inline(always)]
-pub(super) fn vector<S: Simd>(simd: S, v: Vec3) -> V3<S> {
-    splat3(simd, v.extend(0.0).to_array())
+pub(super) fn splat3<S: Simd>(simd: S, v: Vec3) -> V3<S> {
+    V3([splat(simd, v.x), splat(simd, v.y), splat(simd, v.z)])
 }
 
 #[inline(always)]
@@ -60,7 +55,7 @@ pub(super) fn clamp<S: Simd>(x: F<S>, low: f32, high: impl fearless_simd::SimdIn
     x.max(low).min(high)
 }
 
-/// The lanes whose bits are set. A branch for each of all lanes would often be mispredicted.
+/// The lanes whose bits are set. Branching in every lane instead would often be mispredicted.
 #[inline(always)]
 pub(super) fn set_bits(mut bits: u32) -> impl Iterator<Item = usize> {
     std::iter::from_fn(move || {
@@ -89,10 +84,10 @@ impl<S: Simd> V3<S> {
         Self([lanes(simd, *x), lanes(simd, *y), lanes(simd, *z)])
     }
 
-    /// Lane by lane the one or the other.
+    /// Selects lane by lane.
     #[inline(always)]
-    pub fn select(mask: Mask<S>, yes: Self, no: Self) -> Self {
-        let ([a, b, c], [x, y, z]) = (yes.0, no.0);
+    pub fn select(mask: Mask<S>, if_set: Self, otherwise: Self) -> Self {
+        let ([a, b, c], [x, y, z]) = (if_set.0, otherwise.0);
         Self([mask.select(a, x), mask.select(b, y), mask.select(c, z)])
     }
 

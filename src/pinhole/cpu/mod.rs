@@ -11,67 +11,71 @@ mod lanes;
 mod visibility;
 
 pub use cube::{CubeLookup, Lanes16};
-pub use filters::probe;
-pub use hierarchical::{Accuracy, Light, StillGather, StillSums, gather_hierarchical, typical_irradiance};
+pub use filters::{HardwareFilterError, probe};
+pub use hierarchical::{Accuracy, CachedGather, CachedSums, Light, estimate_irradiance, gather_hierarchical};
 
 use glam::{Vec3, Vec4};
 use rayon::prelude::*;
 
-use self::filters::{Sides, mean_over_footprint, single_look_up};
+use self::filters::{CpuFilter, FootprintSides, mean_over_footprint, single_fetch};
 use self::footprint::{blurred, reflected_side};
-use self::lanes::{F, LANES, Simd, SimdBase, SimdFloat, V3, bits, dispatch, lanes, level, set_bits, vector};
-use self::visibility::{Sight, Surroundings, Unhindered};
-use super::constants::{
-    EVEN_LIGHT_SHARPNESS, FILTER_ANISOTROPIC, FILTER_EWA, FILTER_ISOTROPIC, FILTER_NONE, TAP_SHARPNESS,
-};
-use super::{BATCH_SIZE, CURVE_POINTS, Filter, GatherUniforms, Params, PinholeSample, Pinholes, Receivers};
+use self::lanes::{F, LANES, Simd, SimdBase, SimdFloat, V3, bits, dispatch, lanes, level, set_bits, splat3};
+use self::visibility::{Occlusion, Unoccluded, VisibilityMap};
+use super::constants::{FILTER_ANISOTROPIC, FILTER_EWA, FILTER_ISOTROPIC, FILTER_NONE};
+use super::{BATCH_SIZE, CURVE_POINTS, GatherUniforms, Params, PinholeParts, PinholeSample, Pinholes, Receivers};
 use crate::brdf::Materials;
 use crate::environment::CubeMap;
 
 /// Groups of lanes between two reports of progress.
 const GROUPS_PER_TASK: usize = 32;
 
-/// Gathers the irradiance at every receiver, or the radiance that it reflects to its viewer: R, G, B in W/m² or
-/// W/(m²·sr), and the number of fetches. `progress` is told, from any
-/// thread, how many more receivers are done. [`Filter::Hardware`] needs a GPU and is not accepted here.
+/// Gathers the irradiance at every receiver, W/m², or the radiance that it reflects towards its viewer, W/(m²·sr): R, G, B,
+/// and the number of fetches. `progress` is called from any thread with the number of receivers just finished.
+///
+/// # Errors
+///
+/// [`Filter::Hardware`](crate::pinhole::Filter::Hardware) exists on GPUs only.
 pub fn gather(
     receivers: &Receivers,
     pinholes: &Pinholes,
     environment: &CubeMap,
     params: &Params,
     progress: &(dyn Fn(u64) + Sync),
-) -> Vec<[f32; 4]> {
-    assert!(params.taps > 0, "a footprint needs one tap at least");
+) -> Result<Vec<[f32; 4]>, HardwareFilterError> {
     let uniforms = GatherUniforms::for_cube(params, pinholes, environment);
-    let materials = receivers.viewers.as_ref().map(|viewers| &*viewers.materials);
-    let gather = Gather { pinholes, materials, environment: CubeLookup::rotated(environment, &uniforms), uniforms };
-    let task: fn(&Gather, &Receivers, usize, &mut [[f32; 4]]) = match params.filter {
-        Filter::None => |g, r, first, sums| dispatch!(level(), simd => task::<_, FILTER_NONE>(simd, g, r, first, sums)),
-        Filter::Isotropic => {
+    let materials = receivers.view_directions.as_ref().map(|view| &*view.materials);
+    let environment = CubeLookup::rotated(environment, &uniforms);
+    let gather = Gather { pinholes, materials, uniforms, environment };
+    let task: fn(&Gather, &Receivers, usize, &mut [[f32; 4]]) = match CpuFilter::try_from(params.filter)? {
+        CpuFilter::None => {
+            |g, r, first, sums| dispatch!(level(), simd => task::<_, FILTER_NONE>(simd, g, r, first, sums))
+        }
+        CpuFilter::Isotropic => {
             |g, r, first, sums| dispatch!(level(), simd => task::<_, FILTER_ISOTROPIC>(simd, g, r, first, sums))
         }
-        Filter::Anisotropic => {
+        CpuFilter::Anisotropic => {
             |g, r, first, sums| dispatch!(level(), simd => task::<_, FILTER_ANISOTROPIC>(simd, g, r, first, sums))
         }
-        Filter::Ewa => |g, r, first, sums| dispatch!(level(), simd => task::<_, FILTER_EWA>(simd, g, r, first, sums)),
-        Filter::Hardware => panic!("the hardware filter needs a GPU"),
+        CpuFilter::Ewa => {
+            |g, r, first, sums| dispatch!(level(), simd => task::<_, FILTER_EWA>(simd, g, r, first, sums))
+        }
     };
     let mut sums = vec![[0.0; 4]; receivers.positions.len()];
     sums.par_chunks_mut(LANES * GROUPS_PER_TASK).enumerate().for_each(|(index, sums)| {
         task(&gather, receivers, index * LANES * GROUPS_PER_TASK, sums);
         progress(sums.len() as u64);
     });
-    sums
+    Ok(sums)
 }
 
-/// How much each sample brings to the receivers by its area: the root of the sum of the squares of what it adds, over the
-/// area. For those who decide where samples should be.
+/// Contribution of each sample to the receivers, per area: the root of the sum of the squares of what it adds, over its area.
+/// Densities of samples are made from it.
 pub fn contributions(receivers: &Receivers, pinholes: &Pinholes, environment: &CubeMap, params: &Params) -> Vec<f32> {
     let uniforms = GatherUniforms::for_cube(params, pinholes, environment);
-    let gather =
-        Gather { pinholes, materials: None, environment: CubeLookup::rotated(environment, &uniforms), uniforms };
+    let environment = CubeLookup::rotated(environment, &uniforms);
+    let gather = Gather { pinholes, materials: None, uniforms, environment };
     let count = receivers.positions.len();
-    let groups: Vec<Group> =
+    let groups: Vec<ReceiverGroup> =
         (0..count).step_by(LANES).map(|start| load_receivers(receivers, start, LANES.min(count - start))).collect();
     let contribution = |sample| dispatch!(level(), simd => gather.contribution(simd, sample, &groups));
     pinholes.samples.par_iter().map(contribution).collect()
@@ -79,14 +83,17 @@ pub fn contributions(receivers: &Receivers, pinholes: &Pinholes, environment: &C
 
 struct Gather<'a> {
     pinholes: &'a Pinholes,
-    /// Of the receivers, if they have viewers.
+    /// Of the receivers, if they reflect towards viewers.
     materials: Option<&'a Materials>,
     uniforms: GatherUniforms,
     environment: CubeLookup<'a>,
 }
 
+/// The object of a lane without a receiver.
+const NO_OBJECT: u32 = u32::MAX;
+
 /// Sixteen receivers, lane by lane, in memory.
-struct Group {
+struct ReceiverGroup {
     position: [[f32; LANES]; 3],
     normal: [[f32; LANES]; 3],
     object: [u32; LANES],
@@ -102,7 +109,7 @@ struct Receiver<'a, S: Simd> {
     view: Option<&'a [Vec3; LANES]>,
 }
 
-impl Group {
+impl ReceiverGroup {
     #[inline(always)]
     fn in_lanes<S: Simd>(&self, simd: S) -> Receiver<'_, S> {
         Receiver {
@@ -117,49 +124,60 @@ impl Group {
 impl<S: Simd> Receiver<'_, S> {
     /// The lanes that have a receiver.
     #[inline(always)]
-    fn there(&self) -> u32 {
-        (0..LANES).filter(|&lane| self.object[lane] != u32::MAX).fold(0, |bits, lane| bits | 1 << lane)
+    fn occupied(&self) -> u32 {
+        (0..LANES).filter(|&lane| self.object[lane] != NO_OBJECT).fold(0, |bits, lane| bits | 1 << lane)
     }
 }
 
-/// A sample and sixteen receivers; the names are the shader's.
-struct Pair<S: Simd> {
+/// A sample or cell, and sixteen receivers; the names are the shader's.
+struct ReceiverCellPair<S: Simd> {
+    /// From the receiver to the sample, metres.
     d: V3<S>,
     n: V3<S>,
     dn: F<S>,
     l2: F<S>,
     inverse_l: F<S>,
-    /// ⟨n, −d⟩⁺, or without a sign for two-sided samples.
-    facing: F<S>,
-    /// Both cosines; not positive (or not a number, where the sample lies on the receiver point) where nothing arrives.
-    cosines: F<S>,
+    /// ⟨n, −d̂⟩⁺; for two-sided samples |⟨n, d̂⟩|.
+    cos_at_sample: F<S>,
+    /// The product of both cosines, without 1/l². Not positive (or not a number, where the sample lies on the receiver point)
+    /// where nothing arrives.
+    geometry_term: F<S>,
+    /// The reflected direction, unit length.
     r: V3<S>,
 }
 
-impl<S: Simd> Pair<S> {
+impl<S: Simd> ReceiverCellPair<S> {
     #[inline(always)]
-    fn new(simd: S, sample: &PinholeSample, receiver: &Receiver<S>) -> Self {
-        let n = vector(simd, sample.normal());
-        let d = vector(simd, sample.position()) - receiver.position;
+    fn new(simd: S, sample: &PinholeParts, receiver: &Receiver<S>) -> Self {
+        let n = splat3(simd, sample.normal);
+        let d = splat3(simd, sample.position) - receiver.position;
         let l2 = d.dot(d);
         let dn = d.dot(n);
-        let facing = if sample.two_sided() { dn.abs() } else { (-dn).max(0.0) };
         let inverse_l = 1.0 / l2.sqrt();
-        let cosines = facing * d.dot(receiver.normal).max(0.0) * inverse_l * inverse_l;
+        let cos_at_sample = if sample.two_sided { dn.abs() } else { (-dn).max(0.0) } * inverse_l;
+        let geometry_term = cos_at_sample * d.dot(receiver.normal).max(0.0) * inverse_l;
         let r = d.plus(n, dn * -2.0) * inverse_l;
-        Self { d, n, dn, l2, inverse_l, facing, cosines, r }
+        Self { d, n, dn, l2, inverse_l, cos_at_sample, geometry_term, r }
+    }
+
+    /// The lanes in which the sample and the receiver face each other.
+    #[inline(always)]
+    fn lit(&self) -> u32 {
+        bits(self.geometry_term.simd_gt(0.0))
     }
 
     /// The sample's footprint around the reflected direction.
     #[inline(always)]
-    fn footprint(&self, simd: S, sample: &PinholeSample) -> Sides<S> {
+    fn footprint(&self, simd: S, sample: &PinholeParts) -> FootprintSides<S> {
         let Self { d, n, dn, inverse_l, r, .. } = *self;
-        let (m1, m2) = (vector(simd, sample.change_1()), vector(simd, sample.change_2()));
-        let v1 = reflected_side(vector(simd, sample.side_1()), m1, d, n, dn, inverse_l, r);
-        let v2 = reflected_side(vector(simd, sample.side_2()), m2, d, n, dn, inverse_l, r);
-        let lobe = sample.lobe();
-        let (v1, v2) = if lobe > 0.0 { blurred(simd, v1, v2, r, n, dn.abs() * inverse_l, lobe) } else { (v1, v2) };
-        Sides { r, v1, v2 }
+        let side = |k: usize| {
+            let (side, change) = (splat3(simd, sample.sides[k]), splat3(simd, sample.changes[k]));
+            reflected_side(side, change, d, n, dn, inverse_l, r)
+        };
+        let (v1, v2) = (side(0), side(1));
+        let (v1, v2) =
+            if sample.lobe > 0.0 { blurred(simd, v1, v2, r, n, dn.abs() * inverse_l, sample.lobe) } else { (v1, v2) };
+        FootprintSides { r, v1, v2 }
     }
 }
 
@@ -174,7 +192,7 @@ fn task<S: Simd, const FILTER: u32>(
     for (group, sums) in sums.chunks_mut(LANES).enumerate() {
         let start = first + group * LANES;
         let group = load_receivers(receivers, start, sums.len());
-        if group.object.iter().all(|&object| object == u32::MAX) {
+        if group.object.iter().all(|&object| object == NO_OBJECT) {
             continue;
         }
         let receiver = group.in_lanes(simd);
@@ -187,36 +205,36 @@ fn task<S: Simd, const FILTER: u32>(
     }
 }
 
-/// Sixteen receivers in a row, or what there is of them.
-fn load_receivers(receivers: &Receivers, start: usize, count: usize) -> Group {
+/// Up to sixteen consecutive receivers.
+fn load_receivers(receivers: &Receivers, start: usize, count: usize) -> ReceiverGroup {
     load_at(receivers, |lane| (lane < count).then_some(start + lane))
 }
 
-/// The receivers at sixteen places. Lanes without one get a normal of zero, so that nothing reaches them.
-fn load_at(receivers: &Receivers, place: impl Fn(usize) -> Option<usize>) -> Group {
-    let mut group = Group {
+/// The receivers at sixteen indices. Lanes without one get a normal of zero, so that nothing reaches them.
+fn load_at(receivers: &Receivers, index: impl Fn(usize) -> Option<usize>) -> ReceiverGroup {
+    let mut group = ReceiverGroup {
         position: [[0.0; LANES]; 3],
         normal: [[0.0; LANES]; 3],
-        object: [u32::MAX; LANES],
-        view: receivers.viewers.as_ref().map(|_| [Vec3::ZERO; LANES]),
+        object: [NO_OBJECT; LANES],
+        view: receivers.view_directions.as_ref().map(|_| [Vec3::ZERO; LANES]),
     };
     for lane in 0..LANES {
-        let Some(index) = place(lane).filter(|&index| receivers.positions[index][3] >= 0.0) else { continue };
+        let Some(index) = index(lane) else { continue };
+        let Some(object) = receivers.object(index) else { continue };
         let (p, n) = (receivers.positions[index], receivers.normals[index]);
-        // Rounded: a rasteriser's interpolation may leave 0.9999999.
-        group.object[lane] = (p[3] + 0.5) as u32;
+        group.object[lane] = object;
         for axis in 0..3 {
             group.position[axis][lane] = p[axis];
             group.normal[axis][lane] = n[axis];
         }
-        if let (Some(views), Some(viewers)) = (&mut group.view, &receivers.viewers) {
-            views[lane] = Vec3::from_slice(&viewers.directions[index]);
+        if let (Some(views), Some(view)) = (&mut group.view, &receivers.view_directions) {
+            views[lane] = Vec3::from_slice(&view.directions[index]);
         }
     }
     group
 }
 
-/// Multiplies by what the receivers reflect from a unit direction, and so many sr around it, to their viewers, 1/sr.
+/// Multiplies by the BRDF, 1/sr, between a unit direction, as the centre of so many sr, and the viewers.
 #[cold]
 fn reflect_to_viewers<S: Simd>(
     materials: &Materials,
@@ -231,7 +249,7 @@ fn reflect_to_viewers<S: Simd>(
         std::array::from_fn::<_, LANES, _>(|lane| Vec3::new(x[lane], y[lane], z[lane]))
     };
     let (normals, directions, solid_angle) = (vectors(receiver.normal), vectors(d), solid_angle.to_array());
-    for lane in (0..LANES).filter(|lane| lit & (1 << lane) != 0) {
+    for lane in set_bits(lit) {
         let value =
             materials.value(receiver.object[lane], normals[lane], directions[lane], views[lane], solid_angle[lane]);
         factors[lane] *= value.extend(1.0);
@@ -253,19 +271,25 @@ impl Gather<'_> {
         sum
     }
 
-    /// What every n-th sample brings to a group.
+    /// The sum of every n-th sample at a group.
     #[inline(always)]
-    fn sum_of_some<S: Simd>(&self, simd: S, samples: &[PinholeSample], every: usize, group: &Group) -> [Vec4; LANES] {
+    fn sum_of_every<S: Simd>(
+        &self,
+        simd: S,
+        samples: &[PinholeSample],
+        n: usize,
+        group: &ReceiverGroup,
+    ) -> [Vec4; LANES] {
         let mut sum = [Vec4::ZERO; LANES];
         let receiver = group.in_lanes(simd);
-        for sample in samples.iter().step_by(every) {
+        for sample in samples.iter().step_by(n) {
             self.sample_irradiance::<S, FILTER_ISOTROPIC>(simd, sample, &receiver, &mut sum);
         }
         sum
     }
 
     #[inline(always)]
-    fn contribution<S: Simd>(&self, simd: S, sample: &PinholeSample, groups: &[Group]) -> f32 {
+    fn contribution<S: Simd>(&self, simd: S, sample: &PinholeSample, groups: &[ReceiverGroup]) -> f32 {
         let mut squares = 0.0f32;
         for group in groups {
             let mut sum = [Vec4::ZERO; LANES];
@@ -280,52 +304,59 @@ impl Gather<'_> {
     fn sample_irradiance<S: Simd, const FILTER: u32>(
         &self,
         simd: S,
-        sample: &PinholeSample,
+        packed: &PinholeSample,
         receiver: &Receiver<S>,
         sum: &mut [Vec4; LANES],
     ) {
-        let pair = Pair::new(simd, sample, receiver);
-        let lit = bits(pair.cosines.simd_gt(0.0));
+        let sample = &PinholeParts::from(packed);
+        let pair = ReceiverCellPair::new(simd, sample, receiver);
+        let lit = pair.lit();
         if lit == 0 {
             return;
         }
         let weight = self.weight(simd, sample, &pair, receiver);
         let (weight, lit, radiance) = match &self.pinholes.visibility {
-            None => (weight, lit, self.filtered_radiance::<S, FILTER>(simd, sample, &pair, &Unhindered, lit)),
+            None => (weight, lit, self.filtered_radiance::<S, FILTER>(simd, sample, &pair, &Unoccluded, lit)),
             Some(maps) => {
-                let sight = Surroundings::new(maps, sample, pair.dn);
-                let l = receiver.position - vector(simd, sample.position());
-                let visible = lanes(simd, sight.visible_part(simd, l, lit));
+                let map = VisibilityMap::new(maps, packed, pair.dn);
+                let l = receiver.position - splat3(simd, sample.position);
+                let visible = lanes(simd, map.visible_fraction(simd, l, lit));
                 let lit = lit & bits(visible.simd_gt(0.0));
                 if lit == 0 {
                     return;
                 }
-                (weight * visible, lit, self.filtered_radiance::<S, FILTER>(simd, sample, &pair, &sight, lit))
+                (weight * visible, lit, self.filtered_radiance::<S, FILTER>(simd, sample, &pair, &map, lit))
             }
         };
         self.add(sample, &pair, receiver, (weight, &radiance, lit), sum);
     }
 
-    /// Weight of a pair, all but reflectance and visibility.
+    /// Weight of a pair, without reflectance and visibility.
     #[inline(always)]
-    fn weight<S: Simd>(&self, simd: S, sample: &PinholeSample, pair: &Pair<S>, receiver: &Receiver<S>) -> F<S> {
-        pair.cosines * sample.area() * self.attenuation(simd, pair.l2, sample, receiver.object)
+    fn weight<S: Simd>(
+        &self,
+        simd: S,
+        sample: &PinholeParts,
+        pair: &ReceiverCellPair<S>,
+        receiver: &Receiver<S>,
+    ) -> F<S> {
+        pair.geometry_term * sample.area * self.attenuation(simd, pair.l2, sample, receiver.object)
     }
 
-    /// Adds radiance, weighted and reflected, of lit lanes; w = fetches.
+    /// Adds radiance, weighted and reflected, in lit lanes; w = fetches.
     #[inline(always)]
     fn add<S: Simd>(
         &self,
-        sample: &PinholeSample,
-        pair: &Pair<S>,
+        sample: &PinholeParts,
+        pair: &ReceiverCellPair<S>,
         receiver: &Receiver<S>,
         (weight, radiance, lit): (F<S>, &[Vec4; LANES], u32),
         sum: &mut [Vec4; LANES],
     ) {
-        let Pair { d, facing, inverse_l, .. } = *pair;
-        let mut reflectance = self.reflectance(sample, facing * inverse_l);
+        let ReceiverCellPair { d, cos_at_sample, inverse_l, .. } = *pair;
+        let mut reflectance = self.reflectance(sample, cos_at_sample);
         if let (Some(materials), Some(views)) = (self.materials, receiver.view) {
-            let solid_angle = facing * inverse_l * inverse_l * inverse_l * sample.area();
+            let solid_angle = cos_at_sample * inverse_l * inverse_l * sample.area;
             reflect_to_viewers(materials, receiver, views, (d * inverse_l, solid_angle), lit, &mut reflectance);
         }
         let weight = weight.to_array();
@@ -337,11 +368,11 @@ impl Gather<'_> {
 
     /// Reflectance, w = 0, at a cosine of the angle of incidence.
     #[inline(always)]
-    fn reflectance<S: Simd>(&self, sample: &PinholeSample, cosine: F<S>) -> [Vec4; LANES] {
-        let Some(curve) = sample.curve() else {
-            return [sample.reflectance().extend(0.0); LANES];
+    fn reflectance<S: Simd>(&self, sample: &PinholeParts, cosine: F<S>) -> [Vec4; LANES] {
+        let Some(curve) = sample.curve else {
+            return [sample.reflectance.extend(0.0); LANES];
         };
-        let curve = &self.pinholes.curves[curve];
+        let curve = &self.pinholes.curves[curve as usize];
         cosine.to_array().map(|cosine| {
             let place = cosine.min(1.0) * (CURVE_POINTS - 1) as f32;
             let first = (place as usize).min(CURVE_POINTS - 2);
@@ -350,16 +381,16 @@ impl Gather<'_> {
         })
     }
 
-    /// 1/l², kept finite (WS-7).
+    /// 1/l², kept finite as [`Epsilon`](crate::pinhole::Epsilon) says.
     #[inline(always)]
-    fn attenuation<S: Simd>(&self, simd: S, l2: F<S>, sample: &PinholeSample, objects: &[u32; LANES]) -> F<S> {
+    fn attenuation<S: Simd>(&self, simd: S, l2: F<S>, sample: &PinholeParts, objects: &[u32; LANES]) -> F<S> {
         let u = &self.uniforms;
         if u.attenuation == 0 {
             return F::splat(simd, 1.0);
         }
-        let (own, least) = (sample.object(), u.own_scale * sample.area());
-        let least = lanes(simd, std::array::from_fn(|lane| if objects[lane] == own { least } else { 0.0 }));
-        1.0 / (l2 + (u.epsilon_scale * sample.area() + u.epsilon)).max(least)
+        let min_l2 = u.own_scale * sample.area;
+        let min_l2 = lanes(simd, std::array::from_fn(|lane| if objects[lane] == sample.object { min_l2 } else { 0.0 }));
+        1.0 / (l2 + (u.epsilon_scale * sample.area + u.epsilon)).max(min_l2)
     }
 
     /// Mean radiance over the sample's footprint around r; w = fetches.
@@ -367,51 +398,47 @@ impl Gather<'_> {
     fn filtered_radiance<S: Simd, const FILTER: u32>(
         &self,
         simd: S,
-        sample: &PinholeSample,
-        pair: &Pair<S>,
-        sight: &impl Sight,
+        sample: &PinholeParts,
+        pair: &ReceiverCellPair<S>,
+        occlusion: &impl Occlusion,
         lit: u32,
     ) -> [Vec4; LANES] {
         if FILTER == FILTER_NONE {
-            return single_look_up(simd, &self.environment, pair.r, sight, lit);
+            return single_fetch(simd, &self.environment, pair.r, occlusion, lit);
         }
         let footprint = pair.footprint(simd, sample);
         let taps = F::splat(simd, self.uniforms.taps as f32);
-        mean_over_footprint::<S, FILTER>(simd, &self.environment, &footprint, sight, taps, lit)
+        mean_over_footprint::<S, FILTER>(simd, &self.environment, &footprint, occlusion, taps, lit)
     }
+}
 
-    /// Width of a texel of the maps of visibility, radians: a half-space has 2π sr.
-    fn map_texel(&self) -> f32 {
-        std::f32::consts::TAU.sqrt() / self.uniforms.map_resolution.max(1) as f32
-    }
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::pinhole::Filter;
 
-    /// 1/l² at most, for a cell.
-    #[inline(always)]
-    fn most_attenuation<S: Simd>(&self, simd: S, l2: F<S>, area: f32) -> F<S> {
-        let u = &self.uniforms;
-        if u.attenuation == 0 {
-            return F::splat(simd, 1.0);
-        }
-        1.0 / (l2 + (u.epsilon_scale * area + u.epsilon))
-    }
-
-    /// Mean radiance over a cell's footprint, which may have been blurred; from one look-up where the light is even, else from so many
-    /// at most.
-    #[inline(always)]
-    fn cell_radiance<S: Simd>(
-        &self,
-        simd: S,
-        footprint: &Sides<S>,
-        is_blurred: bool,
-        sight: &impl Sight,
-        taps: Option<F<S>>,
-        lit: u32,
-    ) -> [Vec4; LANES] {
-        let Some(taps) = taps else {
-            // Cells side by side are as good as a wide kernel, and lose nothing over their mirrors' edges; blur has to be there.
-            let part = if is_blurred { TAP_SHARPNESS } else { EVEN_LIGHT_SHARPNESS };
-            return filters::even_light(simd, &self.environment, footprint, part, sight, lit);
+    #[test]
+    fn parameters_out_of_range_do_not_panic() {
+        let cube = CubeMap::from_radiance(16, None, |d| Vec3::new(1.0 + d.x, 1.0, 1.0 + d.z));
+        let sample = PinholeParts {
+            position: Vec3::Y,
+            normal: Vec3::NEG_Y,
+            area: 0.5,
+            sides: [Vec3::X, 0.1 * Vec3::Z],
+            changes: [Vec3::ZERO; 2],
+            reflectance: Vec3::ONE,
+            curve: None,
+            lobe: 0.0,
+            object: 1,
+            two_sided: false,
         };
-        mean_over_footprint::<S, FILTER_ANISOTROPIC>(simd, &self.environment, footprint, sight, taps, lit)
+        let pinholes = Pinholes::from(vec![sample.into()]);
+        let receivers = Receivers::from_points(&[(Vec3::ZERO, Vec3::Y, 0)], 1);
+        let sums = |params: Params| gather(&receivers, &pinholes, &cube, &params, &|_| ());
+        assert_eq!(sums(Params { filter: Filter::Hardware, ..Params::default() }), Err(HardwareFilterError));
+        let one_tap = sums(Params { taps: 1, ..Params::default() }).unwrap();
+        assert!(one_tap[0][0] > 0.1, "{one_tap:?}");
+        assert_eq!(sums(Params { taps: 0, ..Params::default() }).unwrap(), one_tap);
+        assert!(probe(&cube, Filter::Hardware, 0, &[]).is_err());
     }
 }

@@ -1,6 +1,5 @@
 //! The environment cube on the GPU.
 
-use glam::Vec4;
 use wgpu::util::DeviceExt;
 
 use crate::environment::{CubeMap, FACES};
@@ -75,12 +74,11 @@ impl EnvironmentCube {
 
 /// Face by face, each with all of its levels.
 fn bytes_by_face(cube: &CubeMap, wide: bool, radiance_scale: f32) -> Vec<u8> {
-    let levels: Vec<Vec<Vec4>> = (0..cube.level_count()).map(|l| cube.level(l)).collect();
     let mut bytes = Vec::new();
     for face in 0..FACES {
-        for level in &levels {
-            let texels = level.len() / FACES;
-            for texel in &level[face * texels..(face + 1) * texels] {
+        for level in 0..cube.level_count() {
+            let rows = (cube.size() >> level) as usize;
+            for texel in cube.rows(level).skip(face * rows).take(rows).flatten() {
                 let texel = (texel.truncate() / radiance_scale).extend(1.0).to_array();
                 if wide {
                     bytes.extend_from_slice(bytemuck::bytes_of(&texel));

@@ -163,7 +163,7 @@ impl Engine {
         });
         let curves = storage_buffer(device, "reflectance curves", bytemuck::cast_slice(&inputs.pinholes.curves));
         let (planes, sky_masks): (&[[f32; 4]], &[u32]) =
-            inputs.pinholes.visibility.as_ref().map_or((&[], &[]), |maps| (&maps.planes, &maps.open));
+            inputs.pinholes.visibility.as_ref().map_or((&[], &[]), |maps| (&maps.planes, &maps.sky_mask));
         let planes = storage_buffer(device, "visible planes", bytemuck::cast_slice(planes));
         let sky_masks = storage_buffer(device, "sky masks", bytemuck::cast_slice(sky_masks));
         self.pipelines.bind_inputs(device, &uniforms, &samples, cube.view(), [&curves, &planes, &sky_masks])

@@ -9,7 +9,14 @@ use super::hierarchical::layout::{
 use super::probe::PROBES_PER_ROW;
 use crate::brdf::{MATERIAL_GGX, MATERIAL_PHONG, MATERIAL_TABLE, TABLE_STEPS};
 use crate::cell_tree::MAX_CHILDREN;
-use crate::pinhole::constants::*;
+use crate::pinhole::constants::{
+    BEND_BLUR, CONTRAST_ERROR_SCALE, ESTIMATE_MAX_SAMPLE_NODES, ESTIMATE_RMS_SHARE, EVEN_LIGHT_SHARPNESS,
+    EWA_MAX_COLUMNS, EWA_RADIUS, EWA_TEXEL, FILTER_ANISOTROPIC, FILTER_EWA, FILTER_HARDWARE, FILTER_ISOTROPIC,
+    FILTER_NONE, FOOTPRINT_BEND, FOOTPRINT_RADIUS, INTERPOLATION_ERROR_SCALE, INTERPOLATION_POINTS, MAX_QUARTERINGS,
+    MAX_RELATIVE_SIZE, MIN_BEND_BLUR, MIN_DISTANCE_RATIO, MIN_MINOR_SHARE, NEAR_FIELD_SIZES, NEGLIGIBLE_SHARE,
+    PAIR_ERROR_SHARE, POINT_SPACING, SMOOTH_NORMAL_TOLERANCE, SMOOTH_POSITION_TOLERANCE, TAP_SHARPNESS,
+    TAPS_PER_ERROR_BUDGET, TILE_SIZE, WEIGHT_ERROR_SCALE,
+};
 use crate::pinhole::layout::{BATCH_SIZE, CURVE_POINTS, NO_CURVE};
 
 /// A shader that pipelines are made of.
@@ -73,12 +80,11 @@ struct Resolved {
 impl Resolved {
     fn add(&mut self, source: &'static str) {
         for line in source.lines() {
-            match line.strip_prefix("#import ") {
-                Some(name) => self.import(name),
-                None => {
-                    self.source.push_str(line);
-                    self.source.push('\n');
-                }
+            if let Some(name) = line.strip_prefix("#import ") {
+                self.import(name);
+            } else {
+                self.source.push_str(line);
+                self.source.push('\n');
             }
         }
     }

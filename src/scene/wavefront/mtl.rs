@@ -41,7 +41,7 @@ pub(super) fn materials(name: &str, bytes: &[u8]) -> Result<Vec<Material>, MeshE
     let mut found: Vec<Numbers> = Vec::new();
     for statement in statements(&text) {
         let line = statement.line;
-        let fail = |reason: String| MeshError::Statement { file: name.into(), line, reason };
+        let fail = |reason: String| MeshError::Statement { file: name.into(), line, reason: escaped(&reason) };
         if statement.keyword() == "newmtl" {
             if statement.rest().is_empty() {
                 return Err(fail("a material needs a name".into()));

@@ -4,6 +4,7 @@ use std::fmt::Write;
 
 use super::text::{Statement, decoded, statements};
 use crate::scene::MeshError;
+use crate::words::escaped;
 
 /// An OBJ file's text in a form that `tobj` always reads: vertices first, then faces with absolute indices.
 pub(super) struct Checked {
@@ -20,7 +21,8 @@ pub(super) fn check(name: &str, bytes: &[u8]) -> Result<Checked, MeshError> {
     let text = decoded(bytes);
     let mut checker = Checker::default();
     for statement in statements(&text) {
-        let fail = |reason: String| MeshError::Statement { file: name.into(), line: statement.line, reason };
+        let line = statement.line;
+        let fail = |reason: String| MeshError::Statement { file: name.into(), line, reason: escaped(&reason) };
         checker.statement(&statement).map_err(fail)?;
     }
     checker.finished().map_err(|(line, reason)| MeshError::Statement { file: name.into(), line, reason })

@@ -99,7 +99,7 @@ impl Importance {
             let shadowed = options.density == Density::Visibility
                 || options.density == Density::Contribution && options.visibility == Visibility::Full;
             if shadowed {
-                pinholes.look_around(inputs.scene, inputs.tracer);
+                pinholes.trace_visibility(inputs.scene, inputs.tracer);
             }
             let longest = options.size[0].max(options.size[1]);
             let size = options.size.map(|edge| (edge * RECEIVERS / longest).max(1));

@@ -18,7 +18,7 @@ use super::{Inputs, Pending, Statistics, Sum, TechniqueStages};
 use crate::Error;
 use crate::environment::{Environment, LightBounds};
 use crate::options::Evaluation;
-use crate::pinhole::cpu::{Accuracy, Light, typical_irradiance};
+use crate::pinhole::cpu::{Accuracy, Light, estimate_irradiance};
 use crate::pinhole::{Params, PinholeTree, Pinholes};
 use crate::progress::Stage;
 use crate::scene::Camera;
@@ -115,7 +115,7 @@ impl PinholeStages {
                 let bounds = light.bounds(inputs.light, progress);
                 let typical = self.estimate(&inputs, &tree, &bounds, &params);
                 let accuracy = Accuracy { error: tolerance * typical, split_near: true };
-                let statistics = statistics(tree.roots().samples.len(), points.positions.clone());
+                let statistics = statistics(tree.sample_nodes().samples.len(), points.positions.clone());
                 let sum = HierarchicalInputs { tree, environment, bounds, params, accuracy };
                 self.hierarchical(sum, statistics, &inputs)
             }
@@ -138,7 +138,7 @@ impl PinholeStages {
         };
         *self.estimate.get(key, *progress, || {
             let receivers = visible_receivers(scene, &prepared.tracer, size);
-            typical_irradiance(&receivers, tree, Light { cube: &light.environment.cube, bounds }, params)
+            estimate_irradiance(&receivers, tree, Light { cube: &light.environment.cube, bounds }, params)
         })
     }
 

@@ -17,7 +17,7 @@ impl Sum for FlatOnCpu {
     fn irradiance<'a>(&'a self, receivers: &'a Receivers, progress: &'a dyn Progress) -> Pending<'a, Vec<[f32; 4]>> {
         let FlatInputs { pinholes, environment, params } = &self.sum;
         let sums = gather(receivers, pinholes, &environment.cube, params, &|n| progress.advance(n));
-        Box::pin(std::future::ready(Ok(sums)))
+        Box::pin(std::future::ready(sums.map_err(Into::into)))
     }
 
     fn statistics(&self) -> &Statistics {

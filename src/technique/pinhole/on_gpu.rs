@@ -14,7 +14,7 @@ use crate::pinhole::gpu::{
     self, CellTreeBuffers, Engine, EnvironmentCube, FrameInputs, FrameViewers, HierarchicalEngine, HierarchicalOptions,
     LightBoundsTexture, Tolerance,
 };
-use crate::pinhole::{Arrangement, BATCH_SIZE, Filter, NO_RECEIVER, Params, PinholeTree, Receivers, Viewers};
+use crate::pinhole::{BATCH_SIZE, Filter, NO_RECEIVER, Params, PinholeTree, ReceiverLayout, Receivers, ViewDirections};
 use crate::progress::{Progress, Stage};
 use crate::stages::{Id, Memo, StageCounts};
 use crate::technique::{Inputs, Pending, Statistics, Sum};
@@ -70,7 +70,7 @@ impl GpuStages {
         inputs: &Inputs,
     ) -> Result<Arc<dyn Sum>, Error> {
         let Gpu { device, queue, .. } = &shared.gpu;
-        let key = (sum.params.filter, sum.tree.roots().visibility.is_some());
+        let key = (sum.params.filter, sum.tree.sample_nodes().visibility.is_some());
         let pipelines = kept(&mut self.hierarchical_pipelines, key, || {
             HierarchicalEngine::new(device, &HierarchicalOptions { filter: key.0, visibility: key.1 })
         });
@@ -218,7 +218,7 @@ impl HierarchicalOnGpu {
             normals: &uploaded.normals,
             viewers: uploaded.viewers(),
             size: uploaded.size(),
-            is_grid: receivers.arrangement == Arrangement::Picture,
+            is_grid: receivers.layout == ReceiverLayout::Grid,
             tree: &self.tree,
             environment: &self.environment,
             bounds: &self.bounds,
@@ -275,7 +275,7 @@ fn strips(receivers: &Receivers, max_texture: u32, most: usize) -> Vec<Receivers
     let width = receivers.width;
     if width > max_texture {
         // Too wide for a texture: the points become an unordered list.
-        let folded = Receivers { width: max_texture, arrangement: Arrangement::List, ..receivers.clone() };
+        let folded = Receivers { width: max_texture, layout: ReceiverLayout::Unordered, ..receivers.clone() };
         return strips(&pad_rows(folded), max_texture, most);
     }
     let rows = (most / width as usize).clamp(1, max_texture as usize);
@@ -283,17 +283,17 @@ fn strips(receivers: &Receivers, max_texture: u32, most: usize) -> Vec<Receivers
     let count = receivers.positions.len();
     let strip = |start: usize| {
         let part = start..(start + per_strip).min(count);
-        let viewers = receivers.viewers.as_ref().map(|viewers| Viewers {
+        let view_directions = receivers.view_directions.as_ref().map(|viewers| ViewDirections {
             directions: viewers.directions[part.clone()].to_vec(),
             materials: viewers.materials.clone(),
         });
         Receivers {
             width,
-            arrangement: receivers.arrangement,
+            layout: receivers.layout,
             height: (part.len() as u32).div_ceil(width),
             positions: receivers.positions[part.clone()].to_vec(),
             normals: receivers.normals[part].to_vec(),
-            viewers,
+            view_directions,
         }
     };
     (0..count).step_by(per_strip).map(strip).collect()
@@ -305,7 +305,7 @@ fn pad_rows(mut receivers: Receivers) -> Receivers {
     receivers.height = rows;
     receivers.positions.resize(count, [0.0, 0.0, 0.0, NO_RECEIVER]);
     receivers.normals.resize(count, [0.0; 4]);
-    if let Some(viewers) = &mut receivers.viewers {
+    if let Some(viewers) = &mut receivers.view_directions {
         viewers.directions.resize(count, [0.0; 4]);
     }
     receivers
@@ -337,7 +337,7 @@ impl<'a> Uploaded<'a> {
         Self {
             positions: gpu.upload_texture(size, &receivers.positions),
             normals: gpu.upload_texture(size, &receivers.normals),
-            directions: receivers.viewers.as_ref().map(|viewers| gpu.upload_texture(size, &viewers.directions)),
+            directions: receivers.view_directions.as_ref().map(|viewers| gpu.upload_texture(size, &viewers.directions)),
             receivers,
         }
     }
@@ -347,7 +347,7 @@ impl<'a> Uploaded<'a> {
     }
 
     fn viewers(&self) -> Option<FrameViewers<'_>> {
-        let viewers = self.directions.as_ref().zip(self.receivers.viewers.as_ref());
+        let viewers = self.directions.as_ref().zip(self.receivers.view_directions.as_ref());
         viewers.map(|(directions, viewers)| FrameViewers { directions, materials: &viewers.materials })
     }
 }
@@ -362,9 +362,9 @@ struct Tiled<'a> {
 
 impl<'a> Tiled<'a> {
     fn new(receivers: &'a Receivers) -> Self {
-        match receivers.arrangement {
-            Arrangement::Picture => Self { receivers: Cow::Borrowed(receivers), places: None },
-            Arrangement::List => {
+        match receivers.layout {
+            ReceiverLayout::Grid => Self { receivers: Cow::Borrowed(receivers), places: None },
+            ReceiverLayout::Unordered => {
                 let (tiled, places) = receivers.in_tiles();
                 Self { receivers: Cow::Owned(tiled), places: Some(places) }
             }

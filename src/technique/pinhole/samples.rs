@@ -129,7 +129,7 @@ impl SampleStages {
         let Some(tracer) = occluder(inputs) else { return bare };
         self.visible_tree.get((Id::of(&bare), Some(tracer)), inputs.progress, || {
             let mut tree = (*bare).clone();
-            tree.roots_mut().look_around(inputs.scene, &inputs.prepared.tracer);
+            tree.sample_nodes_mut().trace_visibility(inputs.scene, &inputs.prepared.tracer);
             tree
         })
     }
@@ -153,7 +153,7 @@ impl SampleStages {
 
 fn with_visibility(mut pinholes: Pinholes, inputs: &Inputs) -> Pinholes {
     if inputs.options.visibility == Visibility::Full {
-        pinholes.look_around(inputs.scene, &inputs.prepared.tracer);
+        pinholes.trace_visibility(inputs.scene, &inputs.prepared.tracer);
     }
     pinholes
 }

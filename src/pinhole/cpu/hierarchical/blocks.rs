@@ -1,5 +1,5 @@
-//! Receivers as a pyramid of blocks: where the points of a block are, which way they face, and whether sixteen of them
-//! stand for all.
+//! Receivers as a pyramid of blocks: where the points of a block lie, which way they face, and whether sixteen of them
+//! represent all.
 //!
 //! This module must not know samples or light.
 
@@ -7,7 +7,7 @@ use glam::Vec3;
 
 use crate::pinhole::constants::{SMOOTH_NORMAL_TOLERANCE, SMOOTH_POSITION_TOLERANCE};
 use crate::pinhole::receivers::{TILE, along_z_curve};
-use crate::pinhole::{Arrangement, Receivers};
+use crate::pinhole::{ReceiverLayout, Receivers};
 
 /// Points along the edge of a block of each level.
 pub const EDGES: [usize; LEVELS] = [TILE, 32, 16, 8, 4];
@@ -16,10 +16,10 @@ pub const LEVELS: usize = 5;
 /// The level whose blocks are their own sixteen points.
 pub const FINEST: usize = LEVELS - 1;
 
-/// What is known of a block.
+/// Bounds of a block's points.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Block {
-    /// Middle of its bounds, metres.
+    /// Centre of its bounding box, metres.
     pub centre: Vec3,
     /// No point is farther from the centre, metres.
     pub radius: f32,
@@ -34,16 +34,16 @@ pub struct Block {
 /// What the points of a block are like.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Kind {
-    /// There are none.
+    /// There are no points.
     #[default]
     Empty,
-    /// They are not one smooth piece of one object.
+    /// They are not on one smooth piece of one object.
     Rough,
-    /// Positions and normals are what a bicubic through sixteen of them makes of the rest.
+    /// A bicubic through sixteen of them predicts the positions and normals of the rest.
     Smooth,
 }
 
-/// The bounds from which a block is made.
+/// A bounding box, and the sum of the normals.
 #[derive(Clone, Copy)]
 struct Extent {
     low: Vec3,
@@ -59,7 +59,7 @@ impl Extent {
     }
 }
 
-/// Where along an edge of a block of a level its four columns of points are.
+/// Places along an edge of its four columns of interpolation points, for a block of a level.
 pub const fn points_along(level: usize) -> [usize; 4] {
     let last = EDGES[level] - 1;
     [0, last / 3, last - last / 3, last]
@@ -84,22 +84,22 @@ impl Weights {
     }
 }
 
-/// A tile: the largest block and all within it.
+/// The blocks of a tile.
 #[derive(Clone, Debug)]
-pub struct Tile {
+pub struct BlockPyramid {
     /// Level by level, row by row.
     levels: [Vec<Block>; LEVELS],
 }
 
-impl Tile {
+impl BlockPyramid {
     /// A block: row and column among those of its level.
     #[inline]
     pub fn block(&self, level: usize, x: usize, y: usize) -> &Block {
         &self.levels[level][y * (TILE / EDGES[level]) + x]
     }
 
-    /// Looks at a tile's receivers.
-    pub fn new(grid: &Grid, weights: &[Weights; LEVELS]) -> Self {
+    /// Bounds the receivers of a tile.
+    pub fn new(tile: &ReceiverTile, weights: &[Weights; LEVELS]) -> Self {
         let mut levels: [Vec<Block>; LEVELS] = Default::default();
         let mut extents: Vec<Extent> = Vec::new();
         for level in (0..LEVELS).rev() {
@@ -109,11 +109,11 @@ impl Tile {
                 for x in 0..count {
                     let parts = [(0, 0), (1, 0), (0, 1), (1, 1)].map(|(i, j)| (2 * y + j) * 2 * count + 2 * x + i);
                     let (block, extent) = if level == FINEST {
-                        grid.finest_block(x, y)
+                        tile.finest_block(x, y)
                     } else {
                         let extent = parts.into_iter().map(|k| extents[k]).fold(NOWHERE, Extent::join);
                         let parts = parts.map(|k| levels[level + 1][k]);
-                        (grid.block(level, x, y, &parts, &extent, &weights[level]), extent)
+                        (tile.block(level, x, y, &parts, &extent, &weights[level]), extent)
                     };
                     blocks.push(block);
                     joined.push(extent);
@@ -125,49 +125,49 @@ impl Tile {
     }
 }
 
-/// A tile's receivers.
+/// A tile of 64² receivers.
 #[derive(Clone, Copy, Debug)]
-pub struct Grid<'a> {
+pub struct ReceiverTile<'a> {
     receivers: &'a Receivers,
-    /// Number of the tile, row by row or along the list.
+    /// Index of the tile: row by row in a grid, else in order.
     tile: usize,
 }
 
-impl<'a> Grid<'a> {
+impl<'a> ReceiverTile<'a> {
     /// All tiles of a set of receivers.
     pub fn all(receivers: &'a Receivers) -> impl Iterator<Item = Self> {
-        let count = match receivers.arrangement {
-            Arrangement::Picture => {
+        let count = match receivers.layout {
+            ReceiverLayout::Grid => {
                 (receivers.width as usize).div_ceil(TILE) * (receivers.height as usize).div_ceil(TILE)
             }
-            Arrangement::List => receivers.positions.len().div_ceil(TILE * TILE),
+            ReceiverLayout::Unordered => receivers.positions.len().div_ceil(TILE * TILE),
         };
         (0..count).map(move |tile| Self { receivers, tile })
     }
 
-    /// The place in the set of a point of the tile; `None` outside the set.
+    /// The index in the set of a point of the tile; `None` outside the set.
     #[inline]
     pub fn place(&self, x: usize, y: usize) -> Option<usize> {
-        let Receivers { width, height, arrangement, positions, .. } = self.receivers;
-        match arrangement {
-            Arrangement::Picture => {
+        let Receivers { width, height, layout, positions, .. } = self.receivers;
+        match layout {
+            ReceiverLayout::Grid => {
                 let columns = (*width as usize).div_ceil(TILE);
                 let (x, y) = (self.tile % columns * TILE + x, self.tile / columns * TILE + y);
                 (x < *width as usize && y < *height as usize).then_some(y * *width as usize + x)
             }
-            Arrangement::List => {
+            ReceiverLayout::Unordered => {
                 let place = self.tile * TILE * TILE + along_z_curve(x, y);
                 (place < positions.len()).then_some(place)
             }
         }
     }
 
-    /// The places of all points, row by row.
+    /// The indices of all points, row by row.
     pub fn places(&self) -> impl Iterator<Item = Option<usize>> {
         (0..TILE * TILE).map(|k| self.place(k % TILE, k / TILE))
     }
 
-    /// Places in the set.
+    /// Number of indices in the set.
     pub fn count(&self) -> usize {
         self.places().flatten().count()
     }
@@ -178,7 +178,7 @@ impl<'a> Grid<'a> {
     }
 
     fn index(&self, x: usize, y: usize) -> Option<usize> {
-        self.place(x, y).filter(|&place| self.receivers.positions[place][3] >= 0.0)
+        self.place(x, y).filter(|&place| self.receivers.object(place).is_some())
     }
 
     fn position(&self, index: usize) -> Vec3 {
@@ -198,8 +198,8 @@ impl<'a> Grid<'a> {
         let Some(first) = indices.clone().next() else { return (Block::default(), extent) };
         let normal = extent.normal.try_normalize().unwrap_or(Vec3::Y);
         let normal_radius = indices.clone().map(|k| self.normal(k).distance(normal)).fold(0.0, f32::max);
-        let of_one_object =
-            indices.clone().all(|k| self.receivers.positions[k][3] == self.receivers.positions[first][3]);
+        let object = self.receivers.object(first);
+        let of_one_object = indices.clone().all(|k| self.receivers.object(k) == object);
         let kind = if of_one_object && indices.count() == 16 { Kind::Smooth } else { Kind::Rough };
         (block(&extent, normal, normal_radius, kind), extent)
     }
@@ -220,17 +220,17 @@ impl<'a> Grid<'a> {
         block
     }
 
-    /// Whether a bicubic through sixteen points of a block leads to others of it, eight by eight; that there is nothing
-    /// else between them its parts know.
+    /// Whether a bicubic through sixteen points of a block predicts others of it, eight by eight. Its parts, which are smooth,
+    /// account for the points between those.
     fn is_bicubic(&self, level: usize, x: usize, y: usize, block: &Block, weights: &Weights) -> bool {
-        // What reaches viewers does not change as smoothly as their directions.
-        if self.receivers.arrangement == Arrangement::List || self.receivers.viewers.is_some() {
+        // Radiance towards viewers does not change as smoothly as their directions.
+        if self.receivers.layout == ReceiverLayout::Unordered || self.receivers.view_directions.is_some() {
             return false;
         }
         let edge = EDGES[level];
         let index = |i: usize, j: usize| self.index(x * edge + i, y * edge + j).expect("smooth blocks are full");
         let at = points_along(level);
-        let object = self.receivers.positions[index(0, 0)][3];
+        let object = self.receivers.object(index(0, 0));
         let points: [[usize; 4]; 4] = at.map(|j| at.map(|i| index(i, j)));
         let tolerance = SMOOTH_POSITION_TOLERANCE * block.radius;
         for j in (edge / 16..edge).step_by(edge / 8) {
@@ -245,7 +245,7 @@ impl<'a> Grid<'a> {
                 let position: Vec3 = (0..4).map(|c| weights[c] * columns[c].0).sum();
                 let normal: Vec3 = (0..4).map(|c| weights[c] * columns[c].1).sum();
                 let k = index(i, j);
-                if self.receivers.positions[k][3] != object
+                if self.receivers.object(k) != object
                     || self.position(k).distance(position) > tolerance
                     || self.normal(k).distance(normal) > SMOOTH_NORMAL_TOLERANCE
                 {
@@ -266,8 +266,8 @@ fn block(extent: &Extent, normal: Vec3, normal_radius: f32, kind: Kind) -> Block
 mod tests {
     use super::*;
 
-    fn tile_of(receivers: &Receivers) -> Tile {
-        Tile::new(&Grid::all(receivers).next().unwrap(), &std::array::from_fn(Weights::new))
+    fn blocks_of(receivers: &Receivers) -> BlockPyramid {
+        BlockPyramid::new(&ReceiverTile::all(receivers).next().unwrap(), &std::array::from_fn(Weights::new))
     }
 
     fn grid(size: u32, point: impl Fn(Vec3) -> Option<(Vec3, Vec3, u32)>) -> Receivers {
@@ -282,7 +282,7 @@ mod tests {
     }
 
     #[test]
-    fn a_cubic_is_met_everywhere() {
+    fn weights_reproduce_cubics() {
         for (level, edge) in EDGES.into_iter().enumerate() {
             let weights = Weights::new(level);
             let cubic = |x: f32| 1.0 + x * (0.5 - x * (0.02 - 0.003 * x));
@@ -296,7 +296,7 @@ mod tests {
 
     #[test]
     fn planes_are_smooth_steps_and_seams_are_not() {
-        let tile = tile_of(&grid(64, |p| Some((p, Vec3::Y, 0))));
+        let tile = blocks_of(&grid(64, |p| Some((p, Vec3::Y, 0))));
         assert_eq!(tile.block(0, 0, 0).kind, Kind::Smooth);
         assert!((tile.block(0, 0, 0).radius - 0.5 * 2f32.sqrt()).abs() < 0.02);
 
@@ -304,26 +304,27 @@ mod tests {
         let seam = |p: Vec3| Some((p, Vec3::Y, u32::from(p.x > 0.4)));
         let hole = |p: Vec3| (p.distance(Vec3::new(0.4, 0.0, 0.4)) > 0.02).then_some((p, Vec3::Y, 0));
         for receivers in [grid(64, step), grid(64, seam), grid(64, hole)] {
-            let tile = tile_of(&receivers);
+            let tile = blocks_of(&receivers);
             assert_eq!(tile.block(0, 0, 0).kind, Kind::Rough);
             assert_eq!(tile.block(1, 1, 1).kind, Kind::Smooth);
         }
-        let part = tile_of(&grid(40, |p| Some((p, Vec3::Y, 0))));
+        let part = blocks_of(&grid(40, |p| Some((p, Vec3::Y, 0))));
         assert_eq!([part.block(0, 0, 0).kind, part.block(1, 0, 0).kind], [Kind::Rough, Kind::Smooth]);
         assert_eq!(part.block(2, 3, 3).kind, Kind::Empty);
     }
+
     #[test]
-    fn tiles_cover_pictures_and_lists() {
+    fn tiles_cover_grids_and_unordered_sets() {
         let mut list = grid(100, |p| Some((p, Vec3::Y, 0)));
-        for arrangement in [Arrangement::Picture, Arrangement::List] {
-            list.arrangement = arrangement;
+        for layout in [ReceiverLayout::Grid, ReceiverLayout::Unordered] {
+            list.layout = layout;
             let mut seen = vec![0; 100 * 100];
-            for tile in Grid::all(&list) {
+            for tile in ReceiverTile::all(&list) {
                 (0..TILE * TILE).filter_map(|k| tile.place(k % TILE, k / TILE)).for_each(|place| seen[place] += 1);
             }
-            assert!(seen.iter().all(|&count| count == 1), "{arrangement:?}");
+            assert!(seen.iter().all(|&count| count == 1), "{layout:?}");
         }
-        let first = Grid::all(&list).next().unwrap();
+        let first = ReceiverTile::all(&list).next().unwrap();
         let mut block: Vec<usize> = (0..16).map(|k| first.place(4 + k % 4, k / 4).unwrap()).collect();
         block.sort_unstable();
         assert_eq!(block, (16..32).collect::<Vec<_>>());

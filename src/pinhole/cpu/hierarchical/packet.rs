@@ -1,21 +1,347 @@
-//! A block of 4×4: each of its points finds its own way down the tree, all sixteen in step.
+//! A block of 4×4 receivers: sixteen lanes traverse the tree in lockstep, each refining cells for itself.
 
 use std::f32::consts::PI;
 
-use glam::{Vec3, Vec4};
+use glam::{Vec2, Vec3, Vec4};
 
-use super::super::Group;
 use super::super::cube::{OnCube, on_cube};
-use super::super::lanes::{ALL, F, LANES, Simd, SimdBase, SimdFloat, V3, bits, lanes, set_bits, splat, vector};
-use super::super::visibility::{Outlook, Surroundings, Unhindered};
-use super::super::{Pair, Receiver};
-use super::bounds::unevenness;
+use super::super::filters::FootprintSides;
+use super::super::lanes::{ALL, F, LANES, Simd, SimdBase, SimdFloat, V3, bits, lanes, set_bits, splat, splat3};
+use super::super::visibility::{Coverage, VisibilityMap};
+use super::super::{Gather, Receiver, ReceiverCellPair, ReceiverGroup};
+use super::criterion::unevenness;
+use super::evaluation::CellAtReceivers;
 use super::tile::TileGather;
+use crate::pinhole::cell::Cell;
 use crate::pinhole::constants::{
     CONTRAST_ERROR_SCALE, FOOTPRINT_BEND, FOOTPRINT_RADIUS, MAX_QUARTERINGS, MAX_RELATIVE_SIZE, MIN_DISTANCE_RATIO,
     WEIGHT_ERROR_SCALE,
 };
-use crate::pinhole::{PinholeSample, VisibilityMaps};
+use crate::pinhole::{PinholeParts, PinholeSample, VisibilityMaps};
+
+/// How much of the receivers the sample node sees whose cells are being visited.
+struct VisibleReceivers<S: Simd> {
+    sample_node: u32,
+    fraction: F<S>,
+    lanes: u32,
+}
+
+/// The largest weight of any point of a cell, without reflectance.
+struct MaxWeight<S: Simd> {
+    value: F<S>,
+    /// The lanes in which any point of the cell faces the receiver.
+    facing: u32,
+    /// The lanes in which only some do.
+    straddling_horizon: u32,
+}
+
+/// Bounds of what a cell contributes.
+struct ContributionBounds<S: Simd> {
+    /// Size of the cell relative to its distance, with the spread of its normals.
+    size: F<S>,
+    /// Upper bound, W/m².
+    max: F<S>,
+    /// How much the light makes it differ within the cell, W/m².
+    range: F<S>,
+    /// Error of the receivers' BRDFs, relative to `max`.
+    gloss_error: F<S>,
+}
+
+impl<S: Simd> VisibleReceivers<S> {
+    /// Before any sample node.
+    fn all(simd: S) -> Self {
+        Self { sample_node: u32::MAX, fraction: splat(simd, 1.0), lanes: ALL }
+    }
+
+    #[inline(always)]
+    fn new(simd: S, maps: &VisibilityMaps, node: &PinholeSample, sample_node: u32, receiver: &Receiver<S>) -> Self {
+        let l = receiver.position - splat3(simd, node.position());
+        let dn = -l.dot(splat3(simd, node.normal()));
+        let map = VisibilityMap::new(maps, node, dn);
+        let (fraction, lanes) = match map.receiver_coverage(simd, l, receiver.occupied()) {
+            Coverage::Full => (splat(simd, 1.0), ALL),
+            Coverage::None => (splat(simd, 0.0), 0),
+            Coverage::Partial => {
+                let fraction = lanes(simd, map.visible_fraction(simd, l, ALL));
+                (fraction, bits(fraction.simd_gt(0.0)))
+            }
+        };
+        Self { sample_node, fraction, lanes }
+    }
+
+    /// The sample node's map, if there are maps; `dn` as in [`VisibilityMap::new`].
+    #[inline(always)]
+    fn map<'a>(&self, gather: &Gather<'a>, dn: F<S>) -> Option<VisibilityMap<'a>> {
+        let maps = gather.pinholes.visibility.as_ref()?;
+        Some(VisibilityMap::new(maps, &gather.pinholes.samples[self.sample_node as usize], dn))
+    }
+}
+
+impl TileGather<'_> {
+    /// Adds what cells, and those below them, contribute to sixteen receivers.
+    #[inline(always)]
+    pub(super) fn packet<S: Simd>(&mut self, simd: S, points: &ReceiverGroup, cells: &[u32], sum: &mut [Vec4; LANES]) {
+        let receiver = points.in_lanes(simd);
+        let occupied = receiver.occupied();
+        let mut stack = std::mem::take(&mut self.packet_stack);
+        stack.extend(cells.iter().map(|&cell| (cell, occupied)));
+        let mut visible = VisibleReceivers::all(simd);
+        while let Some((index, lanes)) = stack.pop() {
+            let cell = self.context.pinholes.cell(self.context.pinholes.tree.node(index));
+            let refined = self.visit(simd, (index, &cell), lanes, &receiver, &mut visible, sum);
+            if refined != 0 {
+                stack.extend(cell.children.map(|child| (child, refined)));
+            }
+        }
+        self.packet_stack = stack;
+    }
+
+    /// Adds what a cell contributes to the lanes for which it is small enough, and returns those for which it is not.
+    #[inline(always)]
+    fn visit<S: Simd>(
+        &self,
+        simd: S,
+        (index, cell): (u32, &Cell),
+        lanes: u32,
+        receiver: &Receiver<S>,
+        visible: &mut VisibleReceivers<S>,
+        sum: &mut [Vec4; LANES],
+    ) -> u32 {
+        let pinholes = self.context.pinholes;
+        let maps = pinholes.sample_nodes.visibility.as_ref();
+        let is_known = maps.is_none() || visible.sample_node == cell.sample_node;
+        let lanes = if is_known { lanes & visible.lanes } else { lanes };
+        let pair = ReceiverCellPair::new(simd, &cell.sample, receiver);
+        let max_weight = self.max_weight(simd, cell, &pair, receiver, lanes);
+        if max_weight.facing == 0 {
+            return 0;
+        }
+        let footprint = pair.footprint(simd, &cell.sample);
+        let bounds = self.contribution_bounds(simd, cell, &pair, &footprint, receiver, &max_weight);
+        sum.iter_mut().enumerate().for_each(|(lane, s)| s.w += (max_weight.facing >> lane & 1) as f32);
+        let mut active = max_weight.facing & bits(bounds.max.simd_gt(self.criterion.negligible * cell.sample.area));
+        if active == 0 {
+            return 0;
+        }
+        // The joint visibility of several sample nodes is not known.
+        let is_occluded_cluster = maps.is_some() && pinholes.tree.is_above_roots(index);
+        if let (Some(maps), false, false) = (maps, is_occluded_cluster, is_known) {
+            let node = &pinholes.sample_nodes.samples[cell.sample_node as usize];
+            *visible = VisibleReceivers::new(simd, maps, node, cell.sample_node, receiver);
+            active &= visible.lanes;
+        }
+        let (accepted, refined) = if cell.is_leaf() {
+            let near = self.near_lanes(simd, &bounds, active);
+            if near != 0 {
+                self.add_quarters(simd, &cell.sample, near, receiver, visible, sum);
+            }
+            (active & !near, 0)
+        } else if is_occluded_cluster {
+            (0, active)
+        } else {
+            let accepted = active & self.accepted_lanes(&bounds, max_weight.straddling_horizon);
+            (accepted, active & !accepted)
+        };
+        let lit = accepted & pair.lit();
+        if lit != 0 {
+            let weight = if cell.is_leaf() {
+                max_weight.value
+            } else {
+                self.context.gather.weight(simd, &cell.sample, &pair, receiver)
+            };
+            let cell = CellAtReceivers { sample: &cell.sample, receiver, pair: &pair, footprint: &footprint, weight };
+            self.add_accepted(simd, cell, visible, bounds.range, lit, sum);
+        }
+        refined
+    }
+
+    #[inline(always)]
+    fn max_weight<S: Simd>(
+        &self,
+        simd: S,
+        cell: &Cell,
+        pair: &ReceiverCellPair<S>,
+        receiver: &Receiver<S>,
+        lanes: u32,
+    ) -> MaxWeight<S> {
+        let gather = &self.context.gather;
+        if cell.is_leaf() {
+            let value = gather.weight(simd, &cell.sample, pair, receiver);
+            return MaxWeight { value, facing: lanes & pair.lit(), straddling_horizon: 0 };
+        }
+        // Cosines times l.
+        let at_sample = if cell.sample.two_sided { pair.dn.abs() } else { -pair.dn };
+        let at_receiver = pair.d.dot(receiver.normal);
+        let l = pair.l2 * pair.inverse_l;
+        let slack = l * cell.normal_radius + cell.radius;
+        let straddling_horizon = bits(at_sample.simd_lt(slack) | at_receiver.simd_lt(cell.radius));
+        let (at_sample, at_receiver) = (at_sample + slack, at_receiver + cell.radius);
+        let facing = lanes & bits(at_sample.simd_gt(0.0) & at_receiver.simd_gt(0.0));
+        let nearest = (l - cell.radius).max(l * MIN_DISTANCE_RATIO);
+        let nearest2 = nearest * nearest;
+        let cosines = at_sample.min(l) * at_receiver.min(l) / nearest2;
+        let value = cosines * cell.sample.area * gather.max_attenuation(simd, nearest2, cell.sample.area);
+        MaxWeight { value, facing, straddling_horizon }
+    }
+
+    #[inline(always)]
+    fn contribution_bounds<S: Simd>(
+        &self,
+        simd: S,
+        cell: &Cell,
+        pair: &ReceiverCellPair<S>,
+        footprint: &FootprintSides<S>,
+        receiver: &Receiver<S>,
+        max_weight: &MaxWeight<S>,
+    ) -> ContributionBounds<S> {
+        let size = pair.inverse_l * cell.radius + cell.normal_radius;
+        let cone_radius = if cell.is_creased {
+            size + (cell.normal_radius + cell.sample.lobe)
+        } else {
+            footprint.squares().sqrt() * FOOTPRINT_RADIUS + (size * size * FOOTPRINT_BEND + unevenness(cell))
+        };
+        let (max_radiance, contrast) = self.light_within(simd, pair.r, cone_radius, max_weight.facing);
+        let mut weight = max_weight.value * cell.max_reflectance;
+        let mut gloss_error = splat(simd, 0.0);
+        if receiver.view.is_some() {
+            let (max_gloss, error) = self.gloss_within(simd, pair, receiver, size, max_weight.facing);
+            weight *= max_gloss;
+            gloss_error = error;
+        }
+        ContributionBounds { size, max: weight * max_radiance, range: weight * contrast, gloss_error }
+    }
+
+    /// The lanes so near to a leaf that it is not one sample for them.
+    #[inline(always)]
+    fn near_lanes<S: Simd>(&self, simd: S, bounds: &ContributionBounds<S>, active: u32) -> u32 {
+        if !self.accuracy.split_near {
+            return 0;
+        }
+        let error = bounds.max * bounds.size * bounds.size * WEIGHT_ERROR_SCALE;
+        active & bits(error.simd_gt(splat(simd, self.criterion.error_budget)))
+    }
+
+    /// The lanes for which a cell may be taken as one sample.
+    #[inline(always)]
+    fn accepted_lanes<S: Simd>(&self, bounds: &ContributionBounds<S>, straddling_horizon: u32) -> u32 {
+        let ContributionBounds { size, max, range, gloss_error } = *bounds;
+        let budget = self.criterion.error_budget;
+        let weight_error = size * size * WEIGHT_ERROR_SCALE + gloss_error;
+        let error = range * (size * CONTRAST_ERROR_SCALE).min(1.0) + max * weight_error;
+        let is_small = bits(error.simd_lt(budget) & size.simd_lt(MAX_RELATIVE_SIZE));
+        // Where the pair straddles a horizon, the cell's centroid is not representative.
+        is_small & !straddling_horizon | bits(max.simd_lt(budget)) & straddling_horizon
+    }
+
+    /// Adds what an accepted cell contributes, as far as it is not occluded.
+    #[inline(always)]
+    fn add_accepted<S: Simd>(
+        &self,
+        simd: S,
+        mut cell: CellAtReceivers<S>,
+        visible: &VisibleReceivers<S>,
+        contribution_range: F<S>,
+        lit: u32,
+        sum: &mut [Vec4; LANES],
+    ) {
+        let gather = &self.context.gather;
+        let mut map = visible.map(gather, cell.pair.dn);
+        if let Some(sky) = &map {
+            cell.weight *= visible.fraction;
+            match sky.sky_coverage(simd, cell.pair.r, cell.footprint.max_radius(), lit) {
+                Coverage::Full => map = None,
+                Coverage::None => return,
+                Coverage::Partial => {}
+            }
+        }
+        let uneven = lit & bits(contribution_range.simd_ge(self.criterion.error_budget));
+        let taps = self.criterion.taps(contribution_range);
+        for (lit, taps) in [(lit & !uneven, None), (uneven, Some(taps))] {
+            if lit != 0 {
+                gather.add_cell(simd, &cell, map.as_ref(), taps, lit, sum);
+            }
+        }
+    }
+
+    /// Adds what a leaf contributes to receivers so near to it that it is not one sample for them: its parallelogram is quartered
+    /// until each piece is, or is too small to matter.
+    #[inline(always)]
+    fn add_quarters<S: Simd>(
+        &self,
+        simd: S,
+        leaf: &PinholeParts,
+        near: u32,
+        receiver: &Receiver<S>,
+        visible: &VisibleReceivers<S>,
+        sum: &mut [Vec4; LANES],
+    ) {
+        let gather = &self.context.gather;
+        let taps = Some(splat(simd, gather.uniforms.taps as f32));
+        let mut pieces: Vec<(PinholeParts, u32, u32)> = leaf.quarters().map(|q| (q, near, 1)).to_vec();
+        while let Some((piece, lanes, depth)) = pieces.pop() {
+            let pair = ReceiverCellPair::new(simd, &piece, receiver);
+            let size = pair.inverse_l * (0.5 * (piece.sides[0].length() + piece.sides[1].length()));
+            let refined = if depth < MAX_QUARTERINGS { lanes & bits(size.simd_gt(MAX_RELATIVE_SIZE)) } else { 0 };
+            if refined != 0 {
+                pieces.extend(piece.quarters().map(|q| (q, refined, depth + 1)));
+            }
+            let lit = lanes & pair.lit() & !refined;
+            if lit == 0 {
+                continue;
+            }
+            let weight = gather.weight(simd, &piece, &pair, receiver) * visible.fraction;
+            let footprint = &pair.footprint(simd, &piece);
+            let map = visible.map(gather, pair.dn);
+            let piece = CellAtReceivers { sample: &piece, receiver, pair: &pair, footprint, weight };
+            gather.add_cell(simd, &piece, map.as_ref(), taps, lit, sum);
+        }
+    }
+
+    /// Upper bound of π times the receivers' BRDFs, for light from a cell of this relative size; and the part of it by which they
+    /// differ within the cell, scaled as an error.
+    #[inline(always)]
+    fn gloss_within<S: Simd>(
+        &self,
+        simd: S,
+        pair: &ReceiverCellPair<S>,
+        receiver: &Receiver<S>,
+        size: F<S>,
+        active: u32,
+    ) -> (F<S>, F<S>) {
+        let (Some(materials), Some(views)) = (self.context.gather.materials, receiver.view) else {
+            return (splat(simd, 1.0), splat(simd, 0.0));
+        };
+        let (l, n) = ((pair.d * pair.inverse_l).to_arrays(), receiver.normal.to_arrays());
+        let size = size.to_array();
+        let (mut max, mut difference) = ([0.0; LANES], [0.0; LANES]);
+        let vector = |v: &[[f32; LANES]; 3], lane: usize| Vec3::new(v[0][lane], v[1][lane], v[2][lane]);
+        for lane in set_bits(active) {
+            let (l, n, view) = (vector(&l, lane), vector(&n, lane), views[lane]);
+            let value = |l: Vec3| PI * materials.value(receiver.object[lane], n, l, view, 0.0).max_element();
+            let mirrored = 2.0 * n.dot(view) * n - view;
+            let (at_centre, nearest) = (value(l), value(turned(l, mirrored, size[lane])));
+            max[lane] = at_centre.max(nearest);
+            difference[lane] = (nearest - at_centre).abs() / max[lane].max(f32::MIN_POSITIVE);
+        }
+        (lanes(simd, max), lanes(simd, difference) * CONTRAST_ERROR_SCALE)
+    }
+
+    /// Bounds of the light within cones around sixteen directions: the maximum and the contrast of its radiance.
+    #[inline(always)]
+    fn light_within<S: Simd>(&self, simd: S, direction: V3<S>, radius: F<S>, active: u32) -> (F<S>, F<S>) {
+        let light = self.criterion.light;
+        let OnCube { face, s, t } = on_cube(simd, self.context.gather.environment.light_from_world(direction));
+        let (a, b) = (s - 1.0, t - 1.0);
+        let reach = radius * (a * a + b * b + 1.0) * light.half_size() + 1.0;
+        let (face, s, t, reach) = (face.to_array(), s.to_array(), t.to_array(), reach.to_array());
+        let (mut max, mut contrast) = ([0.0; LANES], [0.0; LANES]);
+        for lane in set_bits(active) {
+            let bound = light.at(face[lane] as usize, Vec2::new(s[lane], t[lane]), reach[lane]);
+            (max[lane], contrast[lane]) = (bound.most, bound.contrast);
+        }
+        (lanes(simd, max), lanes(simd, contrast))
+    }
+}
 
 /// A unit direction turned by an angle towards another one, or that one if it is nearer.
 fn turned(from: Vec3, to: Vec3, angle: f32) -> Vec3 {
@@ -25,244 +351,4 @@ fn turned(from: Vec3, to: Vec3, angle: f32) -> Vec3 {
         return to;
     }
     angle.cos() * from + angle.sin() / sine * across
-}
-
-/// The part of the receivers that the root sees whose cells are being visited.
-struct Seen<S: Simd> {
-    root: u32,
-    part: F<S>,
-    lanes: u32,
-}
-
-impl<S: Simd> Seen<S> {
-    #[inline(always)]
-    fn of(simd: S, maps: &VisibilityMaps, root: &PinholeSample, number: u32, receiver: &Receiver<S>) -> Self {
-        let l = receiver.position - vector(simd, root.position());
-        let dn = -l.dot(vector(simd, root.normal()));
-        let sight = Surroundings::new(maps, root, dn);
-        let (part, lanes) = match sight.outlook(simd, l, receiver.there()) {
-            Outlook::Clear => (splat(simd, 1.0), ALL),
-            Outlook::Dark => (splat(simd, 0.0), 0),
-            Outlook::Mixed => {
-                let part = lanes(simd, sight.visible_part(simd, l, ALL));
-                (part, bits(part.simd_gt(0.0)))
-            }
-        };
-        Self { root: number, part, lanes }
-    }
-}
-
-impl TileGather<'_> {
-    /// Adds what cells, and those below them, bring to sixteen points.
-    #[inline(always)]
-    pub(super) fn packet<S: Simd>(&mut self, simd: S, points: &Group, cells: &[u32], sum: &mut [Vec4; LANES]) {
-        let receiver = points.in_lanes(simd);
-        let there = receiver.there();
-        let mut stack = std::mem::take(&mut self.pending);
-        stack.extend(cells.iter().map(|&cell| (cell, there)));
-        let mut seen = Seen { root: u32::MAX, part: splat(simd, 1.0), lanes: ALL };
-        while let Some((index, mask)) = stack.pop() {
-            let further = self.visit(simd, index, mask, &receiver, &mut seen, sum);
-            if further != 0 {
-                let children = self.scene.pinholes.tree.node(index).children();
-                stack.extend(children.map(|child| (child, further)));
-            }
-        }
-        self.pending = stack;
-    }
-
-    /// Adds what a cell brings to the lanes for which it is small enough, and returns those for which it is not.
-    #[inline(always)]
-    fn visit<S: Simd>(
-        &self,
-        simd: S,
-        index: u32,
-        mask: u32,
-        receiver: &Receiver<S>,
-        seen: &mut Seen<S>,
-        sum: &mut [Vec4; LANES],
-    ) -> u32 {
-        let (gather, share) = (&self.scene.gather, self.judge.share);
-        let node = self.scene.pinholes.tree.node(index);
-        let g = node.geometry();
-        let sample = self.scene.pinholes.sample(node, &g);
-        let maps = gather.pinholes.visibility.as_ref();
-        let of_many = maps.is_some() && self.scene.pinholes.tree.is_above_roots(index);
-        let root = &gather.pinholes.samples[node.root() as usize];
-        let reflects = self.scene.pinholes.mirror(sample.object()).most;
-        let is_leaf = node.children().is_empty();
-        let pair = Pair::new(simd, &sample, receiver);
-        let l = pair.l2 * pair.inverse_l;
-        let facing = if sample.two_sided() { pair.facing } else { -pair.dn };
-        let receiving = pair.d.dot(receiver.normal);
-        let is_known = maps.is_none() || seen.root == node.root();
-        let mask = if is_known { mask & seen.lanes } else { mask };
-        let lit = mask & bits(pair.cosines.simd_gt(0.0));
-        // The greatest weight of any point of the cell.
-        let (alive, weight, straddles) = if is_leaf {
-            (lit, gather.weight(simd, &sample, &pair, receiver), 0)
-        } else {
-            let slack = l * g.normal_radius + g.radius;
-            let straddles = bits(facing.simd_lt(slack) | receiving.simd_lt(g.radius));
-            let (facing, receiving) = (facing + slack, receiving + g.radius);
-            let alive = mask & bits(facing.simd_gt(0.0) & receiving.simd_gt(0.0));
-            let nearest = (l - g.radius).max(l * MIN_DISTANCE_RATIO);
-            let nearest2 = nearest * nearest;
-            let cosines = facing.min(l) * receiving.min(l) / nearest2;
-            (alive, cosines * g.area * gather.most_attenuation(simd, nearest2, g.area), straddles)
-        };
-        if alive == 0 {
-            return 0;
-        }
-        let sides = pair.footprint(simd, &sample);
-        let squares = sides.v1.dot(sides.v1) + sides.v2.dot(sides.v2);
-        let size = pair.inverse_l * g.radius + g.normal_radius;
-        let radius = if g.creased {
-            size + (g.normal_radius + sample.lobe())
-        } else {
-            squares.sqrt() * FOOTPRINT_RADIUS + (size * size * FOOTPRINT_BEND + unevenness(&g))
-        };
-        let (most, contrast) = self.light_within(simd, pair.r, radius, alive);
-        let mut weight_bound = weight * reflects;
-        let mut of_gloss = splat(simd, 0.0);
-        if receiver.view.is_some() {
-            let (towards_viewers, changes) = self.gloss(simd, &pair, receiver, size, alive);
-            weight_bound *= towards_viewers;
-            of_gloss = changes;
-        }
-        let (top, varies) = (weight_bound * most, weight_bound * contrast);
-        sum.iter_mut().enumerate().for_each(|(lane, s)| s.w += (alive >> lane & 1) as f32);
-        let mut alive = alive & bits(top.simd_gt(self.judge.negligible * g.area));
-        if alive == 0 {
-            return 0;
-        }
-        if let (Some(maps), false, false) = (maps, of_many, is_known) {
-            *seen = Seen::of(simd, maps, root, node.root(), receiver);
-            alive &= seen.lanes;
-        }
-        let (taken, further) = if is_leaf {
-            let near = top * size * size * WEIGHT_ERROR_SCALE;
-            let near = if self.accuracy.split_near { alive & bits(near.simd_gt(share)) } else { 0 };
-            if near != 0 {
-                self.near(simd, &sample, root, near, (receiver, seen), sum);
-            }
-            (alive & !near, 0)
-        } else {
-            let error =
-                varies * (size * CONTRAST_ERROR_SCALE).min(1.0) + top * (size * size * WEIGHT_ERROR_SCALE + of_gloss);
-            let whole = bits(error.simd_lt(share) & size.simd_lt(MAX_RELATIVE_SIZE));
-            // Where part of the cell does not count, its centre does not speak for all.
-            let taken = alive & (whole & !straddles | bits(top.simd_lt(share)) & straddles);
-            // What several roots see together is not known.
-            let taken = if of_many { 0 } else { taken };
-            (taken, alive & !taken)
-        };
-        let taken = taken & lit & alive;
-        if taken == 0 {
-            return further;
-        }
-        let mut weight = if is_leaf { weight } else { gather.weight(simd, &sample, &pair, receiver) };
-        let sight = maps.map(|maps| Surroundings::new(maps, root, pair.dn));
-        let mut outlook = Outlook::Clear;
-        if let Some(sight) = &sight {
-            weight *= seen.part;
-            outlook = sight.sky(simd, pair.r, FOOTPRINT_RADIUS * squares.reduce_max().sqrt(), taken);
-            if outlook == Outlook::Dark {
-                return further;
-            }
-        }
-        let is_blurred = sample.lobe() > 0.0;
-        let uneven = taken & bits(varies.simd_ge(share));
-        let taps = self.judge.taps(varies);
-        for (lanes, taps) in [(taken & !uneven, None), (uneven, Some(taps))] {
-            if lanes == 0 {
-                continue;
-            }
-            let radiance = match &sight {
-                Some(sight) if outlook == Outlook::Mixed => {
-                    gather.cell_radiance(simd, &sides, is_blurred, sight, taps, lanes)
-                }
-                _ => gather.cell_radiance(simd, &sides, is_blurred, &Unhindered, taps, lanes),
-            };
-            gather.add(&sample, &pair, receiver, (weight, &radiance, lanes), sum);
-        }
-        further
-    }
-
-    /// Adds what a leaf brings to receivers so near to it that it is not one sample for them: its parallelogram is quartered
-    /// until each piece is, or is too small to matter.
-    #[inline(always)]
-    fn near<S: Simd>(
-        &self,
-        simd: S,
-        leaf: &PinholeSample,
-        root: &PinholeSample,
-        mask: u32,
-        (receiver, seen): (&Receiver<S>, &Seen<S>),
-        sum: &mut [Vec4; LANES],
-    ) {
-        let gather = &self.scene.gather;
-        let taps = Some(splat(simd, gather.uniforms.taps as f32));
-        let mut pieces: Vec<(PinholeSample, u32, u32)> = leaf.quarters().map(|q| (q, mask, 1)).to_vec();
-        while let Some((piece, mask, depth)) = pieces.pop() {
-            let pair = Pair::new(simd, &piece, receiver);
-            let lit = mask & bits(pair.cosines.simd_gt(0.0));
-            let size = pair.inverse_l * (0.5 * (piece.side_1().length() + piece.side_2().length()));
-            let further = if depth < MAX_QUARTERINGS { mask & bits(size.simd_gt(MAX_RELATIVE_SIZE)) } else { 0 };
-            if further != 0 {
-                pieces.extend(piece.quarters().map(|q| (q, further, depth + 1)));
-            }
-            let taken = lit & !further;
-            if taken == 0 {
-                continue;
-            }
-            let weight = gather.weight(simd, &piece, &pair, receiver) * seen.part;
-            let sides = pair.footprint(simd, &piece);
-            let radiance = match &gather.pinholes.visibility {
-                None => gather.cell_radiance(simd, &sides, piece.lobe() > 0.0, &Unhindered, taps, taken),
-                Some(maps) => {
-                    let sight = Surroundings::new(maps, root, pair.dn);
-                    gather.cell_radiance(simd, &sides, piece.lobe() > 0.0, &sight, taps, taken)
-                }
-            };
-            gather.add(&piece, &pair, receiver, (weight, &radiance, taken), sum);
-        }
-    }
-
-    /// What receivers reflect to their viewers of the light from a cell of this relative size, at most: in π times their function;
-    /// and what part of that is not so all over the cell.
-    #[inline(always)]
-    fn gloss<S: Simd>(&self, simd: S, pair: &Pair<S>, receiver: &Receiver<S>, size: F<S>, active: u32) -> (F<S>, F<S>) {
-        let (Some(materials), Some(views)) = (self.scene.gather.materials, receiver.view) else {
-            return (splat(simd, 1.0), splat(simd, 0.0));
-        };
-        let (l, n) = ((pair.d * pair.inverse_l).to_arrays(), receiver.normal.to_arrays());
-        let size = size.to_array();
-        let (mut most, mut part) = ([0.0; LANES], [0.0; LANES]);
-        let vector = |v: &[[f32; LANES]; 3], lane: usize| Vec3::new(v[0][lane], v[1][lane], v[2][lane]);
-        for lane in set_bits(active) {
-            let (l, n, view) = (vector(&l, lane), vector(&n, lane), views[lane]);
-            let value = |l: Vec3| PI * materials.value(receiver.object[lane], n, l, view, 0.0).max_element();
-            let mirrored = 2.0 * n.dot(view) * n - view;
-            let (at_centre, nearest) = (value(l), value(turned(l, mirrored, size[lane])));
-            most[lane] = at_centre.max(nearest);
-            part[lane] = (nearest - at_centre).abs() / most[lane].max(f32::MIN_POSITIVE);
-        }
-        (lanes(simd, most), lanes(simd, part) * CONTRAST_ERROR_SCALE)
-    }
-
-    /// Bounds of the light within cones around sixteen directions.
-    #[inline(always)]
-    fn light_within<S: Simd>(&self, simd: S, r: V3<S>, radius: F<S>, active: u32) -> (F<S>, F<S>) {
-        let OnCube { face, s, t } = on_cube(simd, self.scene.gather.environment.direction_in_cube(r));
-        let (a, b) = (s - 1.0, t - 1.0);
-        let reach = radius * (a * a + b * b + 1.0) * self.judge.light.half_size() + 1.0;
-        let (face, s, t, reach) = (face.to_array(), s.to_array(), t.to_array(), reach.to_array());
-        let (mut most, mut contrast) = ([0.0; LANES], [0.0; LANES]);
-        for lane in set_bits(active) {
-            let bound = self.judge.light.at(face[lane] as usize, glam::Vec2::new(s[lane], t[lane]), reach[lane]);
-            (most[lane], contrast[lane]) = (bound.most, bound.contrast);
-        }
-        (lanes(simd, most), lanes(simd, contrast))
-    }
 }

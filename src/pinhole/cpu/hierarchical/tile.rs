@@ -1,45 +1,72 @@
-//! One tile: pairs of its blocks with cells, from the largest to the smallest.
+//! One tile of receivers: pairs of its blocks with cells, refined from the largest blocks to the smallest.
 
 use glam::Vec4;
 
-use super::super::lanes::{LANES, Simd, SimdBase, bits, splat, vector};
-use super::super::visibility::{Outlook, Surroundings, Unhindered};
-use super::super::{Group, Pair, load_at};
-use super::blocks::{EDGES, FINEST, Grid, Kind, Tile, points_along};
-use super::bounds::{Cell, Judge, Verdict};
-use super::{Accuracy, Walked};
+use super::super::lanes::{LANES, Simd, splat, splat3};
+use super::super::visibility::{Coverage, VisibilityMap};
+use super::super::{ReceiverCellPair, ReceiverGroup, load_at};
+use super::blocks::{BlockPyramid, EDGES, FINEST, Kind, ReceiverTile, points_along};
+use super::criterion::{Decision, RefinementCriterion};
+use super::evaluation::CellAtReceivers;
+use super::{Accuracy, TraversalContext};
 use crate::pinhole::PinholeSample;
-use crate::pinhole::constants::{FOOTPRINT_RADIUS, NEGLIGIBLE_SHARE, PAIR_ERROR_SHARE};
+use crate::pinhole::cell::Cell;
+use crate::pinhole::constants::{INTERPOLATION_POINTS, NEGLIGIBLE_SHARE, PAIR_ERROR_SHARE};
 use crate::pinhole::receivers::TILE;
+
+// A lane for each of a block's points.
+const _: () = assert!(LANES == INTERPOLATION_POINTS as usize);
 
 /// A tile being gathered.
 pub struct TileGather<'a> {
-    pub scene: &'a Walked<'a>,
-    grid: Grid<'a>,
-    tile: Tile,
-    pub judge: Judge<'a>,
+    pub context: &'a TraversalContext<'a>,
+    receivers: ReceiverTile<'a>,
+    blocks: BlockPyramid,
+    pub criterion: RefinementCriterion<'a>,
     pub accuracy: Accuracy,
     sums: Vec<Vec4>,
-    /// Lists of cells, to be used again.
-    spare: Vec<Vec<u32>>,
-    /// Cells, and for which lanes, to be used again.
-    pub pending: Vec<(u32, u32)>,
+    /// Recycled lists of cells.
+    spare_lists: Vec<Vec<u32>>,
+    /// Recycled stack of cells with their lanes.
+    pub packet_stack: Vec<(u32, u32)>,
+}
+
+/// A block: level, row and column among the blocks of its level.
+#[derive(Clone, Copy)]
+struct BlockPlace {
+    level: usize,
+    x: usize,
+    y: usize,
+}
+
+impl BlockPlace {
+    fn parts(self) -> [Self; 4] {
+        let Self { level, x, y } = self;
+        [(0, 0), (1, 0), (0, 1), (1, 1)].map(|(i, j)| Self { level: level + 1, x: 2 * x + i, y: 2 * y + j })
+    }
 }
 
 impl<'a> TileGather<'a> {
-    pub fn new(scene: &'a Walked<'a>, grid: Grid<'a>, accuracy: Accuracy) -> Self {
-        let judge = Judge {
-            uniforms: &scene.gather.uniforms,
-            light: scene.bounds,
-            share: PAIR_ERROR_SHARE * accuracy.error,
-            negligible: NEGLIGIBLE_SHARE * accuracy.error / scene.pinholes.tree.area(),
-            texel: scene.gather.environment.texel_rad(),
-            map_texel: scene.gather.map_texel(),
-            has_viewers: grid.receivers().viewers.is_some(),
+    pub fn new(context: &'a TraversalContext<'a>, receivers: ReceiverTile<'a>, accuracy: Accuracy) -> Self {
+        let criterion = RefinementCriterion {
+            uniforms: &context.gather.uniforms,
+            light: context.bounds,
+            error_budget: PAIR_ERROR_SHARE * accuracy.error,
+            negligible: NEGLIGIBLE_SHARE * accuracy.error / context.pinholes.tree.area(),
+            texel_rad: context.gather.environment.texel_rad(),
+            map_texel_rad: context.gather.map_texel_rad(),
+            has_view_directions: receivers.receivers().view_directions.is_some(),
         };
-        let tile = Tile::new(&grid, &scene.weights);
-        let sums = vec![Vec4::ZERO; TILE * TILE];
-        Self { scene, grid, tile, judge, accuracy, sums, spare: Vec::new(), pending: Vec::new() }
+        Self {
+            context,
+            receivers,
+            blocks: BlockPyramid::new(&receivers, &context.weights),
+            criterion,
+            accuracy,
+            sums: vec![Vec4::ZERO; TILE * TILE],
+            spare_lists: Vec::new(),
+            packet_stack: Vec::new(),
+        }
     }
 
     /// The sums at the tile's points, row by row.
@@ -50,133 +77,139 @@ impl<'a> TileGather<'a> {
     /// Gathers the whole tile.
     #[inline(always)]
     pub fn run<S: Simd>(&mut self, simd: S) {
-        let tops = self.scene.pinholes.tree.tops();
-        self.block(simd, 0, 0, 0, tops);
+        self.block(simd, BlockPlace { level: 0, x: 0, y: 0 }, self.context.pinholes.tree.tops());
     }
 
-    /// Gathers what cells bring to a block.
-    fn block<S: Simd>(&mut self, simd: S, level: usize, x: usize, y: usize, cells: &[u32]) {
+    /// Gathers what cells contribute to a block.
+    fn block<S: Simd>(&mut self, simd: S, place: BlockPlace, cells: &[u32]) {
         simd.vectorize(
             #[inline(always)]
-            || self.block_in_lanes(simd, level, x, y, cells),
+            || self.block_in_lanes(simd, place, cells),
         );
     }
 
     #[inline(always)]
-    fn block_in_lanes<S: Simd>(&mut self, simd: S, level: usize, x: usize, y: usize, cells: &[u32]) {
-        let block = *self.tile.block(level, x, y);
-        if block.kind == Kind::Empty || cells.is_empty() {
+    fn block_in_lanes<S: Simd>(&mut self, simd: S, place: BlockPlace, cells: &[u32]) {
+        let kind = self.blocks.block(place.level, place.x, place.y).kind;
+        if kind == Kind::Empty || cells.is_empty() {
             return;
         }
-        let points = self.points(level, x, y);
+        let points = self.points(place);
         let mut sum = [Vec4::ZERO; LANES];
-        if level == FINEST {
+        if place.level == FINEST {
             self.packet(simd, &points, cells, &mut sum);
-            self.spread(level, x, y, &sum, 0.0);
+            self.interpolate(place, &sum, 0.0);
             return;
         }
-        let tree = &self.scene.pinholes.tree;
-        let mut stack = self.spare.pop().unwrap_or_default();
-        let mut deferred = self.spare.pop().unwrap_or_default();
+        let mut deferred = self.spare_lists.pop().unwrap_or_default();
+        let decisions = self.refine(simd, place, &points, cells, &mut deferred, &mut sum);
+        self.interpolate(place, &sum, decisions as f32);
+        for part in place.parts() {
+            self.block(simd, part, &deferred);
+        }
+        self.recycle(deferred);
+    }
+
+    /// Adds what cells contribute to a block that can be interpolated within it; the rest is deferred to its parts. Returns the
+    /// number of decisions.
+    #[inline(always)]
+    fn refine<S: Simd>(
+        &mut self,
+        simd: S,
+        place: BlockPlace,
+        points: &ReceiverGroup,
+        cells: &[u32],
+        deferred: &mut Vec<u32>,
+        sum: &mut [Vec4; LANES],
+    ) -> usize {
+        let block = *self.blocks.block(place.level, place.x, place.y);
+        let pinholes = self.context.pinholes;
+        let has_visibility = pinholes.sample_nodes.visibility.is_some();
+        let mut stack = self.spare_lists.pop().unwrap_or_default();
         stack.extend_from_slice(cells);
-        let shadowed = self.scene.gather.pinholes.visibility.is_some();
-        let mut judged = 0;
+        let mut decisions = 0;
         while let Some(index) = stack.pop() {
-            let node = tree.node(index);
-            let geometry = node.geometry();
-            let sample = self.scene.pinholes.sample(node, &geometry);
-            let mirror = self.scene.pinholes.mirror(sample.object());
-            let cell = Cell {
-                geometry: &geometry,
-                two_sided: mirror.two_sided,
-                reflects: mirror.most,
-                lobe: sample.lobe(),
-                is_leaf: node.children().is_empty(),
-            };
-            judged += 1;
-            match self.judge.judge(&block, level, &cell) {
-                Verdict::Drop => {}
-                Verdict::SplitCell => stack.extend(node.children()),
-                Verdict::SplitBlock => deferred.push(index),
-                // What several roots see together is not known.
-                Verdict::Add { .. } if shadowed && tree.is_above_roots(index) => stack.extend(node.children()),
-                Verdict::Add { varies, even_if_hidden } => {
-                    if !self.add(simd, node.root(), &sample, &points, (varies, even_if_hidden), &mut sum) {
+            let cell = pinholes.cell(pinholes.tree.node(index));
+            decisions += 1;
+            match self.criterion.decide(&block, &cell) {
+                Decision::Drop => {}
+                Decision::RefineCell => stack.extend(cell.children),
+                Decision::RefineBlock => deferred.push(index),
+                // The joint visibility of several sample nodes is not known.
+                Decision::Accept { .. } if has_visibility && pinholes.tree.is_above_roots(index) => {
+                    stack.extend(cell.children);
+                }
+                Decision::Accept { contribution_range, allows_partial_sky } => {
+                    if !self.add(simd, &cell, points, (contribution_range, allows_partial_sky), sum) {
                         deferred.push(index);
                     }
                 }
             }
         }
-        self.spread(level, x, y, &sum, judged as f32);
-        for (i, j) in [(0, 0), (1, 0), (0, 1), (1, 1)] {
-            self.block(simd, level + 1, 2 * x + i, 2 * y + j, &deferred);
-        }
-        for mut list in [stack, deferred] {
-            list.clear();
-            self.spare.push(list);
-        }
+        self.recycle(stack);
+        decisions
     }
 
-    /// The sixteen points of a block.
-    fn points(&self, level: usize, x: usize, y: usize) -> Group {
+    fn recycle(&mut self, mut list: Vec<u32>) {
+        list.clear();
+        self.spare_lists.push(list);
+    }
+
+    /// The sixteen interpolation points of a block.
+    fn points(&self, BlockPlace { level, x, y }: BlockPlace) -> ReceiverGroup {
         let (edge, at) = (EDGES[level], points_along(level));
-        let place = |lane: usize| self.grid.place(x * edge + at[lane % 4], y * edge + at[lane / 4]);
-        load_at(self.grid.receivers(), place)
+        let place = |lane: usize| self.receivers.place(x * edge + at[lane % 4], y * edge + at[lane / 4]);
+        load_at(self.receivers.receivers(), place)
     }
 
-    /// Adds what a cell brings to sixteen points; `false` if it cannot be interpolated between them.
+    /// Adds what a cell contributes to sixteen points; `false` if that cannot be interpolated between them.
     #[inline(always)]
     fn add<S: Simd>(
         &self,
         simd: S,
-        root: u32,
-        sample: &PinholeSample,
-        points: &Group,
-        (varies, even_if_hidden): (f32, bool),
+        cell: &Cell,
+        points: &ReceiverGroup,
+        (contribution_range, allows_partial_sky): (f32, bool),
         sum: &mut [Vec4; LANES],
     ) -> bool {
-        let gather = &self.scene.gather;
-        let receiver = points.in_lanes(simd);
-        let pair = Pair::new(simd, sample, &receiver);
-        let lit = bits(pair.cosines.simd_gt(0.0));
+        let gather = &self.context.gather;
+        let (sample, receiver) = (&cell.sample, points.in_lanes(simd));
+        let pair = ReceiverCellPair::new(simd, sample, &receiver);
+        let lit = pair.lit();
         if lit == 0 {
             return true;
         }
         let footprint = pair.footprint(simd, sample);
-        let taps = (varies >= self.judge.share).then(|| self.judge.taps(splat(simd, varies)));
-        let weight = gather.weight(simd, sample, &pair, &receiver);
+        let mut occlusion = None;
         if let Some(maps) = &gather.pinholes.visibility {
-            let root = &gather.pinholes.samples[root as usize];
-            let sight = Surroundings::new(maps, root, pair.dn);
-            match sight.outlook(simd, receiver.position - vector(simd, root.position()), lit) {
-                Outlook::Clear => {}
-                Outlook::Dark => return true,
-                Outlook::Mixed => return false,
+            let node: &PinholeSample = &gather.pinholes.samples[cell.sample_node as usize];
+            let map = VisibilityMap::new(maps, node, pair.dn);
+            match map.receiver_coverage(simd, receiver.position - splat3(simd, node.position()), lit) {
+                Coverage::Full => {}
+                Coverage::None => return true,
+                Coverage::Partial => return false,
             }
-            let reach = FOOTPRINT_RADIUS
-                * (footprint.v1.dot(footprint.v1) + footprint.v2.dot(footprint.v2)).reduce_max().sqrt();
-            match sight.sky(simd, pair.r, reach, lit) {
-                Outlook::Clear => {}
-                Outlook::Dark => return true,
-                Outlook::Mixed if even_if_hidden => {
-                    let radiance = gather.cell_radiance(simd, &footprint, sample.lobe() > 0.0, &sight, taps, lit);
-                    gather.add(sample, &pair, &receiver, (weight, &radiance, lit), sum);
-                    return true;
-                }
-                Outlook::Mixed => return false,
+            match map.sky_coverage(simd, pair.r, footprint.max_radius(), lit) {
+                Coverage::Full => {}
+                Coverage::None => return true,
+                Coverage::Partial if allows_partial_sky => occlusion = Some(map),
+                Coverage::Partial => return false,
             }
         }
-        let radiance = gather.cell_radiance(simd, &footprint, sample.lobe() > 0.0, &Unhindered, taps, lit);
-        gather.add(sample, &pair, &receiver, (weight, &radiance, lit), sum);
+        let is_uneven = contribution_range >= self.criterion.error_budget;
+        let taps = is_uneven.then(|| self.criterion.taps(splat(simd, contribution_range)));
+        let weight = gather.weight(simd, sample, &pair, &receiver);
+        let cell = CellAtReceivers { sample, receiver: &receiver, pair: &pair, footprint: &footprint, weight };
+        gather.add_cell(simd, &cell, occlusion.as_ref(), taps, lit, sum);
         true
     }
 
-    /// Adds sums at a block's sixteen points to all of its points; the fourth component, and `more`, are counts that the
-    /// points share.
-    fn spread(&mut self, level: usize, x: usize, y: usize, sum: &[Vec4; LANES], more: f32) {
+    /// Interpolates the sums at a block's sixteen points to all of its points. Their fourth components, and `more`, are counts,
+    /// which the points share.
+    fn interpolate(&mut self, BlockPlace { level, x, y }: BlockPlace, sum: &[Vec4; LANES], more: f32) {
         let edge = EDGES[level];
         let count = (sum.iter().map(|s| s.w).sum::<f32>() + more) / (edge * edge) as f32;
-        let weights = &self.scene.weights[level];
+        let weights = &self.context.weights[level];
         for j in 0..edge {
             let rows = weights.at(j);
             let columns: [Vec4; 4] = std::array::from_fn(|i| {
@@ -186,7 +219,7 @@ impl<'a> TileGather<'a> {
             let start = (y * edge + j) * TILE + x * edge;
             for (i, out) in self.sums[start..start + edge].iter_mut().enumerate() {
                 let [a, b, c, d] = *weights.at(i);
-                // The weights' sum is 1.
+                // The weights add up to 1.
                 *out += a * columns[0] + b * columns[1] + c * columns[2] + d * columns[3];
             }
         }

@@ -60,13 +60,13 @@ impl SampleNode {
                 reflectance: sample.reflectance,
                 curve: sample.curve,
                 texel_jitter: sample.texel_jitter().to_array(),
-                max_reflectance: mirror.most,
+                max_reflectance: mirror.max_reflectance,
                 map: sample.map,
                 node,
                 padding: [0; 3],
             }
         };
-        tree.roots().samples.iter().zip(tree.tree().roots()).map(node).collect()
+        tree.sample_nodes().samples.iter().zip(tree.tree().roots()).map(node).collect()
     }
 }
 

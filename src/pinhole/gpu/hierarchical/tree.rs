@@ -29,14 +29,14 @@ pub struct CellTreeBuffers {
 impl CellTreeBuffers {
     /// Uploads a tree: 64 bytes a node, and the visibility maps of its samples if there are any.
     pub fn upload(device: &wgpu::Device, tree: &PinholeTree) -> Result<Self, GpuError> {
-        let (cells, samples) = (tree.tree(), tree.roots());
+        let (cells, samples) = (tree.tree(), tree.sample_nodes());
         let limit = device.limits().max_storage_buffer_binding_size.min(device.limits().max_buffer_size);
         let bytes = size_of_val(cells.nodes()) as u64;
         if bytes > limit {
             return Err(GpuError::TreeTooLarge { cells: cells.nodes().len(), bytes, limit });
         }
         let (planes, sky_masks): (&[[f32; 4]], &[u32]) =
-            samples.visibility.as_ref().map_or((&[], &[]), |maps| (&maps.planes, &maps.open));
+            samples.visibility.as_ref().map_or((&[], &[]), |maps| (&maps.planes, &maps.sky_mask));
         let bytes = size_of_val(planes) as u64;
         if bytes > limit {
             return Err(GpuError::MapsTooLarge { samples: samples.samples.len(), bytes, limit });

@@ -67,7 +67,9 @@ fn collect_structs(module: &Module, ty: Handle<Type>, found: &mut BTreeMap<Strin
     match &module.types[ty].inner {
         TypeInner::Array { base, .. } => collect_structs(module, *base, found),
         TypeInner::Struct { members, span } => {
-            members.iter().for_each(|member| collect_structs(module, member.ty, found));
+            for member in members {
+                collect_structs(module, member.ty, found);
+            }
             let name = module.types[ty].name.clone().unwrap();
             let members = members.iter().map(|member| (member.name.clone().unwrap(), member.offset)).collect();
             found.insert(name, Layout { members, size: *span });

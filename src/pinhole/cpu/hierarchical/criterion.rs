@@ -1,0 +1,225 @@
+//! The refinement criterion of block–cell pairs: how much a pair may contribute, and how wrong interpolating it would be.
+//!
+//! The bounds are estimates: they hold to first order in the sizes of block and cell over their distance. How often they
+//! are exceeded is measured (`tests/engine/hierarchy.rs`).
+
+use glam::Vec3;
+
+use super::super::lanes::{F, Simd, SimdBase, SimdFloat};
+use super::blocks::{Block, Kind};
+use crate::environment::{Bound, LightBounds};
+use crate::pinhole::GatherUniforms;
+use crate::pinhole::cell::Cell;
+use crate::pinhole::constants::{
+    CONTRAST_ERROR_SCALE, FOOTPRINT_BEND, FOOTPRINT_RADIUS, INTERPOLATION_ERROR_SCALE, MIN_MINOR_SHARE,
+    NEAR_FIELD_SIZES, POINT_SPACING, TAPS_PER_ERROR_BUDGET, WEIGHT_ERROR_SCALE,
+};
+
+/// What to do with a pair.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Decision {
+    /// It contributes nothing that counts.
+    Drop,
+    /// It may be evaluated as it is.
+    Accept {
+        /// What it contributes differs by so much within it, W/m²: below the error budget one look-up is enough.
+        contribution_range: f32,
+        /// It may be interpolated even if part of the environment is occluded.
+        allows_partial_sky: bool,
+    },
+    /// Its cell is too large.
+    RefineCell,
+    /// Its block is too large.
+    RefineBlock,
+}
+
+/// What does not change from pair to pair.
+#[derive(Clone, Copy, Debug)]
+pub struct RefinementCriterion<'a> {
+    pub uniforms: &'a GatherUniforms,
+    pub light: &'a LightBounds,
+    /// Error that a pair may have, W/m².
+    pub error_budget: f32,
+    /// Cells that contribute less than this, by their area, are dropped, W/m⁴.
+    pub negligible: f32,
+    /// Width of the narrowest look-up, radians.
+    pub texel_rad: f32,
+    /// Width of a texel of the visibility maps, radians.
+    pub map_texel_rad: f32,
+    /// Whether receivers reflect towards viewers.
+    pub has_view_directions: bool,
+}
+
+/// A block and a cell.
+struct BlockPair {
+    /// From the middle of the block to the cell's centroid, metres, and its length.
+    d: Vec3,
+    l: f32,
+    /// Both radii together.
+    sizes: f32,
+    dn: f32,
+    /// The largest cosines at any point of the cell and of the block, times l.
+    max_cos_at_sample_l: f32,
+    max_cos_at_receiver_l: f32,
+    /// Only some points of the cell and the block face each other.
+    straddles_horizon: bool,
+    /// Sizes relative to the distance; the cell's with the spread of its normals.
+    block_size: f32,
+    cell_size: f32,
+}
+
+/// The cone of light that a cell reflects to a block.
+struct Cone {
+    direction: Vec3,
+    radius: f32,
+    /// The minor axis of a footprint within it.
+    minor: f32,
+}
+
+/// How much farther than a footprint reflections spread where a cell's normals do not turn evenly from end to end, radians.
+pub fn unevenness(cell: &Cell) -> f32 {
+    let [a, b] = cell.sample.changes;
+    let even = FOOTPRINT_RADIUS * (a.length_squared() + b.length_squared()).sqrt();
+    2.0 * (cell.normal_radius - even).max(0.0)
+}
+
+impl BlockPair {
+    fn new(block: &Block, cell: &Cell) -> Self {
+        let d = cell.sample.position - block.centre;
+        let l = d.length();
+        let sizes = block.radius + cell.radius;
+        let dn = d.dot(cell.sample.normal);
+        let at_sample = if cell.sample.two_sided { dn.abs() } else { -dn };
+        let at_receiver = d.dot(block.normal);
+        let sample_slack = sizes + cell.normal_radius * l;
+        let receiver_slack = sizes + block.normal_radius * l;
+        Self {
+            d,
+            l,
+            sizes,
+            dn,
+            max_cos_at_sample_l: at_sample + sample_slack,
+            max_cos_at_receiver_l: at_receiver + receiver_slack,
+            straddles_horizon: at_sample < sample_slack || at_receiver < receiver_slack,
+            block_size: block.radius / l,
+            cell_size: cell.radius / l + cell.normal_radius,
+        }
+    }
+
+    fn is_below_horizon(&self) -> bool {
+        self.max_cos_at_sample_l <= 0.0 || self.max_cos_at_receiver_l <= 0.0
+    }
+
+    fn reflected_cone(&self, cell: &Cell) -> Cone {
+        let Self { d, l, dn, block_size, cell_size, .. } = *self;
+        let (n, [t1, t2], [m1, m2]) = (cell.sample.normal, cell.sample.sides, cell.sample.changes);
+        let direction = (d - 2.0 * dn * n) / l;
+        let reflected_side = |side: Vec3, change: Vec3| {
+            let v = side - 2.0 * d.dot(change) * n - 2.0 * dn * change;
+            (v - direction.dot(v) * direction) / l
+        };
+        let (v1, v2) = (reflected_side(t1, m1), reflected_side(t2, m2));
+        let lobe2 = cell.sample.lobe * cell.sample.lobe;
+        let (g11, g12, g22) = (v1.length_squared() + lobe2, v1.dot(v2), v2.length_squared() + lobe2);
+        let spread = ((g11 - g22) * (g11 - g22) + 4.0 * g12 * g12).sqrt();
+        let minor2 = (0.5 * (g11 + g22 - spread)).max((g11 + g22) * MIN_MINOR_SHARE);
+        let footprint = if cell.is_creased {
+            cell.radius / l + 2.0 * cell.normal_radius
+        } else {
+            FOOTPRINT_RADIUS * (g11 + g22).sqrt()
+                + FOOTPRINT_BEND * cell_size * (block_size + cell_size)
+                + unevenness(cell)
+        };
+        Cone { direction, radius: block_size + footprint, minor: minor2.sqrt() }
+    }
+
+    /// Error of interpolating between the block's points: of the light, and of the weight.
+    fn interpolation_error(&self, width: f32, max_contribution: f32, contribution_range: f32) -> f32 {
+        let light_error = self.interpolated_share(width);
+        let weight_error = if self.straddles_horizon { 1.0 } else { WEIGHT_ERROR_SCALE * self.block_size.powi(3) };
+        contribution_range * light_error + max_contribution * weight_error
+    }
+
+    /// The part of the contrast that interpolation gets wrong, of something that changes over an angle of `width`.
+    fn interpolated_share(&self, width: f32) -> f32 {
+        // The distance of the points over the width of what is interpolated.
+        let step = POINT_SPACING * self.block_size / width;
+        (INTERPOLATION_ERROR_SCALE * step.powi(4)).min(1.0)
+    }
+
+    /// Error of evaluating the cell as one sample; leaves are samples.
+    fn cell_error(&self, cell: &Cell, max_contribution: f32, contribution_range: f32) -> f32 {
+        if cell.is_leaf() {
+            return 0.0;
+        }
+        let size = self.cell_size;
+        let weight_error = if self.straddles_horizon { 1.0 } else { WEIGHT_ERROR_SCALE * size * size };
+        contribution_range * (CONTRAST_ERROR_SCALE * size).min(1.0) + max_contribution * weight_error
+    }
+}
+
+impl RefinementCriterion<'_> {
+    /// Taps for a pair whose radiance, weighted, differs by so much within it: the fewer, the coarser they are.
+    #[inline(always)]
+    pub fn taps<S: Simd>(&self, contribution_range: F<S>) -> F<S> {
+        let taps = (contribution_range * (TAPS_PER_ERROR_BUDGET / self.error_budget)).ceil();
+        taps.max(1.0).min(self.uniforms.taps as f32)
+    }
+
+    /// A world direction in the space of the light's bounds.
+    fn light_from_world(&self, d: Vec3) -> Vec3 {
+        let (cos, sin) = (self.uniforms.rotation_cos, self.uniforms.rotation_sin);
+        Vec3::new(cos * d.x - sin * d.z, d.y, sin * d.x + cos * d.z)
+    }
+
+    /// Upper bound of 1/l², kept finite as in the gather.
+    fn max_attenuation(&self, l2: f32, area: f32) -> f32 {
+        let u = self.uniforms;
+        if u.attenuation == 0 { 1.0 } else { 1.0 / (l2 + u.epsilon_scale * area + u.epsilon).max(1e-20) }
+    }
+
+    /// The largest weight of any point of the cell at any point of the block.
+    fn max_weight(&self, cell: &Cell, pair: &BlockPair) -> f32 {
+        let (nearest, farthest) = (pair.l - pair.sizes, pair.l + pair.sizes);
+        let cosines = pair.max_cos_at_sample_l.min(farthest) * pair.max_cos_at_receiver_l.min(farthest);
+        cell.sample.area * cosines / (nearest * nearest)
+            * self.max_attenuation(nearest * nearest, cell.sample.area)
+            * cell.max_reflectance
+    }
+
+    /// Decides about a pair of a cell and a block, which can be refined.
+    pub fn decide(&self, block: &Block, cell: &Cell) -> Decision {
+        let pair = BlockPair::new(block, cell);
+        if pair.is_below_horizon() {
+            return Decision::Drop;
+        }
+        let refined = |prefers_cell: bool| {
+            if prefers_cell && !cell.is_leaf() { Decision::RefineCell } else { Decision::RefineBlock }
+        };
+        if pair.l < NEAR_FIELD_SIZES * pair.sizes {
+            return refined(cell.radius >= block.radius);
+        }
+        let cone = pair.reflected_cone(cell);
+        let Bound { most, contrast } = self.light.within(self.light_from_world(cone.direction), cone.radius);
+        let max_weight = self.max_weight(cell, &pair);
+        let (max_contribution, contribution_range) = (max_weight * most, max_weight * contrast);
+        // Glossy receivers weight it one by one.
+        let is_negligible = max_contribution <= self.negligible * cell.sample.area;
+        if is_negligible && (max_contribution == 0.0 || !self.has_view_directions) {
+            return Decision::Drop;
+        }
+        if block.kind != Kind::Smooth {
+            return Decision::RefineBlock;
+        }
+        let width = cone.minor.max(self.texel_rad);
+        let block_error = pair.interpolation_error(width, max_contribution, contribution_range);
+        let cell_error = pair.cell_error(cell, max_contribution, contribution_range);
+        let error = block_error + cell_error;
+        if error >= self.error_budget || error.is_nan() {
+            return refined(cell_error >= block_error);
+        }
+        // Occlusion: a contrast as strong as the light, smooth over a texel of the map.
+        let occlusion_error = max_contribution * pair.interpolated_share(cone.minor.max(self.map_texel_rad));
+        Decision::Accept { contribution_range, allows_partial_sky: error + occlusion_error < self.error_budget }
+    }
+}

@@ -1,0 +1,88 @@
+//! What a cell contributes to sixteen receivers, once it is small enough.
+
+use glam::Vec4;
+
+use super::super::filters::{FootprintSides, mean_over_footprint, smooth_light};
+use super::super::lanes::{F, LANES, Simd, SimdBase};
+use super::super::visibility::{Occlusion, Unoccluded, VisibilityMap};
+use super::super::{Gather, Receiver, ReceiverCellPair};
+use crate::pinhole::PinholeParts;
+use crate::pinhole::constants::{EVEN_LIGHT_SHARPNESS, FILTER_ANISOTROPIC, FOOTPRINT_RADIUS, TAP_SHARPNESS};
+
+/// A cell, taken as one sample, and sixteen receivers.
+pub struct CellAtReceivers<'a, S: Simd> {
+    pub sample: &'a PinholeParts,
+    pub receiver: &'a Receiver<'a, S>,
+    pub pair: &'a ReceiverCellPair<S>,
+    pub footprint: &'a FootprintSides<S>,
+    /// Without reflectance.
+    pub weight: F<S>,
+}
+
+impl<S: Simd> FootprintSides<S> {
+    /// The sum of the sides' squares.
+    #[inline(always)]
+    pub fn squares(&self) -> F<S> {
+        self.v1.dot(self.v1) + self.v2.dot(self.v2)
+    }
+
+    /// No point of any lane's footprint is farther from its centre, radians.
+    #[inline(always)]
+    pub fn max_radius(&self) -> f32 {
+        FOOTPRINT_RADIUS * self.squares().reduce_max().sqrt()
+    }
+}
+
+impl Gather<'_> {
+    /// Adds what a cell contributes in lit lanes: from up to so many taps, or from a single look-up where the light is even.
+    /// `map`: what is occluded, if anything is.
+    #[inline(always)]
+    pub fn add_cell<S: Simd>(
+        &self,
+        simd: S,
+        cell: &CellAtReceivers<S>,
+        map: Option<&VisibilityMap>,
+        taps: Option<F<S>>,
+        lit: u32,
+        sum: &mut [Vec4; LANES],
+    ) {
+        let radiance = match map {
+            Some(map) => self.cell_radiance(simd, cell, map, taps, lit),
+            None => self.cell_radiance(simd, cell, &Unoccluded, taps, lit),
+        };
+        self.add(cell.sample, cell.pair, cell.receiver, (cell.weight, &radiance, lit), sum);
+    }
+
+    /// Mean radiance over a cell's footprint; w = fetches.
+    #[inline(always)]
+    fn cell_radiance<S: Simd>(
+        &self,
+        simd: S,
+        cell: &CellAtReceivers<S>,
+        occlusion: &impl Occlusion,
+        taps: Option<F<S>>,
+        lit: u32,
+    ) -> [Vec4; LANES] {
+        let Some(taps) = taps else {
+            // Adjacent cells together are as good as a wide kernel and lose nothing over the mirrors' edges; a lobe is wide.
+            let width_scale = if cell.sample.lobe > 0.0 { TAP_SHARPNESS } else { EVEN_LIGHT_SHARPNESS };
+            return smooth_light(simd, &self.environment, cell.footprint, width_scale, occlusion, lit);
+        };
+        mean_over_footprint::<S, FILTER_ANISOTROPIC>(simd, &self.environment, cell.footprint, occlusion, taps, lit)
+    }
+
+    /// Upper bound of 1/l² for a cell.
+    #[inline(always)]
+    pub fn max_attenuation<S: Simd>(&self, simd: S, l2: F<S>, area: f32) -> F<S> {
+        let u = &self.uniforms;
+        if u.attenuation == 0 {
+            return F::splat(simd, 1.0);
+        }
+        1.0 / (l2 + (u.epsilon_scale * area + u.epsilon))
+    }
+
+    /// Width of a texel of the visibility maps, radians: a half-space has 2π sr.
+    pub fn map_texel_rad(&self) -> f32 {
+        std::f32::consts::TAU.sqrt() / self.uniforms.map_resolution.max(1) as f32
+    }
+}
