@@ -21,7 +21,7 @@ pub struct SamplingOptions {
     /// Number of samples [default: 1000]
     #[arg(long, value_name = "N")]
     pub samples: Option<u32>,
-    /// random, grid, quantised-grid, neighbourhood or elimination [default: neighbourhood]
+    /// Strategy that places samples: random, grid, quantised-grid, neighbourhood or elimination [default: neighbourhood]
     #[arg(long, value_parser = word::<Strategy>, value_name = "NAME")]
     pub strategy: Option<Strategy>,
     /// What the density of samples follows: uniform, curvature, normal, visibility or contribution [default: uniform]
