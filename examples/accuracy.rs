@@ -1,4 +1,5 @@
-//! The README's accuracy table: unfiltered samples, the paper's recipe and Pinspot's default against the ground truth.
+//! The table of flat sums in docs/accuracy.md: unfiltered samples, the paper's recipe and Pinspot's default against the ground
+//! truth.
 //!
 //! ```sh
 //! cargo run --release --example accuracy

@@ -24,15 +24,15 @@ pub use wgpu::Device;
 #[derive(Clone, Debug)]
 pub enum Device {}
 
-/// Which back end is asked for.
+/// The requested back end.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub enum BackendChoice {
-    /// A hardware GPU if there is one, else the CPU (which is faster than a software GPU).
+    /// A hardware GPU if there is one, else the CPU, which is faster than a software GPU.
     #[default]
     Auto,
     /// The CPU.
     Cpu,
-    /// The best adapter, or the best one with this in its name; software ones too.
+    /// The best adapter, or the best one whose name contains this; includes software adapters.
     #[cfg(feature = "gpu")]
     Gpu(Option<String>),
 }
@@ -48,17 +48,17 @@ enum Kind {
     Gpu(Arc<SharedGpu>),
 }
 
-/// A device, and what is known of it.
+/// A device, and the measured quality of its filter.
 #[cfg(feature = "gpu")]
 #[derive(Debug)]
 pub(crate) struct SharedGpu {
     pub gpu: Gpu,
-    /// How well its hardware filters, once somebody asked.
+    /// The verdict on its hardware filter, measured when first needed.
     verdict: OnceLock<HardwareVerdict>,
 }
 
 impl Backend {
-    /// SIMD and all cores.
+    /// The CPU, with SIMD and all cores.
     pub fn cpu() -> Self {
         Self(Kind::Cpu)
     }
@@ -69,7 +69,8 @@ impl Backend {
         Self(Kind::Gpu(Arc::new(SharedGpu { gpu, verdict: OnceLock::new() })))
     }
 
-    /// Opens a back end. [`BackendChoice::Auto`] always opens one; the others fail where there is no such adapter.
+    /// Opens a back end. [`BackendChoice::Auto`] and [`BackendChoice::Cpu`] always succeed; a GPU fails if there is no
+    /// such adapter.
     pub async fn open(choice: &BackendChoice) -> Result<Self, Error> {
         match choice {
             BackendChoice::Cpu => Ok(Self::cpu()),
@@ -85,7 +86,7 @@ impl Backend {
         }
     }
 
-    /// What reports say of it.
+    /// Its description for reports.
     pub fn report(&self) -> BackendReport {
         match &self.0 {
             Kind::Cpu => BackendReport::Cpu { threads: rayon::current_num_threads() },
@@ -108,7 +109,7 @@ impl Backend {
         }
     }
 
-    /// The device, on a GPU: to be polled while a future of the engine is waited for, as by `blocking::wait`.
+    /// The device, on a GPU. It has to be polled while a future of the engine is pending, as `blocking::wait` does.
     pub fn device(&self) -> Option<&Device> {
         match &self.0 {
             Kind::Cpu => None,
@@ -117,7 +118,7 @@ impl Backend {
         }
     }
 
-    /// The filter that a choice leads to here, and what the user should know about it.
+    /// The filter that a choice resolves to on this back end, with a warning about it if there is one.
     pub(crate) async fn resolve_filter(&self, choice: FilterChoice) -> Result<(Filter, Option<String>), Error> {
         #[cfg(feature = "gpu")]
         if let Kind::Gpu(shared) = &self.0 {
@@ -165,7 +166,7 @@ impl SharedGpu {
     }
 }
 
-/// What is said of a back end in reports.
+/// A back end as reports describe it.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(rename_all = "lowercase", tag = "backend")]
 #[non_exhaustive]
@@ -184,7 +185,7 @@ pub enum BackendReport {
 }
 
 impl BackendReport {
-    /// The adapter in words; `None` on the CPU.
+    /// The adapter's description; `None` on the CPU.
     pub fn adapter(&self) -> Option<String> {
         match self {
             Self::Cpu { .. } => None,

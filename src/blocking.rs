@@ -1,4 +1,4 @@
-//! Waiting for the library's futures, for programs that may block: the command line, tests, benchmarks.
+//! Blocks on the library's futures, for programs that may block: the command line, tests, benchmarks.
 
 use std::pin::pin;
 use std::sync::Arc;
@@ -7,8 +7,12 @@ use std::thread::{self, Thread};
 
 use crate::Device;
 
-/// Runs a future to its end on this thread. Between polls the thread sleeps until the device has finished what was submitted, or
-/// until the future is woken; without a device, futures that wait for one keep the thread busy.
+/// Runs a future to completion on this thread. Between polls the thread sleeps until the device has finished the
+/// submitted work, or until the future is woken.
+///
+/// ```
+/// assert_eq!(pinspot::blocking::wait(None, async { 1 + 1 }), 2);
+/// ```
 pub fn wait<F: Future>(device: Option<&Device>, future: F) -> F::Output {
     let mut future = pin!(future);
     let waker = Waker::from(Arc::new(Unpark(thread::current())));
@@ -18,7 +22,7 @@ pub fn wait<F: Future>(device: Option<&Device>, future: F) -> F::Output {
             return output;
         }
         device.inspect(|device| poll(device));
-        // Returns at once if the future has been woken since it was polled.
+        // Returns immediately if the future has been woken since it was polled.
         thread::park();
     }
 }

@@ -1,10 +1,10 @@
 //! Disjoint sets (union-find).
 
-/// Sets of things that are merged two at a time, with path halving.
+/// Disjoint sets, with path halving.
 pub(crate) struct DisjointSets(Vec<u32>);
 
 impl DisjointSets {
-    /// `count` sets of one.
+    /// `count` sets of one item each.
     pub fn new(count: usize) -> Self {
         Self((0..count as u32).collect())
     }
@@ -18,7 +18,7 @@ impl DisjointSets {
         item
     }
 
-    /// Merges two sets; the smaller representative stays, so results do not depend on the order.
+    /// Merges two sets. The smaller representative is kept, so that results do not depend on the order of merging.
     pub fn merge(&mut self, a: u32, b: u32) {
         if self.0[a as usize] == self.0[b as usize] {
             return;

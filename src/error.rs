@@ -1,4 +1,4 @@
-//! The library's error: one variant a stage. Each message says what is wrong, where, and what to do.
+//! The library's error, with a variant per stage. Each message says what is wrong, where, and what would be right.
 
 use crate::environment::EnvironmentError;
 #[cfg(feature = "gpu")]
@@ -46,7 +46,7 @@ pub enum Error {
     Option(#[from] OptionError),
 }
 
-/// An option that cannot be used. The command adds its flags to what this says.
+/// An invalid option. The command adds its flags to the message.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum OptionError {

@@ -1,9 +1,9 @@
-//! The parts that the engine is made of, for renderers of one's own, tests and benchmarks. What is here may change with every
+//! The parts that the engine is made of, for other renderers, tests and benchmarks. This module may change with every
 //! version.
 //!
-//! A program with a wgpu device of its own records the sum into its command encoder: see `examples/embed.rs`.
+//! A program with its own wgpu device records the sum into its command encoder: see `examples/embed.rs`.
 
-/// What receivers do with light.
+/// BRDFs of receivers.
 pub mod brdf {
     pub use crate::brdf::*;
 }
@@ -24,7 +24,7 @@ pub mod differential {
     pub use crate::differential::*;
 }
 
-/// Light: prefiltered cube maps and what is derived from them.
+/// Environment lighting: prefiltered cube maps, and what is derived from them.
 pub mod environment {
     pub use crate::environment::*;
 }
@@ -40,17 +40,17 @@ pub mod pinhole {
     pub use crate::pinhole::*;
 }
 
-/// How much a mirror reflects by the angle of incidence.
+/// Specular reflectance of mirrors by angle of incidence.
 pub mod reflectance {
     pub use crate::reflectance::*;
 }
 
-/// Where the samples are: strategies, densities, and how evenly they spread.
+/// Placement of samples: strategies, densities, and measures of their quality.
 pub mod sampling {
     pub use crate::sampling::*;
 }
 
-/// Rays against a scene.
+/// Ray tracing.
 pub mod tracing {
     pub use crate::tracing::*;
 }

@@ -1,31 +1,31 @@
-//! The stages of the engine by name, and how far a long one has come. Knows no work and no clock.
+//! The names of the stages, and the progress of long ones. Independent of the work itself, and of clocks.
 
 use std::fmt;
 
 use serde::Serialize;
 
-/// A stage of the engine: something that is made from the stages before it and kept until one of them changes.
+/// A stage: a result that is made from the stages before it, and kept until one of them changes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize)]
 #[serde(rename_all = "kebab-case")]
 #[non_exhaustive]
 pub enum Stage {
-    /// The device is opened.
+    /// The device.
     Device,
-    /// Objects' meshes in world space; one is made again for each object that moved or changed its shape.
+    /// Objects' meshes in world space, each made again when its object moves or changes its shape.
     Geometry,
-    /// The ray tracer's hierarchy of bounding volumes.
+    /// The ray tracer's bounding volume hierarchy.
     Bvh,
-    /// The surface that reflects.
+    /// The reflecting surface, from which samples are drawn.
     Surface,
-    /// What the objects' surfaces do with light.
+    /// Reflectance of the objects' surfaces.
     Materials,
     /// The environment as a prefiltered cube map.
     Light,
-    /// Bounds of the environment's radiance, for the hierarchy.
+    /// Bounds of the environment's radiance, for hierarchical sums.
     LightBounds,
     /// The environment's irradiance by normal.
     Irradiance,
-    /// The environment's distribution of power, for shadow rays.
+    /// The environment's distribution of power, for importance sampling of direct light.
     LightSampler,
     /// The samples' positions.
     Points,
@@ -33,36 +33,36 @@ pub enum Stage {
     Differentials,
     /// The tree of cells.
     Tree,
-    /// What each sample sees of its surroundings.
+    /// The samples' visibility maps.
     Visibility,
     /// Pipelines, and copies of light and samples on the device.
     Upload,
-    /// The mean irradiance over the picture, which the tolerance refers to.
+    /// The estimate of the mean irradiance over the picture, to which the tolerance is relative.
     Estimate,
-    /// What the camera sees: one ray for every point of the picture.
+    /// Camera rays: the first hit for every point of the picture.
     Rays,
-    /// Irradiance by way of the mirrors.
+    /// The caustic: irradiance via mirrors.
     Caustic,
-    /// Irradiance from the environment itself.
+    /// Direct light: irradiance from the environment without a mirror.
     Direct,
-    /// Paths from the camera by way of the mirrors that it sees.
+    /// Paths from the camera via the mirrors that it sees.
     Paths,
-    /// The light at the ends of these paths.
+    /// The light at the end points of these paths.
     PathEnds,
     /// Radiance towards the camera.
     Shading,
-    /// The picture as it is displayed: exposed and tone-mapped.
+    /// The display image: exposed and tone-mapped.
     Display,
     /// The ground truth.
     Reference,
-    /// Figures of sampling strategies.
+    /// Quality measures of sampling strategies.
     Quality,
-    /// Trying filters.
+    /// Tests of filters.
     Filters,
 }
 
 impl Stage {
-    /// The stages of a picture, in the order of the data.
+    /// The stages of a picture, in the order of the data flow.
     pub const ENGINE: [Self; 21] = [
         Self::Geometry,
         Self::Bvh,
@@ -118,7 +118,7 @@ impl Stage {
         }
     }
 
-    /// What a progress bar says while it runs.
+    /// The text of a progress bar during the stage.
     pub fn activity(self) -> &'static str {
         match self {
             Self::Device => "opening the device",
@@ -148,18 +148,18 @@ impl fmt::Display for Stage {
     }
 }
 
-/// Is told what is worked on. Called from any thread; stages do not nest. The library reads no clock: whoever wants
-/// seconds takes them between [`Progress::begin`] and [`Progress::end`].
+/// Receives progress. Methods are called from any thread; stages do not nest. The library reads no clock: to time a
+/// stage, measure from [`Progress::begin`] to [`Progress::end`].
 pub trait Progress: Sync {
-    /// A stage begins; it will take `total` steps.
+    /// A stage begins, which has `total` steps.
     fn begin(&self, stage: Stage, total: u64);
-    /// More steps of the stage are done.
+    /// So many more steps of the stage are done.
     fn advance(&self, steps: u64);
-    /// The stage is over, whether it succeeded or not.
+    /// The stage ends, successfully or not.
     fn end(&self, stage: Stage);
 }
 
-/// Ignores all progress.
+/// A sink that ignores all progress.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct NoProgress;
 

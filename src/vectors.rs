@@ -1,9 +1,9 @@
-//! Vectors of any length.
+//! Normalisation of vectors of any length.
 
 use glam::Vec3;
 
-/// The unit vector of a direction; `None` for zero and for what is not finite. Very long and very short vectors are scaled by
-/// their largest component first, so that their squares neither overflow nor vanish.
+/// The unit vector of a direction; `None` for zero and for vectors that are not finite. Vectors are scaled by their
+/// largest component first, so that squares neither overflow nor underflow.
 pub(crate) fn direction(vector: Vec3) -> Option<Vec3> {
     let largest = vector.abs().max_element();
     match largest {

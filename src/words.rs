@@ -1,10 +1,10 @@
-//! Text that scene files, the command line and messages share: values that are a number or a word, and names.
+//! Text that scene files, the command line and messages have in common: values that are a number or a word, and names.
 
 use std::fmt;
 
 use serde::Deserialize;
 
-/// A number or a word; it displays as what it is parsed from on the command line.
+/// A number or a word; displays in the form in which the command line parses it.
 #[derive(Deserialize)]
 #[serde(untagged, expecting = "a number or a word")]
 pub(crate) enum NumberOrWord {
@@ -21,7 +21,7 @@ impl fmt::Display for NumberOrWord {
     }
 }
 
-/// A name for messages: control characters would otherwise reach the terminal.
+/// Escapes control characters in a name, which would otherwise reach the terminal.
 pub(crate) fn escaped(name: &str) -> String {
     let escape = |c: char| if c.is_control() { c.escape_default().to_string() } else { c.to_string() };
     name.chars().map(escape).collect()

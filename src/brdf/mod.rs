@@ -1,7 +1,8 @@
-//! What receivers do with light: bidirectional reflectance distribution functions (Wand & Straßer, Section 5, propose Phong's
-//! and tables), packed as the gather reads them. Knows no geometry.
+//! BRDFs of receivers (Wand and Straßer 2003, Section 5, propose Phong's and tables), packed as the gather reads them.
+//! Independent of geometry.
 //!
-//! `n`, `l` and `v` are unit: the normal, towards the light, towards the viewer. Shader twin: `shaders/shared/brdf.wgsl`.
+//! `n`, `l` and `v` are unit vectors: the normal, towards the light, towards the viewer. Shader twin:
+//! `shaders/shared/brdf.wgsl`.
 
 mod table;
 
@@ -15,7 +16,7 @@ use std::sync::Arc;
 use bytemuck::{Pod, Zeroable};
 use glam::Vec3;
 
-/// What a receiver has besides Lambert's diffuse reflection.
+/// What a receiver's BRDF has in addition to diffuse reflection.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub enum Gloss {
     /// Nothing.
@@ -24,9 +25,9 @@ pub enum Gloss {
     /// Phong's lobe, normalised (Lafortune and Willems 1994): specular · (e + 2)/2π · cosᵉ of the angle to the mirrored
     /// direction.
     Phong {
-        /// What the lobe reflects at most, per channel, in [0, 1].
+        /// The largest reflectance of the lobe, per channel, in [0, 1].
         specular: Vec3,
-        /// e, from 0.
+        /// Exponent e; not negative.
         exponent: f32,
     },
     /// A GGX surface (Walter et al. 2007) with Schlick's Fresnel factor over the diffuse one.
@@ -36,20 +37,20 @@ pub enum Gloss {
         /// √α, from [`LEAST_ROUGHNESS`] to 1.
         roughness: f32,
     },
-    /// A measured function, which replaces the diffuse part, too.
+    /// A measured BRDF, which replaces the diffuse part, too.
     Table(Arc<BrdfTable>),
 }
 
-/// The smoothest GGX receiver; what is smoother is a mirror.
+/// The smallest roughness of a GGX receiver; smoother surfaces are mirrors.
 pub const LEAST_ROUGHNESS: f32 = 0.05;
 
-/// A receiver's function in 48 bytes, as the shader reads it.
+/// A receiver's BRDF in 48 bytes, as the shader reads it.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 pub struct Material {
     /// Diffuse albedo.
     pub albedo: [f32; 3],
-    /// One of the `MATERIAL_…`s.
+    /// One of the constants `MATERIAL_…`.
     pub kind: u32,
     /// Specular reflectance.
     pub specular: [f32; 3],
@@ -66,7 +67,7 @@ pub(crate) const MATERIAL_PHONG: u32 = 1;
 pub(crate) const MATERIAL_GGX: u32 = 2;
 pub(crate) const MATERIAL_TABLE: u32 = 3;
 
-/// The functions of a scene's objects.
+/// The BRDFs of a scene's objects.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Materials {
     /// By the object's index.
@@ -76,7 +77,7 @@ pub struct Materials {
 }
 
 impl Materials {
-    /// Packs the functions of objects in order: albedo and gloss of each; `None` receives nothing.
+    /// Packs the BRDFs of objects in order, from the albedo and gloss of each; `None` is not a receiver.
     pub fn new<'a>(objects: impl Iterator<Item = Option<(Vec3, &'a Gloss)>>) -> Self {
         let mut tables = Vec::new();
         let mut pack = |albedo: Vec3, gloss: &Gloss| {
@@ -102,8 +103,8 @@ impl Materials {
         Self { of_object, tables }
     }
 
-    /// The function of an object, 1/sr, for `l` and `v` above the surface; 0 elsewhere. Lobes are widened to what they are on
-    /// average over light from `solid_angle` sr around `l`; tables are not.
+    /// The BRDF of an object, 1/sr, for `l` and `v` above the surface; 0 elsewhere. Lobes are widened to approximate
+    /// their average over light from `solid_angle` sr around `l`; tables are not.
     #[inline]
     pub fn value(&self, object: u32, n: Vec3, l: Vec3, v: Vec3, solid_angle: f32) -> Vec3 {
         let material = &self.of_object[object as usize];
@@ -115,14 +116,14 @@ impl Materials {
         let (specular, width) = (Vec3::from(material.specular), material.width);
         match material.kind {
             MATERIAL_PHONG => {
-                // Variances add, that of cosᵉ being 1/e and that of a square its area's twelfth.
+                // Variances add: that of cosᵉ is 1/e, that of a square is a twelfth of its area.
                 let width = width / (1.0 + width * solid_angle / 12.0);
                 let mirrored = (2.0 * cos_l * n - l).dot(v).max(0.0);
                 diffuse + specular * ((width + 2.0) / TAU * mirrored.powf(width))
             }
             MATERIAL_GGX => {
                 let h = (l + v).normalize();
-                // The half vector turns half as far as the light; α² is twice a variance.
+                // The half vector rotates by half the angle of the light; α² is twice the variance.
                 let width = (width * width + solid_angle / 24.0).sqrt().min(1.0);
                 let passes = |cosine: f32| Vec3::ONE - schlick(specular, cosine);
                 let lobe = distribution(n.dot(h), width) * visibility(cos_l, cos_v, width);
@@ -133,17 +134,18 @@ impl Materials {
         }
     }
 
-    /// Whether an object reflects in some directions more than in others.
+    /// Whether an object's BRDF is not Lambertian.
     pub fn is_glossy(&self, object: u32) -> bool {
         self.of_object[object as usize].kind != MATERIAL_LAMBERT
     }
 
-    /// The width of an object's lobe as α of a GGX surface, if it has one: a guide for those who draw directions.
+    /// The approximate width of an object's lobe, if it has one, as α of a GGX surface: for importance sampling.
     pub fn lobe_alpha(&self, object: u32) -> Option<f32> {
         let material = &self.of_object[object as usize];
         let width = material.width;
         match material.kind {
-            // Lobes of cosᵉ around the mirrored direction are as wide as those of facets with α² = 8/(e + 2) or so.
+            // Lobes of cosᵉ around the mirrored direction are about as wide as those of microfacets with α² = 8/(e +
+            // 2).
             MATERIAL_PHONG => Some((8.0 / (width + 2.0)).sqrt().min(1.0)),
             MATERIAL_GGX => Some(width),
             MATERIAL_TABLE => Some(TABLE_ALPHA),
@@ -152,14 +154,14 @@ impl Materials {
     }
 }
 
-/// Tables are of anything; most that are worth it have a lobe about so wide.
+/// Lobe width assumed for tables: typical of glossy measured materials.
 const TABLE_ALPHA: f32 = 0.1;
 
 fn schlick(specular: Vec3, cosine: f32) -> Vec3 {
     specular + (Vec3::ONE - specular) * (1.0 - cosine.clamp(0.0, 1.0)).powi(5)
 }
 
-/// D (Walter et al. 2007, Equation 33) by the cosine of the facet.
+/// The GGX distribution D (Walter et al. 2007, Equation 33), by the cosine of the microfacet's normal.
 pub(crate) fn distribution(cosine: f32, alpha: f32) -> f32 {
     let a2 = alpha * alpha;
     let bump = cosine * cosine * (a2 - 1.0) + 1.0;

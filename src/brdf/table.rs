@@ -1,24 +1,24 @@
-//! Measured functions: isotropic tables in the format of the MERL database (Matusik et al. 2003, *A Data-Driven Reflectance
+//! Measured BRDFs: isotropic tables in the format of the MERL database (Matusik et al. 2003, *A Data-Driven Reflectance
 //! Model*), by half and difference angles (Rusinkiewicz 1998).
 
 use std::f32::consts::{FRAC_PI_2, PI};
 
 use glam::Vec3;
 
-/// Steps of θ_half (dense towards 0: its root is even), θ_diff and φ_diff.
+/// Steps of θ_half (dense towards 0: its square root is uniform), θ_diff and φ_diff.
 pub(crate) const STEPS: [usize; 3] = [90, 90, 180];
 const ENTRIES: usize = STEPS[0] * STEPS[1] * STEPS[2];
-/// The units of the database, R, G and B.
+/// Scale factors of the database for R, G and B.
 const SCALE: [f64; 3] = [1.0 / 1500.0, 1.15 / 1500.0, 1.66 / 1500.0];
 
-/// The largest value of a table, 1/sr: that of a mirror a thousandth of a radian wide.
+/// The largest value of a table, 1/sr: that of a lobe a thousandth of a radian wide.
 const MAX_VALUE: f64 = 1e6;
 
-/// A table, 1/sr.
+/// A table of BRDF values, 1/sr.
 #[derive(Clone, PartialEq)]
 pub struct BrdfTable {
     name: String,
-    /// By θ_half, then θ_diff, then φ_diff; the fourth is unused.
+    /// By θ_half, then θ_diff, then φ_diff; the fourth component is unused.
     entries: Vec<[f32; 4]>,
 }
 
@@ -29,7 +29,7 @@ impl std::fmt::Debug for BrdfTable {
     }
 }
 
-/// Why a table is of no use.
+/// Why a table cannot be used.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum TableError {
@@ -41,7 +41,7 @@ pub enum TableError {
         /// The system's reason.
         reason: String,
     },
-    /// Not of the format.
+    /// The file is not in the format.
     #[error(
         "'{file}' is no table of the MERL format: {reason}; such files have three sizes (90, 90, 180) and 4,374,000 doubles"
     )]
@@ -54,7 +54,8 @@ pub enum TableError {
 }
 
 impl BrdfTable {
-    /// Decodes a `.binary` file of the MERL database; `name` is used in messages and to tell tables apart. Negative entries (directions below the surface) become 0.
+    /// Decodes a `.binary` file of the MERL database; `name` is used in messages and to tell tables apart. Negative
+    /// entries (directions below the surface) become 0.
     pub fn decode(name: &str, bytes: &[u8]) -> Result<Self, TableError> {
         let wrong = |reason: String| TableError::Format { file: name.into(), reason };
         if bytes.len() < 12 {
@@ -95,10 +96,10 @@ impl BrdfTable {
     }
 }
 
-/// The table's value for unit directions above a surface, linear between entries.
+/// The table's value for unit directions above a surface, interpolated linearly.
 pub(super) fn value(entries: &[[f32; 4]], n: Vec3, l: Vec3, v: Vec3) -> Vec3 {
     let h = (l + v).normalize();
-    // The frame of h: away from n, and across; any where the two are one.
+    // The frame of h: away from n, and perpendicular to both; arbitrary where they coincide.
     let across = n.cross(h).try_normalize().unwrap_or_else(|| n.any_orthonormal_vector());
     let away = across.cross(h);
     let theta_half = n.dot(h).clamp(-1.0, 1.0).acos();
@@ -107,7 +108,7 @@ pub(super) fn value(entries: &[[f32; 4]], n: Vec3, l: Vec3, v: Vec3) -> Vec3 {
     let place = |part: f32, steps: usize| (part * steps as f32 - 0.5).clamp(0.0, (steps - 1) as f32);
     let half = place((theta_half / FRAC_PI_2).max(0.0).sqrt(), STEPS[0]);
     let diff = place(theta_diff / FRAC_PI_2, STEPS[1]);
-    // Around, the last is next to the first: the function is reciprocal.
+    // φ_diff wraps around, because the BRDF is reciprocal.
     let around = (phi / PI * STEPS[2] as f32 + STEPS[2] as f32 - 0.5) % STEPS[2] as f32;
     let (i, j, k) = (half as usize, diff as usize, around as usize % STEPS[2]);
     let at = |i: usize, j: usize, k: usize| {

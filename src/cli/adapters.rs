@@ -17,7 +17,8 @@ pub struct AdaptersArgs {
 struct Entry {
     #[serde(flatten)]
     adapter: Adapter,
-    /// Root mean square error of the hardware filter on a pattern of deviation 1; `null` where it could not be tried.
+    /// Root mean square error of the hardware filter, relative to the pattern's standard deviation; `null` if it could
+    /// not be tested.
     hardware_filter_error: Option<f32>,
     hardware_filter_right: Option<bool>,
 }

@@ -19,13 +19,13 @@ use super::render::open;
 pub struct CompareArgs {
     /// A scene file (.toml), or the name of a built-in scene
     scene: String,
-    /// The folder for report.html, report.json, report.csv and the pictures; what is finished in it is used again
+    /// The folder for report.html, report.json, report.csv and the pictures; finished results in it are reused
     #[arg(short, long, value_name = "DIR")]
     output: PathBuf,
     /// Strategies, separated by commas [default: the scene's, else neighbourhood]
     #[arg(long, value_parser = word::<Strategy>, value_delimiter = ',', value_name = "NAMES")]
     strategies: Vec<Strategy>,
-    /// Where samples are denser, separated by commas [default: the scene's, else uniform]
+    /// Densities of samples, separated by commas [default: the scene's, else uniform]
     #[arg(long, value_parser = word::<Density>, value_delimiter = ',', value_name = "NAMES")]
     densities: Vec<Density>,
     /// Footprints, separated by commas [default: the scene's, else cells]
@@ -34,33 +34,33 @@ pub struct CompareArgs {
     /// Filters, separated by commas [default: none,auto]
     #[arg(long, value_parser = word::<FilterChoice>, value_delimiter = ',', value_name = "NAMES")]
     filters: Vec<FilterChoice>,
-    /// How samples are summed, separated by commas: flat, hierarchical (cells that are filtered anisotropically) [default: flat]
+    /// How samples are summed, separated by commas: flat, hierarchical (with the anisotropic filter) [default: flat]
     #[arg(long, value_parser = word::<EvaluationChoice>, value_delimiter = ',', value_name = "NAMES")]
     evaluations: Vec<EvaluationChoice>,
     /// Sample counts, separated by commas [default: 100,1000,10000]
     #[arg(long, value_delimiter = ',', value_name = "LIST")]
     samples: Vec<u32>,
-    /// How many seeds, from --seed on
+    /// Number of consecutive seeds
     #[arg(long, value_name = "K", default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..=1000))]
     seeds: u32,
     /// The first seed [default: 1]
     #[arg(long, value_name = "N")]
     seed: Option<u64>,
-    /// Reproduce a figure of Wand & Straßer (2003): 4 (samples, filtered and not) or 5 (strategies)
+    /// Reproduce a figure of Wand and Straßer (2003): 4 (sample counts, with and without filter) or 5 (strategies)
     #[arg(long, value_name = "4|5", value_parser = figure, conflicts_with_all = ["strategies", "densities", "footprints", "filters", "evaluations", "samples"])]
     figure: Option<Figure>,
-    /// Measure only where this picture (.png, .exr) is not black
+    /// Measure errors only where this picture (.png, .exr) is not black
     #[arg(long, value_name = "FILE")]
     mask: Option<PathBuf>,
-    /// How good the reference must be: √Σse² / √ΣE²
+    /// Relative standard error that the reference must reach: √Σse² / √ΣE²
     #[arg(long, value_name = "FRACTION", default_value_t = 0.005, value_parser = parse_positive)]
     rel_error: f64,
-    /// Seconds that the reference may take; the report says what it reached [default: no limit]
+    /// Time limit of the reference in seconds; the report states the error that it reached [default: no limit]
     #[arg(long, value_name = "S", value_parser = parse_positive)]
     seconds: Option<f64>,
     #[command(flatten)]
     options: SceneOptions,
-    /// Print report.json on stdout, too
+    /// Also print report.json on stdout
     #[arg(long)]
     json: bool,
     /// No progress bar and no summary
@@ -117,7 +117,7 @@ pub fn run(args: &CompareArgs) -> Result<(), String> {
     }
 }
 
-/// As it was given; what is no Unicode shows as �.
+/// The command line as given; bytes that are not Unicode become �.
 fn command_line() -> String {
     std::env::args_os().map(|argument| argument.to_string_lossy().into_owned()).collect::<Vec<_>>().join(" ")
 }
@@ -151,7 +151,7 @@ fn summary(args: &CompareArgs, comparison: &Comparison) -> String {
     for rows in comparison.rows.chunks(args.seeds as usize) {
         let mean = |f: fn(&pinspot::report::Row) -> f64| rows.iter().map(f).sum::<f64>() / rows.len() as f64;
         let row = &rows[0];
-        // Of a black reference no error is a part.
+        // A relative error is undefined where the reference is black.
         let defined: Vec<f64> = rows.iter().filter_map(|r| r.rel_l2).collect();
         let rel_l2 = if defined.len() == rows.len() {
             format!("{:.4}", defined.iter().sum::<f64>() / defined.len() as f64)

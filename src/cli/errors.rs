@@ -1,4 +1,4 @@
-//! What the library reports, with the command's own options and remedies added.
+//! Messages for the library's errors, with the command's options and remedies added.
 
 use pinspot::low_level::environment::EnvironmentError;
 #[cfg(feature = "gpu")]
@@ -8,7 +8,7 @@ use pinspot::low_level::sampling::SamplingError;
 use pinspot::report::ReportError;
 use pinspot::{Error, OptionError};
 
-/// One line for a user of the command.
+/// An error in one line, with a remedy.
 pub fn message(error: &Error) -> String {
     let text = match error {
         Error::Option(error) => return option_message(error),
@@ -20,14 +20,14 @@ pub fn message(error: &Error) -> String {
     }
 }
 
-/// An option that cannot be used, and what to give instead.
+/// An invalid option, with alternatives.
 pub fn option_message(error: &OptionError) -> String {
     let OptionError::Conflict { remedies, .. } = error else { return error.to_string() };
     let flags: Vec<String> = remedies.iter().map(|(key, value)| flag(key, value)).collect();
     if flags.is_empty() { error.to_string() } else { format!("{error}; give {}", flags.join(" or ")) }
 }
 
-/// An option of a scene file as the command line has it.
+/// The command-line flag for an option of a scene file.
 fn flag(key: &str, value: &str) -> String {
     let name = match key {
         "exposure_ev" => "exposure".to_owned(),

@@ -15,10 +15,10 @@ use super::progress::Watch;
 
 #[derive(Debug, Args)]
 pub struct FiltersArgs {
-    /// A folder for filters.json and a picture per device: a zone plate, exact and through every filter
+    /// A folder for filters.json and one picture per device: a zone plate, exact and as each filter renders it
     #[arg(short, long, value_name = "DIR")]
     output: Option<PathBuf>,
-    /// Only the GPU adapter with this in its name [default: the CPU back end and every adapter]
+    /// Test only the GPU adapter whose name contains this [default: the CPU and all adapters]
     #[arg(long, value_name = "NAME")]
     adapter: Option<String>,
     /// Print JSON on stdout

@@ -1,4 +1,4 @@
-//! The command line. Thin: it parses, calls the library and writes; nothing is computed here.
+//! The command line: parses arguments, calls the library and writes files. Nothing is computed here.
 
 #[cfg(feature = "gpu")]
 mod adapters;
@@ -19,7 +19,7 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 
-/// Caustics from natural light: every small piece of a mirror projects the environment on what it faces.
+/// Renders caustics from natural light: each sample of a mirror projects the environment onto the surfaces it faces
 #[derive(Debug, Parser)]
 #[command(version, max_term_width = 110)]
 struct Cli {
@@ -29,26 +29,27 @@ struct Cli {
 
 #[derive(Debug, Subcommand)]
 enum Command {
-    /// Render an image: .png (tone-mapped), .exr (linear)
+    /// Render a scene to .png (tone-mapped) or .exr (linear)
     Render(render::RenderArgs),
-    /// Compute the ground truth with its standard error (.exr); the same command again goes on where it stopped
+    /// Compute the ground truth with its standard error (.exr); run the same command again to continue
     Reference(reference::ReferenceArgs),
-    /// Compare strategies, footprints, filters and sample counts with the ground truth: an HTML report
+    /// Compare strategies, footprints, filters and sample counts with the ground truth, as an HTML report
     #[cfg(feature = "report")]
     Compare(compare::CompareArgs),
-    /// Write the reflector samples as a point cloud (.ply) and print how evenly they are spread
+    /// Write the samples as a point cloud (.ply) and print how evenly they are distributed
     Samples(samples::SamplesArgs),
-    /// Test how well this machine filters cube maps: each filter against the exact integral
+    /// Measure the error of each cube-map filter on this machine against the exact integral
     #[cfg(feature = "gpu")]
     Filters(filters::FiltersArgs),
-    /// List the GPU adapters found, and what each can do
+    /// List the GPU adapters and their capabilities
     #[cfg(feature = "gpu")]
     Adapters(adapters::AdaptersArgs),
     /// List the built-in scenes and environment maps
     Scenes(scenes::ScenesArgs),
 }
 
-/// Parses the command line and runs it. Exit codes: 0; 1 with one line on stderr; 2 for a wrong command line.
+/// Parses the command line and runs it. Exit codes: 0 for success, 1 for an error with one line on stderr, 2 for a
+/// wrong command line.
 pub fn run() -> ExitCode {
     let result = match Cli::parse().command {
         Command::Render(args) => render::run(&args),
@@ -71,7 +72,7 @@ pub fn run() -> ExitCode {
     }
 }
 
-/// Prints to stdout; a reader that has gone away is no error.
+/// Prints to stdout. A closed pipe is not an error.
 fn print(text: &str) -> Result<(), String> {
     use std::io::Write;
     match writeln!(std::io::stdout(), "{text}") {
@@ -84,7 +85,7 @@ fn print_json(value: &impl serde::Serialize) -> Result<(), String> {
     print(&serde_json::to_string_pretty(value).map_err(|e| e.to_string())?)
 }
 
-/// Prints a line to stderr; where that is closed or full, nobody can be told.
+/// Prints a line to stderr. If that fails, there is nowhere left to report it.
 fn to_stderr(line: &str) {
     use std::io::Write;
     let _ = writeln!(std::io::stderr(), "{line}");

@@ -1,4 +1,4 @@
-//! The options that commands share. Words are parsed by the same types as scene files.
+//! Options that several commands share. Names are parsed by the same types as in scene files.
 
 use std::path::Path;
 
@@ -15,7 +15,7 @@ use pinspot::{
 
 use super::errors::option_message;
 
-/// What is sampled and how.
+/// Sampling options.
 #[derive(Debug, Args)]
 pub struct SamplingOptions {
     /// Number of samples [default: 1000]
@@ -24,7 +24,7 @@ pub struct SamplingOptions {
     /// random, grid, quantised-grid, neighbourhood or elimination [default: neighbourhood]
     #[arg(long, value_parser = word::<Strategy>, value_name = "NAME")]
     pub strategy: Option<Strategy>,
-    /// Where samples are denser: uniform, curvature, normal, visibility or contribution [default: uniform]
+    /// What the density of samples follows: uniform, curvature, normal, visibility or contribution [default: uniform]
     #[arg(long, value_parser = word::<Density>, value_name = "NAME")]
     pub density: Option<Density>,
     /// Random seed [default: 1]
@@ -32,25 +32,25 @@ pub struct SamplingOptions {
     pub seed: Option<u64>,
 }
 
-/// What all techniques share: the picture, the light, and where the work is done.
+/// Options that do not depend on the technique: picture, light and back end.
 #[derive(Debug, Args)]
 pub struct SceneOptions {
     /// Image size in pixels [default: 512x512]
     #[arg(long, value_parser = parse_size, value_name = "WxH")]
     pub size: Option<[u32; 2]>,
-    /// Most look-ups along a footprint's major axis [default: 16]
+    /// Maximum number of look-ups along a footprint's major axis [default: 16]
     #[arg(long, value_name = "N")]
     pub taps: Option<u32>,
-    /// on, or off to drop the 1/l² [default: on]
+    /// Attenuation by the squared distance, 1/l²: on or off [default: on]
     #[arg(long, value_parser = parse_switch, value_name = "on|off")]
     pub attenuation: Option<bool>,
-    /// What keeps 1/l² finite: auto, paper, or a number of m² [default: auto]
+    /// Term that keeps 1/l² finite: auto, paper, or a value in m² [default: auto]
     #[arg(long, value_name = "auto|paper|VALUE")]
     pub epsilon: Option<Epsilon>,
-    /// Texels along the edge of a cube-map face: auto, or a power of two [default: auto]
+    /// Size of the environment's cube-map faces in texels: auto, or a power of two [default: auto]
     #[arg(long, value_name = "auto|N")]
     pub cube_size: Option<CubeSize>,
-    /// What hides light: none (as in the paper) or everything, on both legs [default: full]
+    /// Occlusion: full (by all objects, before and after the mirror), or none (as in the paper) [default: full]
     #[arg(long, value_parser = word::<Visibility>, value_name = "none|full")]
     pub visibility: Option<Visibility>,
     /// Average NxN points per pixel [default: 1]
@@ -59,55 +59,59 @@ pub struct SceneOptions {
     /// Exposure in stops
     #[arg(long, value_name = "EV", allow_hyphen_values = true)]
     pub exposure: Option<f32>,
-    /// Environment map instead of the scene's light: a file (.exr, .hdr) or a built-in map's name
+    /// Environment map to use instead of the scene's light: a file (.exr, .hdr) or the name of a built-in map
     #[arg(long, value_name = "FILE")]
     pub env: Option<String>,
-    /// auto (a hardware GPU, else the CPU), gpu or cpu [default: auto]
+    /// Back end: auto (a hardware GPU if there is one, else the CPU), gpu or cpu [default: auto]
     #[arg(long, value_parser = ["auto", "gpu", "cpu"], value_name = "NAME", hide_possible_values = true)]
     pub backend: Option<String>,
-    /// The GPU adapter with this in its name
+    /// Use the GPU adapter whose name contains this
     #[arg(long, value_name = "NAME")]
     pub adapter: Option<String>,
 }
 
-/// Options over the scene's `[render]` table.
+/// Options that override the scene's `[render]` table.
 #[derive(Debug, Args)]
 pub struct CommonOptions {
-    /// How irradiance by way of the mirrors is computed: pinhole [default: pinhole]
+    /// Technique that computes caustics: pinhole [default: pinhole]
     #[arg(long, value_parser = word::<Technique>, value_name = "NAME")]
     pub technique: Option<Technique>,
     #[command(flatten)]
     pub sampling: SamplingOptions,
-    /// How a sample's footprint is found: cells, or curvature (the paper's) [default: cells]
+    /// How footprints are derived: from cells, or from curvature (as in the paper) [default: cells]
     #[arg(long, value_parser = word::<Footprint>, value_name = "NAME")]
     pub footprint: Option<Footprint>,
-    /// auto, none, isotropic, anisotropic, hardware or ewa [default: auto: the GPU's own where a test finds it right, else anisotropic]
+    /// Filter of the environment: auto (hardware where a test finds it correct, else anisotropic), none, isotropic,
+    /// anisotropic, hardware or ewa [default: auto]
     #[arg(long, value_parser = word::<FilterChoice>, value_name = "NAME")]
     pub filter: Option<FilterChoice>,
-    /// auto, flat (every sample for every receiver) or hierarchical (by a tree of cells) [default: auto: hierarchical where that can be]
+    /// How samples are summed: auto (hierarchical where possible), flat (every sample at every receiver) or
+    /// hierarchical (a tree of cells) [default: auto]
     #[arg(long, value_parser = word::<EvaluationChoice>, value_name = "NAME")]
     pub evaluation: Option<EvaluationChoice>,
-    /// Cells that each sample is split into at most; the power of four below counts [default: 64 in a hierarchy, else 1]
+    /// Maximum number of cells that each sample is split into, rounded down to a power of four [default: 64 in a
+    /// hierarchy, else 1]
     #[arg(long, value_name = "N")]
     pub leaves: Option<u32>,
-    /// Error that a hierarchy may have, as a part of the caustics' mean irradiance [default: 0.01]
-    #[arg(long, value_name = "PART")]
+    /// Allowed error of a hierarchical sum, relative to the caustic's mean irradiance [default: 0.01]
+    #[arg(long, value_name = "FRACTION")]
     pub tolerance: Option<f32>,
     #[command(flatten)]
     pub scene: SceneOptions,
-    /// What to render, separated by commas: beauty, caustic, direct, albedo, normal, position, depth [default: beauty]
+    /// Pictures to render, separated by commas: beauty, caustic, direct, albedo, normal, position, depth [default:
+    /// beauty]
     #[arg(long, value_parser = word::<Aov>, value_delimiter = ',', value_name = "NAMES")]
     pub aov: Option<Vec<Aov>>,
-    /// Exposure of the environment where the camera sees it, in stops
+    /// Exposure of the environment where the camera sees it directly, in stops [default: the exposure]
     #[arg(long, value_name = "EV", allow_hyphen_values = true)]
     pub background_exposure: Option<f32>,
-    /// Multiply the caustic in the beauty picture
+    /// Factor on the caustic in the beauty picture
     #[arg(long, value_name = "FACTOR", allow_hyphen_values = true)]
     pub caustic_gain: Option<f32>,
-    /// Draw over the beauty picture: samples
+    /// Overlay on the beauty picture: samples
     #[arg(long, value_parser = word::<Overlay>, value_name = "NAME")]
     pub overlay: Option<Overlay>,
-    /// Show the shapes: everything diffuse, no mirrors, no caustics
+    /// Show shapes only: everything is diffuse, without mirrors or caustics
     #[arg(long)]
     pub plain_diffuse: bool,
 }
@@ -132,7 +136,7 @@ impl CommonOptions {
         }
     }
 
-    /// Loads a scene and lays these options over it.
+    /// Loads a scene, overriding its options by these.
     pub fn load(&self, scene: &str) -> Result<(Scene, Options), String> {
         let (scene, mut options) = self.scene.load(scene, self.settings())?;
         options.overlay = self.overlay.unwrap_or_default();
@@ -156,10 +160,10 @@ impl SceneOptions {
         }
     }
 
-    /// Loads a scene and lays settings over its own.
+    /// Loads a scene, overriding its settings by others.
     pub fn load(&self, scene: &str, over: Settings) -> Result<(Scene, Options), String> {
         let loaded = load::<Settings>(scene).map_err(|e| e.to_string())?;
-        // The file's own mistakes are the file's.
+        // Errors in the file are reported with file and line, not as errors of the command line.
         let check = loaded.render.clone().options();
         check.map_err(|error| loaded.render_error(error.key(), &option_message(&error)).to_string())?;
         let Loaded { mut scene, render, .. } = loaded;
@@ -168,7 +172,7 @@ impl SceneOptions {
         Ok((scene, options))
     }
 
-    /// The back end asked for. Options that contradict each other end the program as a wrong command line.
+    /// The requested back end. Contradicting options end the program as a wrong command line.
     pub fn backend(&self) -> BackendChoice {
         match (self.backend.as_deref().unwrap_or("auto"), &self.adapter) {
             ("cpu", None) => BackendChoice::Cpu,
@@ -188,13 +192,14 @@ impl SceneOptions {
     }
 }
 
-/// Ends the program as a wrong command line does: the scene's own options are right, so that the flags are not.
+/// Ends the program as for a wrong command line: the scene's own options have been found valid, so the flags are to
+/// blame.
 fn wrong_option(error: &OptionError) -> String {
     let message = format!("{}\n", option_message(error));
     clap::Error::raw(clap::error::ErrorKind::InvalidValue, message).exit()
 }
 
-/// Puts another environment map in the place of a scene's light.
+/// Replaces a scene's light by an environment map.
 pub(super) fn override_light(scene: &mut Scene, map: Option<&str>) -> Result<(), String> {
     if let Some(map) = map {
         let (light, notes) = Light::map(Path::new(""), map, MapLayout::Auto).map_err(|e| e.to_string())?;
@@ -204,7 +209,7 @@ pub(super) fn override_light(scene: &mut Scene, map: Option<&str>) -> Result<(),
     Ok(())
 }
 
-/// Parses a word as a scene file would.
+/// Parses a name as in a scene file.
 pub(super) fn word<T: DeserializeOwned>(text: &str) -> Result<T, String> {
     T::deserialize(StrDeserializer::<WordError>::new(text)).map_err(|e| e.to_string().replace('`', "'"))
 }

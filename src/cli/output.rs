@@ -1,8 +1,8 @@
-//! What can be known about outputs before the work: whether they can be written.
+//! Checks whether outputs can be written, before the work begins.
 
 use std::path::Path;
 
-/// Refuses a file that has another extension, or that cannot be written as far as can be known before.
+/// Rejects a file with another extension, or one that is known not to be writable.
 pub fn check_output(path: &Path, extensions: &[&str]) -> Result<(), String> {
     if !extensions.contains(&extension(path).as_str()) {
         let endings = extensions.join(" or .");
@@ -11,7 +11,7 @@ pub fn check_output(path: &Path, extensions: &[&str]) -> Result<(), String> {
     check_writable(path)
 }
 
-/// Refuses a file that is a folder or read-only, or whose folder does not exist or cannot be written to.
+/// Rejects a file that is a folder or read-only, or whose folder does not exist or is not writable.
 pub fn check_writable(path: &Path) -> Result<(), String> {
     let refuse = |why: String| Err(format!("cannot write '{}': {why}", path.display()));
     if let Ok(metadata) = std::fs::metadata(path) {
@@ -22,7 +22,7 @@ pub fn check_writable(path: &Path) -> Result<(), String> {
             return refuse("it is read-only; give another name, or allow writing to it".into());
         }
     }
-    // Of a symbolic link the file that it points to is replaced.
+    // For a symbolic link, the file that it points to is replaced.
     let target = std::fs::canonicalize(path).unwrap_or_else(|_| path.into());
     let folder = target.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
     if !folder.is_dir() {

@@ -1,4 +1,4 @@
-//! The progress bar on a terminal's stderr, and the seconds that each stage takes: the only clock of a render.
+//! The progress bar on a terminal's stderr, and the time that each stage takes. This is the only clock of a render.
 
 use std::io::IsTerminal;
 use std::sync::Mutex;
@@ -8,7 +8,7 @@ use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use pinspot::{Progress, Stage};
 use serde::ser::{Serialize, SerializeMap, Serializer};
 
-/// A bar, or nothing where stderr is no terminal or the user wants it quiet; and a stopwatch.
+/// A stopwatch, and a progress bar unless stderr is not a terminal or the user wants quiet.
 pub struct Watch {
     started: Instant,
     state: Mutex<State>,
@@ -20,7 +20,7 @@ struct State {
     seconds: Seconds,
 }
 
-/// Seconds per stage, in the order in which the stages first began, and of everything.
+/// Seconds per stage, in the order in which the stages first began, and in total.
 #[derive(Clone, Debug, Default)]
 pub struct Seconds {
     stages: Vec<(Stage, f64)>,
@@ -28,7 +28,7 @@ pub struct Seconds {
 }
 
 impl Seconds {
-    /// The sum over some stages.
+    /// The sum over these stages.
     pub fn of(&self, stages: &[Stage]) -> f64 {
         self.stages.iter().filter(|(stage, _)| stages.contains(stage)).map(|(_, seconds)| seconds).sum()
     }
@@ -59,7 +59,7 @@ impl Watch {
         Self { started: now, state: Mutex::new(State { bar, stage_began: now, seconds: Seconds::default() }) }
     }
 
-    /// Takes the bar off the screen.
+    /// Removes the bar from the screen.
     pub fn finish(&self) {
         self.state().bar.finish_and_clear();
     }
@@ -69,7 +69,7 @@ impl Watch {
         Seconds { total: self.elapsed(), ..self.state().seconds.clone() }
     }
 
-    /// Seconds since it was made.
+    /// Seconds since the start.
     pub fn elapsed(&self) -> f64 {
         self.started.elapsed().as_secs_f64()
     }

@@ -22,22 +22,22 @@ pub struct ReferenceArgs {
     /// The image to write (.exr): R G B and their standard errors, error.R error.G error.B
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
-    /// Stop when √Σse² / √ΣE² over the image is this small
+    /// Relative standard error to stop at: √Σse² / √ΣE² over the image
     #[arg(long, value_name = "FRACTION", default_value_t = 0.005, value_parser = parse_positive)]
     rel_error: f64,
-    /// Stop after this many seconds, whatever is reached; the same command again goes on
+    /// Stop after this many seconds, even if the error is larger; run the same command again to continue
     #[arg(long, value_name = "S", value_parser = parse_positive)]
     seconds: Option<f64>,
-    /// What to compute: caustic or direct
+    /// Picture to compute: caustic or direct
     #[arg(long, value_parser = word::<Aov>, value_name = "NAME", default_value = "caustic")]
     aov: Aov,
-    /// Occlusion: none, or full (of both legs) [default: the scene's, else full]
+    /// Occlusion: full (by all objects, before and after the mirror), or none [default: the scene's, else full]
     #[arg(long, value_parser = word::<Visibility>, value_name = "none|full")]
     visibility: Option<Visibility>,
     /// Image size in pixels [default: the scene's, else 512x512]
     #[arg(long, value_parser = parse_size, value_name = "WxH")]
     size: Option<[u32; 2]>,
-    /// on, or off to drop the 1/l² [default: on]
+    /// Attenuation by the squared distance, 1/l²: on or off [default: on]
     #[arg(long, value_parser = parse_switch, value_name = "on|off")]
     attenuation: Option<bool>,
     /// Average NxN points per pixel [default: 1]
@@ -46,10 +46,10 @@ pub struct ReferenceArgs {
     /// Random seed [default: 1]
     #[arg(long, value_name = "N")]
     seed: Option<u64>,
-    /// Environment map instead of the scene's light: a file (.exr, .hdr) or a built-in map's name
+    /// Environment map to use instead of the scene's light: a file (.exr, .hdr) or the name of a built-in map
     #[arg(long, value_name = "FILE")]
     env: Option<String>,
-    /// Start anew, whatever the file holds
+    /// Start from scratch, replacing whatever the file contains
     #[arg(long)]
     force: bool,
     /// Print a JSON report on stdout
@@ -123,7 +123,7 @@ fn options(args: &ReferenceArgs, render: &Settings) -> Result<Options, String> {
     })
 }
 
-/// The estimate, and what was repaired while loading.
+/// The estimate, with notes on what was repaired while loading.
 fn solve(args: &ReferenceArgs, scene: Scene, options: &Options, watch: &Watch) -> Result<(Stored, Vec<String>), Error> {
     let clock = || watch.elapsed();
     let should_stop = || args.seconds.is_some_and(|most| clock() >= most);

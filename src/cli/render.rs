@@ -43,7 +43,7 @@ struct JsonReport<'a> {
 }
 
 pub fn run(args: &RenderArgs) -> Result<(), String> {
-    // What can be known to fail is checked before the long work.
+    // Anything that is sure to fail is reported before the long work.
     args.output.iter().try_for_each(|path| check_output(path, &["png", "exr"]))?;
     let choice = args.options.scene.backend();
     let (scene, options) = args.options.load(&args.scene)?;
@@ -78,7 +78,7 @@ pub(super) fn open(choice: &BackendChoice, watch: &Watch) -> Result<Backend, Err
     backend
 }
 
-/// Refuses what would be asked for in vain.
+/// Rejects options that would have no effect.
 fn check_uses(args: &RenderArgs, options: &Options) -> Result<(), String> {
     let beauty = options.aovs.contains(&Aov::Beauty);
     let png = args.output.iter().any(|path| extension(path) == "png");
@@ -110,7 +110,7 @@ fn check_uses(args: &RenderArgs, options: &Options) -> Result<(), String> {
     check_sampling_uses(args, options)
 }
 
-/// Refuses options of the technique that nothing would use.
+/// Rejects options of the technique that would have no effect.
 fn check_sampling_uses(args: &RenderArgs, options: &Options) -> Result<(), String> {
     let is_flat = options.evaluation == pinspot::EvaluationChoice::Flat;
     if args.options.tolerance.is_some() && is_flat {
@@ -132,7 +132,7 @@ fn write(path: &Path, rendered: &Rendered, display: &DisplaySettings) -> Result<
     written.map_err(|e| e.to_string())
 }
 
-/// How many samples there are, and how they were summed.
+/// The number of samples, and how they were summed.
 fn samples(report: &Report) -> String {
     match report.evaluation {
         None => "no samples".to_owned(),

@@ -30,10 +30,12 @@ pub struct SamplesArgs {
     output: PathBuf,
     #[command(flatten)]
     options: SamplingOptions,
-    /// Point sets, with consecutive seeds, that the spectrum is averaged over (where the reflectors unroll into a rectangle)
+    /// Number of point sets, with consecutive seeds, over which the spectrum is averaged (for reflectors that unroll
+    /// into a rectangle)
     #[arg(long, value_name = "K", default_value_t = 10, value_parser = clap::value_parser!(u32).range(1..=1000))]
     sets: u32,
-    /// Write a picture of the power spectrum (.png); frequency 0 in the middle, white noise is a quarter grey
+    /// Write a picture of the power spectrum (.png), with frequency 0 in the middle; the level of white noise is 25 %
+    /// grey
     #[cfg(feature = "report")]
     #[arg(long, value_name = "FILE.png")]
     spectrum: Option<PathBuf>,
@@ -64,11 +66,11 @@ struct Figures {
     strategy: Strategy,
     density: Density,
     seed: u64,
-    /// Samples in the file; one that no part of the surface is nearest to is left out.
+    /// Samples in the file; those with an empty cell are left out.
     written: usize,
     #[serde(flatten)]
     quality: Quality,
-    /// How many sets the spectrum is the mean of; `null` without one.
+    /// Number of sets over which the spectrum is averaged; `null` without a spectrum.
     sets: Option<u32>,
     /// `null` where the reflectors do not unroll into a rectangle.
     spectrum: Option<Spectrum>,

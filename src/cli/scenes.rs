@@ -7,7 +7,7 @@ use pinspot::scene::BUILT_IN;
 
 #[derive(Debug, Args)]
 pub struct ScenesArgs {
-    /// Print a built-in scene's file, to start a scene of your own from
+    /// Print the file of a built-in scene, as a starting point for your own
     #[arg(long, value_name = "NAME")]
     show: Option<String>,
 }

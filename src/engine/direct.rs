@@ -1,6 +1,6 @@
-//! Light that reaches receivers without a mirror: the unoccluded irradiance, which is known exactly, times the part of it
-//! that shadow rays find unblocked (Heitz, Hill, McGuire 2018, *Combining Analytic Direct Illumination and Stochastic
-//! Shadows*). Where nothing is hidden, and where everything is, there is no noise.
+//! Direct light: the unoccluded irradiance, which is known exactly, times the fraction of it that shadow rays find
+//! unblocked (Heitz, Hill, McGuire 2018, *Combining Analytic Direct Illumination and Stochastic
+//! Shadows*). There is no noise where nothing is occluded, or everything.
 
 use std::f32::consts::{FRAC_1_PI, TAU};
 use std::sync::Arc;
@@ -15,7 +15,7 @@ use crate::scene::{Ray, Visibility};
 use crate::stages::{LightStages, PreparedLight};
 use crate::tracing::{Hit, Tracer};
 
-/// Rays a point towards the light, and as many by the receiver's cosine.
+/// Shadow rays per point sampled from the light, and as many from the receiver's cosine.
 const RAYS: u32 = 64;
 
 /// The environment as receivers see it, at an intensity of 1.
@@ -24,7 +24,7 @@ pub(super) struct DirectLight<'a> {
     light: &'a PreparedLight,
     world_from_light: Mat3,
     irradiance: Arc<CubeMap>,
-    /// Draws shadow rays and directions for glossy receivers.
+    /// Samples shadow rays and directions for glossy receivers.
     sampler: Arc<LightSampler>,
     is_shadowed: bool,
     tracer: &'a Tracer,
@@ -58,7 +58,7 @@ impl<'a> DirectLight<'a> {
         let mut add = |direction: Vec3, in_light: Vec3| {
             let cosine = direction.dot(normal);
             if cosine > 0.0 {
-                // Both ways of drawing together: the balance heuristic.
+                // Multiple importance sampling with the balance heuristic.
                 let density = self.sampler.pdf(in_light) + cosine * FRAC_1_PI;
                 let part = self.light.environment.radiance.radiance(in_light) * cosine / density;
                 all += part;
@@ -75,12 +75,13 @@ impl<'a> DirectLight<'a> {
             let by_cosine = by_cosine(normal, x, y);
             add(by_cosine, self.light.light_from_world(by_cosine));
         }
-        // Channel by channel; what sends no light has no shadow.
+        // Per channel; where there is no light, there is no shadow.
         let part = |seen: f32, all: f32| if all > 0.0 { seen / all } else { 1.0 };
         open * Vec3::new(part(seen.x, all.x), part(seen.y, all.y), part(seen.z, all.z))
     }
 
-    /// Radiance that a glossy receiver reflects to its viewer: directions drawn by the light, by the cosine and by the lobe.
+    /// Radiance that a glossy receiver reflects towards its viewer: multiple importance sampling of light, cosine and
+    /// lobe.
     pub fn reflected(&self, materials: &Materials, hit: &Hit, view: Vec3) -> Vec3 {
         let normal = hit.normal;
         let lobe = Lobe { normal, view, alpha: materials.lobe_alpha(hit.object).unwrap_or(1.0).max(1e-3) };
@@ -110,14 +111,14 @@ impl<'a> DirectLight<'a> {
     }
 }
 
-/// A direction drawn by its cosine.
+/// A cosine-distributed direction.
 fn by_cosine(normal: Vec3, x: f32, y: f32) -> Vec3 {
     let (t, b) = normal.any_orthonormal_pair();
     let (radius, angle) = (x.sqrt(), TAU * y);
     radius * (angle.cos() * t + angle.sin() * b) + (1.0 - x).max(0.0).sqrt() * normal
 }
 
-/// Draws directions in proportion to a GGX lobe.
+/// Samples directions in proportion to a GGX lobe.
 struct Lobe {
     normal: Vec3,
     view: Vec3,
@@ -125,7 +126,7 @@ struct Lobe {
 }
 
 impl Lobe {
-    /// The direction mirrored by a facet (Walter et al. 2007, Equations 35 to 38).
+    /// The direction reflected by a sampled microfacet (Walter et al. 2007, Equations 35 to 38).
     fn sample(&self, u: f32, v: f32) -> Vec3 {
         let facet = super::gloss::facet_of(self.normal, self.alpha, [u, v]);
         2.0 * self.view.dot(facet) * facet - self.view
@@ -138,7 +139,7 @@ impl Lobe {
     }
 }
 
-/// Another set of directions for every point; the same for the same point.
+/// A seed that depends on the position only: the same point always gets the same directions.
 fn seed_of(position: Vec3) -> u32 {
     position
         .to_array()

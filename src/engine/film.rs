@@ -1,4 +1,4 @@
-//! The pictures while they fill up, band by band.
+//! The film: pictures that are filled band by band.
 
 use glam::{Vec2, Vec3};
 
@@ -8,14 +8,14 @@ use super::report::Report;
 use crate::image::{Aov, Image, display, exposed};
 use crate::options::{DisplaySettings, Options};
 
-/// What a render gives.
+/// The result of a render.
 #[derive(Clone, Debug)]
 pub struct Rendered {
-    /// The pictures asked for, in that order.
+    /// The requested pictures, in the requested order.
     pub layers: Vec<(Aov, Image)>,
-    /// The beauty as it is displayed: exposed, tone-mapped, anti-aliased after both; display-linear.
+    /// The beauty picture for display: exposed, tone-mapped and then anti-aliased; display-linear.
     displayed: Option<Image>,
-    /// What was done.
+    /// What was rendered, and how.
     pub report: Report,
 }
 
@@ -25,7 +25,8 @@ impl Rendered {
         self.layers.iter().find(|(a, _)| *a == aov).map(|(_, image)| image)
     }
 
-    /// What a PNG shows, display-linear: the beauty if it was asked for, else the first picture with this exposure.
+    /// The picture that a PNG shows, display-linear: beauty if it was requested, else the first picture at this
+    /// exposure.
     pub fn displayed(&self, settings: &DisplaySettings) -> Image {
         match (&self.displayed, self.layers.first()) {
             (Some(beauty), _) => beauty.clone(),
@@ -35,11 +36,11 @@ impl Rendered {
     }
 }
 
-/// The pictures while they fill up.
+/// The pictures, as far as they are filled.
 pub(super) struct Film {
-    /// All but the beauty.
+    /// All pictures except beauty.
     data: Vec<(Aov, Image)>,
-    /// Radiance, and what is displayed of it.
+    /// Radiance, and its display image.
     beauty: Option<(Image, Image)>,
 }
 
@@ -50,7 +51,7 @@ impl Film {
         Self { data, beauty: options.aovs.contains(&Aov::Beauty).then(|| (blank(), blank())) }
     }
 
-    /// Puts a band in its place.
+    /// Copies a band into its place.
     pub fn add(&mut self, inputs: &FrameInputs, band: &Band) {
         let view = &band.rays.view;
         let (first, count) = ((view.first_row * view.size[0]) as usize, (view.rows * view.size[0]) as usize);
@@ -78,7 +79,7 @@ impl Film {
     }
 }
 
-/// The mean over a pixel's points of a picture that is plain data.
+/// The mean over a pixel's points, for all pictures except beauty.
 fn mean_of_pixel(inputs: &FrameInputs, band: &Band, aov: Aov, pixel: u32) -> Vec3 {
     let (width, n) = (band.rays.view.size[0], band.rays.view.pixel_samples);
     let weight = 1.0 / (n * n) as f32;
@@ -99,7 +100,7 @@ fn value(inputs: &FrameInputs, band: &Band, aov: Aov, index: usize) -> Vec3 {
         Aov::Normal => hit.normal,
         Aov::Position => hit.position,
         Aov::Depth => Vec3::splat((hit.position - camera.position).dot(camera.forward)),
-        // The mean of its own points, which are not the camera's rays.
+        // Beauty is the mean over points of its own.
         Aov::Beauty => Vec3::ZERO,
     }
 }

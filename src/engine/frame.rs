@@ -1,5 +1,5 @@
-//! The stages of a band of the picture: camera rays → the light on what they meet → paths by way of mirrors → radiance →
-//! display. A picture of up to [`KEPT_POINTS`] points is one band, which is kept; larger ones are made band by band.
+//! The stages of a band of the picture: camera rays → light where they hit → paths via mirrors → radiance → display. A
+//! picture of up to [`KEPT_POINTS`] points is one band, which is kept; larger ones are rendered band by band.
 
 use std::sync::Arc;
 
@@ -22,14 +22,14 @@ use crate::stages::{
 use crate::technique::Sum;
 use crate::tracing::{Hit, Tracer};
 
-/// The most points of a picture whose stages are kept: one of 3840×2160 pixels.
+/// The largest number of points of a picture whose stages are kept: enough for 3840×2160 pixels.
 pub(super) const KEPT_POINTS: u64 = 1 << 23;
-/// The points of a band of a larger picture, about.
+/// Approximate number of points in a band of a larger picture.
 const BAND_POINTS: u64 = 1 << 22;
-/// End points are summed in rows of so many.
+/// Length of the rows that end points are arranged in.
 const ENDS_IN_A_ROW: u32 = 1024;
 
-/// The rows of each band of a picture, whole pixels.
+/// Rows of pixels in each band of a picture.
 pub(super) fn rows_per_band(options: &Options) -> u32 {
     let per_row = u64::from(options.size[0]) * u64::from(options.pixel_samples).pow(2);
     let height = options.size[1];
@@ -39,7 +39,7 @@ pub(super) fn rows_per_band(options: &Options) -> u32 {
     (BAND_POINTS / per_row).clamp(1, u64::from(height)) as u32
 }
 
-/// Direct light on surfaces depends on these.
+/// The inputs of direct light on surfaces.
 #[derive(Clone, PartialEq)]
 struct LightKey {
     tracer: Id<Tracer>,
@@ -90,19 +90,20 @@ fn id_of(light: &SurfaceLight) -> LightId {
     (light.direct.as_ref().map(Id::of), light.caustic.as_ref().map(Id::of))
 }
 
-/// What a frame is made from.
+/// The inputs of a frame.
 pub(super) struct FrameInputs<'a> {
     pub scene: &'a Scene,
     pub prepared: &'a PreparedScene,
     pub light: &'a PreparedLight,
     pub options: &'a Options,
-    /// Nothing where no caustics are shown.
+    /// `None` if no caustics are shown.
     pub sum: Option<&'a Arc<dyn Sum>>,
     pub progress: &'a dyn Progress,
 }
 
 impl FrameInputs<'_> {
-    /// Whether any picture shows the irradiance on an object; the beauty shows what glossy ones reflect instead.
+    /// Whether any picture shows the irradiance on an object. For glossy objects the beauty picture shows reflected
+    /// radiance instead.
     fn shows_irradiance(&self, aov: Aov, object: u32) -> bool {
         let options = self.options;
         options.aovs.contains(&aov) || options.plain_diffuse || !self.prepared.materials.receivers.is_glossy(object)
@@ -122,13 +123,13 @@ impl FrameInputs<'_> {
     }
 }
 
-/// What a band shows.
+/// The results for a band.
 pub(super) struct Band {
     pub rays: Arc<CameraRays>,
-    /// On the surfaces that the camera's own rays meet.
+    /// Light on the surfaces that camera rays hit first.
     pub light: SurfaceLight,
     pub beauty: Option<Beauty>,
-    /// Fetches of the environment.
+    /// Number of fetches of the environment.
     pub fetches: f64,
 }
 
@@ -167,7 +168,7 @@ impl BandStages {
         }
     }
 
-    /// Makes what changed again.
+    /// Renders a band, making again only the stages whose inputs changed.
     pub async fn render(
         &mut self,
         inputs: &FrameInputs<'_>,
@@ -193,7 +194,7 @@ impl BandStages {
         Ok(Band { rays, light: surfaces, beauty, fetches })
     }
 
-    /// Irradiance by way of the mirrors where the camera's own rays meet receivers.
+    /// The caustic's irradiance where camera rays hit receivers.
     async fn caustic(
         &mut self,
         inputs: &FrameInputs<'_>,
@@ -212,7 +213,7 @@ impl BandStages {
         self.caustic.wait_for(key, steps, make).await.map(Some)
     }
 
-    /// The environment's irradiance where the camera's own rays meet surfaces.
+    /// Direct irradiance where camera rays hit surfaces.
     fn direct(&mut self, inputs: &FrameInputs, light: &mut LightStages, rays: &Arc<CameraRays>) -> Arc<Vec<Vec3>> {
         let wanted: Vec<bool> = inputs.objects().map(|o| inputs.shows_irradiance(Aov::Direct, o)).collect();
         let key = DirectKey { rays: Id::of(rays), light: inputs.light_key(), wanted: wanted.clone() };
@@ -239,7 +240,7 @@ impl BandStages {
         self.paths.get(key, progress, || PathTracer { scene, prepared, rays, is_plain }.trace())
     }
 
-    /// The light at the ends of paths.
+    /// The light at the end points of paths.
     async fn ends(
         &mut self,
         inputs: &FrameInputs<'_>,
@@ -298,7 +299,7 @@ fn direct_light<'a>(inputs: &FrameInputs<'a>, light: &mut LightStages) -> Direct
     DirectLight::new(inputs.light, light, &prepared.tracer, options.visibility, progress)
 }
 
-/// The environment's irradiance at the end of a path, or the radiance that it reflects to its viewer.
+/// Direct irradiance at the end point of a path or, on glossy surfaces, the radiance reflected towards the viewer.
 fn direct_at(inputs: &FrameInputs, source: &DirectLight, point: &EndPoint) -> Vec3 {
     let materials = &inputs.prepared.materials.receivers;
     if point.receives && materials.is_glossy(point.hit.object) {
@@ -308,7 +309,8 @@ fn direct_at(inputs: &FrameInputs, source: &DirectLight, point: &EndPoint) -> Ve
     }
 }
 
-/// The caustic at the ends of paths: irradiance, or from glossy receivers the radiance towards their viewers.
+/// The caustic at the end points of paths: irradiance or, on glossy receivers, the radiance reflected towards the
+/// viewers.
 async fn caustic_at(inputs: &FrameInputs<'_>, sum: &Arc<dyn Sum>, points: &[EndPoint]) -> Result<Vec<[f32; 4]>, Error> {
     let materials = &inputs.prepared.materials.receivers;
     let is_glossy = |p: &EndPoint| p.receives && materials.is_glossy(p.hit.object);
@@ -332,7 +334,7 @@ async fn caustic_at(inputs: &FrameInputs<'_>, sum: &Arc<dyn Sum>, points: &[EndP
     Ok(sums)
 }
 
-/// The fourth component of sums counts fetches.
+/// The number of fetches, which is the fourth component of the sums.
 fn fetches_of(sums: Option<&Vec<[f32; 4]>>) -> f64 {
     sums.map_or(0.0, |sums| sums.iter().map(|s| f64::from(s[3])).sum())
 }

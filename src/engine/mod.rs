@@ -1,11 +1,11 @@
-//! The engine: a scene, options and a back end in; pictures and a report out; and everything in between kept, so that an edit
-//! makes only that again which depends on it.
+//! The engine turns a scene, options and a back end into pictures and a report. It keeps all intermediate results, so
+//! that after an edit only those are made again that depend on it.
 //!
 //! ```text
-//! device ─► scene ─► light ─► samples, tree, what they see ─► camera rays ─► light on surfaces ─► shading ─► display
+//! device ─► scene ─► light ─► samples, tree, visibility ─► camera rays ─► light on surfaces ─► shading ─► display
 //! ```
 //!
-//! Every stage compares the inputs that it was made from with what they are now. There is nothing to invalidate by hand:
+//! Every stage compares the inputs that it was made from with the current ones. Nothing has to be invalidated by hand:
 //! change the scene or the options in any way, and render. The picture equals that of a new engine.
 
 mod direct;
@@ -34,7 +34,7 @@ use crate::scene::Scene;
 use crate::stages::{LightStages, PreparedLight, PreparedScene, SceneStages, StageCounts};
 use crate::technique::{Inputs, Sum, Technique, TechniqueStages};
 
-/// Renders pictures of a scene, and keeps what it made for the next one.
+/// Renders pictures of a scene, and keeps intermediate results for the next one.
 ///
 /// ```
 /// use pinspot::{Backend, Engine, NoProgress, Stage, blocking};
@@ -59,24 +59,24 @@ pub struct Engine {
     backend: Backend,
     scene_stages: SceneStages,
     light_stages: LightStages,
-    /// Of the technique that was used last.
+    /// Stages of the technique that was used last.
     technique: (Technique, Box<dyn TechniqueStages>),
-    /// The stages of the picture, if it is small enough to be kept.
+    /// Stages of the picture, if it is small enough to be kept.
     band: BandStages,
-    /// What stages that are gone had counted.
+    /// Counts of stages that were dropped.
     counted_before: StageCounts,
 }
 
-/// What a picture is made from.
+/// The inputs of a picture.
 struct Prepared {
     scene: PreparedScene,
     light: PreparedLight,
-    /// Nothing where no caustics are shown.
+    /// `None` if no caustics are shown.
     sum: Option<Arc<dyn Sum>>,
 }
 
 impl Engine {
-    /// An engine that has made nothing yet.
+    /// A new engine. Nothing is prepared until the first picture.
     pub fn new(scene: Scene, options: Options, backend: Backend) -> Self {
         let technique = (options.technique, options.technique.stages());
         Self {
@@ -96,8 +96,7 @@ impl Engine {
         &self.scene
     }
 
-    /// The scene, to change: move the camera or an object, give it another mesh, rotate or scale the light, put another in
-    /// its place.
+    /// The scene, for editing: move the camera or an object, replace a mesh, rotate, scale or replace the light.
     pub fn scene_mut(&mut self) -> &mut Scene {
         &mut self.scene
     }
@@ -107,12 +106,12 @@ impl Engine {
         &self.options
     }
 
-    /// The options, to change. They are checked by [`Self::render`].
+    /// The options, for editing. [`Self::render`] checks them.
     pub fn options_mut(&mut self) -> &mut Options {
         &mut self.options
     }
 
-    /// Where sums are computed.
+    /// The back end that computes the sums.
     pub fn backend(&self) -> &Backend {
         &self.backend
     }
@@ -127,12 +126,12 @@ impl Engine {
         counts
     }
 
-    /// Renders all pictures that the options ask for. On the CPU the future is ready when it is first polled; on a GPU the
-    /// device has to be polled meanwhile, by an event loop or by [`crate::blocking::wait`].
+    /// Renders all pictures that the options ask for. On the CPU the future is ready when it is first polled; on a GPU
+    /// the device has to be polled until it completes, by an event loop or by `blocking::wait`.
     ///
     /// # Errors
-    /// Options out of range or in conflict, a light that cannot be prepared, a scene without reflectors, or a device that is
-    /// lost or too small. The engine stays usable: mend what is wrong and render again.
+    /// Options out of range or in conflict, a light that cannot be prepared, a scene without reflectors, or a device
+    /// that is lost or too small. The engine stays usable: correct the cause and render again.
     pub async fn render(&mut self, progress: &dyn Progress) -> Result<Rendered, Error> {
         let prepared = self.prepare(progress).await?;
         let inputs = FrameInputs {
@@ -163,8 +162,8 @@ impl Engine {
         Ok(film.finish(&self.options.aovs, dots.as_deref(), report))
     }
 
-    /// Where the samples that the camera sees appear, in pixels from the picture's top left corner; empty where no caustics
-    /// are asked for.
+    /// The positions of the samples that the camera sees, in pixels from the picture's top left corner; empty if no
+    /// caustics are requested.
     ///
     /// # Errors
     /// As [`Self::render`].

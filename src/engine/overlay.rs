@@ -9,7 +9,7 @@ use crate::tracing::Tracer;
 /// Dot radius, in pixels of a picture 512 pixels high.
 const RADIUS: f32 = 1.4;
 
-/// Draws a dot at each of these places, pixels from the top left corner.
+/// Draws a dot at each of these positions, in pixels from the top left corner.
 pub(super) fn draw_dots(image: &mut Image, dots: &[Vec2]) {
     let radius = RADIUS * (image.height as f32 / 512.0).max(0.75);
     for dot in dots {
@@ -17,7 +17,7 @@ pub(super) fn draw_dots(image: &mut Image, dots: &[Vec2]) {
     }
 }
 
-/// Where the samples that the camera sees appear, in pixels of a picture of `size`.
+/// The positions of the samples that the camera sees, in pixels of a picture of `size`.
 pub(super) fn visible_samples(scene: &Scene, tracer: &Tracer, positions: &[Vec3], size: Vec2) -> Vec<Vec2> {
     let visible = |position: &Vec3| {
         let (pixel, depth) = scene.camera.project(*position, size);
@@ -26,14 +26,14 @@ pub(super) fn visible_samples(scene: &Scene, tracer: &Tracer, positions: &[Vec3]
     positions.iter().filter_map(visible).collect()
 }
 
-/// Whether nothing lies before a point on a ray; quantised samples hover a little off their surface.
+/// Whether a point on a ray is unoccluded, with some slack: quantised samples lie a little off their surface.
 fn is_visible(tracer: &Tracer, ray: Ray, point: Vec3) -> bool {
     let along = |p: Vec3| (p - ray.origin).dot(ray.direction);
     let slack = 0.02 * (point - ray.origin).length();
     tracer.camera_hit(ray).is_none_or(|hit| along(hit.position) > along(point) - slack)
 }
 
-/// A black dot with a soft rim.
+/// Draws a black, anti-aliased dot.
 fn draw_dot(image: &mut Image, centre: Vec2, radius: f32) {
     let low = (centre - radius - 1.0).floor().max(Vec2::ZERO).as_uvec2();
     let high = (centre + radius + 1.0).ceil().max(Vec2::ZERO).as_uvec2().min(UVec2::new(image.width, image.height));

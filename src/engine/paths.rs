@@ -1,8 +1,8 @@
-//! Paths from the camera by way of the mirrors that it sees to the environment or to a surface that is lit.
+//! Paths from the camera, via visible mirrors, to the environment or to a lit surface.
 //!
-//! Every pixel is shaded from one point, or from 4×4 where surfaces meet or mirror. A path says where it ends, not how bright
-//! it is there: that is found for all paths together, and changes without the paths. Points of one pixel that end on the same
-//! object in the same way share the light of one point.
+//! Every pixel is shaded from one point, or from 4×4 at edges and on mirrors. A path holds its end point, not the light
+//! there: that is computed for all paths together, and can change while the paths stay. Points of one pixel whose paths
+//! meet the same objects share the light of one end point.
 
 use glam::{UVec2, Vec2, Vec3};
 use rayon::prelude::*;
@@ -12,11 +12,11 @@ use crate::scene::{Object, Ray, Scene, Sides};
 use crate::stages::{CameraRays, PreparedScene};
 use crate::tracing::Hit;
 
-/// Points along the edge of a pixel where surfaces meet.
+/// Points along the side of a pixel at edges and on mirrors.
 const EDGE_POINTS: u32 = 4;
-/// Surfaces that a path meets before it ends in the environment.
+/// The largest number of surfaces that a path meets before it is taken to end in the environment.
 const MAX_SURFACES: u32 = 7;
-/// Albedo of what neither mirrors nor receives on the side that is seen.
+/// Albedo of surfaces that neither reflect nor receive on the visible side.
 const PLAIN_ALBEDO: f32 = 0.2;
 /// Albedo of everything in the plain diffuse view.
 const DIFFUSE_VIEW_ALBEDO: f32 = 0.6;
@@ -25,39 +25,39 @@ const DIFFUSE_VIEW_ALBEDO: f32 = 0.6;
 #[derive(Debug)]
 pub(super) struct Paths {
     pub pixels: Vec<PixelPaths>,
-    /// Points at the ends of paths that are not the camera rays' own.
+    /// End points of paths, other than the hits of camera rays.
     pub ends: Vec<EndPoint>,
 }
 
-/// A point of a surface that a path ends at, or that reflects to its viewer more than to others.
+/// A surface point at which a path ends, or which reflects differently in different directions.
 #[derive(Clone, Debug)]
 pub(super) struct EndPoint {
     pub hit: Hit,
-    /// Whether it receives light by way of the mirrors.
+    /// Whether it receives caustics.
     pub receives: bool,
-    /// Unit direction towards whoever sees it.
+    /// Unit direction towards the viewer.
     pub view: Vec3,
 }
 
-/// Where a path gets its light.
+/// The source of a path's light.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Source {
-    /// From the environment, in a unit direction of the world, blurred for a mirror of width `alpha`.
+    /// The environment in a unit direction of the world, blurred for a rough mirror of width `alpha`.
     Environment { direction: Vec3, alpha: f32 },
-    /// From the surface at the camera ray of this index.
+    /// The surface that the camera ray of this index hits.
     CameraRay(u32),
-    /// From the end point of this index.
+    /// The end point of this index.
     EndPoint(u32),
 }
 
-/// What one path contributes to its point.
+/// The contribution of one path to its point.
 #[derive(Debug)]
 pub(super) struct Term {
     /// Which of the pixel's points it belongs to.
     pub point: u16,
-    /// The environment as the camera sees it directly, which has an exposure of its own.
+    /// Whether this is the environment as the camera sees it directly, which has its own exposure.
     pub is_background: bool,
-    /// What the source's radiance is multiplied by, or its irradiance: then with albedo / π.
+    /// Factor on the source's radiance, or on its irradiance (then it includes albedo / π).
     pub factor: Vec3,
     pub source: Source,
 }
@@ -65,16 +65,16 @@ pub(super) struct Term {
 /// The paths of one pixel.
 #[derive(Debug, Default)]
 pub(super) struct PixelPaths {
-    /// Points that the pixel is the mean of.
+    /// The number of points that the pixel averages.
     pub points: u16,
     pub terms: Vec<Term>,
     ends: Vec<EndPoint>,
-    /// How each end point was reached: the objects on the way, hashed.
+    /// Hash of the objects along the path to each end point.
     end_keys: Vec<u64>,
 }
 
 impl PixelPaths {
-    /// The end point of a surface reached by way of `key`; the first one stands for all of the pixel's.
+    /// The end point of a path with this key; the pixel's first one represents all with the same key.
     fn end_point(&mut self, key: u64, point: EndPoint) -> Source {
         let index = self.end_keys.iter().position(|k| *k == key).unwrap_or_else(|| {
             self.end_keys.push(key);
@@ -89,17 +89,17 @@ impl PixelPaths {
     }
 }
 
-/// What paths are traced through.
+/// The inputs of path tracing.
 pub(super) struct PathTracer<'a> {
     pub scene: &'a Scene,
     pub prepared: &'a PreparedScene,
     pub rays: &'a CameraRays,
-    /// Everything diffuse, no mirrors.
+    /// Treats everything as diffuse, without mirrors.
     pub is_plain: bool,
 }
 
 impl PathTracer<'_> {
-    /// Traces a band's paths.
+    /// Traces the paths of a band.
     pub fn trace(&self) -> Paths {
         let width = self.rays.view.size[0];
         let corners = self.trace_corners();
@@ -115,7 +115,7 @@ impl PathTracer<'_> {
         UVec2::from_array(self.rays.view.size).as_vec2()
     }
 
-    /// What the camera sees at the pixels' corners, to find the pixels where surfaces meet.
+    /// The camera's hits at the pixels' corners, which tell pixels with edges from others.
     fn trace_corners(&self) -> Vec<Option<Hit>> {
         let view = &self.rays.view;
         if view.pixel_samples > 1 {
@@ -159,7 +159,7 @@ impl PathTracer<'_> {
         [(0, 0), (1, 0), (0, 1), (1, 1)].map(|(i, j)| corners[((row + j) * columns + x + i) as usize].as_ref())
     }
 
-    /// Whether one point is enough for a pixel.
+    /// Whether one point suffices for a pixel.
     fn is_smooth(&self, centre: Option<&Hit>, around: [Option<&Hit>; 4]) -> bool {
         let Some(centre) = centre else {
             return around.iter().all(Option::is_none);
@@ -171,7 +171,7 @@ impl PathTracer<'_> {
                 .all(|corner| corner.is_some_and(|c| c.object == centre.object && c.normal.dot(centre.normal) > 0.98))
     }
 
-    /// Follows the camera's ray through a point of the picture. `own` is the index of the pixel's camera ray, whose light is
+    /// Traces the path through a point of the picture. `own` is the index of the pixel's camera ray, where the light is
     /// known.
     fn trace_point(&self, own: usize, at: Vec2, paths: &mut PixelPaths) {
         let mut ray = self.rays.view.camera.ray(at, self.size());
@@ -191,7 +191,8 @@ impl PathTracer<'_> {
         paths.points += 1;
     }
 
-    /// Adds what a surface sends along a path, and goes on in the mirrored direction if it mirrors.
+    /// Adds the light that a surface sends along a path. Returns the direction in which the path continues, on a
+    /// mirror.
     fn meet(&self, found: &Hit, ray: &Ray, walk: &mut Walk, paths: &mut PixelPaths) -> Option<Vec3> {
         let object = &self.scene.objects[found.object as usize];
         walk.key = walk.key.wrapping_mul(1_000_003) + 2 * u64::from(found.object) + u64::from(found.front) + 1;
@@ -201,7 +202,7 @@ impl PathTracer<'_> {
         Some(Self::mirrored(found, object, ray, walk, paths.points))
     }
 
-    /// What a surface mirrors, if it does on the side that is seen.
+    /// A surface's specular reflectance, if its visible side is a mirror.
     fn reflectance(&self, found: &Hit, object: &Object, ray: &Ray) -> Option<Vec3> {
         if self.is_plain || !mirrors(object, found.front) {
             return None;
@@ -241,34 +242,34 @@ impl PathTracer<'_> {
         paths.add(factor, source, false);
     }
 
-    /// The direction in which a mirror, or one of its facets, sends a ray on.
+    /// The direction reflected by a mirror or, on a rough one, by a sampled microfacet.
     fn mirrored(found: &Hit, object: &Object, ray: &Ray, walk: &mut Walk, point: u16) -> Vec3 {
         let alpha = object.reflector.map_or(0.0, |r| r.finish.alpha() as f32);
         let mut facet = found.normal;
         if alpha > 0.0 {
             walk.alpha = walk.alpha.max(alpha);
-            // What facets mirror lies too far apart to share a point.
+            // Reflections by different microfacets are too far apart to share an end point.
             walk.key = walk.key.wrapping_mul(1_000_003) + u64::from(point);
             let seed = (walk.own as u32).wrapping_mul(0x9E37_79B9) ^ walk.bounce;
             let [u, v, ..] = sobol_burley::sample_4d(u32::from(point), 0, seed);
             facet = likely_facet(found.normal, alpha, [u, v]);
         }
         let mirrored = ray.direction.reflect(facet);
-        // A facet may throw light into the surface; then the smooth mirror stands for it.
+        // A microfacet may reflect into the surface; the smooth mirror replaces it then.
         let outwards = mirrored.dot(found.normal) * ray.direction.dot(found.normal) < 0.0;
         let direction = if outwards { mirrored } else { ray.direction.reflect(found.normal) };
         direction.normalize()
     }
 }
 
-/// A path on its way.
+/// The state of a path while it is traced.
 struct Walk {
     /// The index of the pixel's camera ray.
     own: usize,
     throughput: Vec3,
-    /// The objects met, hashed; 0: none.
+    /// Hash of the objects met; 0 if none.
     key: u64,
-    /// Width of the roughest mirror on the way.
+    /// GGX width of the roughest mirror so far.
     alpha: f32,
     bounce: u32,
 }
@@ -281,7 +282,7 @@ fn mirrors(object: &Object, front: bool) -> bool {
     })
 }
 
-/// Collects the pixels' end points into one list and makes their indices point into it.
+/// Moves the pixels' end points into one list and adjusts their indices.
 fn collect_ends(pixels: &mut [PixelPaths]) -> Vec<EndPoint> {
     let mut all = Vec::new();
     for pixel in pixels {

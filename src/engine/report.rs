@@ -1,4 +1,4 @@
-//! What was rendered, and with what.
+//! The report of a render: what was rendered, and how.
 
 use serde::Serialize;
 
@@ -10,44 +10,44 @@ use crate::sampling::{Density, Strategy};
 use crate::scene::Visibility;
 use crate::technique::Technique;
 
-/// The object that `--json` prints.
+/// What was rendered, and how. The command prints it as JSON.
 #[derive(Clone, Debug, Serialize)]
 pub struct Report {
     /// The scene's name.
     pub scene: String,
     /// Width and height, pixels.
     pub size: [u32; 2],
-    /// How irradiance by way of the mirrors was computed.
+    /// How the caustic's irradiance was computed.
     pub technique: Technique,
-    /// Samples asked for.
+    /// Requested number of samples.
     pub samples_requested: u32,
-    /// Samples in use; 0 where no caustics were asked for.
+    /// Samples in use; 0 if no caustics were requested.
     pub samples: usize,
-    /// How they were placed.
+    /// How the samples were placed.
     pub strategy: Strategy,
-    /// Where they are denser.
+    /// What the samples' density follows.
     pub density: Density,
-    /// How their footprints were found.
+    /// How the samples' footprints were derived.
     pub footprint: Footprint,
-    /// How the environment was looked up; `None` where no caustics were asked for.
+    /// How the environment was filtered; `None` if no caustics were requested.
     pub filter: Option<Filter>,
-    /// Most taps along a footprint.
+    /// The largest number of taps along a footprint.
     pub taps: u32,
-    /// How they were summed: the `mode`, `flat` or `hierarchical`, with `leaves` and `tolerance`.
+    /// How the samples were summed: the `mode` (`flat` or `hierarchical`), with `leaves` and `tolerance`.
     #[serde(flatten)]
     pub evaluation: Option<Evaluation>,
-    /// Which occlusion counts.
+    /// Which occlusion is taken into account.
     pub visibility: Visibility,
     /// Cube-map face size, texels.
     pub cube_size: u32,
-    /// Seed.
+    /// Random seed.
     pub seed: u64,
-    /// Mean fetches of the environment per pixel, whatever they were for.
+    /// Mean number of fetches of the environment per pixel, for light and for its bounds.
     pub lookups: f64,
     /// Back end and adapter.
     #[serde(flatten)]
     pub backend: BackendReport,
-    /// What was repaired or is to be mistrusted, a sentence each.
+    /// What was repaired while loading, and what may be wrong; one sentence each.
     pub warnings: Vec<String>,
 }
 

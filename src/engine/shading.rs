@@ -1,4 +1,4 @@
-//! From paths and the light at their ends to radiance towards the camera, and from there to what is displayed.
+//! Shading: from paths and the light at their end points to radiance towards the camera, and to display values.
 
 use std::sync::Arc;
 
@@ -11,23 +11,23 @@ use crate::image::{display, exposed};
 use crate::options::DisplaySettings;
 use crate::stages::PreparedLight;
 
-/// The light at points of surfaces, for an intensity of the environment of 1: irradiance, or radiance towards the viewer where
-/// the surface is glossy.
+/// The light at points of surfaces, for an environment of intensity 1: irradiance or, on glossy surfaces, radiance
+/// towards the viewer.
 #[derive(Debug)]
 pub(super) struct SurfaceLight {
-    /// From the environment; `None`: not asked for.
+    /// Direct light; `None` if not requested.
     pub direct: Option<Arc<Vec<Vec3>>>,
-    /// By way of the mirrors; w = fetches. As many or, padded to whole rows, more. `None`: not asked for.
+    /// The caustic, with the number of fetches in w; may be padded to whole rows. `None` if not requested.
     pub caustic: Option<Arc<Vec<[f32; 4]>>>,
 }
 
 impl SurfaceLight {
-    /// From the environment.
+    /// Direct light.
     pub fn direct_at(&self, index: usize) -> Vec3 {
         self.direct.as_ref().map_or(Vec3::ZERO, |direct| direct[index])
     }
 
-    /// By way of the mirrors.
+    /// The caustic.
     pub fn caustic_at(&self, index: usize) -> Vec3 {
         self.caustic.as_ref().map_or(Vec3::ZERO, |caustic| Vec3::from_slice(&caustic[index]))
     }
@@ -37,10 +37,10 @@ impl SurfaceLight {
     }
 }
 
-/// Radiance towards the camera, point by point.
+/// Radiance towards the camera for each point.
 #[derive(Debug)]
 pub(super) struct Shaded {
-    /// Where each pixel's points begin, and where the last pixel's end.
+    /// Index of each pixel's first point, and the number of all points.
     first_point: Vec<u32>,
     points: Vec<ShadedPoint>,
 }
@@ -49,16 +49,16 @@ pub(super) struct Shaded {
 #[derive(Clone, Copy, Debug, Default)]
 struct ShadedPoint {
     surfaces: Vec3,
-    /// The environment as the camera sees it directly.
+    /// The environment, where the camera sees it directly.
     background: Vec3,
 }
 
-/// What paths are shaded with.
+/// The inputs of shading.
 pub(super) struct Shader<'a> {
     pub light: &'a PreparedLight,
-    /// At the camera's own rays.
+    /// Light where camera rays hit.
     pub own: &'a SurfaceLight,
-    /// At the ends of paths.
+    /// Light at the end points of paths.
     pub ends: &'a SurfaceLight,
     pub caustic_gain: f32,
 }
@@ -114,8 +114,8 @@ impl Shaded {
         self.pixels().map(mean).collect()
     }
 
-    /// What is displayed of each pixel, display-linear. Each point is tone-mapped before the mean, so that edges against bright
-    /// light are smooth, too.
+    /// Display values of each pixel, display-linear. Points are tone-mapped before they are averaged, so that edges
+    /// against bright light are anti-aliased, too.
     pub fn displayed(&self, settings: &DisplaySettings) -> Vec<Vec3> {
         let shown = |p: &ShadedPoint| {
             display(exposed(p.surfaces, settings.exposure_ev) + exposed(p.background, settings.background_exposure_ev))

@@ -1,4 +1,4 @@
-//! What a picture can show.
+//! The output variables that can be rendered.
 
 use serde::{Deserialize, Serialize};
 
@@ -6,11 +6,11 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Deserialize, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Aov {
-    /// Radiance towards the camera, W/(m²·sr), before exposure and tone map.
+    /// Radiance towards the camera, W/(m²·sr), before exposure and tone mapping.
     Beauty,
-    /// Irradiance that mirrors throw on the receiver, W/m², before albedo.
+    /// Caustic: irradiance of the receiver via mirrors, W/m², before albedo.
     Caustic,
-    /// Irradiance from the environment without the mirrors, W/m², before albedo.
+    /// Direct light: irradiance of the receiver from the environment, W/m², before albedo.
     Direct,
     /// Diffuse albedo of the receiver.
     Albedo,
@@ -18,7 +18,7 @@ pub enum Aov {
     Normal,
     /// World-space position, metres.
     Position,
-    /// Metres along the view axis; −1 where there is nothing.
+    /// Depth along the view axis, metres; −1 for background.
     Depth,
 }
 

@@ -1,4 +1,4 @@
-//! EXR and PNG files, written whole or not at all.
+//! EXR and PNG files. A file is written completely or not at all.
 
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
@@ -14,7 +14,7 @@ use super::{Image, srgb8};
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ImageError {
-    /// The system refused.
+    /// The file could not be written.
     #[error("cannot write '{}': {reason}; check that the folder exists and can be written to", path.display())]
     Write {
         /// File.
@@ -22,7 +22,7 @@ pub enum ImageError {
         /// The system's reason.
         reason: String,
     },
-    /// Not an image that can be read.
+    /// The image could not be read.
     #[error("cannot read image '{}': {reason}", path.display())]
     Read {
         /// File.
@@ -32,7 +32,7 @@ pub enum ImageError {
     },
 }
 
-/// Writes a file through a temporary one beside it, which replaces the old file only once it is complete.
+/// Writes a temporary file next to the given path, and replaces the old file once it is complete.
 pub fn write_atomically(
     path: &Path,
     write: impl FnOnce(&mut BufWriter<&std::fs::File>) -> Result<(), String>,
@@ -65,7 +65,7 @@ pub fn write_atomically(
     Ok(())
 }
 
-/// The file that a chain of symbolic links ends at; it need not exist.
+/// The file at the end of a chain of symbolic links; it need not exist.
 fn target_of(path: &Path) -> std::io::Result<PathBuf> {
     let mut target = path.to_owned();
     // As many links as Linux follows.
@@ -89,7 +89,7 @@ pub fn write_png(path: &Path, image: &Image) -> Result<(), ImageError> {
     write_atomically(path, |out| out.write_all(&png_bytes(image)?).map_err(|e| e.to_string()))
 }
 
-/// The same as a file's bytes.
+/// Encodes display-linear colours as an 8-bit sRGB PNG.
 pub fn png_bytes(image: &Image) -> Result<Vec<u8>, String> {
     use ::image::ImageEncoder;
     let bytes: Vec<u8> = image.pixels.iter().flat_map(|p| srgb8(*p)).collect();
@@ -118,13 +118,13 @@ pub fn read_mask(path: &Path) -> Result<(u32, u32, Vec<bool>), ImageError> {
     }
 }
 
-/// Writes 32-bit float layers, lossless. One layer has the channels R G B; several have `name.R` and so on, or R G B for
-/// the one without a name.
+/// Writes 32-bit float layers, lossless. One layer has the channels R G B; several have `name.R` and so on, or R G B
+/// for the one without a name.
 pub fn write_exr(path: &Path, layers: &[(&str, &Image)]) -> Result<(), ImageError> {
     write_exr_with_text(path, layers, &[])
 }
 
-/// The same with texts in the file's header, by name.
+/// Like [`write_exr`], with named texts in the file's header.
 pub fn write_exr_with_text(path: &Path, layers: &[(&str, &Image)], texts: &[(&str, String)]) -> Result<(), ImageError> {
     let (width, height) = (layers[0].1.width as usize, layers[0].1.height as usize);
     let mut channels = Vec::new();
@@ -175,7 +175,7 @@ pub fn read_exr(path: &Path, layer: &str) -> Result<Image, ImageError> {
     Ok(Image { width: data.size.0 as u32, height: data.size.1 as u32, pixels })
 }
 
-/// A text in a file's header; `None` if it has none of that name.
+/// A named text of a file's header; `None` if there is none of that name.
 pub fn read_exr_text(path: &Path, name: &str) -> Result<Option<String>, ImageError> {
     let meta = exr::meta::MetaData::read_from_file(path, false)
         .map_err(|e| ImageError::Read { path: path.into(), reason: e.to_string() })?;

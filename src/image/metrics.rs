@@ -1,9 +1,9 @@
-//! How far two pictures are apart.
+//! Error metrics.
 
 use super::Image;
 
-/// ‖E − R‖₂ / ‖R‖₂ over all channels of all pixels, or of those where `mask` is true. NaN for pictures of different sizes, or
-/// where the reference is black.
+/// ‖E − R‖₂ / ‖R‖₂ over all channels of all pixels, or of those where `mask` is true. NaN for pictures of different
+/// sizes, or where the reference is black.
 pub fn rel_l2(estimate: &Image, reference: &Image, mask: Option<&[bool]>) -> f64 {
     let (mut difference, mut norm) = no_error(estimate, reference);
     for (e, r) in pairs(estimate, reference, mask) {
@@ -13,8 +13,8 @@ pub fn rel_l2(estimate: &Image, reference: &Image, mask: Option<&[bool]>) -> f64
     (difference / norm).sqrt()
 }
 
-/// Mean of (E − R)² / (R + 0.01)² over channels and pixels, as pbrt's imgtool: an error in the dark counts as much as one
-/// in the light.
+/// Mean of (E − R)² / (R + 0.01)² over channels and pixels, as pbrt's imgtool: an error in the dark counts as much as
+/// one in the light.
 pub fn mrse(estimate: &Image, reference: &Image, mask: Option<&[bool]>) -> f64 {
     let (mut sum, mut count) = no_error(estimate, reference);
     for (e, r) in pairs(estimate, reference, mask) {

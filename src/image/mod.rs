@@ -1,4 +1,4 @@
-//! Pictures: linear RGB images, tone mapping, EXR and PNG files, error metrics. Knows no scenes.
+//! Pictures: linear RGB images, tone mapping, EXR and PNG files, error metrics. Independent of scenes.
 
 mod aov;
 mod decode;
@@ -17,7 +17,7 @@ pub use tone::{display, exposed, srgb8};
 
 use glam::Vec3;
 
-/// A linear RGB picture, row by row from the top left.
+/// A linear RGB picture, stored by rows from the top left.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Image {
     /// Columns.
@@ -34,7 +34,7 @@ impl Image {
         Self { width, height, pixels: vec![Vec3::ZERO; width as usize * height as usize] }
     }
 
-    /// The same picture with every pixel mapped.
+    /// Applies a function to every pixel.
     #[must_use]
     pub fn map(&self, f: impl Fn(Vec3) -> Vec3) -> Self {
         Self { pixels: self.pixels.iter().map(|p| f(*p)).collect(), ..*self }

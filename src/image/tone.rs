@@ -2,13 +2,13 @@
 
 use glam::Vec3;
 
-/// A colour after an exposure in stops.
+/// Applies an exposure in stops.
 pub fn exposed(colour: Vec3, ev: f32) -> Vec3 {
     colour * ev.exp2()
 }
 
-/// Khronos PBR Neutral (2024): leaves colours up to about 0.8 as they are, compresses brighter ones and lets them fade to
-/// white. Linear Rec.709 in and out, the result in [0, 1].
+/// Khronos PBR Neutral (2024): preserves colours up to about 0.8, compresses brighter ones and desaturates them towards
+/// white. Linear Rec.709 in and out; the result is in [0, 1].
 pub fn display(colour: Vec3) -> Vec3 {
     const START: f32 = 0.8 - 0.04;
     const DESATURATION: f32 = 0.15;
@@ -26,7 +26,7 @@ pub fn display(colour: Vec3) -> Vec3 {
     (colour * (new_peak / peak)).lerp(Vec3::splat(new_peak), towards_white).clamp(Vec3::ZERO, Vec3::ONE)
 }
 
-/// Display-linear to 8-bit sRGB.
+/// Encodes display-linear values as 8-bit sRGB.
 pub fn srgb8(colour: Vec3) -> [u8; 3] {
     let encode = |c: f32| if c <= 0.003_130_8 { 12.92 * c } else { 1.055 * c.powf(1.0 / 2.4) - 0.055 };
     colour.clamp(Vec3::ZERO, Vec3::ONE).to_array().map(|c| (255.0 * encode(c) + 0.5) as u8)

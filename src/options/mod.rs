@@ -1,4 +1,4 @@
-//! What to render and how: validated options, and the `[render]` table and command line that lead to them.
+//! What to render and how: validated options, and the settings of a `[render]` table or command line that become options.
 //!
 //! This module must not know how anything is computed.
 
@@ -17,11 +17,11 @@ use crate::sampling::{self, Density, MAX_SAMPLES, Strategy};
 use crate::scene::Visibility;
 use crate::technique::Technique;
 
-/// A filter, or the choice of one left to Pinspot.
+/// A filter, or automatic choice.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Deserialize, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum FilterChoice {
-    /// The GPU's own where a test finds it right, else anisotropic, in the shader.
+    /// The GPU's own where a test finds it correct, else anisotropic, in the shader.
     #[default]
     Auto,
     /// [`Filter::None`].
@@ -37,7 +37,7 @@ pub enum FilterChoice {
 }
 
 impl FilterChoice {
-    /// The filter; `None` where the choice is left to the back end.
+    /// The filter; `None` if the back end chooses.
     pub fn filter(self) -> Option<Filter> {
         match self {
             Self::Auto => None,
@@ -59,12 +59,12 @@ impl FilterChoice {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Deserialize, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum EvaluationChoice {
-    /// Hierarchical where that can be, else flat.
+    /// Hierarchical where the other options allow it, else flat.
     #[default]
     Auto,
-    /// Every sample for every receiver, as the paper does.
+    /// Evaluates every sample at every receiver, as the paper does.
     Flat,
-    /// By a tree of cells, as finely as the tolerance asks for.
+    /// Traverses a tree of cells, as deep as the tolerance requires.
     Hierarchical,
 }
 
@@ -79,26 +79,26 @@ impl EvaluationChoice {
     }
 }
 
-/// How the samples are summed, decided.
+/// How the samples are summed, after automatic choices.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 #[serde(rename_all = "kebab-case", tag = "mode")]
 pub enum Evaluation {
-    /// Every one for every receiver.
+    /// Every sample is evaluated at every receiver.
     Flat {
         /// Cells that each sample is split into.
         leaves: u32,
     },
-    /// By a tree of cells.
+    /// A tree of cells is traversed.
     Hierarchical {
         /// Cells that each sample is split into.
         leaves: u32,
-        /// Error, as a part of the mean irradiance.
+        /// Allowed error, relative to the mean irradiance.
         tolerance: f32,
     },
 }
 
 impl Evaluation {
-    /// The mode of the technique, in reports.
+    /// The technique's mode, as reports name it.
     pub fn mode(self) -> &'static str {
         match self {
             Self::Flat { .. } => "flat",
@@ -106,7 +106,7 @@ impl Evaluation {
         }
     }
 
-    /// Cells that each sample is split into at most.
+    /// The largest number of cells that a sample is split into.
     pub fn leaves(self) -> u32 {
         match self {
             Self::Flat { leaves } | Self::Hierarchical { leaves, .. } => leaves,
@@ -114,11 +114,11 @@ impl Evaluation {
     }
 }
 
-/// Leaves that the hierarchy gives each sample by default: from there on what the tree costs outweighs what it gains
+/// Default number of leaves per sample in a hierarchy: beyond it, building the tree costs more than the sum gains
 /// (`cargo bench --bench hierarchy`).
 const LEAVES: u32 = 64;
 
-/// What is drawn over the beauty picture.
+/// An overlay on the beauty picture.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Overlay {
@@ -129,12 +129,12 @@ pub enum Overlay {
     Samples,
 }
 
-/// How radiance becomes a picture.
+/// How radiance is displayed.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct DisplaySettings {
     /// Exposure, stops; from −64 to 64.
     pub exposure_ev: f32,
-    /// The same for the environment where the camera sees it directly.
+    /// Exposure of the environment where the camera sees it directly, stops; from −64 to 64.
     pub background_exposure_ev: f32,
 }
 
@@ -177,63 +177,63 @@ macro_rules! options {
 options! {
     /// Width and height, pixels; each from 1 to 16384.
     size / with_size: [u32; 2] = [512, 512],
-    /// Values are means over n×n points of a pixel; from 1 to 16.
+    /// n: each pixel is the mean over n×n points; from 1 to 16.
     pixel_samples / with_pixel_samples: u32 = 1,
-    /// The pictures to render, each once.
+    /// The pictures to render, each at most once.
     aovs / with_aovs: Vec<Aov> = vec![Aov::Beauty],
-    /// How irradiance by way of the mirrors is computed.
+    /// How the caustic's irradiance is computed.
     technique / with_technique: Technique = Technique::default(),
-    /// Number of samples asked for; from 1 to [`MAX_SAMPLES`].
+    /// Requested number of samples; from 1 to [`MAX_SAMPLES`].
     samples / with_samples: u32 = 1000,
     /// How the samples are placed.
     strategy / with_strategy: Strategy = Strategy::default(),
-    /// Where the samples are denser.
+    /// What the density of the samples follows.
     density / with_density: Density = Density::default(),
     /// Random seed.
     seed / with_seed: u64 = 1,
-    /// How the samples' footprints are found.
+    /// How the samples' footprints are derived.
     footprint / with_footprint: Footprint = Footprint::default(),
-    /// How the environment is looked up under a footprint.
+    /// How the environment is filtered over a footprint.
     filter / with_filter: FilterChoice = FilterChoice::default(),
-    /// Most look-ups along a footprint's major axis; from 1 to [`MAX_TAPS`].
+    /// The largest number of look-ups along a footprint's major axis; from 1 to [`MAX_TAPS`].
     taps / with_taps: u32 = 16,
-    /// `false` drops the 1/l².
+    /// `false` drops the factor 1/l² (the result is then a pattern, not an irradiance).
     attenuation / with_attenuation: bool = true,
-    /// What keeps 1/l² finite.
+    /// The term that keeps 1/l² finite.
     epsilon / with_epsilon: Epsilon = Epsilon::default(),
     /// How the samples are summed.
     evaluation / with_evaluation: EvaluationChoice = EvaluationChoice::default(),
-    /// Cells that each sample may be split into; `None`: 64 in a hierarchy (fewer, by powers of four, where all together
-    /// would be too many), else 1. The power of four below counts.
+    /// The largest number of cells that each sample is split into, rounded down to a power of four. `None`: 64 in a hierarchy
+    /// (fewer where the tree would become too large), else 1.
     leaves / with_leaves: Option<u32> = None,
-    /// Error that a hierarchy may have, relative to the mean irradiance over the picture; from 1e-5 to 1.
+    /// Allowed error of a hierarchical sum, relative to the mean irradiance over the picture; from 1e-5 to 1.
     tolerance / with_tolerance: f32 = 0.01,
-    /// The environment's cube map.
+    /// Resolution of the environment's cube map.
     cube_size / with_cube_size: CubeSize = CubeSize::default(),
     /// Which occlusion is taken into account.
     visibility / with_visibility: Visibility = Visibility::default(),
-    /// Exposure.
+    /// Exposures.
     display / with_display: DisplaySettings = DisplaySettings::default(),
     /// Multiplies the caustic in the beauty picture; from 0 to 1e6.
     caustic_gain / with_caustic_gain: f32 = 1.0,
-    /// Everything diffuse and grey, no mirrors and no caustics: shows the shapes.
+    /// Shows the shapes: everything is diffuse and grey, without mirrors or caustics.
     plain_diffuse / with_plain_diffuse: bool = false,
-    /// What is drawn over the beauty picture.
+    /// An overlay on the beauty picture.
     overlay / with_overlay: Overlay = Overlay::None,
 }
 
 /// The longest edge of a picture, pixels.
 const MAX_SIZE: u32 = 16384;
-/// The most cells of a hierarchy, or samples of a sum without one.
+/// The largest number of leaves in a hierarchy, or of samples in a flat sum.
 const MAX_CELLS: u64 = 1 << 22;
-/// The most leaves whose tree surely fits into the 128 MiB that every WebGPU device binds: 64 bytes a node, and four nodes for
-/// three leaves.
+/// The largest number of leaves whose tree is sure to fit into the 128 MiB that every WebGPU device can bind: 64 bytes per node,
+/// and four nodes for every three leaves.
 const MAX_CELLS_OF_BINDING: u64 = 1_500_000;
 
 /// The largest factor on the caustic.
 const MAX_CAUSTIC_GAIN: f32 = 1e6;
 
-/// Whether a number lies in a range; NaN lies in none.
+/// Checks that a number is in a range; NaN is in none.
 fn in_range<T: Copy + PartialOrd + std::fmt::Display>(
     key: &'static str,
     value: T,
@@ -247,7 +247,7 @@ fn in_range<T: Copy + PartialOrd + std::fmt::Display>(
 }
 
 impl Options {
-    /// Whether every value is in its range, and no two contradict each other.
+    /// Checks that every value is in its range and that no two contradict each other.
     pub fn check(&self) -> Result<(), OptionError> {
         let [width, height] = self.size;
         if !(1..=MAX_SIZE).contains(&width) || !(1..=MAX_SIZE).contains(&height) {
@@ -306,7 +306,7 @@ impl Options {
         Ok(())
     }
 
-    /// How the samples are summed with a filter, on a GPU or not.
+    /// How the samples are summed with this filter, on a GPU or on the CPU.
     pub(crate) fn resolved_evaluation(&self, filter: Filter, on_gpu: bool) -> Result<Evaluation, OptionError> {
         let power_of_four = |leaves: u32| 4u32.pow(leaves.ilog(4));
         let flat = Evaluation::Flat { leaves: power_of_four(self.leaves.unwrap_or(1)) };
@@ -346,18 +346,18 @@ impl Options {
         }
     }
 
-    /// How many samples are placed, and how.
+    /// The options of the sampling stage.
     pub(crate) fn sampling(&self) -> sampling::Options {
         sampling::Options { samples: self.samples, strategy: self.strategy, seed: self.seed }
     }
 
-    /// The parameters of a sum with a filter and an environment that is rotated.
+    /// The parameters of a sum with this filter and rotation of the environment.
     pub(crate) fn params(&self, filter: Filter, environment_rotation_rad: f32) -> Params {
         let Self { taps, attenuation, epsilon, .. } = *self;
         Params { filter, taps, attenuation, epsilon, environment_rotation_rad }
     }
 
-    /// Whether any picture shows caustics.
+    /// Whether any requested picture shows caustics.
     pub(crate) fn shows_caustic(&self) -> bool {
         self.aovs.contains(&Aov::Caustic) || self.aovs.contains(&Aov::Beauty) && !self.plain_diffuse
     }

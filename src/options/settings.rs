@@ -1,4 +1,4 @@
-//! The `[render]` table of a scene file, and the command line over it.
+//! The `[render]` table of a scene file, and the command line that overrides it.
 
 use serde::Deserialize;
 
@@ -12,35 +12,35 @@ use crate::sampling::{Density, Strategy};
 use crate::scene::{Loaded, Scene, Visibility};
 use crate::technique::Technique;
 
-/// What a scene file or a command line says about rendering. Everything is optional, so that one can be laid over another.
+/// Rendering options of a scene file or a command line. Each is optional, so that one set can override another.
 #[derive(Clone, Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Settings {
     /// Width and height, pixels.
     pub size: Option<[u32; 2]>,
-    /// How irradiance by way of the mirrors is computed.
+    /// How the caustic's irradiance is computed.
     pub technique: Option<Technique>,
-    /// Number of samples asked for.
+    /// Requested number of samples.
     pub samples: Option<u32>,
     /// How the samples are placed.
     pub strategy: Option<Strategy>,
-    /// Where samples are denser.
+    /// What the density of the samples follows.
     pub density: Option<Density>,
-    /// How a sample's footprint is found.
+    /// How the samples' footprints are derived.
     pub footprint: Option<Footprint>,
-    /// How the environment is looked up under a footprint.
+    /// How the environment is filtered over a footprint.
     pub filter: Option<FilterChoice>,
-    /// Most look-ups along a footprint's major axis.
+    /// The largest number of look-ups along a footprint's major axis.
     pub taps: Option<u32>,
-    /// Sample by sample, or by a hierarchy of them.
+    /// Flat or hierarchical summation.
     pub evaluation: Option<EvaluationChoice>,
-    /// Cells that each sample may be split into.
+    /// The largest number of cells that each sample is split into.
     pub leaves: Option<u32>,
-    /// Error that the hierarchy may have, as a part of the mean irradiance.
+    /// Allowed error of a hierarchical sum, relative to the mean irradiance.
     pub tolerance: Option<f32>,
-    /// `false` drops the 1/l² (the result is then a pattern, not an irradiance).
+    /// `false` drops the factor 1/l² (the result is then a pattern, not an irradiance).
     pub attenuation: Option<bool>,
-    /// What keeps 1/l² finite.
+    /// The term that keeps 1/l² finite.
     pub epsilon: Option<Epsilon>,
     /// Edge of the cube map's faces, texels.
     pub cube_size: Option<CubeSize>,
@@ -48,7 +48,7 @@ pub struct Settings {
     pub visibility: Option<Visibility>,
     /// Random seed.
     pub seed: Option<u64>,
-    /// n: values are means over n×n points of a pixel.
+    /// n: each pixel is the mean over n×n points.
     pub pixel_samples: Option<u32>,
     /// Exposure, in stops.
     pub exposure_ev: Option<f32>,
@@ -56,12 +56,12 @@ pub struct Settings {
     pub background_exposure_ev: Option<f32>,
     /// Multiplies the caustic in the beauty picture.
     pub caustic_gain: Option<f32>,
-    /// What to render.
+    /// The pictures to render.
     pub aov: Option<Vec<Aov>>,
 }
 
 impl Settings {
-    /// These settings with every key that `over` sets replaced.
+    /// These settings, overridden by every key that `over` sets.
     #[must_use]
     pub fn overridden_by(self, over: Self) -> Self {
         Self {
@@ -89,7 +89,7 @@ impl Settings {
         }
     }
 
-    /// The options, defaults filled in and every value checked.
+    /// The options, with defaults for missing keys. Checks every value.
     pub fn options(self) -> Result<Options, OptionError> {
         let defaults = Options::default();
         let exposure_ev = self.exposure_ev.unwrap_or(0.0);
@@ -127,8 +127,15 @@ impl Settings {
 
 /// Loads a scene file, or the built-in scene of that name, with the options of its `[render]` table.
 ///
+/// ```
+/// let (scene, options) = pinspot::load("ring")?;
+/// assert_eq!(scene.name, "ring");
+/// assert!(options.check().is_ok());
+/// # Ok::<(), pinspot::Error>(())
+/// ```
+///
 /// # Errors
-/// What is wrong with the scene, its meshes or its light, or an option out of range.
+/// An invalid scene, mesh or light, or an option out of range.
 pub fn load(path_or_name: &str) -> Result<(Scene, Options), Error> {
     let Loaded { scene, render, .. } = crate::scene::load::<Settings>(path_or_name)?;
     Ok((scene, render.options()?))

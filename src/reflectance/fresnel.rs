@@ -1,9 +1,9 @@
-//! Fresnel's equations for smooth interfaces, exactly: dielectrics and conductors, bare and under a clear coat.
+//! The exact Fresnel equations for smooth interfaces: dielectrics and conductors, bare and under a clear coat.
 
 use num_complex::Complex64;
 
-/// Reflectances of an interface for s- and p-polarised light that arrives at a cosine in [0, 1]; `index` is the complex
-/// refractive index n + ik behind it relative to that before it (Born & Wolf, *Principles of Optics*, §§1.5.2, 14.2).
+/// Reflectances of an interface for s- and p-polarised light, by the cosine of the angle of incidence in [0, 1];
+/// `index` is the relative complex refractive index n + ik (Born & Wolf, *Principles of Optics*, §§1.5.2, 14.2).
 pub fn interface(cosine: f64, index: Complex64) -> [f64; 2] {
     let behind = (1.0 - (1.0 - cosine * cosine) / (index * index)).sqrt();
     let s = (cosine - index * behind) / (cosine + index * behind);
@@ -11,8 +11,8 @@ pub fn interface(cosine: f64, index: Complex64) -> [f64; 2] {
     [s.norm_sqr().min(1.0), p.norm_sqr().min(1.0)]
 }
 
-/// Reflectances of a base under a smooth clear coat of refractive index `coat`, for s and p: light goes to and fro in the
-/// coat until it leaves, and thick coats show no interference, so intensities add up (a geometric series).
+/// Reflectances of a base under a smooth clear coat of refractive index `coat`, for s and p. Light is reflected
+/// repeatedly within the coat; thick coats show no interference, so that intensities add up to a geometric series.
 /// `base` gets the cosine inside the coat.
 pub fn coated(cosine: f64, coat: f64, base: impl Fn(f64) -> [f64; 2]) -> [f64; 2] {
     let outer = interface(cosine, coat.into());
@@ -20,7 +20,7 @@ pub fn coated(cosine: f64, coat: f64, base: impl Fn(f64) -> [f64; 2]) -> [f64; 2
     let inner = base(inside);
     [0, 1].map(|k| {
         let through = (1.0 - outer[k]) * (1.0 - outer[k]);
-        // Nothing enters where all is mirrored; 0/0 for a perfect base.
+        // No light enters a perfect interface; avoids 0/0 for a perfect base.
         if through == 0.0 { 1.0 } else { outer[k] + through * inner[k] / (1.0 - outer[k] * inner[k]) }
     })
 }
@@ -75,7 +75,7 @@ mod tests {
         }
     }
 
-    /// Over a base that mirrors nothing only the coat is left; over a perfect one nothing is lost.
+    /// Over a black base only the coat reflects; over a perfect mirror nothing is lost.
     #[test]
     fn coats_keep_the_energy() {
         for cosine in [0.0, 0.2, 0.9, 1.0] {

@@ -1,17 +1,17 @@
-//! Rough mirrors: how much of the light a GGX microfacet surface mirrors in all directions together (Walter et al.,
+//! Rough mirrors: the directional albedo of a GGX microfacet surface (Walter et al.,
 //! *Microfacet Models for Refraction through Rough Surfaces*, EGSR 2007), single scattering, Smith's masking.
 
 use std::f64::consts::TAU;
 
 use glam::{DVec2, DVec3};
 
-/// Points along each side of the square of numbers that facets are drawn with.
+/// Points along each side of the grid of random numbers that microfacets are sampled with.
 const POINTS: usize = 24;
 
-/// The part of the light that arrives at a cosine in (0, 1] and leaves again, for facets of a reflectance by the cosine on
-/// the facet. `alpha`: the width of the distribution of facets.
+/// The directional albedo at a cosine of incidence in (0, 1], for microfacets whose reflectance is a function of the
+/// cosine at the microfacet. `alpha` is the width of their distribution.
 pub fn directional_albedo(cosine: f64, alpha: f64, facet: impl Fn(f64) -> DVec3) -> DVec3 {
-    // At grazing incidence, as close to it as numbers allow.
+    // At grazing incidence, as close as floating point allows.
     let cosine = cosine.max(1e-4);
     let out = DVec3::new((1.0 - cosine * cosine).max(0.0).sqrt(), 0.0, cosine);
     let middle = |k: usize| (k as f64 + 0.5) / POINTS as f64;
@@ -35,8 +35,8 @@ fn lambda(cosine: f64, alpha: f64) -> f64 {
     0.5 * ((1.0 + alpha * alpha * tan2).sqrt() - 1.0)
 }
 
-/// A facet normal among those that are seen from `out`, +Z up (Heitz, *Sampling the GGX Distribution of Visible Normals*,
-/// JCGT 7(4), 2018).
+/// Samples the normals of microfacets visible from `out`, +Z up (Heitz, *Sampling the GGX Distribution of Visible
+/// Normals*, JCGT 7(4), 2018).
 fn visible_facet(out: DVec3, alpha: f64, u: DVec2) -> DVec3 {
     let stretched = DVec3::new(alpha * out.x, alpha * out.y, out.z).normalize();
     let across = DVec3::new(-stretched.y, stretched.x, 0.0).try_normalize().unwrap_or(DVec3::X);
@@ -61,7 +61,7 @@ mod tests {
         let mut sum = 0.0;
         let part = |k: u32| (f64::from(k) + 0.5) / f64::from(steps);
         for (i, j) in (0..steps).flat_map(|j| (0..steps).map(move |i| (i, j))) {
-            // Equal areas of the projected disc: each is a cosine's worth of directions.
+            // Equal areas of the unit disc, which projects directions by their cosine.
             let (radius, angle) = (part(i).sqrt(), TAU * part(j));
             let light = DVec3::new(radius * angle.cos(), radius * angle.sin(), (1.0 - radius * radius).sqrt());
             let half = (out + light).normalize();

@@ -1,4 +1,5 @@
-//! Optical constants of metals over the visible spectrum, as published; from the compilation at refractiveindex.info (CC0).
+//! Optical constants of metals over the visible spectrum, as published; from the compilation at refractiveindex.info
+//! (CC0).
 
 use num_complex::Complex64;
 use serde::{Deserialize, Serialize};
@@ -25,7 +26,7 @@ impl Metal {
     /// Every metal.
     pub const ALL: [Self; 6] = [Self::Silver, Self::Gold, Self::Copper, Self::Aluminium, Self::Chromium, Self::Brass];
 
-    /// The complex refractive index n + ik at a wavelength in nanometres, interpolated linearly in what was measured.
+    /// The complex refractive index n + ik at a wavelength in nanometres, interpolated linearly between measurements.
     pub fn index(self, nm: f64) -> Complex64 {
         let table = self.table();
         let above = table.partition_point(|(at, ..)| *at < nm).clamp(1, table.len() - 1);

@@ -1,5 +1,5 @@
-//! How much light a smooth surface mirrors, by the angle of incidence: metals and clear coats by Fresnel's equations, from
-//! published optical constants, as linear Rec.709. Knows no geometry and no scene.
+//! Specular reflectance of mirrors by angle of incidence, in linear Rec.709: metals and clear coats by the Fresnel
+//! equations, from published optical constants. Independent of geometry and scenes.
 
 mod fresnel;
 mod ggx;
@@ -12,33 +12,34 @@ pub use spectrum::{WAVELENGTHS, rec709_of_reflectance};
 
 use glam::DVec3;
 
-/// What a mirror is made of.
+/// A mirror's material.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Finish {
-    /// A factor on what is mirrored below the coat, per channel, in [0, 1]; by itself a mirror of that reflectance.
+    /// Factor on the reflectance below the coat, per channel, in [0, 1]; without a metal, the reflectance at all
+    /// angles.
     pub reflectance: DVec3,
-    /// The metal; `None`: all angles mirror alike.
+    /// The metal; `None`: a constant reflectance.
     pub metal: Option<Metal>,
     /// The refractive index of a smooth clear coat, from 1 to 4.
     pub coat: Option<f64>,
-    /// From 0 (smooth) to 1: the root of the width α of a GGX distribution of facets, as in most materials' formats.
+    /// From 0 (smooth) to 1: the square root of the width α of the GGX distribution, as in most material formats.
     pub roughness: f64,
 }
 
 impl Finish {
-    /// Width α of the GGX distribution of facets (Walter et al. 2007, Section 5.2): roughness² (Burley 2012, Section 5.4).
+    /// Width α of the GGX distribution of microfacets (Walter et al. 2007, Section 5.2): roughness² (Burley 2012,
+    /// Section 5.4).
     pub fn alpha(&self) -> f64 {
         self.roughness * self.roughness
     }
 
-    /// Whether the angle does not matter.
+    /// Whether the reflectance is the same at all angles.
     pub fn is_constant(&self) -> bool {
         self.metal.is_none() && self.coat.is_none() && self.roughness == 0.0
     }
 
-    /// The reflectance of a facet, or of the whole surface if it is smooth, for unpolarised light at a cosine of the
-    /// angle of incidence in [0, 1]. Channels may lie a trace outside [0, 1] where a metal's colour lies outside
-    /// Rec.709's triangle.
+    /// The reflectance of a microfacet, or of a smooth surface, for unpolarised light, by the cosine of the angle of
+    /// incidence in [0, 1]. Channels may be slightly outside [0, 1] where a metal's colour is outside Rec.709's gamut.
     pub fn reflectance_at(&self, cosine: f64) -> DVec3 {
         match (self.metal, self.coat) {
             (None, None) => self.reflectance,
@@ -47,7 +48,7 @@ impl Finish {
                 self.reflectance * rec709_of_reflectance(|nm| mean(interface(cosine, metal.index(nm))))
             }
             (Some(metal), Some(coat)) => {
-                // The factor belongs to the metal alone, so that the coat's own gloss keeps the light's colour.
+                // The factor applies to the metal only, so that the coat's reflection keeps the light's colour.
                 let channel = |k: usize| {
                     let factor = self.reflectance[k];
                     let below = |nm, inside| interface(inside, metal.index(nm) / coat).map(|r| factor * r);
@@ -63,14 +64,14 @@ fn mean([s, p]: [f64; 2]) -> f64 {
     0.5 * (s + p)
 }
 
-/// What a finish mirrors into all directions together, at equal steps of the cosine of the angle of incidence, from 0 to 1.
+/// The directional albedo of a mirror, at equal steps of the cosine of the angle of incidence, from 0 to 1.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Curve {
     values: Vec<DVec3>,
 }
 
 impl Curve {
-    /// Evaluates a finish at so many cosines, two at least.
+    /// Evaluates a material at this many cosines; at least two.
     pub fn new(finish: &Finish, points: usize) -> Self {
         let facets = Self::of_facets(finish, points);
         if finish.roughness == 0.0 {
@@ -80,7 +81,7 @@ impl Curve {
         Self::tabulated(points, whole)
     }
 
-    /// The same for a single facet.
+    /// Like [`Self::new`], for a single microfacet.
     pub fn of_facets(finish: &Finish, points: usize) -> Self {
         Self::tabulated(points, |cosine| finish.reflectance_at(cosine))
     }
@@ -141,7 +142,8 @@ mod tests {
         }
     }
 
-    /// A curve of 128 points is as good as the equations (but within its last step to grazing light, which weighs nothing).
+    /// A curve of 128 points is as accurate as the equations, except in the step next to grazing incidence, which is
+    /// irrelevant.
     #[test]
     fn curves_follow_the_equations() {
         for metal in Metal::ALL.map(Some).into_iter().chain([None]) {

@@ -1,12 +1,12 @@
-//! Spectral reflectances as colours: linear Rec.709 under daylight (CIE D65, the white of Rec.709).
+//! Converts spectral reflectances to linear Rec.709, under daylight (CIE D65, the white point of Rec.709).
 
 use glam::{DMat3, DVec3};
 
-/// Wavelengths that are summed over, nanometres.
+/// The range of integration, nanometres.
 pub const WAVELENGTHS: std::ops::RangeInclusive<u32> = 380..=780;
 const STEP: usize = 5;
 
-/// The colour of a spectral reflectance (of a wavelength in nanometres) in the light of D65: all-mirroring is exactly 1.
+/// The colour of a spectral reflectance (by wavelength in nanometres) under D65; a perfect reflector is exactly 1.
 pub fn rec709_of_reflectance(reflectance: impl Fn(f64) -> f64) -> DVec3 {
     let mut colour = DVec3::ZERO;
     let mut white = DVec3::ZERO;
@@ -16,7 +16,7 @@ pub fn rec709_of_reflectance(reflectance: impl Fn(f64) -> f64) -> DVec3 {
         white += seen;
         colour += reflectance(nm) * seen;
     }
-    // Channel by channel against white, so that the rounding of the observer's fit cancels.
+    // Each channel is relative to white, so that errors of the observer's fit cancel.
     (rec709_from_xyz() * colour) / (rec709_from_xyz() * white)
 }
 

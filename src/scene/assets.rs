@@ -1,4 +1,4 @@
-//! Where the files that a scene names come from: a folder, or memory.
+//! Sources of the files that a scene names: a folder, or memory.
 
 use std::collections::HashMap;
 use std::io;
@@ -6,12 +6,13 @@ use std::path::{Path, PathBuf};
 
 /// The files that a scene names: meshes, materials, tables and environment images.
 ///
-/// Implemented for a folder's [`Path`] and for a [`HashMap`] from paths to bytes, so that scenes load without a file system.
+/// Implemented for a folder's [`Path`] and for a [`HashMap`] from paths to bytes, so that scenes load without a file
+/// system.
 pub trait Assets {
-    /// A file's bytes; `path` is as the scene names it.
+    /// A file's bytes; `path` is as written in the scene.
     fn read(&self, path: &Path) -> io::Result<Vec<u8>>;
 
-    /// What messages call the file.
+    /// The file's name in messages.
     fn name(&self, path: &Path) -> String {
         path.display().to_string()
     }
@@ -46,7 +47,7 @@ impl<A: Assets + ?Sized> Assets for &A {
     }
 }
 
-/// A file's name without control characters.
+/// A file's name for messages, with control characters escaped.
 pub(super) fn readable_name(assets: &(impl Assets + ?Sized), path: &Path) -> String {
     crate::words::escaped(&assets.name(path))
 }

@@ -3,9 +3,9 @@
 /// A built-in scene.
 #[derive(Clone, Copy, Debug)]
 pub struct BuiltIn {
-    /// What users call it.
+    /// Its name.
     pub name: &'static str,
-    /// What it shows, in a line.
+    /// A one-line description.
     pub about: &'static str,
     /// The scene file.
     pub toml: &'static str,

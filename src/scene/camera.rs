@@ -1,10 +1,10 @@
-//! Cameras: from pixels to rays and back. Knows no objects.
+//! Cameras: from pixels to rays, and from points to pixels. Independent of objects.
 
 use glam::{Vec2, Vec3};
 
 use crate::vectors::direction;
 
-/// How a camera projects.
+/// A camera's projection.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Projection {
     /// A pinhole; full vertical field of view, radians, in (0, π).
@@ -22,7 +22,7 @@ pub enum Projection {
 /// A camera with an orthonormal frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Camera {
-    /// Where it stands, metres.
+    /// Position, metres.
     pub position: Vec3,
     /// Unit view axis.
     pub forward: Vec3,
@@ -30,21 +30,21 @@ pub struct Camera {
     pub right: Vec3,
     /// Unit vector to the picture's top.
     pub up: Vec3,
-    /// How it projects.
+    /// Projection.
     pub projection: Projection,
 }
 
 /// A half-line with a unit direction.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ray {
-    /// Start.
+    /// Origin.
     pub origin: Vec3,
     /// Unit direction.
     pub direction: Vec3,
 }
 
 impl Camera {
-    /// A camera at `position` that looks at `target`; `None` where the frame degenerates
+    /// A camera at `position` that looks at `target`; `None` if the frame is degenerate
     /// (target at the position, or `up` along the view axis).
     pub fn look_at(position: Vec3, target: Vec3, up: Vec3, projection: Projection) -> Option<Self> {
         let forward = direction(target - position)?;

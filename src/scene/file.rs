@@ -1,6 +1,6 @@
-//! Scene files: TOML in, [`Scene`] out, with messages that name file, line, key and remedy.
+//! Scene files: parses TOML into a [`Scene`], with messages that name file, line, key and remedy.
 //!
-//! The `[render]` table belongs to whoever renders: its type is a parameter here.
+//! The type of the `[render]` table is a parameter, because this module does not know rendering options.
 
 mod camera;
 mod document;
@@ -21,7 +21,7 @@ use self::objects::ObjectTable;
 use super::{Assets, BUILT_IN, Scene, SceneError};
 use crate::words::escaped;
 
-/// A scene and the `[render]` table that came with it.
+/// A scene, and the `[render]` table of its file.
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct Loaded<R> {
@@ -34,7 +34,7 @@ pub struct Loaded<R> {
 }
 
 impl<R> Loaded<R> {
-    /// An error in the value of a key of the `[render]` table, which whoever renders has found: it names file and line.
+    /// An error for a value of the `[render]` table that was found invalid later; it names file and line.
     pub fn render_error(&self, key: &str, message: impl Into<String>) -> SceneError {
         let key = format!("render.{key}");
         SceneError::Value { file: self.file.clone(), line: self.lines.line_of(&key), key, message: message.into() }
@@ -55,8 +55,8 @@ pub fn load<R: DeserializeOwned + Default>(path_or_name: &str) -> Result<Loaded<
     parse(path_or_name, &text, path.parent().unwrap_or(Path::new(".")))
 }
 
-/// Parses a scene file's text. The files that it names are read from `assets`: a folder's path, or files in memory. `file` is
-/// used in messages.
+/// Parses a scene file's text. The files that it names are read from `assets`: a folder's path, or files in memory.
+/// `file` is the name in messages.
 ///
 /// ```
 /// use std::collections::HashMap;
@@ -93,7 +93,7 @@ pub fn parse<R: DeserializeOwned + Default>(
     Ok(Loaded { scene, render: tables.render, file, lines })
 }
 
-/// The candidate most similar to `word`, if any is similar at all.
+/// The candidate most similar to `word`, if one is similar enough.
 pub(crate) fn nearest<'a>(word: &str, candidates: impl Iterator<Item = &'a str>) -> Option<&'a str> {
     candidates
         .map(|c| (strsim::jaro_winkler(word, c), c))
@@ -102,7 +102,7 @@ pub(crate) fn nearest<'a>(word: &str, candidates: impl Iterator<Item = &'a str>)
         .map(|(_, c)| c)
 }
 
-/// Keys of the documented format that later versions bring.
+/// Keys that later versions will read.
 const NOT_BUILT_YET: [&str; 1] = ["refractor"];
 
 fn in_file(file: &str, Fault { line, key, problem }: Fault) -> SceneError {
@@ -139,7 +139,7 @@ fn one() -> f32 {
     1.0
 }
 
-/// A key as messages show it, and its path in the document.
+/// A key: its form in messages, and its path in the document.
 struct Key {
     shown: String,
     path: String,

@@ -1,7 +1,7 @@
-//! A name for everything in a scene that a picture depends on, so that results kept in files can be told apart.
+//! A fingerprint of everything in a scene that a picture depends on, which identifies results kept in files.
 //!
-//! What is hashed is written out byte by byte, so that a name changes when the scene does and at no other time: not with the
-//! words that Rust prints a type in.
+//! The hashed bytes are written explicitly, so that a fingerprint changes only when the scene does: it does not depend
+//! on how Rust prints a type.
 
 use glam::{DVec3, Vec3};
 
@@ -24,7 +24,7 @@ impl Scene {
     }
 }
 
-/// Bytes in an order and of lengths that tell different scenes apart. Each variant of an enum has a number of its own.
+/// An unambiguous sequence of bytes for a scene. Each variant of an enum has a number of its own.
 struct Hash(blake3::Hasher);
 
 impl Hash {
@@ -85,10 +85,10 @@ impl Hash {
         });
         let DVec3 { x, y, z } = finish.reflectance;
         [x, y, z, finish.roughness].into_iter().for_each(|c| self.double(c));
-        // The name is what scene files know a metal by.
+        // By its name in scene files.
         let metal = finish.metal.map(|metal| serde_json::to_string(&metal).expect("a metal is a word"));
         self.bytes(metal.unwrap_or_default().as_bytes());
-        // No coat has the index 0.
+        // An index of 0 means that there is no coat.
         self.double(finish.coat.unwrap_or(0.0));
     }
 
@@ -153,7 +153,7 @@ impl Hash {
 mod tests {
     use super::*;
 
-    /// A way of changing a scene.
+    /// A change of a scene.
     type Change = fn(&mut Scene);
 
     #[test]

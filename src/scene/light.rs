@@ -1,4 +1,4 @@
-//! Environment lighting as a scene describes it: images in memory, built-in maps, spots and constants.
+//! The description of environment lighting: images in memory, built-in maps, spots and constants.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -8,8 +8,8 @@ use glam::Vec3;
 use super::assets::{Assets, readable_name};
 use crate::image::{DecodeError, RgbImage};
 
-/// The largest radiance, intensity, and product of the two, W/(m²·sr): sums and products of larger ones leave the range of
-/// 32-bit numbers.
+/// The largest radiance, intensity, and product of the two, W/(m²·sr): sums and products of larger ones may exceed the
+/// range of 32-bit numbers.
 pub const MAX_RADIANCE: f32 = 1e36;
 
 /// The environment lighting of a scene.
@@ -17,16 +17,16 @@ pub const MAX_RADIANCE: f32 = 1e36;
 pub struct EnvironmentSource {
     /// The light itself.
     pub light: Light,
-    /// Turns the light about +Y, counter-clockwise, radians.
+    /// Rotation about +Y, counter-clockwise, radians.
     pub rotation_rad: f32,
-    /// Multiplies every radiance.
+    /// Factor on every radiance.
     pub intensity: f32,
 }
 
 /// The kinds of environment light.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Light {
-    /// An image, or six.
+    /// An image, or six faces.
     Map(EnvironmentMap),
     /// One of the maps embedded in the library, by name.
     BuiltInMap(String),
@@ -39,12 +39,12 @@ pub enum Light {
         /// Peak radiance, W/(m²·sr).
         radiance: Vec3,
     },
-    /// The same radiance from everywhere, W/(m²·sr).
+    /// The same radiance from all directions, W/(m²·sr).
     Constant(Vec3),
 }
 
 impl Light {
-    /// The largest radiance of a channel; `None` for a built-in map, which is not decoded yet.
+    /// The largest radiance of any channel; `None` for a built-in map, which is not decoded yet.
     pub(super) fn brightest(&self) -> Option<f32> {
         match self {
             Self::Map(map) => Some(map.brightest()),
@@ -53,8 +53,8 @@ impl Light {
         }
     }
 
-    /// A map as scene files and the command line name it: a built-in map (no extension), or a file. The second part of the
-    /// result notes what was repaired.
+    /// A map by its name in scene files and on the command line: a built-in map (without extension), or a file. The
+    /// second part of the result notes what was repaired.
     pub fn map(
         assets: &(impl Assets + ?Sized),
         name: &str,
@@ -68,7 +68,7 @@ impl Light {
     }
 }
 
-/// One image or six, and how they lay out directions.
+/// One image or six, and the layout that maps directions to pixels.
 #[derive(Clone, Debug)]
 pub struct EnvironmentMap {
     images: Vec<Arc<RgbImage>>,
@@ -76,7 +76,7 @@ pub struct EnvironmentMap {
 }
 
 impl PartialEq for EnvironmentMap {
-    /// Whether both share the same images in memory; pixels are not compared.
+    /// Whether both share the same images in memory. Pixels are not compared.
     fn eq(&self, other: &Self) -> bool {
         self.layout == other.layout
             && self.images.len() == other.images.len()
@@ -119,19 +119,19 @@ impl EnvironmentMap {
         &self.images
     }
 
-    /// The largest radiance of a channel.
+    /// The largest radiance of any channel.
     fn brightest(&self) -> f32 {
         let pixels = self.images.iter().flat_map(|image| image.pixels.as_flattened());
         pixels.copied().fold(0.0, f32::max)
     }
 
-    /// How they lay out directions; never [`MapLayout::Auto`].
+    /// The layout; never [`MapLayout::Auto`].
     pub fn layout(&self) -> MapLayout {
         self.layout
     }
 }
 
-/// How an environment image lays out directions.
+/// The layout of an environment image: how directions map to pixels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum MapLayout {
@@ -163,13 +163,13 @@ pub enum MapError {
         /// The system's reason.
         reason: String,
     },
-    /// The file is no image.
+    /// The file is not a readable image.
     #[error(transparent)]
     Image(#[from] DecodeError),
     /// Neither one image nor six.
     #[error("an environment map is one image or six, not {count}")]
     Count {
-        /// How many there are.
+        /// Number of images.
         count: usize,
     },
     /// The picture's shape does not fit the layout.
@@ -181,14 +181,14 @@ pub enum MapError {
         width: usize,
         /// Height.
         height: usize,
-        /// The layout asked for.
+        /// The requested layout.
         layout: MapLayout,
         /// What to do.
         remedy: String,
     },
 }
 
-/// The layout itself, or what the image's shape says.
+/// The requested layout or, for [`MapLayout::Auto`], the one that the image's aspect ratio implies.
 fn resolved(images: &[(String, Arc<RgbImage>)], layout: MapLayout) -> Result<MapLayout, MapError> {
     let fail = |index: usize, remedy: String| {
         let (name, image) = &images[index];

@@ -1,11 +1,11 @@
-//! What a surface does with light. Knows no geometry.
+//! Materials: reflectors and receivers. Independent of geometry.
 
 use glam::Vec3;
 
 use crate::brdf::Gloss;
 use crate::reflectance::Finish;
 
-/// Which sides of a surface mirror.
+/// The sides of a surface that reflect.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Sides {
@@ -18,20 +18,20 @@ pub enum Sides {
     Both,
 }
 
-/// A smooth mirror.
+/// A mirror.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Reflector {
-    /// The mirroring sides.
+    /// The reflecting sides.
     pub sides: Sides,
-    /// What it is made of.
+    /// Its material.
     pub finish: Finish,
 }
 
-/// A surface that light shows on.
+/// A surface that receives caustics and direct light.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Receiver {
     /// Diffuse albedo, per channel, in [0, 1].
     pub albedo: Vec3,
-    /// What it reflects besides.
+    /// Its glossy lobe, or a measured BRDF.
     pub gloss: Gloss,
 }

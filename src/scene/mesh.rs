@@ -1,4 +1,4 @@
-//! Triangle meshes with a unit normal per vertex. Knows no files and no materials.
+//! Triangle meshes with a unit normal per vertex. Independent of files and materials.
 
 use glam::Vec3;
 
@@ -61,10 +61,10 @@ pub enum MeshError {
     Placement {
         /// Object.
         object: String,
-        /// What became of it.
+        /// What is wrong with the result.
         reason: String,
     },
-    /// A format that is not read.
+    /// An unsupported format.
     #[error("mesh '{origin}': the format '{extension}' is not read yet; export it as Wavefront OBJ (.obj)")]
     Format {
         /// File.
@@ -102,7 +102,7 @@ pub enum MeshError {
         /// From 1.
         vertex: usize,
     },
-    /// Not a normal for each vertex.
+    /// The numbers of positions and normals differ.
     #[error("mesh '{origin}' has {positions} positions but {normals} normals; give one normal a position")]
     Counts {
         /// File or shape.
@@ -125,7 +125,7 @@ pub enum MeshError {
 }
 
 impl Mesh {
-    /// The largest coordinate, metres: areas of larger triangles leave the range of 32-bit numbers.
+    /// The largest coordinate, metres: areas of larger triangles would exceed the range of 32-bit numbers.
     pub const MAX_COORDINATE: f32 = 1e9;
 
     /// Validates the parts of a mesh; `normals` are normalised. Degenerate triangles are dropped; their
@@ -159,7 +159,7 @@ impl Mesh {
         &self.positions
     }
 
-    /// Unit normals, one a vertex.
+    /// Unit normals, one per vertex.
     pub fn normals(&self) -> &[Vec3] {
         &self.normals
     }
@@ -189,7 +189,7 @@ impl Mesh {
         (0..self.triangles.len()).map(|t| f64::from(self.triangle_area(t))).sum()
     }
 
-    /// The mesh in the world, and how many of its triangles lost their area on the way. `object` is used in messages only.
+    /// The mesh in world space, and the number of triangles that lost their area. `object` is used in messages only.
     pub fn placed(&self, placement: &Transform, object: &str) -> Result<(Self, usize), MeshError> {
         let rotation = placement.rotation();
         let positions =
@@ -204,7 +204,7 @@ impl Mesh {
         })
     }
 
-    /// Gives vertices whose normal is zero the normal of a triangle they belong to, and makes all unit length.
+    /// Normalises normals; vertices whose normal is zero get that of a triangle to which they belong.
     fn repair_normals(&mut self) {
         for triangle in &self.triangles {
             let [a, b, c] = triangle.map(|v| self.positions[v as usize]);
@@ -233,7 +233,7 @@ fn check_finite(origin: &str, what: &'static str, vectors: &[Vec3]) -> Result<()
     }
 }
 
-/// Keeps the triangles whose area is not lost in rounding; also checks the indices.
+/// Drops triangles whose area is lost in rounding, and checks the indices.
 fn drop_degenerate(
     origin: &str,
     positions: &[Vec3],

@@ -1,6 +1,7 @@
-//! What exists: meshes, shapes, materials, cameras, scene files and the built-in scenes.
+//! The scene description: meshes, shapes, materials, cameras, scene files and the built-in scenes.
 //!
-//! A [`Scene`] is complete and valid once built: meshes are free of NaN and of degenerate triangles. This module must not know samples, environments' texels or wgpu.
+//! A [`Scene`] is complete and valid once built: meshes are free of NaN and of degenerate triangles. This module must
+//! not know samples, prefiltered environments or wgpu.
 
 mod assets;
 mod builtin;
@@ -33,29 +34,29 @@ pub use wavefront::ObjReport;
 use crate::brdf::{Materials, TableError};
 use crate::words::escaped;
 
-/// A whole scene, ready to be sampled and looked at.
+/// A complete scene.
 #[derive(Clone, Debug)]
 pub struct Scene {
     /// The file's stem or the built-in scene's name; used in reports only.
     pub name: String,
-    /// Where the light comes from.
+    /// The environment lighting.
     pub environment: EnvironmentSource,
-    /// Who looks.
+    /// The camera.
     pub camera: Camera,
-    /// Everything that can be seen, mirrored or lit.
+    /// All objects.
     pub objects: Vec<Object>,
-    /// What was repaired while loading, one sentence each (dropped triangles, say).
+    /// What was repaired while loading (dropped triangles, for example), one sentence each.
     pub notes: Vec<String>,
 }
 
 impl Scene {
-    /// What the objects' surfaces do with light that they receive.
+    /// The objects' BRDFs as receivers.
     pub fn materials(&self) -> Materials {
         Materials::new(self.objects.iter().map(|o| o.receiver.as_ref().map(|r| (r.albedo, &r.gloss))))
     }
 }
 
-/// One object: a mesh, where it stands, and what it does with light.
+/// An object: a mesh, its placement and its materials.
 #[derive(Clone, Debug)]
 pub struct Object {
     /// The name in the scene file, for messages.
@@ -64,16 +65,16 @@ pub struct Object {
     pub mesh: Arc<Mesh>,
     /// From object to world space.
     pub placement: Transform,
-    /// `Some`: its surface mirrors light.
+    /// `Some`: its surface is a mirror that casts caustics.
     pub reflector: Option<Reflector>,
-    /// `Some`: caustics and diffuse light show on it.
+    /// `Some`: it receives caustics and direct light.
     pub receiver: Option<Receiver>,
-    /// `false`: the camera looks through it (light does not).
+    /// `false`: invisible to camera rays, though not to light.
     pub camera_visible: bool,
 }
 
 impl Object {
-    /// An object that neither mirrors nor receives, at the origin.
+    /// An object at the origin that is neither reflector nor receiver.
     pub fn new(name: impl Into<String>, mesh: impl Into<Arc<Mesh>>) -> Self {
         Self {
             name: name.into(),
@@ -85,7 +86,7 @@ impl Object {
         }
     }
 
-    /// The geometry in world space, and how many triangles lost their area on the way there.
+    /// The geometry in world space, and the number of triangles that lost their area by the placement.
     ///
     /// # Errors
     /// A placement that is not finite, or that takes vertices out of the range of 32-bit numbers.
@@ -93,13 +94,13 @@ impl Object {
         self.mesh.placed(&self.placement, &self.name)
     }
 
-    /// The geometry in world space; empty if [`Self::checked_mesh_in_world`] has none.
+    /// The geometry in world space; empty where [`Self::checked_mesh_in_world`] fails.
     pub fn mesh_in_world(&self) -> Mesh {
         self.checked_mesh_in_world().map_or_else(|_| Mesh::default(), |(mesh, _)| mesh)
     }
 }
 
-/// Why a scene could not be loaded. Each message names the place and the remedy.
+/// Why a scene could not be loaded. Each message names the place and a remedy.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum SceneError {
@@ -108,12 +109,12 @@ pub enum SceneError {
     Read {
         /// The path as given.
         path: PathBuf,
-        /// The nearest built-in name, phrased, or nothing.
+        /// A suggestion: the most similar built-in name, or empty.
         hint: String,
         /// The system's reason.
         source: std::io::Error,
     },
-    /// The file is not TOML, or a key is unknown, missing or of the wrong type.
+    /// The file is not valid TOML, or a key is unknown, missing or of the wrong type.
     #[error("{file}:{line}: {message}")]
     Syntax {
         /// Scene file.

@@ -51,7 +51,7 @@ pub fn smooth_normals(
 /// For each vertex the first vertex at exactly the same position.
 fn weld(positions: &[Vec3]) -> Vec<u32> {
     let mut first = HashMap::with_capacity(positions.len());
-    // Adding zero turns −0 into +0, which is the same place.
+    // Adding zero turns −0 into +0, so that both are the same position.
     let key = |p: &Vec3| (*p + Vec3::ZERO).to_array().map(f32::to_bits);
     positions.iter().enumerate().map(|(i, p)| *first.entry(key(p)).or_insert(i as u32)).collect()
 }
@@ -81,7 +81,7 @@ fn join_corners(welded: &[u32], triangles: &[[u32; 3]], face_normals: &[Vec3], c
         if uses.len() > 2 {
             sort_around(uses, face_normals);
         }
-        // In this order, whoever is connected at all is so by way of neighbours.
+        // In this order, corners that are connected at all are connected through neighbours.
         for (k, one) in uses.iter().enumerate() {
             let other = uses[(k + 1) % uses.len()];
             if face_normals[one.triangle].dot(face_normals[other.triangle]) >= cos_crease {
@@ -93,11 +93,11 @@ fn join_corners(welded: &[u32], triangles: &[[u32; 3]], face_normals: &[Vec3], c
     corners
 }
 
-/// Sorts the triangles at an edge by the angle of their normals, all of which are across it.
+/// Sorts the triangles at an edge by the angle of their normals, all of which are perpendicular to it.
 fn sort_around(uses: &mut [EdgeUse], face_normals: &[Vec3]) {
     let normal = |edge_use: &EdgeUse| face_normals[edge_use.triangle];
     let first = normal(&uses[0]);
-    // The axis is the edge's: across the two normals that are the furthest from parallel.
+    // The edge's direction: perpendicular to the two normals that are furthest from parallel.
     let across = |edge_use: &EdgeUse| first.cross(normal(edge_use));
     let axis = uses.iter().map(across).max_by(|a, b| a.length_squared().total_cmp(&b.length_squared()));
     let beside = axis.unwrap_or_default().cross(first);

@@ -1,15 +1,15 @@
-//! An object's placement: scale first, then turns about x, y and z, then the move.
+//! An object's placement: scale first, then rotations about x, y and z, then translation.
 
 use glam::{Mat3, Vec3};
 
 /// Places an object in the world.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Transform {
-    /// Uniform scale; not zero. A negative scale mirrors and keeps the front side in front.
+    /// Uniform scale; not zero. A negative scale mirrors the object, and keeps its front side the front side.
     pub scale: f32,
-    /// Counter-clockwise turns about x, then y, then z, radians.
+    /// Counter-clockwise rotations about x, then y, then z, radians.
     pub rotate_rad: Vec3,
-    /// Metres.
+    /// Translation, metres.
     pub translate: Vec3,
 }
 
@@ -46,7 +46,7 @@ mod tests {
     #[test]
     fn turns_are_counter_clockwise_and_x_comes_first() {
         let turn = Transform { rotate_rad: Vec3::new(FRAC_PI_2, FRAC_PI_2, 0.0), ..Default::default() };
-        // +Y goes to +Z by the turn about x, and +Z to +X by the turn about y.
+        // The rotation about x takes +Y to +Z, and that about y takes +Z to +X.
         assert!(turn.point_in_world(Vec3::Y).abs_diff_eq(Vec3::X, 1e-6));
     }
 

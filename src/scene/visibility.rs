@@ -1,4 +1,5 @@
-//! Which occlusion counts. A matter of what is computed, so that techniques and ground truth share the word.
+//! Which occlusion is taken into account. Part of the problem's definition, so that techniques and ground truth share
+//! it.
 
 use std::fmt;
 
@@ -6,10 +7,10 @@ use std::fmt;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, serde::Deserialize, serde::Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Visibility {
-    /// None but back-face culling: the paper's integral.
+    /// Only back-face culling: the paper's integral.
     None,
-    /// Both legs, from the environment to the mirror and from the mirror to the receiver, are occluded by everything; so is
-    /// the environment's direct light.
+    /// All objects occlude the light from the environment to the mirror, from the mirror to the receiver, and from the
+    /// environment directly to the receiver.
     #[default]
     Full,
 }

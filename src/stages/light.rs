@@ -1,5 +1,5 @@
-//! The light made ready. Everything here is in the environment's own frame and at its own brightness, so that rotating or
-//! scaling it makes nothing again: look-ups rotate their directions, and sums are scaled. Knows no scene.
+//! The prepared light, in the environment's own frame and at its own intensity: look-ups rotate their directions and sums
+//! are scaled, so that rotating or scaling the environment prepares nothing again. Independent of the scene.
 
 use std::sync::Arc;
 
@@ -11,23 +11,23 @@ use crate::environment::{CubeMap, CubeSize, Environment, EnvironmentError, Light
 use crate::progress::{Progress, Stage};
 use crate::scene::{EnvironmentSource, Light};
 
-/// A light in its own frame, and how it stands in the world.
+/// A light in its own frame, with its rotation and intensity in the world.
 #[derive(Clone, Debug)]
 pub(crate) struct PreparedLight {
     pub environment: Arc<Environment>,
     /// Counter-clockwise about +Y, radians.
     pub rotation_rad: f32,
-    /// What every radiance is multiplied by.
+    /// Factor on every radiance.
     pub intensity: f32,
 }
 
 impl PreparedLight {
-    /// From the environment's frame to the world's.
+    /// The rotation from the environment's frame to the world's.
     pub fn world_from_light(&self) -> Mat3 {
         Mat3::from_rotation_y(self.rotation_rad)
     }
 
-    /// A direction of the world in the environment's frame.
+    /// Transforms a direction from the world's frame to the environment's.
     pub fn light_from_world(&self, direction_in_world: Vec3) -> Vec3 {
         Mat3::from_rotation_y(-self.rotation_rad) * direction_in_world
     }
@@ -65,19 +65,19 @@ impl LightStages {
         Ok(PreparedLight { environment, rotation_rad, intensity })
     }
 
-    /// Bounds of the radiance, for sums by a hierarchy.
+    /// Bounds of the radiance, for hierarchical sums.
     pub fn bounds(&mut self, light: &PreparedLight, progress: &dyn Progress) -> Arc<LightBounds> {
         let cube = &light.environment.cube;
         self.bounds.get(Id::of(&light.environment), progress, || LightBounds::new(cube))
     }
 
-    /// Irradiance by normal, for direct light.
+    /// The irradiance map (irradiance by normal), for direct light.
     pub fn irradiance(&mut self, light: &PreparedLight, progress: &dyn Progress) -> Arc<CubeMap> {
         let cube = &light.environment.cube;
         self.irradiance.get(Id::of(&light.environment), progress, || irradiance_map(cube))
     }
 
-    /// Draws directions by their power, for direct light that is shadowed or glossy.
+    /// Importance sampling of the environment, for shadowed or glossy direct light.
     pub fn sampler(&mut self, light: &PreparedLight, progress: &dyn Progress) -> Arc<LightSampler> {
         let cube = &light.environment.cube;
         self.sampler.get(Id::of(&light.environment), progress, || LightSampler::new(cube))

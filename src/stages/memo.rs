@@ -1,11 +1,11 @@
-//! What a stage has made, kept until its inputs change. Knows neither scenes nor light.
+//! A stage's latest result, kept until its inputs change. Independent of scenes and light.
 
 use std::fmt;
 use std::sync::{Arc, Weak};
 
 use crate::progress::{Progress, Stage};
 
-/// The latest result of a stage and the inputs that it was made from. Counts how often it was made.
+/// A stage's latest result and the inputs that it was made from. Counts how often it was made.
 pub(crate) struct Memo<K, T> {
     stage: Stage,
     made: Option<(K, Arc<T>)>,
@@ -31,13 +31,13 @@ impl<K: PartialEq, T> Memo<K, T> {
         self.times_made
     }
 
-    /// The result for these inputs: the one that is there, or a new one.
+    /// The result for these inputs: the kept one if they are unchanged, else a new one.
     pub fn get(&mut self, key: K, progress: &dyn Progress, make: impl FnOnce() -> T) -> Arc<T> {
         let made: Result<_, std::convert::Infallible> = self.try_get(key, progress, || Ok(make()));
         made.unwrap_or_else(|never| match never {})
     }
 
-    /// The same for what may fail. A failure leaves the stage empty, to be made at the next try.
+    /// Like [`Self::get`], for results that can fail. A failure leaves the stage empty, so that the next call tries again.
     pub fn try_get<E>(
         &mut self,
         key: K,
@@ -53,7 +53,7 @@ impl<K: PartialEq, T> Memo<K, T> {
         Ok(self.keep(key, made?))
     }
 
-    /// The same for what has to be waited for; `steps` is what the progress counts.
+    /// Like [`Self::try_get`], for asynchronous results; `steps` is the length of the progress bar.
     pub async fn wait_for<E>(
         &mut self,
         key: K,
@@ -69,8 +69,8 @@ impl<K: PartialEq, T> Memo<K, T> {
         Ok(self.keep(key, made?))
     }
 
-    /// What is there for these inputs. What is there for others is let go before anything new is made, so that two results
-    /// are never in memory together.
+    /// The kept result, if it is for these inputs. Otherwise it is dropped before a new one is made, so that two results are
+    /// never in memory together.
     fn known(&mut self, key: &K) -> Option<Arc<T>> {
         match &self.made {
             Some((known, result)) if known == key => Some(result.clone()),
@@ -89,7 +89,7 @@ impl<K: PartialEq, T> Memo<K, T> {
     }
 }
 
-/// The identity of a shared value as an input of a stage: equal if it is the very same value. Does not keep the value alive.
+/// The identity of a shared value, as an input of a stage: equal only for the very same value. Does not keep the value alive.
 pub(crate) struct Id<T: ?Sized>(Weak<T>);
 
 impl<T: ?Sized> Id<T> {
@@ -106,7 +106,7 @@ impl<T: ?Sized> Clone for Id<T> {
 
 impl<T: ?Sized> PartialEq for Id<T> {
     fn eq(&self, other: &Self) -> bool {
-        // The weak references keep the address from being used again.
+        // A weak reference keeps its address from being reused.
         std::ptr::addr_eq(self.0.as_ptr(), other.0.as_ptr())
     }
 }

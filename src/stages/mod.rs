@@ -1,7 +1,7 @@
-//! The stages that every technique and every picture stand on: the scene and the light made ready, and what the camera sees.
+//! The stages that all techniques and pictures share: the prepared scene and light, and the camera's rays.
 //!
-//! Each stage keeps its result together with the inputs that it was made from (`memo`), and makes it again only when one
-//! of them changed. Data flows [`scene`](self::scene), `light` → `view`. This module must not know techniques.
+//! Each stage keeps its result together with the inputs that it was made from (`memo`), and is made again only when one
+//! of them changes. Data flows [`scene`](self::scene), `light` → `view`. This module must not know techniques.
 
 mod light;
 mod memo;
@@ -18,19 +18,19 @@ use serde::Serialize;
 
 use crate::progress::Stage;
 
-/// How often each stage was made since the engine was.
+/// How often each stage has been made since the engine was created.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct StageCounts {
     counts: Vec<(Stage, u64)>,
 }
 
 impl StageCounts {
-    /// How often a stage was made.
+    /// How often this stage was made.
     pub fn of(&self, stage: Stage) -> u64 {
         self.counts.iter().filter(|(s, _)| *s == stage).map(|(_, count)| count).sum()
     }
 
-    /// The stages that were made since an earlier count, in the order of the data.
+    /// The stages made since an earlier count, in the order of the data flow.
     pub fn made_since(&self, earlier: &Self) -> Vec<Stage> {
         Stage::ENGINE.into_iter().filter(|&stage| self.of(stage) > earlier.of(stage)).collect()
     }

@@ -1,6 +1,6 @@
-//! The scene made ready: meshes in world space, rays against them, the reflecting surface, and materials.
+//! The prepared scene: meshes in world space, a ray tracer, the reflecting surface, and materials.
 //!
-//! Knows neither light nor samples.
+//! Independent of light and samples.
 
 use std::sync::Arc;
 
@@ -14,7 +14,7 @@ use crate::sampling::Surface;
 use crate::scene::{Mesh, MeshError, Object, Receiver, Reflector, Scene, Sides, Transform};
 use crate::tracing::Tracer;
 
-/// A scene, ready to be sampled and looked at.
+/// A scene, ready for sampling and ray tracing.
 #[derive(Clone, Debug)]
 pub(crate) struct PreparedScene {
     pub tracer: Arc<Tracer>,
@@ -22,12 +22,12 @@ pub(crate) struct PreparedScene {
     pub materials: Arc<SurfaceMaterials>,
 }
 
-/// What the objects' surfaces do with light.
+/// Reflectance of the objects' surfaces.
 #[derive(Debug)]
 pub(crate) struct SurfaceMaterials {
-    /// What each object reflects diffusely and glossily.
+    /// Each object's BRDF as a receiver.
     pub receivers: Arc<Materials>,
-    /// What each object mirrors by the angle of incidence.
+    /// Each object's specular reflectance by angle of incidence.
     pub mirrors: Vec<Option<Curve>>,
 }
 
@@ -47,16 +47,16 @@ struct PlacedMeshKey {
 /// The stages that make a [`PreparedScene`].
 #[derive(Debug)]
 pub(crate) struct SceneStages {
-    /// One for each object.
+    /// One per object.
     meshes: Vec<Memo<PlacedMeshKey, Mesh>>,
-    /// What objects that are gone had counted.
+    /// Counts of objects that were removed.
     meshes_made_before: u64,
     tracer: Memo<Vec<(Id<Mesh>, bool)>, Tracer>,
     surface: Memo<Vec<Option<(Id<Mesh>, Sides)>>, Surface>,
     materials: Memo<MaterialsKey, SurfaceMaterials>,
 }
 
-/// What each object receives and mirrors.
+/// Each object's materials as a receiver and as a mirror.
 type MaterialsKey = Vec<(Option<Receiver>, Option<Finish>)>;
 
 impl SceneStages {

@@ -1,4 +1,4 @@
-//! What the camera sees: the first hit of a ray for every point of a band of rows, and the receivers among them.
+//! Camera rays: the first hit for every point of a band of rows, and the receivers among the hits.
 
 use glam::{UVec2, Vec2};
 use rayon::prelude::*;
@@ -15,18 +15,18 @@ pub(crate) struct View {
     pub size: [u32; 2],
     /// Points along a pixel's edge.
     pub pixel_samples: u32,
-    /// The band's first row, and how many.
+    /// The band's first row, and its number of rows.
     pub first_row: u32,
     pub rows: u32,
 }
 
-/// The first hits of a band of rows of the picture, `pixel_samples`² points a pixel.
+/// The first hits of the camera rays of a band of rows, `pixel_samples`² per pixel.
 #[derive(Debug)]
 pub(crate) struct CameraRays {
     pub view: View,
     /// Points in a row.
     pub width: u32,
-    /// What the camera sees at every point.
+    /// The first hit at every point.
     pub hits: Vec<Option<Hit>>,
 }
 
@@ -43,7 +43,7 @@ impl CameraRays {
         Self { view, width, hits }
     }
 
-    /// The points on objects that are wanted, as receivers.
+    /// The hits on wanted objects, as receivers.
     pub fn receivers(&self, wanted: impl Fn(u32) -> bool) -> Receivers {
         let mut receivers = Receivers::empty(self.width, self.view.rows * self.view.pixel_samples);
         for (index, hit) in self.hits.iter().enumerate() {
@@ -54,14 +54,14 @@ impl CameraRays {
         receivers
     }
 
-    /// Index of a point: pixel (`x`, `row` of the band), point (`i`, `j`) of the pixel.
+    /// Index of point (`i`, `j`) of pixel (`x`, `row` of the band).
     pub fn index(&self, x: u32, row: u32, i: u32, j: u32) -> usize {
         let per_edge = self.view.pixel_samples;
         ((row * per_edge + j) * self.width + x * per_edge + i) as usize
     }
 }
 
-/// The receivers that a scene's camera sees at the centres of a picture's pixels.
+/// The receivers that the scene's camera sees at the pixels' centres.
 pub fn visible_receivers(scene: &Scene, tracer: &Tracer, size: [u32; 2]) -> Receivers {
     let view = View { camera: scene.camera, size, pixel_samples: 1, first_row: 0, rows: size[1] };
     CameraRays::trace(tracer, view).receivers(|object| scene.objects[object as usize].receiver.is_some())

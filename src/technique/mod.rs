@@ -1,8 +1,8 @@
-//! Techniques: ways to compute the irradiance that reaches receivers by way of the mirrors.
+//! Techniques: ways to compute a caustic, the irradiance that reaches receivers via mirrors.
 //!
-//! A technique prepares itself from the stages that all share ([`crate::stages`]), keeps what it has made, and hands out a
-//! [`Sum`] that is evaluated at any receivers. To add one: a variant of [`Technique`], and a module with an implementation of
-//! [`TechniqueStages`]. This module must not know pictures, cameras' paths or files.
+//! A technique prepares itself from the shared stages ([`crate::stages`]), keeps its own intermediate results, and
+//! returns a [`Sum`], which can be evaluated at any receivers. To add one, add a variant of [`Technique`] and a module
+//! that implements [`TechniqueStages`]. This module must not know pictures, camera paths or files.
 
 mod pinhole;
 
@@ -22,25 +22,25 @@ use crate::progress::Progress;
 use crate::scene::Scene;
 use crate::stages::{LightStages, PreparedLight, PreparedScene, StageCounts};
 
-/// A way to compute the irradiance that reaches receivers by way of the mirrors.
+/// A way to compute a caustic: the irradiance that reaches receivers via mirrors.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Deserialize, Serialize)]
 #[serde(rename_all = "kebab-case")]
 #[non_exhaustive]
 pub enum Technique {
-    /// Every sample of a mirror projects the environment like a pinhole camera (Wand and Straßer 2003).
+    /// Each sample of a mirror projects the environment like a pinhole camera (Wand and Straßer 2003, Section 3).
     #[default]
     Pinhole,
 }
 
 impl Technique {
-    /// Its name in scene files, in reports and on the command line.
+    /// Its name in scene files, reports and on the command line.
     pub fn name(self) -> &'static str {
         match self {
             Self::Pinhole => "pinhole",
         }
     }
 
-    /// Its stages, with nothing made yet.
+    /// Its stages, still empty.
     pub(crate) fn stages(self) -> Box<dyn TechniqueStages> {
         match self {
             Self::Pinhole => Box::new(pinhole::PinholeStages::new()),
@@ -54,10 +54,10 @@ impl fmt::Display for Technique {
     }
 }
 
-/// A result that may have to be waited for.
+/// A future result.
 pub(crate) type Pending<'a, T> = Pin<Box<dyn Future<Output = Result<T, Error>> + 'a>>;
 
-/// What a technique prepares itself from.
+/// The inputs of a technique.
 pub(crate) struct Inputs<'a> {
     pub scene: &'a Scene,
     pub prepared: &'a PreparedScene,
@@ -69,35 +69,35 @@ pub(crate) struct Inputs<'a> {
 
 /// A technique's own stages.
 pub(crate) trait TechniqueStages: fmt::Debug + Send {
-    /// Makes what changed again. The same sum comes back where nothing did.
+    /// Makes again what changed. Returns the same sum if nothing did.
     fn prepare<'a>(&'a mut self, inputs: Inputs<'a>, light: &'a mut LightStages) -> Pending<'a, Arc<dyn Sum>>;
 
-    /// Adds how often its stages were made.
+    /// Adds the counts of its stages.
     fn count(&self, counts: &mut StageCounts);
 }
 
 /// A technique that is ready to be evaluated.
 pub(crate) trait Sum: fmt::Debug + Send + Sync {
-    /// Irradiance at every receiver in W/m² and, in w, the number of fetches of the environment; towards viewers, where
-    /// the receivers have any, radiance in W/(m²·sr). For an intensity of the environment of 1. Tells how many receivers
-    /// are done.
+    /// Irradiance at every receiver in W/m², with the number of fetches of the environment in w; for receivers with
+    /// view directions, radiance towards the viewers in W/(m²·sr). For an environment of intensity 1. Progress counts
+    /// receivers.
     fn irradiance<'a>(&'a self, receivers: &'a Receivers, progress: &'a dyn Progress) -> Pending<'a, Vec<[f32; 4]>>;
 
-    /// What it is made of.
+    /// Figures about the sum.
     fn statistics(&self) -> &Statistics;
 }
 
-/// What a sum is made of.
+/// Figures about a sum.
 #[derive(Clone, Debug)]
 pub(crate) struct Statistics {
     /// Samples in use.
     pub samples: usize,
-    /// Where they are.
+    /// Their positions.
     pub positions: Arc<Vec<Vec3>>,
-    /// How they are summed.
+    /// How the samples are summed.
     pub evaluation: Evaluation,
-    /// How the environment is looked up.
+    /// How the environment is filtered.
     pub filter: Filter,
-    /// What the user should know about the filter.
+    /// A warning about the filter.
     pub warning: Option<String>,
 }

@@ -45,7 +45,7 @@ fn no_density_makes_the_picture_brighter_or_darker() {
     }
 }
 
-/// Of 300 samples those that know the light do more: README, "Samples that know the light".
+/// 300 samples placed by contribution have a smaller error than even ones: docs/accuracy.md, "Sampling by contribution".
 #[test]
 fn knowing_the_light_lowers_the_error() {
     const SIZE: u32 = 64;

@@ -1,4 +1,5 @@
-//! OpenEXR images through the `exr` crate, whose readers allocate what a header declares: sizes are checked before.
+//! OpenEXR images through the `exr` crate. Its readers allocate the size that a header declares, so that sizes are
+//! checked first.
 
 use std::io::Cursor;
 
@@ -9,7 +10,7 @@ use exr::prelude::{AnyChannels, FlatSamples, IntegerBounds, ReadChannels, ReadLa
 
 use super::{Refusal, RgbImage, checked_size};
 
-/// No compression in use does better: deflate's runs take a bit for 129 bytes.
+/// The best ratio of all supported compressions: deflate encodes runs at one bit per 129 bytes.
 const MAX_PIXELS_PER_BYTE: usize = 1032;
 
 pub(super) fn decode(bytes: &[u8]) -> Result<RgbImage, Refusal> {
@@ -54,7 +55,7 @@ fn check_header(header: &Header, length: usize) -> Result<(), Refusal> {
     Ok(())
 }
 
-/// The channels R, G and B, or Y for all of them.
+/// The channels R, G and B, or Y in place of all three.
 fn rgb_pixels(channels: &AnyChannels<FlatSamples>) -> Result<Vec<[f32; 3]>, Refusal> {
     let channel = |name: &str| channels.list.iter().find(|c| c.name.eq_case_insensitive(name));
     let grey = channel("Y");
@@ -65,13 +66,13 @@ fn rgb_pixels(channels: &AnyChannels<FlatSamples>) -> Result<Vec<[f32; 3]>, Refu
     Ok(r.zip(g).zip(b).map(|((r, g), b)| [r, g, b]).collect())
 }
 
-/// The image as its display window shows it: black where it has no data.
+/// Crops or pads the data to the display window; pixels without data are black.
 fn placed(image: RgbImage, data: IntegerBounds, display: IntegerBounds) -> RgbImage {
     if data == display {
         return image;
     }
     let (width, height) = (display.size.0, display.size.1);
-    // Column and row in the data of a pixel of the display window.
+    // Column and row of a pixel of the display window in the data.
     let start = |axis: fn(IntegerBounds) -> i32| i64::from(axis(display)) - i64::from(axis(data));
     let (dx, dy) = (start(|window| window.position.0), start(|window| window.position.1));
     let shown = |at: i64, size: usize| usize::try_from(at).ok().filter(|at| *at < size);

@@ -1,4 +1,4 @@
-//! Radiance pictures (.hdr) through the `image` crate, which leaves EXPOSURE and COLORCORR to its user.
+//! Radiance pictures (.hdr) through the `image` crate, which leaves EXPOSURE and COLORCORR to the caller.
 
 use std::io::{Cursor, Read};
 
@@ -6,7 +6,7 @@ use image::codecs::hdr::{HdrDecoder, SIGNATURE};
 
 use super::{Refusal, RgbImage, checked_size};
 
-/// Run lengths put at most some 120 pixels into a byte, but for pictures of a single colour.
+/// Run-length encoding stores about 120 pixels per byte at most, except in pictures of a single colour.
 const MAX_PIXELS_PER_BYTE: usize = 128;
 
 pub(super) fn decode(bytes: &[u8]) -> Result<RgbImage, Refusal> {
@@ -14,7 +14,7 @@ pub(super) fn decode(bytes: &[u8]) -> Result<RgbImage, Refusal> {
     if has_endless_run(bytes) {
         return Err(Refusal::Damaged("a run length does not end".into()));
     }
-    // Some writers sign with the name of the pixels' encoding, which the crate does not know.
+    // Some writers use the pixel encoding's name as the signature, which the crate rejects.
     let rest = bytes.strip_prefix(b"#?RGBE").or_else(|| bytes.strip_prefix(SIGNATURE)).unwrap_or_default();
     let decoder = HdrDecoder::new(Cursor::new(SIGNATURE).chain(rest)).map_err(damaged)?;
     let meta = decoder.metadata();
@@ -31,7 +31,8 @@ pub(super) fn decode(bytes: &[u8]) -> Result<RgbImage, Refusal> {
     Ok(RgbImage { width, height, pixels: image.pixels().map(radiance).collect() })
 }
 
-/// Whether eight markers of run length stand in a row: the crate multiplies the length by 256 for each of them, beyond 64 bits.
+/// Whether there are eight consecutive run-length markers: the crate multiplies the length by 256 for each, which
+/// overflows 64 bits.
 fn has_endless_run(bytes: &[u8]) -> bool {
     bytes.windows(32).any(|window| window.as_chunks::<4>().0.iter().all(|marker| marker[..3] == [1, 1, 1]))
 }

@@ -1,4 +1,4 @@
-//! Environment images: .exr and .hdr files in memory to linear RGB. Knows no directions.
+//! Environment images: decodes .exr and .hdr files in memory to linear RGB. Independent of directions.
 
 mod exr;
 mod hdr;
@@ -7,7 +7,7 @@ use std::path::Path;
 
 use glam::Vec3;
 
-/// A linear RGB image, row by row from the top left.
+/// A linear RGB image, stored by rows from the top left.
 #[derive(Clone, PartialEq)]
 pub struct RgbImage {
     /// Columns.
@@ -36,7 +36,7 @@ pub enum DecodeError {
         /// The decoder's reason.
         reason: String,
     },
-    /// A kind of image that is not read.
+    /// An unsupported kind of image.
     #[error("environment map '{name}' {reason}")]
     Unsupported {
         /// File.
@@ -62,7 +62,7 @@ pub enum DecodeError {
         /// Height.
         height: usize,
     },
-    /// A NaN, an infinity, or a number that would become one.
+    /// A NaN, an infinity, or a number too large for later arithmetic.
     #[error("environment map '{name}': pixel ({x}, {y}) {what}; repair the image")]
     Pixel {
         /// File.
@@ -76,18 +76,18 @@ pub enum DecodeError {
     },
 }
 
-/// Why a decoder gave up: the file is damaged, or of a kind that is not read.
+/// Why a decoder failed: the file is damaged, or of an unsupported kind.
 enum Refusal {
     Damaged(String),
     Unsupported(String),
 }
 
 impl RgbImage {
-    /// The most pixels that are read: 16384².
+    /// The largest number of pixels that is read: 16384².
     const MAX_PIXELS: usize = 1 << 28;
 
-    /// Decodes a file's bytes by the extension of its name, `.exr` or `.hdr`. The second part of the result notes what was
-    /// repaired.
+    /// Decodes a file's bytes; the extension of its name, `.exr` or `.hdr`, selects the format. The second part of the
+    /// result notes what was repaired.
     pub fn decode(name: &str, bytes: &[u8]) -> Result<(Self, Option<String>), DecodeError> {
         let extension = Path::new(name).extension().unwrap_or_default().to_string_lossy().to_lowercase();
         let decoded = match extension.as_str() {
@@ -106,7 +106,7 @@ impl RgbImage {
         Ok((image, note))
     }
 
-    /// Whether every pixel is a usable radiance; `name` is used in messages only.
+    /// Checks that every pixel is a valid radiance; `name` is used in messages only.
     pub fn check(&self, name: &str) -> Result<(), DecodeError> {
         let (width, height) = (self.width, self.height);
         if self.pixels.is_empty() || width.checked_mul(height) != Some(self.pixels.len()) {
@@ -137,7 +137,7 @@ fn one_line(text: &str) -> String {
     crate::words::escaped(&text.split_whitespace().collect::<Vec<_>>().join(" "))
 }
 
-/// The number of pixels, if a file of `length` bytes can hold that many at all.
+/// The number of pixels, if a file of `length` bytes can hold that many.
 fn checked_size(width: usize, height: usize, length: usize, max_pixels_per_byte: usize) -> Result<usize, Refusal> {
     match width.checked_mul(height) {
         Some(pixels) if pixels <= RgbImage::MAX_PIXELS && pixels / max_pixels_per_byte <= length => Ok(pixels),

@@ -1,7 +1,7 @@
-//! TOML documents as serde reads them, with errors that know their place.
+//! Deserializes TOML documents by serde, with structured errors.
 //!
-//! The `toml` crate's own deserializer ignores elements that an array has too many, and its errors are sentences. This one holds
-//! arrays to their length, and its errors carry line, key and what is known in its place.
+//! The `toml` crate's own deserializer ignores surplus elements of arrays, and its errors are text. This one checks the
+//! length of arrays, and its errors have the line, the key and the accepted names.
 
 use std::collections::HashMap;
 use std::fmt::Display;
@@ -22,7 +22,7 @@ use crate::words::escaped;
 pub(super) struct Fault {
     /// From 1.
     pub line: usize,
-    /// The keys that lead there, such as `object 'ring'.scale`; empty at the top.
+    /// The path of keys, such as `object 'ring'.scale`; empty at the top level.
     pub key: String,
     pub problem: Problem,
 }
@@ -30,7 +30,7 @@ pub(super) struct Fault {
 /// What is wrong.
 #[derive(Debug)]
 pub(super) enum Problem {
-    /// A key or a word that nothing knows.
+    /// An unknown key or name.
     Unknown { what: &'static str, word: String, known: &'static [&'static str] },
     /// Anything else.
     Other(String),
@@ -54,12 +54,12 @@ pub(super) fn parse<T: DeserializeOwned>(text: &str) -> Result<(T, KeyLines), Fa
     Ok((value, lines))
 }
 
-/// The lines of a document's keys, by paths such as `object.0.scale`.
+/// The lines of a document's keys, by path (such as `object.0.scale`).
 #[derive(Clone, Debug, Default)]
 pub(super) struct KeyLines(HashMap<String, usize>);
 
 impl KeyLines {
-    /// The line of a key, or of the nearest table around it that the document has.
+    /// The line of a key, or of the nearest enclosing table that exists.
     pub fn line_of(&self, path: &str) -> usize {
         let mut path = path;
         loop {
@@ -94,11 +94,11 @@ impl KeyLines {
     }
 }
 
-/// An error on its way up: every table adds its key.
+/// An error being propagated: every enclosing table adds its key.
 #[derive(Debug)]
 struct Error {
     offset: Option<usize>,
-    /// The innermost first; elements of arrays start with a space.
+    /// Innermost first; elements of arrays start with a space.
     keys: Vec<String>,
     problem: Problem,
 }
@@ -169,7 +169,7 @@ impl serde::de::Error for Error {
     }
 }
 
-/// Rust's names of types say little to who writes scenes.
+/// Rust's type names, in words for authors of scenes.
 fn in_words(expected: &dyn Expected) -> String {
     match expected.to_string().as_str() {
         "f32" | "f64" => "a number".into(),

@@ -1,4 +1,4 @@
-//! Objects of a scene file: where they stand, what their meshes are, and what their surfaces do with light.
+//! The objects of a scene file: placements, meshes and materials.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -74,7 +74,7 @@ struct GgxTable {
 fn grey() -> [f32; 3] {
     [0.5; 3]
 }
-/// A refractive index of 1.5.
+/// Reflectance of a refractive index of 1.5.
 fn plastic() -> [f32; 3] {
     [0.04; 3]
 }
@@ -85,7 +85,7 @@ fn white() -> [f32; 3] {
 fn yes() -> bool {
     true
 }
-/// Where a mesh without normals has edges, unless its object says otherwise.
+/// Default crease angle of meshes without normals.
 const CREASE_ANGLE_DEG: f32 = 40.0;
 
 fn crease_angle_rad(table: &ObjectTable) -> f32 {
@@ -99,7 +99,7 @@ fn note_dropped(origin: &str, triangles: usize, notes: &mut Vec<String>) {
 }
 
 impl Builder<'_> {
-    /// An object, or one for each material of a mesh that brings its own.
+    /// An object, or one per material of a mesh that has its own materials.
     pub(super) fn objects(
         &self,
         index: usize,
@@ -190,7 +190,7 @@ impl Builder<'_> {
         Ok(Finish { reflectance, metal: table.metal, coat: table.coat, roughness: table.roughness })
     }
 
-    /// An object's mesh, and the number of its triangles that had no area.
+    /// An object's mesh, and the number of dropped degenerate triangles.
     fn mesh(&self, table: &ObjectTable, key: &dyn Fn(&str) -> Key) -> Result<(Mesh, usize), SceneError> {
         match (&table.mesh, table.shape) {
             (Some(file), None) => {

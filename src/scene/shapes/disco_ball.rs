@@ -1,7 +1,8 @@
-//! The disco ball: rows of flat, nearly square tiles whose corners lie on a sphere (WS-20).
+//! The disco ball: rows of flat, nearly square tiles whose corners lie on a sphere (Wand and Straßer
+//! 2003, Section 3).
 //!
-//! A tile between two parallels and two meridians is a plane trapezium, so each is exactly flat.
-//! Its vertices are its own: all of its edges are creases.
+//! A tile between two parallels and two meridians is a planar trapezium, so that each is exactly flat. Tiles share no
+//! vertices: all edges are creases.
 
 use std::f32::consts::{PI, TAU};
 
@@ -13,7 +14,7 @@ pub(super) fn disco_ball(ball: &DiscoBall) -> Parts {
     let mut parts = Parts::default();
     for row in 0..ball.rows {
         let (upper, lower) = (PI * (row as f32 / ball.rows as f32), PI * ((row + 1) as f32 / ball.rows as f32));
-        // As many tiles as make them square at the row's middle, three at least.
+        // As many tiles as make them square at the row's middle, but at least three.
         let tiles = ((0.5 * (upper + lower)).sin() * 2.0 * ball.rows as f32).round().max(3.0) as u32;
         let on_sphere = |polar: f32, tile: u32| {
             let azimuth = TAU * (tile % tiles) as f32 / tiles as f32;

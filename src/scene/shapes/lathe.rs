@@ -40,7 +40,7 @@ fn revolve(profile: &[ProfilePoint]) -> Parts {
     parts
 }
 
-/// `count` steps along a straight piece, both ends included.
+/// `count` steps along a straight segment, both ends included.
 fn line(from: Vec2, to: Vec2, count: u32) -> Vec<ProfilePoint> {
     let along = (to - from).normalize();
     let normal = Vec2::new(along.y, -along.x);

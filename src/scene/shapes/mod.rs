@@ -15,17 +15,17 @@ use serde::Deserialize;
 
 use super::mesh::Mesh;
 
-/// A built-in shape and its measures, metres.
+/// A built-in shape and its dimensions, metres.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Shape {
-    /// A thin vertical cylinder wall that stands on y = 0; normals point inwards.
+    /// A thin vertical cylindrical wall that stands on y = 0; normals point inwards.
     Ring(Ring),
-    /// A ring with a wall of some thickness and rounded edges; normals point outwards.
+    /// A ring with a thick wall and rounded edges; normals point outwards.
     SolidRing(SolidRing),
     /// A spoon along X that lies on y = 0, bowl up; normals point outwards.
     Spoon(Spoon),
-    /// A cup without a handle that stands on y = 0; normals point outwards (into the room, on the inside too).
+    /// A cup without a handle that stands on y = 0; normals point out of the wall, on the inside too.
     Cup(Cup),
     /// A sphere about the origin.
     Sphere(Sphere),
@@ -37,7 +37,7 @@ pub enum Shape {
     Plane(Plane),
 }
 
-/// Measures of [`Shape::Ring`].
+/// Dimensions of [`Shape::Ring`].
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Ring {
@@ -47,7 +47,7 @@ pub struct Ring {
     pub height: f32,
 }
 
-/// Measures of [`Shape::SolidRing`].
+/// Dimensions of [`Shape::SolidRing`].
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct SolidRing {
@@ -59,7 +59,7 @@ pub struct SolidRing {
     pub thickness: f32,
 }
 
-/// Measures of [`Shape::Spoon`].
+/// Dimensions of [`Shape::Spoon`].
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Spoon {
@@ -73,7 +73,7 @@ pub struct Spoon {
     pub thickness: f32,
 }
 
-/// Measures of [`Shape::Cup`].
+/// Dimensions of [`Shape::Cup`].
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Cup {
@@ -85,7 +85,7 @@ pub struct Cup {
     pub thickness: f32,
 }
 
-/// Measures of [`Shape::Sphere`].
+/// Dimensions of [`Shape::Sphere`].
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Sphere {
@@ -93,7 +93,7 @@ pub struct Sphere {
     pub radius: f32,
 }
 
-/// Measures of [`Shape::Torus`].
+/// Dimensions of [`Shape::Torus`].
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Torus {
@@ -103,7 +103,7 @@ pub struct Torus {
     pub tube: f32,
 }
 
-/// Measures of [`Shape::DiscoBall`].
+/// Dimensions of [`Shape::DiscoBall`].
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct DiscoBall {
@@ -113,7 +113,7 @@ pub struct DiscoBall {
     pub rows: u32,
 }
 
-/// Measures of [`Shape::Plane`].
+/// Dimensions of [`Shape::Plane`].
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Plane {
@@ -170,7 +170,7 @@ impl Default for Plane {
 }
 
 impl Shape {
-    /// The shape as a mesh in object space; the error says which measure is out of its range.
+    /// The shape as a mesh in object space. The error says which dimension is out of its range.
     pub fn mesh(&self) -> Result<Mesh, String> {
         self.check()?;
         let parts = match self {

@@ -10,7 +10,7 @@ pub(super) fn closed_surface(point: impl Fn(f64, f64) -> DVec3, rows: u32, colum
     let mut parts = Parts::default();
     let normal = |u: f64, v: f64| -> Vec3 {
         const H: f64 = 1e-5;
-        // At a pole the derivative around vanishes; just beside it the normal is the pole's.
+        // At a pole ∂p/∂v vanishes; the normal is taken just beside it.
         let u = u.clamp(1e-4, 1.0 - 1e-4);
         let du = point(u + H, v) - point(u - H, v);
         let dv = point(u, v + H) - point(u, v - H);

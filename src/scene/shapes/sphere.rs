@@ -1,10 +1,10 @@
-//! The sphere: an icosahedron, each face split into a triangular grid and pushed out.
+//! The sphere: an icosahedron whose faces are split into triangular grids and projected onto the sphere.
 
 use glam::Vec3;
 
 use super::{Parts, Sphere};
 
-/// Edges of the grid on each of the icosahedron's faces: 20·48² triangles.
+/// Divisions along the edges of the icosahedron's faces: 20·48² triangles.
 const DIVISIONS: u32 = 48;
 
 pub(super) fn sphere(sphere: &Sphere) -> Parts {

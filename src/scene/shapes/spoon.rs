@@ -17,7 +17,7 @@ fn point(spoon: &Spoon, u: f64, v: f64) -> DVec3 {
     // Cosine spacing rounds both tips off.
     let s = 0.5 - 0.5 * (PI * u).cos();
     let tips = (PI * u).sin().max(0.0);
-    // The rim turns over within a few degrees of the flat ellipse: ten times as many columns there.
+    // The normal turns over within a few degrees at the rim of the flat ellipse, which gets ten times as many columns.
     let around = TAU * v;
     let (sin, cos) = (around - 0.45 * (2.0 * around).sin()).sin_cos();
     let half_width = 0.5 * width * half_width(s) * rounding(tips);

@@ -1,4 +1,4 @@
-//! Wavefront OBJ through `tobj`, as one mesh or one for each material.
+//! Wavefront OBJ through `tobj`, as one mesh, or one per material.
 //!
 //! ```text
 //! bytes → text: statements → obj: checked → tobj: indexed → polygon: triangles → Mesh
@@ -30,13 +30,13 @@ use crate::words::escaped;
 pub struct ObjReport {
     /// Triangles without area that were dropped.
     pub dropped_triangles: usize,
-    /// The file had no normals and smooth ones were made.
+    /// The file had no normals; smooth ones were computed.
     pub normals_made: bool,
 }
 
 impl Mesh {
-    /// Reads every object and group of an OBJ file as one mesh, without its materials. `name` is used in messages;
-    /// `crease_angle_rad` only where the file has no normals.
+    /// Reads all objects and groups of an OBJ file as one mesh, without materials. `name` is used in messages;
+    /// `crease_angle_rad` only if the file has no normals.
     pub fn from_obj(name: &str, bytes: &[u8], crease_angle_rad: f32) -> Result<(Self, ObjReport), MeshError> {
         let checked = obj::check(name, bytes)?;
         merged(name, indexed(name, &checked, &[])?.iter(), crease_angle_rad)
@@ -56,14 +56,14 @@ pub(super) fn load_obj(
 /// The part of a file that has one material.
 #[derive(Debug)]
 pub(super) struct ObjPart {
-    /// The material's name; empty where there is none.
+    /// The material's name; empty if it has none.
     pub material: String,
     pub surface: Surface,
     pub mesh: Mesh,
     pub report: ObjReport,
 }
 
-/// Reads an OBJ file and its materials, a mesh for each in use.
+/// Reads an OBJ file and its materials, as a mesh per material in use.
 pub(super) fn load_obj_by_material(
     assets: &dyn Assets,
     path: &Path,
@@ -102,13 +102,13 @@ fn read(assets: &dyn Assets, path: &Path) -> Result<(String, Vec<u8>), MeshError
     }
 }
 
-/// What each material in use makes of a surface. A file that names no library leaves its materials without effect.
+/// The surface of each material in use. Without a material library, materials have no effect.
 fn surfaces(assets: &dyn Assets, path: &Path, name: &str, checked: &obj::Checked) -> Result<Vec<Surface>, MeshError> {
     if checked.libraries.is_empty() {
         return Ok(vec![Surface::default(); checked.materials.len()]);
     }
     let folder = path.parent().unwrap_or(Path::new(""));
-    // The last of one name counts.
+    // The last definition of a name counts.
     let mut known = HashMap::new();
     let mut files = Vec::new();
     for (line, library) in &checked.libraries {
@@ -129,7 +129,7 @@ fn surfaces(assets: &dyn Assets, path: &Path, name: &str, checked: &obj::Checked
         Some((file, Err((line, reason)))) => {
             Err(MeshError::Statement { file: file.clone(), line: *line, reason: reason.clone() })
         }
-        // What programs write for "none".
+        // Exporters write these for no material.
         None if matches!(material.as_str(), "" | "(null)" | "None") => Ok(Surface::default()),
         None => {
             let reason = format!("there is no material '{}' in {}", escaped(material), files.join(", "));
@@ -152,7 +152,7 @@ fn library_files(assets: &dyn Assets, folder: &Path, names: &str) -> Result<Vec<
     }
 }
 
-/// The checked file as `tobj` indexes it: a model for each run of faces with one material. Materials are known by number.
+/// The checked file, indexed by `tobj`: a model per run of faces with the same material. Materials are numbered.
 fn indexed(name: &str, checked: &obj::Checked, materials: &[(usize, String)]) -> Result<Vec<tobj::Model>, MeshError> {
     let names = || (0..materials.len()).map(|index| index.to_string());
     let known = |_: &Path| {
@@ -196,7 +196,7 @@ impl Soup {
         self.positions.extend(mesh.positions.as_chunks::<3>().0.iter().map(|p| Vec3::from(*p)));
         self.normals.extend(mesh.normals.as_chunks::<3>().0.iter().map(|n| direction((*n).into()).unwrap_or_default()));
         let mut rest = mesh.indices.as_slice();
-        // No arities: all faces are triangles.
+        // No arities, as all faces are triangles.
         let mut arities = mesh.face_arities.iter();
         while !rest.is_empty() {
             let arity = arities.next().map_or(3, |arity| *arity as usize);
@@ -215,7 +215,7 @@ impl Soup {
             let (mesh, dropped_triangles) = Mesh::new(name, positions, normals, triangles)?;
             return Ok((mesh, ObjReport { dropped_triangles, normals_made: false }));
         }
-        // Validate before the normals are made: what is wrong would spread into them.
+        // Validated before normals are computed, because errors would spread into them.
         let up = vec![Vec3::Y; positions.len()];
         let (valid, dropped_triangles) = Mesh::new(name, positions, up, triangles)?;
         let (positions, normals, triangles) = smooth_normals(valid.positions(), valid.triangles(), crease_angle_rad);

@@ -1,5 +1,5 @@
-//! Wavefront materials → what a surface does with light. Read are `Kd Ks Ns illum` and, of the physically based extension
-//! (Clara.io), `Pr Pm`; textures are not.
+//! Wavefront materials, as reflectors and receivers. Reads `Kd Ks Ns illum` and, from the physically based extension
+//! (Clara.io), `Pr Pm`, but no textures.
 //!
 //! | material | becomes |
 //! |---|---|
@@ -9,7 +9,8 @@
 //! | `Ks` and `Ns`, unless `illum` is 0 or 1 | a Phong receiver |
 //! | anything else | a Lambertian receiver of albedo `Kd` (.8 where there is none) |
 //!
-//! The reader is Pinspot's own: tobj's panics on colours of one number, which the format allows, and names no lines.
+//! This is not `tobj`'s reader, which panics on colours of one number, although the format allows them, and reports no
+//! lines.
 
 use glam::Vec3;
 
@@ -19,18 +20,18 @@ use crate::reflectance::Finish;
 use crate::scene::{MeshError, Receiver, Reflector, Sides};
 use crate::words::escaped;
 
-/// What a material makes of a surface.
+/// A surface with a material.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(in crate::scene) struct Surface {
     pub reflector: Option<Reflector>,
     pub receiver: Option<Receiver>,
 }
 
-/// A material and what its numbers say.
+/// A material, and the surface that it defines.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Material {
     pub name: String,
-    /// What it makes of a surface; or the line and the reason why not.
+    /// The surface, or the line and the reason why it is invalid.
     pub surface: Result<Surface, (usize, String)>,
 }
 
@@ -83,7 +84,7 @@ impl Numbers {
         Ok(())
     }
 
-    /// Every number checked, and what they mean together.
+    /// Checks every number, and combines them to a surface.
     fn surface(&self) -> Result<Surface, (usize, String)> {
         let outside = |line: usize, key: &str, value: &dyn std::fmt::Display, most: u32| {
             let name = escaped(&self.name);
@@ -130,7 +131,7 @@ impl Numbers {
     }
 }
 
-/// One number is a grey.
+/// A colour; a single number is a grey.
 fn colour(statement: &Statement) -> Result<Vec3, String> {
     let key = statement.keyword();
     if matches!(statement.words().next(), Some("spectral" | "xyz")) {

@@ -1,4 +1,4 @@
-//! The statements of an OBJ file, checked: what is left for `tobj` has no errors, and the errors have lines.
+//! Checks the statements of an OBJ file, so that errors have lines and `tobj` gets valid input only.
 
 use std::fmt::Write;
 
@@ -6,7 +6,7 @@ use super::text::{Statement, decoded, statements};
 use crate::scene::MeshError;
 use crate::words::escaped;
 
-/// An OBJ file's text in a form that `tobj` reads without fail: vertices first, then faces by absolute indices.
+/// An OBJ file's text in a form that `tobj` always reads: vertices first, then faces with absolute indices.
 pub(super) struct Checked {
     pub vertices: String,
     pub faces: String,
@@ -61,7 +61,7 @@ impl Checker {
                 self.libraries.push((statement.line, statement.rest().to_owned()));
                 Ok(())
             }
-            // Texture coordinates, groups, lines, free-form surfaces.
+            // Ignored: texture coordinates, groups, lines, free-form surfaces.
             _ => Ok(()),
         }
     }
@@ -69,7 +69,7 @@ impl Checker {
     fn position(&mut self, statement: &Statement) -> Result<(), String> {
         let numbers = finite(statement, "position")?;
         let used = match numbers.len() {
-            // A weight divides; colours are not used.
+            // A fourth number is a weight, to divide by; colours are ignored.
             4 if numbers[3] != 0.0 => 4,
             3 | 6.. => 3,
             4 => return Err("the weight of a vertex must not be zero".into()),
@@ -127,14 +127,14 @@ impl Checker {
     }
 
     fn finished(self) -> Result<Checked, (usize, String)> {
-        // Normals that only some corners have are never meant.
+        // If some corners have no normal, all normals are ignored.
         let with_normals = self.corners.iter().all(|(_, normal)| normal.is_some());
         let mut faces = String::new();
         for face in &self.faces {
             let (line, corners) = match face {
                 FaceStatement::Face { line, corners } => (*line, &self.corners[corners.clone()]),
                 FaceStatement::Material(index) => {
-                    // By number: names may hold anything.
+                    // By number, as names may contain anything.
                     let _ = writeln!(faces, "usemtl {index}");
                     continue;
                 }

@@ -1,11 +1,11 @@
-//! Polygons into triangles.
+//! Triangulation of polygons.
 
 use earcut::Earcut;
 use earcut::utils3d::project3d_to_2d;
 use glam::{DVec3, Vec3};
 
-/// The triangles of a polygon, by the indices of its corners: a fan around the first corner where that covers it, else by ear
-/// clipping on the plane of its Newell normal.
+/// Triangulates a polygon; returns indices of its corners. Uses a fan around the first corner where that covers the
+/// polygon, else ear clipping in the plane of its Newell normal.
 pub(super) fn triangles(corners: &[Vec3]) -> Vec<[usize; 3]> {
     let fan: Vec<[usize; 3]> = (2..corners.len()).map(|k| [0, k - 1, k]).collect();
     if fan.len() < 2 {
@@ -18,7 +18,7 @@ pub(super) fn triangles(corners: &[Vec3]) -> Vec<[usize; 3]> {
     if fan.iter().all(|triangle| vector_area(triangle).dot(normal) >= 0.0) {
         return fan;
     }
-    // Of the order of 1, whatever the polygon's size.
+    // Normalised to the order of 1.
     let size = corners.iter().map(|corner| corner.abs().max_element()).fold(0.0, f64::max);
     let corners: Vec<[f64; 3]> = corners.iter().map(|corner| (corner / size).to_array()).collect();
     let (mut flat, mut indices) = (Vec::new(), Vec::<usize>::new());
@@ -32,7 +32,7 @@ pub(super) fn triangles(corners: &[Vec3]) -> Vec<[usize; 3]> {
 mod tests {
     use super::*;
 
-    /// Each polygon on several planes: its area, and every triangle facing as the polygon does.
+    /// Each polygon in several planes: the area is right, and every triangle faces the same way as the polygon.
     fn check(outline: &[[f32; 2]], area: f32) {
         for [u, v] in [[Vec3::X, Vec3::Y], [Vec3::Y, Vec3::X], [Vec3::NEG_Z, Vec3::new(0.6, 0.8, 0.0)]] {
             for scale in [1.0, 1e-6, 1e6] {

@@ -1,8 +1,8 @@
-//! The text of Wavefront files (.obj, .mtl) as statements: comments removed, continued lines joined.
+//! Statements of Wavefront files (.obj, .mtl): removes comments, and joins continued lines.
 
 use std::borrow::Cow;
 
-/// The text of a file: UTF-8 without its byte order mark, else Latin-1, which older programs write.
+/// Decodes a file: UTF-8 without its byte order mark, else Latin-1, which older exporters write.
 pub(super) fn decoded(bytes: &[u8]) -> Cow<'_, str> {
     match str::from_utf8(bytes) {
         Ok(text) => Cow::Borrowed(text.strip_prefix('\u{feff}').unwrap_or(text)),
@@ -17,22 +17,22 @@ pub(super) struct Statement<'a> {
 }
 
 impl Statement<'_> {
-    /// What the statement is about; empty on an empty line.
+    /// The keyword; empty on an empty line.
     pub fn keyword(&self) -> &str {
         self.text.split_whitespace().next().unwrap_or_default()
     }
 
-    /// Everything behind the keyword.
+    /// Everything after the keyword.
     pub fn rest(&self) -> &str {
         self.text.trim_start()[self.keyword().len()..].trim()
     }
 
-    /// The words behind the keyword.
+    /// The words after the keyword.
     pub fn words(&self) -> impl Iterator<Item = &str> {
         self.rest().split_whitespace()
     }
 
-    /// The numbers behind the keyword; the error names the word that is none.
+    /// The numbers after the keyword. The error names the word that is not a number.
     pub fn numbers(&self) -> Result<Vec<f32>, String> {
         self.words().map(|word| word.parse().map_err(|_| format!("'{word}' is not a number"))).collect()
     }
@@ -52,7 +52,7 @@ pub(super) fn statements(text: &str) -> impl Iterator<Item = Statement<'_>> {
     })
 }
 
-/// A comment starts a word: names may have a `#` inside.
+/// Removes a comment, whose `#` starts a word: names may contain a `#`.
 fn without_comment(line: &str) -> &str {
     let starts_word = |at: usize| line[..at].chars().next_back().is_none_or(char::is_whitespace);
     let end = line.match_indices('#').map(|(at, _)| at).find(|at| starts_word(*at));

@@ -1,6 +1,6 @@
-//! Where samples are denser than elsewhere: a first, even set of samples is asked how much each contributes to the receivers
-//! that the camera sees, and the places around it inherit that (Wand and Straßer, Sections 3.2 and 5, propose sampling by
-//! normals and by contribution).
+//! Densities of samples: an even set of samples is placed first, the importance of each is evaluated, by default its
+//! contribution to visible receivers, and the surface around each inherits it (Wand and Straßer 2003, Sections 3.2 and
+//! 5, propose sampling by normals and by contribution).
 
 use glam::Vec3;
 
@@ -16,33 +16,40 @@ use crate::scene::{Scene, Visibility};
 use crate::stages::visible_receivers;
 use crate::tracing::Tracer;
 
-/// The filter of the contributions.
+/// The filter with which contributions are evaluated.
 pub(super) const FILTER: Filter = Filter::Isotropic;
 /// Samples of the first set.
 const FIRST_SAMPLES: u32 = 1500;
-/// The longer side of the picture whose receivers count, pixels.
+/// The longer side of the picture at whose receivers contributions are evaluated, pixels.
 const RECEIVERS: u32 = 40;
-/// The density is this power of the importance: errors fall fastest where it is less than proportional, as places of little
-/// importance need samples, too.
+/// The density is this power of the importance. Errors fall fastest with a density less than proportional, because
+/// regions of low importance need samples, too.
 const POWER: f32 = 0.5;
 /// Bounds of the density, relative to its mean.
 const MIN_DENSITY: f32 = 0.3;
 const MAX_DENSITY: f32 = 5.0;
 
-/// What a density may follow.
+/// The inputs of a density.
 pub(super) struct DensityInputs<'a> {
     pub scene: &'a Scene,
     pub surface: &'a Surface,
     pub tracer: &'a Tracer,
     pub cube: &'a CubeMap,
-    /// Of the environment, about +Y.
+    /// Rotation of the environment about +Y.
     pub rotation_rad: f32,
 }
 
-/// Places a scene's samples as the options say. The light is prepared only if their density depends on it.
+/// Places a scene's samples. The light is prepared only if their density depends on it.
+///
+/// ```
+/// let (scene, options) = pinspot::load("ring")?;
+/// let points = pinspot::place_samples(&scene, &options.with_samples(100))?;
+/// assert!(!points.points.is_empty());
+/// # Ok::<(), pinspot::Error>(())
+/// ```
 ///
 /// # Errors
-/// Options out of range, a scene without reflectors, a strategy that cannot follow a density, or a light that does not fit.
+/// Options out of range, a scene without reflectors, a strategy that cannot follow a density, or an invalid light.
 pub fn place_samples(scene: &Scene, options: &Options) -> Result<PointSet, Error> {
     options.check()?;
     let surface = Surface::of_scene(scene);
@@ -60,7 +67,7 @@ pub fn place_samples(scene: &Scene, options: &Options) -> Result<PointSet, Error
     Ok(place(&inputs, options)?)
 }
 
-/// The same from stages that are there.
+/// Like [`place_samples`], from prepared stages.
 pub(super) fn place(inputs: &DensityInputs, options: &Options) -> Result<PointSet, SamplingError> {
     if options.density == Density::Uniform {
         return sample(inputs.surface, &options.sampling());
@@ -69,7 +76,7 @@ pub(super) fn place(inputs: &DensityInputs, options: &Options) -> Result<PointSe
     sample_by(inputs.surface, &options.sampling(), &|point| importance.at(point))
 }
 
-/// How important places of the surface are, relative to each other.
+/// Relative importance over the surface.
 struct Importance {
     points: Vec<SurfacePoint>,
     tree: PointTree,
@@ -82,7 +89,7 @@ impl Importance {
         let first = sampling::Options { samples: FIRST_SAMPLES, strategy: Strategy::Neighbourhood, seed: options.seed };
         let mut set = sample(inputs.surface, &first)?;
         let samples = differentials(&set);
-        // Those without a cell are gone from both.
+        // Samples without a cell are dropped from both lists.
         set.points =
             samples.iter().filter_map(|s| set.points.iter().find(|p| p.position == s.position).copied()).collect();
         let importance = if options.density == Density::Curvature {
@@ -99,7 +106,7 @@ impl Importance {
             let receivers = visible_receivers(inputs.scene, inputs.tracer, size);
             let even = CubeMap::from_radiance(16, None, |_| Vec3::ONE);
             let light = if options.density == Density::Contribution { inputs.cube } else { &even };
-            // Held back where places come close to receivers, whose single pixels should not draw all samples.
+            // The paper's ε limits contributions near receivers, where a few pixels would attract all samples.
             let params = Params { epsilon: Epsilon::Paper, ..options.params(FILTER, inputs.rotation_rad) };
             cpu::contributions(&receivers, &pinholes, light, &params)
         };
@@ -114,7 +121,7 @@ impl Importance {
     }
 }
 
-/// Powers of the importance relative to their mean, within bounds.
+/// Densities from importance: powers relative to their mean, clamped.
 fn densities(importance: Vec<f32>) -> Vec<f32> {
     let powers: Vec<f32> = importance.into_iter().map(|w| w.max(0.0).powf(POWER)).collect();
     let mean = powers.iter().sum::<f32>() / powers.len().max(1) as f32;

@@ -1,5 +1,5 @@
-//! The pinholes' stages (Wand and Straßer 2003): samples → what they see → a sum, flat or by a hierarchy, on the CPU or on a
-//! GPU. The sums themselves are in [`crate::pinhole`].
+//! The stages of the pinhole technique (Wand and Straßer 2003): samples → visibility maps → a sum, flat or
+//! hierarchical, on the CPU or on a GPU. The sums themselves are in [`crate::pinhole`].
 
 mod density;
 mod on_cpu;
@@ -25,10 +25,10 @@ use crate::scene::Camera;
 use crate::stages::{Id, LightStages, Memo, StageCounts, visible_receivers};
 use crate::tracing::Tracer;
 
-/// The longer side of the picture whose receivers the mean irradiance is estimated from, pixels.
+/// The longer side of the picture at whose receivers the mean irradiance is estimated, pixels.
 const ESTIMATE_SIZE: u32 = 64;
 
-/// Samples one by one, with the light that they project.
+/// The inputs of a flat sum.
 #[derive(Clone, Debug)]
 struct FlatInputs {
     pinholes: Arc<Pinholes>,
@@ -36,7 +36,7 @@ struct FlatInputs {
     params: Params,
 }
 
-/// A hierarchy of samples, with the light that they project and the error that its sum may have.
+/// The inputs of a hierarchical sum.
 #[derive(Clone, Debug)]
 struct HierarchicalInputs {
     tree: Arc<PinholeTree>,
@@ -46,14 +46,14 @@ struct HierarchicalInputs {
     accuracy: Accuracy,
 }
 
-/// What a sum is made of; equal if nothing of it was made again.
+/// The inputs of a sum; equal if none of them was made again.
 #[derive(PartialEq)]
 enum SumKey {
     Flat { pinholes: Id<Pinholes>, environment: Id<Environment>, params: Params },
     Hierarchical { tree: Id<PinholeTree>, environment: Id<Environment>, params: Params, accuracy: Accuracy },
 }
 
-/// What the mean irradiance over the picture depends on.
+/// The inputs of the estimate of the mean irradiance.
 #[derive(PartialEq)]
 struct EstimateKey {
     tree: Id<PinholeTree>,
@@ -65,7 +65,7 @@ struct EstimateKey {
     params: Params,
 }
 
-/// The pinholes' own stages.
+/// The stages of the pinhole technique.
 #[derive(Debug)]
 pub(super) struct PinholeStages {
     samples: SampleStages,
@@ -75,7 +75,7 @@ pub(super) struct PinholeStages {
     sum: LastSum,
 }
 
-/// The sum handed out last, for as long as nothing changes.
+/// The sum that was returned last, valid while its inputs are unchanged.
 #[derive(Default)]
 struct LastSum(Option<(SumKey, Arc<dyn Sum>)>);
 
@@ -122,7 +122,7 @@ impl PinholeStages {
         }
     }
 
-    /// The mean irradiance over the picture, W/m²: what the tolerance is relative to.
+    /// Estimate of the mean irradiance over the picture, W/m², to which the tolerance is relative.
     fn estimate(&mut self, inputs: &Inputs, tree: &Arc<PinholeTree>, bounds: &LightBounds, params: &Params) -> f32 {
         let Inputs { scene, prepared, light, options, progress, .. } = inputs;
         let longest = options.size[0].max(options.size[1]);
@@ -216,7 +216,7 @@ impl PinholeStages {
 
 impl LastSum {
     fn known(&mut self, key: &SumKey) -> Option<Arc<dyn Sum>> {
-        // What no longer fits is let go before anything new is made.
+        // An outdated sum is dropped before a new one is made.
         self.0 = self.0.take().filter(|(known, _)| known == key);
         self.0.as_ref().map(|(_, sum)| sum.clone())
     }

@@ -1,4 +1,4 @@
-//! The sums on the CPU.
+//! Sums on the CPU.
 
 use super::{FlatInputs, HierarchicalInputs};
 use crate::pinhole::Receivers;
@@ -6,7 +6,7 @@ use crate::pinhole::cpu::{Light, gather, gather_hierarchical};
 use crate::progress::Progress;
 use crate::technique::{Pending, Statistics, Sum};
 
-/// Every sample for every receiver.
+/// The flat sum: every sample is evaluated at every receiver.
 #[derive(Debug)]
 pub(super) struct FlatOnCpu {
     pub sum: FlatInputs,
@@ -25,7 +25,7 @@ impl Sum for FlatOnCpu {
     }
 }
 
-/// By a tree of cells, as finely as the tolerance asks for.
+/// The hierarchical sum: a tree of cells is traversed as deep as the tolerance requires.
 #[derive(Debug)]
 pub(super) struct HierarchicalOnCpu {
     pub sum: HierarchicalInputs,

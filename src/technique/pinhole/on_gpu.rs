@@ -1,5 +1,5 @@
-//! The sums on a GPU: pipelines and copies of light and samples are made once; receivers go up in strips, work is submitted in
-//! pieces of bounded length, and sums come back.
+//! Sums on a GPU: pipelines and copies of light and samples are made once and kept. Receivers are uploaded in strips,
+//! work is submitted in pieces of bounded duration, and the sums are read back.
 
 use std::borrow::Cow;
 use std::ops::Range;
@@ -19,7 +19,7 @@ use crate::progress::{Progress, Stage};
 use crate::stages::{Id, Memo, StageCounts};
 use crate::technique::{Inputs, Pending, Statistics, Sum};
 
-/// What pipelines are compiled for: the filter, and whether samples have maps of visibility.
+/// What pipelines are compiled for: the filter, and whether samples have visibility maps.
 type PipelineKey = (Filter, bool);
 
 /// Everything that is kept on the device.
@@ -43,7 +43,7 @@ impl GpuStages {
         }
     }
 
-    /// Brings what a flat sum reads to the device.
+    /// Uploads the inputs of a flat sum.
     pub fn flat(
         &mut self,
         shared: &Arc<SharedGpu>,
@@ -61,7 +61,7 @@ impl GpuStages {
         Ok(Arc::new(FlatOnGpu { shared: shared.clone(), pipelines, environment, sum, statistics }))
     }
 
-    /// Brings what a sum by a hierarchy reads to the device.
+    /// Uploads the inputs of a hierarchical sum.
     pub fn hierarchical(
         &mut self,
         shared: &Arc<SharedGpu>,
@@ -113,7 +113,7 @@ impl GpuStages {
     }
 }
 
-/// The pipelines for a key: those that were compiled before, or new ones. There are few keys, so that none is ever dropped.
+/// The pipelines for a key, compiled at first use. There are few keys, so that none is ever dropped.
 fn kept<T>(all: &mut Vec<(PipelineKey, Arc<T>)>, key: PipelineKey, make: impl FnOnce() -> T) -> Arc<T> {
     if let Some((_, known)) = all.iter().find(|(known, _)| *known == key) {
         return known.clone();
@@ -123,7 +123,7 @@ fn kept<T>(all: &mut Vec<(PipelineKey, Arc<T>)>, key: PipelineKey, make: impl Fn
     made
 }
 
-/// Every sample for every receiver.
+/// The flat sum: every sample is evaluated at every receiver.
 #[derive(Debug)]
 struct FlatOnGpu {
     shared: Arc<SharedGpu>,
@@ -133,7 +133,7 @@ struct FlatOnGpu {
     statistics: Statistics,
 }
 
-/// By a tree of cells.
+/// The hierarchical sum.
 #[derive(Debug)]
 struct HierarchicalOnGpu {
     shared: Arc<SharedGpu>,
@@ -142,7 +142,7 @@ struct HierarchicalOnGpu {
     bounds: Arc<LightBoundsTexture>,
     tree: Arc<CellTreeBuffers>,
     params: Params,
-    /// Error that is allowed, W/m².
+    /// Allowed error, W/m².
     error: f32,
     split_near: bool,
     statistics: Statistics,
@@ -242,10 +242,10 @@ impl HierarchicalOnGpu {
     }
 }
 
-/// Work that is submitted in pieces, some at a time.
+/// Work that is submitted in pieces, `step` at a time.
 struct Submission<'a> {
     gpu: &'a Gpu,
-    /// What the progress counts.
+    /// Receiver points, which the progress counts.
     points: u64,
     pieces: u32,
     step: u32,
@@ -269,12 +269,12 @@ impl Submission<'_> {
     }
 }
 
-/// The receivers in whole rows: pieces that fit into the adapter's textures and, but for a single row, have at most
-/// `most` points, so that one batch of samples is a submission of bounded length.
+/// Divides receivers into strips of whole rows that fit into the adapter's textures and, except for single rows, have
+/// at most `most` points, so that the submission of one batch of samples has a bounded duration.
 fn strips(receivers: &Receivers, max_texture: u32, most: usize) -> Vec<Receivers> {
     let width = receivers.width;
     if width > max_texture {
-        // Too wide: what is left is a list.
+        // Too wide for a texture: the points become an unordered list.
         let folded = Receivers { width: max_texture, layout: ReceiverLayout::Unordered, ..receivers.clone() };
         return strips(&pad_rows(folded), max_texture, most);
     }
@@ -313,17 +313,17 @@ fn pad_rows(mut receivers: Receivers) -> Receivers {
 
 /// Sample–receiver pairs per submission: well under a second on a slow GPU, so that no watchdog fires.
 const PAIRS_PER_SUBMIT: u64 = 1 << 28;
-/// The same for software adapters, where it only paces the progress bar.
+/// The same for software adapters, where it only sets the pace of the progress bar.
 const PAIRS_PER_SUBMIT_IN_SOFTWARE: u64 = 1 << 24;
 
 fn pairs_per_submit(gpu: &Gpu) -> u64 {
     if gpu.adapter.software { PAIRS_PER_SUBMIT_IN_SOFTWARE } else { PAIRS_PER_SUBMIT }
 }
 
-/// Parts that pixels' work is divided into at most, where an adapter ends loops early.
+/// The largest number of passes that the traversal is split into, on adapters that end loops early.
 const MAX_SPLIT_PASSES: u32 = 512;
 
-/// Receivers on the GPU.
+/// Receivers, uploaded to the GPU.
 struct Uploaded<'a> {
     positions: wgpu::TextureView,
     normals: wgpu::TextureView,
@@ -352,10 +352,11 @@ impl<'a> Uploaded<'a> {
     }
 }
 
-/// Receivers as the tiles of a hierarchical gather want them: a list becomes a picture whose tiles are runs of it.
+/// Receivers arranged in tiles for a hierarchical gather: an unordered list becomes a grid whose tiles are consecutive
+/// parts of it.
 struct Tiled<'a> {
     receivers: Cow<'a, Receivers>,
-    /// Where each of a list's points went.
+    /// The place of each of the list's points in the grid.
     places: Option<Vec<usize>>,
 }
 

@@ -1,4 +1,4 @@
-//! The samples' stages: points → cells or a tree of them → what each sample sees.
+//! The stages of the samples: points → cells, or a tree of them → visibility maps.
 
 use std::sync::Arc;
 
@@ -16,14 +16,14 @@ use crate::stages::{Id, Memo, StageCounts};
 use crate::technique::Inputs;
 use crate::tracing::Tracer;
 
-/// Samples' positions, and the surface that they were placed on.
+/// The placed samples, and their positions.
 #[derive(Clone, Debug)]
 pub(super) struct Points {
     pub set: Arc<PointSet>,
     pub positions: Arc<Vec<Vec3>>,
 }
 
-/// What the positions depend on.
+/// The inputs of the samples' positions.
 #[derive(PartialEq)]
 struct PointsKey {
     surface: Id<Surface>,
@@ -33,7 +33,7 @@ struct PointsKey {
     density: Option<DensityKey>,
 }
 
-/// What a density that follows the light or the receivers depends on.
+/// The inputs of a density that is not uniform.
 #[derive(PartialEq)]
 struct DensityKey {
     density: Density,
@@ -47,7 +47,7 @@ struct DensityKey {
     params: Params,
 }
 
-/// What a tree or a set of pinholes depends on before anything is hidden.
+/// The inputs of a tree or a set of pinholes, except for visibility.
 #[derive(PartialEq)]
 struct CellsKey {
     points: Id<PointSet>,
@@ -58,7 +58,7 @@ struct CellsKey {
     seed: u64,
 }
 
-/// Rays against the scene, or none where nothing hides anything.
+/// The ray tracer that visibility depends on; `None` without visibility.
 type OccluderKey = Option<Id<Tracer>>;
 
 #[derive(Debug)]
@@ -66,7 +66,7 @@ pub(super) struct SampleStages {
     points: Memo<PointsKey, (Arc<PointSet>, Arc<Vec<Vec3>>)>,
     differentials: Memo<Id<PointSet>, Vec<DifferentialSample>>,
     tree: Memo<CellsKey, PinholeTree>,
-    /// The tree with what its samples see.
+    /// The tree with visibility maps.
     visible_tree: Memo<(Id<PinholeTree>, OccluderKey), PinholeTree>,
     pinholes: Memo<(CellsKey, OccluderKey), Pinholes>,
 }
@@ -110,7 +110,7 @@ impl SampleStages {
         Ok(Points { set: set.clone(), positions: positions.clone() })
     }
 
-    /// Samples one by one: the points themselves, or the leaves of their cells.
+    /// The samples of a flat sum: the points themselves, or the leaves of their cells.
     pub fn pinholes(&mut self, inputs: &Inputs, points: &Points, leaves: u32) -> Arc<Pinholes> {
         let Inputs { scene, options, progress, .. } = inputs;
         let key = (cells_key(inputs, points, leaves), occluder(inputs));
@@ -123,7 +123,7 @@ impl SampleStages {
             .get(key, *progress, || with_visibility(pinholes(scene, &differentials, options.footprint), inputs))
     }
 
-    /// A tree of cells whose sample nodes know what they see.
+    /// A tree of cells, with visibility maps of its sample nodes.
     pub fn tree(&mut self, inputs: &Inputs, points: &Points, leaves: u32) -> Arc<PinholeTree> {
         let bare = self.bare_tree(inputs, points, leaves);
         let Some(tracer) = occluder(inputs) else { return bare };

@@ -26,8 +26,14 @@ fn parse(shader: Shader) -> Result<Module, String> {
     Ok(module)
 }
 
+/// Also writes the resolved shaders to `target/shaders`, as naga's and drivers' messages name lines of these.
 #[test]
 fn every_shader_is_valid() {
+    let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("target/shaders");
+    std::fs::create_dir_all(&folder).unwrap();
+    for shader in ALL {
+        std::fs::write(folder.join(shader.name).with_extension("wgsl"), shader.resolve()).unwrap();
+    }
     let failures: Vec<String> = ALL.into_iter().filter_map(|shader| parse(shader).err()).collect();
     assert!(failures.is_empty(), "{}", failures.join("\n"));
 }
