@@ -59,10 +59,20 @@ impl Workplace {
 
     /// Asserts that a command fails with exit code 1, one line on stderr that has all of `parts`, and no output file.
     fn refuses(&self, args: &[&str], parts: &[&str]) {
+        self.refuses_with(1, args, parts);
+    }
+
+    /// The same for a wrong command line.
+    fn refuses_command_line(&self, args: &[&str], parts: &[&str]) {
+        self.refuses_with(2, args, parts);
+    }
+
+    fn refuses_with(&self, code: i32, args: &[&str], parts: &[&str]) {
         let output = self.run(args);
         let stderr = String::from_utf8(output.stderr).unwrap();
-        assert_eq!(output.status.code(), Some(1), "{args:?}: {stderr}");
-        let lines: Vec<&str> = stderr.lines().filter(|l| l.starts_with("pinspot:")).collect();
+        assert_eq!(output.status.code(), Some(code), "{args:?}: {stderr}");
+        let start = if code == 1 { "pinspot:" } else { "error:" };
+        let lines: Vec<&str> = stderr.lines().filter(|l| l.starts_with(start)).collect();
         assert_eq!(lines.len(), 1, "{stderr}");
         for part in parts {
             assert!(lines[0].contains(part), "{args:?}: '{part}' is not in: {stderr}");
@@ -111,7 +121,7 @@ fn renders_png_and_exr_and_reports() {
     assert_eq!(report["backend"], "cpu");
     assert_eq!(report["size"], serde_json::json!([24, 16]));
     assert!(report["lookups"].as_f64().unwrap() > 0.0);
-    assert!(report["seconds"]["gather"].as_f64().unwrap() > 0.0);
+    assert!(report["seconds"]["caustic"].as_f64().unwrap() > 0.0);
     let caustic = pinspot::image::read_exr(&place.path("out.exr"), "caustic").unwrap();
     assert_eq!((caustic.width, caustic.height), (24, 16));
     assert!(caustic.mean().x > 0.0);
@@ -244,7 +254,9 @@ fn every_option_of_render_changes_what_it_writes() {
     for more in changes {
         assert_ne!(written(more), plain, "{more:?} changes nothing");
     }
-    assert_all_named(&place, "render", changes.concat());
+    // There is one technique, so that naming it changes nothing.
+    assert_eq!(written(&["--technique", "pinhole"]), plain);
+    assert_all_named(&place, "render", changes.concat().into_iter().chain(["--technique"]));
 }
 
 #[test]
@@ -294,7 +306,6 @@ fn every_option_of_reference_changes_what_it_writes() {
         &["--rel-error", "0.001"],
         &["--seconds", "1e-9"],
         &["--aov", "direct"],
-        &["--visibility", "none"],
         &["--size", "20x12"],
         &["--attenuation", "off"],
         &["--pixel-samples", "2"],
@@ -308,8 +319,16 @@ fn every_option_of_reference_changes_what_it_writes() {
         assert_ne!(written(more), plain, "{more:?} changes nothing");
     }
     assert!(place.run(&["reference", "scene.toml", "--output", "b.exr", "--rel-error", "0.5"]).status.success());
+    // Nothing hides anything in that scene.
+    let of_cup = |visibility: &str| {
+        let args =
+            ["reference", "cup", "-o", "cup.exr", "--size", "12x12", "--rel-error", "0.2", "--visibility", visibility];
+        assert!(place.run(&[&args[..], &["--force", "--quiet"]].concat()).status.success());
+        pinspot::image::read_exr(&place.path("cup.exr"), "").unwrap().mean()
+    };
+    assert!(of_cup("none").x > 1.1 * of_cup("full").x);
     // That --force replaces a file is a test of its own.
-    assert_all_named(&place, "reference", changes.concat().into_iter().chain(["--force"]));
+    assert_all_named(&place, "reference", changes.concat().into_iter().chain(["--force", "--visibility"]));
 }
 
 #[test]
@@ -376,9 +395,10 @@ fn every_option_of_compare_arrives() {
     let rows = all["rows"].as_array().unwrap();
     assert_eq!(rows.len(), 2 * 2 * 2, "footprints, samples, seeds");
     assert!(rows.iter().all(|r| r["strategy"] == "random" && r["density"] == "contribution" && r["taps"] == 4));
-    assert!(
-        rows.iter().all(|r| r["visibility"] == "none" && r["evaluation"] == "flat" && r["filter"] == "anisotropic")
-    );
+    assert!(rows.iter().all(|r| r["visibility"] == "none"
+        && r["technique"] == "pinhole"
+        && r["mode"] == "flat"
+        && r["filter"] == "anisotropic"));
     let values = |key: &str| rows.iter().map(|r| r[key].to_string()).collect::<BTreeSet<_>>();
     assert_eq!(values("seed"), ["5", "6"].map(str::to_owned).into());
     assert_eq!(values("samples"), ["20", "30"].map(str::to_owned).into());
@@ -502,7 +522,7 @@ fn unusable_meshes_are_named_with_the_reason() {
     for (mesh, reason) in [
         ("", "is empty"),
         ("v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n", "1 degenerate"),
-        ("v 0 0 0\nv NaN 0 0\nv 0 1 0\nf 2 1 3\n", "line 2"),
+        ("v 0 0 0\nv NaN 0 0\nv 0 1 0\nf 2 1 3\n", "ring.obj:2:"),
         ("v 0 0 0\nv 1 0 0\nf 1 2 3\n", "damaged"),
         ("\u{0}\u{1}binary", "ring.obj"),
     ] {
@@ -580,7 +600,10 @@ fn back_ends_that_are_not_there_are_refused() {
         &["render", "scene.toml", "-o", "out.exr", "--filter", "hardware", "--backend", "cpu"],
         &["hardware needs a GPU"],
     );
-    place.refuses(&["render", "scene.toml", "-o", "out.exr", "--size", "40000x2"], &["size is 40000×2", "16384"]);
+    place.refuses_command_line(
+        &["render", "scene.toml", "-o", "out.exr", "--size", "40000x2"],
+        &["size is 40000×2", "16384"],
+    );
 }
 
 #[test]
@@ -592,7 +615,13 @@ fn nothing_is_asked_for_in_vain() {
     refuses(&["-o", "out.exr", "--aov", "caustic", "--plain-diffuse"], "--plain-diffuse changes the beauty only");
     refuses(&["-o", "out.exr", "--aov", "caustic", "--caustic-gain", "2"], "--caustic-gain changes the beauty only");
     refuses(&["-o", "out.png", "--aov", "caustic,depth"], "give an .exr");
-    refuses(&["-o", "out.exr", "--aov", "caustic,caustic"], "names a picture twice");
+    place.refuses_command_line(
+        &["render", "scene.toml", "-o", "out.exr", "--aov", "caustic,caustic"],
+        &["aov is caustic twice", "each once"],
+    );
+    refuses(&["-o", "out.exr", "--exposure", "1"], "--exposure changes what is displayed");
+    refuses(&["-o", "out.exr", "--evaluation", "flat", "--tolerance", "0.1"], "--tolerance is that of a hierarchy");
+    refuses(&["-o", "out.exr", "--filter", "none", "--taps", "2"], "--taps are those of a filter");
     place.replace("constant = [1.0, 1.0, 1.0]", "constant = [1.0, 1.0, 1.0]\nlayout = \"latlong\"");
     place.refuses_scene(&["scene.toml:4:", "environment.layout"]);
     place.replace(
@@ -856,22 +885,22 @@ fn the_hierarchy_is_asked_for_reported_and_bounded() {
         serde_json::from_slice::<serde_json::Value>(&output.stdout).unwrap()
     };
     let by_default = report(&[]);
-    assert_eq!((&by_default["evaluation"], &by_default["leaves"]), (&"hierarchical".into(), &64.into()));
+    assert_eq!((&by_default["mode"], &by_default["leaves"]), (&"hierarchical".into(), &64.into()));
     let flat = report(&["--evaluation", "flat", "--leaves", "5"]);
-    assert_eq!((&flat["evaluation"], &flat["leaves"]), (&"flat".into(), &4.into()));
+    assert_eq!((&flat["mode"], &flat["leaves"]), (&"flat".into(), &4.into()));
     assert!(flat["seconds"]["tree"].as_f64().unwrap() > 0.0);
-    for (more, remedy) in [
-        (&["--leaves", "0"][..], "from 1 to"),
-        (&["--leaves", "4096", "--samples", "100000"], "fewer of either"),
-        (&["--tolerance", "0"], "from 0.00001 to 1"),
-        (&["--tolerance", "NaN"], "from 0.00001 to 1"),
-        (&["--evaluation", "hierarchical", "--filter", "none"], "--filter anisotropic"),
-        (&["--evaluation", "hierarchical", "--epsilon", "paper"], "--evaluation flat"),
-        (&["--leaves", "4", "--footprint", "curvature"], "--footprint cells"),
+    for (code, more, remedy) in [
+        (2, &["--leaves", "0"][..], "from 1 to"),
+        (2, &["--leaves", "4096", "--samples", "100000"], "fewer --samples or fewer --leaves"),
+        (2, &["--tolerance", "0"], "from 0.00001 to 1"),
+        (2, &["--tolerance", "NaN"], "from 0.00001 to 1"),
+        (1, &["--evaluation", "hierarchical", "--filter", "none"], "--filter anisotropic"),
+        (1, &["--evaluation", "hierarchical", "--epsilon", "paper"], "--evaluation flat"),
+        (2, &["--leaves", "4", "--footprint", "curvature"], "--footprint cells"),
     ] {
         let output = run(more);
         let message = String::from_utf8_lossy(&output.stderr).into_owned();
-        assert_eq!(output.status.code(), Some(1), "{more:?}: {message}");
+        assert_eq!(output.status.code(), Some(code), "{more:?}: {message}");
         assert!(message.contains(remedy), "{more:?}: {message}");
     }
 }

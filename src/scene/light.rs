@@ -103,6 +103,7 @@ impl EnvironmentMap {
         let mut notes = Vec::new();
         let mut image = |file: &&str| {
             let name = readable_name(assets, Path::new(file));
+            RgbImage::check_format(&name)?;
             let bytes = assets
                 .read(Path::new(file))
                 .map_err(|error| MapError::Read { name: name.clone(), reason: error.to_string() })?;

@@ -62,10 +62,11 @@ fn the_hardware_filter_is_found_out() {
         Verdict::Approximate => assert!(hardware.rms_error >= 0.07 && hardware.orientation >= 0.5, "{hardware:?}"),
         Verdict::WrongIgnoresGradients => assert!(hardware.orientation < 0.5, "{hardware:?}"),
     }
-    // Round footprints ask nothing of the gradients' direction, so any adapter filters them as mips allow.
+    // Round footprints ask nothing of the gradients' direction: whoever reads the gradients filters them as mips allow.
     let round = |result: &FilterResult| result.by_aspect.iter().find(|(aspect, _)| *aspect == 1.0).unwrap().1;
     let (own, isotropic) = (round(hardware), round(result(&conformance, Filter::Isotropic, 1)));
-    assert!(own < isotropic + 0.05, "round footprints: {own}, by mips alone {isotropic}");
+    let ignores = hardware.verdict == Verdict::WrongIgnoresGradients;
+    assert!(ignores || own < isotropic + 0.05, "round footprints: {own}, by mips alone {isotropic}");
     assert!(hardware.by_pattern.iter().all(|(_, error)| error.is_finite()), "{hardware:?}");
     if gpu.adapter.software {
         assert_eq!(hardware.verdict, Verdict::WrongIgnoresGradients, "{hardware:?}");

@@ -89,11 +89,11 @@ impl RgbImage {
     /// Decodes a file's bytes; the extension of its name, `.exr` or `.hdr`, selects the format. The second part of the
     /// result notes what was repaired.
     pub fn decode(name: &str, bytes: &[u8]) -> Result<(Self, Option<String>), DecodeError> {
+        Self::check_format(name)?;
         let extension = Path::new(name).extension().unwrap_or_default().to_string_lossy().to_lowercase();
         let decoded = match extension.as_str() {
             "exr" => exr::decode(bytes),
-            "hdr" => hdr::decode(bytes),
-            _ => return Err(DecodeError::Format { name: name.into(), extension }),
+            _ => hdr::decode(bytes),
         };
         let mut image = decoded.map_err(|refusal| match refusal {
             Refusal::Damaged(reason) => DecodeError::Damaged { name: name.into(), reason: one_line(&reason) },
@@ -104,6 +104,15 @@ impl RgbImage {
         let note = (negative > 0)
             .then(|| format!("{name}: {negative} pixels had negative radiance, which does not exist; set to 0"));
         Ok((image, note))
+    }
+
+    /// Whether a file of this name is of a format that is read.
+    pub fn check_format(name: &str) -> Result<(), DecodeError> {
+        let extension = Path::new(name).extension().unwrap_or_default().to_string_lossy().to_lowercase();
+        match extension.as_str() {
+            "exr" | "hdr" => Ok(()),
+            _ => Err(DecodeError::Format { name: name.into(), extension }),
+        }
     }
 
     /// Checks that every pixel is a valid radiance; `name` is used in messages only.
