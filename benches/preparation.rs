@@ -26,7 +26,7 @@ fn light(c: &mut Criterion) {
     });
     let (from, mut to) = (vec![1.0f32; 1 << 24], vec![0.0f32; 1 << 24]);
     group.bench_function("yardstick: copying 64 MB", |b| {
-        b.iter(|| black_box(&mut to).copy_from_slice(black_box(&from)))
+        b.iter(|| black_box(&mut to).copy_from_slice(black_box(&from)));
     });
     group.finish();
 }

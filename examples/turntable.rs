@@ -61,30 +61,39 @@ fn pose(scene: &mut Scene, start: &Scene, turn: f32) {
 
 /// Seconds per stage of one frame.
 #[derive(Default)]
-struct StageClock(Mutex<(Option<Instant>, Vec<(Stage, f64)>)>);
+struct StageClock(Mutex<StageTimes>);
+
+#[derive(Default)]
+struct StageTimes {
+    began: Option<Instant>,
+    seconds: Vec<(Stage, f64)>,
+}
 
 impl Progress for StageClock {
     fn begin(&self, _: Stage, _: u64) {
-        self.0.lock().expect("no panic holds the lock").0 = Some(Instant::now());
+        self.0.lock().expect("no panic holds the lock").began = Some(Instant::now());
     }
 
     fn advance(&self, _: u64) {}
 
     fn end(&self, stage: Stage) {
-        let (began, seconds) = &mut *self.0.lock().expect("no panic holds the lock");
-        let elapsed = began.take().map_or(0.0, |began| began.elapsed().as_secs_f64());
-        seconds.push((stage, elapsed));
+        let mut times = self.0.lock().expect("no panic holds the lock");
+        let elapsed = times.began.take().map_or(0.0, |began| began.elapsed().as_secs_f64());
+        times.seconds.push((stage, elapsed));
     }
 }
 
 impl StageClock {
     fn print(&self, frame: u32) {
-        let seconds = &self.0.lock().expect("no panic holds the lock").1;
+        let seconds = &self.0.lock().expect("no panic holds the lock").seconds;
         let of = |stage: Stage| seconds.iter().filter(|(s, _)| *s == stage).map(|(_, t)| t).sum::<f64>();
         // A stage that was not made again shows as nothing.
-        let cell = |stage: Stage| match seconds.iter().any(|(s, _)| *s == stage) {
-            true => format!("{:>13.3}", of(stage)),
-            false => format!("{:>13}", "-"),
+        let cell = |stage: Stage| {
+            if seconds.iter().any(|(s, _)| *s == stage) {
+                format!("{:>13.3}", of(stage))
+            } else {
+                format!("{:>13}", "-")
+            }
         };
         let cells: Vec<String> = Stage::ENGINE.into_iter().map(cell).collect();
         println!("{frame:>5}{}{:>13.3}", cells.concat(), seconds.iter().map(|(_, t)| t).sum::<f64>());

@@ -405,16 +405,20 @@ fn every_option_of_compare_arrives() {
     assert_eq!(values("footprint"), ["\"cells\"", "\"curvature\""].map(str::to_owned).into());
     assert!(all["reference"]["rel_error"].as_f64().unwrap() <= 0.3 && all["reference"]["visibility"] == "none");
     // What the rows do not name changes their errors.
-    for option in ["--mask", "--attenuation", "--epsilon", "--cube-size", "--pixel-samples", "--exposure", "--env"] {
+    let errors = |report: &serde_json::Value| {
+        let row = &report["rows"][0];
+        [&row["rel_l2"], &row["mrse"], &row["flip"]].map(ToString::to_string)
+    };
+    let without = |args: &[&'static str], option: &str| {
         let at = args.iter().position(|a| *a == option).unwrap();
-        let without = [&args[..at], &args[at + 2..]].concat();
-        let other = report(&without);
-        let errors = |report: &serde_json::Value| {
-            let row = &report["rows"][0];
-            [&row["rel_l2"], &row["mrse"], &row["flip"]].map(ToString::to_string)
-        };
-        assert_ne!(errors(&other), errors(&all), "{option} changes nothing");
+        [&args[..at], &args[at + 2..]].concat()
+    };
+    for option in ["--mask", "--attenuation", "--cube-size", "--pixel-samples", "--exposure", "--env"] {
+        assert_ne!(errors(&report(&without(&args, option))), errors(&all), "{option} changes nothing");
     }
+    // ε is part of the attenuation.
+    let attenuated = without(&args, "--attenuation");
+    assert_ne!(errors(&report(&without(&attenuated, "--epsilon"))), errors(&report(&attenuated)));
     let quick = ["compare", "scene.toml", "-o", "gpu", "--samples", "10", "--seeds", "1", "--filters", "none"];
     let adapter = first_adapter(&place);
     let on_gpu = report(&[&quick[..], &["--rel-error", "0.5", "--adapter", &adapter, "--json"]].concat());
@@ -523,7 +527,7 @@ fn unusable_meshes_are_named_with_the_reason() {
         ("", "is empty"),
         ("v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n", "1 degenerate"),
         ("v 0 0 0\nv NaN 0 0\nv 0 1 0\nf 2 1 3\n", "ring.obj:2:"),
-        ("v 0 0 0\nv 1 0 0\nf 1 2 3\n", "damaged"),
+        ("v 0 0 0\nv 1 0 0\nf 1 2 3\n", "names vertex 3"),
         ("\u{0}\u{1}binary", "ring.obj"),
     ] {
         place.write("ring.obj", mesh);

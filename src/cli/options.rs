@@ -165,7 +165,7 @@ impl SceneOptions {
         let loaded = load::<Settings>(scene).map_err(|e| e.to_string())?;
         // Errors in the file are reported with file and line, not as errors of the command line.
         let check = loaded.render.clone().options();
-        check.map_err(|error| loaded.render_error(error.key(), &option_message(&error)).to_string())?;
+        check.map_err(|error| loaded.render_error(error.key(), option_message(&error)).to_string())?;
         let Loaded { mut scene, render, .. } = loaded;
         override_light(&mut scene, self.env.as_deref())?;
         let options = render.overridden_by(over).options().map_err(|e| wrong_option(&e))?;

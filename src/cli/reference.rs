@@ -89,7 +89,9 @@ pub fn run(args: &ReferenceArgs) -> Result<(), String> {
             args.rel_error
         ));
     }
-    warnings.iter().for_each(|warning| super::warn(warning));
+    for warning in &warnings {
+        super::warn(warning);
+    }
     if args.json {
         let Stored { estimate, seconds } = stored;
         let statistics = estimate.statistics;

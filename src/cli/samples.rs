@@ -55,6 +55,7 @@ impl SamplesArgs {
 
     /// Without the feature `report` there are no such pictures.
     #[cfg(not(feature = "report"))]
+    #[expect(clippy::unused_self, reason = "as with the feature `report`")]
     fn spectrum(&self) -> Option<&Path> {
         None
     }

@@ -72,6 +72,9 @@ struct PathsKey {
     is_plain: bool,
 }
 
+/// The caustic at the ends of paths depends on these.
+type EndsKey = (Id<Paths>, Id<dyn Sum>);
+
 #[derive(PartialEq)]
 struct ShadingKey {
     paths: Id<Paths>,
@@ -148,7 +151,7 @@ pub(super) struct BandStages {
     caustic: Memo<CausticKey, Vec<[f32; 4]>>,
     direct: Memo<DirectKey, Vec<Vec3>>,
     paths: Memo<PathsKey, Paths>,
-    ends_caustic: Memo<(Id<Paths>, Id<dyn Sum>), Vec<[f32; 4]>>,
+    ends_caustic: Memo<EndsKey, Vec<[f32; 4]>>,
     ends_direct: Memo<(Id<Paths>, LightKey), Vec<Vec3>>,
     shading: Memo<ShadingKey, Shaded>,
     display: Memo<(Id<Shaded>, DisplaySettings), Vec<Vec3>>,

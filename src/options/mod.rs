@@ -230,6 +230,9 @@ const MAX_CELLS: u64 = 1 << 22;
 /// and four nodes for every three leaves.
 const MAX_CELLS_OF_BINDING: u64 = 1_500_000;
 
+/// Options and values, any of which would do.
+type Remedies = &'static [(&'static str, &'static str)];
+
 /// The largest factor on the caustic.
 const MAX_CAUSTIC_GAIN: f32 = 1e6;
 
@@ -317,7 +320,7 @@ impl Options {
         let leaves = power_of_four(self.leaves.or(by_default).unwrap_or(1));
         let hierarchical = Evaluation::Hierarchical { leaves, tolerance: self.tolerance };
         let has_filter = filter == Filter::Anisotropic || filter == Filter::Hardware && on_gpu;
-        let obstacles: [(bool, &str, &'static [(&'static str, &'static str)]); 4] = [
+        let obstacles: [(bool, &str, Remedies); 4] = [
             (
                 self.leaves.is_none() && !fits(&1),
                 "has more cells than a GPU binds",

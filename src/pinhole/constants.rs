@@ -3,7 +3,6 @@
 /// Points along the edge of a tile of receivers.
 pub const TILE_SIZE: u32 = 64;
 /// Receiver points that stand for a block: four by four.
-#[cfg(feature = "gpu")]
 pub const INTERPOLATION_POINTS: u32 = 16;
 /// How far a point may lie from where its block's sixteen points lead one to expect it, in radii of the block.
 pub const SMOOTH_POSITION_TOLERANCE: f32 = 0.01;

@@ -51,7 +51,9 @@ impl Hash {
 
     fn camera(&mut self, camera: &Camera) {
         let Camera { position, forward, right, up, projection } = *camera;
-        [position, forward, right, up].into_iter().for_each(|v| self.vector(v));
+        for vector in [position, forward, right, up] {
+            self.vector(vector);
+        }
         match projection {
             Projection::Perspective { fov_y_rad } => {
                 self.number(0);
@@ -84,7 +86,9 @@ impl Hash {
             Sides::Both => 2,
         });
         let DVec3 { x, y, z } = finish.reflectance;
-        [x, y, z, finish.roughness].into_iter().for_each(|c| self.double(c));
+        for number in [x, y, z, finish.roughness] {
+            self.double(number);
+        }
         // By its name in scene files.
         let metal = finish.metal.map(|metal| serde_json::to_string(&metal).expect("a metal is a word"));
         self.bytes(metal.unwrap_or_default().as_bytes());

@@ -52,9 +52,12 @@ pub(crate) struct SceneStages {
     /// Counts of objects that were removed.
     meshes_made_before: u64,
     tracer: Memo<Vec<(Id<Mesh>, bool)>, Tracer>,
-    surface: Memo<Vec<Option<(Id<Mesh>, Sides)>>, Surface>,
+    surface: Memo<SurfaceKey, Surface>,
     materials: Memo<MaterialsKey, SurfaceMaterials>,
 }
+
+/// The mesh of each object that mirrors, and on which sides.
+type SurfaceKey = Vec<Option<(Id<Mesh>, Sides)>>;
 
 /// Each object's materials as a receiver and as a mirror.
 type MaterialsKey = Vec<(Option<Receiver>, Option<Finish>)>;

@@ -18,7 +18,7 @@ use crate::support::gpu_backend;
 /// What an edit of the engine is, and the stages that depend on it.
 struct Edit {
     name: &'static str,
-    edit: fn(&mut Engine),
+    apply: fn(&mut Engine),
     makes: &'static [Stage],
 }
 
@@ -34,18 +34,18 @@ macro_rules! and_the_picture {
 }
 
 const EDITS: &[Edit] = &[
-    Edit { name: "nothing", edit: |_| (), makes: &[] },
-    Edit { name: "exposure", edit: |e| e.options_mut().display.exposure_ev = 1.5, makes: &[Display] },
-    Edit { name: "caustic gain", edit: |e| e.options_mut().caustic_gain = 2.0, makes: and_the_picture![] },
-    Edit { name: "scale the light", edit: |e| e.scene_mut().environment.intensity = 3.0, makes: and_the_picture![] },
+    Edit { name: "nothing", apply: |_| (), makes: &[] },
+    Edit { name: "exposure", apply: |e| e.options_mut().display.exposure_ev = 1.5, makes: &[Display] },
+    Edit { name: "caustic gain", apply: |e| e.options_mut().caustic_gain = 2.0, makes: and_the_picture![] },
+    Edit { name: "scale the light", apply: |e| e.scene_mut().environment.intensity = 3.0, makes: and_the_picture![] },
     Edit {
         name: "rotate the light",
-        edit: |e| e.scene_mut().environment.rotation_rad = 0.7,
+        apply: |e| e.scene_mut().environment.rotation_rad = 0.7,
         makes: and_the_picture![Estimate, Caustic, Direct, PathEnds],
     },
     Edit {
         name: "another map",
-        edit: |e| e.scene_mut().environment.light = pinspot::scene::Light::BuiltInMap("studio".into()),
+        apply: |e| e.scene_mut().environment.light = pinspot::scene::Light::BuiltInMap("studio".into()),
         makes: and_the_picture![
             Light,
             LightBounds,
@@ -58,26 +58,26 @@ const EDITS: &[Edit] = &[
             PathEnds
         ],
     },
-    Edit { name: "tolerance", edit: |e| e.options_mut().tolerance = 0.05, makes: and_the_picture![Caustic, PathEnds] },
-    Edit { name: "taps", edit: |e| e.options_mut().taps = 4, makes: and_the_picture![Estimate, Caustic, PathEnds] },
+    Edit { name: "tolerance", apply: |e| e.options_mut().tolerance = 0.05, makes: and_the_picture![Caustic, PathEnds] },
+    Edit { name: "taps", apply: |e| e.options_mut().taps = 4, makes: and_the_picture![Estimate, Caustic, PathEnds] },
     Edit {
         name: "number of samples",
-        edit: |e| e.options_mut().samples = 70,
+        apply: |e| e.options_mut().samples = 70,
         makes: and_the_picture![Points, Tree, Stage::Visibility, Upload, Estimate, Caustic, PathEnds],
     },
     Edit {
         name: "seed",
-        edit: |e| e.options_mut().seed = 9,
+        apply: |e| e.options_mut().seed = 9,
         makes: and_the_picture![Points, Tree, Stage::Visibility, Upload, Estimate, Caustic, PathEnds],
     },
     Edit {
         name: "move the camera",
-        edit: |e| e.scene_mut().camera.position.x += 0.05,
+        apply: |e| e.scene_mut().camera.position.x += 0.05,
         makes: and_the_picture![Estimate, Rays, Caustic, Direct, Paths, PathEnds],
     },
     Edit {
         name: "move the table",
-        edit: |e| e.scene_mut().objects[TABLE].placement.translate.x += 0.1,
+        apply: |e| e.scene_mut().objects[TABLE].placement.translate.x += 0.1,
         makes: and_the_picture![
             Geometry,
             Bvh,
@@ -93,7 +93,7 @@ const EDITS: &[Edit] = &[
     },
     Edit {
         name: "turn the mirror",
-        edit: |e| e.scene_mut().objects[MIRROR].placement.rotate_rad.y += 0.3,
+        apply: |e| e.scene_mut().objects[MIRROR].placement.rotate_rad.y += 0.3,
         makes: and_the_picture![
             Geometry,
             Bvh,
@@ -112,7 +112,7 @@ const EDITS: &[Edit] = &[
     },
     Edit {
         name: "deform the mirror",
-        edit: |e| {
+        apply: |e| {
             let object = &mut e.scene_mut().objects[MIRROR];
             object.mesh = Arc::new(stretched(&object.mesh));
         },
@@ -134,12 +134,12 @@ const EDITS: &[Edit] = &[
     },
     Edit {
         name: "the table's albedo",
-        edit: |e| e.scene_mut().objects[TABLE].receiver.as_mut().unwrap().albedo = Vec3::new(0.2, 0.4, 0.1),
+        apply: |e| e.scene_mut().objects[TABLE].receiver.as_mut().unwrap().albedo = Vec3::new(0.2, 0.4, 0.1),
         makes: and_the_picture![Materials, Paths, PathEnds],
     },
     Edit {
         name: "every sample for every receiver",
-        edit: |e| (e.options_mut().evaluation, e.options_mut().leaves) = (EvaluationChoice::Flat, None),
+        apply: |e| (e.options_mut().evaluation, e.options_mut().leaves) = (EvaluationChoice::Flat, None),
         makes: and_the_picture![Differentials, Stage::Visibility, Caustic, PathEnds],
     },
 ];
@@ -175,9 +175,9 @@ fn an_edit_makes_only_what_depends_on_it() {
     render(&mut engine);
     let mut table = format!("| edit | {} |\n", Stage::ENGINE.map(Stage::name).join(" | "));
     let mut failures = Vec::new();
-    for Edit { name, edit, makes } in EDITS {
+    for Edit { name, apply, makes } in EDITS {
         let before = engine.stage_counts();
-        edit(&mut engine);
+        apply(&mut engine);
         let edited = render(&mut engine);
         let made = engine.stage_counts().made_since(&before);
         let marks = Stage::ENGINE.map(|stage| if made.contains(&stage) { "●" } else { "" });
@@ -203,9 +203,9 @@ fn on_a_gpu_nothing_else_is_made_and_the_pictures_agree() {
     let mut engine = engine(&backend);
     render(&mut engine);
     let mut failures = Vec::new();
-    for Edit { name, edit, makes } in EDITS {
+    for Edit { name, apply, makes } in EDITS {
         let before = engine.stage_counts();
-        edit(&mut engine);
+        apply(&mut engine);
         let edited = render(&mut engine);
         let made = engine.stage_counts().made_since(&before);
         let expected: Vec<Stage> = Stage::ENGINE.into_iter().filter(|stage| makes.contains(stage)).collect();
@@ -227,7 +227,8 @@ fn an_engine_is_usable_after_an_error() {
     let backend = Backend::cpu();
     let mut engine = engine(&backend);
     let first = render(&mut engine);
-    let mistakes: [(fn(&mut Engine), fn(&mut Engine)); 4] = [
+    type Change = fn(&mut Engine);
+    let mistakes: [(Change, Change); 4] = [
         (|e| e.options_mut().taps = 0, |e| e.options_mut().taps = 16),
         (
             |e| e.scene_mut().environment.light = pinspot::scene::Light::BuiltInMap("nowhere".into()),
@@ -237,7 +238,7 @@ fn an_engine_is_usable_after_an_error() {
             |e| e.scene_mut().objects[TABLE].placement.translate.y = f32::NAN,
             |e| {
                 e.scene_mut().objects[TABLE].placement =
-                    pinspot::load("ring-natural").unwrap().0.objects[TABLE].placement
+                    pinspot::load("ring-natural").unwrap().0.objects[TABLE].placement;
             },
         ),
         (

@@ -192,7 +192,7 @@ fn hdr() {
 #[test]
 fn merl() {
     let sizes = [90i32, 90, 180].map(i32::to_le_bytes);
-    let full = [sizes.as_flattened(), &[0; 3 * 8 * 90 * 90 * 180]].concat();
+    let full = [sizes.as_flattened(), &vec![0; 3 * 8 * 90 * 90 * 180]].concat();
     let read = |bytes: &[u8]| match BrdfTable::decode("table.binary", bytes) {
         Ok(table) => assert!(table.entries().as_flattened().iter().all(|value| (0.0..=1e6).contains(value))),
         Err(error) => check_message(&error),

@@ -110,7 +110,7 @@ impl Checker {
         let mut parts = word.split('/');
         let position = absolute(parts.next().unwrap_or_default(), self.positions, word)?;
         let normal = match (parts.next(), parts.next(), parts.next()) {
-            (_, Some(""), None) | (_, None, None) => None,
+            (_, Some("") | None, None) => None,
             (_, Some(normal), None) => Some(absolute(normal, self.normals, word)?),
             _ => return Err(format!("'{word}' is not a corner of a face")),
         };

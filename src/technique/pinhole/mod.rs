@@ -189,7 +189,7 @@ impl PinholeStages {
         inputs: &Inputs,
     ) -> Result<Arc<dyn Sum>, Error> {
         match inputs.backend.shared_gpu() {
-            Some(shared) => self.gpu.hierarchical(shared, sum, statistics, inputs),
+            Some(shared) => self.gpu.hierarchical(shared, &sum, statistics, inputs),
             None => Ok(Arc::new(HierarchicalOnCpu { sum, statistics })),
         }
     }

@@ -65,7 +65,7 @@ impl GpuStages {
     pub fn hierarchical(
         &mut self,
         shared: &Arc<SharedGpu>,
-        sum: HierarchicalInputs,
+        sum: &HierarchicalInputs,
         statistics: Statistics,
         inputs: &Inputs,
     ) -> Result<Arc<dyn Sum>, Error> {
@@ -81,7 +81,7 @@ impl GpuStages {
         let tree =
             self.tree.try_get(Id::of(&sum.tree), inputs.progress, || CellTreeBuffers::upload(device, &sum.tree))?;
         shared.gpu.check()?;
-        let HierarchicalInputs { params, accuracy, .. } = sum;
+        let HierarchicalInputs { params, accuracy, .. } = *sum;
         Ok(Arc::new(HierarchicalOnGpu {
             shared: shared.clone(),
             pipelines,
