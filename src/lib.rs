@@ -79,6 +79,7 @@ pub use backend::{Backend, BackendChoice, BackendReport, Device};
 pub use engine::{Engine, Rendered, Report};
 pub use environment::CubeSize;
 pub use error::{Error, OptionError};
+pub use glam;
 pub use options::{DisplaySettings, Evaluation, EvaluationChoice, FilterChoice, Options, Overlay, Settings, load};
 pub use pinhole::{Epsilon, Filter, Footprint};
 pub use progress::{NoProgress, Progress, Stage};

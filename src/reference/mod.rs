@@ -195,6 +195,7 @@ impl Reference {
         }
         let light = Light::new(&scene.environment)?;
         let notes = scene.notes.clone();
+        scene.check_placements()?;
         let geometry = Geometry::new(&scene);
         let receivers = Receivers::find(&scene, &geometry, options.size, options.pixel_samples);
         let described = serde_json::to_string(&options).expect("options are plain data");

@@ -31,10 +31,43 @@ pub use transform::Transform;
 pub use visibility::Visibility;
 pub use wavefront::ObjReport;
 
-use crate::brdf::{Materials, TableError};
+pub use crate::brdf::{BrdfTable, Gloss, TableError};
+pub use crate::reflectance::{Finish, Metal};
+
+use crate::brdf::Materials;
 use crate::words::escaped;
 
-/// A complete scene.
+/// A complete scene, from a file ([`load`], [`parse`]) or made in code.
+///
+/// ```
+/// use pinspot::glam::{DVec3, Vec3};
+/// use pinspot::scene::shapes::{Plane, Ring, Shape};
+/// use pinspot::scene::{Camera, EnvironmentSource, Finish, Gloss, Light, Object, Projection};
+/// use pinspot::scene::{Receiver, Reflector, Scene, Sides};
+///
+/// let mut ring = Object::new("ring", Shape::Ring(Ring::default()).mesh().expect("its dimensions are in range"));
+/// let finish = Finish { reflectance: DVec3::ONE, metal: None, coat: None, roughness: 0.0 };
+/// ring.reflector = Some(Reflector { sides: Sides::Front, finish });
+/// let mut table = Object::new("table", Shape::Plane(Plane { size: [3.0, 3.0] }).mesh().expect("so are these"));
+/// table.receiver = Some(Receiver { albedo: Vec3::splat(0.5), gloss: Gloss::None });
+///
+/// let projection = Projection::Perspective { fov_y_rad: 0.7 };
+/// let camera = Camera::look_at(Vec3::new(0.0, 2.0, 4.0), Vec3::ZERO, Vec3::Y, projection).expect("a frame");
+/// let light = Light::Constant(Vec3::ONE);
+/// let scene = Scene {
+///     name: "ring".to_owned(),
+///     environment: EnvironmentSource { light, rotation_rad: 0.0, intensity: 1.0 },
+///     camera,
+///     objects: vec![ring, table],
+///     notes: Vec::new(),
+/// };
+///
+/// # use pinspot::{Backend, Engine, NoProgress, Options, blocking};
+/// let options = Options::default().with_size([16, 16]).with_samples(20);
+/// let rendered = blocking::wait(None, Engine::new(scene, options, Backend::cpu()).render(&NoProgress))?;
+/// assert!(rendered.layers[0].1.mean().x > 0.0);
+/// # Ok::<(), pinspot::Error>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct Scene {
     /// The file's stem or the built-in scene's name; used in reports only.
@@ -50,6 +83,14 @@ pub struct Scene {
 }
 
 impl Scene {
+    /// Whether every object has a place in the world.
+    ///
+    /// # Errors
+    /// A placement that is not finite, or that takes vertices out of the range of 32-bit numbers.
+    pub fn check_placements(&self) -> Result<(), MeshError> {
+        self.objects.iter().try_for_each(|object| object.checked_mesh_in_world().map(drop))
+    }
+
     /// The objects' BRDFs as receivers.
     pub fn materials(&self) -> Materials {
         Materials::new(self.objects.iter().map(|o| o.receiver.as_ref().map(|r| (r.albedo, &r.gloss))))

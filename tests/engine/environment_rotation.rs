@@ -73,7 +73,7 @@ impl Work {
     fn new() -> Self {
         let scene = load::<Settings>("columns").unwrap().scene;
         let tracer = Tracer::new(&scene);
-        let receivers = visible_receivers(&scene, &tracer, [32; 2]);
+        let receivers = visible_receivers(&scene, &tracer, [16; 2]);
         Self { scene, tracer, receivers }
     }
 

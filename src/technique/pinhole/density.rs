@@ -52,6 +52,7 @@ pub(super) struct DensityInputs<'a> {
 /// Options out of range, a scene without reflectors, a strategy that cannot follow a density, or an invalid light.
 pub fn place_samples(scene: &Scene, options: &Options) -> Result<PointSet, Error> {
     options.check()?;
+    scene.check_placements()?;
     let surface = Surface::of_scene(scene);
     if options.density == Density::Uniform {
         return Ok(sample(&surface, &options.sampling())?);
