@@ -78,7 +78,8 @@ fn the_ground_truth_mirrors_as_the_equations_say() {
         let estimate =
             Reference::new(scene, options).unwrap().solve(&goal, None, &NoProgress, &mut |_| Ok(())).unwrap();
         let got = estimate.irradiance.pixels[0].as_dvec3();
-        assert!((got / expected - 1.0).abs().max_element() < 2e-3, "{finish}: {got}, not {expected}");
+        // The ground truth has colour tables of its own, which differ from the engine's by up to .2 %.
+        assert!((got / expected - 1.0).abs().max_element() < 4e-3, "{finish}: {got}, not {expected}");
     }
 }
 
