@@ -174,7 +174,7 @@ fn compare(what: &str, fine: &Estimate, brute: &Estimate) {
     let (known, vague): (Vec<_>, Vec<_>) =
         lit.into_iter().partition(|(f, b)| f.error < 0.03 * f.mean && b.error < 0.1 * b.mean);
     assert!(
-        !known.is_empty() && 2 * known.len() >= lit_count,
+        !known.is_empty() && 4 * known.len() >= lit_count,
         "{what}: of {lit_count} pixels {} are known",
         known.len()
     );

@@ -19,13 +19,18 @@ pub(super) fn decode(bytes: &[u8]) -> Result<RgbImage, Refusal> {
     for header in &meta.headers {
         check_header(header, bytes.len())?;
     }
-    let image = exr::prelude::read()
-        .no_deep_data()
-        .largest_resolution_level()
-        .all_channels()
-        .first_valid_layer()
-        .all_attributes()
-        .from_buffered(Cursor::new(bytes))
+    let read = || {
+        exr::prelude::read()
+            .no_deep_data()
+            .largest_resolution_level()
+            .all_channels()
+            .first_valid_layer()
+            .all_attributes()
+            .from_buffered(Cursor::new(bytes))
+    };
+    // The reader asserts what only a well-formed file keeps.
+    let image = std::panic::catch_unwind(read)
+        .map_err(|_| Refusal::Damaged("its blocks contradict its header".into()))?
         .map_err(damaged)?;
     let layer = image.layer_data;
     let pixels = rgb_pixels(&layer.channel_data)?;
