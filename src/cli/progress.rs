@@ -30,7 +30,7 @@ pub struct Seconds {
 impl Seconds {
     /// The sum over these stages.
     pub fn of(&self, stages: &[Stage]) -> f64 {
-        self.stages.iter().filter(|(stage, _)| stages.contains(stage)).map(|(_, seconds)| seconds).sum()
+        self.stages.iter().filter(|(stage, _)| stages.contains(stage)).fold(0.0, |sum, (_, seconds)| sum + seconds)
     }
 }
 

@@ -112,6 +112,16 @@ pub enum MeshError {
         /// Number of normals.
         normals: usize,
     },
+    /// A scene too small or too large for 32-bit numbers.
+    #[error("the scene is {diagonal:e} m across, but must be from {least:e} to {most:e} m; scale it")]
+    Extent {
+        /// The diagonal of its bounds, metres.
+        diagonal: f32,
+        /// The least.
+        least: f32,
+        /// The largest.
+        most: f32,
+    },
     /// An index past the vertices.
     #[error(
         "mesh '{origin}': triangle {triangle} names a vertex that does not exist (the file may be truncated); export it again"

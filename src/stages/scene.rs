@@ -4,6 +4,8 @@
 
 use std::sync::Arc;
 
+use glam::Vec3;
+
 use super::StageCounts;
 use super::memo::{Id, Memo};
 use crate::brdf::Materials;
@@ -20,6 +22,8 @@ pub(crate) struct PreparedScene {
     pub tracer: Arc<Tracer>,
     pub surface: Arc<Surface>,
     pub materials: Arc<SurfaceMaterials>,
+    /// What the user should know about where the scene lies.
+    pub note: Option<String>,
 }
 
 /// Reflectance of the objects' surfaces.
@@ -75,6 +79,7 @@ impl SceneStages {
 
     pub fn prepare(&mut self, scene: &Scene, progress: &dyn Progress) -> Result<PreparedScene, MeshError> {
         let meshes = self.place_meshes(scene, progress)?;
+        let note = check_extent(&meshes)?;
         let seen = meshes.iter().zip(&scene.objects).map(|(mesh, o)| (Id::of(mesh), o.camera_visible));
         let tracer = self.tracer.get(seen.collect(), progress, || {
             Tracer::of_meshes(meshes.iter().zip(&scene.objects).map(|(mesh, o)| (&**mesh, o.camera_visible)))
@@ -84,7 +89,7 @@ impl SceneStages {
         let surface = self.surface.get(mirrors, progress, || reflecting_surface(&meshes, scene));
         let materials = scene.objects.iter().map(|o| (o.receiver.clone(), o.reflector.map(|r| r.finish))).collect();
         let materials = self.materials.get(materials, progress, || SurfaceMaterials::of_scene(scene));
-        Ok(PreparedScene { tracer, surface, materials })
+        Ok(PreparedScene { tracer, surface, materials, note })
     }
 
     fn place_meshes(&mut self, scene: &Scene, progress: &dyn Progress) -> Result<Vec<Arc<Mesh>>, MeshError> {
@@ -108,6 +113,29 @@ impl SceneStages {
     }
 }
 
+/// The diagonals of scenes that 32-bit numbers carry through all products of areas and distances, metres.
+const EXTENTS: std::ops::RangeInclusive<f32> = 1e-4..=1e5;
+/// Farther from the origin than this, in diagonals, positions are coarse.
+const FAR_FROM_ORIGIN: f32 = 1e3;
+
+/// Refuses scenes that are too small or too large; says where one lies so far away that its positions are coarse.
+fn check_extent(meshes: &[Arc<Mesh>]) -> Result<Option<String>, MeshError> {
+    let positions = meshes.iter().flat_map(|mesh| mesh.positions());
+    let (low, high) = positions.fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(l, h), p| (l.min(*p), h.max(*p)));
+    if low.x > high.x {
+        return Ok(None);
+    }
+    let (diagonal, distance) = ((high - low).length(), (0.5 * (low + high)).length());
+    if !EXTENTS.contains(&diagonal) {
+        return Err(MeshError::Extent { diagonal, least: *EXTENTS.start(), most: *EXTENTS.end() });
+    }
+    Ok((distance > FAR_FROM_ORIGIN * diagonal).then(|| {
+        format!(
+            "the scene is {diagonal} m across but {distance} m from the origin, where positions are coarse; light may be lost: move it to the origin"
+        )
+    }))
+}
+
 fn reflecting_surface(meshes: &[Arc<Mesh>], scene: &Scene) -> Surface {
     let mut surface = Surface::default();
     for (index, (mesh, object)) in meshes.iter().zip(&scene.objects).enumerate() {
@@ -116,4 +144,30 @@ fn reflecting_surface(meshes: &[Arc<Mesh>], scene: &Scene) -> Surface {
         }
     }
     surface
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::NoProgress;
+    use crate::scene::shapes::{Shape, Sphere};
+
+    fn prepared(scale: f32, translate: Vec3) -> Result<PreparedScene, MeshError> {
+        let mut scene = crate::scene::load::<toml::Table>("mirror-sphere").unwrap().scene;
+        let mut object = Object::new("ball", Shape::Sphere(Sphere { radius: 0.5 }).mesh().unwrap());
+        object.placement = Transform { scale, translate, ..Transform::default() };
+        scene.objects = vec![object];
+        SceneStages::new().prepare(&scene, &NoProgress)
+    }
+
+    #[test]
+    fn scenes_too_small_too_large_or_too_far_away_are_told() {
+        assert!(prepared(1.0, Vec3::ZERO).unwrap().note.is_none());
+        assert!(prepared(1.0, Vec3::X * 1e5).unwrap().note.unwrap().contains("from the origin"));
+        for scale in [1e-6, 1e6] {
+            let message = prepared(scale, Vec3::ZERO).unwrap_err().to_string();
+            assert!(message.contains("m across"), "{message}");
+        }
+        assert!(prepared(1.0, Vec3::splat(f32::NAN)).is_err());
+    }
 }
