@@ -56,8 +56,8 @@ impl Work {
         Self { scene, surface, environment, bounds, receivers }
     }
 
-    fn tree(&self, roots: u32, leaves: u32, seed: u64) -> PinholeTree {
-        let options = sampling::Options { samples: roots, strategy: Strategy::Neighbourhood, seed };
+    fn tree(&self, samples: u32, leaves: u32, seed: u64) -> PinholeTree {
+        let options = sampling::Options { samples, strategy: Strategy::Neighbourhood, seed };
         let set = sample(&self.surface, &options).expect("a reflector");
         PinholeTree::new(&self.scene, CellTree::new(&self.surface, &set, &TreeOptions { leaves, seed }))
     }
@@ -139,11 +139,11 @@ fn equal_error(name: &'static str, goal: f64) {
     let mask = work.mask(&truth);
     let mut flat_seconds = None;
     for leaves in [4u32, 16, 64, 256] {
-        for roots in [500, 750, 1000, 1500] {
-            let tree = work.tree(roots, leaves, 1);
+        for samples in [500, 750, 1000, 1500] {
+            let tree = work.tree(samples, leaves, 1);
             let (sums, places, seconds) = work.flat(&tree);
             let flat_error = error(&sums, &truth, &places, &mask);
-            println!("  {name} flat {roots} x {leaves}: error {flat_error:.4}, {seconds:.1} s");
+            println!("  {name} flat {samples} x {leaves}: error {flat_error:.4}, {seconds:.1} s");
             if flat_error > goal {
                 continue;
             }
@@ -152,7 +152,7 @@ fn equal_error(name: &'static str, goal: f64) {
                 let (sums, seconds) = work.hierarchical(&tree, tolerance, 3);
                 let tree_error = error(&sums, &truth, &all(&work), &mask);
                 println!(
-                    "  {name} hierarchical {roots} x {leaves}, tolerance {tolerance}: error {tree_error:.4}, {seconds:.3} s, {:.0} fetches",
+                    "  {name} hierarchical {samples} x {leaves}, tolerance {tolerance}: error {tree_error:.4}, {seconds:.3} s, {:.0} fetches",
                     fetches(&sums)
                 );
                 if tree_error <= goal {
@@ -277,9 +277,9 @@ fn on_gpu() {
     for scene in BUILT_IN {
         for size in [[1920, 1080], [3840, 2160]] {
             let work = Work::of_size(scene.name, size);
-            for [roots, leaves] in [[625, 16], [1563, 64], [3907, 256]] {
-                let (fetches, seconds) = frame_on_gpu(&gpu, &work, &work.tree(roots, leaves, 1));
-                let count = roots * leaves;
+            for [samples, leaves] in [[625, 16], [1563, 64], [3907, 256]] {
+                let (fetches, seconds) = frame_on_gpu(&gpu, &work, &work.tree(samples, leaves, 1));
+                let count = samples * leaves;
                 println!(
                     "{}, {size:?}, {count} leaves: {:.2} ms, {fetches:.0} look-ups a pixel",
                     scene.name,

@@ -83,12 +83,12 @@ fn sample_irradiance(i: u32, receiver: Receiver) -> vec4f {
     // The cosine at the sample, times l.
     let cos_at_sample_l = select(max(-dn, 0.0), abs(dn), (object_sides & 1u) == 1u);
     let inverse_l = inverseSqrt(l2);
-    let cosines = cos_at_sample_l * max(dot(d, receiver.normal), 0.0) * inverse_l * inverse_l;
+    let cosine_product = cos_at_sample_l * max(dot(d, receiver.normal), 0.0) * inverse_l * inverse_l;
     // Also false where the sample lies on the receiver point and the quotient is not a number.
-    if !(cosines > 0.0) {
+    if !(cosine_product > 0.0) {
         return vec4f(0.0);
     }
-    var weight = area * cosines * attenuation(l2, area, i32(object_sides >> 1u) == receiver.object);
+    var weight = area * cosine_product * attenuation(l2, area, i32(object_sides >> 1u) == receiver.object);
     var map: VisibilityMap;
     if VISIBILITY {
         let texel_jitter = vec2f(samples[i].texel_jitter_u, samples[i].texel_jitter_v);

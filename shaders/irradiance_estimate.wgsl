@@ -48,7 +48,7 @@ fn moments_at(receiver: Receiver) -> vec3f {
 fn sample_contribution(sample: u32, receiver: Receiver) -> vec3f {
     let cell = load_cell(sample_nodes[sample].node);
     let pair = pair_of(cell, receiver);
-    if !(pair.cosines > 0.0) {
+    if !(pair.cosine_product > 0.0) {
         return vec3f(0.0);
     }
     let map = map_of_sample(sample, select(1.0, -1.0, cell.two_sided && pair.dn > 0.0));

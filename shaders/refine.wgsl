@@ -83,7 +83,7 @@ fn start(at: BlockPlace, block: Block, lane: u32) -> Progress {
         input = list_of(at.tile * BLOCKS_PER_TILE + block_in_tile(at.level - 1u, at.block / 2u));
     }
     if lane == 0u {
-        input_count = tree.top_count;
+        input_count = tree.root_count;
         if at.level > 0u {
             input_count = lists[input];
         }
@@ -208,7 +208,7 @@ fn contribution(index: u32, contribution_range: f32, receiver: Receiver) -> vec4
     let cell = load_cell(index);
     let pair = pair_of(cell, receiver);
     // Also false where the cell lies on the receiver point and the quotient is not a number.
-    if !(pair.cosines > 0.0) {
+    if !(pair.cosine_product > 0.0) {
         return vec4f(0.0);
     }
     // Where there is occlusion nothing is interpolated.

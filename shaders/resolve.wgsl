@@ -70,7 +70,7 @@ fn resolve(in: Varyings) -> @location(0) vec4f {
     }
     let smallest = TILE_SIZE >> (BLOCK_LEVELS - 1u);
     let block = in.tile * BLOCKS_PER_TILE + block_in_tile(BLOCK_LEVELS - 1u, place / smallest);
-    let start = tree.top_count + block * (tree.list_capacity + 1u);
+    let start = tree.root_count + block * (tree.list_capacity + 1u);
     let count = lists[start];
     traversal.is_complete = traversal.is_complete && count != INCOMPLETE;
     var k = count * tile_pass.split / tile_pass.split_count;
@@ -184,7 +184,7 @@ fn visit_cell(index: u32, cell: Cell, receiver: Receiver, traversal: ptr<functio
             return Visit(looked_up, true);
         }
     }
-    if !(pair.cosines > 0.0) {
+    if !(pair.cosine_product > 0.0) {
         return Visit(looked_up, false);
     }
     let visible_fraction = (*traversal).visible_fraction;
@@ -200,7 +200,7 @@ struct MaxWeight {
 
 fn max_weight_of(cell: Cell, pair: Pair, receiver: Receiver) -> MaxWeight {
     if is_leaf(cell) {
-        return MaxWeight(select(0.0, weight_of(cell, pair, receiver), pair.cosines > 0.0), false);
+        return MaxWeight(select(0.0, weight_of(cell, pair, receiver), pair.cosine_product > 0.0), false);
     }
     let l = pair.l2 * pair.inverse_l;
     let slack = l * cell.normal_radius + cell.radius;
@@ -211,8 +211,8 @@ fn max_weight_of(cell: Cell, pair: Pair, receiver: Receiver) -> MaxWeight {
     }
     let nearest = max(l - cell.radius, MIN_DISTANCE_RATIO * l);
     let nearest2 = nearest * nearest;
-    let cosines = min(at_sample + slack, l) * min(at_receiver + cell.radius, l) / nearest2;
-    let weight = cosines * cell.area * max_attenuation(nearest2, cell.area);
+    let cosine_product = min(at_sample + slack, l) * min(at_receiver + cell.radius, l) / nearest2;
+    let weight = cosine_product * cell.area * max_attenuation(nearest2, cell.area);
     return MaxWeight(weight, at_sample < slack || at_receiver < cell.radius);
 }
 
@@ -289,7 +289,7 @@ fn contribution_of_quarters(leaf: Cell, receiver: Receiver, traversal: ptr<funct
             depth += 1u;
             continue;
         }
-        if pair.cosines > 0.0 {
+        if pair.cosine_product > 0.0 {
             let sides = footprint_of(piece, pair);
             sum += contribution(piece, pair, receiver, sides, UNBOUNDED, (*traversal).visible_fraction);
         }

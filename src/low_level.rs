@@ -5,54 +5,85 @@
 
 /// BRDFs of receivers.
 pub mod brdf {
-    pub use crate::brdf::*;
+    pub use crate::brdf::{BrdfTable, Gloss, LEAST_ROUGHNESS, Material, Materials, TableError};
 }
 
 /// A hierarchy of samples whose cells tile the reflectors.
 pub mod cell_tree {
-    pub use crate::cell_tree::*;
+    pub use crate::cell_tree::{CellNode, CellTree, MAX_LEAVES, NodeGeometry, TreeOptions};
 }
 
 /// Filters against the exact integral over a footprint.
 #[cfg(feature = "gpu")]
 pub mod conformance {
-    pub use crate::conformance::*;
+    pub use crate::conformance::{Conformance, Device, FilterResult, PATTERNS, Pattern, Verdict, examine, zone_plates};
 }
 
 /// The surface around each sample: cells and curvature.
 pub mod differential {
-    pub use crate::differential::*;
+    pub use crate::differential::{Cell, DifferentialSample, differentials, write_ply};
 }
 
 /// Environment lighting: prefiltered cube maps, and what is derived from them.
 pub mod environment {
-    pub use crate::environment::*;
+    #[cfg(feature = "builtin-maps")]
+    pub use crate::environment::{BUILT_IN_MAPS, BuiltInMap};
+    pub use crate::environment::{
+        Bound, CubeMap, CubeSize, Environment, EnvironmentError, EnvironmentRadiance, FACES, LightBounds, LightSampler,
+        MAX_CUBE_SIZE, face_direction, face_of_direction, irradiance_map, texel_solid_angle_sr,
+    };
 }
 
 /// Adapters, devices and shaders.
 #[cfg(feature = "gpu")]
 pub mod gpu {
-    pub use crate::gpu::*;
+    pub use crate::gpu::{Adapter, Gpu, GpuError, adapters};
 }
 
 /// Sums over pinhole samples, on the CPU and on GPUs.
 pub mod pinhole {
-    pub use crate::pinhole::*;
+    pub use crate::pinhole::{
+        BATCH_SIZE, CURVE_POINTS, Epsilon, Filter, Footprint, GatherUniforms, MAX_TAPS, NO_RECEIVER, Params,
+        PinholeParts, PinholeSample, PinholeTree, Pinholes, Probe, ReceiverLayout, Receivers, ReflectanceCurve,
+        ViewDirections, VisibilityMaps, pinholes,
+    };
+
+    /// On the CPU.
+    pub mod cpu {
+        pub use crate::pinhole::cpu::{
+            Accuracy, CachedGather, CachedSums, CubeLookup, HardwareFilterError, Lanes16, Light, contributions,
+            estimate_irradiance, gather, gather_hierarchical, probe,
+        };
+    }
+
+    /// On GPUs.
+    #[cfg(feature = "gpu")]
+    pub mod gpu {
+        pub use crate::pinhole::gpu::{
+            CellTreeBuffers, Engine, EnvironmentCube, Frame, FrameInputs, FrameViewers, GatherOptions, HardwareVerdict,
+            HierarchicalEngine, HierarchicalFrame, HierarchicalInputs, HierarchicalOptions, LightBoundsBuilder,
+            LightBoundsTexture, TARGET_FORMAT, Tolerance, automatic_filter, check_hardware_filter, probe,
+        };
+    }
 }
 
 /// Specular reflectance of mirrors by angle of incidence.
 pub mod reflectance {
-    pub use crate::reflectance::*;
+    pub use crate::reflectance::{Curve, Finish, Metal, WAVELENGTHS, coated, interface, rec709_of_reflectance};
 }
 
 /// Placement of samples: strategies, densities, and measures of their quality.
 pub mod sampling {
-    pub use crate::sampling::*;
+    pub use crate::sampling::{
+        Density, Importance, MAX_SAMPLES, Options, Parameterization, PointSet, Quality, SamplingError, Spectrum,
+        Strategy, StrategyStatistics, Surface, SurfacePoint, TestSurface, quality, sample, sample_by,
+        strategy_statistics,
+    };
 }
 
 /// Ray tracing.
 pub mod tracing {
-    pub use crate::tracing::*;
+    pub use crate::tracing::{Hit, Piece, Tracer};
 }
 
 /// The receivers that a scene's camera sees.

@@ -46,7 +46,7 @@ struct TreeUniforms {
     // Entries of a list of cells.
     list_capacity: u32,
     // Nodes without a parent.
-    top_count: u32,
+    root_count: u32,
     // Nodes from here on are cluster nodes, or sample nodes among them.
     first_cluster: u32,
     sample_count: u32,
@@ -165,7 +165,7 @@ struct Pair {
     // Cosine at the sample, times l.
     cos_at_sample_l: f32,
     // Product of the cosines at the sample and at the receiver.
-    cosines: f32,
+    cosine_product: f32,
 }
 
 fn pair_of(cell: Cell, receiver: Receiver) -> Pair {
@@ -174,13 +174,13 @@ fn pair_of(cell: Cell, receiver: Receiver) -> Pair {
     let dn = dot(d, cell.normal);
     let cos_at_sample_l = select(max(-dn, 0.0), abs(dn), cell.two_sided);
     let inverse_l = inverseSqrt(l2);
-    let cosines = cos_at_sample_l * max(dot(d, receiver.normal), 0.0) * inverse_l * inverse_l;
-    return Pair(d, l2, (d - 2.0 * dn * cell.normal) * inverse_l, inverse_l, dn, cos_at_sample_l, cosines);
+    let cosine_product = cos_at_sample_l * max(dot(d, receiver.normal), 0.0) * inverse_l * inverse_l;
+    return Pair(d, l2, (d - 2.0 * dn * cell.normal) * inverse_l, inverse_l, dn, cos_at_sample_l, cosine_product);
 }
 
 // The geometry term, times the cell's area.
 fn weight_of(cell: Cell, pair: Pair, receiver: Receiver) -> f32 {
-    return pair.cosines * cell.area * attenuation(pair.l2, cell.area, cell.object == receiver.object);
+    return pair.cosine_product * cell.area * attenuation(pair.l2, cell.area, cell.object == receiver.object);
 }
 
 // The cell's footprint around the reflected direction.

@@ -58,5 +58,5 @@ fn interpolation_point(at: BlockPlace, point: u32) -> Receiver {
 
 // Where a block's list starts.
 fn list_of(block: u32) -> u32 {
-    return tree.top_count + block * (tree.list_capacity + 1u);
+    return tree.root_count + block * (tree.list_capacity + 1u);
 }

@@ -1,7 +1,7 @@
 //! Points → tree.
 //!
-//! Each root's subtree has a fixed place of its own, so that roots are built side by side; what lies above them is built
-//! last, from their moments.
+//! Each sample's subtree has a place of its own, so that subtrees are built in parallel; the nodes above them are built last,
+//! from the samples' moments.
 
 use glam::Vec3;
 use rayon::prelude::*;
@@ -13,16 +13,16 @@ use super::tiling::Tiling;
 use super::{CellNode, CellTree};
 use crate::sampling::{PointSet, Surface, SurfacePoint};
 
-/// How finely a tree divides its roots.
+/// How finely a tree divides its samples.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct TreeOptions {
-    /// Leaves that a root is split into at most; the power of four below counts.
+    /// Leaves that a sample is split into at most; the power of four below counts.
     pub leaves: u32,
     /// The same seed gives the same bits.
     pub seed: u64,
 }
 
-/// The most leaves per root that can be asked for.
+/// The most leaves per sample that can be asked for.
 pub const MAX_LEAVES: u32 = 4096;
 /// Children of a node.
 pub(crate) const FAN: u32 = 4;
@@ -32,18 +32,18 @@ fn points_per_leaf(leaves: f64) -> f64 {
     (1e7 / leaves).clamp(8.0, 24.0)
 }
 
-/// Where a level of a root's subtree starts; the root is level 0 and not in it.
+/// Where a level of a sample's subtree starts; the sample's own node is level 0 and not in it.
 fn level_start(level: u32) -> u32 {
     (FAN.pow(level) - FAN) / (FAN - 1)
 }
 
-/// Nodes of a root's subtree, the root apart.
+/// Nodes of a sample's subtree, its own apart.
 fn nodes_below(leaves: u32) -> usize {
     level_start(leaves.ilog(FAN) + 1) as usize
 }
 
-/// A root and its moments, before it has a place.
-struct Root {
+/// A sample's own node and its moments, before it has a place.
+struct SampleCell {
     node: CellNode,
     /// A patch of the surface that it lies on, at least in part.
     patch: u32,
@@ -63,64 +63,64 @@ impl CellTree {
         let objects = samples.iter().map(|sample| set.points[*sample as usize].object).collect();
         let below = nodes_below(leaves);
         let nodes = vec![CellNode::default(); samples.len() * below];
-        let first_above = nodes.len() as u32;
-        let mut tree = Self { nodes, objects, first_above, leaves_per_root: leaves, ..Self::default() };
+        let first_upper = nodes.len() as u32;
+        let mut tree = Self { nodes, objects, first_upper, leaves_per_sample: leaves, ..Self::default() };
         let mut subtrees: Vec<Subtree> = Vec::with_capacity(samples.len());
         let mut rest = tree.nodes.as_mut_slice();
-        for root in 0..samples.len() {
+        for sample in 0..samples.len() {
             let (nodes, others) = rest.split_at_mut(below);
-            subtrees.push(Subtree { nodes, start: (root * below) as u32, root: root as u32, reach });
+            subtrees.push(Subtree { nodes, start: (sample * below) as u32, sample: sample as u32, reach });
             rest = others;
         }
         let build = |points: &mut Vec<CellPoint>, (sample, mut subtree): (&u32, Subtree)| {
             tiling.collect(*sample, points);
             let mixed = is_mixed(points);
             let (node, moments) = subtree.cell(points, mixed, leaves, 0, 0);
-            Root { node, patch: points[0].patch, moments }
+            SampleCell { node, patch: points[0].patch, moments }
         };
-        let roots: Vec<Root> = samples.par_iter().zip(subtrees).map_init(Vec::new, build).collect();
-        tree.gather(&roots, reach);
+        let cells: Vec<SampleCell> = samples.par_iter().zip(subtrees).map_init(Vec::new, build).collect();
+        tree.add_upper_nodes(&cells, reach);
         tree
     }
 
-    /// Puts the roots, and cells that are several of them, above the subtrees.
-    fn gather(&mut self, roots: &[Root], reach: f32) {
-        self.roots = vec![0; roots.len()];
-        let mut order: Vec<u32> = (0..roots.len() as u32).collect();
+    /// Adds the sample nodes, and the cluster nodes above them, behind the subtrees.
+    fn add_upper_nodes(&mut self, cells: &[SampleCell], reach: f32) {
+        self.sample_nodes = vec![0; cells.len()];
+        let mut order: Vec<u32> = (0..cells.len() as u32).collect();
         let objects = self.objects.clone();
-        order.sort_by_key(|&root| objects[root as usize]);
+        order.sort_by_key(|&sample| objects[sample as usize]);
         for group in order.chunk_by_mut(|&a, &b| objects[a as usize] == objects[b as usize]) {
-            let top = self.nodes.len() as u32;
+            let root = self.nodes.len() as u32;
             self.nodes.push(CellNode::default());
-            self.tops.push(top);
-            self.gather_group(roots, group, top, reach);
+            self.roots.push(root);
+            self.add_cluster(cells, group, root, reach);
         }
     }
 
-    /// Makes the node of a group of roots of one object, in its place.
-    fn gather_group(&mut self, roots: &[Root], group: &mut [u32], place: u32, reach: f32) -> Moments {
-        if let [root] = *group {
-            self.nodes[place as usize] = roots[root as usize].node;
-            self.roots[root as usize] = place;
-            return roots[root as usize].moments;
+    /// Makes the node of a group of samples of one object, in its place, and all between it and the samples' own.
+    fn add_cluster(&mut self, cells: &[SampleCell], group: &mut [u32], place: u32, reach: f32) -> Moments {
+        if let [sample] = *group {
+            self.nodes[place as usize] = cells[sample as usize].node;
+            self.sample_nodes[sample as usize] = place;
+            return cells[sample as usize].moments;
         }
-        let (a, b) = halves_of_roots(roots, group, reach);
-        let ((a1, a2), (b1, b2)) = (halves_of_roots(roots, a, reach), halves_of_roots(roots, b, reach));
+        let (a, b) = halves_of_samples(cells, group, reach);
+        let ((a1, a2), (b1, b2)) = (halves_of_samples(cells, a, reach), halves_of_samples(cells, b, reach));
         let quarters = [a1, a2, b1, b2];
         let (first, count) = (self.nodes.len() as u32, quarters.iter().filter(|q| !q.is_empty()).count() as u32);
         self.nodes.resize((first + count) as usize, CellNode::default());
         let quarters = quarters.into_iter().filter(|q| !q.is_empty());
-        let moments = quarters.zip(first..).map(|(quarter, child)| self.gather_group(roots, quarter, child, reach));
-        let moments = moments.reduce(Moments::join).expect("a group has roots");
+        let moments = quarters.zip(first..).map(|(quarter, child)| self.add_cluster(cells, quarter, child, reach));
+        let moments = moments.reduce(Moments::join).expect("a group has samples");
 
         let fit = moments.fit();
         let (mut radius, mut normal_radius, mut creased) = (0.0f32, 0.0f32, false);
-        for &root in &*group {
-            creased |= roots[root as usize].node.is_creased();
-            creased |= roots[root as usize].patch != roots[group[0] as usize].patch;
-            let of_root = roots[root as usize].node.geometry();
-            radius = radius.max(of_root.centroid.distance(fit.centroid) + of_root.radius);
-            normal_radius = normal_radius.max(of_root.normal.distance(fit.normal) + of_root.normal_radius);
+        for &sample in &*group {
+            creased |= cells[sample as usize].node.is_creased();
+            creased |= cells[sample as usize].patch != cells[group[0] as usize].patch;
+            let of_sample = cells[sample as usize].node.geometry();
+            radius = radius.max(of_sample.centroid.distance(fit.centroid) + of_sample.radius);
+            normal_radius = normal_radius.max(of_sample.normal.distance(fit.normal) + of_sample.normal_radius);
         }
         let mut node = CellNode::new(&fit, radius, normal_radius, group[0], creased);
         node.set_children(first, count);
@@ -136,27 +136,27 @@ fn half_diagonal(points: &[SurfacePoint]) -> f32 {
     0.5 * low.distance(high).max(f32::MIN_POSITIVE)
 }
 
-/// Halves roots as cells are.
-fn halves_of_roots<'a>(roots: &[Root], group: &'a mut [u32], reach: f32) -> (&'a mut [u32], &'a mut [u32]) {
-    let at = |root: u32| {
-        let node = roots[root as usize].node.geometry();
+/// Splits a group of samples in two.
+fn halves_of_samples<'a>(cells: &[SampleCell], group: &'a mut [u32], reach: f32) -> (&'a mut [u32], &'a mut [u32]) {
+    let at = |sample: u32| {
+        let node = cells[sample as usize].node.geometry();
         let ([a, b, c], [x, y, z]) = (node.centroid.to_array(), node.normal.to_array());
         [a, b, c, x, y, z]
     };
     let middle = group.len() / 2;
     if middle > 0 {
-        let axes = longest_axes(group.iter().map(|&root| at(root)), reach);
+        let axes = longest_axes(group.iter().map(|&sample| at(sample)), reach);
         group.select_nth_unstable_by(middle, |&a, &b| in_order(&at(a), &at(b), axes));
     }
     group.split_at_mut(middle)
 }
 
-/// The nodes below one root; the root apart.
+/// The nodes below a sample node.
 struct Subtree<'a> {
     nodes: &'a mut [CellNode],
     /// Where they begin in the tree.
     start: u32,
-    root: u32,
+    sample: u32,
     /// See [`longest_axes`].
     reach: f32,
 }
@@ -195,7 +195,7 @@ impl Subtree<'_> {
         });
         let fit = moments.fit();
         let (radius, normal_radius) = bounds(points, fit.centroid, fit.normal);
-        let mut node = CellNode::new(&fit, radius, normal_radius, self.root, mixed);
+        let mut node = CellNode::new(&fit, radius, normal_radius, self.sample, mixed);
         if count > 0 {
             node.set_children(self.start + first, count);
         }

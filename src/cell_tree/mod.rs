@@ -2,8 +2,8 @@
 //!
 //! Every node is a sample like those of [`differential`](crate::differential): area, centroid, mean normal, the moments of
 //! its cell, the change of its normal; beside them a radius and a cone of normals that bound the cell. Roots are the cells of
-//! the samples that a strategy placed. Each is split into leaves that tile it, four at a time; above, roots are gathered by fours
-//! into ever larger cells, object by object. Whoever evaluates the tree may stop anywhere.
+//! sample nodes are those that a strategy placed. Below them each cell is split into four, down to leaves that tile it; above
+//! them, cluster nodes join up to four, object by object. An evaluation may stop at any node.
 //!
 //! Data flows points with their candidates → cells → moments, from the leaves up → nodes. This module must not know environments
 //! or receivers.
@@ -26,15 +26,15 @@ pub struct CellTree {
     /// All nodes; those that are children of one node lie together.
     nodes: Vec<CellNode>,
     /// The nodes above all others, one for each object that reflects.
-    tops: Vec<u32>,
-    /// The roots' nodes.
     roots: Vec<u32>,
-    /// The object of each root.
+    /// The sample nodes, by sample.
+    sample_nodes: Vec<u32>,
+    /// The object of each sample.
     objects: Vec<u32>,
-    /// Nodes from here on are roots or lie above them.
-    first_above: u32,
-    /// Leaves that a root has at most.
-    leaves_per_root: u32,
+    /// From here on, nodes are sample nodes or clusters.
+    first_upper: u32,
+    /// Leaves that a sample has at most.
+    leaves_per_sample: u32,
 }
 
 impl CellTree {
@@ -49,46 +49,46 @@ impl CellTree {
     }
 
     /// The nodes above all others, one for each object that reflects.
-    pub fn tops(&self) -> &[u32] {
-        &self.tops
-    }
-
-    /// Area of all cells together, m².
-    pub fn area(&self) -> f32 {
-        self.tops.iter().map(|&top| self.node(top).area()).sum()
-    }
-
-    /// The node of each root.
     pub fn roots(&self) -> &[u32] {
         &self.roots
     }
 
+    /// Area of all cells together, m².
+    pub fn area(&self) -> f32 {
+        self.roots.iter().map(|&root| self.node(root).area()).sum()
+    }
+
+    /// The node of each sample.
+    pub fn sample_nodes(&self) -> &[u32] {
+        &self.sample_nodes
+    }
+
     /// The scene's object that a node is a part of.
     pub fn object(&self, node: &CellNode) -> u32 {
-        self.objects[node.root() as usize]
+        self.objects[node.sample() as usize]
     }
 
+    /// From here on, nodes are sample nodes or clusters.
     #[cfg(feature = "gpu")]
-    /// Nodes from here on are roots or lie above them.
-    pub(crate) fn first_above(&self) -> u32 {
-        self.first_above
+    pub(crate) fn first_upper(&self) -> u32 {
+        self.first_upper
     }
 
-    /// Whether a node lies above the roots: it is several of them together.
+    /// Whether a node is a cluster of several samples.
     #[inline]
-    pub fn is_above_roots(&self, index: u32) -> bool {
-        // Roots, and what lies above them, come last.
-        index >= self.first_above && self.roots[self.node(index).root() as usize] != index
+    pub fn is_cluster(&self, index: u32) -> bool {
+        // Sample nodes and clusters come last.
+        index >= self.first_upper && self.sample_nodes[self.node(index).sample() as usize] != index
     }
 
-    /// Leaves that a root has at most.
-    pub fn leaves_per_root(&self) -> u32 {
-        self.leaves_per_root
+    /// Leaves that a sample has at most.
+    pub fn leaves_per_sample(&self) -> u32 {
+        self.leaves_per_sample
     }
 
-    /// All leaves, in the order of their roots.
+    /// All leaves, in the order of their samples.
     pub fn leaves(&self) -> impl Iterator<Item = &CellNode> {
-        self.roots.iter().flat_map(|&root| self.leaves_below(root))
+        self.sample_nodes.iter().flat_map(|&sample| self.leaves_below(sample))
     }
 
     fn leaves_below(&self, index: u32) -> Vec<&CellNode> {
@@ -129,7 +129,7 @@ mod tests {
     fn children_tile_their_parents() {
         for shape in shapes() {
             let (surface, tree) = tree_of(shape, 60, Strategy::Neighbourhood, 16);
-            let mut pending = tree.tops().to_vec();
+            let mut pending = tree.roots().to_vec();
             let mut area = 0.0;
             while let Some(index) = pending.pop() {
                 let node = tree.node(index);
@@ -140,7 +140,7 @@ mod tests {
                 }
                 let of_children: f32 = node.children().map(|c| tree.node(c).area()).sum();
                 assert!((of_children / node.area() - 1.0).abs() < 1e-3, "{}", shape.name());
-                assert!(tree.is_above_roots(index) || node.children().all(|c| tree.node(c).root() == node.root()));
+                assert!(tree.is_cluster(index) || node.children().all(|c| tree.node(c).sample() == node.sample()));
                 pending.extend(node.children());
             }
             assert!((area / surface.area() - 1.0).abs() < 1e-3, "{}: {area}", shape.name());
@@ -169,20 +169,23 @@ mod tests {
         for strategy in [Strategy::Random, Strategy::Grid, Strategy::QuantisedGrid, Strategy::Elimination] {
             let (_, tree) = tree_of(Shape::Ring(Ring::default()), 100, strategy, 64);
             let leaves = tree.leaves().count();
-            assert!(leaves > tree.roots().len() * 60 && leaves <= tree.roots().len() * 64, "{strategy:?}: {leaves}");
+            assert!(
+                leaves > tree.sample_nodes().len() * 60 && leaves <= tree.sample_nodes().len() * 64,
+                "{strategy:?}: {leaves}"
+            );
         }
         let (_, tree) = tree_of(Shape::Ring(Ring::default()), 100, Strategy::Neighbourhood, 63);
-        assert_eq!(tree.leaves_per_root(), 16);
+        assert_eq!(tree.leaves_per_sample(), 16);
         let (_, tree) = tree_of(Shape::Plane(Plane { size: [1.0, 1.0] }), 1, Strategy::Random, 1);
-        assert_eq!((tree.leaves().count(), tree.tops(), tree.roots()), (1, &[0][..], &[0][..]));
+        assert_eq!((tree.leaves().count(), tree.roots(), tree.sample_nodes()), (1, &[0][..], &[0][..]));
     }
 
     #[test]
     fn every_level_knows_the_curvature() {
         // The ring's normals point inwards: it is concave around, flat along.
         let (_, tree) = tree_of(Shape::Ring(Ring { radius: 2.0, height: 1.0 }), 200, Strategy::Neighbourhood, 16);
-        let roots = tree.roots().iter().map(|&root| tree.node(root));
-        for node in roots.chain(tree.leaves()) {
+        let samples = tree.sample_nodes().iter().map(|&sample| tree.node(sample));
+        for node in samples.chain(tree.leaves()) {
             let g = node.geometry();
             assert!((g.centroid.with_y(0.0).length() - 2.0).abs() < 2e-3, "{}", g.centroid);
             for (side, change) in g.sides.iter().zip(g.changes) {
@@ -196,7 +199,7 @@ mod tests {
 
     #[test]
     fn leaves_end_at_creases() {
-        // 60 samples for more tiles than that: roots mix them, leaves must not, as far as there are enough of them.
+        // 60 samples for more tiles than that: samples mix them, leaves must not, as far as there are enough of them.
         let (_, tree) = tree_of(Shape::DiscoBall(DiscoBall { radius: 1.0, rows: 8 }), 60, Strategy::Neighbourhood, 64);
         let bent = tree.leaves().filter(|leaf| leaf.geometry().normal_radius > 0.01).count();
         assert!(bent * 100 <= tree.leaves().count(), "{bent}");

@@ -20,7 +20,7 @@ pub struct CellNode {
     /// e₂₁, e₂₂: the cell's sides are T₁ = (e₁₁, e₂₁) and T₂ = (0, e₂₂), a parallelogram with the cell's moments. k₁₁, k₁₂ and
     pub(crate) sides_curvature: [f32; 4],
     /// k₂₂: ∇n, 1/m. Two halves, the radius in metres below and above it the greatest distance of a normal from the mean one;
-    /// eight times the first child's index and the number of children; twice the root (of a node above the roots: one of its),
+    /// eight times the first child's index and the number of children; twice the sample (of a cluster: one of its),
     /// and 1 if there are creases within.
     pub(crate) curvature_bounds_links: [u32; 4],
 }
@@ -47,7 +47,7 @@ pub struct NodeGeometry {
 }
 
 impl CellNode {
-    pub(super) fn new(fit: &Fit, radius: f32, normal_radius: f32, root: u32, creased: bool) -> Self {
+    pub(super) fn new(fit: &Fit, radius: f32, normal_radius: f32, sample: u32, creased: bool) -> Self {
         let [a, b] = fit.sides.map(|side| side.to_array());
         let k = fit.curvature;
         let [x, y, z] = fit.centroid.to_array();
@@ -62,7 +62,7 @@ impl CellNode {
                 k.yy.to_bits(),
                 half(radius) | half(normal_radius) << 16,
                 0,
-                root << 1 | u32::from(creased),
+                sample << 1 | u32::from(creased),
             ],
         }
     }
@@ -78,9 +78,9 @@ impl CellNode {
         (link >> 3)..(link >> 3) + (link & 7)
     }
 
-    /// The number of the root that it belongs to; above the roots, of one of those below it.
+    /// The number of the sample that it belongs to; a cluster gives one of its samples.
     #[inline]
-    pub fn root(&self) -> u32 {
+    pub fn sample(&self) -> u32 {
         self.curvature_bounds_links[3] >> 1
     }
 

@@ -10,7 +10,9 @@ use pinspot::image::write_atomically;
 #[cfg(feature = "report")]
 use pinspot::image::write_png;
 use pinspot::low_level::differential::{differentials, write_ply};
-use pinspot::low_level::sampling::{Development, Options, PointSet, Quality, Spectrum, Surface, quality, study};
+use pinspot::low_level::sampling::{
+    Options, Parameterization, PointSet, Quality, Spectrum, Surface, quality, strategy_statistics,
+};
 #[cfg(feature = "report")]
 use pinspot::report::spectrum_picture;
 use pinspot::scene::load;
@@ -93,8 +95,8 @@ pub fn run(args: &SamplesArgs) -> Result<(), String> {
     let render = loaded.render.overridden_by(over).options().map_err(|e| option_message(&e))?;
     loaded.scene.notes.iter().for_each(|note| super::warn(note));
     let surface = Surface::of_scene(&loaded.scene);
-    let development = Development::of(&surface);
-    if args.spectrum().is_some() && development.is_none() {
+    let parameterization = Parameterization::of(&surface);
+    if args.spectrum().is_some() && parameterization.is_none() {
         let message =
             "--spectrum needs reflectors that unroll into a rectangle: one flat rectangle or one whole cylinder";
         return Err(format!("{}: {message}", loaded.scene.name));
@@ -106,8 +108,8 @@ pub fn run(args: &SamplesArgs) -> Result<(), String> {
     bar.advance(1);
     let samples = differentials(&set);
     bar.advance(1);
-    let spectrum = match &development {
-        Some(d) => study(&surface, Some(d), &options, args.sets).map_err(|e| e.to_string())?.spectrum,
+    let spectrum = match &parameterization {
+        Some(d) => strategy_statistics(&surface, Some(d), &options, args.sets).map_err(|e| e.to_string())?.spectrum,
         None => None,
     };
     bar.end(Stage::Points);

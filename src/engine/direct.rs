@@ -18,16 +18,13 @@ use crate::tracing::{Hit, Tracer};
 /// Shadow rays per point sampled from the light, and as many from the receiver's cosine.
 const RAYS: u32 = 64;
 
-/// The environment as receivers see it, at an intensity of 1.
+/// Irradiance of the environment on receivers, at an intensity of 1.
 #[derive(Debug)]
 pub(super) struct DirectLight<'a> {
     light: &'a PreparedLight,
-    world_from_light: Mat3,
     irradiance: Arc<CubeMap>,
-    /// Samples shadow rays and directions for glossy receivers.
-    sampler: Arc<LightSampler>,
-    is_shadowed: bool,
-    tracer: &'a Tracer,
+    /// Where receivers may be occluded.
+    shadows: Option<SampledLight<'a>>,
 }
 
 impl<'a> DirectLight<'a> {
@@ -38,27 +35,55 @@ impl<'a> DirectLight<'a> {
         visibility: Visibility,
         progress: &dyn Progress,
     ) -> Self {
+        let shadows =
+            (visibility == Visibility::Full).then(|| SampledLight::new(light, stages, tracer, visibility, progress));
+        Self { light, irradiance: stages.irradiance(light, progress), shadows }
+    }
+
+    /// Irradiance at a point with a unit normal, W/m².
+    pub fn irradiance(&self, position: Vec3, normal: Vec3) -> Vec3 {
+        let open = self.irradiance.fetch(self.light.light_from_world(normal), 0.0);
+        match &self.shadows {
+            Some(shadows) => open * shadows.unoccluded_fraction(position, normal),
+            None => open,
+        }
+    }
+}
+
+/// The environment in directions that are drawn by its radiance, by the receiver's cosine and by its lobe, combined by
+/// multiple importance sampling with the balance heuristic.
+#[derive(Debug)]
+pub(super) struct SampledLight<'a> {
+    light: &'a PreparedLight,
+    world_from_light: Mat3,
+    sampler: Arc<LightSampler>,
+    is_shadowed: bool,
+    tracer: &'a Tracer,
+}
+
+impl<'a> SampledLight<'a> {
+    pub fn new(
+        light: &'a PreparedLight,
+        stages: &mut LightStages,
+        tracer: &'a Tracer,
+        visibility: Visibility,
+        progress: &dyn Progress,
+    ) -> Self {
         Self {
             light,
             world_from_light: light.world_from_light(),
-            irradiance: stages.irradiance(light, progress),
             sampler: stages.sampler(light, progress),
             is_shadowed: visibility == Visibility::Full,
             tracer,
         }
     }
 
-    /// Irradiance at a point with a unit normal, W/m².
-    pub fn irradiance(&self, position: Vec3, normal: Vec3) -> Vec3 {
-        let open = self.irradiance.fetch(self.light.light_from_world(normal), 0.0);
-        if !self.is_shadowed {
-            return open;
-        }
+    /// The part of the irradiance that arrives at a point with a unit normal, per channel.
+    fn unoccluded_fraction(&self, position: Vec3, normal: Vec3) -> Vec3 {
         let (mut seen, mut all) = (Vec3::ZERO, Vec3::ZERO);
         let mut add = |direction: Vec3, in_light: Vec3| {
             let cosine = direction.dot(normal);
             if cosine > 0.0 {
-                // Multiple importance sampling with the balance heuristic.
                 let density = self.sampler.pdf(in_light) + cosine * FRAC_1_PI;
                 let part = self.light.environment.radiance.radiance(in_light) * cosine / density;
                 all += part;
@@ -75,13 +100,12 @@ impl<'a> DirectLight<'a> {
             let by_cosine = by_cosine(normal, x, y);
             add(by_cosine, self.light.light_from_world(by_cosine));
         }
-        // Per channel; where there is no light, there is no shadow.
+        // Where there is no light, there is no shadow.
         let part = |seen: f32, all: f32| if all > 0.0 { seen / all } else { 1.0 };
-        open * Vec3::new(part(seen.x, all.x), part(seen.y, all.y), part(seen.z, all.z))
+        Vec3::new(part(seen.x, all.x), part(seen.y, all.y), part(seen.z, all.z))
     }
 
-    /// Radiance that a glossy receiver reflects towards its viewer: multiple importance sampling of light, cosine and
-    /// lobe.
+    /// Radiance that a glossy receiver reflects towards its viewer, W/(m²·sr).
     pub fn reflected(&self, materials: &Materials, hit: &Hit, view: Vec3) -> Vec3 {
         let normal = hit.normal;
         let lobe = Lobe { normal, view, alpha: materials.lobe_alpha(hit.object).unwrap_or(1.0).max(1e-3) };

@@ -6,10 +6,11 @@ use std::sync::Arc;
 use glam::Vec3;
 use rayon::prelude::*;
 
-use super::direct::DirectLight;
+use super::direct::{DirectLight, SampledLight};
 use super::paths::{EndPoint, PathTracer, Paths};
 use super::shading::{Shaded, Shader, SurfaceLight};
 use crate::Error;
+use crate::brdf::Materials;
 use crate::environment::Environment;
 use crate::image::Aov;
 use crate::options::{DisplaySettings, Options};
@@ -260,10 +261,9 @@ impl BandStages {
             let make = async || caustic_at(inputs, sum, &paths.ends).await;
             caustic = Some(self.ends_caustic.wait_for(key, steps, make).await?);
         }
-        let source = direct_light(inputs, light);
-        let direct = self.ends_direct.get((Id::of(paths), inputs.light_key()), inputs.progress, || {
-            paths.ends.par_iter().map(|point| direct_at(inputs, &source, point)).collect()
-        });
+        let source = EndLight::new(inputs, light, &paths.ends);
+        let key = (Id::of(paths), inputs.light_key());
+        let direct = self.ends_direct.get(key, inputs.progress, || source.at(&paths.ends));
         Ok(SurfaceLight { direct: Some(direct), caustic })
     }
 
@@ -302,28 +302,51 @@ fn direct_light<'a>(inputs: &FrameInputs<'a>, light: &mut LightStages) -> Direct
     DirectLight::new(inputs.light, light, &prepared.tracer, options.visibility, progress)
 }
 
-/// Direct irradiance at the end point of a path or, on glossy surfaces, the radiance reflected towards the viewer.
-fn direct_at(inputs: &FrameInputs, source: &DirectLight, point: &EndPoint) -> Vec3 {
-    let materials = &inputs.prepared.materials.receivers;
-    if point.receives && materials.is_glossy(point.hit.object) {
-        source.reflected(materials, &point.hit, point.view)
-    } else {
-        source.irradiance(point.hit.position, point.hit.normal)
+/// Direct light at the end points of paths.
+struct EndLight<'a> {
+    materials: &'a Materials,
+    diffuse: DirectLight<'a>,
+    /// Where a path ends on a glossy receiver.
+    glossy: Option<SampledLight<'a>>,
+}
+
+impl<'a> EndLight<'a> {
+    fn new(inputs: &FrameInputs<'a>, stages: &mut LightStages, points: &[EndPoint]) -> Self {
+        let FrameInputs { light, prepared, options, progress, .. } = *inputs;
+        let materials = &*prepared.materials.receivers;
+        let diffuse = direct_light(inputs, stages);
+        let glossy = points
+            .iter()
+            .any(|p| is_glossy(materials, p))
+            .then(|| SampledLight::new(light, stages, &prepared.tracer, options.visibility, progress));
+        Self { materials, diffuse, glossy }
     }
+
+    /// Irradiance or, on glossy receivers, the radiance reflected towards the viewers.
+    fn at(&self, points: &[EndPoint]) -> Vec<Vec3> {
+        let one = |point: &EndPoint| match &self.glossy {
+            Some(light) if is_glossy(self.materials, point) => light.reflected(self.materials, &point.hit, point.view),
+            _ => self.diffuse.irradiance(point.hit.position, point.hit.normal),
+        };
+        points.par_iter().map(one).collect()
+    }
+}
+
+fn is_glossy(materials: &Materials, point: &EndPoint) -> bool {
+    point.receives && materials.is_glossy(point.hit.object)
 }
 
 /// The caustic at the end points of paths: irradiance or, on glossy receivers, the radiance reflected towards the
 /// viewers.
 async fn caustic_at(inputs: &FrameInputs<'_>, sum: &Arc<dyn Sum>, points: &[EndPoint]) -> Result<Vec<[f32; 4]>, Error> {
     let materials = &inputs.prepared.materials.receivers;
-    let is_glossy = |p: &EndPoint| p.receives && materials.is_glossy(p.hit.object);
     let rows = (points.len() as u32).div_ceil(ENDS_IN_A_ROW);
     let mut diffuse = Receivers { layout: ReceiverLayout::Unordered, ..Receivers::empty(ENDS_IN_A_ROW, rows) };
-    for (index, point) in points.iter().enumerate().filter(|(_, p)| p.receives && !is_glossy(p)) {
+    for (index, point) in points.iter().enumerate().filter(|(_, p)| p.receives && !is_glossy(materials, p)) {
         diffuse.set(index, point.hit.position, point.hit.normal, point.hit.object);
     }
     let mut sums = sum.irradiance(&diffuse, inputs.progress).await?;
-    let glossy: Vec<usize> = (0..points.len()).filter(|&k| is_glossy(&points[k])).collect();
+    let glossy: Vec<usize> = (0..points.len()).filter(|&k| is_glossy(materials, &points[k])).collect();
     if !glossy.is_empty() {
         let place = |&k: &usize| (points[k].hit.position, points[k].hit.normal, points[k].hit.object);
         let mut receivers = Receivers::from_points(&glossy.iter().map(place).collect::<Vec<_>>(), ENDS_IN_A_ROW);

@@ -18,7 +18,7 @@ impl PinholeTree {
     /// Combines a tree's cells with the materials of their objects. `scene` is the one that the tree was made of.
     pub fn new(scene: &Scene, tree: CellTree) -> Self {
         let mut new = Self { tree, mirrors: Mirrors::of_scene(scene), sample_nodes: Pinholes::default() };
-        let samples = new.tree.roots().iter().map(|&index| new.packed(new.tree.node(index))).collect();
+        let samples = new.tree.sample_nodes().iter().map(|&index| new.packed(new.tree.node(index))).collect();
         new.sample_nodes = Pinholes { samples, curves: new.mirrors.curves.clone(), visibility: None };
         new
     }
@@ -75,7 +75,7 @@ impl PinholeTree {
             normal_radius,
             is_creased: creased,
             children: node.children(),
-            sample_node: node.root(),
+            sample_node: node.sample(),
         }
     }
 

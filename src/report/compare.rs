@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use super::ReportError;
 use super::cells::{Cell, Clock, Timed, render_or_reuse};
-use super::comparison::{Comparison, GroundStudy, Picture, ReferenceSummary};
+use super::comparison::{Comparison, Picture, ReferenceSummary, TestSurfaceResult};
 use super::findings::findings;
 use super::page;
 use super::plan::Plan;
@@ -13,7 +13,7 @@ use crate::image::{Aov, Image, ImageError, read_mask, write_atomically};
 use crate::options::{FilterChoice, Options};
 use crate::progress::Stage;
 use crate::reference::{self, Reference, StoppingCriterion};
-use crate::sampling::{GROUNDS, Surface, study};
+use crate::sampling::{Surface, TestSurface, strategy_statistics};
 use crate::scene::Scene;
 use crate::{Backend, Engine, Error, Progress};
 
@@ -38,7 +38,7 @@ pub struct Request {
 
 /// Points and sets of the strategies' spectra.
 const STUDY_POINTS: u32 = 1024;
-const STUDY_SETS: u32 = 10;
+const SETS_PER_STRATEGY: u32 = 10;
 
 /// Computes the reference as well as `criterion` asks, renders every combination that is not there yet, and measures.
 /// `clock`: seconds since any moment.
@@ -65,7 +65,7 @@ pub async fn compare(
         let cell = render_or_reuse(&mut engine, combination, &cells_folder, &timed).await?;
         comparison.add(cell, &truth, mask.as_deref(), combination.seed == options.seed);
     }
-    comparison.study_strategies(request, progress)?;
+    comparison.assess_strategies(request, progress)?;
     if let Some(figure) = request.plan.figure {
         comparison.findings = findings(figure, &comparison.rows, &comparison.reflectors);
     }
@@ -177,21 +177,22 @@ impl Comparison {
         self.rows.push(row);
     }
 
-    fn study_strategies(&mut self, request: &Request, progress: &dyn Progress) -> Result<(), Error> {
+    fn assess_strategies(&mut self, request: &Request, progress: &dyn Progress) -> Result<(), Error> {
         let strategies = &request.plan.strategies;
-        progress.begin(Stage::Quality, (strategies.len() * (GROUNDS.len() + 1)) as u64);
+        progress.begin(Stage::Quality, (strategies.len() * (TestSurface::ALL.len() + 1)) as u64);
         let seed = request.options.seed;
         let reflectors = Surface::of_scene(&request.scene);
         let samples = request.plan.samples.iter().copied().max().unwrap_or(1000).min(4000);
         for &strategy in strategies {
             let options = crate::sampling::Options { samples, strategy, seed };
-            self.reflectors.push((strategy, study(&reflectors, None, &options, request.plan.seeds)?.quality));
+            self.reflectors
+                .push((strategy, strategy_statistics(&reflectors, None, &options, request.plan.seeds)?.quality));
             progress.advance(1);
             let options = crate::sampling::Options { samples: STUDY_POINTS, ..options };
-            for surface in GROUNDS {
-                let (ground, development) = surface.surface();
-                let study = study(&ground, Some(&development), &options, STUDY_SETS)?;
-                self.sampling.push(GroundStudy { surface, strategy, study });
+            for surface in TestSurface::ALL {
+                let (mesh, parameterization) = surface.surface();
+                let statistics = strategy_statistics(&mesh, Some(&parameterization), &options, SETS_PER_STRATEGY)?;
+                self.sampling.push(TestSurfaceResult { surface, strategy, statistics });
                 progress.advance(1);
             }
         }

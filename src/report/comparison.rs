@@ -7,7 +7,7 @@ use super::findings::Finding;
 use super::rows::Row;
 use crate::image::Image;
 use crate::reference::Statistics;
-use crate::sampling::{Ground, Quality, Strategy, Study};
+use crate::sampling::{Quality, Strategy, StrategyStatistics, TestSurface};
 
 /// The reference of a comparison.
 #[derive(Clone, Debug, Serialize)]
@@ -29,10 +29,10 @@ pub struct ReferenceSummary {
 
 /// Figures of a strategy on a surface that unrolls.
 #[derive(Clone, Debug, Serialize)]
-pub(super) struct GroundStudy {
-    pub surface: Ground,
+pub(super) struct TestSurfaceResult {
+    pub surface: TestSurface,
     pub strategy: Strategy,
-    pub study: Study,
+    pub statistics: StrategyStatistics,
 }
 
 /// A finished comparison.
@@ -52,7 +52,7 @@ pub struct Comparison {
     pub findings: Vec<Finding>,
     /// Figures of the strategies on the scene's own reflectors.
     pub reflectors: Vec<(Strategy, Quality)>,
-    pub(super) sampling: Vec<GroundStudy>,
+    pub(super) sampling: Vec<TestSurfaceResult>,
     /// What was repaired or is to be mistrusted.
     pub warnings: Vec<String>,
     #[serde(skip)]
@@ -74,12 +74,12 @@ pub(super) struct Picture {
     pub row: Option<usize>,
 }
 
-/// Where a study's first points lie on a square of its rectangle, in fractions of that.
-pub(super) fn unrolled(study: &GroundStudy) -> Vec<[f64; 2]> {
-    let (_, development) = study.surface.surface();
-    let size = development.size();
+/// Where the first set's points lie on a square of its rectangle, in fractions of that.
+pub(super) fn unit_square_places(result: &TestSurfaceResult) -> Vec<[f64; 2]> {
+    let (_, parameterization) = result.surface.surface();
+    let size = parameterization.size();
     // Points may lie on either side of where the rectangle begins.
-    let place = |p: Vec3| development.unrolled(p.as_dvec3()).rem_euclid(size) / size.min_element();
-    let places = study.study.first.points.iter().map(|p| place(p.position).into());
+    let place = |p: Vec3| parameterization.place_of(p.as_dvec3()).rem_euclid(size) / size.min_element();
+    let places = result.statistics.first.points.iter().map(|p| place(p.position).into());
     places.filter(|p: &[f64; 2]| p[0] < 1.0 && p[1] < 1.0).collect()
 }

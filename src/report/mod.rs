@@ -2,7 +2,7 @@
 //!
 //! Data flows [`Plan`] (which combinations) → `cells` (one rendered combination, kept in a file) → `rows` (its errors) →
 //! `findings` (what the numbers say) → [`Comparison::write`]: report.json, report.csv and report.html. It calls the
-//! renderer, the reference and the sampling study as any user of the library would, and must not know wgpu or shaders.
+//! renderer, the reference and the statistics of strategies as any user of the library would, and must not know wgpu or shaders.
 
 mod cells;
 mod compare;

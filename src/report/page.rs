@@ -3,7 +3,7 @@
 use serde_json::{Value, json};
 
 use super::cells::Metadata;
-use super::comparison::{Comparison, GroundStudy, Picture, unrolled};
+use super::comparison::{Comparison, Picture, TestSurfaceResult, unit_square_places};
 use super::encode::{packed, png, points_picture, rgb9e5, spectrum_picture};
 
 const TEMPLATE: &str = include_str!("report.html");
@@ -66,13 +66,13 @@ fn image(picture: &Picture) -> Value {
     })
 }
 
-fn sampling(entry: &GroundStudy) -> Value {
-    let (quality, spectrum) = (&entry.study.quality, entry.study.spectrum.as_ref());
+fn sampling(entry: &TestSurfaceResult) -> Value {
+    let (quality, spectrum) = (&entry.statistics.quality, entry.statistics.spectrum.as_ref());
     json!({
         "surface": entry.surface,
         "strategy": entry.strategy,
         "points": quality.count,
-        "sets": entry.study.sets,
+        "sets": entry.statistics.sets,
         "relative_radius": quality.relative_radius,
         "nearest_mean": quality.nearest_mean,
         "nearest_spread": quality.nearest_spread,
@@ -83,6 +83,6 @@ fn sampling(entry: &GroundStudy) -> Value {
         "radial": spectrum.map(|s| &s.radial),
         "anisotropy": spectrum.map(|s| &s.anisotropy),
         "spectrum_png": spectrum.map(|s| png(&spectrum_picture(s))),
-        "points_png": png(&points_picture(&unrolled(entry))),
+        "points_png": png(&points_picture(&unit_square_places(entry))),
     })
 }

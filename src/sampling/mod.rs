@@ -13,12 +13,12 @@ mod patches;
 mod quality;
 mod random;
 mod spectrum;
-mod study;
+mod statistics;
 mod surface;
 
 pub use quality::{Quality, quality};
-pub use spectrum::{Development, Spectrum};
-pub use study::{GROUNDS, Ground, Study, study};
+pub use spectrum::{Parameterization, Spectrum};
+pub use statistics::{StrategyStatistics, TestSurface, strategy_statistics};
 pub use surface::{Surface, SurfacePoint};
 
 pub(crate) use candidates::{Origin, SurfacePiece};

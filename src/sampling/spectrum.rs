@@ -1,4 +1,4 @@
-//! Power spectra of point sets on surfaces that unroll into a rectangle (Ulichney 1987; Lagae & Dutré 2008): the radially
+//! Power spectra of point sets on surfaces with an isometric parameterization over a rectangle (Ulichney 1987; Lagae & Dutré 2008): the radially
 //! averaged power, and how much it differs between directions.
 
 use glam::{DVec2, DVec3};
@@ -6,9 +6,9 @@ use rayon::prelude::*;
 
 use super::{Surface, SurfacePoint};
 
-/// How a surface unrolls into a rectangle.
+/// An isometric parameterization of a surface over a rectangle.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Development {
+pub enum Parameterization {
     /// A rectangle: a corner and the unit directions of its edges.
     Plane {
         /// Corner.
@@ -29,7 +29,7 @@ pub enum Development {
         /// Length, m.
         height: f64,
     },
-    /// A torus about +Y at the origin: a near case. Areas are kept, lengths differ by up to tube/radius.
+    /// A torus about +Y at the origin; only nearly isometric: areas are kept, lengths differ by up to tube/radius.
     Torus {
         /// Radius of the circle inside the tube, m.
         radius: f64,
@@ -38,7 +38,7 @@ pub enum Development {
     },
 }
 
-impl Development {
+impl Parameterization {
     /// Recognises a flat rectangle and a whole cylinder.
     pub fn of(surface: &Surface) -> Option<Self> {
         plane(surface).or_else(|| cylinder(surface))
@@ -53,8 +53,8 @@ impl Development {
         }
     }
 
-    /// Where a point of the surface lies on the rectangle, m.
-    pub fn unrolled(&self, point: DVec3) -> DVec2 {
+    /// The place of a point of the surface on the rectangle, m.
+    pub fn place_of(&self, point: DVec3) -> DVec2 {
         match *self {
             Self::Plane { origin, edges, .. } => {
                 DVec2::new((point - origin).dot(edges[0]), (point - origin).dot(edges[1]))
@@ -78,7 +78,7 @@ fn corners(surface: &Surface) -> impl Iterator<Item = (DVec3, DVec3)> {
     surface.triangles().iter().flat_map(|t| (0..3).map(|k| (t.corners[k].as_dvec3(), t.normals[k].as_dvec3())))
 }
 
-fn plane(surface: &Surface) -> Option<Development> {
+fn plane(surface: &Surface) -> Option<Parameterization> {
     let (_, normal) = corners(surface).next()?;
     if !corners(surface).all(|(_, n)| n.dot(normal) > 1.0 - 1e-6) {
         return None;
@@ -95,11 +95,15 @@ fn plane(surface: &Surface) -> Option<Development> {
         let size = high - low;
         let height = corners(surface).next().map_or(0.0, |(p, _)| p.dot(normal));
         let origin = low.x * edges[0] + low.y * edges[1] + height * normal;
-        ((size.x * size.y / surface.area() - 1.0).abs() < 1e-3).then_some(Development::Plane { origin, edges, size })
+        ((size.x * size.y / surface.area() - 1.0).abs() < 1e-3).then_some(Parameterization::Plane {
+            origin,
+            edges,
+            size,
+        })
     })
 }
 
-fn cylinder(surface: &Surface) -> Option<Development> {
+fn cylinder(surface: &Surface) -> Option<Parameterization> {
     let (p0, n0) = corners(surface).next()?;
     let (p1, n1) = corners(surface).max_by(|a, b| n0.cross(a.1).length().total_cmp(&n0.cross(b.1).length()))?;
     let axis = n0.cross(n1).try_normalize()?;
@@ -113,7 +117,7 @@ fn cylinder(surface: &Surface) -> Option<Development> {
     let (low, high) = corners(surface)
         .fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), (p, _)| (l.min(p.dot(axis)), h.max(p.dot(axis))));
     let whole = (std::f64::consts::TAU * radius * (high - low) / surface.area() - 1.0).abs() < 1e-2;
-    let found = Development::Cylinder { origin: centre + low * axis, axis, radius, height: high - low };
+    let found = Parameterization::Cylinder { origin: centre + low * axis, axis, radius, height: high - low };
     (whole && corners(surface).all(fits)).then_some(found)
 }
 
@@ -141,8 +145,8 @@ const HIGHEST: f64 = 2.5;
 
 impl Spectrum {
     /// Analyses sets of about equal size on one surface.
-    pub fn of(sets: &[Vec<SurfacePoint>], development: &Development) -> Self {
-        let size = development.size();
+    pub fn of(sets: &[Vec<SurfacePoint>], parameterization: &Parameterization) -> Self {
+        let size = parameterization.size();
         let count = sets.iter().map(Vec::len).sum::<usize>() as f64 / sets.len() as f64;
         let unit = (count / (size.x * size.y)).sqrt();
         // Whole waves on the rectangle, so that its outline has no power of its own.
@@ -150,7 +154,7 @@ impl Spectrum {
         let spectra: Vec<Vec<f64>> = sets
             .par_iter()
             .map(|set| {
-                let points = set.iter().map(|p| development.unrolled(p.position.as_dvec3()) / size);
+                let points = set.iter().map(|p| parameterization.place_of(p.position.as_dvec3()) / size);
                 periodogram(&points.collect::<Vec<_>>(), half)
             })
             .collect();

@@ -90,9 +90,9 @@ fn it_sums_what_its_leaves_do() {
     assert!(failures.is_empty(), "{failures:#?}");
 }
 
-/// With a leaf a root, both know the same maps of what is hidden.
+/// With one leaf per sample, both use the same visibility maps.
 #[test]
-fn shadows_are_those_of_the_roots() {
+fn shadows_are_those_of_the_samples() {
     for name in ["ring-natural", "columns", "cup", "spoon", "disco-ball"] {
         let work = Work::new(name, 96, None);
         let mut tree = work.tree(1000, 1);

@@ -10,8 +10,8 @@ use pinspot::Stage::{
 };
 use pinspot::blocking::wait;
 use pinspot::image::Aov;
-use pinspot::scene::Mesh;
-use pinspot::{Backend, BackendChoice, Engine, EvaluationChoice, NoProgress, Rendered};
+use pinspot::scene::{Mesh, Visibility};
+use pinspot::{Backend, BackendChoice, Engine, EvaluationChoice, NoProgress, Options, Rendered, StageCounts};
 
 use crate::support::gpu_backend;
 
@@ -19,96 +19,64 @@ use crate::support::gpu_backend;
 struct Edit {
     name: &'static str,
     apply: fn(&mut Engine),
-    makes: &'static [Stage],
+    makes: &'static [&'static [Stage]],
 }
+
+impl Edit {
+    /// Whether the stage depends on what is edited.
+    fn makes(&self, stage: Stage) -> bool {
+        self.makes.iter().any(|group| group.contains(&stage))
+    }
+}
+
+/// What a mirror's shape or place changes.
+const MIRRORS: &[Stage] = &[Surface, Points, Tree];
+/// What any object's shape or place changes.
+const OBJECTS: &[Stage] = &[Geometry, Bvh, Stage::Visibility, Upload];
+/// What other samples change.
+const SAMPLES: &[Stage] = &[Points, Tree, Stage::Visibility, Upload, Estimate];
+/// What another view of the scene changes.
+const VIEW: &[Stage] = &[Estimate, Rays, Direct, Paths];
+/// What is made of the light alone.
+const LIGHT: &[Stage] = &[Light, LightBounds, Irradiance, LightSampler, Upload];
+/// The sum over the samples, at what the camera sees and at the ends of paths.
+const SUM: &[Stage] = &[Caustic, PathEnds];
+/// What every change of the radiance changes.
+const PICTURE: &[Stage] = &[Shading, Display];
 
 /// The scene's mirror and what it lights, by their places in the list of objects.
 const MIRROR: usize = 0;
 const TABLE: usize = 1;
 
-/// Whatever changes the sum changes these.
-macro_rules! and_the_picture {
-    ($($stage:expr),* $(,)?) => {
-        &[$($stage,)* Shading, Display]
-    };
-}
-
 const EDITS: &[Edit] = &[
     Edit { name: "nothing", apply: |_| (), makes: &[] },
-    Edit { name: "exposure", apply: |e| e.options_mut().display.exposure_ev = 1.5, makes: &[Display] },
-    Edit { name: "caustic gain", apply: |e| e.options_mut().caustic_gain = 2.0, makes: and_the_picture![] },
-    Edit { name: "scale the light", apply: |e| e.scene_mut().environment.intensity = 3.0, makes: and_the_picture![] },
+    Edit { name: "exposure", apply: |e| e.options_mut().display.exposure_ev = 1.5, makes: &[&[Display]] },
+    Edit { name: "caustic gain", apply: |e| e.options_mut().caustic_gain = 2.0, makes: &[PICTURE] },
+    Edit { name: "scale the light", apply: |e| e.scene_mut().environment.intensity = 3.0, makes: &[PICTURE] },
     Edit {
         name: "rotate the light",
         apply: |e| e.scene_mut().environment.rotation_rad = 0.7,
-        makes: and_the_picture![Estimate, Caustic, Direct, PathEnds],
+        makes: &[&[Estimate, Direct], SUM, PICTURE],
     },
     Edit {
         name: "another map",
         apply: |e| e.scene_mut().environment.light = pinspot::scene::Light::BuiltInMap("studio".into()),
-        makes: and_the_picture![
-            Light,
-            LightBounds,
-            Irradiance,
-            LightSampler,
-            Upload,
-            Estimate,
-            Caustic,
-            Direct,
-            PathEnds
-        ],
+        makes: &[LIGHT, &[Estimate, Direct], SUM, PICTURE],
     },
-    Edit { name: "tolerance", apply: |e| e.options_mut().tolerance = 0.05, makes: and_the_picture![Caustic, PathEnds] },
-    Edit { name: "taps", apply: |e| e.options_mut().taps = 4, makes: and_the_picture![Estimate, Caustic, PathEnds] },
-    Edit {
-        name: "number of samples",
-        apply: |e| e.options_mut().samples = 70,
-        makes: and_the_picture![Points, Tree, Stage::Visibility, Upload, Estimate, Caustic, PathEnds],
-    },
-    Edit {
-        name: "seed",
-        apply: |e| e.options_mut().seed = 9,
-        makes: and_the_picture![Points, Tree, Stage::Visibility, Upload, Estimate, Caustic, PathEnds],
-    },
-    Edit {
-        name: "move the camera",
-        apply: |e| e.scene_mut().camera.position.x += 0.05,
-        makes: and_the_picture![Estimate, Rays, Caustic, Direct, Paths, PathEnds],
-    },
+    Edit { name: "tolerance", apply: |e| e.options_mut().tolerance = 0.05, makes: &[SUM, PICTURE] },
+    Edit { name: "taps", apply: |e| e.options_mut().taps = 4, makes: &[&[Estimate], SUM, PICTURE] },
+    Edit { name: "number of samples", apply: |e| e.options_mut().samples = 70, makes: &[SAMPLES, SUM, PICTURE] },
+    Edit { name: "seed", apply: |e| e.options_mut().seed = 9, makes: &[SAMPLES, SUM, PICTURE] },
+    Edit { name: "move the camera", apply: |e| e.scene_mut().camera.position.x += 0.05, makes: &[VIEW, SUM, PICTURE] },
     Edit {
         name: "move the table",
         apply: |e| e.scene_mut().objects[TABLE].placement.translate.x += 0.1,
-        makes: and_the_picture![
-            Geometry,
-            Bvh,
-            Stage::Visibility,
-            Upload,
-            Estimate,
-            Rays,
-            Caustic,
-            Direct,
-            Paths,
-            PathEnds
-        ],
+        makes: &[OBJECTS, VIEW, SUM, PICTURE],
     },
     Edit {
         name: "turn the mirror",
         apply: |e| e.scene_mut().objects[MIRROR].placement.rotate_rad.y += 0.3,
-        makes: and_the_picture![
-            Geometry,
-            Bvh,
-            Surface,
-            Points,
-            Tree,
-            Stage::Visibility,
-            Upload,
-            Estimate,
-            Rays,
-            Caustic,
-            Direct,
-            Paths,
-            PathEnds
-        ],
+        makes: &[OBJECTS, MIRRORS, VIEW, SUM, PICTURE],
     },
     Edit {
         name: "deform the mirror",
@@ -116,31 +84,17 @@ const EDITS: &[Edit] = &[
             let object = &mut e.scene_mut().objects[MIRROR];
             object.mesh = Arc::new(stretched(&object.mesh));
         },
-        makes: and_the_picture![
-            Geometry,
-            Bvh,
-            Surface,
-            Points,
-            Tree,
-            Stage::Visibility,
-            Upload,
-            Estimate,
-            Rays,
-            Caustic,
-            Direct,
-            Paths,
-            PathEnds
-        ],
+        makes: &[OBJECTS, MIRRORS, VIEW, SUM, PICTURE],
     },
     Edit {
         name: "the table's albedo",
         apply: |e| e.scene_mut().objects[TABLE].receiver.as_mut().unwrap().albedo = Vec3::new(0.2, 0.4, 0.1),
-        makes: and_the_picture![Materials, Paths, PathEnds],
+        makes: &[&[Materials, Paths, PathEnds], PICTURE],
     },
     Edit {
         name: "every sample for every receiver",
         apply: |e| (e.options_mut().evaluation, e.options_mut().leaves) = (EvaluationChoice::Flat, None),
-        makes: and_the_picture![Differentials, Stage::Visibility, Caustic, PathEnds],
+        makes: &[&[Differentials, Stage::Visibility], SUM, PICTURE],
     },
 ];
 
@@ -175,15 +129,16 @@ fn an_edit_makes_only_what_depends_on_it() {
     render(&mut engine);
     let mut table = format!("| edit | {} |\n", Stage::ENGINE.map(Stage::name).join(" | "));
     let mut failures = Vec::new();
-    for Edit { name, apply, makes } in EDITS {
+    for edit in EDITS {
+        let name = edit.name;
         let before = engine.stage_counts();
-        apply(&mut engine);
+        (edit.apply)(&mut engine);
         let edited = render(&mut engine);
         let made = engine.stage_counts().made_since(&before);
         let marks = Stage::ENGINE.map(|stage| if made.contains(&stage) { "●" } else { "" });
         writeln!(table, "| {name} | {} |", marks.join(" | ")).unwrap();
         let expected: Vec<Stage> =
-            Stage::ENGINE.into_iter().filter(|stage| makes.contains(stage) && *stage != Upload).collect();
+            Stage::ENGINE.into_iter().filter(|stage| edit.makes(*stage) && *stage != Upload).collect();
         if made != expected {
             failures.push(format!("{name}: made {made:?}, expected {expected:?}"));
         }
@@ -203,12 +158,13 @@ fn on_a_gpu_nothing_else_is_made_and_the_pictures_agree() {
     let mut engine = engine(&backend);
     render(&mut engine);
     let mut failures = Vec::new();
-    for Edit { name, apply, makes } in EDITS {
+    for edit in EDITS {
+        let name = edit.name;
         let before = engine.stage_counts();
-        apply(&mut engine);
+        (edit.apply)(&mut engine);
         let edited = render(&mut engine);
         let made = engine.stage_counts().made_since(&before);
-        let expected: Vec<Stage> = Stage::ENGINE.into_iter().filter(|stage| makes.contains(stage)).collect();
+        let expected: Vec<Stage> = Stage::ENGINE.into_iter().filter(|stage| edit.makes(*stage)).collect();
         if made != expected {
             failures.push(format!("{name}: made {made:?}, expected {expected:?}"));
         }
@@ -220,6 +176,27 @@ fn on_a_gpu_nothing_else_is_made_and_the_pictures_agree() {
         }
     }
     assert!(failures.is_empty(), "{failures:#?}");
+}
+
+#[test]
+fn a_new_engine_makes_only_what_its_options_use() {
+    let unused = |options: fn(Options) -> Options| {
+        let (scene, defaults) = pinspot::load("ring-natural").unwrap();
+        let defaults = defaults.with_size([16, 16]).with_samples(60).with_leaves(Some(4));
+        let mut engine = Engine::new(scene, options(defaults), Backend::cpu());
+        render(&mut engine);
+        let made = engine.stage_counts().made_since(&StageCounts::default());
+        Stage::ENGINE.into_iter().filter(|stage| !made.contains(stage) && *stage != Upload).collect::<Vec<_>>()
+    };
+    assert_eq!(unused(|options| options), [Differentials]);
+    assert_eq!(
+        unused(|options| options.with_visibility(Visibility::None)),
+        [LightSampler, Differentials, Stage::Visibility],
+    );
+    assert_eq!(
+        unused(|options| options.with_evaluation(EvaluationChoice::Flat).with_leaves(None)),
+        [LightBounds, Tree, Estimate],
+    );
 }
 
 #[test]

@@ -124,7 +124,7 @@ impl TileGather<'_> {
             return 0;
         }
         // The joint visibility of several sample nodes is not known.
-        let is_occluded_cluster = maps.is_some() && pinholes.tree.is_above_roots(index);
+        let is_occluded_cluster = maps.is_some() && pinholes.tree.is_cluster(index);
         if let (Some(maps), false, false) = (maps, is_occluded_cluster, is_known) {
             let node = &pinholes.sample_nodes.samples[cell.sample_node as usize];
             *visible = VisibleReceivers::new(simd, maps, node, cell.sample_node, receiver);

@@ -77,7 +77,7 @@ impl<'a> TileGather<'a> {
     /// Gathers the whole tile.
     #[inline(always)]
     pub fn run<S: Simd>(&mut self, simd: S) {
-        self.block(simd, BlockPlace { level: 0, x: 0, y: 0 }, self.context.pinholes.tree.tops());
+        self.block(simd, BlockPlace { level: 0, x: 0, y: 0 }, self.context.pinholes.tree.roots());
     }
 
     /// Gathers what cells contribute to a block.
@@ -136,7 +136,7 @@ impl<'a> TileGather<'a> {
                 Decision::RefineCell => stack.extend(cell.children),
                 Decision::RefineBlock => deferred.push(index),
                 // The joint visibility of several sample nodes is not known.
-                Decision::Accept { .. } if has_visibility && pinholes.tree.is_above_roots(index) => {
+                Decision::Accept { .. } if has_visibility && pinholes.tree.is_cluster(index) => {
                     stack.extend(cell.children);
                 }
                 Decision::Accept { contribution_range, allows_partial_sky } => {

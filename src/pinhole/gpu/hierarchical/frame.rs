@@ -21,7 +21,7 @@ pub struct HierarchicalFrame {
     pub(super) passes: Passes,
     pub(super) tiling: Tiling,
     /// The nodes without a parent, to be copied to where the lists are.
-    pub(super) tops: wgpu::Buffer,
+    pub(super) roots: wgpu::Buffer,
     pub(super) lists: wgpu::Buffer,
     pub(super) is_begun: bool,
 }
@@ -35,7 +35,7 @@ impl HierarchicalFrame {
     /// Records a range of batches, up to [`Self::batch_count`]. Record every batch once, in order, in one encoder or in several.
     pub fn record(&mut self, encoder: &mut wgpu::CommandEncoder, batches: Range<u32>) {
         if !self.is_begun {
-            encoder.copy_buffer_to_buffer(&self.tops, 0, &self.lists, 0, self.tops.size());
+            encoder.copy_buffer_to_buffer(&self.roots, 0, &self.lists, 0, self.roots.size());
             if let Some(estimate) = &self.estimate {
                 self.record_estimate(encoder, estimate);
             }

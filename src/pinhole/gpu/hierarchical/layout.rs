@@ -66,7 +66,7 @@ impl SampleNode {
                 padding: [0; 3],
             }
         };
-        tree.sample_nodes().samples.iter().zip(tree.tree().roots()).map(node).collect()
+        tree.sample_nodes().samples.iter().zip(tree.tree().sample_nodes()).map(node).collect()
     }
 }
 
@@ -81,7 +81,7 @@ pub(in crate::pinhole::gpu) struct TreeUniforms {
     /// Entries of a list of cells.
     pub list_capacity: u32,
     /// Nodes without a parent.
-    pub top_count: u32,
+    pub root_count: u32,
     /// Nodes from here on are cluster nodes, or sample nodes among them.
     pub first_cluster: u32,
     /// Number of samples.

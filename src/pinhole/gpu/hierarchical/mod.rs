@@ -114,7 +114,7 @@ struct Tiling {
 impl Tiling {
     fn new(inputs: &HierarchicalInputs) -> Self {
         let [across, down] = inputs.size.map(|pixels| pixels.div_ceil(TILE_SIZE));
-        let list_capacity = LIST_CAPACITY.max(2 * inputs.tree.top_count);
+        let list_capacity = LIST_CAPACITY.max(2 * inputs.tree.root_count);
         let split_passes = inputs.split_passes.clamp(1, MAX_SPLIT_PASSES);
         let one = Self { across, down, list_capacity, per_batch: 1, split_passes };
         let per_batch = ((BATCH_LIST_BYTES / one.bytes_per_tile()) as u32).clamp(1, one.count().max(1));
@@ -127,7 +127,7 @@ impl Tiling {
 
     /// Of the nodes without a parent, and of all lists of a batch.
     fn list_bytes(&self, tree: &CellTreeBuffers) -> u64 {
-        u64::from(tree.top_count) * 4 + self.bytes_per_tile() * u64::from(self.per_batch)
+        u64::from(tree.root_count) * 4 + self.bytes_per_tile() * u64::from(self.per_batch)
     }
 
     /// Of its blocks' lists.
@@ -166,7 +166,7 @@ impl HierarchicalEngine {
             estimate,
             passes: self.pipelines.passes(inputs.viewers.is_some()),
             tiling,
-            tops: inputs.tree.tops.clone(),
+            roots: inputs.tree.roots.clone(),
             lists: batch.lists,
             is_begun: false,
         })
@@ -218,7 +218,7 @@ impl HierarchicalEngine {
         let limit = device.limits().max_storage_buffer_binding_size.min(device.limits().max_buffer_size);
         let bytes = Tiling::new(inputs).list_bytes(inputs.tree);
         if bytes > limit {
-            return Err(GpuError::TreeTooLarge { cells: inputs.tree.top_count as usize, bytes, limit });
+            return Err(GpuError::TreeTooLarge { cells: inputs.tree.root_count as usize, bytes, limit });
         }
         Ok(())
     }
@@ -234,7 +234,7 @@ impl HierarchicalEngine {
             size: inputs.size,
             tiles_across: tiling.across,
             list_capacity: tiling.list_capacity,
-            top_count: tree.top_count,
+            root_count: tree.root_count,
             first_cluster: tree.first_cluster,
             sample_count: tree.sample_count,
             may_interpolate: (inputs.is_grid && inputs.viewers.is_none()).into(),

@@ -16,8 +16,8 @@ pub struct CellTreeBuffers {
     pub(super) planes: wgpu::Buffer,
     pub(super) sky_masks: wgpu::Buffer,
     /// Indices of the nodes without a parent; copied to where the lists are.
-    pub(super) tops: wgpu::Buffer,
-    pub(super) top_count: u32,
+    pub(super) roots: wgpu::Buffer,
+    pub(super) root_count: u32,
     pub(super) sample_count: u32,
     pub(super) first_cluster: u32,
     /// m².
@@ -48,14 +48,14 @@ impl CellTreeBuffers {
             curves: buffer("reflectance curves", bytemuck::cast_slice(&samples.curves)),
             planes: buffer("visible planes", bytemuck::cast_slice(planes)),
             sky_masks: buffer("sky masks", bytemuck::cast_slice(sky_masks)),
-            tops: device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
+            roots: device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
                 label: Some("nodes without a parent"),
-                contents: bytemuck::cast_slice(cells.tops()),
+                contents: bytemuck::cast_slice(cells.roots()),
                 usage: wgpu::BufferUsages::COPY_SRC,
             }),
-            top_count: cells.tops().len() as u32,
+            root_count: cells.roots().len() as u32,
             sample_count: samples.samples.len() as u32,
-            first_cluster: cells.first_above(),
+            first_cluster: cells.first_upper(),
             area: cells.area(),
             map_resolution: samples.visibility.as_ref().map(|maps| maps.resolution),
         })

@@ -1,24 +1,25 @@
-//! Strategies on surfaces whose spectra can be told: figures and spectra of several independent sets.
+//! Quality and spectrum of a strategy, averaged over several independent sets, on surfaces that have an isometric
+//! parameterization.
 
-use super::{Development, Options, PointSet, Quality, SamplingError, Spectrum, Surface, quality, sample};
+use super::{Options, Parameterization, PointSet, Quality, SamplingError, Spectrum, Surface, quality, sample};
 use crate::scene::shapes::{Plane, Ring, Shape, Torus};
 
-/// A surface to try strategies on.
+/// A surface on which strategies are compared.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "lowercase")]
-pub enum Ground {
+pub enum TestSurface {
     /// A square along the axes.
     Plane,
     /// A cylinder as high as it is long around.
     Cylinder,
-    /// A thin torus: no edges; a near case, as it does not quite unroll.
+    /// A thin torus. It has no edges, but its parameterization is only nearly isometric.
     Torus,
 }
 
-/// All of them.
-pub const GROUNDS: [Ground; 3] = [Ground::Plane, Ground::Cylinder, Ground::Torus];
+impl TestSurface {
+    /// All of them.
+    pub const ALL: [Self; 3] = [Self::Plane, Self::Cylinder, Self::Torus];
 
-impl Ground {
     /// Its name in reports.
     pub fn name(self) -> &'static str {
         match self {
@@ -28,8 +29,8 @@ impl Ground {
         }
     }
 
-    /// The surface, and how it unrolls.
-    pub fn surface(self) -> (Surface, Development) {
+    /// The surface and its parameterization.
+    pub fn surface(self) -> (Surface, Parameterization) {
         let shape = match self {
             Self::Plane => Shape::Plane(Plane { size: [1.0, 1.0] }),
             Self::Cylinder => Shape::Ring(Ring { radius: 0.25, height: std::f32::consts::FRAC_PI_2 }),
@@ -37,17 +38,17 @@ impl Ground {
         };
         let mut surface = Surface::default();
         surface.append(&shape.mesh().expect("the measures are in range"), 0, false);
-        let development = match self {
-            Self::Torus => Development::Torus { radius: 1.0, tube: 0.125 },
-            _ => Development::of(&surface).expect("planes and cylinders unroll"),
+        let parameterization = match self {
+            Self::Torus => Parameterization::Torus { radius: 1.0, tube: 0.125 },
+            _ => Parameterization::of(&surface).expect("planes and cylinders are developable"),
         };
-        (surface, development)
+        (surface, parameterization)
     }
 }
 
-/// What several sets of one strategy have in common.
+/// Averages over several sets of one strategy.
 #[derive(Clone, Debug, serde::Serialize)]
-pub struct Study {
+pub struct StrategyStatistics {
     /// Figures, averaged over the sets.
     pub quality: Quality,
     /// Their spectrum.
@@ -59,23 +60,24 @@ pub struct Study {
     pub first: PointSet,
 }
 
-/// Makes `sets` point sets with consecutive seeds and analyses them; spectra only where the surface unrolls.
-pub fn study(
+/// Makes `sets` point sets with consecutive seeds and averages their quality and, where there is a parameterization, their
+/// spectrum.
+pub fn strategy_statistics(
     surface: &Surface,
-    development: Option<&Development>,
+    parameterization: Option<&Parameterization>,
     options: &Options,
     sets: u32,
-) -> Result<Study, SamplingError> {
+) -> Result<StrategyStatistics, SamplingError> {
     let seeds = (0..u64::from(sets.max(1))).map(|k| options.seed.wrapping_add(k));
     let made: Vec<PointSet> =
         seeds.map(|seed| sample(surface, &Options { seed, ..*options })).collect::<Result<_, _>>()?;
     let figures: Vec<Quality> = made.iter().map(|set| quality(set, surface.area())).collect();
-    let spectrum = development.map(|development| {
+    let spectrum = parameterization.map(|parameterization| {
         let points: Vec<_> = made.iter().map(|set| set.points.clone()).collect();
-        Spectrum::of(&points, development)
+        Spectrum::of(&points, parameterization)
     });
     let first = made.into_iter().next().expect("at least one set");
-    Ok(Study { quality: mean(&figures), spectrum, sets, first })
+    Ok(StrategyStatistics { quality: mean(&figures), spectrum, sets, first })
 }
 
 fn mean(figures: &[Quality]) -> Quality {
@@ -102,14 +104,15 @@ mod tests {
     /// code): ρ, mean and spread of the nearest distance, power below half the peak. The torus has no edges either.
     #[test]
     fn figures_are_those_of_an_independent_run() {
-        let (surface, development) = Ground::Torus.surface();
+        let (surface, parameterization) = TestSurface::Torus.surface();
         for (strategy, [rho, nearest, spread, low]) in [
             (Strategy::Random, [0.023, 0.469, 0.514, 0.941]),
             (Strategy::Neighbourhood, [0.739, 0.797, 0.070, 0.076]),
             (Strategy::Elimination, [0.694, 0.789, 0.077, 0.097]),
         ] {
             let options = Options { samples: 1024, strategy, seed: 1 };
-            let Study { quality, spectrum, .. } = study(&surface, Some(&development), &options, 10).unwrap();
+            let StrategyStatistics { quality, spectrum, .. } =
+                strategy_statistics(&surface, Some(&parameterization), &options, 10).unwrap();
             let spectrum = spectrum.unwrap();
             println!(
                 "{strategy:?}: rho {:.3} nearest {:.3} spread {:.3} low {:.3} anisotropy {:.1} dB",
@@ -129,9 +132,10 @@ mod tests {
 
     #[test]
     fn a_snapped_grid_shows_in_every_figure() {
-        let (surface, development) = Ground::Plane.surface();
+        let (surface, parameterization) = TestSurface::Plane.surface();
         let options = Options { samples: 1024, strategy: Strategy::QuantisedGrid, seed: 1 };
-        let Study { quality, spectrum, .. } = study(&surface, Some(&development), &options, 10).unwrap();
+        let StrategyStatistics { quality, spectrum, .. } =
+            strategy_statistics(&surface, Some(&parameterization), &options, 10).unwrap();
         // A square lattice: spacing over that of the hexagonal one is √(√3/2), a little more as cells overlap the edges.
         assert!((quality.relative_radius - 0.931).abs() < 0.04, "{quality:?}");
         let anisotropy_db = spectrum.unwrap().anisotropy_db;
@@ -146,7 +150,7 @@ mod tests {
         surface.append(&sphere.mesh().unwrap(), 0, false);
         let bias = |strategy| {
             let options = Options { samples: 4000, strategy, seed: 1 };
-            study(&surface, None, &options, 4).unwrap().quality.orientation_bias.unwrap()
+            strategy_statistics(&surface, None, &options, 4).unwrap().quality.orientation_bias.unwrap()
         };
         let (grid, even) = (bias(Strategy::Grid), bias(Strategy::Neighbourhood));
         assert!((1.4..=1.75).contains(&grid), "{grid}");
