@@ -26,11 +26,10 @@ pub mod differential {
 
 /// Environment lighting: prefiltered cube maps, and what is derived from them.
 pub mod environment {
-    #[cfg(feature = "builtin-maps")]
-    pub use crate::environment::{BUILT_IN_MAPS, BuiltInMap};
     pub use crate::environment::{
-        Bound, CubeMap, CubeSize, Environment, EnvironmentError, EnvironmentRadiance, FACES, LightBounds, LightSampler,
-        MAX_CUBE_SIZE, face_direction, face_of_direction, irradiance_map, texel_solid_angle_sr,
+        BUILT_IN_MAPS, Bound, BuiltInMap, CubeMap, CubeSize, Environment, EnvironmentError, EnvironmentRadiance, FACES,
+        LightBounds, LightSampler, MAX_CUBE_SIZE, face_direction, face_of_direction, irradiance_map,
+        texel_solid_angle_sr,
     };
 }
 

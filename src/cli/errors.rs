@@ -6,6 +6,7 @@ use pinspot::low_level::gpu::GpuError;
 use pinspot::low_level::sampling::SamplingError;
 #[cfg(feature = "report")]
 use pinspot::report::ReportError;
+use pinspot::scene::SceneError;
 use pinspot::{Error, OptionError};
 
 /// An error in one line, with a remedy.
@@ -48,6 +49,7 @@ fn remedy(error: &Error) -> Option<&'static str> {
             Some("give --strategy neighbourhood or random, or --density uniform")
         }
         Error::Environment(EnvironmentError::TooFine { .. }) => Some("give a smaller --cube-size"),
+        Error::Scene(SceneError::Read { .. }) => Some("`pinspot scenes` lists them"),
         #[cfg(feature = "report")]
         Error::Report(ReportError::MaskSize { .. }) => Some("or give another --size"),
         _ => None,

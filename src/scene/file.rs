@@ -267,6 +267,12 @@ receiver = { albedo = [0.5, 0.5, 0.5] }
         assert_eq!(scene.objects[1].mesh.triangles().len(), 2);
         assert!(scene.objects[1].receiver.is_some() && scene.objects[1].reflector.is_none());
         assert!(scene.objects[2].reflector.is_some());
+        assert!(scene.notes.is_empty(), "{:?}", scene.notes);
+        write("two.obj", faces);
+        let scene = load().unwrap().scene;
+        assert!(scene.objects[1..].iter().all(|o| o.receiver.is_none() && o.reflector.is_none()));
+        assert!(scene.notes[0].contains("two.obj: its faces name 2 materials, but it names no material library"));
+        write("two.obj", &format!("mtllib two.mtl\n{faces}"));
         write("two.mtl", "newmtl wood\nKd 5 0.3 0.1\n");
         let refused = || load().unwrap_err().to_string();
         assert!(refused().contains("two.mtl:2: Kd of material 'wood'"), "{}", refused());

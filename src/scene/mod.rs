@@ -146,7 +146,7 @@ impl Object {
 #[non_exhaustive]
 pub enum SceneError {
     /// The scene file itself could not be read.
-    #[error("cannot read scene file '{}': {source}; give a path to a .toml file or the name of a built-in scene (`pinspot scenes` lists them{})", escaped(&path.display().to_string()), hint)]
+    #[error("cannot read scene file '{}': {source}; give a path to a .toml file or the name of a built-in scene{}", escaped(&path.display().to_string()), hint)]
     Read {
         /// The path as given.
         path: PathBuf,

@@ -344,11 +344,22 @@ impl<'de> VariantAccess<'de> for Variant<'_> {
     }
 
     fn tuple_variant<V: Visitor<'de>>(self, _: usize, visitor: V) -> Result<V::Value, Error> {
-        self.value.deserialize_any(visitor).map_err(|error| error.under(self.name.to_owned()))
+        self.newtype_variant_seed(Content(visitor))
     }
 
     fn struct_variant<V: Visitor<'de>>(self, _: &'static [&'static str], visitor: V) -> Result<V::Value, Error> {
-        self.value.deserialize_any(visitor).map_err(|error| error.under(self.name.to_owned()))
+        self.newtype_variant_seed(Content(visitor))
+    }
+}
+
+/// A variant's fields.
+struct Content<V>(V);
+
+impl<'de, V: Visitor<'de>> DeserializeSeed<'de> for Content<V> {
+    type Value = V::Value;
+
+    fn deserialize<D: Deserializer<'de>>(self, fields: D) -> Result<V::Value, D::Error> {
+        fields.deserialize_any(self.0)
     }
 }
 

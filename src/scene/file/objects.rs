@@ -10,7 +10,7 @@ use crate::brdf::{BrdfTable, Gloss, LEAST_ROUGHNESS, TableError};
 use crate::reflectance::{Finish, Metal};
 use crate::scene::assets::readable_name;
 use crate::scene::shapes::Shape;
-use crate::scene::wavefront::{ObjPart, Surface, load_obj, load_obj_by_material};
+use crate::scene::wavefront::{ObjPart, ObjParts, Surface, load_obj, load_obj_by_material};
 use crate::scene::{Mesh, Object, Receiver, Reflector, SceneError, Sides, Transform};
 use crate::words::escaped;
 
@@ -129,7 +129,15 @@ impl Builder<'_> {
         };
         let camera_visible = table.camera_visible;
         if let (Some(file), None, None, None) = (&table.mesh, table.shape, &reflector, &receiver) {
-            let parts = load_obj_by_material(self.assets, Path::new(file), crease_angle_rad(table))?;
+            let ObjParts { parts, undefined_materials } =
+                load_obj_by_material(self.assets, Path::new(file), crease_angle_rad(table))?;
+            if undefined_materials > 0 {
+                let file = readable_name(self.assets, Path::new(file));
+                notes.push(format!(
+                    "{file}: its faces name {undefined_materials} materials, but it names no material library (mtllib); \
+                     they have no effect"
+                ));
+            }
             let object = |part: ObjPart| {
                 let file = readable_name(self.assets, Path::new(file));
                 let name = if part.material.is_empty() { name.clone() } else { format!("{name}/{}", part.material) };

@@ -63,12 +63,20 @@ pub(super) struct ObjPart {
     pub report: ObjReport,
 }
 
-/// Reads an OBJ file and its materials, as a mesh per material in use.
+/// A file's parts, one per material in use.
+#[derive(Debug)]
+pub(super) struct ObjParts {
+    pub parts: Vec<ObjPart>,
+    /// Number of materials that have no effect because the file names no material library.
+    pub undefined_materials: usize,
+}
+
+/// Reads an OBJ file and its materials.
 pub(super) fn load_obj_by_material(
     assets: &dyn Assets,
     path: &Path,
     crease_angle_rad: f32,
-) -> Result<Vec<ObjPart>, MeshError> {
+) -> Result<ObjParts, MeshError> {
     let (name, bytes) = read(assets, path)?;
     let checked = obj::check(&name, &bytes)?;
     let surfaces = surfaces(assets, path, &name, &checked)?;
@@ -86,7 +94,16 @@ pub(super) fn load_obj_by_material(
         let surface = id.map_or_else(Surface::default, |id| surfaces[id].clone());
         Ok(ObjPart { material, surface, mesh, report })
     };
-    ids.iter().map(part).collect()
+    let undefined_materials = match checked.libraries.is_empty() {
+        true => checked.materials.iter().filter(|(_, name)| !is_placeholder(name)).count(),
+        false => 0,
+    };
+    Ok(ObjParts { parts: ids.iter().map(part).collect::<Result<_, _>>()?, undefined_materials })
+}
+
+/// Whether a material's name is one that exporters write for no material.
+fn is_placeholder(material: &str) -> bool {
+    matches!(material, "" | "(null)" | "None")
 }
 
 /// A file's name for messages, and its bytes.
@@ -129,8 +146,7 @@ fn surfaces(assets: &dyn Assets, path: &Path, name: &str, checked: &obj::Checked
         Some((file, Err((line, reason)))) => {
             Err(MeshError::Statement { file: file.clone(), line: *line, reason: reason.clone() })
         }
-        // Exporters write these for no material.
-        None if matches!(material.as_str(), "" | "(null)" | "None") => Ok(Surface::default()),
+        None if is_placeholder(material) => Ok(Surface::default()),
         None => {
             let reason = format!("there is no material '{}' in {}", escaped(material), files.join(", "));
             Err(MeshError::Statement { file: name.into(), line: *line, reason })
