@@ -94,10 +94,8 @@ pub(super) fn load_obj_by_material(
         let surface = id.map_or_else(Surface::default, |id| surfaces[id].clone());
         Ok(ObjPart { material, surface, mesh, report })
     };
-    let undefined_materials = match checked.libraries.is_empty() {
-        true => checked.materials.iter().filter(|(_, name)| !is_placeholder(name)).count(),
-        false => 0,
-    };
+    let named = checked.materials.iter().filter(|(_, name)| !is_placeholder(name)).count();
+    let undefined_materials = if checked.libraries.is_empty() { named } else { 0 };
     Ok(ObjParts { parts: ids.iter().map(part).collect::<Result<_, _>>()?, undefined_materials })
 }
 
