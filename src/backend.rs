@@ -71,6 +71,14 @@ impl Backend {
 
     /// Opens a back end. [`BackendChoice::Auto`] and [`BackendChoice::Cpu`] always succeed; a GPU fails if there is no
     /// such adapter.
+    ///
+    /// ```
+    /// use pinspot::{Backend, BackendChoice, blocking};
+    ///
+    /// let backend = blocking::wait(None, Backend::open(&BackendChoice::Auto))?;
+    /// println!("{:?}", backend.report());
+    /// # Ok::<(), pinspot::Error>(())
+    /// ```
     #[cfg_attr(not(feature = "gpu"), expect(clippy::unused_async, reason = "only a GPU has to be waited for"))]
     pub async fn open(choice: &BackendChoice) -> Result<Self, Error> {
         match choice {

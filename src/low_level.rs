@@ -1,7 +1,38 @@
 //! The parts that the engine is made of, for other renderers, tests and benchmarks. This module may change with every
 //! version.
 //!
-//! A program with its own wgpu device records the sum into its command encoder: see `examples/embed.rs`.
+//! A program with its own wgpu device records the sum into its command encoder: see `examples/embed.rs`. On the CPU, the sum
+//! over a hierarchy of samples takes these steps:
+//!
+//! ```
+//! use pinspot::low_level::cell_tree::{CellTree, TreeOptions};
+//! use pinspot::low_level::environment::{CubeSize, Environment, LightBounds};
+//! use pinspot::low_level::pinhole::{Params, PinholeTree, Receivers};
+//! use pinspot::low_level::pinhole::cpu::{Accuracy, Light, estimate_irradiance, gather_hierarchical};
+//! use pinspot::low_level::sampling::{Options, Strategy, Surface, sample};
+//! use pinspot::glam::Vec3;
+//!
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! let (scene, _) = pinspot::load("ring")?;
+//! let surface = Surface::of_scene(&scene);
+//! let set = sample(&surface, &Options { samples: 100, strategy: Strategy::Neighbourhood, seed: 1 })?;
+//! let cells = CellTree::new(&surface, &set, &TreeOptions { leaves: 16, seed: 1 });
+//! let tree = PinholeTree::new(&scene, cells);
+//!
+//! let environment = Environment::new(&scene.environment.light, CubeSize::Auto)?;
+//! let bounds = LightBounds::new(&environment.cube);
+//! let light = Light { cube: &environment.cube, bounds: &bounds };
+//!
+//! let receivers = Receivers::from_points(&[(Vec3::ZERO, Vec3::Y, 1)], 1);
+//! let params = Params::default();
+//! let error = 0.01 * estimate_irradiance(&receivers, &tree, light, &params);
+//! let accuracy = Accuracy { error, split_near: true };
+//! let sums = gather_hierarchical(&receivers, &tree, light, &params, accuracy, &|_| ());
+//! let [red, green, blue, fetches] = sums[0];
+//! assert!(red > 0.0 && green > 0.0 && blue > 0.0 && fetches > 0.0);
+//! # Ok(())
+//! # }
+//! ```
 
 /// BRDFs of receivers.
 pub mod brdf {

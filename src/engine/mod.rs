@@ -129,6 +129,24 @@ impl Engine {
     /// Renders all pictures that the options ask for. On the CPU the future is ready when it is first polled; on a GPU
     /// the device has to be polled until it completes, by an event loop or by `blocking::wait`.
     ///
+    /// ```
+    /// use pinspot::{Backend, Engine, NoProgress, blocking, image};
+    ///
+    /// # fn main() -> Result<(), pinspot::Error> {
+    /// # let folder = tempfile::tempdir().unwrap();
+    /// # let folder = folder.path();
+    /// let (scene, options) = pinspot::load("ring")?;
+    /// let mut engine = Engine::new(scene, options.with_size([32, 32]).with_samples(50), Backend::cpu());
+    /// let rendered = blocking::wait(None, engine.render(&NoProgress))?;
+    /// image::write_png(&folder.join("ring.png"), &rendered.displayed(&engine.options().display))?;
+    ///
+    /// // Only what depends on the camera is made again.
+    /// engine.scene_mut().camera.position.y += 0.1;
+    /// blocking::wait(None, engine.render(&NoProgress))?;
+    /// # Ok(())
+    /// # }
+    /// ```
+    ///
     /// # Errors
     /// Options out of range or in conflict, a light that cannot be prepared, a scene without reflectors, or a device
     /// that is lost or too small. The engine stays usable: correct the cause and render again.

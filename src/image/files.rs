@@ -120,6 +120,18 @@ pub fn read_mask(path: &Path) -> Result<(u32, u32, Vec<bool>), ImageError> {
 
 /// Writes 32-bit float layers, lossless. One layer has the channels R G B; several have `name.R` and so on, or R G B
 /// for the one without a name.
+///
+/// ```
+/// use pinspot::glam::Vec3;
+/// use pinspot::image::{Image, read_exr, write_exr};
+///
+/// # let folder = tempfile::tempdir().unwrap();
+/// let path = folder.path().join("layers.exr");
+/// let white = Image::new(4, 3).map(|_| Vec3::ONE);
+/// write_exr(&path, &[("", &white), ("caustic", &white.map(|colour| 0.1 * colour))])?;
+/// assert_eq!(read_exr(&path, "caustic")?.pixels[0], Vec3::splat(0.1));
+/// # Ok::<(), pinspot::image::ImageError>(())
+/// ```
 pub fn write_exr(path: &Path, layers: &[(&str, &Image)]) -> Result<(), ImageError> {
     write_exr_with_text(path, layers, &[])
 }

@@ -4,6 +4,15 @@ use super::Image;
 
 /// ‖E − R‖₂ / ‖R‖₂ over all channels of all pixels, or of those where `mask` is true. NaN for pictures of different
 /// sizes, or where the reference is black.
+///
+/// ```
+/// use pinspot::glam::Vec3;
+/// use pinspot::image::{Image, rel_l2};
+///
+/// let reference = Image::new(2, 2).map(|_| Vec3::ONE);
+/// let estimate = reference.map(|colour| 1.25 * colour);
+/// assert_eq!(rel_l2(&estimate, &reference, None), 0.25);
+/// ```
 pub fn rel_l2(estimate: &Image, reference: &Image, mask: Option<&[bool]>) -> f64 {
     let (mut difference, mut norm) = no_error(estimate, reference);
     for (e, r) in pairs(estimate, reference, mask) {

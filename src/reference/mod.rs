@@ -165,6 +165,19 @@ pub enum ReferenceError {
 }
 
 /// A scene, prepared for ground truth.
+///
+/// ```
+/// use pinspot::NoProgress;
+/// use pinspot::reference::{Options, Reference, StoppingCriterion};
+///
+/// let (scene, _) = pinspot::load("mirror-sphere")?;
+/// let reference = Reference::new(scene, Options { size: [8, 8], ..Options::default() })?;
+/// let criterion = StoppingCriterion::new(0.1);
+/// let estimate = reference.solve(&criterion, None, &NoProgress, &mut |_| Ok(()))?;
+/// assert!(estimate.rel_error() <= 0.1);
+/// println!("{} ± {} W/m²", estimate.irradiance.mean(), estimate.standard_error.mean());
+/// # Ok::<(), pinspot::Error>(())
+/// ```
 #[derive(Debug)]
 pub struct Reference {
     scene: Scene,

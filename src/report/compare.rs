@@ -43,6 +43,43 @@ const SETS_PER_STRATEGY: u32 = 10;
 /// Computes the reference as well as `criterion` asks, renders every combination that is not there yet, and measures.
 /// `clock`: seconds since any moment.
 ///
+/// ```
+/// use std::time::Instant;
+///
+/// use pinspot::reference::StoppingCriterion;
+/// use pinspot::report::{Plan, Request, compare};
+/// use pinspot::{Backend, Density, EvaluationChoice, FilterChoice, Footprint, NoProgress, Strategy, blocking};
+///
+/// # fn main() -> Result<(), pinspot::Error> {
+/// # let folder = tempfile::tempdir().unwrap();
+/// # let folder = folder.path();
+/// let (scene, options) = pinspot::load("mirror-sphere")?;
+/// let request = Request {
+///     scene,
+///     options: options.with_size([8, 8]),
+///     backend: Backend::cpu(),
+///     plan: Plan {
+///         strategies: vec![Strategy::Random, Strategy::Neighbourhood],
+///         densities: vec![Density::Uniform],
+///         footprints: vec![Footprint::Cells],
+///         filters: vec![FilterChoice::Anisotropic],
+///         evaluations: vec![EvaluationChoice::Flat],
+///         samples: vec![50],
+///         seeds: 1,
+///         figure: None,
+///     },
+///     mask: None,
+///     folder: folder.into(),
+///     command: "an example".into(),
+/// };
+/// let start = Instant::now();
+/// let clock = || start.elapsed().as_secs_f64();
+/// let comparison = blocking::wait(None, compare(&request, &StoppingCriterion::new(0.1), &clock, &NoProgress))?;
+/// comparison.write(folder)?; // report.html, results.csv, …
+/// # Ok(())
+/// # }
+/// ```
+///
 /// # Errors
 /// Combinations that cannot be rendered, a folder that cannot be written to, and all that the reference and the engine report.
 pub async fn compare(

@@ -46,6 +46,16 @@ pub struct Ray {
 impl Camera {
     /// A camera at `position` that looks at `target`; `None` if the frame is degenerate
     /// (target at the position, or `up` along the view axis).
+    ///
+    /// ```
+    /// use pinspot::glam::{Vec2, Vec3};
+    /// use pinspot::scene::{Camera, Projection};
+    ///
+    /// let projection = Projection::Perspective { fov_y_rad: 0.7 };
+    /// let camera = Camera::look_at(Vec3::new(0.0, 2.0, 5.0), Vec3::ZERO, Vec3::Y, projection).unwrap();
+    /// let (pixel, depth) = camera.project(Vec3::ZERO, Vec2::new(640.0, 480.0));
+    /// assert!(pixel.abs_diff_eq(Vec2::new(320.0, 240.0), 1e-3) && depth > 5.0);
+    /// ```
     pub fn look_at(position: Vec3, target: Vec3, up: Vec3, projection: Projection) -> Option<Self> {
         let forward = direction(target - position)?;
         let right = forward.cross(direction(up)?);

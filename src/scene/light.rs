@@ -55,6 +55,17 @@ impl Light {
 
     /// A map by its name in scene files and on the command line: a built-in map (without extension), or a file. The
     /// second part of the result notes what was repaired.
+    ///
+    /// ```
+    /// use std::path::Path;
+    ///
+    /// use pinspot::scene::{Light, MapLayout};
+    ///
+    /// let (mut scene, _) = pinspot::load("ring")?;
+    /// let (light, _notes) = Light::map(Path::new("."), "forest", MapLayout::Latlong)?;
+    /// scene.environment.light = light;
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
     pub fn map(
         assets: &(impl Assets + ?Sized),
         name: &str,

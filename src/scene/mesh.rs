@@ -140,6 +140,16 @@ impl Mesh {
 
     /// Validates the parts of a mesh; `normals` are normalised. Degenerate triangles are dropped; their
     /// number is the second part of the result. `origin` is used in messages only.
+    ///
+    /// ```
+    /// use pinspot::glam::Vec3;
+    /// use pinspot::scene::Mesh;
+    ///
+    /// let corners = vec![Vec3::ZERO, Vec3::X, Vec3::Y];
+    /// let (mesh, dropped) = Mesh::new("triangle", corners, vec![Vec3::Z; 3], vec![[0, 1, 2]])?;
+    /// assert_eq!((mesh.area(), dropped), (0.5, 0));
+    /// # Ok::<(), pinspot::scene::MeshError>(())
+    /// ```
     pub fn new(
         origin: &str,
         positions: Vec<Vec3>,

@@ -3,7 +3,9 @@
 
 use bytemuck::{Pod, Zeroable};
 
+use crate::cell_tree::MAX_LEAVES;
 use crate::pinhole::{PinholeSample, PinholeTree};
+use crate::sampling::MAX_SAMPLES;
 
 /// Levels of blocks within a tile.
 pub const BLOCK_LEVELS: u32 = 4;
@@ -17,8 +19,12 @@ pub const WORKGROUP_SIZE: u32 = 64;
 pub const ESTIMATE_WORKGROUPS: u32 = 64;
 /// Invocations along an edge of the workgroups that compute bounds of the light.
 pub const BOUNDS_WORKGROUP_EDGE: u32 = 8;
-/// Levels that a traversal keeps track of: those of a million samples in fours, and six below each.
+/// Levels of a tree that a traversal keeps track of.
 pub const MAX_TREE_DEPTH: u32 = 20;
+const _: () = {
+    let (above, below) = (MAX_SAMPLES.ilog2().div_ceil(2), MAX_LEAVES.ilog2().div_ceil(2));
+    assert!(above + below < MAX_TREE_DEPTH, "the deepest tree has more levels than a traversal keeps track of");
+};
 
 /// What the cells of a sample have in common, 80 bytes.
 #[repr(C)]
