@@ -20,6 +20,8 @@ struct Decision {
     action: u32,
     // How much the pair's contribution differs within it, W/m².
     contribution_range: f32,
+    // It is no more than this.
+    max_contribution: f32,
 }
 
 // Nodes to be decided on.
@@ -137,7 +139,7 @@ fn process(at: BlockPlace, block: Block, progress: ptr<function, Progress>, lane
     (*progress).decided += taken;
     var index = 0u;
     var children = 0u;
-    var decision = Decision(DROP, 0.0);
+    var decision = Decision(DROP, 0.0, 0.0);
     if lane < taken {
         index = stack[(*progress).pending + lane];
         let cell = load_cell(index);
@@ -145,7 +147,9 @@ fn process(at: BlockPlace, block: Block, progress: ptr<function, Progress>, lane
         decision = decide(block, at.level, cell);
         if VISIBILITY && decision.action == ADD {
             // Occlusion between the sixteen points cannot be interpolated.
-            decision.action = select(SPLIT_BLOCK, SPLIT_CELL, is_cluster(index, cell));
+            let needs_own_maps = is_cluster(index, cell)
+                && decision.max_contribution >= STAND_IN_SHARE * PAIR_ERROR_SHARE * tolerance.error;
+            decision.action = select(SPLIT_BLOCK, SPLIT_CELL, needs_own_maps);
         }
     }
     let count = select(0u, children & 7u, decision.action == SPLIT_CELL)
@@ -272,10 +276,10 @@ fn block_pair(block: Block, cell: Cell) -> BlockPair {
 fn decide(block: Block, level: u32, cell: Cell) -> Decision {
     let pair = block_pair(block, cell);
     if pair.max_cos_at_sample_l <= 0.0 || pair.max_cos_at_receiver_l <= 0.0 {
-        return Decision(DROP, 0.0);
+        return Decision(DROP, 0.0, 0.0);
     }
     if pair.l < NEAR_FIELD_SIZES * pair.sizes {
-        return Decision(select(SPLIT_BLOCK, SPLIT_CELL, !is_leaf(cell) && cell.radius >= block.radius), 0.0);
+        return Decision(select(SPLIT_BLOCK, SPLIT_CELL, !is_leaf(cell) && cell.radius >= block.radius), 0.0, 0.0);
     }
     let block_size = block.radius / pair.l;
     let cell_size = cell.radius / pair.l + cell.normal_radius;
@@ -287,10 +291,10 @@ fn decide(block: Block, level: u32, cell: Cell) -> Decision {
     let negligible = NEGLIGIBLE_SHARE * tolerance.error / tree.area * cell.area;
     // Glossy receivers weight it one by one.
     if max_contribution <= negligible && (max_contribution == 0.0 || tree.has_view_directions == 0u) {
-        return Decision(DROP, 0.0);
+        return Decision(DROP, 0.0, 0.0);
     }
     if block.kind != SMOOTH {
-        return Decision(SPLIT_BLOCK, 0.0);
+        return Decision(SPLIT_BLOCK, 0.0, 0.0);
     }
     // The points' distance over the width of what is interpolated.
     let step = POINT_SPACING * block_size / max(sqrt(cone.minor2), uniforms.texel_rad);
@@ -304,9 +308,9 @@ fn decide(block: Block, level: u32, cell: Cell) -> Decision {
         cell_error = contribution_range * min(CONTRAST_ERROR_SCALE * cell_size, 1.0) + max_contribution * cell_weight_error;
     }
     if block_error + cell_error < PAIR_ERROR_SHARE * tolerance.error {
-        return Decision(ADD, contribution_range);
+        return Decision(ADD, contribution_range, max_contribution);
     }
-    return Decision(select(SPLIT_BLOCK, SPLIT_CELL, !is_leaf(cell) && cell_error >= block_error), 0.0);
+    return Decision(select(SPLIT_BLOCK, SPLIT_CELL, !is_leaf(cell) && cell_error >= block_error), 0.0, 0.0);
 }
 
 // The greatest weight of any point of the cell at any point of the block.

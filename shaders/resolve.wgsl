@@ -138,8 +138,9 @@ struct Visit {
 
 // The criterion of refinement for one receiver.
 fn visit_cell(index: u32, cell: Cell, receiver: Receiver, traversal: ptr<function, Traversal>) -> Visit {
+    let is_occluded_cluster = VISIBILITY && is_cluster(index, cell);
     let is_known = (*traversal).sample == cell.sample;
-    if VISIBILITY && is_known && (*traversal).visible_fraction == 0.0 {
+    if VISIBILITY && is_known && !is_occluded_cluster && (*traversal).visible_fraction == 0.0 {
         return Visit(vec4f(0.0), false);
     }
     let pair = pair_of(cell, receiver);
@@ -161,28 +162,32 @@ fn visit_cell(index: u32, cell: Cell, receiver: Receiver, traversal: ptr<functio
     if !(max_contribution > NEGLIGIBLE_SHARE * tolerance.error / tree.area * cell.area) {
         return Visit(looked_up, false);
     }
-    // What several samples see together is not known.
-    let is_cluster_seen = VISIBILITY && is_cluster(index, cell);
-    if VISIBILITY && !is_cluster_seen && !is_known {
-        find_visible_fraction(cell.sample, receiver, traversal);
+    let error_budget = PAIR_ERROR_SHARE * tolerance.error;
+    var is_one_sample = true;
+    if !is_leaf(cell) {
+        let error = contribution_range * min(size * CONTRAST_ERROR_SCALE, 1.0)
+            + max_contribution * (size * size * WEIGHT_ERROR_SCALE + gloss.y);
+        // Where the pair straddles a horizon, the cell's centroid is not representative.
+        is_one_sample =
+            select(error < error_budget && size < MAX_RELATIVE_SIZE, max_contribution < error_budget, weight.straddles_horizon);
+        if is_occluded_cluster && !(is_one_sample && max_contribution < STAND_IN_SHARE * error_budget) {
+            return Visit(looked_up, true);
+        }
+    }
+    if VISIBILITY {
+        if !is_known {
+            find_visible_fraction(cell.sample, receiver, traversal);
+        }
         if (*traversal).visible_fraction == 0.0 {
             return Visit(looked_up, false);
         }
     }
-    let error_budget = PAIR_ERROR_SHARE * tolerance.error;
-    if is_leaf(cell) {
-        if tree.split_near != 0u && max_contribution * size * size * WEIGHT_ERROR_SCALE > error_budget {
-            return Visit(contribution_of_quarters(cell, receiver, traversal) + looked_up, false);
-        }
-    } else {
-        let error = contribution_range * min(size * CONTRAST_ERROR_SCALE, 1.0)
-            + max_contribution * (size * size * WEIGHT_ERROR_SCALE + gloss.y);
-        // Where the pair straddles a horizon, the cell's centroid is not representative.
-        let is_one_sample =
-            select(error < error_budget && size < MAX_RELATIVE_SIZE, max_contribution < error_budget, weight.straddles_horizon);
-        if is_cluster_seen || !is_one_sample {
-            return Visit(looked_up, true);
-        }
+    if !is_one_sample {
+        return Visit(looked_up, true);
+    }
+    let is_near = max_contribution * size * size * WEIGHT_ERROR_SCALE > error_budget;
+    if is_leaf(cell) && tree.split_near != 0u && is_near {
+        return Visit(contribution_of_quarters(cell, receiver, traversal) + looked_up, false);
     }
     if !(pair.cosine_product > 0.0) {
         return Visit(looked_up, false);

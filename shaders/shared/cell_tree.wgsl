@@ -95,7 +95,7 @@ struct Cell {
     change_1: vec3f,
     creased: bool,
     change_2: vec3f,
-    // Its sample; of a cluster node, one of them.
+    // Its sample; of a cluster node, the most central one.
     sample: u32,
     // Eight times the first child's index, plus the number of children.
     children: u32,

@@ -115,14 +115,19 @@ impl CellTree {
 
         let fit = moments.fit();
         let (mut radius, mut normal_radius, mut creased) = (0.0f32, 0.0f32, false);
+        let (mut central, mut least) = (group[0], f32::INFINITY);
         for &sample in &*group {
             creased |= cells[sample as usize].node.is_creased();
             creased |= cells[sample as usize].patch != cells[group[0] as usize].patch;
             let of_sample = cells[sample as usize].node.geometry();
+            let distance = of_sample.centroid.distance_squared(fit.centroid);
+            if distance < least {
+                (central, least) = (sample, distance);
+            }
             radius = radius.max(of_sample.centroid.distance(fit.centroid) + of_sample.radius);
             normal_radius = normal_radius.max(of_sample.normal.distance(fit.normal) + of_sample.normal_radius);
         }
-        let mut node = CellNode::new(&fit, radius, normal_radius, group[0], creased);
+        let mut node = CellNode::new(&fit, radius, normal_radius, central, creased);
         node.set_children(first, count);
         self.nodes[place as usize] = node;
         moments

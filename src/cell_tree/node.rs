@@ -20,7 +20,7 @@ pub struct CellNode {
     /// e₂₁, e₂₂: the cell's sides are T₁ = (e₁₁, e₂₁) and T₂ = (0, e₂₂), a parallelogram with the cell's moments. k₁₁, k₁₂ and
     pub(crate) sides_curvature: [f32; 4],
     /// k₂₂: ∇n, 1/m. Two halves, the radius in metres below and above it the greatest distance of a normal from the mean one;
-    /// eight times the first child's index and the number of children; twice the sample (of a cluster: one of its),
+    /// eight times the first child's index and the number of children; twice the sample (of a cluster: its most central one),
     /// and 1 if there are creases within.
     pub(crate) curvature_bounds_links: [u32; 4],
 }
@@ -78,7 +78,7 @@ impl CellNode {
         (link >> 3)..(link >> 3) + (link & 7)
     }
 
-    /// The number of the sample that it belongs to; a cluster gives one of its samples.
+    /// The number of the sample that it belongs to; of a cluster, the one nearest to its centroid.
     #[inline]
     pub fn sample(&self) -> u32 {
         self.curvature_bounds_links[3] >> 1

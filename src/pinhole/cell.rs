@@ -20,7 +20,7 @@ pub(super) struct Cell {
     pub is_creased: bool,
     /// Indices of the child nodes; none of a leaf.
     pub children: Range<u32>,
-    /// The sample node that it belongs to, whose visibility it shares; of a cluster node, one of those below it.
+    /// The sample node that it belongs to, whose visibility it shares; of a cluster, that of its most central sample.
     pub sample_node: u32,
 }
 

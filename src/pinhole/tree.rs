@@ -4,6 +4,7 @@ use super::cell::Cell;
 use super::{Mirror, Mirrors, PinholeParts, PinholeSample, Pinholes};
 use crate::cell_tree::{CellNode, CellTree, NodeGeometry};
 use crate::scene::Scene;
+use crate::tracing::Tracer;
 
 /// The hierarchy of samples.
 #[derive(Clone, Debug)]
@@ -23,9 +24,10 @@ impl PinholeTree {
         new
     }
 
-    /// The sample nodes, to trace their visibility; their maps hold for all cells below them.
-    pub fn sample_nodes_mut(&mut self) -> &mut Pinholes {
-        &mut self.sample_nodes
+    /// Traces the visibility maps of the samples, which all cells below them share. `scene` is the one that the tree and the tracer
+    /// were made of.
+    pub fn trace_visibility(&mut self, scene: &Scene, tracer: &Tracer) {
+        self.sample_nodes.trace_visibility(scene, tracer);
     }
 
     /// The cells.

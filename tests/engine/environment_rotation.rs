@@ -92,7 +92,7 @@ impl Work {
         let cells = CellTree::new(&surface, &self.sample_set(200), &TreeOptions { leaves: 16, seed: 1 });
         let mut tree = PinholeTree::new(&self.scene, cells);
         if has_visibility {
-            tree.sample_nodes_mut().trace_visibility(&self.scene, &self.tracer);
+            tree.trace_visibility(&self.scene, &self.tracer);
         }
         tree
     }

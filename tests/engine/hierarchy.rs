@@ -96,7 +96,7 @@ fn shadows_are_those_of_the_samples() {
     for name in ["ring-natural", "columns", "cup", "spoon", "disco-ball"] {
         let work = Work::new(name, 96, None);
         let mut tree = work.tree(1000, 1);
-        tree.sample_nodes_mut().trace_visibility(&work.scene, &work.tracer);
+        tree.trace_visibility(&work.scene, &work.tracer);
         let flat = work.flat(tree.sample_nodes(), &work.receivers);
         let fast = work.hierarchical(&tree, &work.receivers, 0.01);
         let (error, kept) = (rel_l2(&fast, &flat), energy(&fast) / energy(&flat));

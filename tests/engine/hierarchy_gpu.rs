@@ -97,7 +97,7 @@ impl Work {
         let set = sample(&surface, &sampling::Options { samples, strategy: Strategy::Neighbourhood, seed: 1 }).unwrap();
         let mut tree = PinholeTree::new(&scene, CellTree::new(&surface, &set, &TreeOptions { leaves, seed: 1 }));
         if visibility == Visibility::Full {
-            tree.sample_nodes_mut().trace_visibility(&scene, &tracer);
+            tree.trace_visibility(&scene, &tracer);
         }
         let bounds = LightBounds::new(&cube);
         Self { scene, receivers, cube, bounds, tree }

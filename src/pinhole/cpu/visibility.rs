@@ -42,7 +42,7 @@ pub(super) struct VisibilityMap<'a> {
 
 /// How much of a set of directions or points a sample sees.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Coverage {
+pub enum Coverage {
     /// All of it.
     Full,
     /// Nothing.

@@ -129,7 +129,7 @@ impl SampleStages {
         let Some(tracer) = occluder(inputs) else { return bare };
         self.visible_tree.get((Id::of(&bare), Some(tracer)), inputs.progress, || {
             let mut tree = (*bare).clone();
-            tree.sample_nodes_mut().trace_visibility(inputs.scene, &inputs.prepared.tracer);
+            tree.trace_visibility(inputs.scene, &inputs.prepared.tracer);
             tree
         })
     }

@@ -21,16 +21,22 @@ pub enum Decision {
     /// It contributes nothing that counts.
     Drop,
     /// It may be evaluated as it is.
-    Accept {
-        /// What it contributes differs by so much within it, W/m²: below the error budget one look-up is enough.
-        contribution_range: f32,
-        /// It may be interpolated even if part of the environment is occluded.
-        allows_partial_sky: bool,
-    },
+    Accept(Accepted),
     /// Its cell is too large.
     RefineCell,
     /// Its block is too large.
     RefineBlock,
+}
+
+/// A pair that may be evaluated as it is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Accepted {
+    /// What it contributes differs by so much within it, W/m²: below the error budget one look-up is enough.
+    pub contribution_range: f32,
+    /// It contributes no more than this, W/m².
+    pub max_contribution: f32,
+    /// It may be interpolated even if part of the environment is occluded.
+    pub allows_partial_sky: bool,
 }
 
 /// What does not change from pair to pair.
@@ -220,6 +226,10 @@ impl RefinementCriterion<'_> {
         }
         // Occlusion: a contrast as strong as the light, smooth over a texel of the map.
         let occlusion_error = max_contribution * pair.interpolated_share(cone.minor.max(self.map_texel_rad));
-        Decision::Accept { contribution_range, allows_partial_sky: error + occlusion_error < self.error_budget }
+        Decision::Accept(Accepted {
+            contribution_range,
+            max_contribution,
+            allows_partial_sky: error + occlusion_error < self.error_budget,
+        })
     }
 }

@@ -8,6 +8,7 @@
 
 mod blocks;
 mod cached;
+mod coverage;
 mod criterion;
 mod evaluation;
 mod packet;

@@ -6,20 +6,21 @@ use glam::{Vec2, Vec3, Vec4};
 
 use super::super::cube::{OnCube, on_cube};
 use super::super::filters::FootprintSides;
-use super::super::lanes::{ALL, F, LANES, Simd, SimdBase, SimdFloat, V3, bits, lanes, set_bits, splat, splat3};
+use super::super::lanes::{ALL, F, LANES, Simd, SimdBase, SimdFloat, V3, bits, lanes, set_bits, splat};
 use super::super::visibility::{Coverage, VisibilityMap};
-use super::super::{Gather, Receiver, ReceiverCellPair, ReceiverGroup};
+use super::super::{Receiver, ReceiverCellPair, ReceiverGroup};
 use super::criterion::unevenness;
 use super::evaluation::CellAtReceivers;
-use super::tile::TileGather;
+use super::tile::{SEEN, TileGather, map_towards};
 use crate::pinhole::cell::Cell;
 use crate::pinhole::constants::{
     CONTRAST_ERROR_SCALE, FOOTPRINT_BEND, FOOTPRINT_RADIUS, MAX_QUARTERINGS, MAX_RELATIVE_SIZE, MIN_DISTANCE_RATIO,
-    WEIGHT_ERROR_SCALE,
+    STAND_IN_SHARE, WEIGHT_ERROR_SCALE,
 };
 use crate::pinhole::{PinholeParts, PinholeSample, VisibilityMaps};
 
-/// How much of the receivers the sample node sees whose cells are being visited.
+/// How much of the receivers the sample sees whose map the cells being visited share.
+#[derive(Clone, Copy)]
 struct VisibleReceivers<S: Simd> {
     sample_node: u32,
     fraction: F<S>,
@@ -48,17 +49,15 @@ struct ContributionBounds<S: Simd> {
 }
 
 impl<S: Simd> VisibleReceivers<S> {
-    /// Before any sample node.
+    /// All of them; no sample's.
     fn all(simd: S) -> Self {
         Self { sample_node: u32::MAX, fraction: splat(simd, 1.0), lanes: ALL }
     }
 
     #[inline(always)]
-    fn new(simd: S, maps: &VisibilityMaps, node: &PinholeSample, sample_node: u32, receiver: &Receiver<S>) -> Self {
-        let l = receiver.position - splat3(simd, node.position());
-        let dn = -l.dot(splat3(simd, node.normal()));
-        let map = VisibilityMap::new(maps, node, dn);
-        let (fraction, lanes) = match map.receiver_coverage(simd, l, receiver.occupied()) {
+    fn new(simd: S, maps: &VisibilityMaps, samples: &[PinholeSample], sample: u32, points: &ReceiverGroup) -> Self {
+        let (map, l) = map_towards(simd, maps, &samples[sample as usize], points);
+        let (fraction, lanes) = match map.receiver_coverage(simd, l, points.in_lanes(simd).occupied()) {
             Coverage::Full => (splat(simd, 1.0), ALL),
             Coverage::None => (splat(simd, 0.0), 0),
             Coverage::Partial => {
@@ -66,14 +65,7 @@ impl<S: Simd> VisibleReceivers<S> {
                 (fraction, bits(fraction.simd_gt(0.0)))
             }
         };
-        Self { sample_node, fraction, lanes }
-    }
-
-    /// The sample node's map, if there are maps; `dn` as in [`VisibilityMap::new`].
-    #[inline(always)]
-    fn map<'a>(&self, gather: &Gather<'a>, dn: F<S>) -> Option<VisibilityMap<'a>> {
-        let maps = gather.pinholes.visibility.as_ref()?;
-        Some(VisibilityMap::new(maps, &gather.pinholes.samples[self.sample_node as usize], dn))
+        Self { sample_node: sample, fraction, lanes }
     }
 }
 
@@ -81,16 +73,15 @@ impl TileGather<'_> {
     /// Adds what cells, and those below them, contribute to sixteen receivers.
     #[inline(always)]
     pub(super) fn packet<S: Simd>(&mut self, simd: S, points: &ReceiverGroup, cells: &[u32], sum: &mut [Vec4; LANES]) {
-        let receiver = points.in_lanes(simd);
-        let occupied = receiver.occupied();
+        let occupied = points.in_lanes(simd).occupied();
         let mut stack = std::mem::take(&mut self.packet_stack);
         stack.extend(cells.iter().map(|&cell| (cell, occupied)));
         let mut visible = VisibleReceivers::all(simd);
-        while let Some((index, lanes)) = stack.pop() {
-            let cell = self.context.pinholes.cell(self.context.pinholes.tree.node(index));
-            let refined = self.visit(simd, (index, &cell), lanes, &receiver, &mut visible, sum);
+        while let Some((item, lanes)) = stack.pop() {
+            let cell = self.context.pinholes.cell(self.context.pinholes.tree.node(item & !SEEN));
+            let refined = self.visit(simd, (item, &cell), lanes, points, &mut visible, sum);
             if refined != 0 {
-                stack.extend(cell.children.map(|child| (child, refined)));
+                stack.extend(cell.children.map(|child| (child | item & SEEN, refined)));
             }
         }
         self.packet_stack = stack;
@@ -101,16 +92,19 @@ impl TileGather<'_> {
     fn visit<S: Simd>(
         &self,
         simd: S,
-        (index, cell): (u32, &Cell),
+        (item, cell): (u32, &Cell),
         lanes: u32,
-        receiver: &Receiver<S>,
+        points: &ReceiverGroup,
         visible: &mut VisibleReceivers<S>,
         sum: &mut [Vec4; LANES],
     ) -> u32 {
         let pinholes = self.context.pinholes;
-        let maps = pinholes.sample_nodes.visibility.as_ref();
+        let receiver = &points.in_lanes(simd);
+        // Maps tell which receivers are seen, unless all are.
+        let maps = pinholes.sample_nodes.visibility.as_ref().filter(|_| item & SEEN == 0);
+        let is_cluster = self.has_visibility && pinholes.tree.is_cluster(item & !SEEN);
         let is_known = maps.is_none() || visible.sample_node == cell.sample_node;
-        let lanes = if is_known { lanes & visible.lanes } else { lanes };
+        let lanes = if maps.is_some() && is_known && !is_cluster { lanes & visible.lanes } else { lanes };
         let pair = ReceiverCellPair::new(simd, &cell.sample, receiver);
         let max_weight = self.max_weight(simd, cell, &pair, receiver, lanes);
         if max_weight.facing == 0 {
@@ -119,29 +113,30 @@ impl TileGather<'_> {
         let footprint = pair.footprint(simd, &cell.sample);
         let bounds = self.contribution_bounds(simd, cell, &pair, &footprint, receiver, &max_weight);
         sum.iter_mut().enumerate().for_each(|(lane, s)| s.w += (max_weight.facing >> lane & 1) as f32);
-        let mut active = max_weight.facing & bits(bounds.max.simd_gt(self.criterion.negligible * cell.sample.area));
+        let active = max_weight.facing & bits(bounds.max.simd_gt(self.criterion.negligible * cell.sample.area));
         if active == 0 {
             return 0;
         }
-        // The joint visibility of several sample nodes is not known.
-        let is_occluded_cluster = maps.is_some() && pinholes.tree.is_cluster(index);
-        if let (Some(maps), false, false) = (maps, is_occluded_cluster, is_known) {
-            let node = &pinholes.sample_nodes.samples[cell.sample_node as usize];
-            *visible = VisibleReceivers::new(simd, maps, node, cell.sample_node, receiver);
-            active &= visible.lanes;
-        }
-        let (accepted, refined) = if cell.is_leaf() {
-            let near = self.near_lanes(simd, &bounds, active);
-            if near != 0 {
-                self.add_quarters(simd, &cell.sample, near, receiver, visible, sum);
+        let mut accepted = active & self.accepted_lanes(cell, is_cluster, &bounds, max_weight.straddling_horizon);
+        let mut refined = active & !accepted;
+        let mut fraction = splat(simd, 1.0);
+        if let Some(maps) = maps.filter(|_| accepted != 0 || !is_cluster) {
+            if !is_known {
+                let samples = &pinholes.sample_nodes.samples;
+                *visible = VisibleReceivers::new(simd, maps, samples, cell.sample_node, points);
             }
-            (active & !near, 0)
-        } else if is_occluded_cluster {
-            (0, active)
-        } else {
-            let accepted = active & self.accepted_lanes(&bounds, max_weight.straddling_horizon);
-            (accepted, active & !accepted)
-        };
+            fraction = visible.fraction;
+            accepted &= visible.lanes;
+            // Of a cluster, other samples may see what its central one does not.
+            refined &= if is_cluster { ALL } else { visible.lanes };
+        }
+        if cell.is_leaf() {
+            let near = self.near_lanes(simd, &bounds, accepted);
+            if near != 0 {
+                self.add_quarters(simd, cell, near, receiver, fraction, sum);
+            }
+            accepted &= !near;
+        }
         let lit = accepted & pair.lit();
         if lit != 0 {
             let weight = if cell.is_leaf() {
@@ -149,10 +144,20 @@ impl TileGather<'_> {
             } else {
                 self.context.gather.weight(simd, &cell.sample, &pair, receiver)
             };
+            let map = self.sky_map(cell, pair.dn);
+            let weight = weight * fraction;
             let cell = CellAtReceivers { sample: &cell.sample, receiver, pair: &pair, footprint: &footprint, weight };
-            self.add_accepted(simd, cell, visible, bounds.range, lit, sum);
+            self.add_accepted(simd, &cell, map, bounds.range, lit, sum);
         }
         refined
+    }
+
+    /// The map of what a cell sees, if there are maps; `dn` as in [`VisibilityMap::new`].
+    #[inline(always)]
+    fn sky_map<S: Simd>(&self, cell: &Cell, dn: F<S>) -> Option<VisibilityMap<'_>> {
+        let pinholes = self.context.gather.pinholes;
+        let maps = pinholes.visibility.as_ref()?;
+        Some(VisibilityMap::new(maps, &pinholes.samples[cell.sample_node as usize], dn))
     }
 
     #[inline(always)]
@@ -223,31 +228,39 @@ impl TileGather<'_> {
 
     /// The lanes for which a cell may be taken as one sample.
     #[inline(always)]
-    fn accepted_lanes<S: Simd>(&self, bounds: &ContributionBounds<S>, straddling_horizon: u32) -> u32 {
+    fn accepted_lanes<S: Simd>(
+        &self,
+        cell: &Cell,
+        is_occluded_cluster: bool,
+        bounds: &ContributionBounds<S>,
+        straddling_horizon: u32,
+    ) -> u32 {
+        if cell.is_leaf() {
+            return ALL;
+        }
         let ContributionBounds { size, max, range, gloss_error } = *bounds;
         let budget = self.criterion.error_budget;
         let weight_error = size * size * WEIGHT_ERROR_SCALE + gloss_error;
         let error = range * (size * CONTRAST_ERROR_SCALE).min(1.0) + max * weight_error;
         let is_small = bits(error.simd_lt(budget) & size.simd_lt(MAX_RELATIVE_SIZE));
         // Where the pair straddles a horizon, the cell's centroid is not representative.
-        is_small & !straddling_horizon | bits(max.simd_lt(budget)) & straddling_horizon
+        let accepted = is_small & !straddling_horizon | bits(max.simd_lt(budget)) & straddling_horizon;
+        if is_occluded_cluster { accepted & bits(max.simd_lt(STAND_IN_SHARE * budget)) } else { accepted }
     }
 
-    /// Adds what an accepted cell contributes, as far as it is not occluded.
+    /// Adds what an accepted cell contributes, as far as the map of what it sees says that light arrives.
     #[inline(always)]
     fn add_accepted<S: Simd>(
         &self,
         simd: S,
-        mut cell: CellAtReceivers<S>,
-        visible: &VisibleReceivers<S>,
+        cell: &CellAtReceivers<S>,
+        mut map: Option<VisibilityMap>,
         contribution_range: F<S>,
         lit: u32,
         sum: &mut [Vec4; LANES],
     ) {
         let gather = &self.context.gather;
-        let mut map = visible.map(gather, cell.pair.dn);
         if let Some(sky) = &map {
-            cell.weight *= visible.fraction;
             match sky.sky_coverage(simd, cell.pair.r, cell.footprint.max_radius(), lit) {
                 Coverage::Full => map = None,
                 Coverage::None => return,
@@ -258,7 +271,7 @@ impl TileGather<'_> {
         let taps = self.criterion.taps(contribution_range);
         for (lit, taps) in [(lit & !uneven, None), (uneven, Some(taps))] {
             if lit != 0 {
-                gather.add_cell(simd, &cell, map.as_ref(), taps, lit, sum);
+                gather.add_cell(simd, cell, map.as_ref(), taps, lit, sum);
             }
         }
     }
@@ -269,15 +282,15 @@ impl TileGather<'_> {
     fn add_quarters<S: Simd>(
         &self,
         simd: S,
-        leaf: &PinholeParts,
+        leaf: &Cell,
         near: u32,
         receiver: &Receiver<S>,
-        visible: &VisibleReceivers<S>,
+        visible_fraction: F<S>,
         sum: &mut [Vec4; LANES],
     ) {
         let gather = &self.context.gather;
         let taps = Some(splat(simd, gather.uniforms.taps as f32));
-        let mut pieces: Vec<(PinholeParts, u32, u32)> = leaf.quarters().map(|q| (q, near, 1)).to_vec();
+        let mut pieces: Vec<(PinholeParts, u32, u32)> = leaf.sample.quarters().map(|q| (q, near, 1)).to_vec();
         while let Some((piece, lanes, depth)) = pieces.pop() {
             let pair = ReceiverCellPair::new(simd, &piece, receiver);
             let size = pair.inverse_l * (0.5 * (piece.sides[0].length() + piece.sides[1].length()));
@@ -289,9 +302,9 @@ impl TileGather<'_> {
             if lit == 0 {
                 continue;
             }
-            let weight = gather.weight(simd, &piece, &pair, receiver) * visible.fraction;
+            let weight = gather.weight(simd, &piece, &pair, receiver) * visible_fraction;
             let footprint = &pair.footprint(simd, &piece);
-            let map = visible.map(gather, pair.dn);
+            let map = self.sky_map(leaf, pair.dn);
             let piece = CellAtReceivers { sample: &piece, receiver, pair: &pair, footprint, weight };
             gather.add_cell(simd, &piece, map.as_ref(), taps, lit, sum);
         }

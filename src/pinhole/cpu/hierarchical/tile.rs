@@ -2,20 +2,26 @@
 
 use glam::Vec4;
 
-use super::super::lanes::{LANES, Simd, splat, splat3};
+use super::super::lanes::{LANES, Simd, SimdBase, V3, bits, lanes, splat, splat3};
 use super::super::visibility::{Coverage, VisibilityMap};
 use super::super::{ReceiverCellPair, ReceiverGroup, load_at};
 use super::blocks::{BlockPyramid, EDGES, FINEST, Kind, ReceiverTile, points_along};
-use super::criterion::{Decision, RefinementCriterion};
+use super::coverage::CoverageCache;
+use super::criterion::{Accepted, Decision, RefinementCriterion};
 use super::evaluation::CellAtReceivers;
 use super::{Accuracy, TraversalContext};
-use crate::pinhole::PinholeSample;
 use crate::pinhole::cell::Cell;
-use crate::pinhole::constants::{INTERPOLATION_POINTS, NEGLIGIBLE_SHARE, PAIR_ERROR_SHARE};
+use crate::pinhole::constants::{
+    INTERPOLATION_POINTS, NEGLIGIBLE_SHARE, PAIR_ERROR_SHARE, PARTIAL_SHARE, STAND_IN_SHARE,
+};
 use crate::pinhole::receivers::TILE;
+use crate::pinhole::{PinholeSample, VisibilityMaps};
 
 // A lane for each of a block's points.
 const _: () = assert!(LANES == INTERPOLATION_POINTS as usize);
+
+/// Marks a cell in a list as seen by the whole block, so that nothing below it need be tested.
+pub const SEEN: u32 = 1 << 31;
 
 /// A tile being gathered.
 pub struct TileGather<'a> {
@@ -27,6 +33,8 @@ pub struct TileGather<'a> {
     sums: Vec<Vec4>,
     /// Recycled lists of cells.
     spare_lists: Vec<Vec<u32>>,
+    pub has_visibility: bool,
+    coverage: CoverageCache,
     /// Recycled stack of cells with their lanes.
     pub packet_stack: Vec<(u32, u32)>,
 }
@@ -65,6 +73,8 @@ impl<'a> TileGather<'a> {
             accuracy,
             sums: vec![Vec4::ZERO; TILE * TILE],
             spare_lists: Vec::new(),
+            has_visibility: context.gather.pinholes.visibility.is_some(),
+            coverage: CoverageCache::new(context.gather.pinholes.samples.len()),
             packet_stack: Vec::new(),
         }
     }
@@ -101,6 +111,9 @@ impl<'a> TileGather<'a> {
             self.interpolate(place, &sum, 0.0);
             return;
         }
+        if self.has_visibility {
+            self.coverage.enter(place.level);
+        }
         let mut deferred = self.spare_lists.pop().unwrap_or_default();
         let decisions = self.refine(simd, place, &points, cells, &mut deferred, &mut sum);
         self.interpolate(place, &sum, decisions as f32);
@@ -124,26 +137,48 @@ impl<'a> TileGather<'a> {
     ) -> usize {
         let block = *self.blocks.block(place.level, place.x, place.y);
         let pinholes = self.context.pinholes;
-        let has_visibility = pinholes.sample_nodes.visibility.is_some();
         let mut stack = self.spare_lists.pop().unwrap_or_default();
         stack.extend_from_slice(cells);
         let mut decisions = 0;
-        while let Some(index) = stack.pop() {
+        while let Some(item) = stack.pop() {
+            let index = item & !SEEN;
             let cell = pinholes.cell(pinholes.tree.node(index));
             decisions += 1;
-            match self.criterion.decide(&block, &cell) {
-                Decision::Drop => {}
-                Decision::RefineCell => stack.extend(cell.children),
-                Decision::RefineBlock => deferred.push(index),
-                // The joint visibility of several sample nodes is not known.
-                Decision::Accept { .. } if has_visibility && pinholes.tree.is_cluster(index) => {
-                    stack.extend(cell.children);
+            let decision = self.criterion.decide(&block, &cell);
+            if decision == Decision::Drop {
+                continue;
+            }
+            let is_cluster = self.has_visibility && pinholes.tree.is_cluster(index);
+            let mut seen = item & SEEN;
+            if block.kind == Kind::Smooth && seen == 0 && self.has_visibility && !is_cluster {
+                match self.receiver_coverage(simd, place, points, cell.sample_node) {
+                    Coverage::None => continue,
+                    Coverage::Full => seen = SEEN,
+                    Coverage::Partial => {}
                 }
-                Decision::Accept { contribution_range, allows_partial_sky } => {
-                    if !self.add(simd, &cell, points, (contribution_range, allows_partial_sky), sum) {
-                        deferred.push(index);
-                    }
+            }
+            let accepted = match decision {
+                Decision::Drop => continue,
+                Decision::RefineCell => {
+                    stack.extend(cell.children.map(|child| child | seen));
+                    continue;
                 }
+                Decision::RefineBlock => {
+                    deferred.push(index | seen);
+                    continue;
+                }
+                Decision::Accept(accepted) => accepted,
+            };
+            if is_cluster && accepted.max_contribution >= STAND_IN_SHARE * self.criterion.error_budget {
+                stack.extend(cell.children);
+                continue;
+            }
+            let coverage = match seen {
+                0 if self.has_visibility => self.receiver_coverage(simd, place, points, cell.sample_node),
+                _ => Coverage::Full,
+            };
+            if !self.add(simd, &cell, points, (accepted, coverage), sum) {
+                deferred.push(index | seen);
             }
         }
         self.recycle(stack);
@@ -162,6 +197,23 @@ impl<'a> TileGather<'a> {
         load_at(self.receivers.receivers(), place)
     }
 
+    /// How much of a smooth block the sample sees whose map a cell shares.
+    #[inline(always)]
+    fn receiver_coverage<S: Simd>(
+        &mut self,
+        simd: S,
+        place: BlockPlace,
+        points: &ReceiverGroup,
+        sample_node: u32,
+    ) -> Coverage {
+        let gather = &self.context.gather;
+        self.coverage.get(place.level, sample_node, || {
+            let Some(maps) = &gather.pinholes.visibility else { return Coverage::Full };
+            let (map, l) = map_towards(simd, maps, &gather.pinholes.samples[sample_node as usize], points);
+            map.receiver_coverage(simd, l, points.in_lanes(simd).occupied())
+        })
+    }
+
     /// Adds what a cell contributes to sixteen points; `false` if that cannot be interpolated between them.
     #[inline(always)]
     fn add<S: Simd>(
@@ -169,36 +221,45 @@ impl<'a> TileGather<'a> {
         simd: S,
         cell: &Cell,
         points: &ReceiverGroup,
-        (contribution_range, allows_partial_sky): (f32, bool),
+        (accepted, coverage): (Accepted, Coverage),
         sum: &mut [Vec4; LANES],
     ) -> bool {
         let gather = &self.context.gather;
         let (sample, receiver) = (&cell.sample, points.in_lanes(simd));
         let pair = ReceiverCellPair::new(simd, sample, &receiver);
-        let lit = pair.lit();
-        if lit == 0 {
+        let mut lit = pair.lit();
+        if lit == 0 || coverage == Coverage::None {
             return true;
         }
+        let error_budget = self.criterion.error_budget;
+        let is_small = accepted.max_contribution < PARTIAL_SHARE * error_budget;
+        let mut weight = gather.weight(simd, sample, &pair, &receiver);
         let footprint = pair.footprint(simd, sample);
         let mut occlusion = None;
         if let Some(maps) = &gather.pinholes.visibility {
-            let node: &PinholeSample = &gather.pinholes.samples[cell.sample_node as usize];
-            let map = VisibilityMap::new(maps, node, pair.dn);
-            match map.receiver_coverage(simd, receiver.position - splat3(simd, node.position()), lit) {
-                Coverage::Full => {}
-                Coverage::None => return true,
-                Coverage::Partial => return false,
+            let node = &gather.pinholes.samples[cell.sample_node as usize];
+            if coverage == Coverage::Partial {
+                if !is_small {
+                    return false;
+                }
+                let (map, l) = map_towards(simd, maps, node, points);
+                let fraction = lanes(simd, map.visible_fraction(simd, l, lit));
+                weight *= fraction;
+                lit &= bits(fraction.simd_gt(0.0));
+                if lit == 0 {
+                    return true;
+                }
             }
+            let map = VisibilityMap::new(maps, node, pair.dn);
             match map.sky_coverage(simd, pair.r, footprint.max_radius(), lit) {
                 Coverage::Full => {}
                 Coverage::None => return true,
-                Coverage::Partial if allows_partial_sky => occlusion = Some(map),
+                Coverage::Partial if accepted.allows_partial_sky || is_small => occlusion = Some(map),
                 Coverage::Partial => return false,
             }
         }
-        let is_uneven = contribution_range >= self.criterion.error_budget;
-        let taps = is_uneven.then(|| self.criterion.taps(splat(simd, contribution_range)));
-        let weight = gather.weight(simd, sample, &pair, &receiver);
+        let is_uneven = accepted.contribution_range >= error_budget;
+        let taps = is_uneven.then(|| self.criterion.taps(splat(simd, accepted.contribution_range)));
         let cell = CellAtReceivers { sample, receiver: &receiver, pair: &pair, footprint: &footprint, weight };
         gather.add_cell(simd, &cell, occlusion.as_ref(), taps, lit, sum);
         true
@@ -224,4 +285,17 @@ impl<'a> TileGather<'a> {
             }
         }
     }
+}
+
+/// A sample's map for the sides that points lie on, and the points relative to the sample.
+#[inline(always)]
+pub fn map_towards<'a, S: Simd>(
+    simd: S,
+    maps: &'a VisibilityMaps,
+    sample: &PinholeSample,
+    points: &ReceiverGroup,
+) -> (VisibilityMap<'a>, V3<S>) {
+    let l = points.in_lanes(simd).position - splat3(simd, sample.position());
+    let dn = -l.dot(splat3(simd, sample.normal()));
+    (VisibilityMap::new(maps, sample, dn), l)
 }

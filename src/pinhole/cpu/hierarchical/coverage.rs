@@ -1,0 +1,42 @@
+//! What the blocks of a tile see of the samples that have visibility maps, found when it is first needed and kept while the block
+//! and those within it are gathered.
+
+use super::super::visibility::Coverage;
+use super::blocks::FINEST;
+
+/// Coverage by level and sample.
+#[derive(Debug, Default)]
+pub struct CoverageCache {
+    samples: usize,
+    /// Of the current block of each level.
+    levels: [Vec<Option<Coverage>>; FINEST],
+}
+
+impl CoverageCache {
+    /// Knows nothing yet of so many samples.
+    pub fn new(samples: usize) -> Self {
+        Self { samples, levels: Default::default() }
+    }
+
+    /// Forgets the previous block of a level.
+    pub fn enter(&mut self, level: usize) {
+        let states = &mut self.levels[level];
+        states.clear();
+        states.resize(self.samples, None);
+    }
+
+    /// Coverage of the current block of a level. What an enclosing block sees wholly, or not at all, so do the blocks within it.
+    pub fn get(&mut self, level: usize, sample: u32, find: impl FnOnce() -> Coverage) -> Coverage {
+        let sample = sample as usize;
+        if let Some(known) = self.levels[level][sample] {
+            return known;
+        }
+        let of_enclosing = (0..level).rev().find_map(|outer| self.levels[outer][sample]);
+        let coverage = match of_enclosing {
+            Some(coverage @ (Coverage::Full | Coverage::None)) => coverage,
+            Some(Coverage::Partial) | None => find(),
+        };
+        self.levels[level][sample] = Some(coverage);
+        coverage
+    }
+}
