@@ -13,7 +13,7 @@ use pinspot::{
     Overlay, Settings, Strategy, Technique,
 };
 
-use super::errors::option_message;
+use super::errors::{message, option_message};
 
 /// Sampling options.
 #[derive(Debug, Args)]
@@ -162,7 +162,7 @@ impl SceneOptions {
 
     /// Loads a scene, overriding its settings by others.
     pub fn load(&self, scene: &str, over: Settings) -> Result<(Scene, Options), String> {
-        let loaded = load::<Settings>(scene).map_err(|e| e.to_string())?;
+        let loaded = load::<Settings>(scene).map_err(|e| message(&e.into()))?;
         // Errors in the file are reported with file and line, not as errors of the command line.
         let check = loaded.render.clone().options();
         check.map_err(|error| loaded.render_error(error.key(), option_message(&error)).to_string())?;

@@ -74,7 +74,7 @@ struct Report<'a> {
 
 pub fn run(args: &ReferenceArgs) -> Result<(), String> {
     check_output(&args.output, &["exr"])?;
-    let Loaded { mut scene, render, .. } = load::<Settings>(&args.scene).map_err(|e| e.to_string())?;
+    let Loaded { mut scene, render, .. } = load::<Settings>(&args.scene).map_err(|e| message(&e.into()))?;
     override_light(&mut scene, args.env.as_deref())?;
     let options = options(args, &render)?;
     let name = scene.name.clone();

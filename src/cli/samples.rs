@@ -84,7 +84,7 @@ pub fn run(args: &SamplesArgs) -> Result<(), String> {
     if let Some(path) = args.spectrum() {
         check_output(path, &["png"])?;
     }
-    let loaded = load::<Settings>(&args.scene).map_err(|e| e.to_string())?;
+    let loaded = load::<Settings>(&args.scene).map_err(|e| message(&e.into()))?;
     let over = Settings {
         samples: args.options.samples,
         strategy: args.options.strategy,

@@ -1,5 +1,7 @@
 //! The conformance test of filters on the adapter here.
 
+use std::sync::OnceLock;
+
 use pinspot::blocking::wait;
 use pinspot::low_level::conformance::{Conformance, Device, FilterResult, Verdict, examine};
 use pinspot::low_level::pinhole::Filter;
@@ -10,13 +12,19 @@ fn result(conformance: &Conformance, filter: Filter, taps: u32) -> &FilterResult
     conformance.results.iter().find(|r| r.filter == filter && r.taps == taps).unwrap()
 }
 
+/// The GPU's figures, which take minutes on a software adapter.
+fn on_gpu() -> &'static Conformance {
+    static MEASURED: OnceLock<Conformance> = OnceLock::new();
+    MEASURED.get_or_init(|| wait(Some(&gpu().device), examine(Device::Gpu(gpu()), &|| ())).unwrap())
+}
+
 /// Pinspot's own filters do the same on both back ends and get better with their cost, everywhere on the cube.
 #[test]
 fn the_shader_filters_are_as_good_as_they_claim() {
     let cpu = wait(None, examine(Device::Cpu, &|| ())).unwrap();
-    let gpu = wait(Some(&gpu().device), examine(Device::Gpu(gpu()), &|| ())).unwrap();
+    let gpu = on_gpu();
     for own in &cpu.results {
-        let twin = result(&gpu, own.filter, own.taps);
+        let twin = result(gpu, own.filter, own.taps);
         assert!(
             (own.rms_error - twin.rms_error).abs() < 1e-3,
             "{:?}: {} {}",
@@ -51,8 +59,8 @@ fn the_shader_filters_are_as_good_as_they_claim() {
 #[test]
 fn the_hardware_filter_is_found_out() {
     let gpu = gpu();
-    let conformance = wait(Some(&gpu.device), examine(Device::Gpu(gpu), &|| ())).unwrap();
-    let hardware = result(&conformance, Filter::Hardware, 16);
+    let conformance = on_gpu();
+    let hardware = result(conformance, Filter::Hardware, 16);
     println!("{}: {hardware:?}", conformance.device);
     let quick = wait(Some(&gpu.device), pinspot::low_level::pinhole::gpu::check_hardware_filter(gpu)).unwrap();
     assert_eq!(quick.is_right(), hardware.verdict == Verdict::Right, "{quick:?} {hardware:?}");
@@ -64,7 +72,7 @@ fn the_hardware_filter_is_found_out() {
     }
     // Round footprints ask nothing of the gradients' direction: whoever reads the gradients filters them as mips allow.
     let round = |result: &FilterResult| result.by_aspect.iter().find(|(aspect, _)| *aspect == 1.0).unwrap().1;
-    let (own, isotropic) = (round(hardware), round(result(&conformance, Filter::Isotropic, 1)));
+    let (own, isotropic) = (round(hardware), round(result(conformance, Filter::Isotropic, 1)));
     let ignores = hardware.verdict == Verdict::WrongIgnoresGradients;
     assert!(ignores || own < isotropic + 0.05, "round footprints: {own}, by mips alone {isotropic}");
     assert!(hardware.by_pattern.iter().all(|(_, error)| error.is_finite()), "{hardware:?}");

@@ -43,7 +43,8 @@ fn receivers() -> Receivers {
 fn errors(light: &str, roughnesses: &[f32]) -> Vec<(f32, f64, f64)> {
     let of = |roughness| {
         let scene = ring(light, roughness);
-        let expected = truth(scene.clone(), 0.01);
+        // Its own error adds less than a hundredth of the errors measured.
+        let expected = truth(scene.clone(), 0.02);
         let environment = Environment::new(&scene.environment.light, Default::default()).unwrap();
         let pinholes = pinholes_of(&scene, 2000, Strategy::Neighbourhood, Footprint::Cells, 1);
         let mut sharp = pinholes.clone();

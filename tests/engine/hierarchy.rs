@@ -74,7 +74,7 @@ fn it_sums_what_its_leaves_do() {
     let mut failures = Vec::new();
     for scene in BUILT_IN {
         for map in [None, Some("forest"), Some("clear-sky"), Some("studio"), Some("city")] {
-            let work = Work::new(scene.name, 48, map);
+            let work = Work::new(scene.name, 32, map);
             let tree = work.tree(400, 16);
             let flat = work.flat(&tree.leaves(), &work.receivers);
             let fast = work.hierarchical(&tree, &work.receivers, TOLERANCE);
@@ -165,7 +165,7 @@ fn glossy_receivers_get_what_the_leaves_bring() {
 /// By default, leaves bring the picture nearer to the truth than samples alone do.
 #[test]
 fn leaves_bring_it_nearer_to_the_truth() {
-    const EDGE: u32 = 48;
+    const EDGE: u32 = 32;
     for (name, visibility) in
         [("ring-natural", Visibility::None), ("spoon", Visibility::None), ("spoon", Visibility::Full)]
     {
