@@ -148,7 +148,7 @@ fn process(at: BlockPlace, block: Block, progress: ptr<function, Progress>, lane
         if VISIBILITY && decision.action == ADD {
             // Occlusion between the sixteen points cannot be interpolated.
             let needs_own_maps = is_cluster(index, cell)
-                && decision.max_contribution >= STAND_IN_SHARE * PAIR_ERROR_SHARE * tolerance.error;
+                && decision.max_contribution >= CENTRAL_VISIBILITY_SHARE * PAIR_ERROR_SHARE * tolerance.error;
             decision.action = select(SPLIT_BLOCK, SPLIT_CELL, needs_own_maps);
         }
     }

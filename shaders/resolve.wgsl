@@ -170,7 +170,7 @@ fn visit_cell(index: u32, cell: Cell, receiver: Receiver, traversal: ptr<functio
         // Where the pair straddles a horizon, the cell's centroid is not representative.
         is_one_sample =
             select(error < error_budget && size < MAX_RELATIVE_SIZE, max_contribution < error_budget, weight.straddles_horizon);
-        if is_occluded_cluster && !(is_one_sample && max_contribution < STAND_IN_SHARE * error_budget) {
+        if is_occluded_cluster && !(is_one_sample && max_contribution < CENTRAL_VISIBILITY_SHARE * error_budget) {
             return Visit(looked_up, true);
         }
     }

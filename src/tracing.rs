@@ -48,8 +48,6 @@ pub struct Tracer {
     scale: f32,
     bvh: CwBvh,
     camera_visible: Vec<bool>,
-    /// Typical size of each object's triangles, units.
-    triangle_sizes: Vec<f32>,
     /// Rays start this far off a surface, units.
     offset: f32,
 }
@@ -75,10 +73,9 @@ impl Tracer {
 
     /// Builds the hierarchy over objects' meshes in world space; the second part says whether the camera sees one.
     pub fn of_meshes<'a>(meshes: impl Iterator<Item = (&'a Mesh, bool)>) -> Self {
-        let (mut triangles, mut camera_visible, mut triangle_sizes) = (Vec::new(), Vec::new(), Vec::new());
+        let (mut triangles, mut camera_visible) = (Vec::new(), Vec::new());
         for (object, (mesh, is_visible)) in meshes.enumerate() {
             camera_visible.push(is_visible);
-            triangle_sizes.push((mesh.area() / mesh.triangles().len().max(1) as f64).sqrt() as f32);
             for t in 0..mesh.triangles().len() {
                 let (corners, normals) = (mesh.corners(t), mesh.corner_normals(t));
                 triangles.push(TraceTriangle { corners, normals, object: object as u32 });
@@ -87,7 +84,6 @@ impl Tracer {
         let all = triangles.iter().flat_map(|t| t.corners);
         let (low, high) = all.fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(l, h), p| (l.min(p), h.max(p)));
         let scale = if triangles.is_empty() { 1.0 } else { unit_scale(0.5 * high - 0.5 * low) };
-        triangle_sizes.iter_mut().for_each(|size| *size *= scale);
         for triangle in &mut triangles {
             triangle.corners = triangle.corners.map(|corner| scale * corner);
         }
@@ -100,7 +96,7 @@ impl Tracer {
             .collect();
         let bvh = build_cwbvh(&bounds, BvhBuildParams::fast_build(), &mut Default::default());
         let offset = if triangles.is_empty() { 0.0 } else { offset(scale * low, scale * high) };
-        Self { triangles, scale, bvh, camera_visible, triangle_sizes, offset }
+        Self { triangles, scale, bvh, camera_visible, offset }
     }
 
     /// The first thing that the camera sees along a ray.
@@ -116,8 +112,8 @@ impl Tracer {
     /// The first thing that a piece of a surface sees in a direction; itself it does not see.
     pub fn seen_by(&self, piece: &Piece, direction: Vec3) -> Option<Hit> {
         let side = if piece.front { 1.0 } else { -1.0 };
-        // A piece is a little curved, and its middle may lie below its triangles, whatever its own size.
-        let extent = (self.scale * piece.extent).max(self.triangle_sizes[piece.object as usize]);
+        // A piece is a little curved, and its middle may lie below its triangles.
+        let extent = self.scale * piece.extent;
         let itself = |triangle: &TraceTriangle, distance: f32| {
             triangle.object == piece.object
                 && distance < extent

@@ -37,9 +37,9 @@ pub const TAPS_PER_ERROR_BUDGET: f32 = 3.0;
 /// Relative size from which a cell is not taken for one sample.
 pub const MAX_RELATIVE_SIZE: f32 = 0.7;
 /// A cluster whose contribution stays below this many error budgets takes the visibility of its central sample.
-pub const STAND_IN_SHARE: f32 = 1.0;
+pub const CENTRAL_VISIBILITY_SHARE: f32 = 1.0;
 /// Partly visible cells below this many error budgets are interpolated within blocks all the same.
-pub const PARTIAL_SHARE: f32 = 1.0;
+pub const PARTIAL_VISIBILITY_SHARE: f32 = 1.0;
 /// How often a leaf near a receiver is quartered.
 pub const MAX_QUARTERINGS: u32 = 5;
 /// Sample nodes that an irradiance estimate asks at most.

@@ -13,7 +13,7 @@ use crate::support::{self, floor, gpu, on_cpu, on_gpu, on_gpu_with, pinholes_of,
 
 fn render(name: &str, filter: FilterChoice, backend: &BackendChoice, aovs: &[Aov]) -> Rendered {
     let (scene, mut options) = pinspot::load(name).unwrap();
-    options.size = [96, 72];
+    options.size = [64, 48];
     // More than a batch, and not a whole number of them.
     options.samples = BATCH_SIZE + 77;
     options.filter = filter;

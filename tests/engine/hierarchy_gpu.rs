@@ -26,7 +26,7 @@ fn render(name: &str, aov: Aov, visibility: Visibility, backend: &BackendChoice)
     let (mut scene, mut options) = pinspot::load(name).unwrap();
     // By an angle at which no texel meets another: both back ends rotate their look-ups.
     scene.environment.rotation_rad += 0.7;
-    options.size = [88, 72];
+    options.size = [72, 66];
     options.samples = 150;
     options.leaves = Some(16);
     options.visibility = visibility;
@@ -55,8 +55,9 @@ fn back_ends_agree() {
         let error = pinspot::image::rel_l2(gpu, cpu, None);
         let fetches = on_gpu.report.lookups / on_cpu.report.lookups;
         println!("{name:16} {aov:?} {visibility:?}: {error:.1e}, fetches {fetches:.3}");
-        // With occlusion the CPU knows of whole blocks whether they are hidden.
-        if error > 1e-4 || (fetches - 1.0).abs() > if visibility == Visibility::Full { 0.1 } else { 0.01 } {
+        // With occlusion only the CPU interpolates within blocks.
+        let most = if visibility == Visibility::Full { 1.5 } else { 1.01 };
+        if error > 1e-4 || !(0.99..most).contains(&fetches) {
             failures.push(format!("{name} {aov:?} {visibility:?}: {error:.1e}, fetches {fetches:.3}"));
         }
     }
@@ -190,7 +191,9 @@ fn the_error_may_be_relative_to_what_the_image_is_like() {
         let cpu = work.on_cpu(&work.how(0.01));
         let (error, cost) = (rel_l2(&relative, &cpu), fetches(&relative) / fetches(&cpu));
         println!("{error:.1e} {cost:.3}");
-        assert!(error < 0.01 && (cost - 1.0).abs() < 0.15, "{visibility:?}: {error} {cost}");
+        // With occlusion only the CPU interpolates within blocks.
+        let most = if visibility == Visibility::Full { 1.35 } else { 1.15 };
+        assert!(error < 1e-3 && (0.85..most).contains(&cost), "{visibility:?}: {error} {cost}");
     }
 }
 

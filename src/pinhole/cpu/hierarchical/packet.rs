@@ -11,11 +11,11 @@ use super::super::visibility::{Coverage, VisibilityMap};
 use super::super::{Receiver, ReceiverCellPair, ReceiverGroup};
 use super::criterion::unevenness;
 use super::evaluation::CellAtReceivers;
-use super::tile::{SEEN, TileGather, map_towards};
+use super::tile::{FULLY_VISIBLE, TileGather, map_towards};
 use crate::pinhole::cell::Cell;
 use crate::pinhole::constants::{
-    CONTRAST_ERROR_SCALE, FOOTPRINT_BEND, FOOTPRINT_RADIUS, MAX_QUARTERINGS, MAX_RELATIVE_SIZE, MIN_DISTANCE_RATIO,
-    STAND_IN_SHARE, WEIGHT_ERROR_SCALE,
+    CENTRAL_VISIBILITY_SHARE, CONTRAST_ERROR_SCALE, FOOTPRINT_BEND, FOOTPRINT_RADIUS, MAX_QUARTERINGS,
+    MAX_RELATIVE_SIZE, MIN_DISTANCE_RATIO, WEIGHT_ERROR_SCALE,
 };
 use crate::pinhole::{PinholeParts, PinholeSample, VisibilityMaps};
 
@@ -78,10 +78,10 @@ impl TileGather<'_> {
         stack.extend(cells.iter().map(|&cell| (cell, occupied)));
         let mut visible = VisibleReceivers::all(simd);
         while let Some((item, lanes)) = stack.pop() {
-            let cell = self.context.pinholes.cell(self.context.pinholes.tree.node(item & !SEEN));
+            let cell = self.context.pinholes.cell(self.context.pinholes.tree.node(item & !FULLY_VISIBLE));
             let refined = self.visit(simd, (item, &cell), lanes, points, &mut visible, sum);
             if refined != 0 {
-                stack.extend(cell.children.map(|child| (child | item & SEEN, refined)));
+                stack.extend(cell.children.map(|child| (child | item & FULLY_VISIBLE, refined)));
             }
         }
         self.packet_stack = stack;
@@ -101,8 +101,8 @@ impl TileGather<'_> {
         let pinholes = self.context.pinholes;
         let receiver = &points.in_lanes(simd);
         // Maps tell which receivers are seen, unless all are.
-        let maps = pinholes.sample_nodes.visibility.as_ref().filter(|_| item & SEEN == 0);
-        let is_cluster = self.has_visibility && pinholes.tree.is_cluster(item & !SEEN);
+        let maps = pinholes.sample_nodes.visibility.as_ref().filter(|_| item & FULLY_VISIBLE == 0);
+        let is_cluster = self.has_visibility && pinholes.tree.is_cluster(item & !FULLY_VISIBLE);
         let is_known = maps.is_none() || visible.sample_node == cell.sample_node;
         let lanes = if maps.is_some() && is_known && !is_cluster { lanes & visible.lanes } else { lanes };
         let pair = ReceiverCellPair::new(simd, &cell.sample, receiver);
@@ -245,7 +245,7 @@ impl TileGather<'_> {
         let is_small = bits(error.simd_lt(budget) & size.simd_lt(MAX_RELATIVE_SIZE));
         // Where the pair straddles a horizon, the cell's centroid is not representative.
         let accepted = is_small & !straddling_horizon | bits(max.simd_lt(budget)) & straddling_horizon;
-        if is_occluded_cluster { accepted & bits(max.simd_lt(STAND_IN_SHARE * budget)) } else { accepted }
+        if is_occluded_cluster { accepted & bits(max.simd_lt(CENTRAL_VISIBILITY_SHARE * budget)) } else { accepted }
     }
 
     /// Adds what an accepted cell contributes, as far as the map of what it sees says that light arrives.

@@ -12,7 +12,7 @@ use super::evaluation::CellAtReceivers;
 use super::{Accuracy, TraversalContext};
 use crate::pinhole::cell::Cell;
 use crate::pinhole::constants::{
-    INTERPOLATION_POINTS, NEGLIGIBLE_SHARE, PAIR_ERROR_SHARE, PARTIAL_SHARE, STAND_IN_SHARE,
+    CENTRAL_VISIBILITY_SHARE, INTERPOLATION_POINTS, NEGLIGIBLE_SHARE, PAIR_ERROR_SHARE, PARTIAL_VISIBILITY_SHARE,
 };
 use crate::pinhole::receivers::TILE;
 use crate::pinhole::{PinholeSample, VisibilityMaps};
@@ -21,7 +21,7 @@ use crate::pinhole::{PinholeSample, VisibilityMaps};
 const _: () = assert!(LANES == INTERPOLATION_POINTS as usize);
 
 /// Marks a cell in a list as seen by the whole block, so that nothing below it need be tested.
-pub const SEEN: u32 = 1 << 31;
+pub const FULLY_VISIBLE: u32 = 1 << 31;
 
 /// A tile being gathered.
 pub struct TileGather<'a> {
@@ -141,7 +141,7 @@ impl<'a> TileGather<'a> {
         stack.extend_from_slice(cells);
         let mut decisions = 0;
         while let Some(item) = stack.pop() {
-            let index = item & !SEEN;
+            let index = item & !FULLY_VISIBLE;
             let cell = pinholes.cell(pinholes.tree.node(index));
             decisions += 1;
             let decision = self.criterion.decide(&block, &cell);
@@ -149,11 +149,11 @@ impl<'a> TileGather<'a> {
                 continue;
             }
             let is_cluster = self.has_visibility && pinholes.tree.is_cluster(index);
-            let mut seen = item & SEEN;
+            let mut seen = item & FULLY_VISIBLE;
             if block.kind == Kind::Smooth && seen == 0 && self.has_visibility && !is_cluster {
                 match self.receiver_coverage(simd, place, points, cell.sample_node) {
                     Coverage::None => continue,
-                    Coverage::Full => seen = SEEN,
+                    Coverage::Full => seen = FULLY_VISIBLE,
                     Coverage::Partial => {}
                 }
             }
@@ -169,7 +169,7 @@ impl<'a> TileGather<'a> {
                 }
                 Decision::Accept(accepted) => accepted,
             };
-            if is_cluster && accepted.max_contribution >= STAND_IN_SHARE * self.criterion.error_budget {
+            if is_cluster && accepted.max_contribution >= CENTRAL_VISIBILITY_SHARE * self.criterion.error_budget {
                 stack.extend(cell.children);
                 continue;
             }
@@ -232,7 +232,7 @@ impl<'a> TileGather<'a> {
             return true;
         }
         let error_budget = self.criterion.error_budget;
-        let is_small = accepted.max_contribution < PARTIAL_SHARE * error_budget;
+        let is_small = accepted.max_contribution < PARTIAL_VISIBILITY_SHARE * error_budget;
         let mut weight = gather.weight(simd, sample, &pair, &receiver);
         let footprint = pair.footprint(simd, sample);
         let mut occlusion = None;
