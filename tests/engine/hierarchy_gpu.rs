@@ -26,7 +26,7 @@ fn render(name: &str, aov: Aov, visibility: Visibility, backend: &BackendChoice)
     let (mut scene, mut options) = pinspot::load(name).unwrap();
     // By an angle at which no texel meets another: both back ends rotate their look-ups.
     scene.environment.rotation_rad += 0.7;
-    options.size = [72, 66];
+    options.size = [72, 64];
     options.samples = 150;
     options.leaves = Some(16);
     options.visibility = visibility;
