@@ -25,9 +25,9 @@ pub(super) struct Tiling<'a> {
 struct Parts {
     /// Pieces and their areas, m².
     pieces: Vec<(Origin, f32)>,
-    piece_owners: Vec<u32>,
+    piece_samples: Vec<u32>,
     points: Vec<CellPoint>,
-    point_owners: Vec<u32>,
+    point_samples: Vec<u32>,
     /// Points whose cells are not known yet.
     loose: Vec<SurfacePoint>,
 }
@@ -41,30 +41,30 @@ impl<'a> Tiling<'a> {
     /// Divides a surface among the samples of a set.
     pub fn new(surface: &'a Surface, set: &PointSet, stride: f32, seed: u64) -> Self {
         let samples = NearestSample::new(&set.points);
-        let owners: Cow<[u32]> = match set.owners.as_slice() {
+        let nearest: Cow<[u32]> = match set.nearest_samples.as_slice() {
             [] => nearest_samples(&samples, &set.candidates).into(),
-            owners => owners.into(),
+            nearest => nearest.into(),
         };
         let divider = Divider { set, samples: &samples, stride };
         let starts: Vec<usize> = (0..set.candidates.len()).step_by(RUN).collect();
         let of_run = |first: usize| {
             let mut parts = Parts::default();
             for candidate in first..(first + RUN).min(set.candidates.len()) {
-                divider.add(surface, candidate, owners[candidate], &mut parts);
+                divider.add(surface, candidate, nearest[candidate], &mut parts);
             }
             parts
         };
         let runs: Vec<Parts> = starts.into_par_iter().map(of_run).collect();
         let mut parts = runs.into_iter().fold(Parts::default(), Parts::join);
         parts.loose.extend(set.on_fine_triangles(surface, stride, seed));
-        parts.point_owners.extend(nearest_samples(&samples, &parts.loose));
+        parts.point_samples.extend(nearest_samples(&samples, &parts.loose));
         parts.points.extend(parts.loose.iter().map(CellPoint::from));
         Self {
             surface,
             stride,
-            pieces_of: Cells::new(set.points.len(), &parts.piece_owners),
+            pieces_of: Cells::new(set.points.len(), &parts.piece_samples),
             pieces: parts.pieces,
-            points_of: Cells::new(set.points.len(), &parts.point_owners),
+            points_of: Cells::new(set.points.len(), &parts.point_samples),
             points: parts.points,
         }
     }
@@ -90,16 +90,16 @@ impl<'a> Tiling<'a> {
 impl Parts {
     fn join(mut self, other: Self) -> Self {
         self.pieces.extend(other.pieces);
-        self.piece_owners.extend(other.piece_owners);
+        self.piece_samples.extend(other.piece_samples);
         self.points.extend(other.points);
-        self.point_owners.extend(other.point_owners);
+        self.point_samples.extend(other.point_samples);
         self.loose.extend(other.loose);
         self
     }
 
-    fn add_piece(&mut self, piece: &SurfacePiece, owner: u32) {
+    fn add_piece(&mut self, piece: &SurfacePiece, sample: u32) {
         self.pieces.push((piece.origin, piece.area));
-        self.piece_owners.push(owner);
+        self.piece_samples.push(sample);
     }
 }
 
@@ -111,11 +111,11 @@ struct Divider<'a> {
 }
 
 impl Divider<'_> {
-    /// Adds what a candidate of `owner` stands for, unless it was drawn on fine triangles.
-    fn add(&self, surface: &Surface, candidate: usize, owner: u32, parts: &mut Parts) {
+    /// Adds what a candidate whose nearest sample is `sample` stands for, unless it was drawn on fine triangles.
+    fn add(&self, surface: &Surface, candidate: usize, sample: u32, parts: &mut Parts) {
         let Some(piece) = self.set.piece(surface, candidate) else { return };
         let candidate = &self.set.candidates[candidate];
-        match self.samples.around(candidate, owner, piece.ball().1) {
+        match self.samples.around(candidate, sample, piece.ball().1) {
             Some(competitors) => self.divide(&piece, &competitors, parts),
             None => piece.divide(self.stride, |point| {
                 parts.loose.push(SurfacePoint { group: candidate.group, ..point });
@@ -137,7 +137,7 @@ impl Divider<'_> {
         } else {
             piece.divide(self.stride, |point| {
                 parts.points.push(CellPoint::from(&point));
-                parts.point_owners.push(self.nearest(point.position, &competitors));
+                parts.point_samples.push(self.nearest(point.position, &competitors));
             });
         }
     }
@@ -149,7 +149,7 @@ impl Divider<'_> {
     fn nearest(&self, place: Vec3, among: &[u32]) -> u32 {
         let distance2 = |k: &u32| place.distance_squared(self.position(*k));
         let nearer = |a: &&u32, b: &&u32| distance2(a).total_cmp(&distance2(b));
-        *among.iter().min_by(nearer).expect("every piece has an owner")
+        *among.iter().min_by(nearer).expect("every piece has a nearest sample")
     }
 }
 

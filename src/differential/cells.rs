@@ -14,19 +14,19 @@ pub(crate) struct Cells {
 }
 
 impl Cells {
-    /// Sorts candidates by their owners.
-    pub fn new(count: usize, owners: &[u32]) -> Self {
+    /// Sorts candidates by their nearest samples.
+    pub fn new(count: usize, nearest_samples: &[u32]) -> Self {
         let mut starts = vec![0; count + 1];
-        for &owner in owners {
-            starts[owner as usize + 1] += 1;
+        for &sample in nearest_samples {
+            starts[sample as usize + 1] += 1;
         }
         for k in 0..count {
             starts[k + 1] += starts[k];
         }
         let mut next = starts.clone();
-        let mut candidates = vec![0; owners.len()];
-        for (candidate, &owner) in owners.iter().enumerate() {
-            let free = &mut next[owner as usize];
+        let mut candidates = vec![0; nearest_samples.len()];
+        for (candidate, &sample) in nearest_samples.iter().enumerate() {
+            let free = &mut next[sample as usize];
             candidates[*free as usize] = candidate as u32;
             *free += 1;
         }
@@ -46,16 +46,16 @@ impl Cells {
 
 /// The sample that each candidate belongs to. It is fastest where candidates that follow each other are near each other.
 pub(crate) fn nearest_samples(samples: &NearestSample, candidates: &[SurfacePoint]) -> Vec<u32> {
-    let of_run = |(run, owners): (&[SurfacePoint], &mut [u32])| {
+    let of_run = |(run, nearest): (&[SurfacePoint], &mut [u32])| {
         let mut last = 0;
-        for (candidate, out) in run.iter().zip(owners) {
+        for (candidate, out) in run.iter().zip(nearest) {
             last = samples.from(last, candidate.position);
             *out = samples.on_side_of(candidate, last);
         }
     };
-    let mut owners = vec![0; candidates.len()];
-    candidates.par_chunks(RUN).zip(owners.par_chunks_mut(RUN)).for_each(of_run);
-    owners
+    let mut nearest = vec![0; candidates.len()];
+    candidates.par_chunks(RUN).zip(nearest.par_chunks_mut(RUN)).for_each(of_run);
+    nearest
 }
 
 /// Candidates that one thread takes in a row.

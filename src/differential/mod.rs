@@ -61,10 +61,10 @@ impl DifferentialSample {
 
 /// Fits the surface around every sample.
 pub fn differentials(set: &PointSet) -> Vec<DifferentialSample> {
-    let cells = if set.owners.is_empty() {
+    let cells = if set.nearest_samples.is_empty() {
         Cells::new(set.points.len(), &nearest_samples(&NearestSample::new(&set.points), &set.candidates))
     } else {
-        Cells::new(set.points.len(), &set.owners)
+        Cells::new(set.points.len(), &set.nearest_samples)
     };
     // Only cells with few members of their own look around; often there is none.
     let tree = LazyLock::new(|| PointTree::new(&set.candidates));

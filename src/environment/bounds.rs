@@ -12,7 +12,7 @@ use super::cube::{CubeMap, FACES, face_of_direction, fill_borders, fill_rows, pa
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Bound {
     /// No channel is brighter.
-    pub most: f32,
+    pub max: f32,
     /// In no channel do two directions differ by more.
     pub contrast: f32,
 }
@@ -47,7 +47,7 @@ impl Extremes {
     }
 
     fn bound(self) -> Bound {
-        Bound { most: self.high.max_element(), contrast: (self.high - self.low).max_element() }
+        Bound { max: self.high.max_element(), contrast: (self.high - self.low).max_element() }
     }
 }
 
@@ -198,7 +198,7 @@ mod tests {
                 let value = cube.fetch(d, 0.0);
                 (low, high) = (low.min(value), high.max(value));
             }
-            assert!(high.max_element() <= bound.most * 1.0001, "{centre} {radius}: {high} > {}", bound.most);
+            assert!(high.max_element() <= bound.max * 1.0001, "{centre} {radius}: {high} > {}", bound.max);
             let contrast = (high - low).max_element();
             assert!(contrast <= bound.contrast * 1.0001 + 1e-5, "{centre} {radius}: {contrast} > {}", bound.contrast);
             tight += usize::from(bound.contrast < 2.0 * contrast + 0.2);
@@ -209,11 +209,11 @@ mod tests {
     #[test]
     fn a_constant_has_no_contrast_and_a_wide_cone_sees_all() {
         let even = LightBounds::new(&CubeMap::from_radiance(16, None, |_| Vec3::splat(2.0)));
-        assert_eq!(even.within(Vec3::Y, 0.3), Bound { most: 2.0, contrast: 0.0 });
+        assert_eq!(even.within(Vec3::Y, 0.3), Bound { max: 2.0, contrast: 0.0 });
         let cube = spotted();
         let bounds = LightBounds::new(&cube);
         for radius in [2.0, 4.0, f32::INFINITY, f32::NAN] {
-            assert!(bounds.within(-Vec3::X, radius).most > 9.0);
+            assert!(bounds.within(-Vec3::X, radius).max > 9.0);
         }
     }
 }

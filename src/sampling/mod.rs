@@ -62,7 +62,7 @@ impl Strategy {
     }
 }
 
-/// Where samples are denser: what a place of the surface is thought to be worth, by area. Each sample's weight is
+/// Where samples are denser: the assumed importance of a place of the surface, by area. Each sample's weight is
 /// the area that it stands for, so that none of them biases the sum.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Deserialize, serde::Serialize)]
 #[serde(rename_all = "kebab-case")]
@@ -112,7 +112,7 @@ pub struct PointSet {
     /// Points that cover the surface evenly, each with the area that it stands for; they sum up to the surface's.
     pub candidates: Vec<SurfacePoint>,
     /// For each candidate the nearest point on its own side, where the strategy knows; else empty.
-    pub(crate) owners: Vec<u32>,
+    pub(crate) nearest_samples: Vec<u32>,
     /// Of the first candidates, those that are pieces of triangles; the others were drawn on triangles finer than `stride`.
     origins: Vec<Origin>,
     /// No candidate stands for more, m².
@@ -171,7 +171,7 @@ pub fn sample(surface: &Surface, options: &Options) -> Result<PointSet, Sampling
     place(surface, options, None)
 }
 
-/// What a place is worth, relative to others.
+/// Importance of a place, relative to others.
 pub type Importance<'a> = &'a (dyn Fn(&SurfacePoint) -> f32 + Sync);
 
 /// Places samples on a surface as densely as `importance` says; positive, and best within a factor of ten or so.
@@ -202,29 +202,30 @@ fn place(surface: &Surface, options: &Options, importance: Option<Importance>) -
     let candidates::Candidates { points: mut candidates, origins } = candidates::cover(surface, stride, &mut rng);
     let order = candidates::in_random_order(candidates.len(), &mut rng);
     patches::group_small(surface, area_per_sample, &mut candidates);
-    let worth = importance.map(|importance| relative_worth(&candidates, importance));
-    let mut owners = Vec::new();
+    let importances = importance.map(|importance| relative_importance(&candidates, importance));
+    let mut nearest_samples = Vec::new();
     let mut points = match strategy {
-        Strategy::Random => match &worth {
-            Some(worth) => random::among(&candidates, worth, samples, &mut rng),
+        Strategy::Random => match &importances {
+            Some(importances) => random::among(&candidates, importances, samples, &mut rng),
             None => random::random(surface, samples, &mut rng),
         },
         Strategy::Grid => grid::one_per_cell(&candidates, &order, area_per_sample, samples, false, &mut rng),
         Strategy::QuantisedGrid => grid::one_per_cell(&candidates, &order, area_per_sample, samples, true, &mut rng),
         Strategy::Elimination => elimination::elimination(surface, area_per_sample, samples, &mut rng),
         Strategy::Neighbourhood => {
-            let kept = neighbourhood::neighbourhood(&candidates, &order, worth.as_deref(), area_per_sample, samples);
-            owners = kept.owners;
+            let kept =
+                neighbourhood::neighbourhood(&candidates, &order, importances.as_deref(), area_per_sample, samples);
+            nearest_samples = kept.nearest_samples;
             kept.points
         }
     };
     patches::group_small(surface, area_per_sample, &mut points);
     let area = (surface.area() / points.len() as f64) as f32;
-    let mean = worth.map_or(1.0, |worth| mean_worth(&candidates, &worth));
+    let mean = importances.map_or(1.0, |importances| mean_importance(&candidates, &importances));
     for point in &mut points {
         point.area = area * importance.map_or(1.0, |importance| mean / importance(point));
     }
-    Ok(PointSet { points, candidates, owners, origins, stride })
+    Ok(PointSet { points, candidates, nearest_samples, origins, stride })
 }
 
 /// The diagonal of the points' bounds, m.
@@ -234,14 +235,14 @@ fn extent(points: &[SurfacePoint]) -> f32 {
     low.distance(high)
 }
 
-/// What each candidate is worth.
-fn relative_worth(candidates: &[SurfacePoint], importance: Importance) -> Vec<f32> {
+/// Importance of each candidate.
+fn relative_importance(candidates: &[SurfacePoint], importance: Importance) -> Vec<f32> {
     candidates.par_iter().map(importance).collect()
 }
 
 /// The mean over the surface.
-fn mean_worth(candidates: &[SurfacePoint], worth: &[f32]) -> f32 {
-    let sum: f64 = candidates.iter().zip(worth).map(|(c, w)| f64::from(c.area * w)).sum();
+fn mean_importance(candidates: &[SurfacePoint], importances: &[f32]) -> f32 {
+    let sum: f64 = candidates.iter().zip(importances).map(|(c, w)| f64::from(c.area * w)).sum();
     (sum / candidates.iter().map(|c| f64::from(c.area)).sum::<f64>()) as f32
 }
 

@@ -1,6 +1,6 @@
 //! Strategy *neighbourhood* (Wand & Straßer, Section 3.2), the default: from a dense set in random order, every point that is not yet
-//! covered is kept and covers those within a distance. The result is a maximal Poisson-disk subset. Where places are worth
-//! more, the distance is shorter.
+//! covered is kept and covers those within a distance. The result is a maximal Poisson-disk subset. Where importance is
+//! higher, the distance is shorter.
 
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
@@ -20,21 +20,21 @@ pub(super) struct Kept {
     /// Which points.
     pub points: Vec<SurfacePoint>,
     /// For each candidate the nearest of them on its own side, if all cover alike; else nothing.
-    pub owners: Vec<u32>,
+    pub nearest_samples: Vec<u32>,
 }
 
 /// Keeps about `samples` of the candidates, which it takes in this order; the distance is searched for.
 pub(super) fn neighbourhood(
     candidates: &[SurfacePoint],
     order: &[u32],
-    worth: Option<&[f32]>,
+    importances: Option<&[f32]>,
     area_per_sample: f32,
     samples: u32,
 ) -> Kept {
     // Of the distance that is searched for: the number of samples in an area goes with its inverse square.
-    let scale = worth.map(|worth| {
-        let mean = super::mean_worth(candidates, worth);
-        worth.iter().map(|w| (mean / w).sqrt()).collect::<Vec<f32>>()
+    let scale = importances.map(|importances| {
+        let mean = super::mean_importance(candidates, importances);
+        importances.iter().map(|w| (mean / w).sqrt()).collect::<Vec<f32>>()
     });
     // The distance that 40 candidates a sample lead to on a plane.
     let mut radius = 0.79 * area_per_sample.sqrt();
@@ -63,10 +63,10 @@ pub(super) fn neighbourhood(
         }
         radius = next_radius(radius, count as f32 / samples as f32, too_small, too_large);
     }
-    let (_, Pruned { kept, owners }) = best.expect("at least one try");
+    let (_, Pruned { kept, nearest_samples }) = best.expect("at least one try");
     let points = kept.into_iter().map(|k| candidates[k as usize]).collect();
     // Where some cover more than others, the nearest need not be among those that cover.
-    Kept { points, owners: if worth.is_none() { owners } else { Vec::new() } }
+    Kept { points, nearest_samples: if importances.is_none() { nearest_samples } else { Vec::new() } }
 }
 
 /// The count goes with 1/radius²; where that overshoots what is known, bisect.
@@ -84,7 +84,7 @@ struct Pruned {
     /// Their indices.
     kept: Vec<u32>,
     /// For each candidate the nearest, by its number among those kept, of those that cover it.
-    owners: Vec<u32>,
+    nearest_samples: Vec<u32>,
 }
 
 /// Candidates that are looked at together.
@@ -123,8 +123,8 @@ fn prune(candidates: &[SurfacePoint], order: &[u32], grid: &HashGrid, radius: im
             });
         });
     }
-    let owners = (0..candidates.len()).into_par_iter().map(|k| covers.nearest(grid.slot_of(k))).collect();
-    Pruned { kept, owners }
+    let nearest_samples = (0..candidates.len()).into_par_iter().map(|k| covers.nearest(grid.slot_of(k))).collect();
+    Pruned { kept, nearest_samples }
 }
 
 /// Of each slot of the grid, the nearest point that covers it: above its squared distance, whose bits are ordered as distances

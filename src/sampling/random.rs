@@ -25,19 +25,19 @@ pub(super) fn random(surface: &Surface, samples: u32, rng: &mut ChaCha8Rng) -> V
         .collect()
 }
 
-/// Independent points among candidates, in proportion to what their areas are worth.
+/// Independent points among candidates, in proportion to their areas and importances.
 pub(super) fn among(
     candidates: &[SurfacePoint],
-    worth: &[f32],
+    importances: &[f32],
     samples: u32,
     rng: &mut ChaCha8Rng,
 ) -> Vec<SurfacePoint> {
     let mut accumulated = 0.0;
     let cumulative: Vec<f64> = candidates
         .iter()
-        .zip(worth)
-        .map(|(candidate, worth)| {
-            accumulated += f64::from(candidate.area * worth);
+        .zip(importances)
+        .map(|(candidate, importance)| {
+            accumulated += f64::from(candidate.area * importance);
             accumulated
         })
         .collect();

@@ -206,9 +206,9 @@ impl RefinementCriterion<'_> {
             return refined(cell.radius >= block.radius);
         }
         let cone = pair.reflected_cone(cell);
-        let Bound { most, contrast } = self.light.within(self.light_from_world(cone.direction), cone.radius);
+        let Bound { max, contrast } = self.light.within(self.light_from_world(cone.direction), cone.radius);
         let max_weight = self.max_weight(cell, &pair);
-        let (max_contribution, contribution_range) = (max_weight * most, max_weight * contrast);
+        let (max_contribution, contribution_range) = (max_weight * max, max_weight * contrast);
         // Glossy receivers weight it one by one.
         let is_negligible = max_contribution <= self.negligible * cell.sample.area;
         if is_negligible && (max_contribution == 0.0 || !self.has_view_directions) {

@@ -350,7 +350,7 @@ impl TileGather<'_> {
         let (mut max, mut contrast) = ([0.0; LANES], [0.0; LANES]);
         for lane in set_bits(active) {
             let bound = light.at(face[lane] as usize, Vec2::new(s[lane], t[lane]), reach[lane]);
-            (max[lane], contrast[lane]) = (bound.most, bound.contrast);
+            (max[lane], contrast[lane]) = (bound.max, bound.contrast);
         }
         (lanes(simd, max), lanes(simd, contrast))
     }

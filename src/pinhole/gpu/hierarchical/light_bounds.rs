@@ -28,7 +28,7 @@ impl LightBoundsTexture {
             for (edge, texels) in &levels {
                 let count = (edge * edge) as usize;
                 for bound in &texels[face * count..(face + 1) * count] {
-                    bytes.extend_from_slice(bytemuck::bytes_of(&[bound.most, bound.contrast]));
+                    bytes.extend_from_slice(bytemuck::bytes_of(&[bound.max, bound.contrast]));
                 }
             }
         }
@@ -38,7 +38,7 @@ impl LightBoundsTexture {
         Self { view: view_of(&texture), texture }
     }
 
-    /// Two floats a texel: the most, and the contrast, W/(m²·sr). Six layers.
+    /// Two floats a texel: the maximum, and the contrast, W/(m²·sr). Six layers.
     pub fn texture(&self) -> &wgpu::Texture {
         &self.texture
     }
@@ -301,7 +301,7 @@ mod tests {
                 let made = read_level(&gpu, builder.bounds().texture(), level as u32);
                 assert_eq!(made.len(), expected.len());
                 for (k, (made, expected)) in made.iter().zip(expected).enumerate() {
-                    let off = (made[0] - expected.most).abs().max((made[1] - expected.contrast).abs());
+                    let off = (made[0] - expected.max).abs().max((made[1] - expected.contrast).abs());
                     assert!(off < 1e-4, "level of {size}, texel {k}: {made:?} {expected:?}");
                 }
             }
