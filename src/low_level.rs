@@ -13,7 +13,7 @@
 //! use pinspot::glam::Vec3;
 //!
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
-//! let (scene, _) = pinspot::load("ring")?;
+//! let (scene, _) = pinspot::load("ring-natural")?;
 //! let surface = Surface::of_scene(&scene);
 //! let set = sample(&surface, &Options { samples: 100, strategy: Strategy::Neighbourhood, seed: 1 })?;
 //! let cells = CellTree::new(&surface, &set, &TreeOptions { leaves: 16, seed: 1 });
