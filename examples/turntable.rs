@@ -90,17 +90,17 @@ impl StageClock {
         // A stage that was not made again shows as nothing.
         let cell = |stage: Stage| {
             if seconds.iter().any(|(s, _)| *s == stage) {
-                format!("{:>13.3}", of(stage))
+                format!("{:>15.3}", of(stage))
             } else {
-                format!("{:>13}", "-")
+                format!("{:>15}", "-")
             }
         };
         let cells: Vec<String> = Stage::ENGINE.into_iter().map(cell).collect();
-        println!("{frame:>5}{}{:>13.3}", cells.concat(), seconds.iter().map(|(_, t)| t).sum::<f64>());
+        println!("{frame:>5}{}{:>15.3}", cells.concat(), seconds.iter().map(|(_, t)| t).sum::<f64>());
     }
 }
 
 fn print_header() {
-    let names: Vec<String> = Stage::ENGINE.iter().map(|stage| format!("{:>13}", stage.name())).collect();
-    println!("frame{}{:>13}", names.concat(), "all");
+    let names: Vec<String> = Stage::ENGINE.iter().map(|stage| format!("{:>15}", stage.name())).collect();
+    println!("frame{}{:>15}", names.concat(), "all");
 }
