@@ -11,7 +11,7 @@ struct BoundsUniforms {
     size: u32,
     // The first of its extremes, and of those of the level above; a pair of vectors each.
     first: u32,
-    first_upper: u32,
+    first_above: u32,
     // Texels of the cube along an edge, for each of the finest level.
     detail: u32,
     radiance_scale: f32,
@@ -116,7 +116,7 @@ fn downsample(@builtin(global_invocation_id) texel: vec3u) {
     var all = Extremes(vec3f(3e38), vec3f(-3e38));
     for (var k = 0u; k < 4u; k++) {
         let above = vec3u(2u * texel.xy + vec2u(k & 1u, k >> 1u), texel.z);
-        all = join(all, stored(level.first_upper, above, 2u * level.size));
+        all = join(all, stored(level.first_above, above, 2u * level.size));
     }
     store_extremes(texel, all);
 }

@@ -63,8 +63,8 @@ impl CellTree {
         let objects = samples.iter().map(|sample| set.points[*sample as usize].object).collect();
         let below = nodes_below(leaves);
         let nodes = vec![CellNode::default(); samples.len() * below];
-        let first_upper = nodes.len() as u32;
-        let mut tree = Self { nodes, objects, first_upper, leaves_per_sample: leaves, ..Self::default() };
+        let first_cluster = nodes.len() as u32;
+        let mut tree = Self { nodes, objects, first_cluster, leaves_per_sample: leaves, ..Self::default() };
         let mut subtrees: Vec<Subtree> = Vec::with_capacity(samples.len());
         let mut rest = tree.nodes.as_mut_slice();
         for sample in 0..samples.len() {

@@ -32,7 +32,7 @@ pub struct CellTree {
     /// The object of each sample.
     objects: Vec<u32>,
     /// From here on, nodes are sample nodes or clusters.
-    first_upper: u32,
+    first_cluster: u32,
     /// Leaves that a sample has at most.
     leaves_per_sample: u32,
 }
@@ -70,15 +70,15 @@ impl CellTree {
 
     /// From here on, nodes are sample nodes or clusters.
     #[cfg(feature = "gpu")]
-    pub(crate) fn first_upper(&self) -> u32 {
-        self.first_upper
+    pub(crate) fn first_cluster(&self) -> u32 {
+        self.first_cluster
     }
 
     /// Whether a node is a cluster of several samples.
     #[inline]
     pub fn is_cluster(&self, index: u32) -> bool {
         // Sample nodes and clusters come last.
-        index >= self.first_upper && self.sample_nodes[self.node(index).sample() as usize] != index
+        index >= self.first_cluster && self.sample_nodes[self.node(index).sample() as usize] != index
     }
 
     /// Leaves that a sample has at most.

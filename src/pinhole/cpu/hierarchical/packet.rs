@@ -19,8 +19,7 @@ use crate::pinhole::constants::{
 };
 use crate::pinhole::{PinholeParts, PinholeSample, VisibilityMaps};
 
-/// How much of the receivers the sample sees whose map the cells being visited share.
-#[derive(Clone, Copy)]
+/// The visible fraction of the receivers, from the map of the sample whose cells are being visited.
 struct VisibleReceivers<S: Simd> {
     sample_node: u32,
     fraction: F<S>,
@@ -49,15 +48,15 @@ struct ContributionBounds<S: Simd> {
 }
 
 impl<S: Simd> VisibleReceivers<S> {
-    /// All of them; no sample's.
+    /// Before any sample.
     fn all(simd: S) -> Self {
         Self { sample_node: u32::MAX, fraction: splat(simd, 1.0), lanes: ALL }
     }
 
     #[inline(always)]
-    fn new(simd: S, maps: &VisibilityMaps, samples: &[PinholeSample], sample: u32, points: &ReceiverGroup) -> Self {
-        let (map, l) = map_towards(simd, maps, &samples[sample as usize], points);
-        let (fraction, lanes) = match map.receiver_coverage(simd, l, points.in_lanes(simd).occupied()) {
+    fn new(simd: S, maps: &VisibilityMaps, samples: &[PinholeSample], sample: u32, receiver: &Receiver<S>) -> Self {
+        let (map, l) = map_towards(simd, maps, &samples[sample as usize], receiver);
+        let (fraction, lanes) = match map.receiver_coverage(simd, l, receiver.occupied()) {
             Coverage::Full => (splat(simd, 1.0), ALL),
             Coverage::None => (splat(simd, 0.0), 0),
             Coverage::Partial => {
@@ -73,13 +72,14 @@ impl TileGather<'_> {
     /// Adds what cells, and those below them, contribute to sixteen receivers.
     #[inline(always)]
     pub(super) fn packet<S: Simd>(&mut self, simd: S, points: &ReceiverGroup, cells: &[u32], sum: &mut [Vec4; LANES]) {
-        let occupied = points.in_lanes(simd).occupied();
+        let receiver = points.in_lanes(simd);
+        let occupied = receiver.occupied();
         let mut stack = std::mem::take(&mut self.packet_stack);
         stack.extend(cells.iter().map(|&cell| (cell, occupied)));
         let mut visible = VisibleReceivers::all(simd);
         while let Some((item, lanes)) = stack.pop() {
             let cell = self.context.pinholes.cell(self.context.pinholes.tree.node(item & !FULLY_VISIBLE));
-            let refined = self.visit(simd, (item, &cell), lanes, points, &mut visible, sum);
+            let refined = self.visit(simd, (item, &cell), lanes, &receiver, &mut visible, sum);
             if refined != 0 {
                 stack.extend(cell.children.map(|child| (child | item & FULLY_VISIBLE, refined)));
             }
@@ -94,12 +94,11 @@ impl TileGather<'_> {
         simd: S,
         (item, cell): (u32, &Cell),
         lanes: u32,
-        points: &ReceiverGroup,
+        receiver: &Receiver<S>,
         visible: &mut VisibleReceivers<S>,
         sum: &mut [Vec4; LANES],
     ) -> u32 {
         let pinholes = self.context.pinholes;
-        let receiver = &points.in_lanes(simd);
         // Maps tell which receivers are seen, unless all are.
         let maps = pinholes.sample_nodes.visibility.as_ref().filter(|_| item & FULLY_VISIBLE == 0);
         let is_cluster = self.has_visibility && pinholes.tree.is_cluster(item & !FULLY_VISIBLE);
@@ -123,7 +122,7 @@ impl TileGather<'_> {
         if let Some(maps) = maps.filter(|_| accepted != 0 || !is_cluster) {
             if !is_known {
                 let samples = &pinholes.sample_nodes.samples;
-                *visible = VisibleReceivers::new(simd, maps, samples, cell.sample_node, points);
+                *visible = VisibleReceivers::new(simd, maps, samples, cell.sample_node, receiver);
             }
             fraction = visible.fraction;
             accepted &= visible.lanes;

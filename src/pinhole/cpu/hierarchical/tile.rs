@@ -4,7 +4,7 @@ use glam::Vec4;
 
 use super::super::lanes::{LANES, Simd, SimdBase, V3, bits, lanes, splat, splat3};
 use super::super::visibility::{Coverage, VisibilityMap};
-use super::super::{ReceiverCellPair, ReceiverGroup, load_at};
+use super::super::{Receiver, ReceiverCellPair, ReceiverGroup, load_at};
 use super::blocks::{BlockPyramid, EDGES, FINEST, Kind, ReceiverTile, points_along};
 use super::coverage::CoverageCache;
 use super::criterion::{Accepted, Decision, RefinementCriterion};
@@ -20,7 +20,7 @@ use crate::pinhole::{PinholeSample, VisibilityMaps};
 // A lane for each of a block's points.
 const _: () = assert!(LANES == INTERPOLATION_POINTS as usize);
 
-/// Marks a cell in a list as seen by the whole block, so that nothing below it need be tested.
+/// Marks a cell in a list as visible from the whole block, so that the cells below it need no test.
 pub const FULLY_VISIBLE: u32 = 1 << 31;
 
 /// A tile being gathered.
@@ -209,8 +209,9 @@ impl<'a> TileGather<'a> {
         let gather = &self.context.gather;
         self.coverage.get(place.level, sample_node, || {
             let Some(maps) = &gather.pinholes.visibility else { return Coverage::Full };
-            let (map, l) = map_towards(simd, maps, &gather.pinholes.samples[sample_node as usize], points);
-            map.receiver_coverage(simd, l, points.in_lanes(simd).occupied())
+            let receiver = points.in_lanes(simd);
+            let (map, l) = map_towards(simd, maps, &gather.pinholes.samples[sample_node as usize], &receiver);
+            map.receiver_coverage(simd, l, receiver.occupied())
         })
     }
 
@@ -242,7 +243,7 @@ impl<'a> TileGather<'a> {
                 if !is_small {
                     return false;
                 }
-                let (map, l) = map_towards(simd, maps, node, points);
+                let (map, l) = map_towards(simd, maps, node, &receiver);
                 let fraction = lanes(simd, map.visible_fraction(simd, l, lit));
                 weight *= fraction;
                 lit &= bits(fraction.simd_gt(0.0));
@@ -287,15 +288,15 @@ impl<'a> TileGather<'a> {
     }
 }
 
-/// A sample's map for the sides that points lie on, and the points relative to the sample.
+/// A sample's map, for the sides that receivers lie on, and the receivers relative to the sample.
 #[inline(always)]
 pub fn map_towards<'a, S: Simd>(
     simd: S,
     maps: &'a VisibilityMaps,
     sample: &PinholeSample,
-    points: &ReceiverGroup,
+    receiver: &Receiver<S>,
 ) -> (VisibilityMap<'a>, V3<S>) {
-    let l = points.in_lanes(simd).position - splat3(simd, sample.position());
+    let l = receiver.position - splat3(simd, sample.position());
     let dn = -l.dot(splat3(simd, sample.normal()));
     (VisibilityMap::new(maps, sample, dn), l)
 }

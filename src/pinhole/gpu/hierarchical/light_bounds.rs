@@ -66,7 +66,7 @@ struct Step {
 pub(in crate::pinhole::gpu) struct BoundsUniforms {
     pub size: u32,
     pub first: u32,
-    pub first_upper: u32,
+    pub first_above: u32,
     pub detail: u32,
     pub radiance_scale: f32,
     padding: [u32; 3],
@@ -130,17 +130,17 @@ impl LightBoundsBuilder {
 
 /// The uniforms of all levels of the bounds, and how many vectors their extremes take.
 fn uniforms_of_levels(environment: &EnvironmentCube, bounds: &wgpu::Texture) -> (Vec<u8>, u32) {
-    let (mut bytes, mut first, mut first_upper) = (Vec::new(), 0, 0);
+    let (mut bytes, mut first, mut first_above) = (Vec::new(), 0, 0);
     for level in 0..bounds.mip_level_count() {
         let size = bounds.width() >> level;
         let detail = environment.size() / bounds.width();
         let radiance_scale = environment.radiance_scale();
-        let uniforms = BoundsUniforms { size, first, first_upper, detail, radiance_scale, padding: [0; 3] };
+        let uniforms = BoundsUniforms { size, first, first_above, detail, radiance_scale, padding: [0; 3] };
         bytes.extend_from_slice(bytemuck::bytes_of(&uniforms));
         bytes.resize(bytes.len().next_multiple_of(DYNAMIC_OFFSET as usize), 0);
         // The finest level's extremes are the cube's texels.
         if level > 0 {
-            first_upper = first;
+            first_above = first;
             first += 2 * FACES as u32 * size * size;
         }
     }

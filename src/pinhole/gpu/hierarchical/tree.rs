@@ -55,7 +55,7 @@ impl CellTreeBuffers {
             }),
             root_count: cells.roots().len() as u32,
             sample_count: samples.samples.len() as u32,
-            first_cluster: cells.first_upper(),
+            first_cluster: cells.first_cluster(),
             area: cells.area(),
             map_resolution: samples.visibility.as_ref().map(|maps| maps.resolution),
         })
