@@ -6,10 +6,12 @@ use rayon::prelude::*;
 
 use super::paths::EndPoint;
 use crate::stages::CameraRays;
-use crate::tracing::Hit;
 
 /// A point may lie this far from where four hits around it lead one to expect it, in distances between them.
 const MAX_DEVIATION: f32 = 0.3;
+/// Mirrors that magnify show more than the camera sees directly. Ends of paths in neighbouring pixels must be apart at least this part
+/// of the distance between hits.
+const MIN_SPACING: f32 = 0.7;
 /// Cosine between the normals of a point and of the hits around it, at least.
 const MIN_NORMAL_COSINE: f32 = 0.98;
 
@@ -30,7 +32,7 @@ pub(super) struct Reprojection {
 impl Reprojection {
     /// Finds the points that the camera sees on known objects, where four neighbouring rays hit the same smooth surface.
     pub fn new(rays: &CameraRays, points: &[EndPoint], is_known: impl Fn(u32) -> bool + Sync) -> Self {
-        let place = |point: &EndPoint| is_known(point.hit.object).then(|| place(rays, &point.hit)).flatten();
+        let place = |point: &EndPoint| is_known(point.hit.object).then(|| place(rays, point)).flatten();
         Self { width: rays.width as usize, places: points.par_iter().map(place).collect() }
     }
 
@@ -50,7 +52,8 @@ fn bilinear([a, b, c, d]: [Vec3; 4], part: Vec2) -> Vec3 {
     a.lerp(b, part.x).lerp(c.lerp(d, part.x), part.y)
 }
 
-fn place(rays: &CameraRays, point: &Hit) -> Option<Place> {
+fn place(rays: &CameraRays, end: &EndPoint) -> Option<Place> {
+    let point = &end.hit;
     let view = &rays.view;
     let size = Vec2::new(view.size[0] as f32, view.size[1] as f32);
     let (pixel, depth) = view.camera.project(point.position, size);
@@ -70,9 +73,11 @@ fn place(rays: &CameraRays, point: &Hit) -> Option<Place> {
         }
         *position = hit.position;
     }
-    let spacing = hits[0].distance(hits[1]).min(hits[0].distance(hits[2]));
+    let spacing = [hits[0].distance(hits[1]), hits[0].distance(hits[2])];
     let deviation = bilinear(hits, place.part).distance(point.position);
-    (deviation <= MAX_DEVIATION * spacing).then_some(place)
+    let is_near = deviation <= MAX_DEVIATION * spacing[0].min(spacing[1]);
+    let is_resolved = end.spacing >= MIN_SPACING * per_edge * spacing[0].max(spacing[1]);
+    (is_near && is_resolved).then_some(place)
 }
 
 #[cfg(test)]
@@ -97,7 +102,7 @@ mod tests {
             .iter()
             .flatten()
             .filter(|hit| receives(hit.object))
-            .map(|&hit| EndPoint { hit, receives: true, view: Vec3::Y })
+            .map(|&hit| EndPoint { hit, receives: true, view: Vec3::Y, spacing: f32::INFINITY })
             .collect();
         let found = Reprojection::new(&rays, &seen, receives);
         let light = |k: usize| found.light(k, |index| rays.hits[index].unwrap().position);
