@@ -1,7 +1,7 @@
-// Bounds of the light, computed on the GPU for light that changes: a pyramid of extremes beside the cube's mips. Every texel covers
-// its 3×3 neighbourhood, across the faces' seams, so that one read bounds a cone. CPU twin: src/environment/bounds.rs.
+// Bounds of the light, computed on the GPU for light that changes: pyramids of extremes of the cube and of its mips. Every texel
+// covers its 3×3 neighbourhood, across the faces' seams, so that one read bounds a cone. CPU twin: src/environment/bounds.rs.
 //
-// The finest level and the extremes of the next one are read from the cube; all others from the extremes of the level above.
+// A pyramid's finest level and the extremes of the next one are read from the cube; all others from the extremes of the level above.
 
 #import constants
 #import cube
@@ -12,8 +12,10 @@ struct BoundsUniforms {
     // The first of its extremes, and of those of the level above; a pair of vectors each.
     first: u32,
     first_above: u32,
-    // Texels of the cube along an edge, for each of the finest level.
+    // Texels of the cube's mip along an edge, for each of the finest level.
     detail: u32,
+    // The mip of the cube that is bounded.
+    mip: u32,
     radiance_scale: f32,
 }
 
@@ -33,13 +35,13 @@ fn join(a: Extremes, b: Extremes) -> Extremes {
     return Extremes(min(a.low, b.low), max(a.high, b.high));
 }
 
-// The extremes of a square of texels of the cube, `edge` wide, in units of them.
+// The extremes of a square of texels of the cube's mip, `edge` wide, in units of them.
 fn extremes_of_cube(face: u32, first: vec2u, edge: u32, size: u32) -> Extremes {
     var all = Extremes(vec3f(3e38), vec3f(-3e38));
     for (var k = 0u; k < edge * edge; k++) {
         let texel = vec2f(first + vec2u(k % edge, k / edge)) + 0.5;
         let direction = from_cube(OnCube(face, 2.0 * texel / f32(size) - 1.0));
-        let radiance = level.radiance_scale * textureSampleLevel(environment, nearest, direction, 0.0).rgb;
+        let radiance = level.radiance_scale * textureSampleLevel(environment, nearest, direction, f32(level.mip)).rgb;
         all = join(all, Extremes(radiance, radiance));
     }
     return all;

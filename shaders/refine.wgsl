@@ -284,7 +284,7 @@ fn decide(block: Block, level: u32, cell: Cell) -> Decision {
     let block_size = block.radius / pair.l;
     let cell_size = cell.radius / pair.l + cell.normal_radius;
     let cone = reflected_cone(cell, pair, block_size, cell_size);
-    let light = light_within(cone.direction, cone.radius);
+    let light = light_within(cone.direction, cone.radius, cell.blur);
     let max_weight = max_weight_of(cell, pair);
     let max_contribution = max_weight * light.x;
     let contribution_range = max_weight * light.y;

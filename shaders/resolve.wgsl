@@ -150,7 +150,7 @@ fn visit_cell(index: u32, cell: Cell, receiver: Receiver, traversal: ptr<functio
     }
     let sides = footprint_of(cell, pair);
     let size = pair.inverse_l * cell.radius + cell.normal_radius;
-    let light = light_within(pair.r, cone_radius(cell, sides, size));
+    let light = light_within(pair.r, cone_radius(cell, sides, size), cell.blur);
     var gloss = vec2f(1.0, 0.0);
     if SHADING {
         gloss = gloss_within(pair, receiver, size);

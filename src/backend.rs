@@ -13,7 +13,7 @@ use crate::gpu::{Adapter, Gpu, GpuError};
 use crate::options::FilterChoice;
 use crate::pinhole::Filter;
 #[cfg(feature = "gpu")]
-use crate::pinhole::gpu::{HardwareVerdict, check_hardware_filter};
+use crate::pinhole::gpu::{HardwareVerdict, PipelineCache, check_hardware_filter};
 
 /// What a program waits for where sums are computed on a GPU.
 #[cfg(feature = "gpu")]
@@ -37,7 +37,7 @@ pub enum BackendChoice {
     Gpu(Option<String>),
 }
 
-/// An open back end. Clones share the device.
+/// An open back end. Clones share the device and its pipelines, which are compiled once for any number of engines.
 #[derive(Clone, Debug)]
 pub struct Backend(Kind);
 
@@ -48,11 +48,12 @@ enum Kind {
     Gpu(Arc<SharedGpu>),
 }
 
-/// A device, and the measured quality of its filter.
+/// A device, its pipelines, and the measured quality of its filter.
 #[cfg(feature = "gpu")]
 #[derive(Debug)]
 pub(crate) struct SharedGpu {
     pub gpu: Gpu,
+    pub pipelines: PipelineCache,
     /// The verdict on its hardware filter, measured when first needed.
     verdict: OnceLock<HardwareVerdict>,
 }
@@ -66,7 +67,7 @@ impl Backend {
     /// A GPU through wgpu.
     #[cfg(feature = "gpu")]
     pub fn gpu(gpu: Gpu) -> Self {
-        Self(Kind::Gpu(Arc::new(SharedGpu { gpu, verdict: OnceLock::new() })))
+        Self(Kind::Gpu(Arc::new(SharedGpu { gpu, pipelines: PipelineCache::default(), verdict: OnceLock::new() })))
     }
 
     /// Opens a back end. [`BackendChoice::Auto`] and [`BackendChoice::Cpu`] always succeed; a GPU fails if there is no

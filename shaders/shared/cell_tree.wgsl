@@ -68,6 +68,8 @@ struct Tolerance {
 @group(0) @binding(7) var<uniform> tree: TreeUniforms;
 // Bounds of the radiance itself: x = its maximum, y = its contrast.
 @group(0) @binding(8) var bounds: texture_2d_array<f32>;
+// The same of the environment's mips, MIP_STEP apart: six layers each.
+@group(0) @binding(11) var mip_bounds: texture_2d_array<f32>;
 @group(0) @binding(9) var<storage, read> nodes: array<CellNode>;
 @group(0) @binding(10) var<storage, read> sample_nodes: array<SampleNode>;
 
@@ -92,6 +94,8 @@ struct Cell {
     side_2: vec3f,
     // Width of the lobe that blurs its footprints, radians.
     lobe: f32,
+    // Its look-ups, and those of the cells below it, are blurred over this width at least, radians.
+    blur: f32,
     change_1: vec3f,
     creased: bool,
     change_2: vec3f,
@@ -132,6 +136,7 @@ fn load_cell(index: u32) -> Cell {
     cell.two_sided = (object_sides & 1u) == 1u;
     cell.object = i32(object_sides >> 1u);
     cell.max_reflectance = sample_nodes[cell.sample].max_reflectance;
+    cell.blur = LOBE_BLUR * sample_nodes[cell.sample].lobe;
     let bend = BEND_BLUR * (dot(cell.change_1, cell.change_1) + dot(cell.change_2, cell.change_2));
     cell.lobe = length(vec2f(select(bend, 0.0, bend < MIN_BEND_BLUR), sample_nodes[cell.sample].lobe));
     return cell;
@@ -227,12 +232,23 @@ fn map_of_sample(sample: u32, side: f32) -> VisibilityMap {
     return visibility_map(node.map, node.texel_jitter, node.normal, side);
 }
 
-// Bounds of the radiance within a cone around a world direction: x = its maximum, y = its contrast.
-fn light_within(direction: vec3f, radius: f32) -> vec2f {
+// The mip whose bounds hold for light that is blurred over a width in radians, in steps.
+fn mip_of_blur(blur: f32) -> i32 {
+    let texels = 0.5 * f32(textureDimensions(bounds).x) * blur;
+    if texels < 1.0 {
+        return 0;
+    }
+    let exponent = i32(bitcast<u32>(texels) >> 23u) - 127;
+    return min(exponent / i32(MIP_STEP), (i32(textureNumLevels(bounds)) - 1) / i32(MIP_STEP));
+}
+
+// Bounds of the radiance within a cone around a world direction, blurred over a width: x = its maximum, y = its contrast.
+fn light_within(direction: vec3f, radius: f32, blur: f32) -> vec2f {
     let on = on_cube(light_from_world(direction));
     let size = f32(textureDimensions(bounds).x);
-    // On a face's plane angles are stretched by 1 + s² + t² at most; a bilinear look-up reads a texel further.
-    let reach = 0.5 * size * radius * (1.0 + dot(on.st, on.st)) + 1.0;
+    let mip = mip_of_blur(blur);
+    // On a face's plane angles are stretched by 1 + s² + t² at most; a bilinear look-up reads a texel of its mip further.
+    let reach = 0.5 * size * radius * (1.0 + dot(on.st, on.st)) + f32(1u << u32(i32(MIP_STEP) * mip));
     // ⌈log₂ reach⌉ of what is 1 at least; NaN is wider than everything.
     let level = max(i32(bitcast<u32>(0.999999 * reach) >> 23u) - 126, 0);
     let last = i32(textureNumLevels(bounds)) - 1;
@@ -243,5 +259,8 @@ fn light_within(direction: vec3f, radius: f32) -> vec2f {
     }
     let edge = max(i32(size) >> u32(level), 1);
     let texel = min(vec2i((0.5 * on.st + 0.5) * f32(edge)), vec2i(edge - 1));
+    if mip > 0 {
+        return textureLoad(mip_bounds, texel, i32(on.face) + 6 * (mip - 1), level - i32(MIP_STEP)).xy;
+    }
     return textureLoad(bounds, texel, on.face, level).xy;
 }

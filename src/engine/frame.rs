@@ -6,15 +6,14 @@ use std::sync::Arc;
 use glam::Vec3;
 use rayon::prelude::*;
 
-use super::direct::{DirectLight, SampledLight};
-use super::paths::{EndPoint, PathTracer, Paths};
+use super::ends::{EndLight, caustic_at, direct_light};
+use super::paths::{PathTracer, Paths};
+use super::reprojection::Reprojection;
 use super::shading::{Shaded, Shader, SurfaceLight};
 use crate::Error;
-use crate::brdf::Materials;
 use crate::environment::Environment;
 use crate::image::Aov;
 use crate::options::{DisplaySettings, Options};
-use crate::pinhole::{ReceiverLayout, Receivers, ViewDirections};
 use crate::progress::{Progress, Stage};
 use crate::scene::{Scene, Sides, Visibility};
 use crate::stages::{
@@ -27,8 +26,6 @@ use crate::tracing::{Hit, Tracer};
 pub(super) const KEPT_POINTS: u64 = 1 << 23;
 /// Approximate number of points in a band of a larger picture.
 const BAND_POINTS: u64 = 1 << 22;
-/// Length of the rows that end points are arranged in.
-const ENDS_IN_A_ROW: u32 = 1024;
 
 /// Rows of pixels in each band of a picture.
 pub(super) fn rows_per_band(options: &Options) -> u32 {
@@ -73,8 +70,14 @@ struct PathsKey {
     is_plain: bool,
 }
 
-/// The caustic at the ends of paths depends on these.
-type EndsKey = (Id<Paths>, Id<dyn Sum>);
+/// The inputs of the light at the ends of paths.
+#[derive(PartialEq)]
+struct EndsKey<T> {
+    paths: Id<Paths>,
+    source: T,
+    /// The light where camera rays hit.
+    own: LightId,
+}
 
 #[derive(PartialEq)]
 struct ShadingKey {
@@ -111,6 +114,11 @@ impl FrameInputs<'_> {
     fn shows_irradiance(&self, aov: Aov, object: u32) -> bool {
         let options = self.options;
         options.aovs.contains(&aov) || options.plain_diffuse || !self.prepared.materials.receivers.is_glossy(object)
+    }
+
+    /// Whether the caustic on an object is computed where camera rays hit it.
+    pub(super) fn knows_caustic(&self, object: u32) -> bool {
+        self.scene.objects[object as usize].receiver.is_some() && self.shows_irradiance(Aov::Caustic, object)
     }
 
     fn objects(&self) -> std::ops::Range<u32> {
@@ -152,8 +160,8 @@ pub(super) struct BandStages {
     caustic: Memo<CausticKey, Vec<[f32; 4]>>,
     direct: Memo<DirectKey, Vec<Vec3>>,
     paths: Memo<PathsKey, Paths>,
-    ends_caustic: Memo<EndsKey, Vec<[f32; 4]>>,
-    ends_direct: Memo<(Id<Paths>, LightKey), Vec<Vec3>>,
+    ends_caustic: Memo<EndsKey<Id<dyn Sum>>, Vec<[f32; 4]>>,
+    ends_direct: Memo<EndsKey<LightKey>, Vec<Vec3>>,
     shading: Memo<ShadingKey, Shaded>,
     display: Memo<(Id<Shaded>, DisplaySettings), Vec<Vec3>>,
 }
@@ -191,7 +199,7 @@ impl BandStages {
         let mut beauty = None;
         if aovs.contains(&Aov::Beauty) {
             let paths = self.paths(inputs, &rays);
-            let ends = self.ends(inputs, light, &paths).await?;
+            let ends = self.ends(inputs, light, &paths, &rays, &surfaces).await?;
             fetches += fetches_of(ends.caustic.as_deref());
             beauty = Some(self.beauty(inputs, &paths, &surfaces, &ends));
         }
@@ -205,9 +213,7 @@ impl BandStages {
         rays: &Arc<CameraRays>,
     ) -> Result<Option<Arc<Vec<[f32; 4]>>>, Error> {
         let Some(sum) = inputs.sum else { return Ok(None) };
-        let receives = |object: u32| inputs.scene.objects[object as usize].receiver.is_some();
-        let wanted: Vec<bool> =
-            inputs.objects().map(|o| receives(o) && inputs.shows_irradiance(Aov::Caustic, o)).collect();
+        let wanted: Vec<bool> = inputs.objects().map(|o| inputs.knows_caustic(o)).collect();
         let key = CausticKey { rays: Id::of(rays), sum: Id::of(sum), wanted: wanted.clone() };
         let steps = (rays.hits.len() as u64, inputs.progress);
         let make = async || {
@@ -250,6 +256,8 @@ impl BandStages {
         inputs: &FrameInputs<'_>,
         light: &mut LightStages,
         paths: &Arc<Paths>,
+        rays: &CameraRays,
+        own: &SurfaceLight,
     ) -> Result<SurfaceLight, Error> {
         if paths.ends.is_empty() {
             return Ok(SurfaceLight { direct: None, caustic: None });
@@ -257,13 +265,17 @@ impl BandStages {
         let mut caustic = None;
         if let Some(sum) = inputs.sum {
             let steps = (paths.ends.len() as u64, inputs.progress);
-            let key = (Id::of(paths), Id::of(sum));
-            let make = async || caustic_at(inputs, sum, &paths.ends).await;
+            let key = EndsKey { paths: Id::of(paths), source: Id::of(sum), own: (None, id_of(own).1) };
+            let make = async || caustic_at(inputs, sum, &paths.ends, rays, own.caustic.as_deref()).await;
             caustic = Some(self.ends_caustic.wait_for(key, steps, make).await?);
         }
         let source = EndLight::new(inputs, light, &paths.ends);
-        let key = (Id::of(paths), inputs.light_key());
-        let direct = self.ends_direct.get(key, inputs.progress, || source.at(&paths.ends));
+        let key = EndsKey { paths: Id::of(paths), source: inputs.light_key(), own: (id_of(own).0, None) };
+        let direct = self.ends_direct.get(key, inputs.progress, || {
+            let known = own.direct.as_deref();
+            let is_known = |object| known.is_some() && inputs.shows_irradiance(Aov::Direct, object);
+            source.at(&paths.ends, &Reprojection::new(rays, &paths.ends, is_known), known.map_or(&[], Vec::as_slice))
+        });
         Ok(SurfaceLight { direct: Some(direct), caustic })
     }
 
@@ -295,69 +307,6 @@ impl BandStages {
         counts.add_memo(&self.shading);
         counts.add_memo(&self.display);
     }
-}
-
-fn direct_light<'a>(inputs: &FrameInputs<'a>, light: &mut LightStages) -> DirectLight<'a> {
-    let FrameInputs { prepared, options, progress, .. } = *inputs;
-    DirectLight::new(inputs.light, light, &prepared.tracer, options.visibility, progress)
-}
-
-/// Direct light at the end points of paths.
-struct EndLight<'a> {
-    materials: &'a Materials,
-    diffuse: DirectLight<'a>,
-    /// Where a path ends on a glossy receiver.
-    glossy: Option<SampledLight<'a>>,
-}
-
-impl<'a> EndLight<'a> {
-    fn new(inputs: &FrameInputs<'a>, stages: &mut LightStages, points: &[EndPoint]) -> Self {
-        let FrameInputs { light, prepared, options, progress, .. } = *inputs;
-        let materials = &*prepared.materials.receivers;
-        let diffuse = direct_light(inputs, stages);
-        let glossy = points
-            .iter()
-            .any(|p| is_glossy(materials, p))
-            .then(|| SampledLight::new(light, stages, &prepared.tracer, options.visibility, progress));
-        Self { materials, diffuse, glossy }
-    }
-
-    /// Irradiance or, on glossy receivers, the radiance reflected towards the viewers.
-    fn at(&self, points: &[EndPoint]) -> Vec<Vec3> {
-        let one = |point: &EndPoint| match &self.glossy {
-            Some(light) if is_glossy(self.materials, point) => light.reflected(self.materials, &point.hit, point.view),
-            _ => self.diffuse.irradiance(point.hit.position, point.hit.normal),
-        };
-        points.par_iter().map(one).collect()
-    }
-}
-
-fn is_glossy(materials: &Materials, point: &EndPoint) -> bool {
-    point.receives && materials.is_glossy(point.hit.object)
-}
-
-/// The caustic at the end points of paths: irradiance or, on glossy receivers, the radiance reflected towards the
-/// viewers.
-async fn caustic_at(inputs: &FrameInputs<'_>, sum: &Arc<dyn Sum>, points: &[EndPoint]) -> Result<Vec<[f32; 4]>, Error> {
-    let materials = &inputs.prepared.materials.receivers;
-    let rows = (points.len() as u32).div_ceil(ENDS_IN_A_ROW);
-    let mut diffuse = Receivers { layout: ReceiverLayout::Unordered, ..Receivers::empty(ENDS_IN_A_ROW, rows) };
-    for (index, point) in points.iter().enumerate().filter(|(_, p)| p.receives && !is_glossy(materials, p)) {
-        diffuse.set(index, point.hit.position, point.hit.normal, point.hit.object);
-    }
-    let mut sums = sum.irradiance(&diffuse, inputs.progress).await?;
-    let glossy: Vec<usize> = (0..points.len()).filter(|&k| is_glossy(materials, &points[k])).collect();
-    if !glossy.is_empty() {
-        let place = |&k: &usize| (points[k].hit.position, points[k].hit.normal, points[k].hit.object);
-        let mut receivers = Receivers::from_points(&glossy.iter().map(place).collect::<Vec<_>>(), ENDS_IN_A_ROW);
-        let mut directions: Vec<_> = glossy.iter().map(|&k| points[k].view.extend(0.0).to_array()).collect();
-        directions.resize(receivers.positions.len(), [0.0; 4]);
-        receivers.view_directions = Some(ViewDirections { directions, materials: materials.clone() });
-        for (&k, sum) in glossy.iter().zip(sum.irradiance(&receivers, inputs.progress).await?) {
-            sums[k] = sum;
-        }
-    }
-    Ok(sums)
 }
 
 /// The number of fetches, which is the fourth component of the sums.

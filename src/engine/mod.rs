@@ -9,12 +9,14 @@
 //! change the scene or the options in any way, and render. The picture equals that of a new engine.
 
 mod direct;
+mod ends;
 mod film;
 mod frame;
 mod gloss;
 mod overlay;
 mod paths;
 mod report;
+mod reprojection;
 mod shading;
 
 pub use film::Rendered;

@@ -37,6 +37,9 @@ pub(super) struct EndPoint {
     pub receives: bool,
     /// Unit direction towards the viewer.
     pub view: Vec3,
+    /// Distance to the ends of the same path in neighbouring pixels, metres: the smaller of the horizontal and the vertical
+    /// one, or 0 if it is unknown.
+    pub spacing: f32,
 }
 
 /// The source of a path's light.
@@ -107,6 +110,7 @@ impl PathTracer<'_> {
             .into_par_iter()
             .map(|k| self.trace_pixel(&corners, k % width, k / width))
             .collect();
+        measure_spacings(&mut pixels, width as usize);
         let ends = collect_ends(&mut pixels);
         Paths { pixels, ends }
     }
@@ -236,7 +240,8 @@ impl PathTracer<'_> {
             Source::CameraRay(walk.own as u32)
         } else {
             let receives = !self.is_plain && object.receiver.is_some();
-            paths.end_point(walk.key, EndPoint { hit: *found, receives, view: -ray.direction.normalize() })
+            paths
+                .end_point(walk.key, EndPoint { hit: *found, receives, view: -ray.direction.normalize(), spacing: 0.0 })
         };
         let factor = if is_glossy { walk.throughput } else { walk.throughput * albedo * std::f32::consts::FRAC_1_PI };
         paths.add(factor, source, false);
@@ -280,6 +285,34 @@ fn mirrors(object: &Object, front: bool) -> bool {
         Sides::Back => !front,
         Sides::Both => true,
     })
+}
+
+/// Sets the spacing of all end points.
+fn measure_spacings(pixels: &mut [PixelPaths], width: usize) {
+    let of_pixel = |index: usize| spacings(pixels, width, index);
+    let spacings: Vec<Vec<f32>> = (0..pixels.len()).into_par_iter().map(of_pixel).collect();
+    for (pixel, spacings) in pixels.iter_mut().zip(spacings) {
+        pixel.ends.iter_mut().zip(spacings).for_each(|(end, spacing)| end.spacing = spacing);
+    }
+}
+
+/// How far a pixel's end points are from those of the same paths in neighbouring pixels, or 0.
+fn spacings(pixels: &[PixelPaths], width: usize, index: usize) -> Vec<f32> {
+    let (x, pixel) = (index % width, &pixels[index]);
+    let left = index.checked_sub(1).filter(|_| x > 0);
+    let right = Some(index + 1).filter(|_| x + 1 < width);
+    let (above, below) = (index.checked_sub(width), Some(index + width).filter(|k| *k < pixels.len()));
+    let spacing = |(key, end): (&u64, &EndPoint)| {
+        let distance = |neighbour: Option<usize>| {
+            let other = &pixels[neighbour?];
+            let slot = other.end_keys.iter().position(|k| k == key)?;
+            Some(other.ends[slot].hit.position.distance(end.hit.position))
+        };
+        let horizontal = distance(right).or_else(|| distance(left));
+        let vertical = distance(below).or_else(|| distance(above));
+        horizontal.zip(vertical).map_or(0.0, |(a, b)| a.min(b))
+    };
+    pixel.end_keys.iter().zip(&pixel.ends).map(spacing).collect()
 }
 
 /// Moves the pixels' end points into one list and adjusts their indices.

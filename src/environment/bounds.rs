@@ -6,6 +6,7 @@
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
+use super::MIP_STEP;
 use super::cube::{CubeMap, FACES, face_of_direction, fill_borders, fill_rows, padded_len, rows};
 
 /// What is known of the radiance from a set of directions, W/(m²·sr).
@@ -17,10 +18,11 @@ pub struct Bound {
     pub contrast: f32,
 }
 
-/// Bounds of a cube map's radiance.
+/// Bounds of a cube map's radiance, and of the radiance of its mips.
 #[derive(Clone, Debug)]
 pub struct LightBounds {
-    levels: Vec<Level>,
+    /// By mip, in steps of [`MIP_STEP`], then from the level with as many texels as the mip to that with one.
+    pyramids: Vec<Vec<Level>>,
     texels: Vec<Bound>,
     everywhere: Bound,
 }
@@ -60,73 +62,109 @@ impl LightBounds {
     /// The same, the finest level having at most so many texels along an edge.
     pub(crate) fn with_finest(cube: &CubeMap, finest: u32) -> Self {
         let mut size = cube.size();
-        let mut level = extremes_of(cube);
+        let mut level = extremes_of(cube, 0);
         while size > finest {
             (level, size) = (downsample(&level, size), size / 2);
         }
-        let mut bounds = Self { levels: Vec::new(), texels: Vec::new(), everywhere: Bound::default() };
+        let first_mip = cube.size().ilog2() - size.ilog2();
+        let mut bounds = Self { pyramids: Vec::new(), texels: Vec::new(), everywhere: Bound::default() };
+        bounds.everywhere = bounds.add_pyramid(level, size).bound();
+        for mip in (first_mip + MIP_STEP..cube.level_count()).step_by(MIP_STEP as usize) {
+            bounds.add_pyramid(extremes_of(cube, mip), cube.size() >> mip);
+        }
+        bounds
+    }
+
+    /// Adds the levels above one; returns the extremes of everything.
+    fn add_pyramid(&mut self, mut level: Vec<Extremes>, mut size: u32) -> Extremes {
+        let mut levels = Vec::new();
         loop {
-            bounds.levels.push(Level { offset: bounds.texels.len(), size: size as usize });
-            bounds.texels.extend(dilated(&level, size));
+            levels.push(Level { offset: self.texels.len(), size: size as usize });
+            self.texels.extend(dilated(&level, size));
             if size == 1 {
                 break;
             }
             (level, size) = (downsample(&level, size), size / 2);
         }
-        let all = rows(&level, size).flatten().copied().reduce(Extremes::join).expect("six faces");
-        bounds.everywhere = all.bound();
-        bounds
+        self.pyramids.push(levels);
+        rows(&level, size).flatten().copied().reduce(Extremes::join).expect("six faces")
+    }
+
+    /// Texels along an edge of the finest level.
+    #[cfg(feature = "gpu")]
+    pub(crate) fn size(&self) -> u32 {
+        self.pyramids[0][0].size as u32
     }
 
     #[cfg(feature = "gpu")]
-    /// The levels, the finest first: texels along an edge, and those of all faces.
-    pub(crate) fn levels(&self) -> impl Iterator<Item = (u32, &[Bound])> {
-        self.levels.iter().map(|l| (l.size as u32, &self.texels[l.offset..][..FACES * l.size * l.size]))
+    /// The levels of each pyramid, the finest first: texels along an edge, and those of all faces.
+    pub(crate) fn pyramids(&self) -> impl Iterator<Item = impl Iterator<Item = (u32, &[Bound])>> {
+        let of_level = |l: &Level| (l.size as u32, &self.texels[l.offset..][..FACES * l.size * l.size]);
+        self.pyramids.iter().map(move |levels| levels.iter().map(of_level))
     }
 
-    /// Bounds of what a bilinear look-up in the finest level finds within `radius` radians of a direction of any length.
+    /// The pyramid that bounds look-ups of light that is blurred over a width, radians.
     #[inline]
-    pub fn within(&self, direction: Vec3, radius: f32) -> Bound {
+    pub(crate) fn pyramid(&self, blur: f32) -> usize {
+        let texels = self.half_size() * blur;
+        if texels < 1.0 {
+            return 0;
+        }
+        let exponent = (texels.to_bits() >> 23) as usize - 127;
+        (exponent / MIP_STEP as usize).min(self.pyramids.len() - 1)
+    }
+
+    /// Bounds of what look-ups find within `radius` radians of a direction of any length, if none of them is narrower than `blur`
+    /// radians.
+    #[inline]
+    pub fn within(&self, direction: Vec3, radius: f32, blur: f32) -> Bound {
+        let pyramid = self.pyramid(blur);
         let (face, st) = face_of_direction(direction);
-        self.at(face, st + 1.0, self.reach(st.length_squared(), radius))
+        self.at(face, st + 1.0, self.reach(st.length_squared(), radius, pyramid), pyramid)
     }
 
     /// How far a cone around a place on a face reaches, texels of the finest level; `st2` is the square of the place's distance
     /// from the face's centre, whose edges are at 1. On a face's plane angles are stretched by 1 + s² + t² at most; a bilinear
     /// look-up reads a texel further.
     #[inline]
-    fn reach(&self, st2: f32, radius: f32) -> f32 {
-        radius * (1.0 + st2) * self.half_size() + 1.0
+    fn reach(&self, st2: f32, radius: f32, pyramid: usize) -> f32 {
+        radius * (1.0 + st2) * self.half_size() + texel_of(pyramid)
     }
 
     /// Half a face's edge, texels of the finest level.
     #[inline]
     pub(crate) fn half_size(&self) -> f32 {
-        0.5 * self.levels[0].size as f32
+        0.5 * self.pyramids[0][0].size as f32
     }
 
     /// The bound around a place on a face, from 0 to 2, as far as `reach` texels of the finest level.
     #[inline]
-    pub(crate) fn at(&self, face: usize, st: Vec2, reach: f32) -> Bound {
+    pub(crate) fn at(&self, face: usize, st: Vec2, reach: f32, pyramid: usize) -> Bound {
         // ⌈log₂ reach⌉ of what is 1 at least.
         let level = (((0.999_999 * reach).to_bits() >> 23) as usize).saturating_sub(126);
-        if level >= self.levels.len() {
+        let Some(&Level { offset, size }) = self.pyramids[pyramid].get(level - MIP_STEP as usize * pyramid) else {
             // What is wider than half the sphere, and NaN.
             return self.everywhere;
-        }
-        let Level { offset, size } = self.levels[level];
+        };
         let index = |s: f32| ((0.5 * s * size as f32) as usize).min(size - 1);
         self.texels[offset + (face * size + index(st.y)) * size + index(st.x)]
     }
 }
 
-/// The extremes of each texel of a cube's finest level; with borders, as those of all levels.
-fn extremes_of(cube: &CubeMap) -> Vec<Extremes> {
-    let texels = &cube.padded_texels()[..padded_len(cube.size())];
+/// Width of the texels of a pyramid's first level, texels of the finest one.
+#[inline]
+pub(crate) fn texel_of(pyramid: usize) -> f32 {
+    (1u32 << (MIP_STEP as usize * pyramid)) as f32
+}
+
+/// The extremes of each texel of a cube's mip; with borders, as those of all levels.
+fn extremes_of(cube: &CubeMap, mip: u32) -> Vec<Extremes> {
+    let size = cube.size() >> mip;
+    let texels = &cube.padded_texels()[cube.level_offset(mip) as usize..][..padded_len(size)];
     let mut level: Vec<Extremes> =
         texels.par_iter().map(|t| Extremes { low: t.truncate(), high: t.truncate() }).collect();
     // A corner stands for all three texels that meet there, not for their mean.
-    fill_borders(&mut level, cube.size(), join_corner);
+    fill_borders(&mut level, size, join_corner);
     level
 }
 
@@ -186,16 +224,19 @@ mod tests {
         let bounds = LightBounds::new(&cube);
         let mut tight = 0;
         for k in 0..4000u32 {
+            // Every other look-up is blurred.
+            let lod = if k % 2 == 0 { 0.0 } else { 5.0 * (k as f32 * 0.324_718).fract() };
             let at = |s: f32| (k as f32 * s).fract() * 2.0 - 1.0;
             let centre = face_direction(k as usize % FACES, at(0.618_034), at(0.754_878)).normalize();
             let radius = 0.5 * (k as f32 * 0.569_84).fract().powi(3);
-            let bound = bounds.within(centre, radius);
+            let blur = if lod == 0.0 { 0.0 } else { lod.exp2() * 2.0 / cube.size() as f32 };
+            let bound = bounds.within(centre, radius, blur);
             let (u, v) = centre.any_orthonormal_pair();
             let (mut low, mut high) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
             for step in 0..64 {
                 let (turn, part) = (step as f32 * 2.4, (step as f32 / 63.0).sqrt());
                 let d = centre + (radius * part).tan() * (turn.cos() * u + turn.sin() * v);
-                let value = cube.fetch(d, 0.0);
+                let value = cube.fetch(d, lod);
                 (low, high) = (low.min(value), high.max(value));
             }
             assert!(high.max_element() <= bound.max * 1.0001, "{centre} {radius}: {high} > {}", bound.max);
@@ -209,11 +250,11 @@ mod tests {
     #[test]
     fn a_constant_has_no_contrast_and_a_wide_cone_sees_all() {
         let even = LightBounds::new(&CubeMap::from_radiance(16, None, |_| Vec3::splat(2.0)));
-        assert_eq!(even.within(Vec3::Y, 0.3), Bound { max: 2.0, contrast: 0.0 });
+        assert_eq!(even.within(Vec3::Y, 0.3, 0.0), Bound { max: 2.0, contrast: 0.0 });
         let cube = spotted();
         let bounds = LightBounds::new(&cube);
         for radius in [2.0, 4.0, f32::INFINITY, f32::NAN] {
-            assert!(bounds.within(-Vec3::X, radius).max > 9.0);
+            assert!(bounds.within(-Vec3::X, radius, 0.0).max > 9.0);
         }
     }
 }

@@ -12,6 +12,8 @@ pub(super) struct Cell {
     pub sample: PinholeParts,
     /// Upper bound of the reflectance over channels and angles.
     pub max_reflectance: f32,
+    /// Its look-ups, and those of the cells below it, are blurred over this width at least, radians.
+    pub blur: f32,
     /// No point of the cell is farther from the centroid, metres.
     pub radius: f32,
     /// No unit normal of the cell is farther from the mean one.

@@ -65,6 +65,8 @@ pub const EWA_MAX_COLUMNS: f32 = 256.0;
 /// normal's squared change is the blur that comes nearest to the ground truth: without it a cup of 100 samples throws a
 /// caustic four times too bright at its focus, and its error is .436 instead of .365 (`examples/accuracy.rs`).
 pub const BEND_BLUR: f32 = 0.5;
+/// Look-ups for rough mirrors are blurred over this part of their lobe's width at least, unless they reflect at grazing angles.
+pub const LOBE_BLUR: f32 = 0.4;
 /// Less blur than this, radians, changes nothing that could be measured, and is spared.
 pub const MIN_BEND_BLUR: f32 = 0.03;
 

@@ -1,6 +1,7 @@
 //! A cell tree with the materials of its mirrors: the input of a hierarchical gather.
 
 use super::cell::Cell;
+use super::constants::LOBE_BLUR;
 use super::{Mirror, Mirrors, PinholeParts, PinholeSample, Pinholes};
 use crate::cell_tree::{CellNode, CellTree, NodeGeometry};
 use crate::scene::Scene;
@@ -73,6 +74,7 @@ impl PinholeTree {
                 two_sided,
             },
             max_reflectance,
+            blur: LOBE_BLUR * mirror.lobe,
             radius,
             normal_radius,
             is_creased: creased,

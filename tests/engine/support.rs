@@ -1,6 +1,6 @@
 //! What the tests share: both back ends behind one function, and surfaces without a scene file.
 
-use std::sync::OnceLock;
+use std::sync::{Arc, Mutex, OnceLock};
 
 use glam::{DVec3, Vec3};
 use pinspot::blocking::wait;
@@ -48,6 +48,18 @@ pub fn on_cpu(receivers: &Receivers, pinholes: &Pinholes, cube: &CubeMap, params
     cpu::gather(receivers, pinholes, cube, params, &|_| ()).unwrap()
 }
 
+/// The engine on the adapter under test, made once for all tests with the same options.
+fn engine(options: &GatherOptions) -> Arc<Engine> {
+    static ENGINES: Mutex<Vec<(GatherOptions, Arc<Engine>)>> = Mutex::new(Vec::new());
+    let mut engines = ENGINES.lock().unwrap();
+    if let Some((_, known)) = engines.iter().find(|(known, _)| known == options) {
+        return known.clone();
+    }
+    let made = Arc::new(Engine::new(&gpu().device, options));
+    engines.push((*options, made.clone()));
+    made
+}
+
 /// Irradiance by the GPU, all batches in one submission.
 pub fn on_gpu(receivers: &Receivers, pinholes: &Pinholes, cube: &CubeMap, params: &Params) -> Vec<[f32; 4]> {
     on_gpu_with(
@@ -79,7 +91,7 @@ pub fn on_gpu_with(
     let views = receivers.view_directions.as_ref().map(|viewers| gpu.upload_texture(size, &viewers.directions));
     let viewers = views.as_ref().zip(receivers.view_directions.as_ref());
     let viewers = viewers.map(|(directions, v)| FrameViewers { directions, materials: &v.materials });
-    let engine = Engine::new(&gpu.device, options);
+    let engine = engine(options);
     let inputs = FrameInputs {
         positions: &positions,
         normals: &normals,
@@ -143,9 +155,13 @@ pub fn rel_l2_of(a: &[[f32; 4]], b: &[DVec3]) -> f64 {
     pinspot::image::rel_l2(&a, &image(b.iter().map(|b| b.as_vec3()).collect()), None)
 }
 
-/// The pictures of a new engine.
+/// The pictures of a new engine. The adapter under test is opened once.
 pub fn render(scene: Scene, options: pinspot::Options, choice: &BackendChoice) -> Result<Rendered, Error> {
-    let backend = wait(None, Backend::open(choice))?;
+    static SHARED: OnceLock<Backend> = OnceLock::new();
+    let backend = match choice {
+        BackendChoice::Gpu(None) => SHARED.get_or_init(gpu_backend).clone(),
+        choice => wait(None, Backend::open(choice))?,
+    };
     let mut engine = pinspot::Engine::new(scene, options, backend.clone());
     wait(backend.device(), engine.render(&NoProgress))
 }

@@ -5,6 +5,7 @@
 //! and no watchdog fires. Neither submits, polls or owns a window; [`check_hardware_filter`] and [`probe()`] do submit, on a device of
 //! Pinspot's own. Shader: `shaders/gather.wgsl`; CPU twin: [`cpu::gather`](super::cpu::gather).
 
+mod cache;
 mod environment;
 mod hardware_check;
 mod hierarchical;
@@ -12,6 +13,7 @@ mod pipeline;
 mod probe;
 mod shaders;
 
+pub(crate) use cache::PipelineCache;
 pub use environment::EnvironmentCube;
 pub use hardware_check::{HardwareVerdict, automatic_filter, check_hardware_filter};
 pub use hierarchical::{
@@ -33,7 +35,7 @@ use crate::gpu::GpuError;
 pub const TARGET_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba32Float;
 
 /// What is fixed when an engine is made.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct GatherOptions {
     /// The filter; it is compiled into the shader.
     pub filter: Filter,

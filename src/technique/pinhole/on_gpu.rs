@@ -1,4 +1,4 @@
-//! Sums on a GPU: pipelines and copies of light and samples are made once and kept. Receivers are uploaded in strips,
+//! Sums on a GPU: copies of light and samples are made once and kept. Receivers are uploaded in strips,
 //! work is submitted in pieces of bounded duration, and the sums are read back.
 
 use std::borrow::Cow;
@@ -11,22 +11,17 @@ use crate::backend::SharedGpu;
 use crate::environment::{Environment, LightBounds};
 use crate::gpu::{Gpu, GpuError};
 use crate::pinhole::gpu::{
-    self, CellTreeBuffers, Engine, EnvironmentCube, FrameInputs, FrameViewers, HierarchicalEngine, HierarchicalOptions,
-    LightBoundsTexture, Tolerance,
+    self, CellTreeBuffers, Engine, EnvironmentCube, FrameInputs, FrameViewers, HierarchicalEngine, LightBoundsTexture,
+    Tolerance,
 };
-use crate::pinhole::{BATCH_SIZE, Filter, NO_RECEIVER, Params, PinholeTree, ReceiverLayout, Receivers, ViewDirections};
+use crate::pinhole::{BATCH_SIZE, NO_RECEIVER, Params, PinholeTree, ReceiverLayout, Receivers, ViewDirections};
 use crate::progress::{Progress, Stage};
 use crate::stages::{Id, Memo, StageCounts};
 use crate::technique::{Inputs, Pending, Statistics, Sum};
 
-/// What pipelines are compiled for: the filter, and whether samples have visibility maps.
-type PipelineKey = (Filter, bool);
-
 /// Everything that is kept on the device.
 #[derive(Debug)]
 pub(super) struct GpuStages {
-    flat_pipelines: Vec<(PipelineKey, Arc<Engine>)>,
-    hierarchical_pipelines: Vec<(PipelineKey, Arc<HierarchicalEngine>)>,
     environment: Memo<Id<Environment>, EnvironmentCube>,
     bounds: Memo<Id<LightBounds>, LightBoundsTexture>,
     tree: Memo<Id<PinholeTree>, CellTreeBuffers>,
@@ -34,13 +29,7 @@ pub(super) struct GpuStages {
 
 impl GpuStages {
     pub fn new() -> Self {
-        Self {
-            flat_pipelines: Vec::new(),
-            hierarchical_pipelines: Vec::new(),
-            environment: Memo::new(Stage::Upload),
-            bounds: Memo::new(Stage::Upload),
-            tree: Memo::new(Stage::Upload),
-        }
+        Self { environment: Memo::new(Stage::Upload), bounds: Memo::new(Stage::Upload), tree: Memo::new(Stage::Upload) }
     }
 
     /// Uploads the inputs of a flat sum.
@@ -52,10 +41,7 @@ impl GpuStages {
         inputs: &Inputs,
     ) -> Result<Arc<dyn Sum>, Error> {
         let device = &shared.gpu.device;
-        let key = (sum.params.filter, sum.pinholes.visibility.is_some());
-        let pipelines = kept(&mut self.flat_pipelines, key, || {
-            Engine::new(device, &gpu::GatherOptions { filter: key.0, visibility: key.1, ..Default::default() })
-        });
+        let pipelines = shared.pipelines.flat(device, sum.params.filter, sum.pinholes.visibility.is_some());
         let environment = self.environment(shared, &sum.environment, inputs.progress)?;
         shared.gpu.check()?;
         Ok(Arc::new(FlatOnGpu { shared: shared.clone(), pipelines, environment, sum, statistics }))
@@ -70,10 +56,8 @@ impl GpuStages {
         inputs: &Inputs,
     ) -> Result<Arc<dyn Sum>, Error> {
         let Gpu { device, queue, .. } = &shared.gpu;
-        let key = (sum.params.filter, sum.tree.sample_nodes().visibility.is_some());
-        let pipelines = kept(&mut self.hierarchical_pipelines, key, || {
-            HierarchicalEngine::new(device, &HierarchicalOptions { filter: key.0, visibility: key.1 })
-        });
+        let visibility = sum.tree.sample_nodes().visibility.is_some();
+        let pipelines = shared.pipelines.hierarchical(device, sum.params.filter, visibility);
         let environment = self.environment(shared, &sum.environment, inputs.progress)?;
         let bounds = self
             .bounds
@@ -111,16 +95,6 @@ impl GpuStages {
         counts.add_memo(&self.bounds);
         counts.add_memo(&self.tree);
     }
-}
-
-/// The pipelines for a key, compiled at first use. There are few keys, so that none is ever dropped.
-fn kept<T>(all: &mut Vec<(PipelineKey, Arc<T>)>, key: PipelineKey, make: impl FnOnce() -> T) -> Arc<T> {
-    if let Some((_, known)) = all.iter().find(|(known, _)| *known == key) {
-        return known.clone();
-    }
-    let made = Arc::new(make());
-    all.push((key, made.clone()));
-    made
 }
 
 /// The flat sum: every sample is evaluated at every receiver.

@@ -206,7 +206,8 @@ impl RefinementCriterion<'_> {
             return refined(cell.radius >= block.radius);
         }
         let cone = pair.reflected_cone(cell);
-        let Bound { max, contrast } = self.light.within(self.light_from_world(cone.direction), cone.radius);
+        let direction = self.light_from_world(cone.direction);
+        let Bound { max, contrast } = self.light.within(direction, cone.radius, cell.blur);
         let max_weight = self.max_weight(cell, &pair);
         let (max_contribution, contribution_range) = (max_weight * max, max_weight * contrast);
         // Glossy receivers weight it one by one.

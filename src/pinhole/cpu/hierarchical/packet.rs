@@ -12,6 +12,7 @@ use super::super::{Receiver, ReceiverCellPair, ReceiverGroup};
 use super::criterion::unevenness;
 use super::evaluation::CellAtReceivers;
 use super::tile::{FULLY_VISIBLE, TileGather, map_towards};
+use crate::environment::texel_of;
 use crate::pinhole::cell::Cell;
 use crate::pinhole::constants::{
     CENTRAL_VISIBILITY_SHARE, CONTRAST_ERROR_SCALE, FOOTPRINT_BEND, FOOTPRINT_RADIUS, MAX_QUARTERINGS,
@@ -204,7 +205,7 @@ impl TileGather<'_> {
         } else {
             footprint.squares().sqrt() * FOOTPRINT_RADIUS + (size * size * FOOTPRINT_BEND + unevenness(cell))
         };
-        let (max_radiance, contrast) = self.light_within(simd, pair.r, cone_radius, max_weight.facing);
+        let (max_radiance, contrast) = self.light_within(simd, pair.r, (cone_radius, cell.blur), max_weight.facing);
         let mut weight = max_weight.value * cell.max_reflectance;
         let mut gloss_error = splat(simd, 0.0);
         if receiver.view.is_some() {
@@ -338,17 +339,25 @@ impl TileGather<'_> {
         (lanes(simd, max), lanes(simd, difference) * CONTRAST_ERROR_SCALE)
     }
 
-    /// Bounds of the light within cones around sixteen directions: the maximum and the contrast of its radiance.
+    /// Bounds of the light, blurred over a width, within cones around sixteen directions: the maximum and the contrast of its
+    /// radiance.
     #[inline(always)]
-    fn light_within<S: Simd>(&self, simd: S, direction: V3<S>, radius: F<S>, active: u32) -> (F<S>, F<S>) {
+    fn light_within<S: Simd>(
+        &self,
+        simd: S,
+        direction: V3<S>,
+        (radius, blur): (F<S>, f32),
+        active: u32,
+    ) -> (F<S>, F<S>) {
         let light = self.criterion.light;
+        let pyramid = light.pyramid(blur);
         let OnCube { face, s, t } = on_cube(simd, self.context.gather.environment.light_from_world(direction));
         let (a, b) = (s - 1.0, t - 1.0);
-        let reach = radius * (a * a + b * b + 1.0) * light.half_size() + 1.0;
+        let reach = radius * (a * a + b * b + 1.0) * light.half_size() + texel_of(pyramid);
         let (face, s, t, reach) = (face.to_array(), s.to_array(), t.to_array(), reach.to_array());
         let (mut max, mut contrast) = ([0.0; LANES], [0.0; LANES]);
         for lane in set_bits(active) {
-            let bound = light.at(face[lane] as usize, Vec2::new(s[lane], t[lane]), reach[lane]);
+            let bound = light.at(face[lane] as usize, Vec2::new(s[lane], t[lane]), reach[lane], pyramid);
             (max[lane], contrast[lane]) = (bound.max, bound.contrast);
         }
         (lanes(simd, max), lanes(simd, contrast))

@@ -1,46 +1,104 @@
 //! Bounds of the light, as a texture: uploaded, or made on the GPU for light that changes.
 
-use wgpu::util::DeviceExt;
-
 use super::super::EnvironmentCube;
 use super::super::pipeline::{bind, cube, layout, sampler, seen_by, window};
 use super::super::shaders::LIGHT_BOUNDS;
 use super::layout::BOUNDS_WORKGROUP_EDGE;
 use super::pipelines::{compute_pipeline, entry, writable};
 use super::{DYNAMIC_OFFSET, uniform_buffer};
-use crate::environment::{FACES, FINEST_BOUNDS, LightBounds};
+use crate::environment::{Bound, FACES, FINEST_BOUNDS, LightBounds, MIP_STEP};
 use crate::gpu::GpuError;
 
-/// Bounds of an environment's radiance: a texture of six layers with all mips, each texel the most and the contrast around it.
+/// Bounds of an environment's radiance and of that of its mips, as textures: each texel the most and the contrast around it.
 #[derive(Clone, Debug)]
 pub struct LightBoundsTexture {
-    pub(super) view: wgpu::TextureView,
+    /// Six layers with all mips.
+    pub(super) light: BoundsTexture,
+    /// The bounds of the environment's mips, [`MIP_STEP`] apart: six layers each. The finest level has as many texels as the first
+    /// of them.
+    pub(super) mips: BoundsTexture,
+}
+
+/// A texture of bounds.
+#[derive(Clone, Debug)]
+pub(super) struct BoundsTexture {
     texture: wgpu::Texture,
+    view: wgpu::TextureView,
 }
 
 impl LightBoundsTexture {
-    /// Uploads bounds that the CPU made.
-    pub fn upload(device: &wgpu::Device, queue: &wgpu::Queue, bounds: &LightBounds) -> Self {
-        let levels: Vec<_> = bounds.levels().collect();
-        let (size, _) = levels[0];
-        let mut bytes = Vec::new();
-        for face in 0..FACES {
-            for (edge, texels) in &levels {
-                let count = (edge * edge) as usize;
-                for bound in &texels[face * count..(face + 1) * count] {
-                    bytes.extend_from_slice(bytemuck::bytes_of(&[bound.max, bound.contrast]));
-                }
-            }
+    /// Empty textures for a cube of so many texels along an edge.
+    fn new(device: &wgpu::Device, size: u32, usage: wgpu::TextureUsages) -> Self {
+        // A cube that has no further mips gets a texture all the same, as a pipeline binds one.
+        let mips = (size.ilog2() / MIP_STEP).max(1);
+        Self {
+            light: BoundsTexture::new(device, size, FACES as u32, usage),
+            mips: BoundsTexture::new(device, (size >> MIP_STEP).max(1), FACES as u32 * mips, usage),
         }
-        let descriptor = descriptor(size, wgpu::TextureUsages::TEXTURE_BINDING);
-        let texture =
-            device.create_texture_with_data(queue, &descriptor, wgpu::util::TextureDataOrder::LayerMajor, &bytes);
-        Self { view: view_of(&texture), texture }
     }
 
-    /// Two floats a texel: the maximum, and the contrast, W/(m²·sr). Six layers.
+    /// Uploads bounds that the CPU made.
+    pub fn upload(device: &wgpu::Device, queue: &wgpu::Queue, bounds: &LightBounds) -> Self {
+        let usage = wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST;
+        let textures = Self::new(device, bounds.size(), usage);
+        for (pyramid, levels) in bounds.pyramids().enumerate() {
+            let (texture, first_level, first_layer) = textures.place(pyramid as u32);
+            for (level, (edge, texels)) in (first_level..).zip(levels) {
+                texture.write(queue, (level, first_layer), edge, texels);
+            }
+        }
+        textures
+    }
+
+    /// Where a pyramid is: its texture, the level of its finest texels, and its first layer.
+    fn place(&self, pyramid: u32) -> (&BoundsTexture, u32, u32) {
+        match pyramid {
+            0 => (&self.light, 0, 0),
+            _ => (&self.mips, (pyramid - 1) * MIP_STEP, (pyramid - 1) * FACES as u32),
+        }
+    }
+
+    /// The bounds of the radiance itself, two floats a texel: the maximum, and the contrast, W/(m²·sr). Six layers.
     pub fn texture(&self) -> &wgpu::Texture {
-        &self.texture
+        &self.light.texture
+    }
+}
+
+impl BoundsTexture {
+    fn new(device: &wgpu::Device, size: u32, layers: u32, usage: wgpu::TextureUsages) -> Self {
+        let texture = device.create_texture(&descriptor(size, layers, usage));
+        let view = texture.create_view(&wgpu::TextureViewDescriptor {
+            dimension: Some(wgpu::TextureViewDimension::D2Array),
+            ..Default::default()
+        });
+        Self { texture, view }
+    }
+
+    pub fn view(&self) -> &wgpu::TextureView {
+        &self.view
+    }
+
+    /// Writes the six faces of a level.
+    fn write(&self, queue: &wgpu::Queue, (mip_level, first_layer): (u32, u32), edge: u32, texels: &[Bound]) {
+        let bytes: Vec<[f32; 2]> = texels.iter().map(|bound| [bound.max, bound.contrast]).collect();
+        let origin = wgpu::Origin3d { x: 0, y: 0, z: first_layer };
+        let to = wgpu::TexelCopyTextureInfo { mip_level, origin, ..self.texture.as_image_copy() };
+        let layout =
+            wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(8 * edge), rows_per_image: Some(edge) };
+        let size = wgpu::Extent3d { width: edge, height: edge, depth_or_array_layers: FACES as u32 };
+        queue.write_texture(to, bytemuck::cast_slice(&bytes), layout, size);
+    }
+
+    /// Six layers of a level.
+    fn level(&self, level: u32, first_layer: u32) -> wgpu::TextureView {
+        self.texture.create_view(&wgpu::TextureViewDescriptor {
+            dimension: Some(wgpu::TextureViewDimension::D2Array),
+            base_mip_level: level,
+            mip_level_count: Some(1),
+            base_array_layer: first_layer,
+            array_layer_count: Some(FACES as u32),
+            ..Default::default()
+        })
     }
 }
 
@@ -68,8 +126,9 @@ pub(in crate::pinhole::gpu) struct BoundsUniforms {
     pub first: u32,
     pub first_above: u32,
     pub detail: u32,
+    pub mip: u32,
     pub radiance_scale: f32,
-    padding: [u32; 3],
+    padding: [u32; 2],
 }
 
 /// Bytes of a texel's extremes.
@@ -88,24 +147,26 @@ impl LightBoundsBuilder {
         let size = environment.size().min(finest);
         let usage =
             wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::STORAGE_BINDING | wgpu::TextureUsages::COPY_SRC;
-        let texture = device.create_texture(&descriptor(size, usage));
+        let bounds = LightBoundsTexture::new(device, size, usage);
         let compute = wgpu::ShaderStages::COMPUTE;
         let of_light = [window(0), cube(1), sampler(2), writable(3)].map(|entry| seen_by(compute, entry));
         let of_light = layout(device, "light", &of_light);
         let of_target = layout(device, "bounds of a level", &[seen_by(compute, written(0))]);
-        let light = bind_light(device, &of_light, environment, &texture);
+        let levels = levels(environment.size(), size);
+        let light = bind_light(device, &of_light, environment, &levels);
         let pipelines = BoundsPipelines::new(device, [&of_light, &of_target]);
         let mut steps = Vec::new();
-        for level in 0..texture.mip_level_count() {
-            let target = level_of(&texture, level);
+        for (index, level) in levels.iter().enumerate() {
+            let (texture, first_level, first_layer) = bounds.place(level.pyramid);
+            let target = texture.level(first_level + level.number, first_layer);
             let target = bind(device, &of_target, &[wgpu::BindingResource::TextureView(&target)]);
-            for pipeline in pipelines.of_level(level) {
-                let workgroups = (size >> level).div_ceil(BOUNDS_WORKGROUP_EDGE);
-                let offset = level * DYNAMIC_OFFSET as u32;
+            for pipeline in pipelines.of_level(level.number) {
+                let workgroups = level.size.div_ceil(BOUNDS_WORKGROUP_EDGE);
+                let offset = index as u32 * DYNAMIC_OFFSET as u32;
                 steps.push(Step { pipeline: pipeline.clone(), target: target.clone(), offset, workgroups });
             }
         }
-        Ok(Self { bounds: LightBoundsTexture { view: view_of(&texture), texture }, steps, light })
+        Ok(Self { bounds, steps, light })
     }
 
     /// Records the making of the bounds of what is in the cube when that is executed.
@@ -128,18 +189,41 @@ impl LightBoundsBuilder {
     }
 }
 
-/// The uniforms of all levels of the bounds, and how many vectors their extremes take.
-fn uniforms_of_levels(environment: &EnvironmentCube, bounds: &wgpu::Texture) -> (Vec<u8>, u32) {
+/// A level of a pyramid of bounds.
+struct Level {
+    pyramid: u32,
+    /// From the pyramid's finest one.
+    number: u32,
+    /// Texels along an edge.
+    size: u32,
+    /// The mip of the cube that the pyramid bounds, and its texels along an edge for each of the pyramid's finest level.
+    mip: u32,
+    detail: u32,
+}
+
+/// The levels of all pyramids of a cube, if the finest one has `finest` texels along an edge.
+fn levels(cube: u32, finest: u32) -> Vec<Level> {
+    let of_pyramid = |pyramid: u32| {
+        let size = finest >> (pyramid * MIP_STEP);
+        let (mip, detail) = match pyramid {
+            0 => (0, cube / finest),
+            _ => ((cube / size).ilog2(), 1),
+        };
+        (0..=size.ilog2()).map(move |number| Level { pyramid, number, size: size >> number, mip, detail })
+    };
+    (0..=finest.ilog2() / MIP_STEP).flat_map(of_pyramid).collect()
+}
+
+/// The uniforms of all levels, and how many vectors their extremes take.
+fn uniforms_of_levels(environment: &EnvironmentCube, levels: &[Level]) -> (Vec<u8>, u32) {
     let (mut bytes, mut first, mut first_above) = (Vec::new(), 0, 0);
-    for level in 0..bounds.mip_level_count() {
-        let size = bounds.width() >> level;
-        let detail = environment.size() / bounds.width();
+    for &Level { number, size, mip, detail, .. } in levels {
         let radiance_scale = environment.radiance_scale();
-        let uniforms = BoundsUniforms { size, first, first_above, detail, radiance_scale, padding: [0; 3] };
+        let uniforms = BoundsUniforms { size, first, first_above, detail, mip, radiance_scale, padding: [0; 2] };
         bytes.extend_from_slice(bytemuck::bytes_of(&uniforms));
         bytes.resize(bytes.len().next_multiple_of(DYNAMIC_OFFSET as usize), 0);
         // The finest level's extremes are the cube's texels.
-        if level > 0 {
+        if number > 0 {
             first_above = first;
             first += 2 * FACES as u32 * size * size;
         }
@@ -152,9 +236,9 @@ fn bind_light(
     device: &wgpu::Device,
     layout: &wgpu::BindGroupLayout,
     environment: &EnvironmentCube,
-    bounds: &wgpu::Texture,
+    levels: &[Level],
 ) -> wgpu::BindGroup {
-    let (uniforms, vectors) = uniforms_of_levels(environment, bounds);
+    let (uniforms, vectors) = uniforms_of_levels(environment, levels);
     let uniforms = uniform_buffer(device, "levels of bounds", &uniforms);
     let extremes = device.create_buffer(&wgpu::BufferDescriptor {
         label: Some("extremes of the light"),
@@ -211,15 +295,6 @@ impl BoundsPipelines {
     }
 }
 
-fn level_of(texture: &wgpu::Texture, level: u32) -> wgpu::TextureView {
-    texture.create_view(&wgpu::TextureViewDescriptor {
-        dimension: Some(wgpu::TextureViewDimension::D2Array),
-        base_mip_level: level,
-        mip_level_count: Some(1),
-        ..Default::default()
-    })
-}
-
 fn written(binding: u32) -> wgpu::BindGroupLayoutEntry {
     let ty = wgpu::BindingType::StorageTexture {
         access: wgpu::StorageTextureAccess::WriteOnly,
@@ -229,17 +304,10 @@ fn written(binding: u32) -> wgpu::BindGroupLayoutEntry {
     entry(binding, ty)
 }
 
-fn view_of(texture: &wgpu::Texture) -> wgpu::TextureView {
-    texture.create_view(&wgpu::TextureViewDescriptor {
-        dimension: Some(wgpu::TextureViewDimension::D2Array),
-        ..Default::default()
-    })
-}
-
-fn descriptor(size: u32, usage: wgpu::TextureUsages) -> wgpu::TextureDescriptor<'static> {
+fn descriptor(size: u32, layers: u32, usage: wgpu::TextureUsages) -> wgpu::TextureDescriptor<'static> {
     wgpu::TextureDescriptor {
         label: Some("bounds of the light"),
-        size: wgpu::Extent3d { width: size, height: size, depth_or_array_layers: FACES as u32 },
+        size: wgpu::Extent3d { width: size, height: size, depth_or_array_layers: layers },
         mip_level_count: size.ilog2() + 1,
         sample_count: 1,
         dimension: wgpu::TextureDimension::D2,
@@ -258,8 +326,8 @@ mod tests {
     use crate::environment::CubeMap;
     use crate::gpu::Gpu;
 
-    /// The texels of a level: face by face, row by row.
-    fn read_level(gpu: &Gpu, texture: &wgpu::Texture, level: u32) -> Vec<[f32; 2]> {
+    /// The texels of a level, of six layers: face by face, row by row.
+    fn read_level(gpu: &Gpu, texture: &wgpu::Texture, level: u32, first_layer: u32) -> Vec<[f32; 2]> {
         let size = texture.width() >> level;
         let row = (size * 8).next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT);
         let bytes = u64::from(row * size) * FACES as u64;
@@ -267,7 +335,8 @@ mod tests {
         let descriptor = wgpu::BufferDescriptor { label: None, size: bytes, usage, mapped_at_creation: false };
         let buffer = gpu.device.create_buffer(&descriptor);
         let mut encoder = gpu.device.create_command_encoder(&Default::default());
-        let source = wgpu::TexelCopyTextureInfo { mip_level: level, ..texture.as_image_copy() };
+        let origin = wgpu::Origin3d { x: 0, y: 0, z: first_layer };
+        let source = wgpu::TexelCopyTextureInfo { mip_level: level, origin, ..texture.as_image_copy() };
         let layout = wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(row), rows_per_image: Some(size) };
         let extent = wgpu::Extent3d { width: size, height: size, depth_or_array_layers: FACES as u32 };
         encoder.copy_texture_to_buffer(source, wgpu::TexelCopyBufferInfo { buffer: &buffer, layout }, extent);
@@ -297,12 +366,15 @@ mod tests {
             let mut encoder = gpu.device.create_command_encoder(&Default::default());
             builder.record(&mut encoder);
             gpu.queue.submit([encoder.finish()]);
-            for (level, (size, expected)) in LightBounds::with_finest(&cube, finest).levels().enumerate() {
-                let made = read_level(&gpu, builder.bounds().texture(), level as u32);
-                assert_eq!(made.len(), expected.len());
-                for (k, (made, expected)) in made.iter().zip(expected).enumerate() {
-                    let off = (made[0] - expected.max).abs().max((made[1] - expected.contrast).abs());
-                    assert!(off < 1e-4, "level of {size}, texel {k}: {made:?} {expected:?}");
+            for (pyramid, levels) in LightBounds::with_finest(&cube, finest).pyramids().enumerate() {
+                let (texture, first_level, first_layer) = builder.bounds().place(pyramid as u32);
+                for (level, (size, expected)) in (first_level..).zip(levels) {
+                    let made = read_level(&gpu, &texture.texture, level, first_layer);
+                    assert_eq!(made.len(), expected.len());
+                    for (k, (made, expected)) in made.iter().zip(expected).enumerate() {
+                        let off = (made[0] - expected.max).abs().max((made[1] - expected.contrast).abs());
+                        assert!(off < 1e-4, "pyramid {pyramid}, level of {size}, texel {k}: {made:?} {expected:?}");
+                    }
                 }
             }
         }

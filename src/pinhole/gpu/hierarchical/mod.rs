@@ -253,9 +253,10 @@ impl HierarchicalEngine {
             tree.planes.as_entire_binding(),
             tree.sky_masks.as_entire_binding(),
             uniforms.as_entire_binding(),
-            wgpu::BindingResource::TextureView(&inputs.bounds.view),
+            wgpu::BindingResource::TextureView(inputs.bounds.light.view()),
             tree.nodes.as_entire_binding(),
             tree.sample_nodes.as_entire_binding(),
+            wgpu::BindingResource::TextureView(inputs.bounds.mips.view()),
         ];
         bind(device, &self.pipelines.layouts.scene, &resources)
     }

@@ -49,7 +49,7 @@ const COMPUTE: ShaderStages = ShaderStages::COMPUTE;
 impl Layouts {
     fn new(device: &wgpu::Device) -> Self {
         let tree = seen_by(BOTH | ShaderStages::VERTEX, uniform(GATHER_INPUTS));
-        let cells = [bounds_texture(8), storage(9), storage(10)].map(|entry| seen_by(BOTH, entry));
+        let cells = [bounds_texture(8), storage(9), storage(10), bounds_texture(11)].map(|entry| seen_by(BOTH, entry));
         let scene = [&gather_inputs().map(|entry| seen_by(BOTH, entry))[..], &[tree], &cells].concat();
         let of_points = [texture(0), texture(1)].map(|entry| seen_by(BOTH, entry));
         let receivers = [&of_points[..], &[texture(2), storage(3), storage(4)]].concat();

@@ -1,0 +1,52 @@
+//! Pipelines of a device, compiled when they are first needed and shared by all that use it.
+
+use std::sync::{Arc, Mutex, PoisonError};
+
+use super::{Engine, GatherOptions, HierarchicalEngine, HierarchicalOptions};
+use crate::pinhole::Filter;
+
+/// What pipelines are compiled for: the filter, and whether samples have visibility maps.
+type PipelineKey = (Filter, bool);
+
+/// The pipelines of one device. There are few keys, so that none is ever dropped.
+#[derive(Debug, Default)]
+pub(crate) struct PipelineCache {
+    flat: Compiled<Engine>,
+    hierarchical: Compiled<HierarchicalEngine>,
+}
+
+#[derive(Debug)]
+struct Compiled<T>(Mutex<Vec<(PipelineKey, Arc<T>)>>);
+
+impl<T> Default for Compiled<T> {
+    fn default() -> Self {
+        Self(Mutex::default())
+    }
+}
+
+impl PipelineCache {
+    /// The pipelines of flat sums. It is always the same device.
+    pub fn flat(&self, device: &wgpu::Device, filter: Filter, visibility: bool) -> Arc<Engine> {
+        let options = GatherOptions { filter, visibility, ..Default::default() };
+        self.flat.get((filter, visibility), || Engine::new(device, &options))
+    }
+
+    /// The pipelines of hierarchical sums.
+    pub fn hierarchical(&self, device: &wgpu::Device, filter: Filter, visibility: bool) -> Arc<HierarchicalEngine> {
+        let options = HierarchicalOptions { filter, visibility };
+        self.hierarchical.get((filter, visibility), || HierarchicalEngine::new(device, &options))
+    }
+}
+
+impl<T> Compiled<T> {
+    fn get(&self, key: PipelineKey, compile: impl FnOnce() -> T) -> Arc<T> {
+        // Entries are complete when they are added: a panic elsewhere leaves nothing half-made.
+        let mut all = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some((_, known)) = all.iter().find(|(known, _)| *known == key) {
+            return known.clone();
+        }
+        let compiled = Arc::new(compile());
+        all.push((key, compiled.clone()));
+        compiled
+    }
+}
