@@ -102,7 +102,7 @@ macro_rules! layout {
 /// The structs that Rust and the shaders share, by their names in the shaders. Padding at the end has no name there.
 fn rust_structs() -> BTreeMap<&'static str, Layout> {
     BTreeMap::from([
-        ("BoundsUniforms", layout!(BoundsUniforms { size, first, first_above, detail, radiance_scale })),
+        ("BoundsUniforms", layout!(BoundsUniforms { size, first, first_above, detail, mip, radiance_scale })),
         ("CellNode", layout!(CellNode { centroid_area, normal_e11, sides_curvature, curvature_bounds_links })),
         ("GatherUniforms", gather_uniforms()),
         ("Material", layout!(Material { albedo, kind, specular, width, table })),
