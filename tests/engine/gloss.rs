@@ -43,8 +43,8 @@ fn receivers() -> Receivers {
 fn errors(light: &str, roughnesses: &[f32]) -> Vec<(f32, f64, f64)> {
     let of = |roughness| {
         let scene = ring(light, roughness);
-        // Its own error adds less than a hundredth of the errors measured.
-        let expected = truth(scene.clone(), 0.02);
+        // Its own error adds a twentieth to the errors measured, at most.
+        let expected = truth(scene.clone(), 0.03);
         let environment = Environment::new(&scene.environment.light, Default::default()).unwrap();
         let pinholes = pinholes_of(&scene, 2000, Strategy::Neighbourhood, Footprint::Cells, 1);
         let mut sharp = pinholes.clone();

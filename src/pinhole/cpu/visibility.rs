@@ -123,58 +123,66 @@ impl<'a> VisibilityMap<'a> {
     }
 
     /// Coverage of receivers at `l`, metres from the sample, and of the region between them.
-    #[inline(always)]
     pub fn receiver_coverage<S: Simd>(&self, simd: S, l: V3<S>, active: u32) -> Coverage {
-        if self.behind & active != 0 && self.behind & active != active {
-            return Coverage::Partial;
-        }
-        let local = self.local(simd, l);
-        let Some(region) = self.region(simd, local, active, 0.0) else { return Coverage::Partial };
-        let n = self.maps.resolution as usize;
-        let map = self.map(active.trailing_zeros() as usize) as usize;
-        let mut all = None;
-        for j in region.j[0]..=region.j[1] {
-            for plane in &self.maps.planes[(map * n + j) * n..][region.i[0]..=region.i[1]] {
-                let [a, b, c, behind] = *plane;
-                let [x, y, z] = local.0;
-                let seen = bits((x * a + y * b + z * c).simd_le(1.0 + behind)) & active;
-                let texel = match seen {
-                    0 => Coverage::None,
-                    seen if seen == active => Coverage::Full,
-                    _ => return Coverage::Partial,
-                };
-                if all.is_some_and(|all| all != texel) {
+        simd.vectorize(
+            #[inline(always)]
+            || {
+                if self.behind & active != 0 && self.behind & active != active {
                     return Coverage::Partial;
                 }
-                all = Some(texel);
-            }
-        }
-        all.unwrap_or(Coverage::None)
+                let local = self.local(simd, l);
+                let Some(region) = self.region(simd, local, active, 0.0) else { return Coverage::Partial };
+                let n = self.maps.resolution as usize;
+                let map = self.map(active.trailing_zeros() as usize) as usize;
+                let mut all = None;
+                for j in region.j[0]..=region.j[1] {
+                    for plane in &self.maps.planes[(map * n + j) * n..][region.i[0]..=region.i[1]] {
+                        let [a, b, c, behind] = *plane;
+                        let [x, y, z] = local.0;
+                        let seen = bits((x * a + y * b + z * c).simd_le(1.0 + behind)) & active;
+                        let texel = match seen {
+                            0 => Coverage::None,
+                            seen if seen == active => Coverage::Full,
+                            _ => return Coverage::Partial,
+                        };
+                        if all.is_some_and(|all| all != texel) {
+                            return Coverage::Partial;
+                        }
+                        all = Some(texel);
+                    }
+                }
+                all.unwrap_or(Coverage::None)
+            },
+        )
     }
 
     /// Coverage of the environment in these directions, between them and `reach` radians around them.
-    #[inline(always)]
     pub fn sky_coverage<S: Simd>(&self, simd: S, direction: V3<S>, reach: f32, active: u32) -> Coverage {
-        if self.behind & active != 0 && self.behind & active != active {
-            return Coverage::Partial;
-        }
-        let n = self.maps.resolution;
-        // A half-space has 2π sr; texels are up to half as large again across.
-        let margin = 1.5 * reach * n as f32 / std::f32::consts::TAU.sqrt();
-        let local = self.local(simd, direction);
-        let Some(region) = self.region(simd, local, active, margin) else { return Coverage::Partial };
-        let map = self.map(active.trailing_zeros() as usize);
-        let mask = (u64::MAX >> (63 - region.i[1]) & u64::MAX << region.i[0]) as u32;
-        let rows = &self.maps.sky_mask[(map * n) as usize..][region.j[0]..=region.j[1]];
-        let (mut any, mut all) = (0, u32::MAX);
-        for row in rows {
-            (any, all) = (any | row, all & row);
-        }
-        match (any & mask, all & mask) {
-            (0, _) => Coverage::None,
-            (_, all) if all == mask => Coverage::Full,
-            _ => Coverage::Partial,
-        }
+        simd.vectorize(
+            #[inline(always)]
+            || {
+                if self.behind & active != 0 && self.behind & active != active {
+                    return Coverage::Partial;
+                }
+                let n = self.maps.resolution;
+                // A half-space has 2π sr; texels are up to half as large again across.
+                let margin = 1.5 * reach * n as f32 / std::f32::consts::TAU.sqrt();
+                let local = self.local(simd, direction);
+                let Some(region) = self.region(simd, local, active, margin) else { return Coverage::Partial };
+                let map = self.map(active.trailing_zeros() as usize);
+                let mask = (u64::MAX >> (63 - region.i[1]) & u64::MAX << region.i[0]) as u32;
+                let rows = &self.maps.sky_mask[(map * n) as usize..][region.j[0]..=region.j[1]];
+                let (mut any, mut all) = (0, u32::MAX);
+                for row in rows {
+                    (any, all) = (any | row, all & row);
+                }
+                match (any & mask, all & mask) {
+                    (0, _) => Coverage::None,
+                    (_, all) if all == mask => Coverage::Full,
+                    _ => Coverage::Partial,
+                }
+            },
+        )
     }
 
     fn map(&self, lane: usize) -> u32 {
@@ -182,20 +190,24 @@ impl<'a> VisibilityMap<'a> {
     }
 
     /// Visible fraction of a receiver at `l`, metres from the sample.
-    #[inline(always)]
     pub fn visible_fraction<S: Simd>(&self, simd: S, l: V3<S>, active: u32) -> [f32; LANES] {
-        let local = self.local(simd, l);
-        let place = self.place(local);
-        let [x, y, z] = local.to_arrays();
-        let n = self.maps.resolution as usize;
-        let mut seen = [0.0; LANES];
-        for lane in set_bits(active) {
-            let first = (self.map(lane) as usize * n + place.j[lane] as usize) * n + place.i[lane] as usize;
-            let fraction = [place.fraction[0][lane], place.fraction[1][lane]];
-            let planes = &self.maps.planes[first..first + n + 2];
-            seen[lane] = visible_fraction(planes, n, [x[lane], y[lane], z[lane]], fraction);
-        }
-        seen
+        simd.vectorize(
+            #[inline(always)]
+            || {
+                let local = self.local(simd, l);
+                let place = self.place(local);
+                let [x, y, z] = local.to_arrays();
+                let n = self.maps.resolution as usize;
+                let mut seen = [0.0; LANES];
+                for lane in set_bits(active) {
+                    let first = (self.map(lane) as usize * n + place.j[lane] as usize) * n + place.i[lane] as usize;
+                    let fraction = [place.fraction[0][lane], place.fraction[1][lane]];
+                    let planes = &self.maps.planes[first..first + n + 2];
+                    seen[lane] = visible_fraction(planes, n, [x[lane], y[lane], z[lane]], fraction);
+                }
+                seen
+            },
+        )
     }
 }
 
