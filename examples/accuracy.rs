@@ -5,7 +5,7 @@
 //! cargo run --release --example accuracy
 //! ```
 //!
-//! prints it as Markdown. Everything is kept in `target/accuracy`, where each scene also gets its report; an interrupted
+//! prints it as Markdown. `-- SECONDS` limits the time for each reference (default: 1500). Everything is kept in `target/accuracy`, where each scene also gets its report; an interrupted
 //! run goes on where it stopped. A quarter of an hour to an hour on two cores.
 
 use std::path::Path;
@@ -23,19 +23,23 @@ const SAMPLES: [u32; 3] = [100, 1000, 10_000];
 const SIZE: [u32; 2] = [256, 256];
 /// Relative standard error of the references, and the seconds after which a worse one must do.
 const REL_ERROR: f64 = 0.005;
-const SECONDS: f64 = 1500.0;
+const DEFAULT_SECONDS: f64 = 1500.0;
 
 fn main() -> Result<(), Error> {
+    let seconds = match std::env::args().nth(1).map(|s| s.parse()) {
+        None => DEFAULT_SECONDS,
+        Some(seconds) => seconds.expect("the argument is a number of seconds"),
+    };
     println!("| scene (± reference) | | 100 | 1,000 | 10,000 |\n|---|---|---|---|---|");
     for scene in SCENES {
-        let comparison = compare_scene(scene)?;
+        let comparison = compare_scene(scene, seconds)?;
         comparison.write(&Path::new("target/accuracy").join(scene))?;
         print_rows(scene, &comparison);
     }
     Ok(())
 }
 
-fn compare_scene(name: &str) -> Result<Comparison, Error> {
+fn compare_scene(name: &str, seconds: f64) -> Result<Comparison, Error> {
     let (scene, mut options) = pinspot::load(name)?;
     options.size = SIZE;
     options.aovs = vec![Aov::Caustic];
@@ -62,7 +66,7 @@ fn compare_scene(name: &str) -> Result<Comparison, Error> {
     };
     let started = Instant::now();
     let clock = || started.elapsed().as_secs_f64();
-    let should_stop = || clock() > SECONDS;
+    let should_stop = || clock() > seconds;
     let criterion = StoppingCriterion::new(REL_ERROR).with_should_stop(&should_stop);
     wait(None, compare(&request, &criterion, &clock, &NoProgress))
 }
