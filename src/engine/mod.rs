@@ -10,6 +10,7 @@
 
 mod direct;
 mod ends;
+mod escapes;
 mod film;
 mod frame;
 mod gloss;

@@ -7,6 +7,7 @@
 use glam::{UVec2, Vec2, Vec3};
 use rayon::prelude::*;
 
+use super::escapes::{Escape, footprints};
 use super::gloss::likely_facet;
 use crate::scene::{Object, Ray, Scene, Sides};
 use crate::stages::{CameraRays, PreparedScene};
@@ -45,8 +46,9 @@ pub(super) struct EndPoint {
 /// The source of a path's light.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Source {
-    /// The environment in a unit direction of the world, blurred for a rough mirror of width `alpha`.
-    Environment { direction: Vec3, alpha: f32 },
+    /// The environment in a unit direction of the world, blurred for a rough mirror of width `alpha`, or averaged over a
+    /// footprint with these sides, radians.
+    Environment { direction: Vec3, alpha: f32, sides: [Vec3; 2] },
     /// The surface that the camera ray of this index hits.
     CameraRay(u32),
     /// The end point of this index.
@@ -85,6 +87,15 @@ impl PixelPaths {
             self.ends.len() - 1
         });
         Source::EndPoint(index as u32)
+    }
+
+    /// Sets the footprints of paths that left the scene, by the points of the pixel, `columns` a row.
+    fn set_footprints(&mut self, points: &[Option<Escape>], columns: u32) {
+        for (term, footprint) in footprints(points, columns as usize) {
+            if let Source::Environment { sides, .. } = &mut self.terms[term].source {
+                *sides = footprint;
+            }
+        }
     }
 
     fn add(&mut self, factor: Vec3, source: Source, is_background: bool) {
@@ -138,11 +149,13 @@ impl PathTracer<'_> {
         let view = &self.rays.view;
         let (n, y) = (view.pixel_samples, view.first_row + row);
         if n > 1 {
-            for sub in 0..n * n {
+            let trace = |sub: u32| {
                 let index = self.rays.index(x, row, sub % n, sub / n);
                 let at = Vec2::new((x * n + sub % n) as f32 + 0.5, (y * n + sub / n) as f32 + 0.5);
-                self.trace_point(index, at / n as f32, &mut paths);
-            }
+                self.trace_point(index, at / n as f32, &mut paths)
+            };
+            let escapes: Vec<_> = (0..n * n).map(trace).collect();
+            paths.set_footprints(&escapes, n);
             return paths;
         }
         let centre = self.rays.index(x, row, 0, 0);
@@ -151,10 +164,12 @@ impl PathTracer<'_> {
             self.trace_point(centre, pixel + 0.5, &mut paths);
             return paths;
         }
-        for sub in 0..EDGE_POINTS * EDGE_POINTS {
+        let trace = |sub: u32| {
             let within = (Vec2::new((sub % EDGE_POINTS) as f32, (sub / EDGE_POINTS) as f32) + 0.5) / EDGE_POINTS as f32;
-            self.trace_point(centre, pixel + within, &mut paths);
-        }
+            self.trace_point(centre, pixel + within, &mut paths)
+        };
+        let escapes: Vec<_> = (0..EDGE_POINTS * EDGE_POINTS).map(trace).collect();
+        paths.set_footprints(&escapes, EDGE_POINTS);
         paths
     }
 
@@ -176,23 +191,25 @@ impl PathTracer<'_> {
     }
 
     /// Traces the path through a point of the picture. `own` is the index of the pixel's camera ray, where the light is
-    /// known.
-    fn trace_point(&self, own: usize, at: Vec2, paths: &mut PixelPaths) {
+    /// known. Returns where it left the scene, if it did by way of smooth mirrors.
+    fn trace_point(&self, own: usize, at: Vec2, paths: &mut PixelPaths) -> Option<Escape> {
         let mut ray = self.rays.view.camera.ray(at, self.size());
         let mut hit = self.prepared.tracer.camera_hit(ray);
         let mut walk = Walk { own, throughput: Vec3::ONE, key: 0, alpha: 0.0, bounce: 0 };
         while let Some(found) = hit.filter(|_| walk.bounce < MAX_SURFACES) {
             let Some(mirrored) = self.meet(&found, &ray, &mut walk, paths) else {
                 paths.points += 1;
-                return;
+                return None;
             };
             ray = Ray { origin: found.position, direction: mirrored };
             hit = self.prepared.tracer.secondary_hit(ray);
             walk.bounce += 1;
         }
-        let source = Source::Environment { direction: ray.direction, alpha: walk.alpha };
-        paths.add(walk.throughput, source, walk.key == 0);
+        let Walk { alpha, key, throughput, .. } = walk;
+        let direction = ray.direction;
+        paths.add(throughput, Source::Environment { direction, alpha, sides: [Vec3::ZERO; 2] }, key == 0);
         paths.points += 1;
+        (key != 0 && alpha == 0.0).then(|| Escape { term: paths.terms.len() - 1, key, direction })
     }
 
     /// Adds the light that a surface sends along a path. Returns the direction in which the path continues, on a

@@ -9,7 +9,11 @@ use super::gloss::blurred_radiance;
 use super::paths::{Paths, PixelPaths, Source, Term};
 use crate::image::{display, exposed};
 use crate::options::DisplaySettings;
+use crate::pinhole::{Filter, Probe, cpu};
 use crate::stages::PreparedLight;
+
+/// Look-ups along a footprint of the environment in a mirror, at most.
+const MIRROR_TAPS: u32 = 16;
 
 /// The light at points of surfaces, for an environment of intensity 1: irradiance or, on glossy surfaces, radiance
 /// towards the viewer.
@@ -76,19 +80,48 @@ impl Shader<'_> {
 
     fn shade_pixel(&self, pixel: &PixelPaths) -> Vec<ShadedPoint> {
         let mut points = vec![ShadedPoint::default(); usize::from(pixel.points)];
+        let mut mirrored = self.mirrored_light(pixel).into_iter();
         for term in &pixel.terms {
-            let radiance = self.light.intensity * term.factor * self.light_of(term);
+            let light = match term.source {
+                Source::Environment { sides, .. } if self.is_wide(sides) => mirrored.next().unwrap_or(Vec3::ZERO),
+                _ => self.light_of(term),
+            };
+            let radiance = self.light.intensity * term.factor * light;
             let point = &mut points[usize::from(term.point)];
             if term.is_background { point.background += radiance } else { point.surfaces += radiance }
         }
         points
     }
 
+    /// The environment over all of a pixel's footprints that are wide enough to be filtered, in the order of their terms.
+    fn mirrored_light(&self, pixel: &PixelPaths) -> Vec<Vec3> {
+        let probe = |term: &Term| match term.source {
+            Source::Environment { direction, sides, .. } if self.is_wide(sides) => Some(Probe {
+                direction: self.light.light_from_world(direction),
+                sides: sides.map(|side| self.light.light_from_world(side)),
+            }),
+            _ => None,
+        };
+        let probes: Vec<Probe> = pixel.terms.iter().filter_map(probe).collect();
+        if probes.is_empty() {
+            return Vec::new();
+        }
+        // Only the hardware filter does not exist on the CPU.
+        let means = cpu::probe(&self.light.environment.cube, Filter::Anisotropic, MIRROR_TAPS, &probes);
+        means.unwrap_or_default().iter().map(|mean| Vec3::from_slice(mean)).collect()
+    }
+
+    /// Whether a footprint is wider than the texels that filters start from; narrower ones see the map itself.
+    fn is_wide(&self, sides: [Vec3; 2]) -> bool {
+        let texel_rad = 2.0 / self.light.environment.cube.size() as f32;
+        sides.iter().any(|side| side.length_squared() > texel_rad * texel_rad)
+    }
+
     fn light_of(&self, term: &Term) -> Vec3 {
         match term.source {
             Source::CameraRay(index) => self.own.at(index, self.caustic_gain),
             Source::EndPoint(index) => self.ends.at(index, self.caustic_gain),
-            Source::Environment { direction, alpha } => {
+            Source::Environment { direction, alpha, .. } => {
                 let direction = self.light.light_from_world(direction);
                 let environment = &self.light.environment;
                 if alpha > 0.0 {

@@ -21,6 +21,7 @@ pub(super) struct FootprintSides<S: Simd> {
 }
 
 /// Mean unoccluded radiance over a footprint; w = fetches.
+#[inline(always)]
 pub(super) fn mean_over_footprint<S: Simd, const FILTER: u32>(
     simd: S,
     environment: &CubeLookup,
@@ -29,39 +30,34 @@ pub(super) fn mean_over_footprint<S: Simd, const FILTER: u32>(
     max_taps: F<S>,
     lit: u32,
 ) -> [Vec4; LANES] {
-    simd.vectorize(
-        #[inline(always)]
-        || {
-            let r = sides.r;
-            if FILTER == FILTER_NONE {
-                return single_fetch(simd, environment, r, occlusion, lit);
-            }
-            let axes = footprint_axes(sides.v1, sides.v2);
-            let texel = environment.texel_width(r);
-            if FILTER == FILTER_ISOTROPIC {
-                let mut sum = [Vec4::ZERO; LANES];
-                let fraction = sky_fraction_of_footprint(simd, occlusion, sides, lit);
-                add_weighted(simd, environment, r, level_of(axes.major, texel), &fraction, lit, &mut sum);
-                return sum;
-            }
-            if FILTER == FILTER_EWA {
-                return mean_over_ellipse(simd, environment, r, &axes, texel, occlusion, lit);
-            }
-            let taps = (axes.major / (axes.minor * TAP_SHARPNESS).max(texel)).ceil().max(1.0).min(max_taps);
-            let level = level_of(axes.minor.max(axes.major / taps) * TAP_SHARPNESS, texel);
-            let mut sum = [Vec4::ZERO; LANES];
-            let mut k = 0.5;
-            loop {
-                let active = lit & bits(taps.simd_gt(k));
-                if active == 0 {
-                    return divided(sum, taps);
-                }
-                let direction = r.plus(axes.direction, k / taps - 0.5);
-                add_unoccluded(simd, environment, occlusion, direction, level, active, &mut sum);
-                k += 1.0;
-            }
-        },
-    )
+    let r = sides.r;
+    if FILTER == FILTER_NONE {
+        return single_fetch(simd, environment, r, occlusion, lit);
+    }
+    let axes = footprint_axes(sides.v1, sides.v2);
+    let texel = environment.texel_width(r);
+    if FILTER == FILTER_ISOTROPIC {
+        let mut sum = [Vec4::ZERO; LANES];
+        let fraction = sky_fraction_of_footprint(simd, occlusion, sides, lit);
+        add_weighted(simd, environment, r, level_of(axes.major, texel), &fraction, lit, &mut sum);
+        return sum;
+    }
+    if FILTER == FILTER_EWA {
+        return mean_over_ellipse(simd, environment, r, &axes, texel, occlusion, lit);
+    }
+    let taps = (axes.major / (axes.minor * TAP_SHARPNESS).max(texel)).ceil().max(1.0).min(max_taps);
+    let level = level_of(axes.minor.max(axes.major / taps) * TAP_SHARPNESS, texel);
+    let mut sum = [Vec4::ZERO; LANES];
+    let mut k = 0.5;
+    loop {
+        let active = lit & bits(taps.simd_gt(k));
+        if active == 0 {
+            return divided(sum, taps);
+        }
+        let direction = r.plus(axes.direction, k / taps - 0.5);
+        add_unoccluded(simd, environment, occlusion, direction, level, active, &mut sum);
+        k += 1.0;
+    }
 }
 
 /// Radiance from a single direction, in the finest level; w = fetches.
@@ -80,6 +76,7 @@ pub(super) fn single_fetch<S: Simd>(
 
 /// Mean radiance over a footprint within which the light changes little: one look-up in the level nearest to this fraction of
 /// its width.
+#[inline(always)]
 pub(super) fn smooth_light<S: Simd>(
     simd: S,
     environment: &CubeLookup,
@@ -88,16 +85,11 @@ pub(super) fn smooth_light<S: Simd>(
     occlusion: &impl Occlusion,
     lit: u32,
 ) -> [Vec4; LANES] {
-    simd.vectorize(
-        #[inline(always)]
-        || {
-            let width = ((sides.v1.dot(sides.v1) + sides.v2.dot(sides.v2)) * 0.5).sqrt() * width_scale;
-            let level = (level_of(width, environment.texel_width(sides.r)) + 0.5).floor();
-            let mut sum = [Vec4::ZERO; LANES];
-            add_unoccluded(simd, environment, occlusion, sides.r, level, lit, &mut sum);
-            sum
-        },
-    )
+    let width = ((sides.v1.dot(sides.v1) + sides.v2.dot(sides.v2)) * 0.5).sqrt() * width_scale;
+    let level = (level_of(width, environment.texel_width(sides.r)) + 0.5).floor();
+    let mut sum = [Vec4::ZERO; LANES];
+    add_unoccluded(simd, environment, occlusion, sides.r, level, lit, &mut sum);
+    sum
 }
 
 /// The elliptical weighted average.

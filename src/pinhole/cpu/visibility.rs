@@ -190,24 +190,20 @@ impl<'a> VisibilityMap<'a> {
     }
 
     /// Visible fraction of a receiver at `l`, metres from the sample.
+    #[inline(always)]
     pub fn visible_fraction<S: Simd>(&self, simd: S, l: V3<S>, active: u32) -> [f32; LANES] {
-        simd.vectorize(
-            #[inline(always)]
-            || {
-                let local = self.local(simd, l);
-                let place = self.place(local);
-                let [x, y, z] = local.to_arrays();
-                let n = self.maps.resolution as usize;
-                let mut seen = [0.0; LANES];
-                for lane in set_bits(active) {
-                    let first = (self.map(lane) as usize * n + place.j[lane] as usize) * n + place.i[lane] as usize;
-                    let fraction = [place.fraction[0][lane], place.fraction[1][lane]];
-                    let planes = &self.maps.planes[first..first + n + 2];
-                    seen[lane] = visible_fraction(planes, n, [x[lane], y[lane], z[lane]], fraction);
-                }
-                seen
-            },
-        )
+        let local = self.local(simd, l);
+        let place = self.place(local);
+        let [x, y, z] = local.to_arrays();
+        let n = self.maps.resolution as usize;
+        let mut seen = [0.0; LANES];
+        for lane in set_bits(active) {
+            let first = (self.map(lane) as usize * n + place.j[lane] as usize) * n + place.i[lane] as usize;
+            let fraction = [place.fraction[0][lane], place.fraction[1][lane]];
+            let planes = &self.maps.planes[first..first + n + 2];
+            seen[lane] = visible_fraction(planes, n, [x[lane], y[lane], z[lane]], fraction);
+        }
+        seen
     }
 }
 

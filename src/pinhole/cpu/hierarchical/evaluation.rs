@@ -54,7 +54,6 @@ impl Gather<'_> {
     }
 
     /// Mean radiance over a cell's footprint; w = fetches.
-    #[inline(always)]
     fn cell_radiance<S: Simd>(
         &self,
         simd: S,
@@ -63,12 +62,24 @@ impl Gather<'_> {
         taps: Option<F<S>>,
         lit: u32,
     ) -> [Vec4; LANES] {
-        let Some(taps) = taps else {
-            // Adjacent cells together are as good as a wide kernel and lose nothing over the mirrors' edges; a lobe is wide.
-            let width_scale = if cell.sample.lobe > 0.0 { TAP_SHARPNESS } else { EVEN_LIGHT_SHARPNESS };
-            return smooth_light(simd, &self.environment, cell.footprint, width_scale, occlusion, lit);
-        };
-        mean_over_footprint::<S, FILTER_ANISOTROPIC>(simd, &self.environment, cell.footprint, occlusion, taps, lit)
+        simd.vectorize(
+            #[inline(always)]
+            || {
+                let Some(taps) = taps else {
+                    // Adjacent cells together are as good as a wide kernel and lose nothing over the mirrors' edges; a lobe is wide.
+                    let width_scale = if cell.sample.lobe > 0.0 { TAP_SHARPNESS } else { EVEN_LIGHT_SHARPNESS };
+                    return smooth_light(simd, &self.environment, cell.footprint, width_scale, occlusion, lit);
+                };
+                mean_over_footprint::<S, FILTER_ANISOTROPIC>(
+                    simd,
+                    &self.environment,
+                    cell.footprint,
+                    occlusion,
+                    taps,
+                    lit,
+                )
+            },
+        )
     }
 
     /// Upper bound of 1/l² for a cell.

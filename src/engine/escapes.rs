@@ -1,0 +1,67 @@
+//! Paths that leave the scene by way of smooth mirrors, and how much of the environment each of them stands for: as much as the
+//! directions of neighbouring points of its pixel differ (Igehy, *Tracing Ray Differentials*, SIGGRAPH 1999, by differences).
+
+use glam::Vec3;
+
+/// The longest side of a footprint, radians.
+const MAX_SIDE: f32 = 1.0;
+
+/// A path that reached the environment.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Escape {
+    /// Index of its term among those of its pixel.
+    pub term: usize,
+    /// Hash of the mirrors that it met.
+    pub key: u64,
+    /// Unit direction in the world.
+    pub direction: Vec3,
+}
+
+/// The sides of the footprints of a pixel's points, which are given row by row, `columns` a row; with the indices of their terms.
+pub(super) fn footprints(points: &[Option<Escape>], columns: usize) -> impl Iterator<Item = (usize, [Vec3; 2])> {
+    let rows = points.len() / columns.max(1);
+    let side = move |own: &Escape, at: usize, count: usize, step: usize, index: usize| {
+        let neighbour = |index: usize| points[index].filter(|other| other.key == own.key).map(|other| other.direction);
+        let next = (at + 1 < count).then(|| neighbour(index + step)).flatten();
+        let previous = || (at > 0).then(|| neighbour(index - step)).flatten();
+        let change =
+            next.map(|next| next - own.direction).or_else(|| previous().map(|previous| own.direction - previous));
+        let change = change.unwrap_or(Vec3::ZERO);
+        (change - change.dot(own.direction) * own.direction).clamp_length_max(MAX_SIDE)
+    };
+    points.iter().enumerate().filter_map(move |(index, point)| {
+        let own = point.as_ref()?;
+        let (x, y) = (index % columns, index / columns);
+        Some((own.term, [side(own, x, columns, 1, index), side(own, y, rows, columns, index)]))
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sides_are_the_differences_of_neighbours_that_met_the_same_mirrors() {
+        let direction = |x: usize, y: usize| Vec3::new(0.1 * x as f32, 0.02 * y as f32, 1.0).normalize();
+        let mut points: Vec<Option<Escape>> =
+            (0..6).map(|k| Some(Escape { term: 10 + k, key: 7, direction: direction(k % 3, k / 3) })).collect();
+        points[5] = None;
+        let found: Vec<_> = footprints(&points, 3).collect();
+        assert_eq!(found.iter().map(|f| f.0).collect::<Vec<_>>(), [10, 11, 12, 13, 14]);
+        for (term, [horizontal, vertical]) in &found {
+            let own = points[term - 10].unwrap().direction;
+            assert!(horizontal.dot(own).abs() < 1e-6 && vertical.dot(own).abs() < 1e-6);
+            assert!((horizontal.length() - 0.1).abs() < 0.01, "{horizontal}");
+            // The last point of the first row has no neighbour below.
+            let expected = if *term == 12 { 0.0 } else { 0.02 };
+            assert!((vertical.length() - expected).abs() < 0.003, "{vertical}");
+        }
+    }
+
+    #[test]
+    fn a_lone_point_has_no_sides() {
+        let lone = [Some(Escape { term: 0, key: 1, direction: Vec3::X })];
+        assert_eq!(footprints(&lone, 1).collect::<Vec<_>>(), [(0, [Vec3::ZERO; 2])]);
+        assert_eq!(footprints(&[None; 4], 2).count(), 0);
+    }
+}
