@@ -1,10 +1,11 @@
 //! Paths that leave the scene by way of smooth mirrors, and how much of the environment each of them stands for: as much as the
-//! directions of neighbouring points of its pixel differ (Igehy, *Tracing Ray Differentials*, SIGGRAPH 1999, by differences).
+//! directions of neighbouring points of its pixel differ (Igehy, *Tracing Ray Differentials*, SIGGRAPH 1999, by differences). Of two
+//! neighbours the one that differs less counts: the other may be beyond a fold or an edge of the mirror.
 
 use glam::Vec3;
 
-/// The longest side of a footprint, radians.
-const MAX_SIDE: f32 = 1.0;
+/// Directions that differ by more, radians, are taken for those of different parts of a mirror.
+const MAX_SIDE: f32 = 0.2;
 
 /// A path that reached the environment.
 #[derive(Clone, Copy, Debug)]
@@ -22,12 +23,12 @@ pub(super) fn footprints(points: &[Option<Escape>], columns: usize) -> impl Iter
     let rows = points.len() / columns.max(1);
     let side = move |own: &Escape, at: usize, count: usize, step: usize, index: usize| {
         let neighbour = |index: usize| points[index].filter(|other| other.key == own.key).map(|other| other.direction);
-        let next = (at + 1 < count).then(|| neighbour(index + step)).flatten();
-        let previous = || (at > 0).then(|| neighbour(index - step)).flatten();
-        let change =
-            next.map(|next| next - own.direction).or_else(|| previous().map(|previous| own.direction - previous));
-        let change = change.unwrap_or(Vec3::ZERO);
-        (change - change.dot(own.direction) * own.direction).clamp_length_max(MAX_SIDE)
+        let next = (at + 1 < count).then(|| neighbour(index + step)).flatten().map(|next| next - own.direction);
+        let previous = (at > 0).then(|| neighbour(index - step)).flatten().map(|previous| own.direction - previous);
+        let changes = [next, previous].into_iter().flatten();
+        let least = changes.min_by(|a, b| a.length_squared().total_cmp(&b.length_squared()));
+        let change = least.filter(|change| change.length_squared() < MAX_SIDE * MAX_SIDE).unwrap_or(Vec3::ZERO);
+        change - change.dot(own.direction) * own.direction
     };
     points.iter().enumerate().filter_map(move |(index, point)| {
         let own = point.as_ref()?;
