@@ -334,8 +334,8 @@ fn every_option_of_reference_changes_what_it_writes() {
 #[test]
 fn every_option_of_compare_arrives() {
     let place = Workplace::new();
-    let mut mask = image::GrayImage::new(16, 12);
-    mask.put_pixel(8, 6, image::Luma([255]));
+    let mut mask = image::GrayImage::new(8, 6);
+    mask.put_pixel(4, 3, image::Luma([255]));
     mask.save(place.path("mask.png")).unwrap();
     let args = [
         "compare",
@@ -365,7 +365,7 @@ fn every_option_of_compare_arrives() {
         "--seconds",
         "600",
         "--size",
-        "16x12",
+        "8x6",
         "--taps",
         "4",
         "--attenuation",
@@ -419,14 +419,15 @@ fn every_option_of_compare_arrives() {
     // ε is part of the attenuation.
     let attenuated = without(&args, "--attenuation");
     assert_ne!(errors(&report(&without(&attenuated, "--epsilon"))), errors(&report(&attenuated)));
-    let quick = ["compare", "scene.toml", "-o", "gpu", "--samples", "10", "--seeds", "1", "--filters", "none"];
+    let quick =
+        ["compare", "scene.toml", "-o", "gpu", "--samples", "10", "--seeds", "1", "--filters", "none", "--size", "8x6"];
     let adapter = first_adapter(&place);
     let on_gpu = report(&[&quick[..], &["--rel-error", "0.5", "--adapter", &adapter, "--json"]].concat());
     assert!(on_gpu["adapter"].as_str().unwrap().contains(&adapter));
     let quiet = place.run(&[&quick[..], &["--rel-error", "0.5", "--backend", "cpu", "--quiet"]].concat());
     assert!(quiet.status.success() && quiet.stdout.is_empty() && quiet.stderr.is_empty());
     let paper = ["compare", "scene.toml", "-o", "paper", "--figure", "5", "--seeds", "1", "--rel-error", "0.5"];
-    let paper = report(&[&paper[..], &["--size", "12x8", "--backend", "cpu", "--json"]].concat());
+    let paper = report(&[&paper[..], &["--size", "6x4", "--backend", "cpu", "--json"]].concat());
     assert!(!paper["findings"].as_array().unwrap().is_empty() && paper["rows"][0]["samples"] == 2000);
     let others = ["--adapter", "--quiet", "--figure"];
     assert_all_named(&place, "compare", args.into_iter().chain(others));
