@@ -232,7 +232,7 @@ fn map_of_sample(sample: u32, side: f32) -> VisibilityMap {
     return visibility_map(node.map, node.texel_jitter, node.normal, side);
 }
 
-// The mip whose bounds hold for light that is blurred over a width in radians, in steps.
+// The number, among the mips whose bounds are kept, of the one for light that is blurred over a width in radians.
 fn mip_of_blur(blur: f32) -> i32 {
     let texels = 0.5 * f32(textureDimensions(bounds).x) * blur;
     if texels < 1.0 {

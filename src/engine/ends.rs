@@ -88,6 +88,7 @@ pub(super) async fn caustic_at(
             diffuse.push(index);
         }
     }
+    inputs.progress.advance((points.len() - diffuse.len() - glossy.len()) as u64);
     for (mut which, reflects) in [(diffuse, false), (glossy, true)] {
         if which.is_empty() {
             continue;

@@ -128,7 +128,13 @@ impl LightBounds {
     /// look-up reads a texel further.
     #[inline]
     fn reach(&self, st2: f32, radius: f32, pyramid: usize) -> f32 {
-        radius * (1.0 + st2) * self.half_size() + texel_of(pyramid)
+        radius * (1.0 + st2) * self.half_size() + Self::texel_width(pyramid)
+    }
+
+    /// Width of the texels of a pyramid's finest level, texels of the finest one of all.
+    #[inline]
+    pub(crate) fn texel_width(pyramid: usize) -> f32 {
+        (1u32 << (MIP_STEP as usize * pyramid)) as f32
     }
 
     /// Half a face's edge, texels of the finest level.
@@ -149,12 +155,6 @@ impl LightBounds {
         let index = |s: f32| ((0.5 * s * size as f32) as usize).min(size - 1);
         self.texels[offset + (face * size + index(st.y)) * size + index(st.x)]
     }
-}
-
-/// Width of the texels of a pyramid's first level, texels of the finest one.
-#[inline]
-pub(crate) fn texel_of(pyramid: usize) -> f32 {
-    (1u32 << (MIP_STEP as usize * pyramid)) as f32
 }
 
 /// The extremes of each texel of a cube's mip; with borders, as those of all levels.

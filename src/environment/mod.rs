@@ -17,7 +17,6 @@ pub(crate) const MIP_STEP: u32 = 2;
 
 #[cfg(feature = "gpu")]
 pub(crate) use bounds::FINEST_BOUNDS;
-pub(crate) use bounds::texel_of;
 pub use bounds::{Bound, LightBounds};
 pub(crate) use builtin::built_in_map;
 pub use builtin::{BUILT_IN_MAPS, BuiltInMap};

@@ -43,7 +43,7 @@ fn receivers() -> Receivers {
 fn errors(light: &str, roughnesses: &[f32]) -> Vec<(f32, f64, f64)> {
     let of = |roughness| {
         let scene = ring(light, roughness);
-        // Its own error adds a twentieth to the errors measured, at most.
+        // Its own error adds less than a tenth to the errors measured.
         let expected = truth(scene.clone(), 0.03);
         let environment = Environment::new(&scene.environment.light, Default::default()).unwrap();
         let pinholes = pinholes_of(&scene, 2000, Strategy::Neighbourhood, Footprint::Cells, 1);

@@ -12,7 +12,7 @@ use super::super::{Receiver, ReceiverCellPair, ReceiverGroup};
 use super::criterion::unevenness;
 use super::evaluation::CellAtReceivers;
 use super::tile::{FULLY_VISIBLE, TileGather, map_towards};
-use crate::environment::texel_of;
+use crate::environment::LightBounds;
 use crate::pinhole::cell::Cell;
 use crate::pinhole::constants::{
     CENTRAL_VISIBILITY_SHARE, CONTRAST_ERROR_SCALE, FOOTPRINT_BEND, FOOTPRINT_RADIUS, MAX_QUARTERINGS,
@@ -353,7 +353,7 @@ impl TileGather<'_> {
         let pyramid = light.pyramid(blur);
         let OnCube { face, s, t } = on_cube(simd, self.context.gather.environment.light_from_world(direction));
         let (a, b) = (s - 1.0, t - 1.0);
-        let reach = radius * (a * a + b * b + 1.0) * light.half_size() + texel_of(pyramid);
+        let reach = radius * (a * a + b * b + 1.0) * light.half_size() + LightBounds::texel_width(pyramid);
         let (face, s, t, reach) = (face.to_array(), s.to_array(), t.to_array(), reach.to_array());
         let (mut max, mut contrast) = ([0.0; LANES], [0.0; LANES]);
         for lane in set_bits(active) {

@@ -9,7 +9,8 @@ use super::{DYNAMIC_OFFSET, uniform_buffer};
 use crate::environment::{Bound, FACES, FINEST_BOUNDS, LightBounds, MIP_STEP};
 use crate::gpu::GpuError;
 
-/// Bounds of an environment's radiance and of that of its mips, as textures: each texel the most and the contrast around it.
+/// Bounds of an environment's radiance and of that of its mips, as textures: each texel holds the maximum and the
+/// contrast around it.
 #[derive(Clone, Debug)]
 pub struct LightBoundsTexture {
     /// Six layers with all mips.
