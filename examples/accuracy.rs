@@ -5,8 +5,9 @@
 //! cargo run --release --example accuracy
 //! ```
 //!
-//! prints it as Markdown. `-- SECONDS` limits the time for each reference (default: 1500). Everything is kept in `target/accuracy`, where each scene also gets its report; an interrupted
-//! run goes on where it stopped. A quarter of an hour to an hour on two cores.
+//! prints it as Markdown. `-- SECONDS` limits the time for each reference (default: 1500). Everything is kept in
+//! `target/accuracy`, where each scene also gets its report; an interrupted run goes on where it stopped. A quarter of an hour
+//! to an hour on two cores.
 
 use std::path::Path;
 use std::time::Instant;

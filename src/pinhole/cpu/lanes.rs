@@ -1,7 +1,8 @@
 //! Sixteen floats at a time, and vectors of them: one instruction with AVX-512, two with AVX2, four with SSE or NEON, chosen
 //! at run time.
 //!
-//! Everything that takes a `Simd` must be inlined into the dispatched function, or it is compiled without the instructions. What is
+//! Everything that takes a `Simd` must be inlined into the dispatched function, or it is compiled without the instructions:
+//! mark it `#[inline(always)]`, and keep vectors out of closures, which are outlined where they are called twice. What is
 //! called from several places and works for long calls [`Simd::vectorize`] instead: one copy is compiled for each instruction set.
 
 use std::ops::{Add, AddAssign, Mul, Sub};

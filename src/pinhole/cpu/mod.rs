@@ -170,11 +170,9 @@ impl<S: Simd> ReceiverCellPair<S> {
     #[inline(always)]
     fn footprint(&self, simd: S, sample: &PinholeParts) -> FootprintSides<S> {
         let Self { d, n, dn, inverse_l, r, .. } = *self;
-        let side = |k: usize| {
-            let (side, change) = (splat3(simd, sample.sides[k]), splat3(simd, sample.changes[k]));
-            reflected_side(side, change, d, n, dn, inverse_l, r)
-        };
-        let (v1, v2) = (side(0), side(1));
+        let PinholeParts { sides: [side_1, side_2], changes: [change_1, change_2], .. } = *sample;
+        let v1 = reflected_side(splat3(simd, side_1), splat3(simd, change_1), d, n, dn, inverse_l, r);
+        let v2 = reflected_side(splat3(simd, side_2), splat3(simd, change_2), d, n, dn, inverse_l, r);
         let (v1, v2) =
             if sample.lobe > 0.0 { blurred(simd, v1, v2, r, n, dn.abs() * inverse_l, sample.lobe) } else { (v1, v2) };
         FootprintSides { r, v1, v2 }

@@ -25,18 +25,25 @@ impl CoverageCache {
         states.resize(self.samples, None);
     }
 
-    /// Coverage of the current block of a level. What an enclosing block sees wholly, or not at all, so do the blocks within it.
-    pub fn get(&mut self, level: usize, sample: u32, find: impl FnOnce() -> Coverage) -> Coverage {
+    /// Coverage of the current block of a level, if it is known: what an enclosing block sees wholly, or not at all, so do the
+    /// blocks within it.
+    pub fn known(&mut self, level: usize, sample: u32) -> Option<Coverage> {
         let sample = sample as usize;
-        if let Some(known) = self.levels[level][sample] {
+        if let known @ Some(_) = self.levels[level][sample] {
             return known;
         }
         let of_enclosing = (0..level).rev().find_map(|outer| self.levels[outer][sample]);
-        let coverage = match of_enclosing {
-            Some(coverage @ (Coverage::Full | Coverage::None)) => coverage,
-            Some(Coverage::Partial) | None => find(),
-        };
-        self.levels[level][sample] = Some(coverage);
-        coverage
+        match of_enclosing {
+            Some(coverage @ (Coverage::Full | Coverage::None)) => {
+                self.levels[level][sample] = Some(coverage);
+                Some(coverage)
+            }
+            Some(Coverage::Partial) | None => None,
+        }
+    }
+
+    /// Keeps the coverage of the current block of a level.
+    pub fn keep(&mut self, level: usize, sample: u32, coverage: Coverage) {
+        self.levels[level][sample as usize] = Some(coverage);
     }
 }

@@ -206,13 +206,16 @@ impl<'a> TileGather<'a> {
         points: &ReceiverGroup,
         sample_node: u32,
     ) -> Coverage {
-        let gather = &self.context.gather;
-        self.coverage.get(place.level, sample_node, || {
-            let Some(maps) = &gather.pinholes.visibility else { return Coverage::Full };
-            let receiver = points.in_lanes(simd);
-            let (map, l) = map_towards(simd, maps, &gather.pinholes.samples[sample_node as usize], &receiver);
-            map.receiver_coverage(simd, l, receiver.occupied())
-        })
+        if let Some(known) = self.coverage.known(place.level, sample_node) {
+            return known;
+        }
+        let pinholes = self.context.gather.pinholes;
+        let Some(maps) = &pinholes.visibility else { return Coverage::Full };
+        let receiver = points.in_lanes(simd);
+        let (map, l) = map_towards(simd, maps, &pinholes.samples[sample_node as usize], &receiver);
+        let coverage = map.receiver_coverage(simd, l, receiver.occupied());
+        self.coverage.keep(place.level, sample_node, coverage);
+        coverage
     }
 
     /// Adds what a cell contributes to sixteen points; `false` if that cannot be interpolated between them.
