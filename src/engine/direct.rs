@@ -1,22 +1,21 @@
-//! Direct light: the unoccluded irradiance, which is known exactly, times the fraction of it that shadow rays find
-//! unblocked (Heitz, Hill, McGuire 2018, *Combining Analytic Direct Illumination and Stochastic
-//! Shadows*). There is no noise where nothing is occluded, or everything.
+//! Direct light on diffuse surfaces: the unoccluded irradiance, which is known exactly, times the fraction of it that
+//! shadow rays find unblocked (Heitz, Hill, McGuire 2018, *Combining Analytic Direct Illumination and Stochastic
+//! Shadows*). Nothing is approximated where nothing is occluded, or everything.
 
-use std::f32::consts::{FRAC_1_PI, TAU};
 use std::sync::Arc;
 
-use glam::{Mat3, Vec2, Vec3};
-use sobol_burley::sample_4d;
+use glam::Vec3;
+use rayon::prelude::*;
 
-use crate::brdf::{Materials, distribution};
-use crate::environment::{CubeMap, LightSampler};
+use super::shadows::Shadows;
+use crate::environment::CubeMap;
 use crate::progress::Progress;
-use crate::scene::{Ray, Visibility};
-use crate::stages::{LightStages, PreparedLight};
+use crate::scene::Visibility;
+use crate::stages::{CameraRays, LightStages, PreparedLight};
 use crate::tracing::{Hit, Tracer};
 
-/// Shadow rays per point sampled from the light, and as many from the receiver's cosine.
-const RAYS: u32 = 64;
+/// Edge of the blocks of camera rays whose shadows are found together.
+const BLOCK: usize = 8;
 
 /// Irradiance of the environment on receivers, at an intensity of 1.
 #[derive(Debug)]
@@ -24,7 +23,7 @@ pub(super) struct DirectLight<'a> {
     light: &'a PreparedLight,
     irradiance: Arc<CubeMap>,
     /// Where receivers may be occluded.
-    shadows: Option<SampledLight<'a>>,
+    shadows: Option<Shadows<'a>>,
 }
 
 impl<'a> DirectLight<'a> {
@@ -36,137 +35,88 @@ impl<'a> DirectLight<'a> {
         progress: &dyn Progress,
     ) -> Self {
         let shadows =
-            (visibility == Visibility::Full).then(|| SampledLight::new(light, stages, tracer, visibility, progress));
+            (visibility == Visibility::Full).then(|| Shadows::new(light, &stages.sampler(light, progress), tracer));
         Self { light, irradiance: stages.irradiance(light, progress), shadows }
     }
 
-    /// Irradiance at a point with a unit normal, W/m².
-    pub fn irradiance(&self, position: Vec3, normal: Vec3) -> Vec3 {
-        let open = self.irradiance.fetch(self.light.light_from_world(normal), 0.0);
-        match &self.shadows {
-            Some(shadows) => open * shadows.unoccluded_fraction(position, normal),
-            None => open,
+    /// Irradiance at points that are close to each other, W/m².
+    pub fn irradiance(&self, points: &[&Hit]) -> Vec<Vec3> {
+        let open = |point: &&Hit| self.irradiance.fetch(self.light.light_from_world(point.normal), 0.0);
+        let mut irradiance: Vec<Vec3> = points.iter().map(open).collect();
+        if let Some(shadows) = &self.shadows {
+            let fractions = shadows.unoccluded_fractions(points);
+            irradiance.iter_mut().zip(fractions).for_each(|(value, fraction)| *value *= fraction);
         }
-    }
-}
-
-/// The environment in directions that are drawn by its radiance, by the receiver's cosine and by its lobe, combined by
-/// multiple importance sampling with the balance heuristic.
-#[derive(Debug)]
-pub(super) struct SampledLight<'a> {
-    light: &'a PreparedLight,
-    world_from_light: Mat3,
-    sampler: Arc<LightSampler>,
-    is_shadowed: bool,
-    tracer: &'a Tracer,
-}
-
-impl<'a> SampledLight<'a> {
-    pub fn new(
-        light: &'a PreparedLight,
-        stages: &mut LightStages,
-        tracer: &'a Tracer,
-        visibility: Visibility,
-        progress: &dyn Progress,
-    ) -> Self {
-        Self {
-            light,
-            world_from_light: light.world_from_light(),
-            sampler: stages.sampler(light, progress),
-            is_shadowed: visibility == Visibility::Full,
-            tracer,
-        }
+        irradiance
     }
 
-    /// The part of the irradiance that arrives at a point with a unit normal, per channel.
-    fn unoccluded_fraction(&self, position: Vec3, normal: Vec3) -> Vec3 {
-        let (mut seen, mut all) = (Vec3::ZERO, Vec3::ZERO);
-        let mut add = |direction: Vec3, in_light: Vec3| {
-            let cosine = direction.dot(normal);
-            if cosine > 0.0 {
-                let density = self.sampler.pdf(in_light) + cosine * FRAC_1_PI;
-                let part = self.light.environment.radiance.radiance(in_light) * cosine / density;
-                all += part;
-                if !self.tracer.is_blocked(Ray { origin: position, direction }) {
-                    seen += part;
-                }
-            }
+    /// Irradiance where camera rays hit wanted objects, W/m²; zero elsewhere.
+    pub fn at_hits(&self, rays: &CameraRays, wanted: impl Fn(u32) -> bool + Sync) -> Vec<Vec3> {
+        let width = rays.width as usize;
+        let blocks: Vec<(usize, usize)> = (0..rays.hits.len() / width.max(1))
+            .step_by(BLOCK)
+            .flat_map(|y| (0..width).step_by(BLOCK).map(move |x| (x, y)))
+            .collect();
+        let of_block = |&block: &(usize, usize)| {
+            let groups = by_object(rays, block).into_iter().filter(|(object, _)| wanted(*object));
+            let irradiance = |indices: Vec<usize>| {
+                let points: Vec<&Hit> = indices.iter().filter_map(|&index| rays.hits[index].as_ref()).collect();
+                indices.into_iter().zip(self.irradiance(&points)).collect::<Vec<_>>()
+            };
+            groups.flat_map(|(_, indices)| irradiance(indices)).collect::<Vec<_>>()
         };
-        let seed = seed_of(position);
-        for k in 0..RAYS {
-            let [u, v, x, y] = sample_4d(k, 0, seed);
-            let towards_light = self.sampler.sample(Vec2::new(u, v)).0;
-            add(self.world_from_light * towards_light, towards_light);
-            let by_cosine = by_cosine(normal, x, y);
-            add(by_cosine, self.light.light_from_world(by_cosine));
+        let of_blocks: Vec<Vec<(usize, Vec3)>> = blocks.par_iter().map(of_block).collect();
+        let mut all = vec![Vec3::ZERO; rays.hits.len()];
+        of_blocks.into_iter().flatten().for_each(|(index, irradiance)| all[index] = irradiance);
+        all
+    }
+}
+
+/// The indices of a block's camera rays, by the object that they hit.
+fn by_object(rays: &CameraRays, (x, y): (usize, usize)) -> Vec<(u32, Vec<usize>)> {
+    let width = rays.width as usize;
+    let height = rays.hits.len() / width;
+    let mut groups: Vec<(u32, Vec<usize>)> = Vec::new();
+    for index in (y..height.min(y + BLOCK)).flat_map(|y| (x..width.min(x + BLOCK)).map(move |x| y * width + x)) {
+        let Some(hit) = &rays.hits[index] else { continue };
+        match groups.iter_mut().find(|(object, _)| *object == hit.object) {
+            Some((_, indices)) => indices.push(index),
+            None => groups.push((hit.object, vec![index])),
         }
-        // Where there is no light, there is no shadow.
-        let part = |seen: f32, all: f32| if all > 0.0 { seen / all } else { 1.0 };
-        Vec3::new(part(seen.x, all.x), part(seen.y, all.y), part(seen.z, all.z))
     }
-
-    /// Radiance that a glossy receiver reflects towards its viewer, W/(m²·sr).
-    pub fn reflected(&self, materials: &Materials, hit: &Hit, view: Vec3) -> Vec3 {
-        let normal = hit.normal;
-        let lobe = Lobe { normal, view, alpha: materials.lobe_alpha(hit.object).unwrap_or(1.0).max(1e-3) };
-        let mut sum = Vec3::ZERO;
-        let mut add = |direction: Vec3, in_light: Vec3| {
-            let cosine = direction.dot(normal);
-            let value = materials.value(hit.object, normal, direction, view, 0.0);
-            if cosine > 0.0 && value != Vec3::ZERO {
-                let density = self.sampler.pdf(in_light) + cosine * FRAC_1_PI + lobe.pdf(direction);
-                if !(self.is_shadowed && self.tracer.is_blocked(Ray { origin: hit.position, direction })) {
-                    sum += value * self.light.environment.radiance.radiance(in_light) * cosine / density;
-                }
-            }
-        };
-        let seed = seed_of(hit.position);
-        for k in 0..RAYS {
-            let [u, v, x, y] = sample_4d(k, 0, seed);
-            let towards_light = self.sampler.sample(Vec2::new(u, v)).0;
-            add(self.world_from_light * towards_light, towards_light);
-            let by_cosine = by_cosine(normal, x, y);
-            add(by_cosine, self.light.light_from_world(by_cosine));
-            let [u, v, ..] = sample_4d(k, 1, seed);
-            let by_lobe = lobe.sample(u, v);
-            add(by_lobe, self.light.light_from_world(by_lobe));
-        }
-        sum / RAYS as f32
-    }
+    groups
 }
 
-/// A cosine-distributed direction.
-fn by_cosine(normal: Vec3, x: f32, y: f32) -> Vec3 {
-    let (t, b) = normal.any_orthonormal_pair();
-    let (radius, angle) = (x.sqrt(), TAU * y);
-    radius * (angle.cos() * t + angle.sin() * b) + (1.0 - x).max(0.0).sqrt() * normal
-}
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::NoProgress;
+    use crate::environment::CubeSize;
+    use crate::scene::load;
+    use crate::stages::View;
 
-/// Samples directions in proportion to a GGX lobe.
-struct Lobe {
-    normal: Vec3,
-    view: Vec3,
-    alpha: f32,
-}
-
-impl Lobe {
-    /// The direction reflected by a sampled microfacet (Walter et al. 2007, Equations 35 to 38).
-    fn sample(&self, u: f32, v: f32) -> Vec3 {
-        let facet = super::gloss::facet_of(self.normal, self.alpha, [u, v]);
-        2.0 * self.view.dot(facet) * facet - self.view
+    /// What the points of a block agree on is what each of them finds alone.
+    #[test]
+    fn blocks_find_the_shadows_of_their_points() {
+        let scene = load::<toml::Table>("columns").unwrap().scene;
+        let tracer = Tracer::new(&scene);
+        let view = View { camera: scene.camera, size: [128, 128], pixel_samples: 1, first_row: 0, rows: 128 };
+        let rays = CameraRays::trace(&tracer, view);
+        let mut stages = LightStages::new();
+        let light = stages.prepare(&scene.environment, CubeSize::default(), &NoProgress).unwrap();
+        let direct = DirectLight::new(&light, &mut stages, &tracer, Visibility::Full, &NoProgress);
+        let together = direct.at_hits(&rays, |_| true);
+        let brightest = together.iter().map(|v| v.max_element()).fold(0.0, f32::max);
+        let differences: Vec<f32> = (0..rays.hits.len())
+            .step_by(7)
+            .filter_map(|k| rays.hits[k].as_ref().map(|hit| (k, hit)))
+            .map(|(k, hit)| together[k].distance(direct.irradiance(&[hit])[0]) / brightest)
+            .collect();
+        let mean = differences.iter().sum::<f32>() / differences.len() as f32;
+        let wrong = differences.iter().filter(|&&d| d > 0.01).count();
+        println!("{mean:.5} on average, {wrong} of {} off by more than .01", differences.len());
+        assert!(differences.len() > 1500);
+        assert!(mean < 1e-3, "{mean}");
+        assert!(wrong * 200 < differences.len(), "{wrong} of {}", differences.len());
     }
-
-    fn pdf(&self, direction: Vec3) -> f32 {
-        let facet = (direction + self.view).normalize();
-        let cosine = facet.dot(self.normal);
-        distribution(cosine, self.alpha) * cosine.max(0.0) / (4.0 * self.view.dot(facet)).max(1e-6)
-    }
-}
-
-/// A seed that depends on the position only: the same point always gets the same directions.
-fn seed_of(position: Vec3) -> u32 {
-    position
-        .to_array()
-        .iter()
-        .fold(0x9E37_79B9, |seed: u32, c| (seed ^ c.to_bits()).wrapping_mul(0x85EB_CA6B).rotate_left(13))
 }

@@ -6,8 +6,9 @@ use glam::Vec3;
 use obvhs::ploc::morton::morton_encode_u64;
 use rayon::prelude::*;
 
-use super::direct::{DirectLight, SampledLight};
+use super::direct::DirectLight;
 use super::frame::FrameInputs;
+use super::glossy::GlossyLight;
 use super::paths::EndPoint;
 use super::reprojection::Reprojection;
 use crate::Error;
@@ -15,9 +16,12 @@ use crate::brdf::Materials;
 use crate::pinhole::{Receivers, ViewDirections};
 use crate::stages::{CameraRays, LightStages};
 use crate::technique::Sum;
+use crate::tracing::Hit;
 
 /// Length of the rows that points are arranged in.
 const POINTS_IN_A_ROW: u32 = 1024;
+/// Points along the curve whose shadows are found together.
+const POINTS_IN_A_GROUP: usize = 64;
 /// Cells along an edge of the grid whose Z-order curve points are sorted along.
 const CURVE_STEPS: f32 = (1 << 20) as f32;
 
@@ -32,7 +36,7 @@ pub(super) struct EndLight<'a> {
     materials: &'a Materials,
     diffuse: DirectLight<'a>,
     /// Where a path ends on a glossy receiver.
-    glossy: Option<SampledLight<'a>>,
+    glossy: Option<GlossyLight<'a>>,
 }
 
 impl<'a> EndLight<'a> {
@@ -43,20 +47,30 @@ impl<'a> EndLight<'a> {
         let glossy = points
             .iter()
             .any(|p| is_glossy(materials, p))
-            .then(|| SampledLight::new(light, stages, &prepared.tracer, options.visibility, progress));
+            .then(|| GlossyLight::new(light, stages, &prepared.tracer, options.visibility, progress));
         Self { materials, diffuse, glossy }
     }
 
     /// Irradiance or, on glossy receivers, the radiance reflected towards the viewers. `at_hits` is the irradiance where camera
     /// rays hit, which is interpolated where the reprojection finds a point.
     pub fn at(&self, points: &[EndPoint], reprojection: &Reprojection, at_hits: &[Vec3]) -> Vec<Vec3> {
-        let one = |(index, point): (usize, &EndPoint)| match &self.glossy {
-            Some(light) if is_glossy(self.materials, point) => light.reflected(self.materials, &point.hit, point.view),
-            _ => reprojection
-                .light(index, |hit| at_hits[hit])
-                .unwrap_or_else(|| self.diffuse.irradiance(point.hit.position, point.hit.normal)),
+        let known = |(index, point): (usize, &EndPoint)| match &self.glossy {
+            Some(light) if is_glossy(self.materials, point) => {
+                Some(light.reflected(self.materials, &point.hit, point.view))
+            }
+            _ => reprojection.light(index, |hit| at_hits[hit]),
         };
-        points.par_iter().enumerate().map(one).collect()
+        let known: Vec<Option<Vec3>> = points.par_iter().enumerate().map(known).collect();
+        let mut unknown: Vec<usize> = (0..points.len()).filter(|&index| known[index].is_none()).collect();
+        sort_along_curve(&mut unknown, points);
+        let of_group = |group: &[usize]| {
+            let hits: Vec<&Hit> = group.iter().map(|&index| &points[index].hit).collect();
+            self.diffuse.irradiance(&hits)
+        };
+        let computed: Vec<Vec3> = unknown.par_chunks(POINTS_IN_A_GROUP).flat_map_iter(of_group).collect();
+        let mut light: Vec<Vec3> = known.into_iter().map(Option::unwrap_or_default).collect();
+        unknown.into_iter().zip(computed).for_each(|(index, irradiance)| light[index] = irradiance);
+        light
     }
 }
 

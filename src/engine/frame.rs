@@ -4,7 +4,6 @@
 use std::sync::Arc;
 
 use glam::Vec3;
-use rayon::prelude::*;
 
 use super::ends::{EndLight, caustic_at, direct_light};
 use super::paths::{PathTracer, Paths};
@@ -20,7 +19,7 @@ use crate::stages::{
     CameraRays, Id, LightStages, Memo, PreparedLight, PreparedScene, StageCounts, SurfaceMaterials, View,
 };
 use crate::technique::Sum;
-use crate::tracing::{Hit, Tracer};
+use crate::tracing::Tracer;
 
 /// The largest number of points of a picture whose stages are kept: enough for 3840×2160 pixels.
 pub(super) const KEPT_POINTS: u64 = 1 << 23;
@@ -228,13 +227,7 @@ impl BandStages {
         let wanted: Vec<bool> = inputs.objects().map(|o| inputs.shows_irradiance(Aov::Direct, o)).collect();
         let key = DirectKey { rays: Id::of(rays), light: inputs.light_key(), wanted: wanted.clone() };
         let source = direct_light(inputs, light);
-        self.direct.get(key, inputs.progress, || {
-            let shown = |hit: &&Hit| wanted[hit.object as usize];
-            let at = |hit: &Option<Hit>| {
-                hit.as_ref().filter(shown).map_or(Vec3::ZERO, |hit| source.irradiance(hit.position, hit.normal))
-            };
-            rays.hits.par_iter().map(at).collect()
-        })
+        self.direct.get(key, inputs.progress, || source.at_hits(rays, |object| wanted[object as usize]))
     }
 
     fn paths(&mut self, inputs: &FrameInputs, rays: &Arc<CameraRays>) -> Arc<Paths> {

@@ -14,11 +14,13 @@ mod escapes;
 mod film;
 mod frame;
 mod gloss;
+mod glossy;
 mod overlay;
 mod paths;
 mod report;
 mod reprojection;
 mod shading;
+mod shadows;
 
 pub use film::Rendered;
 pub use report::Report;

@@ -1,0 +1,112 @@
+//! Direct light that glossy surfaces reflect towards their viewers.
+
+use std::f32::consts::{FRAC_1_PI, TAU};
+use std::sync::Arc;
+
+use glam::{Mat3, Vec2, Vec3};
+use sobol_burley::sample_4d;
+
+use super::gloss::facet_of;
+use crate::brdf::{Materials, distribution};
+use crate::environment::LightSampler;
+use crate::progress::Progress;
+use crate::scene::{Ray, Visibility};
+use crate::stages::{LightStages, PreparedLight};
+use crate::tracing::{Hit, Tracer};
+
+/// Directions drawn from the light, as many from the receiver's cosine, and as many from its lobe.
+const RAYS: u32 = 64;
+
+/// The environment in directions that are drawn by its radiance, by the receiver's cosine and by its lobe, combined by
+/// multiple importance sampling with the balance heuristic.
+#[derive(Debug)]
+pub(super) struct GlossyLight<'a> {
+    light: &'a PreparedLight,
+    world_from_light: Mat3,
+    sampler: Arc<LightSampler>,
+    is_shadowed: bool,
+    tracer: &'a Tracer,
+}
+
+impl<'a> GlossyLight<'a> {
+    pub fn new(
+        light: &'a PreparedLight,
+        stages: &mut LightStages,
+        tracer: &'a Tracer,
+        visibility: Visibility,
+        progress: &dyn Progress,
+    ) -> Self {
+        Self {
+            light,
+            world_from_light: light.world_from_light(),
+            sampler: stages.sampler(light, progress),
+            is_shadowed: visibility == Visibility::Full,
+            tracer,
+        }
+    }
+
+    /// Radiance that a glossy receiver reflects towards its viewer, W/(m²·sr).
+    pub fn reflected(&self, materials: &Materials, hit: &Hit, view: Vec3) -> Vec3 {
+        let normal = hit.normal;
+        let lobe = Lobe { normal, view, alpha: materials.lobe_alpha(hit.object).unwrap_or(1.0).max(1e-3) };
+        let mut sum = Vec3::ZERO;
+        let mut add = |direction: Vec3, in_light: Vec3| {
+            let cosine = direction.dot(normal);
+            let value = materials.value(hit.object, normal, direction, view, 0.0);
+            if cosine > 0.0 && value != Vec3::ZERO {
+                let density = self.sampler.pdf(in_light) + cosine * FRAC_1_PI + lobe.pdf(direction);
+                if !(self.is_shadowed && self.tracer.is_blocked(Ray { origin: hit.position, direction })) {
+                    sum += value * self.light.environment.radiance.radiance(in_light) * cosine / density;
+                }
+            }
+        };
+        let seed = seed_of(hit.position);
+        for k in 0..RAYS {
+            let [u, v, x, y] = sample_4d(k, 0, seed);
+            let towards_light = self.sampler.sample(Vec2::new(u, v)).0;
+            add(self.world_from_light * towards_light, towards_light);
+            let by_cosine = by_cosine(normal, x, y);
+            add(by_cosine, self.light.light_from_world(by_cosine));
+            let [u, v, ..] = sample_4d(k, 1, seed);
+            let by_lobe = lobe.sample(u, v);
+            add(by_lobe, self.light.light_from_world(by_lobe));
+        }
+        sum / RAYS as f32
+    }
+}
+
+/// A cosine-distributed direction.
+fn by_cosine(normal: Vec3, x: f32, y: f32) -> Vec3 {
+    let (t, b) = normal.any_orthonormal_pair();
+    let (radius, angle) = (x.sqrt(), TAU * y);
+    radius * (angle.cos() * t + angle.sin() * b) + (1.0 - x).max(0.0).sqrt() * normal
+}
+
+/// Samples directions in proportion to a GGX lobe.
+struct Lobe {
+    normal: Vec3,
+    view: Vec3,
+    alpha: f32,
+}
+
+impl Lobe {
+    /// The direction reflected by a sampled microfacet (Walter et al. 2007, Equations 35 to 38).
+    fn sample(&self, u: f32, v: f32) -> Vec3 {
+        let facet = facet_of(self.normal, self.alpha, [u, v]);
+        2.0 * self.view.dot(facet) * facet - self.view
+    }
+
+    fn pdf(&self, direction: Vec3) -> f32 {
+        let facet = (direction + self.view).normalize();
+        let cosine = facet.dot(self.normal);
+        distribution(cosine, self.alpha) * cosine.max(0.0) / (4.0 * self.view.dot(facet)).max(1e-6)
+    }
+}
+
+/// A seed that depends on the position only: the same point always gets the same directions.
+fn seed_of(position: Vec3) -> u32 {
+    position
+        .to_array()
+        .iter()
+        .fold(0x9E37_79B9, |seed: u32, c| (seed ^ c.to_bits()).wrapping_mul(0x85EB_CA6B).rotate_left(13))
+}

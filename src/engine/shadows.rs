@@ -1,0 +1,195 @@
+//! Shadows of the environment: which part of the irradiance on surfaces is not occluded.
+//!
+//! All points share one set of directions towards the light, so that neighbouring points differ smoothly and without noise. A
+//! few points of a group trace all of their shadow rays. Where these agree, the others trace only some, to check that
+//! nothing smaller than the group throws a shadow between them; if it does, the group is divided.
+
+use std::f32::consts::{PI, TAU};
+
+use glam::{Vec2, Vec3};
+use sobol_burley::sample_4d;
+
+use crate::environment::LightSampler;
+use crate::scene::Ray;
+use crate::stages::PreparedLight;
+use crate::tracing::{Hit, Tracer};
+
+/// Directions that are drawn by their radiance; a power of two, which keeps the sequence balanced.
+const BY_LIGHT: usize = 512;
+/// Directions that are spread evenly, for surfaces that face away from most of the light.
+const EVEN: usize = 256;
+/// Scrambles the sequences of directions.
+const SEEDS: [u32; 2] = [0x9E37_79B9, 0x85EB_CA6B];
+/// Points of a group that trace all of their shadow rays.
+const REPRESENTATIVES: usize = 9;
+/// Shadow rays that each of the others traces even where the representatives agree.
+const CHECKS: usize = 8;
+
+/// A direction towards the environment.
+#[derive(Clone, Copy, Debug)]
+struct LightDirection {
+    /// Unit vector in the world.
+    direction: Vec3,
+    /// Radiance over the density of directions.
+    radiance: Vec3,
+}
+
+/// Finds how much of the environment's light arrives at points of surfaces.
+#[derive(Debug)]
+pub(super) struct Shadows<'a> {
+    directions: Vec<LightDirection>,
+    tracer: &'a Tracer,
+}
+
+impl<'a> Shadows<'a> {
+    pub fn new(light: &PreparedLight, sampler: &LightSampler, tracer: &'a Tracer) -> Self {
+        let world_from_light = light.world_from_light();
+        let place = |k: usize, seed: u32| {
+            let [u, v, ..] = sample_4d(k as u32, 0, seed);
+            Vec2::new(u, v)
+        };
+        let by_light = (0..BY_LIGHT).map(|k| sampler.sample(place(k, SEEDS[0])).0);
+        let evenly = (0..EVEN).map(|k| on_sphere(place(k, SEEDS[1])));
+        let one = |in_light: Vec3| {
+            let density = BY_LIGHT as f32 * sampler.pdf(in_light) + EVEN as f32 / (4.0 * PI);
+            let radiance = light.environment.radiance.radiance(in_light) / density;
+            LightDirection { direction: world_from_light * in_light, radiance }
+        };
+        Self { directions: by_light.chain(evenly).map(one).collect(), tracer }
+    }
+
+    /// The part of the irradiance that is not occluded, per channel, at points that are close to each other.
+    pub fn unoccluded_fractions(&self, points: &[&Hit]) -> Vec<Vec3> {
+        let mut fractions = vec![Vec3::ONE; points.len()];
+        let mut groups = vec![(0..points.len()).collect::<Vec<_>>()];
+        while let Some(group) = groups.pop() {
+            let own: Vec<&Hit> = group.iter().map(|&index| points[index]).collect();
+            match self.shared_findings(&own) {
+                Some(findings) => {
+                    let found = own.iter().map(|point| self.fraction(point, &findings));
+                    group.iter().zip(found).for_each(|(&index, fraction)| fractions[index] = fraction);
+                }
+                None => groups.extend(halves(points, group)),
+            }
+        }
+        fractions
+    }
+
+    /// Whether each direction is blocked for all points of a group; `None` where they differ. Nothing at all if the
+    /// representatives do not represent the others.
+    fn shared_findings(&self, points: &[&Hit]) -> Option<Vec<Option<bool>>> {
+        if points.len() <= REPRESENTATIVES {
+            return Some(vec![None; self.directions.len()]);
+        }
+        let representatives = spread(points);
+        let findings: Vec<_> = self.directions.iter().map(|light| self.agreed(&representatives, light)).collect();
+        let is_right = |(k, point): (usize, &&Hit)| {
+            (0..CHECKS).map(|check| (check * findings.len() / CHECKS + 7 * k) % findings.len()).all(|index| {
+                let direction = self.directions[index].direction;
+                match findings[index] {
+                    Some(agreed) if faces(point, direction) => self.is_blocked(point, direction) == agreed,
+                    _ => true,
+                }
+            })
+        };
+        points.iter().enumerate().all(is_right).then_some(findings)
+    }
+
+    /// What shadow rays from the points that face a direction find, if all find the same.
+    fn agreed(&self, points: &[&Hit], light: &LightDirection) -> Option<bool> {
+        let facing = points.iter().filter(|point| faces(point, light.direction));
+        let mut findings = facing.map(|point| self.is_blocked(point, light.direction));
+        let first = findings.next()?;
+        findings.all(|other| other == first).then_some(first)
+    }
+
+    /// The part of the irradiance that arrives at a point; shadow rays are traced where nothing is known.
+    fn fraction(&self, point: &Hit, findings: &[Option<bool>]) -> Vec3 {
+        let (mut arriving, mut all) = (Vec3::ZERO, Vec3::ZERO);
+        for (light, finding) in self.directions.iter().zip(findings) {
+            let cosine = light.direction.dot(point.normal);
+            if cosine > 0.0 {
+                let irradiance = cosine * light.radiance;
+                all += irradiance;
+                if !finding.unwrap_or_else(|| self.is_blocked(point, light.direction)) {
+                    arriving += irradiance;
+                }
+            }
+        }
+        // Where there is no light, there is no shadow.
+        Vec3::select(all.cmpgt(Vec3::ZERO), arriving / all, Vec3::ONE)
+    }
+
+    fn is_blocked(&self, point: &Hit, direction: Vec3) -> bool {
+        self.tracer.is_blocked(Ray { origin: point.position, direction })
+    }
+}
+
+fn faces(point: &Hit, direction: Vec3) -> bool {
+    direction.dot(point.normal) > 0.0
+}
+
+/// A direction on the unit sphere, uniformly.
+fn on_sphere(place: Vec2) -> Vec3 {
+    let y = 1.0 - 2.0 * place.x;
+    let radius = (1.0 - y * y).max(0.0).sqrt();
+    let (sin, cos) = (TAU * place.y).sin_cos();
+    Vec3::new(radius * cos, y, radius * sin)
+}
+
+/// Points of a group as far from each other as they can be: each is the farthest from those before it.
+fn spread<'h>(points: &[&'h Hit]) -> Vec<&'h Hit> {
+    let centre = points.iter().map(|p| p.position).sum::<Vec3>() / points.len() as f32;
+    let mut distances: Vec<f32> = points.iter().map(|p| p.position.distance_squared(centre)).collect();
+    let mut chosen: Vec<&Hit> = Vec::with_capacity(REPRESENTATIVES);
+    while chosen.len() < REPRESENTATIVES {
+        let farthest = (0..points.len()).max_by(|&a, &b| distances[a].total_cmp(&distances[b])).unwrap_or(0);
+        let is_first = chosen.is_empty();
+        chosen.push(points[farthest]);
+        for (distance, point) in distances.iter_mut().zip(points) {
+            let own = point.position.distance_squared(points[farthest].position);
+            *distance = if is_first { own } else { distance.min(own) };
+        }
+    }
+    chosen
+}
+
+/// A group, given by indices of points, cut in two across its longest extent.
+fn halves(points: &[&Hit], mut group: Vec<usize>) -> [Vec<usize>; 2] {
+    let positions = || group.iter().map(|&index| points[index].position);
+    let (low, high) = (positions().fold(Vec3::INFINITY, Vec3::min), positions().fold(Vec3::NEG_INFINITY, Vec3::max));
+    let axis = (high - low).max_position();
+    group.sort_by(|&a, &b| points[a].position[axis].total_cmp(&points[b].position[axis]));
+    let second = group.split_off(group.len() / 2);
+    [group, second]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn at(position: Vec3) -> Hit {
+        Hit { object: 0, position, distance: 1.0, normal: Vec3::Y, face_normal: Vec3::Y, front: true }
+    }
+
+    #[test]
+    fn representatives_include_the_corners() {
+        let hits: Vec<Hit> = (0..64).map(|k| at(Vec3::new((k % 8) as f32, 0.0, (k / 8) as f32))).collect();
+        let chosen = spread(&hits.iter().collect::<Vec<_>>());
+        assert_eq!(chosen.len(), REPRESENTATIVES);
+        for corner in [Vec3::ZERO, Vec3::X * 7.0, Vec3::Z * 7.0, Vec3::new(7.0, 0.0, 7.0)] {
+            assert!(chosen.iter().any(|hit| hit.position == corner), "{corner}");
+        }
+        let nearest = |hit: &Hit| chosen.iter().map(|c| c.position.distance(hit.position)).fold(f32::MAX, f32::min);
+        assert!(hits.iter().all(|hit| nearest(hit) < 3.0));
+    }
+
+    #[test]
+    fn groups_are_cut_across_their_longest_extent() {
+        let hits: Vec<Hit> = (0..6).map(|k| at(Vec3::new((k % 2) as f32, 0.0, (k / 2) as f32))).collect();
+        let [near, far] = halves(&hits.iter().collect::<Vec<_>>(), (0..6).collect());
+        assert_eq!((near.len(), far.len()), (3, 3));
+        let highest = near.iter().map(|&k| hits[k].position.z).fold(0.0, f32::max);
+        assert!(far.iter().all(|&k| hits[k].position.z >= highest));
+    }
+}
