@@ -80,7 +80,10 @@ pub use engine::{Engine, Rendered, Report};
 pub use environment::CubeSize;
 pub use error::{Error, OptionError};
 pub use glam;
-pub use options::{DisplaySettings, Evaluation, EvaluationChoice, FilterChoice, Options, Overlay, Settings, load};
+pub use options::{
+    DisplaySettings, Evaluation, EvaluationChoice, Exposure, Exposures, FilterChoice, Options, Overlay, Quality,
+    Settings, load,
+};
 pub use pinhole::{Epsilon, Filter, Footprint};
 pub use progress::{NoProgress, Progress, Stage};
 pub use sampling::{Density, Strategy};

@@ -239,10 +239,16 @@ fn every_option_of_render_changes_what_it_writes() {
         &["--cube-size", "16"],
         &["--visibility", "none"],
         &["--env", "city"],
+        &["--env-rotation-deg", "90"],
+        &["--env-intensity", "2"],
         &["--exposure", "-2"],
+        &["--exposure", "auto"],
         &["--background-exposure", "-2"],
         &["--caustic-gain", "3"],
         &["--overlay", "samples"],
+        &["--quality", "draft"],
+        &["--quality", "final"],
+        &["--seconds", "1e-6"],
         &["--plain-diffuse"],
         &["--pixel-samples", "3"],
         &["--aov", "albedo"],
@@ -311,6 +317,8 @@ fn every_option_of_reference_changes_what_it_writes() {
         &["--pixel-samples", "2"],
         &["--seed", "9"],
         &["--env", "city"],
+        &["--env-rotation-deg", "90"],
+        &["--env-intensity", "2"],
         &["--json"],
         &["--quiet"],
     ];
@@ -382,6 +390,10 @@ fn every_option_of_compare_arrives() {
         "1",
         "--env",
         "studio",
+        "--env-rotation-deg",
+        "90",
+        "--env-intensity",
+        "2",
         "--backend",
         "cpu",
         "--json",
@@ -413,11 +425,29 @@ fn every_option_of_compare_arrives() {
         let at = args.iter().position(|a| *a == option).unwrap();
         [&args[..at], &args[at + 2..]].concat()
     };
-    for option in ["--mask", "--attenuation", "--cube-size", "--pixel-samples", "--exposure", "--env"] {
-        assert_ne!(errors(&report(&without(&args, option))), errors(&all), "{option} changes nothing");
+    // One sample count and one seed will do.
+    let value_of = |args: &[&'static str], option: &str, value: &'static str| {
+        let mut args = args.to_vec();
+        let at = args.iter().position(|a| *a == option).unwrap();
+        args[at + 1] = value;
+        args
+    };
+    let few = value_of(&value_of(&args, "--samples", "20"), "--seeds", "1");
+    let one = errors(&report(&few));
+    for option in [
+        "--mask",
+        "--attenuation",
+        "--cube-size",
+        "--pixel-samples",
+        "--exposure",
+        "--env",
+        "--env-rotation-deg",
+        "--env-intensity",
+    ] {
+        assert_ne!(errors(&report(&without(&few, option))), one, "{option} changes nothing");
     }
     // ε is part of the attenuation.
-    let attenuated = without(&args, "--attenuation");
+    let attenuated = without(&few, "--attenuation");
     assert_ne!(errors(&report(&without(&attenuated, "--epsilon"))), errors(&report(&attenuated)));
     let quick =
         ["compare", "scene.toml", "-o", "gpu", "--samples", "10", "--seeds", "1", "--filters", "none", "--size", "8x6"];

@@ -7,7 +7,7 @@ use clap::Args;
 use pinspot::blocking::wait;
 use pinspot::reference::StoppingCriterion;
 use pinspot::report::{Comparison, Figure, Plan, Request, compare};
-use pinspot::{Density, EvaluationChoice, FilterChoice, Footprint, Options, Settings, Strategy};
+use pinspot::{Density, EvaluationChoice, FilterChoice, Footprint, Options, Quality, Settings, Strategy};
 
 use super::errors::message;
 use super::options::{SceneOptions, parse_positive, word};
@@ -82,7 +82,7 @@ pub fn run(args: &CompareArgs) -> Result<(), String> {
         reports.iter().try_for_each(|name| check_writable(&args.output.join(name)))?;
     }
     let over = Settings { seed: args.seed, ..args.options.settings() };
-    let (scene, mut options) = args.options.load(&args.scene, over)?;
+    let (scene, mut options) = args.options.load(&args.scene, Quality::default(), over)?;
     let plan = plan(args, &mut options);
     let watch = Watch::new(args.quiet);
     let request = Request {

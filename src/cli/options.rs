@@ -9,8 +9,8 @@ use serde::de::value::{Error as WordError, StrDeserializer};
 use pinspot::image::Aov;
 use pinspot::scene::{Light, Loaded, MapLayout, Scene, Visibility, load};
 use pinspot::{
-    BackendChoice, CubeSize, Density, Epsilon, EvaluationChoice, FilterChoice, Footprint, OptionError, Options,
-    Overlay, Settings, Strategy, Technique,
+    BackendChoice, CubeSize, Density, Epsilon, EvaluationChoice, Exposure, FilterChoice, Footprint, OptionError,
+    Options, Overlay, Quality, Settings, Strategy, Technique,
 };
 
 use super::errors::{message, option_message};
@@ -30,6 +30,20 @@ pub struct SamplingOptions {
     /// Random seed [default: 1]
     #[arg(long, value_name = "N")]
     pub seed: Option<u64>,
+}
+
+/// Options of the environment.
+#[derive(Debug, Args)]
+pub struct EnvironmentOptions {
+    /// Environment map to use instead of the scene's light: a file (.exr, .hdr) or the name of a built-in map
+    #[arg(long, value_name = "FILE")]
+    pub env: Option<String>,
+    /// Rotation of the environment about +Y, counter-clockwise, in degrees [default: the scene's]
+    #[arg(long, value_parser = parse_finite, value_name = "DEG", allow_hyphen_values = true)]
+    pub env_rotation_deg: Option<f32>,
+    /// Factor on the environment's radiance [default: the scene's]
+    #[arg(long, value_parser = parse_not_negative, value_name = "FACTOR", allow_hyphen_values = true)]
+    pub env_intensity: Option<f32>,
 }
 
 /// Options that do not depend on the technique: picture, light and back end.
@@ -56,12 +70,11 @@ pub struct SceneOptions {
     /// Average NxN points per pixel [default: 1]
     #[arg(long, value_name = "N")]
     pub pixel_samples: Option<u32>,
-    /// Exposure in stops
-    #[arg(long, value_name = "EV", allow_hyphen_values = true)]
-    pub exposure: Option<f32>,
-    /// Environment map to use instead of the scene's light: a file (.exr, .hdr) or the name of a built-in map
-    #[arg(long, value_name = "FILE")]
-    pub env: Option<String>,
+    /// Exposure: a number of stops, or auto (metered on the picture) [default: the scene's; auto with --env]
+    #[arg(long, value_name = "auto|EV", allow_hyphen_values = true)]
+    pub exposure: Option<Exposure>,
+    #[command(flatten)]
+    pub environment: EnvironmentOptions,
     /// Back end: auto (a hardware GPU if there is one, else the CPU), gpu or cpu [default: auto]
     #[arg(long, value_parser = ["auto", "gpu", "cpu"], value_name = "NAME", hide_possible_values = true)]
     pub backend: Option<String>,
@@ -96,6 +109,9 @@ pub struct CommonOptions {
     /// Allowed error of a hierarchical sum, relative to the caustic's mean irradiance [default: 0.01]
     #[arg(long, value_name = "FRACTION")]
     pub tolerance: Option<f32>,
+    /// Samples, leaves, tolerance and points per pixel by one name: draft, normal or final; options given beside it win
+    #[arg(long, value_parser = word::<Quality>, value_name = "NAME")]
+    pub quality: Option<Quality>,
     #[command(flatten)]
     pub scene: SceneOptions,
     /// Pictures to render, separated by commas: beauty, caustic, direct, albedo, normal, position, depth [default:
@@ -138,7 +154,7 @@ impl CommonOptions {
 
     /// Loads a scene, overriding its options by these.
     pub fn load(&self, scene: &str) -> Result<(Scene, Options), String> {
-        let (scene, mut options) = self.scene.load(scene, self.settings())?;
+        let (scene, mut options) = self.scene.load(scene, self.quality.unwrap_or_default(), self.settings())?;
         options.overlay = self.overlay.unwrap_or_default();
         options.plain_diffuse = self.plain_diffuse;
         Ok((scene, options))
@@ -160,15 +176,19 @@ impl SceneOptions {
         }
     }
 
-    /// Loads a scene, overriding its settings by others.
-    pub fn load(&self, scene: &str, over: Settings) -> Result<(Scene, Options), String> {
+    /// Loads a scene at a quality, overriding its settings by others.
+    pub fn load(&self, scene: &str, quality: Quality, over: Settings) -> Result<(Scene, Options), String> {
         let loaded = load::<Settings>(scene).map_err(|e| message(&e.into()))?;
         // Errors in the file are reported with file and line, not as errors of the command line.
         let check = loaded.render.clone().options();
         check.map_err(|error| loaded.render_error(error.key(), option_message(&error)).to_string())?;
-        let Loaded { mut scene, render, .. } = loaded;
-        override_light(&mut scene, self.env.as_deref())?;
-        let options = render.overridden_by(over).options().map_err(|e| wrong_option(&e))?;
+        let Loaded { mut scene, mut render, .. } = loaded;
+        if self.environment.env.is_some() {
+            // The scene's exposures are those for its own light.
+            (render.exposure_ev, render.background_exposure_ev) = (Some(Exposure::Auto), None);
+        }
+        self.environment.apply(&mut scene)?;
+        let options = render.at_quality(quality).overridden_by(over).options().map_err(|e| wrong_option(&e))?;
         Ok((scene, options))
     }
 
@@ -199,14 +219,20 @@ fn wrong_option(error: &OptionError) -> String {
     clap::Error::raw(clap::error::ErrorKind::InvalidValue, message).exit()
 }
 
-/// Replaces a scene's light by an environment map.
-pub(super) fn override_light(scene: &mut Scene, map: Option<&str>) -> Result<(), String> {
-    if let Some(map) = map {
-        let (light, notes) = Light::map(Path::new(""), map, MapLayout::Auto).map_err(|e| e.to_string())?;
-        scene.environment.light = light;
-        scene.notes.extend(notes);
+impl EnvironmentOptions {
+    /// Replaces what is given of a scene's environment.
+    pub fn apply(&self, scene: &mut Scene) -> Result<(), String> {
+        if let Some(map) = &self.env {
+            let (light, notes) = Light::map(Path::new(""), map, MapLayout::Auto).map_err(|e| e.to_string())?;
+            scene.environment.light = light;
+            scene.notes.extend(notes);
+        }
+        if let Some(degrees) = self.env_rotation_deg {
+            scene.environment.rotation_rad = degrees.to_radians();
+        }
+        scene.environment.intensity = self.env_intensity.unwrap_or(scene.environment.intensity);
+        Ok(())
     }
-    Ok(())
 }
 
 /// Parses a name as in a scene file.
@@ -224,6 +250,15 @@ pub(super) fn parse_size(text: &str) -> Result<[u32; 2], String> {
 pub(super) fn parse_positive(text: &str) -> Result<f64, String> {
     let number = text.parse().map_err(|_| format!("'{text}' is no number"))?;
     if number > 0.0 && f64::is_finite(number) { Ok(number) } else { Err("give a number greater than 0".into()) }
+}
+
+pub(super) fn parse_finite(text: &str) -> Result<f32, String> {
+    let number: f32 = text.parse().map_err(|_| format!("'{text}' is no number"))?;
+    if number.is_finite() { Ok(number) } else { Err("give a finite number".into()) }
+}
+
+fn parse_not_negative(text: &str) -> Result<f32, String> {
+    parse_finite(text).and_then(|number| if number >= 0.0 { Ok(number) } else { Err("give 0 or more".into()) })
 }
 
 pub(super) fn parse_switch(text: &str) -> Result<bool, String> {

@@ -11,7 +11,7 @@ use pinspot::scene::{Loaded, Scene, Visibility, load};
 use pinspot::{Error, Settings};
 
 use super::errors::message;
-use super::options::{override_light, parse_positive, parse_size, parse_switch, word};
+use super::options::{EnvironmentOptions, parse_positive, parse_size, parse_switch, word};
 use super::output::check_output;
 use super::progress::Watch;
 
@@ -46,9 +46,8 @@ pub struct ReferenceArgs {
     /// Random seed [default: 1]
     #[arg(long, value_name = "N")]
     seed: Option<u64>,
-    /// Environment map to use instead of the scene's light: a file (.exr, .hdr) or the name of a built-in map
-    #[arg(long, value_name = "FILE")]
-    env: Option<String>,
+    #[command(flatten)]
+    environment: EnvironmentOptions,
     /// Start from scratch, replacing whatever the file contains
     #[arg(long)]
     force: bool,
@@ -75,7 +74,7 @@ struct Report<'a> {
 pub fn run(args: &ReferenceArgs) -> Result<(), String> {
     check_output(&args.output, &["exr"])?;
     let Loaded { mut scene, render, .. } = load::<Settings>(&args.scene).map_err(|e| message(&e.into()))?;
-    override_light(&mut scene, args.env.as_deref())?;
+    args.environment.apply(&mut scene)?;
     let options = options(args, &render)?;
     let name = scene.name.clone();
     let watch = Watch::new(args.quiet);

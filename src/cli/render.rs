@@ -6,16 +6,20 @@ use clap::Args;
 
 use pinspot::blocking::wait;
 use pinspot::image::{Aov, write_exr, write_png};
+use pinspot::scene::Scene;
 use pinspot::{
-    Backend, BackendChoice, DisplaySettings, Engine, Error, Evaluation, FilterChoice, Options, Overlay, Rendered,
-    Report, Stage,
+    Backend, BackendChoice, DisplaySettings, Engine, Error, Evaluation, Exposure, FilterChoice, Options, Overlay,
+    Rendered, Report, Stage,
 };
 use serde::Serialize;
 
 use super::errors::message;
-use super::options::CommonOptions;
+use super::options::{CommonOptions, parse_positive};
 use super::output::{check_output, extension};
 use super::progress::{Seconds, Watch};
+
+/// How many times as long a finer picture is expected to take as the one before it.
+const STEP_GROWTH: f64 = 4.0;
 
 #[derive(Debug, Args)]
 pub struct RenderArgs {
@@ -26,6 +30,9 @@ pub struct RenderArgs {
     output: Vec<PathBuf>,
     #[command(flatten)]
     options: CommonOptions,
+    /// Render for about this many seconds: a coarse picture first, then finer ones in its place for as long as there is time
+    #[arg(long, value_parser = parse_positive, value_name = "S", conflicts_with_all = ["quality", "leaves", "tolerance", "pixel_samples"])]
+    seconds: Option<f64>,
     /// Print a JSON report on stdout
     #[arg(long)]
     json: bool,
@@ -50,23 +57,46 @@ pub fn run(args: &RenderArgs) -> Result<(), String> {
     check_uses(args, &options)?;
     let watch = Watch::new(args.quiet);
     let display = options.display;
-    let rendered = open(&choice, &watch).and_then(|backend| {
-        let mut engine = Engine::new(scene, options, backend.clone());
-        wait(backend.device(), engine.render(&watch))
-    });
+    let rendered = render(args, scene, options, &choice, &watch);
     watch.finish();
-    let rendered = rendered.map_err(|e| message(&e))?;
+    let rendered = rendered?;
     rendered.report.warnings.iter().for_each(|warning| super::warn(warning));
-    for path in &args.output {
-        write(path, &rendered, &display)?;
-    }
     let seconds = watch.seconds();
     if args.json {
         super::print_json(&JsonReport { report: &rendered.report, seconds: &seconds })?;
     } else if !args.quiet {
-        super::to_stderr(&summary(&rendered.report, &seconds, &args.output));
+        super::to_stderr(&summary(&rendered.report, display.exposure == Exposure::Auto, &seconds, &args.output));
     }
     Ok(())
+}
+
+/// Renders and writes the picture or, where the time is limited, the same from coarse to fine for as long as there is time.
+fn render(
+    args: &RenderArgs,
+    scene: Scene,
+    options: Options,
+    choice: &BackendChoice,
+    watch: &Watch,
+) -> Result<Rendered, String> {
+    let backend = open(choice, watch).map_err(|e| message(&e))?;
+    let display = options.display;
+    let finer = if args.seconds.is_some() { options.coarse_to_fine() } else { vec![options] };
+    let mut steps = finer.into_iter();
+    let first = steps.next().unwrap_or_default();
+    let mut engine = Engine::new(scene, first, backend.clone());
+    loop {
+        let began = watch.elapsed();
+        let rendered = wait(backend.device(), engine.render(watch)).map_err(|e| message(&e))?;
+        for path in &args.output {
+            write(path, &rendered, &display)?;
+        }
+        let took = watch.elapsed() - began;
+        let has_time = args.seconds.is_some_and(|seconds| watch.elapsed() + STEP_GROWTH * took < seconds);
+        match steps.next().filter(|_| has_time) {
+            Some(finer) => *engine.options_mut() = finer,
+            None => return Ok(rendered),
+        }
+    }
 }
 
 /// Opens a back end.
@@ -142,16 +172,22 @@ fn samples(report: &Report) -> String {
     }
 }
 
-fn summary(report: &Report, seconds: &Seconds, outputs: &[PathBuf]) -> String {
+/// The exposure that was metered.
+fn exposure(report: &Report) -> String {
+    report.exposures.map_or_else(String::new, |used| format!(", exposed at {:+.1} stops", used.exposure_ev))
+}
+
+fn summary(report: &Report, is_metered: bool, seconds: &Seconds, outputs: &[PathBuf]) -> String {
     use Stage::{Caustic, Direct, Display, Estimate, PathEnds, Paths, Rays, Shading};
     let picture = seconds.of(&[Rays, Caustic, Direct, Paths, PathEnds, Shading, Display, Estimate]);
     let files: Vec<String> = outputs.iter().map(|p| p.display().to_string()).collect();
     format!(
-        "{}: {}x{} pixels, {}, on {}: {:.1} s (preparing {:.1} s, caustic {:.1} s, {:.0} look-ups a pixel)",
+        "{}: {}x{} pixels, {}{}, on {}: {:.1} s (preparing {:.1} s, caustic {:.1} s, {:.0} look-ups a pixel)",
         files.join(", "),
         report.size[0],
         report.size[1],
         samples(report),
+        if is_metered { exposure(report) } else { String::new() },
         report.backend,
         seconds.total,
         (seconds.total - picture).max(0.0),

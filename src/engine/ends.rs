@@ -22,6 +22,10 @@ use crate::tracing::Hit;
 const POINTS_IN_A_ROW: u32 = 1024;
 /// Points along the curve whose shadows are found together.
 const POINTS_IN_A_GROUP: usize = 64;
+/// Points that a rough mirror blurs share their light within this part of the blur,
+const SHARED_BLUR: f32 = 0.25;
+/// if the cosine between their normals is at least this.
+const MIN_NORMAL_COSINE: f32 = 0.98;
 /// Cells along an edge of the grid whose Z-order curve points are sorted along.
 const CURVE_STEPS: f32 = (1 << 20) as f32;
 
@@ -108,9 +112,12 @@ pub(super) async fn caustic_at(
             continue;
         }
         sort_along_curve(&mut which, points);
-        let receivers = receivers_at(points, &which, reflects.then_some(materials));
-        for (index, computed) in which.into_iter().zip(sum.irradiance(&receivers, inputs.progress).await?) {
-            sums[index] = computed;
+        let (leaders, leader_of) = share_blurred(&which, points);
+        inputs.progress.advance((which.len() - leaders.len()) as u64);
+        let receivers = receivers_at(points, &leaders, reflects.then_some(materials));
+        let computed = sum.irradiance(&receivers, inputs.progress).await?;
+        for (index, leader) in which.into_iter().zip(leader_of) {
+            sums[index] = computed[leader];
         }
     }
     Ok(sums)
@@ -128,6 +135,27 @@ fn sort_along_curve(which: &mut [usize], points: &[EndPoint]) {
     });
 }
 
+/// Points whose light is computed, out of a list along the curve, and for each of the list which of them it takes: where a rough
+/// mirror blurs what it shows, points that are much closer than its blur share their light.
+fn share_blurred(which: &[usize], points: &[EndPoint]) -> (Vec<usize>, Vec<usize>) {
+    let mut leaders: Vec<usize> = Vec::new();
+    let leader_of = which.iter().map(|&index| {
+        let point = &points[index];
+        let is_shared = leaders.last().is_some_and(|&leader| {
+            let leader = &points[leader];
+            leader.hit.object == point.hit.object
+                && leader.hit.normal.dot(point.hit.normal) > MIN_NORMAL_COSINE
+                && leader.hit.position.distance(point.hit.position) < SHARED_BLUR * point.blur.min(leader.blur)
+        });
+        if !is_shared {
+            leaders.push(index);
+        }
+        leaders.len() - 1
+    });
+    let leader_of = leader_of.collect();
+    (leaders, leader_of)
+}
+
 /// Receivers at some of the points; with the materials of the scene, they reflect towards the viewers.
 fn receivers_at(points: &[EndPoint], which: &[usize], materials: Option<&Arc<Materials>>) -> Receivers {
     let chosen = || which.iter().map(|&index| &points[index]);
@@ -139,4 +167,23 @@ fn receivers_at(points: &[EndPoint], which: &[usize], materials: Option<&Arc<Mat
         ViewDirections { directions, materials: materials.clone() }
     });
     receivers
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::tracing::Hit;
+
+    #[test]
+    fn points_share_their_light_within_their_blur() {
+        let at = |x: f32, blur: f32| {
+            let position = Vec3::new(x, 0.0, 0.0);
+            let hit = Hit { object: 0, position, distance: 1.0, normal: Vec3::Y, face_normal: Vec3::Y, front: true };
+            EndPoint { hit, receives: true, view: Vec3::Y, spacing: 0.0, blur }
+        };
+        let points = [at(0.0, 0.1), at(0.02, 0.1), at(0.04, 0.1), at(0.05, 0.1), at(0.051, 0.0), at(0.051, 0.0)];
+        let (leaders, leader_of) = share_blurred(&[0, 1, 2, 3, 4, 5], &points);
+        assert_eq!(leaders, [0, 2, 4, 5]);
+        assert_eq!(leader_of, [0, 0, 1, 1, 2, 3]);
+    }
 }

@@ -5,8 +5,8 @@ use glam::{Vec2, Vec3};
 use super::frame::{Band, Beauty, FrameInputs};
 use super::overlay;
 use super::report::Report;
-use crate::image::{Aov, Image, display, exposed};
-use crate::options::{DisplaySettings, Options};
+use crate::image::{Aov, Image, display, exposed, metered_ev};
+use crate::options::{DisplaySettings, Exposures, Options};
 
 /// The result of a render.
 #[derive(Clone, Debug)]
@@ -30,7 +30,10 @@ impl Rendered {
     pub fn displayed(&self, settings: &DisplaySettings) -> Image {
         match (&self.displayed, self.layers.first()) {
             (Some(beauty), _) => beauty.clone(),
-            (None, Some((_, first))) => first.map(|p| display(exposed(p, settings.exposure_ev))),
+            (None, Some((_, first))) => {
+                let Exposures { exposure_ev, .. } = settings.exposures(|| metered_ev(first.pixels.iter().copied()));
+                first.map(|p| display(exposed(p, exposure_ev)))
+            }
             (None, None) => Image::new(0, 0),
         }
     }
@@ -64,7 +67,7 @@ impl Film {
             (&mut self.beauty, &band.beauty)
         {
             radiance.pixels[first..first + count].copy_from_slice(band_radiance);
-            shown.pixels[first..first + count].copy_from_slice(displayed);
+            shown.pixels[first..first + count].copy_from_slice(&displayed.pixels);
         }
     }
 

@@ -8,7 +8,7 @@ use glam::Vec3;
 use super::ends::{EndLight, caustic_at, direct_light};
 use super::paths::{PathTracer, Paths};
 use super::reprojection::Reprojection;
-use super::shading::{Shaded, Shader, SurfaceLight};
+use super::shading::{Displayed, Shaded, Shader, SurfaceLight};
 use crate::Error;
 use crate::environment::Environment;
 use crate::image::Aov;
@@ -102,6 +102,7 @@ pub(super) struct FrameInputs<'a> {
     pub prepared: &'a PreparedScene,
     pub light: &'a PreparedLight,
     pub options: &'a Options,
+    pub display: DisplaySettings,
     /// `None` if no caustics are shown.
     pub sum: Option<&'a Arc<dyn Sum>>,
     pub progress: &'a dyn Progress,
@@ -148,8 +149,7 @@ pub(super) struct Band {
 pub(super) struct Beauty {
     /// Radiance, W/(m²·sr).
     pub radiance: Vec<Vec3>,
-    /// Display-linear.
-    pub displayed: Arc<Vec<Vec3>>,
+    pub displayed: Arc<Displayed>,
 }
 
 /// The stages of a band.
@@ -162,7 +162,7 @@ pub(super) struct BandStages {
     ends_caustic: Memo<EndsKey<Id<dyn Sum>>, Vec<[f32; 4]>>,
     ends_direct: Memo<EndsKey<LightKey>, Vec<Vec3>>,
     shading: Memo<ShadingKey, Shaded>,
-    display: Memo<(Id<Shaded>, DisplaySettings), Vec<Vec3>>,
+    display: Memo<(Id<Shaded>, DisplaySettings), Displayed>,
 }
 
 impl BandStages {
@@ -273,7 +273,7 @@ impl BandStages {
     }
 
     fn beauty(&mut self, inputs: &FrameInputs, paths: &Arc<Paths>, own: &SurfaceLight, ends: &SurfaceLight) -> Beauty {
-        let FrameInputs { light, options, progress, .. } = *inputs;
+        let FrameInputs { light, options, display, progress, .. } = *inputs;
         let key = ShadingKey {
             paths: Id::of(paths),
             own: id_of(own),
@@ -285,8 +285,7 @@ impl BandStages {
         };
         let shader = Shader { light, own, ends, caustic_gain: options.caustic_gain };
         let shaded = self.shading.get(key, progress, || shader.shade(paths));
-        let settings = options.display;
-        let displayed = self.display.get((Id::of(&shaded), settings), progress, || shaded.displayed(&settings));
+        let displayed = self.display.get((Id::of(&shaded), display), progress, || shaded.displayed(&display));
         Beauty { radiance: shaded.radiance(), displayed }
     }
 

@@ -11,17 +11,25 @@ const BLUR: f32 = 0.25;
 /// Fraction of a GGX surface's microfacets that is sampled; sixteen samples cannot represent the remaining tail.
 const PART_OF_FACETS: f32 = 0.98;
 
-/// Samples a microfacet's unit normal on a GGX surface of width `alpha` (Walter et al. 2007, Equations 35 and 36).
-pub(super) fn facet_of(normal: Vec3, alpha: f32, [u, v]: [f32; 2]) -> Vec3 {
+/// A microfacet's unit normal on a GGX surface of width `alpha` (Walter et al. 2007, Equations 35 and 36), which is seen along
+/// a direction: with that direction and the surface, the microfacets turn smoothly.
+pub(super) fn facet_of(normal: Vec3, direction: Vec3, alpha: f32, [u, v]: [f32; 2]) -> Vec3 {
     let tan = alpha * (u / (1.0 - u)).sqrt();
     let (sin, cos) = (std::f32::consts::TAU * v).sin_cos();
-    let (t, b) = normal.any_orthonormal_pair();
+    let [t, b] = tangents(normal, direction);
     (normal + tan * (cos * t + sin * b)).normalize()
 }
 
+/// Tangents of a surface: in the plane of incidence of a direction, and across it.
+pub(super) fn tangents(normal: Vec3, direction: Vec3) -> [Vec3; 2] {
+    let in_plane = direction - direction.dot(normal) * normal;
+    let tangent = in_plane.try_normalize().unwrap_or_else(|| normal.any_orthonormal_vector());
+    [tangent, normal.cross(tangent)]
+}
+
 /// Like [`facet_of`], without the tail of the distribution.
-pub(super) fn likely_facet(normal: Vec3, alpha: f32, [u, v]: [f32; 2]) -> Vec3 {
-    facet_of(normal, alpha, [PART_OF_FACETS * u, v])
+pub(super) fn likely_facet(normal: Vec3, direction: Vec3, alpha: f32, [u, v]: [f32; 2]) -> Vec3 {
+    facet_of(normal, direction, alpha, [PART_OF_FACETS * u, v])
 }
 
 /// The environment's radiance in a unit direction, blurred for a rough mirror of width `alpha`.

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use glam::{Mat3, Vec2, Vec3};
 use sobol_burley::sample_4d;
 
-use super::gloss::facet_of;
+use super::gloss::{facet_of, tangents};
 use crate::brdf::{Materials, distribution};
 use crate::environment::LightSampler;
 use crate::progress::Progress;
@@ -15,7 +15,9 @@ use crate::stages::{LightStages, PreparedLight};
 use crate::tracing::{Hit, Tracer};
 
 /// Directions drawn from the light, as many from the receiver's cosine, and as many from its lobe.
-const RAYS: u32 = 64;
+const RAYS: u32 = 128;
+/// Scrambles the directions. All points draw the same, so that neighbouring points differ smoothly and without noise.
+const SEED: u32 = 0x9E37_79B9;
 
 /// The environment in directions that are drawn by its radiance, by the receiver's cosine and by its lobe, combined by
 /// multiple importance sampling with the balance heuristic.
@@ -60,14 +62,13 @@ impl<'a> GlossyLight<'a> {
                 }
             }
         };
-        let seed = seed_of(hit.position);
         for k in 0..RAYS {
-            let [u, v, x, y] = sample_4d(k, 0, seed);
+            let [u, v, x, y] = sample_4d(k, 0, SEED);
             let towards_light = self.sampler.sample(Vec2::new(u, v)).0;
             add(self.world_from_light * towards_light, towards_light);
-            let by_cosine = by_cosine(normal, x, y);
+            let by_cosine = by_cosine(normal, view, x, y);
             add(by_cosine, self.light.light_from_world(by_cosine));
-            let [u, v, ..] = sample_4d(k, 1, seed);
+            let [u, v, ..] = sample_4d(k, 1, SEED);
             let by_lobe = lobe.sample(u, v);
             add(by_lobe, self.light.light_from_world(by_lobe));
         }
@@ -75,9 +76,9 @@ impl<'a> GlossyLight<'a> {
     }
 }
 
-/// A cosine-distributed direction.
-fn by_cosine(normal: Vec3, x: f32, y: f32) -> Vec3 {
-    let (t, b) = normal.any_orthonormal_pair();
+/// A cosine-distributed direction; it turns smoothly with the surface and the view.
+fn by_cosine(normal: Vec3, view: Vec3, x: f32, y: f32) -> Vec3 {
+    let [t, b] = tangents(normal, view);
     let (radius, angle) = (x.sqrt(), TAU * y);
     radius * (angle.cos() * t + angle.sin() * b) + (1.0 - x).max(0.0).sqrt() * normal
 }
@@ -92,7 +93,7 @@ struct Lobe {
 impl Lobe {
     /// The direction reflected by a sampled microfacet (Walter et al. 2007, Equations 35 to 38).
     fn sample(&self, u: f32, v: f32) -> Vec3 {
-        let facet = facet_of(self.normal, self.alpha, [u, v]);
+        let facet = facet_of(self.normal, self.view, self.alpha, [u, v]);
         2.0 * self.view.dot(facet) * facet - self.view
     }
 
@@ -101,12 +102,4 @@ impl Lobe {
         let cosine = facet.dot(self.normal);
         distribution(cosine, self.alpha) * cosine.max(0.0) / (4.0 * self.view.dot(facet)).max(1e-6)
     }
-}
-
-/// A seed that depends on the position only: the same point always gets the same directions.
-fn seed_of(position: Vec3) -> u32 {
-    position
-        .to_array()
-        .iter()
-        .fold(0x9E37_79B9, |seed: u32, c| (seed ^ c.to_bits()).wrapping_mul(0x85EB_CA6B).rotate_left(13))
 }

@@ -33,7 +33,8 @@ use self::film::Film;
 use self::frame::{BandStages, FrameInputs, rows_per_band};
 use crate::Error;
 use crate::backend::Backend;
-use crate::options::{Options, Overlay};
+use crate::image::Aov;
+use crate::options::{Exposure, Exposures, Options, Overlay};
 use crate::progress::Progress;
 use crate::scene::Scene;
 use crate::stages::{LightStages, PreparedLight, PreparedScene, SceneStages, StageCounts};
@@ -52,7 +53,7 @@ use crate::technique::{Inputs, Sum, Technique, TechniqueStages};
 ///
 /// // Only the display is made again.
 /// let before = engine.stage_counts();
-/// engine.options_mut().display.exposure_ev = 1.0;
+/// engine.options_mut().display.exposure = pinspot::Exposure::Stops(1.0);
 /// blocking::wait(backend.device(), engine.render(&NoProgress))?;
 /// assert_eq!(engine.stage_counts().made_since(&before), [Stage::Display]);
 /// # Ok::<(), pinspot::Error>(())
@@ -157,21 +158,27 @@ impl Engine {
     /// that is lost or too small. The engine stays usable: correct the cause and render again.
     pub async fn render(&mut self, progress: &dyn Progress) -> Result<Rendered, Error> {
         let prepared = self.prepare(progress).await?;
-        let inputs = FrameInputs {
+        let mut inputs = FrameInputs {
             scene: &self.scene,
             prepared: &prepared.scene,
             light: &prepared.light,
             options: &self.options,
+            display: self.options.display,
             sum: prepared.sum.as_ref(),
             progress,
         };
         let mut film = Film::new(&self.options);
-        let mut fetches = 0.0;
+        let (mut fetches, mut exposures) = (0.0, None);
         let (height, rows_per_band) = (self.options.size[1], rows_per_band(&self.options));
+        if rows_per_band < height && inputs.display.exposure == Exposure::Auto {
+            let metered = meter(&inputs, &mut self.light_stages, &mut self.counted_before).await?;
+            inputs.display.exposure = metered.map_or(Exposure::Auto, |e| Exposure::Stops(e.exposure_ev));
+        }
         for first_row in (0..height).step_by(rows_per_band as usize) {
             let rows = rows_per_band.min(height - first_row);
             let band = self.band.render(&inputs, &mut self.light_stages, (first_row, rows)).await?;
             fetches += band.fetches;
+            exposures = band.beauty.as_ref().map(|beauty| beauty.displayed.exposures);
             film.add(&inputs, &band);
             if rows < height {
                 // Too large a picture to be kept.
@@ -181,7 +188,7 @@ impl Engine {
         }
         let dots = (self.options.overlay == Overlay::Samples).then(|| self.dots(&prepared));
         let pixels = f64::from(self.options.size[0]) * f64::from(height);
-        let report = Report::new(self, &prepared, fetches / pixels);
+        let report = Report::new(self, &prepared, fetches / pixels, exposures);
         Ok(film.finish(&self.options.aovs, dots.as_deref(), report))
     }
 
@@ -224,4 +231,26 @@ impl Engine {
         let size = UVec2::from_array(self.options.size).as_vec2();
         overlay::visible_samples(&self.scene, &prepared.scene.tracer, &sum.statistics().positions, size)
     }
+}
+
+/// The longest edge of the picture that is metered in place of one that is rendered band by band, pixels.
+const METERED_SIZE: u32 = 512;
+
+/// The exposures of a small picture of the same scene; `None` if there is no beauty picture to display.
+async fn meter(
+    inputs: &FrameInputs<'_>,
+    light: &mut LightStages,
+    counts: &mut StageCounts,
+) -> Result<Option<Exposures>, Error> {
+    if !inputs.options.aovs.contains(&Aov::Beauty) {
+        return Ok(None);
+    }
+    let [width, height] = inputs.options.size;
+    let fit = |edge: u32| (edge * METERED_SIZE / width.max(height)).max(1);
+    let size = [fit(width), fit(height)];
+    let options = inputs.options.clone().with_size(size).with_pixel_samples(1).with_aovs(vec![Aov::Beauty]);
+    let mut stages = BandStages::new();
+    let band = stages.render(&FrameInputs { options: &options, ..*inputs }, light, (0, size[1])).await?;
+    stages.count(counts);
+    Ok(band.beauty.map(|beauty| beauty.displayed.exposures))
 }

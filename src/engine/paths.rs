@@ -41,6 +41,8 @@ pub(super) struct EndPoint {
     /// Distance to the ends of the same path in neighbouring pixels, metres: the smaller of the horizontal and the vertical
     /// one, or 0 if it is unknown.
     pub spacing: f32,
+    /// How far apart the ends of the same path are by way of different microfacets of a rough mirror, metres; 0 after smooth ones.
+    pub blur: f32,
 }
 
 /// The source of a path's light.
@@ -76,17 +78,25 @@ pub(super) struct PixelPaths {
     ends: Vec<EndPoint>,
     /// Hash of the objects along the path to each end point.
     end_keys: Vec<u64>,
+    /// All points at which paths with these keys end, while the pixel is traced.
+    candidates: Vec<Vec<EndPoint>>,
 }
 
 impl PixelPaths {
-    /// The end point of a path with this key; the pixel's first one represents all with the same key.
+    /// The end point of a path with this key, which is chosen later from all of the pixel's that have the same key.
     fn end_point(&mut self, key: u64, point: EndPoint) -> Source {
         let index = self.end_keys.iter().position(|k| *k == key).unwrap_or_else(|| {
             self.end_keys.push(key);
-            self.ends.push(point);
-            self.ends.len() - 1
+            self.candidates.push(Vec::new());
+            self.candidates.len() - 1
         });
+        self.candidates[index].push(point);
         Source::EndPoint(index as u32)
+    }
+
+    /// Chooses the end points: of those with the same key the most central one.
+    fn choose_ends(&mut self) {
+        self.ends = self.candidates.drain(..).filter_map(most_central).collect();
     }
 
     /// Sets the footprints of paths that left the scene, by the points of the pixel, `columns` a row.
@@ -117,10 +127,12 @@ impl PathTracer<'_> {
     pub fn trace(&self) -> Paths {
         let width = self.rays.view.size[0];
         let corners = self.trace_corners();
-        let mut pixels: Vec<PixelPaths> = (0..width * self.rays.view.rows)
-            .into_par_iter()
-            .map(|k| self.trace_pixel(&corners, k % width, k / width))
-            .collect();
+        let pixel = |k: u32| {
+            let mut pixel = self.trace_pixel(&corners, k % width, k / width);
+            pixel.choose_ends();
+            pixel
+        };
+        let mut pixels: Vec<PixelPaths> = (0..width * self.rays.view.rows).into_par_iter().map(pixel).collect();
         measure_spacings(&mut pixels, width as usize);
         let ends = collect_ends(&mut pixels);
         Paths { pixels, ends }
@@ -257,8 +269,10 @@ impl PathTracer<'_> {
             Source::CameraRay(walk.own as u32)
         } else {
             let receives = !self.is_plain && object.receiver.is_some();
-            paths
-                .end_point(walk.key, EndPoint { hit: *found, receives, view: -ray.direction.normalize(), spacing: 0.0 })
+            let view = -ray.direction.normalize();
+            // A turn of the microfacet turns the light by twice as much.
+            let blur = 2.0 * walk.alpha * found.distance;
+            paths.end_point(walk.key, EndPoint { hit: *found, receives, view, spacing: 0.0, blur })
         };
         let factor = if is_glossy { walk.throughput } else { walk.throughput * albedo * std::f32::consts::FRAC_1_PI };
         paths.add(factor, source, false);
@@ -272,9 +286,9 @@ impl PathTracer<'_> {
             walk.alpha = walk.alpha.max(alpha);
             // Reflections by different microfacets are too far apart to share an end point.
             walk.key = walk.key.wrapping_mul(1_000_003) + u64::from(point);
-            let seed = (walk.own as u32).wrapping_mul(0x9E37_79B9) ^ walk.bounce;
-            let [u, v, ..] = sobol_burley::sample_4d(u32::from(point), 0, seed);
-            facet = likely_facet(found.normal, alpha, [u, v]);
+            // The same microfacets in all pixels: neighbouring ones differ smoothly and without noise.
+            let [u, v, ..] = sobol_burley::sample_4d(u32::from(point), 0, walk.bounce);
+            facet = likely_facet(found.normal, ray.direction, alpha, [u, v]);
         }
         let mirrored = ray.direction.reflect(facet);
         // A microfacet may reflect into the surface; the smooth mirror replaces it then.
@@ -282,6 +296,13 @@ impl PathTracer<'_> {
         let direction = if outwards { mirrored } else { ray.direction.reflect(found.normal) };
         direction.normalize()
     }
+}
+
+/// The point that is nearest to the mean of all.
+fn most_central(points: Vec<EndPoint>) -> Option<EndPoint> {
+    let centre = points.iter().map(|point| point.hit.position).sum::<Vec3>() / points.len() as f32;
+    let distance = |point: &EndPoint| point.hit.position.distance_squared(centre);
+    points.into_iter().min_by(|a, b| distance(a).total_cmp(&distance(b)))
 }
 
 /// The state of a path while it is traced.

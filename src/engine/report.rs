@@ -4,7 +4,7 @@ use serde::Serialize;
 
 use super::{Engine, Prepared};
 use crate::backend::BackendReport;
-use crate::options::{Evaluation, Options};
+use crate::options::{Evaluation, Exposures, Options};
 use crate::pinhole::{Filter, Footprint};
 use crate::sampling::{Density, Strategy};
 use crate::scene::Visibility;
@@ -44,6 +44,9 @@ pub struct Report {
     pub seed: u64,
     /// Mean number of fetches of the environment per pixel, for light and for its bounds.
     pub lookups: f64,
+    /// `exposure_ev` and `background_exposure_ev`, fixed or metered; missing if no beauty picture was requested.
+    #[serde(flatten)]
+    pub exposures: Option<Exposures>,
     /// Back end and adapter.
     #[serde(flatten)]
     pub backend: BackendReport,
@@ -52,7 +55,7 @@ pub struct Report {
 }
 
 impl Report {
-    pub(super) fn new(engine: &Engine, prepared: &Prepared, lookups: f64) -> Self {
+    pub(super) fn new(engine: &Engine, prepared: &Prepared, lookups: f64, exposures: Option<Exposures>) -> Self {
         let Engine { scene, options, backend, .. } = engine;
         let statistics = prepared.sum.as_ref().map(|sum| sum.statistics());
         let environment = &prepared.light.environment;
@@ -76,6 +79,7 @@ impl Report {
             cube_size: environment.cube.size(),
             seed,
             lookups,
+            exposures,
             backend: backend.report(),
             warnings,
         }

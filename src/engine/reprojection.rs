@@ -76,7 +76,7 @@ fn place(rays: &CameraRays, end: &EndPoint) -> Option<Place> {
     let spacing = [hits[0].distance(hits[1]), hits[0].distance(hits[2])];
     let deviation = bilinear(hits, place.part).distance(point.position);
     let is_near = deviation <= MAX_DEVIATION * spacing[0].min(spacing[1]);
-    let is_resolved = end.spacing >= MIN_SPACING * per_edge * spacing[0].max(spacing[1]);
+    let is_resolved = end.spacing.max(end.blur) >= MIN_SPACING * per_edge * spacing[0].max(spacing[1]);
     (is_near && is_resolved).then_some(place)
 }
 
@@ -102,7 +102,7 @@ mod tests {
             .iter()
             .flatten()
             .filter(|hit| receives(hit.object))
-            .map(|&hit| EndPoint { hit, receives: true, view: Vec3::Y, spacing: f32::INFINITY })
+            .map(|&hit| EndPoint { hit, receives: true, view: Vec3::Y, spacing: f32::INFINITY, blur: 0.0 })
             .collect();
         let found = Reprojection::new(&rays, &seen, receives);
         let light = |k: usize| found.light(k, |index| rays.hits[index].unwrap().position);

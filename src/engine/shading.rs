@@ -7,8 +7,8 @@ use rayon::prelude::*;
 
 use super::gloss::blurred_radiance;
 use super::paths::{Paths, PixelPaths, Source, Term};
-use crate::image::{display, exposed};
-use crate::options::DisplaySettings;
+use crate::image::{display, exposed, metered_ev};
+use crate::options::{DisplaySettings, Exposures};
 use crate::pinhole::{Filter, Probe, cpu};
 use crate::stages::PreparedLight;
 
@@ -47,6 +47,14 @@ pub(super) struct Shaded {
     /// Index of each pixel's first point, and the number of all points.
     first_point: Vec<u32>,
     points: Vec<ShadedPoint>,
+}
+
+/// A picture for display.
+#[derive(Debug)]
+pub(super) struct Displayed {
+    pub exposures: Exposures,
+    /// Display-linear values of each pixel.
+    pub pixels: Vec<Vec3>,
 }
 
 /// Radiance of one point of a pixel, W/(m²·sr).
@@ -147,13 +155,27 @@ impl Shaded {
         self.pixels().map(mean).collect()
     }
 
-    /// Display values of each pixel, display-linear. Points are tone-mapped before they are averaged, so that edges
-    /// against bright light are anti-aliased, too.
-    pub fn displayed(&self, settings: &DisplaySettings) -> Vec<Vec3> {
+    /// The picture for display. Points are tone-mapped before they are averaged, so that edges against bright light are
+    /// anti-aliased, too.
+    pub fn displayed(&self, settings: &DisplaySettings) -> Displayed {
+        let exposures = settings.exposures(|| self.metered_ev());
         let shown = |p: &ShadedPoint| {
-            display(exposed(p.surfaces, settings.exposure_ev) + exposed(p.background, settings.background_exposure_ev))
+            let background = exposed(p.background, exposures.background_exposure_ev);
+            display(exposed(p.surfaces, exposures.exposure_ev) + background)
         };
         let mean = |points: &[ShadedPoint]| points.iter().map(shown).sum::<Vec3>() / points.len().max(1) as f32;
-        self.pixels().map(mean).collect()
+        Displayed { exposures, pixels: self.pixels().map(mean).collect() }
+    }
+
+    /// Metered on the pixels that show surfaces or, where there are hardly any, on all.
+    fn metered_ev(&self) -> f32 {
+        let mean =
+            |points: &[ShadedPoint]| points.iter().map(|p| p.surfaces).sum::<Vec3>() / points.len().max(1) as f32;
+        let mut surfaces: Vec<Vec3> = self.pixels().map(mean).collect();
+        surfaces.retain(|surface| *surface != Vec3::ZERO);
+        if 10 * surfaces.len() < self.first_point.len() {
+            surfaces = self.radiance();
+        }
+        metered_ev(surfaces.into_iter())
     }
 }

@@ -13,7 +13,7 @@ pub use files::{
     write_png,
 };
 pub use metrics::{mrse, rel_l2};
-pub use tone::{display, exposed, srgb8};
+pub use tone::{display, exposed, metered_ev, srgb8};
 
 use glam::Vec3;
 

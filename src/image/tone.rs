@@ -7,6 +7,24 @@ pub fn exposed(colour: Vec3, ev: f32) -> Vec3 {
     colour * ev.exp2()
 }
 
+/// Display-linear luminance that metering gives to the middle tone of a picture.
+const MIDDLE_GREY: f32 = 0.22;
+/// Display-linear luminance, before tone mapping, that a fiftieth of a picture may exceed.
+const HIGHLIGHT: f32 = 2.5;
+
+/// The exposure in stops that shows radiance well: the median becomes a middle grey, unless the brightest parts, which are
+/// often what a picture is about, would wash out. 0 if everything is black.
+pub fn metered_ev(radiance: impl Iterator<Item = Vec3>) -> f32 {
+    let luminance = |c: Vec3| c.dot(Vec3::new(0.2126, 0.7152, 0.0722));
+    let mut lit: Vec<f32> = radiance.map(luminance).filter(|y| y.is_normal() && *y > 0.0).collect();
+    if lit.is_empty() {
+        return 0.0;
+    }
+    lit.sort_unstable_by(f32::total_cmp);
+    let at = |part: f32| lit[(part * (lit.len() - 1) as f32) as usize];
+    (MIDDLE_GREY / at(0.5)).min(HIGHLIGHT / at(0.98)).log2().clamp(-64.0, 64.0)
+}
+
 /// Khronos PBR Neutral (2024): preserves colours up to about 0.8, compresses brighter ones and desaturates them towards
 /// white. Linear Rec.709 in and out; the result is in [0, 1].
 pub fn display(colour: Vec3) -> Vec3 {
@@ -43,6 +61,17 @@ mod tests {
         assert!(grey[199] > 0.99 && grey[199] <= 1.0);
         let red = display(Vec3::new(1000.0, 1.0, 1.0));
         assert!(red.min_element() > 0.8, "bright colours fade to white: {red}");
+    }
+
+    #[test]
+    fn exposures_are_metered_for_the_middle_and_the_highlights() {
+        let even = |value: f32| std::iter::repeat_n(Vec3::splat(value), 100);
+        assert!((metered_ev(even(0.22 * 8.0)) + 3.0).abs() < 1e-4);
+        // A tenth of the picture is a hundred times as bright.
+        let lit = even(0.01).take(90).chain(even(1.0).take(10));
+        assert!((metered_ev(lit) - HIGHLIGHT.log2()).abs() < 1e-4);
+        assert_eq!(metered_ev([Vec3::ZERO, Vec3::splat(f32::NAN)].into_iter()), 0.0);
+        assert_eq!(metered_ev(std::iter::empty()), 0.0);
     }
 
     #[test]

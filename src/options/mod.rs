@@ -2,8 +2,10 @@
 //!
 //! This module must not know how anything is computed.
 
+mod quality;
 mod settings;
 
+pub use quality::Quality;
 pub use settings::{Settings, load};
 
 use serde::{Deserialize, Serialize};
@@ -16,6 +18,7 @@ use crate::pinhole::{Epsilon, Filter, Footprint, MAX_TAPS, Params};
 use crate::sampling::{self, Density, MAX_SAMPLES, Strategy};
 use crate::scene::Visibility;
 use crate::technique::Technique;
+use crate::words::NumberOrWord;
 
 /// A filter, or automatic choice.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Deserialize, Serialize)]
@@ -129,12 +132,66 @@ pub enum Overlay {
     Samples,
 }
 
+/// How brightly radiance is displayed.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[serde(try_from = "NumberOrWord")]
+pub enum Exposure {
+    /// Metered on the picture: its middle tones become grey, and its brightest parts do not wash out.
+    Auto,
+    /// Stops; from −64 to 64.
+    Stops(f32),
+}
+
+impl Default for Exposure {
+    fn default() -> Self {
+        Self::Stops(0.0)
+    }
+}
+
+impl TryFrom<NumberOrWord> for Exposure {
+    type Error = String;
+    fn try_from(value: NumberOrWord) -> Result<Self, String> {
+        value.to_string().parse()
+    }
+}
+
+impl std::str::FromStr for Exposure {
+    type Err = String;
+    fn from_str(text: &str) -> Result<Self, String> {
+        match (text, text.parse()) {
+            ("auto", _) => Ok(Self::Auto),
+            (_, Ok(stops)) => Ok(Self::Stops(stops)),
+            _ => Err(format!("'{text}' is not an exposure; give auto or a number of stops")),
+        }
+    }
+}
+
 /// How radiance is displayed.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct DisplaySettings {
-    /// Exposure, stops; from −64 to 64.
+    /// The exposure.
+    pub exposure: Exposure,
+    /// Exposure of the environment where the camera sees it directly, stops, from −64 to 64; `None`: that of everything else.
+    pub background_exposure_ev: Option<f32>,
+}
+
+impl DisplaySettings {
+    /// The exposures in use; `meter` is asked if one has to be found.
+    pub(crate) fn exposures(&self, meter: impl FnOnce() -> f32) -> Exposures {
+        let exposure_ev = match self.exposure {
+            Exposure::Auto => meter(),
+            Exposure::Stops(stops) => stops,
+        };
+        Exposures { exposure_ev, background_exposure_ev: self.background_exposure_ev.unwrap_or(exposure_ev) }
+    }
+}
+
+/// Exposures in use.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Exposures {
+    /// Of surfaces, stops.
     pub exposure_ev: f32,
-    /// Exposure of the environment where the camera sees it directly, stops; from −64 to 64.
+    /// Of the environment where the camera sees it directly, stops.
     pub background_exposure_ev: f32,
 }
 
@@ -261,8 +318,10 @@ impl Options {
         in_range("samples", self.samples, 1, MAX_SAMPLES)?;
         in_range("taps", self.taps, 1, MAX_TAPS)?;
         in_range("tolerance", self.tolerance, 1e-5, 1.0)?;
-        in_range("exposure_ev", self.display.exposure_ev, -64.0, 64.0)?;
-        in_range("background_exposure_ev", self.display.background_exposure_ev, -64.0, 64.0)?;
+        if let Exposure::Stops(stops) = self.display.exposure {
+            in_range("exposure_ev", stops, -64.0, 64.0)?;
+        }
+        in_range("background_exposure_ev", self.display.background_exposure_ev.unwrap_or(0.0), -64.0, 64.0)?;
         in_range("caustic_gain", self.caustic_gain, 0.0, MAX_CAUSTIC_GAIN)?;
         if let Epsilon::Value(epsilon) = self.epsilon {
             in_range("epsilon", epsilon, 0.0, 1e30)?;

@@ -2,7 +2,7 @@
 
 use serde::Deserialize;
 
-use super::{DisplaySettings, EvaluationChoice, FilterChoice, Options};
+use super::{DisplaySettings, EvaluationChoice, Exposure, FilterChoice, Options};
 use crate::Error;
 use crate::environment::CubeSize;
 use crate::error::OptionError;
@@ -50,8 +50,8 @@ pub struct Settings {
     pub seed: Option<u64>,
     /// n: each pixel is the mean over n×n points.
     pub pixel_samples: Option<u32>,
-    /// Exposure, in stops.
-    pub exposure_ev: Option<f32>,
+    /// Exposure, in stops, or `auto`.
+    pub exposure_ev: Option<Exposure>,
     /// Exposure of the environment where the camera sees it, in stops; by default `exposure_ev`.
     pub background_exposure_ev: Option<f32>,
     /// Multiplies the caustic in the beauty picture.
@@ -92,7 +92,6 @@ impl Settings {
     /// The options, with defaults for missing keys. Checks every value.
     pub fn options(self) -> Result<Options, OptionError> {
         let defaults = Options::default();
-        let exposure_ev = self.exposure_ev.unwrap_or(0.0);
         let options = Options {
             size: self.size.unwrap_or(defaults.size),
             technique: self.technique.unwrap_or_default(),
@@ -113,8 +112,8 @@ impl Settings {
             pixel_samples: self.pixel_samples.unwrap_or(defaults.pixel_samples),
             aovs: self.aov.unwrap_or(defaults.aovs),
             display: DisplaySettings {
-                exposure_ev,
-                background_exposure_ev: self.background_exposure_ev.unwrap_or(exposure_ev),
+                exposure: self.exposure_ev.unwrap_or_default(),
+                background_exposure_ev: self.background_exposure_ev,
             },
             caustic_gain: self.caustic_gain.unwrap_or(defaults.caustic_gain),
             plain_diffuse: defaults.plain_diffuse,

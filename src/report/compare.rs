@@ -9,7 +9,7 @@ use super::findings::findings;
 use super::page;
 use super::plan::Plan;
 use super::rows::measure;
-use crate::image::{Aov, Image, ImageError, read_mask, write_atomically};
+use crate::image::{Aov, Image, ImageError, metered_ev, read_mask, write_atomically};
 use crate::options::{FilterChoice, Options};
 use crate::progress::Stage;
 use crate::reference::{self, Reference, StoppingCriterion};
@@ -182,8 +182,8 @@ impl Comparison {
             reflectors: Vec::new(),
             sampling: Vec::new(),
             warnings: Vec::new(),
+            exposure_ev: options.display.exposures(|| metered_ev(truth.pixels.iter().copied())).exposure_ev,
             pictures: vec![Picture { label: "reference".into(), image: truth, flip: None, dots: None, row: None }],
-            exposure_ev: options.display.exposure_ev,
             size: options.size,
         }
     }

@@ -8,6 +8,7 @@ mod densities;
 mod distributions;
 mod embedding;
 mod environment_rotation;
+mod exposure;
 mod figure4;
 mod filter_quality;
 mod gloss;

@@ -11,7 +11,7 @@ use pinspot::Stage::{
 use pinspot::blocking::wait;
 use pinspot::image::Aov;
 use pinspot::scene::{Mesh, Visibility};
-use pinspot::{Backend, BackendChoice, Engine, EvaluationChoice, NoProgress, Options, Rendered, StageCounts};
+use pinspot::{Backend, BackendChoice, Engine, EvaluationChoice, Exposure, NoProgress, Options, Rendered, StageCounts};
 
 use crate::support::gpu_backend;
 
@@ -50,7 +50,7 @@ const TABLE: usize = 1;
 
 const EDITS: &[Edit] = &[
     Edit { name: "nothing", apply: |_| (), makes: &[] },
-    Edit { name: "exposure", apply: |e| e.options_mut().display.exposure_ev = 1.5, makes: &[&[Display]] },
+    Edit { name: "exposure", apply: |e| e.options_mut().display.exposure = Exposure::Stops(1.5), makes: &[&[Display]] },
     Edit { name: "caustic gain", apply: |e| e.options_mut().caustic_gain = 2.0, makes: &[PICTURE] },
     Edit { name: "scale the light", apply: |e| e.scene_mut().environment.intensity = 3.0, makes: &[PICTURE] },
     Edit {
