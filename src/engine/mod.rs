@@ -246,7 +246,8 @@ async fn meter(
         return Ok(None);
     }
     let [width, height] = inputs.options.size;
-    let fit = |edge: u32| (edge * METERED_SIZE / width.max(height)).max(1);
+    let longest = width.max(height);
+    let fit = |edge: u32| (edge * METERED_SIZE.min(longest) / longest).max(1);
     let size = [fit(width), fit(height)];
     let options = inputs.options.clone().with_size(size).with_pixel_samples(1).with_aovs(vec![Aov::Beauty]);
     let mut stages = BandStages::new();

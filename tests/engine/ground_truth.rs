@@ -113,9 +113,9 @@ fn importance_sampling_agrees_with_brute_force() {
             // Where a mirror comes close to what it lights, uniform points have no variance (∫ 1/l⁴ dA), so 1/l² is left to
             // the closed forms.
             let options = Options { size: [7, 5], visibility, attenuation: false, ..Default::default() };
-            let fine = solve(scene(), options.clone(), StoppingCriterion::new(0.005).with_max_points(15_000.0));
+            let fine = solve(scene(), options.clone(), StoppingCriterion::new(0.005).with_max_points(20_000.0));
             let brute = Options { density: Density::Uniform, replicates: 64, seed: 7, ..options };
-            let brute = solve(scene(), brute, StoppingCriterion::new(0.005).with_max_points(45_000.0));
+            let brute = solve(scene(), brute, StoppingCriterion::new(0.005).with_max_points(60_000.0));
             compare(&format!("{} {visibility}", built_in.name), &fine, &brute);
         }
     }
