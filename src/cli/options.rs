@@ -252,7 +252,7 @@ pub(super) fn parse_positive(text: &str) -> Result<f64, String> {
     if number > 0.0 && f64::is_finite(number) { Ok(number) } else { Err("give a number greater than 0".into()) }
 }
 
-pub(super) fn parse_finite(text: &str) -> Result<f32, String> {
+fn parse_finite(text: &str) -> Result<f32, String> {
     let number: f32 = text.parse().map_err(|_| format!("'{text}' is no number"))?;
     if number.is_finite() { Ok(number) } else { Err("give a finite number".into()) }
 }

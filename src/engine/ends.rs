@@ -10,7 +10,7 @@ use super::direct::DirectLight;
 use super::frame::FrameInputs;
 use super::glossy::GlossyLight;
 use super::paths::EndPoint;
-use super::reprojection::Reprojection;
+use super::reprojection::{MIN_NORMAL_COSINE, Reprojection};
 use crate::Error;
 use crate::brdf::Materials;
 use crate::pinhole::{Receivers, ViewDirections};
@@ -22,10 +22,8 @@ use crate::tracing::Hit;
 const POINTS_IN_A_ROW: u32 = 1024;
 /// Points along the curve whose shadows are found together.
 const POINTS_IN_A_GROUP: usize = 64;
-/// Points that a rough mirror blurs share their light within this part of the blur,
+/// Points that a rough mirror blurs share their light within this part of the blur.
 const SHARED_BLUR: f32 = 0.25;
-/// if the cosine between their normals is at least this.
-const MIN_NORMAL_COSINE: f32 = 0.98;
 /// Cells along an edge of the grid whose Z-order curve points are sorted along.
 const CURVE_STEPS: f32 = (1 << 20) as f32;
 
@@ -51,7 +49,7 @@ impl<'a> EndLight<'a> {
         let glossy = points
             .iter()
             .any(|p| is_glossy(materials, p))
-            .then(|| GlossyLight::new(light, stages, &prepared.tracer, options.visibility, progress));
+            .then(|| GlossyLight::new(light, stages.sampler(light, progress), &prepared.tracer, options.visibility));
         Self { materials, diffuse, glossy }
     }
 

@@ -9,9 +9,8 @@ use sobol_burley::sample_4d;
 use super::gloss::{facet_of, tangents};
 use crate::brdf::{Materials, distribution};
 use crate::environment::LightSampler;
-use crate::progress::Progress;
 use crate::scene::{Ray, Visibility};
-use crate::stages::{LightStages, PreparedLight};
+use crate::stages::PreparedLight;
 use crate::tracing::{Hit, Tracer};
 
 /// Directions drawn from the light, as many from the receiver's cosine, and as many from its lobe.
@@ -33,18 +32,12 @@ pub(super) struct GlossyLight<'a> {
 impl<'a> GlossyLight<'a> {
     pub fn new(
         light: &'a PreparedLight,
-        stages: &mut LightStages,
+        sampler: Arc<LightSampler>,
         tracer: &'a Tracer,
         visibility: Visibility,
-        progress: &dyn Progress,
     ) -> Self {
-        Self {
-            light,
-            world_from_light: light.world_from_light(),
-            sampler: stages.sampler(light, progress),
-            is_shadowed: visibility == Visibility::Full,
-            tracer,
-        }
+        let is_shadowed = visibility == Visibility::Full;
+        Self { light, world_from_light: light.world_from_light(), sampler, is_shadowed, tracer }
     }
 
     /// Radiance that a glossy receiver reflects towards its viewer, W/(m²·sr).

@@ -41,7 +41,8 @@ pub(super) struct EndPoint {
     /// Distance to the ends of the same path in neighbouring pixels, metres: the smaller of the horizontal and the vertical
     /// one, or 0 if it is unknown.
     pub spacing: f32,
-    /// How far apart the ends of the same path are by way of different microfacets of a rough mirror, metres; 0 after smooth ones.
+    /// How far apart the ends of the same path are by way of different microfacets of a rough mirror, metres; 0 after smooth
+    /// ones, and on glossy receivers.
     pub blur: f32,
 }
 
@@ -270,8 +271,8 @@ impl PathTracer<'_> {
         } else {
             let receives = !self.is_plain && object.receiver.is_some();
             let view = -ray.direction.normalize();
-            // A turn of the microfacet turns the light by twice as much.
-            let blur = 2.0 * walk.alpha * found.distance;
+            // A turn of the microfacet turns the light by twice as much. What is reflected towards a viewer is not shared.
+            let blur = if is_glossy { 0.0 } else { 2.0 * walk.alpha * found.distance };
             paths.end_point(walk.key, EndPoint { hit: *found, receives, view, spacing: 0.0, blur })
         };
         let factor = if is_glossy { walk.throughput } else { walk.throughput * albedo * std::f32::consts::FRAC_1_PI };

@@ -12,8 +12,8 @@ const MAX_DEVIATION: f32 = 0.3;
 /// Mirrors that magnify show more than the camera sees directly. Ends of paths in neighbouring pixels must be apart at least this part
 /// of the distance between hits.
 const MIN_SPACING: f32 = 0.7;
-/// Cosine between the normals of a point and of the hits around it, at least.
-const MIN_NORMAL_COSINE: f32 = 0.98;
+/// Cosine between the normals of points that share light, at least.
+pub(super) const MIN_NORMAL_COSINE: f32 = 0.98;
 
 /// A place among camera rays: the index of the upper left one of the four around it, and the part of the way to the others.
 #[derive(Clone, Copy, Debug)]
