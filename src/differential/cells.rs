@@ -91,7 +91,7 @@ impl<'a> NearestSample<'a> {
             // Rounding must not hide anything.
             let reach2 = 4.001 * d2;
             if neighbours.last().is_none_or(|(last, _)| *last < reach2) {
-                return self.tree.nearest_one(place);
+                return self.tree.nearest_one(place).unwrap_or(best);
             }
             for &(_, k) in neighbours.iter().take_while(|(between, _)| *between < reach2) {
                 let other = self.positions[k as usize].distance_squared(place);

@@ -265,10 +265,11 @@ impl PointTree {
             .visit(|found| visit(found.item as usize));
     }
 
-    /// The nearest point.
-    pub fn nearest_one(&self, centre: Vec3) -> usize {
+    /// The nearest point; `None` if there are none.
+    pub fn nearest_one(&self, centre: Vec3) -> Option<usize> {
         let query = centre.to_array();
-        self.0.query(&query).nearest_one::<SquaredEuclidean<f32>>().execute().item as usize
+        let found = || self.0.query(&query).nearest_one::<SquaredEuclidean<f32>>().execute().item as usize;
+        (self.0.size() > 0).then(found)
     }
 
     /// The `count` nearest points (fewer if there are fewer), nearest first: squared distance and index.

@@ -1,5 +1,8 @@
 //! How evenly a set of points is spread: distances to neighbours, gaps, and whether some orientations get more than others.
 
+use glam::Vec3;
+use rayon::prelude::*;
+
 use super::{PointSet, PointTree, SurfacePoint};
 
 /// Figures of a point set. Distances are relative to d_max = 2·√(A / (2√3·N)), that of the densest packing of N
@@ -30,15 +33,11 @@ pub fn quality(set: &PointSet, area: f64) -> Quality {
     let PointSet { points, candidates, .. } = set;
     let d_max = 2.0 * (area / (2.0 * 3f64.sqrt() * points.len().max(1) as f64)).sqrt();
     let tree = PointTree::new(points);
-    let nearest: Vec<f64> = points
-        .iter()
-        .enumerate()
-        .filter_map(|(k, point)| {
-            let mut neighbours = tree.nearest(point.position, 16);
-            let (squared, _) = neighbours.find(|&(_, n)| n != k && points[n].same_side(point))?;
-            Some(f64::from(squared).sqrt() / d_max)
-        })
-        .collect();
+    let to_nearest = |(k, point): (usize, &SurfacePoint)| {
+        let (squared, _) = nearest(&tree, point.position, |n| n != k && points[n].same_side(point))?;
+        Some(f64::from(squared).sqrt() / d_max)
+    };
+    let nearest: Vec<f64> = points.par_iter().enumerate().filter_map(to_nearest).collect();
     let count = nearest.len().max(1) as f64;
     let mean = nearest.iter().sum::<f64>() / count;
     let variance = nearest.iter().map(|d| (d - mean).powi(2)).sum::<f64>() / count;
@@ -48,33 +47,33 @@ pub fn quality(set: &PointSet, area: f64) -> Quality {
         relative_radius: nearest.iter().copied().reduce(f64::min).unwrap_or(0.0),
         nearest_mean: mean,
         nearest_spread: if mean > 0.0 { variance.sqrt() / mean } else { 0.0 },
-        coverage_radius: candidates.iter().map(|c| gap(&tree, points, c)).fold(0.0, f64::max) / d_max,
+        coverage_radius: candidates.par_iter().map(|c| gap(&tree, points, c)).reduce(|| 0.0, f64::max) / d_max,
         displacement: displacement(points, candidates) / d_max,
         orientation_bias: orientation_bias(points, candidates),
     }
 }
 
+/// The nearest point that is `wanted`, if it is among the 16 nearest: its squared distance and index. Mostly the first or the
+/// second is.
+fn nearest(tree: &PointTree, centre: Vec3, wanted: impl Fn(usize) -> bool) -> Option<(f32, usize)> {
+    [2, 16].into_iter().find_map(|count| tree.nearest(centre, count).find(|&(_, k)| wanted(k)))
+}
+
 /// Distance from a candidate to the nearest point of its side; of the nearest point at all where none is near.
 fn gap(tree: &PointTree, points: &[SurfacePoint], candidate: &SurfacePoint) -> f64 {
-    let mut any = 0.0;
-    for (rank, (squared, k)) in tree.nearest(candidate.position, 16).enumerate() {
-        let distance = f64::from(squared).sqrt();
-        if points[k].same_side(candidate) {
-            return distance;
-        }
-        if rank == 0 {
-            any = distance;
-        }
-    }
-    any
+    let Some(first) = tree.nearest_one(candidate.position) else { return 0.0 };
+    let is_usable = |k: usize| points[k].same_side(candidate);
+    let usable = if is_usable(first) { None } else { nearest(tree, candidate.position, is_usable) };
+    let k = usable.map_or(first, |(_, k)| k);
+    f64::from(points[k].position.distance(candidate.position))
 }
 
 /// Mean height of the points over the plane of the nearest candidate.
 fn displacement(points: &[SurfacePoint], candidates: &[SurfacePoint]) -> f64 {
     let tree = PointTree::new(candidates);
     let height = |p: &SurfacePoint| {
-        let nearest = tree.nearest(p.position, 1).next();
-        nearest.map_or(0.0, |(_, k)| f64::from((p.position - candidates[k].position).dot(candidates[k].normal).abs()))
+        let nearest = tree.nearest_one(p.position).map(|k| candidates[k]);
+        nearest.map_or(0.0, |c| f64::from((p.position - c.position).dot(c.normal).abs()))
     };
     points.iter().map(height).sum::<f64>() / points.len().max(1) as f64
 }

@@ -1,12 +1,11 @@
 //! The HTML report in a real browser: headless Chromium opens, flips and sorts it.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::Command;
-use std::sync::{Arc, Mutex};
-use std::time::{Duration, Instant};
 
-use headless_chrome::protocol::cdp::types::Event;
-use headless_chrome::{Browser, LaunchOptions, Tab};
+use browser::Page;
+
+mod browser;
 
 fn compare(folder: &Path) -> Vec<u8> {
     let more = ["--strategies", "random,neighbourhood", "--samples", "20,80", "--seeds", "2", "--size", "48x32"];
@@ -19,64 +18,6 @@ fn compare(folder: &Path) -> Vec<u8> {
         .unwrap();
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     output.stdout
-}
-
-/// A page, and everything that it complained about.
-struct Page {
-    tab: Arc<Tab>,
-    complaints: Arc<Mutex<Vec<String>>>,
-    _browser: Browser,
-}
-
-impl Page {
-    fn open(path: &Path) -> Self {
-        let chromium = ["chromium", "chromium-browser", "google-chrome"].into_iter().find_map(find_program);
-        let chromium = std::env::var_os("CHROME").map(PathBuf::from).or(chromium);
-        let path_to_chromium =
-            chromium.expect("the report is tested in Chromium; run by tests/run, which installs it, or set CHROME");
-        let options = LaunchOptions::default_builder()
-            .path(Some(path_to_chromium))
-            .sandbox(false)
-            .window_size(Some((1400, 1000)))
-            .idle_browser_timeout(Duration::from_mins(2))
-            .build()
-            .unwrap();
-        let browser = Browser::new(options).unwrap();
-        let tab = browser.new_tab().unwrap();
-        let complaints = Arc::new(Mutex::new(Vec::new()));
-        let heard = Arc::clone(&complaints);
-        tab.enable_runtime().unwrap().enable_log().unwrap();
-        tab.add_event_listener(Arc::new(move |event: &Event| match event {
-            Event::RuntimeExceptionThrown(e) => heard.lock().unwrap().push(format!("{:?}", e.params.exception_details)),
-            Event::RuntimeConsoleAPICalled(e) => heard.lock().unwrap().push(format!("{:?}", e.params.args)),
-            Event::LogEntryAdded(e) => heard.lock().unwrap().push(e.params.entry.text.clone()),
-            _ => {}
-        }))
-        .unwrap();
-        tab.navigate_to(&format!("file://{}", path.display())).unwrap();
-        tab.wait_until_navigated().unwrap();
-        let page = Self { tab, complaints, _browser: browser };
-        page.wait_for("document.documentElement.dataset.ready === 'true'");
-        page
-    }
-
-    fn evaluate(&self, script: &str) -> serde_json::Value {
-        self.tab.evaluate(script, true).unwrap().value.unwrap_or(serde_json::Value::Null)
-    }
-
-    fn text(&self, script: &str) -> String {
-        self.evaluate(script).as_str().unwrap_or_default().to_owned()
-    }
-
-    fn wait_for(&self, condition: &str) {
-        let start = Instant::now();
-        while self.evaluate(condition) != serde_json::Value::Bool(true) {
-            let error = self.text("document.documentElement.dataset.error || ''");
-            assert!(error.is_empty(), "the page failed: {error}");
-            assert!(start.elapsed() < Duration::from_secs(30), "never true: {condition}");
-            std::thread::sleep(Duration::from_millis(50));
-        }
-    }
 }
 
 /// A canvas as a number that differs where its pixels do.
@@ -105,11 +46,6 @@ impl Page {
             "document.querySelector('{control}').dispatchEvent(new Event('click', {{ bubbles: true }}))"
         ));
         self.wait_for(&format!("JSON.stringify({what}) !== {:?}", before.to_string()));
-    }
-
-    /// Returns when all that was asked of the page before has been drawn: two frames later.
-    fn settle(&self) {
-        self.evaluate("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(() => done(true))))");
     }
 }
 
@@ -176,10 +112,6 @@ fn rows_are_filtered_by_words(page: &Page) {
     assert_eq!(page.evaluate(visible), 16);
 }
 
-fn find_program(name: &str) -> Option<PathBuf> {
-    std::env::split_paths(&std::env::var_os("PATH")?).map(|folder| folder.join(name)).find(|path| path.is_file())
-}
-
 const ERRORS: &str = "JSON.stringify([...document.querySelectorAll('#results tbody td[data-key=\"rel_l2\"]')].map(td => +td.textContent))";
 
 fn errors(page: &Page) -> Vec<f64> {
@@ -198,6 +130,7 @@ fn the_report_opens_flips_and_sorts() {
         }
     }
     let page = Page::open(&path);
+    page.wait_for("document.documentElement.dataset.ready === 'true'");
     // Flip between reference and picture, by the button and by the key.
     assert_eq!(page.text("document.getElementById('shown').textContent"), "A: reference");
     page.evaluate("document.getElementById('flip-button').click()");
@@ -224,7 +157,10 @@ fn the_report_opens_flips_and_sorts() {
     let links = page.text("JSON.stringify([...document.querySelectorAll('[src],[href]')].flatMap(n => [n.getAttribute('src'), n.getAttribute('href')]).filter(v => v !== null && !/^(data:|#)/.test(v)))");
     assert_eq!(links, "[]");
     page.settle();
-    let complaints = page.complaints.lock().unwrap();
+    page.evaluate("console.info('this is heard')");
+    let (heard, complaints): (Vec<String>, Vec<String>) =
+        page.complaints().into_iter().partition(|c| c.contains("this is heard"));
+    assert_eq!(heard.len(), 1);
     // Chromium remarks on the test's own reading of the canvas.
     let own: Vec<&String> = complaints.iter().filter(|c| !c.contains("willReadFrequently")).collect();
     assert!(own.is_empty(), "{own:?}");
