@@ -5,8 +5,8 @@
 //! cargo run --release --example accuracy
 //! ```
 //!
-//! prints it as Markdown. `-- SECONDS` limits the time for each reference (default: 1500). Everything is kept in
-//! `target/accuracy`, where each scene also gets its report; an interrupted run goes on where it stopped. A quarter of an hour
+//! prints it as Markdown. `-- SECONDS` limits the time for each reference (default: 3600). Everything is kept in
+//! `target/accuracy`, where each scene also gets its report; an interrupted run goes on where it stopped. Half an hour
 //! to an hour on two cores.
 
 use std::path::Path;
@@ -24,7 +24,7 @@ const SAMPLES: [u32; 3] = [100, 1000, 10_000];
 const SIZE: [u32; 2] = [256, 256];
 /// Relative standard error of the references, and the seconds after which a worse one must do.
 const REL_ERROR: f64 = 0.005;
-const DEFAULT_SECONDS: f64 = 1500.0;
+const DEFAULT_SECONDS: f64 = 3600.0;
 
 fn main() -> Result<(), Error> {
     let seconds = match std::env::args().nth(1).map(|s| s.parse()) {
