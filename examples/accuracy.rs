@@ -6,8 +6,8 @@
 //! ```
 //!
 //! prints it as Markdown. `-- SECONDS` limits the time for each reference (default: 3600). Everything is kept in
-//! `target/accuracy`, where each scene also gets its report; an interrupted run goes on where it stopped. Half an hour
-//! to an hour on two cores.
+//! `target/accuracy`, where each scene also gets its report; an interrupted run goes on where it stopped. About an
+//! hour on two cores.
 
 use std::path::Path;
 use std::time::Instant;

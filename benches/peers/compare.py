@@ -33,7 +33,7 @@ TO_SUN = np.array([0.6123724, 0.7071068, -0.3535534])
 SIGMA = 0.011284
 RADIANCE = 1250.0
 TABLE = 3.0
-# What a moving mirror makes again; which of the sums' stages there are depends on the evaluation.
+# The stages that run again when a mirror moves; some belong to flat sums only, others to hierarchical ones.
 STAGES_AFTER_A_MOVE = (
     "geometry", "bvh", "surface", "points", "differentials", "tree", "visibility", "estimate", "rays", "caustic"
 )

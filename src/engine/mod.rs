@@ -245,10 +245,7 @@ async fn meter(
     if !inputs.options.aovs.contains(&Aov::Beauty) {
         return Ok(None);
     }
-    let [width, height] = inputs.options.size;
-    let longest = width.max(height);
-    let fit = |edge: u32| (edge * METERED_SIZE.min(longest) / longest).max(1);
-    let size = [fit(width), fit(height)];
+    let size = inputs.options.size_within(METERED_SIZE);
     let options = inputs.options.clone().with_size(size).with_pixel_samples(1).with_aovs(vec![Aov::Beauty]);
     let mut stages = BandStages::new();
     let band = stages.render(&FrameInputs { options: &options, ..*inputs }, light, (0, size[1])).await?;

@@ -413,6 +413,12 @@ impl Options {
         sampling::Options { samples: self.samples, strategy: self.strategy, seed: self.seed }
     }
 
+    /// The size of the same picture, reduced so that its longer side has at most so many pixels.
+    pub(crate) fn size_within(&self, longer_side: u32) -> [u32; 2] {
+        let own = self.size[0].max(self.size[1]);
+        self.size.map(|edge| (edge * longer_side.min(own) / own).max(1))
+    }
+
     /// The parameters of a sum with this filter and rotation of the environment.
     pub(crate) fn params(&self, filter: Filter, environment_rotation_rad: f32) -> Params {
         let Self { taps, attenuation, epsilon, .. } = *self;

@@ -34,7 +34,7 @@ pub fn quality(set: &PointSet, area: f64) -> Quality {
     let d_max = 2.0 * (area / (2.0 * 3f64.sqrt() * points.len().max(1) as f64)).sqrt();
     let tree = PointTree::new(points);
     let to_nearest = |(k, point): (usize, &SurfacePoint)| {
-        let (squared, _) = nearest(&tree, point.position, |n| n != k && points[n].same_side(point))?;
+        let (squared, _) = nearest_where(&tree, point.position, |n| n != k && points[n].same_side(point))?;
         Some(f64::from(squared).sqrt() / d_max)
     };
     let nearest: Vec<f64> = points.par_iter().enumerate().filter_map(to_nearest).collect();
@@ -53,19 +53,19 @@ pub fn quality(set: &PointSet, area: f64) -> Quality {
     }
 }
 
-/// The nearest point that is `wanted`, if it is among the 16 nearest: its squared distance and index. Mostly the first or the
-/// second is.
-fn nearest(tree: &PointTree, centre: Vec3, wanted: impl Fn(usize) -> bool) -> Option<(f32, usize)> {
-    [2, 16].into_iter().find_map(|count| tree.nearest(centre, count).find(|&(_, k)| wanted(k)))
+/// Squared distance and index of the nearest point that meets a condition, if it is among the 16 nearest. Usually it is one of the
+/// first two, which are much faster to find.
+fn nearest_where(tree: &PointTree, centre: Vec3, condition: impl Fn(usize) -> bool) -> Option<(f32, usize)> {
+    [2, 16].into_iter().find_map(|count| tree.nearest(centre, count).find(|&(_, k)| condition(k)))
 }
 
 /// Distance from a candidate to the nearest point of its side; of the nearest point at all where none is near.
 fn gap(tree: &PointTree, points: &[SurfacePoint], candidate: &SurfacePoint) -> f64 {
     let Some(first) = tree.nearest_one(candidate.position) else { return 0.0 };
-    let is_usable = |k: usize| points[k].same_side(candidate);
-    let usable = if is_usable(first) { None } else { nearest(tree, candidate.position, is_usable) };
-    let k = usable.map_or(first, |(_, k)| k);
-    f64::from(points[k].position.distance(candidate.position))
+    let on_its_side = |k: usize| points[k].same_side(candidate);
+    let found = if on_its_side(first) { None } else { nearest_where(tree, candidate.position, on_its_side) };
+    let nearest = found.map_or(first, |(_, k)| k);
+    f64::from(points[nearest].position.distance(candidate.position))
 }
 
 /// Mean height of the points over the plane of the nearest candidate.

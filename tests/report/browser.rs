@@ -1,6 +1,7 @@
-//! A page in headless Chromium, driven through the Chrome DevTools Protocol. Knows nothing about reports.
+//! A page in headless Chromium, driven through the Chrome DevTools Protocol. Of the page it knows only that `data-error` on its
+//! root element reports a failure.
 //!
-//! Only a handful of the protocol's methods are needed, so this speaks it directly; complete clients generate bindings for all of it.
+//! The few methods of the protocol that are needed are called directly; client libraries bring generated bindings for all of it.
 
 use std::cell::{Cell, RefCell};
 use std::io::{BufRead, BufReader};
@@ -13,7 +14,7 @@ use serde_json::{Value, json};
 use tempfile::TempDir;
 use tungstenite::{Message, WebSocket};
 
-/// An answer that takes longer never comes.
+/// The longest wait for an answer, or for a condition to hold.
 const TIMEOUT: Duration = Duration::from_mins(1);
 
 /// Chromium itself, with a profile of its own; both are gone when it is dropped.
@@ -43,7 +44,7 @@ impl Browser {
             address
         });
         let address = address.unwrap_or_else(|| panic!("Chromium did not start:\n{}", heard.join("\n")));
-        // It blocks once nobody reads what it says.
+        // Its output is read on, or Chromium would block on a full pipe.
         std::thread::spawn(move || said.map_while(Result::ok).for_each(drop));
         (Self { process, _profile: profile }, address)
     }
@@ -115,10 +116,12 @@ impl Page {
         answer["result"].take()
     }
 
-    /// Reads until a message comes that is the one; keeps what those before it complain about.
-    fn wait_for_message(&self, is_it: impl Fn(&Value) -> bool) -> Value {
+    /// Reads messages until the one that is wanted; records the complaints among them.
+    fn wait_for_message(&self, is_wanted: impl Fn(&Value) -> bool) -> Value {
         loop {
-            let Message::Text(text) = self.socket.borrow_mut().read().unwrap() else { continue };
+            let Message::Text(text) = self.socket.borrow_mut().read().expect("an answer from Chromium") else {
+                continue;
+            };
             let message: Value = serde_json::from_str(&text).unwrap();
             let params = &message["params"];
             let complaint = match message["method"].as_str() {
@@ -128,7 +131,7 @@ impl Page {
                 _ => None,
             };
             self.complaints.borrow_mut().extend(complaint.map(ToString::to_string));
-            if is_it(&message) {
+            if is_wanted(&message) {
                 return message;
             }
         }
@@ -139,7 +142,7 @@ impl Page {
         self.complaints.borrow().clone()
     }
 
-    /// The value of an expression; that of a promise once it is kept.
+    /// The value of an expression; of a promise, the value that it resolves to.
     pub fn evaluate(&self, script: &str) -> Value {
         let params = json!({ "expression": script, "returnByValue": true, "awaitPromise": true });
         let mut answer = self.call("Runtime.evaluate", &params);

@@ -125,8 +125,7 @@ impl PinholeStages {
     /// Estimate of the mean irradiance over the picture, W/m², to which the tolerance is relative.
     fn estimate(&mut self, inputs: &Inputs, tree: &Arc<PinholeTree>, bounds: &LightBounds, params: &Params) -> f32 {
         let Inputs { scene, prepared, light, options, progress, .. } = inputs;
-        let longest = options.size[0].max(options.size[1]);
-        let size = options.size.map(|edge| (edge * ESTIMATE_SIZE.min(longest) / longest).max(1));
+        let size = options.size_within(ESTIMATE_SIZE);
         let key = EstimateKey {
             tree: Id::of(tree),
             environment: Id::of(&light.environment),
