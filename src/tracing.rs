@@ -42,8 +42,11 @@ pub struct Piece {
 
 /// All triangles of a scene.
 pub struct Tracer {
-    /// Scaled, so that all scenes are of about one size: the hierarchy loses what is nearer than a ten-thousandth of a unit.
-    triangles: Vec<TraceTriangle>,
+    /// In the order of the hierarchy's leaves. Scaled, so that all scenes are of about one size: the hierarchy loses what is nearer
+    /// than a ten-thousandth of a unit.
+    corners: Vec<[Vec3; 3]>,
+    /// In the same order.
+    surfaces: Vec<TriangleSurface>,
     /// Units per metre; a power of two, which rounds nothing.
     scale: f32,
     bvh: CwBvh,
@@ -52,15 +55,15 @@ pub struct Tracer {
     offset: f32,
 }
 
-struct TraceTriangle {
-    corners: [Vec3; 3],
+/// What a triangle belongs to.
+struct TriangleSurface {
     normals: [Vec3; 3],
     object: u32,
 }
 
 impl fmt::Debug for Tracer {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "Tracer({} triangles)", self.triangles.len())
+        write!(f, "Tracer({} triangles)", self.corners.len())
     }
 }
 
@@ -73,35 +76,40 @@ impl Tracer {
 
     /// Builds the hierarchy over objects' meshes in world space; the second part says whether the camera sees one.
     pub fn of_meshes<'a>(meshes: impl Iterator<Item = (&'a Mesh, bool)>) -> Self {
-        let (mut triangles, mut camera_visible) = (Vec::new(), Vec::new());
+        let (mut corners, mut surfaces, mut camera_visible) = (Vec::new(), Vec::new(), Vec::new());
         for (object, (mesh, is_visible)) in meshes.enumerate() {
             camera_visible.push(is_visible);
             for t in 0..mesh.triangles().len() {
-                let (corners, normals) = (mesh.corners(t), mesh.corner_normals(t));
-                triangles.push(TraceTriangle { corners, normals, object: object as u32 });
+                corners.push(mesh.corners(t));
+                surfaces.push((mesh.corner_normals(t), object as u32));
             }
         }
-        let all = triangles.iter().flat_map(|t| t.corners);
-        let (low, high) = all.fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(l, h), p| (l.min(p), h.max(p)));
-        let scale = if triangles.is_empty() { 1.0 } else { unit_scale(0.5 * high - 0.5 * low) };
-        for triangle in &mut triangles {
-            triangle.corners = triangle.corners.map(|corner| scale * corner);
+        let all = corners.iter().flatten();
+        let (low, high) = all.fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(l, h), p| (l.min(*p), h.max(*p)));
+        let scale = if corners.is_empty() { 1.0 } else { unit_scale(0.5 * high - 0.5 * low) };
+        let corners: Vec<_> = corners.into_iter().map(|triangle| triangle.map(|corner| scale * corner)).collect();
+        let bounds = |corners: &[Vec3; 3]| {
+            let [v0, v1, v2] = corners.map(Into::into);
+            Triangle { v0, v1, v2 }.aabb()
+        };
+        let bounds: Vec<_> = corners.iter().map(bounds).collect();
+        let bvh = build_cwbvh(&bounds, BvhBuildParams::medium_build(), &mut Default::default());
+        let offset = if corners.is_empty() { 0.0 } else { offset(scale * low, scale * high) };
+        let order = || bvh.primitive_indices.iter().map(|&index| index as usize);
+        let surface = |(normals, object)| TriangleSurface { normals, object };
+        Self {
+            corners: order().map(|index| corners[index]).collect(),
+            surfaces: order().map(|index| surface(surfaces[index])).collect(),
+            scale,
+            bvh,
+            camera_visible,
+            offset,
         }
-        let bounds: Vec<_> = triangles
-            .iter()
-            .map(|t| {
-                let [v0, v1, v2] = t.corners.map(Into::into);
-                Triangle { v0, v1, v2 }.aabb()
-            })
-            .collect();
-        let bvh = build_cwbvh(&bounds, BvhBuildParams::fast_build(), &mut Default::default());
-        let offset = if triangles.is_empty() { 0.0 } else { offset(scale * low, scale * high) };
-        Self { triangles, scale, bvh, camera_visible, offset }
     }
 
     /// The first thing that the camera sees along a ray.
     pub fn camera_hit(&self, ray: Ray) -> Option<Hit> {
-        self.hit(ray, 0.0, |triangle, _| self.camera_visible[triangle.object as usize])
+        self.hit(ray, 0.0, |surface, _| self.camera_visible[surface.object as usize])
     }
 
     /// The first thing along a ray that leaves a surface.
@@ -111,15 +119,36 @@ impl Tracer {
 
     /// The first thing that a piece of a surface sees in a direction; itself it does not see.
     pub fn seen_by(&self, piece: &Piece, direction: Vec3) -> Option<Hit> {
-        let side = if piece.front { 1.0 } else { -1.0 };
+        let itself = self.itself(piece, direction);
+        self.hit(Ray { origin: piece.position, direction }, self.offset, |surface, t| !itself(surface, t))
+    }
+
+    /// Whether a piece of a surface sees nothing in a unit direction, up to a distance in metres; itself it does not see.
+    pub fn is_open(&self, piece: &Piece, direction: Vec3, distance: f32) -> bool {
+        let itself = self.itself(piece, direction);
+        let ray = self.scaled(Ray { origin: piece.position, direction });
+        // What lies at the end does not count.
+        let to = self.scale * distance * (1.0 - END_SLACK) - self.offset;
+        let traced = obvhs::ray::Ray::new(ray.origin.into(), ray.direction.into(), self.offset, to);
+        self.corners.is_empty()
+            || self.bvh.ray_traverse_miss(traced, |r, index| {
+                match intersect(&self.corners[index], ray, self.offset, r.tmax) {
+                    Some((t, _)) if !itself(&self.surfaces[index], t) => t,
+                    _ => f32::INFINITY,
+                }
+            })
+    }
+
+    /// Whether a triangle, at a distance in units, belongs to the piece of a surface that looks in a direction.
+    fn itself(&self, piece: &Piece, direction: Vec3) -> impl Fn(&TriangleSurface, f32) -> bool {
+        let (object, side) = (piece.object, if piece.front { 1.0 } else { -1.0 });
         // A piece is a little curved, and its middle may lie below its triangles.
         let extent = self.scale * piece.extent;
-        let itself = |triangle: &TraceTriangle, distance: f32| {
-            triangle.object == piece.object
+        move |surface, distance| {
+            surface.object == object
                 && distance < extent
-                && side * triangle.normals.iter().sum::<Vec3>().dot(direction) > 0.0
-        };
-        self.hit(Ray { origin: piece.position, direction }, self.offset, |triangle, t| !itself(triangle, t))
+                && side * surface.normals.iter().sum::<Vec3>().dot(direction) > 0.0
+        }
     }
 
     /// Whether anything lies in a direction from a surface.
@@ -127,10 +156,9 @@ impl Tracer {
         let from = self.offset;
         let ray = self.scaled(ray);
         let traced = obvhs::ray::Ray::new(ray.origin.into(), ray.direction.into(), from, f32::INFINITY);
-        !self.triangles.is_empty()
+        !self.corners.is_empty()
             && !self.bvh.ray_traverse_miss(traced, |r, index| {
-                let triangle = &self.triangles[self.bvh.primitive_indices[index] as usize];
-                intersect(&triangle.corners, ray, from, r.tmax).map_or(f32::INFINITY, |(t, _)| t)
+                intersect(&self.corners[index], ray, from, r.tmax).map_or(f32::INFINITY, |(t, _)| t)
             })
     }
 
@@ -140,8 +168,8 @@ impl Tracer {
     }
 
     /// The first triangle along a ray that is seen; distances are in units.
-    fn hit(&self, ray: Ray, from: f32, sees: impl Fn(&TraceTriangle, f32) -> bool) -> Option<Hit> {
-        if self.triangles.is_empty() {
+    fn hit(&self, ray: Ray, from: f32, sees: impl Fn(&TriangleSurface, f32) -> bool) -> Option<Hit> {
+        if self.corners.is_empty() {
             return None;
         }
         let ray = self.scaled(ray);
@@ -149,11 +177,9 @@ impl Tracer {
         let mut found = RayHit::none();
         let mut barycentric = (0, [0.0; 3]);
         self.bvh.ray_traverse(traced, &mut found, |r, index| {
-            let id = self.bvh.primitive_indices[index] as usize;
-            let triangle = &self.triangles[id];
-            match intersect(&triangle.corners, ray, from, r.tmax) {
-                Some((t, weights)) if sees(triangle, t) => {
-                    barycentric = (id, weights);
+            match intersect(&self.corners[index], ray, from, r.tmax) {
+                Some((t, weights)) if sees(&self.surfaces[index], t) => {
+                    barycentric = (index, weights);
                     t
                 }
                 _ => f32::INFINITY,
@@ -163,18 +189,18 @@ impl Tracer {
     }
 
     /// A hit of a scaled ray, in the world.
-    fn describe(&self, ray: Ray, distance: f32, id: usize, weights: [f32; 3]) -> Hit {
-        let triangle = &self.triangles[id];
+    fn describe(&self, ray: Ray, distance: f32, index: usize, weights: [f32; 3]) -> Hit {
+        let (corners, surface) = (self.corners[index], &self.surfaces[index]);
         let mix = |v: [Vec3; 3]| weights[0] * v[0] + weights[1] * v[1] + weights[2] * v[2];
-        let normal = mix(triangle.normals).normalize();
+        let normal = mix(surface.normals).normalize();
         // The geometric side decides, so that a shading normal that tips over at a silhouette does not turn the surface.
-        let [a, b, c] = triangle.corners;
+        let [a, b, c] = corners;
         let face = (b - a).cross(c - a);
         let towards_normal = if face.dot(normal) >= 0.0 { face } else { -face };
         let front = towards_normal.dot(ray.direction) <= 0.0;
         Hit {
-            object: triangle.object,
-            position: mix(triangle.corners) / self.scale,
+            object: surface.object,
+            position: mix(corners) / self.scale,
             distance: distance / self.scale,
             normal: if front { normal } else { -normal },
             face_normal: if front { towards_normal } else { -towards_normal }.normalize(),
@@ -190,6 +216,9 @@ fn unit_scale(half_size: Vec3) -> f32 {
     2f32.powi((12 - exponent).clamp(-126, 126))
 }
 
+/// Part of a distance by which rays towards a point end before it: more than what is lost by rounding.
+const END_SLACK: f32 = 1e-4;
+
 /// How far off a surface rays start in a scene with these bounds: more than what is lost by rounding.
 fn offset(low: Vec3, high: Vec3) -> f32 {
     let farthest = low.abs().max(high.abs()).max_element();
@@ -198,22 +227,27 @@ fn offset(low: Vec3, high: Vec3) -> f32 {
 
 /// Möller–Trumbore with inclusive edges, so that a ray through a shared edge meets one triangle or both, never neither:
 /// distance and barycentric weights.
+#[inline(always)]
 fn intersect([a, b, c]: &[Vec3; 3], ray: Ray, from: f32, to: f32) -> Option<(f32, [f32; 3])> {
+    const SLACK: f32 = 1e-6;
     let (ab, ac) = (*b - *a, *c - *a);
     let p = ray.direction.cross(ac);
     let determinant = ab.dot(p);
     if determinant == 0.0 {
         return None;
     }
+    let inverse = 1.0 / determinant;
     let s = ray.origin - *a;
-    let u = s.dot(p) / determinant;
-    let q = s.cross(ab);
-    let v = ray.direction.dot(q) / determinant;
-    const SLACK: f32 = 1e-6;
-    if u < -SLACK || v < -SLACK || u + v > 1.0 + SLACK {
+    let u = s.dot(p) * inverse;
+    if !(-SLACK..=1.0 + SLACK).contains(&u) {
         return None;
     }
-    let t = ac.dot(q) / determinant;
+    let q = s.cross(ab);
+    let v = ray.direction.dot(q) * inverse;
+    if v < -SLACK || u + v > 1.0 + SLACK {
+        return None;
+    }
+    let t = ac.dot(q) * inverse;
     (t > from && t < to).then_some((t, [1.0 - u - v, u, v]))
 }
 

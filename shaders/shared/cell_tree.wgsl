@@ -68,7 +68,7 @@ struct Tolerance {
 @group(0) @binding(7) var<uniform> tree: TreeUniforms;
 // Bounds of the radiance itself: x = its maximum, y = its contrast.
 @group(0) @binding(8) var bounds: texture_2d_array<f32>;
-// The same of the environment's mips, MIP_STEP apart: six layers each.
+// The same of the environment's mips from FIRST_BOUNDED_MIP on: six layers each.
 @group(0) @binding(11) var mip_bounds: texture_2d_array<f32>;
 @group(0) @binding(9) var<storage, read> nodes: array<CellNode>;
 @group(0) @binding(10) var<storage, read> sample_nodes: array<SampleNode>;
@@ -239,7 +239,8 @@ fn mip_of_blur(blur: f32) -> i32 {
         return 0;
     }
     let exponent = i32(bitcast<u32>(texels) >> 23u) - 127;
-    return min(exponent / i32(MIP_STEP), (i32(textureNumLevels(bounds)) - 1) / i32(MIP_STEP));
+    let last = i32(textureNumLevels(bounds)) - 1;
+    return max(min(exponent, last) + 1 - i32(FIRST_BOUNDED_MIP), 0);
 }
 
 // Bounds of the radiance within a cone around a world direction, blurred over a width: x = its maximum, y = its contrast.
@@ -248,7 +249,7 @@ fn light_within(direction: vec3f, radius: f32, blur: f32) -> vec2f {
     let size = f32(textureDimensions(bounds).x);
     let mip = mip_of_blur(blur);
     // On a face's plane angles are stretched by 1 + s² + t² at most; a bilinear look-up reads a texel of its mip further.
-    let reach = 0.5 * size * radius * (1.0 + dot(on.st, on.st)) + f32(1u << u32(i32(MIP_STEP) * mip));
+    let reach = 0.5 * size * radius * (1.0 + dot(on.st, on.st)) + f32(1u << u32(select(0, mip + i32(FIRST_BOUNDED_MIP) - 1, mip > 0)));
     // ⌈log₂ reach⌉ of what is 1 at least; NaN is wider than everything.
     let level = max(i32(bitcast<u32>(0.999999 * reach) >> 23u) - 126, 0);
     let last = i32(textureNumLevels(bounds)) - 1;
@@ -260,7 +261,7 @@ fn light_within(direction: vec3f, radius: f32, blur: f32) -> vec2f {
     let edge = max(i32(size) >> u32(level), 1);
     let texel = min(vec2i((0.5 * on.st + 0.5) * f32(edge)), vec2i(edge - 1));
     if mip > 0 {
-        return textureLoad(mip_bounds, texel, i32(on.face) + 6 * (mip - 1), level - i32(MIP_STEP)).xy;
+        return textureLoad(mip_bounds, texel, i32(on.face) + 6 * (mip - 1), level - i32(FIRST_BOUNDED_MIP)).xy;
     }
     return textureLoad(bounds, texel, on.face, level).xy;
 }

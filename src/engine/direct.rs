@@ -15,7 +15,7 @@ use crate::stages::{CameraRays, LightStages, PreparedLight};
 use crate::tracing::{Hit, Tracer};
 
 /// Edge of the blocks of camera rays whose shadows are found together.
-const BLOCK: usize = 8;
+const BLOCK: usize = 32;
 
 /// Irradiance of the environment on receivers, at an intensity of 1.
 #[derive(Debug)]

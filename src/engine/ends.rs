@@ -1,5 +1,6 @@
 //! Light at the ends of paths, other than where camera rays hit.
 
+use std::collections::HashSet;
 use std::sync::Arc;
 
 use glam::Vec3;
@@ -7,6 +8,7 @@ use obvhs::ploc::morton::morton_encode_u64;
 use rayon::prelude::*;
 
 use super::direct::DirectLight;
+use super::every_other::EndGrid;
 use super::frame::FrameInputs;
 use super::glossy::GlossyLight;
 use super::paths::EndPoint;
@@ -21,7 +23,7 @@ use crate::tracing::Hit;
 /// Length of the rows that points are arranged in.
 const POINTS_IN_A_ROW: u32 = 1024;
 /// Points along the curve whose shadows are found together.
-const POINTS_IN_A_GROUP: usize = 64;
+const POINTS_IN_A_GROUP: usize = 256;
 /// Points that a rough mirror blurs share their light within this part of the blur.
 const SHARED_BLUR: f32 = 0.25;
 /// Cells along an edge of the grid whose Z-order curve points are sorted along.
@@ -81,11 +83,12 @@ fn is_glossy(materials: &Materials, point: &EndPoint) -> bool {
 }
 
 /// The caustic at the end points of paths: irradiance or, on glossy receivers, the radiance reflected towards the
-/// viewers. Where the camera sees the same surface, what is known there is interpolated.
+/// viewers. Where the camera sees the same surface, what is known there is interpolated. `direct` light at the same points hides
+/// errors.
 pub(super) async fn caustic_at(
     inputs: &FrameInputs<'_>,
     sum: &Arc<dyn Sum>,
-    points: &[EndPoint],
+    (points, direct): (&[EndPoint], &[Vec3]),
     rays: &CameraRays,
     at_hits: Option<&Vec<[f32; 4]>>,
 ) -> Result<Vec<[f32; 4]>, Error> {
@@ -104,21 +107,61 @@ pub(super) async fn caustic_at(
             diffuse.push(index);
         }
     }
-    inputs.progress.advance((points.len() - diffuse.len() - glossy.len()) as u64);
-    for (mut which, reflects) in [(diffuse, false), (glossy, true)] {
+    let is_done = |list: &[usize]| points.len() - list.len() - glossy.len();
+    inputs.progress.advance(is_done(&diffuse) as u64);
+    let gather = EndGather { inputs, sum, points, direct };
+    let grid = EndGrid::new(points, rays.view.size[0]);
+    let (nodes, others): (Vec<usize>, Vec<usize>) =
+        diffuse.iter().partition(|&&index| points[index].blur > 0.0 || grid.is_node(index));
+    gather.add(nodes, false, &mut sums).await?;
+    let is_open: HashSet<usize> = others.iter().copied().collect();
+    let known =
+        |index: usize| (points[index].receives && !is_open.contains(&index)).then(|| Vec3::from_slice(&sums[index]));
+    let found: Vec<Option<Vec3>> = others.par_iter().map(|&index| grid.interpolated(index, known)).collect();
+    let mut rest = Vec::new();
+    for (index, light) in others.into_iter().zip(found) {
+        match light {
+            Some(light) => sums[index] = light.extend(0.0).to_array(),
+            None => rest.push(index),
+        }
+    }
+    inputs.progress.advance((is_open.len() - rest.len()) as u64);
+    gather.add(rest, false, &mut sums).await?;
+    gather.add(glossy, true, &mut sums).await?;
+    Ok(sums)
+}
+
+/// Sums at end points.
+struct EndGather<'a> {
+    inputs: &'a FrameInputs<'a>,
+    sum: &'a Arc<dyn Sum>,
+    points: &'a [EndPoint],
+    /// Direct light at the points.
+    direct: &'a [Vec3],
+}
+
+impl EndGather<'_> {
+    /// Computes the irradiance at some of the points or, where they reflect towards viewers, the radiance.
+    async fn add(&self, mut which: Vec<usize>, reflects: bool, sums: &mut [[f32; 4]]) -> Result<(), Error> {
+        let Self { inputs, sum, points, direct } = *self;
         if which.is_empty() {
-            continue;
+            return Ok(());
         }
         sort_along_curve(&mut which, points);
         let (leaders, leader_of) = share_blurred(&which, points);
         inputs.progress.advance((which.len() - leaders.len()) as u64);
-        let receivers = receivers_at(points, &leaders, reflects.then_some(materials));
+        let materials = &inputs.prepared.materials.receivers;
+        let mut receivers = receivers_at(points, &leaders, reflects.then_some(materials));
+        if !reflects {
+            let error = |index: &usize| inputs.hidden_error(direct[*index]);
+            leaders.iter().map(error).enumerate().for_each(|(place, error)| receivers.tolerate(place, error));
+        }
         let computed = sum.irradiance(&receivers, inputs.progress).await?;
         for (index, leader) in which.into_iter().zip(leader_of) {
             sums[index] = computed[leader];
         }
+        Ok(())
     }
-    Ok(sums)
 }
 
 /// Sorts points so that those which follow each other are close, as gathers want them.
@@ -177,7 +220,7 @@ mod tests {
         let at = |x: f32, blur: f32| {
             let position = Vec3::new(x, 0.0, 0.0);
             let hit = Hit { object: 0, position, distance: 1.0, normal: Vec3::Y, face_normal: Vec3::Y, front: true };
-            EndPoint { hit, receives: true, view: Vec3::Y, spacing: 0.0, blur }
+            EndPoint { hit, receives: true, view: Vec3::Y, pixel: 0, key: 0, steps: [Vec3::ZERO; 2], blur }
         };
         let points = [at(0.0, 0.1), at(0.02, 0.1), at(0.04, 0.1), at(0.05, 0.1), at(0.051, 0.0), at(0.051, 0.0)];
         let (leaders, leader_of) = share_blurred(&[0, 1, 2, 3, 4, 5], &points);

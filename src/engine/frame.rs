@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use glam::Vec3;
 
+use super::edges::DividedPixels;
 use super::ends::{EndLight, caustic_at, direct_light};
 use super::paths::{PathTracer, Paths};
 use super::reprojection::Reprojection;
@@ -13,7 +14,7 @@ use crate::Error;
 use crate::environment::Environment;
 use crate::image::Aov;
 use crate::options::{DisplaySettings, Options};
-use crate::progress::{Progress, Stage};
+use crate::progress::{NoProgress, Progress, Stage};
 use crate::scene::{Scene, Sides, Visibility};
 use crate::stages::{
     CameraRays, Id, LightStages, Memo, PreparedLight, PreparedScene, StageCounts, SurfaceMaterials, View,
@@ -25,6 +26,10 @@ use crate::tracing::Tracer;
 pub(super) const KEPT_POINTS: u64 = 1 << 23;
 /// Approximate number of points in a band of a larger picture.
 const BAND_POINTS: u64 = 1 << 22;
+
+/// Where caustic and direct light are seen together, the tolerance also holds relative to this part of the direct light: at the
+/// default of .01 the error stays well below the one percent that can be seen.
+const HIDDEN_SHARE: f32 = 0.5;
 
 /// Rows of pixels in each band of a picture.
 pub(super) fn rows_per_band(options: &Options) -> u32 {
@@ -51,6 +56,8 @@ struct CausticKey {
     sum: Id<dyn Sum>,
     /// By object.
     wanted: Vec<bool>,
+    /// Light that hides errors.
+    beside: Option<Id<Vec<Vec3>>>,
 }
 
 #[derive(PartialEq)]
@@ -89,6 +96,9 @@ struct ShadingKey {
     caustic_gain: f32,
 }
 
+/// The sum, and the direct light at the ends of paths.
+type EndsSource = (Id<dyn Sum>, Id<Vec<Vec3>>);
+
 /// The identity of the light on surfaces.
 type LightId = (Option<Id<Vec<Vec3>>>, Option<Id<Vec<[f32; 4]>>>);
 
@@ -119,6 +129,16 @@ impl FrameInputs<'_> {
     /// Whether the caustic on an object is computed where camera rays hit it.
     pub(super) fn knows_caustic(&self, object: u32) -> bool {
         self.scene.objects[object as usize].receiver.is_some() && self.shows_irradiance(Aov::Caustic, object)
+    }
+
+    /// Whether no picture shows the caustic by itself.
+    fn shows_only_sums(&self) -> bool {
+        !self.options.aovs.contains(&Aov::Caustic)
+    }
+
+    /// The error of the caustic's irradiance that cannot be seen beside direct light, W/m².
+    pub(super) fn hidden_error(&self, direct: Vec3) -> f32 {
+        HIDDEN_SHARE * self.options.tolerance * direct.element_sum() / 3.0
     }
 
     fn objects(&self) -> std::ops::Range<u32> {
@@ -159,7 +179,7 @@ pub(super) struct BandStages {
     caustic: Memo<CausticKey, Vec<[f32; 4]>>,
     direct: Memo<DirectKey, Vec<Vec3>>,
     paths: Memo<PathsKey, Paths>,
-    ends_caustic: Memo<EndsKey<Id<dyn Sum>>, Vec<[f32; 4]>>,
+    ends_caustic: Memo<EndsKey<EndsSource>, Vec<[f32; 4]>>,
     ends_direct: Memo<EndsKey<LightKey>, Vec<Vec3>>,
     shading: Memo<ShadingKey, Shaded>,
     display: Memo<(Id<Shaded>, DisplaySettings), Displayed>,
@@ -190,9 +210,9 @@ impl BandStages {
         let view = View { camera: inputs.scene.camera, size, pixel_samples, first_row, rows };
         let tracer = &inputs.prepared.tracer;
         let rays = self.rays.get((Id::of(tracer), view), inputs.progress, || CameraRays::trace(tracer, view));
-        let caustic = self.caustic(inputs, &rays).await?;
         let is_lit = aovs.iter().any(|aov| matches!(aov, Aov::Direct | Aov::Beauty));
         let direct = is_lit.then(|| self.direct(inputs, light, &rays));
+        let caustic = self.caustic(inputs, &rays, direct.as_ref()).await?;
         let mut fetches = fetches_of(caustic.as_deref());
         let surfaces = SurfaceLight { direct, caustic };
         let mut beauty = None;
@@ -210,14 +230,28 @@ impl BandStages {
         &mut self,
         inputs: &FrameInputs<'_>,
         rays: &Arc<CameraRays>,
+        direct: Option<&Arc<Vec<Vec3>>>,
     ) -> Result<Option<Arc<Vec<[f32; 4]>>>, Error> {
         let Some(sum) = inputs.sum else { return Ok(None) };
         let wanted: Vec<bool> = inputs.objects().map(|o| inputs.knows_caustic(o)).collect();
-        let key = CausticKey { rays: Id::of(rays), sum: Id::of(sum), wanted: wanted.clone() };
+        let beside = direct.filter(|_| inputs.shows_only_sums());
+        let key =
+            CausticKey { rays: Id::of(rays), sum: Id::of(sum), wanted: wanted.clone(), beside: beside.map(Id::of) };
         let steps = (rays.hits.len() as u64, inputs.progress);
         let make = async || {
-            let receivers = rays.receivers(|object| wanted[object as usize]);
-            sum.irradiance(&receivers, inputs.progress).await
+            let mut receivers = rays.receivers(|object| wanted[object as usize]);
+            let error = |index: usize| beside.map_or(0.0, |light| inputs.hidden_error(light[index]));
+            (0..rays.hits.len()).for_each(|index| receivers.tolerate(index, error(index)));
+            let mut caustic = sum.irradiance(&receivers, inputs.progress).await?;
+            if let Some(direct) = beside.filter(|_| rays.view.pixel_samples == 1) {
+                let divided = DividedPixels::find(&inputs.prepared.tracer, rays, direct, &caustic);
+                if !divided.is_empty() {
+                    let mut receivers = divided.receivers();
+                    divided.tolerate(&mut receivers, error);
+                    divided.average(&sum.irradiance(&receivers, &NoProgress).await?, &mut caustic);
+                }
+            }
+            Ok(caustic)
         };
         self.caustic.wait_for(key, steps, make).await.map(Some)
     }
@@ -255,13 +289,6 @@ impl BandStages {
         if paths.ends.is_empty() {
             return Ok(SurfaceLight { direct: None, caustic: None });
         }
-        let mut caustic = None;
-        if let Some(sum) = inputs.sum {
-            let steps = (paths.ends.len() as u64, inputs.progress);
-            let key = EndsKey { paths: Id::of(paths), source: Id::of(sum), own: (None, id_of(own).1) };
-            let make = async || caustic_at(inputs, sum, &paths.ends, rays, own.caustic.as_deref()).await;
-            caustic = Some(self.ends_caustic.wait_for(key, steps, make).await?);
-        }
         let source = EndLight::new(inputs, light, &paths.ends);
         let key = EndsKey { paths: Id::of(paths), source: inputs.light_key(), own: (id_of(own).0, None) };
         let direct = self.ends_direct.get(key, inputs.progress, || {
@@ -269,6 +296,15 @@ impl BandStages {
             let is_known = |object| known.is_some() && inputs.shows_irradiance(Aov::Direct, object);
             source.at(&paths.ends, &Reprojection::new(rays, &paths.ends, is_known), known.map_or(&[], Vec::as_slice))
         });
+        let mut caustic = None;
+        if let Some(sum) = inputs.sum {
+            let steps = (paths.ends.len() as u64, inputs.progress);
+            let source = (Id::of(sum), Id::of(&direct));
+            let key = EndsKey { paths: Id::of(paths), source, own: (None, id_of(own).1) };
+            let at_hits = own.caustic.as_deref();
+            let make = async || caustic_at(inputs, sum, (&paths.ends, &direct), rays, at_hits).await;
+            caustic = Some(self.ends_caustic.wait_for(key, steps, make).await?);
+        }
         Ok(SurfaceLight { direct: Some(direct), caustic })
     }
 

@@ -9,12 +9,15 @@
 //! change the scene or the options in any way, and render. The picture equals that of a new engine.
 
 mod direct;
+mod edges;
 mod ends;
 mod escapes;
+mod every_other;
 mod film;
 mod frame;
 mod gloss;
 mod glossy;
+mod interpolation;
 mod overlay;
 mod paths;
 mod report;

@@ -38,9 +38,12 @@ pub(super) struct EndPoint {
     pub receives: bool,
     /// Unit direction towards the viewer.
     pub view: Vec3,
-    /// Distance to the ends of the same path in neighbouring pixels, metres: the smaller of the horizontal and the vertical
-    /// one, or 0 if it is unknown.
-    pub spacing: f32,
+    /// Index of its pixel, row by row.
+    pub pixel: u32,
+    /// Hash of the objects along its path.
+    pub key: u64,
+    /// From here to the ends of the same path one pixel to the right and one pixel down, metres; zero if they are unknown.
+    pub steps: [Vec3; 2],
     /// How far apart the ends of the same path are by way of different microfacets of a rough mirror, metres; 0 after smooth
     /// ones, and on glossy receivers.
     pub blur: f32,
@@ -76,18 +79,18 @@ pub(super) struct PixelPaths {
     /// The number of points that the pixel averages.
     pub points: u16,
     pub terms: Vec<Term>,
+    /// One for each set of objects along paths.
     ends: Vec<EndPoint>,
-    /// Hash of the objects along the path to each end point.
-    end_keys: Vec<u64>,
-    /// All points at which paths with these keys end, while the pixel is traced.
+    /// All points at which paths end, by their keys, while the pixel is traced.
     candidates: Vec<Vec<EndPoint>>,
+    /// Index of the pixel.
+    pixel: u32,
 }
 
 impl PixelPaths {
-    /// The end point of a path with this key, which is chosen later from all of the pixel's that have the same key.
-    fn end_point(&mut self, key: u64, point: EndPoint) -> Source {
-        let index = self.end_keys.iter().position(|k| *k == key).unwrap_or_else(|| {
-            self.end_keys.push(key);
+    /// The end point of a path, which is chosen later from all of the pixel's that have the same key.
+    fn end_point(&mut self, point: EndPoint) -> Source {
+        let index = self.candidates.iter().position(|points| points[0].key == point.key).unwrap_or_else(|| {
             self.candidates.push(Vec::new());
             self.candidates.len() - 1
         });
@@ -134,7 +137,7 @@ impl PathTracer<'_> {
             pixel
         };
         let mut pixels: Vec<PixelPaths> = (0..width * self.rays.view.rows).into_par_iter().map(pixel).collect();
-        measure_spacings(&mut pixels, width as usize);
+        measure_steps(&mut pixels, width as usize);
         let ends = collect_ends(&mut pixels);
         Paths { pixels, ends }
     }
@@ -158,7 +161,7 @@ impl PathTracer<'_> {
     }
 
     fn trace_pixel(&self, corners: &[Option<Hit>], x: u32, row: u32) -> PixelPaths {
-        let mut paths = PixelPaths::default();
+        let mut paths = PixelPaths { pixel: row * self.rays.view.size[0] + x, ..PixelPaths::default() };
         let view = &self.rays.view;
         let (n, y) = (view.pixel_samples, view.first_row + row);
         if n > 1 {
@@ -273,7 +276,15 @@ impl PathTracer<'_> {
             let view = -ray.direction.normalize();
             // A turn of the microfacet turns the light by twice as much. What is reflected towards a viewer is not shared.
             let blur = if is_glossy { 0.0 } else { 2.0 * walk.alpha * found.distance };
-            paths.end_point(walk.key, EndPoint { hit: *found, receives, view, spacing: 0.0, blur })
+            paths.end_point(EndPoint {
+                hit: *found,
+                receives,
+                view,
+                pixel: paths.pixel,
+                key: walk.key,
+                steps: [Vec3::ZERO; 2],
+                blur,
+            })
         };
         let factor = if is_glossy { walk.throughput } else { walk.throughput * albedo * std::f32::consts::FRAC_1_PI };
         paths.add(factor, source, false);
@@ -326,32 +337,30 @@ fn mirrors(object: &Object, front: bool) -> bool {
     })
 }
 
-/// Sets the spacing of all end points.
-fn measure_spacings(pixels: &mut [PixelPaths], width: usize) {
-    let of_pixel = |index: usize| spacings(pixels, width, index);
-    let spacings: Vec<Vec<f32>> = (0..pixels.len()).into_par_iter().map(of_pixel).collect();
-    for (pixel, spacings) in pixels.iter_mut().zip(spacings) {
-        pixel.ends.iter_mut().zip(spacings).for_each(|(end, spacing)| end.spacing = spacing);
+/// Sets the steps of all end points.
+fn measure_steps(pixels: &mut [PixelPaths], width: usize) {
+    let of_pixel = |index: usize| steps(pixels, width, index);
+    let steps: Vec<Vec<[Vec3; 2]>> = (0..pixels.len()).into_par_iter().map(of_pixel).collect();
+    for (pixel, steps) in pixels.iter_mut().zip(steps) {
+        pixel.ends.iter_mut().zip(steps).for_each(|(end, steps)| end.steps = steps);
     }
 }
 
-/// How far a pixel's end points are from those of the same paths in neighbouring pixels, or 0.
-fn spacings(pixels: &[PixelPaths], width: usize, index: usize) -> Vec<f32> {
+/// From a pixel's end points to those of the same paths in neighbouring pixels.
+fn steps(pixels: &[PixelPaths], width: usize, index: usize) -> Vec<[Vec3; 2]> {
     let (x, pixel) = (index % width, &pixels[index]);
     let left = index.checked_sub(1).filter(|_| x > 0);
     let right = Some(index + 1).filter(|_| x + 1 < width);
     let (above, below) = (index.checked_sub(width), Some(index + width).filter(|k| *k < pixels.len()));
-    let spacing = |(key, end): (&u64, &EndPoint)| {
-        let distance = |neighbour: Option<usize>| {
-            let other = &pixels[neighbour?];
-            let slot = other.end_keys.iter().position(|k| k == key)?;
-            Some(other.ends[slot].hit.position.distance(end.hit.position))
+    let of_end = |end: &EndPoint| {
+        let step = |neighbour: Option<usize>| {
+            let other = pixels[neighbour?].ends.iter().find(|other| other.key == end.key)?;
+            Some(other.hit.position - end.hit.position)
         };
-        let horizontal = distance(right).or_else(|| distance(left));
-        let vertical = distance(below).or_else(|| distance(above));
-        horizontal.zip(vertical).map_or(0.0, |(a, b)| a.min(b))
+        let between = |next, previous| step(next).or_else(|| step(previous).map(|back| -back)).unwrap_or(Vec3::ZERO);
+        [between(right, left), between(below, above)]
     };
-    pixel.end_keys.iter().zip(&pixel.ends).map(spacing).collect()
+    pixel.ends.iter().map(of_end).collect()
 }
 
 /// Moves the pixels' end points into one list and adjusts their indices.
@@ -360,7 +369,6 @@ fn collect_ends(pixels: &mut [PixelPaths]) -> Vec<EndPoint> {
     for pixel in pixels {
         let first = all.len() as u32;
         all.append(&mut pixel.ends);
-        pixel.end_keys = Vec::new();
         for term in &mut pixel.terms {
             if let Source::EndPoint(index) = &mut term.source {
                 *index += first;

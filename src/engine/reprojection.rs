@@ -4,14 +4,15 @@
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
+use super::interpolation::{bilinear, is_smooth};
 use super::paths::EndPoint;
 use crate::stages::CameraRays;
+use crate::tracing::Hit;
 
 /// A point may lie this far from where four hits around it lead one to expect it, in distances between them.
 const MAX_DEVIATION: f32 = 0.3;
-/// Mirrors that magnify show more than the camera sees directly. Ends of paths in neighbouring pixels must be apart at least this part
-/// of the distance between hits.
-const MIN_SPACING: f32 = 0.7;
+/// Mirrors that magnify show more than the camera sees directly. In such a mirror, hits may be this many pixels apart.
+const MAX_PIXELS: f32 = 1.5;
 /// Cosine between the normals of points that share light, at least.
 pub(super) const MIN_NORMAL_COSINE: f32 = 0.98;
 
@@ -20,6 +21,8 @@ pub(super) const MIN_NORMAL_COSINE: f32 = 0.98;
 struct Place {
     first: usize,
     part: Vec2,
+    /// Whether the camera sees the surface as finely as the path does.
+    is_resolved: bool,
 }
 
 /// The places of end points among the hits of camera rays.
@@ -30,26 +33,27 @@ pub(super) struct Reprojection {
 }
 
 impl Reprojection {
-    /// Finds the points that the camera sees on known objects, where four neighbouring rays hit the same smooth surface.
+    /// Finds the points that the camera sees on known objects, where neighbouring rays hit the same smooth surface.
     pub fn new(rays: &CameraRays, points: &[EndPoint], is_known: impl Fn(u32) -> bool + Sync) -> Self {
         let place = |point: &EndPoint| is_known(point.hit.object).then(|| place(rays, point)).flatten();
         Self { width: rays.width as usize, places: points.par_iter().map(place).collect() }
     }
 
-    /// The light at an end point, if the camera sees it.
+    /// The light at an end point, if the camera sees it finely enough.
     pub fn light(&self, point: usize, at_hits: impl Fn(usize) -> Vec3) -> Option<Vec3> {
-        let Place { first, part } = self.places[point]?;
-        Some(bilinear(corners(first, self.width).map(at_hits), part))
+        let Place { first, part, is_resolved } = self.places[point]?;
+        let row = |row: usize| {
+            let start = first + row * self.width - self.width - 1;
+            std::array::from_fn::<Vec3, 4, _>(|column| at_hits(start + column))
+        };
+        let is_enough = is_resolved || is_smooth(&std::array::from_fn(row));
+        is_enough.then(|| bilinear(corners(first, self.width).map(at_hits), part))
     }
 }
 
 /// The indices of four neighbouring rays.
 fn corners(first: usize, width: usize) -> [usize; 4] {
     [first, first + 1, first + width, first + width + 1]
-}
-
-fn bilinear([a, b, c, d]: [Vec3; 4], part: Vec2) -> Vec3 {
-    a.lerp(b, part.x).lerp(c.lerp(d, part.x), part.y)
 }
 
 fn place(rays: &CameraRays, end: &EndPoint) -> Option<Place> {
@@ -59,25 +63,45 @@ fn place(rays: &CameraRays, end: &EndPoint) -> Option<Place> {
     let (pixel, depth) = view.camera.project(point.position, size);
     let per_edge = view.pixel_samples as f32;
     let at = per_edge * (pixel - Vec2::new(0.0, view.first_row as f32)) - 0.5;
-    let height = rays.hits.len() / rays.width as usize;
-    let last = Vec2::new(rays.width as f32 - 2.0, height as f32 - 2.0);
+    let width = rays.width as usize;
+    let last = Vec2::new(rays.width as f32 - 2.0, (rays.hits.len() / width) as f32 - 2.0);
     if depth <= 0.0 || at.cmplt(Vec2::ZERO).any() || !at.floor().cmple(last).all() {
         return None;
     }
-    let place = Place { first: at.y as usize * rays.width as usize + at.x as usize, part: at.fract() };
+    let is_same = |hit: &&Hit| hit.object == point.object && hit.normal.dot(point.normal) >= MIN_NORMAL_COSINE;
+    let hit = |index: usize| rays.hits[index].as_ref().filter(is_same);
+    let (x, y) = (at.x as usize, at.y as usize);
+    let first = y * width + x;
     let mut hits = [Vec3::ZERO; 4];
-    for (position, index) in hits.iter_mut().zip(corners(place.first, rays.width as usize)) {
-        let hit = rays.hits[index].as_ref().filter(|hit| hit.object == point.object)?;
-        if hit.normal.dot(point.normal) < MIN_NORMAL_COSINE {
-            return None;
-        }
-        *position = hit.position;
+    for (position, index) in hits.iter_mut().zip(corners(first, width)) {
+        *position = hit(index)?.position;
     }
-    let spacing = [hits[0].distance(hits[1]), hits[0].distance(hits[2])];
-    let deviation = bilinear(hits, place.part).distance(point.position);
-    let is_near = deviation <= MAX_DEVIATION * spacing[0].min(spacing[1]);
-    let is_resolved = end.spacing.max(end.blur) >= MIN_SPACING * per_edge * spacing[0].max(spacing[1]);
-    (is_near && is_resolved).then_some(place)
+    let [a, b, c, _] = hits;
+    let part = at.fract();
+    let deviation = bilinear(hits, part).distance(point.position);
+    if deviation > MAX_DEVIATION * a.distance(b).min(a.distance(c)) {
+        return None;
+    }
+    let is_resolved = is_resolved([b - a, c - a].map(|step| per_edge * step), end);
+    let is_within = x > 0 && y > 0 && at.floor().cmplt(last).all();
+    let is_surrounded =
+        || is_within && (0..4).all(|j| (0..4).all(|i| hit(first + j * width + i - width - 1).is_some()));
+    (is_resolved || is_surrounded()).then_some(Place { first, part, is_resolved })
+}
+
+/// Whether steps between hits are short for the eye that looks along the path. `steps` lead from pixel to pixel.
+fn is_resolved(steps: [Vec3; 2], end: &EndPoint) -> bool {
+    if steps.iter().all(|step| MAX_PIXELS * end.blur >= step.length()) {
+        return true;
+    }
+    // The steps in pixels of the path's picture: least squares, by the normal equations.
+    let [u, v] = end.steps;
+    let (uu, uv, vv) = (u.length_squared(), u.dot(v), v.length_squared());
+    let determinant = uu * vv - uv * uv;
+    let pixels = |step: Vec3| Vec2::new(vv * u.dot(step) - uv * v.dot(step), uu * v.dot(step) - uv * u.dot(step));
+    // Lengths of the images of an ellipse's conjugate diameters bound its longer axis.
+    let squares: f32 = steps.iter().map(|step| pixels(*step).length_squared()).sum();
+    squares <= 2.0 * MAX_PIXELS * MAX_PIXELS * determinant * determinant && determinant > 0.0
 }
 
 #[cfg(test)]
@@ -102,7 +126,15 @@ mod tests {
             .iter()
             .flatten()
             .filter(|hit| receives(hit.object))
-            .map(|&hit| EndPoint { hit, receives: true, view: Vec3::Y, spacing: f32::INFINITY, blur: 0.0 })
+            .map(|&hit| EndPoint {
+                hit,
+                receives: true,
+                view: Vec3::Y,
+                pixel: 0,
+                key: 0,
+                steps: [Vec3::X, Vec3::Z],
+                blur: 0.0,
+            })
             .collect();
         let found = Reprojection::new(&rays, &seen, receives);
         let light = |k: usize| found.light(k, |index| rays.hits[index].unwrap().position);

@@ -1,8 +1,9 @@
 //! Shadows of the environment: which part of the irradiance on surfaces is not occluded.
 //!
 //! All points share one set of directions towards the light, so that neighbouring points differ smoothly and without noise. A
-//! few points of a group trace all of their shadow rays. Where these agree, the others trace only some, to check that
-//! nothing smaller than the group throws a shadow between them; if it does, the group is divided.
+//! few points of a group trace all of their shadow rays. Directions in which they agree are settled for the whole group, and the
+//! others trace only some of them, to check that nothing smaller than the group throws a shadow between its points. Then the
+//! group is divided, and the same is done with the directions that are left.
 
 use std::f32::consts::{PI, TAU};
 
@@ -21,9 +22,12 @@ const EVEN: usize = 256;
 /// Scrambles the sequences of directions.
 const SEEDS: [u32; 2] = [0x9E37_79B9, 0x85EB_CA6B];
 /// Points of a group that trace all of their shadow rays.
-const REPRESENTATIVES: usize = 9;
-/// Shadow rays that each of the others traces even where the representatives agree.
-const CHECKS: usize = 8;
+const REPRESENTATIVES: usize = 16;
+/// Shadow rays that each of the others traces even where the representatives agree, each time that its group is divided.
+const CHECKS: usize = 4;
+
+/// Cosine of the angle around a direction within which a finding is not trusted, if a check says otherwise.
+const REFUTED_COSINE: f32 = 0.97;
 
 /// A direction towards the environment.
 #[derive(Clone, Copy, Debug)]
@@ -61,38 +65,46 @@ impl<'a> Shadows<'a> {
     /// The part of the irradiance that is not occluded, per channel, at points that are close to each other.
     pub fn unoccluded_fractions(&self, points: &[&Hit]) -> Vec<Vec3> {
         let mut fractions = vec![Vec3::ONE; points.len()];
-        let mut groups = vec![(0..points.len()).collect::<Vec<_>>()];
-        while let Some(group) = groups.pop() {
-            let own: Vec<&Hit> = group.iter().map(|&index| points[index]).collect();
-            match self.shared_findings(&own) {
-                Some(findings) => {
-                    let found = own.iter().map(|point| self.fraction(point, &findings));
-                    group.iter().zip(found).for_each(|(&index, fraction)| fractions[index] = fraction);
-                }
-                None => groups.extend(halves(points, group)),
+        let mut groups =
+            vec![Group { members: (0..points.len()).collect(), findings: vec![None; self.directions.len()] }];
+        while let Some(mut group) = groups.pop() {
+            let own: Vec<&Hit> = group.members.iter().map(|&index| points[index]).collect();
+            if own.len() > REPRESENTATIVES {
+                self.settle(&own, &mut group.findings);
+            }
+            if own.len() <= REPRESENTATIVES || group.findings.iter().all(Option::is_some) {
+                let found = own.iter().map(|point| self.fraction(point, &group.findings));
+                group.members.iter().zip(found).for_each(|(&index, fraction)| fractions[index] = fraction);
+            } else {
+                groups.extend(group.quarters(points));
             }
         }
         fractions
     }
 
-    /// Whether each direction is blocked for all points of a group; `None` where they differ. Nothing at all if the
-    /// representatives do not represent the others.
-    fn shared_findings(&self, points: &[&Hit]) -> Option<Vec<Option<bool>>> {
-        if points.len() <= REPRESENTATIVES {
-            return Some(vec![None; self.directions.len()]);
-        }
+    /// Finds out in which of the directions that are not settled yet all points of a group see the same. Directions around those
+    /// for which a check says that the representatives do not represent the others stay open.
+    fn settle(&self, points: &[&Hit], findings: &mut [Option<bool>]) {
         let representatives = spread(points);
-        let findings: Vec<_> = self.directions.iter().map(|light| self.agreed(&representatives, light)).collect();
-        let is_right = |(k, point): (usize, &&Hit)| {
-            (0..CHECKS).map(|check| (check * findings.len() / CHECKS + 7 * k) % findings.len()).all(|index| {
+        let open: Vec<usize> = (0..findings.len()).filter(|&index| findings[index].is_none()).collect();
+        let agreed = |&index: &usize| Some((index, self.agreed(&representatives, &self.directions[index])?));
+        let settled: Vec<(usize, bool)> = open.iter().filter_map(agreed).collect();
+        let mut refuted: Vec<Vec3> = Vec::new();
+        for (k, point) in points.iter().enumerate() {
+            for check in 0..CHECKS.min(settled.len()) {
+                let (index, agreed) = settled[(check * settled.len() / CHECKS + 7 * k) % settled.len()];
                 let direction = self.directions[index].direction;
-                match findings[index] {
-                    Some(agreed) if faces(point, direction) => self.is_blocked(point, direction) == agreed,
-                    _ => true,
+                if faces(point, direction) && self.is_blocked(point, direction) != agreed {
+                    refuted.push(direction);
                 }
-            })
-        };
-        points.iter().enumerate().all(is_right).then_some(findings)
+            }
+        }
+        for (index, agreed) in settled {
+            let direction = self.directions[index].direction;
+            if refuted.iter().all(|other| other.dot(direction) < REFUTED_COSINE) {
+                findings[index] = Some(agreed);
+            }
+        }
     }
 
     /// What shadow rays from the points that face a direction find, if all find the same.
@@ -105,6 +117,9 @@ impl<'a> Shadows<'a> {
 
     /// The part of the irradiance that arrives at a point; shadow rays are traced where nothing is known.
     fn fraction(&self, point: &Hit, findings: &[Option<bool>]) -> Vec3 {
+        if findings.iter().all(|finding| *finding == Some(false)) {
+            return Vec3::ONE;
+        }
         let (mut arriving, mut all) = (Vec3::ZERO, Vec3::ZERO);
         for (light, finding) in self.directions.iter().zip(findings) {
             let cosine = light.direction.dot(point.normal);
@@ -154,14 +169,30 @@ fn spread<'h>(points: &[&'h Hit]) -> Vec<&'h Hit> {
     chosen
 }
 
-/// A group, given by indices of points, cut in two across its longest extent.
-fn halves(points: &[&Hit], mut group: Vec<usize>) -> [Vec<usize>; 2] {
-    let positions = || group.iter().map(|&index| points[index].position);
+/// Points whose shadows are found together.
+struct Group {
+    /// Indices of the points.
+    members: Vec<usize>,
+    /// For each direction: whether it is blocked for all points; `None` where they differ, or nothing is known.
+    findings: Vec<Option<bool>>,
+}
+
+impl Group {
+    fn quarters(self, points: &[&Hit]) -> impl Iterator<Item = Self> {
+        let halves = halves(points, self.members).map(|half| halves(points, half));
+        let findings = self.findings;
+        halves.into_iter().flatten().map(move |members| Self { members, findings: findings.clone() })
+    }
+}
+
+/// Indices of points cut in two across the points' longest extent.
+fn halves(points: &[&Hit], mut members: Vec<usize>) -> [Vec<usize>; 2] {
+    let positions = || members.iter().map(|&index| points[index].position);
     let (low, high) = (positions().fold(Vec3::INFINITY, Vec3::min), positions().fold(Vec3::NEG_INFINITY, Vec3::max));
     let axis = (high - low).max_position();
-    group.sort_by(|&a, &b| points[a].position[axis].total_cmp(&points[b].position[axis]));
-    let second = group.split_off(group.len() / 2);
-    [group, second]
+    members.sort_by(|&a, &b| points[a].position[axis].total_cmp(&points[b].position[axis]));
+    let second = members.split_off(members.len() / 2);
+    [members, second]
 }
 
 #[cfg(test)]

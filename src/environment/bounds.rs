@@ -6,7 +6,7 @@
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
-use super::MIP_STEP;
+use super::FIRST_BOUNDED_MIP;
 use super::cube::{CubeMap, FACES, face_of_direction, fill_borders, fill_rows, padded_len, rows};
 
 /// What is known of the radiance from a set of directions, W/(m²·sr).
@@ -21,7 +21,7 @@ pub struct Bound {
 /// Bounds of a cube map's radiance, and of the radiance of its mips.
 #[derive(Clone, Debug)]
 pub struct LightBounds {
-    /// By mip, in steps of [`MIP_STEP`], then from the level with as many texels as the mip to that with one.
+    /// Of the light itself and of its mips from [`FIRST_BOUNDED_MIP`] on, then from the level with as many texels as the mip to that with one.
     pyramids: Vec<Vec<Level>>,
     texels: Vec<Bound>,
     everywhere: Bound,
@@ -53,6 +53,11 @@ impl Extremes {
     }
 }
 
+/// The mip that a pyramid bounds.
+pub(crate) fn mip_of_pyramid(pyramid: u32) -> u32 {
+    if pyramid == 0 { 0 } else { pyramid + FIRST_BOUNDED_MIP - 1 }
+}
+
 impl LightBounds {
     /// Bounds of a cube map.
     pub fn new(cube: &CubeMap) -> Self {
@@ -69,7 +74,7 @@ impl LightBounds {
         let first_mip = cube.size().ilog2() - size.ilog2();
         let mut bounds = Self { pyramids: Vec::new(), texels: Vec::new(), everywhere: Bound::default() };
         bounds.everywhere = bounds.add_pyramid(level, size).bound();
-        for mip in (first_mip + MIP_STEP..cube.level_count()).step_by(MIP_STEP as usize) {
+        for mip in first_mip + FIRST_BOUNDED_MIP..cube.level_count() {
             bounds.add_pyramid(extremes_of(cube, mip), cube.size() >> mip);
         }
         bounds
@@ -110,8 +115,8 @@ impl LightBounds {
         if texels < 1.0 {
             return 0;
         }
-        let exponent = (texels.to_bits() >> 23) as usize - 127;
-        (exponent / MIP_STEP as usize).min(self.pyramids.len() - 1)
+        let exponent = (texels.to_bits() >> 23) - 127;
+        ((exponent + 1).saturating_sub(FIRST_BOUNDED_MIP) as usize).min(self.pyramids.len() - 1)
     }
 
     /// Bounds of what look-ups find within `radius` radians of a direction of any length, if none of them is narrower than `blur`
@@ -134,7 +139,7 @@ impl LightBounds {
     /// Width of the texels of a pyramid's finest level, texels of the finest one of all.
     #[inline]
     pub(crate) fn texel_width(pyramid: usize) -> f32 {
-        (1u32 << (MIP_STEP as usize * pyramid)) as f32
+        (1u32 << mip_of_pyramid(pyramid as u32)) as f32
     }
 
     /// Half a face's edge, texels of the finest level.
@@ -148,7 +153,8 @@ impl LightBounds {
     pub(crate) fn at(&self, face: usize, st: Vec2, reach: f32, pyramid: usize) -> Bound {
         // ⌈log₂ reach⌉ of what is 1 at least.
         let level = (((0.999_999 * reach).to_bits() >> 23) as usize).saturating_sub(126);
-        let Some(&Level { offset, size }) = self.pyramids[pyramid].get(level - MIP_STEP as usize * pyramid) else {
+        let Some(&Level { offset, size }) = self.pyramids[pyramid].get(level - mip_of_pyramid(pyramid as u32) as usize)
+        else {
             // What is wider than half the sphere, and NaN.
             return self.everywhere;
         };

@@ -23,6 +23,14 @@ enum Kind {
     Constant(Vec3),
 }
 
+/// Face size up to which cube maps are finer than what they are made from.
+const MAX_FINER_SIZE: u32 = 1024;
+
+/// A face size times a factor, as far as that is not too large.
+fn finer(size: u32, factor: u32) -> u32 {
+    size.max((factor * size).min(MAX_FINER_SIZE))
+}
+
 impl Kind {
     /// The least and the largest radiance of a channel.
     fn range(&self) -> [f32; 2] {
@@ -130,13 +138,14 @@ impl EnvironmentRadiance {
         }
     }
 
-    /// The cube map's face size that keeps the light's detail: a quarter of a map's width; a texel of at most σ/2 for
-    /// a spot; at least 256. A power of two.
+    /// The cube map's face size that keeps the light's detail: a quarter of a map's width, and a texel of at most σ/2 for a spot. If
+    /// that is coarse, four or two times as much, as interpolation between texels blurs suns and spots. At least 256. A power of
+    /// two.
     pub fn cube_size(&self) -> u32 {
         let wanted = match &self.kind {
-            Kind::Map(layout) => layout.texels_per_quarter() as u32,
+            Kind::Map(layout) => finer(layout.texels_per_quarter() as u32, 4),
             // A face spans [−1, 1]: 2/size radians a texel at its centre.
-            Kind::Spot { sigma_rad, .. } => (4.0 / sigma_rad).ceil() as u32,
+            Kind::Spot { sigma_rad, .. } => finer((4.0 / sigma_rad).ceil() as u32, 2),
             Kind::Constant(_) => 0,
         };
         wanted.max(256).next_power_of_two()

@@ -12,12 +12,12 @@ mod importance;
 mod irradiance;
 mod layout;
 
-/// Mips between those whose bounds are kept.
-pub(crate) const MIP_STEP: u32 = 2;
+/// The first mip whose bounds are kept beside those of the light itself; those of all coarser ones are, too.
+pub(crate) const FIRST_BOUNDED_MIP: u32 = 2;
 
-#[cfg(feature = "gpu")]
-pub(crate) use bounds::FINEST_BOUNDS;
 pub use bounds::{Bound, LightBounds};
+#[cfg(feature = "gpu")]
+pub(crate) use bounds::{FINEST_BOUNDS, mip_of_pyramid};
 pub(crate) use builtin::built_in_map;
 pub use builtin::{BUILT_IN_MAPS, BuiltInMap};
 pub use cube::{CubeMap, FACES, face_direction, face_of_direction, texel_solid_angle_sr};

@@ -34,6 +34,46 @@ pub fn mrse(estimate: &Image, reference: &Image, mask: Option<&[bool]>) -> f64 {
     sum / count
 }
 
+/// The indices of pixels that stand out: the mean of their channels differs from the median of the 3×3 pixels around them by more than the
+/// reference does at any of these pixels, and by `threshold` times the median plus the mean of the reference. Pixels at the
+/// pictures' edges are left out; pictures of different sizes have none.
+///
+/// ```
+/// use pinspot::glam::Vec3;
+/// use pinspot::image::{Image, speckles};
+///
+/// let reference = Image::new(9, 9).map(|_| Vec3::ONE);
+/// let mut estimate = reference.clone();
+/// estimate.pixels[40] = Vec3::splat(1.5);
+/// assert_eq!(speckles(&estimate, &reference, 0.2), [40]);
+/// ```
+pub fn speckles(estimate: &Image, reference: &Image, threshold: f32) -> Vec<usize> {
+    let (width, height) = (reference.width as usize, reference.height as usize);
+    if (estimate.width, estimate.height) != (reference.width, reference.height) {
+        return Vec::new();
+    }
+    let grey = |image: &Image| image.pixels.iter().map(|p| p.element_sum() / 3.0).collect::<Vec<f32>>();
+    let [estimate, reference] = [estimate, reference].map(grey);
+    let around = |k: usize| [k - width, k, k + width].map(|row| [row - 1, row, row + 1]).concat();
+    let inner: Vec<usize> =
+        (width..width * height.saturating_sub(1)).filter(|k| k % width > 0 && k % width + 1 < width).collect();
+    let deviation = |picture: &[f32], k: usize| {
+        let mut values: Vec<f32> = around(k).into_iter().map(|other| picture[other]).collect();
+        values.sort_by(f32::total_cmp);
+        ((picture[k] - values[4]).abs(), values[4])
+    };
+    let mut of_reference = vec![(0.0, 0.0); reference.len()];
+    for &k in &inner {
+        of_reference[k] = deviation(&reference, k);
+    }
+    let mean = reference.iter().sum::<f32>() / reference.len().max(1) as f32;
+    let stands_out = |&k: &usize| {
+        let allowed = around(k).into_iter().map(|other| of_reference[other].0).fold(0.0, f32::max);
+        deviation(&estimate, k).0 > allowed + threshold * (of_reference[k].1 + mean)
+    };
+    inner.into_iter().filter(stands_out).collect()
+}
+
 /// Where sums begin: at nothing, or at NaN for pictures that cannot be compared.
 fn no_error(estimate: &Image, reference: &Image) -> (f64, f64) {
     let is_alike = (estimate.width, estimate.height) == (reference.width, reference.height);

@@ -12,7 +12,7 @@ pub use files::{
     ImageError, png_bytes, read_exr, read_exr_text, read_mask, write_atomically, write_exr, write_exr_with_text,
     write_png,
 };
-pub use metrics::{mrse, rel_l2};
+pub use metrics::{mrse, rel_l2, speckles};
 pub use tone::{display, exposed, metered_ev, srgb8};
 
 use glam::Vec3;

@@ -24,6 +24,7 @@ mod visibility;
 pub use layout::{BATCH_SIZE, CURVE_POINTS, GatherUniforms, PinholeParts, PinholeSample, Pinholes, ReflectanceCurve};
 pub use receivers::{NO_RECEIVER, ReceiverLayout, Receivers, ViewDirections};
 pub use tree::PinholeTree;
+use visibility::Edges;
 pub use visibility::VisibilityMaps;
 
 use glam::{Vec2, Vec3};
@@ -174,7 +175,7 @@ impl Pinholes {
     /// Traces a visibility map for every sample, so that occlusion of receivers and of the environment counts. `scene` is the
     /// one that the samples and the tracer were made of.
     pub fn trace_visibility(&mut self, scene: &Scene, tracer: &Tracer) {
-        self.visibility = Some(VisibilityMaps::trace(scene, tracer, &mut self.samples));
+        self.visibility = Some(VisibilityMaps::trace(scene, tracer, &mut self.samples, Edges::Fine));
     }
 }
 

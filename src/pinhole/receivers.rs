@@ -29,7 +29,8 @@ pub struct Receivers {
     pub layout: ReceiverLayout,
     /// World position; `w` is the object's index in the scene, or [`NO_RECEIVER`].
     pub positions: Vec<[f32; 4]>,
-    /// Unit normal on the side that receives; `w` is not used.
+    /// Unit normal on the side that receives; `w` is the error that may be made here beyond the accuracy of a hierarchical sum, W/m²,
+    /// as other light hides it. Sums on GPUs do not use it.
     pub normals: Vec<[f32; 4]>,
     /// `None`: the gather computes irradiance. Otherwise it computes the radiance reflected towards the viewer.
     pub view_directions: Option<ViewDirections>,
@@ -82,6 +83,11 @@ impl Receivers {
     pub fn set(&mut self, index: usize, position: Vec3, normal: Vec3, object: u32) {
         self.positions[index] = position.extend(object as f32).to_array();
         self.normals[index] = normal.extend(0.0).to_array();
+    }
+
+    /// Allows an error, W/m², at the receiver at `index` beyond the accuracy of a hierarchical sum.
+    pub fn tolerate(&mut self, index: usize, error: f32) {
+        self.normals[index][3] = error;
     }
 
     /// The object of the receiver at `index`, if there is a receiver.

@@ -1,11 +1,16 @@
 //! A cell tree with the materials of its mirrors: the input of a hierarchical gather.
 
+use std::sync::Arc;
+
+use glam::Vec3;
+
 use super::cell::Cell;
 use super::constants::LOBE_BLUR;
-use super::{Mirror, Mirrors, PinholeParts, PinholeSample, Pinholes};
+use super::visibility::Edges;
+use super::{Mirror, Mirrors, PinholeParts, PinholeSample, Pinholes, VisibilityMaps};
 use crate::cell_tree::{CellNode, CellTree, NodeGeometry};
-use crate::scene::Scene;
-use crate::tracing::Tracer;
+use crate::scene::{Object, Scene, Sides};
+use crate::tracing::{Piece, Tracer};
 
 /// The hierarchy of samples.
 #[derive(Clone, Debug)]
@@ -14,12 +19,33 @@ pub struct PinholeTree {
     mirrors: Mirrors,
     /// The sample nodes, with their visibility maps, which all cells below them share.
     pub(super) sample_nodes: Pinholes,
+    /// What may occlude, if the doubts of the visibility maps are traced.
+    pub(super) occluders: Option<Occluders>,
+}
+
+/// The scene as cells see it.
+#[derive(Clone, Debug)]
+pub(super) struct Occluders {
+    tracer: Arc<Tracer>,
+    /// By object: whether its reflecting side, or that of both which is the front's, is the one that the mesh's normals point to.
+    faces_front: Vec<bool>,
+}
+
+impl Occluders {
+    /// Whether the middle of a cell, on its front or behind, sees nothing in a unit direction up to a distance in metres.
+    pub fn is_open(&self, cell: &PinholeParts, is_behind: bool, direction: Vec3, distance: f32) -> bool {
+        let extent = cell.sides[0].length().max(cell.sides[1].length());
+        let front = self.faces_front[cell.object as usize] != is_behind;
+        let piece = Piece { position: cell.position, object: cell.object, front, extent };
+        self.tracer.is_open(&piece, direction, distance)
+    }
 }
 
 impl PinholeTree {
     /// Combines a tree's cells with the materials of their objects. `scene` is the one that the tree was made of.
     pub fn new(scene: &Scene, tree: CellTree) -> Self {
-        let mut new = Self { tree, mirrors: Mirrors::of_scene(scene), sample_nodes: Pinholes::default() };
+        let mut new =
+            Self { tree, mirrors: Mirrors::of_scene(scene), sample_nodes: Pinholes::default(), occluders: None };
         let samples = new.tree.sample_nodes().iter().map(|&index| new.packed(new.tree.node(index))).collect();
         new.sample_nodes = Pinholes { samples, curves: new.mirrors.curves.clone(), visibility: None };
         new
@@ -29,6 +55,14 @@ impl PinholeTree {
     /// were made of.
     pub fn trace_visibility(&mut self, scene: &Scene, tracer: &Tracer) {
         self.sample_nodes.trace_visibility(scene, tracer);
+    }
+
+    /// The same for gathers on the CPU, which then trace rays where the maps are in doubt.
+    pub fn trace_visibility_and_doubts(&mut self, scene: &Scene, tracer: Arc<Tracer>) {
+        let nodes = &mut self.sample_nodes;
+        nodes.visibility = Some(VisibilityMaps::trace(scene, &tracer, &mut nodes.samples, Edges::Traced));
+        let faces_front = |object: &Object| object.reflector.is_none_or(|r| r.sides != Sides::Back);
+        self.occluders = Some(Occluders { tracer, faces_front: scene.objects.iter().map(faces_front).collect() });
     }
 
     /// The cells.

@@ -28,6 +28,38 @@ pub struct VisibilityMaps {
     /// A word for each row of each map: bit i is set where texel i sees the environment. The transition towards the next texel
     /// follows the edges in `planes`.
     pub sky_mask: Vec<u32>,
+    /// By texel: where only a ray can tell whether a point is occluded.
+    pub doubts: Vec<Doubt>,
+}
+
+/// Where the plane of a texel says too little: a curved surface lies partly in front of it, partly behind it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Doubt {
+    /// The m·l from which the surface may occlude a point.
+    pub from: f32,
+    /// The square of the distance from which it may, m²: a curved surface turns away from its plane.
+    pub from_distance_2: f32,
+    /// The object that was hit; points on it are not in doubt.
+    pub object: u32,
+}
+
+/// How exactly maps tell where between texels what is hit changes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Edges {
+    /// As exactly as they store it.
+    Fine,
+    /// Roughly, as rays are traced there.
+    Traced,
+}
+
+impl Edges {
+    /// Bisections of the way between texels that see different things.
+    fn bisections(self) -> u32 {
+        match self {
+            Self::Fine => 4,
+            Self::Traced => 2,
+        }
+    }
 }
 
 /// Texels of all maps together: 128 MiB, which every WebGPU device can bind.
@@ -45,7 +77,7 @@ pub(super) fn frame(n: Vec3) -> [Vec3; 2] {
 
 impl VisibilityMaps {
     /// Traces the maps of all samples and stores in each sample the index of its map. Two-sided samples get two, the back's second.
-    pub fn trace(scene: &Scene, tracer: &Tracer, samples: &mut [PinholeSample]) -> Self {
+    pub(super) fn trace(scene: &Scene, tracer: &Tracer, samples: &mut [PinholeSample], edges: Edges) -> Self {
         let mut count = 0;
         for sample in samples.iter_mut() {
             sample.set_map(count, texel_jitter(count));
@@ -53,12 +85,12 @@ impl VisibilityMaps {
         }
         let resolution = resolution_of(count as usize);
         let hemispheres: Vec<Hemisphere> = samples.iter().flat_map(|s| Hemisphere::of_sample(scene, s)).collect();
-        let traced: Vec<(Vec<[f32; 4]>, Vec<u32>)> =
-            hemispheres.par_iter().map(|h| h.trace(tracer, resolution)).collect();
+        let traced: Vec<TracedMap> = hemispheres.par_iter().map(|h| h.trace(tracer, resolution, edges)).collect();
         let mut maps = Self { resolution, ..Self::default() };
-        for (planes, sky_mask) in traced {
+        for TracedMap { planes, sky_mask, doubts } in traced {
             maps.planes.extend(planes);
             maps.sky_mask.extend(sky_mask);
+            maps.doubts.extend(doubts);
         }
         maps
     }
@@ -74,6 +106,27 @@ fn resolution_of(maps: usize) -> u32 {
 fn texel_jitter(k: u32) -> Vec2 {
     let part = |step: f64| ((f64::from(k) * step).fract() - 0.5) as f32;
     Vec2::new(part(0.754_877_666_246_692_8), part(0.569_840_290_998_053_2))
+}
+
+impl Doubt {
+    fn new(occluders: &[Option<Occluder>], n: usize, k: usize) -> Self {
+        let [low, high] = depths(occluders, n, k);
+        let is_flat = high - low < BEHIND;
+        // Rounding adds to m·l; no distance is the same throughout a texel.
+        let from_distance_2 = match &occluders[k] {
+            Some(own) if !is_flat => (1.25 * own.point).length_squared(),
+            _ => f32::INFINITY,
+        };
+        let object = occluders[k].as_ref().map_or(u32::MAX, |own| own.object);
+        Self { from: 1.0 + 1.2 * BEHIND + low, from_distance_2, object }
+    }
+}
+
+/// One map; fields as in [`VisibilityMaps`].
+struct TracedMap {
+    planes: Vec<[f32; 4]>,
+    sky_mask: Vec<u32>,
+    doubts: Vec<Doubt>,
 }
 
 /// The half-space above one side of a sample.
@@ -113,17 +166,23 @@ impl Hemisphere {
         if sample.two_sided() { vec![side(false), side(true)] } else { vec![side(false)] }
     }
 
-    fn trace(&self, tracer: &Tracer, resolution: u32) -> (Vec<[f32; 4]>, Vec<u32>) {
+    fn trace(&self, tracer: &Tracer, resolution: u32, edges: Edges) -> TracedMap {
         let n = resolution as usize;
         let occluders: Vec<Option<Occluder>> = (0..n * n).map(|k| self.occluder(tracer, self.place(n, k))).collect();
         let plane = |k: usize| {
             let plane = occluders[k].as_ref().map_or(Vec3::ZERO, |m| m.plane);
-            let edges = [(1, k % n + 1 < n), (n, k / n + 1 < n)]
-                .map(|(step, inside)| if inside { self.edge(tracer, n, &occluders, k, k + step) } else { MIDDLE });
-            plane.extend(with_edges(BEHIND + tolerance(&occluders, n, k), edges)).to_array()
+            let edges = [(1, k % n + 1 < n), (n, k / n + 1 < n)].map(|(step, inside)| {
+                if inside { self.edge(tracer, (n, edges), &occluders, k, k + step) } else { MIDDLE }
+            });
+            plane.extend(with_edges(BEHIND + depths(&occluders, n, k)[1], edges)).to_array()
         };
         let row = |j: usize| (0..n).filter(|i| occluders[j * n + i].is_none()).fold(0, |bits, i| bits | 1 << i);
-        ((0..n * n).map(plane).collect(), (0..n).map(row).collect())
+        let doubt = |k: usize| Doubt::new(&occluders, n, k);
+        TracedMap {
+            planes: (0..n * n).map(plane).collect(),
+            sky_mask: (0..n).map(row).collect(),
+            doubts: (0..n * n).map(doubt).collect(),
+        }
     }
 
     /// Centre of texel k on the map.
@@ -138,13 +197,20 @@ impl Hemisphere {
     }
 
     /// Where between two texels what is hit changes, found by bisection, and how softly.
-    fn edge(&self, tracer: &Tracer, n: usize, occluders: &[Option<Occluder>], from: usize, to: usize) -> u8 {
+    fn edge(
+        &self,
+        tracer: &Tracer,
+        (n, edges): (usize, Edges),
+        occluders: &[Option<Occluder>],
+        from: usize,
+        to: usize,
+    ) -> u8 {
         if same_surface(occluders[from].as_ref(), occluders[to].as_ref()) {
             return MIDDLE;
         }
         let (start, end) = (self.place(n, from), self.place(n, to));
         let (mut low, mut high) = (0.0, 1.0);
-        for _ in 0..BISECTIONS {
+        for _ in 0..edges.bisections() {
             let middle = 0.5 * (low + high);
             let there = self.occluder(tracer, start.lerp(end, middle));
             let is_first =
@@ -178,8 +244,6 @@ const MIN_COSINE: f32 = 1e-3;
 
 /// A receiver is occluded if it lies behind the plane by more than this fraction of the distance.
 const BEHIND: f32 = 0.001;
-/// Bisections of the way between texels that see different things.
-const BISECTIONS: u32 = 4;
 /// An edge halfway, as soft as can be: plain linear interpolation.
 const MIDDLE: u8 = 32 << 2 | 2;
 
@@ -209,18 +273,19 @@ fn mismatch(texel: Option<&Occluder>, hit: Option<&Occluder>) -> f32 {
     }
 }
 
-/// How far behind texel k's plane the same surface lies at the neighbouring texels, relative to the plane's distance.
-fn tolerance(occluders: &[Option<Occluder>], n: usize, k: usize) -> f32 {
-    let Some(own) = &occluders[k] else { return 0.0 };
+/// How far the same surface lies in front of (negative) and behind texel k's plane at the neighbouring texels, relative to the
+/// plane's distance.
+fn depths(occluders: &[Option<Occluder>], n: usize, k: usize) -> [f32; 2] {
+    let Some(own) = &occluders[k] else { return [0.0; 2] };
     let (i, j) = (k % n, k / n);
     let near = |c: usize| c.saturating_sub(1)..=(c + 1).min(n - 1);
     let neighbours =
         near(j).flat_map(|y| near(i).map(move |x| y * n + x)).filter_map(|other| occluders[other].as_ref());
-    let behind = |other: &Occluder| {
+    let depth = |other: &Occluder| {
         let depth = own.plane.dot(other.point) - 1.0;
-        if other.object == own.object && depth <= own.fall_to(other) { depth } else { 0.0 }
+        if other.object == own.object && depth.abs() <= own.fall_to(other) { depth } else { 0.0 }
     };
-    neighbours.map(behind).fold(0.0, f32::max)
+    neighbours.map(depth).fold([0.0; 2], |[low, high], depth| [low.min(depth), high.max(depth)])
 }
 
 /// The direction of a place on a map, both coordinates from 0 to 1; never quite at the horizon.

@@ -57,7 +57,9 @@ fn back_ends_agree() {
         println!("{name:16} {aov:?} {visibility:?}: {error:.1e}, fetches {fetches:.3}");
         // With occlusion only the CPU interpolates within blocks.
         let most = if visibility == Visibility::Full { 1.5 } else { 1.01 };
-        if error > 1e-4 || !(0.99..most).contains(&fetches) {
+        // There, too, only the CPU traces rays where visibility maps are in doubt.
+        let limit = if visibility == Visibility::Full { 0.03 } else { 1e-4 };
+        if error > limit || !(0.99..most).contains(&fetches) {
             failures.push(format!("{name} {aov:?} {visibility:?}: {error:.1e}, fetches {fetches:.3}"));
         }
     }

@@ -318,7 +318,7 @@ impl Gather<'_> {
             Some(maps) => {
                 let map = VisibilityMap::new(maps, packed, pair.dn);
                 let l = receiver.position - splat3(simd, sample.position);
-                let visible = lanes(simd, map.visible_fraction(simd, l, lit));
+                let visible = lanes(simd, map.visible_fraction(simd, l, None, lit).0);
                 let lit = lit & bits(visible.simd_gt(0.0));
                 if lit == 0 {
                     return;

@@ -6,7 +6,7 @@ use super::lanes::{
 use glam::{Vec2, Vec3};
 
 use crate::pinhole::PinholeSample;
-use crate::pinhole::visibility::{VisibilityMaps, frame};
+use crate::pinhole::visibility::{Doubt, VisibilityMaps, frame};
 
 /// What a sample sees of the environment.
 pub(super) trait Occlusion {
@@ -122,8 +122,15 @@ impl<'a> VisibilityMap<'a> {
         ((i[1] + 1 - i[0]) * (j[1] + 1 - j[0]) <= MAX_TEXELS).then_some(MapRegion { i, j })
     }
 
-    /// Coverage of receivers at `l`, metres from the sample, and of the region between them.
-    pub fn receiver_coverage<S: Simd>(&self, simd: S, l: V3<S>, active: u32) -> Coverage {
+    /// Coverage of receivers at `l`, metres from the sample, and of the region between them. `objects` are those that they lie on, if
+    /// it counts where the map is in doubt.
+    pub fn receiver_coverage<S: Simd>(
+        &self,
+        simd: S,
+        l: V3<S>,
+        objects: Option<&[u32; LANES]>,
+        active: u32,
+    ) -> Coverage {
         simd.vectorize(
             #[inline(always)]
             || {
@@ -134,15 +141,23 @@ impl<'a> VisibilityMap<'a> {
                 let Some(region) = self.region(simd, local, active, 0.0) else { return Coverage::Partial };
                 let n = self.maps.resolution as usize;
                 let map = self.map(active.trailing_zeros() as usize) as usize;
+                let l2 = local.dot(local);
                 let mut all = None;
                 for j in region.j[0]..=region.j[1] {
-                    for plane in &self.maps.planes[(map * n + j) * n..][region.i[0]..=region.i[1]] {
+                    let row = (map * n + j) * n;
+                    let texels = row + region.i[0]..row + region.i[1] + 1;
+                    let doubts = &self.maps.doubts[texels.clone()];
+                    for (plane, doubt) in self.maps.planes[texels].iter().zip(doubts) {
                         let [a, b, c, behind] = *plane;
                         let [x, y, z] = local.0;
-                        let seen = bits((x * a + y * b + z * c).simd_le(1.0 + behind)) & active;
-                        let texel = match seen {
-                            0 => Coverage::None,
-                            seen if seen == active => Coverage::Full,
+                        let depth = x * a + y * b + z * c;
+                        let hidden = bits(depth.simd_gt(1.0 + behind)) & active;
+                        let is_in_doubt = depth.simd_gt(doubt.from) | l2.simd_gt(doubt.from_distance_2);
+                        let doubtful = bits(is_in_doubt) & active & !hidden;
+                        let texel = match hidden {
+                            _ if doubtful != 0 && doubt.concerns(objects, doubtful) => return Coverage::Partial,
+                            0 => Coverage::Full,
+                            hidden if hidden == active => Coverage::None,
                             _ => return Coverage::Partial,
                         };
                         if all.is_some_and(|all| all != texel) {
@@ -189,21 +204,52 @@ impl<'a> VisibilityMap<'a> {
         self.map + (self.behind >> lane & 1)
     }
 
-    /// Visible fraction of a receiver at `l`, metres from the sample.
+    /// Visible fraction of receivers at `l`, metres from the sample, and the lanes that are in doubt, where the texels around them
+    /// differ or their planes say too little. `objects` as above.
     #[inline(always)]
-    pub fn visible_fraction<S: Simd>(&self, simd: S, l: V3<S>, active: u32) -> [f32; LANES] {
+    pub fn visible_fraction<S: Simd>(
+        &self,
+        simd: S,
+        l: V3<S>,
+        objects: Option<&[u32; LANES]>,
+        active: u32,
+    ) -> ([f32; LANES], u32) {
+        let mut doubtful = 0;
         let local = self.local(simd, l);
         let place = self.place(local);
-        let [x, y, z] = local.to_arrays();
+        let ([x, y, z], l2) = (local.to_arrays(), local.dot(local).to_array());
         let n = self.maps.resolution as usize;
         let mut seen = [0.0; LANES];
         for lane in set_bits(active) {
             let first = (self.map(lane) as usize * n + place.j[lane] as usize) * n + place.i[lane] as usize;
             let fraction = [place.fraction[0][lane], place.fraction[1][lane]];
             let planes = &self.maps.planes[first..first + n + 2];
-            seen[lane] = visible_fraction(planes, n, [x[lane], y[lane], z[lane]], fraction);
+            let mut is_doubtful = false;
+            let doubts = &self.maps.doubts[first..first + n + 2];
+            let mut in_front = |texel: usize| {
+                let [a, b, c, behind] = planes[texel];
+                let depth = a * x[lane] + b * y[lane] + c * z[lane];
+                let doubt = doubts[texel];
+                let is_in_doubt = depth > doubt.from || l2[lane] > doubt.from_distance_2;
+                is_doubtful |= is_in_doubt && depth <= 1.0 + behind && doubt.concerns(objects, 1 << lane);
+                f32::from(depth <= 1.0 + behind)
+            };
+            let corners = [in_front(0), in_front(1), in_front(n), in_front(n + 1)];
+            seen[lane] = corners[0];
+            if is_doubtful || corners != [corners[0]; 4] {
+                doubtful |= u32::from(objects.is_some()) << lane;
+                seen[lane] = interpolated(planes, n, corners, fraction);
+            }
         }
-        seen
+        (seen, doubtful)
+    }
+}
+
+impl Doubt {
+    /// Whether any of the lanes lies on another object.
+    #[inline(always)]
+    fn concerns(&self, objects: Option<&[u32; LANES]>, active: u32) -> bool {
+        objects.is_some_and(|objects| set_bits(active).any(|lane| objects[lane] != self.object))
     }
 }
 
@@ -212,6 +258,21 @@ impl Occlusion for VisibilityMap<'_> {
 
     #[inline(always)]
     fn sky_fraction<S: Simd>(&self, simd: S, direction: V3<S>, active: u32) -> [f32; LANES] {
+        self.sky_fraction_or(simd, direction, active, |_| None)
+    }
+}
+
+impl VisibilityMap<'_> {
+    /// Fraction of the environment around each direction that is not occluded. Lanes whose texels differ are asked from `exact`
+    /// first.
+    #[inline(always)]
+    pub fn sky_fraction_or<S: Simd>(
+        &self,
+        simd: S,
+        direction: V3<S>,
+        active: u32,
+        exact: impl Fn(usize) -> Option<f32>,
+    ) -> [f32; LANES] {
         let place = self.place(self.local(simd, direction));
         let n = self.maps.resolution;
         let mut fractions = [0.0; LANES];
@@ -222,27 +283,17 @@ impl Occlusion for VisibilityMap<'_> {
             fractions[lane] = match bits {
                 0 => 0.0,
                 15 => 1.0,
-                _ => {
+                _ => exact(lane).unwrap_or_else(|| {
                     let n = n as usize;
                     let first = row * n + place.i[lane] as usize;
                     let fraction = [place.fraction[0][lane], place.fraction[1][lane]];
                     let corners = [0, 1, 2, 3].map(|k| (bits >> k & 1) as f32);
                     interpolated(&self.maps.planes[first..first + n + 2], n, corners, fraction)
-                }
+                }),
             };
         }
         fractions
     }
-}
-
-/// Visible fraction of a receiver, from four texels of rows of `n`.
-#[inline(always)]
-fn visible_fraction(planes: &[[f32; 4]], n: usize, [x, y, z]: [f32; 3], [fx, fy]: [f32; 2]) -> f32 {
-    let in_front = |texel: usize| {
-        let [a, b, c, behind] = planes[texel];
-        f32::from(a * x + b * y + c * z <= 1.0 + behind)
-    };
-    interpolated(planes, n, [in_front(0), in_front(1), in_front(n), in_front(n + 1)], [fx, fy])
 }
 
 /// Interpolates four texels of rows of `n`, each of which stores where its value changes to the next one's.

@@ -129,7 +129,11 @@ impl SampleStages {
         let Some(tracer) = occluder(inputs) else { return bare };
         self.visible_tree.get((Id::of(&bare), Some(tracer)), inputs.progress, || {
             let mut tree = (*bare).clone();
-            tree.trace_visibility(inputs.scene, &inputs.prepared.tracer);
+            if inputs.backend.is_gpu() {
+                tree.trace_visibility(inputs.scene, &inputs.prepared.tracer);
+            } else {
+                tree.trace_visibility_and_doubts(inputs.scene, inputs.prepared.tracer.clone());
+            }
             tree
         })
     }

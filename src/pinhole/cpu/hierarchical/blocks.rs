@@ -29,6 +29,8 @@ pub struct Block {
     pub normal_radius: f32,
     /// What its points are like.
     pub kind: Kind,
+    /// Error that may be made at all of its points beyond the accuracy of the sum, W/m².
+    pub tolerated: f32,
 }
 
 /// What the points of a block are like.
@@ -200,8 +202,10 @@ impl<'a> ReceiverTile<'a> {
         let normal_radius = indices.clone().map(|k| self.normal(k).distance(normal)).fold(0.0, f32::max);
         let object = self.receivers.object(first);
         let of_one_object = indices.clone().all(|k| self.receivers.object(k) == object);
-        let kind = if of_one_object && indices.count() == 16 { Kind::Smooth } else { Kind::Rough };
-        (block(&extent, normal, normal_radius, kind), extent)
+        let kind = if of_one_object && indices.clone().count() == 16 { Kind::Smooth } else { Kind::Rough };
+        let mut block = block(&extent, normal, normal_radius, kind);
+        block.tolerated = indices.map(|k| self.receivers.normals[k][3]).fold(f32::INFINITY, f32::min);
+        (block, extent)
     }
 
     fn block(&self, level: usize, x: usize, y: usize, parts: &[Block; 4], extent: &Extent, weights: &Weights) -> Block {
@@ -211,8 +215,9 @@ impl<'a> ReceiverTile<'a> {
         let normal = extent.normal.try_normalize().unwrap_or(Vec3::Y);
         let farthest = |part: &Block| part.normal.distance(normal) + part.normal_radius;
         let filled = parts.iter().filter(|part| part.kind != Kind::Empty);
-        let normal_radius = filled.map(farthest).fold(0.0, f32::max);
+        let normal_radius = filled.clone().map(farthest).fold(0.0, f32::max);
         let mut block = block(extent, normal, normal_radius, Kind::Rough);
+        block.tolerated = filled.map(|part| part.tolerated).fold(f32::INFINITY, f32::min);
         let all_smooth = parts.iter().all(|part| part.kind == Kind::Smooth);
         if all_smooth && self.is_bicubic(level, x, y, &block, weights) {
             block.kind = Kind::Smooth;
@@ -259,7 +264,7 @@ impl<'a> ReceiverTile<'a> {
 
 fn block(extent: &Extent, normal: Vec3, normal_radius: f32, kind: Kind) -> Block {
     let centre = 0.5 * (extent.low + extent.high);
-    Block { centre, radius: extent.high.distance(centre), normal, normal_radius, kind }
+    Block { centre, radius: extent.high.distance(centre), normal, normal_radius, kind, tolerated: 0.0 }
 }
 
 #[cfg(test)]

@@ -12,7 +12,7 @@ use crate::pinhole::GatherUniforms;
 use crate::pinhole::cell::Cell;
 use crate::pinhole::constants::{
     CONTRAST_ERROR_SCALE, FOOTPRINT_BEND, FOOTPRINT_RADIUS, INTERPOLATION_ERROR_SCALE, MIN_MINOR_SHARE,
-    NEAR_FIELD_SIZES, POINT_SPACING, TAPS_PER_ERROR_BUDGET, WEIGHT_ERROR_SCALE,
+    NEAR_FIELD_SIZES, NEGLIGIBLE_SHARE, PAIR_ERROR_SHARE, POINT_SPACING, TAPS_PER_ERROR_BUDGET, WEIGHT_ERROR_SCALE,
 };
 
 /// What to do with a pair.
@@ -165,6 +165,12 @@ impl BlockPair {
 }
 
 impl RefinementCriterion<'_> {
+    /// Sets the error that is allowed for a point, W/m², in the sum over cells of this area in all, m².
+    pub fn allow(&mut self, error: f32, area: f32) {
+        self.error_budget = PAIR_ERROR_SHARE * error;
+        self.negligible = NEGLIGIBLE_SHARE * error / area;
+    }
+
     /// Taps for a pair whose radiance, weighted, differs by so much within it: the fewer, the coarser they are.
     #[inline(always)]
     pub fn taps<S: Simd>(&self, contribution_range: F<S>) -> F<S> {

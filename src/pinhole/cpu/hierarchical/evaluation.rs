@@ -46,10 +46,24 @@ impl Gather<'_> {
         lit: u32,
         sum: &mut [Vec4; LANES],
     ) {
-        let radiance = match map {
-            Some(map) => self.cell_radiance(simd, cell, map, taps, lit),
-            None => self.cell_radiance(simd, cell, &Unoccluded, taps, lit),
-        };
+        match map {
+            Some(map) => self.add_cell_under(simd, cell, map, taps, lit, sum),
+            None => self.add_cell_under(simd, cell, &Unoccluded, taps, lit, sum),
+        }
+    }
+
+    /// The same under a part of the environment.
+    #[inline(always)]
+    pub fn add_cell_under<S: Simd>(
+        &self,
+        simd: S,
+        cell: &CellAtReceivers<S>,
+        sky: &impl Occlusion,
+        taps: Option<F<S>>,
+        lit: u32,
+        sum: &mut [Vec4; LANES],
+    ) {
+        let radiance = self.cell_radiance(simd, cell, sky, taps, lit);
         self.add(cell.sample, cell.pair, cell.receiver, (cell.weight, &radiance, lit), sum);
     }
 

@@ -4,13 +4,15 @@
 //! A pair is dropped, accepted (evaluated at sixteen points of the block and interpolated between them) or refined on the side
 //! with the larger error. In blocks of 4×4 every receiver refines for itself, all sixteen in lockstep.
 //!
-//! `blocks` knows receivers only; `criterion` bounds the error of a pair; `tile` and `packet` traverse; `evaluation` evaluates.
+//! `blocks` knows receivers only; `criterion` bounds the error of a pair; `tile` and `packet` traverse; `evaluation` evaluates, and
+//! `occlusion` traces what visibility maps leave in doubt.
 
 mod blocks;
 mod cached;
 mod coverage;
 mod criterion;
 mod evaluation;
+mod occlusion;
 mod packet;
 mod tile;
 

@@ -11,21 +11,15 @@ use super::super::visibility::{Coverage, VisibilityMap};
 use super::super::{Receiver, ReceiverCellPair, ReceiverGroup};
 use super::criterion::unevenness;
 use super::evaluation::CellAtReceivers;
-use super::tile::{FULLY_VISIBLE, TileGather, map_towards};
+use super::occlusion::VisibleReceivers;
+use super::tile::{FULLY_VISIBLE, TileGather};
 use crate::environment::LightBounds;
+use crate::pinhole::PinholeParts;
 use crate::pinhole::cell::Cell;
 use crate::pinhole::constants::{
     CENTRAL_VISIBILITY_SHARE, CONTRAST_ERROR_SCALE, FOOTPRINT_BEND, FOOTPRINT_RADIUS, MAX_QUARTERINGS,
     MAX_RELATIVE_SIZE, MIN_DISTANCE_RATIO, WEIGHT_ERROR_SCALE,
 };
-use crate::pinhole::{PinholeParts, PinholeSample, VisibilityMaps};
-
-/// The visible fraction of the receivers, from the map of the sample whose cells are being visited.
-struct VisibleReceivers<S: Simd> {
-    sample_node: u32,
-    fraction: F<S>,
-    lanes: u32,
-}
 
 /// The largest weight of any point of a cell, without reflectance.
 struct MaxWeight<S: Simd> {
@@ -46,27 +40,6 @@ struct ContributionBounds<S: Simd> {
     range: F<S>,
     /// Error of the receivers' BRDFs, relative to `max`.
     gloss_error: F<S>,
-}
-
-impl<S: Simd> VisibleReceivers<S> {
-    /// Before any sample.
-    fn all(simd: S) -> Self {
-        Self { sample_node: u32::MAX, fraction: splat(simd, 1.0), lanes: ALL }
-    }
-
-    #[inline(always)]
-    fn new(simd: S, maps: &VisibilityMaps, samples: &[PinholeSample], sample: u32, receiver: &Receiver<S>) -> Self {
-        let (map, l) = map_towards(simd, maps, &samples[sample as usize], receiver);
-        let (fraction, lanes) = match map.receiver_coverage(simd, l, receiver.occupied()) {
-            Coverage::Full => (splat(simd, 1.0), ALL),
-            Coverage::None => (splat(simd, 0.0), 0),
-            Coverage::Partial => {
-                let fraction = lanes(simd, map.visible_fraction(simd, l, ALL));
-                (fraction, bits(fraction.simd_gt(0.0)))
-            }
-        };
-        Self { sample_node: sample, fraction, lanes }
-    }
 }
 
 impl TileGather<'_> {
@@ -122,13 +95,12 @@ impl TileGather<'_> {
         let mut fraction = splat(simd, 1.0);
         if let Some(maps) = maps.filter(|_| accepted != 0 || !is_cluster) {
             if !is_known {
-                let samples = &pinholes.sample_nodes.samples;
-                *visible = VisibleReceivers::new(simd, maps, samples, cell.sample_node, receiver);
+                let sample = (&*pinholes.sample_nodes.samples, cell.sample_node);
+                *visible = VisibleReceivers::new(simd, maps, sample, receiver, self.doubted(receiver));
             }
-            fraction = visible.fraction;
-            accepted &= visible.lanes;
-            // Of a cluster, other samples may see what its central one does not.
-            refined &= if is_cluster { ALL } else { visible.lanes };
+            let lanes = [accepted, refined];
+            ([accepted, refined], fraction) =
+                self.seen_lanes(simd, (cell, is_cluster), (&pair, receiver), bounds.max, visible, lanes);
         }
         if cell.is_leaf() {
             let near = self.near_lanes(simd, &bounds, accepted);
@@ -147,9 +119,40 @@ impl TileGather<'_> {
             let map = self.sky_map(cell, pair.dn);
             let weight = weight * fraction;
             let cell = CellAtReceivers { sample: &cell.sample, receiver, pair: &pair, footprint: &footprint, weight };
-            self.add_accepted(simd, &cell, map, bounds.range, lit, sum);
+            self.add_accepted(simd, &cell, map, &bounds, lit, sum);
         }
         refined
+    }
+
+    /// Of the lanes that a cell is accepted and refined for, those in which it is seen, and the fractions of it that are.
+    #[inline(always)]
+    fn seen_lanes<S: Simd>(
+        &self,
+        simd: S,
+        (cell, is_cluster): (&Cell, bool),
+        (pair, receiver): (&ReceiverCellPair<S>, &Receiver<S>),
+        max_contribution: F<S>,
+        visible: &mut VisibleReceivers<S>,
+        [mut accepted, mut refined]: [u32; 2],
+    ) -> ([u32; 2], F<S>) {
+        let large = bits(max_contribution.simd_ge(splat(simd, self.criterion.error_budget)));
+        if !cell.is_leaf() && !is_cluster {
+            let which = (accepted | refined) & large & visible.doubtful;
+            if which != 0 {
+                self.probe(simd, visible, receiver, which);
+            }
+        }
+        accepted &= visible.lanes;
+        // Of a cluster, other samples may see what its central one does not.
+        refined &= if is_cluster { ALL } else { visible.lanes };
+        if !cell.is_leaf() {
+            // What is large and in doubt is taken leaf by leaf.
+            let in_parts = accepted & visible.doubtful & large;
+            (accepted, refined) = (accepted & !in_parts, refined | in_parts);
+        }
+        let found = (visible.fraction, accepted & visible.doubtful);
+        let fraction = self.visible_fraction(simd, &cell.sample, pair, found, max_contribution);
+        ([accepted & bits(fraction.simd_gt(0.0)), refined], fraction)
     }
 
     /// The map of what a cell sees, if there are maps; `dn` as in [`VisibilityMap::new`].
@@ -255,11 +258,12 @@ impl TileGather<'_> {
         simd: S,
         cell: &CellAtReceivers<S>,
         mut map: Option<VisibilityMap>,
-        contribution_range: F<S>,
+        bounds: &ContributionBounds<S>,
         lit: u32,
         sum: &mut [Vec4; LANES],
     ) {
         let gather = &self.context.gather;
+        let contribution_range = bounds.range;
         if let Some(sky) = &map {
             match sky.sky_coverage(simd, cell.pair.r, cell.footprint.max_radius(), lit) {
                 Coverage::Full => map = None,
@@ -269,9 +273,14 @@ impl TileGather<'_> {
         }
         let uneven = lit & bits(contribution_range.simd_ge(self.criterion.error_budget));
         let taps = self.criterion.taps(contribution_range);
+        let by_rays = map.as_ref().and_then(|map| self.traced_sky(simd, cell, map, bounds.max));
         for (lit, taps) in [(lit & !uneven, None), (uneven, Some(taps))] {
-            if lit != 0 {
-                gather.add_cell(simd, cell, map.as_ref(), taps, lit, sum);
+            let traced = by_rays.as_ref().map_or(0, |(_, traced)| lit & traced);
+            if let Some((sky, _)) = by_rays.as_ref().filter(|_| traced != 0) {
+                gather.add_cell_under(simd, cell, sky, taps, traced, sum);
+            }
+            if lit & !traced != 0 {
+                gather.add_cell(simd, cell, map.as_ref(), taps, lit & !traced, sum);
             }
         }
     }

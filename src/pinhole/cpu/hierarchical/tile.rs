@@ -5,15 +5,13 @@ use glam::Vec4;
 use super::super::lanes::{LANES, Simd, SimdBase, V3, bits, lanes, splat, splat3};
 use super::super::visibility::{Coverage, VisibilityMap};
 use super::super::{Receiver, ReceiverCellPair, ReceiverGroup, load_at};
-use super::blocks::{BlockPyramid, EDGES, FINEST, Kind, ReceiverTile, points_along};
+use super::blocks::{Block, BlockPyramid, EDGES, FINEST, Kind, ReceiverTile, points_along};
 use super::coverage::CoverageCache;
 use super::criterion::{Accepted, Decision, RefinementCriterion};
 use super::evaluation::CellAtReceivers;
 use super::{Accuracy, TraversalContext};
 use crate::pinhole::cell::Cell;
-use crate::pinhole::constants::{
-    CENTRAL_VISIBILITY_SHARE, INTERPOLATION_POINTS, NEGLIGIBLE_SHARE, PAIR_ERROR_SHARE, PARTIAL_VISIBILITY_SHARE,
-};
+use crate::pinhole::constants::{CENTRAL_VISIBILITY_SHARE, INTERPOLATION_POINTS, PARTIAL_VISIBILITY_SHARE};
 use crate::pinhole::receivers::TILE;
 use crate::pinhole::{PinholeSample, VisibilityMaps};
 
@@ -59,8 +57,8 @@ impl<'a> TileGather<'a> {
         let criterion = RefinementCriterion {
             uniforms: &context.gather.uniforms,
             light: context.bounds,
-            error_budget: PAIR_ERROR_SHARE * accuracy.error,
-            negligible: NEGLIGIBLE_SHARE * accuracy.error / context.pinholes.tree.area(),
+            error_budget: 0.0,
+            negligible: 0.0,
             texel_rad: context.gather.environment.texel_rad(),
             map_texel_rad: context.gather.map_texel_rad(),
             has_view_directions: receivers.receivers().view_directions.is_some(),
@@ -100,10 +98,11 @@ impl<'a> TileGather<'a> {
 
     #[inline(always)]
     fn block_in_lanes<S: Simd>(&mut self, simd: S, place: BlockPlace, cells: &[u32]) {
-        let kind = self.blocks.block(place.level, place.x, place.y).kind;
+        let Block { kind, tolerated, .. } = *self.blocks.block(place.level, place.x, place.y);
         if kind == Kind::Empty || cells.is_empty() {
             return;
         }
+        self.criterion.allow(self.accuracy.error + tolerated, self.context.pinholes.tree.area());
         let points = self.points(place);
         let mut sum = [Vec4::ZERO; LANES];
         if place.level == FINEST {
@@ -213,7 +212,7 @@ impl<'a> TileGather<'a> {
         let Some(maps) = &pinholes.visibility else { return Coverage::Full };
         let receiver = points.in_lanes(simd);
         let (map, l) = map_towards(simd, maps, &pinholes.samples[sample_node as usize], &receiver);
-        let coverage = map.receiver_coverage(simd, l, receiver.occupied());
+        let coverage = map.receiver_coverage(simd, l, self.doubted(&receiver), receiver.occupied());
         self.coverage.keep(place.level, sample_node, coverage);
         coverage
     }
@@ -247,7 +246,9 @@ impl<'a> TileGather<'a> {
                     return false;
                 }
                 let (map, l) = map_towards(simd, maps, node, &receiver);
-                let fraction = lanes(simd, map.visible_fraction(simd, l, lit));
+                let (fraction, doubtful) = map.visible_fraction(simd, l, self.doubted(&receiver), lit);
+                let max = splat(simd, accepted.max_contribution);
+                let fraction = self.visible_fraction(simd, sample, &pair, (lanes(simd, fraction), doubtful), max);
                 weight *= fraction;
                 lit &= bits(fraction.simd_gt(0.0));
                 if lit == 0 {

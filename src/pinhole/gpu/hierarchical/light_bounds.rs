@@ -6,7 +6,7 @@ use super::super::shaders::LIGHT_BOUNDS;
 use super::layout::BOUNDS_WORKGROUP_EDGE;
 use super::pipelines::{compute_pipeline, entry, writable};
 use super::{DYNAMIC_OFFSET, uniform_buffer};
-use crate::environment::{Bound, FACES, FINEST_BOUNDS, LightBounds, MIP_STEP};
+use crate::environment::{Bound, FACES, FINEST_BOUNDS, FIRST_BOUNDED_MIP, LightBounds, mip_of_pyramid};
 use crate::gpu::GpuError;
 
 /// Bounds of an environment's radiance and of that of its mips, as textures: each texel holds the maximum and the
@@ -15,7 +15,7 @@ use crate::gpu::GpuError;
 pub struct LightBoundsTexture {
     /// Six layers with all mips.
     pub(super) light: BoundsTexture,
-    /// The bounds of the environment's mips, [`MIP_STEP`] apart: six layers each. The finest level has as many texels as the first
+    /// The bounds of the environment's mips from [`FIRST_BOUNDED_MIP`] on: six layers each. The finest level has as many texels as the first
     /// of them.
     pub(super) mips: BoundsTexture,
 }
@@ -31,10 +31,10 @@ impl LightBoundsTexture {
     /// Empty textures for a cube of so many texels along an edge.
     fn new(device: &wgpu::Device, size: u32, usage: wgpu::TextureUsages) -> Self {
         // A cube that has no further mips gets a texture all the same, as a pipeline binds one.
-        let mips = (size.ilog2() / MIP_STEP).max(1);
+        let mips = (size.ilog2() + 1).saturating_sub(FIRST_BOUNDED_MIP).max(1);
         Self {
             light: BoundsTexture::new(device, size, FACES as u32, usage),
-            mips: BoundsTexture::new(device, (size >> MIP_STEP).max(1), FACES as u32 * mips, usage),
+            mips: BoundsTexture::new(device, (size >> FIRST_BOUNDED_MIP).max(1), FACES as u32 * mips, usage),
         }
     }
 
@@ -55,7 +55,7 @@ impl LightBoundsTexture {
     fn place(&self, pyramid: u32) -> (&BoundsTexture, u32, u32) {
         match pyramid {
             0 => (&self.light, 0, 0),
-            _ => (&self.mips, (pyramid - 1) * MIP_STEP, (pyramid - 1) * FACES as u32),
+            _ => (&self.mips, pyramid - 1, (pyramid - 1) * FACES as u32),
         }
     }
 
@@ -205,14 +205,14 @@ struct Level {
 /// The levels of all pyramids of a cube, if the finest one has `finest` texels along an edge.
 fn levels(cube: u32, finest: u32) -> Vec<Level> {
     let of_pyramid = |pyramid: u32| {
-        let size = finest >> (pyramid * MIP_STEP);
+        let size = finest >> mip_of_pyramid(pyramid);
         let (mip, detail) = match pyramid {
             0 => (0, cube / finest),
             _ => ((cube / size).ilog2(), 1),
         };
         (0..=size.ilog2()).map(move |number| Level { pyramid, number, size: size >> number, mip, detail })
     };
-    (0..=finest.ilog2() / MIP_STEP).flat_map(of_pyramid).collect()
+    (0..=(finest.ilog2() + 1).saturating_sub(FIRST_BOUNDED_MIP)).flat_map(of_pyramid).collect()
 }
 
 /// The uniforms of all levels, and how many vectors their extremes take.

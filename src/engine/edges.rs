@@ -1,0 +1,128 @@
+//! Anti-aliasing of caustics: where light differs from one pixel to the next on one surface, several points of the pixel share in it.
+
+use glam::{UVec2, Vec2, Vec3};
+use rayon::prelude::*;
+
+use crate::pinhole::Receivers;
+use crate::stages::CameraRays;
+use crate::tracing::{Hit, Tracer};
+
+/// A pixel is divided if its caustic differs from a neighbour's by more than this part of all light there.
+const MIN_CONTRAST: f32 = 0.1;
+/// Neighbours lie on one surface if the cosine between their normals is this, at least.
+const MIN_NORMAL_COSINE: f32 = 0.9;
+/// Points of a divided pixel, from its centre, in pixels: no two share a row or a column.
+const POINTS: [Vec2; 4] =
+    [Vec2::new(-0.125, -0.375), Vec2::new(0.375, -0.125), Vec2::new(0.125, 0.375), Vec2::new(-0.375, 0.125)];
+/// Length of the rows that points are arranged in.
+const POINTS_IN_A_ROW: u32 = 1024;
+
+/// Pixels that are divided, and their points.
+#[derive(Debug)]
+pub(super) struct DividedPixels {
+    /// Indices of the camera rays, and how many points each has, one after the other.
+    pixels: Vec<(usize, usize)>,
+    points: Vec<Hit>,
+}
+
+impl DividedPixels {
+    /// Finds the pixels, of which the camera has one ray each, whose caustic differs from that of their neighbours beside this direct
+    /// light, and hits the surface in several points of them.
+    pub fn find(tracer: &Tracer, rays: &CameraRays, direct: &[Vec3], caustic: &[[f32; 4]]) -> Self {
+        let of_pixel = |index: usize| {
+            let own = rays.hits[index].as_ref().filter(|_| has_contrast(rays, direct, caustic, index))?;
+            let points = points_of(tracer, rays, index, own);
+            (points.len() == POINTS.len()).then_some((index, points))
+        };
+        let found: Vec<(usize, Vec<Hit>)> = (0..rays.hits.len()).into_par_iter().filter_map(of_pixel).collect();
+        let pixels = found.iter().map(|(index, points)| (*index, points.len())).collect();
+        Self { pixels, points: found.into_iter().flat_map(|(_, points)| points).collect() }
+    }
+
+    /// The points as receivers.
+    pub fn receivers(&self) -> Receivers {
+        let points: Vec<_> = self.points.iter().map(|hit| (hit.position, hit.normal, hit.object)).collect();
+        Receivers::from_points(&points, POINTS_IN_A_ROW)
+    }
+
+    /// The error that may be made at each point beyond the accuracy of the sum.
+    pub fn tolerate(&self, receivers: &mut Receivers, error: impl Fn(usize) -> f32) {
+        let of_points = self.pixels.iter().flat_map(|&(index, count)| std::iter::repeat_n(index, count));
+        of_points.enumerate().for_each(|(place, index)| receivers.tolerate(place, error(index)));
+    }
+
+    /// Replaces the light of the divided pixels by the mean of that of their points. Fetches add up.
+    pub fn average(&self, of_points: &[[f32; 4]], caustic: &mut [[f32; 4]]) {
+        let mut first = 0;
+        for &(index, count) in &self.pixels {
+            let own = &of_points[first..first + count];
+            let fetches = caustic[index][3] + own.iter().map(|sum| sum[3]).sum::<f32>();
+            let mean = own.iter().map(|sum| Vec3::from_slice(sum)).sum::<Vec3>() / count as f32;
+            caustic[index] = mean.extend(fetches).to_array();
+            first += count;
+        }
+    }
+
+    pub fn is_empty(&self) -> bool {
+        self.points.is_empty()
+    }
+}
+
+fn has_contrast(rays: &CameraRays, direct: &[Vec3], caustic: &[[f32; 4]], index: usize) -> bool {
+    let width = rays.width as usize;
+    let x = index % width;
+    let neighbours = [
+        (x > 0).then(|| index - 1),
+        (x + 1 < width).then_some(index + 1),
+        index.checked_sub(width),
+        Some(index + width).filter(|k| *k < rays.hits.len()),
+    ];
+    let own = rays.hits[index].as_ref();
+    let is_same = |other: &Hit| {
+        own.is_some_and(|own| other.object == own.object && other.normal.dot(own.normal) > MIN_NORMAL_COSINE)
+    };
+    let light = |index: usize| Vec3::from_slice(&caustic[index]);
+    let differs = |other: usize| {
+        let all = (direct[index] + light(index)).max(direct[other] + light(other));
+        (light(index) - light(other)).abs().max_element() > MIN_CONTRAST * all.max_element()
+    };
+    neighbours.into_iter().flatten().any(|other| rays.hits[other].as_ref().is_some_and(is_same) && differs(other))
+}
+
+/// Points of a pixel on the surface that its centre shows.
+fn points_of(tracer: &Tracer, rays: &CameraRays, index: usize, own: &Hit) -> Vec<Hit> {
+    let (view, width) = (&rays.view, rays.width as usize);
+    let centre = Vec2::new((index % width) as f32, (index / width + view.first_row as usize) as f32) + 0.5;
+    let size = UVec2::from_array(view.size).as_vec2();
+    let hit = |offset: Vec2| tracer.camera_hit(view.camera.ray(centre + offset, size));
+    POINTS.iter().filter_map(|offset| hit(*offset)).filter(|hit| hit.object == own.object).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::load;
+    use crate::stages::View;
+
+    #[test]
+    fn pixels_at_an_edge_of_light_are_divided() {
+        let scene = load::<toml::Table>("mirror-sphere").unwrap().scene;
+        let tracer = Tracer::new(&scene);
+        let view = View { camera: scene.camera, size: [32, 32], pixel_samples: 1, first_row: 0, rows: 32 };
+        let rays = CameraRays::trace(&tracer, view);
+        let direct = vec![Vec3::ONE; rays.hits.len()];
+        // Light on one side of a column.
+        let caustic: Vec<[f32; 4]> = (0..1024).map(|k| [if k % 32 < 5 { 0.5 } else { 0.0 }; 4]).collect();
+        let divided = DividedPixels::find(&tracer, &rays, &direct, &caustic);
+        assert!(!divided.is_empty());
+        assert!(divided.pixels.iter().all(|(index, count)| [4, 5].contains(&(index % 32)) && *count == POINTS.len()));
+        let half: Vec<[f32; 4]> = (0..divided.points.len()).map(|k| [(k % 2) as f32, 0.0, 0.0, 1.0]).collect();
+        let mut averaged = caustic.clone();
+        divided.average(&half, &mut averaged);
+        let index = divided.pixels[0].0;
+        assert_eq!(averaged[index], [0.5, 0.0, 0.0, caustic[index][3] + 4.0]);
+        // Beside much more light nothing is seen of it.
+        let bright = vec![Vec3::splat(100.0); rays.hits.len()];
+        assert!(DividedPixels::find(&tracer, &rays, &bright, &caustic).is_empty());
+    }
+}
