@@ -106,8 +106,8 @@ pub struct CommonOptions {
     /// hierarchy, else 1]
     #[arg(long, value_name = "N")]
     pub leaves: Option<u32>,
-    /// Allowed error of a hierarchical sum, relative to the caustic's mean irradiance; half as much of the direct light
-    /// is added where the caustic is not a picture of its own [default: 0.01]
+    /// Allowed error of a hierarchical sum, relative to the caustic's mean irradiance; unless the caustic is an output
+    /// of its own, half of it is also allowed relative to the direct light [default: 0.01]
     #[arg(long, value_name = "FRACTION")]
     pub tolerance: Option<f32>,
     /// Samples, leaves, tolerance and points per pixel by one name: draft, normal or final; options given beside it win
