@@ -3,6 +3,7 @@
 use glam::{UVec2, Vec2, Vec3};
 use rayon::prelude::*;
 
+use super::ends::POINTS_IN_A_ROW;
 use crate::pinhole::Receivers;
 use crate::stages::CameraRays;
 use crate::tracing::{Hit, Tracer};
@@ -14,20 +15,19 @@ const MIN_NORMAL_COSINE: f32 = 0.9;
 /// Points of a divided pixel, from its centre, in pixels: no two share a row or a column.
 const POINTS: [Vec2; 4] =
     [Vec2::new(-0.125, -0.375), Vec2::new(0.375, -0.125), Vec2::new(0.125, 0.375), Vec2::new(-0.375, 0.125)];
-/// Length of the rows that points are arranged in.
-const POINTS_IN_A_ROW: u32 = 1024;
 
 /// Pixels that are divided, and their points.
 #[derive(Debug)]
 pub(super) struct DividedPixels {
-    /// Indices of the camera rays, and how many points each has, one after the other.
-    pixels: Vec<(usize, usize)>,
+    /// Indices of the camera rays.
+    pixels: Vec<usize>,
+    /// As many for each pixel as there are [`POINTS`], one pixel after the other.
     points: Vec<Hit>,
 }
 
 impl DividedPixels {
-    /// Finds the pixels, of which the camera has one ray each, whose caustic differs from that of their neighbours beside this direct
-    /// light, and hits the surface in several points of them.
+    /// Finds pixels whose caustic differs from that of their neighbours beside this direct light, and all of whose points lie on one
+    /// surface. The camera has one ray for each pixel.
     pub fn find(tracer: &Tracer, rays: &CameraRays, direct: &[Vec3], caustic: &[[f32; 4]]) -> Self {
         let of_pixel = |index: usize| {
             let own = rays.hits[index].as_ref().filter(|_| has_contrast(rays, direct, caustic, index))?;
@@ -35,7 +35,7 @@ impl DividedPixels {
             (points.len() == POINTS.len()).then_some((index, points))
         };
         let found: Vec<(usize, Vec<Hit>)> = (0..rays.hits.len()).into_par_iter().filter_map(of_pixel).collect();
-        let pixels = found.iter().map(|(index, points)| (*index, points.len())).collect();
+        let pixels = found.iter().map(|(index, _)| *index).collect();
         Self { pixels, points: found.into_iter().flat_map(|(_, points)| points).collect() }
     }
 
@@ -47,19 +47,16 @@ impl DividedPixels {
 
     /// The error that may be made at each point beyond the accuracy of the sum.
     pub fn tolerate(&self, receivers: &mut Receivers, error: impl Fn(usize) -> f32) {
-        let of_points = self.pixels.iter().flat_map(|&(index, count)| std::iter::repeat_n(index, count));
+        let of_points = self.pixels.iter().flat_map(|&index| [index; POINTS.len()]);
         of_points.enumerate().for_each(|(place, index)| receivers.tolerate(place, error(index)));
     }
 
     /// Replaces the light of the divided pixels by the mean of that of their points. Fetches add up.
     pub fn average(&self, of_points: &[[f32; 4]], caustic: &mut [[f32; 4]]) {
-        let mut first = 0;
-        for &(index, count) in &self.pixels {
-            let own = &of_points[first..first + count];
+        for (&index, own) in self.pixels.iter().zip(of_points.chunks(POINTS.len())) {
             let fetches = caustic[index][3] + own.iter().map(|sum| sum[3]).sum::<f32>();
-            let mean = own.iter().map(|sum| Vec3::from_slice(sum)).sum::<Vec3>() / count as f32;
+            let mean = own.iter().map(|sum| Vec3::from_slice(sum)).sum::<Vec3>() / own.len() as f32;
             caustic[index] = mean.extend(fetches).to_array();
-            first += count;
         }
     }
 
@@ -115,11 +112,11 @@ mod tests {
         let caustic: Vec<[f32; 4]> = (0..1024).map(|k| [if k % 32 < 5 { 0.5 } else { 0.0 }; 4]).collect();
         let divided = DividedPixels::find(&tracer, &rays, &direct, &caustic);
         assert!(!divided.is_empty());
-        assert!(divided.pixels.iter().all(|(index, count)| [4, 5].contains(&(index % 32)) && *count == POINTS.len()));
+        assert!(divided.pixels.iter().all(|index| [4, 5].contains(&(index % 32))));
         let half: Vec<[f32; 4]> = (0..divided.points.len()).map(|k| [(k % 2) as f32, 0.0, 0.0, 1.0]).collect();
         let mut averaged = caustic.clone();
         divided.average(&half, &mut averaged);
-        let index = divided.pixels[0].0;
+        let index = divided.pixels[0];
         assert_eq!(averaged[index], [0.5, 0.0, 0.0, caustic[index][3] + 4.0]);
         // Beside much more light nothing is seen of it.
         let bright = vec![Vec3::splat(100.0); rays.hits.len()];

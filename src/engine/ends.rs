@@ -21,7 +21,7 @@ use crate::technique::Sum;
 use crate::tracing::Hit;
 
 /// Length of the rows that points are arranged in.
-const POINTS_IN_A_ROW: u32 = 1024;
+pub(super) const POINTS_IN_A_ROW: u32 = 1024;
 /// Points along the curve whose shadows are found together.
 const POINTS_IN_A_GROUP: usize = 256;
 /// Points that a rough mirror blurs share their light within this part of the blur.

@@ -3,12 +3,10 @@
 
 use glam::{Vec2, Vec3};
 
-use super::interpolation::{bilinear, is_smooth};
+use super::interpolation::{MAX_DEVIATION, bilinear, is_smooth};
 use super::paths::EndPoint;
 use super::reprojection::MIN_NORMAL_COSINE;
 
-/// A point may lie this far from where its four neighbours lead one to expect it, in distances between them.
-const MAX_DEVIATION: f32 = 0.3;
 /// Pixels from one to the next.
 const STEP: usize = 2;
 
@@ -72,5 +70,37 @@ impl<'a> EndGrid<'a> {
         let is_near = bilinear(inner, part).distance(own.hit.position) <= MAX_DEVIATION * spacing;
         let corners = [around[1][1], around[1][2], around[2][1], around[2][2]];
         (is_near && is_smooth(&around)).then(|| bilinear(corners, part))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::tracing::Hit;
+
+    /// One end point in each pixel of a picture of 10×10, on a plane.
+    fn ends(lift: impl Fn(f32, f32) -> f32) -> Vec<EndPoint> {
+        let end = |pixel: u32| {
+            let (x, z) = ((pixel % 10) as f32, (pixel / 10) as f32);
+            let position = Vec3::new(x, lift(x, z), z);
+            let hit = Hit { object: 0, position, distance: 1.0, normal: Vec3::Y, face_normal: Vec3::Y, front: true };
+            EndPoint { hit, receives: true, view: Vec3::Y, pixel, key: 7, steps: [Vec3::X, Vec3::Z], blur: 0.0 }
+        };
+        (0..100).map(end).collect()
+    }
+
+    #[test]
+    fn smooth_light_is_interpolated_on_smooth_surfaces() {
+        let light = |index: usize| Some(Vec3::splat(20.0 + (index % 10) as f32 - 0.5 * (index / 10) as f32));
+        let plane = ends(|_, _| 0.0);
+        let grid = EndGrid::new(&plane, 10);
+        assert!(grid.is_node(44) && !grid.is_node(45) && !grid.is_node(54));
+        assert_eq!(grid.interpolated(55, light), light(55));
+        assert_eq!(grid.interpolated(1, light), None, "nodes would lie outside");
+        assert_eq!(grid.interpolated(55, |index| light(index).filter(|_| index != 44)), None, "a node is not known");
+        let ridge = |index: usize| Some(Vec3::splat(if index % 10 == 4 { 2.0 } else { 1.0 }));
+        assert_eq!(grid.interpolated(55, ridge), None);
+        let step = ends(|x, z| if x == 5.0 && z == 5.0 { 3.0 } else { 0.0 });
+        assert_eq!(EndGrid::new(&step, 10).interpolated(55, light), None, "off the surface of its neighbours");
     }
 }

@@ -131,9 +131,9 @@ impl FrameInputs<'_> {
         self.scene.objects[object as usize].receiver.is_some() && self.shows_irradiance(Aov::Caustic, object)
     }
 
-    /// Whether no picture shows the caustic by itself.
-    fn shows_only_sums(&self) -> bool {
-        !self.options.aovs.contains(&Aov::Caustic)
+    /// Whether the caustic is a picture of its own.
+    fn shows_caustic(&self) -> bool {
+        self.options.aovs.contains(&Aov::Caustic)
     }
 
     /// The error of the caustic's irradiance that cannot be seen beside direct light, W/m².
@@ -234,7 +234,7 @@ impl BandStages {
     ) -> Result<Option<Arc<Vec<[f32; 4]>>>, Error> {
         let Some(sum) = inputs.sum else { return Ok(None) };
         let wanted: Vec<bool> = inputs.objects().map(|o| inputs.knows_caustic(o)).collect();
-        let beside = direct.filter(|_| inputs.shows_only_sums());
+        let beside = direct.filter(|_| !inputs.shows_caustic());
         let key =
             CausticKey { rays: Id::of(rays), sum: Id::of(sum), wanted: wanted.clone(), beside: beside.map(Id::of) };
         let steps = (rays.hits.len() as u64, inputs.progress);

@@ -2,6 +2,8 @@
 
 use glam::{Vec2, Vec3};
 
+/// A point may lie this far from where four places around it lead one to expect it, in distances between them.
+pub(super) const MAX_DEVIATION: f32 = 0.3;
 /// Linear and cubic interpolation may differ by this part of the light: more, and there is something between the places that they do
 /// not show.
 const MAX_CURVATURE: f32 = 0.01;

@@ -4,13 +4,11 @@
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
-use super::interpolation::{bilinear, is_smooth};
+use super::interpolation::{MAX_DEVIATION, bilinear, is_smooth};
 use super::paths::EndPoint;
 use crate::stages::CameraRays;
 use crate::tracing::Hit;
 
-/// A point may lie this far from where four hits around it lead one to expect it, in distances between them.
-const MAX_DEVIATION: f32 = 0.3;
 /// Mirrors that magnify show more than the camera sees directly. In such a mirror, hits may be this many pixels apart.
 const MAX_PIXELS: f32 = 1.5;
 /// Cosine between the normals of points that share light, at least.

@@ -263,8 +263,7 @@ options! {
     /// The largest number of cells that each sample is split into, rounded down to a power of four. `None`: 64 in a hierarchy
     /// (fewer where the tree would become too large), else 1.
     leaves / with_leaves: Option<u32> = None,
-    /// Allowed error of a hierarchical sum, relative to the mean irradiance over the picture; from 1e-5 to 1. If
-    /// [`Aov::Caustic`] is not asked for, half of it relative to the direct light is added, beside which it is not seen.
+    /// Allowed error of a hierarchical sum, relative to the mean irradiance; from 1e-5 to 1. See docs/scenes.md.
     tolerance / with_tolerance: f32 = 0.01,
     /// Resolution of the environment's cube map.
     cube_size / with_cube_size: CubeSize = CubeSize::default(),

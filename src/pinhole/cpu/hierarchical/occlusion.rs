@@ -60,9 +60,7 @@ impl<S: Simd> VisibleReceivers<S> {
             }
         }
     }
-}
 
-impl<S: Simd> VisibleReceivers<S> {
     /// Traces doubtful lanes from the four quarters of the sample: where these agree, it is settled for all of its cells.
     fn probe(&mut self, simd: S, occluders: &Occluders, sample: &PinholeParts, receiver: &Receiver<S>, which: u32) {
         let [x, y, z] = receiver.position.to_arrays();
