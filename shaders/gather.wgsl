@@ -99,6 +99,10 @@ fn sample_irradiance(i: u32, receiver: Receiver) -> vec4f {
         }
     }
     let r = (d - 2.0 * dn * n) * inverse_l;
+    if VISIBILITY && FILTER != FILTER_NONE && is_mostly_lobe(samples[i].lobe, samples[i].change_1, samples[i].change_2) {
+        weight *= lobe_fraction(r, samples[i].lobe, map);
+        map.index = UNOCCLUDED;
+    }
     let radiance = filtered_radiance(i, d, n, dn, inverse_l, r, map);
     let cosine = cos_at_sample_l * inverse_l;
     var factor = weight * uniforms.radiance_scale * reflectance(samples[i].reflectance, samples[i].curve, cosine);
@@ -112,7 +116,7 @@ fn sample_irradiance(i: u32, receiver: Receiver) -> vec4f {
 // Mean radiance over the sample's footprint around the reflected direction r; a = fetches.
 fn filtered_radiance(i: u32, d: vec3f, n: vec3f, dn: f32, inverse_l: f32, r: vec3f, map: VisibilityMap) -> vec4f {
     if FILTER == FILTER_NONE {
-        return visible_light(r, light_from_world(r), 0.0, 1.0, map);
+        return visible_light(r, light_from_world(r), 0.0, 0.0, 1.0, map);
     }
     let v1 = reflected_side(samples[i].side_1, samples[i].change_1, d, n, dn, inverse_l, r);
     let v2 = reflected_side(samples[i].side_2, samples[i].change_2, d, n, dn, inverse_l, r);

@@ -235,9 +235,14 @@ fn cone_radius(cell: Cell, sides: FootprintSides, size: f32) -> f32 {
 fn contribution(
     cell: Cell, pair: Pair, receiver: Receiver, sides: FootprintSides, contribution_range: f32, visible_fraction: f32,
 ) -> vec4f {
-    let map = map_of_sample(cell.sample, select(1.0, -1.0, cell.two_sided && pair.dn > 0.0));
+    var map = map_of_sample(cell.sample, select(1.0, -1.0, cell.two_sided && pair.dn > 0.0));
+    var seen = visible_fraction;
+    if VISIBILITY && is_mostly_lobe(cell.lobe, cell.change_1, cell.change_2) {
+        seen *= lobe_fraction(pair.r, cell.lobe, map);
+        map.index = UNOCCLUDED;
+    }
     let radiance = cell_radiance(cell, pair.r, sides, contribution_range, PAIR_ERROR_SHARE * tolerance.error, map);
-    var factor = weight_of(cell, pair, receiver) * visible_fraction * reflected_scale(cell, pair);
+    var factor = weight_of(cell, pair, receiver) * seen * reflected_scale(cell, pair);
     if SHADING {
         let solid_angle = cell.area * pair.cos_at_sample_l * pair.inverse_l * pair.inverse_l * pair.inverse_l;
         factor *= brdf(u32(receiver.object), receiver.normal, pair.d * pair.inverse_l, receiver.view, solid_angle);

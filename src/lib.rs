@@ -59,6 +59,7 @@ mod error;
 #[cfg(feature = "gpu")]
 mod gpu;
 pub mod image;
+mod lanes;
 pub mod low_level;
 mod options;
 mod pinhole;

@@ -207,10 +207,10 @@ fn cell_radiance(
     if contribution_range < error_budget {
         // Neighbouring cells do as well as a wide kernel, and lose nothing at their mirrors' edges; blur has to be kept.
         let sharpness = select(EVEN_LIGHT_SHARPNESS, TAP_SHARPNESS, cell.lobe > 0.0);
-        let width = sqrt(0.5 * (dot(sides.v1, sides.v1) + dot(sides.v2, sides.v2))) * sharpness;
+        let width = sqrt(0.5 * (dot(sides.v1, sides.v1) + dot(sides.v2, sides.v2)));
         let light_r = light_from_world(r);
-        let level = floor(level_of(width, texel_width(light_r, uniforms.texel_rad)) + 0.5);
-        return visible_light(r, light_r, level, 1.0, map);
+        let level = floor(level_of(width * sharpness, texel_width(light_r, uniforms.texel_rad)) + 0.5);
+        return visible_light(r, light_r, width, level, 1.0, map);
     }
     let taps = min(max(ceil(contribution_range * (TAPS_PER_ERROR_BUDGET / error_budget)), 1.0), f32(uniforms.taps));
     return mean_over_footprint(r, sides, taps, map);

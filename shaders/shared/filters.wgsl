@@ -11,7 +11,7 @@ override FILTER: u32 = FILTER_ANISOTROPIC;
 // sees; a = fetches.
 fn mean_over_footprint(r: vec3f, sides: FootprintSides, max_taps: f32, map: VisibilityMap) -> vec4f {
     if FILTER == FILTER_NONE {
-        return visible_light(r, light_from_world(r), 0.0, 1.0, map);
+        return visible_light(r, light_from_world(r), 0.0, 0.0, 1.0, map);
     }
     let light_r = light_from_world(r);
     if FILTER == FILTER_HARDWARE {
@@ -33,12 +33,13 @@ fn mean_over_footprint(r: vec3f, sides: FootprintSides, max_taps: f32, map: Visi
         return mean_over_ellipse(r, light_r, axes, texel, map);
     }
     let taps = clamp(ceil(axes.major / max(TAP_SHARPNESS * axes.minor, texel)), 1.0, max_taps);
-    let level = level_of(TAP_SHARPNESS * max(axes.minor, axes.major / taps), texel);
+    let width = max(axes.minor, axes.major / taps);
+    let level = level_of(TAP_SHARPNESS * width, texel);
     let light_axis = light_from_world(axes.direction);
     var sum = vec4f(0.0);
     for (var k = 0.5; k < taps; k += 1.0) {
         let along = k / taps - 0.5;
-        sum += visible_light(r + along * axes.direction, light_r + along * light_axis, level, 1.0, map);
+        sum += visible_light(r + along * axes.direction, light_r + along * light_axis, width, level, 1.0, map);
     }
     return vec4f(sum.rgb / taps, sum.a);
 }
@@ -47,13 +48,17 @@ fn mean_over_footprint(r: vec3f, sides: FootprintSides, max_taps: f32, map: Visi
 fn sky_fraction_of_footprint(r: vec3f, sides: FootprintSides, map: VisibilityMap) -> f32 {
     let a = 0.25 * (sides.v1 + sides.v2);
     let b = 0.25 * (sides.v1 - sides.v2);
-    return 0.25 * (sky_fraction(r + a, map) + sky_fraction(r - a, map) + sky_fraction(r + b, map) + sky_fraction(r - b, map));
+    let width = 0.5 * sqrt(min(dot(sides.v1, sides.v1), dot(sides.v2, sides.v2)));
+    let opposite = sky_fraction(r + a, width, map) + sky_fraction(r - a, width, map);
+    return 0.25 * (opposite + sky_fraction(r + b, width, map) + sky_fraction(r - b, width, map));
 }
 
-// One look-up times `weight` and the visible part of it; a = fetches. Where nothing is visible nothing is read. The direction
-// comes in world space and in the environment's frame: taps along a line need not be rotated one by one.
-fn visible_light(direction: vec3f, light_direction: vec3f, level: f32, weight: f32, map: VisibilityMap) -> vec4f {
-    let fraction = weight * sky_fraction(direction, map);
+// One look-up times `weight` and the part of it, `width` radians wide, that is visible; a = fetches. Where nothing is visible nothing
+// is read. The direction comes in world space and in the environment's frame: taps along a line need not be rotated one by one.
+fn visible_light(
+    direction: vec3f, light_direction: vec3f, width: f32, level: f32, weight: f32, map: VisibilityMap,
+) -> vec4f {
+    let fraction = weight * sky_fraction(direction, width, map);
     if fraction > 0.0 {
         return vec4f(fraction * fetch(light_direction, level), 1.0);
     }
@@ -79,7 +84,7 @@ fn mean_over_ellipse(r: vec3f, light_r: vec3f, axes: FootprintAxes, texel: f32, 
             if weight > 0.0 {
                 let direction = r + EWA_RADIUS * (x * axes.direction + y * across);
                 let light_direction = light_r + EWA_RADIUS * (x * light_axis + y * light_across);
-                sum += visible_light(direction, light_direction, level, weight, map);
+                sum += visible_light(direction, light_direction, width, level, weight, map);
                 weights += weight;
             }
         }

@@ -5,6 +5,9 @@
 
 override VISIBILITY: bool = false;
 
+// The index of a map on which nothing is occluded.
+const UNOCCLUDED = 0xffffffffu;
+
 // One side of a sample.
 struct VisibilityMap {
     index: u32,
@@ -61,12 +64,23 @@ fn visible_fraction(l: vec3f, map: VisibilityMap) -> f32 {
     return between(texels, in_front(texels, local), place.part);
 }
 
-// The fraction of the sky around a direction, in world space, that the sample sees.
-fn sky_fraction(direction: vec3f, map: VisibilityMap) -> f32 {
-    if !VISIBILITY {
+// Whether a footprint is mostly a lobe, wider than a texel of the maps: it sees the sky as a whole, not tap by tap.
+fn is_mostly_lobe(lobe: f32, change_1: vec3f, change_2: vec3f) -> bool {
+    let texel2 = 6.2831853 / f32(uniforms.map_resolution * uniforms.map_resolution);
+    return lobe * lobe > max(texel2, 4.0 * (dot(change_1, change_1) + dot(change_2, change_2)));
+}
+
+// The fraction of the sky within `width` radians around a direction, in world space, that the sample sees.
+fn sky_fraction(direction: vec3f, width: f32, map: VisibilityMap) -> f32 {
+    if !VISIBILITY || map.index == UNOCCLUDED {
         return 1.0;
     }
-    let place = map_place(direction * map.axes, map);
+    let local = direction * map.axes;
+    let place = map_place(local, map);
+    let texels = width * map_density(local) * f32(uniforms.map_resolution);
+    if texels > MAX_INTERPOLATED_WIDTH {
+        return sky_fraction_of_square(vec2f(place.texel) + place.part + 0.5, texels, map);
+    }
     let row = map.index * uniforms.map_resolution + place.texel.y;
     let upper = (sky_masks[row] >> place.texel.x) & 3u;
     let lower = (sky_masks[row + 1u] >> place.texel.x) & 3u;
@@ -75,6 +89,50 @@ fn sky_fraction(direction: vec3f, map: VisibilityMap) -> f32 {
         return sky.x;
     }
     return between(texels_at(place, map), sky, place.part);
+}
+
+// The fraction of a lobe around a mirrored direction, `width` radians wide, that comes from the visible sky.
+fn lobe_fraction(direction: vec3f, width: f32, map: VisibilityMap) -> f32 {
+    let local = direction * map.axes + vec3f(0.0, 0.0, LOBE_SHIFT * width);
+    let place = map_place(local, map);
+    let centre = vec2f(place.texel) + place.part + 0.5;
+    let texels = width * map_density(local) * f32(uniforms.map_resolution);
+    let core = sky_fraction_of_square(centre, max(LOBE_CORE * texels, 1.0), map);
+    return mix(core, sky_fraction_of_square(centre, max(LOBE_TAIL * texels, 1.0), map), LOBE_TAIL_SHARE);
+}
+
+// Maps' edges per radian around a direction in the sample's frame: their texels cover 2(|x| + |y| + z)^3 over their number.
+fn map_density(local: vec3f) -> f32 {
+    let norm = (abs(local.x) + abs(local.y) + max(local.z, 0.0)) * inverseSqrt(dot(local, local));
+    return inverseSqrt(2.0 * norm * norm * norm);
+}
+
+// The part of a square of a map that sees the environment, as far as the square lies on the map: a lobe's energy is that above the
+// horizon. The centre and the width are in texels. Eight lines across the square stand for it.
+fn sky_fraction_of_square(centre: vec2f, width: f32, map: VisibilityMap) -> f32 {
+    let n = uniforms.map_resolution;
+    let first = max(centre - 0.5 * width, vec2f(0.0));
+    let last = min(centre + 0.5 * width, vec2f(f32(n)));
+    let step = (last.y - first.y) / 8.0;
+    let upper = sky_masks_at(first.y + step * vec4f(0.5, 1.5, 2.5, 3.5), map);
+    let lower = sky_masks_at(first.y + step * vec4f(4.5, 5.5, 6.5, 7.5), map);
+    let sky = sky_before(upper, last.x) + sky_before(lower, last.x) - sky_before(upper, first.x) - sky_before(lower, first.x);
+    return dot(sky, vec4f(0.125)) / (last.x - first.x);
+}
+
+fn sky_masks_at(rows: vec4f, map: VisibilityMap) -> vec4u {
+    let at = map.index * uniforms.map_resolution + min(vec4u(rows), vec4u(uniforms.map_resolution - 1u));
+    return vec4u(sky_masks[at.x], sky_masks[at.y], sky_masks[at.z], sky_masks[at.w]);
+}
+
+// Texels of rows that see the environment, up to a place from 0 to 32; parts of texels count in part.
+fn sky_before(masks: vec4u, place: f32) -> vec4f {
+    let whole = u32(place);
+    if whole >= 32u {
+        return vec4f(countOneBits(masks));
+    }
+    let texels = (masks >> vec4u(whole)) & vec4u(1u);
+    return vec4f(countOneBits(masks & vec4u((1u << whole) - 1u))) + fract(place) * vec4f(texels);
 }
 
 // Four texels: of two rows, two each.

@@ -11,9 +11,9 @@ use glam::{Vec2, Vec3};
 use sobol_burley::sample_4d;
 
 use crate::environment::LightSampler;
-use crate::scene::Ray;
+use crate::lanes::{ALL, LANES, set_bits};
 use crate::stages::PreparedLight;
-use crate::tracing::{Hit, Tracer};
+use crate::tracing::{Hit, RayPacket, Tracer};
 
 /// Directions that are drawn by their radiance; a power of two, which keeps the sequence balanced.
 const BY_LIGHT: usize = 512;
@@ -22,9 +22,9 @@ const EVEN: usize = 256;
 /// Scrambles the sequences of directions.
 const SEEDS: [u32; 2] = [0x9E37_79B9, 0x85EB_CA6B];
 /// Points of a group that trace all of their shadow rays.
-const REPRESENTATIVES: usize = 16;
+const REPRESENTATIVES: usize = LANES;
 /// Shadow rays that each of the others traces even where the representatives agree, each time that its group is divided.
-const CHECKS: usize = 4;
+const CHECKS: usize = 8;
 
 /// Cosine of the angle around a direction within which a finding is not trusted, if a check says otherwise.
 const REFUTED_COSINE: f32 = 0.97;
@@ -65,15 +65,15 @@ impl<'a> Shadows<'a> {
     /// The part of the irradiance that is not occluded, per channel, at points that are close to each other.
     pub fn unoccluded_fractions(&self, points: &[&Hit]) -> Vec<Vec3> {
         let mut fractions = vec![Vec3::ONE; points.len()];
-        let mut groups =
-            vec![Group { members: (0..points.len()).collect(), findings: vec![None; self.directions.len()] }];
+        let everything = Group { members: (0..points.len()).collect(), findings: vec![None; self.directions.len()] };
+        let mut groups = vec![everything];
         while let Some(mut group) = groups.pop() {
             let own: Vec<&Hit> = group.members.iter().map(|&index| points[index]).collect();
-            if own.len() > REPRESENTATIVES {
+            if own.len() > LANES {
                 self.settle(&own, &mut group.findings);
             }
-            if own.len() <= REPRESENTATIVES || group.findings.iter().all(Option::is_some) {
-                let found = own.iter().map(|point| self.fraction(point, &group.findings));
+            if own.len() <= LANES || group.findings.iter().all(Option::is_some) {
+                let found = own.chunks(LANES).flat_map(|points| self.fractions(points, &group.findings));
                 group.members.iter().zip(found).for_each(|(&index, fraction)| fractions[index] = fraction);
             } else {
                 groups.extend(group.quarters(points));
@@ -85,16 +85,18 @@ impl<'a> Shadows<'a> {
     /// Finds out in which of the directions that are not settled yet all points of a group see the same. Directions around those
     /// for which a check says that the representatives do not represent the others stay open.
     fn settle(&self, points: &[&Hit], findings: &mut [Option<bool>]) {
-        let representatives = spread(points);
+        let representatives = PointPacket::new(&spread(points));
         let open: Vec<usize> = (0..findings.len()).filter(|&index| findings[index].is_none()).collect();
-        let agreed = |&index: &usize| Some((index, self.agreed(&representatives, &self.directions[index])?));
+        let agreed = |&index: &usize| Some((index, self.agreed(&representatives, self.directions[index].direction)?));
         let settled: Vec<(usize, bool)> = open.iter().filter_map(agreed).collect();
         let mut refuted: Vec<Vec3> = Vec::new();
-        for (k, point) in points.iter().enumerate() {
+        for (k, some) in points.chunks(LANES).enumerate() {
+            let some = PointPacket::new(some);
             for check in 0..CHECKS.min(settled.len()) {
                 let (index, agreed) = settled[(check * settled.len() / CHECKS + 7 * k) % settled.len()];
                 let direction = self.directions[index].direction;
-                if faces(point, direction) && self.is_blocked(point, direction) != agreed {
+                let facing = some.facing(direction);
+                if self.blocked(&some, direction, facing) != if agreed { facing } else { 0 } {
                     refuted.push(direction);
                 }
             }
@@ -108,40 +110,76 @@ impl<'a> Shadows<'a> {
     }
 
     /// What shadow rays from the points that face a direction find, if all find the same.
-    fn agreed(&self, points: &[&Hit], light: &LightDirection) -> Option<bool> {
-        let facing = points.iter().filter(|point| faces(point, light.direction));
-        let mut findings = facing.map(|point| self.is_blocked(point, light.direction));
-        let first = findings.next()?;
-        findings.all(|other| other == first).then_some(first)
+    fn agreed(&self, points: &PointPacket, direction: Vec3) -> Option<bool> {
+        let facing = points.facing(direction);
+        let blocked = self.blocked(points, direction, facing);
+        (facing != 0 && (blocked == 0 || blocked == facing)).then_some(blocked != 0)
     }
 
-    /// The part of the irradiance that arrives at a point; shadow rays are traced where nothing is known.
-    fn fraction(&self, point: &Hit, findings: &[Option<bool>]) -> Vec3 {
+    /// The part of the irradiance that arrives at up to sixteen points; shadow rays are traced where nothing is known.
+    fn fractions(&self, points: &[&Hit], findings: &[Option<bool>]) -> Vec<Vec3> {
         if findings.iter().all(|finding| *finding == Some(false)) {
-            return Vec3::ONE;
+            return vec![Vec3::ONE; points.len()];
         }
-        let (mut arriving, mut all) = (Vec3::ZERO, Vec3::ZERO);
+        let packet = PointPacket::new(points);
+        let mut sums = vec![(Vec3::ZERO, Vec3::ZERO); points.len()];
         for (light, finding) in self.directions.iter().zip(findings) {
-            let cosine = light.direction.dot(point.normal);
-            if cosine > 0.0 {
-                let irradiance = cosine * light.radiance;
-                all += irradiance;
-                if !finding.unwrap_or_else(|| self.is_blocked(point, light.direction)) {
-                    arriving += irradiance;
+            let facing = packet.facing(light.direction);
+            let blocked = match finding {
+                Some(false) => 0,
+                Some(true) => facing,
+                None => self.blocked(&packet, light.direction, facing),
+            };
+            for lane in set_bits(facing) {
+                let irradiance = light.direction.dot(points[lane].normal) * light.radiance;
+                let (arriving, all) = &mut sums[lane];
+                *all += irradiance;
+                if blocked >> lane & 1 == 0 {
+                    *arriving += irradiance;
                 }
             }
         }
         // Where there is no light, there is no shadow.
-        Vec3::select(all.cmpgt(Vec3::ZERO), arriving / all, Vec3::ONE)
+        let fraction = |(arriving, all)| Vec3::select(Vec3::cmpgt(all, Vec3::ZERO), arriving / all, Vec3::ONE);
+        sums.into_iter().map(fraction).collect()
     }
 
-    fn is_blocked(&self, point: &Hit, direction: Vec3) -> bool {
-        self.tracer.is_blocked(Ray { origin: point.position, direction })
+    /// The lanes, of those asked for, in which a direction is blocked.
+    fn blocked(&self, points: &PointPacket, direction: Vec3, lanes: u32) -> u32 {
+        if lanes == 0 {
+            return 0;
+        }
+        let directions = direction.to_array().map(|x| [x; LANES]);
+        self.tracer.blocked_lanes(&RayPacket {
+            origins: points.positions,
+            directions,
+            ends: [f32::INFINITY; LANES],
+            lanes,
+        })
     }
 }
 
-fn faces(point: &Hit, direction: Vec3) -> bool {
-    direction.dot(point.normal) > 0.0
+/// Up to sixteen points, component by component.
+struct PointPacket {
+    positions: [[f32; LANES]; 3],
+    normals: [[f32; LANES]; 3],
+    /// The lanes that hold points, as bits.
+    lanes: u32,
+}
+
+impl PointPacket {
+    fn new(points: &[&Hit]) -> Self {
+        let of = |lane: usize| points[lane.min(points.len() - 1)];
+        let load = |value: fn(&Hit) -> Vec3| [0, 1, 2].map(|axis| std::array::from_fn(|lane| value(of(lane))[axis]));
+        Self { positions: load(|p| p.position), normals: load(|p| p.normal), lanes: ALL >> (LANES - points.len()) }
+    }
+
+    /// The points that face a direction.
+    fn facing(&self, direction: Vec3) -> u32 {
+        let [x, y, z] = &self.normals;
+        let cosine = |lane: usize| x[lane] * direction.x + y[lane] * direction.y + z[lane] * direction.z;
+        self.lanes & (0..LANES).fold(0, |bits, lane| bits | u32::from(cosine(lane) > 0.0) << lane)
+    }
 }
 
 /// A direction on the unit sphere, uniformly.

@@ -47,6 +47,19 @@ pub const ESTIMATE_MAX_SAMPLE_NODES: u32 = 512;
 /// An irradiance estimate is at least this part of the root mean square, where few receivers get nearly all of the light.
 pub const ESTIMATE_RMS_SHARE: f32 = 0.1;
 
+/// Look-ups wider than this, in texels of a visibility map, see the mean of the sky that they cover; narrower ones see what lies
+/// between four texels.
+pub const MAX_INTERPOLATED_WIDTH: f32 = 2.0;
+
+/// What a lobe sees of the sky is the mean over two squares on a map, this many times as wide as the lobe; fitted, with the next two,
+/// to what GGX lobes (α from .09 to 1) see of half-spaces.
+pub const LOBE_CORE: f32 = 0.5;
+pub const LOBE_TAIL: f32 = 2.2;
+/// Weight of the wider square.
+pub const LOBE_TAIL_SHARE: f32 = 0.58;
+/// Lobes lie this many times their width nearer to the normal than the mirrored direction: the horizon cuts them off.
+pub const LOBE_SHIFT: f32 = 0.15;
+
 /// A tap's width over its share of the footprint. Bilinear interpolation blurs a level's texels by more than their width, so a tap
 /// reads a level a little finer. Measured: 1 blurs the ring's caustic (error .376 at 100 samples, here .361), 0.7 sharpens it
 /// further (.342) but shows gaps between footprints where a sun is focused (cup, 1,000 samples: .18, here .20, .26).

@@ -102,6 +102,15 @@ pub struct PinholeParts {
     pub two_sided: bool,
 }
 
+impl PinholeParts {
+    /// Whether the footprint is mostly a lobe, wider than a texel of the visibility maps: it sees the sky as a whole, not tap by tap.
+    #[inline(always)]
+    pub fn is_mostly_lobe(&self, map_texel_rad: f32) -> bool {
+        let [c1, c2] = self.changes;
+        self.lobe > map_texel_rad && self.lobe * self.lobe > 4.0 * (c1.length_squared() + c2.length_squared())
+    }
+}
+
 impl From<PinholeParts> for PinholeSample {
     fn from(parts: PinholeParts) -> Self {
         Self {

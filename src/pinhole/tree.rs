@@ -9,6 +9,7 @@ use super::constants::LOBE_BLUR;
 use super::visibility::Edges;
 use super::{Mirror, Mirrors, PinholeParts, PinholeSample, Pinholes, VisibilityMaps};
 use crate::cell_tree::{CellNode, CellTree, NodeGeometry};
+use crate::lanes::LANES;
 use crate::scene::{Object, Scene, Sides};
 use crate::tracing::{Piece, Tracer};
 
@@ -32,12 +33,22 @@ pub(super) struct Occluders {
 }
 
 impl Occluders {
-    /// Whether the middle of a cell, on its front or behind, sees nothing in a unit direction up to a distance in metres.
-    pub fn is_open(&self, cell: &PinholeParts, is_behind: bool, direction: Vec3, distance: f32) -> bool {
+    /// The lanes, of those asked for, in which the middle of a cell sees nothing in a unit direction up to a distance in metres.
+    /// `behind` are the lanes that concern its back.
+    pub fn open_lanes(
+        &self,
+        cell: &PinholeParts,
+        behind: u32,
+        (directions, distances): (&[Vec3; LANES], &[f32; LANES]),
+        lanes: u32,
+    ) -> u32 {
         let extent = cell.sides[0].length().max(cell.sides[1].length());
-        let front = self.faces_front[cell.object as usize] != is_behind;
-        let piece = Piece { position: cell.position, object: cell.object, front, extent };
-        self.tracer.is_open(&piece, direction, distance)
+        let faces_front = self.faces_front[cell.object as usize];
+        let open = |front: bool, lanes: u32| {
+            let piece = Piece { position: cell.position, object: cell.object, front, extent };
+            if lanes == 0 { 0 } else { self.tracer.open_lanes(&piece, directions, distances, lanes) }
+        };
+        open(faces_front, lanes & !behind) | open(!faces_front, lanes & behind)
     }
 }
 

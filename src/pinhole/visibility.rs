@@ -12,6 +12,7 @@ use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
 use super::PinholeSample;
+use crate::lanes::{ALL, LANES};
 use crate::scene::{Scene, Sides};
 use crate::tracing::{Hit, Piece, Tracer};
 
@@ -136,6 +137,14 @@ struct Hemisphere {
     texel_jitter: Vec2,
 }
 
+/// Neighbouring texels that see different things.
+struct MapEdge {
+    from: usize,
+    to: usize,
+    /// 0 along u, 1 along v.
+    axis: usize,
+}
+
 /// What a texel's ray hit, in the sample's frame.
 struct Occluder {
     point: Vec3,
@@ -168,13 +177,11 @@ impl Hemisphere {
 
     fn trace(&self, tracer: &Tracer, resolution: u32, edges: Edges) -> TracedMap {
         let n = resolution as usize;
-        let occluders: Vec<Option<Occluder>> = (0..n * n).map(|k| self.occluder(tracer, self.place(n, k))).collect();
+        let occluders = self.occluders(tracer, n);
+        let edges = self.edges(tracer, (n, edges.bisections()), &occluders);
         let plane = |k: usize| {
             let plane = occluders[k].as_ref().map_or(Vec3::ZERO, |m| m.plane);
-            let edges = [(1, k % n + 1 < n), (n, k / n + 1 < n)].map(|(step, inside)| {
-                if inside { self.edge(tracer, (n, edges), &occluders, k, k + step) } else { MIDDLE }
-            });
-            plane.extend(with_edges(BEHIND + depths(&occluders, n, k)[1], edges)).to_array()
+            plane.extend(with_edges(BEHIND + depths(&occluders, n, k)[1], edges[k])).to_array()
         };
         let row = |j: usize| (0..n).filter(|i| occluders[j * n + i].is_none()).fold(0, |bits, i| bits | 1 << i);
         let doubt = |k: usize| Doubt::new(&occluders, n, k);
@@ -190,35 +197,70 @@ impl Hemisphere {
         (Vec2::new((k % n) as f32, (k / n) as f32) + 0.5 + self.texel_jitter) / n as f32
     }
 
-    fn occluder(&self, tracer: &Tracer, place: Vec2) -> Option<Occluder> {
-        let [x, y, z] = direction(place).to_array();
-        let hit = tracer.seen_by(&self.piece, x * self.axes[0] + y * self.axes[1] + z * self.axes[2])?;
-        Some(self.at_hit(&hit))
+    /// What the texels see, row by row; squares of four by four are traced together.
+    fn occluders(&self, tracer: &Tracer, n: usize) -> Vec<Option<Occluder>> {
+        let mut occluders: Vec<Option<Occluder>> = (0..n * n).map(|_| None).collect();
+        for square in 0..n * n / LANES {
+            let (x, y) = (4 * (square % (n / 4)), 4 * (square / (n / 4)));
+            let texels: [usize; LANES] = std::array::from_fn(|lane| (y + lane / 4) * n + x + lane % 4);
+            let found = self.at_places(tracer, &texels.map(|k| self.place(n, k)), ALL);
+            texels.into_iter().zip(found).for_each(|(k, found)| occluders[k] = found);
+        }
+        occluders
     }
 
-    /// Where between two texels what is hit changes, found by bisection, and how softly.
-    fn edge(
+    /// What is hit in the directions of sixteen places on the map, in the lanes asked for.
+    fn at_places(&self, tracer: &Tracer, places: &[Vec2; LANES], lanes: u32) -> [Option<Occluder>; LANES] {
+        let directions = places.map(|place| {
+            let [x, y, z] = direction(place).to_array();
+            x * self.axes[0] + y * self.axes[1] + z * self.axes[2]
+        });
+        tracer.seen_by(&self.piece, &directions, lanes).map(|hit| hit.map(|hit| self.at_hit(&hit)))
+    }
+
+    /// Where between each texel and the next along u and along v what is hit changes, and how softly.
+    fn edges(&self, tracer: &Tracer, (n, bisections): (usize, u32), occluders: &[Option<Occluder>]) -> Vec<[u8; 2]> {
+        let mut edges = vec![[MIDDLE; 2]; n * n];
+        let neighbours =
+            |k: usize| [(k % n + 1 < n, k + 1), (k / n + 1 < n, k + n)].into_iter().enumerate().map(move |e| (k, e));
+        let differing: Vec<MapEdge> = (0..n * n)
+            .flat_map(neighbours)
+            .filter(|&(k, (_, (inside, to)))| inside && !same_surface(occluders[k].as_ref(), occluders[to].as_ref()))
+            .map(|(from, (axis, (_, to)))| MapEdge { from, to, axis })
+            .collect();
+        for group in differing.chunks(LANES) {
+            let places = self.bisect(tracer, (n, bisections), occluders, group);
+            for (edge, place) in group.iter().zip(places) {
+                let softness = self.softness(n, occluders[edge.from].as_ref(), occluders[edge.to].as_ref());
+                edges[edge.from][edge.axis] = ((64.0 * place) as u8) << 2 | softness;
+            }
+        }
+        edges
+    }
+
+    /// The part of the way between the texels of up to sixteen edges at which what is hit changes.
+    fn bisect(
         &self,
         tracer: &Tracer,
-        (n, edges): (usize, Edges),
+        (n, bisections): (usize, u32),
         occluders: &[Option<Occluder>],
-        from: usize,
-        to: usize,
-    ) -> u8 {
-        if same_surface(occluders[from].as_ref(), occluders[to].as_ref()) {
-            return MIDDLE;
+        edges: &[MapEdge],
+    ) -> [f32; LANES] {
+        let lanes = ALL >> (LANES - edges.len());
+        let edge = |lane: usize| &edges[lane.min(edges.len() - 1)];
+        let (mut low, mut high) = ([0.0; LANES], [1.0; LANES]);
+        for _ in 0..bisections {
+            let middle: [f32; LANES] = std::array::from_fn(|lane| 0.5 * (low[lane] + high[lane]));
+            let places = std::array::from_fn(|lane| {
+                self.place(n, edge(lane).from).lerp(self.place(n, edge(lane).to), middle[lane])
+            });
+            for (lane, there) in self.at_places(tracer, &places, lanes).iter().enumerate().take(edges.len()) {
+                let [from, to] =
+                    [edge(lane).from, edge(lane).to].map(|k| mismatch(occluders[k].as_ref(), there.as_ref()));
+                if from <= to { low[lane] = middle[lane] } else { high[lane] = middle[lane] }
+            }
         }
-        let (start, end) = (self.place(n, from), self.place(n, to));
-        let (mut low, mut high) = (0.0, 1.0);
-        for _ in 0..edges.bisections() {
-            let middle = 0.5 * (low + high);
-            let there = self.occluder(tracer, start.lerp(end, middle));
-            let is_first =
-                mismatch(occluders[from].as_ref(), there.as_ref()) <= mismatch(occluders[to].as_ref(), there.as_ref());
-            if is_first { low = middle } else { high = middle }
-        }
-        let place = (32.0 * (low + high)) as u8;
-        place << 2 | self.softness(n, occluders[from].as_ref(), occluders[to].as_ref())
+        std::array::from_fn(|lane| 0.5 * (low[lane] + high[lane]))
     }
 
     /// The width of a penumbra: an edge shifts against what is behind it when seen from end to end of the sample.

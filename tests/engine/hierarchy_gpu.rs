@@ -39,15 +39,16 @@ fn render(name: &str, aov: Aov, visibility: Visibility, backend: &BackendChoice)
 /// Pictures of caustics, and what cameras see of glossy floors and in mirrors, where receivers come as lists.
 #[test]
 fn back_ends_agree() {
-    let caustics = BUILT_IN.iter().map(|scene| (scene.name, Aov::Caustic, Visibility::None));
+    let caustics = BUILT_IN.iter().map(|scene| (scene.name, Aov::Caustic, Visibility::None, 1e-4));
+    // With occlusion only the CPU traces rays where visibility maps are in doubt.
     let others = [
-        ("columns", Aov::Caustic, Visibility::Full),
-        ("ring-natural", Aov::Caustic, Visibility::Full),
-        ("cup", Aov::Beauty, Visibility::Full),
-        ("varnish", Aov::Beauty, Visibility::None),
+        ("columns", Aov::Caustic, Visibility::Full, 4e-3),
+        ("ring-natural", Aov::Caustic, Visibility::Full, 0.025),
+        ("cup", Aov::Beauty, Visibility::Full, 2e-3),
+        ("varnish", Aov::Beauty, Visibility::None, 1e-4),
     ];
     let mut failures = Vec::new();
-    for (name, aov, visibility) in caustics.chain(others) {
+    for (name, aov, visibility, limit) in caustics.chain(others) {
         let [on_cpu, on_gpu] =
             [BackendChoice::Cpu, BackendChoice::Gpu(None)].map(|backend| render(name, aov, visibility, &backend));
         let [cpu, gpu] = [&on_cpu, &on_gpu].map(|r| r.layer(aov).unwrap());
@@ -55,15 +56,25 @@ fn back_ends_agree() {
         let error = pinspot::image::rel_l2(gpu, cpu, None);
         let fetches = on_gpu.report.lookups / on_cpu.report.lookups;
         println!("{name:16} {aov:?} {visibility:?}: {error:.1e}, fetches {fetches:.3}");
-        // With occlusion only the CPU interpolates within blocks.
+        // There, too, only the CPU interpolates within blocks.
         let most = if visibility == Visibility::Full { 1.5 } else { 1.01 };
-        // There, too, only the CPU traces rays where visibility maps are in doubt.
-        let limit = if visibility == Visibility::Full { 0.03 } else { 1e-4 };
         if error > limit || !(0.99..most).contains(&fetches) {
             failures.push(format!("{name} {aov:?} {visibility:?}: {error:.1e}, fetches {fetches:.3}"));
         }
     }
     assert!(failures.is_empty(), "{failures:#?}");
+}
+
+/// By maps alone, both look visibility up the same way.
+#[test]
+fn back_ends_agree_on_visibility_maps() {
+    for (name, limit) in [("columns", 1e-4), ("ring-natural", 1e-4), ("cup", 1e-3)] {
+        let work = Work::new(name, [72, 64], 150, 16, Visibility::Full);
+        let how = How { environment_rotation_rad: 0.7, ..work.how(0.01) };
+        let error = rel_l2(&work.on_gpu(gpu(), &how), &work.on_cpu(&how));
+        println!("{name}: {error:.1e}");
+        assert!(error < limit, "{name}: {error}");
+    }
 }
 
 /// A scene ready to be gathered by engines of the caller's.

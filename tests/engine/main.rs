@@ -21,6 +21,7 @@ mod independence;
 mod metals;
 mod pictures;
 mod receivers;
+mod speckles;
 mod stages;
 mod support;
 mod visibility;

@@ -3,10 +3,10 @@
 use fearless_simd::{SimdSplit, f32x4, f32x8};
 use glam::Vec4;
 
-use super::lanes::{
+use crate::environment::CubeMap;
+use crate::lanes::{
     ALL, F, LANES, Select, Simd, SimdBase, SimdFloat, V3, bits, dispatch, lanes, level, log2, set_bits, splat,
 };
-use crate::environment::CubeMap;
 use crate::pinhole::GatherUniforms;
 
 /// Width of a texel around a unit direction, radians. The solid angle of a texel is texel_rad² · m³ with m the largest

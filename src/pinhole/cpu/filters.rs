@@ -4,9 +4,9 @@ use glam::{Vec3, Vec4};
 
 use super::cube::{CubeLookup, level_of};
 use super::footprint::{FootprintAxes, footprint_axes};
-use super::lanes::{ALL, F, LANES, Select, Simd, SimdBase, SimdFloat, V3, bits, dispatch, lanes, level, splat};
 use super::visibility::{Occlusion, Unoccluded};
 use crate::environment::CubeMap;
+use crate::lanes::{ALL, F, LANES, Select, Simd, SimdBase, SimdFloat, V3, bits, dispatch, lanes, level, splat};
 use crate::pinhole::constants::{
     EWA_MAX_COLUMNS, EWA_RADIUS, EWA_TEXEL, FILTER_ANISOTROPIC, FILTER_EWA, FILTER_ISOTROPIC, FILTER_NONE,
     TAP_SHARPNESS,
@@ -18,6 +18,23 @@ pub(super) struct FootprintSides<S: Simd> {
     pub r: V3<S>,
     pub v1: V3<S>,
     pub v2: V3<S>,
+}
+
+/// The mean over a footprint that is mostly a lobe, `width` radians wide: what `of_sky` says without occlusion, in the lanes that it is
+/// asked for, times the part of the lobe that is not occluded.
+#[inline(always)]
+pub(super) fn through_lobe<S: Simd>(
+    simd: S,
+    (r, width): (V3<S>, f32),
+    occlusion: &impl Occlusion,
+    lit: u32,
+    of_sky: impl FnOnce(u32) -> [Vec4; LANES],
+) -> [Vec4; LANES] {
+    let fraction = occlusion.lobe_fraction(simd, r, width, lit);
+    let mut radiance = of_sky(lit & bits(fraction.simd_gt(0.0)));
+    let fraction = fraction.to_array();
+    radiance.iter_mut().zip(fraction).for_each(|(radiance, f)| *radiance *= Vec3::splat(f).extend(1.0));
+    radiance
 }
 
 /// Mean unoccluded radiance over a footprint; w = fetches.
@@ -46,7 +63,8 @@ pub(super) fn mean_over_footprint<S: Simd, const FILTER: u32>(
         return mean_over_ellipse(simd, environment, r, &axes, texel, occlusion, lit);
     }
     let taps = (axes.major / (axes.minor * TAP_SHARPNESS).max(texel)).ceil().max(1.0).min(max_taps);
-    let level = level_of(axes.minor.max(axes.major / taps) * TAP_SHARPNESS, texel);
+    let width = axes.minor.max(axes.major / taps);
+    let level = level_of(width * TAP_SHARPNESS, texel);
     let mut sum = [Vec4::ZERO; LANES];
     let mut k = 0.5;
     loop {
@@ -55,7 +73,7 @@ pub(super) fn mean_over_footprint<S: Simd, const FILTER: u32>(
             return divided(sum, taps);
         }
         let direction = r.plus(axes.direction, k / taps - 0.5);
-        add_unoccluded(simd, environment, occlusion, direction, level, active, &mut sum);
+        add_unoccluded(simd, environment, occlusion, direction, (width, level), active, &mut sum);
         k += 1.0;
     }
 }
@@ -70,7 +88,8 @@ pub(super) fn single_fetch<S: Simd>(
     lit: u32,
 ) -> [Vec4; LANES] {
     let mut sum = [Vec4::ZERO; LANES];
-    add_unoccluded(simd, environment, occlusion, r, splat(simd, 0.0), lit, &mut sum);
+    let nothing = splat(simd, 0.0);
+    add_unoccluded(simd, environment, occlusion, r, (nothing, nothing), lit, &mut sum);
     sum
 }
 
@@ -85,10 +104,10 @@ pub(super) fn smooth_light<S: Simd>(
     occlusion: &impl Occlusion,
     lit: u32,
 ) -> [Vec4; LANES] {
-    let width = ((sides.v1.dot(sides.v1) + sides.v2.dot(sides.v2)) * 0.5).sqrt() * width_scale;
-    let level = (level_of(width, environment.texel_width(sides.r)) + 0.5).floor();
+    let width = ((sides.v1.dot(sides.v1) + sides.v2.dot(sides.v2)) * 0.5).sqrt();
+    let level = (level_of(width * width_scale, environment.texel_width(sides.r)) + 0.5).floor();
     let mut sum = [Vec4::ZERO; LANES];
-    add_unoccluded(simd, environment, occlusion, sides.r, level, lit, &mut sum);
+    add_unoccluded(simd, environment, occlusion, sides.r, (width, level), lit, &mut sum);
     sum
 }
 
@@ -128,7 +147,7 @@ fn mean_over_ellipse<S: Simd>(
             let weight = inside.select((1.0 - x * x - y * y).max(0.0), splat(simd, 0.0));
             let active = in_columns & bits(weight.simd_gt(0.0));
             let direction = r + (axes.direction * x + across * y) * splat(simd, EWA_RADIUS);
-            let fraction = lanes(simd, occlusion.sky_fraction(simd, direction, active));
+            let fraction = lanes(simd, occlusion.sky_fraction(simd, direction, width, active));
             add_weighted(simd, environment, direction, level, &(weight * fraction).to_array(), active, &mut sum);
             weights += weight;
             i += 1.0;
@@ -138,21 +157,22 @@ fn mean_over_ellipse<S: Simd>(
     divided(sum, weights.max(1e-20))
 }
 
-/// Adds the unoccluded radiance from a direction, and 1 to w; where all is occluded nothing is read.
+/// Adds the unoccluded radiance from a direction, out of a level, and 1 to w; where all within `width` radians is occluded nothing
+/// is read.
 #[inline(always)]
 fn add_unoccluded<S: Simd, O: Occlusion>(
     simd: S,
     environment: &CubeLookup,
     occlusion: &O,
     direction: V3<S>,
-    level: F<S>,
+    (width, level): (F<S>, F<S>),
     active: u32,
     sums: &mut [Vec4; LANES],
 ) {
     if O::IS_UNOCCLUDED {
         environment.fetch(simd, direction, level, active, |lane, radiance| sums[lane] += radiance);
     } else {
-        let fractions = occlusion.sky_fraction(simd, direction, active);
+        let fractions = occlusion.sky_fraction(simd, direction, width, active);
         add_weighted(simd, environment, direction, level, &fractions, active, sums);
     }
 }
@@ -191,9 +211,10 @@ fn sky_fraction_of_footprint<S: Simd>(
 ) -> [f32; LANES] {
     let quarter = splat(simd, 0.25);
     let (a, b) = ((sides.v1 + sides.v2) * quarter, (sides.v1 - sides.v2) * quarter);
+    let width = sides.v1.dot(sides.v1).min(sides.v2.dot(sides.v2)).sqrt() * 0.5;
     let mut sum = splat(simd, 0.0);
     for direction in [sides.r + a, sides.r - a, sides.r + b, sides.r - b] {
-        sum += lanes(simd, occlusion.sky_fraction(simd, direction, lit));
+        sum += lanes(simd, occlusion.sky_fraction(simd, direction, width, lit));
     }
     (sum * 0.25).to_array()
 }

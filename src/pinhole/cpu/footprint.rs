@@ -1,6 +1,6 @@
 //! Twin of `shaders/shared/footprint.wgsl`.
 
-use super::lanes::{F, Select, Simd, SimdBase, SimdFloat, V3, splat};
+use crate::lanes::{F, Select, Simd, SimdBase, SimdFloat, V3, splat};
 
 pub(super) struct FootprintAxes<S: Simd> {
     pub major: F<S>,

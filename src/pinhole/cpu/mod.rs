@@ -7,7 +7,6 @@ mod cube;
 mod filters;
 mod footprint;
 mod hierarchical;
-mod lanes;
 mod visibility;
 
 pub use cube::{CubeLookup, Lanes16};
@@ -17,14 +16,14 @@ pub use hierarchical::{Accuracy, CachedGather, CachedSums, Light, estimate_irrad
 use glam::{Vec3, Vec4};
 use rayon::prelude::*;
 
-use self::filters::{CpuFilter, FootprintSides, mean_over_footprint, single_fetch};
+use self::filters::{CpuFilter, FootprintSides, mean_over_footprint, single_fetch, through_lobe};
 use self::footprint::{blurred, reflected_side};
-use self::lanes::{F, LANES, Simd, SimdBase, SimdFloat, V3, bits, dispatch, lanes, level, set_bits, splat3};
 use self::visibility::{Occlusion, Unoccluded, VisibilityMap};
 use super::constants::{FILTER_ANISOTROPIC, FILTER_EWA, FILTER_ISOTROPIC, FILTER_NONE};
 use super::{BATCH_SIZE, CURVE_POINTS, GatherUniforms, Params, PinholeParts, PinholeSample, Pinholes, Receivers};
 use crate::brdf::Materials;
 use crate::environment::CubeMap;
+use crate::lanes::{F, LANES, Simd, SimdBase, SimdFloat, V3, bits, dispatch, lanes, level, set_bits, splat3};
 
 /// Groups of lanes between two reports of progress.
 const GROUPS_PER_TASK: usize = 32;
@@ -406,7 +405,13 @@ impl Gather<'_> {
         }
         let footprint = pair.footprint(simd, sample);
         let taps = F::splat(simd, self.uniforms.taps as f32);
-        mean_over_footprint::<S, FILTER>(simd, &self.environment, &footprint, occlusion, taps, lit)
+        let environment = &self.environment;
+        if sample.is_mostly_lobe(self.map_texel_rad()) {
+            return through_lobe(simd, (pair.r, sample.lobe), occlusion, lit, |lit| {
+                mean_over_footprint::<S, FILTER>(simd, environment, &footprint, &Unoccluded, taps, lit)
+            });
+        }
+        mean_over_footprint::<S, FILTER>(simd, environment, &footprint, occlusion, taps, lit)
     }
 }
 

@@ -1,11 +1,12 @@
 //! Look-ups in visibility maps; twin of `shaders/shared/visibility.wgsl`. [`Unoccluded`] stands in where there are none.
 
-use super::lanes::{
-    F, LANES, Mask, Select, Simd, SimdBase, SimdFloat, SimdMask, V3, bits, clamp, set_bits, splat, splat3,
+use crate::lanes::{
+    F, LANES, Mask, Select, Simd, SimdBase, SimdFloat, SimdMask, V3, bits, clamp, lanes, set_bits, splat, splat3,
 };
 use glam::{Vec2, Vec3};
 
 use crate::pinhole::PinholeSample;
+use crate::pinhole::constants::{LOBE_CORE, LOBE_SHIFT, LOBE_TAIL, LOBE_TAIL_SHARE, MAX_INTERPOLATED_WIDTH};
 use crate::pinhole::visibility::{Doubt, VisibilityMaps, frame};
 
 /// What a sample sees of the environment.
@@ -13,8 +14,11 @@ pub(super) trait Occlusion {
     /// Whether nothing is ever occluded, so that look-ups can be skipped.
     const IS_UNOCCLUDED: bool;
 
-    /// Fraction of the environment around each direction that is not occluded; valid in `active` lanes only.
-    fn sky_fraction<S: Simd>(&self, simd: S, direction: V3<S>, active: u32) -> [f32; LANES];
+    /// Fraction of the environment within `width` radians around each direction that is not occluded; valid in `active` lanes only.
+    fn sky_fraction<S: Simd>(&self, simd: S, direction: V3<S>, width: F<S>, active: u32) -> [f32; LANES];
+
+    /// Fraction of a lobe, `width` radians wide, that is not occluded.
+    fn lobe_fraction<S: Simd>(&self, simd: S, direction: V3<S>, width: f32, active: u32) -> F<S>;
 }
 
 /// Nothing is occluded.
@@ -24,8 +28,13 @@ impl Occlusion for Unoccluded {
     const IS_UNOCCLUDED: bool = true;
 
     #[inline(always)]
-    fn sky_fraction<S: Simd>(&self, _: S, _: V3<S>, _: u32) -> [f32; LANES] {
+    fn sky_fraction<S: Simd>(&self, _: S, _: V3<S>, _: F<S>, _: u32) -> [f32; LANES] {
         [1.0; LANES]
+    }
+
+    #[inline(always)]
+    fn lobe_fraction<S: Simd>(&self, simd: S, _: V3<S>, _: f32, _: u32) -> F<S> {
+        splat(simd, 1.0)
     }
 }
 
@@ -67,10 +76,28 @@ struct MapPlace {
     fraction: [[f32; LANES]; 2],
 }
 
+impl MapPlace {
+    /// The place, in texels from the corner of the map.
+    #[inline(always)]
+    fn centre(&self, lane: usize) -> [f32; 2] {
+        [self.i[lane] + self.fraction[0][lane] + 0.5, self.j[lane] + self.fraction[1][lane] + 0.5]
+    }
+}
+
 /// Places on a map, in texels.
 struct OnMap<S: Simd> {
     u: F<S>,
     v: F<S>,
+}
+
+impl<S: Simd> V3<S> {
+    /// Maps' edges per radian around directions in a sample's frame: their texels cover 2(|x| + |y| + z)³ over their number.
+    #[inline(always)]
+    fn map_density(self) -> F<S> {
+        let [x, y, z] = self.0;
+        let norm = (x.abs() + y.abs() + z.max(0.0)) / self.dot(self).sqrt();
+        1.0 / (norm * norm * norm * 2.0).sqrt()
+    }
 }
 
 impl<'a> VisibilityMap<'a> {
@@ -257,43 +284,101 @@ impl Occlusion for VisibilityMap<'_> {
     const IS_UNOCCLUDED: bool = false;
 
     #[inline(always)]
-    fn sky_fraction<S: Simd>(&self, simd: S, direction: V3<S>, active: u32) -> [f32; LANES] {
-        self.sky_fraction_or(simd, direction, active, |_| None)
+    fn sky_fraction<S: Simd>(&self, simd: S, direction: V3<S>, width: F<S>, active: u32) -> [f32; LANES] {
+        self.sky_fraction_or(simd, direction, width, active, |_| None)
+    }
+
+    #[inline(always)]
+    fn lobe_fraction<S: Simd>(&self, simd: S, direction: V3<S>, width: f32, active: u32) -> F<S> {
+        let V3([x, y, z]) = self.local(simd, direction);
+        let local = V3([x, y, z + LOBE_SHIFT * width]);
+        let (place, density) = (self.place(local), local.map_density().to_array());
+        let n = self.maps.resolution as f32;
+        let mut fractions = [0.0; LANES];
+        for lane in set_bits(active) {
+            let square = |scale: f32| {
+                let texels = (scale * width * density[lane] * n).max(1.0);
+                self.sky_fraction_of_square(self.map(lane), place.centre(lane), texels)
+            };
+            fractions[lane] = mix(square(LOBE_CORE), square(LOBE_TAIL), LOBE_TAIL_SHARE);
+        }
+        lanes(simd, fractions)
     }
 }
 
 impl VisibilityMap<'_> {
-    /// Fraction of the environment around each direction that is not occluded. Lanes whose texels differ are asked from `exact`
-    /// first.
+    /// Fraction of the environment within `width` radians around each direction that is not occluded. In the lanes whose texels differ
+    /// `exact` is asked first, for those that see the environment.
     #[inline(always)]
     pub fn sky_fraction_or<S: Simd>(
         &self,
         simd: S,
         direction: V3<S>,
+        width: F<S>,
         active: u32,
-        exact: impl Fn(usize) -> Option<f32>,
+        exact: impl FnOnce(u32) -> Option<u32>,
     ) -> [f32; LANES] {
-        let place = self.place(self.local(simd, direction));
+        let local = self.local(simd, direction);
+        let place = self.place(local);
         let n = self.maps.resolution;
-        let mut fractions = [0.0; LANES];
+        let texels = (width * local.map_density() * n as f32).to_array();
+        let (mut fractions, mut corners, mut differing) = ([0.0; LANES], [0; LANES], 0);
         for lane in set_bits(active) {
+            if texels[lane] > MAX_INTERPOLATED_WIDTH {
+                fractions[lane] = self.sky_fraction_of_square(self.map(lane), place.centre(lane), texels[lane]);
+                continue;
+            }
             let row = (self.map(lane) * n) as usize + place.j[lane] as usize;
             let pair = |row: usize| self.maps.sky_mask[row] >> place.i[lane] as u32 & 3;
-            let bits = pair(row) | pair(row + 1) << 2;
-            fractions[lane] = match bits {
-                0 => 0.0,
-                15 => 1.0,
-                _ => exact(lane).unwrap_or_else(|| {
-                    let n = n as usize;
-                    let first = row * n + place.i[lane] as usize;
-                    let fraction = [place.fraction[0][lane], place.fraction[1][lane]];
-                    let corners = [0, 1, 2, 3].map(|k| (bits >> k & 1) as f32);
-                    interpolated(&self.maps.planes[first..first + n + 2], n, corners, fraction)
-                }),
-            };
+            corners[lane] = pair(row) | pair(row + 1) << 2;
+            match corners[lane] {
+                0 => {}
+                15 => fractions[lane] = 1.0,
+                _ => differing |= 1 << lane,
+            }
+        }
+        if differing != 0 {
+            let open = exact(differing);
+            for lane in set_bits(differing) {
+                let interpolated = || self.interpolated_sky(lane, &place, corners[lane]);
+                fractions[lane] = open.map_or_else(interpolated, |open| (open >> lane & 1) as f32);
+            }
         }
         fractions
     }
+
+    /// The same between four texels, whose bits are given.
+    fn interpolated_sky(&self, lane: usize, place: &MapPlace, corners: u32) -> f32 {
+        let n = self.maps.resolution as usize;
+        let first = (self.map(lane) as usize * n + place.j[lane] as usize) * n + place.i[lane] as usize;
+        let fraction = [place.fraction[0][lane], place.fraction[1][lane]];
+        let corners = [0, 1, 2, 3].map(|k| (corners >> k & 1) as f32);
+        interpolated(&self.maps.planes[first..first + n + 2], n, corners, fraction)
+    }
+
+    /// The part of a square of a map that sees the environment, as far as the square lies on the map: a lobe's energy is that above
+    /// the horizon. The centre and the width are in texels. Eight lines across the square stand for it.
+    fn sky_fraction_of_square(&self, map: u32, centre: [f32; 2], width: f32) -> f32 {
+        let n = self.maps.resolution;
+        let [[left, right], [top, bottom]] =
+            centre.map(|c| [(c - 0.5 * width).max(0.0), (c + 0.5 * width).min(n as f32)]);
+        let on_line = |k: u32| {
+            let row = (top + (k as f32 + 0.5) / LINES as f32 * (bottom - top)) as u32;
+            let mask = self.maps.sky_mask[(map * n + row.min(n - 1)) as usize];
+            sky_before(mask, right) - sky_before(mask, left)
+        };
+        (0..LINES).map(on_line).sum::<f32>() / (LINES as f32 * (right - left))
+    }
+}
+
+/// Lines across a square of a map that stand for it.
+const LINES: u32 = 8;
+
+/// Texels of a row that see the environment, up to a place from 0 to 32; parts of texels count in part.
+fn sky_before(mask: u32, place: f32) -> f32 {
+    let whole = place as u32;
+    let texel = u64::from(mask) >> whole & 1;
+    (u64::from(mask) & ((1 << whole) - 1)).count_ones() as f32 + place.fract() * texel as f32
 }
 
 /// Interpolates four texels of rows of `n`, each of which stores where its value changes to the next one's.

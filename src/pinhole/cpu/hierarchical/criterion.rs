@@ -5,9 +5,9 @@
 
 use glam::Vec3;
 
-use super::super::lanes::{F, Simd, SimdBase, SimdFloat};
 use super::blocks::{Block, Kind};
 use crate::environment::{Bound, LightBounds};
+use crate::lanes::{F, Simd, SimdBase, SimdFloat};
 use crate::pinhole::GatherUniforms;
 use crate::pinhole::cell::Cell;
 use crate::pinhole::constants::{

@@ -2,12 +2,12 @@
 
 use glam::Vec4;
 
-use super::super::filters::{FootprintSides, mean_over_footprint, smooth_light};
-use super::super::lanes::{F, LANES, Simd, SimdBase};
+use super::super::filters::{FootprintSides, mean_over_footprint, smooth_light, through_lobe};
 use super::super::visibility::{Occlusion, Unoccluded, VisibilityMap};
 use super::super::{Gather, Receiver, ReceiverCellPair};
+use crate::lanes::{F, LANES, Simd, SimdBase};
 use crate::pinhole::PinholeParts;
-use crate::pinhole::constants::{EVEN_LIGHT_SHARPNESS, FILTER_ANISOTROPIC, FOOTPRINT_RADIUS, TAP_SHARPNESS};
+use crate::pinhole::constants::{EVEN_LIGHT_SHARPNESS, FILTER_ANISOTROPIC, FOOTPRINT_RADIUS, LOBE_TAIL, TAP_SHARPNESS};
 
 /// A cell, taken as one sample, and sixteen receivers.
 pub struct CellAtReceivers<'a, S: Simd> {
@@ -26,10 +26,10 @@ impl<S: Simd> FootprintSides<S> {
         self.v1.dot(self.v1) + self.v2.dot(self.v2)
     }
 
-    /// No point of any lane's footprint is farther from its centre, radians.
+    /// Nothing that counts of any lane's footprint is farther from its centre, radians.
     #[inline(always)]
-    pub fn max_radius(&self) -> f32 {
-        FOOTPRINT_RADIUS * self.squares().reduce_max().sqrt()
+    pub fn max_radius(&self, lobe: f32) -> f32 {
+        (FOOTPRINT_RADIUS * self.squares().reduce_max().sqrt()).max(FOOTPRINT_RADIUS * LOBE_TAIL * lobe)
     }
 }
 
@@ -63,7 +63,12 @@ impl Gather<'_> {
         lit: u32,
         sum: &mut [Vec4; LANES],
     ) {
-        let radiance = self.cell_radiance(simd, cell, sky, taps, lit);
+        let radiance = if cell.sample.is_mostly_lobe(self.map_texel_rad()) {
+            let of_sky = |lit| self.cell_radiance(simd, cell, &Unoccluded, taps, lit);
+            through_lobe(simd, (cell.pair.r, cell.sample.lobe), sky, lit, of_sky)
+        } else {
+            self.cell_radiance(simd, cell, sky, taps, lit)
+        };
         self.add(cell.sample, cell.pair, cell.receiver, (cell.weight, &radiance, lit), sum);
     }
 

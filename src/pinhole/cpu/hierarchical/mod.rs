@@ -23,10 +23,10 @@ use rayon::prelude::*;
 
 use self::blocks::{ReceiverTile, Weights};
 use self::tile::TileGather;
-use super::lanes::{LANES, dispatch, level};
 use super::{CubeLookup, Gather, GatherUniforms, ReceiverGroup, load_at};
 use crate::brdf::Materials;
 use crate::environment::{CubeMap, LightBounds};
+use crate::lanes::{LANES, dispatch, level};
 use crate::pinhole::constants::{ESTIMATE_MAX_SAMPLE_NODES, ESTIMATE_RMS_SHARE};
 use crate::pinhole::{Params, PinholeTree, Receivers};
 

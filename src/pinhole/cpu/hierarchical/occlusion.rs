@@ -2,11 +2,11 @@
 
 use glam::Vec3;
 
-use super::super::lanes::{ALL, F, LANES, Simd, SimdBase, V3, bits, lanes, set_bits, splat};
 use super::super::visibility::{Coverage, Occlusion, VisibilityMap};
 use super::super::{Receiver, ReceiverCellPair};
 use super::evaluation::CellAtReceivers;
 use super::tile::{TileGather, map_towards};
+use crate::lanes::{ALL, F, LANES, Simd, SimdBase, SimdFloat, V3, bits, lanes, set_bits, splat, splat3};
 use crate::pinhole::tree::Occluders;
 use crate::pinhole::{PinholeParts, PinholeSample, VisibilityMaps};
 
@@ -63,28 +63,31 @@ impl<S: Simd> VisibleReceivers<S> {
 
     /// Traces doubtful lanes from the four quarters of the sample: where these agree, it is settled for all of its cells.
     fn probe(&mut self, simd: S, occluders: &Occluders, sample: &PinholeParts, receiver: &Receiver<S>, which: u32) {
-        let [x, y, z] = receiver.position.to_arrays();
-        let quarters = sample.quarters();
+        let which = which & !self.probed;
+        let of_quarters = sample.quarters().map(|quarter| {
+            let l = receiver.position - splat3(simd, quarter.position);
+            let behind = if sample.two_sided { bits(l.dot(splat3(simd, quarter.normal)).simd_lt(0.0)) } else { 0 };
+            let (directions, distances) = directions_and_lengths(simd, l);
+            occluders.open_lanes(&quarter, behind, (&directions, &distances), which)
+        });
+        let (any, all) = of_quarters.iter().fold((0, ALL), |(any, all), open| (any | open, all & open));
+        let hidden = which & !any;
+        let seen = which & all;
+        self.probed |= which & !(hidden | seen);
+        self.doubtful &= !(hidden | seen);
+        self.lanes &= !hidden;
         let mut fraction = self.fraction.to_array();
-        for lane in set_bits(which & !self.probed) {
-            let position = Vec3::new(x[lane], y[lane], z[lane]);
-            let seen = quarters.each_ref().map(|quarter| {
-                let l = position - quarter.position;
-                let is_behind = sample.two_sided && l.dot(quarter.normal) < 0.0;
-                occluders.is_open(quarter, is_behind, l.normalize(), l.length())
-            });
-            if seen.iter().any(|&s| s != seen[0]) {
-                self.probed |= 1 << lane;
-                continue;
-            }
-            fraction[lane] = f32::from(seen[0]);
-            self.doubtful &= !(1 << lane);
-            if !seen[0] {
-                self.lanes &= !(1 << lane);
-            }
-        }
+        set_bits(hidden | seen).for_each(|lane| fraction[lane] = (seen >> lane & 1) as f32);
         self.fraction = lanes(simd, fraction);
     }
+}
+
+/// Unit vectors and their lengths.
+#[inline(always)]
+fn directions_and_lengths<S: Simd>(simd: S, l: V3<S>) -> ([Vec3; LANES], [f32; LANES]) {
+    let length = l.dot(l).sqrt();
+    let [x, y, z] = (l * (splat(simd, 1.0) / length)).to_arrays();
+    (std::array::from_fn(|lane| Vec3::new(x[lane], y[lane], z[lane])), length.to_array())
 }
 
 /// What a cell sees of the environment: by its sample's map and, where that is in doubt, by rays.
@@ -92,20 +95,24 @@ pub struct TracedSky<'a> {
     map: &'a VisibilityMap<'a>,
     occluders: &'a Occluders,
     cell: &'a PinholeParts,
-    /// As in [`VisibilityMap::new`].
-    dn: [f32; LANES],
+    /// The lanes that concern the cell's back.
+    behind: u32,
 }
 
 impl Occlusion for TracedSky<'_> {
     const IS_UNOCCLUDED: bool = false;
 
     #[inline(always)]
-    fn sky_fraction<S: Simd>(&self, simd: S, direction: V3<S>, active: u32) -> [f32; LANES] {
-        let [x, y, z] = direction.to_arrays();
-        self.map.sky_fraction_or(simd, direction, active, |lane| {
-            let direction = Vec3::new(x[lane], y[lane], z[lane]).normalize();
-            Some(f32::from(self.occluders.is_open(self.cell, self.dn[lane] > 0.0, direction, f32::INFINITY)))
+    fn sky_fraction<S: Simd>(&self, simd: S, direction: V3<S>, width: F<S>, active: u32) -> [f32; LANES] {
+        self.map.sky_fraction_or(simd, direction, width, active, |lanes| {
+            let (directions, _) = directions_and_lengths(simd, direction);
+            Some(self.occluders.open_lanes(self.cell, self.behind, (&directions, &[f32::INFINITY; LANES]), lanes))
         })
+    }
+
+    #[inline(always)]
+    fn lobe_fraction<S: Simd>(&self, simd: S, direction: V3<S>, width: f32, active: u32) -> F<S> {
+        self.map.lobe_fraction(simd, direction, width, active)
     }
 }
 
@@ -143,12 +150,10 @@ impl TileGather<'_> {
     ) -> F<S> {
         let traced = doubtful & self.worth_tracing(simd, max_contribution, MIN_TRACED_SHARE);
         let Some(occluders) = self.context.pinholes.occluders.as_ref().filter(|_| traced != 0) else { return fraction };
-        let ([x, y, z], dn, mut fraction) = (pair.d.to_arrays(), pair.dn.to_array(), fraction.to_array());
-        for lane in set_bits(traced) {
-            let d = Vec3::new(x[lane], y[lane], z[lane]);
-            let l = d.length();
-            fraction[lane] = f32::from(occluders.is_open(cell, dn[lane] > 0.0, -d / l, l));
-        }
+        let (directions, distances) = directions_and_lengths(simd, V3(pair.d.0.map(|x| -x)));
+        let open = occluders.open_lanes(cell, bits(pair.dn.simd_gt(0.0)), (&directions, &distances), traced);
+        let mut fraction = fraction.to_array();
+        set_bits(traced).for_each(|lane| fraction[lane] = (open >> lane & 1) as f32);
         lanes(simd, fraction)
     }
 
@@ -167,7 +172,7 @@ impl TileGather<'_> {
         let [v1, v2] = [cell.footprint.v1, cell.footprint.v2];
         let is_narrow = bits(v1.dot(v1).min(v2.dot(v2)).simd_lt(splat(simd, texel * texel)));
         let traced = is_narrow & self.worth_tracing(simd, max_contribution, MIN_TRACED_SKY_SHARE);
-        let sky = || TracedSky { map, occluders, cell: cell.sample, dn: cell.pair.dn.to_array() };
+        let sky = || TracedSky { map, occluders, cell: cell.sample, behind: bits(cell.pair.dn.simd_gt(0.0)) };
         (traced != 0).then(|| (sky(), traced))
     }
 }

@@ -6,7 +6,6 @@ use glam::{Vec2, Vec3, Vec4};
 
 use super::super::cube::{OnCube, on_cube};
 use super::super::filters::FootprintSides;
-use super::super::lanes::{ALL, F, LANES, Simd, SimdBase, SimdFloat, V3, bits, lanes, set_bits, splat};
 use super::super::visibility::{Coverage, VisibilityMap};
 use super::super::{Receiver, ReceiverCellPair, ReceiverGroup};
 use super::criterion::unevenness;
@@ -14,6 +13,7 @@ use super::evaluation::CellAtReceivers;
 use super::occlusion::VisibleReceivers;
 use super::tile::{FULLY_VISIBLE, TileGather};
 use crate::environment::LightBounds;
+use crate::lanes::{ALL, F, LANES, Simd, SimdBase, SimdFloat, V3, bits, lanes, set_bits, splat};
 use crate::pinhole::PinholeParts;
 use crate::pinhole::cell::Cell;
 use crate::pinhole::constants::{
@@ -265,7 +265,7 @@ impl TileGather<'_> {
         let gather = &self.context.gather;
         let contribution_range = bounds.range;
         if let Some(sky) = &map {
-            match sky.sky_coverage(simd, cell.pair.r, cell.footprint.max_radius(), lit) {
+            match sky.sky_coverage(simd, cell.pair.r, cell.footprint.max_radius(cell.sample.lobe), lit) {
                 Coverage::Full => map = None,
                 Coverage::None => return,
                 Coverage::Partial => {}

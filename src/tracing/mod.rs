@@ -1,14 +1,20 @@
 //! Rays against the scene's triangles, through a BVH from `obvhs`. Knows meshes, but neither light nor samples.
 
+mod packet;
+
 use std::fmt;
 
 use glam::Vec3;
 use obvhs::BvhBuildParams;
-use obvhs::cwbvh::{CwBvh, builder::build_cwbvh};
+use obvhs::bvh2::{Bvh2, builder::build_bvh2};
 use obvhs::ray::RayHit;
 use obvhs::triangle::Triangle;
 
+use self::packet::{Ignored, any_hit, nearest_hits};
+use crate::lanes::{F, LANES, Simd, SimdBase, V3, bits, dispatch, level, splat3};
 use crate::scene::{Mesh, Object, Ray, Scene};
+
+pub(crate) use self::packet::RayPacket;
 
 /// What a ray meets first.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -49,7 +55,7 @@ pub struct Tracer {
     surfaces: Vec<TriangleSurface>,
     /// Units per metre; a power of two, which rounds nothing.
     scale: f32,
-    bvh: CwBvh,
+    bvh: Bvh2,
     camera_visible: Vec<bool>,
     /// Rays start this far off a surface, units.
     offset: f32,
@@ -93,7 +99,7 @@ impl Tracer {
             Triangle { v0, v1, v2 }.aabb()
         };
         let bounds: Vec<_> = corners.iter().map(bounds).collect();
-        let bvh = build_cwbvh(&bounds, BvhBuildParams::medium_build(), &mut Default::default());
+        let bvh = build_bvh2(&bounds, BvhBuildParams::medium_build(), &mut Default::default());
         let offset = if corners.is_empty() { 0.0 } else { offset(scale * low, scale * high) };
         let order = || bvh.primitive_indices.iter().map(|&index| index as usize);
         let surface = |(normals, object)| TriangleSurface { normals, object };
@@ -117,38 +123,55 @@ impl Tracer {
         self.hit(ray, self.offset, |_, _| true)
     }
 
-    /// The first thing that a piece of a surface sees in a direction; itself it does not see.
-    pub fn seen_by(&self, piece: &Piece, direction: Vec3) -> Option<Hit> {
-        let itself = self.itself(piece, direction);
-        self.hit(Ray { origin: piece.position, direction }, self.offset, |surface, t| !itself(surface, t))
-    }
-
-    /// Whether a piece of a surface sees nothing in a unit direction, up to a distance in metres; itself it does not see.
-    pub fn is_open(&self, piece: &Piece, direction: Vec3, distance: f32) -> bool {
-        let itself = self.itself(piece, direction);
-        let ray = self.scaled(Ray { origin: piece.position, direction });
-        // What lies at the end does not count.
-        let to = self.scale * distance * (1.0 - END_SLACK) - self.offset;
-        let traced = obvhs::ray::Ray::new(ray.origin.into(), ray.direction.into(), self.offset, to);
-        self.corners.is_empty()
-            || self.bvh.ray_traverse_miss(traced, |r, index| {
-                match intersect(&self.corners[index], ray, self.offset, r.tmax) {
-                    Some((t, _)) if !itself(&self.surfaces[index], t) => t,
-                    _ => f32::INFINITY,
-                }
-            })
-    }
-
-    /// Whether a triangle, at a distance in units, belongs to the piece of a surface that looks in a direction.
-    fn itself(&self, piece: &Piece, direction: Vec3) -> impl Fn(&TriangleSurface, f32) -> bool {
-        let (object, side) = (piece.object, if piece.front { 1.0 } else { -1.0 });
-        // A piece is a little curved, and its middle may lie below its triangles.
-        let extent = self.scale * piece.extent;
-        move |surface, distance| {
-            surface.object == object
-                && distance < extent
-                && side * surface.normals.iter().sum::<Vec3>().dot(direction) > 0.0
+    /// The first things that a piece of a surface sees in sixteen directions, in the lanes asked for; itself it does not see.
+    pub(crate) fn seen_by(&self, piece: &Piece, directions: &[Vec3; LANES], lanes: u32) -> [Option<Hit>; LANES] {
+        if self.corners.is_empty() {
+            return [const { None }; LANES];
         }
+        let packet = self.packet_of_piece(piece, directions, [f32::INFINITY; LANES], lanes);
+        let (tree, itself) = ((&self.bvh, &self.corners[..]), Itself::new(self, piece));
+        let hits = dispatch!(level(), simd => nearest_hits(simd, tree, &packet, self.offset, &itself));
+        std::array::from_fn(|lane| {
+            let ray = Ray { origin: self.scale * piece.position, direction: directions[lane] };
+            let [u, v] = hits.weights.map(|weight| weight[lane]);
+            (hits.lanes >> lane & 1 == 1)
+                .then(|| self.describe(ray, hits.distances[lane], hits.triangles[lane] as usize, [1.0 - u - v, u, v]))
+        })
+    }
+
+    /// The lanes, of those asked for, in which a piece of a surface sees nothing in a unit direction up to a distance in metres;
+    /// itself it does not see.
+    pub(crate) fn open_lanes(
+        &self,
+        piece: &Piece,
+        directions: &[Vec3; LANES],
+        distances: &[f32; LANES],
+        lanes: u32,
+    ) -> u32 {
+        if self.corners.is_empty() {
+            return lanes;
+        }
+        // What lies at the end does not count.
+        let ends = distances.map(|distance| self.scale * distance * (1.0 - END_SLACK) - self.offset);
+        let packet = self.packet_of_piece(piece, directions, ends, lanes);
+        let (tree, itself) = ((&self.bvh, &self.corners[..]), Itself::new(self, piece));
+        lanes & !dispatch!(level(), simd => any_hit(simd, tree, &packet, self.offset, &itself))
+    }
+
+    /// The lanes in which anything lies on rays that leave surfaces; they have no ends.
+    pub(crate) fn blocked_lanes(&self, rays: &RayPacket) -> u32 {
+        if self.corners.is_empty() {
+            return 0;
+        }
+        let scaled = RayPacket { origins: rays.origins.map(|axis| axis.map(|x| self.scale * x)), ..*rays };
+        let tree = (&self.bvh, &self.corners[..]);
+        dispatch!(level(), simd => any_hit(simd, tree, &scaled, self.offset, &Nothing))
+    }
+
+    /// Rays from a piece, in units.
+    fn packet_of_piece(&self, piece: &Piece, directions: &[Vec3; LANES], ends: [f32; LANES], lanes: u32) -> RayPacket {
+        let origins = (self.scale * piece.position).to_array().map(|x| [x; LANES]);
+        RayPacket { origins, directions: [0, 1, 2].map(|axis| directions.map(|d| d[axis])), ends, lanes }
     }
 
     /// Whether anything lies in a direction from a surface.
@@ -209,6 +232,45 @@ impl Tracer {
     }
 }
 
+/// The piece of a surface that rays leave. It is a little curved, and its middle may lie below its triangles.
+struct Itself<'a> {
+    surfaces: &'a [TriangleSurface],
+    object: u32,
+    /// 1 where it looks to the side that the mesh's normals point to, else -1.
+    side: f32,
+    /// Units.
+    extent: f32,
+}
+
+impl<'a> Itself<'a> {
+    fn new(tracer: &'a Tracer, piece: &Piece) -> Self {
+        let side = if piece.front { 1.0 } else { -1.0 };
+        Self { surfaces: &tracer.surfaces, object: piece.object, side, extent: tracer.scale * piece.extent }
+    }
+}
+
+impl Ignored for Itself<'_> {
+    #[inline(always)]
+    fn lanes<S: Simd>(&self, simd: S, triangle: usize, direction: V3<S>, distance: F<S>, hit: u32) -> u32 {
+        let surface = &self.surfaces[triangle];
+        if surface.object != self.object {
+            return 0;
+        }
+        let normal = splat3(simd, self.side * surface.normals.iter().sum::<Vec3>());
+        hit & bits(distance.simd_lt(self.extent) & direction.dot(normal).simd_gt(0.0))
+    }
+}
+
+/// Packets that see everything.
+struct Nothing;
+
+impl Ignored for Nothing {
+    #[inline(always)]
+    fn lanes<S: Simd>(&self, _: S, _: usize, _: V3<S>, _: F<S>, _: u32) -> u32 {
+        0
+    }
+}
+
 /// The power of two that brings half the size of a scene's bounds, metres, to between 4,096 and 8,192: far more than what the
 /// hierarchy loses, also compared with the offset of rays.
 fn unit_scale(half_size: Vec3) -> f32 {
@@ -225,11 +287,13 @@ fn offset(low: Vec3, high: Vec3) -> f32 {
     (1e-5 * (high - low).length()).max(4.0 * f32::EPSILON * farthest)
 }
 
+/// Edges of triangles are inclusive by this much of a barycentric weight.
+const SLACK: f32 = 1e-6;
+
 /// Möller–Trumbore with inclusive edges, so that a ray through a shared edge meets one triangle or both, never neither:
 /// distance and barycentric weights.
 #[inline(always)]
 fn intersect([a, b, c]: &[Vec3; 3], ray: Ray, from: f32, to: f32) -> Option<(f32, [f32; 3])> {
-    const SLACK: f32 = 1e-6;
     let (ab, ac) = (*b - *a, *c - *a);
     let p = ray.direction.cross(ac);
     let determinant = ab.dot(p);
@@ -254,6 +318,7 @@ fn intersect([a, b, c]: &[Vec3; 3], ray: Ray, from: f32, to: f32) -> Option<(f32
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::lanes::set_bits;
     use crate::scene::shapes::{Shape, Sphere};
 
     /// A unit sphere, scaled.
@@ -262,6 +327,66 @@ mod tests {
         let positions = unit.positions().iter().map(|p| scale * *p).collect();
         let mesh = Mesh::new("sphere", positions, unit.normals().to_vec(), unit.triangles().to_vec()).unwrap().0;
         Tracer::of_meshes([(&mesh, true)].into_iter())
+    }
+
+    /// The nearest of all triangles along a ray in units that a piece sees, without a hierarchy.
+    fn nearest(tracer: &Tracer, ray: Ray, piece: Option<&Piece>, end: f32) -> Option<f32> {
+        let is_own = |index: usize, distance: f32| {
+            piece.is_some_and(|piece| {
+                let surface = &tracer.surfaces[index];
+                let side = if piece.front { 1.0 } else { -1.0 };
+                let away = side * surface.normals.iter().sum::<Vec3>().dot(ray.direction) > 0.0;
+                surface.object == piece.object && distance < tracer.scale * piece.extent && away
+            })
+        };
+        (0..tracer.corners.len())
+            .filter_map(|index| Some((index, intersect(&tracer.corners[index], ray, tracer.offset, end)?.0)))
+            .filter(|&(index, distance)| !is_own(index, distance))
+            .map(|(_, distance)| distance)
+            .min_by(f32::total_cmp)
+    }
+
+    /// Packets find what each of their rays meets first of all triangles, whether they are coherent or not.
+    #[test]
+    fn packets_find_what_their_rays_meet() {
+        let tracer = sphere(1.0);
+        let piece = Piece { position: Vec3::new(0.0, 0.0, 0.99), object: 0, front: false, extent: 0.2 };
+        let lanes = 0xbfff;
+        let (mut seen, mut hidden, mut stopped) = (0, 0, 0);
+        for (k, spread) in (0..60).flat_map(|k| [(k, 0.01f32), (k, 3.0)]) {
+            let places: [Vec3; LANES] = std::array::from_fn(|lane| {
+                let (sin, cos) = (k as f32 * 2.4 + spread * lane as f32 / LANES as f32).sin_cos();
+                Vec3::new(cos, sin, 0.5 - 0.02 * k as f32) * (0.3 + 0.03 * k as f32)
+            });
+            let directions = places.map(|place| (place - piece.position).normalize());
+            let distances = places.map(|place| place.distance(piece.position));
+            let all = tracer.seen_by(&piece, &directions, lanes);
+            let open = tracer.open_lanes(&piece, &directions, &distances, lanes);
+            let blocked = tracer.blocked_lanes(&RayPacket {
+                origins: [0, 1, 2].map(|axis| places.map(|place| place[axis])),
+                directions: [0, 1, 2].map(|axis| directions.map(|d| d[axis])),
+                ends: [f32::INFINITY; LANES],
+                lanes,
+            });
+            assert!(all[14].is_none() && (open | blocked) & !lanes == 0);
+            for lane in set_bits(lanes) {
+                let ray = |origin: Vec3| Ray { origin: tracer.scale * origin, direction: directions[lane] };
+                let expected = nearest(&tracer, ray(piece.position), Some(&piece), f32::INFINITY);
+                let found = all[lane].map(|hit| hit.distance * tracer.scale);
+                assert!(
+                    expected.zip(found).map_or(expected == found, |(e, f)| (e - f).abs() < 1e-4 * e),
+                    "{expected:?} {found:?}"
+                );
+                let end = tracer.scale * distances[lane] * (1.0 - END_SLACK) - tracer.offset;
+                let is_open = nearest(&tracer, ray(piece.position), Some(&piece), end).is_none();
+                assert_eq!(open >> lane & 1 == 1, is_open);
+                let is_blocked = nearest(&tracer, ray(places[lane]), None, f32::INFINITY).is_some();
+                assert_eq!(blocked >> lane & 1 == 1, is_blocked);
+                (seen, hidden) = (seen + usize::from(found.is_some()), hidden + usize::from(!is_open));
+                stopped += usize::from(is_blocked);
+            }
+        }
+        assert!(seen > 500 && hidden > 100 && stopped > 100, "{seen} {hidden} {stopped}");
     }
 
     #[test]

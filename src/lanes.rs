@@ -8,58 +8,58 @@
 use std::ops::{Add, AddAssign, Mul, Sub};
 use std::sync::OnceLock;
 
-pub(super) use fearless_simd::{Level, Select, Simd, SimdBase, SimdFloat, SimdMask, dispatch};
+pub(crate) use fearless_simd::{Level, Select, Simd, SimdBase, SimdFloat, SimdMask, dispatch};
 use fearless_simd::{SimdInt, f32x16, mask32x16, u32x16};
 use glam::Vec3;
 
 /// Receivers that go through the loop together.
-pub(super) const LANES: usize = 16;
+pub(crate) const LANES: usize = 16;
 /// All lanes.
-pub(super) const ALL: u32 = (1 << LANES) - 1;
+pub(crate) const ALL: u32 = (1 << LANES) - 1;
 
 /// Sixteen lanes.
-pub(super) type F<S> = f32x16<S>;
+pub(crate) type F<S> = f32x16<S>;
 /// A Boolean in each lane.
-pub(super) type Mask<S> = mask32x16<S>;
+pub(crate) type Mask<S> = mask32x16<S>;
 
 /// Sixteen vectors, component by component.
 #[derive(Clone, Copy)]
-pub(super) struct V3<S: Simd>(pub [F<S>; 3]);
+pub(crate) struct V3<S: Simd>(pub [F<S>; 3]);
 
 /// The instruction set of this processor.
-pub(super) fn level() -> Level {
+pub(crate) fn level() -> Level {
     static LEVEL: OnceLock<Level> = OnceLock::new();
     *LEVEL.get_or_init(Level::new)
 }
 
 #[inline(always)]
-pub(super) fn splat<S: Simd>(simd: S, value: f32) -> F<S> {
+pub(crate) fn splat<S: Simd>(simd: S, value: f32) -> F<S> {
     F::splat(simd, value)
 }
 
 #[inline(always)]
-pub(super) fn splat3<S: Simd>(simd: S, v: Vec3) -> V3<S> {
+pub(crate) fn splat3<S: Simd>(simd: S, v: Vec3) -> V3<S> {
     V3([splat(simd, v.x), splat(simd, v.y), splat(simd, v.z)])
 }
 
 #[inline(always)]
-pub(super) fn lanes<S: Simd>(simd: S, values: [f32; LANES]) -> F<S> {
+pub(crate) fn lanes<S: Simd>(simd: S, values: [f32; LANES]) -> F<S> {
     F::load_array(simd, values)
 }
 
 #[inline(always)]
-pub(super) fn bits<S: Simd>(mask: Mask<S>) -> u32 {
+pub(crate) fn bits<S: Simd>(mask: Mask<S>) -> u32 {
     mask.to_bitmask() as u32
 }
 
 #[inline(always)]
-pub(super) fn clamp<S: Simd>(x: F<S>, low: f32, high: impl fearless_simd::SimdInto<F<S>, S>) -> F<S> {
+pub(crate) fn clamp<S: Simd>(x: F<S>, low: f32, high: impl fearless_simd::SimdInto<F<S>, S>) -> F<S> {
     x.max(low).min(high)
 }
 
 /// The lanes whose bits are set. Branching in every lane instead would often be mispredicted.
 #[inline(always)]
-pub(super) fn set_bits(mut bits: u32) -> impl Iterator<Item = usize> {
+pub(crate) fn set_bits(mut bits: u32) -> impl Iterator<Item = usize> {
     std::iter::from_fn(move || {
         let lane = (bits != 0).then(|| bits.trailing_zeros() as usize & (LANES - 1));
         bits &= bits.wrapping_sub(1);
@@ -69,7 +69,7 @@ pub(super) fn set_bits(mut bits: u32) -> impl Iterator<Item = usize> {
 
 /// log₂ of positive numbers, within 2e-5.
 #[inline(always)]
-pub(super) fn log2<S: Simd>(x: F<S>) -> F<S> {
+pub(crate) fn log2<S: Simd>(x: F<S>) -> F<S> {
     let bits: u32x16<S> = x.to_bits();
     let exponent: F<S> = ((bits >> 23).to_float::<F<S>>()) - 127.0;
     let mantissa = F::from_bits((bits & 0x007f_ffff) | 0x3f80_0000);
