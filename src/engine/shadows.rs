@@ -18,7 +18,7 @@ use crate::tracing::{Hit, RayPacket, Tracer};
 /// Directions that are drawn by their radiance; a power of two, which keeps the sequence balanced.
 const BY_LIGHT: usize = 512;
 /// Directions that are spread evenly, for surfaces that face away from most of the light.
-const EVEN: usize = 256;
+const EVEN: usize = 512;
 /// Scrambles the sequences of directions.
 const SEEDS: [u32; 2] = [0x9E37_79B9, 0x85EB_CA6B];
 /// Points of a group that trace all of their shadow rays.

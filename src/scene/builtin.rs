@@ -19,6 +19,7 @@ macro_rules! built_in {
 
 /// All built-in scenes.
 pub const BUILT_IN: &[BuiltIn] = built_in! {
+    "still-life": "rings of gold and copper, a silver spoon and painted balls in low sun",
     "ring": "a mirror ring on a table under a tiny sun (Wand & Straßer, Figures 4 and 5)",
     "ring-above": "the same ring and light from straight above, orthographic: the scene to measure with",
     "ring-natural": "the ring in forest light, its inner side a mirror (Figure 6d)",
@@ -29,10 +30,10 @@ pub const BUILT_IN: &[BuiltIn] = built_in! {
     "cup-point-light": "the cup under a small light from above (Figure 7b)",
     "columns": "balls and columns between the light, a brass ring and the table shadow each other",
     "gloss": "rings of silver, polished, brushed and blasted",
-    "metals": "rings of silver, gold, copper, aluminium, chromium and brass in the sun",
+    "metals": "rings of silver, gold, copper, aluminium, chromium and brass in forest light",
     "varnish": "a gilded ring on a glossy table",
     "mirror-sphere": "a mirror sphere above a table in a studio",
-    "disco-ball": "a ball of flat mirror tiles throws images of the sun into a room (Section 3)",
+    "disco-ball": "a ball of flat mirror tiles throws images of the sun around a room (Section 3)",
 };
 
 #[cfg(test)]
