@@ -1,6 +1,8 @@
 //! Sixteen rays at a time through the hierarchy: what is needed of the neighbouring rays of a map, a block or a group of points.
 //! They go where any of them goes, so that the closer they are, the faster. Knows triangles and boxes, in the tracer's units.
 
+use std::ops::Range;
+
 use glam::Vec3;
 use obvhs::bvh2::Bvh2;
 use obvhs::bvh2::node::Bvh2Node;
@@ -118,6 +120,11 @@ fn slab<S: Simd>(simd: S, (low, high): (f32, f32), origin: F<S>, inverse: F<S>) 
     (a.min(b), a.max(b))
 }
 
+/// The triangles of a leaf.
+fn triangles(leaf: &Bvh2Node) -> Range<usize> {
+    leaf.first_index as usize..(leaf.first_index + leaf.prim_count) as usize
+}
+
 /// The lanes that hit any triangle that is not ignored.
 #[inline(always)]
 pub fn any_hit<S: Simd>(
@@ -140,7 +147,7 @@ pub fn any_hit<S: Simd>(
             stack.extend([node.first_index, node.first_index + 1]);
             continue;
         }
-        for triangle in node.first_index as usize..(node.first_index + node.prim_count) as usize {
+        for triangle in triangles(node) {
             let hit = rays.hit(simd, &corners[triangle], end);
             let lanes = hit.lanes & open;
             if lanes != 0 {
@@ -171,7 +178,7 @@ pub fn nearest_hits<S: Simd>(
     while let Some(index) = stack.pop() {
         let node = &bvh.nodes[index as usize];
         if node.is_leaf() {
-            for triangle in node.first_index as usize..(node.first_index + node.prim_count) as usize {
+            for triangle in triangles(node) {
                 let hit = rays.hit(simd, &corners[triangle], end);
                 let lanes = hit.lanes & packet.lanes;
                 if lanes == 0 {

@@ -1,0 +1,129 @@
+//! What users wait for: whole runs of the program on one thread, as tables for `docs/performance.md`: `cargo bench --bench pictures`.
+//!
+//! `PINSPOT_BASE=another/pinspot` names the program of another version to compare with: runs of the two alternate. Seconds vary with
+//! what else the machine does; ratios within a run mean something.
+
+use std::env;
+use std::error::Error;
+use std::path::Path;
+use std::process::Command;
+
+use serde_json::Value;
+
+/// The scenes of the tables.
+const SCENES: [&str; 4] = ["ring-natural", "cup", "spoon", "columns"];
+/// Of as many runs the fastest counts.
+const RUNS: usize = 2;
+
+/// Seconds of the stages of one run, from its report.
+struct Seconds(Value);
+
+impl Seconds {
+    fn of(program: &Path, arguments: &[&str]) -> Result<Self, Box<dyn Error>> {
+        let output = tempfile::Builder::new().suffix(".exr").tempfile()?;
+        let run = Command::new(program)
+            .arg("render")
+            .args(arguments)
+            .args(["--backend", "cpu", "--json", "--quiet", "-o"])
+            .arg(output.path())
+            .env("RAYON_NUM_THREADS", "1")
+            .output()?;
+        if !run.status.success() {
+            return Err(format!("{} {arguments:?}: {}", program.display(), String::from_utf8_lossy(&run.stderr)).into());
+        }
+        Ok(Self(serde_json::from_slice::<Value>(&run.stdout)?["seconds"].take()))
+    }
+
+    /// The sum of some stages; those that a run did not need count nothing.
+    fn stages(&self, names: &[&str]) -> f64 {
+        names.iter().filter_map(|name| self.0[*name].as_f64()).sum()
+    }
+}
+
+/// The fastest of several alternating runs of each program.
+fn fastest(programs: &[&Path], arguments: &[&str]) -> Result<Vec<f64>, Box<dyn Error>> {
+    let mut best = vec![f64::INFINITY; programs.len()];
+    for _ in 0..RUNS {
+        for (program, best) in programs.iter().zip(&mut best) {
+            *best = best.min(Seconds::of(program, arguments)?.stages(&["total"]));
+        }
+    }
+    Ok(best)
+}
+
+fn default_pictures(own: &Path, base: Option<&Path>) -> Result<(), Box<dyn Error>> {
+    println!(
+        "\nDefault pictures, 512², everything from the scene to the file, seconds\n\n| scene | base | now | ratio |\n|---|---|---|---|"
+    );
+    for scene in SCENES {
+        match fastest(&[Some(own), base].into_iter().flatten().collect::<Vec<_>>(), &[scene])?[..] {
+            [now, before] => println!("| `{scene}` | {before:.1} | {now:.1} | {:.1} |", before / now),
+            [now] => println!("| `{scene}` | | {now:.1} | |"),
+            _ => unreachable!("one or two programs"),
+        }
+    }
+    Ok(())
+}
+
+/// The gather of the caustic with visibility over that without.
+fn visibility(own: &Path) -> Result<(), Box<dyn Error>> {
+    println!("\nCaustic at 160², 64 leaves: the gather with visibility over that without\n");
+    println!("| samples | 1,000 | 3,000 | 10,000 |\n|---|---|---|---|");
+    for scene in SCENES {
+        for tolerance in ["0.01", "0.05"] {
+            print!("| `{scene}`, tolerance {tolerance} ");
+            for samples in ["1000", "3000", "10000"] {
+                let gather = |visibility: &str| {
+                    let options = ["--aov", "caustic", "--size", "160x160", "--leaves", "64", "--tolerance", tolerance];
+                    let rest = [scene, "--samples", samples, "--visibility", visibility];
+                    Ok::<_, Box<dyn Error>>(Seconds::of(own, &[&rest[..], &options].concat())?.stages(&["caustic"]))
+                };
+                print!("| {:.1} ", gather("full")? / gather("none")?);
+            }
+            println!("|");
+        }
+    }
+    Ok(())
+}
+
+/// How the time of a frame grows with the samples and with the pixels.
+fn growth(own: &Path) -> Result<(), Box<dyn Error>> {
+    println!(
+        "\nGrowth, `ring-natural`, one leaf a sample\n\n| samples | tree and visibility maps, s | gather, s |\n|---|---|---|"
+    );
+    let mut of_counts = Vec::new();
+    for samples in ["1000", "10000", "100000"] {
+        let options = ["ring-natural", "--aov", "caustic", "--size", "160x160", "--leaves", "1", "--samples", samples];
+        let seconds = Seconds::of(own, &options)?;
+        let of_count = [seconds.stages(&["tree", "visibility"]), seconds.stages(&["caustic"])];
+        println!("| {samples} | {:.2} | {:.2} |", of_count[0], of_count[1]);
+        of_counts.push(of_count);
+    }
+    let ratio = |k: usize| of_counts[2][k] / of_counts[0][k];
+    println!("| 100,000 over 1,000 | {:.1} | {:.1} |", ratio(0), ratio(1));
+
+    let gather = |size: &str| {
+        let options = ["ring-natural", "--aov", "caustic", "--size", size];
+        Ok::<_, Box<dyn Error>>(Seconds::of(own, &options)?.stages(&["caustic"]))
+    };
+    println!("\nGather, 2048² over 512² pixels: {:.1}", gather("2048x2048")? / gather("512x512")?);
+    Ok(())
+}
+
+fn drafts(own: &Path) -> Result<(), Box<dyn Error>> {
+    println!("\nDrafts, 512²: seconds of gathers, on one thread\n\n| scene | caustic | ends of paths |\n|---|---|---|");
+    for scene in pinspot::scene::BUILT_IN {
+        let seconds = Seconds::of(own, &[scene.name, "--quality", "draft", "--size", "512x512"])?;
+        println!("| `{}` | {:.2} | {:.2} |", scene.name, seconds.stages(&["caustic"]), seconds.stages(&["path-ends"]));
+    }
+    Ok(())
+}
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let own = Path::new(env!("CARGO_BIN_EXE_pinspot"));
+    let base = env::var_os("PINSPOT_BASE");
+    default_pictures(own, base.as_deref().map(Path::new))?;
+    visibility(own)?;
+    growth(own)?;
+    drafts(own)
+}
