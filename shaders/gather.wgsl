@@ -102,6 +102,9 @@ fn sample_irradiance(i: u32, receiver: Receiver) -> vec4f {
     if VISIBILITY && FILTER != FILTER_NONE && is_mostly_lobe(samples[i].lobe, samples[i].change_1, samples[i].change_2) {
         weight *= lobe_fraction(r, samples[i].lobe, map);
         map.index = UNOCCLUDED;
+        if weight == 0.0 {
+            return vec4f(0.0);
+        }
     }
     let radiance = filtered_radiance(i, d, n, dn, inverse_l, r, map);
     let cosine = cos_at_sample_l * inverse_l;

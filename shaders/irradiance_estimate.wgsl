@@ -58,7 +58,12 @@ fn sample_contribution(sample: u32, receiver: Receiver) -> vec3f {
     }
     let sides = footprint_of(cell, pair);
     let axes = footprint_axes(sides);
-    let sky = sky_fraction_of_footprint(pair.r, sides, map);
+    var sky = 0.0;
+    if VISIBILITY && is_mostly_lobe(cell.lobe, cell.change_1, cell.change_2) {
+        sky = lobe_fraction(pair.r, cell.lobe, map);
+    } else {
+        sky = sky_fraction_of_footprint(pair.r, sides, map);
+    }
     let light_r = light_from_world(pair.r);
     let radiance = fetch(light_r, level_of(axes.major, texel_width(light_r, uniforms.texel_rad)));
     return weight * sky * reflected_scale(cell, pair) * radiance;

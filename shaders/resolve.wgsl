@@ -240,6 +240,9 @@ fn contribution(
     if VISIBILITY && is_mostly_lobe(cell.lobe, cell.change_1, cell.change_2) {
         seen *= lobe_fraction(pair.r, cell.lobe, map);
         map.index = UNOCCLUDED;
+        if seen == 0.0 {
+            return vec4f(0.0);
+        }
     }
     let radiance = cell_radiance(cell, pair.r, sides, contribution_range, PAIR_ERROR_SHARE * tolerance.error, map);
     var factor = weight_of(cell, pair, receiver) * seen * reflected_scale(cell, pair);

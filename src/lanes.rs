@@ -12,7 +12,7 @@ pub(crate) use fearless_simd::{Level, Select, Simd, SimdBase, SimdFloat, SimdMas
 use fearless_simd::{SimdInt, f32x16, mask32x16, u32x16};
 use glam::Vec3;
 
-/// Receivers that go through the loop together.
+/// Number of lanes: receivers and rays are processed in groups of this size.
 pub(crate) const LANES: usize = 16;
 /// All lanes.
 pub(crate) const ALL: u32 = (1 << LANES) - 1;

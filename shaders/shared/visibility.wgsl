@@ -101,14 +101,14 @@ fn lobe_fraction(direction: vec3f, width: f32, map: VisibilityMap) -> f32 {
     return mix(core, sky_fraction_of_square(centre, max(LOBE_TAIL * texels, 1.0), map), LOBE_TAIL_SHARE);
 }
 
-// Maps' edges per radian around a direction in the sample's frame: their texels cover 2(|x| + |y| + z)^3 over their number.
+// Edge lengths of a map per radian around a direction in the sample's frame: a texel of n^2 subtends 2(|x| + |y| + z)^3 / n^2 sr.
 fn map_density(local: vec3f) -> f32 {
     let norm = (abs(local.x) + abs(local.y) + max(local.z, 0.0)) * inverseSqrt(dot(local, local));
     return inverseSqrt(2.0 * norm * norm * norm);
 }
 
-// The part of a square of a map that sees the environment, as far as the square lies on the map: a lobe's energy is that above the
-// horizon. The centre and the width are in texels. Eight lines across the square stand for it.
+// The part of a square of a map that sees the environment, estimated from eight lines across it. The square is clipped to the map: a
+// lobe's energy is that above the horizon. The centre and the width are in texels.
 fn sky_fraction_of_square(centre: vec2f, width: f32, map: VisibilityMap) -> f32 {
     let n = uniforms.map_resolution;
     let first = max(centre - 0.5 * width, vec2f(0.0));
@@ -116,7 +116,7 @@ fn sky_fraction_of_square(centre: vec2f, width: f32, map: VisibilityMap) -> f32 
     let step = (last.y - first.y) / 8.0;
     let upper = sky_masks_at(first.y + step * vec4f(0.5, 1.5, 2.5, 3.5), map);
     let lower = sky_masks_at(first.y + step * vec4f(4.5, 5.5, 6.5, 7.5), map);
-    let sky = sky_before(upper, last.x) + sky_before(lower, last.x) - sky_before(upper, first.x) - sky_before(lower, first.x);
+    let sky = sky_texels_before(upper, last.x) + sky_texels_before(lower, last.x) - sky_texels_before(upper, first.x) - sky_texels_before(lower, first.x);
     return dot(sky, vec4f(0.125)) / (last.x - first.x);
 }
 
@@ -125,8 +125,8 @@ fn sky_masks_at(rows: vec4f, map: VisibilityMap) -> vec4u {
     return vec4u(sky_masks[at.x], sky_masks[at.y], sky_masks[at.z], sky_masks[at.w]);
 }
 
-// Texels of rows that see the environment, up to a place from 0 to 32; parts of texels count in part.
-fn sky_before(masks: vec4u, place: f32) -> vec4f {
+// Texels of rows that see the environment, up to a place from 0 to 32; a partly covered texel counts in proportion.
+fn sky_texels_before(masks: vec4u, place: f32) -> vec4f {
     let whole = u32(place);
     if whole >= 32u {
         return vec4f(countOneBits(masks));

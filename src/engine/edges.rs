@@ -36,7 +36,7 @@ impl DividedPixels {
             (points.len() == POINTS.len()).then_some((index, points))
         };
         let mut found: Vec<(usize, Vec<Hit>)> = (0..rays.hits.len()).into_par_iter().filter_map(of_pixel).collect();
-        // As gathers want them: what follows each other is close.
+        // Morton order: consecutive receivers are close together.
         let width = rays.width as usize;
         found.sort_by_cached_key(|(index, _)| morton_encode_u64((index % width) as u32, (index / width) as u32, 0));
         let pixels = found.iter().map(|(index, _)| *index).collect();

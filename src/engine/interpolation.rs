@@ -13,7 +13,8 @@ const MAX_CURVATURE: f32 = 0.01;
 pub(super) fn is_smooth(light: &[[Vec3; 4]; 4]) -> bool {
     let linear = 0.25 * (light[1][1] + light[1][2] + light[2][1] + light[2][2]);
     let most = 16.0 * MAX_CURVATURE * linear.max_element();
-    // Cubic interpolation differs from linear by a sixteenth of the second differences. Those of an edge halfway cancel, so each counts.
+    // Cubic interpolation differs from linear by a sixteenth of the sum of the second differences. At a step halfway between places these
+    // cancel, so their magnitudes are summed.
     let bends =
         |a: Vec3, b: Vec3, c: Vec3, d: Vec3| ((a - 2.0 * b + c).abs() + (b - 2.0 * c + d).abs()).max_element() > most;
     let [r0, r1, r2, r3] = light;

@@ -17,6 +17,8 @@ use crate::tracing::Hit;
 const EDGE_POINTS: u32 = 4;
 /// The largest number of surfaces that a path meets before it is taken to end in the environment.
 const MAX_SURFACES: u32 = 7;
+/// Cosine between a mirrored direction and the normal of the triangle that it leaves, at least.
+const MIN_HEIGHT: f32 = 1e-3;
 /// Albedo of surfaces that neither reflect nor receive on the visible side.
 const PLAIN_ALBEDO: f32 = 0.2;
 /// Albedo of everything in the plain diffuse view.
@@ -305,8 +307,10 @@ impl PathTracer<'_> {
         let mirrored = ray.direction.reflect(facet);
         // A microfacet may reflect into the surface; the smooth mirror replaces it then.
         let outwards = mirrored.dot(found.normal) * ray.direction.dot(found.normal) < 0.0;
-        let direction = if outwards { mirrored } else { ray.direction.reflect(found.normal) };
-        direction.normalize()
+        let direction = if outwards { mirrored } else { ray.direction.reflect(found.normal) }.normalize();
+        // An interpolated normal may reflect into the triangle, at grazing angles.
+        let height = direction.dot(found.face_normal);
+        (direction + (MIN_HEIGHT - height).max(0.0) * found.face_normal).normalize()
     }
 }
 

@@ -150,7 +150,7 @@ impl<'a> Shadows<'a> {
             return 0;
         }
         let directions = direction.to_array().map(|x| [x; LANES]);
-        self.tracer.blocked_lanes(&RayPacket {
+        self.tracer.occluded_lanes(&RayPacket {
             origins: points.positions,
             directions,
             ends: [f32::INFINITY; LANES],

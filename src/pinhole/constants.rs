@@ -51,11 +51,12 @@ pub const ESTIMATE_RMS_SHARE: f32 = 0.1;
 /// between four texels.
 pub const MAX_INTERPOLATED_WIDTH: f32 = 2.0;
 
-/// What a lobe sees of the sky is the mean over two squares on a map, this many times as wide as the lobe; fitted, with the next two,
-/// to what GGX lobes (α from .09 to 1) see of half-spaces.
+/// What a lobe sees of the sky is the weighted mean over two squares of a map; the narrower is this many times as wide as the lobe.
+/// Fitted, with the next three, to what GGX lobes (α from .09 to 1) see of half-spaces.
 pub const LOBE_CORE: f32 = 0.5;
+/// The wider one, likewise.
 pub const LOBE_TAIL: f32 = 2.2;
-/// Weight of the wider square.
+/// The weight of the wider square.
 pub const LOBE_TAIL_SHARE: f32 = 0.58;
 /// Lobes lie this many times their width nearer to the normal than the mirrored direction: the horizon cuts them off.
 pub const LOBE_SHIFT: f32 = 0.15;

@@ -35,7 +35,7 @@ pub(super) struct Occluders {
 impl Occluders {
     /// The lanes, of those asked for, in which the middle of a cell sees nothing in a unit direction up to a distance in metres.
     /// `behind` are the lanes that concern its back.
-    pub fn open_lanes(
+    pub fn unoccluded_lanes(
         &self,
         cell: &PinholeParts,
         behind: u32,
@@ -46,7 +46,7 @@ impl Occluders {
         let faces_front = self.faces_front[cell.object as usize];
         let open = |front: bool, lanes: u32| {
             let piece = Piece { position: cell.position, object: cell.object, front, extent };
-            if lanes == 0 { 0 } else { self.tracer.open_lanes(&piece, directions, distances, lanes) }
+            if lanes == 0 { 0 } else { self.tracer.unoccluded_lanes(&piece, directions, distances, lanes) }
         };
         open(faces_front, lanes & !behind) | open(!faces_front, lanes & behind)
     }

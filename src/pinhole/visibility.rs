@@ -65,7 +65,8 @@ impl Edges {
 
 /// Texels of all maps together: 128 MiB, which every WebGPU device can bind.
 const MAX_TEXELS: usize = 1 << 23;
-/// Texels along an edge, from the finest to the coarsest; the finest that fits is used.
+/// Texels along an edge, from the finest to the coarsest; the finest that fits is used. Multiples of four, as squares of 4×4 texels are
+/// traced together.
 const RESOLUTIONS: [u32; 5] = [32, 24, 16, 8, 4];
 
 /// The frame of a sample, from its unit normal: two tangents (Duff et al. 2017, *Building an Orthonormal Basis, Revisited*).

@@ -6,11 +6,12 @@ use std::fmt;
 
 use glam::Vec3;
 use obvhs::BvhBuildParams;
+use obvhs::aabb::Aabb;
 use obvhs::bvh2::{Bvh2, builder::build_bvh2};
 use obvhs::ray::RayHit;
 use obvhs::triangle::Triangle;
 
-use self::packet::{Ignored, any_hit, nearest_hits};
+use self::packet::{HitFilter, any_hit, nearest_hits};
 use crate::lanes::{F, LANES, Simd, SimdBase, V3, bits, dispatch, level, splat3};
 use crate::scene::{Mesh, Object, Ray, Scene};
 
@@ -48,8 +49,7 @@ pub struct Piece {
 
 /// All triangles of a scene.
 pub struct Tracer {
-    /// In the order of the hierarchy's leaves. Scaled, so that all scenes are of about one size: the hierarchy loses what is nearer
-    /// than a ten-thousandth of a unit.
+    /// In the order of the hierarchy's leaves. Scaled, so that all scenes are of about one size, far from the limits of floats.
     corners: Vec<[Vec3; 3]>,
     /// In the same order.
     surfaces: Vec<TriangleSurface>,
@@ -94,9 +94,12 @@ impl Tracer {
         let (low, high) = all.fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(l, h), p| (l.min(*p), h.max(*p)));
         let scale = if corners.is_empty() { 1.0 } else { unit_scale(0.5 * high - 0.5 * low) };
         let corners: Vec<_> = corners.into_iter().map(|triangle| triangle.map(|corner| scale * corner)).collect();
+        // Boxes are larger than triangles by what is lost by rounding: rays must not slip between them.
+        let padding = 4.0 * f32::EPSILON * scale * low.abs().max(high.abs()).max_element();
         let bounds = |corners: &[Vec3; 3]| {
             let [v0, v1, v2] = corners.map(Into::into);
-            Triangle { v0, v1, v2 }.aabb()
+            let bounds = Triangle { v0, v1, v2 }.aabb();
+            Aabb { min: bounds.min - padding, max: bounds.max + padding }
         };
         let bounds: Vec<_> = corners.iter().map(bounds).collect();
         let bvh = build_bvh2(&bounds, BvhBuildParams::medium_build(), &mut Default::default());
@@ -129,7 +132,7 @@ impl Tracer {
             return [const { None }; LANES];
         }
         let packet = self.packet_of_piece(piece, directions, [f32::INFINITY; LANES], lanes);
-        let (tree, itself) = ((&self.bvh, &self.corners[..]), Itself::new(self, piece));
+        let (tree, itself) = ((&self.bvh, &self.corners[..]), SelfIntersection::new(self, piece));
         let hits = dispatch!(level(), simd => nearest_hits(simd, tree, &packet, self.offset, &itself));
         std::array::from_fn(|lane| {
             let ray = Ray { origin: self.scale * piece.position, direction: directions[lane] };
@@ -141,7 +144,7 @@ impl Tracer {
 
     /// The lanes, of those asked for, in which a piece of a surface sees nothing in a unit direction up to a distance in metres;
     /// itself it does not see.
-    pub(crate) fn open_lanes(
+    pub(crate) fn unoccluded_lanes(
         &self,
         piece: &Piece,
         directions: &[Vec3; LANES],
@@ -154,18 +157,18 @@ impl Tracer {
         // What lies at the end does not count.
         let ends = distances.map(|distance| self.scale * distance * (1.0 - END_SLACK) - self.offset);
         let packet = self.packet_of_piece(piece, directions, ends, lanes);
-        let (tree, itself) = ((&self.bvh, &self.corners[..]), Itself::new(self, piece));
+        let (tree, itself) = ((&self.bvh, &self.corners[..]), SelfIntersection::new(self, piece));
         lanes & !dispatch!(level(), simd => any_hit(simd, tree, &packet, self.offset, &itself))
     }
 
     /// The lanes in which anything lies on rays that leave surfaces; they have no ends.
-    pub(crate) fn blocked_lanes(&self, rays: &RayPacket) -> u32 {
+    pub(crate) fn occluded_lanes(&self, rays: &RayPacket) -> u32 {
         if self.corners.is_empty() {
             return 0;
         }
         let scaled = RayPacket { origins: rays.origins.map(|axis| axis.map(|x| self.scale * x)), ..*rays };
         let tree = (&self.bvh, &self.corners[..]);
-        dispatch!(level(), simd => any_hit(simd, tree, &scaled, self.offset, &Nothing))
+        dispatch!(level(), simd => any_hit(simd, tree, &scaled, self.offset, &NoFilter))
     }
 
     /// Rays from a piece, in units.
@@ -233,7 +236,7 @@ impl Tracer {
 }
 
 /// The piece of a surface that rays leave. It is a little curved, and its middle may lie below its triangles.
-struct Itself<'a> {
+struct SelfIntersection<'a> {
     surfaces: &'a [TriangleSurface],
     object: u32,
     /// 1 where it looks to the side that the mesh's normals point to, else -1.
@@ -242,16 +245,16 @@ struct Itself<'a> {
     extent: f32,
 }
 
-impl<'a> Itself<'a> {
+impl<'a> SelfIntersection<'a> {
     fn new(tracer: &'a Tracer, piece: &Piece) -> Self {
         let side = if piece.front { 1.0 } else { -1.0 };
         Self { surfaces: &tracer.surfaces, object: piece.object, side, extent: tracer.scale * piece.extent }
     }
 }
 
-impl Ignored for Itself<'_> {
+impl HitFilter for SelfIntersection<'_> {
     #[inline(always)]
-    fn lanes<S: Simd>(&self, simd: S, triangle: usize, direction: V3<S>, distance: F<S>, hit: u32) -> u32 {
+    fn ignored<S: Simd>(&self, simd: S, triangle: usize, direction: V3<S>, distance: F<S>, hit: u32) -> u32 {
         let surface = &self.surfaces[triangle];
         if surface.object != self.object {
             return 0;
@@ -261,18 +264,17 @@ impl Ignored for Itself<'_> {
     }
 }
 
-/// Packets that see everything.
-struct Nothing;
+/// Accepts every hit.
+struct NoFilter;
 
-impl Ignored for Nothing {
+impl HitFilter for NoFilter {
     #[inline(always)]
-    fn lanes<S: Simd>(&self, _: S, _: usize, _: V3<S>, _: F<S>, _: u32) -> u32 {
+    fn ignored<S: Simd>(&self, _: S, _: usize, _: V3<S>, _: F<S>, _: u32) -> u32 {
         0
     }
 }
 
-/// The power of two that brings half the size of a scene's bounds, metres, to between 4,096 and 8,192: far more than what the
-/// hierarchy loses, also compared with the offset of rays.
+/// The power of two that brings half the size of a scene's bounds, metres, to between 4,096 and 8,192.
 fn unit_scale(half_size: Vec3) -> f32 {
     let exponent = half_size.max_element().max(f32::MIN_POSITIVE).log2().floor() as i32;
     2f32.powi((12 - exponent).clamp(-126, 126))
@@ -281,14 +283,16 @@ fn unit_scale(half_size: Vec3) -> f32 {
 /// Part of a distance by which rays towards a point end before it: more than what is lost by rounding.
 const END_SLACK: f32 = 1e-4;
 
-/// How far off a surface rays start in a scene with these bounds: more than what is lost by rounding.
+/// How far off a surface rays start in a scene with these bounds: more than what is lost by rounding, and little enough that from the
+/// foot of a wall they do not leave through the floor.
 fn offset(low: Vec3, high: Vec3) -> f32 {
     let farthest = low.abs().max(high.abs()).max_element();
-    (1e-5 * (high - low).length()).max(4.0 * f32::EPSILON * farthest)
+    (1e-6 * (high - low).length()).max(4.0 * f32::EPSILON * farthest)
 }
 
-/// Edges of triangles are inclusive by this much of a barycentric weight.
-const SLACK: f32 = 1e-6;
+/// Edges of triangles are inclusive by this much of a barycentric weight: rays from far away must not slip between small triangles, whose
+/// weights suffer from cancellation.
+const SLACK: f32 = 1e-4;
 
 /// Möller–Trumbore with inclusive edges, so that a ray through a shared edge meets one triangle or both, never neither:
 /// distance and barycentric weights.
@@ -361,8 +365,8 @@ mod tests {
             let directions = places.map(|place| (place - piece.position).normalize());
             let distances = places.map(|place| place.distance(piece.position));
             let all = tracer.seen_by(&piece, &directions, lanes);
-            let open = tracer.open_lanes(&piece, &directions, &distances, lanes);
-            let blocked = tracer.blocked_lanes(&RayPacket {
+            let open = tracer.unoccluded_lanes(&piece, &directions, &distances, lanes);
+            let blocked = tracer.occluded_lanes(&RayPacket {
                 origins: [0, 1, 2].map(|axis| places.map(|place| place[axis])),
                 directions: [0, 1, 2].map(|axis| directions.map(|d| d[axis])),
                 ends: [f32::INFINITY; LANES],

@@ -1,5 +1,5 @@
-//! Sixteen rays at a time through the hierarchy: what is needed of the neighbouring rays of a map, a block or a group of points.
-//! They go where any of them goes, so that the closer they are, the faster. Knows triangles and boxes, in the tracer's units.
+//! Traces packets of sixteen rays through the hierarchy. A node is visited if any of the rays meets its box, so coherent packets are
+//! the fastest. Knows triangles and boxes, in the tracer's units, but neither objects nor scenes.
 
 use std::ops::Range;
 
@@ -48,10 +48,10 @@ struct TriangleHit<S: Simd> {
     lanes: u32,
 }
 
-/// Which triangles a packet does not see.
-pub trait Ignored {
-    /// The lanes, of those that hit a triangle at these distances, that do not see it.
-    fn lanes<S: Simd>(&self, simd: S, triangle: usize, direction: V3<S>, distance: F<S>, hit: u32) -> u32;
+/// Tells which hits do not count.
+pub trait HitFilter {
+    /// The lanes, of those that hit a triangle at these distances, whose hits do not count.
+    fn ignored<S: Simd>(&self, simd: S, triangle: usize, direction: V3<S>, distance: F<S>, hit: u32) -> u32;
 }
 
 impl<S: Simd> Rays<S> {
@@ -107,7 +107,7 @@ impl<S: Simd> Rays<S> {
     }
 }
 
-/// 1/x, kept finite: any slope this steep misses a box that it starts beside, and no product of it with 0 is undefined.
+/// 1/x, clamped to a finite value, so that 0 · ∞ cannot occur in the test of a box.
 #[inline(always)]
 fn finite_inverse<S: Simd>(simd: S, x: F<S>) -> F<S> {
     1.0 / x.abs().simd_lt(1e-12).select(splat(simd, 1e-12), x)
@@ -125,14 +125,14 @@ fn triangles(leaf: &Bvh2Node) -> Range<usize> {
     leaf.first_index as usize..(leaf.first_index + leaf.prim_count) as usize
 }
 
-/// The lanes that hit any triangle that is not ignored.
+/// The lanes that hit any triangle, as far as the filter lets hits count.
 #[inline(always)]
 pub fn any_hit<S: Simd>(
     simd: S,
     (bvh, corners): (&Bvh2, &[[Vec3; 3]]),
     packet: &RayPacket,
     start: f32,
-    ignored: &impl Ignored,
+    filter: &impl HitFilter,
 ) -> u32 {
     let rays = Rays::new(simd, packet, start);
     let end = lanes(simd, packet.ends);
@@ -151,7 +151,7 @@ pub fn any_hit<S: Simd>(
             let hit = rays.hit(simd, &corners[triangle], end);
             let lanes = hit.lanes & open;
             if lanes != 0 {
-                open &= !(lanes & !ignored.lanes(simd, triangle, rays.direction, hit.distance, lanes));
+                open &= !(lanes & !filter.ignored(simd, triangle, rays.direction, hit.distance, lanes));
             }
         }
         if open == 0 {
@@ -161,14 +161,14 @@ pub fn any_hit<S: Simd>(
     packet.lanes & !open
 }
 
-/// The nearest triangles that are not ignored.
+/// The nearest hits that count.
 #[inline(always)]
 pub fn nearest_hits<S: Simd>(
     simd: S,
     (bvh, corners): (&Bvh2, &[[Vec3; 3]]),
     packet: &RayPacket,
     start: f32,
-    ignored: &impl Ignored,
+    filter: &impl HitFilter,
 ) -> PacketHits {
     let rays = Rays::new(simd, packet, start);
     let mut end = lanes(simd, packet.ends);
@@ -184,7 +184,7 @@ pub fn nearest_hits<S: Simd>(
                 if lanes == 0 {
                     continue;
                 }
-                let lanes = lanes & !ignored.lanes(simd, triangle, rays.direction, hit.distance, lanes);
+                let lanes = lanes & !filter.ignored(simd, triangle, rays.direction, hit.distance, lanes);
                 end = Mask::from_bitmask(simd, u64::from(lanes)).select(hit.distance, end);
                 hits.keep(&hit, lanes, triangle);
             }

@@ -21,7 +21,7 @@ fn default_caustic(name: &str) -> pinspot::image::Image {
 
 #[test]
 fn default_caustics_hold_few_speckles() {
-    // With what was measured; before doubtful occlusion was traced they were 15, 42, 9, and 117.
+    // The counts that were measured; before doubtful occlusion was traced they were 15, 42 and 9.
     for (name, most) in [("ring", 1), ("ring-natural", 4), ("columns", 6), ("disco-ball", 18)] {
         let expected = truth(name, Quantity::Caustic, Visibility::Full, EDGE, 0.02);
         let found = speckles(&default_caustic(name), &expected, THRESHOLD);

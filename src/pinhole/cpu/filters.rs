@@ -20,8 +20,8 @@ pub(super) struct FootprintSides<S: Simd> {
     pub v2: V3<S>,
 }
 
-/// The mean over a footprint that is mostly a lobe, `width` radians wide: what `of_sky` says without occlusion, in the lanes that it is
-/// asked for, times the part of the lobe that is not occluded.
+/// The mean over a footprint that is mostly a lobe, `width` radians wide. `of_sky` returns the unoccluded radiance in the given lanes; it is
+/// scaled by the visible fraction of the lobe.
 #[inline(always)]
 pub(super) fn through_lobe<S: Simd>(
     simd: S,

@@ -313,7 +313,7 @@ impl Gather<'_> {
         }
         let weight = self.weight(simd, sample, &pair, receiver);
         let (weight, lit, radiance) = match &self.pinholes.visibility {
-            None => (weight, lit, self.filtered_radiance::<S, FILTER>(simd, sample, &pair, &Unoccluded, lit)),
+            None => (weight, lit, self.filtered_radiance::<S, _, FILTER>(simd, sample, &pair, &Unoccluded, lit)),
             Some(maps) => {
                 let map = VisibilityMap::new(maps, packed, pair.dn);
                 let l = receiver.position - splat3(simd, sample.position);
@@ -322,7 +322,7 @@ impl Gather<'_> {
                 if lit == 0 {
                     return;
                 }
-                (weight * visible, lit, self.filtered_radiance::<S, FILTER>(simd, sample, &pair, &map, lit))
+                (weight * visible, lit, self.filtered_radiance::<S, _, FILTER>(simd, sample, &pair, &map, lit))
             }
         };
         self.add(sample, &pair, receiver, (weight, &radiance, lit), sum);
@@ -392,12 +392,12 @@ impl Gather<'_> {
 
     /// Mean radiance over the sample's footprint around r; w = fetches.
     #[inline(always)]
-    fn filtered_radiance<S: Simd, const FILTER: u32>(
+    fn filtered_radiance<S: Simd, O: Occlusion, const FILTER: u32>(
         &self,
         simd: S,
         sample: &PinholeParts,
         pair: &ReceiverCellPair<S>,
-        occlusion: &impl Occlusion,
+        occlusion: &O,
         lit: u32,
     ) -> [Vec4; LANES] {
         if FILTER == FILTER_NONE {
@@ -406,7 +406,7 @@ impl Gather<'_> {
         let footprint = pair.footprint(simd, sample);
         let taps = F::splat(simd, self.uniforms.taps as f32);
         let environment = &self.environment;
-        if sample.is_mostly_lobe(self.map_texel_rad()) {
+        if !O::IS_UNOCCLUDED && sample.is_mostly_lobe(self.map_texel_rad()) {
             return through_lobe(simd, (pair.r, sample.lobe), occlusion, lit, |lit| {
                 mean_over_footprint::<S, FILTER>(simd, environment, &footprint, &Unoccluded, taps, lit)
             });

@@ -90,14 +90,12 @@ struct OnMap<S: Simd> {
     v: F<S>,
 }
 
-impl<S: Simd> V3<S> {
-    /// Maps' edges per radian around directions in a sample's frame: their texels cover 2(|x| + |y| + z)³ over their number.
-    #[inline(always)]
-    fn map_density(self) -> F<S> {
-        let [x, y, z] = self.0;
-        let norm = (x.abs() + y.abs() + z.max(0.0)) / self.dot(self).sqrt();
-        1.0 / (norm * norm * norm * 2.0).sqrt()
-    }
+/// Edge lengths of a map per radian around directions in a sample's frame: a texel of n² subtends 2(|x| + |y| + z)³/n² sr.
+#[inline(always)]
+fn map_density<S: Simd>(local: V3<S>) -> F<S> {
+    let [x, y, z] = local.0;
+    let norm = (x.abs() + y.abs() + z.max(0.0)) / local.dot(local).sqrt();
+    1.0 / (norm * norm * norm * 2.0).sqrt()
 }
 
 impl<'a> VisibilityMap<'a> {
@@ -292,7 +290,7 @@ impl Occlusion for VisibilityMap<'_> {
     fn lobe_fraction<S: Simd>(&self, simd: S, direction: V3<S>, width: f32, active: u32) -> F<S> {
         let V3([x, y, z]) = self.local(simd, direction);
         let local = V3([x, y, z + LOBE_SHIFT * width]);
-        let (place, density) = (self.place(local), local.map_density().to_array());
+        let (place, density) = (self.place(local), map_density(local).to_array());
         let n = self.maps.resolution as f32;
         let mut fractions = [0.0; LANES];
         for lane in set_bits(active) {
@@ -307,8 +305,8 @@ impl Occlusion for VisibilityMap<'_> {
 }
 
 impl VisibilityMap<'_> {
-    /// Fraction of the environment within `width` radians around each direction that is not occluded. In the lanes whose texels differ
-    /// `exact` is asked first, for those that see the environment.
+    /// Fraction of the environment within `width` radians around each direction that is not occluded. Where the four texels around a
+    /// direction differ, `exact` may return the lanes that see the environment; if it returns `None`, the texels are interpolated.
     #[inline(always)]
     pub fn sky_fraction_or<S: Simd>(
         &self,
@@ -321,7 +319,7 @@ impl VisibilityMap<'_> {
         let local = self.local(simd, direction);
         let place = self.place(local);
         let n = self.maps.resolution;
-        let texels = (width * local.map_density() * n as f32).to_array();
+        let texels = (width * map_density(local) * n as f32).to_array();
         let (mut fractions, mut corners, mut differing) = ([0.0; LANES], [0; LANES], 0);
         for lane in set_bits(active) {
             if texels[lane] > MAX_INTERPOLATED_WIDTH {
@@ -356,8 +354,8 @@ impl VisibilityMap<'_> {
         interpolated(&self.maps.planes[first..first + n + 2], n, corners, fraction)
     }
 
-    /// The part of a square of a map that sees the environment, as far as the square lies on the map: a lobe's energy is that above
-    /// the horizon. The centre and the width are in texels. Eight lines across the square stand for it.
+    /// The part of a square of a map that sees the environment, estimated from eight lines across it. The square is clipped to the map:
+    /// a lobe's energy is that above the horizon. The centre and the width are in texels.
     fn sky_fraction_of_square(&self, map: u32, centre: [f32; 2], width: f32) -> f32 {
         let n = self.maps.resolution;
         let [[left, right], [top, bottom]] =
@@ -365,7 +363,7 @@ impl VisibilityMap<'_> {
         let on_line = |k: u32| {
             let row = (top + (k as f32 + 0.5) / LINES as f32 * (bottom - top)) as u32;
             let mask = self.maps.sky_mask[(map * n + row.min(n - 1)) as usize];
-            sky_before(mask, right) - sky_before(mask, left)
+            sky_texels_before(mask, right) - sky_texels_before(mask, left)
         };
         (0..LINES).map(on_line).sum::<f32>() / (LINES as f32 * (right - left))
     }
@@ -374,8 +372,8 @@ impl VisibilityMap<'_> {
 /// Lines across a square of a map that stand for it.
 const LINES: u32 = 8;
 
-/// Texels of a row that see the environment, up to a place from 0 to 32; parts of texels count in part.
-fn sky_before(mask: u32, place: f32) -> f32 {
+/// Texels of a row that see the environment, up to a place from 0 to 32; a partly covered texel counts in proportion.
+fn sky_texels_before(mask: u32, place: f32) -> f32 {
     let whole = place as u32;
     let texel = u64::from(mask) >> whole & 1;
     (u64::from(mask) & ((1 << whole) - 1)).count_ones() as f32 + place.fract() * texel as f32
@@ -398,4 +396,32 @@ fn interpolated(planes: &[[f32; 4]], n: usize, [a, b, c, d]: [f32; 4], [fx, fy]:
 #[inline(always)]
 fn mix(a: f32, b: f32, t: f32) -> f32 {
     a + t * (b - a)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn parts_of_rows_count_their_texels() {
+        for (place, expected) in [(0.0, 0.0), (0.25, 0.25), (7.5, 7.5), (31.5, 31.5), (32.0, 32.0)] {
+            assert_eq!(sky_texels_before(u32::MAX, place), expected);
+            assert_eq!(sky_texels_before(0, place), 0.0);
+        }
+        assert_eq!(sky_texels_before(0b1010, 1.5), 0.5);
+        assert_eq!(sky_texels_before(0b1010, 3.0), 1.0);
+    }
+
+    /// Half of a map sees the environment; squares that reach over its edge count what lies on it.
+    #[test]
+    fn squares_see_the_mean_of_their_texels() {
+        let maps = VisibilityMaps { resolution: 4, sky_mask: vec![0b0011; 4], ..VisibilityMaps::default() };
+        let normal = Vec3::Y;
+        let map =
+            VisibilityMap { maps: &maps, map: 0, behind: 0, texel_jitter: Vec2::ZERO, axes: frame(normal), normal };
+        assert_eq!(map.sky_fraction_of_square(0, [2.0, 2.0], 2.0), 0.5);
+        assert_eq!(map.sky_fraction_of_square(0, [1.0, 2.0], 1.0), 1.0);
+        assert_eq!(map.sky_fraction_of_square(0, [3.0, 0.0], 3.0), 0.2);
+        assert_eq!(map.sky_fraction_of_square(0, [2.0, 2.0], 99.0), 0.5);
+    }
 }

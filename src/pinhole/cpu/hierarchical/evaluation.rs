@@ -54,16 +54,16 @@ impl Gather<'_> {
 
     /// The same under a part of the environment.
     #[inline(always)]
-    pub fn add_cell_under<S: Simd>(
+    pub fn add_cell_under<S: Simd, O: Occlusion>(
         &self,
         simd: S,
         cell: &CellAtReceivers<S>,
-        sky: &impl Occlusion,
+        sky: &O,
         taps: Option<F<S>>,
         lit: u32,
         sum: &mut [Vec4; LANES],
     ) {
-        let radiance = if cell.sample.is_mostly_lobe(self.map_texel_rad()) {
+        let radiance = if !O::IS_UNOCCLUDED && cell.sample.is_mostly_lobe(self.map_texel_rad()) {
             let of_sky = |lit| self.cell_radiance(simd, cell, &Unoccluded, taps, lit);
             through_lobe(simd, (cell.pair.r, cell.sample.lobe), sky, lit, of_sky)
         } else {

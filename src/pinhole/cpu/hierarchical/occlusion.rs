@@ -62,15 +62,17 @@ impl<S: Simd> VisibleReceivers<S> {
     }
 
     /// Traces doubtful lanes from the four quarters of the sample: where these agree, it is settled for all of its cells.
+    #[inline(always)]
     fn probe(&mut self, simd: S, occluders: &Occluders, sample: &PinholeParts, receiver: &Receiver<S>, which: u32) {
         let which = which & !self.probed;
-        let of_quarters = sample.quarters().map(|quarter| {
+        let (mut any, mut all) = (0, ALL);
+        for quarter in sample.quarters() {
             let l = receiver.position - splat3(simd, quarter.position);
             let behind = if sample.two_sided { bits(l.dot(splat3(simd, quarter.normal)).simd_lt(0.0)) } else { 0 };
             let (directions, distances) = directions_and_lengths(simd, l);
-            occluders.open_lanes(&quarter, behind, (&directions, &distances), which)
-        });
-        let (any, all) = of_quarters.iter().fold((0, ALL), |(any, all), open| (any | open, all & open));
+            let seeing = occluders.unoccluded_lanes(&quarter, behind, (&directions, &distances), which);
+            (any, all) = (any | seeing, all & seeing);
+        }
         let hidden = which & !any;
         let seen = which & all;
         self.probed |= which & !(hidden | seen);
@@ -106,7 +108,7 @@ impl Occlusion for TracedSky<'_> {
     fn sky_fraction<S: Simd>(&self, simd: S, direction: V3<S>, width: F<S>, active: u32) -> [f32; LANES] {
         self.map.sky_fraction_or(simd, direction, width, active, |lanes| {
             let (directions, _) = directions_and_lengths(simd, direction);
-            Some(self.occluders.open_lanes(self.cell, self.behind, (&directions, &[f32::INFINITY; LANES]), lanes))
+            Some(self.occluders.unoccluded_lanes(self.cell, self.behind, (&directions, &[f32::INFINITY; LANES]), lanes))
         })
     }
 
@@ -150,8 +152,8 @@ impl TileGather<'_> {
     ) -> F<S> {
         let traced = doubtful & self.worth_tracing(simd, max_contribution, MIN_TRACED_SHARE);
         let Some(occluders) = self.context.pinholes.occluders.as_ref().filter(|_| traced != 0) else { return fraction };
-        let (directions, distances) = directions_and_lengths(simd, V3(pair.d.0.map(|x| -x)));
-        let open = occluders.open_lanes(cell, bits(pair.dn.simd_gt(0.0)), (&directions, &distances), traced);
+        let (directions, distances) = directions_and_lengths(simd, pair.d * splat(simd, -1.0));
+        let open = occluders.unoccluded_lanes(cell, bits(pair.dn.simd_gt(0.0)), (&directions, &distances), traced);
         let mut fraction = fraction.to_array();
         set_bits(traced).for_each(|lane| fraction[lane] = (open >> lane & 1) as f32);
         lanes(simd, fraction)

@@ -2,14 +2,14 @@
 
 use glam::Vec4;
 
-use super::super::visibility::{Coverage, VisibilityMap};
+use super::super::visibility::{Coverage, Occlusion, VisibilityMap};
 use super::super::{Receiver, ReceiverCellPair, ReceiverGroup, load_at};
 use super::blocks::{Block, BlockPyramid, EDGES, FINEST, Kind, ReceiverTile, points_along};
 use super::coverage::CoverageCache;
 use super::criterion::{Accepted, Decision, RefinementCriterion};
 use super::evaluation::CellAtReceivers;
 use super::{Accuracy, TraversalContext};
-use crate::lanes::{LANES, Simd, SimdBase, V3, bits, lanes, splat, splat3};
+use crate::lanes::{LANES, Simd, SimdBase, V3, bits, lanes, set_bits, splat, splat3};
 use crate::pinhole::cell::Cell;
 use crate::pinhole::constants::{CENTRAL_VISIBILITY_SHARE, INTERPOLATION_POINTS, PARTIAL_VISIBILITY_SHARE};
 use crate::pinhole::receivers::TILE;
@@ -256,12 +256,19 @@ impl<'a> TileGather<'a> {
                 }
             }
             let map = VisibilityMap::new(maps, node, pair.dn);
-            // What lobes see of the sky changes smoothly.
-            let is_lobe = sample.is_mostly_lobe(self.criterion.map_texel_rad);
             match map.sky_coverage(simd, pair.r, footprint.max_radius(sample.lobe), lit) {
                 Coverage::Full => {}
                 Coverage::None => return true,
-                Coverage::Partial if accepted.allows_partial_sky || is_small || is_lobe => occlusion = Some(map),
+                Coverage::Partial if accepted.allows_partial_sky || is_small => occlusion = Some(map),
+                // What lobes see of the sky changes smoothly.
+                Coverage::Partial if sample.is_mostly_lobe(self.criterion.map_texel_rad) => {
+                    let seen = map.lobe_fraction(simd, pair.r, sample.lobe, lit).to_array();
+                    let [least, most] = set_bits(lit).fold([1.0f32, 0.0], |[l, m], k| [l.min(seen[k]), m.max(seen[k])]);
+                    if (most - least) * accepted.max_contribution > error_budget {
+                        return false;
+                    }
+                    occlusion = Some(map);
+                }
                 Coverage::Partial => return false,
             }
         }
