@@ -23,19 +23,22 @@ fn the_readmes_pictures_are_what_its_commands_render() {
     let mut compared = 0;
     for command in commands.iter().filter_map(|c| c.split_once(" -o examples/pictures/")) {
         let (scene, rest) = command;
-        let file = rest.split_whitespace().next().unwrap();
-        assert!(rest.starts_with(&format!("{file} --size 256x256`")), "another command than this test renders: {rest}");
-        failures.extend(compare(scene, &root.join("examples/pictures").join(file)));
+        let (command, _) = rest.split_once('`').unwrap();
+        let (file, size) = command.split_once(' ').map_or((command, None), |(file, size)| (file, Some(size)));
+        assert!(size.is_none_or(|size| size == "--size 256x256"), "another command than this test renders: {rest}");
+        let size = size.map_or_else(|| pinspot::load(scene).unwrap().1.size, |_| [256; 2]);
+        failures.extend(compare(scene, size, &root.join("examples/pictures").join(file)));
         compared += 1;
     }
-    assert_eq!(compared, 8, "eight pictures with their commands");
+    assert_eq!(compared, 9, "nine pictures with their commands");
     assert!(failures.is_empty(), "{}\nif a change is meant, render the pictures again", failures.join("\n"));
 }
 
 /// What is wrong with a picture, if anything is.
-fn compare(scene: &str, stored: &Path) -> Option<String> {
+fn compare(scene: &str, size: [u32; 2], stored: &Path) -> Option<String> {
     let expected = image::open(stored).unwrap_or_else(|e| panic!("{}: {e}", stored.display())).into_rgb8();
-    let actual = render(scene, [expected.width(), expected.height()]);
+    assert_eq!([expected.width(), expected.height()], size, "{}", stored.display());
+    let actual = render(scene, size);
     let pairs = actual.pixels().zip(expected.pixels());
     let largest = |(a, e): (&image::Rgb<u8>, &image::Rgb<u8>)| {
         a.0.into_iter().zip(e.0).map(|(a, e)| a.abs_diff(e)).max().unwrap_or(0)

