@@ -9,8 +9,10 @@ use crate::pinhole::Receivers;
 use crate::stages::CameraRays;
 use crate::tracing::{Hit, Tracer};
 
-/// A pixel is divided if its caustic differs from a neighbour's by more than this part of all light there.
+/// A pixel is divided if its caustic differs from a neighbour's by more than this part of all light there,
 const MIN_CONTRAST: f32 = 0.1;
+/// and by more than this many times what the tolerance alone may make of it.
+const MIN_TOLERANCES: f32 = 10.0;
 /// Neighbours lie on one surface if the cosine between their normals is this, at least.
 const MIN_NORMAL_COSINE: f32 = 0.9;
 /// Points of a divided pixel, from its centre, in pixels: no two share a row or a column.
@@ -27,11 +29,17 @@ pub(super) struct DividedPixels {
 }
 
 impl DividedPixels {
-    /// Finds pixels whose caustic differs from that of their neighbours beside this direct light, and all of whose points lie on one
-    /// surface. The camera has one ray for each pixel.
-    pub fn find(tracer: &Tracer, rays: &CameraRays, direct: &[Vec3], caustic: &[[f32; 4]]) -> Self {
+    /// Finds pixels whose caustic, of this relative tolerance, differs from that of their neighbours beside this direct light, and all of
+    /// whose points lie on one surface. The camera has one ray for each pixel.
+    pub fn find(tracer: &Tracer, rays: &CameraRays, direct: &[Vec3], (caustic, tolerance): (&[[f32; 4]], f32)) -> Self {
+        let min_contrast = MIN_CONTRAST.max(MIN_TOLERANCES * tolerance);
+        let differs = |one: usize, other: usize| {
+            let light = |index: usize| Vec3::from_slice(&caustic[index]);
+            let all = (direct[one] + light(one)).max(direct[other] + light(other));
+            (light(one) - light(other)).abs().max_element() > min_contrast * all.max_element()
+        };
         let of_pixel = |index: usize| {
-            let own = rays.hits[index].as_ref().filter(|_| has_contrast(rays, direct, caustic, index))?;
+            let own = rays.hits[index].as_ref().filter(|_| differs_from_neighbour(rays, index, differs))?;
             let points = points_of(tracer, rays, index, own);
             (points.len() == POINTS.len()).then_some((index, points))
         };
@@ -69,7 +77,8 @@ impl DividedPixels {
     }
 }
 
-fn has_contrast(rays: &CameraRays, direct: &[Vec3], caustic: &[[f32; 4]], index: usize) -> bool {
+/// Whether a pixel differs from any neighbour on the same surface.
+fn differs_from_neighbour(rays: &CameraRays, index: usize, differs: impl Fn(usize, usize) -> bool) -> bool {
     let width = rays.width as usize;
     let x = index % width;
     let neighbours = [
@@ -82,12 +91,8 @@ fn has_contrast(rays: &CameraRays, direct: &[Vec3], caustic: &[[f32; 4]], index:
     let is_same = |other: &Hit| {
         own.is_some_and(|own| other.object == own.object && other.normal.dot(own.normal) > MIN_NORMAL_COSINE)
     };
-    let light = |index: usize| Vec3::from_slice(&caustic[index]);
-    let differs = |other: usize| {
-        let all = (direct[index] + light(index)).max(direct[other] + light(other));
-        (light(index) - light(other)).abs().max_element() > MIN_CONTRAST * all.max_element()
-    };
-    neighbours.into_iter().flatten().any(|other| rays.hits[other].as_ref().is_some_and(is_same) && differs(other))
+    let on_same = |other: usize| rays.hits[other].as_ref().is_some_and(is_same);
+    neighbours.into_iter().flatten().any(|other| on_same(other) && differs(index, other))
 }
 
 /// Points of a pixel on the surface that its centre shows.
@@ -114,7 +119,7 @@ mod tests {
         let direct = vec![Vec3::ONE; rays.hits.len()];
         // Light on one side of a column.
         let caustic: Vec<[f32; 4]> = (0..1024).map(|k| [if k % 32 < 5 { 0.5 } else { 0.0 }; 4]).collect();
-        let divided = DividedPixels::find(&tracer, &rays, &direct, &caustic);
+        let divided = DividedPixels::find(&tracer, &rays, &direct, (&caustic, 0.01));
         assert!(!divided.is_empty());
         assert!(divided.pixels.iter().all(|index| [4, 5].contains(&(index % 32))));
         let half: Vec<[f32; 4]> = (0..divided.points.len()).map(|k| [(k % 2) as f32, 0.0, 0.0, 1.0]).collect();
@@ -124,6 +129,8 @@ mod tests {
         assert_eq!(averaged[index], [0.5, 0.0, 0.0, caustic[index][3] + 4.0]);
         // Beside much more light nothing is seen of it.
         let bright = vec![Vec3::splat(100.0); rays.hits.len()];
-        assert!(DividedPixels::find(&tracer, &rays, &bright, &caustic).is_empty());
+        assert!(DividedPixels::find(&tracer, &rays, &bright, (&caustic, 0.01)).is_empty());
+        // Coarse sums differ by themselves.
+        assert!(DividedPixels::find(&tracer, &rays, &direct, (&caustic, 0.05)).is_empty());
     }
 }

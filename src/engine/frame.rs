@@ -244,7 +244,8 @@ impl BandStages {
             (0..rays.hits.len()).for_each(|index| receivers.tolerate(index, error(index)));
             let mut caustic = sum.irradiance(&receivers, inputs.progress).await?;
             if let Some(direct) = beside.filter(|_| rays.view.pixel_samples == 1) {
-                let divided = DividedPixels::find(&inputs.prepared.tracer, rays, direct, &caustic);
+                let tracer = &inputs.prepared.tracer;
+                let divided = DividedPixels::find(tracer, rays, direct, (&caustic, inputs.options.tolerance));
                 if !divided.is_empty() {
                     let mut receivers = divided.receivers();
                     divided.tolerate(&mut receivers, error);
