@@ -222,13 +222,14 @@ impl Hemisphere {
     /// Where between each texel and the next along u and along v what is hit changes, and how softly.
     fn edges(&self, tracer: &Tracer, (n, bisections): (usize, u32), occluders: &[Option<Occluder>]) -> Vec<[u8; 2]> {
         let mut edges = vec![[MIDDLE; 2]; n * n];
-        let neighbours =
-            |k: usize| [(k % n + 1 < n, k + 1), (k / n + 1 < n, k + n)].into_iter().enumerate().map(move |e| (k, e));
-        let differing: Vec<MapEdge> = (0..n * n)
-            .flat_map(neighbours)
-            .filter(|&(k, (_, (inside, to)))| inside && !same_surface(occluders[k].as_ref(), occluders[to].as_ref()))
-            .map(|(from, (axis, (_, to)))| MapEdge { from, to, axis })
-            .collect();
+        let mut differing = Vec::new();
+        for from in 0..n * n {
+            for (axis, is_last, to) in [(0, from % n + 1 == n, from + 1), (1, from / n + 1 == n, from + n)] {
+                if !is_last && !same_surface(occluders[from].as_ref(), occluders[to].as_ref()) {
+                    differing.push(MapEdge { from, to, axis });
+                }
+            }
+        }
         for group in differing.chunks(LANES) {
             let places = self.bisect(tracer, (n, bisections), occluders, group);
             for (edge, place) in group.iter().zip(places) {

@@ -1,10 +1,10 @@
 //! Look-ups in visibility maps; twin of `shaders/shared/visibility.wgsl`. [`Unoccluded`] stands in where there are none.
 
+use glam::{Vec2, Vec3};
+
 use crate::lanes::{
     F, LANES, Mask, Select, Simd, SimdBase, SimdFloat, SimdMask, V3, bits, clamp, lanes, set_bits, splat, splat3,
 };
-use glam::{Vec2, Vec3};
-
 use crate::pinhole::PinholeSample;
 use crate::pinhole::constants::{LOBE_CORE, LOBE_SHIFT, LOBE_TAIL, LOBE_TAIL_SHARE, MAX_INTERPOLATED_WIDTH};
 use crate::pinhole::visibility::{Doubt, VisibilityMaps, frame};
