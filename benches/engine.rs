@@ -117,6 +117,7 @@ fn gather_on_gpu(c: &mut Criterion) {
             viewers: None,
             size,
             pinholes: &work.pinholes,
+            maps: None,
             environment: &environment,
             params,
         };
@@ -176,6 +177,7 @@ fn visibility(c: &mut Criterion) {
             viewers: None,
             size,
             pinholes: &work.pinholes,
+            maps: None,
             environment: &environment,
             params,
         };

@@ -228,8 +228,9 @@ fn frame_on_gpu(gpu: &Gpu, work: &Work, tree: &PinholeTree) -> (f64, f64) {
         bounds: &LightBoundsTexture::upload(device, &gpu.queue, &work.bounds),
         params,
         tolerance: Tolerance::Relative(0.01),
+        has_tolerances: false,
         split_near: true,
-        split_passes: if gpu.adapter.software { 8 } else { 1 },
+        split_passes: if gpu.adapter.software { 64 } else { 1 },
     };
     let frame = || {
         let mut frame = engine.frame(device, &inputs).expect("it fits");

@@ -91,9 +91,10 @@ impl Caustics {
             bounds: &self.bounds,
             params: Params::default(),
             tolerance: Tolerance::Relative(TOLERANCE),
+            has_tolerances: false,
             split_near: true,
             // One will do on hardware; Mesa's software adapter limits loops.
-            split_passes: 8,
+            split_passes: 64,
         };
         let mut frame = self.engine.frame(device, &inputs)?;
         frame.record(encoder, 0..frame.batch_count());

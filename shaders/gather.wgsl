@@ -5,6 +5,7 @@
 // the batch starts from the previous target where 32-bit targets do not blend (gather_onto_previous).
 // Output: rgb = irradiance, W/m², or with SHADING the radiance reflected to the viewer, W/(m²·sr); a = number of fetches.
 
+#import no_rays
 #import gather_inputs
 #import receivers
 #import filters

@@ -2,6 +2,7 @@
 // the samples, or a part of the root mean square where a few receivers get nearly all of the light and that is more.
 // CPU counterpart: `estimate_irradiance` in src/pinhole/cpu/hierarchical/mod.rs, which picks other receivers.
 
+#import no_rays
 #import cell_tree
 
 // Sums over a workgroup's receivers: irradiance, its square, how many there are.
@@ -19,7 +20,9 @@ fn estimate(
     // Even steps might follow a picture's columns: those of the golden ratio, here in 32 bits of fraction, do not.
     let fraction = f32((id.x * 2654435769u) >> 8u) / 16777216.0;
     let count = tree.size.x * tree.size.y;
-    let place = min(u32(fraction * f32(count)), count - 1u);
+    let asks_all = count <= ESTIMATE_WORKGROUPS * WORKGROUP_SIZE;
+    let place = select(min(u32(fraction * f32(count)), count - 1u), id.x, asks_all);
+    // Beyond the last row there are no receivers.
     sums[lane] = moments_at(receiver_at(vec2u(place % tree.size.x, place / tree.size.x)));
     workgroupBarrier();
     if lane == 0u {

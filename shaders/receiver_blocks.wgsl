@@ -1,6 +1,7 @@
 // Receivers as a pyramid of blocks, the smallest level first: where the points of a block are, which way they face, and whether
 // sixteen of them stand for all. One workgroup makes one block. CPU counterpart: src/pinhole/cpu/hierarchical/blocks.rs.
 
+#import no_rays
 #import tile_batch
 
 struct Extent {
@@ -10,6 +11,7 @@ struct Extent {
     max_object: i32,
     normal: vec3f,
     count: u32,
+    tolerated: f32,
 }
 
 var<workgroup> extents: array<Extent, WORKGROUP_SIZE>;
@@ -21,7 +23,7 @@ var<workgroup> normals: array<vec3f, INTERPOLATION_POINTS>;
 fn join(a: Extent, b: Extent) -> Extent {
     return Extent(
         min(a.low, b.low), min(a.min_object, b.min_object), max(a.high, b.high), max(a.max_object, b.max_object),
-        a.normal + b.normal, a.count + b.count,
+        a.normal + b.normal, a.count + b.count, min(a.tolerated, b.tolerated),
     );
 }
 
@@ -57,7 +59,7 @@ fn make_block(@builtin(workgroup_id) workgroup: vec3u, @builtin(local_invocation
     if all.count == 0u {
         kind = EMPTY;
     }
-    blocks[at.index] = Block(centre, radius, mean, normal_radii[0], kind);
+    blocks[at.index] = Block(centre, radius, mean, normal_radii[0], kind, all.tolerated);
 }
 
 // A lane's share of a block are the points of one of 8×8 squares; this is the k-th of them.
@@ -72,12 +74,12 @@ fn points_per_share(at: BlockPlace) -> u32 {
 }
 
 fn extent_of_block(at: BlockPlace, lane: u32) -> Extent {
-    var extent = Extent(vec3f(1e30), 0x7fffffff, vec3f(-1e30), -1, vec3f(0.0), 0u);
+    var extent = Extent(vec3f(1e30), 0x7fffffff, vec3f(-1e30), -1, vec3f(0.0), 0u, 1e30);
     for (var k = 0u; k < points_per_share(at); k++) {
         let receiver = point_of_share(at, lane, k);
         if receiver.object >= 0 {
             let p = receiver.position;
-            extent = join(extent, Extent(p, receiver.object, p, receiver.object, receiver.normal, 1u));
+            extent = join(extent, Extent(p, receiver.object, p, receiver.object, receiver.normal, 1u, tolerated_error(receiver)));
         }
     }
     extents[lane] = extent;

@@ -5,6 +5,7 @@
 // Lists are bounded. Where one might overflow, cells are handed on as they are: the next level refines them, and at last every
 // point for itself (resolve.wgsl).
 
+#import no_rays
 #import tile_batch
 
 // Nodes that the stack holds.
@@ -148,7 +149,7 @@ fn process(at: BlockPlace, block: Block, progress: ptr<function, Progress>, lane
         if VISIBILITY && decision.action == ADD {
             // Occlusion between the sixteen points cannot be interpolated.
             let needs_own_maps = is_cluster(index, cell)
-                && decision.max_contribution >= CENTRAL_VISIBILITY_SHARE * PAIR_ERROR_SHARE * tolerance.error;
+                && decision.max_contribution >= CENTRAL_VISIBILITY_SHARE * error_budget_of(block);
             decision.action = select(SPLIT_BLOCK, SPLIT_CELL, needs_own_maps);
         }
     }
@@ -174,7 +175,7 @@ fn process(at: BlockPlace, block: Block, progress: ptr<function, Progress>, lane
     workgroupBarrier();
     var own_sum = vec4f(0.0);
     for (var k = lane / INTERPOLATION_POINTS; k < queued; k += WORKGROUP_SIZE / INTERPOLATION_POINTS) {
-        own_sum += contribution(queue[k], queued_ranges[k], points[lane % INTERPOLATION_POINTS]);
+        own_sum += contribution(queue[k], queued_ranges[k], points[lane % INTERPOLATION_POINTS], block);
     }
     return own_sum;
 }
@@ -208,7 +209,7 @@ fn prefix_sum(count: u32, lane: u32) -> PrefixSum {
 }
 
 // What a cell contributes to one of the sixteen points.
-fn contribution(index: u32, contribution_range: f32, receiver: Receiver) -> vec4f {
+fn contribution(index: u32, contribution_range: f32, receiver: Receiver, block: Block) -> vec4f {
     let cell = load_cell(index);
     let pair = pair_of(cell, receiver);
     // Also false where the cell lies on the receiver point and the quotient is not a number.
@@ -217,7 +218,7 @@ fn contribution(index: u32, contribution_range: f32, receiver: Receiver) -> vec4
     }
     // Where there is occlusion nothing is interpolated.
     var map: VisibilityMap;
-    let error_budget = PAIR_ERROR_SHARE * tolerance.error;
+    let error_budget = error_budget_of(block);
     let radiance = cell_radiance(cell, pair.r, footprint_of(cell, pair), contribution_range, error_budget, map);
     return vec4f(weight_of(cell, pair, receiver) * reflected_scale(cell, pair) * radiance.rgb, radiance.a);
 }
@@ -272,6 +273,11 @@ fn block_pair(block: Block, cell: Cell) -> BlockPair {
     return BlockPair(d, l, sizes, dn, at_sample + sample_slack, at_receiver + receiver_slack, straddles);
 }
 
+// The error that a pair may add at the points of a block, W/m².
+fn error_budget_of(block: Block) -> f32 {
+    return PAIR_ERROR_SHARE * (tolerance.error + block.tolerated);
+}
+
 // The criterion of refinement.
 fn decide(block: Block, level: u32, cell: Cell) -> Decision {
     let pair = block_pair(block, cell);
@@ -288,7 +294,7 @@ fn decide(block: Block, level: u32, cell: Cell) -> Decision {
     let max_weight = max_weight_of(cell, pair);
     let max_contribution = max_weight * light.x;
     let contribution_range = max_weight * light.y;
-    let negligible = NEGLIGIBLE_SHARE * tolerance.error / tree.area * cell.area;
+    let negligible = NEGLIGIBLE_SHARE * (tolerance.error + block.tolerated) / tree.area * cell.area;
     // Glossy receivers weight it one by one.
     if max_contribution <= negligible && (max_contribution == 0.0 || tree.has_view_directions == 0u) {
         return Decision(DROP, 0.0, 0.0);
@@ -307,7 +313,7 @@ fn decide(block: Block, level: u32, cell: Cell) -> Decision {
         let cell_weight_error = select(WEIGHT_ERROR_SCALE * cell_size * cell_size, 1.0, pair.straddles_horizon);
         cell_error = contribution_range * min(CONTRAST_ERROR_SCALE * cell_size, 1.0) + max_contribution * cell_weight_error;
     }
-    if block_error + cell_error < PAIR_ERROR_SHARE * tolerance.error {
+    if block_error + cell_error < error_budget_of(block) {
         return Decision(ADD, contribution_range, max_contribution);
     }
     return Decision(select(SPLIT_BLOCK, SPLIT_CELL, !is_leaf(cell) && cell_error >= block_error), 0.0, 0.0);

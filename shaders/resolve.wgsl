@@ -7,18 +7,25 @@
 #import cell_tree
 #import receiver_tiles
 #import brdf
+#import rays
+#import doubts
 
 // See tile_batch.wgsl.
 @group(2) @binding(0) var<uniform> tile_pass: TilePass;
 @group(2) @binding(1) var<storage, read> lists: array<u32>;
 @group(2) @binding(2) var interpolated_part: texture_2d<f32>;
 @group(2) @binding(3) var<uniform> tolerance: Tolerance;
-// The sum up to the split pass before this one.
+// The sum up to the pass before this one, and where its walk stopped.
 @group(2) @binding(4) var previous: texture_2d<f32>;
+@group(2) @binding(5) var previous_walk: texture_2d<u32>;
 
 // The range of a contribution of which nothing is known.
 const UNBOUNDED: f32 = 3e38;
 const NO_SAMPLE: u32 = 0xffffffffu;
+// A pass other than the last stops after about this many iterations of loops: eight lanes in lockstep stay below 65,535.
+const WORK_PER_PASS: u32 = 5000u;
+// Iterations of the loops in a visit that finds nothing to do for them.
+const WORK_PER_VISIT: u32 = 12u;
 
 struct Varyings {
     @builtin(position) position: vec4f,
@@ -45,24 +52,48 @@ struct Traversal {
     // The sample whose visible fraction of the receiver is known, and that fraction.
     sample: u32,
     visible_fraction: f32,
+    // The map is not certain about it; and rays from all over the sample have not settled it.
+    is_doubtful: bool,
+    is_probed: bool,
     // No loop was cut short.
     is_complete: bool,
 }
 
+// Where a pixel's walk through its list of cells, and down from each, is.
+struct Walk {
+    // Entries of the list that are done.
+    entry: u32,
+    // From the entry's cell down to the next one to be visited: how far, and which child each time, two bits for each level.
+    level: u32,
+    path: vec2u,
+}
+
+struct Resolved {
+    @location(0) sum: vec4f,
+    // Where the walk stopped.
+    @location(1) walk: vec4u,
+}
+
+// Iterations of loops in this pass, roughly.
+var<private> work: u32;
+
 @fragment
-fn resolve(in: Varyings) -> @location(0) vec4f {
+fn resolve(in: Varyings) -> Resolved {
     let pixel = vec2u(in.position.xy);
     var receiver = receiver_at(pixel);
     if receiver.object < 0 {
-        return vec4f(0.0);
+        return Resolved();
     }
     receiver.view = view_direction(pixel);
     let place = pixel - corner_of(in.tile);
-    var traversal = Traversal(NO_SAMPLE, 1.0, true);
+    var traversal = Traversal(NO_SAMPLE, 1.0, false, false, true);
+    var walk = Walk();
     var sum = vec4f(0.0);
     if tile_pass.split > 0u {
         sum = textureLoad(previous, pixel, 0);
-        traversal.is_complete = sum.a >= 0.0;
+        let before = textureLoad(previous_walk, pixel, 0);
+        walk = Walk(before.x, before.y & 255u, before.zw);
+        traversal.is_complete = before.y < 256u;
     } else {
         for (var level = 0u; level < BLOCK_LEVELS; level++) {
             sum += interpolated(in.tile, level, place);
@@ -73,14 +104,14 @@ fn resolve(in: Varyings) -> @location(0) vec4f {
     let start = tree.root_count + block * (tree.list_capacity + 1u);
     let count = lists[start];
     traversal.is_complete = traversal.is_complete && count != INCOMPLETE;
-    var k = count * tile_pass.split / tile_pass.split_count;
-    let end = count * (tile_pass.split + 1u) / tile_pass.split_count;
-    while k < end && traversal.is_complete {
-        k += 1u;
-        sum += traverse(lists[start + k], receiver, &traversal);
+    let is_last = tile_pass.split + 1u == tile_pass.split_count;
+    while walk.entry < count && traversal.is_complete && (is_last || work < WORK_PER_PASS) {
+        sum += traverse(lists[start + 1u + walk.entry], receiver, &walk, &traversal);
     }
-    let is_complete = traversal.is_complete && k == end;
-    return vec4f(sum.rgb, select(-1.0, sum.a, is_complete));
+    if is_last && !(traversal.is_complete && walk.entry == count) {
+        sum.a = -1.0;
+    }
+    return Resolved(sum, vec4u(walk.entry, walk.level + select(256u, 0u, traversal.is_complete), walk.path));
 }
 
 // What was added at the sixteen points of a block.
@@ -100,35 +131,64 @@ fn interpolated(tile: u32, level: u32, place: vec2u) -> vec4f {
     return vec4f(sum, one.a);
 }
 
-// What a cell and those below it contribute to a receiver.
-fn traverse(first: u32, receiver: Receiver, traversal: ptr<function, Traversal>) -> vec4f {
-    // Siblings, eight times an index and how many: those that are visited, and those above them that are left.
-    var siblings = 8u * first + 1u;
-    var above: array<u32, MAX_TREE_DEPTH>;
-    var depth = 0u;
+// What a cell and those below it contribute to a receiver, from where the walk is; ends before them if there is too much to do for one
+// pass.
+fn traverse(first: u32, receiver: Receiver, walk: ptr<function, Walk>, traversal: ptr<function, Traversal>) -> vec4f {
+    // Of the cells on the path: eight times the first child's index, and how many.
+    var children: array<u32, MAX_TREE_DEPTH>;
+    var index = first;
+    for (var level = 0u; level < (*walk).level; level++) {
+        children[level] = nodes[index].curvature_bounds_links.z;
+        index = (children[level] >> 3u) + step_of((*walk).path, level);
+    }
+    let is_last = tile_pass.split + 1u == tile_pass.split_count;
     var sum = vec4f(0.0);
     var is_done = false;
     loop {
-        let index = siblings >> 3u;
-        siblings += 7u;
         let cell = load_cell(index);
         let visit = visit_cell(index, cell, receiver, traversal);
         sum += visit.sum;
+        work += WORK_PER_VISIT + u32(visit.sum.a) + ray_work;
+        ray_work = 0u;
+        var level = (*walk).level;
         if visit.is_too_large {
-            above[depth] = siblings;
-            depth += select(0u, 1u, (siblings & 7u) > 0u);
-            siblings = cell.children;
-        } else if (siblings & 7u) == 0u {
-            if depth == 0u {
+            children[level] = cell.children;
+            level += 1u;
+            (*walk).path = with_step((*walk).path, level - 1u, 0u);
+        } else {
+            // Up past all last children, and on to the next one.
+            while level > 0u && step_of((*walk).path, level - 1u) + 1u == (children[level - 1u] & 7u) {
+                level -= 1u;
+            }
+            if level == 0u {
+                (*walk).entry += 1u;
+                (*walk).level = 0u;
                 is_done = true;
                 break;
             }
-            depth -= 1u;
-            siblings = above[depth];
+            (*walk).path = with_step((*walk).path, level - 1u, step_of((*walk).path, level - 1u) + 1u);
+        }
+        (*walk).level = level;
+        index = (children[level - 1u] >> 3u) + step_of((*walk).path, level - 1u);
+        if !is_last && work >= WORK_PER_PASS {
+            is_done = true;
+            break;
         }
     }
     (*traversal).is_complete = (*traversal).is_complete && is_done;
     return sum;
+}
+
+// Which child a path takes at a level.
+fn step_of(path: vec2u, level: u32) -> u32 {
+    return (select(path.x, path.y, level >= 16u) >> (2u * (level & 15u))) & 3u;
+}
+
+fn with_step(path: vec2u, level: u32, child: u32) -> vec2u {
+    let shift = 2u * (level & 15u);
+    let is_low = level < 16u;
+    let word = (select(path.y, path.x, is_low) & ~(3u << shift)) | (child << shift);
+    return select(vec2u(path.x, word), vec2u(word, path.y), is_low);
 }
 
 struct Visit {
@@ -140,7 +200,7 @@ struct Visit {
 fn visit_cell(index: u32, cell: Cell, receiver: Receiver, traversal: ptr<function, Traversal>) -> Visit {
     let is_occluded_cluster = VISIBILITY && is_cluster(index, cell);
     let is_known = (*traversal).sample == cell.sample;
-    if VISIBILITY && is_known && !is_occluded_cluster && (*traversal).visible_fraction == 0.0 {
+    if VISIBILITY && is_known && !is_occluded_cluster && is_unseen(traversal) {
         return Visit(vec4f(0.0), false);
     }
     let pair = pair_of(cell, receiver);
@@ -159,10 +219,10 @@ fn visit_cell(index: u32, cell: Cell, receiver: Receiver, traversal: ptr<functio
     let max_contribution = max_weight * light.x;
     let contribution_range = max_weight * light.y;
     let looked_up = vec4f(0.0, 0.0, 0.0, 1.0);
-    if !(max_contribution > NEGLIGIBLE_SHARE * tolerance.error / tree.area * cell.area) {
+    if !(max_contribution > NEGLIGIBLE_SHARE * allowed_error(receiver) / tree.area * cell.area) {
         return Visit(looked_up, false);
     }
-    let error_budget = PAIR_ERROR_SHARE * tolerance.error;
+    let error_budget = PAIR_ERROR_SHARE * allowed_error(receiver);
     var is_one_sample = true;
     if !is_leaf(cell) {
         let error = contribution_range * min(size * CONTRAST_ERROR_SCALE, 1.0)
@@ -174,26 +234,49 @@ fn visit_cell(index: u32, cell: Cell, receiver: Receiver, traversal: ptr<functio
             return Visit(looked_up, true);
         }
     }
+    var seen = 1.0;
     if VISIBILITY {
         if !is_known {
             find_visible_fraction(cell.sample, receiver, traversal);
         }
-        if (*traversal).visible_fraction == 0.0 {
+        let is_large = max_contribution >= error_budget;
+        if !is_leaf(cell) && !is_occluded_cluster && is_large && (*traversal).is_doubtful && !(*traversal).is_probed {
+            probe(cell.sample, receiver, traversal);
+        }
+        if is_unseen(traversal) {
             return Visit(looked_up, false);
+        }
+        // What is large and in doubt is taken leaf by leaf.
+        is_one_sample = is_one_sample && (is_leaf(cell) || !is_large || !(*traversal).is_doubtful);
+        seen = (*traversal).visible_fraction;
+        if is_one_sample && (*traversal).is_doubtful && max_contribution >= MIN_TRACED_SHARE * error_budget {
+            let leaving = ray_origin_of(cell, pair.dn > 0.0);
+            seen = select(1.0, 0.0, is_occluded(leaving, -pair.d * pair.inverse_l, pair.l2 * pair.inverse_l));
         }
     }
     if !is_one_sample {
         return Visit(looked_up, true);
     }
+    if seen == 0.0 {
+        return Visit(looked_up, false);
+    }
     let is_near = max_contribution * size * size * WEIGHT_ERROR_SCALE > error_budget;
     if is_leaf(cell) && tree.split_near != 0u && is_near {
-        return Visit(contribution_of_quarters(cell, receiver, traversal) + looked_up, false);
+        return Visit(contribution_of_quarters(cell, receiver, seen, traversal) + looked_up, false);
     }
     if !(pair.cosine_product > 0.0) {
         return Visit(looked_up, false);
     }
-    let visible_fraction = (*traversal).visible_fraction;
-    return Visit(contribution(cell, pair, receiver, sides, contribution_range, visible_fraction) + looked_up, false);
+    let v1 = dot(sides.v1, sides.v1);
+    let v2 = dot(sides.v2, sides.v2);
+    let texel2 = 6.2831853 / f32(uniforms.map_resolution * uniforms.map_resolution);
+    let is_traced = tree.traces_rays != 0u && min(v1, v2) < texel2 && max_contribution >= MIN_TRACED_SKY_SHARE * error_budget;
+    return Visit(contribution(cell, pair, receiver, sides, contribution_range, seen, is_traced) + looked_up, false);
+}
+
+// W/m².
+fn allowed_error(receiver: Receiver) -> f32 {
+    return tolerance.error + tolerated_error(receiver);
 }
 
 // The greatest weight of any point of a cell.
@@ -234,8 +317,11 @@ fn cone_radius(cell: Cell, sides: FootprintSides, size: f32) -> f32 {
 // What a cell, taken for one sample, contributes.
 fn contribution(
     cell: Cell, pair: Pair, receiver: Receiver, sides: FootprintSides, contribution_range: f32, visible_fraction: f32,
+    is_traced: bool,
 ) -> vec4f {
     var map = map_of_sample(cell.sample, select(1.0, -1.0, cell.two_sided && pair.dn > 0.0));
+    map.is_traced = is_traced;
+    map.leaving = ray_origin_of(cell, pair.dn > 0.0);
     var seen = visible_fraction;
     if VISIBILITY && is_mostly_lobe(cell.lobe, cell.change_1, cell.change_2) {
         seen *= lobe_fraction(pair.r, cell.lobe, map);
@@ -244,7 +330,7 @@ fn contribution(
             return vec4f(0.0);
         }
     }
-    let radiance = cell_radiance(cell, pair.r, sides, contribution_range, PAIR_ERROR_SHARE * tolerance.error, map);
+    let radiance = cell_radiance(cell, pair.r, sides, contribution_range, PAIR_ERROR_SHARE * allowed_error(receiver), map);
     var factor = weight_of(cell, pair, receiver) * seen * reflected_scale(cell, pair);
     if SHADING {
         let solid_angle = cell.area * pair.cos_at_sample_l * pair.inverse_l * pair.inverse_l * pair.inverse_l;
@@ -257,9 +343,58 @@ fn contribution(
 fn find_visible_fraction(sample: u32, receiver: Receiver, traversal: ptr<function, Traversal>) {
     let l = receiver.position - sample_nodes[sample].position;
     let two_sided = (sample_nodes[sample].object_sides & 1u) == 1u;
-    let side = select(1.0, -1.0, two_sided && dot(l, sample_nodes[sample].normal) < 0.0);
+    let map = map_of_sample(sample, select(1.0, -1.0, two_sided && dot(l, sample_nodes[sample].normal) < 0.0));
+    let local = l * map.axes;
+    let place = map_place(local, map);
+    let texels = texels_at(place, map);
+    let corners = in_front(texels, local);
     (*traversal).sample = sample;
-    (*traversal).visible_fraction = visible_fraction(l, map_of_sample(sample, side));
+    (*traversal).visible_fraction = between(texels, corners, place.part);
+    (*traversal).is_probed = false;
+    (*traversal).is_doubtful = tree.traces_rays != 0u
+        && (any(corners != vec4f(corners.x)) || is_any_in_doubt(texels, corners, local, place, map, receiver.object));
+}
+
+// Whether any of the four texels that a point lies in front of leaves that in doubt.
+fn is_any_in_doubt(
+    texels: mat4x4f, corners: vec4f, local: vec3f, place: MapPlace, map: VisibilityMap, object: i32,
+) -> bool {
+    let n = uniforms.map_resolution;
+    let first = (map.index * n + place.texel.y) * n + place.texel.x;
+    let depths = vec4f(local, 0.0) * texels;
+    let l2 = dot(local, local);
+    return (corners.x > 0.0 && is_in_doubt(first, depths.x, l2, object))
+        || (corners.y > 0.0 && is_in_doubt(first + 1u, depths.y, l2, object))
+        || (corners.z > 0.0 && is_in_doubt(first + n, depths.z, l2, object))
+        || (corners.w > 0.0 && is_in_doubt(first + n + 1u, depths.w, l2, object));
+}
+
+// Whether it is certain that the sample does not see the receiver.
+fn is_unseen(traversal: ptr<function, Traversal>) -> bool {
+    return (*traversal).visible_fraction == 0.0 && !(*traversal).is_doubtful;
+}
+
+// Traces rays from the four quarters of a sample: where these agree, it is settled for all of its cells.
+fn probe(sample: u32, receiver: Receiver, traversal: ptr<function, Traversal>) {
+    let whole = load_cell(sample_nodes[sample].node);
+    var open = 0u;
+    for (var k = 0u; k < 4u; k++) {
+        let quarter = quarter_of(whole, k);
+        let d = quarter.centroid - receiver.position;
+        let l = length(d);
+        open += select(1u, 0u, is_occluded(ray_origin_of(quarter, dot(d, quarter.normal) > 0.0), -d / l, l));
+    }
+    (*traversal).is_probed = true;
+    if open == 0u || open == 4u {
+        (*traversal).is_doubtful = false;
+        (*traversal).visible_fraction = f32(open) / 4.0;
+    }
+}
+
+// The piece of a surface that a cell is; `is_behind` where a receiver lies on the other side than its normal points to.
+fn ray_origin_of(cell: Cell, is_behind: bool) -> RayOrigin {
+    let side = sample_nodes[cell.sample].face * select(1.0, -1.0, cell.two_sided && is_behind);
+    return RayOrigin(cell.centroid, u32(cell.object), side, max(length(cell.side_1), length(cell.side_2)));
 }
 
 // π times the receiver's function at most, for light from a cell of this relative size; and the part of that by which it differs
@@ -288,7 +423,9 @@ fn turned(start: vec3f, end: vec3f, angle: f32) -> vec3f {
 
 // What a leaf contributes to a receiver so near to it that it is not one sample for it: its parallelogram is quartered until each
 // piece is, or is too small to matter.
-fn contribution_of_quarters(leaf: Cell, receiver: Receiver, traversal: ptr<function, Traversal>) -> vec4f {
+fn contribution_of_quarters(
+    leaf: Cell, receiver: Receiver, visible_fraction: f32, traversal: ptr<function, Traversal>,
+) -> vec4f {
     // Two bits a level say which quarter.
     var path = 0u;
     var depth = 1u;
@@ -304,7 +441,7 @@ fn contribution_of_quarters(leaf: Cell, receiver: Receiver, traversal: ptr<funct
         }
         if pair.cosine_product > 0.0 {
             let sides = footprint_of(piece, pair);
-            sum += contribution(piece, pair, receiver, sides, UNBOUNDED, (*traversal).visible_fraction);
+            sum += contribution(piece, pair, receiver, sides, UNBOUNDED, visible_fraction, false);
         }
         // Up past all fourth quarters, and on to the next one.
         let last = min(countTrailingZeros(~path) / 2u, depth);

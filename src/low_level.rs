@@ -90,9 +90,10 @@ pub mod pinhole {
     #[cfg(feature = "gpu")]
     pub mod gpu {
         pub use crate::pinhole::gpu::{
-            CellTreeBuffers, Engine, EnvironmentCube, Frame, FrameInputs, FrameViewers, GatherOptions, HardwareVerdict,
-            HierarchicalEngine, HierarchicalFrame, HierarchicalInputs, HierarchicalOptions, LightBoundsBuilder,
-            LightBoundsTexture, TARGET_FORMAT, Tolerance, automatic_filter, check_hardware_filter, probe,
+            CellTreeBuffers, Engine, EnvironmentCube, Frame, FrameInputs, FrameViewers, GatherOptions, Geometry,
+            HardwareVerdict, HierarchicalEngine, HierarchicalFrame, HierarchicalInputs, HierarchicalOptions,
+            LightBoundsBuilder, LightBoundsTexture, MapTracer, MapTracing, MapUse, TARGET_FORMAT, Tolerance,
+            VisibilityMapBuffers, automatic_filter, check_hardware_filter, probe,
         };
     }
 }

@@ -37,6 +37,8 @@ struct SampleNode {
     map: u32,
     // The index of its node.
     node: u32,
+    // 1 where the side that its normal points to is the one that the mesh's normals point to, else -1.
+    face: f32,
 }
 
 struct TreeUniforms {
@@ -55,6 +57,10 @@ struct TreeUniforms {
     has_view_directions: u32,
     // Of all cells, m².
     area: f32,
+    // 1: rays are traced where visibility maps are in doubt.
+    traces_rays: u32,
+    // 1: the fourth component of a receiver's normal is an error that may be made there beyond the others, W/m².
+    has_tolerances: u32,
 }
 
 // The error that is allowed.
@@ -73,12 +79,17 @@ struct Tolerance {
 @group(0) @binding(9) var<storage, read> nodes: array<CellNode>;
 @group(0) @binding(10) var<storage, read> sample_nodes: array<SampleNode>;
 
+// The error that may be made at a receiver beyond that of all others, W/m².
+fn tolerated_error(receiver: Receiver) -> f32 {
+    return select(0.0, receiver.normal_w, tree.has_tolerances != 0u);
+}
+
 // The length of a list that an adapter did not let be finished.
 const INCOMPLETE: u32 = 0xffffffffu;
 
 fn receiver_at(place: vec2u) -> Receiver {
     if any(place >= tree.size) {
-        return Receiver(vec3f(0.0), -1, vec3f(0.0), vec3f(0.0));
+        return Receiver(vec3f(0.0), -1, vec3f(0.0), vec3f(0.0), 0.0);
     }
     return load_receiver(place);
 }
@@ -226,7 +237,7 @@ fn reflected_scale(cell: Cell, pair: Pair) -> vec3f {
 // What a sample sees on one side (1 or -1).
 fn map_of_sample(sample: u32, side: f32) -> VisibilityMap {
     if !VISIBILITY {
-        return VisibilityMap(0u, vec2f(0.0), mat3x3f());
+        return VisibilityMap();
     }
     let node = sample_nodes[sample];
     return visibility_map(node.map, node.texel_jitter, node.normal, side);

@@ -31,7 +31,7 @@ struct TilePass {
     first_tile: u32,
     // The level of blocks, 0 the largest.
     level: u32,
-    // Which share of the lists this pass resolves, of how many: in split resolve passes only.
+    // Which of the resolve passes this is, of how many.
     split: u32,
     split_count: u32,
 }

@@ -12,11 +12,14 @@ struct Receiver {
     normal: vec3f,
     // Towards the viewer; only with SHADING.
     view: vec3f,
+    // The fourth component of the normal.
+    normal_w: f32,
 }
 
 fn load_receiver(pixel: vec2u) -> Receiver {
     let position = textureLoad(receiver_position, pixel, 0);
     // Rounded: a rasteriser's interpolation may leave 0.9999999.
     let object = select(i32(position.w + 0.5), -1, position.w < 0.0);
-    return Receiver(position.xyz, object, textureLoad(receiver_normal, pixel, 0).xyz, vec3f(0.0));
+    let normal = textureLoad(receiver_normal, pixel, 0);
+    return Receiver(position.xyz, object, normal.xyz, vec3f(0.0), normal.w);
 }

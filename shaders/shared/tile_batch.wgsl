@@ -11,6 +11,8 @@ struct Block {
     normal: vec3f,
     normal_radius: f32,
     kind: u32,
+    // The error that may be made at any of its points beyond that of all others, W/m².
+    tolerated: f32,
 }
 
 // A block has no receivers; they are not one smooth piece of one object; they are.

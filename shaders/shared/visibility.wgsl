@@ -1,7 +1,9 @@
 // What a sample sees around itself. CPU twin: src/pinhole/cpu/visibility.rs; how the maps are traced and laid out:
 // src/pinhole/visibility.rs.
 
+#import frame
 #import gather_inputs
+#import ray_origin
 
 override VISIBILITY: bool = false;
 
@@ -15,6 +17,9 @@ struct VisibilityMap {
     texel_jitter: vec2f,
     // The sample's frame; the last axis points to the side in question.
     axes: mat3x3f,
+    // Whether rays from here tell what the map leaves in doubt.
+    is_traced: bool,
+    leaving: RayOrigin,
 }
 
 // The map of one side (1 or -1) of a sample with unit normal n, which has two maps where it has two sides.
@@ -24,20 +29,9 @@ fn visibility_map(first_map: u32, texel_jitter: vec2f, n: vec3f, side: f32) -> V
         select(first_map, first_map + 1u, side < 0.0),
         texel_jitter,
         mat3x3f(frame.u, frame.v, side * n),
+        false,
+        RayOrigin(),
     );
-}
-
-struct TangentFrame {
-    u: vec3f,
-    v: vec3f,
-}
-
-// Two unit tangents (Duff et al. 2017, Building an Orthonormal Basis, Revisited).
-fn tangent_frame(n: vec3f) -> TangentFrame {
-    let sign = select(1.0, -1.0, n.z < 0.0);
-    let a = -1.0 / (sign + n.z);
-    let b = n.x * n.y * a;
-    return TangentFrame(vec3f(1.0 + sign * n.x * n.x * a, sign * b, -sign * n.x), vec3f(b, sign + n.y * n.y * a, -n.y));
 }
 
 struct MapPlace {
@@ -87,6 +81,9 @@ fn sky_fraction(direction: vec3f, width: f32, map: VisibilityMap) -> f32 {
     let sky = vec4f(vec4u(upper & 1u, upper >> 1u, lower & 1u, lower >> 1u));
     if upper == lower && (upper == 0u || upper == 3u) {
         return sky.x;
+    }
+    if map.is_traced {
+        return select(1.0, 0.0, is_occluded(map.leaving, normalize(direction), 3e38));
     }
     return between(texels_at(place, map), sky, place.part);
 }

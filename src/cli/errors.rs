@@ -66,6 +66,7 @@ fn gpu_remedy(error: &GpuError) -> Option<&'static str> {
         GpuError::Lost { .. } => "run again, with fewer --samples or with --backend cpu",
         GpuError::Refused { .. } => "give --backend cpu, and report this",
         GpuError::TextureTooLarge { .. } => "give a smaller --size or --cube-size, or --backend cpu",
+        GpuError::TooManyTriangles { .. } => "give --visibility none or --backend cpu",
         GpuError::MapsTooLarge { .. } => "give fewer --samples, --visibility none or --backend cpu",
         GpuError::LoopCutShort { .. } => "give --backend cpu, a larger --tolerance, or --evaluation flat",
         GpuError::TreeTooLarge { .. } => "give fewer --samples or --leaves, or --backend cpu",

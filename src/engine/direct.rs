@@ -2,11 +2,13 @@
 //! shadow rays find unblocked (Heitz, Hill, McGuire 2018, *Combining Analytic Direct Illumination and Stochastic
 //! Shadows*). Nothing is approximated where nothing is occluded, or everything.
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use glam::Vec3;
+use glam::{Vec3, Vec4};
 use rayon::prelude::*;
 
+use super::every_other::{Adaptive, PixelGrid, STEP};
 use super::shadows::Shadows;
 use crate::environment::CubeMap;
 use crate::progress::Progress;
@@ -50,41 +52,41 @@ impl<'a> DirectLight<'a> {
         irradiance
     }
 
-    /// Irradiance where camera rays hit wanted objects, W/m²; zero elsewhere.
+    /// Irradiance where camera rays hit wanted objects, W/m²; zero elsewhere. Every other pixel is computed, and those between
+    /// where light changes from one to the next.
     pub fn at_hits(&self, rays: &CameraRays, wanted: impl Fn(u32) -> bool + Sync) -> Vec<Vec3> {
-        let width = rays.width as usize;
-        let blocks: Vec<(usize, usize)> = (0..rays.hits.len() / width.max(1))
-            .step_by(BLOCK)
-            .flat_map(|y| (0..width).step_by(BLOCK).map(move |x| (x, y)))
-            .collect();
-        let of_block = |&block: &(usize, usize)| {
-            let groups = by_object(rays, block).into_iter().filter(|(object, _)| wanted(*object));
-            let irradiance = |indices: Vec<usize>| {
+        let is_wanted = |hit: &Option<Hit>| hit.is_some_and(|hit| wanted(hit.object));
+        let points = (0..rays.hits.len()).filter(|&index| is_wanted(&rays.hits[index]));
+        let mut light = Adaptive::new(rays, rays.hits.len(), points, &[]);
+        let mut edge = STEP * BLOCK;
+        loop {
+            let open = light.next();
+            if open.is_empty() {
+                return light.finish().iter().map(|light| Vec3::from_slice(light)).collect();
+            }
+            let of_group = |indices: Vec<usize>| {
                 let points: Vec<&Hit> = indices.iter().filter_map(|&index| rays.hits[index].as_ref()).collect();
-                indices.into_iter().zip(self.irradiance(&points)).collect::<Vec<_>>()
+                let irradiance = self.irradiance(&points).into_iter().map(|value| value.extend(0.0));
+                indices.into_iter().zip(irradiance).collect::<Vec<_>>()
             };
-            groups.flat_map(|(_, indices)| irradiance(indices)).collect::<Vec<_>>()
-        };
-        let of_blocks: Vec<Vec<(usize, Vec3)>> = blocks.par_iter().map(of_block).collect();
-        let mut all = vec![Vec3::ZERO; rays.hits.len()];
-        of_blocks.into_iter().flatten().for_each(|(index, irradiance)| all[index] = irradiance);
-        all
+            let of_groups: Vec<Vec<(usize, Vec4)>> =
+                by_block_and_object(rays, &open, edge).into_par_iter().map(of_group).collect();
+            light.set(of_groups.into_iter().flatten());
+            edge = BLOCK;
+        }
     }
 }
 
-/// The indices of a block's camera rays, by the object that they hit.
-fn by_object(rays: &CameraRays, (x, y): (usize, usize)) -> Vec<(u32, Vec<usize>)> {
-    let width = rays.width as usize;
-    let height = rays.hits.len() / width;
-    let mut groups: Vec<(u32, Vec<usize>)> = Vec::new();
-    for index in (y..height.min(y + BLOCK)).flat_map(|y| (x..width.min(x + BLOCK)).map(move |x| y * width + x)) {
-        let Some(hit) = &rays.hits[index] else { continue };
-        match groups.iter_mut().find(|(object, _)| *object == hit.object) {
-            Some((_, indices)) => indices.push(index),
-            None => groups.push((hit.object, vec![index])),
+/// Camera rays that hit the same object in the same block of the picture.
+fn by_block_and_object(rays: &CameraRays, indices: &[usize], edge: usize) -> Vec<Vec<usize>> {
+    let mut groups: BTreeMap<(usize, usize, u32), Vec<usize>> = BTreeMap::new();
+    for &index in indices {
+        let (column, row) = rays.pixel(index);
+        if let Some(hit) = &rays.hits[index] {
+            groups.entry((row / edge, column / edge, hit.object)).or_default().push(index);
         }
     }
-    groups
+    groups.into_values().collect()
 }
 
 #[cfg(test)]

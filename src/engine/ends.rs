@@ -3,12 +3,12 @@
 use std::collections::HashSet;
 use std::sync::Arc;
 
-use glam::Vec3;
+use glam::{Vec3, Vec4};
 use obvhs::ploc::morton::morton_encode_u64;
 use rayon::prelude::*;
 
 use super::direct::DirectLight;
-use super::every_other::EndGrid;
+use super::every_other::{Adaptive, EndGrid};
 use super::frame::FrameInputs;
 use super::glossy::GlossyLight;
 use super::paths::EndPoint;
@@ -55,9 +55,9 @@ impl<'a> EndLight<'a> {
         Self { materials, diffuse, glossy }
     }
 
-    /// Irradiance or, on glossy receivers, the radiance reflected towards the viewers. `at_hits` is the irradiance where camera
-    /// rays hit, which is interpolated where the reprojection finds a point.
-    pub fn at(&self, points: &[EndPoint], reprojection: &Reprojection, at_hits: &[Vec3]) -> Vec<Vec3> {
+    /// Irradiance or, on glossy receivers, the radiance reflected towards the viewers, at the end points of a picture of this width.
+    /// `at_hits` is the irradiance where camera rays hit, which is interpolated where the reprojection finds a point.
+    pub fn at(&self, points: &[EndPoint], width: u32, reprojection: &Reprojection, at_hits: &[Vec3]) -> Vec<Vec3> {
         let known = |(index, point): (usize, &EndPoint)| match &self.glossy {
             Some(light) if is_glossy(self.materials, point) => {
                 Some(light.reflected(self.materials, &point.hit, point.view))
@@ -65,16 +65,23 @@ impl<'a> EndLight<'a> {
             _ => reprojection.light(index, |hit| at_hits[hit]),
         };
         let known: Vec<Option<Vec3>> = points.par_iter().enumerate().map(known).collect();
-        let mut unknown: Vec<usize> = (0..points.len()).filter(|&index| known[index].is_none()).collect();
-        sort_along_curve(&mut unknown, points);
+        let unknown = (0..points.len()).filter(|&index| known[index].is_none());
+        let grid = EndGrid::new(points, width);
+        let mut light = Adaptive::new(&grid, points.len(), unknown, &[]);
+        light.set(known.iter().enumerate().filter_map(|(index, value)| Some((index, (*value)?.extend(0.0)))));
         let of_group = |group: &[usize]| {
             let hits: Vec<&Hit> = group.iter().map(|&index| &points[index].hit).collect();
             self.diffuse.irradiance(&hits)
         };
-        let computed: Vec<Vec3> = unknown.par_chunks(POINTS_IN_A_GROUP).flat_map_iter(of_group).collect();
-        let mut light: Vec<Vec3> = known.into_iter().map(Option::unwrap_or_default).collect();
-        unknown.into_iter().zip(computed).for_each(|(index, irradiance)| light[index] = irradiance);
-        light
+        loop {
+            let mut open = light.next();
+            if open.is_empty() {
+                return light.finish().iter().map(|light| Vec3::from_slice(light)).collect();
+            }
+            sort_along_curve(&mut open, points);
+            let computed: Vec<Vec3> = open.par_chunks(POINTS_IN_A_GROUP).flat_map_iter(of_group).collect();
+            light.set(open.into_iter().zip(computed.into_iter().map(|value| value.extend(0.0))));
+        }
     }
 }
 
@@ -109,25 +116,28 @@ pub(super) async fn caustic_at(
     }
     let is_done = |list: &[usize]| points.len() - list.len() - glossy.len();
     inputs.progress.advance(is_done(&diffuse) as u64);
-    let gather = EndGather { inputs, sum, points, direct };
+    let gather = EndGather { inputs, sum, points };
+    let (blurred, sharp): (Vec<usize>, Vec<usize>) = diffuse.into_iter().partition(|&index| points[index].blur > 0.0);
+    gather.add(blurred, &|index| direct[index], &mut sums).await?;
+    let is_sharp: HashSet<usize> = sharp.iter().copied().collect();
+    let is_found = |index: &usize| {
+        let point = &points[*index];
+        point.receives && !is_glossy(materials, point) && !is_sharp.contains(index)
+    };
     let grid = EndGrid::new(points, rays.view.size[0]);
-    let (nodes, others): (Vec<usize>, Vec<usize>) =
-        diffuse.iter().partition(|&&index| points[index].blur > 0.0 || grid.is_node(index));
-    gather.add(nodes, false, &mut sums).await?;
-    let is_open: HashSet<usize> = others.iter().copied().collect();
-    let known =
-        |index: usize| (points[index].receives && !is_open.contains(&index)).then(|| Vec3::from_slice(&sums[index]));
-    let found: Vec<Option<Vec3>> = others.par_iter().map(|&index| grid.interpolated(index, known)).collect();
-    let mut rest = Vec::new();
-    for (index, light) in others.into_iter().zip(found) {
-        match light {
-            Some(light) => sums[index] = light.extend(0.0).to_array(),
-            None => rest.push(index),
+    let mut caustic = Adaptive::new(&grid, points.len(), sharp.into_iter(), direct);
+    caustic.set((0..points.len()).filter(is_found).map(|index| (index, Vec4::from_array(sums[index]))));
+    loop {
+        let open = caustic.next();
+        if open.is_empty() {
+            break;
         }
+        gather.add(open.clone(), &|index| direct[index] + caustic.least(index), &mut sums).await?;
+        caustic.set(open.into_iter().map(|index| (index, Vec4::from_array(sums[index]))));
     }
-    inputs.progress.advance((is_open.len() - rest.len()) as u64);
-    gather.add(rest, false, &mut sums).await?;
-    gather.add(glossy, true, &mut sums).await?;
+    inputs.progress.advance(caustic.interpolated() as u64);
+    let mut sums = caustic.finish();
+    gather.reflect(glossy, &mut sums).await?;
     Ok(sums)
 }
 
@@ -136,26 +146,39 @@ struct EndGather<'a> {
     inputs: &'a FrameInputs<'a>,
     sum: &'a Arc<dyn Sum>,
     points: &'a [EndPoint],
-    /// Direct light at the points.
-    direct: &'a [Vec3],
 }
 
 impl EndGather<'_> {
-    /// Computes the irradiance at some of the points or, where they reflect towards viewers, the radiance.
-    async fn add(&self, mut which: Vec<usize>, reflects: bool, sums: &mut [[f32; 4]]) -> Result<(), Error> {
-        let Self { inputs, sum, points, direct } = *self;
+    /// Computes the irradiance at some of the points; light that is seen there hides errors.
+    async fn add(&self, which: Vec<usize>, light: &dyn Fn(usize) -> Vec3, sums: &mut [[f32; 4]]) -> Result<(), Error> {
+        let tolerate = |leaders: &[usize], receivers: &mut Receivers| {
+            let error = |index: &usize| self.inputs.hidden_error(light(*index));
+            leaders.iter().map(error).enumerate().for_each(|(place, error)| receivers.tolerate(place, error));
+        };
+        self.gather(which, None, tolerate, sums).await
+    }
+
+    /// Computes the radiance that some of the points reflect towards viewers.
+    async fn reflect(&self, which: Vec<usize>, sums: &mut [[f32; 4]]) -> Result<(), Error> {
+        self.gather(which, Some(&self.inputs.prepared.materials.receivers), |_, _| (), sums).await
+    }
+
+    async fn gather(
+        &self,
+        mut which: Vec<usize>,
+        materials: Option<&Arc<Materials>>,
+        tolerate: impl Fn(&[usize], &mut Receivers),
+        sums: &mut [[f32; 4]],
+    ) -> Result<(), Error> {
+        let Self { inputs, sum, points } = *self;
         if which.is_empty() {
             return Ok(());
         }
         sort_along_curve(&mut which, points);
         let (leaders, leader_of) = share_blurred(&which, points);
         inputs.progress.advance((which.len() - leaders.len()) as u64);
-        let materials = &inputs.prepared.materials.receivers;
-        let mut receivers = receivers_at(points, &leaders, reflects.then_some(materials));
-        if !reflects {
-            let error = |index: &usize| inputs.hidden_error(direct[*index]);
-            leaders.iter().map(error).enumerate().for_each(|(place, error)| receivers.tolerate(place, error));
-        }
+        let mut receivers = receivers_at(points, &leaders, materials);
+        tolerate(&leaders, &mut receivers);
         let computed = sum.irradiance(&receivers, inputs.progress).await?;
         for (index, leader) in which.into_iter().zip(leader_of) {
             sums[index] = computed[leader];

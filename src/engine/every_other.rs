@@ -1,33 +1,204 @@
-//! Ends of paths of every other pixel, in columns and in rows, and between them: mirrors mostly show light that changes little from
-//! pixel to pixel.
+//! Light in every other pixel, in columns and in rows, and between them: mostly it changes little from pixel to pixel.
 
-use glam::{Vec2, Vec3};
+use glam::{Vec2, Vec3, Vec4};
+use rayon::prelude::*;
 
 use super::interpolation::{MAX_DEVIATION, bilinear, is_smooth};
 use super::paths::EndPoint;
 use super::reprojection::MIN_NORMAL_COSINE;
+use crate::stages::CameraRays;
+use crate::tracing::Hit;
 
 /// Pixels from one to the next.
-const STEP: usize = 2;
+pub(super) const STEP: usize = 2;
+/// From pixel to pixel, interpolated light changes by no more than this part of all light.
+const MAX_STEP: f32 = 0.04;
 
-/// End points by pixel.
+/// Points of surfaces by pixel.
+pub(super) trait PixelGrid: Sync {
+    /// Pixels in a row.
+    fn width(&self) -> usize;
+
+    /// Column and row of a point's pixel.
+    fn pixel(&self, index: usize) -> (usize, usize);
+
+    /// The point of the same kind in the pixel at a column and a row.
+    fn counterpart(&self, index: usize, column: usize, row: usize) -> Option<usize>;
+
+    /// What is hit at a point.
+    fn hit(&self, index: usize) -> Option<&Hit>;
+
+    /// The least light, channel by channel, at the four points around that lie `step` pixels apart; black if one of them is not known or
+    /// lies on another surface.
+    fn least_around(&self, index: usize, step: usize, light: impl Fn(usize) -> Option<Vec3>) -> Vec3 {
+        let (x, y) = self.pixel(index);
+        let (left, top) = (x / step * step, y / step * step);
+        let corner = |right: bool, below: bool| {
+            let column = if right && x > left { left + step } else { left };
+            let row = if below && y > top { top + step } else { top };
+            let other = self.counterpart(index, column, row).filter(|_| column < self.width())?;
+            light(other).filter(|_| self.is_same_surface(index, other))
+        };
+        let corners = [(false, false), (true, false), (false, true), (true, true)].map(|(r, b)| corner(r, b));
+        corners.into_iter().try_fold(Vec3::INFINITY, |least, light| Some(least.min(light?))).unwrap_or_default()
+    }
+
+    fn is_same_surface(&self, index: usize, other: usize) -> bool {
+        self.hit(index)
+            .zip(self.hit(other))
+            .is_some_and(|(own, there)| own.object == there.object && own.normal.dot(there.normal) >= MIN_NORMAL_COSINE)
+    }
+
+    /// The light at a point from the sixteen around it, if they are all known, lie on the same smooth surface and are lit smoothly.
+    fn interpolated(&self, index: usize, light: impl Fn(usize) -> Option<Vec3>, beside: Vec3) -> Option<Vec3> {
+        let own = self.hit(index)?;
+        let (x, y) = self.pixel(index);
+        let first = (x / STEP * STEP).checked_sub(STEP).zip((y / STEP * STEP).checked_sub(STEP))?;
+        if first.0 + 3 * STEP >= self.width() {
+            return None;
+        }
+        let (mut around, mut inner) = ([[Vec3::ZERO; 4]; 4], [Vec3::ZERO; 4]);
+        for (k, value) in around.iter_mut().flatten().enumerate() {
+            let (i, j) = (k % 4, k / 4);
+            let node = self.counterpart(index, first.0 + i * STEP, first.1 + j * STEP)?;
+            *value = light(node)?;
+            let hit = self.hit(node).filter(|_| self.is_same_surface(index, node))?;
+            if (1..3).contains(&i) && (1..3).contains(&j) {
+                inner[2 * (j - 1) + i - 1] = hit.position;
+            }
+        }
+        let part = Vec2::new((x % STEP) as f32, (y % STEP) as f32) / STEP as f32;
+        let spacing = inner[0].distance(inner[1]).min(inner[0].distance(inner[2]));
+        let is_near = bilinear(inner, part).distance(own.position) <= MAX_DEVIATION * spacing;
+        let corners = [around[1][1], around[1][2], around[2][1], around[2][2]];
+        (is_near && is_smooth(&around, beside)).then(|| bilinear(corners, part))
+    }
+}
+
+/// Light at points of a grid, which are computed a few at a time: first every other one, then those between which cannot be
+/// interpolated, until no computed point contradicts its neighbours.
+#[derive(Debug)]
+pub(super) struct Adaptive<'g, G> {
+    grid: &'g G,
+    /// Other light at the points, which hides differences.
+    beside: &'g [Vec3],
+    /// By point: the light, and the number of fetches. Zero where nothing is known.
+    light: Vec<Vec4>,
+    is_computed: Vec<bool>,
+    /// Computed next.
+    nodes: Vec<usize>,
+    /// Interpolated, or else computed, once the nodes are known.
+    others: Vec<usize>,
+    interpolated: Vec<usize>,
+}
+
+impl<'g, G: PixelGrid> Adaptive<'g, G> {
+    /// Light at some of `count` points, in ascending order; no other light is beside it where `beside` is empty.
+    pub fn new(grid: &'g G, count: usize, points: impl Iterator<Item = usize>, beside: &'g [Vec3]) -> Self {
+        let (nodes, others) = points.partition(|&index| {
+            let (column, row) = grid.pixel(index);
+            column % STEP == 0 && row % STEP == 0
+        });
+        let (light, is_computed) = (vec![Vec4::ZERO; count], vec![false; count]);
+        Self { grid, beside, light, is_computed, nodes, others, interpolated: Vec::new() }
+    }
+
+    /// The points that are to be computed next, in ascending order; none once all light is known.
+    pub fn next(&mut self) -> Vec<usize> {
+        if !self.nodes.is_empty() {
+            return std::mem::take(&mut self.nodes);
+        }
+        if !self.others.is_empty() {
+            let open = self.interpolate();
+            if !open.is_empty() {
+                return open;
+            }
+        }
+        let refuted: Vec<usize> =
+            self.interpolated.par_iter().copied().filter(|&index| self.is_refuted(index)).collect();
+        self.interpolated.retain(|index| refuted.binary_search(index).is_err());
+        refuted
+    }
+
+    /// Sets what was computed at points.
+    pub fn set(&mut self, computed: impl IntoIterator<Item = (usize, Vec4)>) {
+        for (index, light) in computed {
+            (self.light[index], self.is_computed[index]) = (light, true);
+        }
+    }
+
+    /// Light that there is at a point at least, as far as the points around show.
+    pub fn least(&self, index: usize) -> Vec3 {
+        let known = |other: usize| self.is_computed[other].then(|| self.light[other].truncate());
+        self.grid.least_around(index, STEP, known)
+    }
+
+    /// The number of points that were interpolated.
+    pub fn interpolated(&self) -> usize {
+        self.interpolated.len()
+    }
+
+    /// The light at all points, and the number of fetches.
+    pub fn finish(self) -> Vec<[f32; 4]> {
+        self.light.into_iter().map(Into::into).collect()
+    }
+
+    fn beside(&self, index: usize) -> Vec3 {
+        self.beside.get(index).copied().unwrap_or_default()
+    }
+
+    /// Interpolates where that is possible; returns the points where it is not.
+    fn interpolate(&mut self) -> Vec<usize> {
+        let others = std::mem::take(&mut self.others);
+        let known = |index: usize| self.is_computed[index].then(|| self.light[index].truncate());
+        let between = |&index: &usize| self.grid.interpolated(index, known, self.beside(index));
+        let values: Vec<Option<Vec3>> = others.par_iter().map(between).collect();
+        let mut open = Vec::new();
+        for (index, value) in others.into_iter().zip(values) {
+            let Some(value) = value else {
+                open.push(index);
+                continue;
+            };
+            self.light[index] = value.extend(0.0);
+            self.interpolated.push(index);
+        }
+        open
+    }
+
+    /// Whether interpolated light differs from what was computed in a neighbouring pixel: something narrow runs there, which the
+    /// points around have missed.
+    fn is_refuted(&self, index: usize) -> bool {
+        let (x, y) = self.grid.pixel(index);
+        let columns = x.saturating_sub(1)..(x + 2).min(self.grid.width());
+        let neighbours = (y.saturating_sub(1)..y + 2).flat_map(|row| columns.clone().map(move |column| (column, row)));
+        neighbours.filter_map(|(column, row)| self.grid.counterpart(index, column, row)).any(|other| {
+            self.is_computed[other] && self.grid.is_same_surface(index, other) && self.differ(index, other)
+        })
+    }
+
+    fn differ(&self, index: usize, other: usize) -> bool {
+        let (own, there) = (self.light[index].truncate(), self.light[other].truncate());
+        (own - there).abs().max_element() > MAX_STEP * (own.max(there) + self.beside(index)).max_element()
+    }
+}
+
+/// Ends of paths, in the order of their pixels.
 #[derive(Debug)]
 pub(super) struct EndGrid<'a> {
-    /// In the order of their pixels.
     points: &'a [EndPoint],
     width: usize,
 }
 
 impl<'a> EndGrid<'a> {
-    /// `points` are those of a picture of this width, in the order of their pixels.
+    /// `points` are those of a picture of this width.
     pub fn new(points: &'a [EndPoint], width: u32) -> Self {
         Self { points, width: width as usize }
     }
+}
 
-    /// Whether a point belongs to one of the pixels between which the others lie.
-    pub fn is_node(&self, index: usize) -> bool {
-        let (x, y) = self.pixel(index);
-        x % STEP == 0 && y % STEP == 0
+impl PixelGrid for EndGrid<'_> {
+    fn width(&self) -> usize {
+        self.width
     }
 
     fn pixel(&self, index: usize) -> (usize, usize) {
@@ -35,48 +206,40 @@ impl<'a> EndGrid<'a> {
         (pixel % self.width, pixel / self.width)
     }
 
-    /// The end of the same kind of path in another pixel.
-    fn find(&self, x: usize, y: usize, key: u64) -> Option<usize> {
-        let pixel = (y * self.width + x) as u32;
+    /// The end of the same kind of path.
+    fn counterpart(&self, index: usize, column: usize, row: usize) -> Option<usize> {
+        let (pixel, key) = ((row * self.width + column) as u32, self.points[index].key);
         let first = self.points.partition_point(|point| point.pixel < pixel);
         let own = self.points[first..].iter().take_while(|point| point.pixel == pixel);
         own.enumerate().find(|(_, point)| point.key == key).map(|(offset, _)| first + offset)
     }
 
-    /// The light at a point from the sixteen nodes around it, if they are all known, lie on the same smooth surface and are lit
-    /// smoothly.
-    pub fn interpolated(&self, index: usize, light: impl Fn(usize) -> Option<Vec3>) -> Option<Vec3> {
-        let own = &self.points[index];
-        let (x, y) = self.pixel(index);
-        let first = (x / STEP * STEP).checked_sub(STEP).zip((y / STEP * STEP).checked_sub(STEP))?;
-        if first.0 + 3 * STEP >= self.width {
-            return None;
-        }
-        let (mut around, mut inner) = ([[Vec3::ZERO; 4]; 4], [Vec3::ZERO; 4]);
-        for (k, value) in around.iter_mut().flatten().enumerate() {
-            let (i, j) = (k % 4, k / 4);
-            let node = self.find(first.0 + i * STEP, first.1 + j * STEP, own.key)?;
-            *value = light(node)?;
-            let hit = &self.points[node].hit;
-            if hit.normal.dot(own.hit.normal) < MIN_NORMAL_COSINE {
-                return None;
-            }
-            if (1..3).contains(&i) && (1..3).contains(&j) {
-                inner[2 * (j - 1) + i - 1] = hit.position;
-            }
-        }
-        let part = Vec2::new((x % STEP) as f32, (y % STEP) as f32) / STEP as f32;
-        let spacing = inner[0].distance(inner[1]).min(inner[0].distance(inner[2]));
-        let is_near = bilinear(inner, part).distance(own.hit.position) <= MAX_DEVIATION * spacing;
-        let corners = [around[1][1], around[1][2], around[2][1], around[2][2]];
-        (is_near && is_smooth(&around)).then(|| bilinear(corners, part))
+    fn hit(&self, index: usize) -> Option<&Hit> {
+        Some(&self.points[index].hit)
+    }
+}
+
+impl PixelGrid for CameraRays {
+    fn width(&self) -> usize {
+        self.width as usize
+    }
+
+    fn pixel(&self, index: usize) -> (usize, usize) {
+        (index % self.width as usize, index / self.width as usize)
+    }
+
+    fn counterpart(&self, _: usize, column: usize, row: usize) -> Option<usize> {
+        Some(row * self.width as usize + column).filter(|&index| index < self.hits.len())
+    }
+
+    fn hit(&self, index: usize) -> Option<&Hit> {
+        self.hits[index].as_ref()
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::tracing::Hit;
 
     /// One end point in each pixel of a picture of 10×10, on a plane.
     fn ends(lift: impl Fn(f32, f32) -> f32) -> Vec<EndPoint> {
@@ -94,13 +257,50 @@ mod tests {
         let light = |index: usize| Some(Vec3::splat(20.0 + (index % 10) as f32 - 0.5 * (index / 10) as f32));
         let plane = ends(|_, _| 0.0);
         let grid = EndGrid::new(&plane, 10);
-        assert!(grid.is_node(44) && !grid.is_node(45) && !grid.is_node(54));
-        assert_eq!(grid.interpolated(55, light), light(55));
-        assert_eq!(grid.interpolated(1, light), None, "nodes would lie outside");
-        assert_eq!(grid.interpolated(55, |index| light(index).filter(|_| index != 44)), None, "a node is not known");
+        let interpolated = |light: &dyn Fn(usize) -> Option<Vec3>, index| grid.interpolated(index, light, Vec3::ZERO);
+        assert_eq!(interpolated(&light, 55), light(55));
+        assert_eq!(interpolated(&light, 1), None, "nodes would lie outside");
+        assert_eq!(interpolated(&|index| light(index).filter(|_| index != 44), 55), None, "a node is not known");
         let ridge = |index: usize| Some(Vec3::splat(if index % 10 == 4 { 2.0 } else { 1.0 }));
-        assert_eq!(grid.interpolated(55, ridge), None);
+        assert_eq!(interpolated(&ridge, 55), None);
+        assert!(grid.interpolated(55, ridge, Vec3::splat(100.0)).is_some(), "not seen beside more light");
         let step = ends(|x, z| if x == 5.0 && z == 5.0 { 3.0 } else { 0.0 });
-        assert_eq!(EndGrid::new(&step, 10).interpolated(55, light), None, "off the surface of its neighbours");
+        assert_eq!(EndGrid::new(&step, 10).interpolated(55, light, Vec3::ZERO), None, "off its neighbours' surface");
+    }
+
+    /// A line of light one pixel wide, of which the nodes show every other pixel only.
+    #[test]
+    fn narrow_lines_are_followed() {
+        let plane = ends(|_, _| 0.0);
+        let grid = EndGrid::new(&plane, 10);
+        let light = |index: usize| Vec4::splat(if index / 10 == index % 10 { 2.0 } else { 1.0 });
+        let mut adaptive = Adaptive::new(&grid, 100, 0..100, &[]);
+        loop {
+            let open = adaptive.next();
+            if open.is_empty() {
+                break;
+            }
+            adaptive.set(open.into_iter().map(|index| (index, light(index))));
+        }
+        let found = adaptive.finish();
+        assert!((0..100).all(|index| found[index][..3] == light(index).to_array()[..3]));
+    }
+
+    #[test]
+    fn even_light_is_computed_in_a_few_points() {
+        let plane = ends(|_, _| 0.0);
+        let grid = EndGrid::new(&plane, 10);
+        let mut adaptive = Adaptive::new(&grid, 100, 0..100, &[]);
+        let mut count = 0;
+        loop {
+            let open = adaptive.next();
+            if open.is_empty() {
+                break;
+            }
+            count += open.len();
+            adaptive.set(open.into_iter().map(|index| (index, Vec4::ONE)));
+        }
+        assert_eq!((count, adaptive.interpolated()), (88, 12), "all but those in the middle");
+        assert!(adaptive.finish().iter().all(|light| light[..3] == [1.0; 3]));
     }
 }

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use glam::Vec3;
 
-use super::edges::DividedPixels;
+use super::caustic::CausticAtHits;
 use super::ends::{EndLight, caustic_at, direct_light};
 use super::paths::{PathTracer, Paths};
 use super::reprojection::Reprojection;
@@ -14,7 +14,7 @@ use crate::Error;
 use crate::environment::Environment;
 use crate::image::Aov;
 use crate::options::{DisplaySettings, Options};
-use crate::progress::{NoProgress, Progress, Stage};
+use crate::progress::{Progress, Stage};
 use crate::scene::{Scene, Sides, Visibility};
 use crate::stages::{
     CameraRays, Id, LightStages, Memo, PreparedLight, PreparedScene, StageCounts, SurfaceMaterials, View,
@@ -27,9 +27,9 @@ pub(super) const KEPT_POINTS: u64 = 1 << 23;
 /// Approximate number of points in a band of a larger picture.
 const BAND_POINTS: u64 = 1 << 22;
 
-/// Where caustic and direct light are seen together, the tolerance also holds relative to this part of the direct light: at the
+/// Where caustic and direct light are seen together, the tolerance also holds relative to this part of the light there: at the
 /// default of .01 the error stays well below the one percent that can be seen.
-const HIDDEN_SHARE: f32 = 0.5;
+const HIDDEN_SHARE: f32 = 2.0;
 
 /// Rows of pixels in each band of a picture.
 pub(super) fn rows_per_band(options: &Options) -> u32 {
@@ -136,9 +136,9 @@ impl FrameInputs<'_> {
         self.options.aovs.contains(&Aov::Caustic)
     }
 
-    /// The error of the caustic's irradiance that cannot be seen beside direct light, W/m².
-    pub(super) fn hidden_error(&self, direct: Vec3) -> f32 {
-        HIDDEN_SHARE * self.options.tolerance * direct.element_sum() / 3.0
+    /// The error of the caustic's irradiance that cannot be seen in this light, W/m².
+    pub(super) fn hidden_error(&self, light: Vec3) -> f32 {
+        HIDDEN_SHARE * self.options.tolerance * light.element_sum() / 3.0
     }
 
     fn objects(&self) -> std::ops::Range<u32> {
@@ -238,21 +238,10 @@ impl BandStages {
         let key =
             CausticKey { rays: Id::of(rays), sum: Id::of(sum), wanted: wanted.clone(), beside: beside.map(Id::of) };
         let steps = (rays.hits.len() as u64, inputs.progress);
-        let make = async || {
-            let mut receivers = rays.receivers(|object| wanted[object as usize]);
-            let error = |index: usize| beside.map_or(0.0, |light| inputs.hidden_error(light[index]));
-            (0..rays.hits.len()).for_each(|index| receivers.tolerate(index, error(index)));
-            let mut caustic = sum.irradiance(&receivers, inputs.progress).await?;
-            if let Some(direct) = beside.filter(|_| rays.view.pixel_samples == 1) {
-                let tracer = &inputs.prepared.tracer;
-                let divided = DividedPixels::find(tracer, rays, direct, (&caustic, inputs.options.tolerance));
-                if !divided.is_empty() {
-                    let mut receivers = divided.receivers();
-                    divided.tolerate(&mut receivers, error);
-                    divided.average(&sum.irradiance(&receivers, &NoProgress).await?, &mut caustic);
-                }
-            }
-            Ok(caustic)
+        let at_hits = CausticAtHits { inputs, sum, rays, wanted: &wanted };
+        let make = async || match beside {
+            Some(direct) => at_hits.beside(direct).await,
+            None => at_hits.everywhere().await,
         };
         self.caustic.wait_for(key, steps, make).await.map(Some)
     }
@@ -295,7 +284,8 @@ impl BandStages {
         let direct = self.ends_direct.get(key, inputs.progress, || {
             let known = own.direct.as_deref();
             let is_known = |object| known.is_some() && inputs.shows_irradiance(Aov::Direct, object);
-            source.at(&paths.ends, &Reprojection::new(rays, &paths.ends, is_known), known.map_or(&[], Vec::as_slice))
+            let reprojection = Reprojection::new(rays, &paths.ends, is_known);
+            source.at(&paths.ends, rays.view.size[0], &reprojection, known.map_or(&[], Vec::as_slice))
         });
         let mut caustic = None;
         if let Some(sum) = inputs.sum {

@@ -8,6 +8,7 @@
 //! Every stage compares the inputs that it was made from with the current ones. Nothing has to be invalidated by hand:
 //! change the scene or the options in any way, and render. The picture equals that of a new engine.
 
+mod caustic;
 mod direct;
 mod edges;
 mod ends;

@@ -44,7 +44,7 @@ impl Reprojection {
             let start = first + row * self.width - self.width - 1;
             std::array::from_fn::<Vec3, 4, _>(|column| at_hits(start + column))
         };
-        let is_enough = is_resolved || is_smooth(&std::array::from_fn(row));
+        let is_enough = is_resolved || is_smooth(&std::array::from_fn(row), Vec3::ZERO);
         is_enough.then(|| bilinear(corners(first, self.width).map(at_hits), part))
     }
 }

@@ -297,6 +297,28 @@ impl Gpu {
     }
 }
 
+impl Gpu {
+    /// Copies the first bytes of a buffer back, once the work submitted before this call is done. Their number is a multiple of four.
+    pub fn read_buffer(&self, buffer: &wgpu::Buffer, bytes: u64) -> impl Future<Output = Result<Vec<u8>, GpuError>> {
+        let copy = self.device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some("read back"),
+            size: bytes,
+            usage: wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ,
+            mapped_at_creation: false,
+        });
+        let mut encoder = self.device.create_command_encoder(&Default::default());
+        encoder.copy_buffer_to_buffer(buffer, 0, &copy, 0, bytes);
+        self.queue.submit([encoder.finish()]);
+        let completion = Completion::default();
+        let mapped = completion.clone();
+        copy.map_async(wgpu::MapMode::Read, .., move |result| mapped.complete(result));
+        async move {
+            self.completed(completion).await?.map_err(|e| self.lost(e))?;
+            Ok(copy.get_mapped_range(..).map_err(|e| self.lost(e))?.to_vec())
+        }
+    }
+}
+
 /// How the rows of a 32-bit float texture lie in a buffer.
 struct Rows {
     /// Bytes from row to row.

@@ -84,10 +84,8 @@ pub enum GpuError {
         engine: bool,
     },
     /// The samples' maps of visibility are too large.
-    #[error("what {samples} samples see takes {bytes} bytes, but this adapter's buffers end at {limit}")]
+    #[error("what the samples see takes {bytes} bytes, but this adapter's buffers end at {limit}")]
     MapsTooLarge {
-        /// Samples given.
-        samples: usize,
         /// Bytes of their maps.
         bytes: u64,
         /// Bytes that fit.
@@ -109,6 +107,12 @@ pub enum GpuError {
         /// Bytes of their nodes.
         bytes: u64,
         /// Bytes that fit.
+        limit: u64,
+    },
+    /// There are too many triangles.
+    #[error("the scene has more triangles than fit this adapter's textures: about {limit}")]
+    TooManyTriangles {
+        /// Triangles that fit.
         limit: u64,
     },
     /// The sample buffer is too large.

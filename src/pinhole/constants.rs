@@ -44,6 +44,8 @@ pub const PARTIAL_VISIBILITY_SHARE: f32 = 1.0;
 pub const MAX_QUARTERINGS: u32 = 5;
 /// Sample nodes that an irradiance estimate asks at most.
 pub const ESTIMATE_MAX_SAMPLE_NODES: u32 = 512;
+/// Receivers of an irradiance estimate.
+pub const ESTIMATE_MAX_RECEIVERS: usize = 1024;
 /// An irradiance estimate is at least this part of the root mean square, where few receivers get nearly all of the light.
 pub const ESTIMATE_RMS_SHARE: f32 = 0.1;
 
@@ -91,3 +93,7 @@ pub const FILTER_ANISOTROPIC: u32 = 2;
 #[cfg(feature = "gpu")]
 pub const FILTER_HARDWARE: u32 = 3;
 pub const FILTER_EWA: u32 = 4;
+/// What visibility maps leave in doubt is traced where it contributes more than this part of the error budget of a pair.
+pub const MIN_TRACED_SHARE: f32 = 0.1;
+/// The same for the environment, where the sum of several look-ups is less in doubt.
+pub const MIN_TRACED_SKY_SHARE: f32 = 1.0;

@@ -21,6 +21,8 @@ mod receivers;
 mod tree;
 mod visibility;
 
+#[cfg(feature = "gpu")]
+pub(crate) use constants::ESTIMATE_MAX_RECEIVERS;
 pub use layout::{BATCH_SIZE, CURVE_POINTS, GatherUniforms, PinholeParts, PinholeSample, Pinholes, ReflectanceCurve};
 pub use receivers::{NO_RECEIVER, ReceiverLayout, Receivers, ViewDirections};
 pub use tree::PinholeTree;
@@ -197,6 +199,8 @@ struct Mirror {
     /// Width of a rough mirror's lobe, radians; 0 for a smooth one.
     lobe: f32,
     two_sided: bool,
+    /// Whether the side that reflects, or that the samples' normals point to, is the one that the mesh's normals point to.
+    faces_front: bool,
 }
 
 impl Mirror {
@@ -224,7 +228,8 @@ impl Mirrors {
             let at_angles = Curve::new(&finish, CURVE_POINTS);
             let max_reflectance = at_angles.values().iter().map(|v| v.as_vec3().max_element()).fold(0.0, f32::max);
             let lobe = LOBE_PER_ALPHA * finish.alpha() as f32;
-            Some(Mirror { reflectance, curve, max_reflectance, lobe, two_sided: sides == Sides::Both })
+            let (two_sided, faces_front) = (sides == Sides::Both, sides != Sides::Back);
+            Some(Mirror { reflectance, curve, max_reflectance, lobe, two_sided, faces_front })
         };
         let of_object = scene.objects.iter().map(mirror).collect();
         let row = |finish: &Finish| {

@@ -30,7 +30,7 @@ pub struct Receivers {
     /// World position; `w` is the object's index in the scene, or [`NO_RECEIVER`].
     pub positions: Vec<[f32; 4]>,
     /// Unit normal on the side that receives; `w` is the error that may be made here beyond the accuracy of a hierarchical sum, W/m²,
-    /// as other light hides it. Sums on GPUs do not use it.
+    /// as other light hides it.
     pub normals: Vec<[f32; 4]>,
     /// `None`: the gather computes irradiance. Otherwise it computes the radiance reflected towards the viewer.
     pub view_directions: Option<ViewDirections>,
@@ -96,6 +96,21 @@ impl Receivers {
         let object = self.positions[index][3];
         // Rounded, as interpolation by a rasterizer may yield 0.9999999.
         (object >= 0.0).then_some((object + 0.5) as u32)
+    }
+
+    /// Some of the receivers, no more than `most`, as an unordered list; all of them if they are no more.
+    pub(crate) fn some(&self, most: usize) -> Self {
+        let mut chosen: Vec<usize> = (0..self.positions.len()).filter(|&k| self.object(k).is_some()).collect();
+        if chosen.len() > most {
+            // Even steps could coincide with the columns of an image; golden-ratio steps do not.
+            let place = |k: usize| ((k as f64 * 0.618_033_988_749_894_9).fract() * chosen.len() as f64) as usize;
+            chosen = (0..most).map(|k| chosen[place(k)]).collect();
+        }
+        let mut some = Self { layout: ReceiverLayout::Unordered, ..Self::empty(chosen.len() as u32, 1) };
+        for (place, index) in chosen.into_iter().enumerate() {
+            (some.positions[place], some.normals[place]) = (self.positions[index], self.normals[index]);
+        }
+        some
     }
 
     /// Unordered receivers as a grid of tiles of 64², each filled along the Z-order curve, so that blocks are ranges of the

@@ -55,7 +55,7 @@ pub(super) enum Edges {
 
 impl Edges {
     /// Bisections of the way between texels that see different things.
-    fn bisections(self) -> u32 {
+    pub fn bisections(self) -> u32 {
         match self {
             Self::Fine => 4,
             Self::Traced => 2,
@@ -80,14 +80,8 @@ pub(super) fn frame(n: Vec3) -> [Vec3; 2] {
 impl VisibilityMaps {
     /// Traces the maps of all samples and stores in each sample the index of its map. Two-sided samples get two, the back's second.
     pub(super) fn trace(scene: &Scene, tracer: &Tracer, samples: &mut [PinholeSample], edges: Edges) -> Self {
-        let mut count = 0;
-        for sample in samples.iter_mut() {
-            sample.set_map(count, texel_jitter(count));
-            count += if sample.two_sided() { 2 } else { 1 };
-        }
-        let resolution = resolution_of(count as usize);
-        let hemispheres: Vec<Hemisphere> = samples.iter().flat_map(|s| Hemisphere::of_sample(scene, s)).collect();
-        let traced: Vec<TracedMap> = hemispheres.par_iter().map(|h| h.trace(tracer, resolution, edges)).collect();
+        let Hemispheres { resolution, of_maps } = Hemispheres::number(scene, samples);
+        let traced: Vec<TracedMap> = of_maps.par_iter().map(|h| h.trace(tracer, resolution, edges)).collect();
         let mut maps = Self { resolution, ..Self::default() };
         for TracedMap { planes, sky_mask, doubts } in traced {
             maps.planes.extend(planes);
@@ -95,6 +89,27 @@ impl VisibilityMaps {
             maps.doubts.extend(doubts);
         }
         maps
+    }
+}
+
+/// The hemispheres that the maps of some samples show.
+#[derive(Debug)]
+pub(super) struct Hemispheres {
+    /// Texels along the edge of a map.
+    pub resolution: u32,
+    pub of_maps: Vec<Hemisphere>,
+}
+
+impl Hemispheres {
+    /// Numbers the maps of all samples and stores in each sample the number of its first.
+    pub fn number(scene: &Scene, samples: &mut [PinholeSample]) -> Self {
+        let mut count = 0;
+        for sample in samples.iter_mut() {
+            sample.set_map(count, texel_jitter(count));
+            count += if sample.two_sided() { 2 } else { 1 };
+        }
+        let of_maps = samples.iter().flat_map(|s| Hemisphere::of_sample(scene, s)).collect();
+        Self { resolution: resolution_of(count as usize), of_maps }
     }
 }
 
@@ -132,10 +147,12 @@ struct TracedMap {
 }
 
 /// The half-space above one side of a sample.
-struct Hemisphere {
-    piece: Piece,
-    axes: [Vec3; 3],
-    texel_jitter: Vec2,
+#[derive(Debug)]
+pub(super) struct Hemisphere {
+    pub piece: Piece,
+    /// The sample's frame; the last axis points to the side in question.
+    pub axes: [Vec3; 3],
+    pub texel_jitter: Vec2,
 }
 
 /// Neighbouring texels that see different things.
@@ -278,18 +295,18 @@ impl Hemisphere {
         let local = |v: Vec3| Vec3::from(self.axes.map(|axis| axis.dot(v)));
         let (point, normal) = (local(hit.position - self.piece.position), local(hit.face_normal));
         // At grazing angles the plane almost passes through the sample and would occlude nothing beyond the point.
-        let distance = point.dot(normal).min(-MIN_COSINE * point.length());
+        let distance = point.dot(normal).min(-MIN_OCCLUDER_COSINE * point.length());
         Occluder { point, normal, plane: normal / distance, object: hit.object }
     }
 }
 
 /// Planes hit at a smaller cosine are tilted to this one.
-const MIN_COSINE: f32 = 1e-3;
+pub(super) const MIN_OCCLUDER_COSINE: f32 = 1e-3;
 
 /// A receiver is occluded if it lies behind the plane by more than this fraction of the distance.
-const BEHIND: f32 = 0.001;
+pub(super) const BEHIND: f32 = 0.001;
 /// An edge halfway, as soft as can be: plain linear interpolation.
-const MIDDLE: u8 = 32 << 2 | 2;
+pub(super) const MIDDLE: u8 = 32 << 2 | 2;
 
 /// Stores edges in the last bits of a number that needs few of them.
 fn with_edges(value: f32, [u, v]: [u8; 2]) -> f32 {

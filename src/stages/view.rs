@@ -45,9 +45,16 @@ impl CameraRays {
 
     /// The hits on wanted objects, as receivers.
     pub fn receivers(&self, wanted: impl Fn(u32) -> bool) -> Receivers {
-        let mut receivers = Receivers::empty(self.width, self.view.rows * self.view.pixel_samples);
-        for (index, hit) in self.hits.iter().enumerate() {
-            if let Some(hit) = hit.filter(|h| wanted(h.object)) {
+        self.receivers_of_every(1, wanted)
+    }
+
+    /// The hits on wanted objects at every n-th point, along rows and columns, as receivers.
+    pub fn receivers_of_every(&self, n: u32, wanted: impl Fn(u32) -> bool) -> Receivers {
+        let height = self.view.rows * self.view.pixel_samples;
+        let mut receivers = Receivers::empty(self.width.div_ceil(n), height.div_ceil(n));
+        for index in 0..receivers.positions.len() {
+            let (x, y) = (index as u32 % receivers.width * n, index as u32 / receivers.width * n);
+            if let Some(hit) = self.hits[(y * self.width + x) as usize].filter(|h| wanted(h.object)) {
                 receivers.set(index, hit.position, hit.normal, hit.object);
             }
         }

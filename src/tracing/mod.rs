@@ -1,6 +1,8 @@
 //! Rays against the scene's triangles, through a BVH from `obvhs`. Knows meshes, but neither light nor samples.
 
 mod packet;
+#[cfg(feature = "gpu")]
+mod skip_list;
 
 use std::fmt;
 
@@ -16,6 +18,8 @@ use crate::lanes::{F, LANES, Simd, SimdBase, V3, bits, dispatch, level, splat3};
 use crate::scene::{Mesh, Object, Ray, Scene};
 
 pub(crate) use self::packet::RayPacket;
+#[cfg(feature = "gpu")]
+pub(crate) use self::skip_list::SkipList;
 
 /// What a ray meets first.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -281,7 +285,7 @@ fn unit_scale(half_size: Vec3) -> f32 {
 }
 
 /// Part of a distance by which rays towards a point end before it: more than what is lost by rounding.
-const END_SLACK: f32 = 1e-4;
+pub(crate) const END_SLACK: f32 = 1e-4;
 
 /// How far off a surface rays start in a scene with these bounds: more than what is lost by rounding, and little enough that from the
 /// foot of a wall they do not leave through the floor.
@@ -292,7 +296,7 @@ fn offset(low: Vec3, high: Vec3) -> f32 {
 
 /// Edges of triangles are inclusive by this much of a barycentric weight: rays from far away must not slip between small triangles, whose
 /// weights suffer from cancellation.
-const SLACK: f32 = 1e-4;
+pub(crate) const SLACK: f32 = 1e-4;
 
 /// Möller–Trumbore with inclusive edges, so that a ray through a shared edge meets one triangle or both, never neither:
 /// distance and barycentric weights.

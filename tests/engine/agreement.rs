@@ -34,7 +34,8 @@ fn back_ends_agree_on_every_built_in_scene() {
             assert!(cpu.mean().x > 0.0, "{}: no caustic at all", scene.name);
             let error = pinspot::image::rel_l2(gpu, cpu, None);
             println!("{:16} {filter:?}: {error:.2e}", scene.name);
-            if error > 1e-3 {
+            // Rays of the visibility maps that pass an edge closely may meet it on one back end only.
+            if error > 3e-3 {
                 failures.push(format!("{} {filter:?}: {error}", scene.name));
             }
             let fetches = (on_gpu.report.lookups, on_cpu.report.lookups);

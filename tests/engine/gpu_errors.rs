@@ -38,6 +38,7 @@ fn too_large_a_texture_is_an_error() {
         viewers: None,
         size: [too_wide, 1],
         pinholes: &vec![PinholeSample::default()].into(),
+        maps: None,
         environment: &environment,
         params: Params::default(),
     };
@@ -62,6 +63,7 @@ fn images_and_cubes_that_are_impossible_are_errors() {
         viewers: None,
         size: [0, 1],
         pinholes: &vec![PinholeSample::default()].into(),
+        maps: None,
         environment: &uploaded,
         params: Params::default(),
     };

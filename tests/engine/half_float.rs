@@ -36,6 +36,7 @@ fn a_sun_beyond_half_floats_survives_on_a_plain_device() {
         viewers: None,
         size: [16, 16],
         pinholes: &pinholes,
+        maps: None,
         environment: &environment,
         params,
     };

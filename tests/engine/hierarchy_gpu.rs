@@ -40,11 +40,11 @@ fn render(name: &str, aov: Aov, visibility: Visibility, backend: &BackendChoice)
 #[test]
 fn back_ends_agree() {
     let caustics = BUILT_IN.iter().map(|scene| (scene.name, Aov::Caustic, Visibility::None, 1e-4));
-    // With occlusion only the CPU traces rays where visibility maps are in doubt.
+    // Rays that pass an edge closely may meet it on one back end only. In a whole picture, what is interpolated may then differ, too.
     let others = [
-        ("columns", Aov::Caustic, Visibility::Full, 4e-3),
-        ("ring-natural", Aov::Caustic, Visibility::Full, 0.025),
-        ("cup", Aov::Beauty, Visibility::Full, 2e-3),
+        ("columns", Aov::Caustic, Visibility::Full, 5e-4),
+        ("ring-natural", Aov::Caustic, Visibility::Full, 5e-4),
+        ("cup", Aov::Beauty, Visibility::Full, 4e-3),
         ("varnish", Aov::Beauty, Visibility::None, 1e-4),
     ];
     let mut failures = Vec::new();
@@ -56,7 +56,7 @@ fn back_ends_agree() {
         let error = pinspot::image::rel_l2(gpu, cpu, None);
         let fetches = on_gpu.report.lookups / on_cpu.report.lookups;
         println!("{name:16} {aov:?} {visibility:?}: {error:.1e}, fetches {fetches:.3}");
-        // There, too, only the CPU interpolates within blocks.
+        // With occlusion only the CPU interpolates within blocks.
         let most = if visibility == Visibility::Full { 1.5 } else { 1.01 };
         if error > limit || !(0.99..most).contains(&fetches) {
             failures.push(format!("{name} {aov:?} {visibility:?}: {error:.1e}, fetches {fetches:.3}"));
@@ -161,6 +161,7 @@ impl Work {
             bounds: builder.bounds(),
             params,
             tolerance: how.tolerance,
+            has_tolerances: false,
             split_near: how.split_near,
             split_passes: how.split_passes,
         };
@@ -206,7 +207,7 @@ fn the_error_may_be_relative_to_what_the_image_is_like() {
         println!("{error:.1e} {cost:.3}");
         // With occlusion only the CPU interpolates within blocks.
         let most = if visibility == Visibility::Full { 1.35 } else { 1.15 };
-        assert!(error < 1e-3 && (0.85..most).contains(&cost), "{visibility:?}: {error} {cost}");
+        assert!(error < 2e-3 && (0.85..most).contains(&cost), "{visibility:?}: {error} {cost}");
     }
 }
 
@@ -236,7 +237,7 @@ fn a_rotated_environment_is_the_rotated_light() {
 #[test]
 fn full_lists_lose_nothing() {
     let work = Work::new("ring-natural", [16, 16], 6000, 1, Visibility::Full);
-    let how = work.how(0.001);
+    let how = How { split_passes: 512, ..work.how(0.001) };
     let error = rel_l2(&work.on_gpu(gpu(), &how), &work.on_cpu(&how));
     println!("{error:.1e}");
     assert!(error < 1e-4, "{error}");

@@ -98,6 +98,7 @@ pub fn on_gpu_with(
         viewers,
         size,
         pinholes,
+        maps: None,
         environment: &environment,
         params: *params,
     };

@@ -1,8 +1,8 @@
 //! Pipelines of a device, compiled when they are first needed and shared by all that use it.
 
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
-use super::{Engine, GatherOptions, HierarchicalEngine, HierarchicalOptions};
+use super::{Engine, GatherOptions, HierarchicalEngine, HierarchicalOptions, MapTracer};
 use crate::pinhole::Filter;
 
 /// What pipelines are compiled for: the filter, and whether samples have visibility maps.
@@ -13,6 +13,7 @@ type PipelineKey = (Filter, bool);
 pub(crate) struct PipelineCache {
     flat: Compiled<Engine>,
     hierarchical: Compiled<HierarchicalEngine>,
+    map_tracer: OnceLock<Arc<MapTracer>>,
 }
 
 #[derive(Debug)]
@@ -35,6 +36,11 @@ impl PipelineCache {
     pub fn hierarchical(&self, device: &wgpu::Device, filter: Filter, visibility: bool) -> Arc<HierarchicalEngine> {
         let options = HierarchicalOptions { filter, visibility };
         self.hierarchical.get((filter, visibility), || HierarchicalEngine::new(device, &options))
+    }
+
+    /// The pipeline that traces visibility maps.
+    pub fn map_tracer(&self, device: &wgpu::Device) -> Arc<MapTracer> {
+        self.map_tracer.get_or_init(|| Arc::new(MapTracer::new(device))).clone()
     }
 }
 

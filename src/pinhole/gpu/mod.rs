@@ -7,19 +7,23 @@
 
 mod cache;
 mod environment;
+mod geometry;
 mod hardware_check;
 mod hierarchical;
+mod maps;
 mod pipeline;
 mod probe;
 mod shaders;
 
 pub(crate) use cache::PipelineCache;
 pub use environment::EnvironmentCube;
+pub use geometry::Geometry;
 pub use hardware_check::{HardwareVerdict, automatic_filter, check_hardware_filter};
 pub use hierarchical::{
     CellTreeBuffers, HierarchicalEngine, HierarchicalFrame, HierarchicalInputs, HierarchicalOptions,
     LightBoundsBuilder, LightBoundsTexture, Tolerance,
 };
+pub use maps::{MapTracer, MapTracing, MapUse, VisibilityMapBuffers};
 pub use probe::probe;
 
 use std::ops::Range;
@@ -72,6 +76,8 @@ pub struct FrameInputs<'a> {
     pub size: [u32; 2],
     /// The samples; with visibility maps if, and only if, the engine was made for them.
     pub pinholes: &'a Pinholes,
+    /// Visibility maps that were traced on the GPU, whose numbers the samples carry; `None`: those of the samples, if they have any.
+    pub maps: Option<&'a VisibilityMapBuffers>,
     /// The environment.
     pub environment: &'a EnvironmentCube,
     /// Parameters; the filter must be the engine's.
@@ -117,7 +123,7 @@ impl Engine {
                 params: inputs.params.filter.name(),
             });
         }
-        if inputs.pinholes.visibility.is_some() != self.pipelines.visibility {
+        if (inputs.maps.is_some() || inputs.pinholes.visibility.is_some()) != self.pipelines.visibility {
             return Err(GpuError::OtherVisibility { engine: self.pipelines.visibility });
         }
         check_limits(&device.limits(), inputs)?;
@@ -130,7 +136,7 @@ impl Engine {
             views.iter().map(|v| self.pipelines.bind_previous(device, v)).collect()
         };
         Ok(Frame {
-            inputs: self.bind_inputs(device, inputs),
+            inputs: self.bind_inputs(device, inputs)?,
             receivers: bind_receivers(
                 device,
                 &self.pipelines.receivers,
@@ -146,9 +152,17 @@ impl Engine {
         })
     }
 
-    fn bind_inputs(&self, device: &wgpu::Device, inputs: &FrameInputs) -> wgpu::BindGroup {
+    fn bind_inputs(&self, device: &wgpu::Device, inputs: &FrameInputs) -> Result<wgpu::BindGroup, GpuError> {
         let cube = inputs.environment;
-        let uniforms = GatherUniforms::new(&inputs.params, inputs.pinholes, cube.size(), cube.radiance_scale());
+        let maps = match (inputs.maps, &inputs.pinholes.visibility) {
+            (Some(traced), _) => traced.clone(),
+            (None, Some(maps)) => VisibilityMapBuffers::upload(device, maps)?,
+            (None, None) => VisibilityMapBuffers::none(device),
+        };
+        let uniforms = GatherUniforms {
+            map_resolution: maps.resolution,
+            ..GatherUniforms::new(&inputs.params, inputs.pinholes, cube.size(), cube.radiance_scale())
+        };
         let uniforms = device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
             label: Some("gather uniforms"),
             contents: bytemuck::bytes_of(&uniforms),
@@ -164,11 +178,13 @@ impl Engine {
             usage: wgpu::BufferUsages::UNIFORM,
         });
         let curves = storage_buffer(device, "reflectance curves", bytemuck::cast_slice(&inputs.pinholes.curves));
-        let (planes, sky_masks): (&[[f32; 4]], &[u32]) =
-            inputs.pinholes.visibility.as_ref().map_or((&[], &[]), |maps| (&maps.planes, &maps.sky_mask));
-        let planes = storage_buffer(device, "visible planes", bytemuck::cast_slice(planes));
-        let sky_masks = storage_buffer(device, "sky masks", bytemuck::cast_slice(sky_masks));
-        self.pipelines.bind_inputs(device, &uniforms, &samples, cube.view(), [&curves, &planes, &sky_masks])
+        Ok(self.pipelines.bind_inputs(
+            device,
+            &uniforms,
+            &samples,
+            cube.view(),
+            [&curves, &maps.planes, &maps.sky_masks],
+        ))
     }
 }
 
@@ -261,13 +277,6 @@ fn check_limits(limits: &wgpu::Limits, inputs: &FrameInputs) -> Result<(), GpuEr
     let most = (limits.max_buffer_size.min(u64::from(u32::MAX)) / BATCH_BYTES) as usize * BATCH_SIZE as usize;
     if inputs.pinholes.samples.len() > most {
         return Err(GpuError::TooManySamples { samples: inputs.pinholes.samples.len(), limit: most });
-    }
-    if let Some(maps) = &inputs.pinholes.visibility {
-        let bytes = size_of_val(maps.planes.as_slice()) as u64;
-        let most = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
-        if bytes > most {
-            return Err(GpuError::MapsTooLarge { samples: inputs.pinholes.samples.len(), bytes, limit: most });
-        }
     }
     Ok(())
 }

@@ -53,7 +53,11 @@ impl Pipelines {
                 &module,
                 ["full_screen", if blends { "gather" } else { "gather_onto_previous" }],
                 &constants,
-                blends.then_some(wgpu::BlendState { color: add, alpha: add }),
+                &[Some(wgpu::ColorTargetState {
+                    format: TARGET_FORMAT,
+                    blend: blends.then_some(wgpu::BlendState { color: add, alpha: add }),
+                    write_mask: wgpu::ColorWrites::ALL,
+                })],
             )
         };
         let (gather, reflect) = (pipeline(false), pipeline(true));
@@ -103,14 +107,14 @@ impl Pipelines {
     }
 }
 
-/// A pipeline of two of a module's entry points, without vertex buffers, onto [`TARGET_FORMAT`].
+/// A pipeline of two of a module's entry points, without vertex buffers.
 pub(super) fn render_pipeline(
     device: &wgpu::Device,
     layout: &wgpu::PipelineLayout,
     module: &wgpu::ShaderModule,
     [vertex, fragment]: [&str; 2],
     constants: &[(&str, f64)],
-    blend: Option<wgpu::BlendState>,
+    targets: &[Option<wgpu::ColorTargetState>],
 ) -> wgpu::RenderPipeline {
     device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
         label: Some(fragment),
@@ -128,11 +132,7 @@ pub(super) fn render_pipeline(
             module,
             entry_point: Some(fragment),
             compilation_options: wgpu::PipelineCompilationOptions { constants, ..Default::default() },
-            targets: &[Some(wgpu::ColorTargetState {
-                format: TARGET_FORMAT,
-                blend,
-                write_mask: wgpu::ColorWrites::ALL,
-            })],
+            targets,
         }),
         multiview_mask: None,
         cache: None,
@@ -184,7 +184,7 @@ pub(super) fn bind(
     device.create_bind_group(&wgpu::BindGroupDescriptor { label: None, layout, entries: &entries })
 }
 
-fn entry(binding: u32, ty: BindingType) -> BindGroupLayoutEntry {
+pub(super) fn entry(binding: u32, ty: BindingType) -> BindGroupLayoutEntry {
     BindGroupLayoutEntry { binding, visibility: ShaderStages::FRAGMENT, ty, count: None }
 }
 

@@ -9,7 +9,7 @@ use super::shaders::FILTER_PROBE;
 use super::storage_buffer;
 use crate::environment::CubeMap;
 use crate::gpu::{Gpu, GpuError};
-use crate::pinhole::gpu::EnvironmentCube;
+use crate::pinhole::gpu::{EnvironmentCube, TARGET_FORMAT};
 use crate::pinhole::{Filter, GatherUniforms, Params, Probe};
 
 /// Probes in a row of the target.
@@ -126,5 +126,12 @@ fn pipeline(device: &wgpu::Device, group_layout: &wgpu::BindGroupLayout, filter:
         immediate_size: 0,
     });
     let constants = [("FILTER", f64::from(filter_constant(filter)))];
-    render_pipeline(device, &pipeline_layout, &module, ["full_screen", "probe"], &constants, None)
+    render_pipeline(
+        device,
+        &pipeline_layout,
+        &module,
+        ["full_screen", "probe"],
+        &constants,
+        &[Some(TARGET_FORMAT.into())],
+    )
 }

@@ -3,9 +3,11 @@
 
 use std::fmt::Write;
 
+use super::geometry::GEOMETRY_ROW;
 use super::hierarchical::layout::{
     BLOCK_LEVELS, BLOCKS_PER_TILE, BOUNDS_WORKGROUP_EDGE, ESTIMATE_WORKGROUPS, MAX_TREE_DEPTH, WORKGROUP_SIZE,
 };
+use super::maps::{DOUBTS_ROW, MAP_WORKGROUP_SIZE};
 use super::probe::PROBES_PER_ROW;
 use crate::brdf::{MATERIAL_GGX, MATERIAL_PHONG, MATERIAL_TABLE, TABLE_STEPS};
 use crate::cell_tree::MAX_CHILDREN;
@@ -15,11 +17,13 @@ use crate::pinhole::constants::{
     EVEN_LIGHT_SHARPNESS, EWA_MAX_COLUMNS, EWA_RADIUS, EWA_TEXEL, FILTER_ANISOTROPIC, FILTER_EWA, FILTER_HARDWARE,
     FILTER_ISOTROPIC, FILTER_NONE, FOOTPRINT_BEND, FOOTPRINT_RADIUS, INTERPOLATION_ERROR_SCALE, INTERPOLATION_POINTS,
     LOBE_BLUR, LOBE_CORE, LOBE_SHIFT, LOBE_TAIL, LOBE_TAIL_SHARE, MAX_INTERPOLATED_WIDTH, MAX_QUARTERINGS,
-    MAX_RELATIVE_SIZE, MIN_BEND_BLUR, MIN_DISTANCE_RATIO, MIN_MINOR_SHARE, NEAR_FIELD_SIZES, NEGLIGIBLE_SHARE,
-    PAIR_ERROR_SHARE, POINT_SPACING, SMOOTH_NORMAL_TOLERANCE, SMOOTH_POSITION_TOLERANCE, TAP_SHARPNESS,
-    TAPS_PER_ERROR_BUDGET, TILE_SIZE, WEIGHT_ERROR_SCALE,
+    MAX_RELATIVE_SIZE, MIN_BEND_BLUR, MIN_DISTANCE_RATIO, MIN_MINOR_SHARE, MIN_TRACED_SHARE, MIN_TRACED_SKY_SHARE,
+    NEAR_FIELD_SIZES, NEGLIGIBLE_SHARE, PAIR_ERROR_SHARE, POINT_SPACING, SMOOTH_NORMAL_TOLERANCE,
+    SMOOTH_POSITION_TOLERANCE, TAP_SHARPNESS, TAPS_PER_ERROR_BUDGET, TILE_SIZE, WEIGHT_ERROR_SCALE,
 };
 use crate::pinhole::layout::{BATCH_SIZE, CURVE_POINTS, NO_CURVE};
+use crate::pinhole::visibility::{BEHIND, MIDDLE, MIN_OCCLUDER_COSINE};
+use crate::tracing::{END_SLACK, SLACK};
 
 /// A shader that pipelines are made of.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -42,14 +46,20 @@ pub(super) const LIGHT_BOUNDS: Shader = shader!("light_bounds");
 pub(super) const RECEIVER_BLOCKS: Shader = shader!("receiver_blocks");
 pub(super) const REFINE: Shader = shader!("refine");
 pub(super) const RESOLVE: Shader = shader!("resolve");
+pub(super) const TRACE_MAPS: Shader = shader!("trace_maps");
 
 const SHARED: &[Shader] = &[
     shader!("shared/brdf"),
     shader!("shared/cell_tree"),
     shader!("shared/cube"),
+    shader!("shared/doubts"),
     shader!("shared/filters"),
     shader!("shared/footprint"),
+    shader!("shared/frame"),
     shader!("shared/gather_inputs"),
+    shader!("shared/no_rays"),
+    shader!("shared/ray_origin"),
+    shader!("shared/rays"),
     shader!("shared/receiver_tiles"),
     shader!("shared/receivers"),
     shader!("shared/tile_batch"),
@@ -156,6 +166,10 @@ fn constants() -> String {
     declare!(CONTRAST_ERROR_SCALE, WEIGHT_ERROR_SCALE, INTERPOLATION_ERROR_SCALE);
     declare!(ESTIMATE_MAX_SAMPLE_NODES, ESTIMATE_RMS_SHARE);
     declare!(TAP_SHARPNESS, EVEN_LIGHT_SHARPNESS, EWA_RADIUS, EWA_TEXEL, EWA_MAX_COLUMNS);
+    declare!(GEOMETRY_ROW, DOUBTS_ROW, MAP_WORKGROUP_SIZE, MIN_OCCLUDER_COSINE, BEHIND, END_SLACK);
+    declare(&mut source, "TRIANGLE_SLACK", SLACK);
+    declare(&mut source, "MIDDLE_EDGE", u32::from(MIDDLE));
+    declare!(MIN_TRACED_SHARE, MIN_TRACED_SKY_SHARE);
     declare!(MAX_INTERPOLATED_WIDTH, LOBE_CORE, LOBE_TAIL, LOBE_TAIL_SHARE, LOBE_SHIFT);
     declare!(FILTER_NONE, FILTER_ISOTROPIC, FILTER_ANISOTROPIC, FILTER_HARDWARE, FILTER_EWA);
     declare!(MATERIAL_PHONG, MATERIAL_GGX, MATERIAL_TABLE);

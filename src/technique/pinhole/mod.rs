@@ -12,16 +12,16 @@ use std::sync::Arc;
 pub use self::density::place_samples;
 use self::on_cpu::{FlatOnCpu, HierarchicalOnCpu};
 #[cfg(feature = "gpu")]
-use self::on_gpu::GpuStages;
-use self::samples::SampleStages;
+use self::on_gpu::{GpuStages, HierarchicalOnGpu};
+use self::samples::{OccluderKey, SampleStages, occluder};
 use super::{Inputs, Pending, Statistics, Sum, TechniqueStages};
 use crate::Error;
 use crate::environment::{Environment, LightBounds};
 use crate::options::Evaluation;
 use crate::pinhole::cpu::{Accuracy, Light, estimate_irradiance};
-use crate::pinhole::{Params, PinholeTree, Pinholes};
+use crate::pinhole::{Params, PinholeTree, Pinholes, Receivers};
 use crate::progress::Stage;
-use crate::scene::Camera;
+use crate::scene::{Camera, Visibility};
 use crate::stages::{Id, LightStages, Memo, StageCounts, visible_receivers};
 use crate::tracing::Tracer;
 
@@ -49,8 +49,19 @@ struct HierarchicalInputs {
 /// The inputs of a sum; equal if none of them was made again.
 #[derive(PartialEq)]
 enum SumKey {
-    Flat { pinholes: Id<Pinholes>, environment: Id<Environment>, params: Params },
-    Hierarchical { tree: Id<PinholeTree>, environment: Id<Environment>, params: Params, accuracy: Accuracy },
+    Flat {
+        pinholes: Id<Pinholes>,
+        occluder: OccluderKey,
+        environment: Id<Environment>,
+        params: Params,
+    },
+    Hierarchical {
+        tree: Id<PinholeTree>,
+        occluder: OccluderKey,
+        environment: Id<Environment>,
+        params: Params,
+        accuracy: Accuracy,
+    },
 }
 
 /// The inputs of the estimate of the mean irradiance.
@@ -62,6 +73,7 @@ struct EstimateKey {
     receives: Vec<bool>,
     camera: Camera,
     size: [u32; 2],
+    visibility: Visibility,
     params: Params,
 }
 
@@ -108,108 +120,101 @@ impl PinholeStages {
             Evaluation::Flat { leaves } => {
                 let pinholes = self.samples.pinholes(&inputs, &points, leaves);
                 let statistics = statistics(pinholes.samples.len(), points.positions.clone());
-                self.flat(FlatInputs { pinholes, environment, params }, statistics, &inputs)
+                self.flat(FlatInputs { pinholes, environment, params }, statistics, &inputs).await
             }
             Evaluation::Hierarchical { leaves, tolerance } => {
                 let tree = self.samples.tree(&inputs, &points, leaves);
                 let bounds = light.bounds(inputs.light, progress);
-                let typical = self.estimate(&inputs, &tree, &bounds, &params);
-                let accuracy = Accuracy { error: tolerance * typical, split_near: true };
                 let statistics = statistics(tree.sample_nodes().samples.len(), points.positions.clone());
+                let accuracy = Accuracy { error: tolerance, split_near: true };
                 let sum = HierarchicalInputs { tree, environment, bounds, params, accuracy };
-                self.hierarchical(sum, statistics, &inputs)
+                self.hierarchical(sum, statistics, &inputs).await
             }
         }
     }
 
-    /// Estimate of the mean irradiance over the picture, W/m², to which the tolerance is relative.
-    fn estimate(&mut self, inputs: &Inputs, tree: &Arc<PinholeTree>, bounds: &LightBounds, params: &Params) -> f32 {
-        let Inputs { scene, prepared, light, options, progress, .. } = inputs;
-        let size = options.size_within(ESTIMATE_SIZE);
-        let key = EstimateKey {
-            tree: Id::of(tree),
-            environment: Id::of(&light.environment),
-            tracer: Id::of(&prepared.tracer),
-            receives: scene.objects.iter().map(|o| o.receiver.is_some()).collect(),
-            camera: scene.camera,
-            size,
-            params: *params,
-        };
-        *self.estimate.get(key, *progress, || {
-            let receivers = visible_receivers(scene, &prepared.tracer, size);
-            estimate_irradiance(&receivers, tree, Light { cube: &light.environment.cube, bounds }, params)
-        })
-    }
-
-    fn flat(&mut self, sum: FlatInputs, statistics: Statistics, inputs: &Inputs<'_>) -> Result<Arc<dyn Sum>, Error> {
-        let key =
-            SumKey::Flat { pinholes: Id::of(&sum.pinholes), environment: Id::of(&sum.environment), params: sum.params };
-        if let Some(known) = self.sum.known(&key) {
-            return Ok(known);
-        }
-        let placed = self.place_flat(sum, statistics, inputs)?;
-        Ok(self.sum.keep(key, placed))
-    }
-
-    fn hierarchical(
+    async fn flat(
         &mut self,
-        sum: HierarchicalInputs,
+        sum: FlatInputs,
         statistics: Statistics,
         inputs: &Inputs<'_>,
     ) -> Result<Arc<dyn Sum>, Error> {
-        let key = SumKey::Hierarchical {
-            tree: Id::of(&sum.tree),
+        let key = SumKey::Flat {
+            pinholes: Id::of(&sum.pinholes),
+            occluder: occluder(inputs),
             environment: Id::of(&sum.environment),
             params: sum.params,
-            accuracy: sum.accuracy,
         };
         if let Some(known) = self.sum.known(&key) {
             return Ok(known);
         }
-        let placed = self.place_hierarchical(sum, statistics, inputs)?;
-        Ok(self.sum.keep(key, placed))
+        #[cfg(feature = "gpu")]
+        if let Some(shared) = inputs.backend.shared_gpu() {
+            let placed = self.gpu.flat(shared, sum, statistics, inputs).await?;
+            return Ok(self.sum.keep(key, placed));
+        }
+        Ok(self.sum.keep(key, Arc::new(FlatOnCpu { sum, statistics })))
+    }
+
+    /// The tolerance of `sum` is relative to the mean irradiance, which is estimated first.
+    async fn hierarchical(
+        &mut self,
+        mut sum: HierarchicalInputs,
+        statistics: Statistics,
+        inputs: &Inputs<'_>,
+    ) -> Result<Arc<dyn Sum>, Error> {
+        #[cfg(feature = "gpu")]
+        if let Some(shared) = inputs.backend.shared_gpu() {
+            let light = (&sum.environment, &sum.bounds);
+            let hierarchy = self.gpu.hierarchy(shared, &sum.tree, light, sum.params, inputs).await?;
+            let estimate = async || hierarchy.estimate(&estimate_receivers(inputs)).await;
+            let key = estimate_key(inputs, &sum);
+            sum.accuracy.error *= *self.estimate.wait_for(key, (0, inputs.progress), estimate).await?;
+            let key = hierarchical_key(inputs, &sum);
+            if let Some(known) = self.sum.known(&key) {
+                return Ok(known);
+            }
+            let accuracy = sum.accuracy;
+            return Ok(self.sum.keep(key, Arc::new(HierarchicalOnGpu { hierarchy, accuracy, statistics })));
+        }
+        sum.accuracy.error *= *self.estimate.get(estimate_key(inputs, &sum), inputs.progress, || {
+            let light = Light { cube: &sum.environment.cube, bounds: &sum.bounds };
+            estimate_irradiance(&estimate_receivers(inputs), &sum.tree, light, &sum.params)
+        });
+        let key = hierarchical_key(inputs, &sum);
+        if let Some(known) = self.sum.known(&key) {
+            return Ok(known);
+        }
+        Ok(self.sum.keep(key, Arc::new(HierarchicalOnCpu { sum, statistics })))
     }
 }
 
-/// Where sums are computed: on the back end's GPU, or on the CPU.
-#[cfg(feature = "gpu")]
-impl PinholeStages {
-    fn place_flat(&mut self, sum: FlatInputs, statistics: Statistics, inputs: &Inputs) -> Result<Arc<dyn Sum>, Error> {
-        match inputs.backend.shared_gpu() {
-            Some(shared) => self.gpu.flat(shared, sum, statistics, inputs),
-            None => Ok(Arc::new(FlatOnCpu { sum, statistics })),
-        }
-    }
+/// The receivers at which the mean irradiance is estimated, to which the tolerance is relative.
+fn estimate_receivers(inputs: &Inputs) -> Receivers {
+    visible_receivers(inputs.scene, &inputs.prepared.tracer, inputs.options.size_within(ESTIMATE_SIZE))
+}
 
-    fn place_hierarchical(
-        &mut self,
-        sum: HierarchicalInputs,
-        statistics: Statistics,
-        inputs: &Inputs,
-    ) -> Result<Arc<dyn Sum>, Error> {
-        match inputs.backend.shared_gpu() {
-            Some(shared) => self.gpu.hierarchical(shared, &sum, statistics, inputs),
-            None => Ok(Arc::new(HierarchicalOnCpu { sum, statistics })),
-        }
+fn estimate_key(inputs: &Inputs, sum: &HierarchicalInputs) -> EstimateKey {
+    let Inputs { scene, prepared, light, options, .. } = inputs;
+    EstimateKey {
+        tree: Id::of(&sum.tree),
+        environment: Id::of(&light.environment),
+        tracer: Id::of(&prepared.tracer),
+        receives: scene.objects.iter().map(|o| o.receiver.is_some()).collect(),
+        camera: scene.camera,
+        size: options.size_within(ESTIMATE_SIZE),
+        visibility: options.visibility,
+        params: sum.params,
     }
 }
 
-/// Without the feature `gpu` there is the CPU only.
-#[cfg(not(feature = "gpu"))]
-impl PinholeStages {
-    #[expect(clippy::unused_self, clippy::unnecessary_wraps, reason = "as with the feature `gpu`")]
-    fn place_flat(&mut self, sum: FlatInputs, statistics: Statistics, _: &Inputs) -> Result<Arc<dyn Sum>, Error> {
-        Ok(Arc::new(FlatOnCpu { sum, statistics }))
-    }
-
-    #[expect(clippy::unused_self, clippy::unnecessary_wraps, reason = "as with the feature `gpu`")]
-    fn place_hierarchical(
-        &mut self,
-        sum: HierarchicalInputs,
-        statistics: Statistics,
-        _: &Inputs,
-    ) -> Result<Arc<dyn Sum>, Error> {
-        Ok(Arc::new(HierarchicalOnCpu { sum, statistics }))
+fn hierarchical_key(inputs: &Inputs, sum: &HierarchicalInputs) -> SumKey {
+    SumKey::Hierarchical {
+        tree: Id::of(&sum.tree),
+        occluder: occluder(inputs),
+        environment: Id::of(&sum.environment),
+        params: sum.params,
+        accuracy: sum.accuracy,
     }
 }
 

@@ -5,78 +5,135 @@ use std::borrow::Cow;
 use std::ops::Range;
 use std::sync::Arc;
 
-use super::{FlatInputs, HierarchicalInputs};
+use super::FlatInputs;
 use crate::Error;
 use crate::backend::SharedGpu;
 use crate::environment::{Environment, LightBounds};
 use crate::gpu::{Gpu, GpuError};
+use crate::pinhole::cpu::Accuracy;
 use crate::pinhole::gpu::{
-    self, CellTreeBuffers, Engine, EnvironmentCube, FrameInputs, FrameViewers, HierarchicalEngine, LightBoundsTexture,
-    Tolerance,
+    self, CellTreeBuffers, Engine, EnvironmentCube, FrameInputs, FrameViewers, Geometry, HierarchicalEngine,
+    LightBoundsTexture, MapTracing, MapUse, Tolerance, VisibilityMapBuffers,
 };
-use crate::pinhole::{BATCH_SIZE, NO_RECEIVER, Params, PinholeTree, ReceiverLayout, Receivers, ViewDirections};
-use crate::progress::{Progress, Stage};
+use crate::pinhole::{
+    BATCH_SIZE, ESTIMATE_MAX_RECEIVERS, NO_RECEIVER, Params, PinholeTree, Pinholes, ReceiverLayout, Receivers,
+    ViewDirections,
+};
+use crate::progress::{NoProgress, Progress, Stage};
+use crate::scene::{Scene, Visibility};
 use crate::stages::{Id, Memo, StageCounts};
 use crate::technique::{Inputs, Pending, Statistics, Sum};
+use crate::tracing::Tracer;
 
 /// Everything that is kept on the device.
 #[derive(Debug)]
 pub(super) struct GpuStages {
     environment: Memo<Id<Environment>, EnvironmentCube>,
     bounds: Memo<Id<LightBounds>, LightBoundsTexture>,
-    tree: Memo<Id<PinholeTree>, CellTreeBuffers>,
+    geometry: Memo<Id<Tracer>, Geometry>,
+    /// With visibility maps if there is a tracer.
+    tree: Memo<(Id<PinholeTree>, Option<Id<Tracer>>), CellTreeBuffers>,
+    tree_maps: Memo<(Id<PinholeTree>, Id<Tracer>), NumberedMaps>,
+    flat_maps: Memo<(Id<Pinholes>, Id<Tracer>), NumberedMaps>,
+}
+
+/// Samples, which carry the numbers of their visibility maps, and the maps.
+#[derive(Debug)]
+struct NumberedMaps {
+    pinholes: Pinholes,
+    maps: VisibilityMapBuffers,
+}
+
+/// A tree on the device, and the light.
+#[derive(Debug)]
+pub(super) struct HierarchyOnGpu {
+    shared: Arc<SharedGpu>,
+    pipelines: Arc<HierarchicalEngine>,
+    environment: Arc<EnvironmentCube>,
+    bounds: Arc<LightBoundsTexture>,
+    tree: Arc<CellTreeBuffers>,
+    params: Params,
 }
 
 impl GpuStages {
     pub fn new() -> Self {
-        Self { environment: Memo::new(Stage::Upload), bounds: Memo::new(Stage::Upload), tree: Memo::new(Stage::Upload) }
+        Self {
+            environment: Memo::new(Stage::Upload),
+            bounds: Memo::new(Stage::Upload),
+            geometry: Memo::new(Stage::Upload),
+            tree: Memo::new(Stage::Upload),
+            tree_maps: Memo::new(Stage::Visibility),
+            flat_maps: Memo::new(Stage::Visibility),
+        }
     }
 
-    /// Uploads the inputs of a flat sum.
-    pub fn flat(
+    /// Uploads the inputs of a flat sum, and traces visibility maps if they count.
+    pub async fn flat(
         &mut self,
         shared: &Arc<SharedGpu>,
         sum: FlatInputs,
         statistics: Statistics,
-        inputs: &Inputs,
+        inputs: &Inputs<'_>,
     ) -> Result<Arc<dyn Sum>, Error> {
-        let device = &shared.gpu.device;
-        let pipelines = shared.pipelines.flat(device, sum.params.filter, sum.pinholes.visibility.is_some());
+        let is_occluded = inputs.options.visibility == Visibility::Full;
+        let pipelines = shared.pipelines.flat(&shared.gpu.device, sum.params.filter, is_occluded);
         let environment = self.environment(shared, &sum.environment, inputs.progress)?;
+        let mut maps = None;
+        if is_occluded {
+            let geometry = self.geometry(shared, inputs)?;
+            let make = async || trace_maps(shared, &geometry, inputs.scene, &sum.pinholes, MapUse::Maps).await;
+            let key = (Id::of(&sum.pinholes), Id::of(&inputs.prepared.tracer));
+            maps = Some(self.flat_maps.wait_for(key, (0, inputs.progress), make).await?);
+        }
         shared.gpu.check()?;
-        Ok(Arc::new(FlatOnGpu { shared: shared.clone(), pipelines, environment, sum, statistics }))
+        Ok(Arc::new(FlatOnGpu { shared: shared.clone(), pipelines, environment, sum, maps, statistics }))
     }
 
-    /// Uploads the inputs of a hierarchical sum.
-    pub fn hierarchical(
+    /// Uploads a tree and the light, and traces visibility maps if they count.
+    pub async fn hierarchy(
         &mut self,
         shared: &Arc<SharedGpu>,
-        sum: &HierarchicalInputs,
-        statistics: Statistics,
-        inputs: &Inputs,
-    ) -> Result<Arc<dyn Sum>, Error> {
+        tree: &Arc<PinholeTree>,
+        (environment, bounds): (&Arc<Environment>, &Arc<LightBounds>),
+        params: Params,
+        inputs: &Inputs<'_>,
+    ) -> Result<HierarchyOnGpu, Error> {
         let Gpu { device, queue, .. } = &shared.gpu;
-        let visibility = sum.tree.sample_nodes().visibility.is_some();
-        let pipelines = shared.pipelines.hierarchical(device, sum.params.filter, visibility);
-        let environment = self.environment(shared, &sum.environment, inputs.progress)?;
-        let bounds = self
-            .bounds
-            .get(Id::of(&sum.bounds), inputs.progress, || LightBoundsTexture::upload(device, queue, &sum.bounds));
-        let tree =
-            self.tree.try_get(Id::of(&sum.tree), inputs.progress, || CellTreeBuffers::upload(device, &sum.tree))?;
+        let is_occluded = inputs.options.visibility == Visibility::Full;
+        let pipelines = shared.pipelines.hierarchical(device, params.filter, is_occluded);
+        let environment = self.environment(shared, environment, inputs.progress)?;
+        let bounds =
+            self.bounds.get(Id::of(bounds), inputs.progress, || LightBoundsTexture::upload(device, queue, bounds));
+        let tree = self.tree(shared, tree, is_occluded, inputs).await?;
         shared.gpu.check()?;
-        let HierarchicalInputs { params, accuracy, .. } = *sum;
-        Ok(Arc::new(HierarchicalOnGpu {
-            shared: shared.clone(),
-            pipelines,
-            environment,
-            bounds,
-            tree,
-            params,
-            error: accuracy.error,
-            split_near: accuracy.split_near,
-            statistics,
-        }))
+        Ok(HierarchyOnGpu { shared: shared.clone(), pipelines, environment, bounds, tree, params })
+    }
+
+    async fn tree(
+        &mut self,
+        shared: &SharedGpu,
+        tree: &Arc<PinholeTree>,
+        is_occluded: bool,
+        inputs: &Inputs<'_>,
+    ) -> Result<Arc<CellTreeBuffers>, Error> {
+        let device = &shared.gpu.device;
+        if !is_occluded {
+            let upload = || CellTreeBuffers::upload(device, tree);
+            return Ok(self.tree.try_get((Id::of(tree), None), inputs.progress, upload)?);
+        }
+        let geometry = self.geometry(shared, inputs)?;
+        let tracer = Id::of(&inputs.prepared.tracer);
+        let nodes = tree.sample_nodes();
+        let make = async || trace_maps(shared, &geometry, inputs.scene, nodes, MapUse::MapsAndRays).await;
+        let traced = self.tree_maps.wait_for((Id::of(tree), tracer.clone()), (0, inputs.progress), make).await?;
+        let upload = || CellTreeBuffers::with_maps(device, tree, &traced.pinholes.samples, Some(traced.maps.clone()));
+        Ok(self.tree.try_get((Id::of(tree), Some(tracer)), inputs.progress, upload)?)
+    }
+
+    fn geometry(&mut self, shared: &SharedGpu, inputs: &Inputs) -> Result<Arc<Geometry>, GpuError> {
+        let Gpu { device, queue, .. } = &shared.gpu;
+        let tracer = &inputs.prepared.tracer;
+        self.geometry.try_get(Id::of(tracer), inputs.progress, || Geometry::upload(device, queue, tracer))
     }
 
     fn environment(
@@ -93,7 +150,10 @@ impl GpuStages {
     pub fn count(&self, counts: &mut StageCounts) {
         counts.add_memo(&self.environment);
         counts.add_memo(&self.bounds);
+        counts.add_memo(&self.geometry);
         counts.add_memo(&self.tree);
+        counts.add_memo(&self.tree_maps);
+        counts.add_memo(&self.flat_maps);
     }
 }
 
@@ -104,22 +164,40 @@ struct FlatOnGpu {
     pipelines: Arc<Engine>,
     environment: Arc<EnvironmentCube>,
     sum: FlatInputs,
+    /// The samples with the numbers of their maps, and the maps, if they count.
+    maps: Option<Arc<NumberedMaps>>,
     statistics: Statistics,
 }
 
 /// The hierarchical sum.
 #[derive(Debug)]
-struct HierarchicalOnGpu {
-    shared: Arc<SharedGpu>,
-    pipelines: Arc<HierarchicalEngine>,
-    environment: Arc<EnvironmentCube>,
-    bounds: Arc<LightBoundsTexture>,
-    tree: Arc<CellTreeBuffers>,
-    params: Params,
-    /// Allowed error, W/m².
-    error: f32,
-    split_near: bool,
-    statistics: Statistics,
+pub(super) struct HierarchicalOnGpu {
+    pub hierarchy: HierarchyOnGpu,
+    pub accuracy: Accuracy,
+    pub statistics: Statistics,
+}
+
+/// Traces what samples see, in pieces of bounded duration.
+async fn trace_maps(
+    shared: &SharedGpu,
+    geometry: &Geometry,
+    scene: &Scene,
+    pinholes: &Pinholes,
+    map_use: MapUse,
+) -> Result<NumberedMaps, GpuError> {
+    let gpu = &shared.gpu;
+    let tracer = shared.pipelines.map_tracer(&gpu.device);
+    let samples = (scene, pinholes.samples.clone());
+    let tracing = MapTracing::new(&gpu.device, &tracer, geometry, samples, map_use)?;
+    let pieces = tracing.dispatch_count();
+    let submission = Submission { gpu, points: 0, pieces, step: 1, progress: &NoProgress };
+    submission.run(|encoder, dispatches| tracing.record(encoder, dispatches)).await?;
+    let unfinished = gpu.read_buffer(tracing.unfinished(), 4).await?;
+    if unfinished.iter().any(|&byte| byte != 0) {
+        return Err(GpuError::LoopCutShort { adapter: gpu.adapter.name.clone() });
+    }
+    let (samples, maps) = tracing.finish();
+    Ok(NumberedMaps { pinholes: Pinholes { samples, curves: pinholes.curves.clone(), visibility: None }, maps })
 }
 
 impl Sum for FlatOnGpu {
@@ -150,7 +228,8 @@ impl FlatOnGpu {
             normals: &uploaded.normals,
             viewers: uploaded.viewers(),
             size: uploaded.size(),
-            pinholes: &self.sum.pinholes,
+            pinholes: self.maps.as_ref().map_or(&self.sum.pinholes, |traced| &traced.pinholes),
+            maps: self.maps.as_ref().map(|traced| &traced.maps),
             environment: &self.environment,
             params: self.sum.params,
         };
@@ -168,7 +247,7 @@ impl Sum for HierarchicalOnGpu {
     fn irradiance<'a>(&'a self, receivers: &'a Receivers, progress: &'a dyn Progress) -> Pending<'a, Vec<[f32; 4]>> {
         Box::pin(async move {
             let mut sums = Vec::with_capacity(receivers.positions.len());
-            for strip in strips(receivers, self.shared.gpu.adapter.max_texture, usize::MAX) {
+            for strip in strips(receivers, self.hierarchy.shared.gpu.adapter.max_texture, usize::MAX) {
                 let tiled = Tiled::new(&strip);
                 let in_tiles = self.strip(&tiled.receivers, progress).await?;
                 sums.extend(tiled.in_order(in_tiles));
@@ -185,25 +264,16 @@ impl Sum for HierarchicalOnGpu {
 
 impl HierarchicalOnGpu {
     async fn strip(&self, receivers: &Receivers, progress: &dyn Progress) -> Result<Vec<[f32; 4]>, GpuError> {
-        let gpu = &self.shared.gpu;
+        let gpu = &self.hierarchy.shared.gpu;
         let uploaded = Uploaded::new(gpu, receivers);
         let mut inputs = gpu::HierarchicalInputs {
-            positions: &uploaded.positions,
-            normals: &uploaded.normals,
-            viewers: uploaded.viewers(),
-            size: uploaded.size(),
-            is_grid: receivers.layout == ReceiverLayout::Grid,
-            tree: &self.tree,
-            environment: &self.environment,
-            bounds: &self.bounds,
-            params: self.params,
-            tolerance: Tolerance::Absolute(self.error),
-            split_near: self.split_near,
-            split_passes: if gpu.adapter.software { 8 } else { 1 },
+            tolerance: Tolerance::Absolute(self.accuracy.error),
+            split_near: self.accuracy.split_near,
+            ..self.hierarchy.inputs(&uploaded)
         };
         let points = receivers.positions.len() as u64;
         while inputs.split_passes <= MAX_SPLIT_PASSES {
-            let mut frame = self.pipelines.frame(&gpu.device, &inputs)?;
+            let mut frame = self.hierarchy.pipelines.frame(&gpu.device, &inputs)?;
             let submission = Submission { gpu, points, pieces: frame.batch_count(), step: 1, progress };
             submission.run(|encoder, batches| frame.record(encoder, batches)).await?;
             let sums = gpu.read_texture(frame.caustic()).await?;
@@ -213,6 +283,43 @@ impl HierarchicalOnGpu {
             inputs.split_passes *= 8;
         }
         Err(GpuError::LoopCutShort { adapter: gpu.adapter.name.clone() })
+    }
+}
+
+impl HierarchyOnGpu {
+    /// The inputs of an image; as exact as it can be.
+    fn inputs<'a>(&'a self, receivers: &'a Uploaded<'a>) -> gpu::HierarchicalInputs<'a> {
+        gpu::HierarchicalInputs {
+            positions: &receivers.positions,
+            normals: &receivers.normals,
+            viewers: receivers.viewers(),
+            size: receivers.size(),
+            is_grid: receivers.receivers.layout == ReceiverLayout::Grid,
+            tree: &self.tree,
+            environment: &self.environment,
+            bounds: &self.bounds,
+            params: self.params,
+            tolerance: Tolerance::Absolute(0.0),
+            has_tolerances: true,
+            split_near: false,
+            split_passes: if self.shared.gpu.adapter.software { 8 } else { 1 },
+        }
+    }
+
+    /// Estimate of the mean irradiance at receivers, W/m².
+    pub async fn estimate(&self, receivers: &Receivers) -> Result<f32, GpuError> {
+        let gpu = &self.shared.gpu;
+        let some = receivers.some(ESTIMATE_MAX_RECEIVERS);
+        if some.positions.is_empty() {
+            return Ok(f32::MIN_POSITIVE);
+        }
+        let uploaded = Uploaded::new(gpu, &some);
+        let inputs = gpu::HierarchicalInputs { tolerance: Tolerance::Relative(1.0), ..self.inputs(&uploaded) };
+        let frame = self.pipelines.frame(&gpu.device, &inputs)?;
+        let mut encoder = gpu.device.create_command_encoder(&Default::default());
+        frame.record_estimate_only(&mut encoder);
+        gpu.queue.submit([encoder.finish()]);
+        Ok(bytemuck::pod_read_unaligned(&gpu.read_buffer(frame.allowed_error(), 4).await?))
     }
 }
 

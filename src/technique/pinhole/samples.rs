@@ -59,7 +59,7 @@ struct CellsKey {
 }
 
 /// The ray tracer that visibility depends on; `None` without visibility.
-type OccluderKey = Option<Id<Tracer>>;
+pub(super) type OccluderKey = Option<Id<Tracer>>;
 
 #[derive(Debug)]
 pub(super) struct SampleStages {
@@ -123,17 +123,13 @@ impl SampleStages {
             .get(key, *progress, || with_visibility(pinholes(scene, &differentials, options.footprint), inputs))
     }
 
-    /// A tree of cells, with visibility maps of its sample nodes.
+    /// A tree of cells, with visibility maps of its sample nodes unless a GPU traces them.
     pub fn tree(&mut self, inputs: &Inputs, points: &Points, leaves: u32) -> Arc<PinholeTree> {
         let bare = self.bare_tree(inputs, points, leaves);
-        let Some(tracer) = occluder(inputs) else { return bare };
+        let Some(tracer) = occluder(inputs).filter(|_| !inputs.backend.is_gpu()) else { return bare };
         self.visible_tree.get((Id::of(&bare), Some(tracer)), inputs.progress, || {
             let mut tree = (*bare).clone();
-            if inputs.backend.is_gpu() {
-                tree.trace_visibility(inputs.scene, &inputs.prepared.tracer);
-            } else {
-                tree.trace_visibility_and_doubts(inputs.scene, inputs.prepared.tracer.clone());
-            }
+            tree.trace_visibility_and_doubts(inputs.scene, inputs.prepared.tracer.clone());
             tree
         })
     }
@@ -155,14 +151,15 @@ impl SampleStages {
     }
 }
 
+/// Traces visibility maps if they count, unless a GPU does.
 fn with_visibility(mut pinholes: Pinholes, inputs: &Inputs) -> Pinholes {
-    if inputs.options.visibility == Visibility::Full {
+    if inputs.options.visibility == Visibility::Full && !inputs.backend.is_gpu() {
         pinholes.trace_visibility(inputs.scene, &inputs.prepared.tracer);
     }
     pinholes
 }
 
-fn occluder(inputs: &Inputs) -> OccluderKey {
+pub(super) fn occluder(inputs: &Inputs) -> OccluderKey {
     (inputs.options.visibility == Visibility::Full).then(|| Id::of(&inputs.prepared.tracer))
 }
 

@@ -27,7 +27,7 @@ use super::{CubeLookup, Gather, GatherUniforms, ReceiverGroup, load_at};
 use crate::brdf::Materials;
 use crate::environment::{CubeMap, LightBounds};
 use crate::lanes::{LANES, dispatch, level};
-use crate::pinhole::constants::{ESTIMATE_MAX_SAMPLE_NODES, ESTIMATE_RMS_SHARE};
+use crate::pinhole::constants::{ESTIMATE_MAX_RECEIVERS, ESTIMATE_MAX_SAMPLE_NODES, ESTIMATE_RMS_SHARE};
 use crate::pinhole::{Params, PinholeTree, Receivers};
 
 /// The light of a hierarchical gather.
@@ -110,9 +110,6 @@ fn gather_tiles(
     cached
 }
 
-/// Receivers of an irradiance estimate.
-const ESTIMATE_MAX_RECEIVERS: usize = 1024;
-
 /// What all tiles share.
 struct TraversalContext<'a> {
     pinholes: &'a PinholeTree,
@@ -131,16 +128,11 @@ impl<'a> TraversalContext<'a> {
 
     /// See [`estimate_irradiance`].
     fn estimate_irradiance(&self, receivers: &Receivers) -> f32 {
-        let occupied: Vec<usize> = (0..receivers.positions.len()).filter(|&k| receivers.object(k).is_some()).collect();
-        let count = occupied.len().min(ESTIMATE_MAX_RECEIVERS);
-        // Even steps could coincide with the columns of an image; golden-ratio steps do not.
-        let probe =
-            |k: usize| occupied[((k as f64 * 0.618_033_988_749_894_9).fract() * occupied.len() as f64) as usize];
+        let some = receivers.some(ESTIMATE_MAX_RECEIVERS);
+        let count = some.positions.len();
         let groups: Vec<ReceiverGroup> = (0..count)
-            .map(probe)
-            .collect::<Vec<usize>>()
-            .chunks(LANES)
-            .map(|indices| load_at(receivers, |lane| indices.get(lane).copied()))
+            .step_by(LANES)
+            .map(|first| load_at(&some, |lane| Some(first + lane).filter(|&index| index < count)))
             .collect();
         let samples = &self.pinholes.sample_nodes.samples;
         let step = samples.len().div_ceil(ESTIMATE_MAX_SAMPLE_NODES as usize).max(1);

@@ -7,13 +7,9 @@ use super::super::{Receiver, ReceiverCellPair};
 use super::evaluation::CellAtReceivers;
 use super::tile::{TileGather, map_towards};
 use crate::lanes::{ALL, F, LANES, Simd, SimdBase, SimdFloat, V3, bits, lanes, set_bits, splat, splat3};
+use crate::pinhole::constants::{MIN_TRACED_SHARE, MIN_TRACED_SKY_SHARE};
 use crate::pinhole::tree::Occluders;
 use crate::pinhole::{PinholeParts, PinholeSample, VisibilityMaps};
-
-/// What is in doubt is traced where it contributes more than this part of the error budget of a pair.
-const MIN_TRACED_SHARE: f32 = 0.1;
-/// The same for the environment, where the sum of several look-ups is less in doubt.
-const MIN_TRACED_SKY_SHARE: f32 = 1.0;
 
 /// Which of sixteen receivers the sample sees whose cells are being visited, as far as its map tells.
 pub struct VisibleReceivers<S: Simd> {

@@ -4,16 +4,17 @@ use std::ops::Range;
 
 use super::layout::{BLOCK_LEVELS, ESTIMATE_WORKGROUPS};
 use super::pipelines::Passes;
-use super::{DYNAMIC_OFFSET, Tiling};
+use super::{DYNAMIC_OFFSET, ResolveTarget, Tiling};
 
 /// One image being gathered.
 #[derive(Debug)]
 pub struct HierarchicalFrame {
     /// One, or two by turns where there are split passes.
     pub(super) targets: Vec<wgpu::Texture>,
-    pub(super) views: Vec<wgpu::TextureView>,
+    pub(super) views: Vec<ResolveTarget>,
     pub(super) scene: wgpu::BindGroup,
     pub(super) receivers: wgpu::BindGroup,
+    pub(super) rays: wgpu::BindGroup,
     pub(super) work: wgpu::BindGroup,
     /// For each target: the group that reads the other one.
     pub(super) results: Vec<wgpu::BindGroup>,
@@ -23,6 +24,7 @@ pub struct HierarchicalFrame {
     /// The nodes without a parent, to be copied to where the lists are.
     pub(super) roots: wgpu::Buffer,
     pub(super) lists: wgpu::Buffer,
+    pub(super) tolerance: wgpu::Buffer,
     pub(super) is_begun: bool,
 }
 
@@ -46,6 +48,18 @@ impl HierarchicalFrame {
             self.record_refinement(encoder, batch, tiles);
             (0..self.tiling.split_passes).for_each(|split| self.record_resolve(encoder, batch, tiles, split));
         }
+    }
+
+    /// Records only the estimate that a relative tolerance refers to; [`Self::allowed_error`] holds the result.
+    pub fn record_estimate_only(&self, encoder: &mut wgpu::CommandEncoder) {
+        if let Some(estimate) = &self.estimate {
+            self.record_estimate(encoder, estimate);
+        }
+    }
+
+    /// A buffer whose first word is the error allowed at a point, W/m², as a float.
+    pub fn allowed_error(&self) -> &wgpu::Buffer {
+        &self.tolerance
     }
 
     fn record_estimate(&self, encoder: &mut wgpu::CommandEncoder, estimate: &wgpu::BindGroup) {
@@ -78,20 +92,20 @@ impl HierarchicalFrame {
     fn record_resolve(&self, encoder: &mut wgpu::CommandEncoder, batch: u32, tiles: u32, split: u32) {
         let target = split as usize % self.views.len();
         let load = if batch == 0 { wgpu::LoadOp::Clear(wgpu::Color::TRANSPARENT) } else { wgpu::LoadOp::Load };
+        let ops = wgpu::Operations { load, store: wgpu::StoreOp::Store };
+        let attachment =
+            |view| Some(wgpu::RenderPassColorAttachment { view, depth_slice: None, resolve_target: None, ops });
+        let ResolveTarget { sum, walk } = &self.views[target];
         let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
             label: Some("resolve"),
-            color_attachments: &[Some(wgpu::RenderPassColorAttachment {
-                view: &self.views[target],
-                depth_slice: None,
-                resolve_target: None,
-                ops: wgpu::Operations { load, store: wgpu::StoreOp::Store },
-            })],
+            color_attachments: &[attachment(sum), attachment(walk)],
             ..Default::default()
         });
         pass.set_pipeline(&self.passes.resolve);
         pass.set_bind_group(0, &self.scene, &[]);
         pass.set_bind_group(1, &self.receivers, &[]);
         pass.set_bind_group(2, &self.results[target], &[self.uniform_offset(batch, BLOCK_LEVELS + split)]);
+        pass.set_bind_group(3, &self.rays, &[]);
         pass.draw(0..6, 0..tiles);
     }
 

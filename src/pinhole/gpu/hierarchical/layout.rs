@@ -50,12 +50,14 @@ pub(in crate::pinhole::gpu) struct SampleNode {
     pub map: u32,
     /// The index of its node.
     pub node: u32,
-    padding: [u32; 3],
+    /// 1 where the side that its normal points to is the one that the mesh's normals point to, else -1.
+    pub face: f32,
+    padding: [u32; 2],
 }
 
 impl SampleNode {
-    /// The sample nodes of a tree, in their order.
-    pub fn of_tree(tree: &PinholeTree) -> Vec<Self> {
+    /// The sample nodes of a tree, in their order; `samples` are theirs, with the numbers of their maps.
+    pub fn of_tree(tree: &PinholeTree, samples: &[PinholeSample]) -> Vec<Self> {
         let node = |(sample, &node): (&PinholeSample, &u32)| {
             let mirror = tree.mirror(sample.object());
             Self {
@@ -69,14 +71,15 @@ impl SampleNode {
                 max_reflectance: mirror.max_reflectance,
                 map: sample.map,
                 node,
-                padding: [0; 3],
+                face: if mirror.faces_front { 1.0 } else { -1.0 },
+                padding: [0; 2],
             }
         };
-        tree.sample_nodes().samples.iter().zip(tree.tree().sample_nodes()).map(node).collect()
+        samples.iter().zip(tree.tree().sample_nodes()).map(node).collect()
     }
 }
 
-/// What is the same for all passes of an image, 48 bytes.
+/// What is the same for all passes of an image, 56 bytes.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 pub(in crate::pinhole::gpu) struct TreeUniforms {
@@ -100,6 +103,10 @@ pub(in crate::pinhole::gpu) struct TreeUniforms {
     pub has_view_directions: u32,
     /// Area of all cells, m².
     pub area: f32,
+    /// 1: rays are traced where visibility maps are in doubt.
+    pub traces_rays: u32,
+    /// 1: the fourth component of a receiver's normal is an error that may be made there beyond the others, W/m².
+    pub has_tolerances: u32,
     /// Unused.
     pub padding: u32,
 }
@@ -132,7 +139,7 @@ pub(in crate::pinhole::gpu) struct TilePass {
     pub first_tile: u32,
     /// The level of blocks, 0 the largest.
     pub level: u32,
-    /// Which share of the lists a split resolve pass takes,
+    /// Which of the resolve passes it is,
     pub split: u32,
     /// of how many.
     pub split_count: u32,

@@ -12,7 +12,7 @@
 mod frame;
 pub(super) mod layout;
 pub(super) mod light_bounds;
-mod pipelines;
+pub(super) mod pipelines;
 mod tile_batch;
 mod tree;
 
@@ -25,6 +25,7 @@ use wgpu::util::DeviceExt;
 use self::layout::{BLOCKS_PER_TILE, ESTIMATE_WORKGROUPS, TreeUniforms};
 use self::pipelines::Pipelines;
 use self::tile_batch::TileBatch;
+use super::maps::{RayInputs, VisibilityMapBuffers};
 use super::pipeline::bind;
 use super::{EnvironmentCube, FrameViewers, bind_receivers, target};
 use crate::gpu::GpuError;
@@ -71,9 +72,12 @@ pub struct HierarchicalInputs<'a> {
     pub params: Params,
     /// How right the sum is to be.
     pub tolerance: Tolerance,
+    /// The fourth component of a normal is an error that may be made at its receiver beyond the tolerance, W/m².
+    pub has_tolerances: bool,
     /// Leaves are quartered for receivers that are nearer to them than they are wide.
     pub split_near: bool,
-    /// Passes that the pixels' own work is split into, from 1 to 4096. More where an adapter limits loops (see
+    /// Passes that the pixels' own work is split into, from 1 to 4096: all but the last do a bounded part of it. More where an adapter
+    /// limits loops (see
     /// [`HierarchicalFrame::caustic`]) or the time of a draw.
     pub split_passes: u32,
 }
@@ -93,8 +97,10 @@ const LIST_CAPACITY: u32 = 4096;
 const BATCH_LIST_BYTES: u64 = 96 << 20;
 /// The most passes that an image's work is split into.
 const MAX_SPLIT_PASSES: u32 = 4096;
+/// The format of the texture that says where walks stopped.
+const WALK_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba32Uint;
 /// Dynamic offsets of uniforms are multiples of this on every device.
-const DYNAMIC_OFFSET: u64 = 256;
+pub(super) const DYNAMIC_OFFSET: u64 = 256;
 /// Bytes of the partial sums of an irradiance estimate.
 const PARTIAL_SUM_BYTES: u64 = ESTIMATE_WORKGROUPS as u64 * 16;
 
@@ -151,13 +157,18 @@ impl HierarchicalEngine {
         let layouts = &self.pipelines.layouts;
         let count = tiling.split_passes.min(2);
         let targets: Vec<wgpu::Texture> = (0..count).map(|_| target(device, inputs.size)).collect();
-        let views: Vec<wgpu::TextureView> = targets.iter().map(|t| t.create_view(&Default::default())).collect();
+        let view = |texture: &wgpu::Texture| texture.create_view(&Default::default());
+        let views: Vec<ResolveTarget> = targets
+            .iter()
+            .map(|sum| ResolveTarget { sum: view(sum), walk: view(&walk_target(device, inputs.size)) })
+            .collect();
         let estimate = matches!(inputs.tolerance, Tolerance::Relative(_)).then(|| {
             let resources = [batch.partial_sums.as_entire_binding(), batch.tolerance.as_entire_binding()];
             bind(device, &layouts.estimate, &resources)
         });
         Ok(HierarchicalFrame {
             scene: self.bind_scene(device, inputs, &tiling),
+            rays: self.bind_rays(device, inputs.tree),
             receivers: bind_receivers(device, &layouts.receivers, [inputs.positions, inputs.normals], inputs.viewers),
             work: self.bind_work(device, &batch),
             results: self.bind_results(device, &batch, &views),
@@ -168,8 +179,19 @@ impl HierarchicalEngine {
             tiling,
             roots: inputs.tree.roots.clone(),
             lists: batch.lists,
+            tolerance: batch.tolerance,
             is_begun: false,
         })
+    }
+
+    fn bind_rays(&self, device: &wgpu::Device, tree: &CellTreeBuffers) -> wgpu::BindGroup {
+        let rays = tree.maps.as_ref().and_then(|maps| maps.rays.clone()).unwrap_or_else(|| RayInputs::none(device));
+        let resources = [
+            wgpu::BindingResource::TextureView(&rays.geometry.texels),
+            rays.geometry.uniforms.as_entire_binding(),
+            wgpu::BindingResource::TextureView(&rays.doubts),
+        ];
+        bind(device, &self.pipelines.layouts.rays, &resources)
     }
 
     fn bind_work(&self, device: &wgpu::Device, batch: &TileBatch) -> wgpu::BindGroup {
@@ -188,30 +210,32 @@ impl HierarchicalEngine {
         &self,
         device: &wgpu::Device,
         batch: &TileBatch,
-        targets: &[wgpu::TextureView],
+        targets: &[ResolveTarget],
     ) -> Vec<wgpu::BindGroup> {
-        let result = |other: &wgpu::TextureView| {
+        let result = |sum: &wgpu::TextureView, walk: &wgpu::TextureView| {
             let resources = [
                 batch.tile_pass(),
                 batch.lists.as_entire_binding(),
                 wgpu::BindingResource::TextureView(&batch.interpolated_part),
                 batch.tolerance.as_entire_binding(),
-                wgpu::BindingResource::TextureView(other),
+                wgpu::BindingResource::TextureView(sum),
+                wgpu::BindingResource::TextureView(walk),
             ];
             bind(device, &self.pipelines.layouts.result, &resources)
         };
-        match targets {
-            [first, second] => vec![result(second), result(first)],
-            // Of a single pass nothing is read from there.
-            _ => vec![result(&batch.interpolated_part)],
+        if let [first, second] = targets {
+            return vec![result(&second.sum, &second.walk), result(&first.sum, &first.walk)];
         }
+        // A single pass reads nothing from there.
+        let nothing = walk_target(device, [1, 1]).create_view(&Default::default());
+        vec![result(&batch.interpolated_part, &nothing)]
     }
 
     fn check(&self, device: &wgpu::Device, inputs: &HierarchicalInputs) -> Result<(), GpuError> {
         if inputs.params.filter != self.filter {
             return Err(GpuError::OtherFilter { engine: self.filter.name(), params: inputs.params.filter.name() });
         }
-        if inputs.tree.map_resolution.is_some() != self.visibility {
+        if inputs.tree.maps.is_some() != self.visibility {
             return Err(GpuError::OtherVisibility { engine: self.visibility });
         }
         super::check_image(&device.limits(), inputs.size)?;
@@ -225,8 +249,9 @@ impl HierarchicalEngine {
 
     fn bind_scene(&self, device: &wgpu::Device, inputs: &HierarchicalInputs, tiling: &Tiling) -> wgpu::BindGroup {
         let (cube, tree) = (inputs.environment, inputs.tree);
+        let maps = tree.maps.clone().unwrap_or_else(|| VisibilityMapBuffers::none(device));
         let gather = GatherUniforms {
-            map_resolution: tree.map_resolution.unwrap_or(0),
+            map_resolution: maps.resolution,
             ..GatherUniforms::new(&inputs.params, &Default::default(), cube.size(), cube.radiance_scale())
         };
         let gather = uniform_buffer(device, "gather uniforms", bytemuck::bytes_of(&gather));
@@ -241,6 +266,8 @@ impl HierarchicalEngine {
             split_near: inputs.split_near.into(),
             has_view_directions: inputs.viewers.is_some().into(),
             area: tree.area,
+            traces_rays: maps.rays.is_some().into(),
+            has_tolerances: inputs.has_tolerances.into(),
             padding: 0,
         };
         let uniforms = uniform_buffer(device, "tree uniforms", bytemuck::bytes_of(&uniforms));
@@ -250,8 +277,8 @@ impl HierarchicalEngine {
             wgpu::BindingResource::Sampler(&self.pipelines.trilinear),
             wgpu::BindingResource::Sampler(&self.pipelines.anisotropic),
             tree.curves.as_entire_binding(),
-            tree.planes.as_entire_binding(),
-            tree.sky_masks.as_entire_binding(),
+            maps.planes.as_entire_binding(),
+            maps.sky_masks.as_entire_binding(),
             uniforms.as_entire_binding(),
             wgpu::BindingResource::TextureView(inputs.bounds.light.view()),
             tree.nodes.as_entire_binding(),
@@ -260,6 +287,27 @@ impl HierarchicalEngine {
         ];
         bind(device, &self.pipelines.layouts.scene, &resources)
     }
+}
+
+/// What a resolve pass draws into.
+#[derive(Debug)]
+pub(super) struct ResolveTarget {
+    pub sum: wgpu::TextureView,
+    /// Where pixels' walks through the tree stopped.
+    pub walk: wgpu::TextureView,
+}
+
+fn walk_target(device: &wgpu::Device, [width, height]: [u32; 2]) -> wgpu::Texture {
+    device.create_texture(&wgpu::TextureDescriptor {
+        label: Some("walks"),
+        size: wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
+        mip_level_count: 1,
+        sample_count: 1,
+        dimension: wgpu::TextureDimension::D2,
+        format: WALK_FORMAT,
+        usage: wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::TEXTURE_BINDING,
+        view_formats: &[],
+    })
 }
 
 fn uniform_buffer(device: &wgpu::Device, label: &str, contents: &[u8]) -> wgpu::Buffer {

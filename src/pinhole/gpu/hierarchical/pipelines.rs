@@ -2,11 +2,14 @@
 
 use wgpu::{BindGroupLayout, BindGroupLayoutEntry, BindingType, ShaderStages, TextureFormat, TextureViewDimension};
 
+use super::super::TARGET_FORMAT;
+use super::super::geometry::{integers, ray_entries};
 use super::super::pipeline::{
-    GATHER_INPUTS, filter_constant, gather_inputs, layout, linear_sampler, render_pipeline, seen_by, storage, texture,
-    uniform, window,
+    GATHER_INPUTS, entry, filter_constant, gather_inputs, layout, linear_sampler, render_pipeline, seen_by, storage,
+    texture, uniform, window,
 };
 use super::super::shaders::{IRRADIANCE_ESTIMATE, RECEIVER_BLOCKS, REFINE, RESOLVE};
+use super::WALK_FORMAT;
 use crate::pinhole::Filter;
 
 /// The pipelines of an image's passes.
@@ -41,6 +44,8 @@ pub(super) struct Layouts {
     pub result: BindGroupLayout,
     /// What the irradiance estimate writes.
     pub estimate: BindGroupLayout,
+    /// What settles doubts about visibility.
+    pub rays: BindGroupLayout,
 }
 
 const BOTH: ShaderStages = ShaderStages::COMPUTE.union(ShaderStages::FRAGMENT);
@@ -53,15 +58,30 @@ impl Layouts {
         let scene = [&gather_inputs().map(|entry| seen_by(BOTH, entry))[..], &[tree], &cells].concat();
         let of_points = [texture(0), texture(1)].map(|entry| seen_by(BOTH, entry));
         let receivers = [&of_points[..], &[texture(2), storage(3), storage(4)]].concat();
-        let work = [window(0), writable(1), writable(2), written(3), uniform(4)].map(|entry| seen_by(COMPUTE, entry));
+        let work = [window(0), writable(1), writable(2), written(3, TextureFormat::Rgba32Float), uniform(4)]
+            .map(|entry| seen_by(COMPUTE, entry));
         let tile_pass = seen_by(ShaderStages::VERTEX_FRAGMENT, window(0));
+        let of_rays = ray_entries(ShaderStages::FRAGMENT);
+        let rays = [of_rays[0], of_rays[1], seen_by(ShaderStages::FRAGMENT, integers(2))];
         let estimate = [writable(0), writable(1)].map(|entry| seen_by(COMPUTE, entry));
         Self {
             scene: layout(device, "cells and light", &scene),
             receivers: layout(device, "receivers", &receivers),
             work: layout(device, "tile batch", &work),
-            result: layout(device, "refined tiles", &[tile_pass, storage(1), texture(2), uniform(3), texture(4)]),
+            result: layout(
+                device,
+                "refined tiles",
+                &[
+                    tile_pass,
+                    storage(1),
+                    texture(2),
+                    uniform(3),
+                    texture(4),
+                    seen_by(ShaderStages::FRAGMENT, integers(5)),
+                ],
+            ),
             estimate: layout(device, "irradiance estimate", &estimate),
+            rays: layout(device, "rays", &rays),
         }
     }
 }
@@ -69,21 +89,23 @@ impl Layouts {
 impl Pipelines {
     pub fn new(device: &wgpu::Device, filter: Filter, visibility: bool) -> Self {
         let layouts = Layouts::new(device);
-        let with_group = |third: &BindGroupLayout| {
+        let with_groups = |more: &[&BindGroupLayout]| {
+            let groups = [&[&layouts.scene, &layouts.receivers], more].concat();
             device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
                 label: Some("hierarchical gather"),
-                bind_group_layouts: &[&layouts.scene, &layouts.receivers, third].map(Some),
+                bind_group_layouts: &groups.into_iter().map(Some).collect::<Vec<_>>(),
                 immediate_size: 0,
             })
         };
         let constants =
             [("FILTER", f64::from(filter_constant(filter))), ("VISIBILITY", f64::from(u8::from(visibility)))];
-        let (work, estimate, result) =
-            (with_group(&layouts.work), with_group(&layouts.estimate), with_group(&layouts.result));
+        let (work, estimate) = (with_groups(&[&layouts.work]), with_groups(&[&layouts.estimate]));
+        let result = with_groups(&[&layouts.result, &layouts.rays]);
         let (of_estimate, of_resolve) = (IRRADIANCE_ESTIMATE.module(device), RESOLVE.module(device));
         let resolve = |shading: bool| {
             let constants = [constants[0], constants[1], ("SHADING", f64::from(u8::from(shading)))];
-            render_pipeline(device, &result, &of_resolve, ["tile_corner", "resolve"], &constants, None)
+            let targets = [TARGET_FORMAT, WALK_FORMAT].map(|format| Some(format.into()));
+            render_pipeline(device, &result, &of_resolve, ["tile_corner", "resolve"], &constants, &targets)
         };
         let compute = |layout, module: &wgpu::ShaderModule, entry, constants: &[(&str, f64)]| {
             compute_pipeline(device, layout, module, entry, constants)
@@ -113,7 +135,7 @@ impl Pipelines {
     }
 }
 
-pub(super) fn compute_pipeline(
+pub(in crate::pinhole::gpu) fn compute_pipeline(
     device: &wgpu::Device,
     layout: &wgpu::PipelineLayout,
     module: &wgpu::ShaderModule,
@@ -130,10 +152,6 @@ pub(super) fn compute_pipeline(
     })
 }
 
-pub(super) fn entry(binding: u32, ty: BindingType) -> BindGroupLayoutEntry {
-    BindGroupLayoutEntry { binding, visibility: ShaderStages::NONE, ty, count: None }
-}
-
 /// The bounds of the light: a texture that is not filtered.
 pub(super) fn bounds_texture(binding: u32) -> BindGroupLayoutEntry {
     let sample_type = wgpu::TextureSampleType::Float { filterable: false };
@@ -142,18 +160,13 @@ pub(super) fn bounds_texture(binding: u32) -> BindGroupLayoutEntry {
 }
 
 /// A buffer that shaders write.
-pub(super) fn writable(binding: u32) -> BindGroupLayoutEntry {
+pub(in crate::pinhole::gpu) fn writable(binding: u32) -> BindGroupLayoutEntry {
     let ty = wgpu::BufferBindingType::Storage { read_only: false };
     entry(binding, BindingType::Buffer { ty, has_dynamic_offset: false, min_binding_size: None })
 }
 
 /// A texture that shaders write.
-fn written(binding: u32) -> BindGroupLayoutEntry {
+pub(in crate::pinhole::gpu) fn written(binding: u32, format: TextureFormat) -> BindGroupLayoutEntry {
     let access = wgpu::StorageTextureAccess::WriteOnly;
-    let ty = BindingType::StorageTexture {
-        access,
-        format: TextureFormat::Rgba32Float,
-        view_dimension: TextureViewDimension::D2,
-    };
-    entry(binding, ty)
+    entry(binding, BindingType::StorageTexture { access, format, view_dimension: TextureViewDimension::D2 })
 }

@@ -44,7 +44,7 @@ impl TileBatch {
         let tolerance = device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
             label: Some("tolerance"),
             contents: bytemuck::bytes_of(&layout::Tolerance::from(inputs.tolerance)),
-            usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::UNIFORM,
+            usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_SRC,
         });
         Self {
             passes: uniform_buffer(device, "tile passes", &tile_passes(tiling)),

@@ -2,10 +2,11 @@
 
 use wgpu::util::DeviceExt;
 
+use super::super::maps::{MapTracing, VisibilityMapBuffers};
 use super::super::storage_buffer;
 use super::layout::SampleNode;
 use crate::gpu::GpuError;
-use crate::pinhole::PinholeTree;
+use crate::pinhole::{PinholeSample, PinholeTree};
 
 /// The buffers of a tree. They serve any number of images.
 #[derive(Clone, Debug)]
@@ -13,8 +14,6 @@ pub struct CellTreeBuffers {
     pub(super) nodes: wgpu::Buffer,
     pub(super) sample_nodes: wgpu::Buffer,
     pub(super) curves: wgpu::Buffer,
-    pub(super) planes: wgpu::Buffer,
-    pub(super) sky_masks: wgpu::Buffer,
     /// Indices of the nodes without a parent; copied to where the lists are.
     pub(super) roots: wgpu::Buffer,
     pub(super) root_count: u32,
@@ -22,42 +21,52 @@ pub struct CellTreeBuffers {
     pub(super) first_cluster: u32,
     /// m².
     pub(super) area: f32,
-    /// Texels along the edge of a visibility map; `None`: there are no maps.
-    pub(super) map_resolution: Option<u32>,
+    /// `None`: nothing is occluded.
+    pub(super) maps: Option<VisibilityMapBuffers>,
 }
 
 impl CellTreeBuffers {
-    /// Uploads a tree: 64 bytes a node, and the visibility maps of its samples if there are any.
+    /// Uploads a tree: 64 bytes a node, and the visibility maps of its samples if they were traced on the CPU.
     pub fn upload(device: &wgpu::Device, tree: &PinholeTree) -> Result<Self, GpuError> {
-        let (cells, samples) = (tree.tree(), tree.sample_nodes());
+        let nodes = tree.sample_nodes();
+        let maps = nodes.visibility.as_ref().map(|maps| VisibilityMapBuffers::upload(device, maps)).transpose()?;
+        Self::with_maps(device, tree, &nodes.samples, maps)
+    }
+
+    /// Uploads a tree whose maps were traced on the GPU.
+    pub fn with_traced_maps(device: &wgpu::Device, tree: &PinholeTree, traced: MapTracing) -> Result<Self, GpuError> {
+        let (samples, maps) = traced.finish();
+        Self::with_maps(device, tree, &samples, Some(maps))
+    }
+
+    /// `samples` are those of the tree, with the numbers of their maps.
+    pub(crate) fn with_maps(
+        device: &wgpu::Device,
+        tree: &PinholeTree,
+        samples: &[PinholeSample],
+        maps: Option<VisibilityMapBuffers>,
+    ) -> Result<Self, GpuError> {
+        let cells = tree.tree();
         let limit = device.limits().max_storage_buffer_binding_size.min(device.limits().max_buffer_size);
         let bytes = size_of_val(cells.nodes()) as u64;
         if bytes > limit {
             return Err(GpuError::TreeTooLarge { cells: cells.nodes().len(), bytes, limit });
         }
-        let (planes, sky_masks): (&[[f32; 4]], &[u32]) =
-            samples.visibility.as_ref().map_or((&[], &[]), |maps| (&maps.planes, &maps.sky_mask));
-        let bytes = size_of_val(planes) as u64;
-        if bytes > limit {
-            return Err(GpuError::MapsTooLarge { samples: samples.samples.len(), bytes, limit });
-        }
         let buffer = |label, contents: &[u8]| storage_buffer(device, label, contents);
         Ok(Self {
             nodes: buffer("cells", bytemuck::cast_slice(cells.nodes())),
-            sample_nodes: buffer("sample nodes", bytemuck::cast_slice(&SampleNode::of_tree(tree))),
-            curves: buffer("reflectance curves", bytemuck::cast_slice(&samples.curves)),
-            planes: buffer("visible planes", bytemuck::cast_slice(planes)),
-            sky_masks: buffer("sky masks", bytemuck::cast_slice(sky_masks)),
+            sample_nodes: buffer("sample nodes", bytemuck::cast_slice(&SampleNode::of_tree(tree, samples))),
+            curves: buffer("reflectance curves", bytemuck::cast_slice(&tree.sample_nodes().curves)),
             roots: device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
                 label: Some("nodes without a parent"),
                 contents: bytemuck::cast_slice(cells.roots()),
                 usage: wgpu::BufferUsages::COPY_SRC,
             }),
             root_count: cells.roots().len() as u32,
-            sample_count: samples.samples.len() as u32,
+            sample_count: samples.len() as u32,
             first_cluster: cells.first_cluster(),
             area: cells.area(),
-            map_resolution: samples.visibility.as_ref().map(|maps| maps.resolution),
+            maps,
         })
     }
 }

@@ -9,12 +9,15 @@ use naga::{AddressSpace, Handle, Module, Type, TypeInner};
 use super::*;
 use crate::brdf::Material;
 use crate::cell_tree::CellNode;
+use crate::pinhole::gpu::geometry::RayUniforms;
 use crate::pinhole::gpu::hierarchical::layout::{BLOCK_BYTES, SampleNode, TilePass, Tolerance, TreeUniforms};
 use crate::pinhole::gpu::hierarchical::light_bounds::BoundsUniforms;
+use crate::pinhole::gpu::maps::{MapUniforms, PackedHemisphere};
 use crate::pinhole::gpu::probe::GpuProbe;
 use crate::pinhole::{GatherUniforms, PinholeSample};
 
-const ALL: [Shader; 7] = [FILTER_PROBE, GATHER, IRRADIANCE_ESTIMATE, LIGHT_BOUNDS, RECEIVER_BLOCKS, REFINE, RESOLVE];
+const ALL: [Shader; 8] =
+    [FILTER_PROBE, GATHER, IRRADIANCE_ESTIMATE, LIGHT_BOUNDS, RECEIVER_BLOCKS, REFINE, RESOLVE, TRACE_MAPS];
 
 fn parse(shader: Shader) -> Result<Module, String> {
     let (name, source) = (shader.name, shader.resolve());
@@ -105,9 +108,12 @@ fn rust_structs() -> BTreeMap<&'static str, Layout> {
         ("BoundsUniforms", layout!(BoundsUniforms { size, first, first_above, detail, mip, radiance_scale })),
         ("CellNode", layout!(CellNode { centroid_area, normal_e11, sides_curvature, curvature_bounds_links })),
         ("GatherUniforms", gather_uniforms()),
+        ("Hemisphere", layout!(PackedHemisphere { position, extent, normal, object_sides, texel_jitter })),
+        ("MapUniforms", layout!(MapUniforms { first_map, resolution, bisections })),
         ("Material", layout!(Material { albedo, kind, specular, width, table })),
         ("PinholeSample", pinhole_sample()),
         ("Probe", layout!(GpuProbe { direction, side_1, side_2 })),
+        ("RayUniforms", layout!(RayUniforms { node_count, scale, offset })),
         ("SampleNode", sample_node()),
         ("TilePass", layout!(TilePass { first_tile, level, split, split_count })),
         ("Tolerance", layout!(Tolerance { error, relative_error })),
@@ -162,6 +168,7 @@ fn sample_node() -> Layout {
         max_reflectance,
         map,
         node,
+        face,
     })
 }
 
@@ -177,6 +184,8 @@ fn tree_uniforms() -> Layout {
         split_near,
         has_view_directions,
         area,
+        traces_rays,
+        has_tolerances,
     })
 }
 
