@@ -1,6 +1,6 @@
 //! Light at the ends of paths, other than where camera rays hit.
 
-use std::collections::HashSet;
+use std::f32::consts::PI;
 use std::sync::Arc;
 
 use glam::{Vec3, Vec4};
@@ -104,41 +104,39 @@ pub(super) async fn caustic_at(
     let at_hit = |hit: usize| at_hits.map_or(Vec3::ZERO, |sums| Vec3::from_slice(&sums[hit]));
     let materials = &inputs.prepared.materials.receivers;
     let mut sums = vec![[0.0; 4]; points.len()];
-    let (mut diffuse, mut glossy) = (Vec::new(), Vec::new());
+    let (mut sharp, mut blurred, mut known) = (Vec::new(), Vec::new(), Vec::new());
     for (index, point) in points.iter().enumerate().filter(|(_, point)| point.receives) {
         if is_glossy(materials, point) {
-            glossy.push(index);
+            sharp.push(index);
         } else if let Some(light) = reprojection.light(index, at_hit) {
             sums[index] = light.extend(0.0).to_array();
+            known.push(index);
+        } else if point.blur > 0.0 {
+            blurred.push(index);
         } else {
-            diffuse.push(index);
+            sharp.push(index);
         }
     }
-    let is_done = |list: &[usize]| points.len() - list.len() - glossy.len();
-    inputs.progress.advance(is_done(&diffuse) as u64);
+    inputs.progress.advance((points.len() - sharp.len() - blurred.len()) as u64);
     let gather = EndGather { inputs, sum, points };
-    let (blurred, sharp): (Vec<usize>, Vec<usize>) = diffuse.into_iter().partition(|&index| points[index].blur > 0.0);
-    gather.add(blurred, &|index| direct[index], &mut sums).await?;
-    let is_sharp: HashSet<usize> = sharp.iter().copied().collect();
-    let is_found = |index: &usize| {
-        let point = &points[*index];
-        point.receives && !is_glossy(materials, point) && !is_sharp.contains(index)
-    };
+    gather.add(blurred.clone(), &|index| direct[index], &mut sums).await?;
+    known.extend(blurred);
     let grid = EndGrid::new(points, rays.view.size[0]);
     let mut caustic = Adaptive::new(&grid, points.len(), sharp.into_iter(), direct);
-    caustic.set((0..points.len()).filter(is_found).map(|index| (index, Vec4::from_array(sums[index]))));
+    caustic.set(known.into_iter().map(|index| (index, Vec4::from_array(sums[index]))));
     loop {
         let open = caustic.next();
         if open.is_empty() {
             break;
         }
-        gather.add(open.clone(), &|index| direct[index] + caustic.least(index), &mut sums).await?;
+        let light = |index: usize| direct[index] + caustic.least(index);
+        let (glossy, diffuse) = open.iter().partition(|&&index| is_glossy(materials, &points[index]));
+        gather.add(diffuse, &light, &mut sums).await?;
+        gather.reflect(glossy, &light, &mut sums).await?;
         caustic.set(open.into_iter().map(|index| (index, Vec4::from_array(sums[index]))));
     }
     inputs.progress.advance(caustic.interpolated() as u64);
-    let mut sums = caustic.finish();
-    gather.reflect(glossy, &mut sums).await?;
-    Ok(sums)
+    Ok(caustic.finish())
 }
 
 /// Sums at end points.
@@ -151,23 +149,26 @@ struct EndGather<'a> {
 impl EndGather<'_> {
     /// Computes the irradiance at some of the points; light that is seen there hides errors.
     async fn add(&self, which: Vec<usize>, light: &dyn Fn(usize) -> Vec3, sums: &mut [[f32; 4]]) -> Result<(), Error> {
-        let tolerate = |leaders: &[usize], receivers: &mut Receivers| {
-            let error = |index: &usize| self.inputs.hidden_error(light(*index));
-            leaders.iter().map(error).enumerate().for_each(|(place, error)| receivers.tolerate(place, error));
-        };
-        self.gather(which, None, tolerate, sums).await
+        self.gather(which, None, &|index| self.inputs.hidden_error(light(index)), sums).await
     }
 
-    /// Computes the radiance that some of the points reflect towards viewers.
-    async fn reflect(&self, which: Vec<usize>, sums: &mut [[f32; 4]]) -> Result<(), Error> {
-        self.gather(which, Some(&self.inputs.prepared.materials.receivers), |_, _| (), sums).await
+    /// Computes the radiance that some of the points reflect towards viewers; radiance that is seen there hides errors.
+    async fn reflect(
+        &self,
+        which: Vec<usize>,
+        radiance: &dyn Fn(usize) -> Vec3,
+        sums: &mut [[f32; 4]],
+    ) -> Result<(), Error> {
+        // The error of a sum is that of the irradiance of a white receiver that is as bright.
+        let error = |index: usize| PI * self.inputs.hidden_error(radiance(index));
+        self.gather(which, Some(&self.inputs.prepared.materials.receivers), &error, sums).await
     }
 
     async fn gather(
         &self,
         mut which: Vec<usize>,
         materials: Option<&Arc<Materials>>,
-        tolerate: impl Fn(&[usize], &mut Receivers),
+        error: &dyn Fn(usize) -> f32,
         sums: &mut [[f32; 4]],
     ) -> Result<(), Error> {
         let Self { inputs, sum, points } = *self;
@@ -178,7 +179,7 @@ impl EndGather<'_> {
         let (leaders, leader_of) = share_blurred(&which, points);
         inputs.progress.advance((which.len() - leaders.len()) as u64);
         let mut receivers = receivers_at(points, &leaders, materials);
-        tolerate(&leaders, &mut receivers);
+        leaders.iter().enumerate().for_each(|(place, &index)| receivers.tolerate(place, error(index)));
         let computed = sum.irradiance(&receivers, inputs.progress).await?;
         for (index, leader) in which.into_iter().zip(leader_of) {
             sums[index] = computed[leader];
