@@ -1,7 +1,7 @@
 //! What users wait for: whole runs of the program on one thread, as tables for `docs/performance.md`: `cargo bench --bench pictures`.
 //!
 //! `PINSPOT_BASE=another/pinspot` names the program of another version to compare with: runs of the two alternate. Seconds vary with
-//! what else the machine does; ratios within a run mean something.
+//! what else the machine does; ratios within a run mean something. Arguments choose tables: `-- pictures visibility growth drafts`.
 
 use std::env;
 use std::error::Error;
@@ -111,11 +111,14 @@ fn growth(own: &Path) -> Result<(), Box<dyn Error>> {
     let ratio = |k: usize| of_counts[2][k] / of_counts[0][k];
     println!("| 100,000 over 1,000 | {:.1} | {:.1} |", ratio(0), ratio(1));
 
-    let gather = |size: &str| {
-        let options = ["ring-natural", "--aov", "caustic", "--size", size];
-        Ok::<_, Box<dyn Error>>(Seconds::of(own, &options)?.of_stage("caustic")?)
-    };
-    println!("\nGather, 2048² over 512² pixels: {:.1}", gather("2048x2048")? / gather("512x512")?);
+    println!("\n2048² over 512² pixels:");
+    let seconds = |size: &str, aov: &str| Seconds::of(own, &["ring-natural", "--aov", aov, "--size", size]);
+    let [caustic, large_caustic] = [seconds("512x512", "caustic")?, seconds("2048x2048", "caustic")?];
+    let [picture, large_picture] = [seconds("512x512", "beauty")?, seconds("2048x2048", "beauty")?];
+    println!("- the caustic alone: {:.1}", large_caustic.of_stage("caustic")? / caustic.of_stage("caustic")?);
+    let gathers = |s: &Seconds| Ok::<_, String>(s.of_stage("caustic")? + s.of_stage("path-ends")?);
+    println!("- the caustic in a picture, with ends of paths: {:.1}", gathers(&large_picture)? / gathers(&picture)?);
+    println!("- the picture: {:.1}", large_picture.wall / picture.wall);
     Ok(())
 }
 
@@ -133,8 +136,19 @@ fn drafts(own: &Path) -> Result<(), Box<dyn Error>> {
 fn main() -> Result<(), Box<dyn Error>> {
     let own = Path::new(env!("CARGO_BIN_EXE_pinspot"));
     let base = env::var_os("PINSPOT_BASE");
-    default_pictures(own, base.as_deref().map(Path::new))?;
-    visibility(own)?;
-    growth(own)?;
-    drafts(own)
+    let chosen: Vec<String> = env::args().skip(1).filter(|argument| !argument.starts_with('-')).collect();
+    let is_chosen = |table: &str| chosen.is_empty() || chosen.iter().any(|name| name == table);
+    if is_chosen("pictures") {
+        default_pictures(own, base.as_deref().map(Path::new))?;
+    }
+    if is_chosen("visibility") {
+        visibility(own)?;
+    }
+    if is_chosen("growth") {
+        growth(own)?;
+    }
+    if is_chosen("drafts") {
+        drafts(own)?;
+    }
+    Ok(())
 }
