@@ -10,7 +10,7 @@ use super::visibility::Edges;
 use super::{Mirror, Mirrors, PinholeParts, PinholeSample, Pinholes, VisibilityMaps};
 use crate::cell_tree::{CellNode, CellTree, NodeGeometry};
 use crate::lanes::LANES;
-use crate::scene::{Object, Scene, Sides};
+use crate::scene::Scene;
 use crate::tracing::{Piece, Tracer};
 
 /// The hierarchy of samples.
@@ -72,8 +72,9 @@ impl PinholeTree {
     pub fn trace_visibility_and_doubts(&mut self, scene: &Scene, tracer: Arc<Tracer>) {
         let nodes = &mut self.sample_nodes;
         nodes.visibility = Some(VisibilityMaps::trace(scene, &tracer, &mut nodes.samples, Edges::Traced));
-        let faces_front = |object: &Object| object.reflector.is_none_or(|r| r.sides != Sides::Back);
-        self.occluders = Some(Occluders { tracer, faces_front: scene.objects.iter().map(faces_front).collect() });
+        let faces_front = |mirror: &Option<Mirror>| mirror.as_ref().is_none_or(|mirror| mirror.faces_front);
+        let faces_front = self.mirrors.of_object.iter().map(faces_front).collect();
+        self.occluders = Some(Occluders { tracer, faces_front });
     }
 
     /// The cells.

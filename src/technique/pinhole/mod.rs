@@ -133,6 +133,7 @@ impl PinholeStages {
         }
     }
 
+    #[cfg_attr(not(feature = "gpu"), expect(clippy::unused_async, reason = "as with the feature `gpu`"))]
     async fn flat(
         &mut self,
         sum: FlatInputs,
@@ -157,6 +158,7 @@ impl PinholeStages {
     }
 
     /// The tolerance of `sum` is relative to the mean irradiance, which is estimated first.
+    #[cfg_attr(not(feature = "gpu"), expect(clippy::unused_async, reason = "as with the feature `gpu`"))]
     async fn hierarchical(
         &mut self,
         mut sum: HierarchicalInputs,
