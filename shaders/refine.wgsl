@@ -6,6 +6,7 @@
 // point for itself (resolve.wgsl).
 
 #import no_rays
+#import doubts
 #import tile_batch
 
 // Nodes that the stack holds.
@@ -23,6 +24,8 @@ struct Decision {
     contribution_range: f32,
     // Upper bound of the contribution, W/m².
     max_contribution: f32,
+    // Radius of the cone in which the light comes, radians.
+    cone_radius: f32,
 }
 
 // Nodes to be decided on.
@@ -140,17 +143,29 @@ fn process(at: BlockPlace, block: Block, progress: ptr<function, Progress>, lane
     (*progress).decided += taken;
     var index = 0u;
     var children = 0u;
-    var decision = Decision(DROP, 0.0, 0.0);
+    // FULLY_VISIBLE or 0.
+    var seen = 0u;
+    var decision = Decision(DROP, 0.0, 0.0, 0.0);
     if lane < taken {
         index = stack[(*progress).pending + lane];
+        seen = index & FULLY_VISIBLE;
+        index &= ~FULLY_VISIBLE;
         let cell = load_cell(index);
         children = cell.children;
         decision = decide(block, at.level, cell);
-        if VISIBILITY && decision.action == ADD {
-            // Occlusion between the sixteen points cannot be interpolated.
-            let needs_own_maps = is_cluster(index, cell)
-                && decision.max_contribution >= CENTRAL_VISIBILITY_SHARE * error_budget_of(block);
-            decision.action = select(SPLIT_BLOCK, SPLIT_CELL, needs_own_maps);
+        if VISIBILITY {
+            let is_cluster = is_cluster(index, cell);
+            // Of a cluster, other samples may see what its central one does not.
+            if !is_cluster && seen == 0u && block.kind == SMOOTH && decision.action != DROP {
+                let coverage = receiver_coverage(cell.sample, block);
+                seen = select(0u, FULLY_VISIBLE, coverage == FULL);
+                if coverage == NONE {
+                    decision.action = DROP;
+                }
+            }
+            if decision.action == ADD {
+                decision.action = action_with_occlusion(cell, block, decision, seen != 0u, is_cluster);
+            }
         }
     }
     let count = select(0u, children & 7u, decision.action == SPLIT_CELL)
@@ -158,11 +173,11 @@ fn process(at: BlockPlace, block: Block, progress: ptr<function, Progress>, lane
     let sum = prefix_sum(count, lane);
     if decision.action == SPLIT_CELL {
         for (var k = 0u; k < (children & 7u); k++) {
-            stack[(*progress).pending + (sum.before & 1023u) + k] = (children >> 3u) + k;
+            stack[(*progress).pending + (sum.before & 1023u) + k] = ((children >> 3u) + k) | seen;
         }
     }
     if decision.action == SPLIT_BLOCK {
-        lists[list_of(at.index) + 1u + (*progress).deferred + ((sum.before >> 10u) & 1023u)] = index;
+        lists[list_of(at.index) + 1u + (*progress).deferred + ((sum.before >> 10u) & 1023u)] = index | seen;
     }
     if decision.action == ADD {
         queue[sum.before >> 20u] = index;
@@ -178,6 +193,109 @@ fn process(at: BlockPlace, block: Block, progress: ptr<function, Progress>, lane
         own_sum += contribution(queue[k], queued_ranges[k], points[lane % INTERPOLATION_POINTS], block);
     }
     return own_sum;
+}
+
+// How much of a block, or of the light that a cell reflects to it, a sample sees.
+const NONE: u32 = 0u;
+const FULL: u32 = 1u;
+const PARTIAL: u32 = 2u;
+
+// The most texels that are read to classify a region.
+const MAX_COVERAGE_TEXELS: u32 = 64u;
+
+// Texels of a map, first and last, both included.
+struct MapRegion {
+    first: vec2u,
+    last: vec2u,
+    is_small: bool,
+}
+
+// The texels that look-ups within an angle around a direction of the sample's frame read.
+fn map_region(local: vec3f, angle: f32, map: VisibilityMap) -> MapRegion {
+    let place = map_place(local, map);
+    let n = f32(uniforms.map_resolution);
+    // Near the horizon a radian is up to 1.12 edges of a map wide.
+    let margin = 1.12 * angle * n;
+    let at = vec2f(place.texel) + place.part;
+    let first = vec2u(max(at - margin, vec2f(0.0)));
+    let last = min(vec2u(at + margin) + 1u, vec2u(uniforms.map_resolution - 1u));
+    let size = last - first + 1u;
+    return MapRegion(first, last, angle < 0.5 && size.x * size.y <= MAX_COVERAGE_TEXELS);
+}
+
+// How much of a block a sample sees.
+fn receiver_coverage(sample: u32, block: Block) -> u32 {
+    let node = sample_nodes[sample];
+    let l = block.centre - node.position;
+    let distance = length(l);
+    let height = dot(l, node.normal);
+    let two_sided = (node.object_sides & 1u) == 1u;
+    let map = map_of_sample(sample, select(1.0, -1.0, two_sided && height < 0.0));
+    let local = l * map.axes;
+    let region = map_region(local, asin(min(block.radius / distance, 1.0)), map);
+    // Seen from both sides, or from too near.
+    if !region.is_small || (two_sided && abs(height) < block.radius) {
+        return PARTIAL;
+    }
+    var all = PARTIAL;
+    for (var j = region.first.y; j <= region.last.y; j++) {
+        for (var i = region.first.x; i <= region.last.x; i++) {
+            let texel = (map.index * uniforms.map_resolution + j) * uniforms.map_resolution + i;
+            let coverage = coverage_by_texel(texel, local, block);
+            if coverage == PARTIAL || (all != PARTIAL && all != coverage) {
+                return PARTIAL;
+            }
+            all = coverage;
+        }
+    }
+    return all;
+}
+
+// How much of a block around a point of the sample's frame lies in front of what a texel shows.
+fn coverage_by_texel(texel: u32, local: vec3f, block: Block) -> u32 {
+    let plane = planes[texel];
+    let depth = dot(plane.xyz, local);
+    let slack = length(plane.xyz) * block.radius;
+    if depth - slack > 1.0 + plane.w {
+        return NONE;
+    }
+    let farthest = length(local) + block.radius;
+    let is_certain = tree.traces_rays == 0u || !is_in_doubt(texel, depth + slack, farthest * farthest, points[0].object);
+    return select(PARTIAL, FULL, depth + slack <= 1.0 + plane.w && is_certain);
+}
+
+// Turns ADD into what occlusion allows.
+fn action_with_occlusion(cell: Cell, block: Block, decision: Decision, is_seen: bool, is_cluster: bool) -> u32 {
+    if is_cluster {
+        let needs_own_maps = decision.max_contribution >= CENTRAL_VISIBILITY_SHARE * error_budget_of(block);
+        return select(SPLIT_BLOCK, SPLIT_CELL, needs_own_maps);
+    }
+    if !is_seen {
+        return SPLIT_BLOCK;
+    }
+    let d = cell.centroid - block.centre;
+    let dn = dot(d, cell.normal);
+    let map = map_of_sample(cell.sample, select(1.0, -1.0, cell.two_sided && dn > 0.0));
+    let r = normalize(d - 2.0 * dn * cell.normal);
+    // Lobes see more of the sky than bounds of their light cover.
+    let lobe_radius = block.radius / length(d) + FOOTPRINT_RADIUS * LOBE_TAIL * cell.lobe;
+    let radius = max(decision.cone_radius + select(0.0, cell.lobe, cell.creased), lobe_radius);
+    let region = map_region(r * map.axes, radius, map);
+    if !region.is_small {
+        return SPLIT_BLOCK;
+    }
+    let columns = (0xffffffffu >> (31u - region.last.x)) & (0xffffffffu << region.first.x);
+    var any_sky = 0u;
+    var all_sky = 0xffffffffu;
+    for (var j = region.first.y; j <= region.last.y; j++) {
+        let row = sky_masks[map.index * uniforms.map_resolution + j];
+        any_sky |= row;
+        all_sky &= row;
+    }
+    if (any_sky & columns) == 0u {
+        return DROP;
+    }
+    return select(SPLIT_BLOCK, ADD, (all_sky & columns) == columns);
 }
 
 struct PrefixSum {
@@ -216,8 +334,9 @@ fn contribution(index: u32, contribution_range: f32, receiver: Receiver, block: 
     if !(pair.cosine_product > 0.0) {
         return vec4f(0.0);
     }
-    // Where there is occlusion nothing is interpolated.
+    // Only pairs whose light is wholly unoccluded are added.
     var map: VisibilityMap;
+    map.index = UNOCCLUDED;
     let error_budget = error_budget_of(block);
     let radiance = cell_radiance(cell, pair.r, footprint_of(cell, pair), contribution_range, error_budget, map);
     return vec4f(weight_of(cell, pair, receiver) * reflected_scale(cell, pair) * radiance.rgb, radiance.a);
@@ -282,10 +401,10 @@ fn error_budget_of(block: Block) -> f32 {
 fn decide(block: Block, level: u32, cell: Cell) -> Decision {
     let pair = block_pair(block, cell);
     if pair.max_cos_at_sample_l <= 0.0 || pair.max_cos_at_receiver_l <= 0.0 {
-        return Decision(DROP, 0.0, 0.0);
+        return Decision(DROP, 0.0, 0.0, 0.0);
     }
     if pair.l < NEAR_FIELD_SIZES * pair.sizes {
-        return Decision(select(SPLIT_BLOCK, SPLIT_CELL, !is_leaf(cell) && cell.radius >= block.radius), 0.0, 0.0);
+        return Decision(select(SPLIT_BLOCK, SPLIT_CELL, !is_leaf(cell) && cell.radius >= block.radius), 0.0, 0.0, 0.0);
     }
     let block_size = block.radius / pair.l;
     let cell_size = cell.radius / pair.l + cell.normal_radius;
@@ -297,10 +416,10 @@ fn decide(block: Block, level: u32, cell: Cell) -> Decision {
     let negligible = NEGLIGIBLE_SHARE * (tolerance.error + block.tolerated) / tree.area * cell.area;
     // Glossy receivers weight it one by one.
     if max_contribution <= negligible && (max_contribution == 0.0 || tree.has_view_directions == 0u) {
-        return Decision(DROP, 0.0, 0.0);
+        return Decision(DROP, 0.0, 0.0, 0.0);
     }
     if block.kind != SMOOTH {
-        return Decision(SPLIT_BLOCK, 0.0, 0.0);
+        return Decision(SPLIT_BLOCK, 0.0, 0.0, 0.0);
     }
     // The points' distance over the width of what is interpolated.
     let step = POINT_SPACING * block_size / max(sqrt(cone.minor2), uniforms.texel_rad);
@@ -314,9 +433,9 @@ fn decide(block: Block, level: u32, cell: Cell) -> Decision {
         cell_error = contribution_range * min(CONTRAST_ERROR_SCALE * cell_size, 1.0) + max_contribution * cell_weight_error;
     }
     if block_error + cell_error < error_budget_of(block) {
-        return Decision(ADD, contribution_range, max_contribution);
+        return Decision(ADD, contribution_range, max_contribution, cone.radius);
     }
-    return Decision(select(SPLIT_BLOCK, SPLIT_CELL, !is_leaf(cell) && cell_error >= block_error), 0.0, 0.0);
+    return Decision(select(SPLIT_BLOCK, SPLIT_CELL, !is_leaf(cell) && cell_error >= block_error), 0.0, 0.0, 0.0);
 }
 
 // The greatest weight of any point of the cell at any point of the block.

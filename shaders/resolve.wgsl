@@ -136,7 +136,8 @@ fn interpolated(tile: u32, level: u32, place: vec2u) -> vec4f {
 fn traverse(first: u32, receiver: Receiver, walk: ptr<function, Walk>, traversal: ptr<function, Traversal>) -> vec4f {
     // Of the cells on the path: eight times the first child's index, and how many.
     var children: array<u32, MAX_TREE_DEPTH>;
-    var index = first;
+    let is_seen = (first & FULLY_VISIBLE) != 0u;
+    var index = first & ~FULLY_VISIBLE;
     for (var level = 0u; level < (*walk).level; level++) {
         children[level] = nodes[index].curvature_bounds_links.z;
         index = (children[level] >> 3u) + step_of((*walk).path, level);
@@ -146,7 +147,7 @@ fn traverse(first: u32, receiver: Receiver, walk: ptr<function, Walk>, traversal
     var is_done = false;
     loop {
         let cell = load_cell(index);
-        let visit = visit_cell(index, cell, receiver, traversal);
+        let visit = visit_cell(index, cell, is_seen, receiver, traversal);
         sum += visit.sum;
         work += WORK_PER_VISIT + u32(visit.sum.a) + ray_work;
         ray_work = 0u;
@@ -175,7 +176,7 @@ fn traverse(first: u32, receiver: Receiver, walk: ptr<function, Walk>, traversal
             break;
         }
     }
-    (*traversal).is_complete = (*traversal).is_complete && is_done;
+    (*traversal).is_complete = (*traversal).is_complete && is_done && rays_are_complete;
     return sum;
 }
 
@@ -197,10 +198,13 @@ struct Visit {
 }
 
 // The criterion of refinement for one receiver.
-fn visit_cell(index: u32, cell: Cell, receiver: Receiver, traversal: ptr<function, Traversal>) -> Visit {
+// `is_seen`: its sample sees the receiver.
+fn visit_cell(
+    index: u32, cell: Cell, is_seen: bool, receiver: Receiver, traversal: ptr<function, Traversal>,
+) -> Visit {
     let is_occluded_cluster = VISIBILITY && is_cluster(index, cell);
     let is_known = (*traversal).sample == cell.sample;
-    if VISIBILITY && is_known && !is_occluded_cluster && is_unseen(traversal) {
+    if VISIBILITY && !is_seen && is_known && !is_occluded_cluster && is_unseen(traversal) {
         return Visit(vec4f(0.0), false);
     }
     let pair = pair_of(cell, receiver);
@@ -235,7 +239,7 @@ fn visit_cell(index: u32, cell: Cell, receiver: Receiver, traversal: ptr<functio
         }
     }
     var seen = 1.0;
-    if VISIBILITY {
+    if VISIBILITY && !is_seen {
         if !is_known {
             find_visible_fraction(cell.sample, receiver, traversal);
         }

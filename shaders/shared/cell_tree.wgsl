@@ -84,6 +84,9 @@ fn tolerated_error(receiver: Receiver) -> f32 {
     return select(0.0, receiver.normal_w, tree.has_tolerances != 0u);
 }
 
+// Marks a cell in a list as seen by the whole block, so that the cells below it need no test.
+const FULLY_VISIBLE: u32 = 0x80000000u;
+
 // The length of a list that an adapter did not let be finished.
 const INCOMPLETE: u32 = 0xffffffffu;
 

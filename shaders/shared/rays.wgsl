@@ -123,11 +123,14 @@ fn hit_distance(index: u32, leaving: RayOrigin, origin: vec3f, direction: vec3f,
 
 // Iterations of the loops of all rays of this invocation.
 var<private> ray_work: u32;
+// None of them was cut short.
+var<private> rays_are_complete: bool = true;
 
 // Whether anything lies between a piece of a surface and a point that far away in a unit direction; what lies at the end does not count.
 fn is_occluded(leaving: RayOrigin, direction: vec3f, distance: f32) -> bool {
     let end = distance * (1.0 - END_SLACK) - ray_uniforms.offset / ray_uniforms.scale;
     let hit = trace(leaving, direction, end, true);
     ray_work += hit.work;
+    rays_are_complete = rays_are_complete && hit.is_complete;
     return hit.triangle != NO_TRIANGLE;
 }

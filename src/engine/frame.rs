@@ -27,8 +27,8 @@ pub(super) const KEPT_POINTS: u64 = 1 << 23;
 /// Approximate number of points in a band of a larger picture.
 const BAND_POINTS: u64 = 1 << 22;
 
-/// Where caustic and direct light are seen together, the tolerance also holds relative to this part of the light there: at the
-/// default of .01 the error stays well below the one percent that can be seen.
+/// Where caustic and direct light are seen together, the tolerance also holds relative to this many times the light there. Errors are
+/// several times smaller than what is allowed: at the default of .01 pixels change by a third of a level of 255, root mean square.
 const HIDDEN_SHARE: f32 = 2.0;
 
 /// Rows of pixels in each band of a picture.
@@ -56,8 +56,8 @@ struct CausticKey {
     sum: Id<dyn Sum>,
     /// By object.
     wanted: Vec<bool>,
-    /// Light that hides errors.
-    beside: Option<Id<Vec<Vec3>>>,
+    /// Light that hides errors, and the tolerance relative to it.
+    beside: Option<(Id<Vec<Vec3>>, f32)>,
 }
 
 #[derive(PartialEq)]
@@ -235,8 +235,12 @@ impl BandStages {
         let Some(sum) = inputs.sum else { return Ok(None) };
         let wanted: Vec<bool> = inputs.objects().map(|o| inputs.knows_caustic(o)).collect();
         let beside = direct.filter(|_| !inputs.shows_caustic());
-        let key =
-            CausticKey { rays: Id::of(rays), sum: Id::of(sum), wanted: wanted.clone(), beside: beside.map(Id::of) };
+        let key = CausticKey {
+            rays: Id::of(rays),
+            sum: Id::of(sum),
+            wanted: wanted.clone(),
+            beside: beside.map(|light| (Id::of(light), inputs.options.tolerance)),
+        };
         let steps = (rays.hits.len() as u64, inputs.progress);
         let at_hits = CausticAtHits { inputs, sum, rays, wanted: &wanted };
         let make = async || match beside {

@@ -79,6 +79,7 @@ impl HierarchicalFrame {
             .begin_compute_pass(&wgpu::ComputePassDescriptor { label: Some("refinement"), ..Default::default() });
         pass.set_bind_group(0, &self.scene, &[]);
         pass.set_bind_group(1, &self.receivers, &[]);
+        pass.set_bind_group(3, &self.rays, &[]);
         let mut dispatch = |pipeline, level: u32| {
             pass.set_pipeline(pipeline);
             pass.set_bind_group(2, &self.work, &[self.uniform_offset(batch, level)]);

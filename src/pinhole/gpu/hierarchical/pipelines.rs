@@ -62,7 +62,7 @@ impl Layouts {
             .map(|entry| seen_by(COMPUTE, entry));
         let tile_pass = seen_by(ShaderStages::VERTEX_FRAGMENT, window(0));
         let of_rays = ray_entries(ShaderStages::FRAGMENT);
-        let rays = [of_rays[0], of_rays[1], seen_by(ShaderStages::FRAGMENT, integers(2))];
+        let rays = [of_rays[0], of_rays[1], seen_by(BOTH, integers(2))];
         let estimate = [writable(0), writable(1)].map(|entry| seen_by(COMPUTE, entry));
         Self {
             scene: layout(device, "cells and light", &scene),
@@ -99,7 +99,7 @@ impl Pipelines {
         };
         let constants =
             [("FILTER", f64::from(filter_constant(filter))), ("VISIBILITY", f64::from(u8::from(visibility)))];
-        let (work, estimate) = (with_groups(&[&layouts.work]), with_groups(&[&layouts.estimate]));
+        let (work, estimate) = (with_groups(&[&layouts.work, &layouts.rays]), with_groups(&[&layouts.estimate]));
         let result = with_groups(&[&layouts.result, &layouts.rays]);
         let (of_estimate, of_resolve) = (IRRADIANCE_ESTIMATE.module(device), RESOLVE.module(device));
         let resolve = |shading: bool| {
