@@ -5,11 +5,10 @@
 use std::sync::Arc;
 
 use glam::{Vec3, Vec4};
-use obvhs::ploc::morton::morton_encode_u64;
 
 use super::edges::DividedPixels;
 use super::ends::POINTS_IN_A_ROW;
-use super::every_other::{Adaptive, PixelGrid, STEP};
+use super::every_other::{AdaptiveLight, PixelGrid, STEP};
 use super::frame::FrameInputs;
 use crate::Error;
 use crate::pinhole::Receivers;
@@ -65,18 +64,15 @@ impl CausticAtHits<'_> {
             |index: usize| rays.least_around(index, COARSE_STEP, |other| Some(Vec3::from_slice(&coarse[other])));
         let fine =
             self.on_grid((STEP, inputs.progress), |index| inputs.hidden_error(direct[index] + least(index))).await?;
-        let mut caustic = Adaptive::new(rays, rays.hits.len(), wanted, direct);
-        let nodes = caustic.next();
-        caustic.set(nodes.into_iter().map(|index| (index, Vec4::from_array(fine[index]))));
-        loop {
-            let open = caustic.next();
-            if open.is_empty() {
-                break;
-            }
-            let sums = self.at(&open, |index| inputs.hidden_error(direct[index] + caustic.least(index))).await?;
-            caustic.set(open.into_iter().zip(sums));
+        let mut caustic = AdaptiveLight::new(rays, rays.hits.len(), wanted, direct);
+        if let Some(nodes) = caustic.next_open() {
+            caustic.set(nodes.into_iter().map(|index| (index, Vec4::from_array(fine[index]))));
         }
-        inputs.progress.advance(caustic.interpolated() as u64);
+        while let Some(open) = caustic.next_open() {
+            let sums = self.at(&open, |index| inputs.hidden_error(direct[index] + caustic.least(index))).await?;
+            caustic.set(sums);
+        }
+        inputs.progress.advance(caustic.interpolated_count() as u64);
         Ok(caustic.finish())
     }
 
@@ -98,23 +94,15 @@ impl CausticAtHits<'_> {
         Ok(all)
     }
 
-    /// At any hits.
-    async fn at(&self, which: &[usize], error: impl Fn(usize) -> f32) -> Result<Vec<Vec4>, Error> {
-        let code = |place: &usize| {
-            let (column, row) = self.rays.pixel(which[*place]);
-            morton_encode_u64(column as u32, row as u32, 0)
-        };
-        // Morton order: consecutive receivers are close together.
-        let mut order: Vec<usize> = (0..which.len()).collect();
-        order.sort_by_cached_key(code);
-        let ordered = || order.iter().map(|&place| which[place]);
-        let hits = ordered().filter_map(|index| self.rays.hits[index].as_ref());
+    /// At any hits; returns their indices, too.
+    async fn at(&self, which: &[usize], error: impl Fn(usize) -> f32) -> Result<Vec<(usize, Vec4)>, Error> {
+        let mut ordered = which.to_vec();
+        ordered.sort_by_cached_key(|&index| self.rays.place_on_curve(index));
+        let hits = ordered.iter().filter_map(|&index| self.rays.hits[index].as_ref());
         let points: Vec<_> = hits.map(|hit| (hit.position, hit.normal, hit.object)).collect();
         let mut receivers = Receivers::from_points(&points, POINTS_IN_A_ROW);
-        ordered().map(error).enumerate().for_each(|(place, error)| receivers.tolerate(place, error));
+        ordered.iter().enumerate().for_each(|(place, &index)| receivers.tolerate(place, error(index)));
         let sums = self.sum.irradiance(&receivers, self.inputs.progress).await?;
-        let mut in_order = vec![Vec4::ZERO; which.len()];
-        order.into_iter().zip(sums).for_each(|(place, sum)| in_order[place] = Vec4::from_array(sum));
-        Ok(in_order)
+        Ok(ordered.into_iter().zip(sums.into_iter().map(Vec4::from_array)).collect())
     }
 }

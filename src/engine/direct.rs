@@ -1,6 +1,7 @@
 //! Direct light on diffuse surfaces: the unoccluded irradiance, which is known exactly, times the fraction of it that
 //! shadow rays find unblocked (Heitz, Hill, McGuire 2018, *Combining Analytic Direct Illumination and Stochastic
-//! Shadows*). Nothing is approximated where nothing is occluded, or everything.
+//! Shadows*). At a point, nothing is approximated where nothing is occluded, or everything; between every other pixel of a picture the
+//! light is interpolated where it is smooth.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -8,7 +9,7 @@ use std::sync::Arc;
 use glam::{Vec3, Vec4};
 use rayon::prelude::*;
 
-use super::every_other::{Adaptive, PixelGrid, STEP};
+use super::every_other::{AdaptiveLight, PixelGrid, STEP};
 use super::shadows::Shadows;
 use crate::environment::CubeMap;
 use crate::progress::Progress;
@@ -57,13 +58,9 @@ impl<'a> DirectLight<'a> {
     pub fn at_hits(&self, rays: &CameraRays, wanted: impl Fn(u32) -> bool + Sync) -> Vec<Vec3> {
         let is_wanted = |hit: &Option<Hit>| hit.is_some_and(|hit| wanted(hit.object));
         let points = (0..rays.hits.len()).filter(|&index| is_wanted(&rays.hits[index]));
-        let mut light = Adaptive::new(rays, rays.hits.len(), points, &[]);
+        let mut light = AdaptiveLight::new(rays, rays.hits.len(), points, &[]);
         let mut edge = STEP * BLOCK;
-        loop {
-            let open = light.next();
-            if open.is_empty() {
-                return light.finish().iter().map(|light| Vec3::from_slice(light)).collect();
-            }
+        while let Some(open) = light.next_open() {
             let of_group = |indices: Vec<usize>| {
                 let points: Vec<&Hit> = indices.iter().filter_map(|&index| rays.hits[index].as_ref()).collect();
                 let irradiance = self.irradiance(&points).into_iter().map(|value| value.extend(0.0));
@@ -74,6 +71,7 @@ impl<'a> DirectLight<'a> {
             light.set(of_groups.into_iter().flatten());
             edge = BLOCK;
         }
+        light.finish().iter().map(|light| Vec3::from_slice(light)).collect()
     }
 }
 

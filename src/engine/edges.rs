@@ -1,10 +1,10 @@
 //! Anti-aliasing of caustics: where light differs from one pixel to the next on one surface, several points of the pixel share in it.
 
 use glam::{UVec2, Vec2, Vec3};
-use obvhs::ploc::morton::morton_encode_u64;
 use rayon::prelude::*;
 
 use super::ends::POINTS_IN_A_ROW;
+use super::every_other::PixelGrid;
 use crate::pinhole::Receivers;
 use crate::stages::CameraRays;
 use crate::tracing::{Hit, Tracer};
@@ -44,9 +44,7 @@ impl DividedPixels {
             (points.len() == POINTS.len()).then_some((index, points))
         };
         let mut found: Vec<(usize, Vec<Hit>)> = (0..rays.hits.len()).into_par_iter().filter_map(of_pixel).collect();
-        // Morton order: consecutive receivers are close together.
-        let width = rays.width as usize;
-        found.sort_by_cached_key(|(index, _)| morton_encode_u64((index % width) as u32, (index / width) as u32, 0));
+        found.sort_by_cached_key(|(index, _)| rays.place_on_curve(*index));
         let pixels = found.iter().map(|(index, _)| *index).collect();
         Self { pixels, points: found.into_iter().flat_map(|(_, points)| points).collect() }
     }

@@ -8,7 +8,7 @@ use obvhs::ploc::morton::morton_encode_u64;
 use rayon::prelude::*;
 
 use super::direct::DirectLight;
-use super::every_other::{Adaptive, EndGrid};
+use super::every_other::{AdaptiveLight, EndGrid};
 use super::frame::FrameInputs;
 use super::glossy::GlossyLight;
 use super::paths::EndPoint;
@@ -67,21 +67,18 @@ impl<'a> EndLight<'a> {
         let known: Vec<Option<Vec3>> = points.par_iter().enumerate().map(known).collect();
         let unknown = (0..points.len()).filter(|&index| known[index].is_none());
         let grid = EndGrid::new(points, width);
-        let mut light = Adaptive::new(&grid, points.len(), unknown, &[]);
+        let mut light = AdaptiveLight::new(&grid, points.len(), unknown, &[]);
         light.set(known.iter().enumerate().filter_map(|(index, value)| Some((index, (*value)?.extend(0.0)))));
         let of_group = |group: &[usize]| {
             let hits: Vec<&Hit> = group.iter().map(|&index| &points[index].hit).collect();
             self.diffuse.irradiance(&hits)
         };
-        loop {
-            let mut open = light.next();
-            if open.is_empty() {
-                return light.finish().iter().map(|light| Vec3::from_slice(light)).collect();
-            }
+        while let Some(mut open) = light.next_open() {
             sort_along_curve(&mut open, points);
             let computed: Vec<Vec3> = open.par_chunks(POINTS_IN_A_GROUP).flat_map_iter(of_group).collect();
             light.set(open.into_iter().zip(computed.into_iter().map(|value| value.extend(0.0))));
         }
+        light.finish().iter().map(|light| Vec3::from_slice(light)).collect()
     }
 }
 
@@ -122,20 +119,16 @@ pub(super) async fn caustic_at(
     gather.add(blurred.clone(), &|index| direct[index], &mut sums).await?;
     known.extend(blurred);
     let grid = EndGrid::new(points, rays.view.size[0]);
-    let mut caustic = Adaptive::new(&grid, points.len(), sharp.into_iter(), direct);
+    let mut caustic = AdaptiveLight::new(&grid, points.len(), sharp.into_iter(), direct);
     caustic.set(known.into_iter().map(|index| (index, Vec4::from_array(sums[index]))));
-    loop {
-        let open = caustic.next();
-        if open.is_empty() {
-            break;
-        }
+    while let Some(open) = caustic.next_open() {
         let light = |index: usize| direct[index] + caustic.least(index);
         let (glossy, diffuse) = open.iter().partition(|&&index| is_glossy(materials, &points[index]));
         gather.add(diffuse, &light, &mut sums).await?;
         gather.reflect(glossy, &light, &mut sums).await?;
         caustic.set(open.into_iter().map(|index| (index, Vec4::from_array(sums[index]))));
     }
-    inputs.progress.advance(caustic.interpolated() as u64);
+    inputs.progress.advance(caustic.interpolated_count() as u64);
     Ok(caustic.finish())
 }
 

@@ -1,6 +1,7 @@
 //! Light in every other pixel, in columns and in rows, and between them: mostly it changes little from pixel to pixel.
 
 use glam::{Vec2, Vec3, Vec4};
+use obvhs::ploc::morton::morton_encode_u64;
 use rayon::prelude::*;
 
 use super::interpolation::{MAX_DEVIATION, bilinear, is_smooth};
@@ -14,7 +15,7 @@ pub(super) const STEP: usize = 2;
 /// From pixel to pixel, interpolated light changes by no more than this part of all light.
 const MAX_STEP: f32 = 0.04;
 
-/// Points of surfaces by pixel.
+/// Points of surfaces by pixel; where a picture has several points per pixel, by those.
 pub(super) trait PixelGrid: Sync {
     /// Pixels in a row.
     fn width(&self) -> usize;
@@ -27,6 +28,12 @@ pub(super) trait PixelGrid: Sync {
 
     /// What is hit at a point.
     fn hit(&self, index: usize) -> Option<&Hit>;
+
+    /// A point's place along a Z-order curve over the picture: points that follow each other on it are close together.
+    fn place_on_curve(&self, index: usize) -> u64 {
+        let (column, row) = self.pixel(index);
+        morton_encode_u64(column as u32, row as u32, 0)
+    }
 
     /// The least light, channel by channel, at the four points around that lie `step` pixels apart; black if one of them is not known or
     /// lies on another surface.
@@ -50,7 +57,7 @@ pub(super) trait PixelGrid: Sync {
     }
 
     /// The light at a point from the sixteen around it, if they are all known, lie on the same smooth surface and are lit smoothly.
-    fn interpolated(&self, index: usize, light: impl Fn(usize) -> Option<Vec3>, beside: Vec3) -> Option<Vec3> {
+    fn interpolate_at(&self, index: usize, light: impl Fn(usize) -> Option<Vec3>, beside: Vec3) -> Option<Vec3> {
         let own = self.hit(index)?;
         let (x, y) = self.pixel(index);
         let first = (x / STEP * STEP).checked_sub(STEP).zip((y / STEP * STEP).checked_sub(STEP))?;
@@ -78,7 +85,7 @@ pub(super) trait PixelGrid: Sync {
 /// Light at points of a grid, which are computed a few at a time: first every other one, then those between which cannot be
 /// interpolated, until no computed point contradicts its neighbours.
 #[derive(Debug)]
-pub(super) struct Adaptive<'g, G> {
+pub(super) struct AdaptiveLight<'g, G> {
     grid: &'g G,
     /// Other light at the points, which hides differences.
     beside: &'g [Vec3],
@@ -92,7 +99,7 @@ pub(super) struct Adaptive<'g, G> {
     interpolated: Vec<usize>,
 }
 
-impl<'g, G: PixelGrid> Adaptive<'g, G> {
+impl<'g, G: PixelGrid> AdaptiveLight<'g, G> {
     /// Light at some of `count` points, in ascending order; no other light is beside it where `beside` is empty.
     pub fn new(grid: &'g G, count: usize, points: impl Iterator<Item = usize>, beside: &'g [Vec3]) -> Self {
         let (nodes, others) = points.partition(|&index| {
@@ -103,21 +110,17 @@ impl<'g, G: PixelGrid> Adaptive<'g, G> {
         Self { grid, beside, light, is_computed, nodes, others, interpolated: Vec::new() }
     }
 
-    /// The points that are to be computed next, in ascending order; none once all light is known.
-    pub fn next(&mut self) -> Vec<usize> {
-        if !self.nodes.is_empty() {
-            return std::mem::take(&mut self.nodes);
+    /// The points that are to be computed next, in ascending order; `None` once all light is known.
+    pub fn next_open(&mut self) -> Option<Vec<usize>> {
+        let mut open = std::mem::take(&mut self.nodes);
+        if open.is_empty() {
+            open = self.interpolate();
         }
-        if !self.others.is_empty() {
-            let open = self.interpolate();
-            if !open.is_empty() {
-                return open;
-            }
+        if open.is_empty() {
+            open = self.interpolated.par_iter().copied().filter(|&index| self.is_refuted(index)).collect();
+            self.interpolated.retain(|index| open.binary_search(index).is_err());
         }
-        let refuted: Vec<usize> =
-            self.interpolated.par_iter().copied().filter(|&index| self.is_refuted(index)).collect();
-        self.interpolated.retain(|index| refuted.binary_search(index).is_err());
-        refuted
+        (!open.is_empty()).then_some(open)
     }
 
     /// Sets what was computed at points.
@@ -134,7 +137,7 @@ impl<'g, G: PixelGrid> Adaptive<'g, G> {
     }
 
     /// The number of points that were interpolated.
-    pub fn interpolated(&self) -> usize {
+    pub fn interpolated_count(&self) -> usize {
         self.interpolated.len()
     }
 
@@ -151,7 +154,7 @@ impl<'g, G: PixelGrid> Adaptive<'g, G> {
     fn interpolate(&mut self) -> Vec<usize> {
         let others = std::mem::take(&mut self.others);
         let known = |index: usize| self.is_computed[index].then(|| self.light[index].truncate());
-        let between = |&index: &usize| self.grid.interpolated(index, known, self.beside(index));
+        let between = |&index: &usize| self.grid.interpolate_at(index, known, self.beside(index));
         let values: Vec<Option<Vec3>> = others.par_iter().map(between).collect();
         let mut open = Vec::new();
         for (index, value) in others.into_iter().zip(values) {
@@ -257,15 +260,15 @@ mod tests {
         let light = |index: usize| Some(Vec3::splat(20.0 + (index % 10) as f32 - 0.5 * (index / 10) as f32));
         let plane = ends(|_, _| 0.0);
         let grid = EndGrid::new(&plane, 10);
-        let interpolated = |light: &dyn Fn(usize) -> Option<Vec3>, index| grid.interpolated(index, light, Vec3::ZERO);
+        let interpolated = |light: &dyn Fn(usize) -> Option<Vec3>, index| grid.interpolate_at(index, light, Vec3::ZERO);
         assert_eq!(interpolated(&light, 55), light(55));
         assert_eq!(interpolated(&light, 1), None, "nodes would lie outside");
         assert_eq!(interpolated(&|index| light(index).filter(|_| index != 44), 55), None, "a node is not known");
         let ridge = |index: usize| Some(Vec3::splat(if index % 10 == 4 { 2.0 } else { 1.0 }));
         assert_eq!(interpolated(&ridge, 55), None);
-        assert!(grid.interpolated(55, ridge, Vec3::splat(100.0)).is_some(), "not seen beside more light");
+        assert!(grid.interpolate_at(55, ridge, Vec3::splat(100.0)).is_some(), "not seen beside more light");
         let step = ends(|x, z| if x == 5.0 && z == 5.0 { 3.0 } else { 0.0 });
-        assert_eq!(EndGrid::new(&step, 10).interpolated(55, light, Vec3::ZERO), None, "off its neighbours' surface");
+        assert_eq!(EndGrid::new(&step, 10).interpolate_at(55, light, Vec3::ZERO), None, "off its neighbours' surface");
     }
 
     /// A line of light one pixel wide, of which the nodes show every other pixel only.
@@ -274,12 +277,8 @@ mod tests {
         let plane = ends(|_, _| 0.0);
         let grid = EndGrid::new(&plane, 10);
         let light = |index: usize| Vec4::splat(if index / 10 == index % 10 { 2.0 } else { 1.0 });
-        let mut adaptive = Adaptive::new(&grid, 100, 0..100, &[]);
-        loop {
-            let open = adaptive.next();
-            if open.is_empty() {
-                break;
-            }
+        let mut adaptive = AdaptiveLight::new(&grid, 100, 0..100, &[]);
+        while let Some(open) = adaptive.next_open() {
             adaptive.set(open.into_iter().map(|index| (index, light(index))));
         }
         let found = adaptive.finish();
@@ -290,17 +289,13 @@ mod tests {
     fn even_light_is_computed_in_a_few_points() {
         let plane = ends(|_, _| 0.0);
         let grid = EndGrid::new(&plane, 10);
-        let mut adaptive = Adaptive::new(&grid, 100, 0..100, &[]);
+        let mut adaptive = AdaptiveLight::new(&grid, 100, 0..100, &[]);
         let mut count = 0;
-        loop {
-            let open = adaptive.next();
-            if open.is_empty() {
-                break;
-            }
+        while let Some(open) = adaptive.next_open() {
             count += open.len();
             adaptive.set(open.into_iter().map(|index| (index, Vec4::ONE)));
         }
-        assert_eq!((count, adaptive.interpolated()), (88, 12), "all but those in the middle");
+        assert_eq!((count, adaptive.interpolated_count()), (88, 12), "all but those in the middle");
         assert!(adaptive.finish().iter().all(|light| light[..3] == [1.0; 3]));
     }
 }

@@ -272,12 +272,7 @@ impl Gpu {
     /// Copies a 32-bit float texture back, row by row, once the work submitted before this call is done.
     pub fn read_texture(&self, texture: &wgpu::Texture) -> impl Future<Output = Result<Vec<[f32; 4]>, GpuError>> {
         let rows = Rows::of(texture);
-        let buffer = self.device.create_buffer(&wgpu::BufferDescriptor {
-            label: Some("read back"),
-            size: u64::from(rows.stride) * u64::from(rows.count),
-            usage: wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ,
-            mapped_at_creation: false,
-        });
+        let buffer = self.read_back_buffer(u64::from(rows.stride) * u64::from(rows.count));
         let mut encoder = self.device.create_command_encoder(&Default::default());
         let layout = wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(rows.stride), rows_per_image: None };
         encoder.copy_texture_to_buffer(
@@ -285,36 +280,40 @@ impl Gpu {
             wgpu::TexelCopyBufferInfo { buffer: &buffer, layout },
             texture.size(),
         );
+        let bytes = self.read_back(encoder, buffer);
+        async move { Ok(rows.texels(&bytes.await?)) }
+    }
+
+    /// Copies the first bytes of a buffer back, once the work submitted before this call is done. Their number is a multiple of four.
+    pub fn read_buffer(&self, buffer: &wgpu::Buffer, bytes: u64) -> impl Future<Output = Result<Vec<u8>, GpuError>> {
+        let copy = self.read_back_buffer(bytes);
+        let mut encoder = self.device.create_command_encoder(&Default::default());
+        encoder.copy_buffer_to_buffer(buffer, 0, &copy, 0, bytes);
+        self.read_back(encoder, copy)
+    }
+
+    fn read_back_buffer(&self, size: u64) -> wgpu::Buffer {
+        self.device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some("read back"),
+            size,
+            usage: wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ,
+            mapped_at_creation: false,
+        })
+    }
+
+    /// Submits commands that copy to a buffer, and reads it.
+    fn read_back(
+        &self,
+        encoder: wgpu::CommandEncoder,
+        buffer: wgpu::Buffer,
+    ) -> impl Future<Output = Result<Vec<u8>, GpuError>> {
         self.queue.submit([encoder.finish()]);
         let completion = Completion::default();
         let mapped = completion.clone();
         buffer.map_async(wgpu::MapMode::Read, .., move |result| mapped.complete(result));
         async move {
             self.completed(completion).await?.map_err(|e| self.lost(e))?;
-            let bytes = buffer.get_mapped_range(..).map_err(|e| self.lost(e))?;
-            Ok(rows.texels(&bytes))
-        }
-    }
-}
-
-impl Gpu {
-    /// Copies the first bytes of a buffer back, once the work submitted before this call is done. Their number is a multiple of four.
-    pub fn read_buffer(&self, buffer: &wgpu::Buffer, bytes: u64) -> impl Future<Output = Result<Vec<u8>, GpuError>> {
-        let copy = self.device.create_buffer(&wgpu::BufferDescriptor {
-            label: Some("read back"),
-            size: bytes,
-            usage: wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ,
-            mapped_at_creation: false,
-        });
-        let mut encoder = self.device.create_command_encoder(&Default::default());
-        encoder.copy_buffer_to_buffer(buffer, 0, &copy, 0, bytes);
-        self.queue.submit([encoder.finish()]);
-        let completion = Completion::default();
-        let mapped = completion.clone();
-        copy.map_async(wgpu::MapMode::Read, .., move |result| mapped.complete(result));
-        async move {
-            self.completed(completion).await?.map_err(|e| self.lost(e))?;
-            Ok(copy.get_mapped_range(..).map_err(|e| self.lost(e))?.to_vec())
+            Ok(buffer.get_mapped_range(..).map_err(|e| self.lost(e))?.to_vec())
         }
     }
 }

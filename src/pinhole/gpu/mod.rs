@@ -128,7 +128,7 @@ impl Engine {
         }
         check_limits(&device.limits(), inputs)?;
         let count = if self.blends { 1 } else { 2 };
-        let targets: Vec<wgpu::Texture> = (0..count).map(|_| target(device, inputs.size)).collect();
+        let targets: Vec<wgpu::Texture> = (0..count).map(|_| target(device, inputs.size, TARGET_FORMAT)).collect();
         let views: Vec<wgpu::TextureView> = targets.iter().map(|t| t.create_view(&Default::default())).collect();
         let previous = if self.blends {
             Vec::new()
@@ -292,14 +292,15 @@ fn storage_buffer(device: &wgpu::Device, label: &str, contents: &[u8]) -> wgpu::
     })
 }
 
-fn target(device: &wgpu::Device, [width, height]: [u32; 2]) -> wgpu::Texture {
+/// A texture that passes draw into and read, and that can be copied.
+fn target(device: &wgpu::Device, [width, height]: [u32; 2], format: wgpu::TextureFormat) -> wgpu::Texture {
     device.create_texture(&wgpu::TextureDescriptor {
-        label: Some("caustic"),
+        label: Some("target"),
         size: wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
         mip_level_count: 1,
         sample_count: 1,
         dimension: wgpu::TextureDimension::D2,
-        format: TARGET_FORMAT,
+        format,
         usage: wgpu::TextureUsages::RENDER_ATTACHMENT
             | wgpu::TextureUsages::TEXTURE_BINDING
             | wgpu::TextureUsages::COPY_SRC,

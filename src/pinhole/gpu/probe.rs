@@ -64,7 +64,8 @@ async fn probe_batch(
     let group_layout = layout(device, "filter probe", &[&gather_inputs()[..], &[storage(GATHER_INPUTS)]].concat());
     let group = bind_probes(device, &group_layout, environment, params, probes);
     let pipeline = pipeline(device, &group_layout, params.filter);
-    let target = super::target(device, [PROBES_PER_ROW, (probes.len() as u32).div_ceil(PROBES_PER_ROW)]);
+    let rows = (probes.len() as u32).div_ceil(PROBES_PER_ROW);
+    let target = super::target(device, [PROBES_PER_ROW, rows], TARGET_FORMAT);
     let view = target.create_view(&Default::default());
     let mut encoder = device.create_command_encoder(&Default::default());
     {

@@ -27,7 +27,7 @@ use self::pipelines::Pipelines;
 use self::tile_batch::TileBatch;
 use super::maps::{RayInputs, VisibilityMapBuffers};
 use super::pipeline::bind;
-use super::{EnvironmentCube, FrameViewers, bind_receivers, target};
+use super::{EnvironmentCube, FrameViewers, TARGET_FORMAT, bind_receivers, target};
 use crate::gpu::GpuError;
 use crate::pinhole::constants::TILE_SIZE;
 use crate::pinhole::{Filter, GatherUniforms, Params};
@@ -77,8 +77,7 @@ pub struct HierarchicalInputs<'a> {
     /// Leaves are quartered for receivers that are nearer to them than they are wide.
     pub split_near: bool,
     /// Passes that the pixels' own work is split into, from 1 to 4096: all but the last do a bounded part of it. More where an adapter
-    /// limits loops (see
-    /// [`HierarchicalFrame::caustic`]) or the time of a draw.
+    /// limits loops (see [`HierarchicalFrame::caustic`]) or the time of a draw.
     pub split_passes: u32,
 }
 
@@ -156,11 +155,11 @@ impl HierarchicalEngine {
         let batch = TileBatch::new(device, inputs, &tiling);
         let layouts = &self.pipelines.layouts;
         let count = tiling.split_passes.min(2);
-        let targets: Vec<wgpu::Texture> = (0..count).map(|_| target(device, inputs.size)).collect();
+        let targets: Vec<wgpu::Texture> = (0..count).map(|_| target(device, inputs.size, TARGET_FORMAT)).collect();
         let view = |texture: &wgpu::Texture| texture.create_view(&Default::default());
         let views: Vec<ResolveTarget> = targets
             .iter()
-            .map(|sum| ResolveTarget { sum: view(sum), walk: view(&walk_target(device, inputs.size)) })
+            .map(|sum| ResolveTarget { sum: view(sum), walk: view(&target(device, inputs.size, WALK_FORMAT)) })
             .collect();
         let estimate = matches!(inputs.tolerance, Tolerance::Relative(_)).then(|| {
             let resources = [batch.partial_sums.as_entire_binding(), batch.tolerance.as_entire_binding()];
@@ -227,7 +226,7 @@ impl HierarchicalEngine {
             return vec![result(&second.sum, &second.walk), result(&first.sum, &first.walk)];
         }
         // A single pass reads nothing from there.
-        let nothing = walk_target(device, [1, 1]).create_view(&Default::default());
+        let nothing = target(device, [1, 1], WALK_FORMAT).create_view(&Default::default());
         vec![result(&batch.interpolated_part, &nothing)]
     }
 
@@ -295,19 +294,6 @@ pub(super) struct ResolveTarget {
     pub sum: wgpu::TextureView,
     /// Where pixels' walks through the tree stopped.
     pub walk: wgpu::TextureView,
-}
-
-fn walk_target(device: &wgpu::Device, [width, height]: [u32; 2]) -> wgpu::Texture {
-    device.create_texture(&wgpu::TextureDescriptor {
-        label: Some("walks"),
-        size: wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
-        mip_level_count: 1,
-        sample_count: 1,
-        dimension: wgpu::TextureDimension::D2,
-        format: WALK_FORMAT,
-        usage: wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::TEXTURE_BINDING,
-        view_formats: &[],
-    })
 }
 
 fn uniform_buffer(device: &wgpu::Device, label: &str, contents: &[u8]) -> wgpu::Buffer {
