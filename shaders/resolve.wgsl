@@ -264,9 +264,11 @@ fn visit_cell(
     if seen == 0.0 {
         return Visit(looked_up, false);
     }
-    let is_near = max_contribution * size * size * WEIGHT_ERROR_SCALE > error_budget;
+    let is_near = is_uneven(max_contribution, size, error_budget);
     if is_leaf(cell) && tree.split_near != 0u && is_near {
-        return Visit(contribution_of_quarters(cell, receiver, seen, traversal) + looked_up, false);
+        // The most that reaches the receiver per weight.
+        let light = max_contribution / weight.value;
+        return Visit(contribution_of_quarters(cell, receiver, seen, light, traversal) + looked_up, false);
     }
     if !(pair.cosine_product > 0.0) {
         return Visit(looked_up, false);
@@ -425,11 +427,17 @@ fn turned(start: vec3f, end: vec3f, angle: f32) -> vec3f {
     return cos(angle) * start + sin(angle) / sine * across;
 }
 
+// Whether the weight of a cell of this relative size differs too much within it.
+fn is_uneven(max_contribution: f32, size: f32, error_budget: f32) -> bool {
+    return max_contribution * size * size * WEIGHT_ERROR_SCALE > error_budget;
+}
+
 // What a leaf contributes to a receiver so near to it that it is not one sample for it: its parallelogram is quartered until each
 // piece is, or is too small to matter.
 fn contribution_of_quarters(
-    leaf: Cell, receiver: Receiver, visible_fraction: f32, traversal: ptr<function, Traversal>,
+    leaf: Cell, receiver: Receiver, visible_fraction: f32, max_light: f32, traversal: ptr<function, Traversal>,
 ) -> vec4f {
+    let error_budget = PAIR_ERROR_SHARE * allowed_error(receiver);
     // Two bits a level say which quarter.
     var path = 0u;
     var depth = 1u;
@@ -438,7 +446,9 @@ fn contribution_of_quarters(
         let piece = piece_of(leaf, path, depth);
         let pair = pair_of(piece, receiver);
         let size = pair.inverse_l * 0.5 * (length(piece.side_1) + length(piece.side_2));
-        if depth < MAX_QUARTERINGS && size > MAX_RELATIVE_SIZE {
+        let is_large = size > MAX_RELATIVE_SIZE
+            || (size > MAX_PIECE_SIZE && is_uneven(max_light * weight_of(piece, pair, receiver), size, error_budget));
+        if depth < MAX_QUARTERINGS && is_large {
             path <<= 2u;
             depth += 1u;
             continue;
@@ -460,6 +470,12 @@ fn contribution_of_quarters(
 fn piece_of(leaf: Cell, path: u32, depth: u32) -> Cell {
     var piece = leaf;
     // No loop: adapters may limit their iterations.
+    if depth > 6u {
+        piece = quarter_of(piece, (path >> 12u) & 3u);
+    }
+    if depth > 5u {
+        piece = quarter_of(piece, (path >> 10u) & 3u);
+    }
     if depth > 4u {
         piece = quarter_of(piece, (path >> 8u) & 3u);
     }

@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use glam::{Vec3, Vec4};
 
-use super::edges::DividedPixels;
+use super::edges::{Caustic, DividedPixels, MIN_CONTRAST, SeenLight, parts_of_pixel};
 use super::ends::POINTS_IN_A_ROW;
 use super::every_other::{AdaptiveLight, PixelGrid, STEP};
 use super::frame::FrameInputs;
@@ -37,20 +37,17 @@ impl CausticAtHits<'_> {
     }
 
     /// As exactly as it can be seen beside direct light.
-    pub async fn beside(&self, direct: &[Vec3]) -> Result<Vec<[f32; 4]>, Error> {
+    pub async fn beside(&self, direct: &[Vec3]) -> Result<Caustic, Error> {
         let Self { inputs, rays, .. } = *self;
-        let mut caustic = self.every_other(direct).await?;
-        if rays.view.pixel_samples == 1 {
-            let tracer = &inputs.prepared.tracer;
-            let divided = DividedPixels::find(tracer, rays, direct, (&caustic, inputs.options.tolerance));
-            if !divided.is_empty() {
-                let mut receivers = divided.receivers();
-                let all = |index: usize| direct[index] + Vec3::from_slice(&caustic[index]);
-                divided.tolerate(&mut receivers, |index| inputs.hidden_error(all(index)));
-                divided.average(&self.sum.irradiance(&receivers, &NoProgress).await?, &mut caustic);
-            }
+        let caustic = self.every_other(direct).await?;
+        if rays.view.pixel_samples > 1 {
+            return Ok(caustic.into());
         }
-        Ok(caustic)
+        let tolerance = inputs.options.tolerance;
+        let light = SeenLight { direct, caustic: &caustic, tolerance, min_contrast: MIN_CONTRAST };
+        let parts = |index: usize| parts_of_pixel(&inputs.prepared.tracer, rays, index);
+        let divided = DividedPixels::find((rays, caustic.len()), |one, other| light.is_edge(one, other), parts);
+        divided.with_caustic((inputs, self.sum), direct, caustic).await
     }
 
     /// In every other pixel, and between these where it cannot be interpolated. What is known around a point tells how large an error

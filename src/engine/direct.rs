@@ -17,6 +17,8 @@ use crate::scene::Visibility;
 use crate::stages::{CameraRays, LightStages, PreparedLight};
 use crate::tracing::{Hit, Tracer};
 
+/// Points out of the picture, approximately, that tell how enclosed it is.
+const SEEN_POINTS: usize = 64;
 /// Edge of the blocks of camera rays whose shadows are found together.
 const BLOCK: usize = 32;
 
@@ -34,11 +36,14 @@ impl<'a> DirectLight<'a> {
         light: &'a PreparedLight,
         stages: &mut LightStages,
         tracer: &'a Tracer,
-        visibility: Visibility,
+        (visibility, rays): (Visibility, &CameraRays),
         progress: &dyn Progress,
     ) -> Self {
-        let shadows =
-            (visibility == Visibility::Full).then(|| Shadows::new(light, &stages.sampler(light, progress), tracer));
+        let shadows = (visibility == Visibility::Full).then(|| {
+            let seen: Vec<&Hit> = rays.hits.iter().flatten().collect();
+            let seen: Vec<&Hit> = seen.iter().step_by(seen.len() / SEEN_POINTS + 1).copied().collect();
+            Shadows::new(light, &stages.sampler(light, progress), tracer, &seen)
+        });
         Self { light, irradiance: stages.irradiance(light, progress), shadows }
     }
 
@@ -104,7 +109,7 @@ mod tests {
         let rays = CameraRays::trace(&tracer, view);
         let mut stages = LightStages::new();
         let light = stages.prepare(&scene.environment, CubeSize::default(), &NoProgress).unwrap();
-        let direct = DirectLight::new(&light, &mut stages, &tracer, Visibility::Full, &NoProgress);
+        let direct = DirectLight::new(&light, &mut stages, &tracer, (Visibility::Full, &rays), &NoProgress);
         let together = direct.at_hits(&rays, |_| true);
         let brightest = together.iter().map(|v| v.max_element()).fold(0.0, f32::max);
         let differences: Vec<f32> = (0..rays.hits.len())

@@ -1,105 +1,220 @@
 //! Anti-aliasing of caustics: where light differs from one pixel to the next on one surface, several points of the pixel share in it.
 
-use glam::{UVec2, Vec2, Vec3};
+use std::collections::HashMap;
+use std::sync::Arc;
+
+use glam::{UVec2, Vec2, Vec3, Vec4};
 use rayon::prelude::*;
 
-use super::ends::POINTS_IN_A_ROW;
+use super::ends::{POINTS_IN_A_GROUP, POINTS_IN_A_ROW};
 use super::every_other::PixelGrid;
+use super::frame::FrameInputs;
+use super::paths::share_light;
+use crate::Error;
 use crate::pinhole::Receivers;
+use crate::progress::NoProgress;
 use crate::stages::CameraRays;
+use crate::technique::Sum;
 use crate::tracing::{Hit, Tracer};
 
-/// A pixel is divided if its caustic differs from a neighbour's by more than this part of all light there,
-const MIN_CONTRAST: f32 = 0.1;
-/// and by more than this many times what the tolerance alone may make of it.
+/// A pixel is divided if its caustic differs from a neighbour's by more than this part of all light there.
+pub(super) const MIN_CONTRAST: f32 = 0.1;
+/// The same in mirrors, which seldom show an edge along many pixels.
+pub(super) const MIN_MIRRORED_CONTRAST: f32 = 0.2;
+/// It differs by more than this many times what the tolerance alone may make of it, too.
 const MIN_TOLERANCES: f32 = 10.0;
-/// Neighbours lie on one surface if the cosine between their normals is this, at least.
-const MIN_NORMAL_COSINE: f32 = 0.9;
-/// Points of a divided pixel, from its centre, in pixels: no two share a row or a column.
-const POINTS: [Vec2; 4] =
+/// Parts of a divided pixel.
+pub(super) const PARTS: usize = 4;
+/// Their places, from its centre, in pixels: no two share a row or a column.
+pub(super) const PLACES: [Vec2; PARTS] =
     [Vec2::new(-0.125, -0.375), Vec2::new(0.375, -0.125), Vec2::new(0.125, 0.375), Vec2::new(-0.375, 0.125)];
+/// The parts that are nearest to 4×4 points of a pixel, row by row.
+pub(super) const NEAREST_PARTS: [usize; 16] = [0, 0, 0, 1, 3, 0, 1, 1, 3, 3, 2, 1, 3, 2, 2, 2];
 
-/// Pixels that are divided, and their points.
-#[derive(Debug)]
-pub(super) struct DividedPixels {
-    /// Indices of the camera rays.
-    pixels: Vec<usize>,
-    /// As many for each pixel as there are [`POINTS`], one pixel after the other.
-    points: Vec<Hit>,
+/// Light in the parts of pixels that are divided, W/m², by point.
+pub(super) type Parts = HashMap<u32, [Vec3; PARTS]>;
+
+/// The caustic's irradiance, W/m².
+#[derive(Debug, Default)]
+pub(super) struct Caustic {
+    /// By point, with the number of fetches in w; may be padded to whole rows.
+    pub sums: Vec<[f32; 4]>,
+    /// Their mean is the sum.
+    pub parts: Parts,
 }
+
+/// Direct irradiance, W/m².
+#[derive(Debug, Default)]
+pub(super) struct Direct {
+    /// By point.
+    pub light: Vec<Vec3>,
+    /// Their mean is the point's light.
+    pub parts: Parts,
+}
+
+impl From<Vec<[f32; 4]>> for Caustic {
+    /// Of pixels that are not divided.
+    fn from(sums: Vec<[f32; 4]>) -> Self {
+        Self { sums, parts: Parts::new() }
+    }
+}
+
+impl From<Vec<Vec3>> for Direct {
+    /// Of pixels that are not divided.
+    fn from(light: Vec<Vec3>) -> Self {
+        Self { light, parts: Parts::new() }
+    }
+}
+
+/// Whether irradiance differs by more than this part of all light there.
+pub(super) fn differs((one, other): (Vec3, Vec3), all: Vec3, min_contrast: f32) -> bool {
+    (one - other).abs().max_element() > min_contrast * all.max_element()
+}
+
+/// The caustic and the direct light at the points of a grid.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct SeenLight<'a> {
+    pub direct: &'a [Vec3],
+    pub caustic: &'a [[f32; 4]],
+    /// Relative tolerance of the caustic.
+    pub tolerance: f32,
+    /// See [`MIN_CONTRAST`].
+    pub min_contrast: f32,
+}
+
+impl SeenLight<'_> {
+    /// Whether the caustic has an edge between two points.
+    pub fn is_edge(&self, one: usize, other: usize) -> bool {
+        let min_contrast = self.min_contrast.max(MIN_TOLERANCES * self.tolerance);
+        let caustics = [one, other].map(|index| Vec3::from_slice(&self.caustic[index]));
+        let all = (self.direct[one] + caustics[0]).max(self.direct[other] + caustics[1]);
+        differs(caustics.into(), all, min_contrast)
+    }
+}
+
+/// A part of a divided pixel.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Part {
+    /// It shows something else.
+    Other,
+    /// Its light is known.
+    Known(Vec3),
+    /// Its light is to be computed.
+    Open(Hit),
+}
+
+/// Points of a grid whose pixels are divided: their indices, and the parts.
+#[derive(Debug)]
+pub(super) struct DividedPixels(Vec<(usize, [Part; PARTS])>);
 
 impl DividedPixels {
-    /// Finds pixels whose caustic, of this relative tolerance, differs from that of their neighbours beside this direct light, and all of
-    /// whose points lie on one surface. The camera has one ray for each pixel.
-    pub fn find(tracer: &Tracer, rays: &CameraRays, direct: &[Vec3], (caustic, tolerance): (&[[f32; 4]], f32)) -> Self {
-        let min_contrast = MIN_CONTRAST.max(MIN_TOLERANCES * tolerance);
-        let differs = |one: usize, other: usize| {
-            let light = |index: usize| Vec3::from_slice(&caustic[index]);
-            let all = (direct[one] + light(one)).max(direct[other] + light(other));
-            (light(one) - light(other)).abs().max_element() > min_contrast * all.max_element()
+    /// Finds points, of `count`, at an edge between them and their neighbours on the same surface. `parts` are those of a point's
+    /// pixel.
+    pub fn find(
+        (grid, count): (&impl PixelGrid, usize),
+        is_edge: impl Fn(usize, usize) -> bool + Sync,
+        parts: impl Fn(usize) -> [Part; PARTS] + Sync,
+    ) -> Self {
+        let of_point = |index: usize| {
+            let is_divided = is_beside_edge(grid, index, |other| is_edge(index, other));
+            let parts = is_divided.then(|| parts(index))?;
+            parts.iter().any(|part| !matches!(part, Part::Other)).then_some((index, parts))
         };
-        let of_pixel = |index: usize| {
-            let own = rays.hits[index].as_ref().filter(|_| differs_from_neighbour(rays, index, differs))?;
-            let points = points_of(tracer, rays, index, own);
-            (points.len() == POINTS.len()).then_some((index, points))
-        };
-        let mut found: Vec<(usize, Vec<Hit>)> = (0..rays.hits.len()).into_par_iter().filter_map(of_pixel).collect();
-        found.sort_by_cached_key(|(index, _)| rays.place_on_curve(*index));
-        let pixels = found.iter().map(|(index, _)| *index).collect();
-        Self { pixels, points: found.into_iter().flat_map(|(_, points)| points).collect() }
+        let mut found: Vec<_> = (0..count).into_par_iter().filter_map(of_point).collect();
+        found.sort_by_cached_key(|(index, _)| grid.place_on_curve(*index));
+        Self(found)
     }
 
-    /// The points as receivers.
-    pub fn receivers(&self) -> Receivers {
-        let points: Vec<_> = self.points.iter().map(|hit| (hit.position, hit.normal, hit.object)).collect();
-        Receivers::from_points(&points, POINTS_IN_A_ROW)
+    /// The open parts, with the indices of their points.
+    fn open(&self) -> impl Iterator<Item = (usize, &Hit)> {
+        self.0.iter().flat_map(|(index, parts)| {
+            parts.iter().filter_map(|part| if let Part::Open(hit) = part { Some((*index, hit)) } else { None })
+        })
     }
 
-    /// The error that may be made at each point beyond the accuracy of the sum.
-    pub fn tolerate(&self, receivers: &mut Receivers, error: impl Fn(usize) -> f32) {
-        let of_points = self.pixels.iter().flat_map(|&index| [index; POINTS.len()]);
-        of_points.enumerate().for_each(|(place, index)| receivers.tolerate(place, error(index)));
-    }
-
-    /// Replaces the light of the divided pixels by the mean of that of their points. Fetches add up.
-    pub fn average(&self, of_points: &[[f32; 4]], caustic: &mut [[f32; 4]]) {
-        for (&index, own) in self.pixels.iter().zip(of_points.chunks(POINTS.len())) {
-            let fetches = caustic[index][3] + own.iter().map(|sum| sum[3]).sum::<f32>();
-            let mean = own.iter().map(|sum| Vec3::from_slice(sum)).sum::<Vec3>() / own.len() as f32;
-            caustic[index] = mean.extend(fetches).to_array();
+    /// Computes the caustic in all open parts.
+    pub async fn with_caustic(
+        self,
+        (inputs, sum): (&FrameInputs<'_>, &Arc<dyn Sum>),
+        direct: &[Vec3],
+        sums: Vec<[f32; 4]>,
+    ) -> Result<Caustic, Error> {
+        let places: Vec<_> = self.open().map(|(_, hit)| (hit.position, hit.normal, hit.object)).collect();
+        let mut of_parts = Vec::new();
+        if !places.is_empty() {
+            let mut receivers = Receivers::from_points(&places, POINTS_IN_A_ROW);
+            for (place, (index, _)) in self.open().enumerate() {
+                receivers.tolerate(place, inputs.hidden_error(direct[index] + Vec3::from_slice(&sums[index])));
+            }
+            of_parts = sum.irradiance(&receivers, &NoProgress).await?;
         }
+        let mut caustic = Caustic::from(sums);
+        for (index, parts) in self.lit(of_parts.into_iter().map(Vec4::from_array)) {
+            let [.., fetches] = &mut caustic.sums[index];
+            let fetches = *fetches + parts.iter().map(|part| part.w).sum::<f32>();
+            let parts = parts.map(Vec4::truncate);
+            caustic.sums[index] = mean(parts).extend(fetches).to_array();
+            caustic.parts.insert(index as u32, parts);
+        }
+        Ok(caustic)
     }
 
-    pub fn is_empty(&self) -> bool {
-        self.points.is_empty()
+    /// Computes direct light in all open parts, by a function that takes some of them that are close to each other.
+    pub fn with_direct(self, irradiance: impl Fn(&[&Hit]) -> Vec<Vec3> + Send + Sync, light: Vec<Vec3>) -> Direct {
+        let open: Vec<&Hit> = self.open().map(|(_, hit)| hit).collect();
+        let of_parts: Vec<Vec3> = open.par_chunks(POINTS_IN_A_GROUP).flat_map_iter(irradiance).collect();
+        let mut direct = Direct::from(light);
+        for (index, parts) in self.lit(of_parts.into_iter().map(|light| light.extend(0.0))) {
+            let parts = parts.map(Vec4::truncate);
+            direct.light[index] = mean(parts);
+            direct.parts.insert(index as u32, parts);
+        }
+        direct
+    }
+
+    /// The light in all parts, from that in the open ones. Parts that show something else get the mean of the others.
+    fn lit(self, mut of_open: impl Iterator<Item = Vec4>) -> impl Iterator<Item = (usize, [Vec4; PARTS])> {
+        self.0.into_iter().map(move |(index, parts)| {
+            let own = parts.map(|part| match part {
+                Part::Other => None,
+                Part::Known(light) => Some(light.extend(0.0)),
+                Part::Open(_) => of_open.next(),
+            });
+            let known = || own.iter().flatten();
+            let mean = known().map(|light| light.truncate()).sum::<Vec3>() / known().count() as f32;
+            (index, own.map(|light| light.unwrap_or(mean.extend(0.0))))
+        })
     }
 }
 
-/// Whether a pixel differs from any neighbour on the same surface.
-fn differs_from_neighbour(rays: &CameraRays, index: usize, differs: impl Fn(usize, usize) -> bool) -> bool {
-    let width = rays.width as usize;
-    let x = index % width;
-    let neighbours = [
-        (x > 0).then(|| index - 1),
-        (x + 1 < width).then_some(index + 1),
-        index.checked_sub(width),
-        Some(index + width).filter(|k| *k < rays.hits.len()),
-    ];
-    let own = rays.hits[index].as_ref();
-    let is_same = |other: &Hit| {
-        own.is_some_and(|own| other.object == own.object && other.normal.dot(own.normal) > MIN_NORMAL_COSINE)
-    };
-    let on_same = |other: usize| rays.hits[other].as_ref().is_some_and(is_same);
-    neighbours.into_iter().flatten().any(|other| on_same(other) && differs(index, other))
+fn mean(parts: [Vec3; PARTS]) -> Vec3 {
+    parts.iter().sum::<Vec3>() / PARTS as f32
 }
 
-/// Points of a pixel on the surface that its centre shows.
-fn points_of(tracer: &Tracer, rays: &CameraRays, index: usize, own: &Hit) -> Vec<Hit> {
+/// Whether there is an edge between a point and any of its neighbours on the same surface.
+fn is_beside_edge(grid: &impl PixelGrid, index: usize, is_edge: impl Fn(usize) -> bool) -> bool {
+    if grid.hit(index).is_none() {
+        return false;
+    }
+    let (x, y) = grid.pixel(index);
+    let columns = [x.checked_sub(1), Some(x + 1).filter(|x| *x < grid.width())].into_iter().flatten();
+    let rows = [y.checked_sub(1), Some(y + 1)].into_iter().flatten();
+    let neighbours = columns.map(|column| (column, y)).chain(rows.map(|row| (x, row)));
+    let mut others = neighbours.filter_map(|(column, row)| grid.counterpart(index, column, row));
+    others.any(|other| grid.is_same_surface(index, other) && is_edge(other))
+}
+
+/// The parts of a pixel that show the same surface as its centre.
+pub(super) fn parts_of_pixel(tracer: &Tracer, rays: &CameraRays, index: usize) -> [Part; PARTS] {
     let (view, width) = (&rays.view, rays.width as usize);
     let centre = Vec2::new((index % width) as f32, (index / width + view.first_row as usize) as f32) + 0.5;
     let size = UVec2::from_array(view.size).as_vec2();
-    let hit = |offset: Vec2| tracer.camera_hit(view.camera.ray(centre + offset, size));
-    POINTS.iter().filter_map(|offset| hit(*offset)).filter(|hit| hit.object == own.object).collect()
+    let own = rays.hits[index].as_ref();
+    PLACES.map(|place| {
+        let hit = tracer.camera_hit(view.camera.ray(centre + place, size));
+        let hit = hit.filter(|hit| own.is_some_and(|own| share_light(own, hit)));
+        hit.map_or(Part::Other, Part::Open)
+    })
 }
 
 #[cfg(test)]
@@ -108,27 +223,54 @@ mod tests {
     use crate::scene::load;
     use crate::stages::View;
 
+    /// Light on one side of a column of a picture of a table.
     #[test]
-    fn pixels_at_an_edge_of_light_are_divided() {
+    fn points_at_an_edge_of_light_are_found() {
         let scene = load::<toml::Table>("mirror-sphere").unwrap().scene;
         let tracer = Tracer::new(&scene);
         let view = View { camera: scene.camera, size: [32, 32], pixel_samples: 1, first_row: 0, rows: 32 };
         let rays = CameraRays::trace(&tracer, view);
-        let direct = vec![Vec3::ONE; rays.hits.len()];
-        // Light on one side of a column.
         let caustic: Vec<[f32; 4]> = (0..1024).map(|k| [if k % 32 < 5 { 0.5 } else { 0.0 }; 4]).collect();
-        let divided = DividedPixels::find(&tracer, &rays, &direct, (&caustic, 0.01));
-        assert!(!divided.is_empty());
-        assert!(divided.pixels.iter().all(|index| [4, 5].contains(&(index % 32))));
-        let half: Vec<[f32; 4]> = (0..divided.points.len()).map(|k| [(k % 2) as f32, 0.0, 0.0, 1.0]).collect();
-        let mut averaged = caustic.clone();
-        divided.average(&half, &mut averaged);
-        let index = divided.pixels[0];
-        assert_eq!(averaged[index], [0.5, 0.0, 0.0, caustic[index][3] + 4.0]);
-        // Beside much more light nothing is seen of it.
-        let bright = vec![Vec3::splat(100.0); rays.hits.len()];
-        assert!(DividedPixels::find(&tracer, &rays, &bright, (&caustic, 0.01)).is_empty());
-        // Coarse sums differ by themselves.
-        assert!(DividedPixels::find(&tracer, &rays, &direct, (&caustic, 0.05)).is_empty());
+        let at_edge = |direct: f32, tolerance: f32| -> Vec<usize> {
+            let direct = vec![Vec3::splat(direct); 1024];
+            let light = SeenLight { direct: &direct, caustic: &caustic, tolerance, min_contrast: MIN_CONTRAST };
+            (0..1024).filter(|&index| is_beside_edge(&rays, index, |other| light.is_edge(index, other))).collect()
+        };
+        let found = at_edge(1.0, 0.01);
+        assert!(found.len() > 10);
+        assert!(found.iter().all(|index| [4, 5].contains(&(index % 32))));
+        assert!(
+            found
+                .iter()
+                .all(|&index| parts_of_pixel(&tracer, &rays, index).iter().all(|part| matches!(part, Part::Open(_))))
+        );
+        assert!(at_edge(100.0, 0.01).is_empty(), "beside much more light nothing is seen of it");
+        assert!(at_edge(1.0, 0.05).is_empty(), "coarse sums differ by themselves");
+    }
+
+    #[test]
+    fn light_of_a_pixel_is_the_mean_of_its_parts() {
+        let hit =
+            Hit { object: 0, position: Vec3::ZERO, distance: 1.0, normal: Vec3::Y, face_normal: Vec3::Y, front: true };
+        let divided = DividedPixels(vec![
+            (2, [Part::Open(hit), Part::Other, Part::Open(hit), Part::Other]),
+            (0, [Part::Known(Vec3::ONE), Part::Other, Part::Other, Part::Open(hit)]),
+        ]);
+        let open = |hits: &[&Hit]| (0..hits.len()).map(|k| Vec3::new(2.0 + 2.0 * k as f32, k as f32, 0.0)).collect();
+        let direct = divided.with_direct(open, vec![Vec3::ONE; 3]);
+        let means = [Vec3::new(3.5, 1.5, 0.5), Vec3::ONE, Vec3::new(3.0, 0.5, 0.0)];
+        assert_eq!(direct.light, means);
+        assert_eq!(direct.parts[&2], [Vec3::new(2.0, 0.0, 0.0), means[2], Vec3::new(4.0, 1.0, 0.0), means[2]]);
+        assert_eq!(direct.parts[&0], [Vec3::ONE, means[0], means[0], Vec3::new(6.0, 2.0, 0.0)]);
+        assert_eq!(direct.parts.len(), 2);
+    }
+
+    #[test]
+    fn points_belong_to_the_nearest_part() {
+        for (k, part) in NEAREST_PARTS.into_iter().enumerate() {
+            let at = (Vec2::new((k % 4) as f32, (k / 4) as f32) - 1.5) / 4.0;
+            let nearest = PLACES.iter().map(|place| place.distance(at)).fold(f32::INFINITY, f32::min);
+            assert!(PLACES[part].distance(at) < nearest + 1e-6, "{k}");
+        }
     }
 }

@@ -8,13 +8,15 @@ use obvhs::ploc::morton::morton_encode_u64;
 use rayon::prelude::*;
 
 use super::direct::DirectLight;
+use super::edges::{Caustic, Direct, DividedPixels, MIN_MIRRORED_CONTRAST, PARTS, Part, SeenLight, differs};
 use super::every_other::{AdaptiveLight, EndGrid};
 use super::frame::FrameInputs;
 use super::glossy::GlossyLight;
 use super::paths::EndPoint;
-use super::reprojection::{MIN_NORMAL_COSINE, Reprojection};
+use super::reprojection::{MIN_NORMAL_COSINE, Reprojection, light_at};
 use crate::Error;
 use crate::brdf::Materials;
+use crate::image::Aov;
 use crate::pinhole::{Receivers, ViewDirections};
 use crate::stages::{CameraRays, LightStages};
 use crate::technique::Sum;
@@ -23,16 +25,20 @@ use crate::tracing::Hit;
 /// Length of the rows that points are arranged in.
 pub(super) const POINTS_IN_A_ROW: u32 = 1024;
 /// Points along the curve whose shadows are found together.
-const POINTS_IN_A_GROUP: usize = 256;
+pub(super) const POINTS_IN_A_GROUP: usize = 256;
 /// Points that a rough mirror blurs share their light within this part of the blur.
 const SHARED_BLUR: f32 = 0.25;
 /// Cells along an edge of the grid whose Z-order curve points are sorted along.
 const CURVE_STEPS: f32 = (1 << 20) as f32;
 
 /// Direct light for the irradiance on surfaces.
-pub(super) fn direct_light<'a>(inputs: &FrameInputs<'a>, light: &mut LightStages) -> DirectLight<'a> {
+pub(super) fn direct_light<'a>(
+    inputs: &FrameInputs<'a>,
+    light: &mut LightStages,
+    rays: &CameraRays,
+) -> DirectLight<'a> {
     let FrameInputs { prepared, options, progress, .. } = *inputs;
-    DirectLight::new(inputs.light, light, &prepared.tracer, options.visibility, progress)
+    DirectLight::new(inputs.light, light, &prepared.tracer, (options.visibility, rays), progress)
 }
 
 /// Direct light at the end points of paths.
@@ -44,10 +50,10 @@ pub(super) struct EndLight<'a> {
 }
 
 impl<'a> EndLight<'a> {
-    pub fn new(inputs: &FrameInputs<'a>, stages: &mut LightStages, points: &[EndPoint]) -> Self {
+    pub fn new(inputs: &FrameInputs<'a>, stages: &mut LightStages, points: &[EndPoint], rays: &CameraRays) -> Self {
         let FrameInputs { light, prepared, options, progress, .. } = *inputs;
         let materials = &*prepared.materials.receivers;
-        let diffuse = direct_light(inputs, stages);
+        let diffuse = direct_light(inputs, stages, rays);
         let glossy = points
             .iter()
             .any(|p| is_glossy(materials, p))
@@ -56,17 +62,20 @@ impl<'a> EndLight<'a> {
     }
 
     /// Irradiance or, on glossy receivers, the radiance reflected towards the viewers, at the end points of a picture of this width.
-    /// `at_hits` is the irradiance where camera rays hit, which is interpolated where the reprojection finds a point.
-    pub fn at(&self, points: &[EndPoint], width: u32, reprojection: &Reprojection, at_hits: &[Vec3]) -> Vec<Vec3> {
+    /// `at_hits` is the irradiance where camera rays hit, if it is known, which is interpolated where the camera sees a point.
+    pub fn at(&self, inputs: &FrameInputs, points: &[EndPoint], rays: &CameraRays, at_hits: Option<&Direct>) -> Direct {
+        let is_known = |object| at_hits.is_some() && inputs.shows_irradiance(Aov::Direct, object);
+        let at_hit = |hit: usize| at_hits.map_or(Vec3::ZERO, |direct| direct.light[hit]);
+        let reprojection = Reprojection::new(rays, points, is_known);
         let known = |(index, point): (usize, &EndPoint)| match &self.glossy {
             Some(light) if is_glossy(self.materials, point) => {
                 Some(light.reflected(self.materials, &point.hit, point.view))
             }
-            _ => reprojection.light(index, |hit| at_hits[hit]),
+            _ => reprojection.light(index, at_hit),
         };
         let known: Vec<Option<Vec3>> = points.par_iter().enumerate().map(known).collect();
         let unknown = (0..points.len()).filter(|&index| known[index].is_none());
-        let grid = EndGrid::new(points, width);
+        let grid = EndGrid::new(points, rays.view.size[0]);
         let mut light = AdaptiveLight::new(&grid, points.len(), unknown, &[]);
         light.set(known.iter().enumerate().filter_map(|(index, value)| Some((index, (*value)?.extend(0.0)))));
         let of_group = |group: &[usize]| {
@@ -78,7 +87,17 @@ impl<'a> EndLight<'a> {
             let computed: Vec<Vec3> = open.par_chunks(POINTS_IN_A_GROUP).flat_map_iter(of_group).collect();
             light.set(open.into_iter().zip(computed.into_iter().map(|value| value.extend(0.0))));
         }
-        light.finish().iter().map(|light| Vec3::from_slice(light)).collect()
+        let light: Vec<Vec3> = light.finish().iter().map(|light| Vec3::from_slice(light)).collect();
+        if rays.view.pixel_samples > 1 {
+            return light.into();
+        }
+        let is_edge = |one: usize, other: usize| {
+            let pair = (light[one], light[other]);
+            differs(pair, pair.0.max(pair.1), MIN_MIRRORED_CONTRAST)
+        };
+        let parts = |index: usize| parts_of_end(inputs, rays, &points[index], is_known, at_hit);
+        let divided = DividedPixels::find((&grid, points.len()), is_edge, parts);
+        divided.with_direct(|hits| self.diffuse.irradiance(hits), light)
     }
 }
 
@@ -94,11 +113,11 @@ pub(super) async fn caustic_at(
     sum: &Arc<dyn Sum>,
     (points, direct): (&[EndPoint], &[Vec3]),
     rays: &CameraRays,
-    at_hits: Option<&Vec<[f32; 4]>>,
-) -> Result<Vec<[f32; 4]>, Error> {
+    at_hits: Option<&Caustic>,
+) -> Result<Caustic, Error> {
     let is_known = |object| at_hits.is_some() && inputs.knows_caustic(object);
     let reprojection = Reprojection::new(rays, points, is_known);
-    let at_hit = |hit: usize| at_hits.map_or(Vec3::ZERO, |sums| Vec3::from_slice(&sums[hit]));
+    let at_hit = |hit: usize| at_hits.map_or(Vec3::ZERO, |caustic| Vec3::from_slice(&caustic.sums[hit]));
     let materials = &inputs.prepared.materials.receivers;
     let mut sums = vec![[0.0; 4]; points.len()];
     let (mut sharp, mut blurred, mut known) = (Vec::new(), Vec::new(), Vec::new());
@@ -129,7 +148,38 @@ pub(super) async fn caustic_at(
         caustic.set(open.into_iter().map(|index| (index, Vec4::from_array(sums[index]))));
     }
     inputs.progress.advance(caustic.interpolated_count() as u64);
-    Ok(caustic.finish())
+    let sums = caustic.finish();
+    if rays.view.pixel_samples > 1 {
+        return Ok(sums.into());
+    }
+    let tolerance = inputs.options.tolerance;
+    let light = SeenLight { direct, caustic: &sums, tolerance, min_contrast: MIN_MIRRORED_CONTRAST };
+    let parts = |index: usize| {
+        let point = &points[index];
+        if point.receives { parts_of_end(inputs, rays, point, is_known, at_hit) } else { [Part::Other; PARTS] }
+    };
+    let divided = DividedPixels::find((&grid, sums.len()), |one, other| light.is_edge(one, other), parts);
+    divided.with_caustic((inputs, sum), direct, sums).await
+}
+
+/// The parts of an end point's pixel that see the same by way of smooth mirrors, if its light is irradiance; it is known on some objects
+/// where camera rays hit them.
+fn parts_of_end(
+    inputs: &FrameInputs,
+    rays: &CameraRays,
+    point: &EndPoint,
+    is_known: impl Fn(u32) -> bool,
+    at_hit: impl Fn(usize) -> Vec3,
+) -> [Part; PARTS] {
+    if point.blur > 0.0 || is_glossy(&inputs.prepared.materials.receivers, point) {
+        return [Part::Other; PARTS];
+    }
+    let is_known = is_known(point.hit.object);
+    inputs.path_tracer(rays).parts_of_end(point).map(|hit| {
+        let Some(hit) = hit else { return Part::Other };
+        let known = is_known.then(|| light_at(rays, &EndPoint { hit, ..point.clone() }, &at_hit)).flatten();
+        known.map_or(Part::Open(hit), Part::Known)
+    })
 }
 
 /// Sums at end points.

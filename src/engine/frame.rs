@@ -6,9 +6,9 @@ use std::sync::Arc;
 use glam::Vec3;
 
 use super::caustic::CausticAtHits;
+use super::edges::{Caustic, Direct};
 use super::ends::{EndLight, caustic_at, direct_light};
 use super::paths::{PathTracer, Paths};
-use super::reprojection::Reprojection;
 use super::shading::{Displayed, Shaded, Shader, SurfaceLight};
 use crate::Error;
 use crate::environment::Environment;
@@ -57,7 +57,7 @@ struct CausticKey {
     /// By object.
     wanted: Vec<bool>,
     /// Light that hides errors, and the tolerance relative to it.
-    beside: Option<(Id<Vec<Vec3>>, f32)>,
+    beside: Option<(Id<Direct>, f32)>,
 }
 
 #[derive(PartialEq)]
@@ -97,10 +97,10 @@ struct ShadingKey {
 }
 
 /// The sum, and the direct light at the ends of paths.
-type EndsSource = (Id<dyn Sum>, Id<Vec<Vec3>>);
+type EndsSource = (Id<dyn Sum>, Id<Direct>);
 
 /// The identity of the light on surfaces.
-type LightId = (Option<Id<Vec<Vec3>>>, Option<Id<Vec<[f32; 4]>>>);
+type LightId = (Option<Id<Direct>>, Option<Id<Caustic>>);
 
 fn id_of(light: &SurfaceLight) -> LightId {
     (light.direct.as_ref().map(Id::of), light.caustic.as_ref().map(Id::of))
@@ -121,7 +121,7 @@ pub(super) struct FrameInputs<'a> {
 impl FrameInputs<'_> {
     /// Whether any picture shows the irradiance on an object. For glossy objects the beauty picture shows reflected
     /// radiance instead.
-    fn shows_irradiance(&self, aov: Aov, object: u32) -> bool {
+    pub(super) fn shows_irradiance(&self, aov: Aov, object: u32) -> bool {
         let options = self.options;
         options.aovs.contains(&aov) || options.plain_diffuse || !self.prepared.materials.receivers.is_glossy(object)
     }
@@ -139,6 +139,10 @@ impl FrameInputs<'_> {
     /// The error of the caustic's irradiance that cannot be seen in this light, W/m².
     pub(super) fn hidden_error(&self, light: Vec3) -> f32 {
         HIDDEN_SHARE * self.options.tolerance * light.element_sum() / 3.0
+    }
+
+    pub(super) fn path_tracer<'a>(&'a self, rays: &'a CameraRays) -> PathTracer<'a> {
+        PathTracer { scene: self.scene, prepared: self.prepared, rays, is_plain: self.options.plain_diffuse }
     }
 
     fn objects(&self) -> std::ops::Range<u32> {
@@ -176,11 +180,11 @@ pub(super) struct Beauty {
 #[derive(Debug)]
 pub(super) struct BandStages {
     rays: Memo<(Id<Tracer>, View), CameraRays>,
-    caustic: Memo<CausticKey, Vec<[f32; 4]>>,
-    direct: Memo<DirectKey, Vec<Vec3>>,
+    caustic: Memo<CausticKey, Caustic>,
+    direct: Memo<DirectKey, Direct>,
     paths: Memo<PathsKey, Paths>,
-    ends_caustic: Memo<EndsKey<EndsSource>, Vec<[f32; 4]>>,
-    ends_direct: Memo<EndsKey<LightKey>, Vec<Vec3>>,
+    ends_caustic: Memo<EndsKey<EndsSource>, Caustic>,
+    ends_direct: Memo<EndsKey<LightKey>, Direct>,
     shading: Memo<ShadingKey, Shaded>,
     display: Memo<(Id<Shaded>, DisplaySettings), Displayed>,
 }
@@ -230,8 +234,8 @@ impl BandStages {
         &mut self,
         inputs: &FrameInputs<'_>,
         rays: &Arc<CameraRays>,
-        direct: Option<&Arc<Vec<Vec3>>>,
-    ) -> Result<Option<Arc<Vec<[f32; 4]>>>, Error> {
+        direct: Option<&Arc<Direct>>,
+    ) -> Result<Option<Arc<Caustic>>, Error> {
         let Some(sum) = inputs.sum else { return Ok(None) };
         let wanted: Vec<bool> = inputs.objects().map(|o| inputs.knows_caustic(o)).collect();
         let beside = direct.filter(|_| !inputs.shows_caustic());
@@ -244,31 +248,30 @@ impl BandStages {
         let steps = (rays.hits.len() as u64, inputs.progress);
         let at_hits = CausticAtHits { inputs, sum, rays, wanted: &wanted };
         let make = async || match beside {
-            Some(direct) => at_hits.beside(direct).await,
-            None => at_hits.everywhere().await,
+            Some(direct) => at_hits.beside(&direct.light).await,
+            None => at_hits.everywhere().await.map(Caustic::from),
         };
         self.caustic.wait_for(key, steps, make).await.map(Some)
     }
 
     /// Direct irradiance where camera rays hit surfaces.
-    fn direct(&mut self, inputs: &FrameInputs, light: &mut LightStages, rays: &Arc<CameraRays>) -> Arc<Vec<Vec3>> {
+    fn direct(&mut self, inputs: &FrameInputs, light: &mut LightStages, rays: &Arc<CameraRays>) -> Arc<Direct> {
         let wanted: Vec<bool> = inputs.objects().map(|o| inputs.shows_irradiance(Aov::Direct, o)).collect();
         let key = DirectKey { rays: Id::of(rays), light: inputs.light_key(), wanted: wanted.clone() };
-        let source = direct_light(inputs, light);
-        self.direct.get(key, inputs.progress, || source.at_hits(rays, |object| wanted[object as usize]))
+        let make = || direct_light(inputs, light, rays).at_hits(rays, |object| wanted[object as usize]).into();
+        self.direct.get(key, inputs.progress, make)
     }
 
     fn paths(&mut self, inputs: &FrameInputs, rays: &Arc<CameraRays>) -> Arc<Paths> {
         let FrameInputs { scene, prepared, options, progress, .. } = *inputs;
-        let is_plain = options.plain_diffuse;
         let key = PathsKey {
             rays: Id::of(rays),
             tracer: Id::of(&prepared.tracer),
             materials: Id::of(&prepared.materials),
             sides: scene.objects.iter().map(|o| o.reflector.map(|r| r.sides)).collect(),
-            is_plain,
+            is_plain: options.plain_diffuse,
         };
-        self.paths.get(key, progress, || PathTracer { scene, prepared, rays, is_plain }.trace())
+        self.paths.get(key, progress, || inputs.path_tracer(rays).trace())
     }
 
     /// The light at the end points of paths.
@@ -283,13 +286,10 @@ impl BandStages {
         if paths.ends.is_empty() {
             return Ok(SurfaceLight { direct: None, caustic: None });
         }
-        let source = EndLight::new(inputs, light, &paths.ends);
         let key = EndsKey { paths: Id::of(paths), source: inputs.light_key(), own: (id_of(own).0, None) };
         let direct = self.ends_direct.get(key, inputs.progress, || {
-            let known = own.direct.as_deref();
-            let is_known = |object| known.is_some() && inputs.shows_irradiance(Aov::Direct, object);
-            let reprojection = Reprojection::new(rays, &paths.ends, is_known);
-            source.at(&paths.ends, rays.view.size[0], &reprojection, known.map_or(&[], Vec::as_slice))
+            let source = EndLight::new(inputs, light, &paths.ends, rays);
+            source.at(inputs, &paths.ends, rays, own.direct.as_deref())
         });
         let mut caustic = None;
         if let Some(sum) = inputs.sum {
@@ -297,7 +297,7 @@ impl BandStages {
             let source = (Id::of(sum), Id::of(&direct));
             let key = EndsKey { paths: Id::of(paths), source, own: (None, id_of(own).1) };
             let at_hits = own.caustic.as_deref();
-            let make = async || caustic_at(inputs, sum, (&paths.ends, &direct), rays, at_hits).await;
+            let make = async || caustic_at(inputs, sum, (&paths.ends, &direct.light), rays, at_hits).await;
             caustic = Some(self.ends_caustic.wait_for(key, steps, make).await?);
         }
         Ok(SurfaceLight { direct: Some(direct), caustic })
@@ -333,6 +333,6 @@ impl BandStages {
 }
 
 /// The number of fetches, which is the fourth component of the sums.
-fn fetches_of(sums: Option<&Vec<[f32; 4]>>) -> f64 {
-    sums.map_or(0.0, |sums| sums.iter().map(|s| f64::from(s[3])).sum())
+fn fetches_of(caustic: Option<&Caustic>) -> f64 {
+    caustic.map_or(0.0, |caustic| caustic.sums.iter().map(|s| f64::from(s[3])).sum())
 }

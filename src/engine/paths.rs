@@ -2,11 +2,12 @@
 //!
 //! Every pixel is shaded from one point, or from 4×4 at edges and on mirrors. A path holds its end point, not the light
 //! there: that is computed for all paths together, and can change while the paths stay. Points of one pixel whose paths
-//! meet the same objects share the light of one end point.
+//! meet the same objects and end on the same surface share the light of one end point.
 
 use glam::{UVec2, Vec2, Vec3};
 use rayon::prelude::*;
 
+use super::edges::{PARTS, PLACES};
 use super::escapes::{Escape, footprints};
 use super::gloss::likely_facet;
 use crate::scene::{Object, Ray, Scene, Sides};
@@ -19,6 +20,10 @@ const EDGE_POINTS: u32 = 4;
 const MAX_SURFACES: u32 = 7;
 /// Cosine between a mirrored direction and the normal of the triangle that it leaves, at least.
 const MIN_HEIGHT: f32 = 1e-3;
+/// Points of a pixel share light if one lies in the plane of the other, up to this part of the ray's length.
+const MAX_STEP_OFF_PLANE: f32 = 0.01;
+/// Cosine between their normals, at least.
+const MIN_NORMAL_COSINE: f32 = 0.9;
 /// Albedo of surfaces that neither reflect nor receive on the visible side.
 const PLAIN_ALBEDO: f32 = 0.2;
 /// Albedo of everything in the plain diffuse view.
@@ -51,6 +56,22 @@ pub(super) struct EndPoint {
     pub blur: f32,
 }
 
+impl EndPoint {
+    /// Whether it is the end of the same path through another point of the pixel.
+    fn shares_light_with(&self, other: &Self) -> bool {
+        self.key == other.key && share_light(&self.hit, &other.hit)
+    }
+}
+
+/// Whether two hits of rays through one pixel lie on the same part of a surface.
+pub(super) fn share_light(one: &Hit, other: &Hit) -> bool {
+    let off_plane = (other.position - one.position).dot(one.normal).abs();
+    one.object == other.object
+        && one.front == other.front
+        && one.normal.dot(other.normal) >= MIN_NORMAL_COSINE
+        && off_plane <= MAX_STEP_OFF_PLANE * one.distance
+}
+
 /// The source of a path's light.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Source {
@@ -81,7 +102,7 @@ pub(super) struct PixelPaths {
     /// The number of points that the pixel averages.
     pub points: u16,
     pub terms: Vec<Term>,
-    /// One for each set of objects along paths.
+    /// One for each set of objects along paths and each surface where these end.
     ends: Vec<EndPoint>,
     /// All points at which paths end, by their keys, while the pixel is traced.
     candidates: Vec<Vec<EndPoint>>,
@@ -90,9 +111,10 @@ pub(super) struct PixelPaths {
 }
 
 impl PixelPaths {
-    /// The end point of a path, which is chosen later from all of the pixel's that have the same key.
+    /// The end point of a path, which is chosen later from all of the pixel's that share its light.
     fn end_point(&mut self, point: EndPoint) -> Source {
-        let index = self.candidates.iter().position(|points| points[0].key == point.key).unwrap_or_else(|| {
+        let is_same = |points: &Vec<EndPoint>| points[0].shares_light_with(&point);
+        let index = self.candidates.iter().position(is_same).unwrap_or_else(|| {
             self.candidates.push(Vec::new());
             self.candidates.len() - 1
         });
@@ -100,7 +122,7 @@ impl PixelPaths {
         Source::EndPoint(index as u32)
     }
 
-    /// Chooses the end points: of those with the same key the most central one.
+    /// Chooses the end points: of those that share light the most central one.
     fn choose_ends(&mut self) {
         self.ends = self.candidates.drain(..).filter_map(most_central).collect();
     }
@@ -142,6 +164,18 @@ impl PathTracer<'_> {
         measure_steps(&mut pixels, width as usize);
         let ends = collect_ends(&mut pixels);
         Paths { pixels, ends }
+    }
+
+    /// Where the parts of its pixel see what smooth mirrors show at an end point. The camera has one ray for each pixel.
+    pub fn parts_of_end(&self, end: &EndPoint) -> [Option<Hit>; PARTS] {
+        let view = &self.rays.view;
+        let (x, row) = (end.pixel % view.size[0], end.pixel / view.size[0]);
+        let centre = Vec2::new(x as f32, (view.first_row + row) as f32) + 0.5;
+        PLACES.map(|place| {
+            let mut paths = PixelPaths::default();
+            self.trace_point(self.rays.index(x, row, 0, 0), centre + place, &mut paths);
+            paths.candidates.into_iter().flatten().find(|other| end.shares_light_with(other)).map(|other| other.hit)
+        })
     }
 
     fn size(&self) -> Vec2 {
@@ -270,7 +304,7 @@ impl PathTracer<'_> {
         if albedo == Vec3::ZERO && !is_glossy {
             return;
         }
-        let is_own = |o: &Hit| walk.bounce == 0 && o.object == found.object && o.front == found.front;
+        let is_own = |own: &Hit| walk.bounce == 0 && share_light(own, found);
         let source = if !is_glossy && self.rays.hits[walk.own].as_ref().is_some_and(is_own) {
             Source::CameraRay(walk.own as u32)
         } else {
@@ -358,8 +392,9 @@ fn steps(pixels: &[PixelPaths], width: usize, index: usize) -> Vec<[Vec3; 2]> {
     let (above, below) = (index.checked_sub(width), Some(index + width).filter(|k| *k < pixels.len()));
     let of_end = |end: &EndPoint| {
         let step = |neighbour: Option<usize>| {
-            let other = pixels[neighbour?].ends.iter().find(|other| other.key == end.key)?;
-            Some(other.hit.position - end.hit.position)
+            let same_path = pixels[neighbour?].ends.iter().filter(|other| other.key == end.key);
+            let steps = same_path.map(|other| other.hit.position - end.hit.position);
+            steps.min_by(|a, b| a.length_squared().total_cmp(&b.length_squared()))
         };
         let between = |next, previous| step(next).or_else(|| step(previous).map(|back| -back)).unwrap_or(Vec3::ZERO);
         [between(right, left), between(below, above)]

@@ -39,14 +39,23 @@ impl Reprojection {
 
     /// The light at an end point, if the camera sees it finely enough.
     pub fn light(&self, point: usize, at_hits: impl Fn(usize) -> Vec3) -> Option<Vec3> {
-        let Place { first, part, is_resolved } = self.places[point]?;
-        let row = |row: usize| {
-            let start = first + row * self.width - self.width - 1;
-            std::array::from_fn::<Vec3, 4, _>(|column| at_hits(start + column))
-        };
-        let is_enough = is_resolved || is_smooth(&std::array::from_fn(row), Vec3::ZERO);
-        is_enough.then(|| bilinear(corners(first, self.width).map(at_hits), part))
+        interpolated(self.places[point]?, self.width, at_hits)
     }
+}
+
+/// The light at a point on a known object, which is none of a list, if the camera sees it finely enough.
+pub(super) fn light_at(rays: &CameraRays, point: &EndPoint, at_hits: impl Fn(usize) -> Vec3) -> Option<Vec3> {
+    interpolated(place(rays, point)?, rays.width as usize, at_hits)
+}
+
+fn interpolated(place: Place, width: usize, at_hits: impl Fn(usize) -> Vec3) -> Option<Vec3> {
+    let Place { first, part, is_resolved } = place;
+    let row = |row: usize| {
+        let start = first + row * width - width - 1;
+        std::array::from_fn::<Vec3, 4, _>(|column| at_hits(start + column))
+    };
+    let is_enough = is_resolved || is_smooth(&std::array::from_fn(row), Vec3::ZERO);
+    is_enough.then(|| bilinear(corners(first, width).map(at_hits), part))
 }
 
 /// The indices of four neighbouring rays.

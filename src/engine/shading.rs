@@ -5,6 +5,7 @@ use std::sync::Arc;
 use glam::Vec3;
 use rayon::prelude::*;
 
+use super::edges::{Caustic, Direct, NEAREST_PARTS, PARTS, Parts};
 use super::gloss::blurred_radiance;
 use super::paths::{Paths, PixelPaths, Source, Term};
 use crate::image::{display, exposed, metered_ev};
@@ -20,24 +21,35 @@ const MIRROR_TAPS: u32 = 16;
 #[derive(Debug)]
 pub(super) struct SurfaceLight {
     /// Direct light; `None` if not requested.
-    pub direct: Option<Arc<Vec<Vec3>>>,
-    /// The caustic, with the number of fetches in w; may be padded to whole rows. `None` if not requested.
-    pub caustic: Option<Arc<Vec<[f32; 4]>>>,
+    pub direct: Option<Arc<Direct>>,
+    /// The caustic; `None` if not requested.
+    pub caustic: Option<Arc<Caustic>>,
 }
 
 impl SurfaceLight {
     /// Direct light.
     pub fn direct_at(&self, index: usize) -> Vec3 {
-        self.direct.as_ref().map_or(Vec3::ZERO, |direct| direct[index])
+        self.direct.as_ref().map_or(Vec3::ZERO, |direct| direct.light[index])
     }
 
     /// The caustic.
     pub fn caustic_at(&self, index: usize) -> Vec3 {
-        self.caustic.as_ref().map_or(Vec3::ZERO, |caustic| Vec3::from_slice(&caustic[index]))
+        self.caustic.as_ref().map_or(Vec3::ZERO, |caustic| Vec3::from_slice(&caustic.sums[index]))
     }
 
-    fn at(&self, index: u32, caustic_gain: f32) -> Vec3 {
-        self.direct_at(index as usize) + caustic_gain * self.caustic_at(index as usize)
+    /// Whether any light differs between the parts of the point's pixel.
+    fn is_divided(&self, index: u32) -> bool {
+        self.direct.as_ref().is_some_and(|direct| direct.parts.contains_key(&index))
+            || self.caustic.as_ref().is_some_and(|caustic| caustic.parts.contains_key(&index))
+    }
+
+    /// All light in a part of the point's pixel.
+    fn at(&self, index: u32, part: usize, caustic_gain: f32) -> Vec3 {
+        let in_part = |parts: &Parts| parts.get(&index).map(|parts| parts[part]);
+        let direct = self.direct.as_ref().and_then(|direct| in_part(&direct.parts));
+        let caustic = self.caustic.as_ref().and_then(|caustic| in_part(&caustic.parts));
+        direct.unwrap_or_else(|| self.direct_at(index as usize))
+            + caustic_gain * caustic.unwrap_or_else(|| self.caustic_at(index as usize))
     }
 }
 
@@ -77,28 +89,44 @@ pub(super) struct Shader<'a> {
 
 impl Shader<'_> {
     pub fn shade(&self, paths: &Paths) -> Shaded {
+        let points: Vec<Vec<ShadedPoint>> = paths.pixels.par_iter().map(|pixel| self.shade_pixel(pixel)).collect();
         let mut first_point = vec![0];
-        first_point.extend(paths.pixels.iter().scan(0, |sum, pixel| {
-            *sum += u32::from(pixel.points);
+        first_point.extend(points.iter().scan(0, |sum, points| {
+            *sum += points.len() as u32;
             Some(*sum)
         }));
-        let points: Vec<Vec<ShadedPoint>> = paths.pixels.par_iter().map(|pixel| self.shade_pixel(pixel)).collect();
         Shaded { first_point, points: points.concat() }
     }
 
     fn shade_pixel(&self, pixel: &PixelPaths) -> Vec<ShadedPoint> {
-        let mut points = vec![ShadedPoint::default(); usize::from(pixel.points)];
+        let parts = if pixel.points == 1 && self.is_divided(pixel) { PARTS } else { 1 };
+        let mut points = vec![ShadedPoint::default(); usize::from(pixel.points) * parts];
         let mut mirrored = self.mirrored_light(pixel).into_iter();
         for term in &pixel.terms {
-            let light = match term.source {
-                Source::Environment { sides, .. } if self.is_wide(sides) => mirrored.next().unwrap_or(Vec3::ZERO),
-                _ => self.light_of(term),
+            let filtered = match term.source {
+                Source::Environment { sides, .. } if self.is_wide(sides) => mirrored.next(),
+                _ => None,
             };
-            let radiance = self.light.intensity * term.factor * light;
-            let point = &mut points[usize::from(term.point)];
-            if term.is_background { point.background += radiance } else { point.surfaces += radiance }
+            for copy in 0..parts {
+                let point = usize::from(term.point) * parts + copy;
+                let part = if parts == PARTS { copy } else { NEAREST_PARTS[point % NEAREST_PARTS.len()] };
+                let light = filtered.unwrap_or_else(|| self.light_of(term, part));
+                let radiance = self.light.intensity * term.factor * light;
+                let point = &mut points[point];
+                if term.is_background { point.background += radiance } else { point.surfaces += radiance }
+            }
         }
         points
+    }
+
+    /// Whether light differs between the parts of a pixel.
+    fn is_divided(&self, pixel: &PixelPaths) -> bool {
+        let has_parts = |term: &Term| match term.source {
+            Source::CameraRay(index) => self.own.is_divided(index),
+            Source::EndPoint(index) => self.ends.is_divided(index),
+            Source::Environment { .. } => false,
+        };
+        pixel.terms.iter().any(has_parts)
     }
 
     /// The environment over all of a pixel's footprints that are wide enough to be filtered, in the order of their terms.
@@ -125,10 +153,10 @@ impl Shader<'_> {
         sides.iter().any(|side| side.length_squared() > texel_rad * texel_rad)
     }
 
-    fn light_of(&self, term: &Term) -> Vec3 {
+    fn light_of(&self, term: &Term, part: usize) -> Vec3 {
         match term.source {
-            Source::CameraRay(index) => self.own.at(index, self.caustic_gain),
-            Source::EndPoint(index) => self.ends.at(index, self.caustic_gain),
+            Source::CameraRay(index) => self.own.at(index, part, self.caustic_gain),
+            Source::EndPoint(index) => self.ends.at(index, part, self.caustic_gain),
             Source::Environment { direction, alpha, .. } => {
                 let direction = self.light.light_from_world(direction);
                 let environment = &self.light.environment;

@@ -19,6 +19,11 @@ use crate::tracing::{Hit, RayPacket, Tracer};
 const BY_LIGHT: usize = 512;
 /// Directions that are spread evenly, for surfaces that face away from most of the light.
 const EVEN: usize = 512;
+/// Where less than this part of the light arrives, as in a room with a window, few of the directions lead to it: each would show as a
+/// shadow of its own.
+const ENCLOSED_FRACTION: f32 = 0.15;
+/// Times as many directions as usual there.
+const ENCLOSED_FACTOR: usize = 4;
 /// Scrambles the sequences of directions.
 const SEEDS: [u32; 2] = [0x9E37_79B9, 0x85EB_CA6B];
 /// Points of a group that trace all of their shadow rays.
@@ -46,20 +51,32 @@ pub(super) struct Shadows<'a> {
 }
 
 impl<'a> Shadows<'a> {
-    pub fn new(light: &PreparedLight, sampler: &LightSampler, tracer: &'a Tracer) -> Self {
+    /// With as many directions as surfaces like those at `seen` need.
+    pub fn new(light: &PreparedLight, sampler: &LightSampler, tracer: &'a Tracer, seen: &[&Hit]) -> Self {
+        let few = Self::with_directions(light, sampler, tracer, 1);
+        let nothing_known = vec![None; few.directions.len()];
+        let fractions = seen.chunks(LANES).flat_map(|points| few.fractions(points, &nothing_known));
+        let sum: f32 = fractions.map(Vec3::max_element).sum();
+        let is_enclosed = sum < ENCLOSED_FRACTION * seen.len() as f32;
+        if is_enclosed { Self::with_directions(light, sampler, tracer, ENCLOSED_FACTOR) } else { few }
+    }
+
+    /// With `factor` times as many directions as usual.
+    fn with_directions(light: &PreparedLight, sampler: &LightSampler, tracer: &'a Tracer, factor: usize) -> Self {
+        let (by_light, even) = (factor * BY_LIGHT, factor * EVEN);
         let world_from_light = light.world_from_light();
         let place = |k: usize, seed: u32| {
             let [u, v, ..] = sample_4d(k as u32, 0, seed);
             Vec2::new(u, v)
         };
-        let by_light = (0..BY_LIGHT).map(|k| sampler.sample(place(k, SEEDS[0])).0);
-        let evenly = (0..EVEN).map(|k| on_sphere(place(k, SEEDS[1])));
+        let drawn_by_light = (0..by_light).map(|k| sampler.sample(place(k, SEEDS[0])).0);
+        let drawn_evenly = (0..even).map(|k| on_sphere(place(k, SEEDS[1])));
         let one = |in_light: Vec3| {
-            let density = BY_LIGHT as f32 * sampler.pdf(in_light) + EVEN as f32 / (4.0 * PI);
+            let density = by_light as f32 * sampler.pdf(in_light) + even as f32 / (4.0 * PI);
             let radiance = light.environment.radiance.radiance(in_light) / density;
             LightDirection { direction: world_from_light * in_light, radiance }
         };
-        Self { directions: by_light.chain(evenly).map(one).collect(), tracer }
+        Self { directions: drawn_by_light.chain(drawn_evenly).map(one).collect(), tracer }
     }
 
     /// The part of the irradiance that is not occluded, per channel, at points that are close to each other.

@@ -17,7 +17,7 @@ use crate::lanes::{ALL, F, LANES, Simd, SimdBase, SimdFloat, V3, bits, lanes, se
 use crate::pinhole::PinholeParts;
 use crate::pinhole::cell::Cell;
 use crate::pinhole::constants::{
-    CENTRAL_VISIBILITY_SHARE, CONTRAST_ERROR_SCALE, FOOTPRINT_BEND, FOOTPRINT_RADIUS, MAX_QUARTERINGS,
+    CENTRAL_VISIBILITY_SHARE, CONTRAST_ERROR_SCALE, FOOTPRINT_BEND, FOOTPRINT_RADIUS, MAX_PIECE_SIZE, MAX_QUARTERINGS,
     MAX_RELATIVE_SIZE, MIN_DISTANCE_RATIO, WEIGHT_ERROR_SCALE,
 };
 
@@ -105,7 +105,9 @@ impl TileGather<'_> {
         if cell.is_leaf() {
             let near = self.near_lanes(simd, &bounds, accepted);
             if near != 0 {
-                self.add_quarters(simd, cell, near, receiver, fraction, sum);
+                // The most that reaches the receivers per weight.
+                let light = bounds.max / max_weight.value;
+                self.add_quarters(simd, cell, (near, light), receiver, fraction, sum);
             }
             accepted &= !near;
         }
@@ -225,8 +227,14 @@ impl TileGather<'_> {
         if !self.accuracy.split_near {
             return 0;
         }
-        let error = bounds.max * bounds.size * bounds.size * WEIGHT_ERROR_SCALE;
-        active & bits(error.simd_gt(splat(simd, self.criterion.error_budget)))
+        active & self.uneven_lanes(simd, bounds.max, bounds.size)
+    }
+
+    /// The lanes within which the weight of a cell of this relative size differs too much.
+    #[inline(always)]
+    fn uneven_lanes<S: Simd>(&self, simd: S, max_contribution: F<S>, size: F<S>) -> u32 {
+        let error = max_contribution * size * size * WEIGHT_ERROR_SCALE;
+        bits(error.simd_gt(splat(simd, self.criterion.error_budget)))
     }
 
     /// The lanes for which a cell may be taken as one sample.
@@ -292,7 +300,7 @@ impl TileGather<'_> {
         &self,
         simd: S,
         leaf: &Cell,
-        near: u32,
+        (near, max_light): (u32, F<S>),
         receiver: &Receiver<S>,
         visible_fraction: F<S>,
         sum: &mut [Vec4; LANES],
@@ -303,7 +311,10 @@ impl TileGather<'_> {
         while let Some((piece, lanes, depth)) = pieces.pop() {
             let pair = ReceiverCellPair::new(simd, &piece, receiver);
             let size = pair.inverse_l * (0.5 * (piece.sides[0].length() + piece.sides[1].length()));
-            let refined = if depth < MAX_QUARTERINGS { lanes & bits(size.simd_gt(MAX_RELATIVE_SIZE)) } else { 0 };
+            let weight = gather.weight(simd, &piece, &pair, receiver);
+            let is_large = bits(size.simd_gt(MAX_RELATIVE_SIZE))
+                | bits(size.simd_gt(MAX_PIECE_SIZE)) & self.uneven_lanes(simd, weight * max_light, size);
+            let refined = if depth < MAX_QUARTERINGS { lanes & is_large } else { 0 };
             if refined != 0 {
                 pieces.extend(piece.quarters().map(|q| (q, refined, depth + 1)));
             }
@@ -311,7 +322,7 @@ impl TileGather<'_> {
             if lit == 0 {
                 continue;
             }
-            let weight = gather.weight(simd, &piece, &pair, receiver) * visible_fraction;
+            let weight = weight * visible_fraction;
             let footprint = &pair.footprint(simd, &piece);
             let map = self.sky_map(leaf, pair.dn);
             let piece = CellAtReceivers { sample: &piece, receiver, pair: &pair, footprint, weight };
