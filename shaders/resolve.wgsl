@@ -23,7 +23,9 @@
 const UNBOUNDED: f32 = 3e38;
 const NO_SAMPLE: u32 = 0xffffffffu;
 // A pass other than the last stops after about this many iterations of loops: eight lanes in lockstep stay below 65,535.
-const WORK_PER_PASS: u32 = 5000u;
+const WORK_PER_PASS: u32 = 4000u;
+// A leaf is quartered no further after this much: with a pass it stays below that limit, too.
+const MAX_WORK_PER_LEAF: u32 = 2500u;
 // Iterations of the loops in a visit that finds nothing to do for them.
 const WORK_PER_VISIT: u32 = 12u;
 
@@ -149,7 +151,8 @@ fn traverse(first: u32, receiver: Receiver, walk: ptr<function, Walk>, traversal
         let cell = load_cell(index);
         let visit = visit_cell(index, cell, is_seen, receiver, traversal);
         sum += visit.sum;
-        work += WORK_PER_VISIT + u32(visit.sum.a) + ray_work;
+        work += WORK_PER_VISIT + filter_work + ray_work;
+        filter_work = 0u;
         ray_work = 0u;
         var level = (*walk).level;
         if visit.is_too_large {
@@ -443,12 +446,13 @@ fn contribution_of_quarters(
     var depth = 1u;
     var sum = vec4f(0.0);
     while depth > 0u {
+        filter_work += 1u;
         let piece = piece_of(leaf, path, depth);
         let pair = pair_of(piece, receiver);
         let size = pair.inverse_l * 0.5 * (length(piece.side_1) + length(piece.side_2));
         let is_large = size > MAX_RELATIVE_SIZE
             || (size > MAX_PIECE_SIZE && is_uneven(max_light * weight_of(piece, pair, receiver), size, error_budget));
-        if depth < MAX_QUARTERINGS && is_large {
+        if depth < MAX_QUARTERINGS && is_large && filter_work < MAX_WORK_PER_LEAF {
             path <<= 2u;
             depth += 1u;
             continue;

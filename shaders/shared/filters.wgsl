@@ -7,6 +7,9 @@
 
 override FILTER: u32 = FILTER_ANISOTROPIC;
 
+// Iterations of the loops of all look-ups of this invocation.
+var<private> filter_work: u32;
+
 // Mean over the parallelogram with the given sides around the unit direction r of the light that the sample with this visibility map
 // sees; a = fetches.
 fn mean_over_footprint(r: vec3f, sides: FootprintSides, max_taps: f32, map: VisibilityMap) -> vec4f {
@@ -37,6 +40,7 @@ fn mean_over_footprint(r: vec3f, sides: FootprintSides, max_taps: f32, map: Visi
     let level = level_of(TAP_SHARPNESS * width, texel);
     let light_axis = light_from_world(axes.direction);
     var sum = vec4f(0.0);
+    filter_work += u32(taps);
     for (var k = 0.5; k < taps; k += 1.0) {
         let along = k / taps - 0.5;
         sum += visible_light(r + along * axes.direction, light_r + along * light_axis, width, level, 1.0, map);
@@ -76,6 +80,7 @@ fn mean_over_ellipse(r: vec3f, light_r: vec3f, axes: FootprintAxes, texel: f32, 
     let light_across = light_from_world(across);
     var sum = vec4f(0.0);
     var weights = 0.0;
+    filter_work += u32(rows * (columns + 1.0));
     for (var j = 0.5; j < rows; j += 1.0) {
         let y = 2.0 * j / rows - 1.0;
         for (var i = 0.5; i < columns; i += 1.0) {
