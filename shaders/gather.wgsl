@@ -100,7 +100,7 @@ fn sample_irradiance(i: u32, receiver: Receiver) -> vec4f {
         }
     }
     let r = (d - 2.0 * dn * n) * inverse_l;
-    if VISIBILITY && FILTER != FILTER_NONE && is_mostly_lobe(samples[i].lobe, samples[i].change_1, samples[i].change_2) {
+    if VISIBILITY && FILTER != FILTER_NONE && is_wide_lobe(samples[i].lobe, samples[i].change_1, samples[i].change_2) {
         weight *= lobe_fraction(r, samples[i].lobe, map);
         map.index = UNOCCLUDED;
         if weight == 0.0 {
@@ -127,8 +127,12 @@ fn filtered_radiance(i: u32, d: vec3f, n: vec3f, dn: f32, inverse_l: f32, r: vec
     var sides = FootprintSides(v1, v2);
     // The same for all lanes.
     let lobe = samples[i].lobe;
+    let cosine = abs(dn) * inverse_l;
+    if is_mostly_lobe(lobe, samples[i].change_1, samples[i].change_2) {
+        return mean_over_lobe(r, n, cosine, sides, lobe, f32(uniforms.taps), map);
+    }
     if lobe > 0.0 {
-        sides = blurred(sides, r, n, abs(dn) * inverse_l, lobe);
+        sides = blurred(sides, r, n, cosine, lobe);
     }
     return mean_over_footprint(r, sides, f32(uniforms.taps), map);
 }

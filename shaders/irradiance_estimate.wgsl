@@ -62,7 +62,7 @@ fn sample_contribution(sample: u32, receiver: Receiver) -> vec3f {
     let sides = footprint_of(cell, pair);
     let axes = footprint_axes(sides);
     var sky = 0.0;
-    if VISIBILITY && is_mostly_lobe(cell.lobe, cell.change_1, cell.change_2) {
+    if VISIBILITY && is_wide_lobe(cell.lobe, cell.change_1, cell.change_2) {
         sky = lobe_fraction(pair.r, cell.lobe, map);
     } else {
         sky = sky_fraction_of_footprint(pair.r, sides, map);

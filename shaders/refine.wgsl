@@ -338,7 +338,7 @@ fn contribution(index: u32, contribution_range: f32, receiver: Receiver, block: 
     var map: VisibilityMap;
     map.index = UNOCCLUDED;
     let error_budget = error_budget_of(block);
-    let radiance = cell_radiance(cell, pair.r, footprint_of(cell, pair), contribution_range, error_budget, map);
+    let radiance = cell_radiance(cell, pair, footprint_of(cell, pair), contribution_range, error_budget, map);
     return vec4f(weight_of(cell, pair, receiver) * reflected_scale(cell, pair) * radiance.rgb, radiance.a);
 }
 

@@ -332,14 +332,14 @@ fn contribution(
     map.is_traced = is_traced;
     map.leaving = ray_origin_of(cell, pair.dn > 0.0);
     var seen = visible_fraction;
-    if VISIBILITY && is_mostly_lobe(cell.lobe, cell.change_1, cell.change_2) {
+    if VISIBILITY && is_wide_lobe(cell.lobe, cell.change_1, cell.change_2) {
         seen *= lobe_fraction(pair.r, cell.lobe, map);
         map.index = UNOCCLUDED;
         if seen == 0.0 {
             return vec4f(0.0);
         }
     }
-    let radiance = cell_radiance(cell, pair.r, sides, contribution_range, PAIR_ERROR_SHARE * allowed_error(receiver), map);
+    let radiance = cell_radiance(cell, pair, sides, contribution_range, PAIR_ERROR_SHARE * allowed_error(receiver), map);
     var factor = weight_of(cell, pair, receiver) * seen * reflected_scale(cell, pair);
     if SHADING {
         let solid_angle = cell.area * pair.cos_at_sample_l * pair.inverse_l * pair.inverse_l * pair.inverse_l;

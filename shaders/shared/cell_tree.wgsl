@@ -204,30 +204,39 @@ fn weight_of(cell: Cell, pair: Pair, receiver: Receiver) -> f32 {
 
 // The cell's footprint around the reflected direction.
 fn footprint_of(cell: Cell, pair: Pair) -> FootprintSides {
-    let v1 = reflected_side(cell.side_1, cell.change_1, pair.d, cell.normal, pair.dn, pair.inverse_l, pair.r);
-    let v2 = reflected_side(cell.side_2, cell.change_2, pair.d, cell.normal, pair.dn, pair.inverse_l, pair.r);
-    let sides = FootprintSides(v1, v2);
+    let sides = sharp_footprint_of(cell, pair);
     if cell.lobe > 0.0 {
         return blurred(sides, pair.r, cell.normal, abs(pair.dn) * pair.inverse_l, cell.lobe);
     }
     return sides;
 }
 
+// The same without the lobe's blur.
+fn sharp_footprint_of(cell: Cell, pair: Pair) -> FootprintSides {
+    let v1 = reflected_side(cell.side_1, cell.change_1, pair.d, cell.normal, pair.dn, pair.inverse_l, pair.r);
+    let v2 = reflected_side(cell.side_2, cell.change_2, pair.d, cell.normal, pair.dn, pair.inverse_l, pair.r);
+    return FootprintSides(v1, v2);
+}
+
 // Mean radiance over a cell's footprint, as the texture has it: from one look-up where the pair's contribution ranges over less than
 // its error budget, else from the fewer, the smaller that range is. a = fetches.
 fn cell_radiance(
-    cell: Cell, r: vec3f, sides: FootprintSides, contribution_range: f32, error_budget: f32, map: VisibilityMap,
+    cell: Cell, pair: Pair, sides: FootprintSides, contribution_range: f32, error_budget: f32, map: VisibilityMap,
 ) -> vec4f {
     if contribution_range < error_budget {
         // Neighbouring cells do as well as a wide kernel, and lose nothing at their mirrors' edges; blur has to be kept.
         let sharpness = select(EVEN_LIGHT_SHARPNESS, TAP_SHARPNESS, cell.lobe > 0.0);
         let width = sqrt(0.5 * (dot(sides.v1, sides.v1) + dot(sides.v2, sides.v2)));
-        let light_r = light_from_world(r);
+        let light_r = light_from_world(pair.r);
         let level = floor(level_of(width * sharpness, texel_width(light_r, uniforms.texel_rad)) + 0.5);
-        return visible_light(r, light_r, width, level, 1.0, map);
+        return visible_light(pair.r, light_r, width, level, 1.0, map);
     }
     let taps = min(max(ceil(contribution_range * (TAPS_PER_ERROR_BUDGET / error_budget)), 1.0), f32(uniforms.taps));
-    return mean_over_footprint(r, sides, taps, map);
+    if is_mostly_lobe(cell.lobe, cell.change_1, cell.change_2) {
+        let cosine = abs(pair.dn) * pair.inverse_l;
+        return mean_over_lobe(pair.r, cell.normal, cosine, sharp_footprint_of(cell, pair), cell.lobe, ceil(0.5 * taps), map);
+    }
+    return mean_over_footprint(pair.r, sides, taps, map);
 }
 
 // What the radiance is multiplied by beside a cell's weight.

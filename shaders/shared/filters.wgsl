@@ -48,6 +48,18 @@ fn mean_over_footprint(r: vec3f, sides: FootprintSides, max_taps: f32, map: Visi
     return vec4f(sum.rgb / taps, sum.a);
 }
 
+// Mean over a rough mirror's lobe around r, from its two parts: one narrower, one wider, both a little nearer to the normal n. `sides`
+// are the footprint's without the lobe; a = fetches.
+fn mean_over_lobe(
+    r: vec3f, n: vec3f, cosine: f32, sides: FootprintSides, lobe: f32, max_taps: f32, map: VisibilityMap,
+) -> vec4f {
+    let tilt = lobe * (LOBE_TILT + LOBE_TILT_GROWTH * lobe);
+    let centre = normalize(r + select(tilt, -tilt, dot(r, n) < 0.0) * n);
+    let core = mean_over_footprint(centre, blurred(sides, r, n, cosine, LOBE_CORE_WIDTH * lobe), max_taps, map);
+    let tail = mean_over_footprint(centre, blurred(sides, r, n, cosine, LOBE_TAIL_WIDTH * lobe), max_taps, map);
+    return vec4f(0.5 * (core.rgb + tail.rgb), core.a + tail.a);
+}
+
 // The part of the sky that is visible, from four places in a footprint.
 fn sky_fraction_of_footprint(r: vec3f, sides: FootprintSides, map: VisibilityMap) -> f32 {
     let a = 0.25 * (sides.v1 + sides.v2);

@@ -41,6 +41,11 @@ fn blurred(sides: FootprintSides, r: vec3f, n: vec3f, cosine: f32, lobe: f32) ->
     return FootprintSides(e1 * l11 + e2 * l21, e2 * sqrt(max(m22 - l21 * l21, 0.0)));
 }
 
+// Whether a footprint whose normals change like this is mostly a rough mirror's lobe.
+fn is_mostly_lobe(lobe: f32, change_1: vec3f, change_2: vec3f) -> bool {
+    return lobe * lobe > 4.0 * (dot(change_1, change_1) + dot(change_2, change_2));
+}
+
 // Principal axes of the parallelogram, as the rectangle with the same second moments: lengths of its
 // sides, and the longer side itself.
 fn footprint_axes(sides: FootprintSides) -> FootprintAxes {

@@ -59,9 +59,9 @@ fn visible_fraction(l: vec3f, map: VisibilityMap) -> f32 {
 }
 
 // Whether a footprint is mostly a lobe, wider than a texel of the maps: it sees the sky as a whole, not tap by tap.
-fn is_mostly_lobe(lobe: f32, change_1: vec3f, change_2: vec3f) -> bool {
+fn is_wide_lobe(lobe: f32, change_1: vec3f, change_2: vec3f) -> bool {
     let texel2 = 6.2831853 / f32(uniforms.map_resolution * uniforms.map_resolution);
-    return lobe * lobe > max(texel2, 4.0 * (dot(change_1, change_1) + dot(change_2, change_2)));
+    return lobe * lobe > texel2 && is_mostly_lobe(lobe, change_1, change_2);
 }
 
 // The fraction of the sky within `width` radians around a direction, in world space, that the sample sees.

@@ -66,6 +66,16 @@ pub const LOBE_TAIL_SHARE: f32 = 0.58;
 /// Lobes lie this many times their width nearer to the normal than the mirrored direction: the horizon cuts them off.
 pub const LOBE_SHIFT: f32 = 0.15;
 
+/// Light is looked up in two parts of a rough mirror's lobe, which weigh the same; the narrower is this many times as wide as the lobe.
+/// Fitted, with the next three, to the ring in forest light at roughness .2 to .7 (`tests/engine/gloss.rs`).
+pub const LOBE_CORE_WIDTH: f32 = 0.55;
+/// The wider one, likewise.
+pub const LOBE_TAIL_WIDTH: f32 = 1.7;
+/// They lie this many times the lobe's width nearer to the normal than the mirrored direction.
+pub const LOBE_TILT: f32 = 0.06;
+/// And this many times its square: wide lobes lose more of their light below the horizon.
+pub const LOBE_TILT_GROWTH: f32 = 0.08;
+
 /// A tap's width over its share of the footprint. Bilinear interpolation blurs a level's texels by more than their width, so a tap
 /// reads a level a little finer. Measured: 1 blurs the ring's caustic (error .376 at 100 samples, here .361), 0.7 sharpens it
 /// further (.342) but shows gaps between footprints where a sun is focused (cup, 1,000 samples: .18, here .20, .26).

@@ -103,11 +103,17 @@ pub struct PinholeParts {
 }
 
 impl PinholeParts {
-    /// Whether the footprint is mostly a lobe, wider than a texel of the visibility maps: it sees the sky as a whole, not tap by tap.
+    /// Whether the footprint is mostly a rough mirror's lobe.
     #[inline(always)]
-    pub fn is_mostly_lobe(&self, map_texel_rad: f32) -> bool {
+    pub fn is_mostly_lobe(&self) -> bool {
         let [c1, c2] = self.changes;
-        self.lobe > map_texel_rad && self.lobe * self.lobe > 4.0 * (c1.length_squared() + c2.length_squared())
+        self.lobe * self.lobe > 4.0 * (c1.length_squared() + c2.length_squared())
+    }
+
+    /// Whether it is also wider than a texel of the visibility maps: it sees the sky as a whole, not tap by tap.
+    #[inline(always)]
+    pub fn is_wide_lobe(&self, map_texel_rad: f32) -> bool {
+        self.lobe > map_texel_rad && self.is_mostly_lobe()
     }
 }
 

@@ -37,6 +37,24 @@ pub(super) fn through_lobe<S: Simd>(
     radiance
 }
 
+/// The mean over both parts of a lobe, from up to so many taps in each; w = fetches.
+#[inline(always)]
+pub(super) fn mean_over_lobe<S: Simd, const FILTER: u32>(
+    simd: S,
+    environment: &CubeLookup,
+    parts: &[FootprintSides<S>; 2],
+    occlusion: &impl Occlusion,
+    max_taps: F<S>,
+    lit: u32,
+) -> [Vec4; LANES] {
+    let mut sum = [Vec4::ZERO; LANES];
+    for part in parts {
+        let mean = mean_over_footprint::<S, FILTER>(simd, environment, part, occlusion, max_taps, lit);
+        sum.iter_mut().zip(mean).for_each(|(sum, mean)| *sum += mean * Vec3::splat(0.5).extend(1.0));
+    }
+    sum
+}
+
 /// Mean unoccluded radiance over a footprint; w = fetches.
 #[inline(always)]
 pub(super) fn mean_over_footprint<S: Simd, const FILTER: u32>(

@@ -16,14 +16,19 @@ pub use hierarchical::{Accuracy, CachedGather, CachedSums, Light, estimate_irrad
 use glam::{Vec3, Vec4};
 use rayon::prelude::*;
 
-use self::filters::{CpuFilter, FootprintSides, mean_over_footprint, single_fetch, through_lobe};
+use self::filters::{CpuFilter, FootprintSides, mean_over_footprint, mean_over_lobe, single_fetch, through_lobe};
 use self::footprint::{blurred, reflected_side};
 use self::visibility::{Occlusion, Unoccluded, VisibilityMap};
-use super::constants::{FILTER_ANISOTROPIC, FILTER_EWA, FILTER_ISOTROPIC, FILTER_NONE};
+use super::constants::{
+    FILTER_ANISOTROPIC, FILTER_EWA, FILTER_ISOTROPIC, FILTER_NONE, LOBE_CORE_WIDTH, LOBE_TAIL_WIDTH, LOBE_TILT,
+    LOBE_TILT_GROWTH,
+};
 use super::{BATCH_SIZE, CURVE_POINTS, GatherUniforms, Params, PinholeParts, PinholeSample, Pinholes, Receivers};
 use crate::brdf::Materials;
 use crate::environment::CubeMap;
-use crate::lanes::{F, LANES, Simd, SimdBase, SimdFloat, V3, bits, dispatch, lanes, level, set_bits, splat3};
+use crate::lanes::{
+    F, LANES, Select, Simd, SimdBase, SimdFloat, V3, bits, dispatch, lanes, level, set_bits, splat, splat3,
+};
 
 /// Groups of lanes between two reports of progress.
 const GROUPS_PER_TASK: usize = 32;
@@ -168,12 +173,36 @@ impl<S: Simd> ReceiverCellPair<S> {
     /// The sample's footprint around the reflected direction.
     #[inline(always)]
     fn footprint(&self, simd: S, sample: &PinholeParts) -> FootprintSides<S> {
+        let sharp = self.sharp_footprint(simd, sample);
+        if sample.lobe > 0.0 { self.blurred(simd, &sharp, sample.lobe) } else { sharp }
+    }
+
+    /// The parts of its lobe, for look-ups: one narrower, one wider, both a little nearer to the normal.
+    #[inline(always)]
+    fn lobe_parts(&self, simd: S, sample: &PinholeParts) -> [FootprintSides<S>; 2] {
+        let sharp = self.sharp_footprint(simd, sample);
+        let tilt = sample.lobe * (LOBE_TILT + LOBE_TILT_GROWTH * sample.lobe);
+        let behind = self.dn.simd_gt(0.0);
+        let r = self.r.plus(self.n, behind.select(splat(simd, -tilt), splat(simd, tilt)));
+        let r = r * (1.0 / r.dot(r).sqrt());
+        let core = self.blurred(simd, &sharp, LOBE_CORE_WIDTH * sample.lobe);
+        let tail = self.blurred(simd, &sharp, LOBE_TAIL_WIDTH * sample.lobe);
+        [FootprintSides { r, ..core }, FootprintSides { r, ..tail }]
+    }
+
+    #[inline(always)]
+    fn blurred(&self, simd: S, sharp: &FootprintSides<S>, lobe: f32) -> FootprintSides<S> {
+        let (v1, v2) = blurred(simd, sharp.v1, sharp.v2, self.r, self.n, self.dn.abs() * self.inverse_l, lobe);
+        FootprintSides { r: self.r, v1, v2 }
+    }
+
+    /// The footprint without the lobe's blur.
+    #[inline(always)]
+    fn sharp_footprint(&self, simd: S, sample: &PinholeParts) -> FootprintSides<S> {
         let Self { d, n, dn, inverse_l, r, .. } = *self;
         let PinholeParts { sides: [side_1, side_2], changes: [change_1, change_2], .. } = *sample;
         let v1 = reflected_side(splat3(simd, side_1), splat3(simd, change_1), d, n, dn, inverse_l, r);
         let v2 = reflected_side(splat3(simd, side_2), splat3(simd, change_2), d, n, dn, inverse_l, r);
-        let (v1, v2) =
-            if sample.lobe > 0.0 { blurred(simd, v1, v2, r, n, dn.abs() * inverse_l, sample.lobe) } else { (v1, v2) };
         FootprintSides { r, v1, v2 }
     }
 }
@@ -403,15 +432,31 @@ impl Gather<'_> {
         if FILTER == FILTER_NONE {
             return single_fetch(simd, &self.environment, pair.r, occlusion, lit);
         }
-        let footprint = pair.footprint(simd, sample);
         let taps = F::splat(simd, self.uniforms.taps as f32);
-        let environment = &self.environment;
-        if !O::IS_UNOCCLUDED && sample.is_mostly_lobe(self.map_texel_rad()) {
+        if !O::IS_UNOCCLUDED && sample.is_wide_lobe(self.map_texel_rad()) {
             return through_lobe(simd, (pair.r, sample.lobe), occlusion, lit, |lit| {
-                mean_over_footprint::<S, FILTER>(simd, environment, &footprint, &Unoccluded, taps, lit)
+                self.mean_radiance::<S, FILTER>(simd, (sample, pair), &Unoccluded, taps, lit)
             });
         }
-        mean_over_footprint::<S, FILTER>(simd, environment, &footprint, occlusion, taps, lit)
+        self.mean_radiance::<S, FILTER>(simd, (sample, pair), occlusion, taps, lit)
+    }
+
+    /// The mean over the footprint from up to so many taps, or from so many in both parts of a lobe; w = fetches.
+    #[inline(always)]
+    fn mean_radiance<S: Simd, const FILTER: u32>(
+        &self,
+        simd: S,
+        (sample, pair): (&PinholeParts, &ReceiverCellPair<S>),
+        occlusion: &impl Occlusion,
+        taps: F<S>,
+        lit: u32,
+    ) -> [Vec4; LANES] {
+        if sample.is_mostly_lobe() {
+            let parts = pair.lobe_parts(simd, sample);
+            return mean_over_lobe::<S, FILTER>(simd, &self.environment, &parts, occlusion, taps, lit);
+        }
+        let footprint = pair.footprint(simd, sample);
+        mean_over_footprint::<S, FILTER>(simd, &self.environment, &footprint, occlusion, taps, lit)
     }
 }
 

@@ -2,10 +2,10 @@
 
 use glam::Vec4;
 
-use super::super::filters::{FootprintSides, mean_over_footprint, smooth_light, through_lobe};
+use super::super::filters::{FootprintSides, mean_over_footprint, mean_over_lobe, smooth_light, through_lobe};
 use super::super::visibility::{Occlusion, Unoccluded, VisibilityMap};
 use super::super::{Gather, Receiver, ReceiverCellPair};
-use crate::lanes::{F, LANES, Simd, SimdBase};
+use crate::lanes::{F, LANES, Simd, SimdBase, SimdFloat};
 use crate::pinhole::PinholeParts;
 use crate::pinhole::constants::{EVEN_LIGHT_SHARPNESS, FILTER_ANISOTROPIC, FOOTPRINT_RADIUS, LOBE_TAIL, TAP_SHARPNESS};
 
@@ -63,7 +63,7 @@ impl Gather<'_> {
         lit: u32,
         sum: &mut [Vec4; LANES],
     ) {
-        let radiance = if !O::IS_UNOCCLUDED && cell.sample.is_mostly_lobe(self.map_texel_rad()) {
+        let radiance = if !O::IS_UNOCCLUDED && cell.sample.is_wide_lobe(self.map_texel_rad()) {
             let of_sky = |lit| self.cell_radiance(simd, cell, &Unoccluded, taps, lit);
             through_lobe(simd, (cell.pair.r, cell.sample.lobe), sky, lit, of_sky)
         } else {
@@ -89,14 +89,13 @@ impl Gather<'_> {
                     let width_scale = if cell.sample.lobe > 0.0 { TAP_SHARPNESS } else { EVEN_LIGHT_SHARPNESS };
                     return smooth_light(simd, &self.environment, cell.footprint, width_scale, occlusion, lit);
                 };
-                mean_over_footprint::<S, FILTER_ANISOTROPIC>(
-                    simd,
-                    &self.environment,
-                    cell.footprint,
-                    occlusion,
-                    taps,
-                    lit,
-                )
+                let environment = &self.environment;
+                if cell.sample.is_mostly_lobe() {
+                    let (parts, taps) = (cell.pair.lobe_parts(simd, cell.sample), (taps * 0.5).ceil());
+                    return mean_over_lobe::<S, FILTER_ANISOTROPIC>(simd, environment, &parts, occlusion, taps, lit);
+                }
+                let footprint = cell.footprint;
+                mean_over_footprint::<S, FILTER_ANISOTROPIC>(simd, environment, footprint, occlusion, taps, lit)
             },
         )
     }

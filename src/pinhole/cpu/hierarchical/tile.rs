@@ -261,7 +261,7 @@ impl<'a> TileGather<'a> {
                 Coverage::None => return true,
                 Coverage::Partial if accepted.allows_partial_sky || is_small => occlusion = Some(map),
                 // What lobes see of the sky changes smoothly.
-                Coverage::Partial if sample.is_mostly_lobe(self.criterion.map_texel_rad) => {
+                Coverage::Partial if sample.is_wide_lobe(self.criterion.map_texel_rad) => {
                     let seen = map.lobe_fraction(simd, pair.r, sample.lobe, lit).to_array();
                     let [least, most] = set_bits(lit).fold([1.0f32, 0.0], |[l, m], k| [l.min(seen[k]), m.max(seen[k])]);
                     if (most - least) * accepted.max_contribution > error_budget {
