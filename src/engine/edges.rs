@@ -1,4 +1,4 @@
-//! Anti-aliasing of caustics: where light differs from one pixel to the next on one surface, several points of the pixel share in it.
+//! Anti-aliasing of light: where it differs from one pixel to the next on one surface, several points of the pixel share in it.
 
 use std::collections::HashMap;
 use std::sync::Arc;

@@ -416,3 +416,22 @@ fn collect_ends(pixels: &mut [PixelPaths]) -> Vec<EndPoint> {
     }
     all
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn points_of_a_pixel_share_light_on_one_surface_only() {
+        let hit = |height: f32, normal: Vec3| {
+            let position = height * Vec3::Y;
+            Hit { object: 0, position, distance: 1.0, normal, face_normal: normal, front: true }
+        };
+        let own = hit(0.0, Vec3::Y);
+        assert!(share_light(&own, &hit(0.005, Vec3::Y)));
+        assert!(!share_light(&own, &hit(0.05, Vec3::Y)), "a step between them");
+        assert!(!share_light(&own, &hit(0.0, Vec3::X)), "an edge between them");
+        assert!(!share_light(&own, &Hit { object: 1, ..own }));
+        assert!(!share_light(&own, &Hit { front: false, ..own }));
+    }
+}
