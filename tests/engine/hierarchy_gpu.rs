@@ -132,7 +132,7 @@ impl Work {
 
     fn how(&self, tolerance: f32) -> How {
         let tolerance = Tolerance::Absolute(tolerance * self.typical());
-        How { tolerance, split_passes: 8, split_near: false, environment_rotation_rad: 0.0 }
+        How { tolerance, split_passes: 16, split_near: false, environment_rotation_rad: 0.0 }
     }
 
     fn on_cpu(&self, how: &How) -> Vec<[f32; 4]> {

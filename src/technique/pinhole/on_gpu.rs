@@ -302,7 +302,7 @@ impl HierarchyOnGpu {
             tolerance: Tolerance::Absolute(0.0),
             has_tolerances: true,
             split_near: false,
-            split_passes: if self.shared.gpu.adapter.software { 8 } else { 1 },
+            split_passes: if self.shared.gpu.adapter.software { 16 } else { 1 },
         }
     }
 
