@@ -24,7 +24,9 @@ const UNBOUNDED: f32 = 3e38;
 const NO_SAMPLE: u32 = 0xffffffffu;
 // A pass other than the last stops after about this many iterations of loops: eight lanes in lockstep stay below 65,535.
 const WORK_PER_PASS: u32 = 4000u;
-// A leaf is quartered no further after this much: with a pass it stays below that limit, too.
+// Where loops were cut short, so that there are at least this many passes, a leaf is quartered no further after this much work:
+// with a pass it stays below that limit, too.
+const MANY_PASSES: u32 = 100u;
 const MAX_WORK_PER_LEAF: u32 = 2500u;
 // Iterations of the loops in a visit that finds nothing to do for them.
 const WORK_PER_VISIT: u32 = 12u;
@@ -452,7 +454,7 @@ fn contribution_of_quarters(
         let size = pair.inverse_l * 0.5 * (length(piece.side_1) + length(piece.side_2));
         let is_large = size > MAX_RELATIVE_SIZE
             || (size > MAX_PIECE_SIZE && is_uneven(max_light * weight_of(piece, pair, receiver), size, error_budget));
-        if depth < MAX_QUARTERINGS && is_large && filter_work < MAX_WORK_PER_LEAF {
+        if depth < MAX_QUARTERINGS && is_large && (filter_work < MAX_WORK_PER_LEAF || tile_pass.split_count < MANY_PASSES) {
             path <<= 2u;
             depth += 1u;
             continue;

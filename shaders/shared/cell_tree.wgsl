@@ -234,7 +234,7 @@ fn cell_radiance(
     let taps = min(max(ceil(contribution_range * (TAPS_PER_ERROR_BUDGET / error_budget)), 1.0), f32(uniforms.taps));
     if is_mostly_lobe(cell.lobe, cell.change_1, cell.change_2) {
         let cosine = abs(pair.dn) * pair.inverse_l;
-        return mean_over_lobe(pair.r, cell.normal, cosine, sharp_footprint_of(cell, pair), cell.lobe, ceil(0.5 * taps), map);
+        return mean_over_lobe(pair.r, cell.normal, cosine, sharp_footprint_of(cell, pair), cell.lobe, taps, map);
     }
     return mean_over_footprint(pair.r, sides, taps, map);
 }

@@ -5,7 +5,7 @@ use glam::Vec4;
 use super::super::filters::{FootprintSides, mean_over_footprint, mean_over_lobe, smooth_light, through_lobe};
 use super::super::visibility::{Occlusion, Unoccluded, VisibilityMap};
 use super::super::{Gather, Receiver, ReceiverCellPair};
-use crate::lanes::{F, LANES, Simd, SimdBase, SimdFloat};
+use crate::lanes::{F, LANES, Simd, SimdBase};
 use crate::pinhole::PinholeParts;
 use crate::pinhole::constants::{EVEN_LIGHT_SHARPNESS, FILTER_ANISOTROPIC, FOOTPRINT_RADIUS, LOBE_TAIL, TAP_SHARPNESS};
 
@@ -91,7 +91,7 @@ impl Gather<'_> {
                 };
                 let environment = &self.environment;
                 if cell.sample.is_mostly_lobe() {
-                    let (parts, taps) = (cell.pair.lobe_parts(simd, cell.sample), (taps * 0.5).ceil());
+                    let parts = cell.pair.lobe_parts(simd, cell.sample);
                     return mean_over_lobe::<S, FILTER_ANISOTROPIC>(simd, environment, &parts, occlusion, taps, lit);
                 }
                 let footprint = cell.footprint;
