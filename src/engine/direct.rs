@@ -17,7 +17,7 @@ use crate::scene::Visibility;
 use crate::stages::{CameraRays, LightStages, PreparedLight};
 use crate::tracing::{Hit, Tracer};
 
-/// Points out of the picture, approximately, that tell how enclosed it is.
+/// Camera rays, approximately, that tell how enclosed the place is that the picture shows.
 const SEEN_POINTS: usize = 64;
 /// Edge of the blocks of camera rays whose shadows are found together.
 const BLOCK: usize = 32;
@@ -40,8 +40,8 @@ impl<'a> DirectLight<'a> {
         progress: &dyn Progress,
     ) -> Self {
         let shadows = (visibility == Visibility::Full).then(|| {
-            let seen: Vec<&Hit> = rays.hits.iter().flatten().collect();
-            let seen: Vec<&Hit> = seen.iter().step_by(seen.len() / SEEN_POINTS + 1).copied().collect();
+            let step = rays.hits.len() / SEEN_POINTS + 1;
+            let seen: Vec<&Hit> = rays.hits.iter().step_by(step).flatten().collect();
             Shadows::new(light, &stages.sampler(light, progress), tracer, &seen)
         });
         Self { light, irradiance: stages.irradiance(light, progress), shadows }

@@ -35,7 +35,7 @@ pub(super) const NEAREST_PARTS: [usize; 16] = [0, 0, 0, 1, 3, 0, 1, 1, 3, 3, 2, 
 pub(super) type Parts = HashMap<u32, [Vec3; PARTS]>;
 
 /// The caustic's irradiance, W/m².
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub(super) struct Caustic {
     /// By point, with the number of fetches in w; may be padded to whole rows.
     pub sums: Vec<[f32; 4]>,
@@ -44,7 +44,7 @@ pub(super) struct Caustic {
 }
 
 /// Direct irradiance, W/m².
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub(super) struct Direct {
     /// By point.
     pub light: Vec<Vec3>,

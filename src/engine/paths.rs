@@ -23,7 +23,7 @@ const MIN_HEIGHT: f32 = 1e-3;
 /// Points of a pixel share light if one lies in the plane of the other, up to this part of the ray's length.
 const MAX_STEP_OFF_PLANE: f32 = 0.01;
 /// Cosine between their normals, at least.
-const MIN_NORMAL_COSINE: f32 = 0.9;
+const MIN_SHARED_COSINE: f32 = 0.9;
 /// Albedo of surfaces that neither reflect nor receive on the visible side.
 const PLAIN_ALBEDO: f32 = 0.2;
 /// Albedo of everything in the plain diffuse view.
@@ -68,7 +68,7 @@ pub(super) fn share_light(one: &Hit, other: &Hit) -> bool {
     let off_plane = (other.position - one.position).dot(one.normal).abs();
     one.object == other.object
         && one.front == other.front
-        && one.normal.dot(other.normal) >= MIN_NORMAL_COSINE
+        && one.normal.dot(other.normal) >= MIN_SHARED_COSINE
         && off_plane <= MAX_STEP_OFF_PLANE * one.distance
 }
 
