@@ -129,7 +129,9 @@ fn filtered_radiance(i: u32, d: vec3f, n: vec3f, dn: f32, inverse_l: f32, r: vec
     let lobe = samples[i].lobe;
     let cosine = abs(dn) * inverse_l;
     if is_mostly_lobe(lobe, samples[i].change_1, samples[i].change_2) {
-        return mean_over_lobe(r, n, cosine, sides, lobe, f32(uniforms.taps), map);
+        let parts = lobe_parts(r, n, cosine, sides, lobe);
+        let core = mean_over_footprint(parts.r, parts.core, f32(uniforms.taps), map);
+        return mean_of_parts(core, mean_over_footprint(parts.r, parts.tail, f32(uniforms.taps), map));
     }
     if lobe > 0.0 {
         sides = blurred(sides, r, n, cosine, lobe);

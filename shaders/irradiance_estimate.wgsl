@@ -59,17 +59,30 @@ fn sample_contribution(sample: u32, receiver: Receiver) -> vec3f {
     if VISIBILITY {
         weight *= visible_fraction(-pair.d, map);
     }
-    let sides = footprint_of(cell, pair);
-    let axes = footprint_axes(sides);
-    var sky = 0.0;
-    if VISIBILITY && is_wide_lobe(cell.lobe, cell.change_1, cell.change_2) {
-        sky = lobe_fraction(pair.r, cell.lobe, map);
-    } else {
-        sky = sky_fraction_of_footprint(pair.r, sides, map);
+    return weight * reflected_scale(cell, pair) * radiance_of(cell, pair, map);
+}
+
+// Mean unoccluded radiance over a cell's footprint.
+fn radiance_of(cell: Cell, pair: Pair, map: VisibilityMap) -> vec3f {
+    if !is_mostly_lobe(cell.lobe, cell.change_1, cell.change_2) {
+        return isotropic_radiance(pair.r, footprint_of(cell, pair), map);
     }
-    let light_r = light_from_world(pair.r);
-    let radiance = fetch(light_r, level_of(axes.major, texel_width(light_r, uniforms.texel_rad)));
-    return weight * sky * reflected_scale(cell, pair) * radiance;
+    let cosine = abs(pair.dn) * pair.inverse_l;
+    let parts = lobe_parts(pair.r, cell.normal, cosine, sharp_footprint_of(cell, pair), cell.lobe);
+    var seen = 1.0;
+    var part_map = map;
+    if VISIBILITY && is_wide_lobe(cell.lobe, cell.change_1, cell.change_2) {
+        seen = lobe_fraction(pair.r, cell.lobe, map);
+        part_map.index = UNOCCLUDED;
+    }
+    return 0.5 * seen
+        * (isotropic_radiance(parts.r, parts.core, part_map) + isotropic_radiance(parts.r, parts.tail, part_map));
+}
+
+fn isotropic_radiance(r: vec3f, sides: FootprintSides, map: VisibilityMap) -> vec3f {
+    let light_r = light_from_world(r);
+    let level = level_of(footprint_axes(sides).major, texel_width(light_r, uniforms.texel_rad));
+    return sky_fraction_of_footprint(r, sides, map) * fetch(light_r, level);
 }
 
 @compute @workgroup_size(1)

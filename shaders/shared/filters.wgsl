@@ -48,15 +48,26 @@ fn mean_over_footprint(r: vec3f, sides: FootprintSides, max_taps: f32, map: Visi
     return vec4f(sum.rgb / taps, sum.a);
 }
 
-// Mean over a rough mirror's lobe around r, from its two parts: one narrower, one wider, both a little nearer to the normal n. `sides`
-// are the footprint's without the lobe; a = fetches.
-fn mean_over_lobe(
-    r: vec3f, n: vec3f, cosine: f32, sides: FootprintSides, lobe: f32, max_taps: f32, map: VisibilityMap,
-) -> vec4f {
+// What two look-ups in a rough mirror's lobe cover: one narrower, one wider.
+struct LobeParts {
+    // The unit direction of their centre.
+    r: vec3f,
+    core: FootprintSides,
+    tail: FootprintSides,
+}
+
+// The parts of the lobe around r, a little nearer to the normal n. `sides` are the footprint's without the lobe.
+fn lobe_parts(r: vec3f, n: vec3f, cosine: f32, sides: FootprintSides, lobe: f32) -> LobeParts {
     let tilt = lobe * (LOBE_TILT + LOBE_TILT_GROWTH * lobe);
-    let centre = normalize(r + select(tilt, -tilt, dot(r, n) < 0.0) * n);
-    let core = mean_over_footprint(centre, blurred(sides, r, n, cosine, LOBE_CORE_WIDTH * lobe), max_taps, map);
-    let tail = mean_over_footprint(centre, blurred(sides, r, n, cosine, LOBE_TAIL_WIDTH * lobe), max_taps, map);
+    return LobeParts(
+        normalize(r + select(tilt, -tilt, dot(r, n) < 0.0) * n),
+        blurred(sides, r, n, cosine, LOBE_CORE_WIDTH * lobe),
+        blurred(sides, r, n, cosine, LOBE_TAIL_WIDTH * lobe),
+    );
+}
+
+// The mean over a lobe from those over its parts; a = fetches.
+fn mean_of_parts(core: vec4f, tail: vec4f) -> vec4f {
     return vec4f(0.5 * (core.rgb + tail.rgb), core.a + tail.a);
 }
 

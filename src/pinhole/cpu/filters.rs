@@ -8,8 +8,8 @@ use super::visibility::{Occlusion, Unoccluded};
 use crate::environment::CubeMap;
 use crate::lanes::{ALL, F, LANES, Select, Simd, SimdBase, SimdFloat, V3, bits, dispatch, lanes, level, splat};
 use crate::pinhole::constants::{
-    EWA_MAX_COLUMNS, EWA_RADIUS, EWA_TEXEL, FILTER_ANISOTROPIC, FILTER_EWA, FILTER_ISOTROPIC, FILTER_NONE,
-    TAP_SHARPNESS,
+    EVEN_LIGHT_SHARPNESS, EWA_MAX_COLUMNS, EWA_RADIUS, EWA_TEXEL, FILTER_ANISOTROPIC, FILTER_EWA, FILTER_ISOTROPIC,
+    FILTER_NONE, TAP_SHARPNESS,
 };
 use crate::pinhole::{Filter, Probe};
 
@@ -37,22 +37,10 @@ pub(super) fn through_lobe<S: Simd>(
     radiance
 }
 
-/// The mean over both parts of a lobe, from up to so many taps in each; w = fetches.
+/// Adds the mean over one of the two parts of a lobe; w = fetches.
 #[inline(always)]
-pub(super) fn mean_over_lobe<S: Simd, const FILTER: u32>(
-    simd: S,
-    environment: &CubeLookup,
-    parts: &[FootprintSides<S>; 2],
-    occlusion: &impl Occlusion,
-    max_taps: F<S>,
-    lit: u32,
-) -> [Vec4; LANES] {
-    let mut sum = [Vec4::ZERO; LANES];
-    for part in parts {
-        let mean = mean_over_footprint::<S, FILTER>(simd, environment, part, occlusion, max_taps, lit);
-        sum.iter_mut().zip(mean).for_each(|(sum, mean)| *sum += mean * Vec3::splat(0.5).extend(1.0));
-    }
-    sum
+pub(super) fn add_lobe_part(sum: &mut [Vec4; LANES], mean: [Vec4; LANES]) {
+    sum.iter_mut().zip(mean).for_each(|(sum, mean)| *sum += mean * Vec3::splat(0.5).extend(1.0));
 }
 
 /// Mean unoccluded radiance over a footprint; w = fetches.
@@ -111,19 +99,24 @@ pub(super) fn single_fetch<S: Simd>(
     sum
 }
 
-/// Mean radiance over a footprint within which the light changes little: one look-up in the level nearest to this fraction of
-/// its width.
+/// Mean radiance over a footprint within which the light changes little, from one look-up. A sharp one need not be wide, nor between
+/// levels: adjacent cells together are as good as a wide kernel and lose nothing over the mirrors' edges. A lobe's blur has to be kept.
 #[inline(always)]
 pub(super) fn smooth_light<S: Simd>(
     simd: S,
     environment: &CubeLookup,
     sides: &FootprintSides<S>,
-    width_scale: f32,
+    is_blurred: bool,
     occlusion: &impl Occlusion,
     lit: u32,
 ) -> [Vec4; LANES] {
     let width = ((sides.v1.dot(sides.v1) + sides.v2.dot(sides.v2)) * 0.5).sqrt();
-    let level = (level_of(width * width_scale, environment.texel_width(sides.r)) + 0.5).floor();
+    let texel = environment.texel_width(sides.r);
+    let level = if is_blurred {
+        level_of(width * TAP_SHARPNESS, texel)
+    } else {
+        (level_of(width * EVEN_LIGHT_SHARPNESS, texel) + 0.5).floor()
+    };
     let mut sum = [Vec4::ZERO; LANES];
     add_unoccluded(simd, environment, occlusion, sides.r, (width, level), lit, &mut sum);
     sum

@@ -7,6 +7,8 @@ mod cube;
 mod filters;
 mod footprint;
 mod hierarchical;
+mod pair;
+mod receiver;
 mod visibility;
 
 pub use cube::{CubeLookup, Lanes16};
@@ -16,19 +18,15 @@ pub use hierarchical::{Accuracy, CachedGather, CachedSums, Light, estimate_irrad
 use glam::{Vec3, Vec4};
 use rayon::prelude::*;
 
-use self::filters::{CpuFilter, FootprintSides, mean_over_footprint, mean_over_lobe, single_fetch, through_lobe};
-use self::footprint::{blurred, reflected_side};
+use self::filters::{CpuFilter, add_lobe_part, mean_over_footprint, single_fetch, through_lobe};
+use self::pair::ReceiverCellPair;
+use self::receiver::{NO_OBJECT, Receiver, ReceiverGroup, load_receivers};
 use self::visibility::{Occlusion, Unoccluded, VisibilityMap};
-use super::constants::{
-    FILTER_ANISOTROPIC, FILTER_EWA, FILTER_ISOTROPIC, FILTER_NONE, LOBE_CORE_WIDTH, LOBE_TAIL_WIDTH, LOBE_TILT,
-    LOBE_TILT_GROWTH,
-};
+use super::constants::{FILTER_ANISOTROPIC, FILTER_EWA, FILTER_ISOTROPIC, FILTER_NONE};
 use super::{BATCH_SIZE, CURVE_POINTS, GatherUniforms, Params, PinholeParts, PinholeSample, Pinholes, Receivers};
 use crate::brdf::Materials;
 use crate::environment::CubeMap;
-use crate::lanes::{
-    F, LANES, Select, Simd, SimdBase, SimdFloat, V3, bits, dispatch, lanes, level, set_bits, splat, splat3,
-};
+use crate::lanes::{F, LANES, Simd, SimdBase, V3, bits, dispatch, lanes, level, set_bits, splat3};
 
 /// Groups of lanes between two reports of progress.
 const GROUPS_PER_TASK: usize = 32;
@@ -93,120 +91,6 @@ struct Gather<'a> {
     environment: CubeLookup<'a>,
 }
 
-/// The object of a lane without a receiver.
-const NO_OBJECT: u32 = u32::MAX;
-
-/// Sixteen receivers, lane by lane, in memory.
-struct ReceiverGroup {
-    position: [[f32; LANES]; 3],
-    normal: [[f32; LANES]; 3],
-    object: [u32; LANES],
-    /// Towards the viewer, where there is one.
-    view: Option<[Vec3; LANES]>,
-}
-
-/// The same in registers.
-struct Receiver<'a, S: Simd> {
-    position: V3<S>,
-    normal: V3<S>,
-    object: &'a [u32; LANES],
-    view: Option<&'a [Vec3; LANES]>,
-}
-
-impl ReceiverGroup {
-    #[inline(always)]
-    fn in_lanes<S: Simd>(&self, simd: S) -> Receiver<'_, S> {
-        Receiver {
-            position: V3::load(simd, &self.position),
-            normal: V3::load(simd, &self.normal),
-            object: &self.object,
-            view: self.view.as_ref(),
-        }
-    }
-}
-
-impl<S: Simd> Receiver<'_, S> {
-    /// The lanes that have a receiver.
-    #[inline(always)]
-    fn occupied(&self) -> u32 {
-        (0..LANES).filter(|&lane| self.object[lane] != NO_OBJECT).fold(0, |bits, lane| bits | 1 << lane)
-    }
-}
-
-/// A sample or cell, and sixteen receivers; the names are the shader's.
-struct ReceiverCellPair<S: Simd> {
-    /// From the receiver to the sample, metres.
-    d: V3<S>,
-    n: V3<S>,
-    dn: F<S>,
-    l2: F<S>,
-    inverse_l: F<S>,
-    /// ⟨n, −d̂⟩⁺; for two-sided samples |⟨n, d̂⟩|.
-    cos_at_sample: F<S>,
-    /// The product of both cosines, without 1/l². Not positive (or not a number, where the sample lies on the receiver point)
-    /// where nothing arrives.
-    geometry_term: F<S>,
-    /// The reflected direction, unit length.
-    r: V3<S>,
-}
-
-impl<S: Simd> ReceiverCellPair<S> {
-    #[inline(always)]
-    fn new(simd: S, sample: &PinholeParts, receiver: &Receiver<S>) -> Self {
-        let n = splat3(simd, sample.normal);
-        let d = splat3(simd, sample.position) - receiver.position;
-        let l2 = d.dot(d);
-        let dn = d.dot(n);
-        let inverse_l = 1.0 / l2.sqrt();
-        let cos_at_sample = if sample.two_sided { dn.abs() } else { (-dn).max(0.0) } * inverse_l;
-        let geometry_term = cos_at_sample * d.dot(receiver.normal).max(0.0) * inverse_l;
-        let r = d.plus(n, dn * -2.0) * inverse_l;
-        Self { d, n, dn, l2, inverse_l, cos_at_sample, geometry_term, r }
-    }
-
-    /// The lanes in which the sample and the receiver face each other.
-    #[inline(always)]
-    fn lit(&self) -> u32 {
-        bits(self.geometry_term.simd_gt(0.0))
-    }
-
-    /// The sample's footprint around the reflected direction.
-    #[inline(always)]
-    fn footprint(&self, simd: S, sample: &PinholeParts) -> FootprintSides<S> {
-        let sharp = self.sharp_footprint(simd, sample);
-        if sample.lobe > 0.0 { self.blurred(simd, &sharp, sample.lobe) } else { sharp }
-    }
-
-    /// The parts of its lobe, for look-ups: one narrower, one wider, both a little nearer to the normal.
-    #[inline(always)]
-    fn lobe_parts(&self, simd: S, sample: &PinholeParts) -> [FootprintSides<S>; 2] {
-        let sharp = self.sharp_footprint(simd, sample);
-        let tilt = sample.lobe * (LOBE_TILT + LOBE_TILT_GROWTH * sample.lobe);
-        let behind = self.dn.simd_gt(0.0);
-        let r = self.r.plus(self.n, behind.select(splat(simd, -tilt), splat(simd, tilt)));
-        let r = r * (1.0 / r.dot(r).sqrt());
-        let core = self.blurred(simd, &sharp, LOBE_CORE_WIDTH * sample.lobe);
-        let tail = self.blurred(simd, &sharp, LOBE_TAIL_WIDTH * sample.lobe);
-        [FootprintSides { r, ..core }, FootprintSides { r, ..tail }]
-    }
-
-    #[inline(always)]
-    fn blurred(&self, simd: S, sharp: &FootprintSides<S>, lobe: f32) -> FootprintSides<S> {
-        let (v1, v2) = blurred(simd, sharp.v1, sharp.v2, self.r, self.n, self.dn.abs() * self.inverse_l, lobe);
-        FootprintSides { r: self.r, v1, v2 }
-    }
-
-    /// The footprint without the lobe's blur.
-    #[inline(always)]
-    fn sharp_footprint(&self, simd: S, sample: &PinholeParts) -> FootprintSides<S> {
-        let Self { d, n, dn, inverse_l, r, .. } = *self;
-        let PinholeParts { sides: [side_1, side_2], changes: [change_1, change_2], .. } = *sample;
-        let v1 = reflected_side(splat3(simd, side_1), splat3(simd, change_1), d, n, dn, inverse_l, r);
-        let v2 = reflected_side(splat3(simd, side_2), splat3(simd, change_2), d, n, dn, inverse_l, r);
-        FootprintSides { r, v1, v2 }
-    }
-}
-
 #[inline(always)]
 fn task<S: Simd, const FILTER: u32>(
     simd: S,
@@ -229,35 +113,6 @@ fn task<S: Simd, const FILTER: u32>(
         }
         sums.iter_mut().zip(totals).for_each(|(sum, total)| *sum = total.to_array());
     }
-}
-
-/// Up to sixteen consecutive receivers.
-fn load_receivers(receivers: &Receivers, start: usize, count: usize) -> ReceiverGroup {
-    load_at(receivers, |lane| (lane < count).then_some(start + lane))
-}
-
-/// The receivers at sixteen indices. Lanes without one get a normal of zero, so that nothing reaches them.
-fn load_at(receivers: &Receivers, index: impl Fn(usize) -> Option<usize>) -> ReceiverGroup {
-    let mut group = ReceiverGroup {
-        position: [[0.0; LANES]; 3],
-        normal: [[0.0; LANES]; 3],
-        object: [NO_OBJECT; LANES],
-        view: receivers.view_directions.as_ref().map(|_| [Vec3::ZERO; LANES]),
-    };
-    for lane in 0..LANES {
-        let Some(index) = index(lane) else { continue };
-        let Some(object) = receivers.object(index) else { continue };
-        let (p, n) = (receivers.positions[index], receivers.normals[index]);
-        group.object[lane] = object;
-        for axis in 0..3 {
-            group.position[axis][lane] = p[axis];
-            group.normal[axis][lane] = n[axis];
-        }
-        if let (Some(views), Some(view)) = (&mut group.view, &receivers.view_directions) {
-            views[lane] = Vec3::from_slice(&view.directions[index]);
-        }
-    }
-    group
 }
 
 /// Multiplies by the BRDF, 1/sr, between a unit direction, as the centre of so many sr, and the viewers.
@@ -452,8 +307,12 @@ impl Gather<'_> {
         lit: u32,
     ) -> [Vec4; LANES] {
         if sample.is_mostly_lobe() {
-            let parts = pair.lobe_parts(simd, sample);
-            return mean_over_lobe::<S, FILTER>(simd, &self.environment, &parts, occlusion, taps, lit);
+            let mut sum = [Vec4::ZERO; LANES];
+            for part in pair.lobe_parts(simd, sample) {
+                let mean = mean_over_footprint::<S, FILTER>(simd, &self.environment, &part, occlusion, taps, lit);
+                add_lobe_part(&mut sum, mean);
+            }
+            return sum;
         }
         let footprint = pair.footprint(simd, sample);
         mean_over_footprint::<S, FILTER>(simd, &self.environment, &footprint, occlusion, taps, lit)

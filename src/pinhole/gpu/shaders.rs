@@ -51,6 +51,7 @@ pub(super) const TRACE_MAPS: Shader = shader!("trace_maps");
 
 const SHARED: &[Shader] = &[
     shader!("shared/brdf"),
+    shader!("shared/cell_quarters"),
     shader!("shared/cell_tree"),
     shader!("shared/cube"),
     shader!("shared/doubts"),

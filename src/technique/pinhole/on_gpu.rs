@@ -1,10 +1,13 @@
 //! Sums on a GPU: copies of light and samples are made once and kept. Receivers are uploaded in strips,
 //! work is submitted in pieces of bounded duration, and the sums are read back.
 
-use std::borrow::Cow;
-use std::ops::Range;
+mod receivers;
+mod submission;
+
 use std::sync::Arc;
 
+use self::receivers::{Tiled, Uploaded, strips};
+use self::submission::{Submission, pairs_per_submit};
 use super::FlatInputs;
 use crate::Error;
 use crate::backend::SharedGpu;
@@ -12,18 +15,18 @@ use crate::environment::{Environment, LightBounds};
 use crate::gpu::{Gpu, GpuError};
 use crate::pinhole::cpu::Accuracy;
 use crate::pinhole::gpu::{
-    self, CellTreeBuffers, Engine, EnvironmentCube, FrameInputs, FrameViewers, Geometry, HierarchicalEngine,
-    LightBoundsTexture, MapTracing, MapUse, Tolerance, VisibilityMapBuffers,
+    self, CellTreeBuffers, Engine, EnvironmentCube, FrameInputs, Geometry, HierarchicalEngine, LightBoundsTexture,
+    MapTracing, MapUse, Tolerance, VisibilityMapBuffers,
 };
-use crate::pinhole::{
-    BATCH_SIZE, ESTIMATE_MAX_RECEIVERS, NO_RECEIVER, Params, PinholeTree, Pinholes, ReceiverLayout, Receivers,
-    ViewDirections,
-};
+use crate::pinhole::{BATCH_SIZE, ESTIMATE_MAX_RECEIVERS, Params, PinholeTree, Pinholes, ReceiverLayout, Receivers};
 use crate::progress::{NoProgress, Progress, Stage};
 use crate::scene::{Scene, Visibility};
 use crate::stages::{Id, Memo, StageCounts};
 use crate::technique::{Inputs, Pending, Statistics, Sum};
 use crate::tracing::Tracer;
+
+/// The largest number of passes that the traversal is split into, on adapters that end loops early.
+const MAX_SPLIT_PASSES: u32 = 512;
 
 /// Everything that is kept on the device.
 #[derive(Debug)]
@@ -320,142 +323,5 @@ impl HierarchyOnGpu {
         frame.record_estimate_only(&mut encoder);
         gpu.queue.submit([encoder.finish()]);
         Ok(bytemuck::pod_read_unaligned(&gpu.read_buffer(frame.allowed_error(), 4).await?))
-    }
-}
-
-/// Work that is submitted in pieces, `step` at a time.
-struct Submission<'a> {
-    gpu: &'a Gpu,
-    /// Receiver points, which the progress counts.
-    points: u64,
-    pieces: u32,
-    step: u32,
-    progress: &'a dyn Progress,
-}
-
-impl Submission<'_> {
-    async fn run(&self, mut record: impl FnMut(&mut wgpu::CommandEncoder, Range<u32>)) -> Result<(), GpuError> {
-        let mut reported = 0;
-        for first in (0..self.pieces).step_by(self.step as usize) {
-            let last = first.saturating_add(self.step).min(self.pieces);
-            let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
-            record(&mut encoder, first..last);
-            self.gpu.queue.submit([encoder.finish()]);
-            self.gpu.submitted_work_done().await?;
-            let done = self.points * u64::from(last) / u64::from(self.pieces);
-            self.progress.advance(done - reported);
-            reported = done;
-        }
-        Ok(())
-    }
-}
-
-/// Divides receivers into strips of whole rows that fit into the adapter's textures and, except for single rows, have
-/// at most `most` points, so that the submission of one batch of samples has a bounded duration.
-fn strips(receivers: &Receivers, max_texture: u32, most: usize) -> Vec<Receivers> {
-    let width = receivers.width;
-    if width > max_texture {
-        // Too wide for a texture: the points become an unordered list.
-        let folded = Receivers { width: max_texture, layout: ReceiverLayout::Unordered, ..receivers.clone() };
-        return strips(&pad_rows(folded), max_texture, most);
-    }
-    let rows = (most / width as usize).clamp(1, max_texture as usize);
-    let per_strip = width as usize * rows;
-    let count = receivers.positions.len();
-    let strip = |start: usize| {
-        let part = start..(start + per_strip).min(count);
-        let view_directions = receivers.view_directions.as_ref().map(|viewers| ViewDirections {
-            directions: viewers.directions[part.clone()].to_vec(),
-            materials: viewers.materials.clone(),
-        });
-        Receivers {
-            width,
-            layout: receivers.layout,
-            height: (part.len() as u32).div_ceil(width),
-            positions: receivers.positions[part.clone()].to_vec(),
-            normals: receivers.normals[part].to_vec(),
-            view_directions,
-        }
-    };
-    (0..count).step_by(per_strip).map(strip).collect()
-}
-
-fn pad_rows(mut receivers: Receivers) -> Receivers {
-    let rows = (receivers.positions.len() as u32).div_ceil(receivers.width);
-    let count = (rows * receivers.width) as usize;
-    receivers.height = rows;
-    receivers.positions.resize(count, [0.0, 0.0, 0.0, NO_RECEIVER]);
-    receivers.normals.resize(count, [0.0; 4]);
-    if let Some(viewers) = &mut receivers.view_directions {
-        viewers.directions.resize(count, [0.0; 4]);
-    }
-    receivers
-}
-
-/// Sample–receiver pairs per submission: well under a second on a slow GPU, so that no watchdog fires.
-const PAIRS_PER_SUBMIT: u64 = 1 << 28;
-/// The same for software adapters, where it only sets the pace of the progress bar.
-const PAIRS_PER_SUBMIT_IN_SOFTWARE: u64 = 1 << 24;
-
-fn pairs_per_submit(gpu: &Gpu) -> u64 {
-    if gpu.adapter.software { PAIRS_PER_SUBMIT_IN_SOFTWARE } else { PAIRS_PER_SUBMIT }
-}
-
-/// The largest number of passes that the traversal is split into, on adapters that end loops early.
-const MAX_SPLIT_PASSES: u32 = 512;
-
-/// Receivers, uploaded to the GPU.
-struct Uploaded<'a> {
-    positions: wgpu::TextureView,
-    normals: wgpu::TextureView,
-    directions: Option<wgpu::TextureView>,
-    receivers: &'a Receivers,
-}
-
-impl<'a> Uploaded<'a> {
-    fn new(gpu: &Gpu, receivers: &'a Receivers) -> Self {
-        let size = [receivers.width, receivers.height];
-        Self {
-            positions: gpu.upload_texture(size, &receivers.positions),
-            normals: gpu.upload_texture(size, &receivers.normals),
-            directions: receivers.view_directions.as_ref().map(|viewers| gpu.upload_texture(size, &viewers.directions)),
-            receivers,
-        }
-    }
-
-    fn size(&self) -> [u32; 2] {
-        [self.receivers.width, self.receivers.height]
-    }
-
-    fn viewers(&self) -> Option<FrameViewers<'_>> {
-        let viewers = self.directions.as_ref().zip(self.receivers.view_directions.as_ref());
-        viewers.map(|(directions, viewers)| FrameViewers { directions, materials: &viewers.materials })
-    }
-}
-
-/// Receivers arranged in tiles for a hierarchical gather: an unordered list becomes a grid whose tiles are consecutive
-/// parts of it.
-struct Tiled<'a> {
-    receivers: Cow<'a, Receivers>,
-    /// The place of each of the list's points in the grid.
-    places: Option<Vec<usize>>,
-}
-
-impl<'a> Tiled<'a> {
-    fn new(receivers: &'a Receivers) -> Self {
-        match receivers.layout {
-            ReceiverLayout::Grid => Self { receivers: Cow::Borrowed(receivers), places: None },
-            ReceiverLayout::Unordered => {
-                let (tiled, places) = receivers.in_tiles();
-                Self { receivers: Cow::Owned(tiled), places: Some(places) }
-            }
-        }
-    }
-
-    fn in_order(&self, sums: Vec<[f32; 4]>) -> Vec<[f32; 4]> {
-        match &self.places {
-            None => sums,
-            Some(places) => places.iter().map(|&place| sums[place]).collect(),
-        }
     }
 }

@@ -2,12 +2,14 @@
 
 use glam::Vec4;
 
-use super::super::filters::{FootprintSides, mean_over_footprint, mean_over_lobe, smooth_light, through_lobe};
+use super::super::Gather;
+use super::super::filters::{FootprintSides, add_lobe_part, mean_over_footprint, smooth_light, through_lobe};
+use super::super::pair::ReceiverCellPair;
+use super::super::receiver::Receiver;
 use super::super::visibility::{Occlusion, Unoccluded, VisibilityMap};
-use super::super::{Gather, Receiver, ReceiverCellPair};
 use crate::lanes::{F, LANES, Simd, SimdBase};
 use crate::pinhole::PinholeParts;
-use crate::pinhole::constants::{EVEN_LIGHT_SHARPNESS, FILTER_ANISOTROPIC, FOOTPRINT_RADIUS, LOBE_TAIL, TAP_SHARPNESS};
+use crate::pinhole::constants::{FILTER_ANISOTROPIC, FOOTPRINT_RADIUS, LOBE_TAIL};
 
 /// A cell, taken as one sample, and sixteen receivers.
 pub struct CellAtReceivers<'a, S: Simd> {
@@ -84,20 +86,34 @@ impl Gather<'_> {
         simd.vectorize(
             #[inline(always)]
             || {
-                let Some(taps) = taps else {
-                    // Adjacent cells together are as good as a wide kernel and lose nothing over the mirrors' edges; a lobe is wide.
-                    let width_scale = if cell.sample.lobe > 0.0 { TAP_SHARPNESS } else { EVEN_LIGHT_SHARPNESS };
-                    return smooth_light(simd, &self.environment, cell.footprint, width_scale, occlusion, lit);
-                };
-                let environment = &self.environment;
-                if cell.sample.is_mostly_lobe() {
-                    let parts = cell.pair.lobe_parts(simd, cell.sample);
-                    return mean_over_lobe::<S, FILTER_ANISOTROPIC>(simd, environment, &parts, occlusion, taps, lit);
+                if !cell.sample.is_mostly_lobe() {
+                    return self.footprint_radiance(simd, cell, cell.footprint, occlusion, taps, lit);
                 }
-                let footprint = cell.footprint;
-                mean_over_footprint::<S, FILTER_ANISOTROPIC>(simd, environment, footprint, occlusion, taps, lit)
+                let mut sum = [Vec4::ZERO; LANES];
+                for part in cell.pair.lobe_parts(simd, cell.sample) {
+                    add_lobe_part(&mut sum, self.footprint_radiance(simd, cell, &part, occlusion, taps, lit));
+                }
+                sum
             },
         )
+    }
+
+    /// Mean radiance over a footprint of a cell, or over a part of its lobe; w = fetches.
+    #[inline(always)]
+    fn footprint_radiance<S: Simd>(
+        &self,
+        simd: S,
+        cell: &CellAtReceivers<S>,
+        footprint: &FootprintSides<S>,
+        occlusion: &impl Occlusion,
+        taps: Option<F<S>>,
+        lit: u32,
+    ) -> [Vec4; LANES] {
+        let environment = &self.environment;
+        let Some(taps) = taps else {
+            return smooth_light(simd, environment, footprint, cell.sample.lobe > 0.0, occlusion, lit);
+        };
+        mean_over_footprint::<S, FILTER_ANISOTROPIC>(simd, environment, footprint, occlusion, taps, lit)
     }
 
     /// Upper bound of 1/l² for a cell.

@@ -23,7 +23,8 @@ use rayon::prelude::*;
 
 use self::blocks::{ReceiverTile, Weights};
 use self::tile::TileGather;
-use super::{CubeLookup, Gather, GatherUniforms, ReceiverGroup, load_at};
+use super::receiver::{ReceiverGroup, load_at};
+use super::{CubeLookup, Gather, GatherUniforms};
 use crate::brdf::Materials;
 use crate::environment::{CubeMap, LightBounds};
 use crate::lanes::{LANES, dispatch, level};

@@ -2,8 +2,9 @@
 
 use glam::Vec3;
 
+use super::super::pair::ReceiverCellPair;
+use super::super::receiver::Receiver;
 use super::super::visibility::{Coverage, Occlusion, VisibilityMap};
-use super::super::{Receiver, ReceiverCellPair};
 use super::evaluation::CellAtReceivers;
 use super::tile::{TileGather, map_towards};
 use crate::lanes::{ALL, F, LANES, Simd, SimdBase, SimdFloat, V3, bits, lanes, set_bits, splat, splat3};

@@ -6,8 +6,9 @@ use glam::{Vec2, Vec3, Vec4};
 
 use super::super::cube::{OnCube, on_cube};
 use super::super::filters::FootprintSides;
+use super::super::pair::ReceiverCellPair;
+use super::super::receiver::{Receiver, ReceiverGroup};
 use super::super::visibility::{Coverage, VisibilityMap};
-use super::super::{Receiver, ReceiverCellPair, ReceiverGroup};
 use super::criterion::unevenness;
 use super::evaluation::CellAtReceivers;
 use super::occlusion::VisibleReceivers;

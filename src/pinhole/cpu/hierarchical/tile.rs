@@ -2,8 +2,9 @@
 
 use glam::Vec4;
 
+use super::super::pair::ReceiverCellPair;
+use super::super::receiver::{Receiver, ReceiverGroup, load_at};
 use super::super::visibility::{Coverage, Occlusion, VisibilityMap};
-use super::super::{Receiver, ReceiverCellPair, ReceiverGroup, load_at};
 use super::blocks::{Block, BlockPyramid, EDGES, FINEST, Kind, ReceiverTile, points_along};
 use super::coverage::CoverageCache;
 use super::criterion::{Accepted, Decision, RefinementCriterion};
