@@ -25,6 +25,7 @@ pub const BUILT_IN: &[BuiltIn] = built_in! {
     "ring-natural": "the ring in forest light, its inner side a mirror (Figure 6d)",
     "ring-solid": "a solid ring that mirrors on all sides and receives its own caustics (Figure 6e)",
     "spoon": "a spoon in forest light (Figure 6b)",
+    "spoon-in-sun": "a golden spoon in the sun, on a slate table",
     "spoon-above": "the spoon from above (Figure 6c)",
     "cup": "a mirror cup that receives its own caustics in natural light (Figure 6f)",
     "cup-point-light": "the cup under a small light from above (Figure 7b)",

@@ -7,28 +7,33 @@ use pinspot::low_level::pinhole::gpu::GatherOptions;
 use pinspot::low_level::pinhole::{BATCH_SIZE, Filter, Footprint, Params, PinholeSample, Pinholes, Receivers};
 use pinspot::low_level::sampling::Strategy;
 use pinspot::scene::BUILT_IN;
-use pinspot::{BackendChoice, BackendReport, DisplaySettings, EvaluationChoice, FilterChoice, Rendered};
+use pinspot::{BackendChoice, BackendReport, DisplaySettings, Engine, EvaluationChoice, FilterChoice, Rendered};
 
 use crate::support::{self, floor, gpu, on_cpu, on_gpu, on_gpu_with, pinholes_of, rel_l2, rotated_light, scene};
 
-fn render(name: &str, filter: FilterChoice, backend: &BackendChoice, aovs: &[Aov]) -> Rendered {
+fn engine(name: &str, backend: &BackendChoice, aovs: &[Aov]) -> Engine {
     let (scene, mut options) = pinspot::load(name).unwrap();
     options.size = [64, 48];
     // More than a batch, and not a whole number of them.
     options.samples = BATCH_SIZE + 77;
-    options.filter = filter;
     options.evaluation = EvaluationChoice::Flat;
     options.aovs = aovs.to_vec();
-    support::render(scene, options, backend).unwrap()
+    support::new_engine(scene, options, backend).unwrap()
+}
+
+fn render(engine: &mut Engine, filter: FilterChoice) -> Rendered {
+    engine.options_mut().filter = filter;
+    support::render_again(engine).unwrap()
 }
 
 #[test]
 fn back_ends_agree_on_every_built_in_scene() {
     let mut failures = Vec::new();
     for scene in BUILT_IN {
+        let mut engines =
+            [BackendChoice::Gpu(None), BackendChoice::Cpu].map(|b| engine(scene.name, &b, &[Aov::Caustic]));
         for filter in [FilterChoice::None, FilterChoice::Isotropic, FilterChoice::Anisotropic] {
-            let on_gpu = render(scene.name, filter, &BackendChoice::Gpu(None), &[Aov::Caustic]);
-            let on_cpu = render(scene.name, filter, &BackendChoice::Cpu, &[Aov::Caustic]);
+            let [on_gpu, on_cpu] = engines.each_mut().map(|engine| render(engine, filter));
             assert!(matches!(on_gpu.report.backend, BackendReport::Gpu { .. }));
             let [gpu, cpu] = [&on_gpu, &on_cpu].map(|r| r.layer(Aov::Caustic).unwrap());
             assert!(cpu.mean().x > 0.0, "{}: no caustic at all", scene.name);
@@ -49,7 +54,7 @@ fn back_ends_agree_on_every_built_in_scene() {
 fn the_same_seed_gives_the_same_bits() {
     for backend in [BackendChoice::Cpu, BackendChoice::Gpu(None)] {
         let aovs = [Aov::Beauty, Aov::Caustic, Aov::Direct, Aov::Normal, Aov::Depth];
-        let [one, two] = [1, 2].map(|_| render("cup", FilterChoice::Anisotropic, &backend, &aovs));
+        let [one, two] = [1, 2].map(|_| render(&mut engine("cup", &backend, &aovs), FilterChoice::Anisotropic));
         assert_eq!(one.layers, two.layers, "{backend:?}");
         let settings = DisplaySettings::default();
         assert_eq!(one.displayed(&settings), two.displayed(&settings));
@@ -129,10 +134,12 @@ fn two_sided_reflectors_reflect_on_both_sides() {
 #[test]
 fn a_wrong_hardware_filter_is_reported() {
     let verdict = wait(Some(&gpu().device), pinspot::low_level::pinhole::gpu::check_hardware_filter(gpu())).unwrap();
-    let rendered = render("mirror-sphere", FilterChoice::Hardware, &BackendChoice::Gpu(None), &[Aov::Caustic]);
+    let rendered =
+        render(&mut engine("mirror-sphere", &BackendChoice::Gpu(None), &[Aov::Caustic]), FilterChoice::Hardware);
     let warned = rendered.report.warnings.iter().any(|w| w.contains("hardware filter"));
     assert_eq!(warned, !verdict.is_right(), "{verdict:?}");
-    let expected = render("mirror-sphere", FilterChoice::Anisotropic, &BackendChoice::Cpu, &[Aov::Caustic]);
+    let expected =
+        render(&mut engine("mirror-sphere", &BackendChoice::Cpu, &[Aov::Caustic]), FilterChoice::Anisotropic);
     let [own, expected] = [&rendered, &expected].map(|r| r.layer(Aov::Caustic).unwrap());
     let (error, light) = (pinspot::image::rel_l2(own, expected, None), own.mean().x / expected.mean().x);
     println!("{}: off by {error:.3}, {light:.4} of the light", gpu().adapter);

@@ -156,15 +156,25 @@ pub fn rel_l2_of(a: &[[f32; 4]], b: &[DVec3]) -> f64 {
     pinspot::image::rel_l2(&a, &image(b.iter().map(|b| b.as_vec3()).collect()), None)
 }
 
-/// The pictures of a new engine. The adapter under test is opened once.
+/// The pictures of a new engine.
 pub fn render(scene: Scene, options: pinspot::Options, choice: &BackendChoice) -> Result<Rendered, Error> {
+    render_again(&mut new_engine(scene, options, choice)?)
+}
+
+/// The pictures of an engine.
+pub fn render_again(engine: &mut pinspot::Engine) -> Result<Rendered, Error> {
+    let backend = engine.backend().clone();
+    wait(backend.device(), engine.render(&NoProgress))
+}
+
+/// A new engine. The adapter under test is opened once.
+pub fn new_engine(scene: Scene, options: pinspot::Options, choice: &BackendChoice) -> Result<pinspot::Engine, Error> {
     static SHARED: OnceLock<Backend> = OnceLock::new();
     let backend = match choice {
         BackendChoice::Gpu(None) => SHARED.get_or_init(gpu_backend).clone(),
         choice => wait(None, Backend::open(choice))?,
     };
-    let mut engine = pinspot::Engine::new(scene, options, backend.clone());
-    wait(backend.device(), engine.render(&NoProgress))
+    Ok(pinspot::Engine::new(scene, options, backend))
 }
 
 /// A built-in scene's caustic by 1,000 samples, one by one, on the CPU, or whatever `change` asks for.
