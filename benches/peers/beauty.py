@@ -33,7 +33,8 @@ MAX_MIRRORS = 12
 INCIDENT = 16
 # Of the backs of mirrors, which are no receivers.
 PLAIN_ALBEDO = 0.2
-STEPS = (3242174889, 2447445414)
+# 1 over the plastic number and over its square, as parts of 2³².
+PLASTIC = (3242174889, 2447445414)
 # Beyond the surface that a ray leaves, metres.
 STEP = 1e-4
 
@@ -113,8 +114,7 @@ class Points:
         """A point of the k-th of the sequence's parts."""
         number = self.number * (INCIDENT if which else 1) + k
         shifts = mi.sample_tea_32(self.pixel, mi.UInt32(which))
-        # 1 over the plastic number and over its square, as parts of 2³².
-        return mi.Point2f(*[mi.Float((shift + number * mi.UInt32(step)) >> 8) * 2.0**-24 for shift, step in zip(shifts, STEPS)])
+        return mi.Point2f(*[mi.Float((shift + number * mi.UInt32(step)) >> 8) * 2.0**-24 for shift, step in zip(shifts, PLASTIC)])
 
 
 class PathTracer:
@@ -234,7 +234,6 @@ class PathTracer:
         escapes = active & ~self.scene.ray_test(mi.Ray3f(si.p + STEP * direction, direction), active)
         return light + dr.select(escapes, mirrored * self.light(direction, escapes), 0.0)
 
-
     def sees_objects(self, edge):
         """Whether the ray through a pixel's first point meets anything."""
         rays = mi.Ray3f(*self.camera_rays(edge, Points(edge, 1, 0)))
@@ -272,34 +271,41 @@ def write_png(path, image):
     mi.Bitmap(pixels).write(str(path))
 
 
+def compare(name, environment, edge, samples):
+    tracer = PathTracer(name, environment)
+    pinspot = run_pinspot(name, environment, edge)
+    # Whole passes that memory holds, an even number of them.
+    once = min(4_194_304 // (edge * edge), samples // 2)
+    passes = [tracer.radiance(edge, once, first) for first in range(0, samples // (2 * once) * 2 * once, once)]
+    half = len(passes) // 2
+    halves = [np.mean(passes[:half], axis=0), np.mean(passes[half:], axis=0)]
+    traced = np.mean(halves, axis=0)
+    exposure = metered(traced)
+    pictures = [shown(image, exposure) for image in (pinspot, traced, *halves)]
+    errors, noise = flip(pictures[1], pictures[0]), flip(pictures[2], pictures[3])
+    for what, picture in (("pinspot", pictures[0]), ("traced", pictures[1]), ("flip", errors[..., None].repeat(3, axis=-1))):
+        write_png(WORK / f"beauty-{name}-{what}.png", picture)
+    objects = tracer.sees_objects(edge)
+    print(
+        f"{name:14} under {environment:7} FLIP {errors.mean():.4f}, of objects {errors[objects].mean():.4f}; "
+        f"between halves of the path tracer's samples {noise.mean():.4f}, {noise[objects].mean():.4f}",
+        flush=True,
+    )
+
+
 def main():
     options = argparse.ArgumentParser(description=__doc__)
-    options.add_argument("--edge", type=int, default=256)
-    options.add_argument("--samples", type=int, default=256, help="rays of the camera for each pixel; each is followed by %d rays of either kind" % INCIDENT)
+    options.add_argument("--edge", type=int, default=256, choices=range(16, 1025), metavar="PIXELS")
+    options.add_argument(
+        "--samples", type=int, default=256, choices=range(8, 65537), metavar="N",
+        help=f"rays of the camera for each pixel; each is followed by {INCIDENT} rays of either kind",
+    )
     options.add_argument("--scenes", default=",".join(name for name, _ in SCENES))
     options = options.parse_args()
     WORK.mkdir(parents=True, exist_ok=True)
     for name, environment in SCENES:
-        if name not in options.scenes.split(","):
-            continue
-        edge, tracer = options.edge, PathTracer(name, environment)
-        pinspot = run_pinspot(name, environment, edge)
-        once = min(max(1, 4_194_304 // (edge * edge)), options.samples // 2)
-        firsts = range(0, options.samples, once)
-        passes = [tracer.radiance(edge, once, first) for first in firsts]
-        halves = [np.mean(passes[: len(passes) // 2], axis=0), np.mean(passes[len(passes) // 2 :], axis=0)]
-        traced = np.mean(halves, axis=0)
-        exposure = metered(traced)
-        pictures = [shown(image, exposure) for image in (pinspot, traced, *halves)]
-        errors, noise = flip(pictures[1], pictures[0]), flip(pictures[2], pictures[3])
-        for what, picture in (("pinspot", pictures[0]), ("traced", pictures[1]), ("flip", errors[..., None].repeat(3, axis=-1))):
-            write_png(WORK / f"beauty-{name}-{what}.png", picture)
-        objects = tracer.sees_objects(edge)
-        print(
-            f"{name:14} under {environment:7} FLIP {errors.mean():.4f}, of objects {errors[objects].mean():.4f}; "
-            f"between halves of the path tracer's samples {noise.mean():.4f}, {noise[objects].mean():.4f}",
-            flush=True,
-        )
+        if name in options.scenes.split(","):
+            compare(name, environment, options.edge, options.samples)
 
 
 if __name__ == "__main__":
