@@ -111,7 +111,7 @@ class Points:
         self.pixel, self.number = index // samples, index % samples + first
 
     def pair(self, which, k=0):
-        """A point of the k-th of the sequence's parts."""
+        """A point in the unit square from one of three sequences: on the pixel, or for the k-th ray of light of either kind."""
         number = self.number * (INCIDENT if which else 1) + k
         shifts = mi.sample_tea_32(self.pixel, mi.UInt32(which))
         return mi.Point2f(*[mi.Float((shift + number * mi.UInt32(step)) >> 8) * 2.0**-24 for shift, step in zip(shifts, PLASTIC)])
@@ -241,6 +241,7 @@ class PathTracer:
 
 
 def flip(reference, image):
+    """FLIP's error in each pixel, from 0 to 1."""
     return flip_evaluator.evaluate(reference, image, "LDR", applyMagma=False)[0].squeeze()
 
 

@@ -99,8 +99,9 @@ pub(super) fn single_fetch<S: Simd>(
     sum
 }
 
-/// Mean radiance over a footprint within which the light changes little, from one look-up. A sharp one need not be wide, nor between
-/// levels: adjacent cells together are as good as a wide kernel and lose nothing over the mirrors' edges. A lobe's blur has to be kept.
+/// Mean radiance over a footprint within which the light changes little, from one look-up. Without a lobe it is narrow and in
+/// the nearest level: adjacent cells together do as well as a wide kernel and lose nothing over the mirrors' edges. A lobe's blur has to
+/// be kept.
 #[inline(always)]
 pub(super) fn smooth_light<S: Simd>(
     simd: S,
