@@ -1,6 +1,8 @@
 // Quarters of a leaf's parallelogram, for receivers so near to it that it is not one sample for them.
 // CPU counterpart: src/pinhole/cell.rs.
 
+#import cell_tree
+
 // A quarter of a quarter, and so on, up to MAX_QUARTERINGS times.
 fn piece_of(leaf: Cell, path: u32, depth: u32) -> Cell {
     var piece = leaf;

@@ -3,6 +3,7 @@
 //! A pyramid of extremes beside the cube's mips. Every texel knows those of its 3×3 neighbourhood, across the faces' seams,
 //! so that one read bounds a cone.
 
+use fearless_simd::{Select, Simd, SimdBase, SimdFloat, SimdInt, f32x16, u32x16};
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
@@ -23,8 +24,8 @@ pub struct Bound {
 pub struct LightBounds {
     /// Of the light itself and of its mips from [`FIRST_BOUNDED_MIP`] on, then from the level with as many texels as the mip to that with one.
     pyramids: Vec<Vec<Level>>,
+    /// Of all levels; the last is that of all directions.
     texels: Vec<Bound>,
-    everywhere: Bound,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -72,11 +73,12 @@ impl LightBounds {
             (level, size) = (downsample(&level, size), size / 2);
         }
         let first_mip = cube.size().ilog2() - size.ilog2();
-        let mut bounds = Self { pyramids: Vec::new(), texels: Vec::new(), everywhere: Bound::default() };
-        bounds.everywhere = bounds.add_pyramid(level, size).bound();
+        let mut bounds = Self { pyramids: Vec::new(), texels: Vec::new() };
+        let everywhere = bounds.add_pyramid(level, size).bound();
         for mip in first_mip + FIRST_BOUNDED_MIP..cube.level_count() {
             bounds.add_pyramid(extremes_of(cube, mip), cube.size() >> mip);
         }
+        bounds.texels.push(everywhere);
         bounds
     }
 
@@ -156,10 +158,36 @@ impl LightBounds {
         let Some(&Level { offset, size }) = self.pyramids[pyramid].get(level - mip_of_pyramid(pyramid as u32) as usize)
         else {
             // What is wider than half the sphere, and NaN.
-            return self.everywhere;
+            return self.texels[self.texels.len() - 1];
         };
         let index = |s: f32| ((0.5 * s * size as f32) as usize).min(size - 1);
         self.texels[offset + (face * size + index(st.y)) * size + index(st.x)]
+    }
+
+    /// The same around sixteen places: the numbers of their bounds, for [`Self::texel`].
+    #[inline(always)]
+    pub(crate) fn texels_at<S: Simd>(&self, simd: S, [face, s, t, reach]: [f32x16<S>; 4], pyramid: usize) -> [u32; 16] {
+        let levels = &self.pyramids[pyramid];
+        let (last, first_mip) = (levels.len() as u32 - 1, mip_of_pyramid(pyramid as u32));
+        let exponent: u32x16<S> = (reach * 0.999_999).to_bits() >> 23;
+        let level = exponent.max(126 + first_mip) - (126 + first_mip);
+        let is_too_wide = level.simd_gt(last);
+        let level = level.min(last);
+        let largest = u32x16::splat(simd, levels[0].size as u32);
+        let size = largest >> level;
+        let per_place = size.to_float::<f32x16<S>>() * 0.5;
+        let (i, j) = ((s * per_place).to_int::<u32x16<S>>(), (t * per_place).to_int::<u32x16<S>>());
+        // The sum of 6n² over the larger levels.
+        let before = (largest * largest - size * size) * 8 + levels[0].offset as u32;
+        let row = face.to_int::<u32x16<S>>() * size + j.min(size - 1);
+        let everywhere = u32x16::splat(simd, self.texels.len() as u32 - 1);
+        is_too_wide.select(everywhere, before + row * size + i.min(size - 1)).to_array()
+    }
+
+    /// A bound by its number.
+    #[inline(always)]
+    pub(crate) fn texel(&self, number: u32) -> Bound {
+        self.texels[number as usize]
     }
 }
 
@@ -212,6 +240,8 @@ fn downsample(level: &[Extremes], size: u32) -> Vec<Extremes> {
 
 #[cfg(test)]
 mod tests {
+    use fearless_simd::dispatch;
+
     use super::*;
     use crate::environment::face_direction;
 
@@ -251,6 +281,26 @@ mod tests {
             tight += usize::from(bound.contrast < 2.0 * contrast + 0.2);
         }
         assert!(tight > 1500, "bounds should be of use: {tight}");
+    }
+
+    #[test]
+    fn sixteen_bounds_equal_single_ones() {
+        let bounds = LightBounds::new(&spotted());
+        let part = |k: usize, step: f32| (k as f32 * step).fract();
+        for pyramid in 0..bounds.pyramids.len() {
+            let face: [f32; 16] = std::array::from_fn(|k| (k % FACES) as f32);
+            let [s, t] = [0.618_034, 0.754_878].map(|step| std::array::from_fn(|k| 2.0 * part(k + pyramid, step)));
+            // From the finest level to wider than all, and NaN.
+            let reach: [f32; 16] = std::array::from_fn(|k| LightBounds::texel_width(pyramid) * 1.7f32.powi(k as i32));
+            let reach = std::array::from_fn(|k| if k == 15 { f32::NAN } else { reach[k] });
+            let numbers = dispatch!(fearless_simd::Level::new(), simd => {
+                bounds.texels_at(simd, [face, s, t, reach].map(|values| f32x16::load_array(simd, values)), pyramid)
+            });
+            for k in 0..16 {
+                let single = bounds.at(face[k] as usize, Vec2::new(s[k], t[k]), reach[k], pyramid);
+                assert_eq!(bounds.texel(numbers[k]), single, "pyramid {pyramid}, place {k}");
+            }
+        }
     }
 
     #[test]

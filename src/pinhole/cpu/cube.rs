@@ -1,6 +1,6 @@
 //! Trilinear, seamless cube-map look-ups of sixteen directions; twin of `shaders/shared/cube.wgsl` and of the GPU's sampler.
 
-use fearless_simd::{SimdSplit, f32x4, f32x8};
+use fearless_simd::{SimdInt, SimdSplit, f32x4, f32x8, u32x16};
 use glam::Vec4;
 
 use crate::environment::CubeMap;
@@ -28,13 +28,14 @@ pub(super) fn level_of<S: Simd>(width: F<S>, texel: F<S>) -> F<S> {
 /// Sixteen directions, component by component: what [`CubeLookup::fetch16`] takes.
 pub type Lanes16 = [[f32; LANES]; 3];
 
-/// A cube map, laid out for look-ups.
+/// A cube map, as look-ups take it.
 #[derive(Clone, Debug)]
 pub struct CubeLookup<'a> {
-    /// Four numbers a texel.
-    texels: &'a [f32],
-    levels: Vec<Level>,
-    last: f32,
+    /// Level by level, six faces of (n + 2)² texels each: with borders.
+    texels: &'a [Vec4],
+    /// Texels along an edge of level 0, a power of two.
+    size: u32,
+    last_level: u32,
     rotation: Rotation,
 }
 
@@ -45,13 +46,13 @@ struct Rotation {
     sin: f32,
 }
 
-#[derive(Clone, Copy, Debug)]
-struct Level {
-    offset: usize,
-    /// Texels from one row to the next, borders included.
-    pitch: usize,
-    face: usize,
-    half_size: f32,
+/// What bilinear look-ups in sixteen levels read: the upper left and the lower left one of four texels, and the parts of the way to the
+/// right and to the lower ones.
+struct Taps {
+    upper: [u32; LANES],
+    lower: [u32; LANES],
+    to_right: [f32; LANES],
+    to_lower: [f32; LANES],
 }
 
 /// Where directions intersect the cube: the face, and the place on it from 0 to 2.
@@ -79,22 +80,12 @@ pub(super) fn on_cube<S: Simd>(simd: S, V3([x, y, z]): V3<S>) -> OnCube<S> {
 }
 
 impl<'a> CubeLookup<'a> {
-    /// Prepares a cube map.
+    /// Look-ups in a cube map.
     pub fn new(cube: &'a CubeMap) -> Self {
-        let level = |l: u32| {
-            let n = (cube.size() >> l) as usize;
-            Level {
-                offset: cube.level_offset(l) as usize,
-                pitch: n + 2,
-                face: (n + 2) * (n + 2),
-                half_size: 0.5 * n as f32,
-            }
-        };
-        let count = cube.level_count();
         Self {
-            texels: bytemuck::cast_slice(cube.padded_texels()),
-            levels: (0..count).map(level).collect(),
-            last: (count - 1) as f32,
+            texels: cube.padded_texels(),
+            size: cube.size(),
+            last_level: cube.level_count() - 1,
             rotation: Rotation { cos: 1.0, sin: 0.0 },
         }
     }
@@ -120,7 +111,7 @@ impl<'a> CubeLookup<'a> {
 
     /// Width of a texel of level 0 at a face's centre, radians.
     pub(super) fn texel_rad(&self) -> f32 {
-        1.0 / self.levels[0].half_size
+        2.0 / self.size as f32
     }
 
     /// Adds the radiance from sixteen directions (of any length) at sixteen levels to `sums`, for as long as `next` yields
@@ -152,38 +143,62 @@ impl<'a> CubeLookup<'a> {
         active: u32,
         mut take: impl FnMut(usize, Vec4),
     ) {
-        let OnCube { face, s, t } = on_cube(simd, self.light_from_world(direction));
-        let level = level.min(self.last);
-        let blended = bits(level.simd_gt(level.floor()));
-        let (s, t) = (s.to_array(), t.to_array());
-        let (face, level) = (face.to_array(), level.to_array());
-        for lane in set_bits(active) {
-            let (face, fine) = (face[lane] as usize, level[lane] as usize);
-            let mut value = self.bilinear(simd, fine, face, s[lane], t[lane]);
-            if blended & (1 << lane) != 0 {
-                let coarse = self.bilinear(simd, fine + 1, face, s[lane], t[lane]);
-                value = (coarse - value).mul_add(level[lane] - fine as f32, value);
+        let place = on_cube(simd, self.light_from_world(direction));
+        let level = level.min(self.last_level as f32);
+        let fine = level.to_int::<u32x16<S>>().min(self.last_level);
+        let to_coarse = level - fine.to_float::<F<S>>();
+        let taps = self.taps(simd, &place, fine);
+        if active & bits(to_coarse.simd_gt(0.0)) == 0 {
+            for lane in set_bits(active) {
+                take(lane, Vec4::from_array(self.bilinear(simd, &taps, lane).to_array()));
             }
-            take(lane, Vec4::from_array(value.to_array()));
+            return;
+        }
+        let coarse_taps = self.taps(simd, &place, (fine + 1).min(self.last_level));
+        let to_coarse = to_coarse.to_array();
+        for lane in set_bits(active) {
+            let value = self.bilinear(simd, &taps, lane);
+            let coarse = self.bilinear(simd, &coarse_taps, lane);
+            take(lane, Vec4::from_array((coarse - value).mul_add(to_coarse[lane], value).to_array()));
         }
     }
 
-    /// `s` and `t` from 0 to 2 across a face.
     #[inline(always)]
-    fn bilinear<S: Simd>(&self, simd: S, level: usize, face: usize, s: f32, t: f32) -> f32x4<S> {
-        let Level { offset, pitch, face: face_texels, half_size } = self.levels[level];
+    fn taps<S: Simd>(&self, simd: S, place: &OnCube<S>, level: u32x16<S>) -> Taps {
+        let largest = u32x16::splat(simd, self.size);
+        let size = largest >> level;
+        let (half_size, pitch) = (size.to_float::<F<S>>() * 0.5, size + 2);
         // Border coordinates: texel i of the face is column i + 1.
-        let (x, y) = (s * half_size + 0.5, t * half_size + 0.5);
-        let (i, j) = ((x as usize).min(pitch - 2), (y as usize).min(pitch - 2));
-        let (fx, fy) = (x - i as f32, y - j as f32);
-        let start = 4 * (offset + face * face_texels + j * pitch + i);
-        let upper = &self.texels[start..start + 4 * pitch + 8];
-        // Two texels at a time.
-        let top = f32x8::from_slice(simd, &upper[..8]);
-        let bottom = f32x8::from_slice(simd, &upper[4 * pitch..]);
-        let (left, right) = (bottom - top).mul_add(fy, top).split();
-        (right - left).mul_add(fx, left)
+        let (x, y) = (place.s * half_size + 0.5, place.t * half_size + 0.5);
+        let (i, j) = (x.to_int::<u32x16<S>>().min(size), y.to_int::<u32x16<S>>().min(size));
+        let face = place.face.to_int::<u32x16<S>>();
+        let upper = level_offset(largest, size, level) + (face * pitch + j) * pitch + i;
+        Taps {
+            upper: upper.to_array(),
+            lower: (upper + pitch).to_array(),
+            to_right: (x - i.to_float::<F<S>>()).to_array(),
+            to_lower: (y - j.to_float::<F<S>>()).to_array(),
+        }
     }
+
+    #[inline(always)]
+    fn bilinear<S: Simd>(&self, simd: S, taps: &Taps, lane: usize) -> f32x4<S> {
+        let (upper, lower) = (self.two_texels(simd, taps.upper[lane]), self.two_texels(simd, taps.lower[lane]));
+        let (left, right) = (lower - upper).mul_add(taps.to_lower[lane], upper).split();
+        (right - left).mul_add(taps.to_right[lane], left)
+    }
+
+    #[inline(always)]
+    fn two_texels<S: Simd>(&self, simd: S, first: u32) -> f32x8<S> {
+        let first = first as usize;
+        f32x8::from_slice(simd, bytemuck::cast_slice(&self.texels[first..first + 2]))
+    }
+}
+
+/// Where a level starts whose faces have `size`² texels: the sum of 6(n + 2)² over the larger ones. Twin of [`CubeMap::level_offset`].
+#[inline(always)]
+fn level_offset<S: Simd>(largest: u32x16<S>, size: u32x16<S>, level: u32x16<S>) -> u32x16<S> {
+    (largest * largest - size * size) * 8 + (largest - size) * 48 + level * 24
 }
 
 #[cfg(test)]

@@ -50,6 +50,7 @@ pub(super) const RESOLVE: Shader = shader!("resolve");
 pub(super) const TRACE_MAPS: Shader = shader!("trace_maps");
 
 const SHARED: &[Shader] = &[
+    shader!("shared/block_coverage"),
     shader!("shared/brdf"),
     shader!("shared/cell_quarters"),
     shader!("shared/cell_tree"),
@@ -59,6 +60,7 @@ const SHARED: &[Shader] = &[
     shader!("shared/footprint"),
     shader!("shared/frame"),
     shader!("shared/gather_inputs"),
+    shader!("shared/gloss_bounds"),
     shader!("shared/no_rays"),
     shader!("shared/ray_origin"),
     shader!("shared/rays"),

@@ -2,7 +2,7 @@
 
 use std::f32::consts::PI;
 
-use glam::{Vec2, Vec3, Vec4};
+use glam::{Vec3, Vec4};
 
 use super::super::cube::{OnCube, on_cube};
 use super::super::filters::FootprintSides;
@@ -14,7 +14,9 @@ use super::evaluation::CellAtReceivers;
 use super::occlusion::VisibleReceivers;
 use super::tile::{FULLY_VISIBLE, TileGather};
 use crate::environment::LightBounds;
-use crate::lanes::{ALL, F, LANES, Simd, SimdBase, SimdFloat, V3, bits, lanes, set_bits, splat};
+use crate::lanes::{
+    ALL, F, LANES, Mask, Select, Simd, SimdBase, SimdFloat, SimdMask, V3, bits, lanes, set_bits, splat,
+};
 use crate::pinhole::PinholeParts;
 use crate::pinhole::cell::Cell;
 use crate::pinhole::constants::{
@@ -52,17 +54,21 @@ impl TileGather<'_> {
         let mut stack = std::mem::take(&mut self.packet_stack);
         stack.extend(cells.iter().map(|&cell| (cell, occupied)));
         let mut visible = VisibleReceivers::all(simd);
+        let mut bounded = splat(simd, 0.0);
         while let Some((item, lanes)) = stack.pop() {
             let cell = self.context.pinholes.cell(self.context.pinholes.tree.node(item & !FULLY_VISIBLE));
-            let refined = self.visit(simd, (item, &cell), lanes, &receiver, &mut visible, sum);
+            let (facing, refined) = self.visit(simd, (item, &cell), lanes, &receiver, &mut visible, sum);
+            bounded += Mask::from_bitmask(simd, u64::from(facing)).select(splat(simd, 1.0), splat(simd, 0.0));
             if refined != 0 {
                 stack.extend(cell.children.map(|child| (child | item & FULLY_VISIBLE, refined)));
             }
         }
         self.packet_stack = stack;
+        sum.iter_mut().zip(bounded.to_array()).for_each(|(sum, bounded)| sum.w += bounded);
     }
 
-    /// Adds what a cell contributes to the lanes for which it is small enough, and returns those for which it is not.
+    /// Adds what a cell contributes to the lanes for which it is small enough. Returns those that it faces, in which bounds of its light were
+    /// looked up, and those for which it is too large.
     #[inline(always)]
     fn visit<S: Simd>(
         &self,
@@ -72,7 +78,7 @@ impl TileGather<'_> {
         receiver: &Receiver<S>,
         visible: &mut VisibleReceivers<S>,
         sum: &mut [Vec4; LANES],
-    ) -> u32 {
+    ) -> (u32, u32) {
         let pinholes = self.context.pinholes;
         // Maps tell which receivers are seen, unless all are.
         let maps = pinholes.sample_nodes.visibility.as_ref().filter(|_| item & FULLY_VISIBLE == 0);
@@ -81,15 +87,15 @@ impl TileGather<'_> {
         let lanes = if maps.is_some() && is_known && !is_cluster { lanes & visible.lanes } else { lanes };
         let pair = ReceiverCellPair::new(simd, &cell.sample, receiver);
         let max_weight = self.max_weight(simd, cell, &pair, receiver, lanes);
-        if max_weight.facing == 0 {
-            return 0;
+        let facing = max_weight.facing;
+        if facing == 0 {
+            return (0, 0);
         }
         let footprint = pair.footprint(simd, &cell.sample);
         let bounds = self.contribution_bounds(simd, cell, &pair, &footprint, receiver, &max_weight);
-        sum.iter_mut().enumerate().for_each(|(lane, s)| s.w += (max_weight.facing >> lane & 1) as f32);
-        let active = max_weight.facing & bits(bounds.max.simd_gt(self.criterion.negligible * cell.sample.area));
+        let active = facing & bits(bounds.max.simd_gt(self.criterion.negligible * cell.sample.area));
         if active == 0 {
-            return 0;
+            return (facing, 0);
         }
         let mut accepted = active & self.accepted_lanes(cell, is_cluster, &bounds, max_weight.straddling_horizon);
         let mut refined = active & !accepted;
@@ -124,7 +130,7 @@ impl TileGather<'_> {
             let cell = CellAtReceivers { sample: &cell.sample, receiver, pair: &pair, footprint: &footprint, weight };
             self.add_accepted(simd, &cell, map, &bounds, lit, sum);
         }
-        refined
+        (facing, refined)
     }
 
     /// Of the lanes that a cell is accepted and refined for, those in which it is seen, and the fractions of it that are.
@@ -375,10 +381,10 @@ impl TileGather<'_> {
         let OnCube { face, s, t } = on_cube(simd, self.context.gather.environment.light_from_world(direction));
         let (a, b) = (s - 1.0, t - 1.0);
         let reach = radius * (a * a + b * b + 1.0) * light.half_size() + LightBounds::texel_width(pyramid);
-        let (face, s, t, reach) = (face.to_array(), s.to_array(), t.to_array(), reach.to_array());
+        let texels = light.texels_at(simd, [face, s, t, reach], pyramid);
         let (mut max, mut contrast) = ([0.0; LANES], [0.0; LANES]);
         for lane in set_bits(active) {
-            let bound = light.at(face[lane] as usize, Vec2::new(s[lane], t[lane]), reach[lane], pyramid);
+            let bound = light.texel(texels[lane]);
             (max[lane], contrast[lane]) = (bound.max, bound.contrast);
         }
         (lanes(simd, max), lanes(simd, contrast))
