@@ -7,9 +7,9 @@ over pixels for Mitsuba, whose film knows no centres. In forest light, of which 
 every seventh row is compared, at its centre: caustics of natural light hardly change within a pixel. Mitsuba cannot leave occlusion
 out; Pinspot can, and is also held against the ground truth without it.
 
-Mitsuba renders the scene with its integrators as they are. Mirrors are red and all else is grey, so that red minus green
-is what the mirror brought. Its environment is a map that is not rotated (with a rotation `ptracer` of 3.9 is too bright), and its
-camera is far away: seen in perspective, a plane stays a plane.
+Mitsuba renders the scene with its integrators as they are. Mirrors are red and all else is grey, the light, too, so that red minus
+green is what the mirror brought; of Pinspot's pictures it is held against the green. Its environment is a map that is not rotated (with
+a rotation `ptracer` of 3.9 is too bright), and its camera is far away: seen in perspective, a plane stays a plane.
 """
 
 import argparse
@@ -58,7 +58,7 @@ class Light:
 
 LIGHTS = (
     Light("sun", (), 512, 1, (16, 64, 256, 1024, 4096), 0.003),
-    Light("forest", ("--env", "forest"), 511, 7, (16, 64, 256, 1024, 4096), 0.005),
+    Light("forest", ("--env", "forest"), 511, 7, (16, 64, 256, 1024), 0.005),
 )
 # The stages that run again when a mirror moves; some belong to flat sums only, others to hierarchical ones.
 STAGES_AFTER_A_MOVE = (
@@ -142,8 +142,8 @@ def sun_map(width=4096):
 
 
 def forest_map():
-    """The built-in map. The middles of its rows lie half a row from the poles."""
-    image = read(ROOT / "envmaps" / "forest.exr")
+    """The built-in map's green as grey. The middles of its rows lie half a row from the poles."""
+    image = np.repeat(read(ROOT / "envmaps" / "forest.exr")[..., 1:2], 3, axis=-1)
     height = len(image)
     row = np.clip(polar_angles(4 * height) / np.pi * height - 0.5, 0.0, height - 1.0)
     upper = np.minimum(row.astype(int), height - 2)

@@ -225,6 +225,7 @@ impl<'a> VisibilityMap<'a> {
         )
     }
 
+    #[inline(always)]
     fn map(&self, lane: usize) -> u32 {
         self.map + (self.behind >> lane & 1)
     }
@@ -251,15 +252,15 @@ impl<'a> VisibilityMap<'a> {
             let planes = &self.maps.planes[first..first + n + 2];
             let mut is_doubtful = false;
             let doubts = &self.maps.doubts[first..first + n + 2];
-            let mut in_front = |texel: usize| {
+            let mut corners = [0.0; 4];
+            for (corner, texel) in corners.iter_mut().zip([0, 1, n, n + 1]) {
                 let [a, b, c, behind] = planes[texel];
                 let depth = a * x[lane] + b * y[lane] + c * z[lane];
                 let doubt = doubts[texel];
                 let is_in_doubt = depth > doubt.from || l2[lane] > doubt.from_distance_2;
                 is_doubtful |= is_in_doubt && depth <= 1.0 + behind && doubt.concerns(objects, 1 << lane);
-                f32::from(depth <= 1.0 + behind)
-            };
-            let corners = [in_front(0), in_front(1), in_front(n), in_front(n + 1)];
+                *corner = f32::from(depth <= 1.0 + behind);
+            }
             seen[lane] = corners[0];
             if is_doubtful || corners != [corners[0]; 4] {
                 doubtful |= u32::from(objects.is_some()) << lane;
@@ -294,11 +295,12 @@ impl Occlusion for VisibilityMap<'_> {
         let n = self.maps.resolution as f32;
         let mut fractions = [0.0; LANES];
         for lane in set_bits(active) {
-            let square = |scale: f32| {
+            let mut parts = [0.0; 2];
+            for (part, scale) in parts.iter_mut().zip([LOBE_CORE, LOBE_TAIL]) {
                 let texels = (scale * width * density[lane] * n).max(1.0);
-                self.sky_fraction_of_square(self.map(lane), place.centre(lane), texels)
-            };
-            fractions[lane] = mix(square(LOBE_CORE), square(LOBE_TAIL), LOBE_TAIL_SHARE);
+                *part = self.sky_fraction_of_square(self.map(lane), place.centre(lane), texels);
+            }
+            fractions[lane] = mix(parts[0], parts[1], LOBE_TAIL_SHARE);
         }
         lanes(simd, fractions)
     }
@@ -346,6 +348,7 @@ impl VisibilityMap<'_> {
     }
 
     /// The same between four texels, whose bits are given.
+    #[inline(always)]
     fn interpolated_sky(&self, lane: usize, place: &MapPlace, corners: u32) -> f32 {
         let n = self.maps.resolution as usize;
         let first = (self.map(lane) as usize * n + place.j[lane] as usize) * n + place.i[lane] as usize;
@@ -356,6 +359,7 @@ impl VisibilityMap<'_> {
 
     /// The part of a square of a map that sees the environment, estimated from eight lines across it. The square is clipped to the map:
     /// a lobe's energy is that above the horizon. The centre and the width are in texels.
+    #[inline(always)]
     fn sky_fraction_of_square(&self, map: u32, centre: [f32; 2], width: f32) -> f32 {
         let n = self.maps.resolution;
         let [[left, right], [top, bottom]] =
@@ -373,6 +377,7 @@ impl VisibilityMap<'_> {
 const LINES: u32 = 8;
 
 /// Texels of a row that see the environment, up to a place from 0 to 32; a partly covered texel counts in proportion.
+#[inline(always)]
 fn sky_texels_before(mask: u32, place: f32) -> f32 {
     let whole = place as u32;
     let texel = u64::from(mask) >> whole & 1;
