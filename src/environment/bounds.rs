@@ -175,8 +175,8 @@ impl LightBounds {
         let level = level.min(last);
         let largest = u32x16::splat(simd, levels[0].size as u32);
         let size = largest >> level;
-        let per_place = size.to_float::<f32x16<S>>() * 0.5;
-        let (i, j) = ((s * per_place).to_int::<u32x16<S>>(), (t * per_place).to_int::<u32x16<S>>());
+        let half_size = size.to_float::<f32x16<S>>() * 0.5;
+        let (i, j) = ((s * half_size).to_int::<u32x16<S>>(), (t * half_size).to_int::<u32x16<S>>());
         // The sum of 6n² over the larger levels.
         let before = (largest * largest - size * size) * 8 + levels[0].offset as u32;
         let row = face.to_int::<u32x16<S>>() * size + j.min(size - 1);

@@ -144,7 +144,7 @@ impl<'a> CubeLookup<'a> {
         mut take: impl FnMut(usize, Vec4),
     ) {
         let place = on_cube(simd, self.light_from_world(direction));
-        let level = level.min(self.last_level as f32);
+        let level = level.max(0.0).min(self.last_level as f32);
         let fine = level.to_int::<u32x16<S>>().min(self.last_level);
         let to_coarse = level - fine.to_float::<F<S>>();
         let taps = self.taps(simd, &place, fine);
