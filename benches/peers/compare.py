@@ -13,6 +13,7 @@ a rotation `ptracer` of 3.9 is too bright), and its camera is far away: seen in 
 """
 
 import argparse
+import collections.abc
 import csv
 import dataclasses
 import json
@@ -42,7 +43,11 @@ class Light:
     """What the scene is seen in, and at which size."""
 
     name: str
+    title: str
+    # Of Pinspot's command line.
     options: tuple[str, ...]
+    # Makes Mitsuba's map of it.
+    radiance_map: collections.abc.Callable[[], np.ndarray]
     edge: int
     # Every so many pixels are compared.
     stride: int
@@ -56,10 +61,6 @@ class Light:
         return WORK / f"results-{self.name}.csv"
 
 
-LIGHTS = (
-    Light("sun", (), 512, 1, (16, 64, 256, 1024, 4096), 0.003),
-    Light("forest", ("--env", "forest"), 511, 7, (16, 64, 256, 1024), 0.005),
-)
 # The stages that run again when a mirror moves; some belong to flat sums only, others to hierarchical ones.
 STAGES_AFTER_A_MOVE = (
     "geometry", "bvh", "surface", "points", "differentials", "tree", "visibility", "estimate", "rays", "caustic"
@@ -112,7 +113,8 @@ def run_pinspot(light, truth, mask, evaluation, samples, leaves, visibility="ful
     """Seconds for all that follows a moving mirror: samples, cells, what they see, the gather. Best of three."""
     path = WORK / "pinspot.exr"
     command = ["render", SCENE, *light.options, "--size", f"{light.edge}x{light.edge}", "--aov", "caustic", "--backend", "cpu"]
-    command += ["--visibility", visibility, "--samples", str(samples), "--evaluation", evaluation, "--leaves", str(leaves), "--output", str(path)]
+    command += ["--visibility", visibility, "--samples", str(samples), "--evaluation", evaluation, "--leaves", str(leaves)]
+    command += ["--output", str(path)]
     if evaluation == "hierarchical":
         command += ["--tolerance", str(tolerance)]
     best = math.inf
@@ -151,13 +153,19 @@ def forest_map():
     return ((1.0 - part) * image[upper] + part * image[upper + 1]).astype(np.float32)
 
 
+LIGHTS = (
+    Light("sun", "tiny sun", (), sun_map, 512, 1, (16, 64, 256, 1024, 4096), 0.003),
+    Light("forest", "forest light", ("--env", "forest"), forest_map, 511, 7, (16, 64, 256, 1024), 0.005),
+)
+
+
 def mitsuba_scene(mi, light):
     distance = 400.0
     grey = {"type": "diffuse", "reflectance": {"type": "rgb", "value": 1.0}}
     rotate = mi.ScalarTransform4f().rotate
     return mi.load_dict({
         "type": "scene",
-        "environment": {"type": "envmap", "bitmap": mi.Bitmap(sun_map() if light.name == "sun" else forest_map())},
+        "environment": {"type": "envmap", "bitmap": mi.Bitmap(light.radiance_map())},
         "camera": {
             "type": "perspective",
             "fov": math.degrees(2.0 * math.atan(0.5 * TABLE / distance)),
@@ -217,22 +225,24 @@ def plot():
     from matplotlib import pyplot
 
     lights = [light for light in LIGHTS if light.results.exists()]
+    if not lights:
+        raise SystemExit(f"{WORK} holds no results: run benches/peers/run first")
     figure, panels = pyplot.subplots(1, 1 + len(lights), figsize=(4.2 * (1 + len(lights)), 3.6), layout="constrained")
-    for name, mark in (("flat", "s"), ("hierarchical", "o"), ("without occlusion", "D"), ("Mitsuba ptracer", "^")):
-        for light, panel in zip(lights, panels[1:]):
-            with open(light.results, newline="") as file:
-                of_name = sorted((row for row in csv.DictReader(file) if row["what"] == name), key=lambda row: int(row["n"]))
+    for light, panel in zip(lights, panels[1:]):
+        with open(light.results, newline="") as file:
+            rows = sorted(csv.DictReader(file), key=lambda row: int(row["n"]))
+        for name, mark in (("flat", "s"), ("hierarchical", "o"), ("without occlusion", "D"), ("Mitsuba ptracer", "^")):
+            of_name = [row for row in rows if row["what"] == name]
             numbers, seconds, errors = ([float(row[key]) for row in of_name] for key in ("n", "seconds", "error"))
             panel.loglog(errors, seconds, marker=mark, label=name)
             if light is lights[0]:
                 panels[0].loglog(numbers, seconds, marker=mark, label=name)
-    panels[0].set(title="tiny sun", xlabel="leaves (Mitsuba: light paths)", ylabel="seconds, one core")
-    panels[0].legend(frameon=False)
-    ticks = (0.01, 0.02, 0.05, 0.1, 0.2)
-    for light, panel in zip(lights, panels[1:]):
-        panel.set(title={"sun": "tiny sun", "forest": "forest light"}[light.name], xlabel="relative error")
+        panel.set(title=light.title, xlabel="relative error")
+        ticks = (0.01, 0.02, 0.05, 0.1, 0.2)
         panel.set_xticks(ticks, [str(tick) for tick in ticks])
         panel.minorticks_off()
+    panels[0].set(title=lights[0].title, xlabel="leaves (Mitsuba: light paths)", ylabel="seconds, one core")
+    panels[0].legend(frameon=False)
     for panel in panels:
         panel.grid(which="major", alpha=0.3)
     figure.suptitle("Caustic of the ring")

@@ -46,13 +46,13 @@ struct Rotation {
     sin: f32,
 }
 
-/// What bilinear look-ups in sixteen levels read: the upper left and the lower left one of four texels, and the parts of the way to the
-/// right and to the lower ones.
+/// What sixteen bilinear look-ups read, each in a level of its own: the numbers of the upper left and the lower left texel of four, and
+/// the weights of the two on the right and of the two below.
 struct Taps {
     upper: [u32; LANES],
     lower: [u32; LANES],
-    to_right: [f32; LANES],
-    to_lower: [f32; LANES],
+    right_weight: [f32; LANES],
+    lower_weight: [f32; LANES],
 }
 
 /// Where directions intersect the cube: the face, and the place on it from 0 to 2.
@@ -146,20 +146,20 @@ impl<'a> CubeLookup<'a> {
         let place = on_cube(simd, self.light_from_world(direction));
         let level = level.max(0.0).min(self.last_level as f32);
         let fine = level.to_int::<u32x16<S>>().min(self.last_level);
-        let to_coarse = level - fine.to_float::<F<S>>();
+        let coarse_weight = level - fine.to_float::<F<S>>();
         let taps = self.taps(simd, &place, fine);
-        if active & bits(to_coarse.simd_gt(0.0)) == 0 {
+        if active & bits(coarse_weight.simd_gt(0.0)) == 0 {
             for lane in set_bits(active) {
                 take(lane, Vec4::from_array(self.bilinear(simd, &taps, lane).to_array()));
             }
             return;
         }
         let coarse_taps = self.taps(simd, &place, (fine + 1).min(self.last_level));
-        let to_coarse = to_coarse.to_array();
+        let coarse_weight = coarse_weight.to_array();
         for lane in set_bits(active) {
             let value = self.bilinear(simd, &taps, lane);
             let coarse = self.bilinear(simd, &coarse_taps, lane);
-            take(lane, Vec4::from_array((coarse - value).mul_add(to_coarse[lane], value).to_array()));
+            take(lane, Vec4::from_array((coarse - value).mul_add(coarse_weight[lane], value).to_array()));
         }
     }
 
@@ -176,16 +176,16 @@ impl<'a> CubeLookup<'a> {
         Taps {
             upper: upper.to_array(),
             lower: (upper + pitch).to_array(),
-            to_right: (x - i.to_float::<F<S>>()).to_array(),
-            to_lower: (y - j.to_float::<F<S>>()).to_array(),
+            right_weight: (x - i.to_float::<F<S>>()).to_array(),
+            lower_weight: (y - j.to_float::<F<S>>()).to_array(),
         }
     }
 
     #[inline(always)]
     fn bilinear<S: Simd>(&self, simd: S, taps: &Taps, lane: usize) -> f32x4<S> {
         let (upper, lower) = (self.two_texels(simd, taps.upper[lane]), self.two_texels(simd, taps.lower[lane]));
-        let (left, right) = (lower - upper).mul_add(taps.to_lower[lane], upper).split();
-        (right - left).mul_add(taps.to_right[lane], left)
+        let (left, right) = (lower - upper).mul_add(taps.lower_weight[lane], upper).split();
+        (right - left).mul_add(taps.right_weight[lane], left)
     }
 
     #[inline(always)]

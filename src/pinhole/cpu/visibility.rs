@@ -252,6 +252,7 @@ impl<'a> VisibilityMap<'a> {
             let planes = &self.maps.planes[first..first + n + 2];
             let mut is_doubtful = false;
             let doubts = &self.maps.doubts[first..first + n + 2];
+            // A loop: closures with several calls are compiled without vector instructions (see `lanes`).
             let mut corners = [0.0; 4];
             for (corner, texel) in corners.iter_mut().zip([0, 1, n, n + 1]) {
                 let [a, b, c, behind] = planes[texel];
@@ -295,6 +296,7 @@ impl Occlusion for VisibilityMap<'_> {
         let n = self.maps.resolution as f32;
         let mut fractions = [0.0; LANES];
         for lane in set_bits(active) {
+            // A loop, as in `visible_fraction`.
             let mut parts = [0.0; 2];
             for (part, scale) in parts.iter_mut().zip([LOBE_CORE, LOBE_TAIL]) {
                 let texels = (scale * width * density[lane] * n).max(1.0);

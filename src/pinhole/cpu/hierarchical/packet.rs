@@ -54,21 +54,22 @@ impl TileGather<'_> {
         let mut stack = std::mem::take(&mut self.packet_stack);
         stack.extend(cells.iter().map(|&cell| (cell, occupied)));
         let mut visible = VisibleReceivers::all(simd);
-        let mut bounded = splat(simd, 0.0);
+        // They count as fetches.
+        let mut bound_lookups = splat(simd, 0.0);
         while let Some((item, lanes)) = stack.pop() {
             let cell = self.context.pinholes.cell(self.context.pinholes.tree.node(item & !FULLY_VISIBLE));
             let (facing, refined) = self.visit(simd, (item, &cell), lanes, &receiver, &mut visible, sum);
-            bounded += Mask::from_bitmask(simd, u64::from(facing)).select(splat(simd, 1.0), splat(simd, 0.0));
+            bound_lookups += Mask::from_bitmask(simd, u64::from(facing)).select(splat(simd, 1.0), splat(simd, 0.0));
             if refined != 0 {
                 stack.extend(cell.children.map(|child| (child | item & FULLY_VISIBLE, refined)));
             }
         }
         self.packet_stack = stack;
-        sum.iter_mut().zip(bounded.to_array()).for_each(|(sum, bounded)| sum.w += bounded);
+        sum.iter_mut().zip(bound_lookups.to_array()).for_each(|(sum, lookups)| sum.w += lookups);
     }
 
-    /// Adds what a cell contributes to the lanes for which it is small enough. Returns those that it faces, in which bounds of its light were
-    /// looked up, and those for which it is too large.
+    /// Adds what a cell contributes to the lanes for which it is small enough. Returns the lanes that it faces, for which bounds of its
+    /// light are looked up, and those for which it is too large.
     #[inline(always)]
     fn visit<S: Simd>(
         &self,
