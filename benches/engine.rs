@@ -54,7 +54,8 @@ impl Work {
 
     /// Fetches of one gather.
     fn fetches(&self, params: &Params) -> u64 {
-        let sums = gather(&self.receivers, &self.pinholes, &self.environment.cube, params, &|_| ()).unwrap();
+        let sums =
+            gather(&self.receivers, &self.pinholes, &self.environment.cube, params, &pinspot::NoProgress).unwrap();
         sums.iter().map(|s| f64::from(s[3])).sum::<f64>() as u64
     }
 
@@ -77,7 +78,15 @@ fn gather_on_cpu(c: &mut Criterion) {
         let fetches = work.fetches(&params);
         group.throughput(Throughput::Elements(fetches));
         group.bench_function(name, |b| {
-            b.iter(|| black_box(gather(&work.receivers, &work.pinholes, &work.environment.cube, &params, &|_| ())));
+            b.iter(|| {
+                black_box(gather(
+                    &work.receivers,
+                    &work.pinholes,
+                    &work.environment.cube,
+                    &params,
+                    &pinspot::NoProgress,
+                ))
+            });
         });
         group.bench_function(format!("{name}, bare look-ups"), |b| {
             let groups = u64::from(EDGE * EDGE / 16);
@@ -165,10 +174,18 @@ fn visibility(c: &mut Criterion) {
     for name in ["unshadowed", "shadowed"] {
         let visibility = name == "shadowed";
         if visibility {
-            work.pinholes.trace_visibility(&scene, &tracer);
+            work.pinholes.trace_visibility(&scene, &tracer, &pinspot::NoProgress);
         }
         group.bench_function(format!("CPU, {name}"), |b| {
-            b.iter(|| black_box(gather(&work.receivers, &work.pinholes, &work.environment.cube, &params, &|_| ())));
+            b.iter(|| {
+                black_box(gather(
+                    &work.receivers,
+                    &work.pinholes,
+                    &work.environment.cube,
+                    &params,
+                    &pinspot::NoProgress,
+                ))
+            });
         });
         let engine = Engine::new(&gpu.device, &GatherOptions { visibility, ..Default::default() });
         let inputs = FrameInputs {
@@ -186,7 +203,7 @@ fn visibility(c: &mut Criterion) {
         });
     }
     group.bench_function(format!("looking around, {SAMPLES} samples"), |b| {
-        b.iter(|| work.pinholes.trace_visibility(&scene, &tracer));
+        b.iter(|| work.pinholes.trace_visibility(&scene, &tracer, &pinspot::NoProgress));
     });
 }
 

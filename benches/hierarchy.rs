@@ -69,7 +69,7 @@ impl Work {
             let started = Instant::now();
             let error = tolerance * estimate_irradiance(&self.receivers, tree, light, &params);
             let accuracy = Accuracy { error, split_near: true };
-            let sums = gather_hierarchical(&self.receivers, tree, light, &params, accuracy, &|_| ());
+            let sums = gather_hierarchical(&self.receivers, tree, light, &params, accuracy, &pinspot::NoProgress);
             (sums, started.elapsed().as_secs_f64())
         };
         (0..runs).map(|_| run()).min_by(|a, b| a.1.total_cmp(&b.1)).expect("at least one run")
@@ -95,7 +95,7 @@ impl Work {
         let (some, places) = self.some_rows();
         let leaves = tree.leaves();
         let started = Instant::now();
-        let sums = gather(&some, &leaves, &self.environment.cube, &Params::default(), &|_| ()).unwrap();
+        let sums = gather(&some, &leaves, &self.environment.cube, &Params::default(), &pinspot::NoProgress).unwrap();
         let seconds = started.elapsed().as_secs_f64() * self.receivers.positions.len() as f64 / places.len() as f64;
         (sums, places, seconds)
     }

@@ -108,7 +108,7 @@ pub fn cells_of(scene: &Scene) -> Result<PinholeTree, Failure> {
     let options = sampling::Options { samples: 300, strategy: Default::default(), seed: 1 };
     let cells = CellTree::new(&surface, &sample(&surface, &options)?, &TreeOptions { leaves: 16, seed: 1 });
     let mut tree = PinholeTree::new(scene, cells);
-    tree.trace_visibility(scene, &Tracer::new(scene));
+    tree.trace_visibility(scene, &Tracer::new(scene), &pinspot::NoProgress);
     Ok(tree)
 }
 

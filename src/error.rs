@@ -44,6 +44,9 @@ pub enum Error {
     /// An option out of its range.
     #[error(transparent)]
     Option(#[from] OptionError),
+    /// The progress sink said that the result is not wanted any more.
+    #[error("cancelled")]
+    Cancelled,
 }
 
 /// An invalid option. The command adds its flags to the message.

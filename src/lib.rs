@@ -38,6 +38,7 @@
 //! | `blocking` | waiting for the library's futures on the calling thread |
 //! | `builtin-maps` | the environment maps of `envmaps`, embedded |
 //! | `report` | comparisons with the ground truth as JSON, CSV and HTML |
+//! | `view` | the interactive window |
 //! | `cli` | the `pinspot` command |
 //!
 //! # Units
@@ -70,14 +71,17 @@ mod reflectance;
 pub mod report;
 mod sampling;
 pub mod scene;
+mod sequence;
 mod stages;
 mod technique;
 mod tracing;
 mod vectors;
+#[cfg(feature = "view")]
+mod viewer;
 mod words;
 
 pub use backend::{Backend, BackendChoice, BackendReport, Device};
-pub use engine::{Engine, Rendered, Report};
+pub use engine::{Budget, Detail, Engine, Preview, Rendered, Report};
 pub use environment::CubeSize;
 pub use error::{Error, OptionError};
 pub use glam;
@@ -88,7 +92,10 @@ pub use options::{
 pub use pinhole::{Epsilon, Filter, Footprint};
 pub use progress::{NoProgress, Progress, Stage};
 pub use sampling::{Density, Strategy};
+pub use sequence::{Sequence, SequenceReport};
 pub use stages::StageCounts;
 pub use technique::{Technique, place_samples};
+#[cfg(feature = "view")]
+pub use viewer::{ViewError, view};
 #[cfg(feature = "gpu")]
 pub use wgpu;

@@ -27,7 +27,7 @@
 //! let params = Params::default();
 //! let error = 0.01 * estimate_irradiance(&receivers, &tree, light, &params);
 //! let accuracy = Accuracy { error, split_near: true };
-//! let sums = gather_hierarchical(&receivers, &tree, light, &params, accuracy, &|_| ());
+//! let sums = gather_hierarchical(&receivers, &tree, light, &params, accuracy, &pinspot::NoProgress);
 //! let [red, green, blue, fetches] = sums[0];
 //! assert!(red > 0.0 && green > 0.0 && blue > 0.0 && fetches > 0.0);
 //! # Ok(())

@@ -148,7 +148,7 @@ impl fmt::Display for Stage {
     }
 }
 
-/// Receives progress. Methods are called from any thread; stages do not nest. The library reads no clock: to time a
+/// Receives progress, and says whether the result is still wanted. Methods are called from any thread; stages do not nest. The library reads no clock: to time a
 /// stage, measure from [`Progress::begin`] to [`Progress::end`].
 pub trait Progress: Sync {
     /// A stage begins, which has `total` steps.
@@ -157,6 +157,22 @@ pub trait Progress: Sync {
     fn advance(&self, steps: u64);
     /// The stage ends, successfully or not.
     fn end(&self, stage: Stage);
+    /// Whether nobody waits for the result any more. Long stages ask it often, and then end early; what they made is not kept.
+    fn is_cancelled(&self) -> bool {
+        false
+    }
+}
+
+/// Work within a stage, whose steps are not counted.
+pub(crate) struct Uncounted<'a>(pub &'a dyn Progress);
+
+impl Progress for Uncounted<'_> {
+    fn begin(&self, _: Stage, _: u64) {}
+    fn advance(&self, _: u64) {}
+    fn end(&self, _: Stage) {}
+    fn is_cancelled(&self) -> bool {
+        self.0.is_cancelled()
+    }
 }
 
 /// A sink that ignores all progress.

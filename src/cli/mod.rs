@@ -14,6 +14,8 @@ mod reference;
 mod render;
 mod samples;
 mod scenes;
+#[cfg(feature = "view")]
+mod view;
 
 use std::process::ExitCode;
 
@@ -31,6 +33,9 @@ struct Cli {
 enum Command {
     /// Render a scene to .png (tone-mapped) or .exr (linear)
     Render(render::RenderArgs),
+    /// Open a window in which the scene moves and can be edited
+    #[cfg(feature = "view")]
+    View(view::ViewArgs),
     /// Compute the ground truth with its standard error (.exr); run the same command again to continue
     Reference(reference::ReferenceArgs),
     /// Compare strategies, footprints, filters and sample counts with the ground truth, as an HTML report
@@ -53,6 +58,8 @@ enum Command {
 pub fn run() -> ExitCode {
     let result = match Cli::parse().command {
         Command::Render(args) => render::run(&args),
+        #[cfg(feature = "view")]
+        Command::View(args) => view::run(&args),
         Command::Reference(args) => reference::run(&args),
         #[cfg(feature = "report")]
         Command::Compare(args) => compare::run(&args),

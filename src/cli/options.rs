@@ -195,21 +195,26 @@ impl SceneOptions {
 
     /// The requested back end. Contradicting options end the program as a wrong command line.
     pub fn backend(&self) -> BackendChoice {
-        match (self.backend.as_deref().unwrap_or("auto"), &self.adapter) {
-            ("cpu", None) => BackendChoice::Cpu,
-            ("cpu", Some(_)) => {
-                let message = "--adapter names a GPU, but --backend is cpu; drop one of them\n";
-                clap::Error::raw(clap::error::ErrorKind::ArgumentConflict, message).exit()
-            }
-            #[cfg(feature = "gpu")]
-            ("gpu", name) | ("auto", name @ Some(_)) => BackendChoice::Gpu(name.clone()),
-            #[cfg(not(feature = "gpu"))]
-            ("gpu", _) | (_, Some(_)) => {
-                let message = "this program was built without the feature 'gpu'; give --backend cpu\n";
-                clap::Error::raw(clap::error::ErrorKind::InvalidValue, message).exit()
-            }
-            _ => BackendChoice::Auto,
+        backend_choice(self.backend.as_deref(), self.adapter.as_deref())
+    }
+}
+
+/// The back end that `--backend` and `--adapter` ask for. Contradicting options end the program as a wrong command line.
+pub(super) fn backend_choice(backend: Option<&str>, adapter: Option<&str>) -> BackendChoice {
+    match (backend.unwrap_or("auto"), adapter) {
+        ("cpu", None) => BackendChoice::Cpu,
+        ("cpu", Some(_)) => {
+            let message = "--adapter names a GPU, but --backend is cpu; drop one of them\n";
+            clap::Error::raw(clap::error::ErrorKind::ArgumentConflict, message).exit()
         }
+        #[cfg(feature = "gpu")]
+        ("gpu", name) | ("auto", name @ Some(_)) => BackendChoice::Gpu(name.map(str::to_owned)),
+        #[cfg(not(feature = "gpu"))]
+        ("gpu", _) | (_, Some(_)) => {
+            let message = "this program was built without the feature 'gpu'; give --backend cpu\n";
+            clap::Error::raw(clap::error::ErrorKind::InvalidValue, message).exit()
+        }
+        _ => BackendChoice::Auto,
     }
 }
 

@@ -4,11 +4,17 @@ use std::path::Path;
 
 /// Rejects a file with another extension, or one that is known not to be writable.
 pub fn check_output(path: &Path, extensions: &[&str]) -> Result<(), String> {
+    check_extension(path, extensions)?;
+    check_writable(path)
+}
+
+/// Rejects a file with another extension.
+pub fn check_extension(path: &Path, extensions: &[&str]) -> Result<(), String> {
     if !extensions.contains(&extension(path).as_str()) {
         let endings = extensions.join(" or .");
         return Err(format!("cannot write '{}': give a file that ends in .{endings}", path.display()));
     }
-    check_writable(path)
+    Ok(())
 }
 
 /// Rejects a file that is a folder or read-only, or whose folder does not exist or is not writable.

@@ -1,33 +1,42 @@
 //! `pinspot render`.
 
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
 
 use pinspot::blocking::wait;
-use pinspot::image::{Aov, write_exr, write_png};
+use pinspot::image::{Aov, parse_frames, write_exr, write_png};
 use pinspot::scene::Scene;
 use pinspot::{
     Backend, BackendChoice, DisplaySettings, Engine, Error, Evaluation, Exposure, FilterChoice, Options, Overlay,
-    Rendered, Report, Stage,
+    Rendered, Report, Sequence, SequenceReport, Stage,
 };
 use serde::Serialize;
 
 use super::errors::message;
 use super::options::{CommonOptions, parse_positive};
-use super::output::{check_output, extension};
+use super::output::{check_extension, check_output, check_writable, extension};
 use super::progress::{Seconds, Watch};
 
 /// How many times as long a finer picture is expected to take as the one before it.
 const STEP_GROWTH: f64 = 4.0;
+/// Frames per second of an animation.
+const FRAMES_PER_SECOND: u16 = 24;
 
 #[derive(Debug, Args)]
 pub struct RenderArgs {
     /// A scene file (.toml), or the name of a built-in scene (see `pinspot scenes`)
     scene: String,
-    /// Files to write: .png (tone-mapped), .exr (linear)
+    /// Files to write: .png (tone-mapped), .exr (linear); with --frames, numbered ones such as frame-####.png, or one .apng
     #[arg(short, long, required = true, num_args = 1.., value_name = "FILE")]
     output: Vec<PathBuf>,
+    /// Render the frames A to B-1 of the scene's animation; frames that are complete in their files are not rendered again
+    #[arg(long, value_parser = parse_frames, value_name = "A..B", conflicts_with = "seconds")]
+    frames: Option<Range<u32>>,
+    /// Frames per second of the animation [default: 24]
+    #[arg(long, value_parser = clap::value_parser!(u16).range(1..=1000), value_name = "N", requires = "frames")]
+    fps: Option<u16>,
     #[command(flatten)]
     options: CommonOptions,
     /// Render for about this many seconds: a coarse picture first, then finer ones in its place for as long as there is time
@@ -43,19 +52,25 @@ pub struct RenderArgs {
 
 /// What `--json` prints.
 #[derive(Serialize)]
-struct JsonReport<'a> {
+struct JsonReport<'a, R> {
     #[serde(flatten)]
-    report: &'a Report,
+    report: &'a R,
     seconds: &'a Seconds,
 }
 
 pub fn run(args: &RenderArgs) -> Result<(), String> {
     // Anything that is sure to fail is reported before the long work.
-    args.output.iter().try_for_each(|path| check_output(path, &["png", "exr"]))?;
+    let sequence = args.frames.clone().map(|frames| sequence(args, frames)).transpose()?;
+    if sequence.is_none() {
+        args.output.iter().try_for_each(|path| check_output(path, &["png", "exr"]))?;
+    }
     let choice = args.options.scene.backend();
     let (scene, options) = args.options.load(&args.scene)?;
     check_uses(args, &options)?;
     let watch = Watch::new(args.quiet);
+    if let Some(sequence) = sequence {
+        return render_sequence(args, &sequence, (scene, options), &choice, &watch);
+    }
     let display = options.display;
     let rendered = render(args, scene, options, &choice, &watch);
     watch.finish();
@@ -66,6 +81,46 @@ pub fn run(args: &RenderArgs) -> Result<(), String> {
         super::print_json(&JsonReport { report: &rendered.report, seconds: &seconds })?;
     } else if !args.quiet {
         super::to_stderr(&summary(&rendered.report, display.exposure == Exposure::Auto, &seconds, &args.output));
+    }
+    Ok(())
+}
+
+/// The frames that are asked for, whose first files can be written.
+fn sequence(args: &RenderArgs, frames: Range<u32>) -> Result<Sequence, String> {
+    args.output.iter().try_for_each(|path| check_extension(path, &["png", "exr", "apng"]))?;
+    let first = frames.start;
+    let sequence = Sequence::new(frames, args.fps.unwrap_or(FRAMES_PER_SECOND), args.output.clone());
+    let sequence = sequence.map_err(|e| e.to_string())?;
+    sequence.files(first).iter().try_for_each(|path| check_writable(path))?;
+    sequence.animated_file().map_or(Ok(()), check_writable)?;
+    Ok(sequence)
+}
+
+fn render_sequence(
+    args: &RenderArgs,
+    sequence: &Sequence,
+    (scene, options): (Scene, Options),
+    choice: &BackendChoice,
+    watch: &Watch,
+) -> Result<(), String> {
+    let backend = open(choice, watch).map_err(|e| message(&e))?;
+    let rendered = wait(backend.device(), sequence.render(scene, options, &backend, watch, &mut |_| ()));
+    watch.finish();
+    let report = rendered.map_err(|e| message(&e))?;
+    report.warnings.iter().for_each(|warning| super::warn(warning));
+    let seconds = watch.seconds();
+    if args.json {
+        super::print_json(&JsonReport { report: &report, seconds: &seconds })?;
+    } else if !args.quiet {
+        let files: Vec<String> = args.output.iter().map(|p| p.display().to_string()).collect();
+        let SequenceReport { rendered, kept, .. } = report;
+        let kept = if kept > 0 { format!(", {kept} were there already") } else { String::new() };
+        super::to_stderr(&format!(
+            "{}: {rendered} frames rendered{kept}, on {}: {:.1} s",
+            files.join(", "),
+            backend.report(),
+            seconds.total
+        ));
     }
     Ok(())
 }
@@ -111,7 +166,7 @@ pub(super) fn open(choice: &BackendChoice, watch: &Watch) -> Result<Backend, Err
 /// Rejects options that would have no effect.
 fn check_uses(args: &RenderArgs, options: &Options) -> Result<(), String> {
     let beauty = options.aovs.contains(&Aov::Beauty);
-    let png = args.output.iter().any(|path| extension(path) == "png");
+    let png = args.output.iter().any(|path| matches!(extension(path).as_str(), "png" | "apng"));
     if options.overlay != Overlay::None && !(beauty && png) {
         return Err("--overlay is drawn into a .png of the beauty; give one with -o, and no other --aov".into());
     }

@@ -12,7 +12,7 @@ use super::every_other::{AdaptiveLight, PixelGrid, STEP};
 use super::frame::FrameInputs;
 use crate::Error;
 use crate::pinhole::Receivers;
-use crate::progress::{NoProgress, Progress};
+use crate::progress::{Progress, Uncounted};
 use crate::stages::CameraRays;
 use crate::technique::Sum;
 use crate::tracing::Hit;
@@ -56,7 +56,9 @@ impl CausticAtHits<'_> {
         let Self { inputs, rays, .. } = *self;
         let is_wanted = |hit: &Option<Hit>| hit.is_some_and(|hit| self.wanted[hit.object as usize]);
         let wanted = (0..rays.hits.len()).filter(|&index| is_wanted(&rays.hits[index]));
-        let coarse = self.on_grid((COARSE_STEP, &NoProgress), |index| inputs.hidden_error(direct[index])).await?;
+        let coarse = self
+            .on_grid((COARSE_STEP, &Uncounted(inputs.progress)), |index| inputs.hidden_error(direct[index]))
+            .await?;
         let least =
             |index: usize| rays.least_around(index, COARSE_STEP, |other| Some(Vec3::from_slice(&coarse[other])));
         let fine =

@@ -23,12 +23,12 @@ const SEEN_POINTS: usize = 64;
 const BLOCK: usize = 32;
 
 /// Irradiance of the environment on receivers, at an intensity of 1.
-#[derive(Debug)]
 pub(super) struct DirectLight<'a> {
     light: &'a PreparedLight,
     irradiance: Arc<CubeMap>,
     /// Where receivers may be occluded.
     shadows: Option<Shadows<'a>>,
+    progress: &'a dyn Progress,
 }
 
 impl<'a> DirectLight<'a> {
@@ -37,21 +37,33 @@ impl<'a> DirectLight<'a> {
         stages: &mut LightStages,
         tracer: &'a Tracer,
         (visibility, rays): (Visibility, &CameraRays),
-        progress: &dyn Progress,
+        progress: &'a dyn Progress,
     ) -> Self {
         let shadows = (visibility == Visibility::Full).then(|| {
             let step = rays.hits.len() / SEEN_POINTS + 1;
             let seen: Vec<&Hit> = rays.hits.iter().step_by(step).flatten().collect();
             Shadows::new(light, &stages.sampler(light, progress), tracer, &seen)
         });
-        Self { light, irradiance: stages.irradiance(light, progress), shadows }
+        Self { light, irradiance: stages.irradiance(light, progress), shadows, progress }
     }
 
-    /// Irradiance at points that are close to each other, W/m².
+    /// With so many directions of shadow rays, for previews; without shadows if there are none.
+    pub fn of_few(
+        light: &'a PreparedLight,
+        stages: &mut LightStages,
+        tracer: &'a Tracer,
+        directions: Option<usize>,
+        progress: &'a dyn Progress,
+    ) -> Self {
+        let shadows = directions.map(|count| Shadows::of_few(light, &stages.sampler(light, progress), tracer, count));
+        Self { light, irradiance: stages.irradiance(light, progress), shadows, progress }
+    }
+
+    /// Irradiance at points that are close to each other, W/m²; without shadows once it is cancelled.
     pub fn irradiance(&self, points: &[&Hit]) -> Vec<Vec3> {
         let open = |point: &&Hit| self.irradiance.fetch(self.light.light_from_world(point.normal), 0.0);
         let mut irradiance: Vec<Vec3> = points.iter().map(open).collect();
-        if let Some(shadows) = &self.shadows {
+        if let Some(shadows) = self.shadows.as_ref().filter(|_| !self.progress.is_cancelled()) {
             let fractions = shadows.unoccluded_fractions(points);
             irradiance.iter_mut().zip(fractions).for_each(|(value, fraction)| *value *= fraction);
         }

@@ -12,7 +12,7 @@ use super::frame::FrameInputs;
 use super::paths::share_light;
 use crate::Error;
 use crate::pinhole::Receivers;
-use crate::progress::NoProgress;
+use crate::progress::Uncounted;
 use crate::stages::CameraRays;
 use crate::technique::Sum;
 use crate::tracing::{Hit, Tracer};
@@ -146,7 +146,7 @@ impl DividedPixels {
             for (place, (index, _)) in self.open().enumerate() {
                 receivers.tolerate(place, inputs.hidden_error(direct[index] + Vec3::from_slice(&sums[index])));
             }
-            of_parts = sum.irradiance(&receivers, &NoProgress).await?;
+            of_parts = sum.irradiance(&receivers, &Uncounted(inputs.progress)).await?;
         }
         let mut caustic = Caustic::from(sums);
         for (index, parts) in self.lit(of_parts.into_iter().map(Vec4::from_array)) {

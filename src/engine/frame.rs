@@ -142,7 +142,13 @@ impl FrameInputs<'_> {
     }
 
     pub(super) fn path_tracer<'a>(&'a self, rays: &'a CameraRays) -> PathTracer<'a> {
-        PathTracer { scene: self.scene, prepared: self.prepared, rays, is_plain: self.options.plain_diffuse }
+        PathTracer {
+            scene: self.scene,
+            prepared: self.prepared,
+            rays,
+            is_plain: self.options.plain_diffuse,
+            progress: self.progress,
+        }
     }
 
     fn objects(&self) -> std::ops::Range<u32> {
@@ -225,6 +231,9 @@ impl BandStages {
             let ends = self.ends(inputs, light, &paths, &rays, &surfaces).await?;
             fetches += fetches_of(ends.caustic.as_deref());
             beauty = Some(self.beauty(inputs, &paths, &surfaces, &ends));
+        }
+        if inputs.progress.is_cancelled() {
+            return Err(Error::Cancelled);
         }
         Ok(Band { rays, light: surfaces, beauty, fetches })
     }

@@ -21,12 +21,14 @@ mod glossy;
 mod interpolation;
 mod overlay;
 mod paths;
+mod preview;
 mod report;
 mod reprojection;
 mod shading;
 mod shadows;
 
 pub use film::Rendered;
+pub use preview::{Budget, Detail, Preview};
 pub use report::Report;
 
 use std::sync::Arc;
@@ -35,6 +37,7 @@ use glam::{UVec2, Vec2};
 
 use self::film::Film;
 use self::frame::{BandStages, FrameInputs, rows_per_band};
+use self::preview::PreviewStages;
 use crate::Error;
 use crate::backend::Backend;
 use crate::image::Aov;
@@ -73,6 +76,8 @@ pub struct Engine {
     technique: (Technique, Box<dyn TechniqueStages>),
     /// Stages of the picture, if it is small enough to be kept.
     band: BandStages,
+    /// Stages of previews.
+    preview: PreviewStages,
     /// Counts of stages that were dropped.
     counted_before: StageCounts,
 }
@@ -97,6 +102,7 @@ impl Engine {
             light_stages: LightStages::new(),
             technique,
             band: BandStages::new(),
+            preview: PreviewStages::new(Technique::default()),
             counted_before: StageCounts::default(),
         }
     }
@@ -126,7 +132,12 @@ impl Engine {
         &self.backend
     }
 
-    /// How often each stage was made.
+    /// A hash of everything that the picture depends on: scene, options, back end and version. It identifies pictures in files.
+    pub fn fingerprint(&self) -> String {
+        self.scene.fingerprint(&format!("{:?} {:?}", self.options, self.backend.report()))
+    }
+
+    /// How often each stage was made, except for those of previews alone.
     pub fn stage_counts(&self) -> StageCounts {
         let mut counts = self.counted_before.clone();
         self.scene_stages.count(&mut counts);
@@ -158,8 +169,8 @@ impl Engine {
     /// ```
     ///
     /// # Errors
-    /// Options out of range or in conflict, a light that cannot be prepared, a scene without reflectors, or a device
-    /// that is lost or too small. The engine stays usable: correct the cause and render again.
+    /// Options out of range or in conflict, a light that cannot be prepared, a scene without reflectors, a device that is lost or
+    /// too small, or [`Error::Cancelled`]. The engine stays usable: correct the cause and render again.
     pub async fn render(&mut self, progress: &dyn Progress) -> Result<Rendered, Error> {
         let prepared = self.prepare(progress).await?;
         let mut inputs = FrameInputs {
@@ -206,6 +217,14 @@ impl Engine {
         Ok(self.dots(&prepared))
     }
 
+    /// The object that the camera sees at a place in the picture, in parts of its width and height.
+    pub fn object_at(&mut self, place: Vec2) -> Option<usize> {
+        let scene = self.scene_stages.prepare_for_frame(&self.scene, &crate::NoProgress).ok()?;
+        let size = UVec2::from_array(self.options.size).as_vec2();
+        let hit = scene.tracer.camera_hit(self.scene.camera.ray(place * size, size))?;
+        Some(hit.object as usize)
+    }
+
     async fn prepare(&mut self, progress: &dyn Progress) -> Result<Prepared, Error> {
         self.options.check()?;
         let scene = self.scene_stages.prepare(&self.scene, progress)?;
@@ -214,12 +233,16 @@ impl Engine {
             self.technique.1.count(&mut self.counted_before);
             self.technique = (self.options.technique, self.options.technique.stages());
         }
+        if progress.is_cancelled() {
+            return Err(Error::Cancelled);
+        }
         let inputs = Inputs {
             scene: &self.scene,
             prepared: &scene,
             light: &light,
             options: &self.options,
             backend: &self.backend,
+            is_preview: false,
             progress,
         };
         let sum = if self.options.shows_caustic() {
@@ -227,6 +250,9 @@ impl Engine {
         } else {
             None
         };
+        if progress.is_cancelled() {
+            return Err(Error::Cancelled);
+        }
         Ok(Prepared { scene, light, sum })
     }
 

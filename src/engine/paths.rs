@@ -10,6 +10,7 @@ use rayon::prelude::*;
 use super::edges::{PARTS, PLACES};
 use super::escapes::{Escape, footprints};
 use super::gloss::likely_facet;
+use crate::progress::Progress;
 use crate::scene::{Object, Ray, Scene, Sides};
 use crate::stages::{CameraRays, PreparedScene};
 use crate::tracing::Hit;
@@ -148,6 +149,7 @@ pub(super) struct PathTracer<'a> {
     pub rays: &'a CameraRays,
     /// Treats everything as diffuse, without mirrors.
     pub is_plain: bool,
+    pub progress: &'a dyn Progress,
 }
 
 impl PathTracer<'_> {
@@ -156,6 +158,9 @@ impl PathTracer<'_> {
         let width = self.rays.view.size[0];
         let corners = self.trace_corners();
         let pixel = |k: u32| {
+            if self.progress.is_cancelled() {
+                return PixelPaths::default();
+            }
             let mut pixel = self.trace_pixel(&corners, k % width, k / width);
             pixel.choose_ends();
             pixel
@@ -269,19 +274,10 @@ impl PathTracer<'_> {
     fn meet(&self, found: &Hit, ray: &Ray, walk: &mut Walk, paths: &mut PixelPaths) -> Option<Vec3> {
         let object = &self.scene.objects[found.object as usize];
         walk.key = walk.key.wrapping_mul(1_000_003) + 2 * u64::from(found.object) + u64::from(found.front) + 1;
-        let reflectance = self.reflectance(found, object, ray);
+        let reflectance = visible_reflectance(self.prepared, self.is_plain, (found, object), ray);
         self.add_surface(found, object, reflectance.is_some(), ray, walk, paths);
         walk.throughput *= reflectance?;
         Some(Self::mirrored(found, object, ray, walk, paths.points))
-    }
-
-    /// A surface's specular reflectance, if its visible side is a mirror.
-    fn reflectance(&self, found: &Hit, object: &Object, ray: &Ray) -> Option<Vec3> {
-        if self.is_plain || !mirrors(object, found.front) {
-            return None;
-        }
-        let curve = self.prepared.materials.mirrors[found.object as usize].as_ref()?;
-        Some(curve.at(ray.direction.dot(found.normal).abs().into()).as_vec3())
     }
 
     /// Adds the light that a surface reflects diffusely or glossily.
@@ -295,12 +291,7 @@ impl PathTracer<'_> {
         paths: &mut PixelPaths,
     ) {
         let is_glossy = !self.is_plain && self.prepared.materials.receivers.is_glossy(found.object);
-        let albedo = match &object.receiver {
-            _ if self.is_plain => Vec3::splat(DIFFUSE_VIEW_ALBEDO),
-            Some(receiver) => receiver.albedo,
-            None if is_mirror => Vec3::ZERO,
-            None => Vec3::splat(PLAIN_ALBEDO),
-        };
+        let albedo = surface_albedo(object, self.is_plain, is_mirror);
         if albedo == Vec3::ZERO && !is_glossy {
             return;
         }
@@ -338,14 +329,43 @@ impl PathTracer<'_> {
             let [u, v, ..] = sobol_burley::sample_4d(u32::from(point), 0, walk.bounce);
             facet = likely_facet(found.normal, ray.direction, alpha, [u, v]);
         }
-        let mirrored = ray.direction.reflect(facet);
-        // A microfacet may reflect into the surface; the smooth mirror replaces it then.
-        let outwards = mirrored.dot(found.normal) * ray.direction.dot(found.normal) < 0.0;
-        let direction = if outwards { mirrored } else { ray.direction.reflect(found.normal) }.normalize();
-        // An interpolated normal may reflect into the triangle, at grazing angles.
-        let height = direction.dot(found.face_normal);
-        (direction + (MIN_HEIGHT - height).max(0.0) * found.face_normal).normalize()
+        mirrored_direction(found, ray, facet)
     }
+}
+
+/// A surface's specular reflectance, if its visible side is a mirror.
+pub(super) fn visible_reflectance(
+    prepared: &PreparedScene,
+    is_plain: bool,
+    (found, object): (&Hit, &Object),
+    ray: &Ray,
+) -> Option<Vec3> {
+    if is_plain || !mirrors(object, found.front) {
+        return None;
+    }
+    let curve = prepared.materials.mirrors[found.object as usize].as_ref()?;
+    Some(curve.at(ray.direction.dot(found.normal).abs().into()).as_vec3())
+}
+
+/// The albedo with which a surface is lit.
+pub(super) fn surface_albedo(object: &Object, is_plain: bool, is_mirror: bool) -> Vec3 {
+    match &object.receiver {
+        _ if is_plain => Vec3::splat(DIFFUSE_VIEW_ALBEDO),
+        Some(receiver) => receiver.albedo,
+        None if is_mirror => Vec3::ZERO,
+        None => Vec3::splat(PLAIN_ALBEDO),
+    }
+}
+
+/// The unit direction in which a microfacet of a mirror reflects a ray, outwards.
+pub(super) fn mirrored_direction(found: &Hit, ray: &Ray, facet: Vec3) -> Vec3 {
+    let mirrored = ray.direction.reflect(facet);
+    // A microfacet may reflect into the surface; the smooth mirror replaces it then.
+    let outwards = mirrored.dot(found.normal) * ray.direction.dot(found.normal) < 0.0;
+    let direction = if outwards { mirrored } else { ray.direction.reflect(found.normal) }.normalize();
+    // An interpolated normal may reflect into the triangle, at grazing angles.
+    let height = direction.dot(found.face_normal);
+    (direction + (MIN_HEIGHT - height).max(0.0) * found.face_normal).normalize()
 }
 
 /// The point that is nearest to the mean of all.

@@ -53,17 +53,28 @@ pub(super) struct Shadows<'a> {
 impl<'a> Shadows<'a> {
     /// With as many directions as surfaces like those at `seen` need.
     pub fn new(light: &PreparedLight, sampler: &LightSampler, tracer: &'a Tracer, seen: &[&Hit]) -> Self {
-        let few = Self::with_directions(light, sampler, tracer, 1);
+        let few = Self::with_directions(light, sampler, tracer, [BY_LIGHT, EVEN]);
         let nothing_known = vec![None; few.directions.len()];
         let fractions = seen.chunks(LANES).flat_map(|points| few.fractions(points, &nothing_known));
         let sum: f32 = fractions.map(Vec3::max_element).sum();
         let is_enclosed = sum < ENCLOSED_FRACTION * seen.len() as f32;
-        if is_enclosed { Self::with_directions(light, sampler, tracer, ENCLOSED_FACTOR) } else { few }
+        let many = || [BY_LIGHT, EVEN].map(|count| ENCLOSED_FACTOR * count);
+        if is_enclosed { Self::with_directions(light, sampler, tracer, many()) } else { few }
     }
 
-    /// With `factor` times as many directions as usual.
-    fn with_directions(light: &PreparedLight, sampler: &LightSampler, tracer: &'a Tracer, factor: usize) -> Self {
-        let (by_light, even) = (factor * BY_LIGHT, factor * EVEN);
+    /// With about so many directions, most of them by light.
+    pub fn of_few(light: &PreparedLight, sampler: &LightSampler, tracer: &'a Tracer, directions: usize) -> Self {
+        let by_light = (3 * directions / 4).next_power_of_two();
+        Self::with_directions(light, sampler, tracer, [by_light, (directions / 4).max(1)])
+    }
+
+    /// With so many directions that are drawn by their radiance, and so many that are spread evenly.
+    fn with_directions(
+        light: &PreparedLight,
+        sampler: &LightSampler,
+        tracer: &'a Tracer,
+        [by_light, even]: [usize; 2],
+    ) -> Self {
         let world_from_light = light.world_from_light();
         let place = |k: usize, seed: u32| {
             let [u, v, ..] = sample_4d(k as u32, 0, seed);

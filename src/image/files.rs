@@ -1,4 +1,4 @@
-//! EXR and PNG files. A file is written completely or not at all.
+//! EXR files and masks. A file is written completely or not at all.
 
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
@@ -8,7 +8,7 @@ use exr::prelude::{
 };
 use glam::Vec3;
 
-use super::{Image, srgb8};
+use super::Image;
 
 /// Why a picture could not be written or read.
 #[derive(Debug, thiserror::Error)]
@@ -22,6 +22,14 @@ pub enum ImageError {
         /// The system's reason.
         reason: String,
     },
+    /// The name does not fit what is to be written.
+    #[error("'{}' {reason}", path.display())]
+    Name {
+        /// File.
+        path: PathBuf,
+        /// What is wrong, and what would be right.
+        reason: String,
+    },
     /// The image could not be read.
     #[error("cannot read image '{}': {reason}", path.display())]
     Read {
@@ -32,37 +40,65 @@ pub enum ImageError {
     },
 }
 
+/// A temporary file next to the one that it replaces once it is complete.
+#[derive(Debug)]
+pub(crate) struct AtomicFile {
+    path: PathBuf,
+    target: PathBuf,
+    replaced: Option<std::fs::Metadata>,
+    file: tempfile::NamedTempFile,
+}
+
+impl AtomicFile {
+    pub fn create(path: &Path) -> Result<Self, ImageError> {
+        let fail = |reason: String| ImageError::Write { path: path.into(), reason };
+        let target = target_of(path).map_err(|e| fail(e.to_string()))?;
+        let replaced = std::fs::metadata(&target).ok();
+        if replaced.as_ref().is_some_and(std::fs::Metadata::is_dir) {
+            return Err(fail("it is a folder".into()));
+        }
+        if replaced.as_ref().is_some_and(|old| old.permissions().readonly()) {
+            return Err(fail("it is read-only".into()));
+        }
+        let folder = match target.parent() {
+            Some(parent) if !parent.as_os_str().is_empty() => parent,
+            _ => Path::new("."),
+        };
+        let mut builder = tempfile::Builder::new();
+        #[cfg(unix)]
+        builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
+        let file = builder.prefix(".pinspot-").tempfile_in(folder).map_err(|e| fail(reason_of(&e)))?;
+        Ok(Self { path: path.into(), target, replaced, file })
+    }
+
+    pub fn file(&self) -> &std::fs::File {
+        self.file.as_file()
+    }
+
+    /// Replaces the old file; everything has been written.
+    pub fn commit(self) -> Result<(), ImageError> {
+        let Self { path, target, replaced, file } = self;
+        let fail = |reason: String| ImageError::Write { path: path.clone(), reason };
+        if let Some(old) = replaced {
+            file.as_file().set_permissions(old.permissions()).map_err(|e| fail(e.to_string()))?;
+        }
+        file.persist(target).map_err(|e| fail(reason_of(&e.error)))?;
+        Ok(())
+    }
+}
+
 /// Writes a temporary file next to the given path, and replaces the old file once it is complete.
 pub fn write_atomically(
     path: &Path,
     write: impl FnOnce(&mut BufWriter<&std::fs::File>) -> Result<(), String>,
 ) -> Result<(), ImageError> {
     let fail = |reason: String| ImageError::Write { path: path.into(), reason };
-    let target = &target_of(path).map_err(|e| fail(e.to_string()))?;
-    let old = std::fs::metadata(target).ok();
-    if old.as_ref().is_some_and(std::fs::Metadata::is_dir) {
-        return Err(fail("it is a folder".into()));
-    }
-    if old.as_ref().is_some_and(|old| old.permissions().readonly()) {
-        return Err(fail("it is read-only".into()));
-    }
-    let folder = match target.parent() {
-        Some(parent) if !parent.as_os_str().is_empty() => parent,
-        _ => Path::new("."),
-    };
-    let mut builder = tempfile::Builder::new();
-    #[cfg(unix)]
-    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
-    let file = builder.prefix(".pinspot-").tempfile_in(folder).map_err(|e| fail(reason_of(&e)))?;
-    let mut writer = BufWriter::new(file.as_file());
+    let file = AtomicFile::create(path)?;
+    let mut writer = BufWriter::new(file.file());
     write(&mut writer).map_err(fail)?;
     writer.flush().map_err(|e| fail(e.to_string()))?;
     drop(writer);
-    if let Some(old) = old {
-        file.as_file().set_permissions(old.permissions()).map_err(|e| fail(e.to_string()))?;
-    }
-    file.persist(target).map_err(|e| fail(reason_of(&e.error)))?;
-    Ok(())
+    file.commit()
 }
 
 /// The file at the end of a chain of symbolic links; it need not exist.
@@ -82,22 +118,6 @@ fn target_of(path: &Path) -> std::io::Result<PathBuf> {
 fn reason_of(error: &std::io::Error) -> String {
     let inner = error.get_ref().and_then(|inner| inner.source());
     inner.map_or_else(|| error.to_string(), ToString::to_string)
-}
-
-/// Writes display-linear colours as 8-bit sRGB.
-pub fn write_png(path: &Path, image: &Image) -> Result<(), ImageError> {
-    write_atomically(path, |out| out.write_all(&png_bytes(image)?).map_err(|e| e.to_string()))
-}
-
-/// Encodes display-linear colours as an 8-bit sRGB PNG.
-pub fn png_bytes(image: &Image) -> Result<Vec<u8>, String> {
-    use ::image::ImageEncoder;
-    let bytes: Vec<u8> = image.pixels.iter().flat_map(|p| srgb8(*p)).collect();
-    let mut file = Vec::new();
-    ::image::codecs::png::PngEncoder::new(&mut file)
-        .write_image(&bytes, image.width, image.height, ::image::ExtendedColorType::Rgb8)
-        .map_err(|e| e.to_string())?;
-    Ok(file)
 }
 
 /// Reads a .png or .exr as a mask: width, height, and whether each pixel is brighter than half (a .png) or 0 (an .exr).
@@ -202,6 +222,7 @@ pub fn read_exr_text(path: &Path, name: &str) -> Result<Option<String>, ImageErr
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::image::write_png;
 
     #[test]
     fn exr_layers_come_back_bit_for_bit() {

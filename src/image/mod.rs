@@ -4,15 +4,17 @@ mod aov;
 mod decode;
 mod files;
 mod metrics;
+mod png;
+mod sequence;
 mod tone;
 
 pub use aov::Aov;
 pub use decode::{DecodeError, RgbImage};
-pub use files::{
-    ImageError, png_bytes, read_exr, read_exr_text, read_mask, write_atomically, write_exr, write_exr_with_text,
-    write_png,
-};
+pub(crate) use files::AtomicFile;
+pub use files::{ImageError, read_exr, read_exr_text, read_mask, write_atomically, write_exr, write_exr_with_text};
 pub use metrics::{mrse, rel_l2, speckles};
+pub use png::{AnimatedPng, png_bytes, read_png_text, write_png, write_png_with_text};
+pub use sequence::{numbered, parse_frames};
 pub use tone::{display, exposed, metered_ev, srgb8};
 
 use glam::Vec3;

@@ -26,7 +26,7 @@ pub(crate) use constants::ESTIMATE_MAX_RECEIVERS;
 pub use layout::{BATCH_SIZE, CURVE_POINTS, GatherUniforms, PinholeParts, PinholeSample, Pinholes, ReflectanceCurve};
 pub use receivers::{NO_RECEIVER, ReceiverLayout, Receivers, ViewDirections};
 pub use tree::PinholeTree;
-use visibility::Edges;
+pub(crate) use visibility::Edges;
 pub use visibility::VisibilityMaps;
 
 use glam::{Vec2, Vec3};
@@ -34,6 +34,7 @@ use serde::{Deserialize, Serialize};
 
 use self::constants::{BEND_BLUR, MIN_BEND_BLUR};
 use crate::differential::DifferentialSample;
+use crate::progress::Progress;
 use crate::reflectance::{Curve, Finish};
 use crate::scene::{Object, Reflector, Scene, Sides};
 use crate::tracing::Tracer;
@@ -176,8 +177,12 @@ pub fn pinholes(scene: &Scene, samples: &[DifferentialSample], footprint: Footpr
 impl Pinholes {
     /// Traces a visibility map for every sample, so that occlusion of receivers and of the environment counts. `scene` is the
     /// one that the samples and the tracer were made of.
-    pub fn trace_visibility(&mut self, scene: &Scene, tracer: &Tracer) {
-        self.visibility = Some(VisibilityMaps::trace(scene, tracer, &mut self.samples, Edges::Fine));
+    pub fn trace_visibility(&mut self, scene: &Scene, tracer: &Tracer, progress: &dyn Progress) {
+        self.trace_maps(scene, tracer, Edges::Fine, progress);
+    }
+
+    pub(crate) fn trace_maps(&mut self, scene: &Scene, tracer: &Tracer, edges: Edges, progress: &dyn Progress) {
+        self.visibility = Some(VisibilityMaps::trace(scene, tracer, &mut self.samples, edges, progress));
     }
 }
 

@@ -10,6 +10,7 @@ use super::visibility::Edges;
 use super::{Mirror, Mirrors, PinholeParts, PinholeSample, Pinholes, VisibilityMaps};
 use crate::cell_tree::{CellNode, CellTree, NodeGeometry};
 use crate::lanes::LANES;
+use crate::progress::Progress;
 use crate::scene::Scene;
 use crate::tracing::{Piece, Tracer};
 
@@ -64,14 +65,14 @@ impl PinholeTree {
 
     /// Traces the visibility maps of the samples, which all cells below them share. `scene` is the one that the tree and the tracer
     /// were made of.
-    pub fn trace_visibility(&mut self, scene: &Scene, tracer: &Tracer) {
-        self.sample_nodes.trace_visibility(scene, tracer);
+    pub fn trace_visibility(&mut self, scene: &Scene, tracer: &Tracer, progress: &dyn Progress) {
+        self.sample_nodes.trace_visibility(scene, tracer, progress);
     }
 
     /// The same for gathers on the CPU, which then trace rays where the maps are in doubt.
-    pub fn trace_visibility_and_doubts(&mut self, scene: &Scene, tracer: Arc<Tracer>) {
+    pub fn trace_visibility_and_doubts(&mut self, scene: &Scene, tracer: Arc<Tracer>, progress: &dyn Progress) {
         let nodes = &mut self.sample_nodes;
-        nodes.visibility = Some(VisibilityMaps::trace(scene, &tracer, &mut nodes.samples, Edges::Traced));
+        nodes.visibility = Some(VisibilityMaps::trace(scene, &tracer, &mut nodes.samples, Edges::Traced, progress));
         let faces_front = |mirror: &Option<Mirror>| mirror.as_ref().is_none_or(|mirror| mirror.faces_front);
         let faces_front = self.mirrors.of_object.iter().map(faces_front).collect();
         self.occluders = Some(Occluders { tracer, faces_front });

@@ -13,6 +13,7 @@ use rayon::prelude::*;
 
 use super::PinholeSample;
 use crate::lanes::{ALL, LANES};
+use crate::progress::Progress;
 use crate::scene::{Scene, Sides};
 use crate::tracing::{Hit, Piece, Tracer};
 
@@ -46,11 +47,13 @@ pub struct Doubt {
 
 /// How exactly maps tell where between texels what is hit changes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Edges {
+pub(crate) enum Edges {
     /// As exactly as they store it.
     Fine,
     /// Roughly, as rays are traced there.
     Traced,
+    /// Roughly, between half as many texels: for previews.
+    Coarse,
 }
 
 impl Edges {
@@ -58,7 +61,15 @@ impl Edges {
     pub fn bisections(self) -> u32 {
         match self {
             Self::Fine => 4,
-            Self::Traced => 2,
+            Self::Traced | Self::Coarse => 2,
+        }
+    }
+
+    /// Texels along an edge of a map, at most.
+    fn most_texels(self) -> u32 {
+        match self {
+            Self::Fine | Self::Traced => RESOLUTIONS[0],
+            Self::Coarse => 16,
         }
     }
 }
@@ -79,9 +90,23 @@ pub(super) fn frame(n: Vec3) -> [Vec3; 2] {
 
 impl VisibilityMaps {
     /// Traces the maps of all samples and stores in each sample the index of its map. Two-sided samples get two, the back's second.
-    pub(super) fn trace(scene: &Scene, tracer: &Tracer, samples: &mut [PinholeSample], edges: Edges) -> Self {
+    pub(super) fn trace(
+        scene: &Scene,
+        tracer: &Tracer,
+        samples: &mut [PinholeSample],
+        edges: Edges,
+        progress: &dyn Progress,
+    ) -> Self {
         let Hemispheres { resolution, of_maps } = Hemispheres::number(scene, samples);
-        let traced: Vec<TracedMap> = of_maps.par_iter().map(|h| h.trace(tracer, resolution, edges)).collect();
+        let resolution = resolution.min(edges.most_texels());
+        let traced: Vec<TracedMap> = {
+            let trace = |hemisphere: &Hemisphere| {
+                let is_wanted = !progress.is_cancelled();
+                is_wanted.then(|| hemisphere.trace(tracer, resolution, edges))
+            };
+            // Without all of the maps, there are none.
+            of_maps.par_iter().map(trace).collect::<Option<_>>().unwrap_or_default()
+        };
         let mut maps = Self { resolution, ..Self::default() };
         for TracedMap { planes, sky_mask, doubts } in traced {
             maps.planes.extend(planes);

@@ -54,12 +54,12 @@ pub(super) async fn render_or_reuse(
     folder: &Path,
     timed: &Timed<'_>,
 ) -> Result<Cell, Error> {
-    let fingerprint = engine.scene().fingerprint(&format!("{options:?} {:?}", engine.backend().report()));
+    engine.options_mut().clone_from(options);
+    let fingerprint = engine.fingerprint();
     let file = folder.join(format!("{}.exr", name(options)));
     if let Some((image, metadata)) = read(&file, &fingerprint) {
         return Ok(Cell { options: options.clone(), image, metadata, file });
     }
-    engine.options_mut().clone_from(options);
     let rendered = engine.render(timed).await?;
     let seconds = timed.seconds();
     let dots = engine.visible_samples(timed).await?;

@@ -29,6 +29,7 @@ pub const BUILT_IN: &[BuiltIn] = built_in! {
     "spoon-above": "the spoon from above (Figure 6c)",
     "cup": "a mirror cup that receives its own caustics in natural light (Figure 6f)",
     "cup-point-light": "the cup under a small light from above (Figure 7b)",
+    "sheet": "a waving sheet of copper throws bands of sunlight on a wall",
     "columns": "balls and columns between the light, a brass ring and the table shadow each other",
     "gloss": "rings of silver, polished, brushed and blasted",
     "metals": "rings of silver, gold, copper, aluminium, chromium and brass in forest light",

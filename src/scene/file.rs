@@ -2,6 +2,7 @@
 //!
 //! The type of the `[render]` table is a parameter, because this module does not know rendering options.
 
+mod animation;
 mod camera;
 mod document;
 mod environment;
@@ -13,6 +14,7 @@ use glam::Vec3;
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
 
+use self::animation::AnimationTable;
 use self::camera::CameraTable;
 use self::document::{Fault, KeyLines, Problem};
 use self::environment::EnvironmentTable;
@@ -84,12 +86,16 @@ pub fn parse<R: DeserializeOwned + Default>(
     let builder = Builder { file: &file, lines: &lines, assets: &assets };
     let mut notes = Vec::new();
     let mut objects = Vec::with_capacity(tables.object.len());
+    let mut animated = Vec::with_capacity(tables.object.len());
     for (index, table) in tables.object.into_iter().enumerate() {
+        let first = objects.len();
         objects.extend(builder.objects(index, &table, &mut notes)?);
+        animated.push(table.animated(first..objects.len()));
     }
     let environment = builder.environment(tables.environment, &mut notes)?;
     let camera = builder.camera(&tables.camera)?;
-    let scene = Scene { name, environment, camera, objects, notes };
+    let animations = builder.animations(&tables.animation, &animated, &tables.camera)?;
+    let scene = Scene { name, environment, camera, objects, animations, notes };
     Ok(Loaded { scene, render: tables.render, file, lines })
 }
 
@@ -133,6 +139,8 @@ struct SceneTable<R> {
     render: R,
     #[serde(default)]
     object: Vec<ObjectTable>,
+    #[serde(default)]
+    animation: Vec<AnimationTable>,
 }
 
 fn one() -> f32 {
@@ -140,6 +148,7 @@ fn one() -> f32 {
 }
 
 /// A key: its form in messages, and its path in the document.
+#[derive(Clone)]
 struct Key {
     shown: String,
     path: String,

@@ -3,6 +3,7 @@
 //! A [`Scene`] is complete and valid once built: meshes are free of NaN and of degenerate triangles. This module must
 //! not know samples, prefiltered environments or wgpu.
 
+mod animation;
 mod assets;
 mod builtin;
 mod camera;
@@ -20,6 +21,9 @@ mod wavefront;
 use std::path::PathBuf;
 use std::sync::Arc;
 
+pub use animation::{
+    Animation, CameraMotion, EnvironmentMotion, Interpolation, KeyFrameError, KeyFrames, ObjectMotion,
+};
 pub use assets::Assets;
 pub use builtin::{BUILT_IN, BuiltIn};
 pub use camera::{Camera, Projection, Ray};
@@ -59,6 +63,7 @@ use crate::words::escaped;
 ///     environment: EnvironmentSource { light, rotation_rad: 0.0, intensity: 1.0 },
 ///     camera,
 ///     objects: vec![ring, table],
+///     animations: Vec::new(),
 ///     notes: Vec::new(),
 /// };
 ///
@@ -78,6 +83,8 @@ pub struct Scene {
     pub camera: Camera,
     /// All objects.
     pub objects: Vec<Object>,
+    /// What moves, and how; [`Self::pose`] moves it.
+    pub animations: Vec<Animation>,
     /// What was repaired while loading (dropped triangles, for example), one sentence each.
     pub notes: Vec<String>,
 }

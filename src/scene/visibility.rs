@@ -17,9 +17,16 @@ pub enum Visibility {
 
 impl fmt::Display for Visibility {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
+        f.write_str(self.name())
+    }
+}
+
+impl Visibility {
+    /// Its name in scene files and on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
             Self::None => "none",
             Self::Full => "full",
-        })
+        }
     }
 }

@@ -31,6 +31,11 @@ impl<K: PartialEq, T> Memo<K, T> {
         self.times_made
     }
 
+    /// The kept result, if it is for these inputs.
+    pub fn kept(&self, key: &K) -> Option<Arc<T>> {
+        self.made.as_ref().filter(|(known, _)| known == key).map(|(_, result)| result.clone())
+    }
+
     /// The result for these inputs: the kept one if they are unchanged, else a new one.
     pub fn get(&mut self, key: K, progress: &dyn Progress, make: impl FnOnce() -> T) -> Arc<T> {
         let made: Result<_, std::convert::Infallible> = self.try_get(key, progress, || Ok(make()));
@@ -50,7 +55,7 @@ impl<K: PartialEq, T> Memo<K, T> {
         progress.begin(self.stage, 1);
         let made = make();
         progress.end(self.stage);
-        Ok(self.keep(key, made?))
+        Ok(self.keep(key, made?, progress))
     }
 
     /// Like [`Self::try_get`], for asynchronous results; `steps` is the length of the progress bar.
@@ -66,7 +71,7 @@ impl<K: PartialEq, T> Memo<K, T> {
         progress.begin(self.stage, steps);
         let made = make().await;
         progress.end(self.stage);
-        Ok(self.keep(key, made?))
+        Ok(self.keep(key, made?, progress))
     }
 
     /// The kept result, if it is for these inputs. Otherwise it is dropped before a new one is made, so that two results are
@@ -81,10 +86,13 @@ impl<K: PartialEq, T> Memo<K, T> {
         }
     }
 
-    fn keep(&mut self, key: K, made: T) -> Arc<T> {
-        self.times_made += 1;
+    /// Keeps a result, unless it was cancelled and thus may be incomplete.
+    fn keep(&mut self, key: K, made: T, progress: &dyn Progress) -> Arc<T> {
         let made = Arc::new(made);
-        self.made = Some((key, made.clone()));
+        if !progress.is_cancelled() {
+            self.times_made += 1;
+            self.made = Some((key, made.clone()));
+        }
         made
     }
 }
@@ -130,6 +138,23 @@ mod tests {
         let mut memo: Memo<i32, i32> = Memo::new(Stage::Tree);
         assert_eq!(memo.try_get(1, &NoProgress, || Err("no")), Err("no"));
         assert_eq!(memo.try_get(1, &NoProgress, || Ok::<_, &str>(5)).map(|v| *v), Ok(5));
+        assert_eq!(memo.times_made(), 1);
+    }
+
+    #[test]
+    fn a_cancelled_result_is_not_kept() {
+        struct Cancelled;
+        impl Progress for Cancelled {
+            fn begin(&self, _: Stage, _: u64) {}
+            fn advance(&self, _: u64) {}
+            fn end(&self, _: Stage) {}
+            fn is_cancelled(&self) -> bool {
+                true
+            }
+        }
+        let mut memo = Memo::new(Stage::Tree);
+        assert_eq!(*memo.get(1, &Cancelled, || "incomplete"), "incomplete");
+        assert_eq!(*memo.get(1, &NoProgress, || "whole"), "whole");
         assert_eq!(memo.times_made(), 1);
     }
 

@@ -55,10 +55,15 @@ pub(crate) struct SceneStages {
     meshes: Vec<Memo<PlacedMeshKey, Mesh>>,
     /// Counts of objects that were removed.
     meshes_made_before: u64,
-    tracer: Memo<Vec<(Id<Mesh>, bool)>, Tracer>,
+    tracer: Memo<TracerKey, Tracer>,
+    /// For previews, while there is no other for the same meshes.
+    tracer_of_frame: Memo<TracerKey, Tracer>,
     surface: Memo<SurfaceKey, Surface>,
     materials: Memo<MaterialsKey, SurfaceMaterials>,
 }
+
+/// Each object's mesh, and whether the camera sees it.
+type TracerKey = Vec<(Id<Mesh>, bool)>;
 
 /// The mesh of each object that mirrors, and on which sides.
 type SurfaceKey = Vec<Option<(Id<Mesh>, Sides)>>;
@@ -72,18 +77,38 @@ impl SceneStages {
             meshes: Vec::new(),
             meshes_made_before: 0,
             tracer: Memo::new(Stage::Bvh),
+            tracer_of_frame: Memo::new(Stage::Bvh),
             surface: Memo::new(Stage::Surface),
             materials: Memo::new(Stage::Materials),
         }
     }
 
     pub fn prepare(&mut self, scene: &Scene, progress: &dyn Progress) -> Result<PreparedScene, MeshError> {
+        self.prepare_with(scene, progress, |stages, key, meshes| {
+            stages.tracer.get(key, progress, || Tracer::of_meshes(seen(meshes, scene)))
+        })
+    }
+
+    /// Like [`Self::prepare`], for a scene that is different in the next frame.
+    pub fn prepare_for_frame(&mut self, scene: &Scene, progress: &dyn Progress) -> Result<PreparedScene, MeshError> {
+        self.prepare_with(scene, progress, |stages, key, meshes| {
+            let kept = stages.tracer.kept(&key);
+            kept.unwrap_or_else(|| {
+                stages.tracer_of_frame.get(key, progress, || Tracer::for_one_frame(seen(meshes, scene)))
+            })
+        })
+    }
+
+    fn prepare_with(
+        &mut self,
+        scene: &Scene,
+        progress: &dyn Progress,
+        tracer: impl FnOnce(&mut Self, TracerKey, &[Arc<Mesh>]) -> Arc<Tracer>,
+    ) -> Result<PreparedScene, MeshError> {
         let meshes = self.place_meshes(scene, progress)?;
         let note = check_extent(&meshes)?;
-        let seen = meshes.iter().zip(&scene.objects).map(|(mesh, o)| (Id::of(mesh), o.camera_visible));
-        let tracer = self.tracer.get(seen.collect(), progress, || {
-            Tracer::of_meshes(meshes.iter().zip(&scene.objects).map(|(mesh, o)| (&**mesh, o.camera_visible)))
-        });
+        let key = meshes.iter().zip(&scene.objects).map(|(mesh, o)| (Id::of(mesh), o.camera_visible));
+        let tracer = tracer(self, key.collect(), &meshes);
         let mirrors = |(mesh, o): (&Arc<Mesh>, &Object)| Some((Id::of(mesh), o.reflector?.sides));
         let mirrors = meshes.iter().zip(&scene.objects).map(mirrors).collect();
         let surface = self.surface.get(mirrors, progress, || reflecting_surface(&meshes, scene));
@@ -111,6 +136,11 @@ impl SceneStages {
         counts.add_memo(&self.surface);
         counts.add_memo(&self.materials);
     }
+}
+
+/// The objects' meshes, and whether the camera sees them.
+fn seen<'a>(meshes: &'a [Arc<Mesh>], scene: &'a Scene) -> impl Iterator<Item = (&'a Mesh, bool)> {
+    meshes.iter().zip(&scene.objects).map(|(mesh, object)| (&**mesh, object.camera_visible))
 }
 
 /// The diagonals of scenes that 32-bit numbers carry through all products of areas and distances, metres.

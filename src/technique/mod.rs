@@ -64,6 +64,8 @@ pub(crate) struct Inputs<'a> {
     pub light: &'a PreparedLight,
     pub options: &'a Options,
     pub backend: &'a Backend,
+    /// The result is for a moment: what costs much and shows little may be coarser.
+    pub is_preview: bool,
     pub progress: &'a dyn Progress,
 }
 

@@ -13,7 +13,7 @@ use obvhs::bvh2::{Bvh2, builder::build_bvh2};
 use obvhs::ray::RayHit;
 use obvhs::triangle::Triangle;
 
-use self::packet::{HitFilter, any_hit, nearest_hits};
+use self::packet::{HitFilter, PacketHits, any_hit, nearest_hits};
 use crate::lanes::{F, LANES, Simd, SimdBase, V3, bits, dispatch, level, splat3};
 use crate::scene::{Mesh, Object, Ray, Scene};
 
@@ -86,6 +86,15 @@ impl Tracer {
 
     /// Builds the hierarchy over objects' meshes in world space; the second part says whether the camera sees one.
     pub fn of_meshes<'a>(meshes: impl Iterator<Item = (&'a Mesh, bool)>) -> Self {
+        Self::build(meshes, BvhBuildParams::medium_build())
+    }
+
+    /// The same in a fraction of the time, for a hierarchy that is used for one frame: rays take a little longer.
+    pub(crate) fn for_one_frame<'a>(meshes: impl Iterator<Item = (&'a Mesh, bool)>) -> Self {
+        Self::build(meshes, BvhBuildParams::fastest_build())
+    }
+
+    fn build<'a>(meshes: impl Iterator<Item = (&'a Mesh, bool)>, how: BvhBuildParams) -> Self {
         let (mut corners, mut surfaces, mut camera_visible) = (Vec::new(), Vec::new(), Vec::new());
         for (object, (mesh, is_visible)) in meshes.enumerate() {
             camera_visible.push(is_visible);
@@ -106,7 +115,7 @@ impl Tracer {
             Aabb { min: bounds.min - padding, max: bounds.max + padding }
         };
         let bounds: Vec<_> = corners.iter().map(bounds).collect();
-        let bvh = build_bvh2(&bounds, BvhBuildParams::medium_build(), &mut Default::default());
+        let bvh = build_bvh2(&bounds, how, &mut Default::default());
         let offset = if corners.is_empty() { 0.0 } else { offset(scale * low, scale * high) };
         let order = || bvh.primitive_indices.iter().map(|&index| index as usize);
         let surface = |(normals, object)| TriangleSurface { normals, object };
@@ -125,6 +134,30 @@ impl Tracer {
         self.hit(ray, 0.0, |surface, _| self.camera_visible[surface.object as usize])
     }
 
+    /// The first things that the camera sees along sixteen rays, in the lanes asked for.
+    pub(crate) fn camera_hits(&self, rays: &[Ray; LANES], lanes: u32) -> [Option<Hit>; LANES] {
+        if self.corners.is_empty() {
+            return [const { None }; LANES];
+        }
+        let rays = rays.map(|ray| self.scaled(ray));
+        let packet = RayPacket {
+            origins: [0, 1, 2].map(|axis| rays.map(|ray| ray.origin[axis])),
+            directions: [0, 1, 2].map(|axis| rays.map(|ray| ray.direction[axis])),
+            ends: [f32::INFINITY; LANES],
+            lanes,
+        };
+        let (tree, filter) = ((&self.bvh, &self.corners[..]), InvisibleToCamera(self));
+        let hits = dispatch!(level(), simd => nearest_hits(simd, tree, &packet, 0.0, &filter));
+        std::array::from_fn(|lane| self.hit_in_lane(&hits, lane, rays[lane]))
+    }
+
+    /// The hit of a scaled ray of a packet, in the world.
+    fn hit_in_lane(&self, hits: &PacketHits, lane: usize, ray: Ray) -> Option<Hit> {
+        let [u, v] = hits.weights.map(|weight| weight[lane]);
+        (hits.lanes >> lane & 1 == 1)
+            .then(|| self.describe(ray, hits.distances[lane], hits.triangles[lane] as usize, [1.0 - u - v, u, v]))
+    }
+
     /// The first thing along a ray that leaves a surface.
     pub fn secondary_hit(&self, ray: Ray) -> Option<Hit> {
         self.hit(ray, self.offset, |_, _| true)
@@ -139,10 +172,7 @@ impl Tracer {
         let (tree, itself) = ((&self.bvh, &self.corners[..]), SelfIntersection::new(self, piece));
         let hits = dispatch!(level(), simd => nearest_hits(simd, tree, &packet, self.offset, &itself));
         std::array::from_fn(|lane| {
-            let ray = Ray { origin: self.scale * piece.position, direction: directions[lane] };
-            let [u, v] = hits.weights.map(|weight| weight[lane]);
-            (hits.lanes >> lane & 1 == 1)
-                .then(|| self.describe(ray, hits.distances[lane], hits.triangles[lane] as usize, [1.0 - u - v, u, v]))
+            self.hit_in_lane(&hits, lane, Ray { origin: self.scale * piece.position, direction: directions[lane] })
         })
     }
 
@@ -265,6 +295,17 @@ impl HitFilter for SelfIntersection<'_> {
         }
         let normal = splat3(simd, self.side * surface.normals.iter().sum::<Vec3>());
         hit & bits(distance.simd_lt(self.extent) & direction.dot(normal).simd_gt(0.0))
+    }
+}
+
+/// Hits on objects that the camera looks through.
+struct InvisibleToCamera<'a>(&'a Tracer);
+
+impl HitFilter for InvisibleToCamera<'_> {
+    #[inline(always)]
+    fn ignored<S: Simd>(&self, _: S, triangle: usize, _: V3<S>, _: F<S>, hit: u32) -> u32 {
+        let object = self.0.surfaces[triangle].object;
+        if self.0.camera_visible[object as usize] { 0 } else { hit }
     }
 }
 

@@ -23,8 +23,14 @@ fn the_example_gathers_what_the_cpu_gathers_while_its_mirror_moves() {
         let receivers = Receivers { width, height, positions, normals, ..Receivers::empty(0, 0) };
         let tree = embed::cells_of(&embed::scene_at(number).unwrap()).unwrap();
         let error = embed::TOLERANCE * estimate_irradiance(&receivers, &tree, light, &params);
-        let expected =
-            gather_hierarchical(&receivers, &tree, light, &params, Accuracy { error, split_near: true }, &|_| ());
+        let expected = gather_hierarchical(
+            &receivers,
+            &tree,
+            light,
+            &params,
+            Accuracy { error, split_near: true },
+            &pinspot::NoProgress,
+        );
         assert!(expected.iter().any(|e| e[0] > 0.0));
         let error = rel_l2(&output.caustic, &expected);
         println!("frame {number}: {error:.1e}");

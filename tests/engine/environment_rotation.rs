@@ -82,7 +82,7 @@ impl Work {
         let mut samples =
             pinholes(&self.scene, &pinspot::low_level::differential::differentials(&set), Footprint::Cells);
         if has_visibility {
-            samples.trace_visibility(&self.scene, &self.tracer);
+            samples.trace_visibility(&self.scene, &self.tracer, &pinspot::NoProgress);
         }
         samples
     }
@@ -92,7 +92,7 @@ impl Work {
         let cells = CellTree::new(&surface, &self.sample_set(200), &TreeOptions { leaves: 16, seed: 1 });
         let mut tree = PinholeTree::new(&self.scene, cells);
         if has_visibility {
-            tree.trace_visibility(&self.scene, &self.tracer);
+            tree.trace_visibility(&self.scene, &self.tracer, &pinspot::NoProgress);
         }
         tree
     }
@@ -128,7 +128,7 @@ fn hierarchical_sums_rotate_the_environment() {
                 let light = Light { cube, bounds: &bounds };
                 let error = 0.002 * estimate_irradiance(&work.receivers, &tree, light, params);
                 let accuracy = Accuracy { error, split_near: true };
-                gather_hierarchical(&work.receivers, &tree, light, params, accuracy, &|_| ())
+                gather_hierarchical(&work.receivers, &tree, light, params, accuracy, &pinspot::NoProgress)
             };
             cubes.assert_alike(&format!("tree, visibility {has_visibility}"), Filter::Anisotropic, gather);
         }

@@ -67,7 +67,14 @@ impl Work {
     fn hierarchical(&self, tree: &PinholeTree, receivers: &Receivers, tolerance: f32) -> Vec<[f32; 4]> {
         let (light, params) = (self.light.as_light(), Params::default());
         let error = tolerance * estimate_irradiance(&self.receivers, tree, light, &params);
-        gather_hierarchical(receivers, tree, light, &params, Accuracy { error, split_near: false }, &|_| ())
+        gather_hierarchical(
+            receivers,
+            tree,
+            light,
+            &params,
+            Accuracy { error, split_near: false },
+            &pinspot::NoProgress,
+        )
     }
 
     fn flat(&self, leaves: &pinspot::low_level::pinhole::Pinholes, receivers: &Receivers) -> Vec<[f32; 4]> {
@@ -116,7 +123,7 @@ fn shadows_are_those_of_the_samples() {
     for name in ["ring-natural", "columns", "cup", "spoon", "disco-ball"] {
         let work = Work::new(name, 96);
         let mut tree = work.tree(1000, 1);
-        tree.trace_visibility(&work.scene, &work.tracer);
+        tree.trace_visibility(&work.scene, &work.tracer, &pinspot::NoProgress);
         let flat = work.flat(tree.sample_nodes(), &work.receivers);
         let fast = work.hierarchical(&tree, &work.receivers, 0.01);
         let (error, kept) = (rel_l2(&fast, &flat), energy(&fast) / energy(&flat));
@@ -246,11 +253,11 @@ fn what_did_not_move_is_taken_from_the_image_before() {
         for k in (0..192 * 192).filter(|k| frame > 0 && k % 192 < 64 && k / 192 < 20 * frame) {
             receivers.positions[k] = [0.1, 0.3, 0.01 * frame as f32, 7.0];
         }
-        let anew = gather_hierarchical(&receivers, &tree, light, &params, accuracy, &|_| ());
-        let again = still.gather(receivers, &|_| ());
+        let anew = gather_hierarchical(&receivers, &tree, light, &params, accuracy, &pinspot::NoProgress);
+        let again = still.gather(receivers, &pinspot::NoProgress);
         assert_eq!(again.reused, expected, "image {frame}");
         assert!(again.sums == anew);
     }
     let smaller = Work::new("ring-natural", 64).receivers;
-    assert_eq!(still.gather(smaller, &|_| ()).reused, 0);
+    assert_eq!(still.gather(smaller, &pinspot::NoProgress).reused, 0);
 }

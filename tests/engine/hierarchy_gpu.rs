@@ -116,7 +116,7 @@ impl Work {
         let set = sample(&surface, &sampling::Options { samples, strategy: Strategy::Neighbourhood, seed: 1 }).unwrap();
         let mut tree = PinholeTree::new(&scene, CellTree::new(&surface, &set, &TreeOptions { leaves, seed: 1 }));
         if visibility == Visibility::Full {
-            tree.trace_visibility(&scene, &tracer);
+            tree.trace_visibility(&scene, &tracer, &pinspot::NoProgress);
         }
         let bounds = LightBounds::new(&cube);
         Self { scene, receivers, cube, bounds, tree }
@@ -141,7 +141,7 @@ impl Work {
             Tolerance::Relative(part) => part * self.typical(),
         };
         let accuracy = Accuracy { error, split_near: how.split_near };
-        gather_hierarchical(&self.receivers, &self.tree, self.light(), &how.params(), accuracy, &|_| ())
+        gather_hierarchical(&self.receivers, &self.tree, self.light(), &how.params(), accuracy, &pinspot::NoProgress)
     }
 
     /// Everything in one submission, the light's bounds made there.

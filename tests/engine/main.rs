@@ -20,6 +20,7 @@ mod hierarchy_gpu;
 mod independence;
 mod metals;
 mod pictures;
+mod previews;
 mod receivers;
 mod speckles;
 mod stages;

@@ -124,7 +124,7 @@ fn glossy_receivers_are_right() {
         let expected = Reference::new(scene.clone(), options).unwrap();
         let expected = expected.solve(&goal, None, &NoProgress, &mut |_| Ok(())).unwrap().irradiance;
         let mut pinholes = pinholes_of(&scene, 2000, Strategy::Neighbourhood, Footprint::Cells, 1);
-        pinholes.trace_visibility(&scene, &Tracer::new(&scene));
+        pinholes.trace_visibility(&scene, &Tracer::new(&scene), &pinspot::NoProgress);
         let environment = Environment::new(&scene.environment.light, Default::default()).unwrap();
         let size = glam::Vec2::splat(EDGE as f32);
         let rays = (0..EDGE * EDGE).map(|k| {

@@ -45,7 +45,7 @@ pub fn pinholes_of(scene: &Scene, samples: u32, strategy: Strategy, footprint: F
 
 /// Irradiance by the CPU twin.
 pub fn on_cpu(receivers: &Receivers, pinholes: &Pinholes, cube: &CubeMap, params: &Params) -> Vec<[f32; 4]> {
-    cpu::gather(receivers, pinholes, cube, params, &|_| ()).unwrap()
+    cpu::gather(receivers, pinholes, cube, params, &pinspot::NoProgress).unwrap()
 }
 
 /// The engine on the adapter under test, made once for all tests with the same options.

@@ -22,7 +22,7 @@ fn screen(x: f32) -> String {
 
 fn seen(scene: &Scene, samples: u32) -> Pinholes {
     let mut pinholes = pinholes_of(scene, samples, Strategy::Neighbourhood, Footprint::Cells, 1);
-    pinholes.trace_visibility(scene, &Tracer::new(scene));
+    pinholes.trace_visibility(scene, &Tracer::new(scene), &pinspot::NoProgress);
     pinholes
 }
 

@@ -27,12 +27,13 @@ use super::{BATCH_SIZE, CURVE_POINTS, GatherUniforms, Params, PinholeParts, Pinh
 use crate::brdf::Materials;
 use crate::environment::CubeMap;
 use crate::lanes::{F, LANES, Simd, SimdBase, V3, bits, dispatch, lanes, level, set_bits, splat3};
+use crate::progress::Progress;
 
 /// Groups of lanes between two reports of progress.
 const GROUPS_PER_TASK: usize = 32;
 
 /// Gathers the irradiance at every receiver, W/m², or the radiance that it reflects towards its viewer, W/(m²·sr): R, G, B,
-/// and the number of fetches. `progress` is called from any thread with the number of receivers just finished.
+/// and the number of fetches. Progress counts receivers; those that are left once it is cancelled stay dark.
 ///
 /// # Errors
 ///
@@ -42,7 +43,7 @@ pub fn gather(
     pinholes: &Pinholes,
     environment: &CubeMap,
     params: &Params,
-    progress: &(dyn Fn(u64) + Sync),
+    progress: &dyn Progress,
 ) -> Result<Vec<[f32; 4]>, HardwareFilterError> {
     let uniforms = GatherUniforms::for_cube(params, pinholes, environment);
     let materials = receivers.view_directions.as_ref().map(|view| &*view.materials);
@@ -64,8 +65,10 @@ pub fn gather(
     };
     let mut sums = vec![[0.0; 4]; receivers.positions.len()];
     sums.par_chunks_mut(LANES * GROUPS_PER_TASK).enumerate().for_each(|(index, sums)| {
-        task(&gather, receivers, index * LANES * GROUPS_PER_TASK, sums);
-        progress(sums.len() as u64);
+        if !progress.is_cancelled() {
+            task(&gather, receivers, index * LANES * GROUPS_PER_TASK, sums);
+        }
+        progress.advance(sums.len() as u64);
     });
     Ok(sums)
 }
@@ -341,7 +344,7 @@ mod tests {
         };
         let pinholes = Pinholes::from(vec![sample.into()]);
         let receivers = Receivers::from_points(&[(Vec3::ZERO, Vec3::Y, 0)], 1);
-        let sums = |params: Params| gather(&receivers, &pinholes, &cube, &params, &|_| ());
+        let sums = |params: Params| gather(&receivers, &pinholes, &cube, &params, &crate::NoProgress);
         assert_eq!(sums(Params { filter: Filter::Hardware, ..Params::default() }), Err(HardwareFilterError));
         let one_tap = sums(Params { taps: 1, ..Params::default() }).unwrap();
         assert!(one_tap[0][0] > 0.1, "{one_tap:?}");

@@ -324,7 +324,7 @@ mod tests {
             let tracer = Tracer::new(&scene);
             let mut pinholes = samples(&scene);
             let (planes, sky_masks) = traced(&gpu, &scene, &tracer, pinholes.samples.clone());
-            pinholes.trace_visibility(&scene, &tracer);
+            pinholes.trace_visibility(&scene, &tracer, &crate::NoProgress);
             let expected = pinholes.visibility.unwrap();
             assert_eq!((planes.len(), sky_masks.len()), (expected.planes.len(), expected.sky_mask.len()));
             let is_close =

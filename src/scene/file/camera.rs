@@ -3,16 +3,16 @@
 use glam::Vec3;
 use serde::Deserialize;
 
-use super::Builder;
+use super::{Builder, Key};
 use crate::scene::{Camera, Mesh, Projection, SceneError};
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct CameraTable {
-    position: [f32; 3],
-    target: [f32; 3],
+    pub position: [f32; 3],
+    pub target: [f32; 3],
     #[serde(default = "up")]
-    up: [f32; 3],
+    pub up: [f32; 3],
     orthographic: Option<OrthographicTable>,
     perspective: Option<PerspectiveTable>,
 }
@@ -69,8 +69,9 @@ impl Builder<'_> {
         })
     }
 
-    fn place(&self, key: &str, value: [f32; 3]) -> Result<Vec3, SceneError> {
-        let value = self.vector(key, value)?;
+    pub fn place(&self, key: impl Into<Key>, value: [f32; 3]) -> Result<Vec3, SceneError> {
+        let key = key.into();
+        let value = self.vector(key.clone(), value)?;
         if value.abs().max_element() <= Mesh::MAX_COORDINATE {
             Ok(value)
         } else {

@@ -1,5 +1,6 @@
 //! The objects of a scene file: placements, meshes and materials.
 
+use std::ops::Range;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -31,6 +32,22 @@ pub(super) struct ObjectTable {
     receiver: Option<ReceiverTable>,
     #[serde(default = "yes")]
     camera_visible: bool,
+}
+
+/// What an animation needs to know of the objects that one table makes.
+pub(super) struct Animated {
+    /// The table's name.
+    pub name: Option<String>,
+    /// The objects' indices in the scene.
+    pub objects: Range<usize>,
+    /// The shape, if it is one.
+    pub shape: Option<Shape>,
+}
+
+impl ObjectTable {
+    pub fn animated(&self, objects: Range<usize>) -> Animated {
+        Animated { name: self.name.clone(), objects, shape: self.shape }
+    }
 }
 
 #[derive(Deserialize)]

@@ -7,6 +7,7 @@ mod disco_ball;
 mod lathe;
 mod parametric;
 mod plane;
+mod sheet;
 mod sphere;
 mod spoon;
 
@@ -35,6 +36,8 @@ pub enum Shape {
     DiscoBall(DiscoBall),
     /// A rectangle in the plane y = 0, normal +Y.
     Plane(Plane),
+    /// A rectangle in waves about the plane y = 0, its front above.
+    Sheet(Sheet),
 }
 
 /// Dimensions of [`Shape::Ring`].
@@ -121,6 +124,20 @@ pub struct Plane {
     pub size: [f32; 2],
 }
 
+/// Dimensions of [`Shape::Sheet`].
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Sheet {
+    /// Extent along X and Z.
+    pub size: [f32; 2],
+    /// Height of the waves above y = 0, at most.
+    pub amplitude: f32,
+    /// From crest to crest.
+    pub wavelength: f32,
+    /// How far the waves have travelled, in degrees: 360 bring them back to where they were.
+    pub phase_deg: f32,
+}
+
 impl Default for Ring {
     fn default() -> Self {
         Self { radius: 1.0, height: 0.5 }
@@ -169,6 +186,12 @@ impl Default for Plane {
     }
 }
 
+impl Default for Sheet {
+    fn default() -> Self {
+        Self { size: [1.0, 1.0], amplitude: 0.03, wavelength: 0.6, phase_deg: 0.0 }
+    }
+}
+
 impl Shape {
     /// The shape as a mesh in object space. The error says which dimension is out of its range.
     pub fn mesh(&self) -> Result<Mesh, String> {
@@ -182,6 +205,7 @@ impl Shape {
             Self::Torus(torus) => lathe::torus(torus),
             Self::DiscoBall(ball) => disco_ball::disco_ball(ball),
             Self::Plane(plane) => plane::plane(plane),
+            Self::Sheet(sheet) => sheet::sheet(sheet),
         };
         let (mesh, _) =
             Mesh::new(self.name(), parts.positions, parts.normals, parts.triangles).map_err(|e| e.to_string())?;
@@ -199,6 +223,7 @@ impl Shape {
             Self::Torus(_) => "torus",
             Self::DiscoBall(_) => "disco-ball",
             Self::Plane(_) => "plane",
+            Self::Sheet(_) => "sheet",
         }
     }
 
@@ -256,9 +281,22 @@ impl Shape {
                 }
             }
             Self::Plane(Plane { size }) => positive("size", size[0]).and(positive("size", size[1])),
+            Self::Sheet(Sheet { size, amplitude, wavelength, phase_deg }) => {
+                positive("size", size[0]).and(positive("size", size[1]))?;
+                positive("amplitude", amplitude).and(positive("wavelength", wavelength))?;
+                if amplitude > MAX_STEEPNESS * wavelength {
+                    return Err(format!(
+                        "amplitude of shape 'sheet' is {amplitude}, but must be at most a tenth of its wavelength"
+                    ));
+                }
+                if phase_deg.is_finite() { Ok(()) } else { Err("phase_deg of shape 'sheet' must be finite".into()) }
+            }
         }
     }
 }
+
+/// Amplitude of a sheet's waves over their length, at most: steeper ones would not be resolved by its triangles.
+const MAX_STEEPNESS: f32 = 0.1;
 
 /// A mesh before it is validated.
 #[derive(Default)]
@@ -297,6 +335,7 @@ mod tests {
             Shape::Torus(Torus::default()),
             Shape::DiscoBall(DiscoBall::default()),
             Shape::Plane(Plane::default()),
+            Shape::Sheet(Sheet::default()),
         ]
     }
 
@@ -327,7 +366,7 @@ mod tests {
     #[test]
     fn closed_shapes_are_closed() {
         // The vector area of a closed surface is zero.
-        for shape in all().into_iter().filter(|s| !matches!(s, Shape::Ring(_) | Shape::Plane(_))) {
+        for shape in all().into_iter().filter(|s| !matches!(s, Shape::Ring(_) | Shape::Plane(_) | Shape::Sheet(_))) {
             let mesh = shape.mesh().unwrap();
             let vector_area: Vec3 = (0..mesh.triangles().len())
                 .map(|t| {

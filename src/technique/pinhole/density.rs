@@ -4,7 +4,6 @@
 
 use glam::Vec3;
 
-use crate::Error;
 use crate::differential::differentials;
 use crate::environment::{CubeMap, Environment};
 use crate::options::Options;
@@ -15,6 +14,7 @@ use crate::sampling::{
 use crate::scene::{Scene, Visibility};
 use crate::stages::visible_receivers;
 use crate::tracing::Tracer;
+use crate::{Error, NoProgress};
 
 /// The filter with which contributions are evaluated.
 pub(super) const FILTER: Filter = Filter::Isotropic;
@@ -100,7 +100,7 @@ impl Importance {
             let shadowed = options.density == Density::Visibility
                 || options.density == Density::Contribution && options.visibility == Visibility::Full;
             if shadowed {
-                pinholes.trace_visibility(inputs.scene, inputs.tracer);
+                pinholes.trace_visibility(inputs.scene, inputs.tracer, &NoProgress);
             }
             let longest = options.size[0].max(options.size[1]);
             let size = options.size.map(|edge| (edge * RECEIVERS / longest).max(1));

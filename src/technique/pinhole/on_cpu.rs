@@ -16,7 +16,7 @@ pub(super) struct FlatOnCpu {
 impl Sum for FlatOnCpu {
     fn irradiance<'a>(&'a self, receivers: &'a Receivers, progress: &'a dyn Progress) -> Pending<'a, Vec<[f32; 4]>> {
         let FlatInputs { pinholes, environment, params } = &self.sum;
-        let sums = gather(receivers, pinholes, &environment.cube, params, &|n| progress.advance(n));
+        let sums = gather(receivers, pinholes, &environment.cube, params, progress);
         Box::pin(std::future::ready(sums.map_err(Into::into)))
     }
 
@@ -36,7 +36,7 @@ impl Sum for HierarchicalOnCpu {
     fn irradiance<'a>(&'a self, receivers: &'a Receivers, progress: &'a dyn Progress) -> Pending<'a, Vec<[f32; 4]>> {
         let HierarchicalInputs { tree, environment, bounds, params, accuracy } = &self.sum;
         let light = Light { cube: &environment.cube, bounds };
-        let sums = gather_hierarchical(receivers, tree, light, params, *accuracy, &|n| progress.advance(n));
+        let sums = gather_hierarchical(receivers, tree, light, params, *accuracy, progress);
         Box::pin(std::future::ready(Ok(sums)))
     }
 

@@ -8,7 +8,7 @@ use super::density::{self, DensityInputs};
 use crate::cell_tree::{CellTree, TreeOptions};
 use crate::differential::{DifferentialSample, differentials};
 use crate::environment::Environment;
-use crate::pinhole::{Footprint, Params, PinholeTree, Pinholes, pinholes};
+use crate::pinhole::{Edges, Footprint, Params, PinholeTree, Pinholes, pinholes};
 use crate::progress::Stage;
 use crate::sampling::{Density, PointSet, SamplingError, Strategy, Surface};
 use crate::scene::{Camera, Reflector, Scene, Visibility};
@@ -129,7 +129,7 @@ impl SampleStages {
         let Some(tracer) = occluder(inputs).filter(|_| !inputs.backend.is_gpu()) else { return bare };
         self.visible_tree.get((Id::of(&bare), Some(tracer)), inputs.progress, || {
             let mut tree = (*bare).clone();
-            tree.trace_visibility_and_doubts(inputs.scene, inputs.prepared.tracer.clone());
+            tree.trace_visibility_and_doubts(inputs.scene, inputs.prepared.tracer.clone(), inputs.progress);
             tree
         })
     }
@@ -154,7 +154,8 @@ impl SampleStages {
 /// Traces visibility maps if they count, unless a GPU does.
 fn with_visibility(mut pinholes: Pinholes, inputs: &Inputs) -> Pinholes {
     if inputs.options.visibility == Visibility::Full && !inputs.backend.is_gpu() {
-        pinholes.trace_visibility(inputs.scene, &inputs.prepared.tracer);
+        let edges = if inputs.is_preview { Edges::Coarse } else { Edges::Fine };
+        pinholes.trace_maps(inputs.scene, &inputs.prepared.tracer, edges, inputs.progress);
     }
     pinholes
 }

@@ -7,6 +7,7 @@ use std::sync::Arc;
 use super::blocks::ReceiverTile;
 use super::{Accuracy, Light, TraversalContext, gather_tiles};
 use crate::pinhole::{Params, PinholeTree, Receivers};
+use crate::progress::Progress;
 
 /// A hierarchical gather that caches its last image. It borrows cells and light, so they cannot change between images;
 /// when they do, make another one.
@@ -41,7 +42,7 @@ impl<'a> CachedGather<'a> {
     }
 
     /// Gathers at receivers, reusing the sums of tiles that equal those of the last image.
-    pub fn gather(&mut self, receivers: Receivers, progress: &(dyn Fn(u64) + Sync)) -> CachedSums<'_> {
+    pub fn gather(&mut self, receivers: Receivers, progress: &dyn Progress) -> CachedSums<'_> {
         let last = self.last.take().filter(|last| last.has_same_tiles(&receivers));
         let materials = receivers.view_directions.as_ref().map(|view| &*view.materials);
         let context = TraversalContext::new(self.pinholes, self.light, &self.params, materials);

@@ -30,6 +30,7 @@ use crate::environment::{CubeMap, LightBounds};
 use crate::lanes::{LANES, dispatch, level};
 use crate::pinhole::constants::{ESTIMATE_MAX_RECEIVERS, ESTIMATE_MAX_SAMPLE_NODES, ESTIMATE_RMS_SHARE};
 use crate::pinhole::{Params, PinholeTree, Receivers};
+use crate::progress::Progress;
 
 /// The light of a hierarchical gather.
 #[derive(Clone, Copy, Debug)]
@@ -59,7 +60,7 @@ pub fn estimate_irradiance(receivers: &Receivers, pinholes: &PinholeTree, light:
 /// Gathers the irradiance at every receiver, W/m², from a hierarchy of samples, or the radiance that it reflects towards its
 /// viewer, W/(m²·sr): R, G, B, and the number of fetches.
 ///
-/// `progress` is called from any thread with the number of receivers just finished. The filter is always
+/// Progress counts receivers; those that are left once it is cancelled stay dark. The filter is always
 /// [`Filter::Anisotropic`](crate::pinhole::Filter::Anisotropic).
 pub fn gather_hierarchical(
     receivers: &Receivers,
@@ -67,7 +68,7 @@ pub fn gather_hierarchical(
     light: Light,
     params: &Params,
     accuracy: Accuracy,
-    progress: &(dyn Fn(u64) + Sync),
+    progress: &dyn Progress,
 ) -> Vec<[f32; 4]> {
     let materials = receivers.view_directions.as_ref().map(|view| &*view.materials);
     let context = TraversalContext::new(pinholes, light, params, materials);
@@ -82,17 +83,17 @@ fn gather_tiles(
     receivers: &Receivers,
     accuracy: Accuracy,
     is_cached: &(dyn Fn(&ReceiverTile) -> bool + Sync),
-    progress: &(dyn Fn(u64) + Sync),
+    progress: &dyn Progress,
     sums: &mut [[f32; 4]],
 ) -> usize {
     let tiles: Vec<ReceiverTile> = ReceiverTile::all(receivers).collect();
     let gather = |tile: &ReceiverTile| {
-        let sums = (!is_cached(tile)).then(|| {
+        let sums = (!is_cached(tile) && !progress.is_cancelled()).then(|| {
             let mut gather = TileGather::new(context, *tile, accuracy);
             dispatch!(level(), simd => gather.run(simd));
             gather.into_sums()
         });
-        progress(tile.count() as u64);
+        progress.advance(tile.count() as u64);
         sums
     };
     let sums_of_tiles: Vec<Option<Vec<Vec4>>> = tiles.par_iter().map(gather).collect();

@@ -1,0 +1,109 @@
+//! The frame budget: from the time that previews took to what the next one may spend.
+
+/// What a preview spends.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Detail {
+    /// Width and height of the picture that is computed, pixels.
+    pub size: [u32; 2],
+    /// The largest number of samples.
+    pub samples: u32,
+    /// Pixels from one to the next in whose light is computed, along rows and columns; between them it is interpolated.
+    pub spacing: u32,
+    /// Directions of the shadow rays of direct light.
+    pub shadow_directions: u32,
+}
+
+/// Holds a target time per frame by choosing the [`Detail`] of each.
+#[derive(Clone, Debug)]
+pub struct Budget {
+    /// Seconds per frame.
+    target: f64,
+    /// On a scale of coarse to fine details, see [`detail_at`]; from 0 to 1.
+    level: f64,
+}
+
+/// Most changes of the level from one frame to the next.
+const MAX_STEP_DOWN: f64 = 0.15;
+const MAX_STEP_UP: f64 = 0.04;
+/// The level changes by this much where a frame takes e times as long as it should. Costs grow about e⁶-fold from level 0 to 1.
+const GAIN: f64 = 0.12;
+/// Within this part of the target, nothing changes: detail that goes up and down is seen as flicker.
+const DEAD_BAND: f64 = 0.15;
+/// The level of the first frame.
+const FIRST_LEVEL: f64 = 0.35;
+
+impl Budget {
+    /// A budget of so many seconds per frame.
+    ///
+    /// ```
+    /// let mut budget = pinspot::Budget::new(0.05);
+    /// let first = budget.detail([800, 600]);
+    /// (0..20).for_each(|_| budget.took(0.5));
+    /// let later = budget.detail([800, 600]);
+    /// assert!(later.samples < first.samples && later.size[0] < first.size[0]);
+    /// ```
+    pub fn new(target_seconds: f64) -> Self {
+        Self { target: target_seconds.clamp(1e-3, 10.0), level: FIRST_LEVEL }
+    }
+
+    /// Changes the target.
+    pub fn set_target(&mut self, seconds: f64) {
+        self.target = seconds.clamp(1e-3, 10.0);
+    }
+
+    /// What the next frame may spend, for a window of this many pixels.
+    pub fn detail(&self, window: [u32; 2]) -> Detail {
+        detail_at(self.level, window)
+    }
+
+    /// Takes into account how long a frame took, seconds.
+    pub fn took(&mut self, seconds: f64) {
+        let excess = (seconds / self.target).max(1e-3).ln();
+        if excess.abs() > DEAD_BAND {
+            self.level = (self.level - (GAIN * excess).clamp(-MAX_STEP_UP, MAX_STEP_DOWN)).clamp(0.0, 1.0);
+        }
+    }
+}
+
+/// From a sixteenth of the window's pixels and 40 samples to all of its pixels and 800 samples.
+fn detail_at(level: f64, window: [u32; 2]) -> Detail {
+    let between = |low: f64, high: f64| low * (high / low).powf(level);
+    // In steps, so that neither the picture's size nor the samples change from frame to frame.
+    let steps = (between(4.0, 1.0) * 4.0).round() / 4.0;
+    Detail {
+        size: window.map(|edge| ((f64::from(edge) / steps).round() as u32).max(1)),
+        samples: (0.5 * (2.0 * between(40.0, 800.0).log2()).round()).exp2() as u32,
+        spacing: between(4.0, 2.0).round() as u32,
+        shadow_directions: between(16.0, 160.0).round() as u32,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Frames whose cost follows from their detail settle near the target.
+    #[test]
+    fn the_target_is_held() {
+        for speed in [1e5, 1e6, 1e7, 1e8] {
+            let cost = |detail: Detail| {
+                let pixels = f64::from(detail.size[0] * detail.size[1]);
+                (pixels * (1.0 + f64::from(detail.samples) / f64::from(detail.spacing).powi(2))) / speed / 10.0
+            };
+            let mut budget = Budget::new(0.05);
+            let mut last = 0.0;
+            for _ in 0..200 {
+                last = cost(budget.detail([800, 600]));
+                budget.took(last);
+            }
+            let (least, most) = (cost(detail_at(0.0, [800, 600])), cost(detail_at(1.0, [800, 600])));
+            let held = 0.05f64.clamp(least, most);
+            assert!((0.6..1.6).contains(&(last / held)), "{speed}: {last} against {held}");
+        }
+    }
+
+    #[test]
+    fn tiny_windows_have_a_pixel() {
+        assert_eq!(detail_at(0.0, [1, 1]).size, [1, 1]);
+    }
+}

@@ -1,0 +1,276 @@
+//! The preview: one picture a frame while things move. It takes the shared stages of the engine (scene, light) and a sum of few
+//! samples, and computes light only at some pixels; between them it is interpolated along surfaces, so that edges stay sharp.
+//!
+//! ```text
+//! scene, light, few samples ─► views (one ray a pixel, via mirrors) ─► light at nodes ─► light at all pixels ─► display
+//! ```
+
+mod budget;
+mod nodes;
+mod views;
+
+use glam::{Vec2, Vec3, Vec4};
+use rayon::prelude::*;
+
+pub use self::budget::{Budget, Detail};
+use self::nodes::NodeGrid;
+use self::views::{Escape, Layer, SurfacePoint, Views};
+use super::Engine;
+use super::direct::DirectLight;
+use super::ends::POINTS_IN_A_ROW;
+use super::gloss::blurred_radiance;
+use crate::Error;
+use crate::image::{Aov, Image, display, exposed, metered_ev};
+use crate::options::{Evaluation, EvaluationChoice, Exposures, Options};
+use crate::pinhole::{Epsilon, Receivers};
+use crate::progress::{Progress, Stage};
+use crate::scene::Visibility;
+use crate::stages::PreparedLight;
+use crate::technique::{Inputs, Sum, Technique, TechniqueStages};
+
+/// Edge of the blocks of nodes whose shadows are found together, nodes.
+const SHADOW_BLOCK: usize = 16;
+
+/// A picture of the scene as it is at the moment.
+#[derive(Clone, Debug)]
+pub struct Preview {
+    /// Display-linear colours: exposed and tone-mapped. Its size is that of the [`Detail`].
+    pub image: Image,
+    /// The exposures in use.
+    pub exposures: Exposures,
+    /// Samples in use.
+    pub samples: usize,
+    /// Where the samples appear, in pixels of a picture of the size of the options; empty unless they are asked for.
+    pub dots: Vec<Vec2>,
+    /// How they are summed; `None` if no caustic is shown.
+    pub evaluation: Option<Evaluation>,
+}
+
+/// The stages of previews that are not shared with whole pictures, as these have more samples.
+#[derive(Debug)]
+pub(super) struct PreviewStages {
+    technique: (Technique, Box<dyn TechniqueStages>),
+}
+
+impl PreviewStages {
+    pub fn new(technique: Technique) -> Self {
+        Self { technique: (technique, technique.stages()) }
+    }
+}
+
+impl Engine {
+    /// Renders a preview of the scene as it is now, within what a frame may spend.
+    ///
+    /// ```
+    /// use pinspot::{Backend, Detail, Engine, NoProgress, blocking};
+    ///
+    /// let (scene, options) = pinspot::load("mirror-sphere")?;
+    /// let mut engine = Engine::new(scene, options, Backend::cpu());
+    /// let detail = Detail { size: [64, 64], samples: 40, spacing: 4, shadow_directions: 32 };
+    /// for seconds in [0.0, 0.1, 0.2] {
+    ///     engine.scene_mut().pose(seconds);
+    ///     let preview = blocking::wait(None, engine.preview(&detail, &NoProgress))?;
+    ///     assert_eq!(preview.image.pixels.len(), 64 * 64);
+    /// }
+    /// # Ok::<(), pinspot::Error>(())
+    /// ```
+    ///
+    /// # Errors
+    /// As [`Self::render`].
+    pub async fn preview(&mut self, detail: &Detail, progress: &dyn Progress) -> Result<Preview, Error> {
+        let options = self.preview_options(detail);
+        options.check()?;
+        let scene = self.scene_stages.prepare_for_frame(&self.scene, progress)?;
+        let light = self.light_stages.prepare(&self.scene.environment, options.cube_size, progress)?;
+        if self.preview.technique.0 != options.technique {
+            self.preview = PreviewStages::new(options.technique);
+        }
+        let inputs = Inputs {
+            scene: &self.scene,
+            prepared: &scene,
+            light: &light,
+            options: &options,
+            backend: &self.backend,
+            is_preview: true,
+            progress,
+        };
+        let sum = if options.shows_caustic() {
+            Some(self.preview.technique.1.prepare(inputs, &mut self.light_stages).await?)
+        } else {
+            None
+        };
+        progress.begin(Stage::Rays, 1);
+        let views = Views::trace(&self.scene, &scene, options.size, options.plain_diffuse);
+        progress.end(Stage::Rays);
+        let is_shadowed = options.visibility == Visibility::Full;
+        let directions = is_shadowed.then_some(detail.shadow_directions as usize);
+        let direct = DirectLight::of_few(&light, &mut self.light_stages, &scene.tracer, directions, progress);
+        let frame = Frame { options: &options, light: &light, detail, direct, progress };
+        let own = frame.light(&views.surfaces, sum.as_deref(), |_| None).await?;
+        let camera = &self.scene.camera;
+        let seen = |point: &SurfacePoint| Some(own[views.pixel_of(camera, &point.hit)?]);
+        let mirrored = frame.light(&views.mirrored, sum.as_deref(), seen).await?;
+        progress.begin(Stage::Shading, 1);
+        let (image, exposures) = frame.shade(&views, &own, &mirrored);
+        progress.end(Stage::Shading);
+        let statistics = sum.as_ref().map(|sum| sum.statistics());
+        let dots = match statistics.filter(|_| options.overlay == crate::Overlay::Samples) {
+            Some(statistics) => {
+                let size = Vec2::new(self.options.size[0] as f32, self.options.size[1] as f32);
+                super::overlay::visible_samples(&self.scene, &scene.tracer, &statistics.positions, size)
+            }
+            None => Vec::new(),
+        };
+        Ok(Preview {
+            image,
+            exposures,
+            samples: statistics.map_or(0, |statistics| statistics.samples),
+            dots,
+            evaluation: statistics.map(|statistics| statistics.evaluation),
+        })
+    }
+
+    /// The engine's options, with the size and the samples of a preview, which are summed one by one. The paper's ε keeps single
+    /// samples from being seen where a mirror touches a receiver.
+    fn preview_options(&self, detail: &Detail) -> Options {
+        let options = self.options.clone();
+        let samples = detail.samples.min(options.samples);
+        let epsilon = options.epsilon;
+        options
+            .with_size(detail.size)
+            .with_samples(samples)
+            .with_leaves(None)
+            .with_evaluation(EvaluationChoice::Flat)
+            .with_epsilon(if epsilon == Epsilon::Auto { Epsilon::Paper } else { epsilon })
+            .with_pixel_samples(1)
+            .with_aovs(vec![Aov::Beauty])
+    }
+}
+
+/// The inputs of a frame.
+struct Frame<'a> {
+    options: &'a Options,
+    light: &'a PreparedLight,
+    detail: &'a Detail,
+    direct: DirectLight<'a>,
+    progress: &'a dyn Progress,
+}
+
+impl Frame<'_> {
+    /// All light on points, one or none in each pixel: as far as it is not known, at nodes that are some pixels apart, then where it
+    /// cannot be interpolated between them. W/m², at an intensity of 1.
+    async fn light(
+        &self,
+        points: &Layer<SurfacePoint>,
+        sum: Option<&dyn Sum>,
+        known: impl Fn(&SurfacePoint) -> Option<Vec3> + Sync,
+    ) -> Result<Vec<Vec3>, Error> {
+        if points.is_empty() {
+            return Ok(vec![Vec3::ZERO; points.pixels()]);
+        }
+        let mut grid =
+            NodeGrid::new(points, self.options.size[0] as usize, self.detail.spacing.max(1) as usize).with_known(known);
+        let mut open = grid.nodes();
+        let mut is_first = true;
+        while is_first || !open.is_empty() {
+            is_first = false;
+            let direct = self.direct_at(&grid, &open);
+            let caustic = self.caustic_at(&grid, &open, sum).await?;
+            let light = direct.into_iter().zip(caustic).map(|(direct, caustic)| direct + caustic);
+            open = grid.set(&open, light.collect());
+        }
+        Ok(grid.finish())
+    }
+
+    fn direct_at(&self, grid: &NodeGrid, which: &[usize]) -> Vec<Vec3> {
+        self.progress.begin(Stage::Direct, 1);
+        let groups = grid.groups(which, SHADOW_BLOCK);
+        let of_group = |group: &Vec<usize>| {
+            let hits: Vec<_> = group.iter().filter_map(|&place| grid.hit(which[place])).collect();
+            self.direct.irradiance(&hits)
+        };
+        let found: Vec<Vec<Vec3>> = groups.par_iter().map(of_group).collect();
+        let mut direct = vec![Vec3::ZERO; which.len()];
+        for (group, values) in groups.iter().zip(found) {
+            group.iter().zip(values).for_each(|(&place, value)| direct[place] = value);
+        }
+        self.progress.end(Stage::Direct);
+        direct
+    }
+
+    async fn caustic_at(
+        &self,
+        grid: &NodeGrid<'_>,
+        which: &[usize],
+        sum: Option<&dyn Sum>,
+    ) -> Result<Vec<Vec3>, Error> {
+        let mut caustic = vec![Vec3::ZERO; which.len()];
+        let receives = |place: &usize| grid.point(which[*place]).is_some_and(|point| point.receives);
+        let places: Vec<usize> = (0..which.len()).filter(receives).collect();
+        let Some(sum) = sum.filter(|_| !places.is_empty()) else { return Ok(caustic) };
+        self.progress.begin(Stage::Caustic, 1);
+        let hits = places.iter().filter_map(|&place| grid.hit(which[place]));
+        let points: Vec<_> = hits.map(|hit| (hit.position, hit.normal, hit.object)).collect();
+        let sums = sum.irradiance(&Receivers::from_points(&points, POINTS_IN_A_ROW), self.progress).await;
+        self.progress.end(Stage::Caustic);
+        for (place, sum) in places.into_iter().zip(sums?) {
+            caustic[place] = self.options.caustic_gain * Vec4::from_array(sum).truncate();
+        }
+        Ok(caustic)
+    }
+
+    fn shade(&self, views: &Views, own: &[Vec3], mirrored: &[Vec3]) -> (Image, Exposures) {
+        let shaded: Vec<[Vec3; 2]> = own
+            .par_iter()
+            .zip(mirrored)
+            .enumerate()
+            .map(|(pixel, (own, mirrored))| self.radiance(views, pixel, *own, *mirrored))
+            .collect();
+        let exposures = self.options.display.exposures(|| {
+            let surfaces: Vec<Vec3> = shaded.iter().map(|[s, _]| *s).filter(|s| *s != Vec3::ZERO).collect();
+            let is_mostly_background = 10 * surfaces.len() < shaded.len();
+            if is_mostly_background {
+                metered_ev(shaded.iter().map(|[surface, background]| *surface + *background))
+            } else {
+                metered_ev(surfaces.into_iter())
+            }
+        });
+        let shown = |[surface, background]: &[Vec3; 2]| {
+            display(exposed(*surface, exposures.exposure_ev) + exposed(*background, exposures.background_exposure_ev))
+        };
+        let [width, height] = self.options.size;
+        (Image { width, height, pixels: shaded.par_iter().map(shown).collect() }, exposures)
+    }
+
+    /// Radiance of surfaces, and of the environment where the camera sees it directly, W/(m²·sr).
+    fn radiance(&self, views: &Views, pixel: usize, own: Vec3, mirrored: Vec3) -> [Vec3; 2] {
+        let factor = |point: Option<&SurfacePoint>| point.map_or(Vec3::ZERO, |point| point.factor);
+        let intensity = self.light.intensity;
+        let surfaces = factor(views.surfaces.at(pixel)) * own + factor(views.mirrored.at(pixel)) * mirrored;
+        let Some(escape) = views.escapes.at(pixel) else { return [intensity * surfaces, Vec3::ZERO] };
+        let escaped = escape.factor * self.environment(escape, views.footprint(pixel, escape));
+        if escape.path == 0 {
+            [intensity * surfaces, intensity * escaped]
+        } else {
+            [intensity * (surfaces + escaped), Vec3::ZERO]
+        }
+    }
+
+    /// The environment at the end of a path: filtered over its footprint where a mirror shows it smaller than its texels.
+    fn environment(&self, escape: &Escape, footprint_rad: f32) -> Vec3 {
+        let direction = self.light.light_from_world(escape.direction);
+        let environment = &self.light.environment;
+        if escape.alpha > 0.0 {
+            return blurred_radiance(&environment.cube, direction, PREVIEW_BLUR * escape.alpha);
+        }
+        // Texels cover a smaller solid angle towards a face's corners.
+        let texel_rad = 2.0 / environment.cube.size() as f32 * direction.abs().max_element().powf(1.5);
+        if escape.path == 0 || footprint_rad <= texel_rad {
+            return environment.radiance.smooth_radiance(direction);
+        }
+        environment.cube.fetch(direction, (footprint_rad / texel_rad).log2())
+    }
+}
+
+/// A whole picture takes sixteen microfacets for a lobe, a preview one look-up, which is as much wider.
+const PREVIEW_BLUR: f32 = 4.0;

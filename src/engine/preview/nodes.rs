@@ -1,0 +1,255 @@
+//! Light in every pixel from light at nodes some pixels apart: interpolated between nodes on the same surface, weighted by distance
+//! in the picture, and computed where there are none or where they differ.
+
+use std::collections::BTreeMap;
+
+use glam::Vec3;
+use rayon::prelude::*;
+
+use super::views::{Layer, SurfacePoint};
+use crate::tracing::Hit;
+
+/// Cosine between the normals of a pixel and a node from which it takes light, at least.
+const MIN_NORMAL_COSINE: f32 = 0.9;
+/// A node may lie off the pixel's plane by this part of their distance.
+const MAX_OFF_PLANE: f32 = 0.15;
+/// Weights of the nodes around a pixel add up to 1 on an even surface. With less than this, it is computed.
+const MIN_WEIGHT: f32 = 0.05;
+/// Light between nodes is computed where theirs differs by more than this part of the brightest.
+const MAX_CONTRAST: f32 = 0.5;
+
+/// Points of surfaces, one or none in each pixel, and the light that is known there.
+pub struct NodeGrid<'a> {
+    points: &'a Layer<SurfacePoint>,
+    width: usize,
+    spacing: usize,
+    light: Vec<Vec3>,
+    is_computed: Vec<bool>,
+    /// Whether pixels between the nodes have been looked at.
+    is_complete: bool,
+}
+
+impl<'a> NodeGrid<'a> {
+    pub fn new(points: &'a Layer<SurfacePoint>, width: usize, spacing: usize) -> Self {
+        let count = points.pixels();
+        Self {
+            points,
+            width,
+            spacing,
+            light: vec![Vec3::ZERO; count],
+            is_computed: vec![false; count],
+            is_complete: spacing == 1,
+        }
+    }
+
+    /// Takes over light that is known already.
+    pub fn with_known(mut self, known: impl Fn(&SurfacePoint) -> Option<Vec3> + Sync) -> Self {
+        let found = (0..self.points.pixels()).into_par_iter();
+        let found: Vec<(usize, Vec3)> =
+            found.filter_map(|index| Some((index, known(self.points.at(index)?)?))).collect();
+        for (index, light) in found {
+            (self.light[index], self.is_computed[index]) = (light, true);
+        }
+        self
+    }
+
+    /// The pixels that are nodes, as far as their light is not known.
+    pub fn nodes(&self) -> Vec<usize> {
+        let is_node = |index: &usize| {
+            let (x, y) = (index % self.width, index / self.width);
+            x % self.spacing == 0
+                && y % self.spacing == 0
+                && !self.is_computed[*index]
+                && self.points.at(*index).is_some()
+        };
+        (0..self.points.pixels()).filter(is_node).collect()
+    }
+
+    pub fn point(&self, index: usize) -> Option<&'a SurfacePoint> {
+        self.points.at(index)
+    }
+
+    pub fn hit(&self, index: usize) -> Option<&'a Hit> {
+        self.points.at(index).map(|point| &point.hit)
+    }
+
+    /// Groups of places in a list of pixels that lie in the same square of the picture, on the same object.
+    pub fn groups(&self, which: &[usize], edge: usize) -> Vec<Vec<usize>> {
+        let edge = edge * self.spacing;
+        let mut groups: BTreeMap<(usize, usize, u32), Vec<usize>> = BTreeMap::new();
+        for (place, &index) in which.iter().enumerate() {
+            if let Some(hit) = self.hit(index) {
+                let (x, y) = (index % self.width, index / self.width);
+                groups.entry((y / edge, x / edge, hit.object)).or_default().push(place);
+            }
+        }
+        groups.into_values().collect()
+    }
+
+    /// Takes what was computed at pixels. Returns those that have to be computed next.
+    pub fn set(&mut self, which: &[usize], light: Vec<Vec3>) -> Vec<usize> {
+        for (&index, light) in which.iter().zip(light) {
+            (self.light[index], self.is_computed[index]) = (light, true);
+        }
+        if std::mem::replace(&mut self.is_complete, true) {
+            return Vec::new();
+        }
+        let between = |index: usize| {
+            let is_open = !self.is_computed[index] && self.points.at(index).is_some();
+            is_open.then(|| (index, self.interpolated(index)))
+        };
+        let found: Vec<(usize, Option<Vec3>)> = (0..self.points.pixels()).into_par_iter().filter_map(between).collect();
+        let mut open = Vec::new();
+        for (index, light) in found {
+            match light {
+                Some(light) => self.light[index] = light,
+                None => open.push(index),
+            }
+        }
+        open
+    }
+
+    /// The light in all pixels.
+    pub fn finish(self) -> Vec<Vec3> {
+        self.light
+    }
+
+    /// The light in a pixel from the nodes around it, if there are enough on the same surface and they agree; from nodes one step
+    /// farther, if the four around it lie on other surfaces.
+    fn interpolated(&self, index: usize) -> Option<Vec3> {
+        let own = self.points.at(index)?;
+        match self.between_nodes(index, own) {
+            Found::Light(light) => Some(light),
+            Found::Edge => None,
+            Found::Nothing => self.beyond_nodes(index, own),
+        }
+    }
+
+    /// The mean over the nodes of the same surface in the square of four by four around a pixel.
+    fn beyond_nodes(&self, index: usize, own: &SurfacePoint) -> Option<Vec3> {
+        let (x, y) = (index % self.width / self.spacing, index / self.width / self.spacing);
+        let (mut sum, mut weights) = (Vec3::ZERO, 0.0);
+        for row in y.saturating_sub(1)..=y + 2 {
+            for column in x.saturating_sub(1)..=x + 2 {
+                let (column, row) = (column * self.spacing, row * self.spacing);
+                let node = row * self.width + column;
+                if column >= self.width || node >= self.points.pixels() || !self.is_computed[node] {
+                    continue;
+                }
+                if let Some(other) = self.points.at(node).filter(|other| is_same_surface(own, other)) {
+                    let weight = 1.0 / (1e-12 + own.hit.position.distance_squared(other.hit.position));
+                    sum += weight * self.light[node];
+                    weights += weight;
+                }
+            }
+        }
+        (weights > 0.0).then(|| sum / weights)
+    }
+
+    fn between_nodes(&self, index: usize, own: &SurfacePoint) -> Found {
+        let (x, y) = (index % self.width, index / self.width);
+        let (left, top) = (x / self.spacing * self.spacing, y / self.spacing * self.spacing);
+        let part = |along: usize, first: usize| (along - first) as f32 / self.spacing as f32;
+        let (u, v) = (part(x, left), part(y, top));
+        let (mut sum, mut weights) = (Vec3::ZERO, 0.0);
+        let (mut least, mut most) = (f32::INFINITY, 0.0f32);
+        for (dx, dy, weight) in [
+            (0, 0, (1.0 - u) * (1.0 - v)),
+            (self.spacing, 0, u * (1.0 - v)),
+            (0, self.spacing, (1.0 - u) * v),
+            (self.spacing, self.spacing, u * v),
+        ] {
+            let (column, row) = (left + dx, top + dy);
+            let node = row * self.width + column;
+            if column >= self.width || node >= self.points.pixels() || weight == 0.0 {
+                continue;
+            }
+            let is_known = |other: &SurfacePoint| self.is_computed[node] && is_same_surface(own, other);
+            if !self.points.at(node).is_some_and(is_known) {
+                continue;
+            }
+            sum += weight * self.light[node];
+            weights += weight;
+            let brightness = self.light[node].element_sum();
+            (least, most) = (least.min(brightness), most.max(brightness));
+        }
+        if weights < MIN_WEIGHT {
+            return Found::Nothing;
+        }
+        if most - least > MAX_CONTRAST * most {
+            return Found::Edge;
+        }
+        Found::Light(sum / weights)
+    }
+}
+
+/// What lies between four nodes.
+enum Found {
+    Light(Vec3),
+    /// Light that differs too much from node to node.
+    Edge,
+    /// Other surfaces.
+    Nothing,
+}
+
+fn is_same_surface(own: &SurfacePoint, other: &SurfacePoint) -> bool {
+    let (a, b) = (&own.hit, &other.hit);
+    let step = b.position - a.position;
+    a.object == b.object
+        && a.front == b.front
+        && own.path == other.path
+        && a.normal.dot(b.normal) >= MIN_NORMAL_COSINE
+        && step.dot(a.normal).abs() <= MAX_OFF_PLANE * step.length()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn plane(object: impl Fn(usize, usize) -> u32) -> Vec<SurfacePoint> {
+        let point = |k: usize| {
+            let (x, y) = (k % 9, k / 9);
+            let position = Vec3::new(x as f32, 0.0, y as f32);
+            let hit = Hit {
+                object: object(x, y),
+                position,
+                distance: 1.0,
+                normal: Vec3::Y,
+                face_normal: Vec3::Y,
+                front: true,
+            };
+            SurfacePoint { hit, receives: true, factor: Vec3::ONE, path: 0 }
+        };
+        (0..81).map(point).collect()
+    }
+
+    fn solve(points: &[SurfacePoint], spacing: usize, light: impl Fn(usize) -> Vec3) -> (Vec<Vec3>, usize) {
+        let mut layer = Layer::new(points.len());
+        points.iter().enumerate().for_each(|(pixel, point)| layer.set(pixel, Some(point.clone())));
+        let mut grid = NodeGrid::new(&layer, 9, spacing);
+        let (mut open, mut computed) = (grid.nodes(), 0);
+        while !open.is_empty() {
+            computed += open.len();
+            open = grid.set(&open, open.iter().map(|&index| light(index)).collect());
+        }
+        (grid.finish(), computed)
+    }
+
+    #[test]
+    fn light_that_changes_evenly_is_interpolated() {
+        let light = |index: usize| Vec3::splat(100.0 + (index % 9) as f32 + 2.0 * (index / 9) as f32);
+        let (found, computed) = solve(&plane(|_, _| 0), 4, light);
+        assert_eq!(computed, 9);
+        assert!((0..81).all(|index| (found[index] - light(index)).abs().max_element() < 1e-3));
+    }
+
+    #[test]
+    fn edges_of_surfaces_and_of_light_stay_sharp() {
+        let by_column = |index: usize| Vec3::splat(if index % 9 < 3 { 1.0 } else { 10.0 });
+        for object in [|x, _| u32::from(x >= 3), |_, _| 0] {
+            let (found, computed) = solve(&plane(object), 4, by_column);
+            assert!((0..81).all(|index| found[index] == by_column(index)), "{found:?}");
+            assert!(computed < 81);
+        }
+    }
+}

@@ -1,0 +1,219 @@
+//! What each pixel of a preview sees: a surface, what a mirror on it shows, or the environment. One ray a pixel.
+
+use std::f32::consts::FRAC_1_PI;
+
+use glam::{UVec2, Vec2, Vec3};
+use rayon::prelude::*;
+
+use crate::engine::paths::{mirrored_direction, surface_albedo, visible_reflectance};
+use crate::lanes::LANES;
+use crate::scene::{Camera, Projection, Ray, Scene};
+use crate::stages::PreparedScene;
+use crate::tracing::Hit;
+
+/// Mirrors along a path, at most.
+const MAX_MIRRORS: u32 = 3;
+/// A place that a mirror shows is known if the camera sees it within so many widths of a pixel,
+const MAX_PIXELS_APART: f32 = 2.5;
+/// and with normals that agree: their cosine, at least.
+const MIN_SEEN_COSINE: f32 = 0.95;
+/// Edge of a packet of rays, pixels: squares are more coherent than rows.
+const PACKET: usize = 4;
+
+/// A lit point of a surface.
+#[derive(Clone, Debug)]
+pub struct SurfacePoint {
+    pub hit: Hit,
+    /// Whether it receives caustics.
+    pub receives: bool,
+    /// Factor on its irradiance, 1/sr.
+    pub factor: Vec3,
+    /// Tells points from each other that are seen by way of different mirrors; 0 without a mirror.
+    pub path: u64,
+}
+
+/// The environment at the end of a path.
+#[derive(Clone, Debug)]
+pub struct Escape {
+    /// Unit direction in the world.
+    pub direction: Vec3,
+    /// Factor on its radiance.
+    pub factor: Vec3,
+    /// GGX width of the roughest mirror on the way.
+    pub alpha: f32,
+    /// As that of a surface point; 0 where the camera sees the environment directly.
+    pub path: u64,
+}
+
+/// Points of one kind, at most one in each pixel.
+#[derive(Debug)]
+pub struct Layer<T> {
+    points: Vec<T>,
+    /// By pixel: the number of its point, or [`NO_POINT`].
+    of_pixels: Vec<u32>,
+}
+
+const NO_POINT: u32 = u32::MAX;
+
+impl<T> Layer<T> {
+    pub fn new(pixels: usize) -> Self {
+        Self { points: Vec::new(), of_pixels: vec![NO_POINT; pixels] }
+    }
+
+    pub fn set(&mut self, pixel: usize, point: Option<T>) {
+        if let Some(point) = point {
+            self.of_pixels[pixel] = self.points.len() as u32;
+            self.points.push(point);
+        }
+    }
+
+    #[inline]
+    pub fn at(&self, pixel: usize) -> Option<&T> {
+        let number = self.of_pixels[pixel];
+        (number != NO_POINT).then(|| &self.points[number as usize])
+    }
+
+    pub fn pixels(&self) -> usize {
+        self.of_pixels.len()
+    }
+
+    pub fn is_empty(&self) -> bool {
+        self.points.is_empty()
+    }
+}
+
+/// What all pixels see, row by row. A surface may mirror and be lit itself.
+#[derive(Debug)]
+pub struct Views {
+    /// What the camera sees directly.
+    pub surfaces: Layer<SurfacePoint>,
+    /// What mirrors show.
+    pub mirrored: Layer<SurfacePoint>,
+    pub escapes: Layer<Escape>,
+    width: usize,
+}
+
+/// What one pixel sees.
+#[derive(Default)]
+struct PixelView {
+    surface: Option<SurfacePoint>,
+    mirrored: Option<SurfacePoint>,
+    escape: Option<Escape>,
+}
+
+impl Views {
+    /// Traces a picture of so many pixels; `is_plain` treats everything as diffuse.
+    pub fn trace(scene: &Scene, prepared: &PreparedScene, size: [u32; 2], is_plain: bool) -> Self {
+        let tracer = ViewTracer { scene, prepared, is_plain };
+        let (width, height) = (size[0] as usize, size[1] as usize);
+        let bands = 0..height.div_ceil(PACKET);
+        let seen: Vec<Vec<PixelView>> = bands.into_par_iter().map(|band| tracer.band(size, band)).collect();
+        let count = width * height;
+        let mut views =
+            Self { surfaces: Layer::new(count), mirrored: Layer::new(count), escapes: Layer::new(count), width };
+        for (pixel, view) in seen.into_iter().flatten().enumerate() {
+            let PixelView { surface, mirrored, escape } = view;
+            views.surfaces.set(pixel, surface);
+            views.mirrored.set(pixel, mirrored);
+            views.escapes.set(pixel, escape);
+        }
+        views
+    }
+
+    /// The pixel that sees the same place of a surface directly, if one does.
+    pub fn pixel_of(&self, camera: &Camera, hit: &Hit) -> Option<usize> {
+        let (width, height) = (self.width, self.surfaces.pixels() / self.width);
+        let size = Vec2::new(width as f32, height as f32);
+        let (at, depth) = camera.project(hit.position, size);
+        if depth <= 0.0 || at.min_element() < 0.0 || at.x >= size.x || at.y >= size.y {
+            return None;
+        }
+        let pixel = at.y as usize * width + at.x as usize;
+        let seen = &self.surfaces.at(pixel)?.hit;
+        // The width of a pixel there, across the line of sight.
+        let width = match camera.projection {
+            Projection::Orthographic { height } => height / size.y,
+            Projection::Perspective { fov_y_rad } => 2.0 * depth * (0.5 * fov_y_rad).tan() / size.y,
+        };
+        let is_near = seen.position.distance(hit.position) <= MAX_PIXELS_APART * width;
+        let is_same = seen.object == hit.object && seen.front == hit.front;
+        (is_near && is_same && seen.normal.dot(hit.normal) >= MIN_SEEN_COSINE).then_some(pixel)
+    }
+
+    /// How far the direction in which a pixel's path leaves the scene turns from pixel to pixel, radians: the width of its footprint
+    /// on the environment.
+    pub fn footprint(&self, pixel: usize, escape: &Escape) -> f32 {
+        let x = pixel % self.width;
+        let left = (x > 0).then(|| pixel - 1);
+        let right = (x + 1 < self.width).then_some(pixel + 1);
+        let (above, below) = (pixel.checked_sub(self.width), Some(pixel + self.width));
+        let turn = |other: Option<usize>| {
+            let other = self.escapes.at(other.filter(|&other| other < self.escapes.pixels())?)?;
+            (other.path == escape.path).then(|| other.direction.distance(escape.direction))
+        };
+        let nearest = |a, b| turn(a).into_iter().chain(turn(b)).reduce(f32::min);
+        let turns = [nearest(left, right), nearest(above, below)];
+        turns.into_iter().flatten().fold(0.0, f32::max)
+    }
+}
+
+struct ViewTracer<'a> {
+    scene: &'a Scene,
+    prepared: &'a PreparedScene,
+    is_plain: bool,
+}
+
+impl ViewTracer<'_> {
+    /// A band of rows of packets, row by row.
+    fn band(&self, size: [u32; 2], band: usize) -> Vec<PixelView> {
+        let (width, height) = (size[0] as usize, size[1] as usize);
+        let top = PACKET * band;
+        let rows = PACKET.min(height - top);
+        let size = UVec2::from_array(size).as_vec2();
+        let mut pixels: Vec<PixelView> = (0..rows * width).map(|_| PixelView::default()).collect();
+        for left in (0..width).step_by(PACKET) {
+            let place = |lane: usize| (left + lane % PACKET, lane / PACKET);
+            let exists = |lane: &usize| place(*lane).0 < width && place(*lane).1 < rows;
+            let rays: [Ray; LANES] = std::array::from_fn(|lane| {
+                let (x, y) = place(lane);
+                self.scene.camera.ray(Vec2::new(x as f32, (top + y) as f32) + 0.5, size)
+            });
+            let lanes = (0..LANES).filter(exists).fold(0, |bits, lane| bits | 1 << lane);
+            let hits = self.prepared.tracer.camera_hits(&rays, lanes);
+            for lane in (0..LANES).filter(exists) {
+                let (x, y) = place(lane);
+                pixels[y * width + x] = self.follow(rays[lane], hits[lane]);
+            }
+        }
+        pixels
+    }
+
+    /// Follows a ray via mirrors to its end. Of the lit surfaces behind the first one, the first counts.
+    fn follow(&self, mut ray: Ray, mut hit: Option<Hit>) -> PixelView {
+        let mut view = PixelView::default();
+        let (mut throughput, mut alpha, mut path) = (Vec3::ONE, 0.0f32, 0u64);
+        for mirror in 0..=MAX_MIRRORS {
+            let Some(found) = hit else {
+                view.escape = Some(Escape { direction: ray.direction, factor: throughput, alpha, path });
+                break;
+            };
+            let object = &self.scene.objects[found.object as usize];
+            let reflectance = visible_reflectance(self.prepared, self.is_plain, (&found, object), &ray);
+            let albedo = surface_albedo(object, self.is_plain, reflectance.is_some());
+            if albedo != Vec3::ZERO {
+                let receives = !self.is_plain && object.receiver.is_some();
+                let factor = throughput * albedo * FRAC_1_PI;
+                let point = SurfacePoint { hit: found, receives, factor, path };
+                let kind = if mirror == 0 { &mut view.surface } else { &mut view.mirrored };
+                kind.get_or_insert(point);
+            }
+            let Some(reflectance) = reflectance else { break };
+            throughput *= reflectance;
+            alpha = alpha.max(object.reflector.map_or(0.0, |r| r.finish.alpha() as f32));
+            path = path.wrapping_mul(1_000_003) + u64::from(found.object) + 1;
+            ray = Ray { origin: found.position, direction: mirrored_direction(&found, &ray, found.normal) };
+            hit = self.prepared.tracer.secondary_hit(ray);
+        }
+        view
+    }
+}

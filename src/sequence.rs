@@ -1,0 +1,298 @@
+//! The frames of an animation, rendered into numbered files or one animated picture. Frames that are complete in their files are not
+//! rendered again, so that an interrupted sequence goes on.
+
+use std::io::BufWriter;
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+
+use serde::Serialize;
+
+use crate::image::{
+    AnimatedPng, AtomicFile, ImageError, numbered, read_exr_text, read_png_text, write_exr_with_text,
+    write_png_with_text,
+};
+use crate::progress::Progress;
+use crate::scene::Scene;
+use crate::{Backend, Engine, Error, Exposure, Options, Rendered};
+
+/// The names of texts in the files.
+const FINGERPRINT: &str = "pinspot-fingerprint";
+const EXPOSURE: &str = "pinspot-exposure-ev";
+
+/// Frames, and the files that they go to.
+///
+/// ```
+/// use pinspot::{Backend, NoProgress, Sequence, blocking};
+///
+/// # fn main() -> Result<(), pinspot::Error> {
+/// # let folder = tempfile::tempdir().unwrap();
+/// # let folder = folder.path();
+/// let outputs = vec![folder.join("ring-####.png"), folder.join("ring.apng")];
+/// let sequence = Sequence::new(0..3, 12, outputs)?;
+/// let (scene, options) = pinspot::load("ring")?;
+/// let options = options.with_size([16, 16]).with_samples(20);
+/// let report = blocking::wait(None, sequence.render(scene, options, &Backend::cpu(), &NoProgress, &mut |_| ()))?;
+/// assert_eq!((report.rendered, report.kept), (3, 0));
+/// assert!(folder.join("ring-0002.png").exists());
+/// # Ok(())
+/// # }
+/// ```
+#[derive(Clone, Debug)]
+pub struct Sequence {
+    frames: Range<u32>,
+    frames_per_second: u16,
+    outputs: Vec<PathBuf>,
+}
+
+/// What was rendered.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
+pub struct SequenceReport {
+    /// The scene's name.
+    pub scene: String,
+    /// The first frame.
+    pub first_frame: u32,
+    /// The frame after the last one.
+    pub end_frame: u32,
+    /// Frames per second of the animation.
+    pub frames_per_second: u16,
+    /// Width and height, pixels.
+    pub size: [u32; 2],
+    /// Frames that were rendered.
+    pub rendered: u32,
+    /// Frames that were complete in their files.
+    pub kept: u32,
+    /// One sentence each.
+    pub warnings: Vec<String>,
+}
+
+fn is_animated(path: &Path) -> bool {
+    path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("apng"))
+}
+
+fn is_png(path: &Path) -> bool {
+    path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("png"))
+}
+
+impl Sequence {
+    /// Frame f shows the scene at f / `frames_per_second` seconds. Outputs are numbered .png and .exr files, such as
+    /// `frame-####.png`, and one .apng at most, which holds all frames.
+    ///
+    /// # Errors
+    /// Names that do not fit.
+    pub fn new(frames: Range<u32>, frames_per_second: u16, outputs: Vec<PathBuf>) -> Result<Self, ImageError> {
+        let refuse = |path: &Path, reason: &str| Err(ImageError::Name { path: path.into(), reason: reason.to_owned() });
+        for path in &outputs {
+            match numbered(path, 0) {
+                Some(_) if is_animated(path) => {
+                    return refuse(path, "is one file for all frames: give a name without '#'");
+                }
+                None if !is_animated(path) => {
+                    return refuse(
+                        path,
+                        "is one file for many frames: give a name such as frame-####.png, or an .apng",
+                    );
+                }
+                _ => {}
+            }
+        }
+        if let Some(second) = outputs.iter().filter(|path| is_animated(path)).nth(1) {
+            return refuse(second, "would be the copy of another .apng; give one");
+        }
+        Ok(Self { frames, frames_per_second: frames_per_second.max(1), outputs })
+    }
+
+    /// The frames.
+    pub fn frames(&self) -> Range<u32> {
+        self.frames.clone()
+    }
+
+    /// The files of a frame.
+    pub fn files(&self, frame: u32) -> Vec<PathBuf> {
+        self.outputs.iter().filter_map(|path| numbered(path, frame)).collect()
+    }
+
+    /// The file of all frames, if there is one.
+    pub fn animated_file(&self) -> Option<&Path> {
+        self.outputs.iter().map(PathBuf::as_path).find(|path| is_animated(path))
+    }
+
+    /// Renders the frames that are not in their files yet; for an .apng, all of them. An exposure that is automatic is metered on the
+    /// first frame and kept. `report` is told after each frame what has been done.
+    ///
+    /// # Errors
+    /// As [`Engine::render`], and files that cannot be written. Frames that are complete stay; an .apng is written whole or not at all.
+    pub async fn render(
+        &self,
+        scene: Scene,
+        options: Options,
+        backend: &Backend,
+        progress: &dyn Progress,
+        report: &mut dyn FnMut(&SequenceReport),
+    ) -> Result<SequenceReport, Error> {
+        let still = || format!("nothing moves in scene '{}'; all frames are alike", scene.name);
+        let first = SequenceReport {
+            scene: scene.name.clone(),
+            first_frame: self.frames.start,
+            end_frame: self.frames.end,
+            frames_per_second: self.frames_per_second,
+            size: options.size,
+            rendered: 0,
+            kept: 0,
+            warnings: if scene.animations.is_empty() { vec![still()] } else { Vec::new() },
+        };
+        let requested = options.display.exposure;
+        let engine = Engine::new(scene, options, backend.clone());
+        let mut renderer = FrameRenderer { sequence: self, engine, requested, report: first };
+        renderer.render(progress, report).await?;
+        Ok(renderer.report)
+    }
+}
+
+struct FrameRenderer<'a> {
+    sequence: &'a Sequence,
+    engine: Engine,
+    /// The exposure before it was metered.
+    requested: Exposure,
+    report: SequenceReport,
+}
+
+impl FrameRenderer<'_> {
+    async fn render(&mut self, progress: &dyn Progress, report: &mut dyn FnMut(&SequenceReport)) -> Result<(), Error> {
+        let Some(path) = self.sequence.animated_file() else {
+            for frame in self.sequence.frames() {
+                let files = self.sequence.files(frame);
+                let fingerprint = self.pose(frame);
+                if self.is_known(&files, &fingerprint) {
+                    self.report.kept += 1;
+                } else {
+                    self.frame(&files, &fingerprint, progress).await?;
+                }
+                report(&self.report);
+            }
+            return Ok(());
+        };
+        let file = AtomicFile::create(path)?;
+        let fail = |reason: String| ImageError::Write { path: path.into(), reason };
+        let count = self.report.end_frame - self.report.first_frame;
+        let out = BufWriter::new(file.file());
+        let mut animation =
+            AnimatedPng::new(out, self.report.size, count, self.report.frames_per_second).map_err(fail)?;
+        for frame in self.sequence.frames() {
+            let fingerprint = self.pose(frame);
+            let rendered = self.frame(&self.sequence.files(frame), &fingerprint, progress).await?;
+            animation.add(&rendered.displayed(&self.engine.options().display)).map_err(fail)?;
+            report(&self.report);
+        }
+        animation.finish().map_err(fail)?;
+        Ok(file.commit()?)
+    }
+
+    /// Moves the scene to where it is in a frame. Returns the frame's fingerprint, with the exposure as it was asked for: what is
+    /// metered follows from the rest.
+    fn pose(&mut self, frame: u32) -> String {
+        self.engine.scene_mut().pose(frame as f32 / f32::from(self.report.frames_per_second));
+        let metered = std::mem::replace(&mut self.engine.options_mut().display.exposure, self.requested);
+        let fingerprint = self.engine.fingerprint();
+        self.engine.options_mut().display.exposure = metered;
+        fingerprint
+    }
+
+    /// Renders a frame and writes it.
+    async fn frame(
+        &mut self,
+        files: &[PathBuf],
+        fingerprint: &str,
+        progress: &dyn Progress,
+    ) -> Result<Rendered, Error> {
+        let rendered = self.engine.render(progress).await?;
+        self.keep_exposure(rendered.report.exposures.map(|used| used.exposure_ev));
+        files.iter().try_for_each(|file| self.write(file, &rendered, fingerprint))?;
+        for warning in &rendered.report.warnings {
+            if !self.report.warnings.contains(warning) {
+                self.report.warnings.push(warning.clone());
+            }
+        }
+        self.report.rendered += 1;
+        Ok(rendered)
+    }
+
+    /// Whether all files hold this frame. An exposure that was metered for it is taken over.
+    fn is_known(&mut self, files: &[PathBuf], fingerprint: &str) -> bool {
+        let text = |file: &PathBuf, name| {
+            let text = if is_png(file) { read_png_text(file, name) } else { read_exr_text(file, name) };
+            text.ok().flatten()
+        };
+        let is_known = |file: &PathBuf| file.is_file() && text(file, FINGERPRINT).as_deref() == Some(fingerprint);
+        if files.is_empty() || !files.iter().all(is_known) {
+            return false;
+        }
+        self.keep_exposure(text(&files[0], EXPOSURE).and_then(|stops| stops.parse().ok()));
+        true
+    }
+
+    fn keep_exposure(&mut self, stops: Option<f32>) {
+        let exposure = &mut self.engine.options_mut().display.exposure;
+        if let (Exposure::Auto, Some(stops)) = (*exposure, stops) {
+            *exposure = Exposure::Stops(stops);
+        }
+    }
+
+    fn write(&self, path: &Path, rendered: &Rendered, fingerprint: &str) -> Result<(), ImageError> {
+        let mut texts = vec![(FINGERPRINT, fingerprint.to_owned())];
+        texts.extend(rendered.report.exposures.map(|used| (EXPOSURE, used.exposure_ev.to_string())));
+        if is_png(path) {
+            return write_png_with_text(path, &rendered.displayed(&self.engine.options().display), &texts);
+        }
+        let layers: Vec<_> = rendered.layers.iter().map(|(aov, image)| (aov.name(), image)).collect();
+        write_exr_with_text(path, &layers, &texts)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::NoProgress;
+
+    /// Not more than one poll: the CPU makes nobody wait.
+    fn render(sequence: &Sequence, options: Options) -> SequenceReport {
+        let (scene, _) = crate::load("ring").unwrap();
+        let backend = Backend::cpu();
+        let mut ignore = |_: &SequenceReport| ();
+        let mut rendering = std::pin::pin!(sequence.render(scene, options, &backend, &NoProgress, &mut ignore));
+        let mut context = std::task::Context::from_waker(std::task::Waker::noop());
+        match rendering.as_mut().poll(&mut context) {
+            std::task::Poll::Ready(report) => report.unwrap(),
+            std::task::Poll::Pending => panic!("the CPU has nothing to wait for"),
+        }
+    }
+
+    #[test]
+    fn an_interrupted_sequence_goes_on() {
+        let dir = tempfile::tempdir().unwrap();
+        let outputs = vec![dir.path().join("f-##.png"), dir.path().join("f-##.exr")];
+        let sequence = Sequence::new(2..6, 4, outputs).unwrap();
+        let exposure = crate::DisplaySettings { exposure: Exposure::Auto, ..Default::default() };
+        let options = Options::default().with_size([16, 12]).with_samples(20).with_display(exposure);
+        let report = render(&sequence, options.clone());
+        assert_eq!((report.rendered, report.kept), (4, 0));
+        let whole: Vec<Vec<u8>> = (2..6).map(|k| std::fs::read(&sequence.files(k)[0]).unwrap()).collect();
+        assert_ne!(whole[0], whole[3], "the scene moves");
+        std::fs::remove_file(&sequence.files(3)[1]).unwrap();
+        std::fs::write(&sequence.files(5)[0], &whole[3][..100]).unwrap();
+        let report = render(&sequence, options.clone());
+        assert_eq!((report.rendered, report.kept), (2, 2), "a file was missing, and one was cut off");
+        let again: Vec<Vec<u8>> = (2..6).map(|k| std::fs::read(&sequence.files(k)[0]).unwrap()).collect();
+        assert!(again == whole, "with the same exposure");
+        assert_eq!(render(&sequence, options.with_seed(2)).rendered, 4, "other options, other frames");
+    }
+
+    #[test]
+    fn names_that_do_not_fit_are_refused() {
+        let message =
+            |names: &[&str]| Sequence::new(0..2, 24, names.iter().map(Into::into).collect()).unwrap_err().to_string();
+        assert!(message(&["a.png"]).contains("'a.png' is one file for many frames"));
+        assert!(message(&["a-#.apng"]).contains("without '#'"));
+        assert!(message(&["a.apng", "b.apng"]).contains("'b.apng' would be the copy"));
+    }
+}

@@ -1,0 +1,366 @@
+//! The picture: its texture, the camera's moves, and what is drawn over it.
+
+use std::time::{Duration, Instant};
+
+use eframe::egui;
+use egui::{Color32, Pos2, Rect, Sense, Stroke, TextureHandle, TextureOptions, Vec2 as UiVec2};
+use glam::Vec2;
+use rayon::prelude::*;
+
+use super::Viewer;
+use super::document::differing_options;
+use super::gizmo::{self, Arrow, Axis};
+use super::navigation::{dolly, orbit, pan};
+use super::panel::named;
+use super::worker::{Picture, Quality, Side};
+use crate::image::srgb8;
+use crate::options::{Options, Overlay};
+
+/// A refined picture replaces the one before it over this long, so that nothing jumps.
+const FADE: Duration = Duration::from_millis(250);
+/// The distance changes by a factor of e for so many points of scrolling.
+const POINTS_PER_E: f32 = 400.0;
+/// A step of the arrow keys, in parts of the window's height.
+const KEY_STEP: f32 = 0.04;
+/// The longest edge of the picture, pixels.
+const MAX_EDGE: u32 = 8192;
+
+/// The divider between two settings is taken hold of within this distance, points.
+const DIVIDER_REACH: f32 = 8.0;
+
+/// What one side shows.
+#[derive(Default)]
+struct SidePicture {
+    shown: Option<TextureHandle>,
+    /// Fades out under the one that is shown.
+    last: Option<TextureHandle>,
+    fade_began: Option<Instant>,
+    dots: Vec<Vec2>,
+}
+
+/// What is being dragged.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Held {
+    Arrow(Axis),
+    Divider,
+}
+
+/// The picture area.
+pub struct Canvas {
+    current: SidePicture,
+    /// Left of the divider, in a comparison.
+    kept: SidePicture,
+    /// Where the divider is, in parts of the width.
+    divider: f32,
+    held: Option<Held>,
+    /// Where it is in the window, points.
+    area: Option<Rect>,
+    /// Pixels.
+    size: [u32; 2],
+    /// The user has moved the camera: its animation does not move it any more.
+    pub holds_camera: bool,
+}
+
+impl Default for Canvas {
+    fn default() -> Self {
+        Self {
+            current: SidePicture::default(),
+            kept: SidePicture::default(),
+            divider: 0.5,
+            held: None,
+            area: None,
+            size: [0, 0],
+            holds_camera: false,
+        }
+    }
+}
+
+impl SidePicture {
+    fn is_fading(&self) -> bool {
+        self.fade_began.is_some_and(|began| began.elapsed() < FADE)
+    }
+
+    fn set(&mut self, context: &egui::Context, picture: &Picture) {
+        let image = &picture.image;
+        let pixels = image.pixels.par_iter().map(|pixel| {
+            let [r, g, b] = srgb8(*pixel);
+            Color32::from_rgb(r, g, b)
+        });
+        let size = [image.width as usize, image.height as usize];
+        let pixels = egui::ColorImage::new(size, pixels.collect());
+        std::mem::swap(&mut self.shown, &mut self.last);
+        match &mut self.shown {
+            Some(texture) => texture.set(pixels, TextureOptions::LINEAR),
+            None => self.shown = Some(context.load_texture("picture", pixels, TextureOptions::LINEAR)),
+        }
+        self.fade_began = matches!(picture.quality, Quality::Refined(..)).then(Instant::now);
+        self.dots.clone_from(&picture.dots);
+    }
+
+    fn paint(&self, painter: &egui::Painter, area: Rect) {
+        let whole = Rect::from_min_max(Pos2::ZERO, Pos2::new(1.0, 1.0));
+        let part = self.fade_began.map_or(1.0, |began| began.elapsed().as_secs_f32() / FADE.as_secs_f32()).min(1.0);
+        if let Some(last) = self.last.as_ref().filter(|_| part < 1.0) {
+            painter.image(last.id(), area, whole, Color32::WHITE);
+        }
+        if let Some(shown) = &self.shown {
+            painter.image(shown.id(), area, whole, Color32::WHITE.gamma_multiply(part));
+        }
+    }
+
+    fn paint_dots(&self, painter: &egui::Painter, area: Rect) {
+        for dot in &self.dots {
+            let at = area.min + UiVec2::new(dot.x, dot.y) * area.size();
+            painter.circle(at, 2.2, Color32::from_rgb(255, 140, 0), Stroke::new(0.8, Color32::BLACK));
+        }
+    }
+}
+
+impl Canvas {
+    /// Width and height of the picture area, pixels.
+    pub fn size(&self) -> [u32; 2] {
+        self.size
+    }
+
+    /// Whether a picture is still fading in.
+    pub fn is_fading(&self) -> bool {
+        self.current.is_fading() || self.kept.is_fading()
+    }
+
+    /// Shows a picture. Refined ones fade in.
+    pub fn set_picture(&mut self, context: &egui::Context, picture: &Picture) {
+        match picture.side {
+            Side::Current => self.current.set(context, picture),
+            Side::Kept => self.kept.set(context, picture),
+        }
+    }
+
+    /// Where the divider is, in parts of the width.
+    #[cfg(test)]
+    pub fn divider(&self) -> f32 {
+        self.divider
+    }
+
+    /// Where the divider is in the window.
+    fn divider_x(&self, area: Rect) -> f32 {
+        area.left() + self.divider * area.width()
+    }
+}
+
+impl Viewer {
+    /// Shows the picture, moves the camera and the selected object. Returns whether the scene was edited.
+    pub(super) fn show_canvas(&mut self, ui: &mut egui::Ui) -> bool {
+        let (area, response) = ui.allocate_exact_size(ui.available_size(), Sense::click_and_drag());
+        named(&response, egui::Role::Image, "Picture");
+        self.set_size(area, ui.ctx().pixels_per_point());
+        let painter = ui.painter_at(area);
+        self.paint_sides(&painter, area);
+        self.drag_divider(ui, &response, area);
+        let is_edited = self.drag_object(ui, &response, area);
+        if self.canvas.held.is_none() && self.move_camera(ui, &response, area) {
+            self.canvas.holds_camera = true;
+            self.is_outdated = true;
+        }
+        if let Some(at) = response.interact_pointer_pos().filter(|_| response.clicked()) {
+            let place = (at - area.min) / area.size();
+            self.worker.pick(Vec2::new(place.x, place.y));
+        }
+        self.paint_status(&painter, area);
+        is_edited
+    }
+
+    fn set_size(&mut self, area: Rect, pixels_per_point: f32) {
+        let pixels = |length: f32| ((length * pixels_per_point).round() as u32).clamp(1, MAX_EDGE);
+        let size = [pixels(area.width()), pixels(area.height())];
+        self.canvas.area = Some(area);
+        if size != self.canvas.size {
+            self.canvas.size = size;
+            self.is_outdated = true;
+        }
+    }
+
+    /// The picture or, in a comparison, those of both settings on either side of the divider.
+    fn paint_sides(&self, painter: &egui::Painter, area: Rect) {
+        let shows_samples = |options: &Options| options.overlay == Overlay::Samples;
+        self.canvas.current.paint(painter, area);
+        if shows_samples(&self.document.state.options) {
+            self.canvas.current.paint_dots(painter, area);
+        }
+        let Some(kept) = &self.document.state.kept else { return };
+        let x = self.canvas.divider_x(area);
+        let left = painter.with_clip_rect(area.with_max_x(x));
+        left.rect_filled(area, 0.0, Color32::BLACK);
+        self.canvas.kept.paint(&left, area);
+        if shows_samples(kept) {
+            self.canvas.kept.paint_dots(&left, area);
+        }
+        painter.vline(x, area.y_range(), Stroke::new(3.0, Color32::BLACK));
+        painter.vline(x, area.y_range(), Stroke::new(1.0, Color32::WHITE));
+        let [own, others] = differing_options(kept, &self.document.state.options);
+        let top = area.left_top() + UiVec2::new(10.0, 30.0);
+        label(&left, top, &format!("kept: {own}"), Color32::WHITE, 0.5 * area.width());
+        label(painter, Pos2::new(x + 10.0, top.y), &format!("current: {others}"), Color32::WHITE, 0.5 * area.width());
+    }
+
+    fn drag_divider(&mut self, ui: &egui::Ui, response: &egui::Response, area: Rect) {
+        if self.document.state.kept.is_none() {
+            return;
+        }
+        let is_near = |at: Pos2| (at.x - self.canvas.divider_x(area)).abs() < DIVIDER_REACH;
+        if response.hover_pos().is_some_and(is_near) {
+            ui.ctx().set_cursor_icon(egui::CursorIcon::ResizeHorizontal);
+        }
+        if response.drag_started() && ui.input(|input| input.pointer.press_origin()).is_some_and(is_near) {
+            self.canvas.held = Some(Held::Divider);
+        }
+        if self.canvas.held == Some(Held::Divider) {
+            match response.interact_pointer_pos().filter(|_| response.dragged()) {
+                Some(at) => self.canvas.divider = ((at.x - area.left()) / area.width()).clamp(0.0, 1.0),
+                None => self.canvas.held = None,
+            }
+        }
+    }
+
+    /// The selected object's arrows.
+    fn drag_object(&mut self, ui: &egui::Ui, response: &egui::Response, area: Rect) -> bool {
+        let Some(index) = self.selected.filter(|_| !self.clock.is_playing) else { return false };
+        let Some(object) = self.document.state.scene.objects.get(index) else { return false };
+        let axes = self.arrows_of_selected();
+        if response.drag_started_by(egui::PointerButton::Primary) {
+            let at = ui.input(|input| input.pointer.press_origin());
+            let axis = at.filter(|_| self.canvas.held.is_none()).and_then(|at| gizmo::axis_at(&axes, at));
+            self.canvas.held = self.canvas.held.or(axis.map(Held::Arrow));
+        }
+        let held = if let Some(Held::Arrow(axis)) = self.canvas.held { Some(axis) } else { None };
+        gizmo::paint(&ui.painter_at(area), &axes, &object.name, held);
+        let Some(axis) = held else { return false };
+        if !response.dragged() {
+            self.canvas.held = None;
+            return false;
+        }
+        let step = gizmo::step(&axes, axis, response.drag_delta());
+        let is_animated = self.document.state.is_animated && self.is_animated_object(index);
+        if is_animated {
+            self.notices
+                .say("its animation places this object; switch \u{201c}Animate\u{201d} off to move it".to_owned());
+            return false;
+        }
+        let object = &mut self.document.state.scene.objects[index];
+        object.placement.translate += step;
+        step != glam::Vec3::ZERO
+    }
+
+    /// The arrows of the selected object.
+    pub(super) fn arrows_of_selected(&self) -> Vec<Arrow> {
+        let posed = self.posed_scene();
+        let object = self.selected.and_then(|index| posed.objects.get(index));
+        let middle = object.map(|object| object.placement.translate);
+        middle.zip(self.canvas.area).map_or_else(Vec::new, |(middle, area)| gizmo::axes(&posed.camera, middle, area))
+    }
+
+    /// Whether an animation places an object.
+    pub(super) fn is_animated_object(&self, index: usize) -> bool {
+        self.document.state.scene.animations.iter().any(|animation| match animation {
+            crate::scene::Animation::Objects(motion) => motion.objects.contains(&index),
+            _ => false,
+        })
+    }
+
+    /// Orbits by dragging, pans by the other buttons or with Shift, and dollies by scrolling, pinching or keys.
+    fn move_camera(&mut self, ui: &egui::Ui, response: &egui::Response, area: Rect) -> bool {
+        use egui::{Key, PointerButton};
+        let before = self.document.state.scene.camera;
+        let mut camera = before;
+        if !self.canvas.holds_camera && self.document.state.is_animated {
+            camera = self.posed_scene().camera;
+        }
+        let start = camera;
+        let height = area.height().max(1.0);
+        let drag = response.drag_delta() / height;
+        let drag = Vec2::new(drag.x, drag.y);
+        let is_primary = response.dragged_by(PointerButton::Primary);
+        let is_panning = ui.input(|input| input.modifiers.shift) || !is_primary;
+        if response.dragged() && drag != Vec2::ZERO {
+            if is_panning { pan(&mut camera, &mut self.target, drag) } else { orbit(&mut camera, self.target, drag) }
+        }
+        if response.hovered() {
+            let (scroll, zoom) = ui.input(|input| (input.smooth_scroll_delta().y, input.zoom_delta()));
+            let factor = (-scroll / POINTS_PER_E).exp() / zoom;
+            if factor != 1.0 {
+                dolly(&mut camera, self.target, factor);
+            }
+        }
+        if !ui.ctx().egui_wants_keyboard_input()
+            && ui.memory(|memory| memory.focused().is_none_or(|id| id == response.id))
+        {
+            let held = |key| ui.input(|input| input.key_pressed(key));
+            let is_shift = ui.input(|input| input.modifiers.shift);
+            let steps = [
+                (Key::ArrowLeft, Vec2::new(-KEY_STEP, 0.0)),
+                (Key::ArrowRight, Vec2::new(KEY_STEP, 0.0)),
+                (Key::ArrowUp, Vec2::new(0.0, -KEY_STEP)),
+                (Key::ArrowDown, Vec2::new(0.0, KEY_STEP)),
+            ];
+            for (_, step) in steps.into_iter().filter(|(key, _)| held(*key)) {
+                if is_shift {
+                    pan(&mut camera, &mut self.target, -step);
+                } else {
+                    orbit(&mut camera, self.target, -step);
+                }
+            }
+            if held(Key::Plus) || held(Key::Equals) {
+                dolly(&mut camera, self.target, 1.0 / 1.1);
+            }
+            if held(Key::Minus) {
+                dolly(&mut camera, self.target, 1.1);
+            }
+        }
+        if camera == start {
+            return false;
+        }
+        self.document.state.scene.camera = camera;
+        true
+    }
+
+    /// What is shown, in the lower left corner, and what went wrong, above it.
+    fn paint_status(&self, painter: &egui::Painter, area: Rect) {
+        let text = self.status();
+        let at = area.left_bottom() + UiVec2::new(10.0, -10.0);
+        label(painter, at, &text, Color32::from_white_alpha(210), area.width() - 20.0);
+        if let Some(done) = self.notices.done() {
+            label(painter, at - UiVec2::new(0.0, 24.0), done, Color32::from_rgb(160, 220, 160), area.width() - 20.0);
+        }
+    }
+
+    /// What is shown, in words.
+    pub(super) fn status(&self) -> String {
+        let Some(picture) = &self.picture else { return "preparing the scene\u{2026}".to_owned() };
+        let samples = match picture.evaluation {
+            None => String::new(),
+            Some(evaluation) if evaluation.leaves() > 1 => {
+                format!(", {} samples \u{d7} {} leaves", picture.samples, evaluation.leaves())
+            }
+            Some(_) => format!(", {} samples", picture.samples),
+        };
+        let milliseconds = 1000.0 * picture.seconds;
+        match picture.quality {
+            Quality::Preview(detail) => format!(
+                "preview {}\u{d7}{}{samples}, light every {} pixels: {milliseconds:.0} ms",
+                detail.size[0], detail.size[1], detail.spacing
+            ),
+            Quality::Refined(step, steps) if step < steps => {
+                format!("draft{samples}: {:.1} s, refining\u{2026}", picture.seconds)
+            }
+            Quality::Refined(..) => format!("finished{samples}: {:.1} s", picture.seconds),
+        }
+    }
+}
+
+/// Text on a dark ground.
+fn label(painter: &egui::Painter, at: Pos2, text: &str, colour: Color32, width: f32) {
+    let font = egui::FontId::proportional(13.0);
+    let galley = painter.layout(text.to_owned(), font, colour, width.max(40.0));
+    let rect = Rect::from_min_size(at - UiVec2::new(0.0, galley.size().y), galley.size());
+    painter.rect_filled(rect.expand(4.0), 4.0, Color32::from_black_alpha(150));
+    painter.galley(rect.min, galley, colour);
+}

@@ -1,0 +1,464 @@
+//! The scene that is open: as it was loaded, as it has been edited, and how it is written back to a scene file, whose comments and order
+//! stay. Knows neither rendering nor the window.
+
+use std::path::{Path, PathBuf};
+
+use glam::Vec3;
+use toml_edit::{Array, DocumentMut, InlineTable, Item, Table, Value, value};
+
+use super::history::History;
+use crate::Error;
+use crate::image::write_atomically;
+use crate::options::{Exposure, Options, Settings};
+use crate::scene::{BUILT_IN, Camera, EnvironmentMap, Light, Loaded, MapLayout, Projection, Scene, parse};
+
+/// What an edit changes, and undoing restores.
+#[derive(Clone, Debug)]
+pub struct State {
+    pub scene: Scene,
+    pub options: Options,
+    /// Whether the animation poses the scene.
+    pub is_animated: bool,
+    /// Options whose picture is shown beside that of the current ones.
+    pub kept: Option<Options>,
+    /// An environment map in place of the scene's light: its file.
+    pub map: Option<String>,
+}
+
+/// An open scene.
+#[derive(Clone, Debug)]
+pub struct Document {
+    /// A path, or the name of a built-in scene.
+    pub name: String,
+    /// The scene file's text, with what has been added to it.
+    text: String,
+    /// What the scene file held when it was read; empty for built-in scenes.
+    on_disk: String,
+    /// Files named in the text are relative to it.
+    folder: PathBuf,
+    /// As loaded.
+    pub original: State,
+    pub state: State,
+    pub history: History<State>,
+}
+
+impl Document {
+    /// Reads a scene file, or the built-in scene of that name.
+    pub fn open(name: &str) -> Result<Self, String> {
+        if let Some(built_in) = BUILT_IN.iter().find(|scene| scene.name == name) {
+            return Self::of_text(name, built_in.toml.to_owned(), Path::new("."));
+        }
+        let text = std::fs::read_to_string(name).map_err(|e| format!("cannot read scene file '{name}': {e}"))?;
+        let folder = Path::new(name).parent().filter(|folder| !folder.as_os_str().is_empty());
+        let opened = Self::of_text(name, text.clone(), folder.unwrap_or(Path::new(".")))?;
+        Ok(Self { on_disk: text, ..opened })
+    }
+
+    /// The files that the scene is made of.
+    pub fn files(&self) -> Vec<PathBuf> {
+        let mut files: Vec<PathBuf> = if self.on_disk.is_empty() { Vec::new() } else { vec![(&self.name).into()] };
+        let Ok(document) = self.document() else { return files };
+        let mut add = |item: Option<&Item>| {
+            let file = item.and_then(Item::as_str).map(|file| self.folder.join(file));
+            files.extend(file.filter(|file| file.extension().is_some()));
+        };
+        add(document.get("environment").and_then(|table| table.get("map")));
+        for object in document.get("object").and_then(Item::as_array_of_tables).into_iter().flatten() {
+            add(object.get("mesh"));
+            add(object.get("receiver").and_then(|table| table.get("table")));
+        }
+        files.extend(self.state.map.iter().map(Into::into));
+        files
+    }
+
+    /// The same scene from its files as they are now, with the edits that were made since.
+    pub fn reloaded(&self) -> Result<Self, String> {
+        let on_disk = std::fs::read_to_string(&self.name).unwrap_or_default();
+        let is_new = !on_disk.is_empty() && on_disk != self.on_disk;
+        let text = if is_new { on_disk.clone() } else { self.text.clone() };
+        let mut opened = Self { on_disk, ..Self::of_text(&self.name, text, &self.folder)? };
+        let State { scene, options, is_animated, kept, map } = &self.state;
+        if *options != self.original.options {
+            opened.state.options = options.clone();
+        }
+        let (new, old) = (&mut opened.state.scene, &self.original.scene);
+        new.camera = scene.camera;
+        if scene.environment.rotation_rad != old.environment.rotation_rad {
+            new.environment.rotation_rad = scene.environment.rotation_rad;
+        }
+        if scene.environment.intensity != old.environment.intensity {
+            new.environment.intensity = scene.environment.intensity;
+        }
+        for (edited, original) in scene.objects.iter().zip(&old.objects) {
+            let same = new.objects.iter_mut().find(|object| object.name == edited.name);
+            if let Some(object) = same.filter(|_| edited.placement != original.placement) {
+                object.placement = edited.placement;
+            }
+        }
+        if let Some(map) = map {
+            let (map, file) = Self::read_map(Path::new(map))?;
+            new.environment.light = Light::Map(map);
+            opened.state.map = Some(file);
+        }
+        opened.state.kept.clone_from(kept);
+        opened.state.is_animated = *is_animated && !opened.state.scene.animations.is_empty();
+        opened.history = self.history.clone();
+        Ok(opened)
+    }
+
+    fn of_text(name: &str, text: String, folder: &Path) -> Result<Self, String> {
+        let loaded = parse::<Settings>(name, &text, folder).map_err(|e| e.to_string())?;
+        let options = loaded.render.clone().options();
+        let options = options.map_err(|e| loaded.render_error(e.key(), e.to_string()).to_string())?;
+        let Loaded { scene, .. } = loaded;
+        let is_animated = !scene.animations.is_empty();
+        let state = State { scene, options, is_animated, kept: None, map: None };
+        let (original, history) = (state.clone(), History::default());
+        let on_disk = String::new();
+        Ok(Self { name: name.to_owned(), text, on_disk, folder: folder.to_owned(), original, state, history })
+    }
+
+    /// The same scene with a mesh added, which takes its materials from its own library or else mirrors on both sides. Edits are kept.
+    pub fn with_mesh(&self, mesh: &Path) -> Result<Self, String> {
+        let add = |has_materials: bool| -> Result<Self, String> {
+            let mut document = self.document()?;
+            let mut table = Table::new();
+            let stem = mesh.file_stem().unwrap_or_default().to_string_lossy();
+            table["name"] = value(stem.as_ref());
+            table["mesh"] = value(absolute(mesh).display().to_string());
+            if !has_materials {
+                let mut reflector = InlineTable::new();
+                reflector.insert("sides", "both".into());
+                table["reflector"] = value(reflector);
+            }
+            let objects = document.entry("object").or_insert(Item::ArrayOfTables(Default::default()));
+            objects.as_array_of_tables_mut().ok_or("the scene's objects are not [[object]] tables")?.push(table);
+            let opened = Self::of_text(&self.name, document.to_string(), &self.folder)?;
+            Ok(Self { on_disk: self.on_disk.clone(), ..opened })
+        };
+        let with_own = add(true)?;
+        let own = self.original.scene.objects.len();
+        let has_surface = |document: &Self| {
+            let added = document.state.scene.objects.get(own..).unwrap_or_default();
+            added.iter().any(|object| object.reflector.is_some() || object.receiver.is_some())
+        };
+        let opened = if has_surface(&with_own) { with_own } else { add(false)? };
+        Ok(self.carried_over(opened))
+    }
+
+    /// Edits of this document, on another one that has the same objects and more.
+    fn carried_over(&self, mut opened: Self) -> Self {
+        let added = opened.state.scene.objects.split_off(self.state.scene.objects.len());
+        opened.state = State { scene: self.state.scene.clone(), ..self.state.clone() };
+        opened.state.scene.objects.extend(added);
+        opened.history = self.history.clone();
+        opened.history.note(&self.state);
+        opened
+    }
+
+    /// Reads an environment map in place of the scene's light; it is exposed for anew.
+    pub fn read_map(path: &Path) -> Result<(EnvironmentMap, String), String> {
+        let file = absolute(path).display().to_string();
+        let (map, _) = EnvironmentMap::load(Path::new(""), &[&file], MapLayout::Auto).map_err(|e| e.to_string())?;
+        Ok((map, file))
+    }
+
+    pub fn set_map(&mut self, map: EnvironmentMap, file: String) {
+        self.history.note(&self.state);
+        self.state.scene.environment.light = Light::Map(map);
+        self.state.map = Some(file);
+        self.state.options.display.exposure = Exposure::Auto;
+        self.state.options.display.background_exposure_ev = None;
+    }
+
+    /// Takes back the last edit; the camera stays.
+    pub fn undo(&mut self) {
+        if let Some(state) = self.history.undo(&self.state) {
+            self.restore(state);
+        }
+    }
+
+    /// Makes the last edit again that was taken back.
+    pub fn redo(&mut self) {
+        if let Some(state) = self.history.redo(&self.state) {
+            self.restore(state);
+        }
+    }
+
+    fn restore(&mut self, state: State) {
+        let camera = self.state.scene.camera;
+        self.state = state;
+        self.state.scene.camera = camera;
+    }
+
+    /// Whether anything differs from the file.
+    pub fn is_edited(&self) -> bool {
+        self.to_toml().is_ok_and(|text| text != self.text) || self.state.map.is_some()
+    }
+
+    fn document(&self) -> Result<DocumentMut, String> {
+        self.text.parse().map_err(|e: toml_edit::TomlError| e.message().to_owned())
+    }
+
+    /// The scene file with all edits.
+    pub fn to_toml(&self) -> Result<String, String> {
+        let mut document = self.document()?;
+        write_camera(&mut document, &self.original.scene.camera, &self.state.scene.camera);
+        self.write_environment(&mut document);
+        write_options(&mut document, &self.original.options, &self.state.options);
+        self.write_objects(&mut document);
+        Ok(document.to_string())
+    }
+
+    /// Writes the scene file. Files that it names are given by their whole paths if the new one lies in another folder.
+    pub fn save(&mut self, path: &Path) -> Result<(), Error> {
+        use std::io::Write;
+        let write = |text: Result<String, String>| {
+            write_atomically(path, |out| out.write_all(text?.as_bytes()).map_err(|e| e.to_string()))
+        };
+        let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        let is_moved = std::fs::canonicalize(folder).ok() != std::fs::canonicalize(&self.folder).ok();
+        let text = self.to_toml().and_then(|text| if is_moved { self.with_whole_paths(&text) } else { Ok(text) });
+        write(text.clone())?;
+        self.text = text.unwrap_or_default();
+        self.on_disk.clone_from(&self.text);
+        folder.clone_into(&mut self.folder);
+        self.name = path.display().to_string();
+        self.original = self.state.clone();
+        self.original.map = None;
+        self.state.map = None;
+        Ok(())
+    }
+
+    fn with_whole_paths(&self, text: &str) -> Result<String, String> {
+        let mut document: DocumentMut = text.parse().map_err(|e: toml_edit::TomlError| e.message().to_owned())?;
+        let whole = |item: Option<&mut Item>| {
+            let file = item.as_ref().and_then(|item| item.as_str()).map(|file| self.folder.join(file));
+            // Built-in maps have names without an ending.
+            if let (Some(item), Some(file)) = (item, file.filter(|file| file.extension().is_some())) {
+                *item = value(absolute(&file).display().to_string());
+            }
+        };
+        let environment = document.get_mut("environment").and_then(Item::as_table_like_mut);
+        whole(environment.and_then(|table| table.get_mut("map")));
+        if let Some(objects) = document.get_mut("object").and_then(Item::as_array_of_tables_mut) {
+            for object in objects.iter_mut() {
+                whole(object.get_mut("mesh"));
+                let receiver = object.get_mut("receiver").and_then(Item::as_table_like_mut);
+                whole(receiver.and_then(|table| table.get_mut("table")));
+            }
+        }
+        Ok(document.to_string())
+    }
+
+    fn write_environment(&self, document: &mut DocumentMut) {
+        let (old, new) = (&self.original.scene.environment, &self.state.scene.environment);
+        let Some(table) = document.get_mut("environment").and_then(Item::as_table_like_mut) else { return };
+        if let Some(map) = &self.state.map {
+            for key in ["faces", "layout", "spot", "constant"] {
+                table.remove(key);
+            }
+            table.insert("map", value(map));
+        }
+        if new.rotation_rad != old.rotation_rad {
+            table.insert("rotation_deg", value(number(new.rotation_rad.to_degrees())));
+        }
+        if new.intensity != old.intensity {
+            table.insert("intensity", value(number(new.intensity)));
+        }
+    }
+
+    /// Placements of objects whose tables make one object each.
+    fn write_objects(&self, document: &mut DocumentMut) {
+        let Some(tables) = document.get_mut("object").and_then(Item::as_array_of_tables_mut) else { return };
+        let (old, new) = (&self.original.scene.objects, &self.state.scene.objects);
+        for (index, table) in tables.iter_mut().enumerate() {
+            let name =
+                table.get("name").and_then(Item::as_str).map_or_else(|| format!("object {}", index + 1), Into::into);
+            let is_of_table = |object: &&crate::scene::Object| {
+                object.name == name || object.name.strip_prefix(&name).is_some_and(|rest| rest.starts_with('/'))
+            };
+            let (Some(old), Some(new)) = (old.iter().find(is_of_table), new.iter().find(is_of_table)) else { continue };
+            if new.placement.translate != old.placement.translate {
+                table["translate"] = vector(new.placement.translate);
+            }
+            if new.placement.rotate_rad != old.placement.rotate_rad {
+                let degrees = new.placement.rotate_rad.to_array().map(f32::to_degrees);
+                table["rotate_deg"] = vector(degrees.into());
+            }
+            if new.placement.scale != old.placement.scale {
+                table["scale"] = value(number(new.placement.scale));
+            }
+        }
+    }
+}
+
+/// The absolute form of a path, which need not exist.
+fn absolute(path: &Path) -> PathBuf {
+    std::path::absolute(path).unwrap_or_else(|_| path.to_owned())
+}
+
+/// A number with as many digits as tell it from others, as people would write it.
+fn number(value: f32) -> f64 {
+    value.to_string().parse().unwrap_or_else(|_| value.into())
+}
+
+fn vector(v: Vec3) -> Item {
+    value(v.to_array().iter().map(|c| Value::from(number(*c))).collect::<Array>())
+}
+
+fn write_camera(document: &mut DocumentMut, old: &Camera, new: &Camera) {
+    let Some(table) = document.get_mut("camera").and_then(Item::as_table_like_mut).filter(|_| old != new) else {
+        return;
+    };
+    table.insert("position", vector(new.position));
+    table.insert("target", vector(new.position + new.forward));
+    table.insert("up", vector(new.up));
+    if let Projection::Orthographic { height } = new.projection {
+        let mut orthographic = InlineTable::new();
+        orthographic.insert("height", number(height).into());
+        table.insert("orthographic", value(orthographic));
+    }
+}
+
+/// The `[render]` table's keys whose values differ, with the new ones; `None` where there is none any more.
+fn changed_keys(old: &Options, new: &Options) -> Vec<(&'static str, Option<Item>)> {
+    let aovs = |options: &Options| options.aovs.iter().map(|aov| aov.name()).collect::<Array>();
+    let background = new.display.background_exposure_ev;
+    let all: [(bool, &'static str, Option<Item>); 18] = [
+        (old.samples != new.samples, "samples", Some(value(i64::from(new.samples)))),
+        (old.strategy != new.strategy, "strategy", Some(value(new.strategy.name()))),
+        (old.density != new.density, "density", Some(value(new.density.name()))),
+        (old.seed != new.seed, "seed", Some(value(new.seed as i64))),
+        (old.footprint != new.footprint, "footprint", Some(value(new.footprint.name()))),
+        (old.filter != new.filter, "filter", Some(value(new.filter.name()))),
+        (old.taps != new.taps, "taps", Some(value(i64::from(new.taps)))),
+        (old.attenuation != new.attenuation, "attenuation", Some(value(new.attenuation))),
+        (old.evaluation != new.evaluation, "evaluation", Some(value(new.evaluation.name()))),
+        (old.leaves != new.leaves, "leaves", new.leaves.map(|leaves| value(i64::from(leaves)))),
+        (old.tolerance != new.tolerance, "tolerance", Some(value(number(new.tolerance)))),
+        (old.visibility != new.visibility, "visibility", Some(value(new.visibility.name()))),
+        (old.caustic_gain != new.caustic_gain, "caustic_gain", Some(value(number(new.caustic_gain)))),
+        (old.epsilon != new.epsilon, "epsilon", Some(epsilon(new))),
+        (old.technique != new.technique, "technique", Some(value(new.technique.name()))),
+        (old.display.exposure != new.display.exposure, "exposure_ev", Some(exposure(new.display.exposure))),
+        (
+            old.display.background_exposure_ev != background,
+            "background_exposure_ev",
+            background.map(|stops| value(number(stops))),
+        ),
+        (old.aovs != new.aovs, "aov", Some(value(aovs(new)))),
+    ];
+    all.into_iter().filter(|(is_changed, ..)| *is_changed).map(|(_, key, item)| (key, item)).collect()
+}
+
+fn write_options(document: &mut DocumentMut, old: &Options, new: &Options) {
+    let changed = changed_keys(old, new);
+    if changed.is_empty() {
+        return;
+    }
+    let table = document.entry("render").or_insert(Item::Table(Table::new()));
+    let Some(table) = table.as_table_like_mut() else { return };
+    for (key, item) in changed {
+        match item {
+            Some(item) => drop(table.insert(key, item)),
+            None => drop(table.remove(key)),
+        }
+    }
+}
+
+/// In which settings two options differ, with the values of either.
+pub fn differing_options(a: &Options, b: &Options) -> [String; 2] {
+    [(b, a), (a, b)].map(|(other, own)| {
+        let shown = |(key, item): (&str, Option<Item>)| {
+            let item = item.map_or_else(|| "auto".to_owned(), |item| item.to_string().trim().replace('"', ""));
+            format!("{key} {item}")
+        };
+        let all: Vec<String> = changed_keys(other, own).into_iter().map(shown).collect();
+        if all.is_empty() { "the same settings".to_owned() } else { all.join(", ") }
+    })
+}
+
+fn epsilon(options: &Options) -> Item {
+    use crate::Epsilon;
+    match options.epsilon {
+        Epsilon::Auto => value("auto"),
+        Epsilon::Paper => value("paper"),
+        Epsilon::Value(square_metres) => value(number(square_metres)),
+    }
+}
+
+fn exposure(exposure: Exposure) -> Item {
+    match exposure {
+        Exposure::Auto => value("auto"),
+        Exposure::Stops(stops) => value(number(stops)),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn edits_survive_in_the_saved_file() {
+        let dir = tempfile::tempdir().unwrap();
+        let mut document = Document::open("ring-natural").unwrap();
+        assert!(!document.is_edited());
+        document.state.options.samples = 777;
+        document.state.options.tolerance = 0.03;
+        document.state.options.display.background_exposure_ev = None;
+        document.state.scene.environment.rotation_rad = 0.5;
+        document.state.scene.objects[0].placement.translate = Vec3::new(0.1, 0.0, -0.25);
+        document.state.scene.camera.position.y += 0.5;
+        assert!(document.is_edited());
+        let path = dir.path().join("mine.toml");
+        document.save(&path).unwrap();
+        assert!(!document.is_edited());
+        let text = std::fs::read_to_string(&path).unwrap();
+        assert!(text.starts_with("# Figure 6d") && text.contains("translate = [0.1, 0.0, -0.25]"), "{text}");
+        let again = Document::open(path.to_str().unwrap()).unwrap();
+        assert_eq!(again.state.options, document.state.options);
+        assert!((again.state.scene.environment.rotation_rad - 0.5).abs() < 1e-6);
+        assert!(again.state.scene.camera.position.abs_diff_eq(document.state.scene.camera.position, 1e-6));
+        assert!(again.state.scene.camera.forward.abs_diff_eq(document.state.scene.camera.forward, 1e-5));
+        assert_eq!(again.state.scene.objects[0].placement, document.state.scene.objects[0].placement);
+    }
+
+    #[test]
+    fn meshes_are_added_and_paths_stay_valid_in_other_folders() {
+        let dir = tempfile::tempdir().unwrap();
+        let (here, there) = (dir.path().join("here"), dir.path().join("there"));
+        for folder in [&here, &there] {
+            std::fs::create_dir(folder).unwrap();
+        }
+        let triangle = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
+        std::fs::write(here.join("a.obj"), triangle).unwrap();
+        std::fs::write(there.join("b.obj"), triangle).unwrap();
+        let text = "environment = { constant = [1, 1, 1] }\n[camera]\nposition = [0, 0, 5]\ntarget = [0, 0, 0]\n\
+                    perspective = { fov_y_deg = 40 }\n[[object]]\nmesh = \"a.obj\"\nreceiver = {}\n";
+        std::fs::write(here.join("scene.toml"), text).unwrap();
+        let mut opened = Document::open(here.join("scene.toml").to_str().unwrap()).unwrap();
+        opened.state.options.samples = 5;
+        let mut added = opened.with_mesh(&there.join("b.obj")).unwrap();
+        assert_eq!((added.state.scene.objects.len(), added.state.options.samples), (2, 5));
+        assert!(added.state.scene.objects[1].reflector.is_some());
+        added.save(&there.join("copy.toml")).unwrap();
+        let copy = Document::open(there.join("copy.toml").to_str().unwrap()).unwrap();
+        assert_eq!(copy.state.scene.objects.len(), 2);
+        std::fs::write(there.join("c.obj"), "v 0 0\n").unwrap();
+        assert!(added.with_mesh(&there.join("c.obj")).unwrap_err().contains("c.obj"));
+    }
+
+    #[test]
+    fn edits_are_undone_and_made_again() {
+        let mut document = Document::open("ring").unwrap();
+        document.history.note(&document.state);
+        document.state.options.samples = 10;
+        document.state.scene.camera.position.x = 9.0;
+        document.undo();
+        assert_eq!(document.state.options.samples, 1000);
+        assert_eq!(document.state.scene.camera.position.x, 9.0, "the camera stays");
+        document.redo();
+        assert_eq!(document.state.options.samples, 10);
+    }
+}

@@ -1,0 +1,79 @@
+//! Fields of the panel: a number or a choice with its name, and a button that resets it.
+
+use std::ops::RangeInclusive;
+
+use eframe::egui;
+use egui::emath::Numeric;
+
+/// A number in a range, as a slider whose value can be typed. Returns whether it was changed.
+pub fn number<T: Numeric>(
+    ui: &mut egui::Ui,
+    name: &str,
+    value: &mut T,
+    original: T,
+    (range, is_logarithmic): (RangeInclusive<T>, bool),
+) -> bool {
+    let before = *value;
+    let mut is_changed = false;
+    ui.horizontal(|ui| {
+        let slider = egui::Slider::new(value, range).logarithmic(is_logarithmic).text(name);
+        is_changed = ui.add(slider.smart_aim(true)).changed();
+        is_changed |= reset(ui, name, value, original);
+    });
+    // "nan" can be typed.
+    if !value.to_f64().is_finite() {
+        *value = before;
+        return false;
+    }
+    is_changed
+}
+
+/// One of several values. Returns whether it was changed.
+pub fn choice<T: Copy + PartialEq>(
+    ui: &mut egui::Ui,
+    name: &str,
+    value: &mut T,
+    original: T,
+    choices: &[(T, &str)],
+) -> bool {
+    let before = *value;
+    ui.horizontal(|ui| {
+        let shown = choices.iter().find(|(choice, _)| choice == value).map_or("", |(_, text)| *text);
+        egui::ComboBox::from_label(name).selected_text(shown).width(130.0).show_ui(ui, |ui| {
+            for (choice, text) in choices {
+                ui.selectable_value(value, *choice, *text);
+            }
+        });
+        reset(ui, name, value, original);
+    });
+    *value != before
+}
+
+/// Yes or no. Returns whether it was changed.
+pub fn switch(ui: &mut egui::Ui, name: &str, value: &mut bool, original: bool) -> bool {
+    let before = *value;
+    ui.horizontal(|ui| {
+        ui.checkbox(value, name);
+        reset(ui, name, value, original);
+    });
+    *value != before
+}
+
+/// A button that restores the value of the file. Returns whether it was pressed.
+pub fn reset<T: Copy + PartialEq>(ui: &mut egui::Ui, name: &str, value: &mut T, original: T) -> bool {
+    if *value == original {
+        return false;
+    }
+    let button = ui.small_button("reset").on_hover_text(format!("Reset {name}"));
+    named(&button, egui::Role::Button, &format!("Reset {name}"));
+    if button.clicked() {
+        *value = original;
+        return true;
+    }
+    false
+}
+
+/// Gives a widget without a text of its own a name, for screen readers and tests.
+pub fn named(response: &egui::Response, role: egui::Role, name: &str) {
+    response.widget_info(|| egui::WidgetInfo::labeled(role, true, name));
+}

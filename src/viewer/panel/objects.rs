@@ -1,0 +1,64 @@
+//! The section of the objects: which one is selected, and where it is.
+
+use eframe::egui;
+use glam::Vec3;
+
+use super::fields::{named, reset};
+use crate::scene::Transform;
+use crate::viewer::Viewer;
+
+impl Viewer {
+    pub(super) fn objects_section(&mut self, ui: &mut egui::Ui) -> bool {
+        for index in 0..self.document.state.scene.objects.len() {
+            let name = self.document.state.scene.objects[index].name.clone();
+            let is_selected = self.selected == Some(index);
+            if ui.selectable_label(is_selected, name).clicked() {
+                self.selected = if is_selected { None } else { Some(index) };
+            }
+        }
+        let Some(index) = self.selected else {
+            ui.weak("Select an object here or in the picture to move it.");
+            return false;
+        };
+        if self.document.state.is_animated && self.is_animated_object(index) {
+            ui.weak("Its animation places this object; switch \u{201c}Animate\u{201d} off to move it.");
+            return false;
+        }
+        let original = self.document.original.scene.objects.get(index).map_or(Transform::default(), |o| o.placement);
+        let Some(object) = self.document.state.scene.objects.get_mut(index) else { return false };
+        let placement = &mut object.placement;
+        let before = *placement;
+        ui.separator();
+        vector(ui, "Translate m", &mut placement.translate, original.translate, 0.01);
+        let mut degrees = Vec3::from(placement.rotate_rad.to_array().map(f32::to_degrees));
+        let rotation = Vec3::from(original.rotate_rad.to_array().map(f32::to_degrees));
+        if vector(ui, "Rotate \u{b0}", &mut degrees, rotation, 0.5) {
+            placement.rotate_rad = degrees.to_array().map(f32::to_radians).into();
+        }
+        ui.horizontal(|ui| {
+            let drag = egui::DragValue::new(&mut placement.scale).speed(0.005).range(0.001..=1000.0);
+            let drag = ui.add(drag);
+            named(&drag, egui::Role::SpinButton, "Scale");
+            ui.label("Scale");
+            reset(ui, "Scale", &mut placement.scale, original.scale);
+        });
+        if !(placement.translate.is_finite() && placement.rotate_rad.is_finite() && placement.scale.is_finite()) {
+            *placement = before;
+        }
+        *placement != before
+    }
+}
+
+/// Three numbers. Returns whether any was changed.
+fn vector(ui: &mut egui::Ui, name: &str, value: &mut Vec3, original: Vec3, speed: f64) -> bool {
+    let before = *value;
+    ui.horizontal(|ui| {
+        for (axis, letter) in ["x", "y", "z"].into_iter().enumerate() {
+            let drag = ui.add(egui::DragValue::new(&mut value[axis]).speed(speed).max_decimals(3));
+            named(&drag, egui::Role::SpinButton, &format!("{name} {letter}"));
+        }
+        ui.label(name);
+        reset(ui, name, value, original);
+    });
+    *value != before
+}

@@ -1,0 +1,202 @@
+//! Sections of the panel: the light, the display, and how the caustic is computed.
+
+use eframe::egui;
+
+use super::fields::{choice, number, switch};
+use crate::image::Aov;
+use crate::options::{EvaluationChoice, Exposure, FilterChoice, Options, Overlay};
+use crate::pinhole::{Epsilon, Footprint};
+use crate::sampling::{Density, MAX_SAMPLES, Strategy};
+use crate::scene::Visibility;
+use crate::technique::Technique;
+use crate::viewer::Viewer;
+
+const STRATEGIES: &[(Strategy, &str)] = &[
+    (Strategy::Neighbourhood, "neighbourhood"),
+    (Strategy::Random, "random"),
+    (Strategy::Grid, "grid"),
+    (Strategy::QuantisedGrid, "quantised-grid"),
+    (Strategy::Elimination, "elimination"),
+];
+const DENSITIES: &[(Density, &str)] = &[
+    (Density::Uniform, "uniform"),
+    (Density::Curvature, "curvature"),
+    (Density::Normal, "normal"),
+    (Density::Visibility, "visibility"),
+    (Density::Contribution, "contribution"),
+];
+const FILTERS: &[(FilterChoice, &str)] = &[
+    (FilterChoice::Auto, "auto"),
+    (FilterChoice::None, "none"),
+    (FilterChoice::Isotropic, "isotropic"),
+    (FilterChoice::Anisotropic, "anisotropic"),
+    (FilterChoice::Hardware, "hardware"),
+    (FilterChoice::Ewa, "ewa"),
+];
+const EVALUATIONS: &[(EvaluationChoice, &str)] = &[
+    (EvaluationChoice::Auto, "auto"),
+    (EvaluationChoice::Flat, "flat"),
+    (EvaluationChoice::Hierarchical, "hierarchical"),
+];
+const PICTURES: &[(Aov, &str)] = &[
+    (Aov::Beauty, "beauty"),
+    (Aov::Caustic, "caustic"),
+    (Aov::Direct, "direct"),
+    (Aov::Albedo, "albedo"),
+    (Aov::Normal, "normal"),
+    (Aov::Position, "position"),
+    (Aov::Depth, "depth"),
+];
+/// Numbers of leaves; 0: as many as fit, up to 64.
+const LEAVES: &[(u32, &str)] = &[(0, "auto"), (1, "1"), (4, "4"), (16, "16"), (64, "64"), (256, "256"), (1024, "1024")];
+/// The term that keeps 1/l² finite; the number is in m².
+const EPSILONS: &[(Epsilon, &str)] =
+    &[(Epsilon::Auto, "auto"), (Epsilon::Paper, "paper"), (Epsilon::Value(0.001), "a value")];
+/// Exposures that are offered, stops; typed ones may be larger.
+const STOPS: std::ops::RangeInclusive<f32> = -16.0..=16.0;
+
+impl Viewer {
+    pub(super) fn light_section(&mut self, ui: &mut egui::Ui) -> bool {
+        let original = self.document.original.scene.environment.clone();
+        let environment = &mut self.document.state.scene.environment;
+        let mut degrees = environment.rotation_rad.to_degrees();
+        let mut is_edited = false;
+        let range = (-360.0..=360.0, false);
+        if number(ui, "Rotation \u{b0}", &mut degrees, original.rotation_rad.to_degrees(), range) {
+            environment.rotation_rad = degrees.to_radians();
+            is_edited = true;
+        }
+        is_edited |= number(ui, "Intensity", &mut environment.intensity, original.intensity, (0.0..=100.0, true));
+        if let Some(map) = &self.document.state.map {
+            ui.label(format!("map: {map}"));
+        }
+        is_edited
+    }
+
+    pub(super) fn display_section(&mut self, ui: &mut egui::Ui) -> bool {
+        let (options, original) = (&mut self.document.state.options, &self.document.original.options);
+        let mut is_edited = false;
+        let mut picture = options.aovs.first().copied().unwrap_or(Aov::Beauty);
+        if choice(ui, "Picture", &mut picture, Aov::Beauty, PICTURES) {
+            options.aovs = vec![picture];
+            is_edited = true;
+        }
+        is_edited |= exposure(ui, options, original, self.picture.as_ref().and_then(|picture| picture.exposures));
+        let mut shows_samples = options.overlay == Overlay::Samples;
+        if switch(ui, "Show samples", &mut shows_samples, false) {
+            options.overlay = if shows_samples { Overlay::Samples } else { Overlay::None };
+            is_edited = true;
+        }
+        is_edited |= switch(ui, "Shapes only", &mut options.plain_diffuse, original.plain_diffuse);
+        is_edited
+    }
+
+    /// Keeps the current settings for a comparison, or ends it.
+    pub(super) fn comparison(&mut self, ui: &mut egui::Ui) -> bool {
+        let state = &mut self.document.state;
+        let mut is_edited = false;
+        ui.horizontal(|ui| match &mut state.kept {
+            None => {
+                let hint = "shows the picture of these settings left of a divider, while you change them at the right";
+                if ui.button("Compare").on_hover_text(hint).clicked() {
+                    state.kept = Some(state.options.clone());
+                    is_edited = true;
+                }
+            }
+            Some(kept) => {
+                if ui.button("Swap sides").clicked() {
+                    std::mem::swap(kept, &mut state.options);
+                    is_edited = true;
+                }
+                if ui.button("End comparison").clicked() {
+                    state.kept = None;
+                    is_edited = true;
+                }
+            }
+        });
+        is_edited
+    }
+
+    pub(super) fn caustic_section(&mut self, ui: &mut egui::Ui) -> bool {
+        let (options, original) = (&mut self.document.state.options, &self.document.original.options);
+        let techniques = [(Technique::Pinhole, Technique::Pinhole.name())];
+        let mut is_edited = choice(ui, "Technique", &mut options.technique, original.technique, &techniques);
+        is_edited |= number(ui, "Samples", &mut options.samples, original.samples, (1..=MAX_SAMPLES, true));
+        is_edited |= choice(ui, "Strategy", &mut options.strategy, original.strategy, STRATEGIES);
+        is_edited |= choice(ui, "Density", &mut options.density, original.density, DENSITIES);
+        is_edited |= choice(ui, "Evaluation", &mut options.evaluation, original.evaluation, EVALUATIONS);
+        let mut leaves = options.leaves.unwrap_or(0);
+        // Footprints by curvature have no cells that could be split.
+        let has_leaves = options.footprint == Footprint::Cells;
+        let leaves_field = |ui: &mut egui::Ui| choice(ui, "Leaves", &mut leaves, original.leaves.unwrap_or(0), LEAVES);
+        if ui.add_enabled_ui(has_leaves, leaves_field).inner {
+            options.leaves = (leaves > 0).then_some(leaves);
+            is_edited = true;
+        }
+        is_edited |= number(ui, "Tolerance", &mut options.tolerance, original.tolerance, (1e-3..=1.0, true));
+        is_edited |= choice(ui, "Filter", &mut options.filter, original.filter, FILTERS);
+        is_edited |= number(ui, "Taps", &mut options.taps, original.taps, (1..=crate::pinhole::MAX_TAPS, true));
+        let footprints = [(Footprint::Cells, "cells"), (Footprint::Curvature, "curvature")];
+        if choice(ui, "Footprint", &mut options.footprint, original.footprint, &footprints) {
+            options.leaves = options.leaves.filter(|_| options.footprint == Footprint::Cells);
+            is_edited = true;
+        }
+        let visibilities = [(Visibility::Full, "full"), (Visibility::None, "none")];
+        is_edited |= choice(ui, "Visibility", &mut options.visibility, original.visibility, &visibilities);
+        is_edited |= number(ui, "Gain", &mut options.caustic_gain, original.caustic_gain, (0.0..=100.0, true));
+        is_edited |= switch(ui, "Attenuation 1/l\u{b2}", &mut options.attenuation, original.attenuation);
+        is_edited |= epsilon(ui, options, original);
+        is_edited |= number(ui, "Seed", &mut options.seed, original.seed, (0..=9_999, false));
+        is_edited
+    }
+}
+
+/// Exposures of surfaces and of the background. `used` are those of the last picture.
+fn exposure(
+    ui: &mut egui::Ui,
+    options: &mut Options,
+    original: &Options,
+    used: Option<crate::options::Exposures>,
+) -> bool {
+    let mut is_edited = false;
+    let display = &mut options.display;
+    let metered = used.map_or(0.0, |used| used.exposure_ev);
+    let mut is_automatic = display.exposure == Exposure::Auto;
+    if switch(ui, "Automatic exposure", &mut is_automatic, original.display.exposure == Exposure::Auto) {
+        display.exposure = if is_automatic { Exposure::Auto } else { Exposure::Stops(metered) };
+        is_edited = true;
+    }
+    if let Exposure::Stops(stops) = &mut display.exposure {
+        let reset = if let Exposure::Stops(stops) = original.display.exposure { stops } else { metered };
+        is_edited |= number(ui, "Exposure", stops, reset, (STOPS, false));
+    }
+    let mut is_own = display.background_exposure_ev.is_some();
+    let was_own = original.display.background_exposure_ev.is_some();
+    if switch(ui, "Background by itself", &mut is_own, was_own) {
+        display.background_exposure_ev = is_own.then_some(metered);
+        is_edited = true;
+    }
+    if let Some(stops) = &mut display.background_exposure_ev {
+        let reset = original.display.background_exposure_ev.unwrap_or(metered);
+        is_edited |= number(ui, "Background exposure", stops, reset, (STOPS, false));
+    }
+    is_edited
+}
+
+fn epsilon(ui: &mut egui::Ui, options: &mut Options, original: &Options) -> bool {
+    let kind = |epsilon| match epsilon {
+        Epsilon::Value(_) => EPSILONS[2].0,
+        other => other,
+    };
+    let mut chosen = kind(options.epsilon);
+    let mut is_edited = false;
+    if choice(ui, "Epsilon", &mut chosen, kind(original.epsilon), EPSILONS) {
+        options.epsilon = chosen;
+        is_edited = true;
+    }
+    if let Epsilon::Value(value) = &mut options.epsilon {
+        let reset = if let Epsilon::Value(value) = original.epsilon { value } else { 0.001 };
+        is_edited |= number(ui, "Epsilon m\u{b2}", value, reset, (0.0..=1.0, true));
+    }
+    is_edited
+}

@@ -1,0 +1,412 @@
+//! The thread that renders for the window: a preview at once for everything that changes, then, once things rest, the whole picture
+//! from coarse to fine. It knows the engine, but nothing of the window, which it only wakes.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, Sender, channel};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+use glam::Vec2;
+
+use super::jobs::{Job, JobProgress, run_job};
+use super::stopwatch::{StageSeconds, Stopwatch};
+use crate::blocking::wait;
+use crate::image::{Aov, Image};
+use crate::options::{Evaluation, Exposures, Options, Overlay};
+use crate::scene::Scene;
+use crate::{Backend, BackendChoice, Budget, Detail, Engine, Error};
+
+/// Nothing has to change for this long before the picture is refined.
+const REST: Duration = Duration::from_millis(250);
+/// The longer side of the picture that stands in for a preview of another picture than beauty, pixels.
+const COARSE_SIZE: u32 = 160;
+
+/// What the window shows.
+#[derive(Clone, Debug)]
+pub struct View {
+    /// Posed.
+    pub scene: Scene,
+    /// Of the whole picture.
+    pub options: Options,
+    /// Other options, whose picture is shown beside it.
+    pub kept: Option<Options>,
+    /// The animation plays: nothing is refined.
+    pub is_playing: bool,
+    /// Seconds that a preview may take.
+    pub frame_seconds: f64,
+}
+
+/// Which options a picture was rendered with.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Side {
+    /// The view's own.
+    Current,
+    /// Those that it is compared with.
+    Kept,
+}
+
+/// How far a picture is refined.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Quality {
+    Preview(Detail),
+    /// This step of so many.
+    Refined(usize, usize),
+}
+
+/// A picture for the window.
+#[derive(Clone, Debug)]
+pub struct Picture {
+    pub side: Side,
+    /// Display-linear.
+    pub image: Image,
+    pub quality: Quality,
+    pub exposures: Option<Exposures>,
+    pub samples: usize,
+    pub evaluation: Option<Evaluation>,
+    /// Where samples appear, in parts of the picture's width and height.
+    pub dots: Vec<Vec2>,
+    pub seconds: f64,
+    pub stages: StageSeconds,
+    pub warnings: Vec<String>,
+}
+
+/// What the worker tells the window.
+#[derive(Clone, Debug)]
+pub enum Message {
+    /// The back end, in words.
+    Backend(String),
+    Picture(Box<Picture>),
+    /// The picture could not be rendered; the last one stays.
+    Failed(String),
+    /// The object at the place that was clicked, if there is one.
+    Picked(Option<usize>),
+    Job(JobProgress),
+}
+
+/// What is to be done. Newer views replace older ones.
+#[derive(Debug, Default)]
+struct Orders {
+    view: Option<View>,
+    /// A place in the picture, in parts of its width and height.
+    pick: Option<Vec2>,
+    job: Option<Job>,
+    is_over: bool,
+}
+
+#[derive(Debug, Default)]
+struct Shared {
+    orders: Mutex<Orders>,
+    arrived: Condvar,
+    /// Something was ordered that makes the picture being refined obsolete.
+    is_outdated: AtomicBool,
+    /// The job at hand is to end.
+    is_aborted: AtomicBool,
+}
+
+/// The thread, from the window's side.
+#[derive(Debug)]
+pub struct Worker {
+    shared: Arc<Shared>,
+    messages: Receiver<Message>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl Worker {
+    /// Starts the thread. `wake` is called whenever there are messages.
+    pub fn start(choice: BackendChoice, wake: impl Fn() + Send + Sync + 'static) -> Self {
+        let shared = Arc::new(Shared::default());
+        let (sender, messages) = channel();
+        let of_thread = shared.clone();
+        let thread = std::thread::spawn(move || {
+            Loop { shared: of_thread, sender, wake: Box::new(wake), choice, budget: Budget::new(0.05) }.run();
+        });
+        Self { shared, messages, thread: Some(thread) }
+    }
+
+    /// Shows a view instead of the last one.
+    pub fn show(&self, view: View) {
+        self.order(|orders| orders.view = Some(view));
+    }
+
+    /// Asks which object is seen at a place, in parts of the picture's width and height.
+    pub fn pick(&self, place: Vec2) {
+        self.order(|orders| orders.pick = Some(place));
+    }
+
+    /// Begins a job; views wait until it is done.
+    pub fn begin(&self, job: Job) {
+        self.shared.is_aborted.store(false, Ordering::Relaxed);
+        self.order(|orders| orders.job = Some(job));
+    }
+
+    /// Ends the job at hand.
+    pub fn abort(&self) {
+        self.shared.is_aborted.store(true, Ordering::Relaxed);
+    }
+
+    /// The next message, if there is one.
+    pub fn message(&self) -> Option<Message> {
+        self.messages.try_recv().ok()
+    }
+
+    fn order(&self, change: impl FnOnce(&mut Orders)) {
+        change(&mut self.shared.orders());
+        self.shared.is_outdated.store(true, Ordering::Relaxed);
+        self.shared.arrived.notify_one();
+    }
+}
+
+impl Drop for Worker {
+    fn drop(&mut self) {
+        self.abort();
+        self.order(|orders| orders.is_over = true);
+        if let Some(thread) = self.thread.take() {
+            // It has already told what went wrong.
+            let _ = thread.join();
+        }
+    }
+}
+
+impl Shared {
+    fn orders(&self) -> MutexGuard<'_, Orders> {
+        self.orders.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Waits for orders, up to some time if there is something else to do. Takes them.
+    fn next(&self, at_most: Option<Duration>) -> Orders {
+        let is_idle = |orders: &mut Orders| {
+            orders.view.is_none() && orders.pick.is_none() && orders.job.is_none() && !orders.is_over
+        };
+        let orders = self.orders();
+        let mut orders = match at_most {
+            None => self.arrived.wait_while(orders, is_idle).unwrap_or_else(PoisonError::into_inner),
+            Some(time) => {
+                self.arrived.wait_timeout_while(orders, time, is_idle).unwrap_or_else(PoisonError::into_inner).0
+            }
+        };
+        self.is_outdated.store(false, Ordering::Relaxed);
+        Orders { is_over: orders.is_over, ..std::mem::take(&mut *orders) }
+    }
+}
+
+/// What is left to refine.
+#[derive(Debug, Default)]
+struct Refinement {
+    steps: Vec<RefinementStep>,
+    done: usize,
+}
+
+#[derive(Debug)]
+struct RefinementStep {
+    side: Side,
+    options: Options,
+    quality: Quality,
+}
+
+/// The engines of both sides. They are kept from view to view, with everything that they have prepared.
+#[derive(Debug, Default)]
+struct Engines {
+    current: Option<Engine>,
+    kept: Option<Engine>,
+}
+
+impl Engines {
+    fn of(&mut self, side: Side) -> &mut Option<Engine> {
+        match side {
+            Side::Current => &mut self.current,
+            Side::Kept => &mut self.kept,
+        }
+    }
+
+    /// The engine of a side, for its options.
+    fn set(&mut self, side: Side, scene: &Scene, options: &Options, backend: &Backend) -> &mut Engine {
+        let new = || Engine::new(scene.clone(), options.clone(), backend.clone());
+        let engine = self.of(side).get_or_insert_with(new);
+        engine.scene_mut().clone_from(scene);
+        engine.options_mut().clone_from(options);
+        engine
+    }
+}
+
+struct Loop {
+    shared: Arc<Shared>,
+    sender: Sender<Message>,
+    wake: Box<dyn Fn() + Send + Sync>,
+    choice: BackendChoice,
+    budget: Budget,
+}
+
+impl Loop {
+    fn run(mut self) {
+        let mut backend = self.open();
+        let mut engines = Engines::default();
+        let mut refinement = Refinement::default();
+        loop {
+            let is_refining = refinement.done < refinement.steps.len();
+            let rest = if refinement.done == 0 { REST } else { Duration::ZERO };
+            let orders = self.shared.next(is_refining.then_some(rest));
+            if orders.is_over {
+                return;
+            }
+            let was_idle = orders.view.is_none() && orders.pick.is_none() && orders.job.is_none();
+            let mut result = Ok(());
+            if let Some(view) = orders.view {
+                refinement = refinement_of(&view);
+                result = self.previews(&mut engines, &view, &backend);
+            }
+            if let (Some(place), Some(engine)) = (orders.pick, &mut engines.current) {
+                self.send(Message::Picked(engine.object_at(place)));
+            }
+            if let Some(job) = orders.job {
+                let tell = |progress| self.send(Message::Job(progress));
+                run_job(job, &backend, &self.shared.is_aborted, &tell);
+            }
+            if was_idle && is_refining {
+                result = self.refine(&mut engines, &mut refinement);
+            }
+            match result {
+                Ok(()) | Err(Error::Cancelled) => {}
+                Err(error) => {
+                    refinement = Refinement::default();
+                    if is_lost(&error) {
+                        // A new device; everything is prepared for it again.
+                        engines = Engines::default();
+                        backend = self.open();
+                    }
+                    self.send(Message::Failed(error.to_string()));
+                }
+            }
+        }
+    }
+
+    fn open(&self) -> Backend {
+        let backend = match wait(None, Backend::open(&self.choice)) {
+            Ok(backend) => backend,
+            Err(error) => {
+                self.send(Message::Failed(format!("{error}; the CPU renders instead")));
+                Backend::cpu()
+            }
+        };
+        self.send(Message::Backend(backend.report().to_string()));
+        backend
+    }
+
+    /// Renders a preview of each side.
+    fn previews(&mut self, engines: &mut Engines, view: &View, backend: &Backend) -> Result<(), Error> {
+        let sides = if view.kept.is_some() { 2.0 } else { 1.0 };
+        self.budget.set_target(view.frame_seconds / sides);
+        self.preview(engines.set(Side::Current, &view.scene, &view.options, backend), Side::Current)?;
+        let Some(kept) = &view.kept else {
+            engines.kept = None;
+            return Ok(());
+        };
+        self.preview(engines.set(Side::Kept, &view.scene, kept, backend), Side::Kept)
+    }
+
+    /// Renders a preview, or a coarse picture where another one than beauty is shown.
+    fn preview(&mut self, engine: &mut Engine, side: Side) -> Result<(), Error> {
+        let watch = Stopwatch::new(None);
+        let began = Instant::now();
+        let backend = engine.backend().clone();
+        let detail = self.budget.detail(engine.options().size);
+        if engine.options().aovs != [Aov::Beauty] {
+            let whole = engine.options().clone();
+            let coarse = whole.coarse_to_fine().swap_remove(0).with_size(whole.size_within(COARSE_SIZE));
+            *engine.options_mut() = coarse;
+            let quality = Quality::Preview(Detail { size: engine.options().size, ..detail });
+            let picture = self.render(engine, side, quality);
+            *engine.options_mut() = whole;
+            self.send(Message::Picture(Box::new(picture?)));
+            return Ok(());
+        }
+        let preview = wait(backend.device(), engine.preview(&detail, &watch))?;
+        let seconds = began.elapsed().as_secs_f64();
+        self.budget.took(seconds);
+        let size = glam::UVec2::from_array(engine.options().size).as_vec2();
+        self.send(Message::Picture(Box::new(Picture {
+            side,
+            image: preview.image,
+            quality: Quality::Preview(detail),
+            exposures: Some(preview.exposures),
+            samples: preview.samples,
+            evaluation: preview.evaluation,
+            dots: preview.dots.iter().map(|dot| *dot / size).collect(),
+            seconds,
+            stages: watch.seconds(),
+            warnings: Vec::new(),
+        })));
+        Ok(())
+    }
+
+    fn refine(&self, engines: &mut Engines, refinement: &mut Refinement) -> Result<(), Error> {
+        let RefinementStep { side, options, quality } = &refinement.steps[refinement.done];
+        if let Some(engine) = engines.of(*side) {
+            engine.options_mut().clone_from(options);
+            let picture = self.render(engine, *side, *quality)?;
+            self.send(Message::Picture(Box::new(picture)));
+        }
+        refinement.done += 1;
+        Ok(())
+    }
+
+    /// Renders a whole picture, unless it becomes obsolete.
+    fn render(&self, engine: &mut Engine, side: Side, quality: Quality) -> Result<Picture, Error> {
+        let watch = Stopwatch::new(Some(&self.shared.is_outdated));
+        let began = Instant::now();
+        let backend = engine.backend().clone();
+        // Dots are drawn by the window.
+        let overlay = std::mem::replace(&mut engine.options_mut().overlay, Overlay::None);
+        let rendered = wait(backend.device(), engine.render(&watch));
+        engine.options_mut().overlay = overlay;
+        let rendered = rendered?;
+        let mut dots = Vec::new();
+        if overlay == Overlay::Samples {
+            dots = wait(backend.device(), engine.visible_samples(&watch))?;
+        }
+        let size = glam::UVec2::from_array(engine.options().size).as_vec2();
+        Ok(Picture {
+            side,
+            image: rendered.displayed(&engine.options().display),
+            quality,
+            exposures: rendered.report.exposures,
+            samples: rendered.report.samples,
+            evaluation: rendered.report.evaluation,
+            dots: dots.iter().map(|dot| *dot / size).collect(),
+            seconds: began.elapsed().as_secs_f64(),
+            stages: watch.seconds(),
+            warnings: rendered.report.warnings,
+        })
+    }
+
+    fn send(&self, message: Message) {
+        // Without a window nobody listens.
+        let _ = self.sender.send(message);
+        (self.wake)();
+    }
+}
+
+/// From a draft to the view's own settings, on both sides in turn; nothing while it moves.
+fn refinement_of(view: &View) -> Refinement {
+    if view.is_playing {
+        return Refinement::default();
+    }
+    let sides = [(Side::Current, Some(&view.options)), (Side::Kept, view.kept.as_ref())];
+    let steps_of = |(side, options): (Side, Option<&Options>)| {
+        let Some(options) = options else { return Vec::new() };
+        let draft = options.coarse_to_fine().into_iter().nth(1).filter(|draft| draft.samples < options.samples);
+        let draft = draft.map(|draft| draft.with_pixel_samples(1));
+        let all: Vec<Options> = draft.into_iter().chain([options.clone()]).collect();
+        let count = all.len();
+        let step = |(index, options)| RefinementStep { side, options, quality: Quality::Refined(index + 1, count) };
+        all.into_iter().enumerate().map(step).collect()
+    };
+    let mut steps: Vec<RefinementStep> = sides.into_iter().flat_map(steps_of).collect();
+    // Drafts of both sides come first; the order is stable.
+    steps.sort_by_key(|step| matches!(step.quality, Quality::Refined(index, count) if index == count));
+    Refinement { steps, done: 0 }
+}
+
+fn is_lost(error: &Error) -> bool {
+    matches!(error, Error::Gpu(crate::gpu::GpuError::Lost { .. }))
+}

@@ -1,0 +1,81 @@
+//! Previews beside whole pictures of the same samples: alike when they are still, and as calm when they move.
+
+use pinspot::image::{Image, srgb8};
+use pinspot::{Backend, Detail, Engine, EvaluationChoice, NoProgress, blocking};
+
+const SIZE: [u32; 2] = [120, 90];
+const SAMPLES: u32 = 150;
+const SHADOW_DIRECTIONS: u32 = 256;
+/// Frames per second of the slow animations whose flicker is measured.
+const RATE: f32 = 24.0;
+
+fn engine(scene: &str) -> Engine {
+    let (scene, options) = pinspot::load(scene).unwrap();
+    let options = options.with_size(SIZE).with_samples(SAMPLES).with_evaluation(EvaluationChoice::Flat);
+    Engine::new(scene, options, Backend::cpu())
+}
+
+fn preview(engine: &mut Engine, spacing: u32) -> Image {
+    let detail = Detail { size: SIZE, samples: SAMPLES, spacing, shadow_directions: SHADOW_DIRECTIONS };
+    blocking::wait(None, engine.preview(&detail, &NoProgress)).unwrap().image
+}
+
+fn whole(engine: &mut Engine) -> Image {
+    let display = engine.options().display;
+    blocking::wait(None, engine.render(&NoProgress)).unwrap().displayed(&display)
+}
+
+/// The mean difference of two pictures, levels of 255.
+fn difference(a: &Image, b: &Image) -> f64 {
+    let levels = |image: &Image| image.pixels.iter().flat_map(|p| srgb8(*p)).collect::<Vec<u8>>();
+    let (a, b) = (levels(a), levels(b));
+    a.iter().zip(&b).map(|(a, b)| f64::from(a.abs_diff(*b))).sum::<f64>() / a.len() as f64
+}
+
+/// What differs are anti-aliased edges, which previews do not have, shadows by fewer directions, and the paper's ε.
+#[test]
+fn previews_look_like_the_whole_picture() {
+    for (scene, most) in
+        [("ring-natural", 4.0), ("columns", 5.0), ("mirror-sphere", 3.0), ("spoon", 3.0), ("sheet", 4.0)]
+    {
+        let mut engine = engine(scene);
+        let whole = whole(&mut engine);
+        let [every, second, fourth] = [1, 2, 4].map(|spacing| difference(&preview(&mut engine, spacing), &whole));
+        println!("{scene}: {every:.2} levels in every pixel, {second:.2} at spacing 2, {fourth:.2} at spacing 4");
+        assert!(every < most, "{scene}: {every}");
+        assert!(fourth < every + 1.5, "{scene}: interpolation adds {every} → {fourth}");
+    }
+}
+
+/// From frame to frame of a slow motion, a preview changes hardly more than the whole picture does.
+#[test]
+fn previews_do_not_flicker() {
+    for scene in ["ring-natural", "mirror-sphere", "columns"] {
+        let mut engine = engine(scene);
+        let mut changes = [0.0; 2];
+        let mut last: Option<[Image; 2]> = None;
+        for frame in 0..6 {
+            engine.scene_mut().pose(0.2 + frame as f32 / RATE);
+            let pictures = [preview(&mut engine, 3), whole(&mut engine)];
+            if let Some(last) = &last {
+                (0..2).for_each(|k| changes[k] += difference(&pictures[k], &last[k]));
+            }
+            last = Some(pictures);
+        }
+        let [preview, whole] = changes;
+        println!("{scene}: {preview:.2} levels of change in previews, {whole:.2} in whole pictures");
+        assert!(preview < 1.2 * whole + 0.1, "{scene}: {preview} against {whole}");
+    }
+}
+
+/// The picture does not depend on what was shown before.
+#[test]
+fn previews_equal_those_of_a_new_engine() {
+    let mut moved = engine("columns");
+    preview(&mut moved, 2);
+    moved.scene_mut().pose(1.0);
+    preview(&mut moved, 4);
+    let mut new = engine("columns");
+    new.scene_mut().pose(1.0);
+    assert_eq!(preview(&mut moved, 3), preview(&mut new, 3));
+}
