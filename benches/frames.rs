@@ -17,8 +17,8 @@ const SIZE: u32 = 400;
 const FRAMES: u32 = 24;
 const FRAMES_PER_SECOND: f32 = 24.0;
 /// Pixels between those in which light is computed.
-const SPACING: u32 = 3;
-const SHADOW_DIRECTIONS: u32 = 64;
+const SPACING: u32 = 4;
+const SHADOW_DIRECTIONS: u32 = 32;
 
 /// Adds up the seconds of each stage.
 #[derive(Default)]

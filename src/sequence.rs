@@ -70,6 +70,10 @@ fn is_animated(path: &Path) -> bool {
     path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("apng"))
 }
 
+fn is_exr(path: &Path) -> bool {
+    path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("exr"))
+}
+
 fn is_png(path: &Path) -> bool {
     path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("png"))
 }
@@ -82,7 +86,14 @@ impl Sequence {
     /// Names that do not fit.
     pub fn new(frames: Range<u32>, frames_per_second: u16, outputs: Vec<PathBuf>) -> Result<Self, ImageError> {
         let refuse = |path: &Path, reason: &str| Err(ImageError::Name { path: path.into(), reason: reason.to_owned() });
+        if frames.is_empty() {
+            let path = outputs.first().map_or(Path::new(""), PathBuf::as_path);
+            return refuse(path, "would have no frames: give a range such as 0..120");
+        }
         for path in &outputs {
+            if !(is_animated(path) || is_png(path) || is_exr(path)) {
+                return refuse(path, "is of no format for frames: give a name that ends in .png, .exr or .apng");
+            }
             match numbered(path, 0) {
                 Some(_) if is_animated(path) => {
                     return refuse(path, "is one file for all frames: give a name without '#'");
@@ -188,14 +199,17 @@ impl FrameRenderer<'_> {
         Ok(file.commit()?)
     }
 
-    /// Moves the scene to where it is in a frame. Returns the frame's fingerprint, with the exposure as it was asked for: what is
-    /// metered follows from the rest.
+    /// Moves the scene to where it is in a frame. Returns the frame's fingerprint, with the exposure as it was asked for: a metered one
+    /// follows from the first frame.
     fn pose(&mut self, frame: u32) -> String {
         self.engine.scene_mut().pose(frame as f32 / f32::from(self.report.frames_per_second));
         let metered = std::mem::replace(&mut self.engine.options_mut().display.exposure, self.requested);
         let fingerprint = self.engine.fingerprint();
         self.engine.options_mut().display.exposure = metered;
-        fingerprint
+        match self.requested {
+            Exposure::Auto => format!("{fingerprint}-{}", self.report.first_frame),
+            Exposure::Stops(_) => fingerprint,
+        }
     }
 
     /// Renders a frame and writes it.
@@ -293,6 +307,9 @@ mod tests {
             |names: &[&str]| Sequence::new(0..2, 24, names.iter().map(Into::into).collect()).unwrap_err().to_string();
         assert!(message(&["a.png"]).contains("'a.png' is one file for many frames"));
         assert!(message(&["a-#.apng"]).contains("without '#'"));
+        assert!(message(&["a-#.jpg"]).contains("ends in .png, .exr or .apng"));
+        let nothing = Sequence::new(3..3, 24, vec!["a-#.png".into()]).unwrap_err();
+        assert!(nothing.to_string().contains("no frames"));
         assert!(message(&["a.apng", "b.apng"]).contains("'b.apng' would be the copy"));
     }
 }

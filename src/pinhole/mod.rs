@@ -176,13 +176,13 @@ pub fn pinholes(scene: &Scene, samples: &[DifferentialSample], footprint: Footpr
 
 impl Pinholes {
     /// Traces a visibility map for every sample, so that occlusion of receivers and of the environment counts. `scene` is the
-    /// one that the samples and the tracer were made of.
+    /// one that the samples and the tracer were made of. Once it is cancelled, nothing is occluded.
     pub fn trace_visibility(&mut self, scene: &Scene, tracer: &Tracer, progress: &dyn Progress) {
         self.trace_maps(scene, tracer, Edges::Fine, progress);
     }
 
     pub(crate) fn trace_maps(&mut self, scene: &Scene, tracer: &Tracer, edges: Edges, progress: &dyn Progress) {
-        self.visibility = Some(VisibilityMaps::trace(scene, tracer, &mut self.samples, edges, progress));
+        self.visibility = VisibilityMaps::trace(scene, tracer, &mut self.samples, edges, progress);
     }
 }
 

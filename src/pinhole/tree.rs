@@ -69,10 +69,13 @@ impl PinholeTree {
         self.sample_nodes.trace_visibility(scene, tracer, progress);
     }
 
-    /// The same for gathers on the CPU, which then trace rays where the maps are in doubt.
+    /// The same for gathers on the CPU, which then trace rays where the maps are in doubt. Once it is cancelled, there are neither.
     pub fn trace_visibility_and_doubts(&mut self, scene: &Scene, tracer: Arc<Tracer>, progress: &dyn Progress) {
         let nodes = &mut self.sample_nodes;
-        nodes.visibility = Some(VisibilityMaps::trace(scene, &tracer, &mut nodes.samples, Edges::Traced, progress));
+        nodes.visibility = VisibilityMaps::trace(scene, &tracer, &mut nodes.samples, Edges::Traced, progress);
+        if nodes.visibility.is_none() {
+            return;
+        }
         let faces_front = |mirror: &Option<Mirror>| mirror.as_ref().is_none_or(|mirror| mirror.faces_front);
         let faces_front = self.mirrors.of_object.iter().map(faces_front).collect();
         self.occluders = Some(Occluders { tracer, faces_front });

@@ -90,30 +90,28 @@ pub(super) fn frame(n: Vec3) -> [Vec3; 2] {
 
 impl VisibilityMaps {
     /// Traces the maps of all samples and stores in each sample the index of its map. Two-sided samples get two, the back's second.
+    /// `None` if it was cancelled.
     pub(super) fn trace(
         scene: &Scene,
         tracer: &Tracer,
         samples: &mut [PinholeSample],
         edges: Edges,
         progress: &dyn Progress,
-    ) -> Self {
+    ) -> Option<Self> {
         let Hemispheres { resolution, of_maps } = Hemispheres::number(scene, samples);
         let resolution = resolution.min(edges.most_texels());
-        let traced: Vec<TracedMap> = {
-            let trace = |hemisphere: &Hemisphere| {
-                let is_wanted = !progress.is_cancelled();
-                is_wanted.then(|| hemisphere.trace(tracer, resolution, edges))
-            };
-            // Without all of the maps, there are none.
-            of_maps.par_iter().map(trace).collect::<Option<_>>().unwrap_or_default()
+        let trace = |hemisphere: &Hemisphere| {
+            let is_wanted = !progress.is_cancelled();
+            is_wanted.then(|| hemisphere.trace(tracer, resolution, edges))
         };
+        let traced: Vec<TracedMap> = of_maps.par_iter().map(trace).collect::<Option<_>>()?;
         let mut maps = Self { resolution, ..Self::default() };
         for TracedMap { planes, sky_mask, doubts } in traced {
             maps.planes.extend(planes);
             maps.sky_mask.extend(sky_mask);
             maps.doubts.extend(doubts);
         }
-        maps
+        Some(maps)
     }
 }
 

@@ -8,6 +8,7 @@ mod document;
 mod environment;
 mod objects;
 
+use std::ops::Range;
 use std::path::Path;
 
 use glam::Vec3;
@@ -33,9 +34,15 @@ pub struct Loaded<R> {
     pub render: R,
     file: String,
     lines: KeyLines,
+    objects_of_tables: Vec<Range<usize>>,
 }
 
 impl<R> Loaded<R> {
+    /// The objects that each `[[object]]` table makes, as indices in the scene: one, or one for each material of a mesh.
+    pub fn objects_of_tables(&self) -> &[Range<usize>] {
+        &self.objects_of_tables
+    }
+
     /// An error for a value of the `[render]` table that was found invalid later; it names file and line.
     pub fn render_error(&self, key: &str, message: impl Into<String>) -> SceneError {
         let key = format!("render.{key}");
@@ -96,7 +103,8 @@ pub fn parse<R: DeserializeOwned + Default>(
     let camera = builder.camera(&tables.camera)?;
     let animations = builder.animations(&tables.animation, &animated, &tables.camera)?;
     let scene = Scene { name, environment, camera, objects, animations, notes };
-    Ok(Loaded { scene, render: tables.render, file, lines })
+    let objects_of_tables = animated.into_iter().map(|table| table.objects).collect();
+    Ok(Loaded { scene, render: tables.render, file, lines, objects_of_tables })
 }
 
 /// The candidate most similar to `word`, if one is similar enough.

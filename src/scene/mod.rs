@@ -22,7 +22,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 pub use animation::{
-    Animation, CameraMotion, EnvironmentMotion, Interpolation, KeyFrameError, KeyFrames, ObjectMotion,
+    Animation, CameraMotion, EnvironmentMotion, Interpolation, KeyFrameError, KeyFrames, ObjectMotion, Waves,
 };
 pub use assets::Assets;
 pub use builtin::{BUILT_IN, BuiltIn};

@@ -136,6 +136,15 @@ impl Tracer {
 
     /// The first things that the camera sees along sixteen rays, in the lanes asked for.
     pub(crate) fn camera_hits(&self, rays: &[Ray; LANES], lanes: u32) -> [Option<Hit>; LANES] {
+        self.nearest(rays, lanes, 0.0, &InvisibleToCamera(self))
+    }
+
+    /// The first things along sixteen rays that leave surfaces, in the lanes asked for.
+    pub(crate) fn secondary_hits(&self, rays: &[Ray; LANES], lanes: u32) -> [Option<Hit>; LANES] {
+        self.nearest(rays, lanes, self.offset, &NoFilter)
+    }
+
+    fn nearest(&self, rays: &[Ray; LANES], lanes: u32, start: f32, filter: &impl HitFilter) -> [Option<Hit>; LANES] {
         if self.corners.is_empty() {
             return [const { None }; LANES];
         }
@@ -146,8 +155,8 @@ impl Tracer {
             ends: [f32::INFINITY; LANES],
             lanes,
         };
-        let (tree, filter) = ((&self.bvh, &self.corners[..]), InvisibleToCamera(self));
-        let hits = dispatch!(level(), simd => nearest_hits(simd, tree, &packet, 0.0, &filter));
+        let tree = (&self.bvh, &self.corners[..]);
+        let hits = dispatch!(level(), simd => nearest_hits(simd, tree, &packet, start, filter));
         std::array::from_fn(|lane| self.hit_in_lane(&hits, lane, rays[lane]))
     }
 
@@ -453,6 +462,32 @@ mod tests {
                 assert!(tracer.is_blocked(Ray { origin, direction: Vec3::NEG_Z }), "{scale}: ray {k}");
             }
             assert_eq!(hits, 1000, "scale {scale}");
+        }
+    }
+
+    /// Packets find what single rays do, in the lanes asked for alone, and look through what the camera does not see.
+    #[test]
+    fn packets_of_rays_find_what_single_rays_do() {
+        let near = Shape::Sphere(Sphere { radius: 0.4 }).mesh().unwrap();
+        let far = Shape::Sphere(Sphere { radius: 1.0 }).mesh().unwrap();
+        let tracer = Tracer::of_meshes([(&near, false), (&far, true)].into_iter());
+        let rays: [Ray; LANES] = std::array::from_fn(|lane| {
+            let origin = Vec3::new(0.15 * lane as f32 - 1.1, 0.1, 3.0);
+            Ray { origin, direction: Vec3::NEG_Z }
+        });
+        let lanes = 0b1111_1111_1101_1111;
+        let (seen, met) = (tracer.camera_hits(&rays, lanes), tracer.secondary_hits(&rays, lanes));
+        for lane in 0..LANES {
+            let is_asked = lanes >> lane & 1 == 1;
+            let single = [tracer.camera_hit(rays[lane]), tracer.secondary_hit(rays[lane])];
+            for (packet, single) in [seen[lane], met[lane]].into_iter().zip(single) {
+                let single = single.filter(|_| is_asked);
+                assert_eq!(packet.map(|hit| hit.object), single.map(|hit| hit.object), "lane {lane}");
+                if let (Some(packet), Some(single)) = (packet, single) {
+                    assert!(packet.position.abs_diff_eq(single.position, 1e-4), "lane {lane}");
+                }
+            }
+            assert!(seen[lane].is_none_or(|hit| hit.object == 1));
         }
     }
 }

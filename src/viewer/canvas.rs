@@ -8,20 +8,15 @@ use glam::Vec2;
 use rayon::prelude::*;
 
 use super::Viewer;
-use super::document::differing_options;
 use super::gizmo::{self, Arrow, Axis};
-use super::navigation::{dolly, orbit, pan};
 use super::panel::named;
+use super::scene_text::differing_options;
 use super::worker::{Picture, Quality, Side};
 use crate::image::srgb8;
 use crate::options::{Options, Overlay};
 
 /// A refined picture replaces the one before it over this long, so that nothing jumps.
 const FADE: Duration = Duration::from_millis(250);
-/// The distance changes by a factor of e for so many points of scrolling.
-const POINTS_PER_E: f32 = 400.0;
-/// A step of the arrow keys, in parts of the window's height.
-const KEY_STEP: f32 = 0.04;
 /// The longest edge of the picture, pixels.
 const MAX_EDGE: u32 = 8192;
 
@@ -153,6 +148,9 @@ impl Viewer {
         let (area, response) = ui.allocate_exact_size(ui.available_size(), Sense::click_and_drag());
         named(&response, egui::Role::Image, "Picture");
         self.set_size(area, ui.ctx().pixels_per_point());
+        if !response.dragged() {
+            self.canvas.held = None;
+        }
         let painter = ui.painter_at(area);
         self.paint_sides(&painter, area);
         self.drag_divider(ui, &response, area);
@@ -245,8 +243,9 @@ impl Viewer {
                 .say("its animation places this object; switch \u{201c}Animate\u{201d} off to move it".to_owned());
             return false;
         }
-        let object = &mut self.document.state.scene.objects[index];
-        object.placement.translate += step;
+        let mut placement = self.document.state.scene.objects[index].placement;
+        placement.translate += step;
+        self.document.place(index, placement);
         step != glam::Vec3::ZERO
     }
 
@@ -264,62 +263,6 @@ impl Viewer {
             crate::scene::Animation::Objects(motion) => motion.objects.contains(&index),
             _ => false,
         })
-    }
-
-    /// Orbits by dragging, pans by the other buttons or with Shift, and dollies by scrolling, pinching or keys.
-    fn move_camera(&mut self, ui: &egui::Ui, response: &egui::Response, area: Rect) -> bool {
-        use egui::{Key, PointerButton};
-        let before = self.document.state.scene.camera;
-        let mut camera = before;
-        if !self.canvas.holds_camera && self.document.state.is_animated {
-            camera = self.posed_scene().camera;
-        }
-        let start = camera;
-        let height = area.height().max(1.0);
-        let drag = response.drag_delta() / height;
-        let drag = Vec2::new(drag.x, drag.y);
-        let is_primary = response.dragged_by(PointerButton::Primary);
-        let is_panning = ui.input(|input| input.modifiers.shift) || !is_primary;
-        if response.dragged() && drag != Vec2::ZERO {
-            if is_panning { pan(&mut camera, &mut self.target, drag) } else { orbit(&mut camera, self.target, drag) }
-        }
-        if response.hovered() {
-            let (scroll, zoom) = ui.input(|input| (input.smooth_scroll_delta().y, input.zoom_delta()));
-            let factor = (-scroll / POINTS_PER_E).exp() / zoom;
-            if factor != 1.0 {
-                dolly(&mut camera, self.target, factor);
-            }
-        }
-        if !ui.ctx().egui_wants_keyboard_input()
-            && ui.memory(|memory| memory.focused().is_none_or(|id| id == response.id))
-        {
-            let held = |key| ui.input(|input| input.key_pressed(key));
-            let is_shift = ui.input(|input| input.modifiers.shift);
-            let steps = [
-                (Key::ArrowLeft, Vec2::new(-KEY_STEP, 0.0)),
-                (Key::ArrowRight, Vec2::new(KEY_STEP, 0.0)),
-                (Key::ArrowUp, Vec2::new(0.0, -KEY_STEP)),
-                (Key::ArrowDown, Vec2::new(0.0, KEY_STEP)),
-            ];
-            for (_, step) in steps.into_iter().filter(|(key, _)| held(*key)) {
-                if is_shift {
-                    pan(&mut camera, &mut self.target, -step);
-                } else {
-                    orbit(&mut camera, self.target, -step);
-                }
-            }
-            if held(Key::Plus) || held(Key::Equals) {
-                dolly(&mut camera, self.target, 1.0 / 1.1);
-            }
-            if held(Key::Minus) {
-                dolly(&mut camera, self.target, 1.1);
-            }
-        }
-        if camera == start {
-            return false;
-        }
-        self.document.state.scene.camera = camera;
-        true
     }
 
     /// What is shown, in the lower left corner, and what went wrong, above it.

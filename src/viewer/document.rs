@@ -1,16 +1,17 @@
 //! The scene that is open: as it was loaded, as it has been edited, and how it is written back to a scene file, whose comments and order
 //! stay. Knows neither rendering nor the window.
 
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-use glam::Vec3;
-use toml_edit::{Array, DocumentMut, InlineTable, Item, Table, Value, value};
+use toml_edit::{DocumentMut, InlineTable, Item, Table, value};
 
 use super::history::History;
+use super::scene_text::{number, vector, write_camera, write_options};
 use crate::Error;
 use crate::image::write_atomically;
 use crate::options::{Exposure, Options, Settings};
-use crate::scene::{BUILT_IN, Camera, EnvironmentMap, Light, Loaded, MapLayout, Projection, Scene, parse};
+use crate::scene::{BUILT_IN, EnvironmentMap, Light, Loaded, MapLayout, Scene, Transform, parse};
 
 /// What an edit changes, and undoing restores.
 #[derive(Clone, Debug)]
@@ -36,6 +37,8 @@ pub struct Document {
     on_disk: String,
     /// Files named in the text are relative to it.
     folder: PathBuf,
+    /// The objects of each `[[object]]` table of the text.
+    objects_of_tables: Vec<Range<usize>>,
     /// As loaded.
     pub original: State,
     pub state: State,
@@ -71,13 +74,24 @@ impl Document {
         files
     }
 
-    /// The same scene from its files as they are now, with the edits that were made since.
+    /// The same scene from its files as they are now, without edits.
     pub fn reloaded(&self) -> Result<Self, String> {
-        let on_disk = std::fs::read_to_string(&self.name).unwrap_or_default();
-        let is_new = !on_disk.is_empty() && on_disk != self.on_disk;
-        let text = if is_new { on_disk.clone() } else { self.text.clone() };
+        // Editors that truncate a file before they write it leave it empty for a moment.
+        let read = std::fs::read_to_string(&self.name).ok().filter(|text| !text.is_empty());
+        let on_disk = read.unwrap_or_else(|| self.on_disk.clone());
+        let text = if on_disk == self.on_disk { self.text.clone() } else { on_disk.clone() };
         let mut opened = Self { on_disk, ..Self::of_text(&self.name, text, &self.folder)? };
-        let State { scene, options, is_animated, kept, map } = &self.state;
+        if let Some(map) = &self.state.map {
+            let (map, file) = Self::read_map(Path::new(map))?;
+            opened.state.scene.environment.light = Light::Map(map);
+            opened.state.map = Some(file);
+        }
+        Ok(opened)
+    }
+
+    /// The edits of this document, on the same one read again. What was edited before cannot be undone any more.
+    pub fn edits_on(&self, mut opened: Self) -> Self {
+        let State { scene, options, is_animated, kept, .. } = &self.state;
         if *options != self.original.options {
             opened.state.options = options.clone();
         }
@@ -95,30 +109,34 @@ impl Document {
                 object.placement = edited.placement;
             }
         }
-        if let Some(map) = map {
-            let (map, file) = Self::read_map(Path::new(map))?;
-            new.environment.light = Light::Map(map);
-            opened.state.map = Some(file);
-        }
         opened.state.kept.clone_from(kept);
         opened.state.is_animated = *is_animated && !opened.state.scene.animations.is_empty();
-        opened.history = self.history.clone();
-        Ok(opened)
+        opened
     }
 
     fn of_text(name: &str, text: String, folder: &Path) -> Result<Self, String> {
         let loaded = parse::<Settings>(name, &text, folder).map_err(|e| e.to_string())?;
         let options = loaded.render.clone().options();
         let options = options.map_err(|e| loaded.render_error(e.key(), e.to_string()).to_string())?;
+        let objects_of_tables = loaded.objects_of_tables().to_vec();
         let Loaded { scene, .. } = loaded;
         let is_animated = !scene.animations.is_empty();
         let state = State { scene, options, is_animated, kept: None, map: None };
         let (original, history) = (state.clone(), History::default());
         let on_disk = String::new();
-        Ok(Self { name: name.to_owned(), text, on_disk, folder: folder.to_owned(), original, state, history })
+        Ok(Self {
+            name: name.to_owned(),
+            text,
+            on_disk,
+            folder: folder.to_owned(),
+            objects_of_tables,
+            original,
+            state,
+            history,
+        })
     }
 
-    /// The same scene with a mesh added, which takes its materials from its own library or else mirrors on both sides. Edits are kept.
+    /// The scene without its edits and with a mesh added, which takes its materials from its own library or else mirrors on both sides.
     pub fn with_mesh(&self, mesh: &Path) -> Result<Self, String> {
         let add = |has_materials: bool| -> Result<Self, String> {
             let mut document = self.document()?;
@@ -142,17 +160,15 @@ impl Document {
             let added = document.state.scene.objects.get(own..).unwrap_or_default();
             added.iter().any(|object| object.reflector.is_some() || object.receiver.is_some())
         };
-        let opened = if has_surface(&with_own) { with_own } else { add(false)? };
-        Ok(self.carried_over(opened))
+        Ok(if has_surface(&with_own) { with_own } else { add(false)? })
     }
 
-    /// Edits of this document, on another one that has the same objects and more.
-    fn carried_over(&self, mut opened: Self) -> Self {
-        let added = opened.state.scene.objects.split_off(self.state.scene.objects.len());
-        opened.state = State { scene: self.state.scene.clone(), ..self.state.clone() };
+    /// The edits of this document, on another one that has one more mesh.
+    pub fn edits_with_mesh(&self, mut opened: Self) -> Self {
+        let own = self.state.scene.objects.len().min(opened.state.scene.objects.len());
+        let added = opened.state.scene.objects.split_off(own);
+        opened.state = self.state.clone();
         opened.state.scene.objects.extend(added);
-        opened.history = self.history.clone();
-        opened.history.note(&self.state);
         opened
     }
 
@@ -191,6 +207,20 @@ impl Document {
         self.state.scene.camera = camera;
     }
 
+    /// The objects that are moved together with one: those of its table.
+    pub fn moved_with(&self, object: usize) -> Range<usize> {
+        let of_table = self.objects_of_tables.iter().find(|objects| objects.contains(&object));
+        of_table.cloned().unwrap_or(object..object + 1)
+    }
+
+    /// Places an object, and those that are moved together with it.
+    pub fn place(&mut self, object: usize, placement: Transform) {
+        let together = self.moved_with(object);
+        for moved in self.state.scene.objects.get_mut(together).unwrap_or_default() {
+            moved.placement = placement;
+        }
+    }
+
     /// Whether anything differs from the file.
     pub fn is_edited(&self) -> bool {
         self.to_toml().is_ok_and(|text| text != self.text) || self.state.map.is_some()
@@ -225,8 +255,10 @@ impl Document {
         folder.clone_into(&mut self.folder);
         self.name = path.display().to_string();
         self.original = self.state.clone();
-        self.original.map = None;
-        self.state.map = None;
+        if self.state.map.take().is_some() {
+            // The text names the map now; earlier states don't know that.
+            (self.original.map, self.history) = (None, History::default());
+        }
         Ok(())
     }
 
@@ -268,17 +300,12 @@ impl Document {
         }
     }
 
-    /// Placements of objects whose tables make one object each.
+    /// Placements. The parts of a mesh of several materials have one table, and are moved together.
     fn write_objects(&self, document: &mut DocumentMut) {
         let Some(tables) = document.get_mut("object").and_then(Item::as_array_of_tables_mut) else { return };
         let (old, new) = (&self.original.scene.objects, &self.state.scene.objects);
-        for (index, table) in tables.iter_mut().enumerate() {
-            let name =
-                table.get("name").and_then(Item::as_str).map_or_else(|| format!("object {}", index + 1), Into::into);
-            let is_of_table = |object: &&crate::scene::Object| {
-                object.name == name || object.name.strip_prefix(&name).is_some_and(|rest| rest.starts_with('/'))
-            };
-            let (Some(old), Some(new)) = (old.iter().find(is_of_table), new.iter().find(is_of_table)) else { continue };
+        for (objects, table) in self.objects_of_tables.iter().zip(tables.iter_mut()) {
+            let (Some(old), Some(new)) = (old.get(objects.start), new.get(objects.start)) else { continue };
             if new.placement.translate != old.placement.translate {
                 table["translate"] = vector(new.placement.translate);
             }
@@ -298,105 +325,10 @@ fn absolute(path: &Path) -> PathBuf {
     std::path::absolute(path).unwrap_or_else(|_| path.to_owned())
 }
 
-/// A number with as many digits as tell it from others, as people would write it.
-fn number(value: f32) -> f64 {
-    value.to_string().parse().unwrap_or_else(|_| value.into())
-}
-
-fn vector(v: Vec3) -> Item {
-    value(v.to_array().iter().map(|c| Value::from(number(*c))).collect::<Array>())
-}
-
-fn write_camera(document: &mut DocumentMut, old: &Camera, new: &Camera) {
-    let Some(table) = document.get_mut("camera").and_then(Item::as_table_like_mut).filter(|_| old != new) else {
-        return;
-    };
-    table.insert("position", vector(new.position));
-    table.insert("target", vector(new.position + new.forward));
-    table.insert("up", vector(new.up));
-    if let Projection::Orthographic { height } = new.projection {
-        let mut orthographic = InlineTable::new();
-        orthographic.insert("height", number(height).into());
-        table.insert("orthographic", value(orthographic));
-    }
-}
-
-/// The `[render]` table's keys whose values differ, with the new ones; `None` where there is none any more.
-fn changed_keys(old: &Options, new: &Options) -> Vec<(&'static str, Option<Item>)> {
-    let aovs = |options: &Options| options.aovs.iter().map(|aov| aov.name()).collect::<Array>();
-    let background = new.display.background_exposure_ev;
-    let all: [(bool, &'static str, Option<Item>); 18] = [
-        (old.samples != new.samples, "samples", Some(value(i64::from(new.samples)))),
-        (old.strategy != new.strategy, "strategy", Some(value(new.strategy.name()))),
-        (old.density != new.density, "density", Some(value(new.density.name()))),
-        (old.seed != new.seed, "seed", Some(value(new.seed as i64))),
-        (old.footprint != new.footprint, "footprint", Some(value(new.footprint.name()))),
-        (old.filter != new.filter, "filter", Some(value(new.filter.name()))),
-        (old.taps != new.taps, "taps", Some(value(i64::from(new.taps)))),
-        (old.attenuation != new.attenuation, "attenuation", Some(value(new.attenuation))),
-        (old.evaluation != new.evaluation, "evaluation", Some(value(new.evaluation.name()))),
-        (old.leaves != new.leaves, "leaves", new.leaves.map(|leaves| value(i64::from(leaves)))),
-        (old.tolerance != new.tolerance, "tolerance", Some(value(number(new.tolerance)))),
-        (old.visibility != new.visibility, "visibility", Some(value(new.visibility.name()))),
-        (old.caustic_gain != new.caustic_gain, "caustic_gain", Some(value(number(new.caustic_gain)))),
-        (old.epsilon != new.epsilon, "epsilon", Some(epsilon(new))),
-        (old.technique != new.technique, "technique", Some(value(new.technique.name()))),
-        (old.display.exposure != new.display.exposure, "exposure_ev", Some(exposure(new.display.exposure))),
-        (
-            old.display.background_exposure_ev != background,
-            "background_exposure_ev",
-            background.map(|stops| value(number(stops))),
-        ),
-        (old.aovs != new.aovs, "aov", Some(value(aovs(new)))),
-    ];
-    all.into_iter().filter(|(is_changed, ..)| *is_changed).map(|(_, key, item)| (key, item)).collect()
-}
-
-fn write_options(document: &mut DocumentMut, old: &Options, new: &Options) {
-    let changed = changed_keys(old, new);
-    if changed.is_empty() {
-        return;
-    }
-    let table = document.entry("render").or_insert(Item::Table(Table::new()));
-    let Some(table) = table.as_table_like_mut() else { return };
-    for (key, item) in changed {
-        match item {
-            Some(item) => drop(table.insert(key, item)),
-            None => drop(table.remove(key)),
-        }
-    }
-}
-
-/// In which settings two options differ, with the values of either.
-pub fn differing_options(a: &Options, b: &Options) -> [String; 2] {
-    [(b, a), (a, b)].map(|(other, own)| {
-        let shown = |(key, item): (&str, Option<Item>)| {
-            let item = item.map_or_else(|| "auto".to_owned(), |item| item.to_string().trim().replace('"', ""));
-            format!("{key} {item}")
-        };
-        let all: Vec<String> = changed_keys(other, own).into_iter().map(shown).collect();
-        if all.is_empty() { "the same settings".to_owned() } else { all.join(", ") }
-    })
-}
-
-fn epsilon(options: &Options) -> Item {
-    use crate::Epsilon;
-    match options.epsilon {
-        Epsilon::Auto => value("auto"),
-        Epsilon::Paper => value("paper"),
-        Epsilon::Value(square_metres) => value(number(square_metres)),
-    }
-}
-
-fn exposure(exposure: Exposure) -> Item {
-    match exposure {
-        Exposure::Auto => value("auto"),
-        Exposure::Stops(stops) => value(number(stops)),
-    }
-}
-
 #[cfg(test)]
 mod tests {
+    use glam::Vec3;
+
     use super::*;
 
     #[test]
@@ -439,7 +371,7 @@ mod tests {
         std::fs::write(here.join("scene.toml"), text).unwrap();
         let mut opened = Document::open(here.join("scene.toml").to_str().unwrap()).unwrap();
         opened.state.options.samples = 5;
-        let mut added = opened.with_mesh(&there.join("b.obj")).unwrap();
+        let mut added = opened.edits_with_mesh(opened.with_mesh(&there.join("b.obj")).unwrap());
         assert_eq!((added.state.scene.objects.len(), added.state.options.samples), (2, 5));
         assert!(added.state.scene.objects[1].reflector.is_some());
         added.save(&there.join("copy.toml")).unwrap();

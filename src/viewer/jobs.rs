@@ -26,7 +26,9 @@ pub enum JobProgress {
     Running(f32),
     /// What was written, in words.
     Done(String),
-    /// Why it was not.
+    /// It was stopped.
+    Stopped,
+    /// Why it failed.
     Failed(String),
 }
 
@@ -40,7 +42,7 @@ pub fn run_job(job: Job, backend: &Backend, is_aborted: &AtomicBool, tell: &dyn 
     };
     tell(match result {
         Ok(written) => JobProgress::Done(written),
-        Err(Error::Cancelled) => JobProgress::Failed("stopped; frames that are complete stay".to_owned()),
+        Err(Error::Cancelled) => JobProgress::Stopped,
         Err(error) => JobProgress::Failed(error.to_string()),
     });
 }

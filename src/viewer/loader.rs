@@ -23,6 +23,8 @@ pub enum Loaded {
     Mesh(Result<Box<Document>, String>),
     /// An environment map, and its file.
     Map(Result<(EnvironmentMap, String), String>),
+    /// A screenshot was written.
+    Written(PathBuf),
     /// Files of the scene have changed on disk.
     Touched,
     /// The same scene, read again.
@@ -58,9 +60,10 @@ impl LoaderSender {
         let image = image_of(shown);
         let sender = self.clone();
         std::thread::spawn(move || {
-            if let Err(error) = write_png(&path, &image) {
-                sender.send(Loaded::Scene(Err(error.to_string())));
-            }
+            sender.send(match write_png(&path, &image) {
+                Ok(()) => Loaded::Written(path),
+                Err(error) => Loaded::Scene(Err(error.to_string())),
+            });
         });
     }
 }

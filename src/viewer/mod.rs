@@ -9,6 +9,7 @@
 //! Nothing here waits: pictures are rendered by the [`worker`], files are read by the [`loader`], and both wake the window when they
 //! are done. Whatever goes wrong is told in the window, which keeps what it shows.
 
+mod camera_input;
 mod canvas;
 mod clock;
 mod document;
@@ -19,14 +20,18 @@ mod loader;
 mod navigation;
 mod notices;
 mod panel;
+mod scene_text;
 mod stopwatch;
 #[cfg(test)]
 mod tests;
 mod timeline;
+mod window;
 mod worker;
 
+pub use self::window::{ViewError, view};
+
 use std::path::PathBuf;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 use std::time::Instant;
 
 use eframe::egui;
@@ -41,108 +46,9 @@ use self::navigation::point_of_interest;
 use self::notices::Notices;
 use self::worker::{Message, Picture, Quality, Side, View, Worker};
 use crate::BackendChoice;
-use crate::image::write_png;
 
-/// Why there is no window.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum ViewError {
-    /// The scene could not be opened.
-    #[error("{0}")]
-    Scene(String),
-    /// There is no display, or no graphics driver.
-    #[error("cannot open a window: {0}")]
-    Window(String),
-    /// The screenshot could not be written.
-    #[error("{0}")]
-    Screenshot(String),
-}
-
-/// The scene that is shown if none is named.
-const DEFAULT_SCENE: &str = "ring-natural";
 /// Seconds that a preview may take at first.
 const FRAME_SECONDS: f64 = 0.05;
-
-/// Opens a window on a scene file or a built-in scene. Returns when it is closed. With a file for a screenshot, it closes by itself
-/// once the picture is finished and the screenshot (PNG) is written.
-///
-/// # Errors
-/// A scene that cannot be read, no display, no graphics driver, or a screenshot that cannot be written.
-pub fn view(scene: Option<&str>, choice: BackendChoice, screenshot: Option<PathBuf>) -> Result<(), ViewError> {
-    let document = Document::open(scene.unwrap_or(DEFAULT_SCENE)).map_err(ViewError::Scene)?;
-    let viewport = egui::ViewportBuilder::default()
-        .with_title("Pinspot")
-        .with_app_id("pinspot")
-        .with_inner_size([1240.0, 760.0])
-        .with_min_inner_size([320.0, 240.0])
-        .with_drag_and_drop(true);
-    let options = eframe::NativeOptions { viewport, renderer: eframe::Renderer::Wgpu, ..Default::default() };
-    let failed = Arc::new(Mutex::new(None));
-    let closing = screenshot.map(|path| ClosingScreenshot { path, failed: failed.clone(), is_taken: false });
-    let open = move |context: &eframe::CreationContext<'_>| {
-        let viewer = Viewer::new(document, choice, context.egui_ctx.clone());
-        Ok(Box::new(Window { viewer, closing }) as Box<dyn eframe::App>)
-    };
-    check_display()?;
-    eframe::run_native("pinspot", options, Box::new(open)).map_err(|e| ViewError::Window(e.to_string()))?;
-    let failed = failed.lock().unwrap_or_else(PoisonError::into_inner).take();
-    failed.map_or(Ok(()), |reason| Err(ViewError::Screenshot(reason)))
-}
-
-/// Refuses to open a window where there is nothing to show it on.
-#[cfg(all(unix, not(target_os = "macos")))]
-fn check_display() -> Result<(), ViewError> {
-    let is_set = |name: &str| std::env::var_os(name).is_some_and(|value| !value.is_empty());
-    if ["WAYLAND_DISPLAY", "WAYLAND_SOCKET", "DISPLAY"].into_iter().any(is_set) {
-        return Ok(());
-    }
-    Err(ViewError::Window("there is no display (neither WAYLAND_DISPLAY nor DISPLAY is set)".to_owned()))
-}
-
-/// Other systems always have a display.
-#[cfg(not(all(unix, not(target_os = "macos"))))]
-fn check_display() -> Result<(), ViewError> {
-    Ok(())
-}
-
-/// The viewer as a native window.
-struct Window {
-    viewer: Viewer,
-    closing: Option<ClosingScreenshot>,
-}
-
-/// A screenshot after which the window closes.
-struct ClosingScreenshot {
-    path: PathBuf,
-    failed: Arc<Mutex<Option<String>>>,
-    is_taken: bool,
-}
-
-impl eframe::App for Window {
-    fn ui(&mut self, ui: &mut egui::Ui, _: &mut eframe::Frame) {
-        self.viewer.ui(ui);
-        if let Some(closing) = self.closing.as_mut().filter(|_| self.viewer.is_finished()) {
-            closing.take(ui.ctx());
-        }
-    }
-}
-
-impl ClosingScreenshot {
-    fn take(&mut self, context: &egui::Context) {
-        if std::mem::replace(&mut self.is_taken, true) {
-            return;
-        }
-        let (path, failed, window) = (self.path.clone(), self.failed.clone(), context.clone());
-        let write = move |shown: Arc<egui::ColorImage>| {
-            if let Err(error) = write_png(&path, &loader::image_of(&shown)) {
-                *failed.lock().unwrap_or_else(PoisonError::into_inner) = Some(error.to_string());
-            }
-            window.send_viewport_cmd(egui::ViewportCommand::Close);
-        };
-        context.send_viewport_cmd(egui::ViewportCommand::Screenshot(egui::ScreenshotCallback::new(write)));
-        context.request_repaint();
-    }
-}
 
 /// What the window shows, independent of the windowing system.
 pub(crate) struct Viewer {
@@ -166,6 +72,8 @@ pub(crate) struct Viewer {
     /// The part of a job that is done.
     job: Option<f32>,
     panel: panel::PanelState,
+    /// The number of the view that was sent last.
+    sent: u64,
     /// The view has to be shown anew.
     is_outdated: bool,
     /// A view was sent, and no picture of it has come back.
@@ -192,6 +100,7 @@ impl Viewer {
             frame_seconds: FRAME_SECONDS,
             job: None,
             panel: panel::PanelState::new(&document),
+            sent: 0,
             is_outdated: true,
             is_waiting: false,
             is_editing: false,
@@ -222,6 +131,9 @@ impl Viewer {
         self.help(ui.ctx());
         self.note_edit(ui.ctx(), is_edited, &before);
         self.send_view();
+        if self.notices.done().is_some() {
+            ui.ctx().request_repaint_after(std::time::Duration::from_secs(1));
+        }
         // While the animation plays, pictures wake the window.
         if self.canvas.is_fading() {
             ui.ctx().request_repaint();
@@ -230,7 +142,9 @@ impl Viewer {
 
     /// Whether the whole picture of what was last set is shown, or an error tells why it cannot be.
     fn is_finished(&self) -> bool {
-        let is_whole = |picture: &Picture| matches!(picture.quality, Quality::Refined(step, steps) if step == steps);
+        let is_whole = |picture: &Picture| {
+            picture.view == self.sent && matches!(picture.quality, Quality::Refined(step, steps) if step == steps)
+        };
         let is_settled = !self.is_outdated && !self.is_waiting && !self.canvas.is_fading();
         let is_kept_whole = self.document.state.kept.is_none() || self.kept_picture.as_ref().is_some_and(is_whole);
         let is_whole = self.picture.as_ref().is_some_and(is_whole) && is_kept_whole;
@@ -255,7 +169,9 @@ impl Viewer {
         if !self.is_outdated || !is_ready || self.canvas.size() == [0, 0] {
             return;
         }
+        self.sent += 1;
         self.worker.show(View {
+            number: self.sent,
             scene: self.posed_scene(),
             options: self.document.state.options.clone().with_size(self.canvas.size()),
             kept: self.document.state.kept.clone().map(|kept| kept.with_size(self.canvas.size())),
@@ -283,7 +199,7 @@ impl Viewer {
             match message {
                 Message::Backend(backend) => self.backend = backend,
                 Message::Picture(mut picture) => {
-                    self.is_waiting = false;
+                    self.is_waiting &= picture.view != self.sent;
                     self.canvas.set_picture(context, &picture);
                     self.notices.set_rendering(None);
                     picture.image.pixels = Vec::new();
@@ -292,10 +208,11 @@ impl Viewer {
                         Side::Kept => self.kept_picture = Some(*picture),
                     }
                 }
-                Message::Failed(reason) => {
-                    self.is_waiting = false;
+                Message::Failed(view, reason) => {
+                    self.is_waiting &= view != self.sent;
                     self.notices.set_rendering(Some(reason));
                 }
+                Message::Warning(reason) => self.notices.fail(reason),
                 Message::Picked(object) => self.selected = object,
                 Message::Job(JobProgress::Running(part)) => self.job = Some(part),
                 Message::Job(JobProgress::Done(written)) => {
@@ -303,9 +220,14 @@ impl Viewer {
                     self.notices.say(written);
                     self.is_outdated = true;
                 }
+                Message::Job(JobProgress::Stopped) => {
+                    self.job = None;
+                    self.notices.say("stopped; frames that are complete stay".to_owned());
+                    self.is_outdated = true;
+                }
                 Message::Job(JobProgress::Failed(reason)) => {
                     self.job = None;
-                    self.notices.say(reason);
+                    self.notices.fail(reason);
                     self.is_outdated = true;
                 }
             }
@@ -319,20 +241,26 @@ impl Viewer {
         match loaded {
             Loaded::Scene(Ok(document)) => {
                 self.notices.say(format!("opened {}", document.name));
+                (self.clock, self.selected) = (Clock::default(), None);
+                self.canvas.holds_camera = false;
+                self.panel = panel::PanelState { is_open: self.panel.is_open, ..panel::PanelState::new(&document) };
                 self.set_document(*document);
                 self.look_at_scene();
             }
+            // Of a scene that has been closed meanwhile.
+            Loaded::Mesh(Ok(document)) | Loaded::Changed(Ok(document)) if document.name != self.document.name => {}
             Loaded::Mesh(Ok(document)) => {
                 self.selected = Some(document.state.scene.objects.len().saturating_sub(1));
-                self.set_document(*document);
+                let with_edits = self.document.edits_with_mesh(*document);
+                self.set_document(with_edits);
             }
             Loaded::Touched => self.loader.reload(&self.document),
             Loaded::Changed(Ok(document)) => {
                 self.notices.say(format!("{} has changed on disk and was read again", document.name));
-                let camera = self.document.state.scene.camera;
-                self.set_document(*document);
-                self.document.state.scene.camera = camera;
+                let with_edits = self.document.edits_on(*document);
+                self.set_document(with_edits);
             }
+            Loaded::Written(path) => self.notices.say(format!("screenshot: {}", path.display())),
             Loaded::Map(Ok((map, file))) => {
                 self.document.set_map(map, file);
                 self.is_outdated = true;
@@ -347,8 +275,8 @@ impl Viewer {
     }
 
     fn set_document(&mut self, document: Document) {
-        self.panel = panel::PanelState { is_open: self.panel.is_open, ..panel::PanelState::new(&document) };
         self.loader.watch(document.files());
+        self.clock.is_playing &= document.state.scene.duration() > 0.0;
         self.selected = self.selected.filter(|&index| index < document.state.scene.objects.len());
         self.document = document;
         self.is_outdated = true;
@@ -429,7 +357,7 @@ impl Viewer {
     }
 
     fn save_scene(&mut self) {
-        let path = std::path::PathBuf::from(self.panel.scene_file.trim());
+        let path = PathBuf::from(self.panel.scene_file.trim());
         match self.document.save(&path) {
             Ok(()) => {
                 self.loader.watch(self.document.files());
@@ -442,7 +370,6 @@ impl Viewer {
     /// Saves what the window shows, as PNG.
     fn save_screenshot(&mut self, context: &egui::Context) {
         let path = free_name(&self.panel.stem(), "png");
-        self.notices.say(format!("screenshot: {}", path.display()));
         let sender = self.loader.sender();
         context.send_viewport_cmd(egui::ViewportCommand::Screenshot(egui::ScreenshotCallback::new(move |image| {
             sender.save_screenshot(path, &image);
@@ -451,10 +378,10 @@ impl Viewer {
 }
 
 /// A name in the current folder that is not taken: `ring.png`, `ring-2.png`, …
-fn free_name(stem: &str, extension: &str) -> std::path::PathBuf {
+fn free_name(stem: &str, extension: &str) -> PathBuf {
     let name = |number: u32| match number {
         1 => format!("{stem}.{extension}"),
         _ => format!("{stem}-{number}.{extension}"),
     };
-    (1..10_000).map(name).map(std::path::PathBuf::from).find(|path| !path.exists()).unwrap_or_default()
+    (1..10_000).map(name).map(PathBuf::from).find(|path| !path.exists()).unwrap_or_default()
 }

@@ -6,7 +6,7 @@ use crate::scene::{Camera, Projection};
 
 /// The camera turns by half a circle for a drag over the window's height.
 const RADIANS_PER_HEIGHT: f32 = std::f32::consts::PI;
-/// The camera comes no nearer to the point that it circles than this part of its distance at first.
+/// The camera comes no nearer to the point that it circles, metres.
 const LEAST_DISTANCE: f32 = 1e-3;
 /// It stays this far from straight up and straight down, as the cosine of the angle between its up and the world's.
 const LEAST_UPRIGHT: f32 = 1e-3;

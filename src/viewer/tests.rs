@@ -1,5 +1,4 @@
-//! The window without a windowing system: its controls are found by the names that screen readers are told, and operated by synthetic
-//! input.
+//! The window without a windowing system: its controls are found by their accessible names, and operated by synthetic input.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -10,7 +9,8 @@ use egui::{Event, Key, Modifiers, Role};
 use egui_kittest::Harness;
 use egui_kittest::kittest::{NodeT, Queryable};
 
-use super::document::{Document, differing_options};
+use super::document::Document;
+use super::scene_text::differing_options;
 use super::worker::Quality;
 use super::{Viewer, panel};
 use crate::image::Aov;
@@ -337,10 +337,16 @@ fn a_file_that_is_broken_on_disk_is_told_and_read_again_once_it_is_mended() {
 fn values_that_cannot_be_are_not_taken() {
     let (_folder, _, mut window) = opened();
     window.step();
-    for (typed, is_valid) in [("nan", false), ("0", true), ("1e9", true), ("17", true)] {
-        // A value is typed into the number beside its slider.
-        let number = window.get_all_by_role(Role::SpinButton).nth(5).unwrap();
-        number.click();
+    // A value is typed into the number beside its slider; the slider's own node has the name.
+    let samples_slider = window.get_by_role_and_label(Role::Slider, "Samples").rect();
+    for (typed, expected) in
+        [("17", 17), ("nan", 17), ("0", 1), ("-5", 1), ("1e9", crate::sampling::MAX_SAMPLES), ("44", 44)]
+    {
+        let at = egui::Pos2::new(samples_slider.right() + 20.0, samples_slider.center().y);
+        window.hover_at(at);
+        window.drag_at(at);
+        window.step();
+        window.drop_at(at);
         window.run_steps(2);
         press(&mut window, Modifiers::COMMAND, Key::A);
         window.event(Event::Text(typed.to_owned()));
@@ -348,8 +354,8 @@ fn values_that_cannot_be_are_not_taken() {
         press(&mut window, Modifiers::NONE, Key::Enter);
         window.run_steps(2);
         let options = &window.state().document.state.options;
+        assert_eq!(options.samples, expected, "{typed}");
         assert!(options.check().is_ok(), "{typed}");
-        let _ = is_valid;
     }
     run_until(&mut window, "a picture", |viewer| !viewer.is_waiting);
     assert!(window.state().notices.failure().is_none());

@@ -1,6 +1,7 @@
 //! The thread that renders for the window: a preview at once for everything that changes, then, once things rest, the whole picture
 //! from coarse to fine. It knows the engine, but nothing of the window, which it only wakes.
 
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
@@ -25,6 +26,8 @@ const COARSE_SIZE: u32 = 160;
 /// What the window shows.
 #[derive(Clone, Debug)]
 pub struct View {
+    /// Pictures carry the number of their view.
+    pub number: u64,
     /// Posed.
     pub scene: Scene,
     /// Of the whole picture.
@@ -57,6 +60,8 @@ pub enum Quality {
 /// A picture for the window.
 #[derive(Clone, Debug)]
 pub struct Picture {
+    /// The number of the view that it shows.
+    pub view: u64,
     pub side: Side,
     /// Display-linear.
     pub image: Image,
@@ -77,8 +82,10 @@ pub enum Message {
     /// The back end, in words.
     Backend(String),
     Picture(Box<Picture>),
-    /// The picture could not be rendered; the last one stays.
-    Failed(String),
+    /// The view of this number could not be rendered; the last picture stays.
+    Failed(u64, String),
+    /// The back end that was asked for is not there; another one renders.
+    Warning(String),
     /// The object at the place that was clicked, if there is one.
     Picked(Option<usize>),
     Job(JobProgress),
@@ -151,8 +158,11 @@ impl Worker {
     }
 
     fn order(&self, change: impl FnOnce(&mut Orders)) {
-        change(&mut self.shared.orders());
+        let mut orders = self.shared.orders();
+        change(&mut orders);
+        // With the lock held, so that the thread cannot take the order before.
         self.shared.is_outdated.store(true, Ordering::Relaxed);
+        drop(orders);
         self.shared.arrived.notify_one();
     }
 }
@@ -199,6 +209,7 @@ struct Refinement {
 
 #[derive(Debug)]
 struct RefinementStep {
+    view: u64,
     side: Side,
     options: Options,
     quality: Quality,
@@ -242,6 +253,7 @@ impl Loop {
         let mut backend = self.open();
         let mut engines = Engines::default();
         let mut refinement = Refinement::default();
+        let mut last_view: Option<View> = None;
         loop {
             let is_refining = refinement.done < refinement.steps.len();
             let rest = if refinement.done == 0 { REST } else { Duration::ZERO };
@@ -250,10 +262,11 @@ impl Loop {
                 return;
             }
             let was_idle = orders.view.is_none() && orders.pick.is_none() && orders.job.is_none();
-            let mut result = Ok(());
+            let mut result: Result<(), Failure> = Ok(());
             if let Some(view) = orders.view {
                 refinement = refinement_of(&view);
-                result = self.previews(&mut engines, &view, &backend);
+                result = caught(|| self.previews(&mut engines, &view, &backend));
+                last_view = Some(view);
             }
             if let (Some(place), Some(engine)) = (orders.pick, &mut engines.current) {
                 self.send(Message::Picked(engine.object_at(place)));
@@ -263,18 +276,23 @@ impl Loop {
                 run_job(job, &backend, &self.shared.is_aborted, &tell);
             }
             if was_idle && is_refining {
-                result = self.refine(&mut engines, &mut refinement);
+                result = caught(|| self.refine(&mut engines, &mut refinement));
             }
-            match result {
-                Ok(()) | Err(Error::Cancelled) => {}
-                Err(error) => {
-                    refinement = Refinement::default();
-                    if is_lost(&error) {
-                        // A new device; everything is prepared for it again.
-                        engines = Engines::default();
-                        backend = self.open();
-                    }
-                    self.send(Message::Failed(error.to_string()));
+            let Err(failure) = result else { continue };
+            if matches!(failure, Failure::Error(Error::Cancelled)) {
+                continue;
+            }
+            refinement = Refinement::default();
+            let number = last_view.as_ref().map_or(0, |view| view.number);
+            self.send(Message::Failed(number, failure.to_string()));
+            if !matches!(failure, Failure::Error(ref error) if !is_lost(error)) {
+                // Everything is prepared again, after the loss of a device for a new one.
+                engines = Engines::default();
+                backend = self.open();
+                if failure.is_loss() {
+                    let view = last_view.clone();
+                    let orders = &mut self.shared.orders();
+                    orders.view = orders.view.take().or(view);
                 }
             }
         }
@@ -284,7 +302,7 @@ impl Loop {
         let backend = match wait(None, Backend::open(&self.choice)) {
             Ok(backend) => backend,
             Err(error) => {
-                self.send(Message::Failed(format!("{error}; the CPU renders instead")));
+                self.send(Message::Warning(format!("{error}; the CPU renders instead")));
                 Backend::cpu()
             }
         };
@@ -296,16 +314,17 @@ impl Loop {
     fn previews(&mut self, engines: &mut Engines, view: &View, backend: &Backend) -> Result<(), Error> {
         let sides = if view.kept.is_some() { 2.0 } else { 1.0 };
         self.budget.set_target(view.frame_seconds / sides);
-        self.preview(engines.set(Side::Current, &view.scene, &view.options, backend), Side::Current)?;
+        let current = engines.set(Side::Current, &view.scene, &view.options, backend);
+        self.preview(current, (view.number, Side::Current))?;
         let Some(kept) = &view.kept else {
             engines.kept = None;
             return Ok(());
         };
-        self.preview(engines.set(Side::Kept, &view.scene, kept, backend), Side::Kept)
+        self.preview(engines.set(Side::Kept, &view.scene, kept, backend), (view.number, Side::Kept))
     }
 
     /// Renders a preview, or a coarse picture where another one than beauty is shown.
-    fn preview(&mut self, engine: &mut Engine, side: Side) -> Result<(), Error> {
+    fn preview(&mut self, engine: &mut Engine, (view, side): (u64, Side)) -> Result<(), Error> {
         let watch = Stopwatch::new(None);
         let began = Instant::now();
         let backend = engine.backend().clone();
@@ -315,7 +334,8 @@ impl Loop {
             let coarse = whole.coarse_to_fine().swap_remove(0).with_size(whole.size_within(COARSE_SIZE));
             *engine.options_mut() = coarse;
             let quality = Quality::Preview(Detail { size: engine.options().size, ..detail });
-            let picture = self.render(engine, side, quality);
+            // Each view is answered: whatever is ordered meanwhile comes afterwards.
+            let picture = render(engine, (view, side, quality), None);
             *engine.options_mut() = whole;
             self.send(Message::Picture(Box::new(picture?)));
             return Ok(());
@@ -325,6 +345,7 @@ impl Loop {
         self.budget.took(seconds);
         let size = glam::UVec2::from_array(engine.options().size).as_vec2();
         self.send(Message::Picture(Box::new(Picture {
+            view,
             side,
             image: preview.image,
             quality: Quality::Preview(detail),
@@ -340,43 +361,14 @@ impl Loop {
     }
 
     fn refine(&self, engines: &mut Engines, refinement: &mut Refinement) -> Result<(), Error> {
-        let RefinementStep { side, options, quality } = &refinement.steps[refinement.done];
+        let RefinementStep { view, side, options, quality } = &refinement.steps[refinement.done];
         if let Some(engine) = engines.of(*side) {
             engine.options_mut().clone_from(options);
-            let picture = self.render(engine, *side, *quality)?;
+            let picture = render(engine, (*view, *side, *quality), Some(&self.shared.is_outdated))?;
             self.send(Message::Picture(Box::new(picture)));
         }
         refinement.done += 1;
         Ok(())
-    }
-
-    /// Renders a whole picture, unless it becomes obsolete.
-    fn render(&self, engine: &mut Engine, side: Side, quality: Quality) -> Result<Picture, Error> {
-        let watch = Stopwatch::new(Some(&self.shared.is_outdated));
-        let began = Instant::now();
-        let backend = engine.backend().clone();
-        // Dots are drawn by the window.
-        let overlay = std::mem::replace(&mut engine.options_mut().overlay, Overlay::None);
-        let rendered = wait(backend.device(), engine.render(&watch));
-        engine.options_mut().overlay = overlay;
-        let rendered = rendered?;
-        let mut dots = Vec::new();
-        if overlay == Overlay::Samples {
-            dots = wait(backend.device(), engine.visible_samples(&watch))?;
-        }
-        let size = glam::UVec2::from_array(engine.options().size).as_vec2();
-        Ok(Picture {
-            side,
-            image: rendered.displayed(&engine.options().display),
-            quality,
-            exposures: rendered.report.exposures,
-            samples: rendered.report.samples,
-            evaluation: rendered.report.evaluation,
-            dots: dots.iter().map(|dot| *dot / size).collect(),
-            seconds: began.elapsed().as_secs_f64(),
-            stages: watch.seconds(),
-            warnings: rendered.report.warnings,
-        })
     }
 
     fn send(&self, message: Message) {
@@ -384,6 +376,40 @@ impl Loop {
         let _ = self.sender.send(message);
         (self.wake)();
     }
+}
+
+/// Renders a whole picture, unless a flag says that it became obsolete.
+fn render(
+    engine: &mut Engine,
+    (view, side, quality): (u64, Side, Quality),
+    is_obsolete: Option<&AtomicBool>,
+) -> Result<Picture, Error> {
+    let watch = Stopwatch::new(is_obsolete);
+    let began = Instant::now();
+    let backend = engine.backend().clone();
+    // Dots are drawn by the window.
+    let overlay = std::mem::replace(&mut engine.options_mut().overlay, Overlay::None);
+    let rendered = wait(backend.device(), engine.render(&watch));
+    engine.options_mut().overlay = overlay;
+    let rendered = rendered?;
+    let mut dots = Vec::new();
+    if overlay == Overlay::Samples {
+        dots = wait(backend.device(), engine.visible_samples(&watch))?;
+    }
+    let size = glam::UVec2::from_array(engine.options().size).as_vec2();
+    Ok(Picture {
+        view,
+        side,
+        image: rendered.displayed(&engine.options().display),
+        quality,
+        exposures: rendered.report.exposures,
+        samples: rendered.report.samples,
+        evaluation: rendered.report.evaluation,
+        dots: dots.iter().map(|dot| *dot / size).collect(),
+        seconds: began.elapsed().as_secs_f64(),
+        stages: watch.seconds(),
+        warnings: rendered.report.warnings,
+    })
 }
 
 /// From a draft to the view's own settings, on both sides in turn; nothing while it moves.
@@ -398,13 +424,53 @@ fn refinement_of(view: &View) -> Refinement {
         let draft = draft.map(|draft| draft.with_pixel_samples(1));
         let all: Vec<Options> = draft.into_iter().chain([options.clone()]).collect();
         let count = all.len();
-        let step = |(index, options)| RefinementStep { side, options, quality: Quality::Refined(index + 1, count) };
+        let step = |(index, options)| RefinementStep {
+            view: view.number,
+            side,
+            options,
+            quality: Quality::Refined(index + 1, count),
+        };
         all.into_iter().enumerate().map(step).collect()
     };
     let mut steps: Vec<RefinementStep> = sides.into_iter().flat_map(steps_of).collect();
     // Drafts of both sides come first; the order is stable.
     steps.sort_by_key(|step| matches!(step.quality, Quality::Refined(index, count) if index == count));
     Refinement { steps, done: 0 }
+}
+
+/// Why an order was not carried out.
+#[derive(Debug)]
+enum Failure {
+    Error(Error),
+    /// A defect of the program, in its own words.
+    Panic(String),
+}
+
+impl Failure {
+    fn is_loss(&self) -> bool {
+        matches!(self, Self::Error(error) if is_lost(error))
+    }
+}
+
+impl std::fmt::Display for Failure {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Error(error) => error.fmt(f),
+            Self::Panic(words) => write!(f, "a defect of Pinspot ended the picture, please report it: {words}"),
+        }
+    }
+}
+
+/// Carries out an order. A defect must not end the thread, and with it the window's pictures; the engines are made again after it.
+fn caught(order: impl FnOnce() -> Result<(), Error>) -> Result<(), Failure> {
+    match catch_unwind(AssertUnwindSafe(order)) {
+        Ok(result) => result.map_err(Failure::Error),
+        Err(payload) => {
+            let words = payload.downcast_ref::<&str>().map(|words| (*words).to_owned());
+            let words = words.or_else(|| payload.downcast_ref::<String>().cloned());
+            Err(Failure::Panic(words.unwrap_or_default()))
+        }
+    }
 }
 
 fn is_lost(error: &Error) -> bool {

@@ -3,6 +3,7 @@
 //! GPU tests need an adapter; a software one will do. They fail without one: `tests/run` installs it.
 
 mod agreement;
+mod cancellation;
 mod closed_forms;
 mod densities;
 mod distributions;

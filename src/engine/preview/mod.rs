@@ -113,6 +113,9 @@ impl Engine {
         progress.begin(Stage::Shading, 1);
         let (image, exposures) = frame.shade(&views, &own, &mirrored);
         progress.end(Stage::Shading);
+        if progress.is_cancelled() {
+            return Err(Error::Cancelled);
+        }
         let statistics = sum.as_ref().map(|sum| sum.statistics());
         let dots = match statistics.filter(|_| options.overlay == crate::Overlay::Samples) {
             Some(statistics) => {

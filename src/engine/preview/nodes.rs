@@ -224,8 +224,7 @@ mod tests {
     }
 
     fn solve(points: &[SurfacePoint], spacing: usize, light: impl Fn(usize) -> Vec3) -> (Vec<Vec3>, usize) {
-        let mut layer = Layer::new(points.len());
-        points.iter().enumerate().for_each(|(pixel, point)| layer.set(pixel, Some(point.clone())));
+        let layer = Layer::of_points(points.iter().cloned());
         let mut grid = NodeGrid::new(&layer, 9, spacing);
         let (mut open, mut computed) = (grid.nodes(), 0);
         while !open.is_empty() {

@@ -6,7 +6,7 @@ use glam::{UVec2, Vec2, Vec3};
 use rayon::prelude::*;
 
 use crate::engine::paths::{mirrored_direction, surface_albedo, visible_reflectance};
-use crate::lanes::LANES;
+use crate::lanes::{LANES, set_bits};
 use crate::scene::{Camera, Projection, Ray, Scene};
 use crate::stages::PreparedScene;
 use crate::tracing::Hit;
@@ -45,9 +45,18 @@ pub struct Escape {
     pub path: u64,
 }
 
-/// Points of one kind, at most one in each pixel.
+/// Points of one kind, at most one in each pixel, in bands of rows of packets.
 #[derive(Debug)]
 pub struct Layer<T> {
+    bands: Vec<BandLayer<T>>,
+    /// Pixels of each band but the last, which may have fewer.
+    pixels_of_band: usize,
+    pixels: usize,
+}
+
+/// The points of a band.
+#[derive(Debug)]
+struct BandLayer<T> {
     points: Vec<T>,
     /// By pixel: the number of its point, or [`NO_POINT`].
     of_pixels: Vec<u32>,
@@ -55,30 +64,47 @@ pub struct Layer<T> {
 
 const NO_POINT: u32 = u32::MAX;
 
-impl<T> Layer<T> {
-    pub fn new(pixels: usize) -> Self {
+impl<T> BandLayer<T> {
+    fn new(pixels: usize) -> Self {
         Self { points: Vec::new(), of_pixels: vec![NO_POINT; pixels] }
     }
 
-    pub fn set(&mut self, pixel: usize, point: Option<T>) {
+    fn set(&mut self, pixel: usize, point: Option<T>) {
         if let Some(point) = point {
             self.of_pixels[pixel] = self.points.len() as u32;
             self.points.push(point);
         }
     }
+}
+
+impl<T> Layer<T> {
+    fn of_bands(bands: Vec<BandLayer<T>>) -> Self {
+        let pixels = bands.iter().map(|band| band.of_pixels.len()).sum();
+        let pixels_of_band = bands.first().map_or(1, |band| band.of_pixels.len().max(1));
+        Self { bands, pixels_of_band, pixels }
+    }
+
+    /// One point in each pixel.
+    #[cfg(test)]
+    pub fn of_points(points: impl IntoIterator<Item = T>) -> Self {
+        let points: Vec<T> = points.into_iter().collect();
+        let of_pixels = (0..points.len() as u32).collect();
+        Self::of_bands(vec![BandLayer { points, of_pixels }])
+    }
 
     #[inline]
     pub fn at(&self, pixel: usize) -> Option<&T> {
-        let number = self.of_pixels[pixel];
-        (number != NO_POINT).then(|| &self.points[number as usize])
+        let band = &self.bands[pixel / self.pixels_of_band];
+        let number = band.of_pixels[pixel % self.pixels_of_band];
+        (number != NO_POINT).then(|| &band.points[number as usize])
     }
 
     pub fn pixels(&self) -> usize {
-        self.of_pixels.len()
+        self.pixels
     }
 
     pub fn is_empty(&self) -> bool {
-        self.points.is_empty()
+        self.bands.iter().all(|band| band.points.is_empty())
     }
 }
 
@@ -93,6 +119,13 @@ pub struct Views {
     width: usize,
 }
 
+/// What a band of pixels sees.
+struct BandViews {
+    surfaces: BandLayer<SurfacePoint>,
+    mirrored: BandLayer<SurfacePoint>,
+    escapes: BandLayer<Escape>,
+}
+
 /// What one pixel sees.
 #[derive(Default)]
 struct PixelView {
@@ -105,19 +138,20 @@ impl Views {
     /// Traces a picture of so many pixels; `is_plain` treats everything as diffuse.
     pub fn trace(scene: &Scene, prepared: &PreparedScene, size: [u32; 2], is_plain: bool) -> Self {
         let tracer = ViewTracer { scene, prepared, is_plain };
-        let (width, height) = (size[0] as usize, size[1] as usize);
-        let bands = 0..height.div_ceil(PACKET);
-        let seen: Vec<Vec<PixelView>> = bands.into_par_iter().map(|band| tracer.band(size, band)).collect();
-        let count = width * height;
-        let mut views =
-            Self { surfaces: Layer::new(count), mirrored: Layer::new(count), escapes: Layer::new(count), width };
-        for (pixel, view) in seen.into_iter().flatten().enumerate() {
-            let PixelView { surface, mirrored, escape } = view;
-            views.surfaces.set(pixel, surface);
-            views.mirrored.set(pixel, mirrored);
-            views.escapes.set(pixel, escape);
+        let bands = 0..(size[1] as usize).div_ceil(PACKET);
+        let bands: Vec<BandViews> = bands.into_par_iter().map(|band| tracer.band(size, band)).collect();
+        let (mut surfaces, mut mirrored, mut escapes) = (Vec::new(), Vec::new(), Vec::new());
+        for band in bands {
+            surfaces.push(band.surfaces);
+            mirrored.push(band.mirrored);
+            escapes.push(band.escapes);
         }
-        views
+        Self {
+            surfaces: Layer::of_bands(surfaces),
+            mirrored: Layer::of_bands(mirrored),
+            escapes: Layer::of_bands(escapes),
+            width: size[0] as usize,
+        }
     }
 
     /// The pixel that sees the same place of a surface directly, if one does.
@@ -163,9 +197,18 @@ struct ViewTracer<'a> {
     is_plain: bool,
 }
 
+/// A ray on its way from mirror to mirror.
+#[derive(Clone, Copy)]
+struct Walk {
+    ray: Ray,
+    throughput: Vec3,
+    alpha: f32,
+    path: u64,
+}
+
 impl ViewTracer<'_> {
-    /// A band of rows of packets, row by row.
-    fn band(&self, size: [u32; 2], band: usize) -> Vec<PixelView> {
+    /// A band of rows of packets.
+    fn band(&self, size: [u32; 2], band: usize) -> BandViews {
         let (width, height) = (size[0] as usize, size[1] as usize);
         let top = PACKET * band;
         let rows = PACKET.min(height - top);
@@ -174,46 +217,71 @@ impl ViewTracer<'_> {
         for left in (0..width).step_by(PACKET) {
             let place = |lane: usize| (left + lane % PACKET, lane / PACKET);
             let exists = |lane: &usize| place(*lane).0 < width && place(*lane).1 < rows;
-            let rays: [Ray; LANES] = std::array::from_fn(|lane| {
+            let rays = std::array::from_fn(|lane| {
                 let (x, y) = place(lane);
                 self.scene.camera.ray(Vec2::new(x as f32, (top + y) as f32) + 0.5, size)
             });
             let lanes = (0..LANES).filter(exists).fold(0, |bits, lane| bits | 1 << lane);
-            let hits = self.prepared.tracer.camera_hits(&rays, lanes);
-            for lane in (0..LANES).filter(exists) {
+            let views = self.follow(rays, lanes);
+            for (lane, view) in views.into_iter().enumerate().filter(|(lane, _)| exists(lane)) {
                 let (x, y) = place(lane);
-                pixels[y * width + x] = self.follow(rays[lane], hits[lane]);
+                pixels[y * width + x] = view;
             }
         }
-        pixels
+        let count = pixels.len();
+        let mut views = BandViews {
+            surfaces: BandLayer::new(count),
+            mirrored: BandLayer::new(count),
+            escapes: BandLayer::new(count),
+        };
+        for (pixel, PixelView { surface, mirrored, escape }) in pixels.into_iter().enumerate() {
+            views.surfaces.set(pixel, surface);
+            views.mirrored.set(pixel, mirrored);
+            views.escapes.set(pixel, escape);
+        }
+        views
     }
 
-    /// Follows a ray via mirrors to its end. Of the lit surfaces behind the first one, the first counts.
-    fn follow(&self, mut ray: Ray, mut hit: Option<Hit>) -> PixelView {
-        let mut view = PixelView::default();
-        let (mut throughput, mut alpha, mut path) = (Vec3::ONE, 0.0f32, 0u64);
+    /// Follows a packet of rays via mirrors to their ends. Of the lit surfaces behind the first one, the first counts.
+    fn follow(&self, rays: [Ray; LANES], mut lanes: u32) -> [PixelView; LANES] {
+        let mut views: [PixelView; LANES] = std::array::from_fn(|_| PixelView::default());
+        let mut walks = rays.map(|ray| Walk { ray, throughput: Vec3::ONE, alpha: 0.0, path: 0 });
+        let mut hits = self.prepared.tracer.camera_hits(&rays, lanes);
         for mirror in 0..=MAX_MIRRORS {
-            let Some(found) = hit else {
-                view.escape = Some(Escape { direction: ray.direction, factor: throughput, alpha, path });
-                break;
-            };
-            let object = &self.scene.objects[found.object as usize];
-            let reflectance = visible_reflectance(self.prepared, self.is_plain, (&found, object), &ray);
-            let albedo = surface_albedo(object, self.is_plain, reflectance.is_some());
-            if albedo != Vec3::ZERO {
-                let receives = !self.is_plain && object.receiver.is_some();
-                let factor = throughput * albedo * FRAC_1_PI;
-                let point = SurfacePoint { hit: found, receives, factor, path };
-                let kind = if mirror == 0 { &mut view.surface } else { &mut view.mirrored };
-                kind.get_or_insert(point);
+            for lane in set_bits(lanes) {
+                if !self.meet(hits[lane], &mut walks[lane], &mut views[lane]) {
+                    lanes &= !(1 << lane);
+                }
             }
-            let Some(reflectance) = reflectance else { break };
-            throughput *= reflectance;
-            alpha = alpha.max(object.reflector.map_or(0.0, |r| r.finish.alpha() as f32));
-            path = path.wrapping_mul(1_000_003) + u64::from(found.object) + 1;
-            ray = Ray { origin: found.position, direction: mirrored_direction(&found, &ray, found.normal) };
-            hit = self.prepared.tracer.secondary_hit(ray);
+            if lanes == 0 || mirror == MAX_MIRRORS {
+                break;
+            }
+            hits = self.prepared.tracer.secondary_hits(&walks.map(|walk| walk.ray), lanes);
         }
-        view
+        views
+    }
+
+    /// What a ray meets. Returns whether a mirror sends it on.
+    fn meet(&self, hit: Option<Hit>, walk: &mut Walk, view: &mut PixelView) -> bool {
+        let Walk { ray, throughput, alpha, path } = *walk;
+        let Some(found) = hit else {
+            view.escape = Some(Escape { direction: ray.direction, factor: throughput, alpha, path });
+            return false;
+        };
+        let object = &self.scene.objects[found.object as usize];
+        let reflectance = visible_reflectance(self.prepared, self.is_plain, (&found, object), &ray);
+        let albedo = surface_albedo(object, self.is_plain, reflectance.is_some());
+        if albedo != Vec3::ZERO {
+            let receives = !self.is_plain && object.receiver.is_some();
+            let factor = throughput * albedo * FRAC_1_PI;
+            let kind = if path == 0 { &mut view.surface } else { &mut view.mirrored };
+            kind.get_or_insert(SurfacePoint { hit: found, receives, factor, path });
+        }
+        let Some(reflectance) = reflectance else { return false };
+        walk.throughput *= reflectance;
+        walk.alpha = alpha.max(object.reflector.map_or(0.0, |r| r.finish.alpha() as f32));
+        walk.path = path.wrapping_mul(1_000_003) + u64::from(found.object) + 1;
+        walk.ray = Ray { origin: found.position, direction: mirrored_direction(&found, &ray, found.normal) };
+        true
     }
 }

@@ -9,7 +9,7 @@ use super::{Builder, Key, nearest};
 use crate::scene::shapes::Shape;
 use crate::scene::{
     Animation, CameraMotion, EnvironmentMotion, Interpolation, KeyFrameError, KeyFrames, MAX_RADIANCE, ObjectMotion,
-    SceneError,
+    SceneError, Waves,
 };
 use crate::words::escaped;
 
@@ -130,7 +130,7 @@ impl Builder<'_> {
         let AnimationTable { translate, rotate_deg, scale, phase_deg, .. } = table.table;
         let wave = match (self.numbers(table, "phase_deg", phase_deg.as_ref())?, object.shape) {
             (None, _) => None,
-            (Some(phase), Some(Shape::Sheet(sheet))) => Some((sheet, phase)),
+            (Some(phase), Some(Shape::Sheet(sheet))) => Some(Waves::new(sheet, phase)),
             (Some(_), _) => return Err(self.error(table.key("phase_deg"), "is a property of the shape 'sheet' alone")),
         };
         if scale.iter().flatten().any(|(_, scale)| !(scale.is_finite() && *scale > 0.0)) {

@@ -20,7 +20,7 @@ use crate::environment::{Environment, LightBounds};
 use crate::options::Evaluation;
 use crate::pinhole::cpu::{Accuracy, Light, estimate_irradiance};
 use crate::pinhole::{Params, PinholeTree, Pinholes, Receivers};
-use crate::progress::Stage;
+use crate::progress::{Progress, Stage};
 use crate::scene::{Camera, Visibility};
 use crate::stages::{Id, LightStages, Memo, StageCounts, visible_receivers};
 use crate::tracing::Tracer;
@@ -119,11 +119,13 @@ impl PinholeStages {
         match evaluation {
             Evaluation::Flat { leaves } => {
                 let pinholes = self.samples.pinholes(&inputs, &points, leaves);
+                check_wanted(progress)?;
                 let statistics = statistics(pinholes.samples.len(), points.positions.clone());
                 self.flat(FlatInputs { pinholes, environment, params }, statistics, &inputs).await
             }
             Evaluation::Hierarchical { leaves, tolerance } => {
                 let tree = self.samples.tree(&inputs, &points, leaves);
+                check_wanted(progress)?;
                 let bounds = light.bounds(inputs.light, progress);
                 let statistics = statistics(tree.sample_nodes().samples.len(), points.positions.clone());
                 let accuracy = Accuracy { error: tolerance, split_near: true };
@@ -189,6 +191,11 @@ impl PinholeStages {
         }
         Ok(self.sum.keep(key, Arc::new(HierarchicalOnCpu { sum, statistics })))
     }
+}
+
+/// Ends what nobody waits for, before incomplete results are used.
+fn check_wanted(progress: &dyn Progress) -> Result<(), Error> {
+    if progress.is_cancelled() { Err(Error::Cancelled) } else { Ok(()) }
 }
 
 /// The receivers at which the mean irradiance is estimated, to which the tolerance is relative.

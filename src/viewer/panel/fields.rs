@@ -13,19 +13,20 @@ pub fn number<T: Numeric>(
     original: T,
     (range, is_logarithmic): (RangeInclusive<T>, bool),
 ) -> bool {
-    let before = *value;
     let mut is_changed = false;
     ui.horizontal(|ui| {
-        let slider = egui::Slider::new(value, range).logarithmic(is_logarithmic).text(name);
-        is_changed = ui.add(slider.smart_aim(true)).changed();
+        // Files may hold values beyond what the slider offers.
+        let clamping = egui::SliderClamping::Edits;
+        let slider = egui::Slider::new(value, range).logarithmic(is_logarithmic).clamping(clamping).text(name);
+        is_changed = ui.add(slider.custom_parser(typed_number)).changed();
         is_changed |= reset(ui, name, value, original);
     });
-    // "nan" can be typed.
-    if !value.to_f64().is_finite() {
-        *value = before;
-        return false;
-    }
     is_changed
+}
+
+/// A number that was typed; "nan" and "inf" are none.
+pub fn typed_number(text: &str) -> Option<f64> {
+    text.trim().replace('\u{2212}', "-").parse().ok().filter(|number: &f64| number.is_finite())
 }
 
 /// One of several values. Returns whether it was changed.

@@ -3,7 +3,7 @@
 use eframe::egui;
 use glam::Vec3;
 
-use super::fields::{named, reset};
+use super::fields::{named, reset, typed_number};
 use crate::scene::Transform;
 use crate::viewer::Viewer;
 
@@ -25,9 +25,10 @@ impl Viewer {
             return false;
         }
         let original = self.document.original.scene.objects.get(index).map_or(Transform::default(), |o| o.placement);
-        let Some(object) = self.document.state.scene.objects.get_mut(index) else { return false };
-        let placement = &mut object.placement;
-        let before = *placement;
+        let Some(before) = self.document.state.scene.objects.get(index).map(|object| object.placement) else {
+            return false;
+        };
+        let placement = &mut before.clone();
         ui.separator();
         vector(ui, "Translate m", &mut placement.translate, original.translate, 0.01);
         let mut degrees = Vec3::from(placement.rotate_rad.to_array().map(f32::to_degrees));
@@ -36,16 +37,21 @@ impl Viewer {
             placement.rotate_rad = degrees.to_array().map(f32::to_radians).into();
         }
         ui.horizontal(|ui| {
-            let drag = egui::DragValue::new(&mut placement.scale).speed(0.005).range(0.001..=1000.0);
+            let drag = egui::DragValue::new(&mut placement.scale)
+                .speed(0.005)
+                .range(0.001..=1000.0)
+                .clamp_existing_to_range(false);
+            let drag = drag.custom_parser(typed_number);
             let drag = ui.add(drag);
             named(&drag, egui::Role::SpinButton, "Scale");
             ui.label("Scale");
             reset(ui, "Scale", &mut placement.scale, original.scale);
         });
-        if !(placement.translate.is_finite() && placement.rotate_rad.is_finite() && placement.scale.is_finite()) {
-            *placement = before;
+        if *placement == before {
+            return false;
         }
-        *placement != before
+        self.document.place(index, *placement);
+        true
     }
 }
 
@@ -54,7 +60,8 @@ fn vector(ui: &mut egui::Ui, name: &str, value: &mut Vec3, original: Vec3, speed
     let before = *value;
     ui.horizontal(|ui| {
         for (axis, letter) in ["x", "y", "z"].into_iter().enumerate() {
-            let drag = ui.add(egui::DragValue::new(&mut value[axis]).speed(speed).max_decimals(3));
+            let drag =
+                ui.add(egui::DragValue::new(&mut value[axis]).speed(speed).max_decimals(3).custom_parser(typed_number));
             named(&drag, egui::Role::SpinButton, &format!("{name} {letter}"));
         }
         ui.label(name);

@@ -65,7 +65,11 @@ impl Viewer {
             if ui.button("Screenshot").on_hover_text("P: the window as it is, as PNG").clicked() {
                 self.save_screenshot(ui.ctx());
             }
-            if ui.button("Copy command").on_hover_text("the command line that renders this picture").clicked() {
+            if ui
+                .button("Copy command")
+                .on_hover_text("the command line that renders the saved scene, without its animation")
+                .clicked()
+            {
                 self.copy_command(ui.ctx());
             }
         });
@@ -111,10 +115,13 @@ impl Viewer {
             return;
         }
         let [width, height] = self.panel.output_size;
+        let options = &self.document.state.options;
         let command = format!(
-            "pinspot render {} -o {} --size {width}x{height}",
+            "pinspot render {} -o {} --size {width}x{height}{}{}",
             quoted(&self.document.name),
-            quoted(self.panel.picture_file.trim())
+            quoted(self.panel.picture_file.trim()),
+            if options.plain_diffuse { " --plain-diffuse" } else { "" },
+            if options.overlay == Overlay::Samples { " --overlay samples" } else { "" },
         );
         self.notices.say(format!("copied: {command}"));
         context.copy_text(command);

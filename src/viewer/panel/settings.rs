@@ -52,7 +52,7 @@ const LEAVES: &[(u32, &str)] = &[(0, "auto"), (1, "1"), (4, "4"), (16, "16"), (6
 /// The term that keeps 1/l² finite; the number is in m².
 const EPSILONS: &[(Epsilon, &str)] =
     &[(Epsilon::Auto, "auto"), (Epsilon::Paper, "paper"), (Epsilon::Value(0.001), "a value")];
-/// Exposures that are offered, stops; typed ones may be larger.
+/// Exposures that are offered, stops.
 const STOPS: std::ops::RangeInclusive<f32> = -16.0..=16.0;
 
 impl Viewer {

@@ -24,6 +24,8 @@ pub struct CachedGather<'a> {
 struct LastImage {
     receivers: Receivers,
     sums: Vec<[f32; 4]>,
+    /// The gather was not cancelled.
+    is_complete: bool,
 }
 
 /// The sums of an image, and how much of it came from the cache.
@@ -43,7 +45,7 @@ impl<'a> CachedGather<'a> {
 
     /// Gathers at receivers, reusing the sums of tiles that equal those of the last image.
     pub fn gather(&mut self, receivers: Receivers, progress: &dyn Progress) -> CachedSums<'_> {
-        let last = self.last.take().filter(|last| last.has_same_tiles(&receivers));
+        let last = self.last.take().filter(|last| last.is_complete && last.has_same_tiles(&receivers));
         let materials = receivers.view_directions.as_ref().map(|view| &*view.materials);
         let context = TraversalContext::new(self.pinholes, self.light, &self.params, materials);
         let mut sums = match &last {
@@ -52,7 +54,7 @@ impl<'a> CachedGather<'a> {
         };
         let is_cached = |tile: &ReceiverTile| last.as_ref().is_some_and(|last| last.holds(tile));
         let reused = gather_tiles(&context, &receivers, self.accuracy, &is_cached, progress, &mut sums);
-        let last = self.last.insert(LastImage { receivers, sums });
+        let last = self.last.insert(LastImage { receivers, sums, is_complete: !progress.is_cancelled() });
         CachedSums { sums: &last.sums, reused }
     }
 }

@@ -1,0 +1,104 @@
+//! Settings as the text of a scene file. Knows nothing of documents.
+
+use glam::Vec3;
+use toml_edit::{Array, DocumentMut, InlineTable, Item, Table, Value, value};
+
+use crate::Epsilon;
+use crate::options::{Exposure, Options};
+use crate::scene::{Camera, Projection};
+
+/// A number with as many digits as tell it from others, as people would write it.
+pub fn number(value: f32) -> f64 {
+    value.to_string().parse().unwrap_or_else(|_| value.into())
+}
+
+pub fn vector(v: Vec3) -> Item {
+    value(v.to_array().iter().map(|c| Value::from(number(*c))).collect::<Array>())
+}
+
+pub fn write_camera(document: &mut DocumentMut, old: &Camera, new: &Camera) {
+    let Some(table) = document.get_mut("camera").and_then(Item::as_table_like_mut).filter(|_| old != new) else {
+        return;
+    };
+    table.insert("position", vector(new.position));
+    table.insert("target", vector(new.position + new.forward));
+    table.insert("up", vector(new.up));
+    if let Projection::Orthographic { height } = new.projection {
+        let mut orthographic = InlineTable::new();
+        orthographic.insert("height", number(height).into());
+        table.insert("orthographic", value(orthographic));
+    }
+}
+
+/// The `[render]` table's keys whose values differ, with the new ones; `None` where there is none any more.
+fn changed_keys(old: &Options, new: &Options) -> Vec<(&'static str, Option<Item>)> {
+    let aovs = |options: &Options| options.aovs.iter().map(|aov| aov.name()).collect::<Array>();
+    let background = new.display.background_exposure_ev;
+    let all: [(bool, &'static str, Option<Item>); 18] = [
+        (old.samples != new.samples, "samples", Some(value(i64::from(new.samples)))),
+        (old.strategy != new.strategy, "strategy", Some(value(new.strategy.name()))),
+        (old.density != new.density, "density", Some(value(new.density.name()))),
+        (old.seed != new.seed, "seed", Some(value(new.seed as i64))),
+        (old.footprint != new.footprint, "footprint", Some(value(new.footprint.name()))),
+        (old.filter != new.filter, "filter", Some(value(new.filter.name()))),
+        (old.taps != new.taps, "taps", Some(value(i64::from(new.taps)))),
+        (old.attenuation != new.attenuation, "attenuation", Some(value(new.attenuation))),
+        (old.evaluation != new.evaluation, "evaluation", Some(value(new.evaluation.name()))),
+        (old.leaves != new.leaves, "leaves", new.leaves.map(|leaves| value(i64::from(leaves)))),
+        (old.tolerance != new.tolerance, "tolerance", Some(value(number(new.tolerance)))),
+        (old.visibility != new.visibility, "visibility", Some(value(new.visibility.name()))),
+        (old.caustic_gain != new.caustic_gain, "caustic_gain", Some(value(number(new.caustic_gain)))),
+        (old.epsilon != new.epsilon, "epsilon", Some(epsilon(new))),
+        (old.technique != new.technique, "technique", Some(value(new.technique.name()))),
+        (old.display.exposure != new.display.exposure, "exposure_ev", Some(exposure(new.display.exposure))),
+        (
+            old.display.background_exposure_ev != background,
+            "background_exposure_ev",
+            background.map(|stops| value(number(stops))),
+        ),
+        (old.aovs != new.aovs, "aov", Some(value(aovs(new)))),
+    ];
+    all.into_iter().filter(|(is_changed, ..)| *is_changed).map(|(_, key, item)| (key, item)).collect()
+}
+
+pub fn write_options(document: &mut DocumentMut, old: &Options, new: &Options) {
+    let changed = changed_keys(old, new);
+    if changed.is_empty() {
+        return;
+    }
+    let table = document.entry("render").or_insert(Item::Table(Table::new()));
+    let Some(table) = table.as_table_like_mut() else { return };
+    for (key, item) in changed {
+        match item {
+            Some(item) => drop(table.insert(key, item)),
+            None => drop(table.remove(key)),
+        }
+    }
+}
+
+/// In which settings two options differ, with the values of either.
+pub fn differing_options(a: &Options, b: &Options) -> [String; 2] {
+    [(b, a), (a, b)].map(|(other, own)| {
+        let shown = |(key, item): (&str, Option<Item>)| {
+            let item = item.map_or_else(|| "auto".to_owned(), |item| item.to_string().trim().replace('"', ""));
+            format!("{key} {item}")
+        };
+        let all: Vec<String> = changed_keys(other, own).into_iter().map(shown).collect();
+        if all.is_empty() { "the same settings".to_owned() } else { all.join(", ") }
+    })
+}
+
+fn epsilon(options: &Options) -> Item {
+    match options.epsilon {
+        Epsilon::Auto => value("auto"),
+        Epsilon::Paper => value("paper"),
+        Epsilon::Value(square_metres) => value(number(square_metres)),
+    }
+}
+
+fn exposure(exposure: Exposure) -> Item {
+    match exposure {
+        Exposure::Auto => value("auto"),
+        Exposure::Stops(stops) => value(number(stops)),
+    }
+}

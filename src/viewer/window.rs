@@ -1,0 +1,109 @@
+//! The native window around the viewer, by eframe.
+
+use std::path::PathBuf;
+use std::sync::{Arc, Mutex, PoisonError};
+
+use eframe::egui;
+
+use super::document::Document;
+use super::{Viewer, loader};
+use crate::BackendChoice;
+use crate::image::write_png;
+
+/// Why there is no window.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ViewError {
+    /// The scene could not be opened.
+    #[error("{0}")]
+    Scene(String),
+    /// There is no display, or no graphics driver.
+    #[error("cannot open a window: {0}")]
+    Window(String),
+    /// The screenshot could not be written.
+    #[error("{0}")]
+    Screenshot(String),
+}
+
+/// The scene that is shown if none is named.
+const DEFAULT_SCENE: &str = "ring-natural";
+/// Opens a window on a scene file or a built-in scene. Returns when it is closed. With a file for a screenshot, it closes by itself
+/// once the picture is finished and the screenshot (PNG) is written.
+///
+/// # Errors
+/// A scene that cannot be read, no display, no graphics driver, or a screenshot that cannot be written.
+pub fn view(scene: Option<&str>, choice: BackendChoice, screenshot: Option<PathBuf>) -> Result<(), ViewError> {
+    let document = Document::open(scene.unwrap_or(DEFAULT_SCENE)).map_err(ViewError::Scene)?;
+    let viewport = egui::ViewportBuilder::default()
+        .with_title("Pinspot")
+        .with_app_id("pinspot")
+        .with_inner_size([1240.0, 760.0])
+        .with_min_inner_size([320.0, 240.0])
+        .with_drag_and_drop(true);
+    let options = eframe::NativeOptions { viewport, renderer: eframe::Renderer::Wgpu, ..Default::default() };
+    let failed = Arc::new(Mutex::new(None));
+    let closing = screenshot.map(|path| ClosingScreenshot { path, failed: failed.clone(), is_taken: false });
+    let open = move |context: &eframe::CreationContext<'_>| {
+        let viewer = Viewer::new(document, choice, context.egui_ctx.clone());
+        Ok(Box::new(Window { viewer, closing }) as Box<dyn eframe::App>)
+    };
+    check_display()?;
+    eframe::run_native("pinspot", options, Box::new(open)).map_err(|e| ViewError::Window(e.to_string()))?;
+    let failed = failed.lock().unwrap_or_else(PoisonError::into_inner).take();
+    failed.map_or(Ok(()), |reason| Err(ViewError::Screenshot(reason)))
+}
+
+/// Refuses to open a window where there is nothing to show it on.
+#[cfg(all(unix, not(target_os = "macos")))]
+fn check_display() -> Result<(), ViewError> {
+    let is_set = |name: &str| std::env::var_os(name).is_some_and(|value| !value.is_empty());
+    if ["WAYLAND_DISPLAY", "WAYLAND_SOCKET", "DISPLAY"].into_iter().any(is_set) {
+        return Ok(());
+    }
+    Err(ViewError::Window("there is no display (neither WAYLAND_DISPLAY nor DISPLAY is set)".to_owned()))
+}
+
+/// Other systems always have a display.
+#[cfg(not(all(unix, not(target_os = "macos"))))]
+fn check_display() -> Result<(), ViewError> {
+    Ok(())
+}
+
+/// The viewer as a native window.
+struct Window {
+    viewer: Viewer,
+    closing: Option<ClosingScreenshot>,
+}
+
+/// A screenshot after which the window closes.
+struct ClosingScreenshot {
+    path: PathBuf,
+    failed: Arc<Mutex<Option<String>>>,
+    is_taken: bool,
+}
+
+impl eframe::App for Window {
+    fn ui(&mut self, ui: &mut egui::Ui, _: &mut eframe::Frame) {
+        self.viewer.ui(ui);
+        if let Some(closing) = self.closing.as_mut().filter(|_| self.viewer.is_finished()) {
+            closing.take(ui.ctx());
+        }
+    }
+}
+
+impl ClosingScreenshot {
+    fn take(&mut self, context: &egui::Context) {
+        if std::mem::replace(&mut self.is_taken, true) {
+            return;
+        }
+        let (path, failed, window) = (self.path.clone(), self.failed.clone(), context.clone());
+        let write = move |shown: Arc<egui::ColorImage>| {
+            if let Err(error) = write_png(&path, &loader::image_of(&shown)) {
+                *failed.lock().unwrap_or_else(PoisonError::into_inner) = Some(error.to_string());
+            }
+            window.send_viewport_cmd(egui::ViewportCommand::Close);
+        };
+        context.send_viewport_cmd(egui::ViewportCommand::Screenshot(egui::ScreenshotCallback::new(write)));
+        context.request_repaint();
+    }
+}
