@@ -148,8 +148,8 @@ impl fmt::Display for Stage {
     }
 }
 
-/// Receives progress, and says whether the result is still wanted. Methods are called from any thread; stages do not nest. The library reads no clock: to time a
-/// stage, measure from [`Progress::begin`] to [`Progress::end`].
+/// Receives progress, and says whether the result is still wanted. Methods are called from any thread; stages do not nest. The
+/// library reads no clock: to time a stage, measure from [`Progress::begin`] to [`Progress::end`].
 pub trait Progress: Sync {
     /// A stage begins, which has `total` steps.
     fn begin(&self, stage: Stage, total: u64);

@@ -129,7 +129,7 @@ impl Sequence {
     }
 
     /// Renders the frames that are not in their files yet; for an .apng, all of them. An exposure that is automatic is metered on the
-    /// first frame and kept. `report` is told after each frame what has been done.
+    /// first frame and kept. `report` is called after each frame.
     ///
     /// # Errors
     /// As [`Engine::render`], and files that cannot be written. Frames that are complete stay; an .apng is written whole or not at all.

@@ -217,7 +217,7 @@ impl Engine {
         Ok(self.dots(&prepared))
     }
 
-    /// The object that the camera sees at a place in the picture, in parts of its width and height.
+    /// The object that the camera sees at a place in the picture, as fractions of its width and height.
     pub fn object_at(&mut self, place: Vec2) -> Option<usize> {
         let scene = self.scene_stages.prepare_for_frame(&self.scene, &crate::NoProgress).ok()?;
         let size = UVec2::from_array(self.options.size).as_vec2();

@@ -10,7 +10,7 @@ use crate::scene::Camera;
 
 /// The distance changes by a factor of e for so many points of scrolling.
 const POINTS_PER_E: f32 = 400.0;
-/// A step of the arrow keys, in parts of the window's height.
+/// A step of the arrow keys, as a fraction of the window's height.
 const KEY_STEP: f32 = 0.04;
 /// A step of the keys + and −: the factor on the distance.
 const KEY_FACTOR: f32 = 1.1;

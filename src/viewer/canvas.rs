@@ -45,7 +45,7 @@ pub struct Canvas {
     current: SidePicture,
     /// Left of the divider, in a comparison.
     kept: SidePicture,
-    /// Where the divider is, in parts of the width.
+    /// Where the divider is, as a fraction of the width.
     divider: f32,
     held: Option<Held>,
     /// Where it is in the window, points.
@@ -130,7 +130,7 @@ impl Canvas {
         }
     }
 
-    /// Where the divider is, in parts of the width.
+    /// Where the divider is, as a fraction of the width.
     #[cfg(test)]
     pub fn divider(&self) -> f32 {
         self.divider

@@ -6,7 +6,7 @@ use glam::{Vec2, Vec3};
 
 use crate::scene::Camera;
 
-/// Length of the arrows, in parts of the window's height.
+/// Length of the arrows, as a fraction of the window's height.
 const LENGTH: f32 = 0.16;
 /// An arrow is taken hold of within this distance, points.
 const REACH: f32 = 9.0;

@@ -7,7 +7,7 @@
 //! ```
 //!
 //! Nothing here waits: pictures are rendered by the [`worker`], files are read by the [`loader`], and both wake the window when they
-//! are done. Whatever goes wrong is told in the window, which keeps what it shows.
+//! are done. Errors are shown in the window, which keeps the last picture.
 
 mod camera_input;
 mod canvas;

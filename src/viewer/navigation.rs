@@ -11,7 +11,7 @@ const LEAST_DISTANCE: f32 = 1e-3;
 /// It stays this far from straight up and straight down, as the cosine of the angle between its up and the world's.
 const LEAST_UPRIGHT: f32 = 1e-3;
 
-/// Turns the camera about a point by a drag, in parts of the window's height; to the right and down are positive.
+/// Turns the camera about a point by a drag, as a fraction of the window's height; to the right and down are positive.
 pub fn orbit(camera: &mut Camera, target: Vec3, drag: Vec2) {
     let angles = -RADIANS_PER_HEIGHT * drag;
     let yaw = Quat::from_rotation_y(angles.x);
@@ -30,7 +30,7 @@ fn rotated(camera: &Camera, target: Vec3, rotation: Quat) -> Camera {
     Camera { position, forward, right, up: right.cross(forward), ..*camera }
 }
 
-/// Moves the camera and its point by a drag in parts of the window's height, so that what lies there follows the pointer.
+/// Moves the camera and its point by a drag, as fractions of the window's height, so that what lies there follows the pointer.
 pub fn pan(camera: &mut Camera, target: &mut Vec3, drag: Vec2) {
     let height = match camera.projection {
         Projection::Orthographic { height } => height,

@@ -2,7 +2,7 @@
 
 use std::time::{Duration, Instant};
 
-/// How long something that was done is told.
+/// How long the window shows that something was done.
 const SHOWN: Duration = Duration::from_secs(6);
 
 /// Messages of the window.

@@ -27,6 +27,7 @@ pub enum ViewError {
 
 /// The scene that is shown if none is named.
 const DEFAULT_SCENE: &str = "ring-natural";
+
 /// Opens a window on a scene file or a built-in scene. Returns when it is closed. With a file for a screenshot, it closes by itself
 /// once the picture is finished and the screenshot (PNG) is written.
 ///

@@ -20,7 +20,7 @@ use crate::{Backend, BackendChoice, Budget, Detail, Engine, Error};
 
 /// Nothing has to change for this long before the picture is refined.
 const REST: Duration = Duration::from_millis(250);
-/// The longer side of the picture that stands in for a preview of another picture than beauty, pixels.
+/// Longer side of the coarse picture that replaces the preview where another AOV than beauty is shown, pixels.
 const COARSE_SIZE: u32 = 160;
 
 /// What the window shows.
@@ -69,7 +69,7 @@ pub struct Picture {
     pub exposures: Option<Exposures>,
     pub samples: usize,
     pub evaluation: Option<Evaluation>,
-    /// Where samples appear, in parts of the picture's width and height.
+    /// Where samples appear, as fractions of the picture's width and height.
     pub dots: Vec<Vec2>,
     pub seconds: f64,
     pub stages: StageSeconds,
@@ -95,7 +95,7 @@ pub enum Message {
 #[derive(Debug, Default)]
 struct Orders {
     view: Option<View>,
-    /// A place in the picture, in parts of its width and height.
+    /// A place in the picture, as fractions of its width and height.
     pick: Option<Vec2>,
     job: Option<Job>,
     is_over: bool,
@@ -136,7 +136,7 @@ impl Worker {
         self.order(|orders| orders.view = Some(view));
     }
 
-    /// Asks which object is seen at a place, in parts of the picture's width and height.
+    /// Asks which object is seen at a place, as fractions of the picture's width and height.
     pub fn pick(&self, place: Vec2) {
         self.order(|orders| orders.pick = Some(place));
     }
@@ -248,52 +248,65 @@ struct Loop {
     budget: Budget,
 }
 
+/// What the thread has open.
+struct RenderState {
+    backend: Backend,
+    engines: Engines,
+    refinement: Refinement,
+    /// The view that is shown, or could not be.
+    view: Option<View>,
+}
+
 impl Loop {
     fn run(mut self) {
-        let mut backend = self.open();
-        let mut engines = Engines::default();
-        let mut refinement = Refinement::default();
-        let mut last_view: Option<View> = None;
+        let backend = self.open();
+        let mut state =
+            RenderState { backend, engines: Engines::default(), refinement: Refinement::default(), view: None };
         loop {
-            let is_refining = refinement.done < refinement.steps.len();
-            let rest = if refinement.done == 0 { REST } else { Duration::ZERO };
-            let orders = self.shared.next(is_refining.then_some(rest));
+            let Refinement { steps, done } = &state.refinement;
+            let rest = if *done == 0 { REST } else { Duration::ZERO };
+            let orders = self.shared.next((*done < steps.len()).then_some(rest));
             if orders.is_over {
                 return;
             }
-            let was_idle = orders.view.is_none() && orders.pick.is_none() && orders.job.is_none();
-            let mut result: Result<(), Failure> = Ok(());
-            if let Some(view) = orders.view {
-                refinement = refinement_of(&view);
-                result = caught(|| self.previews(&mut engines, &view, &backend));
-                last_view = Some(view);
+            match caught(|| self.carry_out(orders, &mut state)) {
+                Ok(()) | Err(Failure::Error(Error::Cancelled)) => {}
+                Err(failure) => self.recover(&failure, &mut state),
             }
-            if let (Some(place), Some(engine)) = (orders.pick, &mut engines.current) {
-                self.send(Message::Picked(engine.object_at(place)));
-            }
-            if let Some(job) = orders.job {
-                let tell = |progress| self.send(Message::Job(progress));
-                run_job(job, &backend, &self.shared.is_aborted, &tell);
-            }
-            if was_idle && is_refining {
-                result = caught(|| self.refine(&mut engines, &mut refinement));
-            }
-            let Err(failure) = result else { continue };
-            if matches!(failure, Failure::Error(Error::Cancelled)) {
-                continue;
-            }
-            refinement = Refinement::default();
-            let number = last_view.as_ref().map_or(0, |view| view.number);
-            self.send(Message::Failed(number, failure.to_string()));
-            if !matches!(failure, Failure::Error(ref error) if !is_lost(error)) {
-                // Everything is prepared again, after the loss of a device for a new one.
-                engines = Engines::default();
-                backend = self.open();
-                if failure.is_loss() {
-                    let view = last_view.clone();
-                    let orders = &mut self.shared.orders();
-                    orders.view = orders.view.take().or(view);
-                }
+        }
+    }
+
+    /// Does what is ordered or, if that is nothing, refines the picture by a step.
+    fn carry_out(&mut self, orders: Orders, state: &mut RenderState) -> Result<(), Error> {
+        let RenderState { backend, engines, refinement, view: shown } = state;
+        let Orders { view, pick, job, .. } = orders;
+        if view.is_none() && pick.is_none() && job.is_none() {
+            return self.refine(engines, refinement);
+        }
+        if let (Some(place), Some(engine)) = (pick, &mut engines.current) {
+            self.send(Message::Picked(engine.object_at(place)));
+        }
+        if let Some(job) = job {
+            run_job(job, backend, &self.shared.is_aborted, &|progress| self.send(Message::Job(progress)));
+        }
+        let Some(view) = view else { return Ok(()) };
+        *refinement = refinement_of(&view);
+        let view = shown.insert(view);
+        self.previews(engines, view, backend)
+    }
+
+    /// Tells why the view cannot be shown. After a defect, and with a new device after the loss of one, everything is prepared again.
+    fn recover(&self, failure: &Failure, state: &mut RenderState) {
+        state.refinement = Refinement::default();
+        let number = state.view.as_ref().map_or(0, |view| view.number);
+        self.send(Message::Failed(number, failure.to_string()));
+        match failure {
+            Failure::Error(error) if !is_lost(error) => {}
+            Failure::Panic(_) => state.engines = Engines::default(),
+            Failure::Error(_) => {
+                (state.engines, state.backend) = (Engines::default(), self.open());
+                let orders = &mut self.shared.orders();
+                orders.view = orders.view.take().or(state.view.clone());
             }
         }
     }
@@ -361,7 +374,8 @@ impl Loop {
     }
 
     fn refine(&self, engines: &mut Engines, refinement: &mut Refinement) -> Result<(), Error> {
-        let RefinementStep { view, side, options, quality } = &refinement.steps[refinement.done];
+        let Some(step) = refinement.steps.get(refinement.done) else { return Ok(()) };
+        let RefinementStep { view, side, options, quality } = step;
         if let Some(engine) = engines.of(*side) {
             engine.options_mut().clone_from(options);
             let picture = render(engine, (*view, *side, *quality), Some(&self.shared.is_outdated))?;
@@ -444,12 +458,6 @@ enum Failure {
     Error(Error),
     /// A defect of the program, in its own words.
     Panic(String),
-}
-
-impl Failure {
-    fn is_loss(&self) -> bool {
-        matches!(self, Self::Error(error) if is_lost(error))
-    }
 }
 
 impl std::fmt::Display for Failure {
