@@ -142,8 +142,11 @@ pub struct ObjectMotion {
 pub struct Waves {
     sheet: Sheet,
     phase_rad: KeyFrames<f32>,
-    last: Arc<Mutex<Option<(f32, Arc<Mesh>)>>>,
+    last: Arc<Mutex<Option<PhaseMesh>>>,
 }
+
+/// A sheet's phase, degrees, and its mesh.
+type PhaseMesh = (f32, Arc<Mesh>);
 
 impl Waves {
     /// A sheet, and the phase of its waves, radians.

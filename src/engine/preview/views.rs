@@ -222,7 +222,7 @@ impl ViewTracer<'_> {
                 self.scene.camera.ray(Vec2::new(x as f32, (top + y) as f32) + 0.5, size)
             });
             let lanes = (0..LANES).filter(exists).fold(0, |bits, lane| bits | 1 << lane);
-            let views = self.follow(rays, lanes);
+            let views = self.follow(&rays, lanes);
             for (lane, view) in views.into_iter().enumerate().filter(|(lane, _)| exists(lane)) {
                 let (x, y) = place(lane);
                 pixels[y * width + x] = view;
@@ -243,10 +243,10 @@ impl ViewTracer<'_> {
     }
 
     /// Follows a packet of rays via mirrors to their ends. Of the lit surfaces behind the first one, the first counts.
-    fn follow(&self, rays: [Ray; LANES], mut lanes: u32) -> [PixelView; LANES] {
+    fn follow(&self, rays: &[Ray; LANES], mut lanes: u32) -> [PixelView; LANES] {
         let mut views: [PixelView; LANES] = std::array::from_fn(|_| PixelView::default());
         let mut walks = rays.map(|ray| Walk { ray, throughput: Vec3::ONE, alpha: 0.0, path: 0 });
-        let mut hits = self.prepared.tracer.camera_hits(&rays, lanes);
+        let mut hits = self.prepared.tracer.camera_hits(rays, lanes);
         for mirror in 0..=MAX_MIRRORS {
             for lane in set_bits(lanes) {
                 if !self.meet(hits[lane], &mut walks[lane], &mut views[lane]) {
