@@ -30,21 +30,10 @@ impl Progress for CancelAt {
 fn a_cancelled_picture_leaves_no_incomplete_stage_behind() {
     let engine = || {
         let (scene, options) = pinspot::load("columns").unwrap();
-        Engine::new(scene, options.with_size([72, 54]).with_samples(150).with_leaves(Some(4)), Backend::cpu())
+        Engine::new(scene, options.with_size([32, 24]).with_samples(60).with_leaves(Some(4)), Backend::cpu())
     };
     let whole = blocking::wait(None, engine().render(&NoProgress)).unwrap();
-    let stages = [
-        Stage::Geometry,
-        Stage::Light,
-        Stage::Tree,
-        Stage::Visibility,
-        Stage::Estimate,
-        Stage::Direct,
-        Stage::Caustic,
-        Stage::Paths,
-        Stage::PathEnds,
-        Stage::Shading,
-    ];
+    let stages = [Stage::Light, Stage::Visibility, Stage::Direct, Stage::Caustic, Stage::Paths, Stage::PathEnds];
     for stage in stages {
         let mut engine = engine();
         let progress = CancelAt { stage, has_begun: AtomicBool::new(false) };
