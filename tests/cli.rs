@@ -745,7 +745,7 @@ fn wrong_command_lines_exit_with_two() {
         &["render", "ring", "-o", "a.png", "--size", "512"],
         &["render", "ring", "-o", "a.png", "--cube-size", "100"],
         &["render", "scene.toml", "-o", "a.png", "--adapter", "voodoo", "--backend", "cpu"],
-        &["view"],
+        &["view", "--frames", "1..2"],
         &["reference", "ring", "-o", "a.exr", "--rel-error", "0"],
         &["reference", "ring", "-o", "a.exr", "--seconds=-1"],
         &["reference", "ring", "-o", "a.exr", "--seconds", "NaN"],
