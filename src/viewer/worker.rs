@@ -295,7 +295,7 @@ impl Loop {
         self.previews(engines, view, backend)
     }
 
-    /// Tells why the view cannot be shown. After a defect, and with a new device after the loss of one, everything is prepared again.
+    /// Reports why the view cannot be shown. After a defect, and with a new device after the loss of one, everything is prepared again.
     fn recover(&self, failure: &Failure, state: &mut RenderState) {
         state.refinement = Refinement::default();
         let number = state.view.as_ref().map_or(0, |view| view.number);

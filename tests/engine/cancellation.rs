@@ -33,7 +33,18 @@ fn a_cancelled_picture_leaves_no_incomplete_stage_behind() {
         Engine::new(scene, options.with_size([32, 24]).with_samples(60).with_leaves(Some(4)), Backend::cpu())
     };
     let whole = blocking::wait(None, engine().render(&NoProgress)).unwrap();
-    let stages = [Stage::Light, Stage::Visibility, Stage::Direct, Stage::Caustic, Stage::Paths, Stage::PathEnds];
+    let stages = [
+        Stage::Geometry,
+        Stage::Light,
+        Stage::Tree,
+        Stage::Visibility,
+        Stage::Estimate,
+        Stage::Direct,
+        Stage::Caustic,
+        Stage::Paths,
+        Stage::PathEnds,
+        Stage::Shading,
+    ];
     for stage in stages {
         let mut engine = engine();
         let progress = CancelAt { stage, has_begun: AtomicBool::new(false) };
