@@ -290,8 +290,12 @@ impl Loop {
             run_job(job, backend, &self.shared.is_aborted, &|progress| self.send(Message::Job(progress)));
         }
         let Some(view) = view else { return Ok(()) };
-        *refinement = refinement_of(&view);
         let view = shown.insert(view);
+        // Before a preview or a draft of fewer samples hides that the whole picture cannot be rendered.
+        for options in [Some(&view.options), view.kept.as_ref()].into_iter().flatten() {
+            options.check()?;
+        }
+        *refinement = refinement_of(view);
         self.previews(engines, view, backend)
     }
 
