@@ -9,8 +9,13 @@ use pinspot::scene::Scene;
 use pinspot::{Backend, Detail, Engine, EvaluationChoice, NoProgress, Progress, Stage};
 
 /// Scene, samples, and the paper's frames per second.
-const SCENES: [(&str, u32, f64); 4] =
-    [("spoon", 60, 19.0), ("ring-natural", 103, 13.0), ("ring-solid", 154, 6.4), ("cup", 354, 4.9)];
+const SCENES: [(&str, u32, f64); 5] = [
+    ("spoon", 60, 19.0),
+    ("ring-natural", 103, 13.0),
+    ("ring-solid", 154, 6.4),
+    ("dynamic", 200, 9.6),
+    ("cup", 354, 4.9),
+];
 /// Edge of the picture, as in the paper.
 const SIZE: u32 = 400;
 /// Frames of each measurement, and their rate.

@@ -81,7 +81,9 @@ mod viewer;
 mod words;
 
 pub use backend::{Backend, BackendChoice, BackendReport, Device};
-pub use engine::{Budget, Detail, Engine, Preview, Rendered, Report};
+pub use engine::{
+    Budget, Detail, Engine, Inspection, LineKind, MapFootprint, Mark, Preview, ReceiverInspection, Rendered, Report,
+};
 pub use environment::CubeSize;
 pub use error::{Error, OptionError};
 pub use glam;
@@ -89,7 +91,7 @@ pub use options::{
     DisplaySettings, Evaluation, EvaluationChoice, Exposure, Exposures, FilterChoice, Options, Overlay, Quality,
     Settings, load,
 };
-pub use pinhole::{Epsilon, Filter, Footprint};
+pub use pinhole::{Epsilon, Filter, Footprint, SampleView};
 pub use progress::{NoProgress, Progress, Stage};
 pub use sampling::{Density, Strategy};
 pub use sequence::{Sequence, SequenceReport};

@@ -21,6 +21,10 @@ pub enum Stage {
     Materials,
     /// The environment as a prefiltered cube map.
     Light,
+    /// Emitters, as they are seen from the mirrors.
+    LightGeometry,
+    /// The cube map with emitters drawn into it.
+    LitEnvironment,
     /// Bounds of the environment's radiance, for hierarchical sums.
     LightBounds,
     /// The environment's irradiance by normal.
@@ -63,12 +67,14 @@ pub enum Stage {
 
 impl Stage {
     /// The stages of a picture, in the order of the data flow.
-    pub const ENGINE: [Self; 21] = [
+    pub const ENGINE: [Self; 23] = [
         Self::Geometry,
         Self::Bvh,
         Self::Surface,
         Self::Materials,
         Self::Light,
+        Self::LightGeometry,
+        Self::LitEnvironment,
         Self::LightBounds,
         Self::Irradiance,
         Self::LightSampler,
@@ -96,6 +102,8 @@ impl Stage {
             Self::Surface => "surface",
             Self::Materials => "materials",
             Self::Light => "light",
+            Self::LightGeometry => "light-geometry",
+            Self::LitEnvironment => "lit-environment",
             Self::LightBounds => "light-bounds",
             Self::Irradiance => "irradiance",
             Self::LightSampler => "light-sampler",
@@ -123,7 +131,12 @@ impl Stage {
         match self {
             Self::Device => "opening the device",
             Self::Geometry | Self::Bvh | Self::Surface | Self::Materials => "preparing the scene",
-            Self::Light | Self::LightBounds | Self::Irradiance | Self::LightSampler => "preparing the light",
+            Self::Light
+            | Self::LightGeometry
+            | Self::LitEnvironment
+            | Self::LightBounds
+            | Self::Irradiance
+            | Self::LightSampler => "preparing the light",
             Self::Points | Self::Differentials => "sampling the reflectors",
             Self::Tree => "building the tree",
             Self::Visibility => "tracing visibility maps",

@@ -118,9 +118,9 @@ mod tests {
         let scene = load::<toml::Table>("columns").unwrap().scene;
         let tracer = Tracer::new(&scene);
         let view = View { camera: scene.camera, size: [128, 128], pixel_samples: 1, first_row: 0, rows: 128 };
-        let rays = CameraRays::trace(&tracer, view);
+        let rays = CameraRays::trace(|ray| tracer.camera_hit(ray), view);
         let mut stages = LightStages::new();
-        let light = stages.prepare(&scene.environment, CubeSize::default(), &NoProgress).unwrap();
+        let light = stages.prepare(&scene.environment, None, CubeSize::default(), &NoProgress).unwrap();
         let direct = DirectLight::new(&light, &mut stages, &tracer, (Visibility::Full, &rays), &NoProgress);
         let together = direct.at_hits(&rays, |_| true);
         let brightest = together.iter().map(|v| v.max_element()).fold(0.0, f32::max);

@@ -229,7 +229,7 @@ mod tests {
         let scene = load::<toml::Table>("mirror-sphere").unwrap().scene;
         let tracer = Tracer::new(&scene);
         let view = View { camera: scene.camera, size: [32, 32], pixel_samples: 1, first_row: 0, rows: 32 };
-        let rays = CameraRays::trace(&tracer, view);
+        let rays = CameraRays::trace(|ray| tracer.camera_hit(ray), view);
         let caustic: Vec<[f32; 4]> = (0..1024).map(|k| [if k % 32 < 5 { 0.5 } else { 0.0 }; 4]).collect();
         let at_edge = |direct: f32, tolerance: f32| -> Vec<usize> {
             let direct = vec![Vec3::splat(direct); 1024];

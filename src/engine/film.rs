@@ -1,9 +1,9 @@
 //! The film: pictures that are filled band by band.
 
-use glam::{Vec2, Vec3};
+use glam::Vec3;
 
 use super::frame::{Band, Beauty, FrameInputs};
-use super::overlay;
+use super::overlay::{self, Mark};
 use super::report::Report;
 use crate::image::{Aov, Image, display, exposed, metered_ev};
 use crate::options::{DisplaySettings, Exposures, Options};
@@ -71,10 +71,10 @@ impl Film {
         }
     }
 
-    pub fn finish(mut self, aovs: &[Aov], dots: Option<&[Vec2]>, report: Report) -> Rendered {
+    pub fn finish(mut self, aovs: &[Aov], marks: &[Mark], report: Report) -> Rendered {
         let (beauty, mut displayed) = self.beauty.unzip();
-        if let (Some(displayed), Some(dots)) = (&mut displayed, dots) {
-            overlay::draw_dots(displayed, dots);
+        if let Some(displayed) = &mut displayed {
+            overlay::draw(displayed, marks);
         }
         self.data.extend(beauty.map(|b| (Aov::Beauty, b)));
         self.data.sort_by_key(|(aov, _)| aovs.iter().position(|a| a == aov));

@@ -20,7 +20,7 @@ use crate::stages::{
     CameraRays, Id, LightStages, Memo, PreparedLight, PreparedScene, StageCounts, SurfaceMaterials, View,
 };
 use crate::technique::Sum;
-use crate::tracing::Tracer;
+use crate::tracing::{CameraTracer, Tracer};
 
 /// The largest number of points of a picture whose stages are kept: enough for 3840×2160 pixels.
 pub(super) const KEPT_POINTS: u64 = 1 << 23;
@@ -185,7 +185,7 @@ pub(super) struct Beauty {
 /// The stages of a band.
 #[derive(Debug)]
 pub(super) struct BandStages {
-    rays: Memo<(Id<Tracer>, View), CameraRays>,
+    rays: Memo<(Id<CameraTracer>, View), CameraRays>,
     caustic: Memo<CausticKey, Caustic>,
     direct: Memo<DirectKey, Direct>,
     paths: Memo<PathsKey, Paths>,
@@ -218,8 +218,9 @@ impl BandStages {
     ) -> Result<Band, Error> {
         let Options { size, pixel_samples, ref aovs, .. } = *inputs.options;
         let view = View { camera: inputs.scene.camera, size, pixel_samples, first_row, rows };
-        let tracer = &inputs.prepared.tracer;
-        let rays = self.rays.get((Id::of(tracer), view), inputs.progress, || CameraRays::trace(tracer, view));
+        let camera = &inputs.prepared.camera;
+        let trace = || CameraRays::trace(|ray| camera.hit(ray), view);
+        let rays = self.rays.get((Id::of(camera), view), inputs.progress, trace);
         let is_lit = aovs.iter().any(|aov| matches!(aov, Aov::Direct | Aov::Beauty));
         let direct = is_lit.then(|| self.direct(inputs, light, &rays));
         let caustic = self.caustic(inputs, &rays, direct.as_ref()).await?;

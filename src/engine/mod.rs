@@ -18,6 +18,7 @@ mod film;
 mod frame;
 mod gloss;
 mod glossy;
+mod inspection;
 mod interpolation;
 mod overlay;
 mod paths;
@@ -28,6 +29,8 @@ mod shading;
 mod shadows;
 
 pub use film::Rendered;
+pub use inspection::{Inspection, MapFootprint, ReceiverInspection};
+pub use overlay::{LineKind, Mark};
 pub use preview::{Budget, Detail, Preview};
 pub use report::Report;
 
@@ -37,6 +40,7 @@ use glam::{UVec2, Vec2};
 
 use self::film::Film;
 use self::frame::{BandStages, FrameInputs, rows_per_band};
+use self::overlay::Marker;
 use self::preview::PreviewStages;
 use crate::Error;
 use crate::backend::Backend;
@@ -201,10 +205,10 @@ impl Engine {
                 self.band = BandStages::new();
             }
         }
-        let dots = (self.options.overlay == Overlay::Samples).then(|| self.dots(&prepared));
+        let marks = self.marks_of(&prepared, progress)?;
         let pixels = f64::from(self.options.size[0]) * f64::from(height);
         let report = Report::new(self, &prepared, fetches / pixels, exposures);
-        Ok(film.finish(&self.options.aovs, dots.as_deref(), report))
+        Ok(film.finish(&self.options.aovs, &marks, report))
     }
 
     /// The positions of the samples that the camera sees, in pixels from the picture's top left corner; empty if no
@@ -214,21 +218,37 @@ impl Engine {
     /// As [`Self::render`].
     pub async fn visible_samples(&mut self, progress: &dyn Progress) -> Result<Vec<Vec2>, Error> {
         let prepared = self.prepare(progress).await?;
-        Ok(self.dots(&prepared))
+        let Some(sum) = &prepared.sum else { return Ok(Vec::new()) };
+        Ok(self.marker(&prepared).dots(&sum.statistics().positions))
+    }
+
+    /// The marks of the overlay that the options ask for; none if no caustics are requested.
+    ///
+    /// # Errors
+    /// As [`Self::render`].
+    pub async fn marks(&mut self, progress: &dyn Progress) -> Result<Vec<Mark>, Error> {
+        if self.options.overlay == Overlay::None {
+            return Ok(Vec::new());
+        }
+        let prepared = self.prepare(progress).await?;
+        self.marks_of(&prepared, progress)
     }
 
     /// The object that the camera sees at a place in the picture, as fractions of its width and height.
     pub fn object_at(&mut self, place: Vec2) -> Option<usize> {
         let scene = self.scene_stages.prepare_for_frame(&self.scene, &crate::NoProgress).ok()?;
         let size = UVec2::from_array(self.options.size).as_vec2();
-        let hit = scene.tracer.camera_hit(self.scene.camera.ray(place * size, size))?;
+        let hit = scene.camera.hit(self.scene.camera.ray(place * size, size))?;
         Some(hit.object as usize)
     }
 
     async fn prepare(&mut self, progress: &dyn Progress) -> Result<Prepared, Error> {
         self.options.check()?;
         let scene = self.scene_stages.prepare(&self.scene, progress)?;
-        let light = self.light_stages.prepare(&self.scene.environment, self.options.cube_size, progress)?;
+        let light = {
+            let (source, geometry) = (&self.scene.environment, scene.light_geometry.as_ref());
+            self.light_stages.prepare(source, geometry, self.options.cube_size, progress)?
+        };
         if self.technique.0 != self.options.technique {
             self.technique.1.count(&mut self.counted_before);
             self.technique = (self.options.technique, self.options.technique.stages());
@@ -256,10 +276,29 @@ impl Engine {
         Ok(Prepared { scene, light, sum })
     }
 
-    fn dots(&self, prepared: &Prepared) -> Vec<Vec2> {
-        let Some(sum) = &prepared.sum else { return Vec::new() };
+    fn marks_of(&mut self, prepared: &Prepared, progress: &dyn Progress) -> Result<Vec<Mark>, Error> {
+        let Some(sum) = prepared.sum.as_ref().filter(|_| self.options.overlay != Overlay::None) else {
+            return Ok(Vec::new());
+        };
+        if self.options.overlay == Overlay::Samples {
+            let dots = self.marker(prepared).dots(&sum.statistics().positions);
+            return Ok(dots.into_iter().map(Mark::Dot).collect());
+        }
+        let samples = self.technique.1.surface_samples(&Inputs {
+            scene: &self.scene,
+            prepared: &prepared.scene,
+            light: &prepared.light,
+            options: &self.options,
+            backend: &self.backend,
+            is_preview: false,
+            progress,
+        })?;
+        Ok(self.marker(prepared).marks(self.options.overlay, &samples))
+    }
+
+    fn marker<'a>(&'a self, prepared: &'a Prepared) -> Marker<'a> {
         let size = UVec2::from_array(self.options.size).as_vec2();
-        overlay::visible_samples(&self.scene, &prepared.scene.tracer, &sum.statistics().positions, size)
+        Marker { scene: &self.scene, tracer: &prepared.scene.tracer, size }
     }
 }
 

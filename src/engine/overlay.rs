@@ -1,29 +1,141 @@
-//! The sample overlay: a dot for every sample that the camera sees (Wand and Straßer, Figures 5 and 7).
+//! Overlays: marks for the samples that the camera sees (Wand and Straßer, Figures 5 and 7), and for the surface around them.
 
 use glam::{UVec2, Vec2, Vec3};
 
+use crate::differential::DifferentialSample;
 use crate::image::Image;
+use crate::options::Overlay;
 use crate::scene::{Ray, Scene};
 use crate::tracing::Tracer;
 
 /// Dot radius, in pixels of a picture 512 pixels high.
 const RADIUS: f32 = 1.4;
+/// Half the width of lines, in the same pixels.
+const HALF_WIDTH: f32 = 0.7;
+/// Lengths of normals and of arms along the more curved direction, in edges of a square of the sample's area.
+const NORMAL_LENGTH: f32 = 0.7;
+const ARM_LENGTH: f32 = 0.42;
+/// The arm along the less curved direction has at least this part of the other's length.
+const SHORTEST_ARM: f32 = 0.12;
 
-/// Draws a dot at each of these positions, in pixels from the top left corner.
-pub(super) fn draw_dots(image: &mut Image, dots: &[Vec2]) {
-    let radius = RADIUS * (image.height as f32 / 512.0).max(0.75);
-    for dot in dots {
-        draw_dot(image, *dot, radius);
+/// Something that is drawn over a picture, in pixels from its top left corner.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Mark {
+    /// Where a sample is.
+    Dot(Vec2),
+    /// A straight line.
+    Line {
+        /// Its ends.
+        ends: [Vec2; 2],
+        /// What it shows.
+        kind: LineKind,
+    },
+}
+
+/// What a line shows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LineKind {
+    /// A sample's normal.
+    Normal,
+    /// A principal direction in which the mirror is convex; its length tells how curved it is beside the other one.
+    Convex,
+    /// A principal direction in which the mirror is concave.
+    Concave,
+    /// An edge of a sample's cell.
+    Cell,
+}
+
+impl LineKind {
+    /// Its colour, display-linear.
+    pub fn colour(self) -> Vec3 {
+        match self {
+            Self::Normal => Vec3::new(0.02, 0.3, 1.0),
+            Self::Convex => Vec3::new(1.0, 0.3, 0.01),
+            Self::Concave => Vec3::new(0.0, 0.6, 0.7),
+            Self::Cell => Vec3::new(1.0, 0.85, 0.1),
+        }
     }
 }
 
-/// The positions of the samples that the camera sees, in pixels of a picture of `size`.
-pub(super) fn visible_samples(scene: &Scene, tracer: &Tracer, positions: &[Vec3], size: Vec2) -> Vec<Vec2> {
-    let visible = |position: &Vec3| {
-        let (pixel, depth) = scene.camera.project(*position, size);
-        (depth > 0.0 && is_visible(tracer, scene.camera.ray(pixel, size), *position)).then_some(pixel)
-    };
-    positions.iter().filter_map(visible).collect()
+impl Mark {
+    /// The same mark in a picture of another size.
+    #[must_use]
+    pub fn scaled(self, factor: Vec2) -> Self {
+        match self {
+            Self::Dot(at) => Self::Dot(factor * at),
+            Self::Line { ends, kind } => Self::Line { ends: ends.map(|end| factor * end), kind },
+        }
+    }
+}
+
+/// What the camera sees of the samples.
+pub(super) struct Marker<'a> {
+    pub scene: &'a Scene,
+    pub tracer: &'a Tracer,
+    /// Of the picture, pixels.
+    pub size: Vec2,
+}
+
+impl Marker<'_> {
+    /// The positions of the samples that the camera sees.
+    pub fn dots(&self, positions: &[Vec3]) -> Vec<Vec2> {
+        positions.iter().filter_map(|position| self.visible(*position)).collect()
+    }
+
+    /// The marks of an overlay other than [`Overlay::Samples`].
+    pub fn marks(&self, overlay: Overlay, samples: &[DifferentialSample]) -> Vec<Mark> {
+        let seen = samples.iter().filter(|sample| self.visible(sample.cell.centroid).is_some());
+        match overlay {
+            Overlay::None => Vec::new(),
+            Overlay::Samples => seen.filter_map(|s| Some(Mark::Dot(self.visible(s.position)?))).collect(),
+            Overlay::Normals => seen.filter_map(|sample| self.normal(sample)).collect(),
+            Overlay::Curvature => seen.flat_map(|sample| self.curvature(sample)).flatten().collect(),
+            Overlay::Cells => seen.flat_map(|sample| self.cell(sample)).flatten().collect(),
+        }
+    }
+
+    fn visible(&self, position: Vec3) -> Option<Vec2> {
+        let (pixel, depth) = self.scene.camera.project(position, self.size);
+        (depth > 0.0 && is_visible(self.tracer, self.scene.camera.ray(pixel, self.size), position)).then_some(pixel)
+    }
+
+    fn line(&self, ends: [Vec3; 2], kind: LineKind) -> Option<Mark> {
+        let ends = ends.map(|end| self.scene.camera.project(end, self.size));
+        ends.iter().all(|(_, depth)| *depth > 0.0).then(|| Mark::Line { ends: ends.map(|(pixel, _)| pixel), kind })
+    }
+
+    fn normal(&self, sample: &DifferentialSample) -> Option<Mark> {
+        let tip = sample.position + NORMAL_LENGTH * sample.area.sqrt() * sample.normal;
+        self.line([sample.position, tip], LineKind::Normal)
+    }
+
+    fn curvature(&self, sample: &DifferentialSample) -> [Option<Mark>; 2] {
+        let largest = sample.curvatures[0].abs().max(sample.curvatures[1].abs()).max(f32::MIN_POSITIVE);
+        [0, 1].map(|k| {
+            let curvature = sample.curvatures[k];
+            let arm = ARM_LENGTH * sample.area.sqrt() * (curvature.abs() / largest).max(SHORTEST_ARM);
+            let (middle, arm) = (sample.cell.centroid, arm * sample.directions[k]);
+            let kind = if curvature >= 0.0 { LineKind::Convex } else { LineKind::Concave };
+            self.line([middle - arm, middle + arm], kind)
+        })
+    }
+
+    fn cell(&self, sample: &DifferentialSample) -> [Option<Mark>; 4] {
+        let [u, v] = sample.cell.sides.map(|side| 0.5 * side);
+        let corners = [u + v, v - u, -u - v, u - v].map(|offset| sample.cell.centroid + offset);
+        [0, 1, 2, 3].map(|k| self.line([corners[k], corners[(k + 1) % 4]], LineKind::Cell))
+    }
+}
+
+/// Draws marks over a picture of their size.
+pub(super) fn draw(image: &mut Image, marks: &[Mark]) {
+    let scale = (image.height as f32 / 512.0).max(0.75);
+    for mark in marks {
+        match *mark {
+            Mark::Dot(at) => draw_capsule(image, [at; 2], RADIUS * scale, Vec3::ZERO),
+            Mark::Line { ends, kind } => draw_capsule(image, ends, HALF_WIDTH * scale, kind.colour()),
+        }
+    }
 }
 
 /// Whether a point on a ray is unoccluded, with some slack: quantised samples lie a little off their surface.
@@ -33,15 +145,63 @@ fn is_visible(tracer: &Tracer, ray: Ray, point: Vec3) -> bool {
     tracer.camera_hit(ray).is_none_or(|hit| along(hit.position) > along(point) - slack)
 }
 
-/// Draws a black, anti-aliased dot.
-fn draw_dot(image: &mut Image, centre: Vec2, radius: f32) {
-    let low = (centre - radius - 1.0).floor().max(Vec2::ZERO).as_uvec2();
-    let high = (centre + radius + 1.0).ceil().max(Vec2::ZERO).as_uvec2().min(UVec2::new(image.width, image.height));
+/// Draws everything within a distance of a line, anti-aliased.
+fn draw_capsule(image: &mut Image, [one, other]: [Vec2; 2], radius: f32, colour: Vec3) {
+    let size = UVec2::new(image.width, image.height);
+    let low = (one.min(other) - radius - 1.0).floor().max(Vec2::ZERO).as_uvec2();
+    let high = (one.max(other) + radius + 1.0).ceil().max(Vec2::ZERO).as_uvec2().min(size);
+    let along = other - one;
     for y in low.y..high.y {
         for x in low.x..high.x {
-            let distance = (UVec2::new(x, y).as_vec2() + 0.5 - centre).length();
+            let from_one = UVec2::new(x, y).as_vec2() + 0.5 - one;
+            let part = (from_one.dot(along) / along.length_squared().max(1e-12)).clamp(0.0, 1.0);
+            let distance = (from_one - part * along).length();
             let coverage = (radius + 0.5 - distance).clamp(0.0, 1.0);
-            image.pixels[(y * image.width + x) as usize] *= 1.0 - coverage;
+            let pixel = &mut image.pixels[(y * image.width + x) as usize];
+            *pixel = pixel.lerp(colour, coverage);
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::differential::differentials;
+    use crate::sampling::{Options, Strategy, Surface, sample};
+
+    /// On a ball seen from outside, all normals point away from its centre, and it is convex in all directions.
+    #[test]
+    fn marks_show_the_surface_around_the_samples() {
+        let scene = crate::scene::load::<toml::Table>("mirror-sphere").unwrap().scene;
+        let surface = Surface::of_scene(&scene);
+        let options = Options { samples: 200, strategy: Strategy::Neighbourhood, seed: 1 };
+        let samples = differentials(&sample(&surface, &options).unwrap());
+        let tracer = Tracer::new(&scene);
+        let marker = Marker { scene: &scene, tracer: &tracer, size: Vec2::splat(200.0) };
+        let mirror = scene.objects.iter().find(|object| object.reflector.is_some()).unwrap();
+        let (centre, _) = scene.camera.project(mirror.placement.translate, marker.size);
+        let (mut outwards, mut kinds) = (0, Vec::new());
+        let normals = marker.marks(Overlay::Normals, &samples);
+        for mark in &normals {
+            let Mark::Line { ends: [foot, tip], kind } = *mark else { panic!("{mark:?}") };
+            outwards += usize::from((tip - centre).length() >= (foot - centre).length() - 0.5);
+            kinds.push(kind);
+        }
+        // The camera sees about half of them.
+        assert!((60..140).contains(&normals.len()) && outwards == normals.len(), "{outwards} of {}", normals.len());
+        let arms = marker.marks(Overlay::Curvature, &samples);
+        assert_eq!(arms.len(), 2 * normals.len());
+        assert!(arms.iter().all(|mark| matches!(mark, Mark::Line { kind: LineKind::Convex, .. })));
+        assert_eq!(marker.marks(Overlay::Cells, &samples).len(), 4 * normals.len());
+        assert!(kinds.iter().all(|kind| *kind == LineKind::Normal));
+    }
+
+    #[test]
+    fn lines_are_drawn_where_they_are_and_clipped() {
+        let mut image = Image { width: 20, height: 10, pixels: vec![Vec3::ONE; 200] };
+        let line = |a: [f32; 2], b: [f32; 2]| Mark::Line { ends: [a.into(), b.into()], kind: LineKind::Cell };
+        draw(&mut image, &[line([-30.0, 5.0], [50.0, 5.0]), Mark::Dot(Vec2::new(400.0, -3.0))]);
+        let changed = |y: usize| image.pixels[y * 20..(y + 1) * 20].iter().filter(|p| **p != Vec3::ONE).count();
+        assert_eq!([changed(2), changed(4), changed(5), changed(8)], [0, 20, 20, 0]);
     }
 }

@@ -79,6 +79,8 @@ pub(super) enum Source {
     /// The environment in a unit direction of the world, blurred for a rough mirror of width `alpha`, or averaged over a
     /// footprint with these sides, radians.
     Environment { direction: Vec3, alpha: f32, sides: [Vec3; 2] },
+    /// An emitter that the camera sees, of this radiance.
+    Emitter(Vec3),
     /// The surface that the camera ray of this index hits.
     CameraRay(u32),
     /// The end point of this index.
@@ -196,7 +198,7 @@ impl PathTracer<'_> {
         let columns = view.size[0] + 1;
         let corner = |k: u32| {
             let at = Vec2::new((k % columns) as f32, (k / columns + view.first_row) as f32);
-            self.prepared.tracer.camera_hit(view.camera.ray(at, self.size()))
+            self.prepared.camera.hit(view.camera.ray(at, self.size()))
         };
         (0..columns * (view.rows + 1)).into_par_iter().map(corner).collect()
     }
@@ -251,7 +253,7 @@ impl PathTracer<'_> {
     /// known. Returns where it left the scene, if it did by way of smooth mirrors.
     fn trace_point(&self, own: usize, at: Vec2, paths: &mut PixelPaths) -> Option<Escape> {
         let mut ray = self.rays.view.camera.ray(at, self.size());
-        let mut hit = self.prepared.tracer.camera_hit(ray);
+        let mut hit = self.prepared.camera.hit(ray);
         let mut walk = Walk { own, throughput: Vec3::ONE, key: 0, alpha: 0.0, bounce: 0 };
         while let Some(found) = hit.filter(|_| walk.bounce < MAX_SURFACES) {
             let Some(mirrored) = self.meet(&found, &ray, &mut walk, paths) else {
@@ -273,6 +275,10 @@ impl PathTracer<'_> {
     /// mirror.
     fn meet(&self, found: &Hit, ray: &Ray, walk: &mut Walk, paths: &mut PixelPaths) -> Option<Vec3> {
         let object = &self.scene.objects[found.object as usize];
+        if let Some(emitter) = object.emitter {
+            paths.add(walk.throughput, Source::Emitter(emitter.radiance), true);
+            return None;
+        }
         walk.key = walk.key.wrapping_mul(1_000_003) + 2 * u64::from(found.object) + u64::from(found.front) + 1;
         let reflectance = visible_reflectance(self.prepared, self.is_plain, (found, object), ray);
         self.add_surface(found, object, reflectance.is_some(), ray, walk, paths);
@@ -350,6 +356,7 @@ pub(super) fn visible_reflectance(
 /// The albedo with which a surface is lit.
 pub(super) fn surface_albedo(object: &Object, is_plain: bool, is_mirror: bool) -> Vec3 {
     match &object.receiver {
+        _ if object.emitter.is_some() => Vec3::ZERO,
         _ if is_plain => Vec3::splat(DIFFUSE_VIEW_ALBEDO),
         Some(receiver) => receiver.albedo,
         None if is_mirror => Vec3::ZERO,

@@ -60,7 +60,7 @@ impl Report {
         let statistics = prepared.sum.as_ref().map(|sum| sum.statistics());
         let environment = &prepared.light.environment;
         let mut warnings = scene.notes.clone();
-        warnings.extend(prepared.scene.note.clone());
+        warnings.extend(prepared.scene.notes.clone());
         warnings.extend(statistics.and_then(|s| s.warning.clone()));
         let Options { size, technique, samples, strategy, density, footprint, taps, visibility, seed, .. } = *options;
         Self {

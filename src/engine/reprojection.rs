@@ -124,10 +124,10 @@ mod tests {
         let scene = load::<toml::Table>("mirror-sphere").unwrap().scene;
         let tracer = Tracer::new(&scene);
         let view = View { camera: scene.camera, size: [64, 48], pixel_samples: 1, first_row: 0, rows: 48 };
-        let rays = CameraRays::trace(&tracer, view);
+        let rays = CameraRays::trace(|ray| tracer.camera_hit(ray), view);
         let receives = |object: u32| scene.objects[object as usize].receiver.is_some();
         // Halfway between rays of a finer picture: light that is the position itself is interpolated to the position.
-        let finer = CameraRays::trace(&tracer, View { size: [201, 151], rows: 151, ..view });
+        let finer = CameraRays::trace(|ray| tracer.camera_hit(ray), View { size: [201, 151], rows: 151, ..view });
         let seen: Vec<EndPoint> = finer
             .hits
             .iter()

@@ -124,7 +124,7 @@ impl Shader<'_> {
         let has_parts = |term: &Term| match term.source {
             Source::CameraRay(index) => self.own.is_divided(index),
             Source::EndPoint(index) => self.ends.is_divided(index),
-            Source::Environment { .. } => false,
+            Source::Environment { .. } | Source::Emitter(_) => false,
         };
         pixel.terms.iter().any(has_parts)
     }
@@ -157,11 +157,14 @@ impl Shader<'_> {
         match term.source {
             Source::CameraRay(index) => self.own.at(index, part, self.caustic_gain),
             Source::EndPoint(index) => self.ends.at(index, part, self.caustic_gain),
+            Source::Emitter(radiance) => radiance,
             Source::Environment { direction, alpha, .. } => {
                 let direction = self.light.light_from_world(direction);
                 let environment = &self.light.environment;
                 if alpha > 0.0 {
                     blurred_radiance(&environment.cube, direction, alpha)
+                } else if term.is_background {
+                    environment.radiance.background(direction)
                 } else {
                     environment.radiance.smooth_radiance(direction)
                 }

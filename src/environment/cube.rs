@@ -104,6 +104,15 @@ impl CubeMap {
         })
     }
 
+    /// A copy whose level 0 `change` has changed, row by row, with mips of its own.
+    pub(super) fn with_base(&self, change: impl Fn(usize, usize, &mut [Vec4]) + Sync) -> Self {
+        let (n, w) = (self.size as usize, self.size as usize + 2);
+        Self::from_rows(self.size, true, |face, y, row| {
+            row.copy_from_slice(&self.texels[(face * w + y + 1) * w + 1..][..n]);
+            change(face, y, row);
+        })
+    }
+
     /// `fill` makes a row of a face of level 0.
     fn from_rows(size: u32, mips: bool, fill: impl Fn(usize, usize, &mut [Vec4]) + Sync) -> Self {
         let levels = if mips { size.ilog2() + 1 } else { 1 };

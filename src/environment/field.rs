@@ -5,7 +5,7 @@ use std::borrow::Cow;
 use glam::Vec3;
 
 use super::layout::Layout;
-use super::{EnvironmentError, built_in_map};
+use super::{EnvironmentError, LitBy, built_in_map};
 use crate::scene::{Light, MAX_RADIANCE};
 
 /// The radiance of a light around the scene, before it is rotated and scaled.
@@ -19,8 +19,17 @@ pub struct EnvironmentRadiance {
 #[derive(Clone, Debug)]
 enum Kind {
     Map(Layout),
-    Spot { direction: Vec3, sigma_rad: f32, radiance: Vec3 },
+    Spot {
+        direction: Vec3,
+        sigma_rad: f32,
+        radiance: Vec3,
+    },
     Constant(Vec3),
+    /// Light geometry, and what lies behind it.
+    Geometry {
+        front: LitBy,
+        background: Box<EnvironmentRadiance>,
+    },
 }
 
 /// Face size up to which cube maps are finer than what they are made from.
@@ -39,6 +48,7 @@ impl Kind {
             // A NaN makes a minimum of NaN.
             Self::Spot { radiance, .. } | Self::Constant(radiance) if radiance.is_nan() => [f32::NAN; 2],
             Self::Spot { radiance, .. } | Self::Constant(radiance) => [radiance.min_element(), radiance.max_element()],
+            Self::Geometry { background, .. } => [0.0, background.brightest],
         }
     }
 }
@@ -67,6 +77,12 @@ impl EnvironmentRadiance {
             return invalid("its radiance must be from 0 to 1e36");
         }
         Ok(Self { kind, brightest })
+    }
+
+    /// This radiance behind light geometry.
+    pub(super) fn behind(&self, front: LitBy) -> Self {
+        let brightest = front.geometry.brightest().max(self.brightest * front.intensity);
+        Self { kind: Kind::Geometry { front, background: Box::new(self.clone()) }, brightest }
     }
 
     /// Whether an intensity and a rotation in radians leave everything within range.
@@ -102,7 +118,15 @@ impl EnvironmentRadiance {
         self.look_up(direction, Layout::smooth_radiance)
     }
 
-    fn look_up(&self, d: Vec3, in_map: impl Fn(&Layout, Vec3) -> Vec3) -> Vec3 {
+    /// What the camera sees beside light geometry, which it sees where it is: [`Self::smooth_radiance`] without it.
+    pub fn background(&self, direction: Vec3) -> Vec3 {
+        match &self.kind {
+            Kind::Geometry { front, background } => front.intensity * background.smooth_radiance(direction),
+            _ => self.smooth_radiance(direction),
+        }
+    }
+
+    fn look_up(&self, d: Vec3, in_map: impl Fn(&Layout, Vec3) -> Vec3 + Copy) -> Vec3 {
         match &self.kind {
             Kind::Map(layout) => in_map(layout, d),
             Kind::Constant(radiance) => *radiance,
@@ -110,6 +134,9 @@ impl EnvironmentRadiance {
                 // The chord gives small angles without the cancellation of acos.
                 let angle = 2.0 * (0.5 * (d - *direction).length()).min(1.0).asin();
                 *radiance * (-0.5 * (angle / sigma_rad).powi(2)).exp()
+            }
+            Kind::Geometry { front, background } => {
+                front.radiance(d).unwrap_or_else(|| front.intensity * background.look_up(d, in_map))
             }
         }
     }
@@ -135,6 +162,10 @@ impl EnvironmentRadiance {
             // A Gaussian needs no more than two samples per σ.
             Kind::Spot { sigma_rad, .. } => Some(1.5 * sigma_rad),
             Kind::Constant(_) => None,
+            Kind::Geometry { front, background } => {
+                let own = front.geometry.angular_radius_rad();
+                Some(background.detail_rad().map_or(own, |other| own.min(other)))
+            }
         }
     }
 
@@ -147,6 +178,7 @@ impl EnvironmentRadiance {
             // A face spans [−1, 1]: 2/size radians a texel at its centre.
             Kind::Spot { sigma_rad, .. } => finer((4.0 / sigma_rad).ceil() as u32, 2),
             Kind::Constant(_) => 0,
+            Kind::Geometry { front, background } => front.geometry.cube_size().max(background.cube_size()),
         };
         wanted.max(256).next_power_of_two()
     }

@@ -1,7 +1,7 @@
 //! What shines: environment images, spots and constants, as a cube map with mips.
 //!
 //! Data flows from the scene's images → `layout` → [`EnvironmentRadiance`] (radiance by direction) → [`CubeMap`] (what the
-//! sums look up) and irradiance. All of it is in the light's own frame: whoever looks something up rotates the direction
+//! sums look up) and irradiance. [`LightGeometry`] is drawn into a copy of the cube map, every frame if it moves. All of it is in the light's own frame: whoever looks something up rotates the direction
 //! and scales the result. This module must not know samples, receivers or wgpu.
 
 mod bounds;
@@ -11,6 +11,8 @@ mod field;
 mod importance;
 mod irradiance;
 mod layout;
+mod light_geometry;
+mod rasterization;
 
 /// The first mip whose bounds are kept beside those of the light itself; those of all coarser ones are, too.
 pub(crate) const FIRST_BOUNDED_MIP: u32 = 2;
@@ -24,6 +26,7 @@ pub use cube::{CubeMap, FACES, face_direction, face_of_direction, texel_solid_an
 pub use field::EnvironmentRadiance;
 pub use importance::LightSampler;
 pub use irradiance::irradiance_map;
+pub use light_geometry::{LightGeometry, LitBy};
 
 use serde::Deserialize;
 
@@ -46,9 +49,18 @@ impl Environment {
     /// Reads and prefilters a light.
     pub fn new(light: &Light, cube_size: CubeSize) -> Result<Self, EnvironmentError> {
         let radiance = EnvironmentRadiance::new(light)?;
+        Self::of_radiance(radiance, cube_size, 0)
+    }
+
+    /// Reads and prefilters a light; unless it is given, its cube map has at least so many texels along an edge.
+    pub(crate) fn at_least(light: &Light, cube_size: CubeSize, least: u32) -> Result<Self, EnvironmentError> {
+        Self::of_radiance(EnvironmentRadiance::new(light)?, cube_size, least)
+    }
+
+    fn of_radiance(radiance: EnvironmentRadiance, cube_size: CubeSize, least: u32) -> Result<Self, EnvironmentError> {
         let size = match cube_size {
             CubeSize::Texels(size) => size,
-            CubeSize::Auto => radiance.cube_size(),
+            CubeSize::Auto => radiance.cube_size().max(least),
         };
         if size > MAX_CUBE_SIZE {
             return Err(EnvironmentError::TooFine { size, limit: MAX_CUBE_SIZE });
@@ -56,6 +68,16 @@ impl Environment {
         let resolved = radiance.resolved_by(2.0 / size as f32);
         let cube = CubeMap::from_radiance_of_rows(size, resolved.detail_rad(), |row| resolved.radiance_of_all(row));
         Ok(Self { radiance, cube })
+    }
+}
+
+impl Environment {
+    /// This environment behind light geometry. Radiance is that of the world, scaled by the environment's intensity, in the same frame.
+    /// The cube map keeps its size.
+    #[must_use]
+    pub fn behind(&self, front: LitBy) -> Self {
+        let cube = front.draw(&self.cube);
+        Self { radiance: self.radiance.behind(front), cube }
     }
 }
 

@@ -130,6 +130,12 @@ pub enum Overlay {
     None,
     /// A dot for every sample.
     Samples,
+    /// The normal of every sample.
+    Normals,
+    /// The principal directions at every sample, as long as the surface is curved along them.
+    Curvature,
+    /// The cell that every sample stands for, as the rectangle of the same area moments.
+    Cells,
 }
 
 /// How brightly radiance is displayed.

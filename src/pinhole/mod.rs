@@ -27,7 +27,7 @@ pub use layout::{BATCH_SIZE, CURVE_POINTS, GatherUniforms, PinholeParts, Pinhole
 pub use receivers::{NO_RECEIVER, ReceiverLayout, Receivers, ViewDirections};
 pub use tree::PinholeTree;
 pub(crate) use visibility::Edges;
-pub use visibility::VisibilityMaps;
+pub use visibility::{SampleView, VisibilityMaps};
 
 use glam::{Vec2, Vec3};
 use serde::{Deserialize, Serialize};
@@ -179,6 +179,13 @@ impl Pinholes {
     /// one that the samples and the tracer were made of. Once it is cancelled, nothing is occluded.
     pub fn trace_visibility(&mut self, scene: &Scene, tracer: &Tracer, progress: &dyn Progress) {
         self.trace_maps(scene, tracer, Edges::Fine, progress);
+    }
+
+    /// What the sample nearest to a position sees; `None` without visibility maps or samples.
+    pub(crate) fn view_from(&self, position: Vec3) -> Option<SampleView> {
+        let distance = |sample: &&PinholeSample| sample.position().distance_squared(position);
+        let nearest = self.samples.iter().min_by(|a, b| distance(a).total_cmp(&distance(b)))?;
+        self.visibility.as_ref()?.view(nearest.map())
     }
 
     pub(crate) fn trace_maps(&mut self, scene: &Scene, tracer: &Tracer, edges: Edges, progress: &dyn Progress) {

@@ -34,6 +34,25 @@ pub struct VisibilityMaps {
     pub doubts: Vec<Doubt>,
 }
 
+/// What a sample of a mirror sees, as an octahedral map of the half-space before it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct SampleView {
+    /// Texels along the map's edge.
+    pub resolution: u32,
+    /// Row by row: whether the environment is seen, and not another surface.
+    pub sees_environment: Vec<bool>,
+}
+
+impl VisibilityMaps {
+    /// What the sample sees whose first map has this number, on the side that its normal points to.
+    pub fn view(&self, map: u32) -> Option<SampleView> {
+        let n = self.resolution as usize;
+        let rows = self.sky_mask.get(map as usize * n..)?.get(..n)?;
+        let texels = rows.iter().flat_map(|row| (0..n).map(move |i| row >> i & 1 == 1));
+        Some(SampleView { resolution: self.resolution, sees_environment: texels.collect() })
+    }
+}
+
 /// Where the plane of a texel says too little: a curved surface lies partly in front of it, partly behind it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Doubt {

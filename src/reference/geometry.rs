@@ -11,7 +11,7 @@ use obvhs::BvhBuildParams;
 use obvhs::cwbvh::{CwBvh, builder::build_cwbvh};
 use obvhs::ray::{Ray as BoxRay, RayHit};
 
-use crate::scene::Scene;
+use crate::scene::{Object, Scene};
 
 /// A triangle with a normal per corner, world space.
 #[derive(Clone, Copy, Debug)]
@@ -56,9 +56,14 @@ fn mix(v: [DVec3; 3], b: [f64; 3]) -> DVec3 {
 }
 
 impl Geometry {
+    /// Everything that reflects, receives or casts shadows.
     pub fn new(scene: &Scene) -> Self {
+        Self::of_objects(scene, |object| object.emitter.is_none())
+    }
+
+    pub fn of_objects(scene: &Scene, is_wanted: impl Fn(&Object) -> bool) -> Self {
         let mut triangles = Vec::new();
-        for (object, o) in scene.objects.iter().enumerate() {
+        for (object, o) in scene.objects.iter().enumerate().filter(|(_, o)| is_wanted(o)) {
             let mesh = o.mesh_in_world();
             for t in 0..mesh.triangles().len() {
                 triangles.push(Triangle {

@@ -206,7 +206,7 @@ impl Reference {
         if options.quantity != Quantity::Direct && scene.objects.iter().all(|o| o.reflector.is_none()) {
             return fail("reflector", "is missing: give an object `reflector = { sides = \"front\" }`");
         }
-        let light = Light::new(&scene.environment)?;
+        let light = Light::of_scene(&scene)?;
         let notes = scene.notes.clone();
         scene.check_placements()?;
         let geometry = Geometry::new(&scene);

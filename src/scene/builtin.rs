@@ -30,12 +30,14 @@ pub const BUILT_IN: &[BuiltIn] = built_in! {
     "cup": "a mirror cup that receives its own caustics in natural light (Figure 6f)",
     "cup-point-light": "the cup under a small light from above (Figure 7b)",
     "sheet": "a waving sheet of copper throws bands of sunlight on a wall",
+    "dynamic": "bright balls, a gold ring and a floor, all of which move (Figure 7c)",
     "columns": "balls and columns between the light, a brass ring and the table shadow each other",
     "gloss": "rings of silver, polished, brushed and blasted",
     "metals": "rings of silver, gold, copper, aluminium, chromium and brass in forest light",
     "varnish": "a gilded ring on a glossy table",
     "mirror-sphere": "a mirror sphere above a table in a studio",
     "disco-ball": "a ball of flat mirror tiles throws images of the sun around a room (Section 3)",
+    "dance-floor": "a mirror ball scatters the light of moving coloured lamps over a room where balls dance",
 };
 
 #[cfg(test)]

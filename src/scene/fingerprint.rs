@@ -76,6 +76,8 @@ impl Hash {
         object.reflector.iter().for_each(|reflector| self.reflector(reflector));
         self.number(u64::from(object.receiver.is_some()));
         object.receiver.iter().for_each(|receiver| self.receiver(receiver));
+        self.number(u64::from(object.emitter.is_some()));
+        object.emitter.iter().for_each(|emitter| self.vector(emitter.radiance));
     }
 
     fn reflector(&mut self, reflector: &Reflector) {

@@ -1,4 +1,4 @@
-//! Materials: reflectors and receivers. Independent of geometry.
+//! Materials: reflectors, receivers and emitters. Independent of geometry.
 
 use glam::Vec3;
 
@@ -34,4 +34,13 @@ pub struct Receiver {
     pub albedo: Vec3,
     /// Its glossy lobe, or a measured BRDF.
     pub gloss: Gloss,
+}
+
+/// A surface that shines: light geometry, which is part of the environment (Wand and Straßer 2003, Section 3.1). Its light arrives
+/// everywhere as it does at [`Scene::light_centre`](super::Scene::light_centre), so that it should be several times as far away as
+/// mirrors and receivers are large. The camera sees it where it is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Emitter {
+    /// Radiance of both sides in all directions, W/(m²·sr).
+    pub radiance: Vec3,
 }

@@ -21,6 +21,8 @@ mod wavefront;
 use std::path::PathBuf;
 use std::sync::Arc;
 
+use glam::Vec3;
+
 pub use animation::{
     Animation, CameraMotion, EnvironmentMotion, Interpolation, KeyFrameError, KeyFrames, ObjectMotion, Waves,
 };
@@ -29,7 +31,7 @@ pub use builtin::{BUILT_IN, BuiltIn};
 pub use camera::{Camera, Projection, Ray};
 pub use file::{Loaded, load, parse};
 pub use light::{EnvironmentMap, EnvironmentSource, Light, MAX_RADIANCE, MapError, MapLayout};
-pub use material::{Receiver, Reflector, Sides};
+pub use material::{Emitter, Receiver, Reflector, Sides};
 pub use mesh::{Mesh, MeshError};
 pub use transform::Transform;
 pub use visibility::Visibility;
@@ -98,10 +100,29 @@ impl Scene {
         self.objects.iter().try_for_each(|object| object.checked_mesh_in_world().map(drop))
     }
 
+    /// Where the light of emitters is taken from: the centre of the box around the mirrors or, without mirrors, around everything
+    /// that does not shine.
+    pub fn light_centre(&self) -> Vec3 {
+        let meshes: Vec<Mesh> = self.objects.iter().map(Object::mesh_in_world).collect();
+        light_centre(&meshes.iter().collect::<Vec<_>>(), &self.objects)
+    }
+
     /// The objects' BRDFs as receivers.
     pub fn materials(&self) -> Materials {
         Materials::new(self.objects.iter().map(|o| o.receiver.as_ref().map(|r| (r.albedo, &r.gloss))))
     }
+}
+
+/// [`Scene::light_centre`], from the objects' meshes in world space.
+pub(crate) fn light_centre(meshes: &[&Mesh], objects: &[Object]) -> Vec3 {
+    let centre = |is_of: fn(&Object) -> bool| {
+        let meshes = meshes.iter().zip(objects).filter(|(_, object)| is_of(object)).map(|(mesh, _)| mesh);
+        let positions = meshes.flat_map(|mesh| mesh.positions());
+        let (low, high) = positions.fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(l, h), p| (l.min(*p), h.max(*p)));
+        (low.x <= high.x).then(|| 0.5 * low + 0.5 * high)
+    };
+    let of_mirrors = centre(|object| object.reflector.is_some());
+    of_mirrors.or_else(|| centre(|object| object.emitter.is_none())).unwrap_or(Vec3::ZERO)
 }
 
 /// An object: a mesh, its placement and its materials.
@@ -117,6 +138,8 @@ pub struct Object {
     pub reflector: Option<Reflector>,
     /// `Some`: it receives caustics and direct light.
     pub receiver: Option<Receiver>,
+    /// `Some`: it is light geometry, neither reflector nor receiver, and casts no shadow.
+    pub emitter: Option<Emitter>,
     /// `false`: invisible to camera rays, though not to light.
     pub camera_visible: bool,
 }
@@ -130,6 +153,7 @@ impl Object {
             placement: Transform::default(),
             reflector: None,
             receiver: None,
+            emitter: None,
             camera_visible: true,
         }
     }

@@ -1,5 +1,5 @@
 //! The prepared light, in the environment's own frame and at its own intensity: look-ups rotate their directions and sums
-//! are scaled, so that rotating or scaling the environment prepares nothing again. Independent of the scene.
+//! are scaled, so that rotating or scaling the environment prepares nothing again. Of the scene it knows its light geometry alone.
 
 use std::sync::Arc;
 
@@ -7,7 +7,9 @@ use glam::{Mat3, Vec3};
 
 use super::StageCounts;
 use super::memo::{Id, Memo};
-use crate::environment::{CubeMap, CubeSize, Environment, EnvironmentError, LightBounds, LightSampler, irradiance_map};
+use crate::environment::{
+    CubeMap, CubeSize, Environment, EnvironmentError, LightBounds, LightGeometry, LightSampler, LitBy, irradiance_map,
+};
 use crate::progress::{Progress, Stage};
 use crate::scene::{EnvironmentSource, Light};
 
@@ -36,16 +38,22 @@ impl PreparedLight {
 /// The stages that make a [`PreparedLight`] and what is derived from it.
 #[derive(Debug)]
 pub(crate) struct LightStages {
-    environment: Memo<(Light, CubeSize), Environment>,
+    environment: Memo<(Light, CubeSize, u32), Environment>,
+    /// With light geometry drawn into it.
+    lit: Memo<LitKey, Environment>,
     bounds: Memo<Id<Environment>, LightBounds>,
     irradiance: Memo<Id<Environment>, CubeMap>,
     sampler: Memo<Id<Environment>, LightSampler>,
 }
 
+/// The environment, the geometry before it, and the rotation and intensity of what lies behind.
+type LitKey = (Id<Environment>, Id<LightGeometry>, [f32; 2]);
+
 impl LightStages {
     pub fn new() -> Self {
         Self {
             environment: Memo::new(Stage::Light),
+            lit: Memo::new(Stage::LitEnvironment),
             bounds: Memo::new(Stage::LightBounds),
             irradiance: Memo::new(Stage::Irradiance),
             sampler: Memo::new(Stage::LightSampler),
@@ -55,14 +63,26 @@ impl LightStages {
     pub fn prepare(
         &mut self,
         source: &EnvironmentSource,
+        light_geometry: Option<&Arc<LightGeometry>>,
         cube_size: CubeSize,
         progress: &dyn Progress,
     ) -> Result<PreparedLight, EnvironmentError> {
-        let key = (source.light.clone(), cube_size);
-        let environment = self.environment.try_get(key, progress, || Environment::new(&source.light, cube_size))?;
+        let least = light_geometry.map_or(0, |geometry| geometry.cube_size());
+        let environment = self.environment.try_get((source.light.clone(), cube_size, least), progress, || {
+            Environment::at_least(&source.light, cube_size, least)
+        })?;
         let EnvironmentSource { rotation_rad, intensity, .. } = *source;
         environment.radiance.check_placement(intensity, rotation_rad)?;
-        Ok(PreparedLight { environment, rotation_rad, intensity })
+        let Some(geometry) = light_geometry else {
+            return Ok(PreparedLight { environment, rotation_rad, intensity });
+        };
+        let key = (Id::of(&environment), Id::of(geometry), [rotation_rad, intensity]);
+        let lit = self
+            .lit
+            .get(key, progress, || environment.behind(LitBy { geometry: geometry.clone(), rotation_rad, intensity }));
+        // Emitters are not scaled by the environment's intensity, which is therefore in the texels.
+        lit.radiance.check_placement(1.0, rotation_rad)?;
+        Ok(PreparedLight { environment: lit, rotation_rad, intensity: 1.0 })
     }
 
     /// Bounds of the radiance, for hierarchical sums.
@@ -85,6 +105,7 @@ impl LightStages {
 
     pub fn count(&self, counts: &mut StageCounts) {
         counts.add_memo(&self.environment);
+        counts.add_memo(&self.lit);
         counts.add_memo(&self.bounds);
         counts.add_memo(&self.irradiance);
         counts.add_memo(&self.sampler);

@@ -1,4 +1,4 @@
-//! The prepared scene: meshes in world space, a ray tracer, the reflecting surface, and materials.
+//! The prepared scene: meshes in world space, a ray tracer, the reflecting surface, materials, and light geometry.
 //!
 //! Independent of light and samples.
 
@@ -9,21 +9,27 @@ use glam::Vec3;
 use super::StageCounts;
 use super::memo::{Id, Memo};
 use crate::brdf::Materials;
+use crate::environment::LightGeometry;
 use crate::pinhole::CURVE_POINTS;
 use crate::progress::{Progress, Stage};
 use crate::reflectance::{Curve, Finish};
 use crate::sampling::Surface;
-use crate::scene::{Mesh, MeshError, Object, Receiver, Reflector, Scene, Sides, Transform};
-use crate::tracing::Tracer;
+use crate::scene::{Emitter, Mesh, MeshError, Object, Receiver, Reflector, Scene, Sides, Transform, light_centre};
+use crate::tracing::{CameraTracer, SeenBy, Tracer};
 
 /// A scene, ready for sampling and ray tracing.
 #[derive(Clone, Debug)]
 pub(crate) struct PreparedScene {
+    /// What light meets.
     pub tracer: Arc<Tracer>,
+    /// What the camera sees.
+    pub camera: Arc<CameraTracer>,
     pub surface: Arc<Surface>,
     pub materials: Arc<SurfaceMaterials>,
-    /// What the user should know about where the scene lies.
-    pub note: Option<String>,
+    /// `None` where nothing shines but the environment.
+    pub light_geometry: Option<Arc<LightGeometry>>,
+    /// What the user should know about where things lie.
+    pub notes: Vec<String>,
 }
 
 /// Reflectance of the objects' surfaces.
@@ -58,12 +64,17 @@ pub(crate) struct SceneStages {
     tracer: Memo<TracerKey, Tracer>,
     /// For previews, while there is no other for the same meshes.
     tracer_of_frame: Memo<TracerKey, Tracer>,
+    camera: Memo<(Id<Tracer>, TracerKey), CameraTracer>,
     surface: Memo<SurfaceKey, Surface>,
     materials: Memo<MaterialsKey, SurfaceMaterials>,
+    light_geometry: Memo<LightGeometryKey, LightGeometry>,
 }
 
-/// Each object's mesh, and whether the camera sees it.
-type TracerKey = Vec<(Id<Mesh>, bool)>;
+/// Objects' meshes, and which rays meet them.
+type TracerKey = Vec<(Id<Mesh>, SeenBy)>;
+
+/// The mesh of each object that shines, and the point from which they are seen.
+type LightGeometryKey = (Vec<(Id<Mesh>, Emitter)>, Vec3);
 
 /// The mesh of each object that mirrors, and on which sides.
 type SurfaceKey = Vec<Option<(Id<Mesh>, Sides)>>;
@@ -78,8 +89,10 @@ impl SceneStages {
             meshes_made_before: 0,
             tracer: Memo::new(Stage::Bvh),
             tracer_of_frame: Memo::new(Stage::Bvh),
+            camera: Memo::new(Stage::Bvh),
             surface: Memo::new(Stage::Surface),
             materials: Memo::new(Stage::Materials),
+            light_geometry: Memo::new(Stage::LightGeometry),
         }
     }
 
@@ -106,15 +119,40 @@ impl SceneStages {
         tracer: impl FnOnce(&mut Self, TracerKey, &[Arc<Mesh>]) -> Arc<Tracer>,
     ) -> Result<PreparedScene, MeshError> {
         let meshes = self.place_meshes(scene, progress)?;
-        let note = check_extent(&meshes)?;
-        let key = meshes.iter().zip(&scene.objects).map(|(mesh, o)| (Id::of(mesh), o.camera_visible));
-        let tracer = tracer(self, key.collect(), &meshes);
+        let dark = meshes.iter().zip(&scene.objects).filter(|(_, o)| o.emitter.is_none());
+        let mut notes: Vec<String> = check_extent(dark.map(|(mesh, _)| &**mesh))?.into_iter().collect();
+        let key = |is_wanted: fn(&Object) -> bool| -> TracerKey {
+            let objects = meshes.iter().zip(&scene.objects).filter(|(_, o)| is_wanted(o));
+            objects.map(|(mesh, o)| (Id::of(mesh), SeenBy::of(o))).collect()
+        };
+        let tracer = tracer(self, key(|o| o.emitter.is_none()), &meshes);
+        let camera_key = (Id::of(&tracer), key(|o| o.emitter.is_some()));
+        let camera = self.camera.get(camera_key, progress, || CameraTracer::new(tracer.clone(), seen(&meshes, scene)));
         let mirrors = |(mesh, o): (&Arc<Mesh>, &Object)| Some((Id::of(mesh), o.reflector?.sides));
         let mirrors = meshes.iter().zip(&scene.objects).map(mirrors).collect();
         let surface = self.surface.get(mirrors, progress, || reflecting_surface(&meshes, scene));
         let materials = scene.objects.iter().map(|o| (o.receiver.clone(), o.reflector.map(|r| r.finish))).collect();
         let materials = self.materials.get(materials, progress, || SurfaceMaterials::of_scene(scene));
-        Ok(PreparedScene { tracer, surface, materials, note })
+        let light_geometry = self.light_geometry(&meshes, scene, progress);
+        notes.extend(near_emitter(&meshes, scene));
+        Ok(PreparedScene { tracer, camera, surface, materials, light_geometry, notes })
+    }
+
+    fn light_geometry(
+        &mut self,
+        meshes: &[Arc<Mesh>],
+        scene: &Scene,
+        progress: &dyn Progress,
+    ) -> Option<Arc<LightGeometry>> {
+        let objects = || meshes.iter().zip(&scene.objects);
+        let emitters: Vec<_> = objects().filter_map(|(mesh, object)| Some((mesh, object.emitter?))).collect();
+        if emitters.is_empty() {
+            return None;
+        }
+        let centre = light_centre(&meshes.iter().map(|mesh| &**mesh).collect::<Vec<_>>(), &scene.objects);
+        let key = (emitters.iter().map(|(mesh, emitter)| (Id::of(mesh), *emitter)).collect(), centre);
+        let shining: Vec<_> = emitters.iter().map(|(mesh, emitter)| (&***mesh, emitter.radiance)).collect();
+        Some(self.light_geometry.get(key, progress, || LightGeometry::new(&shining, centre)))
     }
 
     fn place_meshes(&mut self, scene: &Scene, progress: &dyn Progress) -> Result<Vec<Arc<Mesh>>, MeshError> {
@@ -133,14 +171,42 @@ impl SceneStages {
         counts.add(Stage::Geometry, self.meshes_made_before);
         self.meshes.iter().for_each(|memo| counts.add_memo(memo));
         counts.add_memo(&self.tracer);
+        counts.add_memo(&self.camera);
         counts.add_memo(&self.surface);
         counts.add_memo(&self.materials);
+        counts.add_memo(&self.light_geometry);
     }
 }
 
-/// The objects' meshes, and whether the camera sees them.
-fn seen<'a>(meshes: &'a [Arc<Mesh>], scene: &'a Scene) -> impl Iterator<Item = (&'a Mesh, bool)> {
-    meshes.iter().zip(&scene.objects).map(|(mesh, object)| (&**mesh, object.camera_visible))
+/// The objects' meshes, and which rays meet them.
+fn seen<'a>(meshes: &'a [Arc<Mesh>], scene: &'a Scene) -> impl Iterator<Item = (&'a Mesh, SeenBy)> {
+    meshes.iter().zip(&scene.objects).map(|(mesh, object)| (&**mesh, SeenBy::of(object)))
+}
+
+/// An emitter is far away from this many radii of the mirrors on.
+const FAR_EMITTER: f32 = 3.0;
+
+/// Says which emitter is too near for its light to be that of the environment.
+fn near_emitter(meshes: &[Arc<Mesh>], scene: &Scene) -> Option<String> {
+    let objects = || meshes.iter().zip(&scene.objects);
+    if objects().all(|(_, object)| object.emitter.is_none()) {
+        return None;
+    }
+    let centre = light_centre(&meshes.iter().map(|mesh| &**mesh).collect::<Vec<_>>(), &scene.objects);
+    let distances = |mesh: &Arc<Mesh>| mesh.positions().iter().map(|p| p.distance(centre)).collect::<Vec<_>>();
+    let mirrors = objects().filter(|(_, object)| object.reflector.is_some());
+    let radius = mirrors.flat_map(|(mesh, _)| distances(mesh)).fold(0.0, f32::max);
+    let emitters = objects().filter(|(_, object)| object.emitter.is_some());
+    let nearest = emitters.map(|(mesh, object)| (distances(mesh).into_iter().fold(f32::INFINITY, f32::min), object));
+    let (distance, object) = nearest.min_by(|(one, _), (other, _)| one.total_cmp(other))?;
+    (distance < FAR_EMITTER * radius).then(|| {
+        format!(
+            "emitter '{}' is {distance:.3} m from the centre of the mirrors, which reach {radius:.3} m from there; its light \
+             arrives everywhere as it does at that centre, which is accurate from about {:.3} m on",
+            object.name,
+            FAR_EMITTER * radius
+        )
+    })
 }
 
 /// The diagonals of scenes that 32-bit numbers carry through all products of areas and distances, metres.
@@ -149,8 +215,8 @@ const EXTENTS: std::ops::RangeInclusive<f32> = 1e-4..=1e5;
 const FAR_FROM_ORIGIN: f32 = 1e3;
 
 /// Refuses scenes that are too small or too large; says where one lies so far away that its positions are coarse.
-fn check_extent(meshes: &[Arc<Mesh>]) -> Result<Option<String>, MeshError> {
-    let positions = meshes.iter().flat_map(|mesh| mesh.positions());
+fn check_extent<'a>(meshes: impl Iterator<Item = &'a Mesh>) -> Result<Option<String>, MeshError> {
+    let positions = meshes.flat_map(Mesh::positions);
     let (low, high) = positions.fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(l, h), p| (l.min(*p), h.max(*p)));
     if low.x > high.x {
         return Ok(None);
@@ -192,8 +258,8 @@ mod tests {
 
     #[test]
     fn scenes_too_small_too_large_or_too_far_away_are_told() {
-        assert!(prepared(1.0, Vec3::ZERO).unwrap().note.is_none());
-        assert!(prepared(1.0, Vec3::X * 1e5).unwrap().note.unwrap().contains("from the origin"));
+        assert!(prepared(1.0, Vec3::ZERO).unwrap().notes.is_empty());
+        assert!(prepared(1.0, Vec3::X * 1e5).unwrap().notes[0].contains("from the origin"));
         for scale in [1e-6, 1e6] {
             let message = prepared(scale, Vec3::ZERO).unwrap_err().to_string();
             assert!(message.contains("m across"), "{message}");

@@ -4,7 +4,7 @@ use glam::{UVec2, Vec2};
 use rayon::prelude::*;
 
 use crate::pinhole::Receivers;
-use crate::scene::{Camera, Scene};
+use crate::scene::{Camera, Ray, Scene};
 use crate::tracing::{Hit, Tracer};
 
 /// A band of rows of a picture.
@@ -31,13 +31,13 @@ pub(crate) struct CameraRays {
 }
 
 impl CameraRays {
-    pub fn trace(tracer: &Tracer, view: View) -> Self {
+    pub fn trace(camera_hit: impl Fn(Ray) -> Option<Hit> + Sync, view: View) -> Self {
         let View { camera, size, pixel_samples: per_edge, first_row, rows } = view;
         let (width, height) = (size[0] * per_edge, rows * per_edge);
         let size = UVec2::from_array(size).as_vec2();
         let hit = |k: u32| {
             let point = Vec2::new((k % width) as f32, (k / width + first_row * per_edge) as f32) + 0.5;
-            tracer.camera_hit(camera.ray(point / per_edge as f32, size))
+            camera_hit(camera.ray(point / per_edge as f32, size))
         };
         let hits = (0..width * height).into_par_iter().map(hit).collect();
         Self { view, width, hits }
@@ -71,5 +71,6 @@ impl CameraRays {
 /// The receivers that the scene's camera sees at the pixels' centres.
 pub fn visible_receivers(scene: &Scene, tracer: &Tracer, size: [u32; 2]) -> Receivers {
     let view = View { camera: scene.camera, size, pixel_samples: 1, first_row: 0, rows: size[1] };
-    CameraRays::trace(tracer, view).receivers(|object| scene.objects[object as usize].receiver.is_some())
+    let rays = CameraRays::trace(|ray| tracer.camera_hit(ray), view);
+    rays.receivers(|object| scene.objects[object as usize].receiver.is_some())
 }

@@ -16,11 +16,14 @@ use serde::{Deserialize, Serialize};
 pub use self::pinhole::place_samples;
 use crate::Error;
 use crate::backend::Backend;
+use crate::differential::DifferentialSample;
 use crate::options::{Evaluation, Options};
-use crate::pinhole::{Filter, Receivers};
+use crate::pinhole::cpu::Contribution;
+use crate::pinhole::{Filter, Receivers, SampleView};
 use crate::progress::Progress;
 use crate::scene::Scene;
 use crate::stages::{LightStages, PreparedLight, PreparedScene, StageCounts};
+use crate::tracing::Hit;
 
 /// A way to compute a caustic: the irradiance that reaches receivers via mirrors.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Deserialize, Serialize)]
@@ -58,6 +61,7 @@ impl fmt::Display for Technique {
 pub(crate) type Pending<'a, T> = Pin<Box<dyn Future<Output = Result<T, Error>> + 'a>>;
 
 /// The inputs of a technique.
+#[derive(Clone, Copy)]
 pub(crate) struct Inputs<'a> {
     pub scene: &'a Scene,
     pub prepared: &'a PreparedScene,
@@ -74,8 +78,23 @@ pub(crate) trait TechniqueStages: fmt::Debug + Send {
     /// Makes again what changed. Returns the same sum if nothing did.
     fn prepare<'a>(&'a mut self, inputs: Inputs<'a>, light: &'a mut LightStages) -> Pending<'a, Arc<dyn Sum>>;
 
+    /// The mirrors' surface around the samples that it places.
+    fn surface_samples(&mut self, inputs: &Inputs) -> Result<Arc<Vec<DifferentialSample>>, Error>;
+
+    /// What the technique computes for a place on a surface.
+    fn inspect(&mut self, inputs: &Inputs, place: &Hit) -> Result<Inspected, Error>;
+
     /// Adds the counts of its stages.
     fn count(&self, counts: &mut StageCounts);
+}
+
+/// A place on a surface, taken apart.
+#[derive(Clone, Debug)]
+pub(crate) struct Inspected {
+    /// What each sample adds to it as a receiver.
+    pub contributions: Vec<Contribution>,
+    /// What the sample that is nearest to it sees; `None` without visibility.
+    pub view: Option<SampleView>,
 }
 
 /// A technique that is ready to be evaluated.

@@ -5,6 +5,7 @@ mod packet;
 mod skip_list;
 
 use std::fmt;
+use std::sync::Arc;
 
 use glam::Vec3;
 use obvhs::BvhBuildParams;
@@ -51,6 +52,25 @@ pub struct Piece {
     pub extent: f32,
 }
 
+/// Which rays meet an object.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct SeenBy {
+    /// Those of the camera.
+    pub camera: bool,
+    /// All others. Light passes through emitters, which are part of the environment.
+    pub light: bool,
+}
+
+impl SeenBy {
+    /// All rays.
+    pub const ALL: Self = Self { camera: true, light: true };
+
+    /// Which rays meet an object of a scene.
+    pub fn of(object: &Object) -> Self {
+        Self { camera: object.camera_visible, light: object.emitter.is_none() }
+    }
+}
+
 /// All triangles of a scene.
 pub struct Tracer {
     /// In the order of the hierarchy's leaves. Scaled, so that all scenes are of about one size, far from the limits of floats.
@@ -60,6 +80,7 @@ pub struct Tracer {
     /// Units per metre; a power of two, which rounds nothing.
     scale: f32,
     bvh: Bvh2,
+    /// By object.
     camera_visible: Vec<bool>,
     /// Rays start this far off a surface, units.
     offset: f32,
@@ -81,23 +102,34 @@ impl Tracer {
     /// Builds the hierarchy over a scene.
     pub fn new(scene: &Scene) -> Self {
         let meshes: Vec<Mesh> = scene.objects.iter().map(Object::mesh_in_world).collect();
-        Self::of_meshes(meshes.iter().zip(scene.objects.iter().map(|o| o.camera_visible)))
+        Self::of_meshes(meshes.iter().zip(scene.objects.iter().map(SeenBy::of)))
     }
 
-    /// Builds the hierarchy over objects' meshes in world space; the second part says whether the camera sees one.
-    pub fn of_meshes<'a>(meshes: impl Iterator<Item = (&'a Mesh, bool)>) -> Self {
-        Self::build(meshes, BvhBuildParams::medium_build())
+    /// Builds the hierarchy over objects' meshes in world space, without those that only the camera sees.
+    pub fn of_meshes<'a>(meshes: impl Iterator<Item = (&'a Mesh, SeenBy)>) -> Self {
+        Self::build(&meshes.collect::<Vec<_>>(), BvhBuildParams::medium_build())
     }
 
     /// The same in a fraction of the time, for a hierarchy that is used for one frame: rays take a little longer.
-    pub(crate) fn for_one_frame<'a>(meshes: impl Iterator<Item = (&'a Mesh, bool)>) -> Self {
-        Self::build(meshes, BvhBuildParams::fastest_build())
+    pub(crate) fn for_one_frame<'a>(meshes: impl Iterator<Item = (&'a Mesh, SeenBy)>) -> Self {
+        Self::build(&meshes.collect::<Vec<_>>(), BvhBuildParams::fastest_build())
     }
 
-    fn build<'a>(meshes: impl Iterator<Item = (&'a Mesh, bool)>, how: BvhBuildParams) -> Self {
-        let (mut corners, mut surfaces, mut camera_visible) = (Vec::new(), Vec::new(), Vec::new());
-        for (object, (mesh, is_visible)) in meshes.enumerate() {
-            camera_visible.push(is_visible);
+    /// The hierarchy over what only the camera sees.
+    fn of_emitters<'a>(meshes: impl Iterator<Item = (&'a Mesh, SeenBy)>) -> Self {
+        let is_emitter = |seen_by: &SeenBy| seen_by.camera && !seen_by.light;
+        Self::of_some(&meshes.collect::<Vec<_>>(), BvhBuildParams::fastest_build(), is_emitter)
+    }
+
+    fn build(meshes: &[(&Mesh, SeenBy)], how: BvhBuildParams) -> Self {
+        Self::of_some(meshes, how, |seen_by| seen_by.light)
+    }
+
+    /// The hierarchy over some of the objects.
+    fn of_some(meshes: &[(&Mesh, SeenBy)], how: BvhBuildParams, is_wanted: impl Fn(&SeenBy) -> bool) -> Self {
+        let (mut corners, mut surfaces) = (Vec::new(), Vec::new());
+        let camera_visible = meshes.iter().map(|(_, seen_by)| seen_by.camera).collect();
+        for (object, (mesh, _)) in meshes.iter().enumerate().filter(|(_, (_, seen_by))| is_wanted(seen_by)) {
             for t in 0..mesh.triangles().len() {
                 corners.push(mesh.corners(t));
                 surfaces.push((mesh.corner_normals(t), object as u32));
@@ -278,6 +310,42 @@ impl Tracer {
     }
 }
 
+/// What the camera sees: the scene, and emitters, through which light passes.
+#[derive(Debug)]
+pub(crate) struct CameraTracer {
+    scene: Arc<Tracer>,
+    emitters: Option<Tracer>,
+}
+
+impl CameraTracer {
+    /// The objects that light meets, too, and all objects.
+    pub fn new<'a>(scene: Arc<Tracer>, meshes: impl Iterator<Item = (&'a Mesh, SeenBy)>) -> Self {
+        let emitters = Tracer::of_emitters(meshes);
+        Self { scene, emitters: (!emitters.corners.is_empty()).then_some(emitters) }
+    }
+
+    /// The first thing that the camera sees along a ray.
+    pub fn hit(&self, ray: Ray) -> Option<Hit> {
+        nearer(self.scene.camera_hit(ray), self.emitters.as_ref().and_then(|emitters| emitters.camera_hit(ray)))
+    }
+
+    /// The first things along sixteen rays, in the lanes asked for.
+    pub fn hits(&self, rays: &[Ray; LANES], lanes: u32) -> [Option<Hit>; LANES] {
+        let hits = self.scene.camera_hits(rays, lanes);
+        let Some(emitters) = &self.emitters else { return hits };
+        let shining = emitters.camera_hits(rays, lanes);
+        std::array::from_fn(|lane| nearer(hits[lane], shining[lane]))
+    }
+}
+
+/// The nearer of two hits of one ray.
+fn nearer(one: Option<Hit>, other: Option<Hit>) -> Option<Hit> {
+    match (one, other) {
+        (Some(one), Some(other)) => Some(if other.distance < one.distance { other } else { one }),
+        (one, other) => one.or(other),
+    }
+}
+
 /// The piece of a surface that rays leave. It is a little curved, and its middle may lie below its triangles.
 struct SelfIntersection<'a> {
     surfaces: &'a [TriangleSurface],
@@ -384,7 +452,7 @@ mod tests {
         let unit = Shape::Sphere(Sphere { radius: 1.0 }).mesh().unwrap();
         let positions = unit.positions().iter().map(|p| scale * *p).collect();
         let mesh = Mesh::new("sphere", positions, unit.normals().to_vec(), unit.triangles().to_vec()).unwrap().0;
-        Tracer::of_meshes([(&mesh, true)].into_iter())
+        Tracer::of_meshes([(&mesh, SeenBy::ALL)].into_iter())
     }
 
     /// The nearest of all triangles along a ray in units that a piece sees, without a hierarchy.
@@ -470,7 +538,8 @@ mod tests {
     fn packets_of_rays_find_what_single_rays_do() {
         let near = Shape::Sphere(Sphere { radius: 0.4 }).mesh().unwrap();
         let far = Shape::Sphere(Sphere { radius: 1.0 }).mesh().unwrap();
-        let tracer = Tracer::of_meshes([(&near, false), (&far, true)].into_iter());
+        let hidden = SeenBy { camera: false, light: true };
+        let tracer = Tracer::of_meshes([(&near, hidden), (&far, SeenBy::ALL)].into_iter());
         let rays: [Ray; LANES] = std::array::from_fn(|lane| {
             let origin = Vec3::new(0.15 * lane as f32 - 1.1, 0.1, 3.0);
             Ray { origin, direction: Vec3::NEG_Z }

@@ -79,6 +79,7 @@ fn sizes(bvh: &Bvh2, order: &[usize]) -> Vec<u32> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::SeenBy;
     use super::*;
     use crate::scene::shapes::{Shape, Sphere};
 
@@ -86,7 +87,7 @@ mod tests {
     #[test]
     fn nodes_hold_those_below_them() {
         let mesh = Shape::Sphere(Sphere { radius: 1.0 }).mesh().unwrap();
-        let tracer = Tracer::of_meshes([(&mesh, true)].into_iter());
+        let tracer = Tracer::of_meshes([(&mesh, SeenBy::ALL)].into_iter());
         let list = tracer.skip_list().unwrap();
         let count = list.node_count as usize;
         let vector =

@@ -12,6 +12,7 @@ use super::gizmo::{self, Arrow, Axis};
 use super::panel::named;
 use super::scene_text::differing_options;
 use super::worker::{Picture, Quality, Side};
+use crate::Mark;
 use crate::image::srgb8;
 use crate::options::{Options, Overlay};
 
@@ -30,7 +31,7 @@ struct SidePicture {
     /// Fades out under the one that is shown.
     last: Option<TextureHandle>,
     fade_began: Option<Instant>,
-    dots: Vec<Vec2>,
+    marks: Vec<Mark>,
 }
 
 /// What is being dragged.
@@ -89,7 +90,7 @@ impl SidePicture {
             None => self.shown = Some(context.load_texture("picture", pixels, TextureOptions::LINEAR)),
         }
         self.fade_began = matches!(picture.quality, Quality::Refined(..)).then(Instant::now);
-        self.dots.clone_from(&picture.dots);
+        self.marks.clone_from(&picture.marks);
     }
 
     fn paint(&self, painter: &egui::Painter, area: Rect) {
@@ -103,10 +104,18 @@ impl SidePicture {
         }
     }
 
-    fn paint_dots(&self, painter: &egui::Painter, area: Rect) {
-        for dot in &self.dots {
-            let at = area.min + UiVec2::new(dot.x, dot.y) * area.size();
-            painter.circle(at, 2.2, Color32::from_rgb(255, 140, 0), Stroke::new(0.8, Color32::BLACK));
+    fn paint_marks(&self, painter: &egui::Painter, area: Rect) {
+        let place = |at: Vec2| area.min + UiVec2::new(at.x, at.y) * area.size();
+        for mark in &self.marks {
+            match *mark {
+                Mark::Dot(at) => {
+                    painter.circle(place(at), 2.2, Color32::from_rgb(255, 140, 0), Stroke::new(0.8, Color32::BLACK));
+                }
+                Mark::Line { ends, kind } => {
+                    let [r, g, b] = srgb8(kind.colour());
+                    painter.line_segment(ends.map(place), Stroke::new(1.4, Color32::from_rgb(r, g, b)));
+                }
+            }
         }
     }
 }
@@ -163,6 +172,8 @@ impl Viewer {
             let place = (at - area.min) / area.size();
             self.worker.pick(Vec2::new(place.x, place.y));
         }
+        let hovered = response.hover_pos().map(|at| (at - area.min) / area.size());
+        self.inspect(ui.ctx(), hovered.map(|place| Vec2::new(place.x, place.y)));
         self.paint_status(&painter, area);
         is_edited
     }
@@ -179,18 +190,18 @@ impl Viewer {
 
     /// The picture or, in a comparison, those of both settings on either side of the divider.
     fn paint_sides(&self, painter: &egui::Painter, area: Rect) {
-        let shows_samples = |options: &Options| options.overlay == Overlay::Samples;
+        let has_overlay = |options: &Options| options.overlay != Overlay::None;
         self.canvas.current.paint(painter, area);
-        if shows_samples(&self.document.state.options) {
-            self.canvas.current.paint_dots(painter, area);
+        if has_overlay(&self.document.state.options) {
+            self.canvas.current.paint_marks(painter, area);
         }
         let Some(kept) = &self.document.state.kept else { return };
         let x = self.canvas.divider_x(area);
         let left = painter.with_clip_rect(area.with_max_x(x));
         left.rect_filled(area, 0.0, Color32::BLACK);
         self.canvas.kept.paint(&left, area);
-        if shows_samples(kept) {
-            self.canvas.kept.paint_dots(&left, area);
+        if has_overlay(kept) {
+            self.canvas.kept.paint_marks(&left, area);
         }
         painter.vline(x, area.y_range(), Stroke::new(3.0, Color32::BLACK));
         painter.vline(x, area.y_range(), Stroke::new(1.0, Color32::WHITE));

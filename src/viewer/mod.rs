@@ -15,6 +15,7 @@ mod clock;
 mod document;
 mod gizmo;
 mod history;
+mod inspector;
 mod jobs;
 mod loader;
 mod navigation;
@@ -72,6 +73,7 @@ pub(crate) struct Viewer {
     /// The part of a job that is done.
     job: Option<f32>,
     panel: panel::PanelState,
+    inspection: panel::InspectionState,
     /// The number of the view that was sent last.
     sent: u64,
     /// The view has to be shown anew.
@@ -100,6 +102,7 @@ impl Viewer {
             frame_seconds: FRAME_SECONDS,
             job: None,
             panel: panel::PanelState::new(&document),
+            inspection: panel::InspectionState::default(),
             sent: 0,
             is_outdated: true,
             is_waiting: false,

@@ -153,7 +153,7 @@ fn every_setting_is_operated_and_undone() {
         window.run_steps(2);
         assert_eq!(value(window.state()), before, "{name} is reset");
     }
-    let choices: [(&str, &str, Value<bool>); 8] = [
+    let choices: [(&str, &str, Value<bool>); 9] = [
         ("Picture", "caustic", |v| v.document.state.options.aovs == [Aov::Caustic]),
         ("Strategy", "random", |v| v.document.state.options.strategy == Strategy::Random),
         ("Density", "contribution", |v| v.document.state.options.density == crate::Density::Contribution),
@@ -161,6 +161,7 @@ fn every_setting_is_operated_and_undone() {
         ("Leaves", "16", |v| v.document.state.options.leaves == Some(16)),
         ("Filter", "isotropic", |v| v.document.state.options.filter == FilterChoice::Isotropic),
         ("Footprint", "curvature", |v| v.document.state.options.footprint == Footprint::Curvature),
+        ("Overlay", "curvature", |v| v.document.state.options.overlay == Overlay::Curvature),
         ("Epsilon", "paper", |v| v.document.state.options.epsilon == Epsilon::Paper),
     ];
     for (name, entry, is_chosen) in choices {
@@ -170,8 +171,7 @@ fn every_setting_is_operated_and_undone() {
         window.run_steps(3);
         assert!(is_chosen(window.state()), "{name}: {entry}");
     }
-    let switches: [(&str, Value<bool>); 5] = [
-        ("Show samples", |v| v.document.state.options.overlay == Overlay::Samples),
+    let switches: [(&str, Value<bool>); 4] = [
         ("Shapes only", |v| v.document.state.options.plain_diffuse),
         ("Automatic exposure", |v| v.document.state.options.display.exposure == Exposure::Auto),
         ("Background by itself", |v| v.document.state.options.display.background_exposure_ev.is_some()),
@@ -184,6 +184,35 @@ fn every_setting_is_operated_and_undone() {
     }
     run_until(&mut window, "a picture with all of it", |viewer| !viewer.is_waiting);
     assert!(window.state().notices.failure().is_none(), "{:?}", window.state().notices);
+}
+
+/// The panel shows the footprints of the receiver under the pointer, and what a mirror's sample sees.
+#[test]
+fn what_lies_under_the_pointer_is_taken_apart() {
+    let (_folder, _, mut window) = opened();
+    run_until(&mut window, "a picture", |viewer| viewer.picture.is_some());
+    window.get_by_label("Under the pointer").click();
+    window.run_steps(10);
+    window.get_by_role_and_label(Role::CheckBox, "Follow the pointer").click();
+    window.step();
+    // The middle of the ring, and a column across it.
+    let area = window.get_by_role_and_label(Role::Image, "Picture").rect();
+    window.hover_at(area.center());
+    run_until(&mut window, "footprints", |viewer| {
+        viewer.inspection.found().and_then(|found| found.receiver.as_ref()).is_some_and(|r| !r.footprints.is_empty())
+    });
+    window.run_steps(3);
+    window.get_by_role_and_label(Role::Image, "Environment");
+    let is_mirror = |viewer: &Viewer| viewer.inspection.found().is_some_and(|found| found.view.is_some());
+    let mirrors = (1..40).any(|k| {
+        window.hover_at(egui::Pos2::new(area.center().x, area.top() + area.height() * k as f32 / 40.0));
+        window.step();
+        std::thread::sleep(Duration::from_millis(50));
+        window.step();
+        is_mirror(window.state())
+    });
+    assert!(mirrors, "the ring crosses the column");
+    window.get_by_role_and_label(Role::Image, "Visibility map");
 }
 
 /// From the first control on, the tabulator reaches every one of them.
@@ -210,7 +239,7 @@ fn the_keyboard_reaches_every_control() {
         "Intensity",
         "Picture",
         "Exposure",
-        "Show samples",
+        "Overlay",
         "Technique",
         "Samples",
         "Strategy",
@@ -226,6 +255,7 @@ fn the_keyboard_reaches_every_control() {
         "Epsilon",
         "Seed",
         "Objects",
+        "Under the pointer",
         "Save and record",
         "Frame time",
     ] {

@@ -16,7 +16,7 @@ use crate::blocking::wait;
 use crate::image::{Aov, Image};
 use crate::options::{Evaluation, Exposures, Options, Overlay};
 use crate::scene::Scene;
-use crate::{Backend, BackendChoice, Budget, Detail, Engine, Error};
+use crate::{Backend, BackendChoice, Budget, Detail, Engine, Error, Mark};
 
 /// Nothing has to change for this long before the picture is refined.
 const REST: Duration = Duration::from_millis(250);
@@ -69,8 +69,8 @@ pub struct Picture {
     pub exposures: Option<Exposures>,
     pub samples: usize,
     pub evaluation: Option<Evaluation>,
-    /// Where samples appear, as fractions of the picture's width and height.
-    pub dots: Vec<Vec2>,
+    /// The overlay's, as fractions of the picture's width and height.
+    pub marks: Vec<Mark>,
     pub seconds: f64,
     pub stages: StageSeconds,
     pub warnings: Vec<String>,
@@ -369,7 +369,7 @@ impl Loop {
             exposures: Some(preview.exposures),
             samples: preview.samples,
             evaluation: preview.evaluation,
-            dots: preview.dots.iter().map(|dot| *dot / size).collect(),
+            marks: preview.marks.iter().map(|mark| mark.scaled(size.recip())).collect(),
             seconds,
             stages: watch.seconds(),
             warnings: Vec::new(),
@@ -405,15 +405,12 @@ fn render(
     let watch = Stopwatch::new(is_obsolete);
     let began = Instant::now();
     let backend = engine.backend().clone();
-    // Dots are drawn by the window.
+    // Marks are drawn by the window.
     let overlay = std::mem::replace(&mut engine.options_mut().overlay, Overlay::None);
     let rendered = wait(backend.device(), engine.render(&watch));
     engine.options_mut().overlay = overlay;
     let rendered = rendered?;
-    let mut dots = Vec::new();
-    if overlay == Overlay::Samples {
-        dots = wait(backend.device(), engine.visible_samples(&watch))?;
-    }
+    let marks = wait(backend.device(), engine.marks(&watch))?;
     let size = glam::UVec2::from_array(engine.options().size).as_vec2();
     Ok(Picture {
         view,
@@ -423,7 +420,7 @@ fn render(
         exposures: rendered.report.exposures,
         samples: rendered.report.samples,
         evaluation: rendered.report.evaluation,
-        dots: dots.iter().map(|dot| *dot / size).collect(),
+        marks: marks.iter().map(|mark| mark.scaled(size.recip())).collect(),
         seconds: began.elapsed().as_secs_f64(),
         stages: watch.seconds(),
         warnings: rendered.report.warnings,

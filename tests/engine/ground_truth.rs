@@ -121,8 +121,11 @@ fn importance_sampling_agrees_with_brute_force() {
     }
 }
 
-/// Brute force never meets small suns, and does not know that it misses them: maps give way to the studio, and spots grow.
+/// Brute force never meets small suns, and does not know that it misses them: maps give way to the studio, spots and emitters grow.
 fn with_findable_light(mut scene: Scene) -> Scene {
+    for object in scene.objects.iter_mut().filter(|object| object.emitter.is_some()) {
+        object.placement.scale *= 4.0;
+    }
     match &mut scene.environment.light {
         Light::BuiltInMap(name) => "studio".clone_into(name),
         Light::Spot { sigma_rad, .. } => *sigma_rad = 0.1,

@@ -8,6 +8,7 @@ mod closed_forms;
 mod densities;
 mod distributions;
 mod embedding;
+mod emitters;
 mod environment_rotation;
 mod exposure;
 mod figure4;

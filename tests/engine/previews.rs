@@ -3,7 +3,7 @@
 use pinspot::image::{Image, srgb8};
 use pinspot::{Backend, Detail, Engine, EvaluationChoice, NoProgress, blocking};
 
-const SIZE: [u32; 2] = [96, 72];
+const SIZE: [u32; 2] = [120, 90];
 const SAMPLES: u32 = 150;
 const SHADOW_DIRECTIONS: u32 = 256;
 /// Frames per second of the slow animations whose flicker is measured.

@@ -9,7 +9,7 @@ mod budget;
 mod nodes;
 mod views;
 
-use glam::{Vec2, Vec3, Vec4};
+use glam::{UVec2, Vec3, Vec4};
 use rayon::prelude::*;
 
 pub use self::budget::{Budget, Detail};
@@ -19,9 +19,10 @@ use super::Engine;
 use super::direct::DirectLight;
 use super::ends::POINTS_IN_A_ROW;
 use super::gloss::blurred_radiance;
+use super::overlay::{Mark, Marker};
 use crate::Error;
 use crate::image::{Aov, Image, display, exposed, metered_ev};
-use crate::options::{Evaluation, EvaluationChoice, Exposures, Options};
+use crate::options::{Evaluation, EvaluationChoice, Exposures, Options, Overlay};
 use crate::pinhole::{Epsilon, Receivers};
 use crate::progress::{Progress, Stage};
 use crate::scene::Visibility;
@@ -40,8 +41,8 @@ pub struct Preview {
     pub exposures: Exposures,
     /// Samples in use.
     pub samples: usize,
-    /// Where the samples appear, in pixels of a picture of the size of the options; empty unless they are asked for.
-    pub dots: Vec<Vec2>,
+    /// The overlay's marks, in pixels of a picture of the size of the options.
+    pub marks: Vec<Mark>,
     /// How they are summed; `None` if no caustic is shown.
     pub evaluation: Option<Evaluation>,
 }
@@ -81,7 +82,10 @@ impl Engine {
         let options = self.preview_options(detail);
         options.check()?;
         let scene = self.scene_stages.prepare_for_frame(&self.scene, progress)?;
-        let light = self.light_stages.prepare(&self.scene.environment, options.cube_size, progress)?;
+        let light = {
+            let (source, geometry) = (&self.scene.environment, scene.light_geometry.as_ref());
+            self.light_stages.prepare(source, geometry, options.cube_size, progress)?
+        };
         if self.preview.technique.0 != options.technique {
             self.preview = PreviewStages::new(options.technique);
         }
@@ -117,18 +121,18 @@ impl Engine {
             return Err(Error::Cancelled);
         }
         let statistics = sum.as_ref().map(|sum| sum.statistics());
-        let dots = match statistics.filter(|_| options.overlay == crate::Overlay::Samples) {
-            Some(statistics) => {
-                let size = Vec2::new(self.options.size[0] as f32, self.options.size[1] as f32);
-                super::overlay::visible_samples(&self.scene, &scene.tracer, &statistics.positions, size)
-            }
-            None => Vec::new(),
+        let marks = if sum.is_some() && options.overlay != Overlay::None {
+            let size = UVec2::from_array(self.options.size).as_vec2();
+            let samples = self.preview.technique.1.surface_samples(&inputs)?;
+            Marker { scene: &self.scene, tracer: &scene.tracer, size }.marks(options.overlay, &samples)
+        } else {
+            Vec::new()
         };
         Ok(Preview {
             image,
             exposures,
             samples: statistics.map_or(0, |statistics| statistics.samples),
-            dots,
+            marks,
             evaluation: statistics.map(|statistics| statistics.evaluation),
         })
     }
@@ -261,14 +265,20 @@ impl Frame<'_> {
 
     /// The environment at the end of a path: filtered over its footprint where a mirror shows it smaller than its texels.
     fn environment(&self, escape: &Escape, footprint_rad: f32) -> Vec3 {
+        if let Some(radiance) = escape.emitted {
+            return radiance;
+        }
         let direction = self.light.light_from_world(escape.direction);
         let environment = &self.light.environment;
+        if escape.path == 0 {
+            return environment.radiance.background(direction);
+        }
         if escape.alpha > 0.0 {
             return blurred_radiance(&environment.cube, direction, PREVIEW_BLUR * escape.alpha);
         }
         // Texels cover a smaller solid angle towards a face's corners.
         let texel_rad = 2.0 / environment.cube.size() as f32 * direction.abs().max_element().powf(1.5);
-        if escape.path == 0 || footprint_rad <= texel_rad {
+        if footprint_rad <= texel_rad {
             return environment.radiance.smooth_radiance(direction);
         }
         environment.cube.fetch(direction, (footprint_rad / texel_rad).log2())

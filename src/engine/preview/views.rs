@@ -43,6 +43,8 @@ pub struct Escape {
     pub alpha: f32,
     /// As that of a surface point; 0 where the camera sees the environment directly.
     pub path: u64,
+    /// Radiance of an emitter that the camera sees in front of the environment.
+    pub emitted: Option<Vec3>,
 }
 
 /// Points of one kind, at most one in each pixel, in bands of rows of packets.
@@ -246,7 +248,7 @@ impl ViewTracer<'_> {
     fn follow(&self, rays: &[Ray; LANES], mut lanes: u32) -> [PixelView; LANES] {
         let mut views: [PixelView; LANES] = std::array::from_fn(|_| PixelView::default());
         let mut walks = rays.map(|ray| Walk { ray, throughput: Vec3::ONE, alpha: 0.0, path: 0 });
-        let mut hits = self.prepared.tracer.camera_hits(rays, lanes);
+        let mut hits = self.prepared.camera.hits(rays, lanes);
         for mirror in 0..=MAX_MIRRORS {
             for lane in set_bits(lanes) {
                 if !self.meet(hits[lane], &mut walks[lane], &mut views[lane]) {
@@ -265,10 +267,15 @@ impl ViewTracer<'_> {
     fn meet(&self, hit: Option<Hit>, walk: &mut Walk, view: &mut PixelView) -> bool {
         let Walk { ray, throughput, alpha, path } = *walk;
         let Some(found) = hit else {
-            view.escape = Some(Escape { direction: ray.direction, factor: throughput, alpha, path });
+            view.escape = Some(Escape { direction: ray.direction, factor: throughput, alpha, path, emitted: None });
             return false;
         };
         let object = &self.scene.objects[found.object as usize];
+        if let Some(emitter) = object.emitter {
+            let emitted = Some(emitter.radiance);
+            view.escape = Some(Escape { direction: ray.direction, factor: throughput, alpha, path, emitted });
+            return false;
+        }
         let reflectance = visible_reflectance(self.prepared, self.is_plain, (&found, object), &ray);
         let albedo = surface_albedo(object, self.is_plain, reflectance.is_some());
         if albedo != Vec3::ZERO {

@@ -7,6 +7,7 @@ mod cube;
 mod filters;
 mod footprint;
 mod hierarchical;
+mod inspection;
 mod pair;
 mod receiver;
 mod visibility;
@@ -14,6 +15,7 @@ mod visibility;
 pub use cube::{CubeLookup, Lanes16};
 pub use filters::{HardwareFilterError, probe};
 pub use hierarchical::{Accuracy, CachedGather, CachedSums, Light, estimate_irradiance, gather_hierarchical};
+pub use inspection::{Contribution, contributions_to};
 
 use glam::{Vec3, Vec4};
 use rayon::prelude::*;

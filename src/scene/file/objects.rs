@@ -12,7 +12,7 @@ use crate::reflectance::{Finish, Metal};
 use crate::scene::assets::readable_name;
 use crate::scene::shapes::Shape;
 use crate::scene::wavefront::{ObjPart, ObjParts, Surface, load_obj, load_obj_by_material};
-use crate::scene::{Mesh, Object, Receiver, Reflector, SceneError, Sides, Transform};
+use crate::scene::{Emitter, MAX_RADIANCE, Mesh, Object, Receiver, Reflector, SceneError, Sides, Transform};
 use crate::words::escaped;
 
 #[derive(Deserialize)]
@@ -30,6 +30,7 @@ pub(super) struct ObjectTable {
     crease_angle_deg: Option<f32>,
     reflector: Option<ReflectorTable>,
     receiver: Option<ReceiverTable>,
+    emitter: Option<EmitterTable>,
     #[serde(default = "yes")]
     camera_visible: bool,
 }
@@ -71,6 +72,12 @@ struct ReceiverTable {
     phong: Option<PhongTable>,
     ggx: Option<GgxTable>,
     table: Option<String>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct EmitterTable {
+    radiance: [f32; 3],
 }
 
 #[derive(Deserialize)]
@@ -144,8 +151,18 @@ impl Builder<'_> {
             None => None,
             Some(r) => Some(self.receiver(r, &key)?),
         };
+        let emitter = match &table.emitter {
+            None => None,
+            Some(_) if reflector.is_some() || receiver.is_some() => {
+                let message =
+                    "is neither reflector nor receiver: its light comes from afar; give the light an object of its own";
+                return Err(self.error(key("emitter"), message));
+            }
+            Some(e) => Some(Emitter { radiance: self.colour(key("emitter.radiance"), e.radiance, MAX_RADIANCE)? }),
+        };
         let camera_visible = table.camera_visible;
-        if let (Some(file), None, None, None) = (&table.mesh, table.shape, &reflector, &receiver) {
+        let has_material = reflector.is_some() || receiver.is_some() || emitter.is_some();
+        if let (Some(file), None, false) = (&table.mesh, table.shape, has_material) {
             let ObjParts { parts, undefined_materials } =
                 load_obj_by_material(self.assets, Path::new(file), crease_angle_rad(table))?;
             if undefined_materials > 0 {
@@ -160,14 +177,14 @@ impl Builder<'_> {
                 let name = if part.material.is_empty() { name.clone() } else { format!("{name}/{}", part.material) };
                 let Surface { reflector, receiver } = part.surface;
                 let mesh = Arc::new(part.mesh);
-                let object = Object { name, mesh, placement, reflector, receiver, camera_visible };
+                let object = Object { name, mesh, placement, reflector, receiver, emitter: None, camera_visible };
                 note_dropped(&file, part.report.dropped_triangles + object.checked_mesh_in_world()?.1, notes);
                 Ok(object)
             };
             return parts.into_iter().map(object).collect();
         }
         let (mesh, dropped) = self.mesh(table, &key)?;
-        let object = Object { name, mesh: Arc::new(mesh), placement, reflector, receiver, camera_visible };
+        let object = Object { name, mesh: Arc::new(mesh), placement, reflector, receiver, emitter, camera_visible };
         let lost = object.checked_mesh_in_world()?.1;
         note_dropped(table.mesh.as_deref().unwrap_or(&object.name), dropped + lost, notes);
         Ok(vec![object])

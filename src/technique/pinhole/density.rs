@@ -5,14 +5,14 @@
 use glam::Vec3;
 
 use crate::differential::differentials;
-use crate::environment::{CubeMap, Environment};
+use crate::environment::CubeMap;
 use crate::options::Options;
 use crate::pinhole::{Epsilon, Filter, Footprint, Params, cpu, pinholes};
 use crate::sampling::{
     self, Density, PointSet, PointTree, SamplingError, Strategy, Surface, SurfacePoint, sample, sample_by,
 };
 use crate::scene::{Scene, Visibility};
-use crate::stages::visible_receivers;
+use crate::stages::{LightStages, SceneStages, visible_receivers};
 use crate::tracing::Tracer;
 use crate::{Error, NoProgress};
 
@@ -53,16 +53,17 @@ pub(super) struct DensityInputs<'a> {
 pub fn place_samples(scene: &Scene, options: &Options) -> Result<PointSet, Error> {
     options.check()?;
     scene.check_placements()?;
-    let surface = Surface::of_scene(scene);
     if options.density == Density::Uniform {
-        return Ok(sample(&surface, &options.sampling())?);
+        return Ok(sample(&Surface::of_scene(scene), &options.sampling())?);
     }
-    let environment = Environment::new(&scene.environment.light, options.cube_size)?;
+    let prepared = SceneStages::new().prepare(scene, &NoProgress)?;
+    let (source, geometry) = (&scene.environment, prepared.light_geometry.as_ref());
+    let light = LightStages::new().prepare(source, geometry, options.cube_size, &NoProgress)?;
     let inputs = DensityInputs {
         scene,
-        surface: &surface,
-        tracer: &Tracer::new(scene),
-        cube: &environment.cube,
+        surface: &prepared.surface,
+        tracer: &prepared.tracer,
+        cube: &light.environment.cube,
         rotation_rad: scene.environment.rotation_rad,
     };
     Ok(place(&inputs, options)?)

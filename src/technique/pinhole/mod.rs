@@ -14,16 +14,17 @@ use self::on_cpu::{FlatOnCpu, HierarchicalOnCpu};
 #[cfg(feature = "gpu")]
 use self::on_gpu::{GpuStages, HierarchicalOnGpu};
 use self::samples::{OccluderKey, SampleStages, occluder};
-use super::{Inputs, Pending, Statistics, Sum, TechniqueStages};
+use super::{Inputs, Inspected, Pending, Statistics, Sum, TechniqueStages};
 use crate::Error;
+use crate::differential::DifferentialSample;
 use crate::environment::{Environment, LightBounds};
 use crate::options::Evaluation;
-use crate::pinhole::cpu::{Accuracy, Light, estimate_irradiance};
-use crate::pinhole::{Params, PinholeTree, Pinholes, Receivers};
+use crate::pinhole::cpu::{Accuracy, Light, contributions_to, estimate_irradiance};
+use crate::pinhole::{Filter, Params, PinholeTree, Pinholes, Receivers};
 use crate::progress::{Progress, Stage};
 use crate::scene::{Camera, Visibility};
 use crate::stages::{Id, LightStages, Memo, StageCounts, visible_receivers};
-use crate::tracing::Tracer;
+use crate::tracing::{Hit, Tracer};
 
 /// The longer side of the picture at whose receivers the mean irradiance is estimated, pixels.
 const ESTIMATE_SIZE: u32 = 64;
@@ -243,6 +244,20 @@ impl LastSum {
 impl TechniqueStages for PinholeStages {
     fn prepare<'a>(&'a mut self, inputs: Inputs<'a>, light: &'a mut LightStages) -> Pending<'a, Arc<dyn Sum>> {
         Box::pin(self.make(inputs, light))
+    }
+
+    fn surface_samples(&mut self, inputs: &Inputs) -> Result<Arc<Vec<DifferentialSample>>, Error> {
+        let points = self.samples.points(inputs)?;
+        Ok(self.samples.differentials(inputs, &points))
+    }
+
+    fn inspect(&mut self, inputs: &Inputs, place: &Hit) -> Result<Inspected, Error> {
+        let points = self.samples.points(inputs)?;
+        let pinholes = self.samples.pinholes(inputs, &points, 1);
+        let params = inputs.options.params(Filter::Anisotropic, inputs.light.rotation_rad);
+        let receiver = (place.position, place.normal, place.object);
+        let contributions = contributions_to(receiver, &pinholes, &inputs.light.environment.cube, &params);
+        Ok(Inspected { contributions, view: pinholes.view_from(place.position) })
     }
 
     fn count(&self, counts: &mut StageCounts) {

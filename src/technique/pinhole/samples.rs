@@ -118,9 +118,14 @@ impl SampleStages {
             let tree = self.bare_tree(inputs, points, leaves);
             return self.pinholes.get(key, *progress, || with_visibility(tree.leaves(), inputs));
         }
-        let differentials = self.differentials.get(Id::of(&points.set), *progress, || differentials(&points.set));
+        let differentials = self.differentials(inputs, points);
         self.pinholes
             .get(key, *progress, || with_visibility(pinholes(scene, &differentials, options.footprint), inputs))
+    }
+
+    /// The surface around the points.
+    pub fn differentials(&mut self, inputs: &Inputs, points: &Points) -> Arc<Vec<DifferentialSample>> {
+        self.differentials.get(Id::of(&points.set), inputs.progress, || differentials(&points.set))
     }
 
     /// A tree of cells, with visibility maps of its sample nodes unless a GPU traces them.

@@ -1,6 +1,7 @@
 //! The panel: everything about the scene and its rendering that can be set. Each value can be dragged, typed, reset and undone.
 
 mod fields;
+mod inspection;
 mod objects;
 mod output;
 mod settings;
@@ -8,6 +9,7 @@ mod settings;
 use eframe::egui;
 
 pub(super) use self::fields::named;
+pub(crate) use self::inspection::InspectionState;
 
 use super::Viewer;
 use super::document::Document;
@@ -77,6 +79,7 @@ impl Viewer {
             section(ui, "Display", true, &mut |ui| is_edited |= self.display_section(ui));
             section(ui, "Caustic", true, &mut |ui| is_edited |= self.caustic_section(ui));
             section(ui, "Objects", false, &mut |ui| is_edited |= self.objects_section(ui));
+            section(ui, "Under the pointer", false, &mut |ui| self.inspection_section(ui));
             section(ui, "Save and record", false, &mut |ui| self.output_section(ui));
             section(ui, "Frame time", false, &mut |ui| self.frame_time_section(ui));
         });

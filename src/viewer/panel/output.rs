@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use eframe::egui;
 
 use super::fields::named;
+use super::settings::OVERLAYS;
 use crate::options::Overlay;
 use crate::viewer::Viewer;
 use crate::viewer::jobs::Job;
@@ -116,12 +117,14 @@ impl Viewer {
         }
         let [width, height] = self.panel.output_size;
         let options = &self.document.state.options;
+        let overlay = OVERLAYS.iter().find(|(overlay, _)| *overlay == options.overlay && *overlay != Overlay::None);
+        let overlay = overlay.map_or_else(String::new, |(_, name)| format!(" --overlay {name}"));
         let command = format!(
             "pinspot render {} -o {} --size {width}x{height}{}{}",
             quoted(&self.document.name),
             quoted(self.panel.picture_file.trim()),
             if options.plain_diffuse { " --plain-diffuse" } else { "" },
-            if options.overlay == Overlay::Samples { " --overlay samples" } else { "" },
+            overlay,
         );
         self.notices.say(format!("copied: {command}"));
         context.copy_text(command);

@@ -47,6 +47,14 @@ const PICTURES: &[(Aov, &str)] = &[
     (Aov::Position, "position"),
     (Aov::Depth, "depth"),
 ];
+/// What is drawn over the picture.
+pub(super) const OVERLAYS: &[(Overlay, &str)] = &[
+    (Overlay::None, "none"),
+    (Overlay::Samples, "samples"),
+    (Overlay::Normals, "normals"),
+    (Overlay::Curvature, "curvature"),
+    (Overlay::Cells, "cells"),
+];
 /// Numbers of leaves; 0: as many as fit, up to 64.
 const LEAVES: &[(u32, &str)] = &[(0, "auto"), (1, "1"), (4, "4"), (16, "16"), (64, "64"), (256, "256"), (1024, "1024")];
 /// The term that keeps 1/l² finite; the number is in m².
@@ -82,11 +90,7 @@ impl Viewer {
             is_edited = true;
         }
         is_edited |= exposure(ui, options, original, self.picture.as_ref().and_then(|picture| picture.exposures));
-        let mut shows_samples = options.overlay == Overlay::Samples;
-        if switch(ui, "Show samples", &mut shows_samples, false) {
-            options.overlay = if shows_samples { Overlay::Samples } else { Overlay::None };
-            is_edited = true;
-        }
+        is_edited |= choice(ui, "Overlay", &mut options.overlay, original.overlay, OVERLAYS);
         is_edited |= switch(ui, "Shapes only", &mut options.plain_diffuse, original.plain_diffuse);
         is_edited
     }

@@ -1,0 +1,196 @@
+//! What lies behind a place of the picture: the samples' footprints on the environment, or what a sample of a mirror sees.
+
+use std::f32::consts::{PI, TAU};
+
+use glam::{UVec2, Vec2, Vec3};
+
+use super::Engine;
+use crate::Error;
+use crate::image::{Image, display, exposed};
+use crate::options::{EvaluationChoice, Options};
+use crate::pinhole::SampleView;
+use crate::pinhole::cpu::Contribution;
+use crate::progress::Progress;
+use crate::stages::PreparedLight;
+use crate::technique::{Inputs, Inspected};
+
+/// What a place of the picture shows.
+#[derive(Clone, Debug)]
+pub struct Inspection {
+    /// Index of the object that the camera sees there.
+    pub object: usize,
+    /// Where, in the world, metres.
+    pub position: Vec3,
+    /// Where light comes to a receiver from.
+    pub receiver: Option<ReceiverInspection>,
+    /// What the nearest sample of a mirror sees.
+    pub view: Option<SampleView>,
+}
+
+/// The caustic at a receiver, sample by sample.
+#[derive(Clone, Debug)]
+pub struct ReceiverInspection {
+    /// W/m².
+    pub irradiance: Vec3,
+    /// The footprints of the samples, from the largest contribution to the smallest; none that contribute nothing.
+    pub footprints: Vec<MapFootprint>,
+}
+
+/// A sample's footprint on the environment, as it is drawn on its equirectangular map.
+#[derive(Clone, Debug)]
+pub struct MapFootprint {
+    /// An ellipse around it; fractions of the map's width and height. It may reach beyond the map's left and right edges.
+    pub outline: Vec<Vec2>,
+    /// Its part of the irradiance.
+    pub part: f32,
+}
+
+/// Points of a footprint's outline.
+const OUTLINE: u32 = 16;
+
+impl Engine {
+    /// Looks behind a place of the picture, as fractions of its width and height. `None` where the camera sees no object. Samples are
+    /// taken one by one, whatever the evaluation, and on the CPU.
+    ///
+    /// # Errors
+    /// As [`Self::render`].
+    pub fn inspect(&mut self, place: Vec2, progress: &dyn Progress) -> Result<Option<Inspection>, Error> {
+        let options = self.inspected_options();
+        options.check()?;
+        let scene = self.scene_stages.prepare_for_frame(&self.scene, progress)?;
+        let size = UVec2::from_array(options.size).as_vec2();
+        let Some(hit) = scene.camera.hit(self.scene.camera.ray(place * size, size)) else { return Ok(None) };
+        let mut inspection =
+            Inspection { object: hit.object as usize, position: hit.position, receiver: None, view: None };
+        if !options.shows_caustic() || self.scene.objects.iter().all(|object| object.reflector.is_none()) {
+            return Ok(Some(inspection));
+        }
+        let (source, geometry) = (&self.scene.environment, scene.light_geometry.as_ref());
+        let light = self.light_stages.prepare(source, geometry, options.cube_size, progress)?;
+        let inputs = Inputs {
+            scene: &self.scene,
+            prepared: &scene,
+            light: &light,
+            options: &options,
+            backend: &self.backend,
+            is_preview: true,
+            progress,
+        };
+        let Inspected { contributions, view } = self.technique.1.inspect(&inputs, &hit)?;
+        let object = &self.scene.objects[hit.object as usize];
+        inspection.receiver = object.receiver.is_some().then(|| receiver_inspection(&contributions, &light));
+        inspection.view = view.filter(|_| object.reflector.is_some());
+        Ok(Some(inspection))
+    }
+
+    /// The environment as an equirectangular picture of so many rows, twice as wide, as the camera's background is displayed.
+    ///
+    /// # Errors
+    /// As [`Self::render`].
+    pub fn environment_map(&mut self, height: u32, progress: &dyn Progress) -> Result<Image, Error> {
+        let scene = self.scene_stages.prepare_for_frame(&self.scene, progress)?;
+        let (source, geometry) = (&self.scene.environment, scene.light_geometry.as_ref());
+        let light = self.light_stages.prepare(source, geometry, self.options.cube_size, progress)?;
+        let radiance = |pixel: u32| {
+            let at =
+                Vec2::new((pixel % (2 * height)) as f32 + 0.5, (pixel / (2 * height)) as f32 + 0.5) / height as f32;
+            let (azimuth, polar) = (PI * at.x, PI * at.y);
+            let direction = Vec3::new(azimuth.sin() * polar.sin(), polar.cos(), -azimuth.cos() * polar.sin());
+            light.intensity * light.environment.radiance.smooth_radiance(direction)
+        };
+        let radiance: Vec<Vec3> = (0..2 * height * height).map(radiance).collect();
+        let metered = || crate::image::metered_ev(radiance.iter().copied());
+        let stops = self.options.display.exposures(metered).background_exposure_ev;
+        let pixels = radiance.iter().map(|radiance| display(exposed(*radiance, stops))).collect();
+        Ok(Image { width: 2 * height, height, pixels })
+    }
+
+    fn inspected_options(&self) -> Options {
+        self.options.clone().with_leaves(None).with_evaluation(EvaluationChoice::Flat)
+    }
+}
+
+fn receiver_inspection(contributions: &[Contribution], light: &PreparedLight) -> ReceiverInspection {
+    let irradiance: Vec3 = contributions.iter().map(|c| c.irradiance).sum();
+    let whole = irradiance.element_sum();
+    let mut lit: Vec<&Contribution> = contributions.iter().filter(|c| c.irradiance.element_sum() > 0.0).collect();
+    lit.sort_by(|a, b| b.irradiance.element_sum().total_cmp(&a.irradiance.element_sum()));
+    let footprint = |c: &&Contribution| MapFootprint {
+        outline: outline([c.direction, c.sides[0], c.sides[1]].map(|v| light.light_from_world(v))),
+        part: c.irradiance.element_sum() / whole,
+    };
+    ReceiverInspection { irradiance: light.intensity * irradiance, footprints: lit.iter().map(footprint).collect() }
+}
+
+/// An ellipse in the parallelogram around a direction, on an equirectangular map.
+fn outline([direction, u, v]: [Vec3; 3]) -> Vec<Vec2> {
+    let centre = place_on_map(direction).x;
+    let point = |k: u32| {
+        let (sin, cos) = (TAU * k as f32 / OUTLINE as f32).sin_cos();
+        let place = place_on_map((direction + 0.5 * (cos * u + sin * v)).normalize());
+        // On the same turn as the centre.
+        Vec2::new(centre + (place.x - centre + 0.5).rem_euclid(1.0) - 0.5, place.y)
+    };
+    (0..OUTLINE).map(point).collect()
+}
+
+/// Where an equirectangular map shows a unit direction: −Z at the left and right edges, +X at a quarter of the width, +Y at the top.
+fn place_on_map(d: Vec3) -> Vec2 {
+    Vec2::new((d.x.atan2(-d.z) / TAU).rem_euclid(1.0), d.y.clamp(-1.0, 1.0).acos() / PI)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{Backend, NoProgress};
+
+    fn engine(scene: &str) -> Engine {
+        let (scene, options) = crate::load(scene).unwrap();
+        Engine::new(scene, options.with_size([64, 64]).with_samples(200), Backend::cpu())
+    }
+
+    /// At a receiver footprints with a contribution each; at a mirror what its sample sees; nothing where nothing is.
+    #[test]
+    fn receivers_have_footprints_and_mirrors_have_views() {
+        let mut ring = engine("ring-above");
+        let table = ring.inspect(Vec2::splat(0.5), &NoProgress).unwrap().unwrap();
+        let receiver = table.receiver.unwrap();
+        let parts: f32 = receiver.footprints.iter().map(|footprint| footprint.part).sum();
+        assert!((parts - 1.0).abs() < 1e-3 && receiver.irradiance.y > 0.0 && table.view.is_none());
+        assert!(receiver.footprints.is_sorted_by(|a, b| a.part >= b.part));
+        let mut spoon = engine("mirror-sphere");
+        let mirror = (0..64)
+            .find_map(|k| {
+                let place = Vec2::new((k % 8) as f32 + 0.5, (k / 8) as f32 + 0.5) / 8.0;
+                spoon.inspect(place, &NoProgress).unwrap().and_then(|found| found.view)
+            })
+            .expect("the camera sees the mirror");
+        let sky = mirror.sees_environment.iter().filter(|sees| **sees).count();
+        assert_eq!(mirror.sees_environment.len(), (mirror.resolution * mirror.resolution) as usize);
+        assert!(sky > 0, "a ball above a table sees the sky");
+        assert!(engine("dynamic").inspect(Vec2::new(0.99, 0.01), &NoProgress).unwrap().is_none());
+    }
+
+    /// Outlines lie around where the map shows their direction, across the map's edges, too.
+    #[test]
+    fn outlines_surround_their_direction() {
+        for direction in
+            [Vec3::X, Vec3::NEG_Z, Vec3::new(0.01, 0.2, -1.0).normalize(), Vec3::new(0.5, -0.7, 0.5).normalize()]
+        {
+            let (u, v) = direction.any_orthonormal_pair();
+            let points = outline([direction, 0.02 * u, 0.02 * v]);
+            let (middle, at) = (points.iter().sum::<Vec2>() / points.len() as f32, place_on_map(direction));
+            assert!((middle - at).length() < 1e-3, "{direction}: {middle} {at}");
+        }
+    }
+
+    #[test]
+    fn the_environment_map_shows_directions_where_files_have_them() {
+        let mut engine = engine("ring-above");
+        engine.scene_mut().environment.light =
+            crate::scene::Light::Spot { direction: Vec3::X, sigma_rad: 0.2, radiance: Vec3::ONE };
+        let map = engine.environment_map(16, &NoProgress).unwrap();
+        let brightest = (0..map.pixels.len()).max_by(|&a, &b| map.pixels[a].x.total_cmp(&map.pixels[b].x)).unwrap();
+        assert!((7..=8).contains(&(brightest % 32)) && (7..=8).contains(&(brightest / 32)), "{brightest}");
+    }
+}

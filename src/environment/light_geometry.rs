@@ -1,0 +1,207 @@
+//! Light geometry: surfaces that shine, as part of the environment (Wand and Straßer 2003, Sections 3.1 and 4.2). Knows meshes and
+//! their radiance, but neither mirrors nor receivers.
+
+use std::fmt;
+use std::sync::Arc;
+
+use glam::{Mat3, Vec3};
+use rayon::prelude::*;
+
+use super::cube::{CubeMap, FACES};
+use super::rasterization::{FaceImage, ShiningTriangle};
+use crate::scene::{Mesh, Ray};
+use crate::tracing::{SeenBy, Tracer};
+
+/// Texels of a cube map across the radius of the smallest light, where there may be so many.
+const TEXELS_PER_RADIUS: f32 = 6.0;
+/// Face sizes that light geometry asks for. It is drawn every frame.
+const CUBE_SIZES: std::ops::RangeInclusive<u32> = 256..=1024;
+
+/// Emitters as they are seen from one point, which stands for the whole scene.
+pub struct LightGeometry {
+    /// In world space.
+    tracer: Tracer,
+    /// Relative to the centre, in the world's axes.
+    triangles: Vec<ShiningTriangle>,
+    /// By mesh.
+    radiance: Vec<Vec3>,
+    centre: Vec3,
+    angular_radius_rad: f32,
+}
+
+impl fmt::Debug for LightGeometry {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "LightGeometry({} triangles, seen from {})", self.triangles.len(), self.centre)
+    }
+}
+
+impl LightGeometry {
+    /// Meshes in world space with their radiance, W/(m²·sr), seen from a point.
+    pub fn new<'a>(emitters: &[(&'a Mesh, Vec3)], centre: Vec3) -> Self {
+        let triangles_of = |&(mesh, radiance): &(&'a Mesh, Vec3)| {
+            let triangle = move |t: usize| ShiningTriangle { corners: mesh.corners(t).map(|p| p - centre), radiance };
+            (0..mesh.triangles().len()).map(triangle)
+        };
+        let radius = |(mesh, _): &(&Mesh, Vec3)| {
+            let positions = mesh.positions().iter();
+            let (low, high) = positions.fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(l, h), p| (l.min(*p), h.max(*p)));
+            let distance = (0.5 * (low + high)).distance(centre);
+            // Of a ball, half the box's edge; of a plate, half the middle one.
+            let mut edges = (high - low).to_array();
+            edges.sort_by(f32::total_cmp);
+            (0.5 * edges[1]).atan2(distance)
+        };
+        Self {
+            tracer: Tracer::for_one_frame(emitters.iter().map(|(mesh, _)| (*mesh, SeenBy::ALL))),
+            triangles: emitters.iter().flat_map(triangles_of).collect(),
+            radiance: emitters.iter().map(|(_, radiance)| *radiance).collect(),
+            centre,
+            angular_radius_rad: emitters.iter().map(radius).fold(std::f32::consts::PI, f32::min),
+        }
+    }
+
+    /// The largest radiance of a channel, W/(m²·sr).
+    pub fn brightest(&self) -> f32 {
+        self.radiance.iter().map(|radiance| radiance.max_element()).fold(0.0, f32::max)
+    }
+
+    /// That of the smallest emitter.
+    pub(super) fn angular_radius_rad(&self) -> f32 {
+        self.angular_radius_rad
+    }
+
+    /// The cube map's face size that resolves the smallest emitter, if it is not tiny. A power of two.
+    pub fn cube_size(&self) -> u32 {
+        // A face spans [−1, 1].
+        let wanted = (2.0 * TEXELS_PER_RADIUS / self.angular_radius_rad.max(1e-3)).ceil() as u32;
+        wanted.next_power_of_two().clamp(*CUBE_SIZES.start(), *CUBE_SIZES.end())
+    }
+
+    /// Radiance of what is seen first from the centre in a direction of the world; `None` where nothing shines.
+    fn radiance(&self, direction_in_world: Vec3) -> Option<Vec3> {
+        let hit = self.tracer.camera_hit(Ray { origin: self.centre, direction: direction_in_world })?;
+        Some(self.radiance[hit.object as usize])
+    }
+}
+
+/// Light geometry in front of an environment.
+#[derive(Clone, Debug)]
+pub struct LitBy {
+    /// The geometry.
+    pub geometry: Arc<LightGeometry>,
+    /// Rotation of the environment behind it about +Y, counter-clockwise, radians.
+    pub rotation_rad: f32,
+    /// Factor on the radiance of the environment behind it.
+    pub intensity: f32,
+}
+
+impl LitBy {
+    /// Radiance from a direction in the environment's frame; `None` where only the environment shines.
+    pub(super) fn radiance(&self, direction: Vec3) -> Option<Vec3> {
+        self.geometry.radiance(Mat3::from_rotation_y(self.rotation_rad) * direction)
+    }
+
+    /// Draws the geometry over the environment's cube map, with a z-buffer; edges are anti-aliased.
+    pub(super) fn draw(&self, background: &CubeMap) -> CubeMap {
+        let environment_from_world = Mat3::from_rotation_y(-self.rotation_rad);
+        let turned: Vec<ShiningTriangle> = (self.geometry.triangles.iter())
+            .map(|t| ShiningTriangle { corners: t.corners.map(|p| environment_from_world * p), ..*t })
+            .collect();
+        let size = background.size();
+        let faces: Vec<FaceImage> =
+            (0..FACES).into_par_iter().map(|face| FaceImage::draw(face, size, &turned)).collect();
+        background.with_base(|face, y, row| {
+            for texel in row.iter_mut() {
+                *texel = (self.intensity * texel.truncate()).extend(1.0);
+            }
+            faces[face].blend(y, row);
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::f32::consts::TAU;
+
+    use super::*;
+    use crate::environment::{CubeSize, Environment, texel_solid_angle_sr};
+    use crate::scene::Light;
+    use crate::scene::shapes::{Plane, Shape, Sphere};
+
+    fn ball(radius: f32, centre: Vec3) -> Mesh {
+        let mesh = Shape::Sphere(Sphere { radius }).mesh().unwrap();
+        let placement = crate::scene::Transform { translate: centre, ..Default::default() };
+        mesh.placed(&placement, "ball").unwrap().0
+    }
+
+    fn lit(emitters: &[(&Mesh, Vec3)], centre: Vec3, size: u32) -> Environment {
+        let sky = Environment::new(&Light::Constant(Vec3::new(0.0, 0.0, 0.5)), CubeSize::Texels(size)).unwrap();
+        let geometry = Arc::new(LightGeometry::new(emitters, centre));
+        sky.behind(LitBy { geometry, rotation_rad: 0.7, intensity: 2.0 })
+    }
+
+    /// ∫ L dω over the cube map's texels.
+    fn power(cube: &CubeMap) -> Vec3 {
+        let n = cube.size();
+        let texel = |(k, t): (usize, &glam::Vec4)| {
+            let k = k as u32 % (n * n);
+            t.truncate() * texel_solid_angle_sr(n, k % n, k / n) as f32
+        };
+        cube.level(0).iter().enumerate().map(texel).sum()
+    }
+
+    /// A ball of radius R at a distance d covers 2π(1 − √(1 − R²/d²)) sr, wherever it lies on the cube.
+    #[test]
+    fn balls_have_the_solid_angle_of_their_caps() {
+        let centre = Vec3::new(1.0, -2.0, 0.5);
+        for towards in [Vec3::Y, Vec3::NEG_X, Vec3::new(1.0, 1.0, 0.02), Vec3::new(-1.0, 1.0, -0.98)] {
+            for ratio in [0.05f32, 0.3, 0.8] {
+                let mesh = ball(ratio * 7.0, centre + 7.0 * towards.normalize());
+                let environment = lit(&[(&mesh, Vec3::X)], centre, 128);
+                let expected = TAU * (1.0 - (1.0 - ratio * ratio).sqrt());
+                let found = power(&environment.cube);
+                // Facets lie a little within the ball.
+                assert!((found.x / expected - 1.0).abs() < 0.01, "{towards} {ratio}: {} {expected}", found.x);
+                let behind = 2.0 * 0.5 * (2.0 * TAU - found.x);
+                assert!((found.z / behind - 1.0).abs() < 1e-3, "{towards} {ratio}: {} {behind}", found.z);
+            }
+        }
+    }
+
+    /// The nearest surface is seen; look-ups and texels agree, though the former trace rays and the latter are drawn.
+    #[test]
+    fn texels_show_what_rays_meet() {
+        let centre = Vec3::new(0.2, 0.3, -0.1);
+        let near = ball(0.5, centre + Vec3::new(0.3, 1.8, 0.4));
+        let far = ball(1.5, centre + Vec3::new(0.3, 6.0, 0.4));
+        let floor = Shape::Plane(Plane { size: [3.0, 5.0] }).mesh().unwrap();
+        let environment = lit(
+            &[(&far, Vec3::new(0.0, 4.0, 0.0)), (&near, Vec3::new(3.0, 0.0, 0.0)), (&floor, Vec3::ONE)],
+            centre,
+            64,
+        );
+        let (mut agreed, mut checked) = (0, [0; 4]);
+        for (k, texel) in environment.cube.level(0).iter().enumerate() {
+            let (face, k) = (k / 4096, k % 4096);
+            let place = |i: usize| (2.0 * i as f32 + 1.0) / 64.0 - 1.0;
+            let d = crate::environment::face_direction(face, place(k % 64), place(k / 64)).normalize();
+            let seen = environment.radiance.radiance(d);
+            agreed += usize::from(seen.abs_diff_eq(texel.truncate(), 1e-5));
+            let kinds = [Vec3::new(0.0, 4.0, 0.0), Vec3::new(3.0, 0.0, 0.0), Vec3::ONE, Vec3::new(0.0, 0.0, 1.0)];
+            kinds.iter().zip(&mut checked).for_each(|(kind, count)| *count += usize::from(seen == *kind));
+        }
+        assert!(checked.iter().all(|count| *count > 30), "{checked:?}");
+        // All but the texels that edges cross.
+        assert!(agreed > 24_576 - 700, "{agreed}");
+        assert_eq!(environment.radiance.background(Vec3::Y), Vec3::new(0.0, 0.0, 1.0));
+    }
+
+    #[test]
+    fn a_shell_around_the_centre_is_seen_in_all_directions() {
+        let shell = ball(3.0, Vec3::new(0.5, 0.2, -0.4));
+        let cube = lit(&[(&shell, Vec3::new(1.0, 2.0, 3.0))], Vec3::ZERO, 32).cube;
+        for level in 0..cube.level_count() {
+            assert!(cube.level(level).iter().all(|t| t.abs_diff_eq(glam::Vec4::new(1.0, 2.0, 3.0, 1.0), 1e-5)));
+        }
+    }
+}

@@ -1,0 +1,92 @@
+//! The sum at one receiver taken apart: what each sample adds to it, and from which part of the environment.
+
+use glam::{Vec3, Vec4};
+
+use super::pair::ReceiverCellPair;
+use super::receiver::load_receivers;
+use super::{Gather, ReceiverGroup};
+use crate::environment::CubeMap;
+use crate::lanes::{LANES, Simd, V3, dispatch, level};
+use crate::pinhole::constants::FILTER_ANISOTROPIC;
+use crate::pinhole::cpu::CubeLookup;
+use crate::pinhole::{GatherUniforms, Params, PinholeParts, PinholeSample, Pinholes, Receivers};
+
+/// What a sample adds to the irradiance of a receiver.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Contribution {
+    /// W/m², for an environment of intensity 1.
+    pub irradiance: Vec3,
+    /// The unit direction in the world whose light the sample reflects to the receiver,
+    pub direction: Vec3,
+    /// and the full sides of the footprint around it, radians.
+    pub sides: [Vec3; 2],
+}
+
+/// What each sample that faces it adds to a receiver, given by its position, unit normal and object. The parts add up to what
+/// [`gather`](super::gather) returns with the anisotropic filter.
+pub fn contributions_to(
+    receiver: (Vec3, Vec3, u32),
+    pinholes: &Pinholes,
+    environment: &CubeMap,
+    params: &Params,
+) -> Vec<Contribution> {
+    let uniforms = GatherUniforms::for_cube(params, pinholes, environment);
+    let environment = CubeLookup::rotated(environment, &uniforms);
+    let gather = Gather { pinholes, materials: None, uniforms, environment };
+    let group = load_receivers(&Receivers::from_points(&[receiver], 1), 0, 1);
+    let part = |sample: &PinholeSample| dispatch!(level(), simd => contribution(simd, &gather, sample, &group));
+    pinholes.samples.iter().filter_map(part).collect()
+}
+
+#[inline(always)]
+fn contribution<S: Simd>(
+    simd: S,
+    gather: &Gather,
+    sample: &PinholeSample,
+    group: &ReceiverGroup,
+) -> Option<Contribution> {
+    let receiver = group.in_lanes(simd);
+    let parts = PinholeParts::from(sample);
+    let pair = ReceiverCellPair::new(simd, &parts, &receiver);
+    if pair.lit() & 1 == 0 {
+        return None;
+    }
+    let mut sum = [Vec4::ZERO; LANES];
+    gather.sample_irradiance::<S, FILTER_ANISOTROPIC>(simd, sample, &receiver, &mut sum);
+    let footprint = pair.footprint(simd, &parts);
+    let first = |v: V3<S>| Vec3::from(v.to_arrays().map(|lanes| lanes[0]));
+    Some(Contribution {
+        irradiance: sum[0].truncate(),
+        direction: first(footprint.r),
+        sides: [first(footprint.v1), first(footprint.v2)],
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::NoProgress;
+    use crate::differential::differentials;
+    use crate::pinhole::{Filter, Footprint, cpu, pinholes};
+    use crate::sampling::{Options, Strategy, Surface, sample};
+
+    #[test]
+    fn contributions_add_up_to_the_sum() {
+        let scene = crate::scene::load::<toml::Table>("ring").unwrap().scene;
+        let options = Options { samples: 300, strategy: Strategy::Neighbourhood, seed: 2 };
+        let set = sample(&Surface::of_scene(&scene), &options).unwrap();
+        let mut pinholes = pinholes(&scene, &differentials(&set), Footprint::Cells);
+        pinholes.trace_visibility(&scene, &crate::tracing::Tracer::new(&scene), &NoProgress);
+        let cube = CubeMap::from_radiance(64, None, |d| Vec3::new(1.0 + d.x, 1.5 + d.y, 2.0 - d.z));
+        let params = Params { filter: Filter::Anisotropic, environment_rotation_rad: 0.4, ..Params::default() };
+        for x in [0.0, 0.5, -1.4] {
+            let receiver = (Vec3::new(x, 0.0, 0.2), Vec3::Y, 1);
+            let parts = contributions_to(receiver, &pinholes, &cube, &params);
+            let receivers = Receivers::from_points(&[receiver], 1);
+            let whole = cpu::gather(&receivers, &pinholes, &cube, &params, &NoProgress).unwrap()[0];
+            let sum: Vec3 = parts.iter().map(|part| part.irradiance).sum();
+            assert!(sum.abs_diff_eq(Vec4::from(whole).truncate(), 1e-4 * (1.0 + sum.x)), "{sum} {whole:?}");
+            assert!(parts.iter().all(|part| part.direction.is_normalized() && part.irradiance.min_element() >= 0.0));
+        }
+    }
+}

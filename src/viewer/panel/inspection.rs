@@ -1,0 +1,153 @@
+//! The section that takes apart what lies under the pointer: footprints on the environment, or what a sample of a mirror sees.
+
+use eframe::egui;
+use egui::{Color32, ColorImage, Pos2, Rect, Sense, Stroke, TextureHandle, TextureOptions};
+
+use super::fields::{named, switch};
+use crate::image::srgb8;
+use crate::pinhole::SampleView;
+use crate::viewer::Viewer;
+use crate::viewer::inspector::{Answer, Inspector, Question};
+use crate::{Inspection, MapFootprint, ReceiverInspection};
+
+/// Footprints that are drawn, at most; those that contribute most.
+const MAX_FOOTPRINTS: usize = 400;
+/// Radius of the dot of a footprint that brings everything, points.
+const DOT: f32 = 14.0;
+
+/// What is shown of the place under the pointer.
+#[derive(Default)]
+pub(crate) struct InspectionState {
+    /// The pointer is followed.
+    is_on: bool,
+    inspector: Option<Inspector>,
+    /// The last place that was asked about, and its view.
+    asked: Option<(glam::Vec2, u64)>,
+    map: Option<TextureHandle>,
+    view: Option<TextureHandle>,
+    found: Option<Inspection>,
+    failure: Option<String>,
+}
+
+impl InspectionState {
+    /// What was found under the pointer.
+    #[cfg(test)]
+    pub fn found(&self) -> Option<&Inspection> {
+        self.found.as_ref()
+    }
+}
+
+impl Viewer {
+    pub(super) fn inspection_section(&mut self, ui: &mut egui::Ui) {
+        switch(ui, "Follow the pointer", &mut self.inspection.is_on, false);
+        if !self.inspection.is_on {
+            ui.weak("Shows where the light under the pointer comes from, and what samples of mirrors see.");
+            return;
+        }
+        if let Some(reason) = &self.inspection.failure {
+            ui.colored_label(Color32::YELLOW, reason);
+        }
+        if let Some(map) = &self.inspection.map {
+            let width = ui.available_width();
+            let (area, response) = ui.allocate_exact_size(egui::Vec2::new(width, 0.5 * width), Sense::hover());
+            named(&response, egui::Role::Image, "Environment");
+            let painter = ui.painter_at(area);
+            painter.image(map.id(), area, Rect::from_min_max(Pos2::ZERO, Pos2::new(1.0, 1.0)), Color32::WHITE);
+            let receiver = self.inspection.found.as_ref().and_then(|found| found.receiver.as_ref());
+            for footprint in receiver.iter().flat_map(|receiver| &receiver.footprints).take(MAX_FOOTPRINTS) {
+                paint_footprint(&painter, area, footprint);
+            }
+        }
+        let Some(found) = &self.inspection.found else {
+            ui.weak("Point at something in the picture.");
+            return;
+        };
+        let object = self.document.state.scene.objects.get(found.object);
+        ui.label(object.map_or("", |object| object.name.as_str()));
+        if let Some(receiver) = &found.receiver {
+            ui.label(in_words(receiver));
+        }
+        if let Some(view) = self.inspection.view.as_ref().filter(|_| found.view.is_some()) {
+            ui.label("What the nearest sample sees, horizon at the edge; bright: the environment");
+            let width = 0.5 * ui.available_width();
+            let image = egui::Image::new((view.id(), egui::Vec2::splat(width)));
+            named(&ui.add(image), egui::Role::Image, "Visibility map");
+        }
+    }
+
+    /// Asks about the place under the pointer, as fractions of the picture's width and height.
+    pub(in crate::viewer) fn inspect(&mut self, context: &egui::Context, place: Option<glam::Vec2>) {
+        self.take_answer(context);
+        let Some(place) = place.filter(|_| self.inspection.is_on) else { return };
+        if self.inspection.asked == Some((place, self.sent)) || self.sent == 0 {
+            return;
+        }
+        self.inspection.asked = Some((place, self.sent));
+        let question = Question {
+            scene: self.posed_scene(),
+            options: self.document.state.options.clone().with_size(self.canvas.size()),
+            place,
+            view: self.sent,
+        };
+        let waker = context.clone();
+        let start = || Inspector::start(move || waker.request_repaint());
+        self.inspection.inspector.get_or_insert_with(start).ask(question);
+    }
+
+    fn take_answer(&mut self, context: &egui::Context) {
+        let state = &mut self.inspection;
+        let Some(Answer { map, found }) = state.inspector.as_ref().and_then(Inspector::answer) else { return };
+        if let Some(map) = map {
+            let colour = |pixel: &glam::Vec3| {
+                let [r, g, b] = srgb8(*pixel);
+                Color32::from_rgb(r, g, b)
+            };
+            let size = [map.width as usize, map.height as usize];
+            let image = ColorImage::new(size, map.pixels.iter().map(colour).collect());
+            state.map = Some(context.load_texture("environment", image, TextureOptions::LINEAR));
+        }
+        (state.found, state.failure) = match found {
+            Ok(found) => (found, None),
+            Err(reason) => (None, Some(reason)),
+        };
+        let view = state.found.as_ref().and_then(|found| found.view.as_ref());
+        state.view =
+            view.map(|view| context.load_texture("visibility map", image_of_view(view), TextureOptions::NEAREST));
+    }
+}
+
+fn image_of_view(view: &SampleView) -> ColorImage {
+    let colour = |sees: &bool| if *sees { Color32::from_rgb(150, 205, 255) } else { Color32::from_gray(40) };
+    ColorImage::new([view.resolution as usize; 2], view.sees_environment.iter().map(colour).collect())
+}
+
+/// Its outline, and a dot whose area is its part of the irradiance.
+fn paint_footprint(painter: &egui::Painter, area: Rect, footprint: &MapFootprint) {
+    let points: Vec<Pos2> =
+        footprint.outline.iter().map(|at| area.min + egui::Vec2::new(at.x, at.y) * area.size()).collect();
+    let middle = points.iter().fold(egui::Vec2::ZERO, |sum, point| sum + point.to_vec2()) / points.len() as f32;
+    // Across the map's left and right edges, too.
+    for turn in [-1.0, 0.0, 1.0] {
+        let shift = egui::Vec2::new(turn * area.width(), 0.0);
+        let moved = points.iter().map(|point| *point + shift).collect();
+        painter.add(egui::Shape::closed_line(moved, Stroke::new(1.0, Color32::from_rgb(255, 150, 30))));
+        let radius = DOT * footprint.part.sqrt();
+        painter.circle_filled((middle + shift).to_pos2(), radius, Color32::from_rgba_unmultiplied(255, 90, 0, 150));
+    }
+}
+
+fn in_words(receiver: &ReceiverInspection) -> String {
+    let [r, g, b] = receiver.irradiance.to_array();
+    let mut sum = 0.0;
+    let most = receiver.footprints.iter().take_while(|footprint| {
+        let is_needed = sum < 0.9;
+        sum += footprint.part;
+        is_needed
+    });
+    let most = most.count();
+    let count = receiver.footprints.len();
+    if count == 0 {
+        return "no mirror throws light here".to_owned();
+    }
+    format!("irradiance {r:.3}, {g:.3}, {b:.3} W/m\u{b2} from {count} samples; {most} of them bring nine tenths")
+}
