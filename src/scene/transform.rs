@@ -1,6 +1,6 @@
 //! An object's placement: scale first, then rotations about x, y and z, then translation.
 
-use glam::{Mat3, Vec3};
+use glam::{EulerRot, Mat3, Vec3};
 
 /// Places an object in the world.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -27,6 +27,14 @@ impl Transform {
             * Mat3::from_rotation_x(self.rotate_rad.x)
     }
 
+    /// The same placement, turned about an axis of the world through its origin, counter-clockwise.
+    #[must_use]
+    pub fn turned(&self, axis: Vec3, angle_rad: f32) -> Self {
+        let rotation = Mat3::from_axis_angle(axis, angle_rad) * self.rotation();
+        let (z, y, x) = rotation.to_euler(EulerRot::ZYX);
+        Self { rotate_rad: Vec3::new(x, y, z), ..*self }
+    }
+
     /// A point from object to world space.
     pub fn point_in_world(&self, point_in_object: Vec3) -> Vec3 {
         self.rotation() * (self.scale * point_in_object) + self.translate
@@ -48,6 +56,19 @@ mod tests {
         let turn = Transform { rotate_rad: Vec3::new(FRAC_PI_2, FRAC_PI_2, 0.0), ..Default::default() };
         // The rotation about x takes +Y to +Z, and that about y takes +Z to +X.
         assert!(turn.point_in_world(Vec3::Y).abs_diff_eq(Vec3::X, 1e-6));
+    }
+
+    #[test]
+    fn placements_are_turned_about_the_worlds_axes() {
+        let placement = Transform { rotate_rad: Vec3::new(0.4, -1.1, 2.0), translate: Vec3::X, scale: 2.0 };
+        for axis in Vec3::AXES {
+            let turned = placement.turned(axis, 0.3);
+            for point in Vec3::AXES {
+                let offset = placement.point_in_world(point) - Vec3::X;
+                let expected = Vec3::X + Mat3::from_axis_angle(axis, 0.3) * offset;
+                assert!(turned.point_in_world(point).abs_diff_eq(expected, 1e-5));
+            }
+        }
     }
 
     #[test]

@@ -8,7 +8,7 @@ use glam::Vec2;
 use rayon::prelude::*;
 
 use super::Viewer;
-use super::gizmo::{self, Arrow, Axis};
+use super::gizmo::{self, Gizmo, Handle};
 use super::panel::named;
 use super::scene_text::differing_options;
 use super::worker::{Picture, Quality, Side};
@@ -37,7 +37,7 @@ struct SidePicture {
 /// What is being dragged.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Held {
-    Arrow(Axis),
+    Gizmo(Handle),
     Divider,
 }
 
@@ -162,6 +162,7 @@ impl Viewer {
         }
         let painter = ui.painter_at(area);
         self.paint_sides(&painter, area);
+        self.paint_difference(&painter, area);
         self.drag_divider(ui, &response, area);
         let is_edited = self.drag_object(ui, &response, area);
         if self.canvas.held.is_none() && self.move_camera(ui, &response, area) {
@@ -230,42 +231,52 @@ impl Viewer {
         }
     }
 
-    /// The selected object's arrows.
+    /// Moves and turns the selected object by its arrows and rings.
     fn drag_object(&mut self, ui: &egui::Ui, response: &egui::Response, area: Rect) -> bool {
         let Some(index) = self.selected.filter(|_| !self.clock.is_playing) else { return false };
         let Some(object) = self.document.state.scene.objects.get(index) else { return false };
-        let axes = self.arrows_of_selected();
+        let gizmo = self.gizmo_of_selected();
         if response.drag_started_by(egui::PointerButton::Primary) {
             let at = ui.input(|input| input.pointer.press_origin());
-            let axis = at.filter(|_| self.canvas.held.is_none()).and_then(|at| gizmo::axis_at(&axes, at));
-            self.canvas.held = self.canvas.held.or(axis.map(Held::Arrow));
+            let handle = at.filter(|_| self.canvas.held.is_none()).and_then(|at| gizmo.at(at));
+            self.canvas.held = self.canvas.held.or(handle.map(Held::Gizmo));
         }
-        let held = if let Some(Held::Arrow(axis)) = self.canvas.held { Some(axis) } else { None };
-        gizmo::paint(&ui.painter_at(area), &axes, &object.name, held);
-        let Some(axis) = held else { return false };
+        let held = if let Some(Held::Gizmo(handle)) = self.canvas.held { Some(handle) } else { None };
+        gizmo::paint(&ui.painter_at(area), &gizmo, &object.name, held);
+        let Some(handle) = held else { return false };
         if !response.dragged() {
             self.canvas.held = None;
             return false;
         }
-        let step = gizmo::step(&axes, axis, response.drag_delta());
         let is_animated = self.document.state.is_animated && self.is_animated_object(index);
         if is_animated {
             self.notices
                 .say("its animation places this object; switch \u{201c}Animate\u{201d} off to move it".to_owned());
             return false;
         }
-        let mut placement = self.document.state.scene.objects[index].placement;
-        placement.translate += step;
+        let before = self.document.state.scene.objects[index].placement;
+        let mut placement = before;
+        match handle {
+            Handle::Arrow(axis) => placement.translate += gizmo::step(&gizmo.arrows, axis, response.drag_delta()),
+            Handle::Ring(axis) => {
+                let ring = gizmo.ring(axis).zip(response.interact_pointer_pos());
+                let angle = ring.map_or(0.0, |(ring, at)| ring.turn(at, response.drag_delta()));
+                if angle != 0.0 {
+                    placement = placement.turned(axis.direction(), angle);
+                }
+            }
+        }
         self.document.place(index, placement);
-        step != glam::Vec3::ZERO
+        placement != before
     }
 
-    /// The arrows of the selected object.
-    pub(super) fn arrows_of_selected(&self) -> Vec<Arrow> {
+    /// The arrows and rings of the selected object.
+    pub(super) fn gizmo_of_selected(&self) -> Gizmo {
         let posed = self.posed_scene();
         let object = self.selected.and_then(|index| posed.objects.get(index));
         let middle = object.map(|object| object.placement.translate);
-        middle.zip(self.canvas.area).map_or_else(Vec::new, |(middle, area)| gizmo::axes(&posed.camera, middle, area))
+        let placed = middle.zip(self.canvas.area);
+        placed.map_or_else(Gizmo::default, |(middle, area)| Gizmo::new(&posed.camera, middle, area))
     }
 
     /// Whether an animation places an object.

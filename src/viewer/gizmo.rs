@@ -1,4 +1,4 @@
-//! Arrows along the world's axes by which the selected object is dragged.
+//! Arrows along the world's axes by which the selected object is dragged, and rings around them by which it is turned.
 
 use eframe::egui;
 use egui::{Color32, Pos2, Rect, Stroke, Vec2 as UiVec2};
@@ -10,6 +10,10 @@ use crate::scene::Camera;
 const LENGTH: f32 = 0.16;
 /// An arrow is taken hold of within this distance, points.
 const REACH: f32 = 9.0;
+/// Radius of the rings, in lengths of the arrows.
+const RING_RADIUS: f32 = 0.75;
+/// Corners of a ring.
+const RING_CORNERS: usize = 48;
 /// Arrows that are shorter than this in the picture point at the camera and cannot be dragged, points.
 const LEAST_LENGTH: f32 = 12.0;
 /// Colours of the axes, as most programs have them.
@@ -30,6 +34,34 @@ pub struct Arrow {
     length: f32,
 }
 
+/// A ring around an axis, counter-clockwise; its first point comes again at the end.
+#[derive(Clone, Debug)]
+pub struct Ring {
+    axis: Axis,
+    points: Vec<Pos2>,
+}
+
+/// What the selected object is taken hold of by.
+#[derive(Clone, Debug, Default)]
+pub struct Gizmo {
+    pub arrows: Vec<Arrow>,
+    pub rings: Vec<Ring>,
+}
+
+/// A part of the gizmo.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Handle {
+    Arrow(Axis),
+    Ring(Axis),
+}
+
+impl Axis {
+    /// Its unit vector.
+    pub fn direction(self) -> Vec3 {
+        Vec3::AXES[self.0]
+    }
+}
+
 impl Arrow {
     /// Where it begins and where it ends.
     #[cfg(test)]
@@ -38,17 +70,90 @@ impl Arrow {
     }
 }
 
+impl Ring {
+    /// Corners of it.
+    #[cfg(test)]
+    pub fn points(&self) -> &[Pos2] {
+        &self.points
+    }
+
+    /// The distance of a place in the window, and the edge that is nearest to it.
+    fn nearest(&self, at: Pos2) -> (f32, usize) {
+        let distance = |k: usize| distance_to(at, [self.points[k], self.points[k + 1]]);
+        let nearest = (0..RING_CORNERS).map(|k| (distance(k), k)).min_by(|a, b| a.0.total_cmp(&b.0));
+        nearest.unwrap_or((f32::INFINITY, 0))
+    }
+
+    /// How far a drag at a place turns the object, radians.
+    pub fn turn(&self, at: Pos2, drag: UiVec2) -> f32 {
+        let (_, edge) = self.nearest(at);
+        let along = self.points[edge + 1] - self.points[edge];
+        let angle = std::f32::consts::TAU / RING_CORNERS as f32;
+        angle * drag.dot(along) / along.length_sq().max(1e-6)
+    }
+}
+
+/// The distance of a place from the line between two others.
+fn distance_to(at: Pos2, [start, end]: [Pos2; 2]) -> f32 {
+    let along = end - start;
+    let part = ((at - start).dot(along) / along.length_sq().max(1e-12)).clamp(0.0, 1.0);
+    (at - (start + part * along)).length()
+}
+
+impl Gizmo {
+    /// That of an object at a place in the world; empty if it is behind the camera.
+    pub fn new(camera: &Camera, middle: Vec3, area: Rect) -> Self {
+        Self { arrows: axes(camera, middle, area), rings: rings(camera, middle, area) }
+    }
+
+    /// The part at a place in the window.
+    pub fn at(&self, at: Pos2) -> Option<Handle> {
+        if let Some(axis) = axis_at(&self.arrows, at) {
+            return Some(Handle::Arrow(axis));
+        }
+        let distance = |ring: &&Ring| ring.nearest(at).0;
+        let nearest = self.rings.iter().min_by(|a, b| distance(a).total_cmp(&distance(b)))?;
+        (distance(&nearest) < REACH).then_some(Handle::Ring(nearest.axis))
+    }
+
+    /// The ring around an axis.
+    pub fn ring(&self, axis: Axis) -> Option<&Ring> {
+        self.rings.iter().find(|ring| ring.axis == axis)
+    }
+}
+
+/// Lengths of arrows, metres, for a place in the world; `None` behind the camera.
+fn length_at(camera: &Camera, middle: Vec3, area: Rect) -> Option<f32> {
+    let size = Vec2::new(area.width(), area.height());
+    // A metre across the picture at the object's depth, in points.
+    let [(start, depth), (beside, _)] = [middle, middle + camera.right].map(|point| camera.project(point, size));
+    (depth > 0.0).then(|| LENGTH * area.height() / (beside - start).length().max(1e-6))
+}
+
+fn rings(camera: &Camera, middle: Vec3, area: Rect) -> Vec<Ring> {
+    let Some(length) = length_at(camera, middle, area) else { return Vec::new() };
+    let size = Vec2::new(area.width(), area.height());
+    let ring = |index: usize| {
+        let (u, v) = (Vec3::AXES[(index + 1) % 3], Vec3::AXES[(index + 2) % 3]);
+        let point = |k: usize| {
+            let (sin, cos) = (std::f32::consts::TAU * k as f32 / RING_CORNERS as f32).sin_cos();
+            let (pixel, depth) = camera.project(middle + RING_RADIUS * length * (cos * u + sin * v), size);
+            (depth > 0.0).then(|| area.min + UiVec2::new(pixel.x, pixel.y))
+        };
+        Some(Ring { axis: Axis(index), points: (0..=RING_CORNERS).map(point).collect::<Option<_>>()? })
+    };
+    (0..3).filter_map(ring).collect()
+}
+
 /// The arrows of an object at a place in the world; none if it is behind the camera.
-pub fn axes(camera: &Camera, middle: Vec3, area: Rect) -> Vec<Arrow> {
+fn axes(camera: &Camera, middle: Vec3, area: Rect) -> Vec<Arrow> {
     let size = Vec2::new(area.width(), area.height());
     let place = |point: Vec3| {
         let (pixel, depth) = camera.project(point, size);
         (depth > 0.0).then(|| area.min + UiVec2::new(pixel.x, pixel.y))
     };
     let Some(start) = place(middle) else { return Vec::new() };
-    // A metre across the picture at the object's depth, in points.
-    let Some(beside) = place(middle + camera.right) else { return Vec::new() };
-    let length = LENGTH * area.height() / (beside - start).length().max(1e-6);
+    let Some(length) = length_at(camera, middle, area) else { return Vec::new() };
     let arrow = |index: usize| {
         let end = place(middle + length * Vec3::AXES[index])?;
         Some(Arrow { axis: Axis(index), start, end, length })
@@ -57,12 +162,8 @@ pub fn axes(camera: &Camera, middle: Vec3, area: Rect) -> Vec<Arrow> {
 }
 
 /// The arrow at a place in the window.
-pub fn axis_at(arrows: &[Arrow], at: Pos2) -> Option<Axis> {
-    let distance = |arrow: &Arrow| {
-        let along = arrow.end - arrow.start;
-        let part = ((at - arrow.start).dot(along) / along.length_sq()).clamp(0.0, 1.0);
-        (at - (arrow.start + part * along)).length()
-    };
+fn axis_at(arrows: &[Arrow], at: Pos2) -> Option<Axis> {
+    let distance = |arrow: &Arrow| distance_to(at, [arrow.start, arrow.end]);
     let nearest = arrows.iter().min_by(|a, b| distance(a).total_cmp(&distance(b)))?;
     (distance(nearest) < REACH).then_some(nearest.axis)
 }
@@ -74,10 +175,15 @@ pub fn step(arrows: &[Arrow], axis: Axis, drag: UiVec2) -> Vec3 {
     arrow.length * drag.dot(along) / along.length_sq() * Vec3::AXES[axis.0]
 }
 
-/// Draws the arrows and the object's name.
-pub fn paint(painter: &egui::Painter, arrows: &[Arrow], name: &str, held: Option<Axis>) {
+/// Draws arrows and rings, and the object's name.
+pub fn paint(painter: &egui::Painter, Gizmo { arrows, rings }: &Gizmo, name: &str, held: Option<Handle>) {
+    for ring in rings {
+        let width = if held == Some(Handle::Ring(ring.axis)) { 3.5 } else { 1.5 };
+        painter.line(ring.points.clone(), Stroke::new(width + 1.5, Color32::from_black_alpha(90)));
+        painter.line(ring.points.clone(), Stroke::new(width, COLOURS[ring.axis.0]));
+    }
     for arrow in arrows {
-        let width = if held == Some(arrow.axis) { 5.0 } else { 3.0 };
+        let width = if held == Some(Handle::Arrow(arrow.axis)) { 5.0 } else { 3.0 };
         let along = arrow.end - arrow.start;
         painter.arrow(arrow.start, along, Stroke::new(width + 2.0, Color32::from_black_alpha(120)));
         painter.arrow(arrow.start, along, Stroke::new(width, COLOURS[arrow.axis.0]));
@@ -93,11 +199,30 @@ mod tests {
     use super::*;
     use crate::scene::Projection;
 
-    #[test]
-    fn an_object_follows_the_pointer_along_the_arrow() {
+    fn view() -> (Camera, Rect) {
         let projection = Projection::Perspective { fov_y_rad: 0.7 };
         let camera = Camera::look_at(Vec3::new(1.0, 2.0, 4.0), Vec3::ZERO, Vec3::Y, projection).unwrap();
-        let area = Rect::from_min_size(Pos2::new(30.0, 40.0), UiVec2::new(640.0, 480.0));
+        (camera, Rect::from_min_size(Pos2::new(30.0, 40.0), UiVec2::new(640.0, 480.0)))
+    }
+
+    /// A point of the ring goes where the pointer drags it.
+    #[test]
+    fn an_object_turns_with_the_pointer_along_the_ring() {
+        let (camera, area) = view();
+        let gizmo = Gizmo::new(&camera, Vec3::ZERO, area);
+        assert_eq!(gizmo.rings.len(), 3);
+        for ring in &gizmo.rings {
+            let (from, to) = (ring.points[5], ring.points[6]);
+            let turn = ring.turn(from + 0.5 * (to - from), to - from);
+            assert!((turn - std::f32::consts::TAU / RING_CORNERS as f32).abs() < 1e-3, "{turn}");
+            let on_ring = (0..RING_CORNERS).filter(|&k| gizmo.at(ring.points[k]) == Some(Handle::Ring(ring.axis)));
+            assert!(on_ring.count() > RING_CORNERS / 3, "rings and arrows cross, but not everywhere");
+        }
+    }
+
+    #[test]
+    fn an_object_follows_the_pointer_along_the_arrow() {
+        let (camera, area) = view();
         let arrows = axes(&camera, Vec3::ZERO, area);
         assert_eq!(arrows.len(), 3);
         for (index, arrow) in arrows.iter().enumerate() {

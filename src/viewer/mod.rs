@@ -12,6 +12,7 @@
 mod camera_input;
 mod canvas;
 mod clock;
+mod difference;
 mod document;
 mod gizmo;
 mod history;
@@ -74,6 +75,7 @@ pub(crate) struct Viewer {
     job: Option<f32>,
     panel: panel::PanelState,
     inspection: panel::InspectionState,
+    difference: panel::DifferenceState,
     /// The number of the view that was sent last.
     sent: u64,
     /// The view has to be shown anew.
@@ -103,6 +105,7 @@ impl Viewer {
             job: None,
             panel: panel::PanelState::new(&document),
             inspection: panel::InspectionState::default(),
+            difference: panel::DifferenceState::default(),
             sent: 0,
             is_outdated: true,
             is_waiting: false,
@@ -134,6 +137,7 @@ impl Viewer {
         self.help(ui.ctx());
         self.note_edit(ui.ctx(), is_edited, &before);
         self.send_view();
+        self.compare_with_reference(ui.ctx());
         if self.notices.done().is_some() {
             ui.ctx().request_repaint_after(std::time::Duration::from_secs(1));
         }

@@ -1,5 +1,6 @@
 //! The panel: everything about the scene and its rendering that can be set. Each value can be dragged, typed, reset and undone.
 
+mod difference;
 mod fields;
 mod inspection;
 mod objects;
@@ -8,6 +9,7 @@ mod settings;
 
 use eframe::egui;
 
+pub(crate) use self::difference::DifferenceState;
 pub(super) use self::fields::named;
 pub(crate) use self::inspection::InspectionState;
 
@@ -80,6 +82,7 @@ impl Viewer {
             section(ui, "Caustic", true, &mut |ui| is_edited |= self.caustic_section(ui));
             section(ui, "Objects", false, &mut |ui| is_edited |= self.objects_section(ui));
             section(ui, "Under the pointer", false, &mut |ui| self.inspection_section(ui));
+            section(ui, "Reference", false, &mut |ui| self.difference_section(ui));
             section(ui, "Save and record", false, &mut |ui| self.output_section(ui));
             section(ui, "Frame time", false, &mut |ui| self.frame_time_section(ui));
         });

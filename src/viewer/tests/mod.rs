@@ -1,5 +1,7 @@
 //! The window without a windowing system: its controls are found by their accessible names, and operated by synthetic input.
 
+mod tools;
+
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -186,35 +188,6 @@ fn every_setting_is_operated_and_undone() {
     assert!(window.state().notices.failure().is_none(), "{:?}", window.state().notices);
 }
 
-/// The panel shows the footprints of the receiver under the pointer, and what a mirror's sample sees.
-#[test]
-fn what_lies_under_the_pointer_is_taken_apart() {
-    let (_folder, _, mut window) = opened();
-    run_until(&mut window, "a picture", |viewer| viewer.picture.is_some());
-    window.get_by_label("Under the pointer").click();
-    window.run_steps(10);
-    window.get_by_role_and_label(Role::CheckBox, "Follow the pointer").click();
-    window.step();
-    // The middle of the ring, and a column across it.
-    let area = window.get_by_role_and_label(Role::Image, "Picture").rect();
-    window.hover_at(area.center());
-    run_until(&mut window, "footprints", |viewer| {
-        viewer.inspection.found().and_then(|found| found.receiver.as_ref()).is_some_and(|r| !r.footprints.is_empty())
-    });
-    window.run_steps(3);
-    window.get_by_role_and_label(Role::Image, "Environment");
-    let is_mirror = |viewer: &Viewer| viewer.inspection.found().is_some_and(|found| found.view.is_some());
-    let mirrors = (1..40).any(|k| {
-        window.hover_at(egui::Pos2::new(area.center().x, area.top() + area.height() * k as f32 / 40.0));
-        window.step();
-        std::thread::sleep(Duration::from_millis(50));
-        window.step();
-        is_mirror(window.state())
-    });
-    assert!(mirrors, "the ring crosses the column");
-    window.get_by_role_and_label(Role::Image, "Visibility map");
-}
-
 /// From the first control on, the tabulator reaches every one of them.
 #[test]
 fn the_keyboard_reaches_every_control() {
@@ -256,6 +229,7 @@ fn the_keyboard_reaches_every_control() {
         "Seed",
         "Objects",
         "Under the pointer",
+        "Reference",
         "Save and record",
         "Frame time",
     ] {
@@ -451,38 +425,6 @@ fn pictures_and_frames_are_saved_and_scenes_keep_their_edits() {
     window.get_by_label("Copy command").click();
     window.run_steps(2);
     assert!(window.state().notices.done().unwrap().contains("mine.toml"), "{:?}", window.state().notices);
-}
-
-#[test]
-fn an_object_is_selected_and_dragged_by_its_arrow() {
-    let (_folder, _, mut window) = opened();
-    run_until(&mut window, "a picture", |viewer| viewer.picture.is_some());
-    window.state_mut().document.state.is_animated = false;
-    let middle = egui::Pos2::new(200.0, 700.0);
-    window.hover_at(middle);
-    window.drag_at(middle);
-    window.step();
-    window.drop_at(middle);
-    window.step();
-    run_until(&mut window, "the object that was clicked", |viewer| viewer.selected.is_some());
-    let selected = window.state().selected.unwrap();
-    let before = window.state().document.state.scene.objects[selected].placement.translate;
-    let arrows = window.state().arrows_of_selected();
-    let (start, end) = arrows[0].ends();
-    let hold = start + 0.6 * (end - start);
-    window.hover_at(hold);
-    window.drag_at(hold);
-    window.step();
-    for part in [0.2, 0.4, 0.6] {
-        window.hover_at(hold + part * (end - start));
-        window.step();
-    }
-    window.drop_at(hold + 0.6 * (end - start));
-    window.step();
-    let after = window.state().document.state.scene.objects[selected].placement.translate;
-    assert!((after - before).length() > 0.05, "{before} {after}");
-    press(&mut window, Modifiers::COMMAND, Key::Z);
-    assert_eq!(window.state().document.state.scene.objects[selected].placement.translate, before, "one step");
 }
 
 #[test]
