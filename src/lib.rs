@@ -82,7 +82,8 @@ mod words;
 
 pub use backend::{Backend, BackendChoice, BackendReport, Device};
 pub use engine::{
-    Budget, Detail, Engine, Inspection, LineKind, MapFootprint, Mark, Preview, ReceiverInspection, Rendered, Report,
+    Budget, Detail, Engine, Inspection, LineKind, MAX_FOOTPRINTS, MapFootprint, Mark, Preview, ReceiverInspection,
+    Rendered, Report,
 };
 pub use environment::CubeSize;
 pub use error::{Error, OptionError};

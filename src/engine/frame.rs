@@ -15,7 +15,7 @@ use crate::environment::Environment;
 use crate::image::Aov;
 use crate::options::{DisplaySettings, Options};
 use crate::progress::{Progress, Stage};
-use crate::scene::{Scene, Sides, Visibility};
+use crate::scene::{Emitter, Scene, Sides, Visibility};
 use crate::stages::{
     CameraRays, Id, LightStages, Memo, PreparedLight, PreparedScene, StageCounts, SurfaceMaterials, View,
 };
@@ -73,6 +73,7 @@ struct PathsKey {
     tracer: Id<Tracer>,
     materials: Id<SurfaceMaterials>,
     sides: Vec<Option<Sides>>,
+    emitters: Vec<Option<Emitter>>,
     is_plain: bool,
 }
 
@@ -279,6 +280,7 @@ impl BandStages {
             tracer: Id::of(&prepared.tracer),
             materials: Id::of(&prepared.materials),
             sides: scene.objects.iter().map(|o| o.reflector.map(|r| r.sides)).collect(),
+            emitters: scene.objects.iter().map(|o| o.emitter).collect(),
             is_plain: options.plain_diffuse,
         };
         self.paths.get(key, progress, || inputs.path_tracer(rays).trace())

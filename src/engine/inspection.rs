@@ -3,9 +3,10 @@
 use std::f32::consts::{PI, TAU};
 
 use glam::{UVec2, Vec2, Vec3};
+use rayon::prelude::*;
 
 use super::Engine;
-use crate::Error;
+use super::preview::PreviewStages;
 use crate::image::{Image, display, exposed};
 use crate::options::{EvaluationChoice, Options};
 use crate::pinhole::SampleView;
@@ -13,6 +14,7 @@ use crate::pinhole::cpu::Contribution;
 use crate::progress::Progress;
 use crate::stages::PreparedLight;
 use crate::technique::{Inputs, Inspected};
+use crate::{Backend, Error};
 
 /// What a place of the picture shows.
 #[derive(Clone, Debug)]
@@ -32,7 +34,11 @@ pub struct Inspection {
 pub struct ReceiverInspection {
     /// W/m².
     pub irradiance: Vec3,
-    /// The footprints of the samples, from the largest contribution to the smallest; none that contribute nothing.
+    /// The number of samples that contribute to it,
+    pub samples: usize,
+    /// and of those, from the largest contribution on, that bring nine tenths of it.
+    pub main_samples: usize,
+    /// Footprints of the samples that contribute most, from the largest contribution on; at most [`MAX_FOOTPRINTS`].
     pub footprints: Vec<MapFootprint>,
 }
 
@@ -44,6 +50,9 @@ pub struct MapFootprint {
     /// Its part of the irradiance.
     pub part: f32,
 }
+
+/// Footprints of an inspection, at most.
+pub const MAX_FOOTPRINTS: usize = 400;
 
 /// Points of a footprint's outline.
 const OUTLINE: u32 = 16;
@@ -65,32 +74,38 @@ impl Engine {
         if !options.shows_caustic() || self.scene.objects.iter().all(|object| object.reflector.is_none()) {
             return Ok(Some(inspection));
         }
-        let (source, geometry) = (&self.scene.environment, scene.light_geometry.as_ref());
-        let light = self.light_stages.prepare(source, geometry, options.cube_size, progress)?;
+        if self.inspection.technique.0 != options.technique {
+            self.inspection = PreviewStages::new(options.technique);
+        }
+        let PreviewStages { technique: (_, technique), light } = &mut self.inspection;
+        let geometry = scene.geometry_drawn_for_frame();
+        let light = light.prepare(&self.scene.environment, geometry.as_ref(), options.cube_size, progress)?;
         let inputs = Inputs {
             scene: &self.scene,
             prepared: &scene,
             light: &light,
             options: &options,
-            backend: &self.backend,
+            backend: &Backend::cpu(),
             is_preview: true,
             progress,
         };
-        let Inspected { contributions, view } = self.technique.1.inspect(&inputs, &hit)?;
+        let Inspected { contributions, view } = technique.inspect(&inputs, &hit)?;
         let object = &self.scene.objects[hit.object as usize];
         inspection.receiver = object.receiver.is_some().then(|| receiver_inspection(&contributions, &light));
         inspection.view = view.filter(|_| object.reflector.is_some());
         Ok(Some(inspection))
     }
 
-    /// The environment as an equirectangular picture of so many rows, twice as wide, as the camera's background is displayed.
+    /// The environment as an equirectangular picture of so many rows, twice as wide, with the exposure of the background; an automatic
+    /// one is metered on this picture.
     ///
     /// # Errors
     /// As [`Self::render`].
     pub fn environment_map(&mut self, height: u32, progress: &dyn Progress) -> Result<Image, Error> {
+        self.options.check()?;
         let scene = self.scene_stages.prepare_for_frame(&self.scene, progress)?;
-        let (source, geometry) = (&self.scene.environment, scene.light_geometry.as_ref());
-        let light = self.light_stages.prepare(source, geometry, self.options.cube_size, progress)?;
+        let (geometry, cube_size) = (scene.geometry_drawn_for_frame(), self.options.cube_size);
+        let light = self.inspection.light.prepare(&self.scene.environment, geometry.as_ref(), cube_size, progress)?;
         let radiance = |pixel: u32| {
             let at =
                 Vec2::new((pixel % (2 * height)) as f32 + 0.5, (pixel / (2 * height)) as f32 + 0.5) / height as f32;
@@ -98,7 +113,7 @@ impl Engine {
             let direction = Vec3::new(azimuth.sin() * polar.sin(), polar.cos(), -azimuth.cos() * polar.sin());
             light.intensity * light.environment.radiance.smooth_radiance(direction)
         };
-        let radiance: Vec<Vec3> = (0..2 * height * height).map(radiance).collect();
+        let radiance: Vec<Vec3> = (0..2 * height * height).into_par_iter().map(radiance).collect();
         let metered = || crate::image::metered_ev(radiance.iter().copied());
         let stops = self.options.display.exposures(metered).background_exposure_ev;
         let pixels = radiance.iter().map(|radiance| display(exposed(*radiance, stops))).collect();
@@ -115,11 +130,24 @@ fn receiver_inspection(contributions: &[Contribution], light: &PreparedLight) ->
     let whole = irradiance.element_sum();
     let mut lit: Vec<&Contribution> = contributions.iter().filter(|c| c.irradiance.element_sum() > 0.0).collect();
     lit.sort_by(|a, b| b.irradiance.element_sum().total_cmp(&a.irradiance.element_sum()));
+    let part = |c: &Contribution| c.irradiance.element_sum() / whole;
+    let mut sum = 0.0;
+    let main_samples = lit.iter().take_while(|c| {
+        let is_needed = sum < 0.9;
+        sum += part(c);
+        is_needed
+    });
+    let main_samples = main_samples.count();
     let footprint = |c: &&Contribution| MapFootprint {
         outline: outline([c.direction, c.sides[0], c.sides[1]].map(|v| light.light_from_world(v))),
-        part: c.irradiance.element_sum() / whole,
+        part: part(c),
     };
-    ReceiverInspection { irradiance: light.intensity * irradiance, footprints: lit.iter().map(footprint).collect() }
+    ReceiverInspection {
+        irradiance: light.intensity * irradiance,
+        samples: lit.len(),
+        main_samples,
+        footprints: lit.iter().take(MAX_FOOTPRINTS).map(footprint).collect(),
+    }
 }
 
 /// An ellipse in the parallelogram around a direction, on an equirectangular map.

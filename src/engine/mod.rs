@@ -29,7 +29,7 @@ mod shading;
 mod shadows;
 
 pub use film::Rendered;
-pub use inspection::{Inspection, MapFootprint, ReceiverInspection};
+pub use inspection::{Inspection, MAX_FOOTPRINTS, MapFootprint, ReceiverInspection};
 pub use overlay::{LineKind, Mark};
 pub use preview::{Budget, Detail, Preview};
 pub use report::Report;
@@ -82,6 +82,8 @@ pub struct Engine {
     band: BandStages,
     /// Stages of previews.
     preview: PreviewStages,
+    /// Those of what is inspected.
+    inspection: PreviewStages,
     /// Counts of stages that were dropped.
     counted_before: StageCounts,
 }
@@ -107,6 +109,7 @@ impl Engine {
             technique,
             band: BandStages::new(),
             preview: PreviewStages::new(Technique::default()),
+            inspection: PreviewStages::new(Technique::default()),
             counted_before: StageCounts::default(),
         }
     }
@@ -246,8 +249,8 @@ impl Engine {
         self.options.check()?;
         let scene = self.scene_stages.prepare(&self.scene, progress)?;
         let light = {
-            let (source, geometry) = (&self.scene.environment, scene.light_geometry.as_ref());
-            self.light_stages.prepare(source, geometry, self.options.cube_size, progress)?
+            let (source, geometry) = (&self.scene.environment, scene.drawn_geometry());
+            self.light_stages.prepare(source, geometry.as_ref(), self.options.cube_size, progress)?
         };
         if self.technique.0 != self.options.technique {
             self.technique.1.count(&mut self.counted_before);
@@ -298,7 +301,7 @@ impl Engine {
 
     fn marker<'a>(&'a self, prepared: &'a Prepared) -> Marker<'a> {
         let size = UVec2::from_array(self.options.size).as_vec2();
-        Marker { scene: &self.scene, tracer: &prepared.scene.tracer, size }
+        Marker { scene: &self.scene, tracer: &prepared.scene.camera, size }
     }
 }
 

@@ -1,12 +1,13 @@
 //! Overlays: marks for the samples that the camera sees (Wand and Straßer, Figures 5 and 7), and for the surface around them.
 
 use glam::{UVec2, Vec2, Vec3};
+use rayon::prelude::*;
 
 use crate::differential::DifferentialSample;
 use crate::image::Image;
 use crate::options::Overlay;
 use crate::scene::{Ray, Scene};
-use crate::tracing::Tracer;
+use crate::tracing::CameraTracer;
 
 /// Dot radius, in pixels of a picture 512 pixels high.
 const RADIUS: f32 = 1.4;
@@ -71,7 +72,7 @@ impl Mark {
 /// What the camera sees of the samples.
 pub(super) struct Marker<'a> {
     pub scene: &'a Scene,
-    pub tracer: &'a Tracer,
+    pub tracer: &'a CameraTracer,
     /// Of the picture, pixels.
     pub size: Vec2,
 }
@@ -79,18 +80,18 @@ pub(super) struct Marker<'a> {
 impl Marker<'_> {
     /// The positions of the samples that the camera sees.
     pub fn dots(&self, positions: &[Vec3]) -> Vec<Vec2> {
-        positions.iter().filter_map(|position| self.visible(*position)).collect()
+        positions.par_iter().filter_map(|position| self.visible(*position)).collect()
     }
 
     /// The marks of an overlay other than [`Overlay::Samples`].
     pub fn marks(&self, overlay: Overlay, samples: &[DifferentialSample]) -> Vec<Mark> {
-        let seen = samples.iter().filter(|sample| self.visible(sample.cell.centroid).is_some());
+        let seen = samples.par_iter().filter(|sample| self.visible(sample.cell.centroid).is_some());
         match overlay {
             Overlay::None => Vec::new(),
             Overlay::Samples => seen.filter_map(|s| Some(Mark::Dot(self.visible(s.position)?))).collect(),
             Overlay::Normals => seen.filter_map(|sample| self.normal(sample)).collect(),
-            Overlay::Curvature => seen.flat_map(|sample| self.curvature(sample)).flatten().collect(),
-            Overlay::Cells => seen.flat_map(|sample| self.cell(sample)).flatten().collect(),
+            Overlay::Curvature => seen.flat_map_iter(|sample| self.curvature(sample).into_iter().flatten()).collect(),
+            Overlay::Cells => seen.flat_map_iter(|sample| self.cell(sample).into_iter().flatten()).collect(),
         }
     }
 
@@ -139,10 +140,10 @@ pub(super) fn draw(image: &mut Image, marks: &[Mark]) {
 }
 
 /// Whether a point on a ray is unoccluded, with some slack: quantised samples lie a little off their surface.
-fn is_visible(tracer: &Tracer, ray: Ray, point: Vec3) -> bool {
+fn is_visible(tracer: &CameraTracer, ray: Ray, point: Vec3) -> bool {
     let along = |p: Vec3| (p - ray.origin).dot(ray.direction);
     let slack = 0.02 * (point - ray.origin).length();
-    tracer.camera_hit(ray).is_none_or(|hit| along(hit.position) > along(point) - slack)
+    tracer.hit(ray).is_none_or(|hit| along(hit.position) > along(point) - slack)
 }
 
 /// Draws everything within a distance of a line, anti-aliased.
@@ -165,9 +166,12 @@ fn draw_capsule(image: &mut Image, [one, other]: [Vec2; 2], radius: f32, colour:
 
 #[cfg(test)]
 mod tests {
+    use std::sync::Arc;
+
     use super::*;
     use crate::differential::differentials;
     use crate::sampling::{Options, Strategy, Surface, sample};
+    use crate::tracing::Tracer;
 
     /// On a ball seen from outside, all normals point away from its centre, and it is convex in all directions.
     #[test]
@@ -176,7 +180,7 @@ mod tests {
         let surface = Surface::of_scene(&scene);
         let options = Options { samples: 200, strategy: Strategy::Neighbourhood, seed: 1 };
         let samples = differentials(&sample(&surface, &options).unwrap());
-        let tracer = Tracer::new(&scene);
+        let tracer = CameraTracer::new(Arc::new(Tracer::new(&scene)), std::iter::empty());
         let marker = Marker { scene: &scene, tracer: &tracer, size: Vec2::splat(200.0) };
         let mirror = scene.objects.iter().find(|object| object.reflector.is_some()).unwrap();
         let (centre, _) = scene.camera.project(mirror.placement.translate, marker.size);

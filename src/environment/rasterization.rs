@@ -5,8 +5,8 @@ use glam::{Vec2, Vec3, Vec4};
 use super::cube::face_direction;
 
 /// Points along a texel's edge that are tested: as many as keep the rectangle that is drawn within [`MAX_POINTS`].
-const POINTS_OF_TEXELS: [usize; 3] = [16, 8, 4];
-const MAX_POINTS: usize = 1 << 20;
+const POINTS_OF_TEXELS: [usize; 5] = [16, 8, 4, 2, 1];
+const MAX_POINTS: usize = 1 << 22;
 /// Planes through the cube's centre are seen edge-on: the sine of their angle to a corner, at least.
 const MIN_SINE: f32 = 1e-6;
 
@@ -50,7 +50,7 @@ impl FaceImage {
         let last = [high.x, high.y].map(|x| (x.ceil() as usize).min(size as usize));
         let texels = [0, 1].map(|axis| last[axis].saturating_sub(first[axis]));
         let fits = |points: &usize| texels[0] * texels[1] * points * points <= MAX_POINTS;
-        let per_texel = POINTS_OF_TEXELS.into_iter().find(fits).unwrap_or(POINTS_OF_TEXELS[2]);
+        let per_texel = POINTS_OF_TEXELS.into_iter().find(fits).unwrap_or(1);
         let (origin, extent) = (first.map(|x| per_texel * x), texels.map(|x| per_texel * x));
         let count = extent[0] * extent[1];
         let mut image = Self {

@@ -37,7 +37,7 @@ use crate::differential::DifferentialSample;
 use crate::progress::Progress;
 use crate::reflectance::{Curve, Finish};
 use crate::scene::{Object, Reflector, Scene, Sides};
-use crate::tracing::Tracer;
+use crate::tracing::{Hit, Tracer};
 use crate::words::NumberOrWord;
 
 /// Which part of the surface a sample stands for.
@@ -181,11 +181,15 @@ impl Pinholes {
         self.trace_maps(scene, tracer, Edges::Fine, progress);
     }
 
-    /// What the sample nearest to a position sees; `None` without visibility maps or samples.
-    pub(crate) fn view_from(&self, position: Vec3) -> Option<SampleView> {
-        let distance = |sample: &&PinholeSample| sample.position().distance_squared(position);
-        let nearest = self.samples.iter().min_by(|a, b| distance(a).total_cmp(&distance(b)))?;
-        self.visibility.as_ref()?.view(nearest.map())
+    /// What the sample of a mirror sees that is nearest to a place on it, on the side that is seen there; `None` without visibility
+    /// maps or samples.
+    pub(crate) fn view_from(&self, place: &Hit) -> Option<SampleView> {
+        let distance = |sample: &&PinholeSample| sample.position().distance_squared(place.position);
+        let own = self.samples.iter().filter(|sample| sample.object() == place.object);
+        let nearest = own.min_by(|a, b| distance(a).total_cmp(&distance(b)))?;
+        // Normals of samples point to the reflecting side; a map for the other side comes after the first.
+        let is_behind = nearest.two_sided() && nearest.normal().dot(place.normal) < 0.0;
+        self.visibility.as_ref()?.view(nearest.map() + u32::from(is_behind))
     }
 
     pub(crate) fn trace_maps(&mut self, scene: &Scene, tracer: &Tracer, edges: Edges, progress: &dyn Progress) {

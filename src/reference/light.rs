@@ -161,8 +161,11 @@ mod tests {
             Source::Constant(Vec3::ONE),
         ];
         let mut rng = rand::rngs::ChaCha8Rng::seed_from_u64(3);
+        let of_source = |light| Light::new(&EnvironmentSource { light, rotation_rad: 0.7, intensity: 2.0 });
+        let with_emitters = crate::scene::load::<toml::Table>("dance-floor").unwrap().scene;
+        let lights = lights.into_iter().map(of_source).chain([Light::of_scene(&with_emitters)]);
         for light in lights {
-            let light = Light::new(&EnvironmentSource { light, rotation_rad: 0.7, intensity: 2.0 }).expect("it loads");
+            let light = light.expect("it loads");
             for _ in 0..20_000 {
                 let cone =
                     Cone { axis: random_direction(&mut rng), half_angle: PI * 10f64.powf(rng.random_range(-5.0..0.0)) };

@@ -49,6 +49,13 @@ pub(crate) struct LightStages {
 /// The environment, the geometry before it, and the rotation and intensity of what lies behind.
 type LitKey = (Id<Environment>, Id<LightGeometry>, [f32; 2]);
 
+/// Light geometry, and the face size of the cube map that it is drawn into, at least, if the size is not given.
+#[derive(Clone, Debug)]
+pub(crate) struct DrawnGeometry {
+    pub geometry: Arc<LightGeometry>,
+    pub cube_size: u32,
+}
+
 impl LightStages {
     pub fn new() -> Self {
         Self {
@@ -63,17 +70,17 @@ impl LightStages {
     pub fn prepare(
         &mut self,
         source: &EnvironmentSource,
-        light_geometry: Option<&Arc<LightGeometry>>,
+        light_geometry: Option<&DrawnGeometry>,
         cube_size: CubeSize,
         progress: &dyn Progress,
     ) -> Result<PreparedLight, EnvironmentError> {
-        let least = light_geometry.map_or(0, |geometry| geometry.cube_size());
+        let least = light_geometry.map_or(0, |drawn| drawn.cube_size);
         let environment = self.environment.try_get((source.light.clone(), cube_size, least), progress, || {
             Environment::at_least(&source.light, cube_size, least)
         })?;
         let EnvironmentSource { rotation_rad, intensity, .. } = *source;
         environment.radiance.check_placement(intensity, rotation_rad)?;
-        let Some(geometry) = light_geometry else {
+        let Some(DrawnGeometry { geometry, .. }) = light_geometry else {
             return Ok(PreparedLight { environment, rotation_rad, intensity });
         };
         let key = (Id::of(&environment), Id::of(geometry), [rotation_rad, intensity]);

@@ -7,6 +7,7 @@ use std::sync::Arc;
 use glam::Vec3;
 
 use super::StageCounts;
+use super::light::DrawnGeometry;
 use super::memo::{Id, Memo};
 use crate::brdf::Materials;
 use crate::environment::LightGeometry;
@@ -31,6 +32,23 @@ pub(crate) struct PreparedScene {
     /// What the user should know about where things lie.
     pub notes: Vec<String>,
 }
+
+impl PreparedScene {
+    /// The light geometry, drawn as finely as its smallest emitter needs.
+    pub fn drawn_geometry(&self) -> Option<DrawnGeometry> {
+        let geometry = self.light_geometry.clone()?;
+        Some(DrawnGeometry { cube_size: geometry.cube_size(), geometry })
+    }
+
+    /// The same for a moment: only as finely as is drawn quickly.
+    pub fn geometry_drawn_for_frame(&self) -> Option<DrawnGeometry> {
+        let geometry = self.light_geometry.clone()?;
+        Some(DrawnGeometry { cube_size: FRAME_CUBE_SIZE, geometry })
+    }
+}
+
+/// Face size of the cube map into which light geometry is drawn for one frame, unless the environment needs a finer one.
+const FRAME_CUBE_SIZE: u32 = 256;
 
 /// Reflectance of the objects' surfaces.
 #[derive(Debug)]
@@ -97,9 +115,13 @@ impl SceneStages {
     }
 
     pub fn prepare(&mut self, scene: &Scene, progress: &dyn Progress) -> Result<PreparedScene, MeshError> {
-        self.prepare_with(scene, progress, |stages, key, meshes| {
+        let mut prepared = self.prepare_with(scene, progress, |stages, key, meshes| {
             stages.tracer.get(key, progress, || Tracer::of_meshes(seen(meshes, scene)))
-        })
+        })?;
+        if prepared.light_geometry.is_some() {
+            prepared.notes.extend(near_emitter(&self.place_meshes(scene, progress)?, scene));
+        }
+        Ok(prepared)
     }
 
     /// Like [`Self::prepare`], for a scene that is different in the next frame.
@@ -120,7 +142,7 @@ impl SceneStages {
     ) -> Result<PreparedScene, MeshError> {
         let meshes = self.place_meshes(scene, progress)?;
         let dark = meshes.iter().zip(&scene.objects).filter(|(_, o)| o.emitter.is_none());
-        let mut notes: Vec<String> = check_extent(dark.map(|(mesh, _)| &**mesh))?.into_iter().collect();
+        let notes: Vec<String> = check_extent(dark.map(|(mesh, _)| &**mesh))?.into_iter().collect();
         let key = |is_wanted: fn(&Object) -> bool| -> TracerKey {
             let objects = meshes.iter().zip(&scene.objects).filter(|(_, o)| is_wanted(o));
             objects.map(|(mesh, o)| (Id::of(mesh), SeenBy::of(o))).collect()
@@ -134,7 +156,6 @@ impl SceneStages {
         let materials = scene.objects.iter().map(|o| (o.receiver.clone(), o.reflector.map(|r| r.finish))).collect();
         let materials = self.materials.get(materials, progress, || SurfaceMaterials::of_scene(scene));
         let light_geometry = self.light_geometry(&meshes, scene, progress);
-        notes.extend(near_emitter(&meshes, scene));
         Ok(PreparedScene { tracer, camera, surface, materials, light_geometry, notes })
     }
 
@@ -183,28 +204,28 @@ fn seen<'a>(meshes: &'a [Arc<Mesh>], scene: &'a Scene) -> impl Iterator<Item = (
     meshes.iter().zip(&scene.objects).map(|(mesh, object)| (&**mesh, SeenBy::of(object)))
 }
 
-/// An emitter is far away from this many radii of the mirrors on.
-const FAR_EMITTER: f32 = 3.0;
+/// An emitter is far away from this many radii of the mirrors on, and of everything together.
+const FAR_FROM_MIRRORS: f32 = 3.0;
+const FAR_FROM_ALL: f32 = 1.5;
 
 /// Says which emitter is too near for its light to be that of the environment.
 fn near_emitter(meshes: &[Arc<Mesh>], scene: &Scene) -> Option<String> {
     let objects = || meshes.iter().zip(&scene.objects);
-    if objects().all(|(_, object)| object.emitter.is_none()) {
-        return None;
-    }
     let centre = light_centre(&meshes.iter().map(|mesh| &**mesh).collect::<Vec<_>>(), &scene.objects);
     let distances = |mesh: &Arc<Mesh>| mesh.positions().iter().map(|p| p.distance(centre)).collect::<Vec<_>>();
-    let mirrors = objects().filter(|(_, object)| object.reflector.is_some());
-    let radius = mirrors.flat_map(|(mesh, _)| distances(mesh)).fold(0.0, f32::max);
+    let radius = |is_of: fn(&Object) -> bool| {
+        objects().filter(|(_, o)| is_of(o)).flat_map(|(mesh, _)| distances(mesh)).fold(0.0, f32::max)
+    };
+    let (mirrors, all) = (radius(|o| o.reflector.is_some()), radius(|o| o.emitter.is_none()));
+    let least = (FAR_FROM_MIRRORS * mirrors).max(FAR_FROM_ALL * all);
     let emitters = objects().filter(|(_, object)| object.emitter.is_some());
     let nearest = emitters.map(|(mesh, object)| (distances(mesh).into_iter().fold(f32::INFINITY, f32::min), object));
     let (distance, object) = nearest.min_by(|(one, _), (other, _)| one.total_cmp(other))?;
-    (distance < FAR_EMITTER * radius).then(|| {
+    (distance < least).then(|| {
         format!(
-            "emitter '{}' is {distance:.3} m from the centre of the mirrors, which reach {radius:.3} m from there; its light \
-             arrives everywhere as it does at that centre, which is accurate from about {:.3} m on",
-            object.name,
-            FAR_EMITTER * radius
+            "emitter '{}' is {distance:.3} m from the centre of the mirrors; its light arrives everywhere as it does there, which is \
+             accurate for mirrors and receivers of this size from about {least:.3} m on",
+            object.name
         )
     })
 }

@@ -13,7 +13,7 @@ use super::panel::named;
 use super::scene_text::differing_options;
 use super::worker::{Picture, Quality, Side};
 use crate::Mark;
-use crate::image::srgb8;
+use crate::image::{Image, srgb8};
 use crate::options::{Options, Overlay};
 
 /// A refined picture replaces the one before it over this long, so that nothing jumps.
@@ -77,13 +77,7 @@ impl SidePicture {
     }
 
     fn set(&mut self, context: &egui::Context, picture: &Picture) {
-        let image = &picture.image;
-        let pixels = image.pixels.par_iter().map(|pixel| {
-            let [r, g, b] = srgb8(*pixel);
-            Color32::from_rgb(r, g, b)
-        });
-        let size = [image.width as usize, image.height as usize];
-        let pixels = egui::ColorImage::new(size, pixels.collect());
+        let pixels = colour_image(&picture.image);
         std::mem::swap(&mut self.shown, &mut self.last);
         match &mut self.shown {
             Some(texture) => texture.set(pixels, TextureOptions::LINEAR),
@@ -162,7 +156,6 @@ impl Viewer {
         }
         let painter = ui.painter_at(area);
         self.paint_sides(&painter, area);
-        self.paint_difference(&painter, area);
         self.drag_divider(ui, &response, area);
         let is_edited = self.drag_object(ui, &response, area);
         if self.canvas.held.is_none() && self.move_camera(ui, &response, area) {
@@ -193,6 +186,7 @@ impl Viewer {
     fn paint_sides(&self, painter: &egui::Painter, area: Rect) {
         let has_overlay = |options: &Options| options.overlay != Overlay::None;
         self.canvas.current.paint(painter, area);
+        self.paint_difference(painter, area);
         if has_overlay(&self.document.state.options) {
             self.canvas.current.paint_marks(painter, area);
         }
@@ -319,6 +313,15 @@ impl Viewer {
             Quality::Refined(..) => format!("finished{samples}: {:.1} s", picture.seconds),
         }
     }
+}
+
+/// A display-linear picture as textures hold it.
+pub fn colour_image(image: &Image) -> egui::ColorImage {
+    let pixels = image.pixels.par_iter().map(|pixel| {
+        let [r, g, b] = srgb8(*pixel);
+        Color32::from_rgb(r, g, b)
+    });
+    egui::ColorImage::new([image.width as usize, image.height as usize], pixels.collect())
 }
 
 /// Text on a dark ground.

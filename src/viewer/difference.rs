@@ -1,9 +1,10 @@
 //! The difference between the caustic and the ground truth: a thread computes both for a small picture, the latter better and better. Knows
 //! nothing of the window, which it only wakes.
 
+use std::cell::Cell;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::{Receiver, Sender, channel};
+use std::sync::mpsc::{Receiver, Sender, TryRecvError, channel};
 use std::time::Instant;
 
 use glam::Vec3;
@@ -11,7 +12,7 @@ use glam::Vec3;
 use super::stopwatch::Stopwatch;
 use crate::blocking::wait;
 use crate::image::{Aov, Image};
-use crate::options::Options;
+use crate::options::{FilterChoice, Options};
 use crate::reference::{self, Estimate, Reference, StoppingCriterion};
 use crate::scene::Scene;
 use crate::{Backend, Engine, Error};
@@ -43,6 +44,8 @@ pub struct Difference {
 pub struct Comparison {
     is_over: Arc<AtomicBool>,
     found: Receiver<Result<Difference, String>>,
+    /// The last finding was told.
+    has_ended: Cell<bool>,
 }
 
 impl Comparison {
@@ -52,17 +55,32 @@ impl Comparison {
         let (sender, found) = channel();
         let size = options.size_within(SIZE);
         let options = options.clone().with_size(size).with_pixel_samples(1).with_aovs(vec![Aov::Caustic]);
+        // The CPU compares, so that a GPU has its time for pictures.
+        let is_of_gpus = options.filter == FilterChoice::Hardware;
+        let options = if is_of_gpus { options.with_filter(FilterChoice::Anisotropic) } else { options };
         let comparer = Comparer { view, began: Instant::now(), is_over: is_over.clone(), sender, wake: Box::new(wake) };
         std::thread::spawn(move || match comparer.compare(scene, options) {
             Ok(()) | Err(Error::Cancelled) => {}
             Err(error) => comparer.tell(Err(error.to_string())),
         });
-        Self { is_over, found }
+        Self { is_over, found, has_ended: Cell::new(false) }
     }
 
     /// The latest finding, if there is a new one.
     pub fn found(&self) -> Option<Result<Difference, String>> {
-        self.found.try_iter().last()
+        let mut latest = None;
+        loop {
+            match self.found.try_recv() {
+                Ok(found) => {
+                    self.has_ended.set(found.as_ref().map_or(true, |difference| difference.is_final));
+                    latest = Some(found);
+                }
+                Err(TryRecvError::Disconnected) if !self.has_ended.replace(true) => {
+                    return Some(Err("a defect of Pinspot ended the comparison; please report it".to_owned()));
+                }
+                Err(_) => return latest,
+            }
+        }
     }
 }
 

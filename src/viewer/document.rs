@@ -45,6 +45,13 @@ pub struct Document {
     pub history: History<State>,
 }
 
+/// The part of a scene file that holds the options.
+#[derive(serde::Deserialize)]
+struct RenderTable {
+    #[serde(default)]
+    render: Settings,
+}
+
 impl Document {
     /// Reads a scene file, or the built-in scene of that name.
     pub fn open(name: &str) -> Result<Self, String> {
@@ -91,10 +98,8 @@ impl Document {
 
     /// The edits of this document, on the same one read again. What was edited before cannot be undone any more.
     pub fn edits_on(&self, mut opened: Self) -> Self {
-        let State { scene, options, is_animated, kept, .. } = &self.state;
-        if *options != self.original.options {
-            opened.state.options = options.clone();
-        }
+        let State { scene, is_animated, kept, .. } = &self.state;
+        opened.state.options = self.options_on(&opened);
         let (new, old) = (&mut opened.state.scene, &self.original.scene);
         new.camera = scene.camera;
         if scene.environment.rotation_rad != old.environment.rotation_rad {
@@ -112,6 +117,20 @@ impl Document {
         opened.state.kept.clone_from(kept);
         opened.state.is_animated = *is_animated && !opened.state.scene.animations.is_empty();
         opened
+    }
+
+    /// The options of the same scene read again, with those keys changed that were edited.
+    fn options_on(&self, opened: &Self) -> Options {
+        let (edited, original) = (&self.state.options, &self.original.options);
+        if edited == original {
+            return opened.state.options.clone();
+        }
+        let merged = opened.document().ok().and_then(|mut document| {
+            write_options(&mut document, original, edited);
+            toml::from_str::<RenderTable>(&document.to_string()).ok()?.render.options().ok()
+        });
+        let merged = merged.unwrap_or_else(|| edited.clone());
+        merged.with_overlay(edited.overlay).with_plain_diffuse(edited.plain_diffuse)
     }
 
     fn of_text(name: &str, text: String, folder: &Path) -> Result<Self, String> {
@@ -379,6 +398,25 @@ mod tests {
         assert_eq!(copy.state.scene.objects.len(), 2);
         std::fs::write(there.join("c.obj"), "v 0 0\n").unwrap();
         assert!(added.with_mesh(&there.join("c.obj")).unwrap_err().contains("c.obj"));
+    }
+
+    /// A key that was edited keeps its value when the file is read again; others take the file's.
+    #[test]
+    fn edited_options_survive_a_changed_file() {
+        let text = |tolerance: &str| {
+            format!(
+                "[environment]\nconstant = [1.0, 1.0, 1.0]\n[camera]\nposition = [0.0, 3.0, 0.0]\ntarget = [0.0, 0.0, 1.0]\n\
+                 perspective = {{ fov_y_deg = 40.0 }}\n[render]\nsamples = 100\ntolerance = {tolerance}\n[[object]]\nshape = {{ ring = {{}} }}\nreflector = {{}}\n"
+            )
+        };
+        let open = |tolerance: &str| Document::of_text("mine.toml", text(tolerance), Path::new(".")).unwrap();
+        let mut document = open("0.05");
+        document.state.options.samples = 200;
+        document.state.options.plain_diffuse = true;
+        let again = document.edits_on(open("0.1"));
+        let Options { samples, tolerance, plain_diffuse, .. } = again.state.options;
+        assert_eq!((samples, tolerance, plain_diffuse), (200, 0.1, true));
+        assert_eq!(again.original.options.samples, 100);
     }
 
     #[test]

@@ -14,6 +14,10 @@ const REACH: f32 = 9.0;
 const RING_RADIUS: f32 = 0.75;
 /// Corners of a ring.
 const RING_CORNERS: usize = 48;
+/// Edges on either side of the nearest one that tell the direction in which a ring turns.
+const CHORD: usize = 2;
+/// The largest turn by one move of the pointer.
+const MAX_TURN_RAD: f32 = 0.5;
 /// Arrows that are shorter than this in the picture point at the camera and cannot be dragged, points.
 const LEAST_LENGTH: f32 = 12.0;
 /// Colours of the axes, as most programs have them.
@@ -87,9 +91,14 @@ impl Ring {
     /// How far a drag at a place turns the object, radians.
     pub fn turn(&self, at: Pos2, drag: UiVec2) -> f32 {
         let (_, edge) = self.nearest(at);
-        let along = self.points[edge + 1] - self.points[edge];
-        let angle = std::f32::consts::TAU / RING_CORNERS as f32;
-        angle * drag.dot(along) / along.length_sq().max(1e-6)
+        // Over some edges: single ones are very short where the ring is seen from its side.
+        let corner = |k: usize| self.points[k % RING_CORNERS];
+        let along = corner(edge + 1 + CHORD) - corner(edge + RING_CORNERS - CHORD);
+        if along.length() < LEAST_LENGTH {
+            return 0.0;
+        }
+        let angle = std::f32::consts::TAU * (2 * CHORD + 1) as f32 / RING_CORNERS as f32;
+        (angle * drag.dot(along) / along.length_sq()).clamp(-MAX_TURN_RAD, MAX_TURN_RAD)
     }
 }
 
@@ -214,7 +223,7 @@ mod tests {
         for ring in &gizmo.rings {
             let (from, to) = (ring.points[5], ring.points[6]);
             let turn = ring.turn(from + 0.5 * (to - from), to - from);
-            assert!((turn - std::f32::consts::TAU / RING_CORNERS as f32).abs() < 1e-3, "{turn}");
+            assert!((turn * RING_CORNERS as f32 / std::f32::consts::TAU - 1.0).abs() < 0.1, "{turn}");
             let on_ring = (0..RING_CORNERS).filter(|&k| gizmo.at(ring.points[k]) == Some(Handle::Ring(ring.axis)));
             assert!(on_ring.count() > RING_CORNERS / 3, "rings and arrows cross, but not everywhere");
         }

@@ -1,5 +1,5 @@
-//! The thread that takes apart what lies under the pointer. It has an engine of its own, so that it delays no picture. It knows nothing of
-//! the window, which it only wakes.
+//! The thread that takes apart what lies under the pointer while the scene rests. It has an engine of its own, which keeps the samples. It
+//! knows nothing of the window, which it only wakes.
 
 use std::sync::mpsc::{Receiver, Sender, channel};
 
@@ -26,6 +26,8 @@ pub struct Question {
 
 /// What was found.
 pub struct Answer {
+    /// The view that was asked about.
+    pub view: u64,
     /// The environment, if it may have changed; display-linear.
     pub map: Option<Image>,
     pub found: Result<Option<Inspection>, String>,
@@ -56,10 +58,9 @@ impl Inspector {
         Self { questions, answers }
     }
 
-    /// Asks for something else than before.
-    pub fn ask(&self, question: Question) {
-        // A thread that has ended by a defect answers nothing more.
-        let _ = self.questions.send(question);
+    /// Asks for something else than before. Returns whether the thread listens: a defect may have ended it.
+    pub fn ask(&self, question: Question) -> bool {
+        self.questions.send(question).is_ok()
     }
 
     /// The latest answer, if there is a new one.
@@ -77,5 +78,5 @@ fn answer(question: Question, state: &mut Option<(Engine, u64)>) -> Answer {
         (*engine.scene_mut(), *engine.options_mut(), *known) = (scene, options, view);
     }
     let map = if is_known { None } else { engine.environment_map(MAP_HEIGHT, &NoProgress).ok() };
-    Answer { map, found: engine.inspect(place, &NoProgress).map_err(|error| error.to_string()) }
+    Answer { view: *known, map, found: engine.inspect(place, &NoProgress).map_err(|error| error.to_string()) }
 }

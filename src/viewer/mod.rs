@@ -252,6 +252,7 @@ impl Viewer {
                 self.canvas.holds_camera = false;
                 self.panel = panel::PanelState { is_open: self.panel.is_open, ..panel::PanelState::new(&document) };
                 self.set_document(*document);
+                self.forget_inspection();
                 self.look_at_scene();
             }
             // Of a scene that has been closed meanwhile.

@@ -90,7 +90,7 @@ const KEYS: &[(&str, &str)] = &[
     ("Shift + drag, right or middle button", "pan"),
     ("Scroll, pinch, + and \u{2212}", "nearer, farther"),
     ("Arrow keys (with Shift)", "orbit (pan)"),
-    ("Click", "select an object; drag its arrows to move it"),
+    ("Click", "select an object; drag its arrows to move it, its rings to turn it"),
     ("Space", "play, pause"),
     ("R", "the scene's own camera"),
     ("H", "hide or show the panel"),

@@ -3,7 +3,7 @@
 use std::f64::consts::PI;
 use std::path::Path;
 
-use glam::Vec3;
+use glam::{Vec3, Vec3Swizzles};
 use pinspot::blocking::wait;
 use pinspot::image::Aov;
 use pinspot::reference::{self, Quantity, Reference, StoppingCriterion};
@@ -111,8 +111,14 @@ fn a_moving_emitter_is_drawn_anew() {
     for stage in [Stage::Light, Stage::Points, Stage::Visibility] {
         assert!(!made.contains(&stage), "{stage} in {made:?}");
     }
-    let mut fresh = Engine::new(engine.scene().clone(), options, Backend::cpu());
+    let mut fresh = Engine::new(engine.scene().clone(), options.clone(), Backend::cpu());
     assert_eq!(render(&mut fresh).layers, moved.layers);
+    for object in &mut engine.scene_mut().objects {
+        object.emitter.iter_mut().for_each(|emitter| emitter.radiance = emitter.radiance.zxy());
+    }
+    let dyed = render(&mut engine);
+    let mut fresh = Engine::new(engine.scene().clone(), options, Backend::cpu());
+    assert_eq!(render(&mut fresh).layers, dyed.layers);
 }
 
 /// The camera sees an emitter where it is, before what lies behind it, at its own radiance.

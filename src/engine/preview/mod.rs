@@ -6,6 +6,7 @@
 //! ```
 
 mod budget;
+mod edges;
 mod nodes;
 mod views;
 
@@ -13,6 +14,7 @@ use glam::{UVec2, Vec3, Vec4};
 use rayon::prelude::*;
 
 pub use self::budget::{Budget, Detail};
+use self::edges::smooth_edges;
 use self::nodes::NodeGrid;
 use self::views::{Escape, Layer, SurfacePoint, Views};
 use super::Engine;
@@ -26,7 +28,7 @@ use crate::options::{Evaluation, EvaluationChoice, Exposures, Options, Overlay};
 use crate::pinhole::{Epsilon, Receivers};
 use crate::progress::{Progress, Stage};
 use crate::scene::Visibility;
-use crate::stages::PreparedLight;
+use crate::stages::{LightStages, PreparedLight};
 use crate::technique::{Inputs, Sum, Technique, TechniqueStages};
 
 /// Edge of the blocks of nodes whose shadows are found together, nodes.
@@ -50,12 +52,14 @@ pub struct Preview {
 /// The stages of previews that are not shared with whole pictures, as these have more samples.
 #[derive(Debug)]
 pub(super) struct PreviewStages {
-    technique: (Technique, Box<dyn TechniqueStages>),
+    pub technique: (Technique, Box<dyn TechniqueStages>),
+    /// For scenes with emitters, which are drawn less finely; others share the light.
+    pub light: LightStages,
 }
 
 impl PreviewStages {
     pub fn new(technique: Technique) -> Self {
-        Self { technique: (technique, technique.stages()) }
+        Self { technique: (technique, technique.stages()), light: LightStages::new() }
     }
 }
 
@@ -82,13 +86,12 @@ impl Engine {
         let options = self.preview_options(detail);
         options.check()?;
         let scene = self.scene_stages.prepare_for_frame(&self.scene, progress)?;
-        let light = {
-            let (source, geometry) = (&self.scene.environment, scene.light_geometry.as_ref());
-            self.light_stages.prepare(source, geometry, options.cube_size, progress)?
-        };
         if self.preview.technique.0 != options.technique {
             self.preview = PreviewStages::new(options.technique);
         }
+        let geometry = scene.geometry_drawn_for_frame();
+        let light_stages = if geometry.is_some() { &mut self.preview.light } else { &mut self.light_stages };
+        let light = light_stages.prepare(&self.scene.environment, geometry.as_ref(), options.cube_size, progress)?;
         let inputs = Inputs {
             scene: &self.scene,
             prepared: &scene,
@@ -99,7 +102,7 @@ impl Engine {
             progress,
         };
         let sum = if options.shows_caustic() {
-            Some(self.preview.technique.1.prepare(inputs, &mut self.light_stages).await?)
+            Some(self.preview.technique.1.prepare(inputs, light_stages).await?)
         } else {
             None
         };
@@ -108,14 +111,15 @@ impl Engine {
         progress.end(Stage::Rays);
         let is_shadowed = options.visibility == Visibility::Full;
         let directions = is_shadowed.then_some(detail.shadow_directions as usize);
-        let direct = DirectLight::of_few(&light, &mut self.light_stages, &scene.tracer, directions, progress);
+        let direct = DirectLight::of_few(&light, light_stages, &scene.tracer, directions, progress);
         let frame = Frame { options: &options, light: &light, detail, direct, progress };
         let own = frame.light(&views.surfaces, sum.as_deref(), |_| None).await?;
         let camera = &self.scene.camera;
         let seen = |point: &SurfacePoint| Some(own[views.pixel_of(camera, &point.hit)?]);
         let mirrored = frame.light(&views.mirrored, sum.as_deref(), seen).await?;
         progress.begin(Stage::Shading, 1);
-        let (image, exposures) = frame.shade(&views, &own, &mirrored);
+        let (mut image, exposures) = frame.shade(&views, &own, &mirrored);
+        smooth_edges(&mut image, camera, &scene.camera, &views.first);
         progress.end(Stage::Shading);
         if progress.is_cancelled() {
             return Err(Error::Cancelled);
@@ -124,7 +128,7 @@ impl Engine {
         let marks = if sum.is_some() && options.overlay != Overlay::None {
             let size = UVec2::from_array(self.options.size).as_vec2();
             let samples = self.preview.technique.1.surface_samples(&inputs)?;
-            Marker { scene: &self.scene, tracer: &scene.tracer, size }.marks(options.overlay, &samples)
+            Marker { scene: &self.scene, tracer: &scene.camera, size }.marks(options.overlay, &samples)
         } else {
             Vec::new()
         };

@@ -5,6 +5,7 @@ use std::f32::consts::FRAC_1_PI;
 use glam::{UVec2, Vec2, Vec3};
 use rayon::prelude::*;
 
+use super::edges::FirstSurface;
 use crate::engine::paths::{mirrored_direction, surface_albedo, visible_reflectance};
 use crate::lanes::{LANES, set_bits};
 use crate::scene::{Camera, Projection, Ray, Scene};
@@ -118,6 +119,8 @@ pub struct Views {
     /// What mirrors show.
     pub mirrored: Layer<SurfacePoint>,
     pub escapes: Layer<Escape>,
+    /// What the camera sees first, by pixel.
+    pub first: Vec<FirstSurface>,
     width: usize,
 }
 
@@ -126,11 +129,13 @@ struct BandViews {
     surfaces: BandLayer<SurfacePoint>,
     mirrored: BandLayer<SurfacePoint>,
     escapes: BandLayer<Escape>,
+    first: Vec<FirstSurface>,
 }
 
 /// What one pixel sees.
 #[derive(Default)]
 struct PixelView {
+    first: Option<Hit>,
     surface: Option<SurfacePoint>,
     mirrored: Option<SurfacePoint>,
     escape: Option<Escape>,
@@ -142,16 +147,18 @@ impl Views {
         let tracer = ViewTracer { scene, prepared, is_plain };
         let bands = 0..(size[1] as usize).div_ceil(PACKET);
         let bands: Vec<BandViews> = bands.into_par_iter().map(|band| tracer.band(size, band)).collect();
-        let (mut surfaces, mut mirrored, mut escapes) = (Vec::new(), Vec::new(), Vec::new());
+        let (mut surfaces, mut mirrored, mut escapes, mut first) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
         for band in bands {
             surfaces.push(band.surfaces);
             mirrored.push(band.mirrored);
             escapes.push(band.escapes);
+            first.extend(band.first);
         }
         Self {
             surfaces: Layer::of_bands(surfaces),
             mirrored: Layer::of_bands(mirrored),
             escapes: Layer::of_bands(escapes),
+            first,
             width: size[0] as usize,
         }
     }
@@ -235,11 +242,13 @@ impl ViewTracer<'_> {
             surfaces: BandLayer::new(count),
             mirrored: BandLayer::new(count),
             escapes: BandLayer::new(count),
+            first: Vec::with_capacity(count),
         };
-        for (pixel, PixelView { surface, mirrored, escape }) in pixels.into_iter().enumerate() {
+        for (pixel, PixelView { first, surface, mirrored, escape }) in pixels.into_iter().enumerate() {
             views.surfaces.set(pixel, surface);
             views.mirrored.set(pixel, mirrored);
             views.escapes.set(pixel, escape);
+            views.first.push(FirstSurface::of(first.as_ref()));
         }
         views
     }
@@ -249,6 +258,7 @@ impl ViewTracer<'_> {
         let mut views: [PixelView; LANES] = std::array::from_fn(|_| PixelView::default());
         let mut walks = rays.map(|ray| Walk { ray, throughput: Vec3::ONE, alpha: 0.0, path: 0 });
         let mut hits = self.prepared.camera.hits(rays, lanes);
+        views.iter_mut().zip(&hits).for_each(|(view, hit)| view.first = *hit);
         for mirror in 0..=MAX_MIRRORS {
             for lane in set_bits(lanes) {
                 if !self.meet(hits[lane], &mut walks[lane], &mut views[lane]) {

@@ -257,7 +257,7 @@ impl TechniqueStages for PinholeStages {
         let params = inputs.options.params(Filter::Anisotropic, inputs.light.rotation_rad);
         let receiver = (place.position, place.normal, place.object);
         let contributions = contributions_to(receiver, &pinholes, &inputs.light.environment.cube, &params);
-        Ok(Inspected { contributions, view: pinholes.view_from(place.position) })
+        Ok(Inspected { contributions, view: pinholes.view_from(place) })
     }
 
     fn count(&self, counts: &mut StageCounts) {

@@ -1,11 +1,11 @@
 //! The section that compares the picture with the ground truth.
 
 use eframe::egui;
-use egui::{Color32, ColorImage, Pos2, Rect, TextureHandle, TextureOptions};
+use egui::{Color32, Pos2, Rect, TextureHandle, TextureOptions};
 
 use super::fields::switch;
-use crate::image::srgb8;
 use crate::viewer::Viewer;
+use crate::viewer::canvas::colour_image;
 use crate::viewer::difference::{Comparison, Difference};
 
 /// The comparison that is shown over the picture.
@@ -74,12 +74,8 @@ impl Viewer {
             None => {}
             Some(Err(reason)) => state.failure = Some(reason),
             Some(Ok(mut difference)) => {
-                let colour = |pixel: &glam::Vec3| {
-                    let [r, g, b] = srgb8(*pixel);
-                    Color32::from_rgb(r, g, b)
-                };
-                let size = [difference.heat.width as usize, difference.heat.height as usize];
-                let image = ColorImage::new(size, difference.heat.pixels.drain(..).map(|p| colour(&p)).collect());
+                let image = colour_image(&difference.heat);
+                difference.heat.pixels = Vec::new();
                 let texture = context.load_texture("difference", image, TextureOptions::LINEAR);
                 state.found = Some((difference, texture));
             }

@@ -4,14 +4,13 @@ use eframe::egui;
 use egui::{Color32, ColorImage, Pos2, Rect, Sense, Stroke, TextureHandle, TextureOptions};
 
 use super::fields::{named, switch};
-use crate::image::srgb8;
+use crate::options::Exposure;
 use crate::pinhole::SampleView;
 use crate::viewer::Viewer;
+use crate::viewer::canvas::colour_image;
 use crate::viewer::inspector::{Answer, Inspector, Question};
 use crate::{Inspection, MapFootprint, ReceiverInspection};
 
-/// Footprints that are drawn, at most; those that contribute most.
-const MAX_FOOTPRINTS: usize = 400;
 /// Radius of the dot of a footprint that brings everything, points.
 const DOT: f32 = 14.0;
 
@@ -20,6 +19,8 @@ const DOT: f32 = 14.0;
 pub(crate) struct InspectionState {
     /// The pointer is followed.
     is_on: bool,
+    /// Answers about earlier views belong to another scene.
+    first_view: u64,
     inspector: Option<Inspector>,
     /// The last place that was asked about, and its view.
     asked: Option<(glam::Vec2, u64)>,
@@ -54,7 +55,7 @@ impl Viewer {
             let painter = ui.painter_at(area);
             painter.image(map.id(), area, Rect::from_min_max(Pos2::ZERO, Pos2::new(1.0, 1.0)), Color32::WHITE);
             let receiver = self.inspection.found.as_ref().and_then(|found| found.receiver.as_ref());
-            for footprint in receiver.iter().flat_map(|receiver| &receiver.footprints).take(MAX_FOOTPRINTS) {
+            for footprint in receiver.iter().flat_map(|receiver| &receiver.footprints) {
                 paint_footprint(&painter, area, footprint);
             }
         }
@@ -75,36 +76,42 @@ impl Viewer {
         }
     }
 
-    /// Asks about the place under the pointer, as fractions of the picture's width and height.
+    /// Asks about the place under the pointer, as fractions of the picture's width and height, or the last one if the view has changed.
     pub(in crate::viewer) fn inspect(&mut self, context: &egui::Context, place: Option<glam::Vec2>) {
         self.take_answer(context);
-        let Some(place) = place.filter(|_| self.inspection.is_on) else { return };
-        if self.inspection.asked == Some((place, self.sent)) || self.sent == 0 {
+        let place = place.or(self.inspection.asked.map(|(place, _)| place));
+        let moves = self.clock.is_playing || self.is_outdated || context.input(|input| input.pointer.any_down());
+        let Some(place) = place.filter(|_| self.inspection.is_on && !moves && self.sent > 0) else { return };
+        if self.inspection.asked == Some((place, self.sent)) {
             return;
         }
         self.inspection.asked = Some((place, self.sent));
-        let question = Question {
-            scene: self.posed_scene(),
-            options: self.document.state.options.clone().with_size(self.canvas.size()),
-            place,
-            view: self.sent,
-        };
+        let mut options = self.document.state.options.clone().with_size(self.canvas.size());
+        if let Some(used) = self.picture.as_ref().and_then(|picture| picture.exposures) {
+            options.display.exposure = Exposure::Stops(used.exposure_ev);
+            options.display.background_exposure_ev = Some(used.background_exposure_ev);
+        }
+        let question = Question { scene: self.posed_scene(), options, place, view: self.sent };
         let waker = context.clone();
         let start = || Inspector::start(move || waker.request_repaint());
-        self.inspection.inspector.get_or_insert_with(start).ask(question);
+        if !self.inspection.inspector.get_or_insert_with(start).ask(question) {
+            self.inspection.inspector = None;
+            self.inspection.failure = Some("a defect of Pinspot ended the inspection; please report it".to_owned());
+        }
+    }
+
+    /// Forgets what was found in another scene.
+    pub(in crate::viewer) fn forget_inspection(&mut self) {
+        let is_on = self.inspection.is_on;
+        self.inspection = InspectionState { is_on, first_view: self.sent + 1, ..InspectionState::default() };
     }
 
     fn take_answer(&mut self, context: &egui::Context) {
         let state = &mut self.inspection;
-        let Some(Answer { map, found }) = state.inspector.as_ref().and_then(Inspector::answer) else { return };
+        let answer = state.inspector.as_ref().and_then(Inspector::answer);
+        let Some(Answer { map, found, .. }) = answer.filter(|answer| answer.view >= state.first_view) else { return };
         if let Some(map) = map {
-            let colour = |pixel: &glam::Vec3| {
-                let [r, g, b] = srgb8(*pixel);
-                Color32::from_rgb(r, g, b)
-            };
-            let size = [map.width as usize, map.height as usize];
-            let image = ColorImage::new(size, map.pixels.iter().map(colour).collect());
-            state.map = Some(context.load_texture("environment", image, TextureOptions::LINEAR));
+            state.map = Some(context.load_texture("environment", colour_image(&map), TextureOptions::LINEAR));
         }
         (state.found, state.failure) = match found {
             Ok(found) => (found, None),
@@ -138,16 +145,11 @@ fn paint_footprint(painter: &egui::Painter, area: Rect, footprint: &MapFootprint
 
 fn in_words(receiver: &ReceiverInspection) -> String {
     let [r, g, b] = receiver.irradiance.to_array();
-    let mut sum = 0.0;
-    let most = receiver.footprints.iter().take_while(|footprint| {
-        let is_needed = sum < 0.9;
-        sum += footprint.part;
-        is_needed
-    });
-    let most = most.count();
-    let count = receiver.footprints.len();
-    if count == 0 {
+    let ReceiverInspection { samples, main_samples, .. } = receiver;
+    if *samples == 0 {
         return "no mirror throws light here".to_owned();
     }
-    format!("irradiance {r:.3}, {g:.3}, {b:.3} W/m\u{b2} from {count} samples; {most} of them bring nine tenths")
+    format!(
+        "irradiance {r:.3}, {g:.3}, {b:.3} W/m\u{b2} from {samples} samples; {main_samples} of them bring nine tenths"
+    )
 }
