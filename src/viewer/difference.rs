@@ -21,7 +21,7 @@ use crate::{Backend, Engine, Error};
 const SIZE: u32 = 128;
 /// The relative standard error at which the ground truth is good enough.
 const GOAL: f64 = 0.003;
-/// The difference that is shown brightest, in mean irradiances.
+/// The difference that is shown brightest, in typical irradiances.
 const BRIGHTEST: f32 = 0.5;
 
 /// A difference.
@@ -29,7 +29,7 @@ const BRIGHTEST: f32 = 0.5;
 pub struct Difference {
     /// The number of the view that it belongs to.
     pub view: u64,
-    /// A heat map, display-linear: from black (none) by red and yellow to white (half of the mean irradiance, or more).
+    /// A heat map, display-linear: from black (none) by red and yellow to white (half of the typical irradiance, or more).
     pub heat: Image,
     /// √Σ(E − R)² / √ΣR².
     pub rel_l2: f64,
@@ -132,8 +132,8 @@ impl Comparer {
             values.map(|value| f64::from(value.length_squared())).sum::<f64>().sqrt()
         };
         let whole = squares(&mut truth.irradiance.pixels.iter().copied()).max(f64::MIN_POSITIVE);
-        let mean = truth.irradiance.mean().element_sum().max(f32::MIN_POSITIVE);
-        let heat = pairs().map(|(a, b)| heat((*a - *b).abs().element_sum() / mean)).collect();
+        let typical = typical_irradiance(&truth.irradiance).max(f32::MIN_POSITIVE);
+        let heat = pairs().map(|(a, b)| heat((*a - *b).abs().element_sum() / typical)).collect();
         Difference {
             view: self.view,
             heat: Image { width: caustic.width, height: caustic.height, pixels: heat },
@@ -151,7 +151,14 @@ impl Comparer {
     }
 }
 
-/// The colour of a difference, in mean irradiances; display-linear.
+/// The mean over the irradiance itself, so that a small caustic in a dark picture counts, and not the darkness.
+fn typical_irradiance(image: &Image) -> f32 {
+    let sums = image.pixels.iter().map(|pixel| f64::from(pixel.element_sum()));
+    let (sum, squares) = sums.fold((0.0, 0.0), |(sum, squares), value| (sum + value, squares + value * value));
+    if sum > 0.0 { (squares / sum) as f32 } else { 0.0 }
+}
+
+/// The colour of a difference, in typical irradiances; display-linear.
 fn heat(difference: f32) -> Vec3 {
     const STOPS: [Vec3; 5] =
         [Vec3::ZERO, Vec3::new(0.2, 0.0, 0.25), Vec3::new(0.8, 0.05, 0.02), Vec3::new(1.0, 0.6, 0.02), Vec3::ONE];
@@ -171,6 +178,13 @@ mod tests {
         let brightness = |difference: f32| heat(difference).element_sum();
         assert!((0..100).all(|k| brightness(0.01 * k as f32) <= brightness(0.01 * (k + 1) as f32)));
         assert_eq!((heat(0.0), heat(9.0)), (Vec3::ZERO, Vec3::ONE));
+    }
+
+    #[test]
+    fn darkness_does_not_count_as_typical() {
+        let pixels = (0..100).map(|k| if k < 10 { Vec3::ONE } else { Vec3::ZERO }).collect();
+        assert_eq!(typical_irradiance(&Image { width: 10, height: 10, pixels }), 3.0);
+        assert_eq!(typical_irradiance(&Image::new(4, 4)), 0.0);
     }
 
     /// The reference becomes better and better, and the caustic differs little from it.

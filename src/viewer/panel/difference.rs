@@ -46,7 +46,7 @@ impl Viewer {
                     100.0 * rel_l2,
                     100.0 * uncertainty
                 ));
-                ui.weak("black: equal; white: off by half of the mean irradiance, or more");
+                ui.weak("black: equal; white: off by half of the typical irradiance, or more");
             }
             None if self.difference.failure.is_none() => {
                 ui.weak("waits for the finished picture\u{2026}");
