@@ -186,11 +186,11 @@ mod tests {
         let parts: f32 = receiver.footprints.iter().map(|footprint| footprint.part).sum();
         assert!((parts - 1.0).abs() < 1e-3 && receiver.irradiance.y > 0.0 && table.view.is_none());
         assert!(receiver.footprints.is_sorted_by(|a, b| a.part >= b.part));
-        let mut spoon = engine("mirror-sphere");
+        let mut ball = engine("mirror-sphere");
         let mirror = (0..64)
             .find_map(|k| {
                 let place = Vec2::new((k % 8) as f32 + 0.5, (k / 8) as f32 + 0.5) / 8.0;
-                spoon.inspect(place, &NoProgress).unwrap().and_then(|found| found.view)
+                ball.inspect(place, &NoProgress).unwrap().and_then(|found| found.view)
             })
             .expect("the camera sees the mirror");
         let sky = mirror.sees_environment.iter().filter(|sees| **sees).count();

@@ -1,5 +1,5 @@
 //! The prepared light, in the environment's own frame and at its own intensity: look-ups rotate their directions and sums
-//! are scaled, so that rotating or scaling the environment prepares nothing again. Of the scene it knows its light geometry alone.
+//! are scaled, so that rotating or scaling the environment prepares nothing again, unless emitters shine before it. Of the scene it knows its light geometry alone.
 
 use std::sync::Arc;
 
