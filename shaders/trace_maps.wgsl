@@ -50,8 +50,8 @@ struct Occluder {
 const NO_OBJECT: u32 = 0xffffffffu;
 const MAX_RESOLUTION: u32 = 32u;
 
-// By texel: the triangle, and how far away it was hit.
-var<workgroup> triangles: array<u32, MAX_RESOLUTION * MAX_RESOLUTION>;
+// By texel: the triangle and the first texel of its object, and how far away it was hit.
+var<workgroup> triangles: array<vec2u, MAX_RESOLUTION * MAX_RESOLUTION>;
 var<workgroup> distances: array<f32, MAX_RESOLUTION * MAX_RESOLUTION>;
 
 // A hemisphere and its frame; the last axis points to the side in question.
@@ -79,7 +79,7 @@ fn trace_map(@builtin(workgroup_id) workgroup: vec3u, @builtin(local_invocation_
     let n = maps.resolution;
     for (var k = lane; k < n * n; k += MAP_WORKGROUP_SIZE) {
         let hit = trace(view.origin, view.axes * direction_at(place_of(k, view)), 3e38, false);
-        triangles[k] = hit.triangle;
+        triangles[k] = vec2u(hit.triangle, hit.instance);
         distances[k] = hit.distance;
         if !hit.is_complete {
             atomicAdd(&unfinished, 1u);
@@ -92,7 +92,7 @@ fn trace_map(@builtin(workgroup_id) workgroup: vec3u, @builtin(local_invocation_
     for (var row = lane; row < n; row += MAP_WORKGROUP_SIZE) {
         var mask = 0u;
         for (var i = 0u; i < n; i++) {
-            mask |= select(0u, 1u << i, triangles[row * n + i] == NO_TRIANGLE);
+            mask |= select(0u, 1u << i, triangles[row * n + i].x == NO_TRIANGLE);
         }
         sky_masks[map * n + row] = mask;
     }
@@ -129,22 +129,21 @@ fn direction_at(place: vec2f) -> vec3f {
 }
 
 fn occluder_at(k: u32, view: View) -> Occluder {
-    return occluder(triangles[k], distances[k], direction_at(place_of(k, view)), view);
+    let hit = RayHit(distances[k], triangles[k].x, triangles[k].y, vec2f(0.0), true, 0u);
+    return occluder(hit, direction_at(place_of(k, view)), view);
 }
 
 // What a ray in a direction of the sample's frame hit.
-fn occluder(index: u32, distance: f32, direction: vec3f, view: View) -> Occluder {
-    if index == NO_TRIANGLE {
+fn occluder(hit: RayHit, direction: vec3f, view: View) -> Occluder {
+    if hit.triangle == NO_TRIANGLE {
         return Occluder(NO_OBJECT, vec3f(0.0), vec3f(0.0), vec3f(0.0));
     }
-    let triangle = load_triangle(index);
-    let face = cross(triangle.corners[1] - triangle.corners[0], triangle.corners[2] - triangle.corners[0]);
-    var normal = normalize(face) * view.axes;
+    var normal = normalize(face_normal(hit)) * view.axes;
     normal = select(normal, -normal, dot(normal, direction) > 0.0);
-    let point = distance * direction;
+    let point = hit.distance * direction;
     // At grazing angles the plane almost passes through the sample and would occlude nothing beyond the point.
-    let height = min(dot(point, normal), -MIN_OCCLUDER_COSINE * distance);
-    return Occluder(triangle.object, point, normal, normal / height);
+    let height = min(dot(point, normal), -MIN_OCCLUDER_COSINE * hit.distance);
+    return Occluder(load_instance(hit.instance).object, point, normal, normal / height);
 }
 
 // How far a smooth surface falls away from its plane at another point, at most, relative to the plane's distance: no more than its
@@ -212,7 +211,7 @@ fn edge_between(k: u32, axis: u32, own: Occluder, view: View) -> u32 {
         if !hit.is_complete {
             atomicAdd(&unfinished, 1u);
         }
-        let there = occluder(hit.triangle, hit.distance, direction, view);
+        let there = occluder(hit, direction, view);
         if mismatch(own, there) <= mismatch(other, there) {
             low = middle;
         } else {

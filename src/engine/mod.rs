@@ -48,6 +48,8 @@ use crate::image::Aov;
 use crate::options::{Exposure, Exposures, Options, Overlay};
 use crate::progress::Progress;
 use crate::scene::Scene;
+#[cfg(feature = "gpu")]
+use crate::scene::Visibility;
 use crate::stages::{LightStages, PreparedLight, PreparedScene, SceneStages, StageCounts};
 use crate::technique::{Inputs, Sum, Technique, TechniqueStages};
 
@@ -247,7 +249,12 @@ impl Engine {
 
     async fn prepare(&mut self, progress: &dyn Progress) -> Result<Prepared, Error> {
         self.options.check()?;
-        let scene = self.scene_stages.prepare(&self.scene, progress)?;
+        #[cfg_attr(not(feature = "gpu"), expect(unused_mut, reason = "only a GPU has copies"))]
+        let mut scene = self.scene_stages.prepare(&self.scene, progress)?;
+        #[cfg(feature = "gpu")]
+        if let Some(shared) = self.backend.shared_gpu().filter(|_| self.options.visibility == Visibility::Full) {
+            scene.on_gpu = Some(self.scene_stages.upload(&self.scene, &shared.gpu, false, progress)?);
+        }
         let light = {
             let (source, geometry) = (&self.scene.environment, scene.drawn_geometry());
             self.light_stages.prepare(source, geometry.as_ref(), self.options.cube_size, progress)?

@@ -11,7 +11,11 @@ use super::light::DrawnGeometry;
 use super::memo::{Id, Memo};
 use crate::brdf::Materials;
 use crate::environment::LightGeometry;
+#[cfg(feature = "gpu")]
+use crate::gpu::{Gpu, GpuError};
 use crate::pinhole::CURVE_POINTS;
+#[cfg(feature = "gpu")]
+use crate::pinhole::gpu::{Geometry, MovingGeometry};
 use crate::progress::{Progress, Stage};
 use crate::reflectance::{Curve, Finish};
 use crate::sampling::Surface;
@@ -29,6 +33,9 @@ pub(crate) struct PreparedScene {
     pub materials: Arc<SurfaceMaterials>,
     /// `None` where nothing shines but the environment.
     pub light_geometry: Option<Arc<LightGeometry>>,
+    /// What light and the camera meet, on the GPU; `None` unless rays are traced there.
+    #[cfg(feature = "gpu")]
+    pub on_gpu: Option<Arc<Geometry>>,
     /// What the user should know about where things lie.
     pub notes: Vec<String>,
 }
@@ -86,7 +93,15 @@ pub(crate) struct SceneStages {
     surface: Memo<SurfaceKey, Surface>,
     materials: Memo<MaterialsKey, SurfaceMaterials>,
     light_geometry: Memo<LightGeometryKey, LightGeometry>,
+    #[cfg(feature = "gpu")]
+    moving: MovingGeometry,
+    #[cfg(feature = "gpu")]
+    on_gpu: Memo<Vec<PlacedObject>, Geometry>,
 }
+
+/// Where an object on the GPU is, and who sees it.
+#[cfg(feature = "gpu")]
+type PlacedObject = (Id<Mesh>, Transform, SeenBy);
 
 /// Objects' meshes, and which rays meet them.
 type TracerKey = Vec<(Id<Mesh>, SeenBy)>;
@@ -111,6 +126,10 @@ impl SceneStages {
             surface: Memo::new(Stage::Surface),
             materials: Memo::new(Stage::Materials),
             light_geometry: Memo::new(Stage::LightGeometry),
+            #[cfg(feature = "gpu")]
+            moving: MovingGeometry::default(),
+            #[cfg(feature = "gpu")]
+            on_gpu: Memo::new(Stage::Upload),
         }
     }
 
@@ -156,7 +175,31 @@ impl SceneStages {
         let materials = scene.objects.iter().map(|o| (o.receiver.clone(), o.reflector.map(|r| r.finish))).collect();
         let materials = self.materials.get(materials, progress, || SurfaceMaterials::of_scene(scene));
         let light_geometry = self.light_geometry(&meshes, scene, progress);
-        Ok(PreparedScene { tracer, camera, surface, materials, light_geometry, notes })
+        Ok(PreparedScene {
+            tracer,
+            camera,
+            surface,
+            materials,
+            light_geometry,
+            #[cfg(feature = "gpu")]
+            on_gpu: None,
+            notes,
+        })
+    }
+
+    /// Uploads the scene's triangles for rays on a GPU; meshes that are new are sorted quickly if they are there `for_one_frame`.
+    #[cfg(feature = "gpu")]
+    pub fn upload(
+        &mut self,
+        scene: &Scene,
+        gpu: &Gpu,
+        for_one_frame: bool,
+        progress: &dyn Progress,
+    ) -> Result<Arc<Geometry>, GpuError> {
+        let key = scene.objects.iter().map(|o| (Id::of(&o.mesh), o.placement, SeenBy::of(o))).collect();
+        let moving = &mut self.moving;
+        self.on_gpu
+            .try_get(key, progress, || moving.update(&gpu.device, &gpu.queue, &scene.objects, for_one_frame))
     }
 
     fn light_geometry(
@@ -196,6 +239,8 @@ impl SceneStages {
         counts.add_memo(&self.surface);
         counts.add_memo(&self.materials);
         counts.add_memo(&self.light_geometry);
+        #[cfg(feature = "gpu")]
+        counts.add_memo(&self.on_gpu);
     }
 }
 

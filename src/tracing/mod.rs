@@ -20,7 +20,7 @@ use crate::scene::{Mesh, Object, Ray, Scene};
 
 pub(crate) use self::packet::RayPacket;
 #[cfg(feature = "gpu")]
-pub(crate) use self::skip_list::SkipList;
+pub(crate) use self::skip_list::{Instance, MeshList, ObjectList};
 
 /// What a ray meets first.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -1,55 +1,156 @@
-//! The hierarchy in depth-first order, where each node knows the one after those below it: traversals need no stack. Read by
-//! `shaders/shared/rays.wgsl`.
+//! Meshes and scenes as GPUs trace them: hierarchies in depth-first order, where each node knows the one after those below it, so that
+//! traversals need no stack. There are two levels: the triangles of each mesh in its own space, and the objects in the world, which can
+//! move while their meshes stay. Read by `shaders/shared/rays.wgsl`.
 
-use glam::Vec3;
-use obvhs::bvh2::Bvh2;
+use glam::{Mat3, Vec3};
+use obvhs::BvhBuildParams;
+use obvhs::aabb::Aabb;
+use obvhs::bvh2::{Bvh2, builder::build_bvh2};
 
-use super::Tracer;
+use super::{SeenBy, Tracer, offset};
+use crate::scene::{Mesh, Transform};
 
-/// Nodes of two texels each, then triangles of four.
+/// Texels of a triangle.
+const TRIANGLE_TEXELS: usize = 3;
+
+/// A mesh: nodes of two texels each, then triangles of three.
 #[derive(Clone, Debug)]
-pub(crate) struct SkipList {
+pub(crate) struct MeshList {
     /// A node: the low corner of its box, and the number of the node after those below it; the high corner, and of a leaf eight bits for
-    /// the number of its triangles below the index of the first. A triangle: three corners; the sum of its corners' normals, and the
-    /// number of its object. Numbers of 32 bits, as integers or as floats. Positions are in units.
+    /// the number of its triangles below the index of the first. A triangle: its corners, each with its normal, see [`packed_normal`].
+    /// Numbers of 32 bits, as integers or as floats. Positions are in units.
     pub texels: Vec<[u32; 4]>,
-    /// The number of nodes.
     pub node_count: u32,
-    /// Units per metre.
-    pub scale: f32,
-    /// Rays start this far off a surface, units.
+    /// Units per length of the mesh's own space: all meshes are of about one size, far from the limits of floats.
+    scale: f32,
+    /// Low and high corner, units.
+    bounds: [Vec3; 2],
+}
+
+/// An object: a mesh in the world.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Instance<'a> {
+    pub mesh: &'a MeshList,
+    /// Where the mesh's texels begin.
+    pub first_texel: u32,
+    pub placement: Transform,
+    pub seen_by: SeenBy,
+}
+
+/// All objects: nodes of two texels each like those of meshes, but in metres and with objects in their leaves; then objects of four.
+#[derive(Clone, Debug)]
+pub(crate) struct ObjectList {
+    /// An object: three rows of the matrix from metres to its mesh's units; then the mesh's first texel, the number of its nodes, the
+    /// object's number above two bits for [`SeenBy`], and units per metre.
+    pub texels: Vec<[u32; 4]>,
+    pub node_count: u32,
+    /// Rays start this far off a surface, metres.
     pub offset: f32,
 }
 
-/// The largest number of triangles: their indices have 24 bits.
+/// The largest number of triangles of a mesh: their indices have 24 bits.
 const MAX_TRIANGLES: usize = 1 << 24;
 
-impl Tracer {
-    /// The scene's triangles and their hierarchy; `None` if there are more than 16,777,216 of them.
-    pub(crate) fn skip_list(&self) -> Option<SkipList> {
-        if self.corners.len() > MAX_TRIANGLES {
+impl MeshList {
+    /// `None` if there are more than 16,777,216 triangles. A mesh that is there for one frame is sorted less carefully.
+    pub fn new(mesh: &Mesh, is_for_one_frame: bool) -> Option<Self> {
+        if mesh.triangles().len() > MAX_TRIANGLES {
             return None;
         }
-        let order = if self.corners.is_empty() { Vec::new() } else { depth_first(&self.bvh) };
-        let sizes = sizes(&self.bvh, &order);
-        let mut texels = Vec::with_capacity(2 * order.len() + 4 * self.corners.len());
-        for (number, (&index, size)) in order.iter().zip(sizes).enumerate() {
-            let node = &self.bvh.nodes[index];
-            let triangles = if node.is_leaf() { node.first_index << 8 | node.prim_count } else { 0 };
-            texels.push(texel(node.aabb().min.into(), number as u32 + size));
-            texels.push(texel(node.aabb().max.into(), triangles));
+        let seen = || std::iter::once((mesh, SeenBy::ALL));
+        let tracer = if is_for_one_frame { Tracer::for_one_frame(seen()) } else { Tracer::of_meshes(seen()) };
+        let mut texels = Vec::with_capacity(2 * tracer.bvh.nodes.len() + TRIANGLE_TEXELS * tracer.corners.len());
+        let node_count = if tracer.corners.is_empty() { 0 } else { add_nodes(&tracer.bvh, &mut texels) };
+        for (corners, surface) in tracer.corners.iter().zip(&tracer.surfaces) {
+            texels.extend([0, 1, 2].map(|k| texel(corners[k], packed_normal(surface.normals[k]))));
         }
-        for (corners, surface) in self.corners.iter().zip(&self.surfaces) {
-            texels.extend(corners.map(|corner| texel(corner, 0)));
-            texels.push(texel(surface.normals.iter().sum(), surface.object));
-        }
-        Some(SkipList { texels, node_count: order.len() as u32, scale: self.scale, offset: self.offset })
+        let bounds = bounds(tracer.corners.as_flattened());
+        Some(Self { texels, node_count, scale: tracer.scale, bounds })
     }
+}
+
+impl Instance<'_> {
+    /// Rows of the matrix from metres to the mesh's units, and units per metre.
+    fn units_from_world(&self) -> ([(Vec3, f32); 3], f32) {
+        let Transform { scale, translate, .. } = self.placement;
+        let units_per_metre = self.mesh.scale / scale.abs();
+        let linear = self.placement.rotation().transpose() * Mat3::from_diagonal(Vec3::splat(self.mesh.scale / scale));
+        let moved = -(linear * translate);
+        let rows = linear.transpose();
+        ([(rows.x_axis, moved.x), (rows.y_axis, moved.y), (rows.z_axis, moved.z)], units_per_metre)
+    }
+
+    /// Low and high corner in the world, metres.
+    fn bounds(&self) -> [Vec3; 2] {
+        let [low, high] = self.mesh.bounds.map(|corner| corner / self.mesh.scale);
+        let corner = |k: usize| Vec3::select(glam::BVec3::new(k & 1 != 0, k & 2 != 0, k & 4 != 0), high, low);
+        let corners: [Vec3; 8] = std::array::from_fn(|k| self.placement.point_in_world(corner(k)));
+        bounds(&corners)
+    }
+
+    fn texels(&self, object: u32) -> [[u32; 4]; 4] {
+        let (rows, units_per_metre) = self.units_from_world();
+        let [a, b, c] = rows.map(|(row, moved)| texel(row, moved.to_bits()));
+        let seen_by = u32::from(self.seen_by.camera) | u32::from(self.seen_by.light) << 1;
+        [a, b, c, [self.first_texel, self.mesh.node_count, object << 2 | seen_by, units_per_metre.to_bits()]]
+    }
+}
+
+impl ObjectList {
+    /// The scene's objects in the order of their numbers.
+    pub fn new(objects: &[Instance]) -> Self {
+        let present: Vec<(u32, &Instance)> =
+            (0..).zip(objects).filter(|(_, object)| object.mesh.node_count > 0).collect();
+        let boxes: Vec<[Vec3; 2]> = present.iter().map(|(_, object)| object.bounds()).collect();
+        let [low, high] = bounds(boxes.as_flattened());
+        // Boxes are larger than meshes by what is lost by rounding: rays must not slip between them.
+        let padding = 16.0 * f32::EPSILON * low.abs().max(high.abs()).max_element();
+        let padded = |[low, high]: &[Vec3; 2]| Aabb { min: (*low - padding).into(), max: (*high + padding).into() };
+        let padded: Vec<Aabb> = boxes.iter().map(padded).collect();
+        let mut texels = Vec::new();
+        if present.is_empty() {
+            return Self { texels, node_count: 0, offset: 0.0 };
+        }
+        let bvh = build_bvh2(&padded, BvhBuildParams::fast_build(), &mut Default::default());
+        let node_count = add_nodes(&bvh, &mut texels);
+        for &index in &bvh.primitive_indices {
+            let (object, instance) = present[index as usize];
+            texels.extend(instance.texels(object));
+        }
+        Self { texels, node_count, offset: offset(low, high) }
+    }
+}
+
+fn bounds(points: &[Vec3]) -> [Vec3; 2] {
+    points.iter().fold([Vec3::INFINITY, Vec3::NEG_INFINITY], |[low, high], p| [low.min(*p), high.max(*p)])
 }
 
 fn texel(vector: Vec3, number: u32) -> [u32; 4] {
     let [x, y, z] = vector.to_array().map(f32::to_bits);
     [x, y, z, number]
+}
+
+/// A unit vector as a place on an octahedron, sixteen bits a coordinate (Cigolle et al. 2014, *A Survey of Efficient Representations for
+/// Independent Unit Vectors*); read by `unpacked_normal` in `rays.wgsl`.
+pub(crate) fn packed_normal(normal: Vec3) -> u32 {
+    let n = normal / normal.abs().element_sum().max(f32::MIN_POSITIVE);
+    let sign = |x: f32| if x < 0.0 { -1.0 } else { 1.0 };
+    let (x, y) =
+        if n.z < 0.0 { ((1.0 - n.y.abs()) * sign(n.x), (1.0 - n.x.abs()) * sign(n.y)) } else { (n.x, n.y) };
+    let [x, y] = [x, y].map(|c| u32::from((c.clamp(-1.0, 1.0) * 32767.0).round() as i16 as u16));
+    y << 16 | x
+}
+
+/// Adds the nodes of a hierarchy. Returns their number.
+fn add_nodes(bvh: &Bvh2, texels: &mut Vec<[u32; 4]>) -> u32 {
+    let order = depth_first(bvh);
+    for (number, (&index, size)) in order.iter().zip(sizes(bvh, &order)).enumerate() {
+        let node = &bvh.nodes[index];
+        let below = if node.is_leaf() { node.first_index << 8 | node.prim_count } else { 0 };
+        texels.push(texel(node.aabb().min.into(), number as u32 + size));
+        texels.push(texel(node.aabb().max.into(), below));
+    }
+    order.len() as u32
 }
 
 /// The nodes, each before those below it.
@@ -79,21 +180,25 @@ fn sizes(bvh: &Bvh2, order: &[usize]) -> Vec<u32> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::SeenBy;
     use super::*;
     use crate::scene::shapes::{Shape, Sphere};
+
+    fn sphere() -> MeshList {
+        MeshList::new(&Shape::Sphere(Sphere { radius: 1.0 }).mesh().unwrap(), false).unwrap()
+    }
+
+    fn vector(texel: [u32; 4]) -> Vec3 {
+        Vec3::from_slice(&texel[..3].iter().map(|&x| f32::from_bits(x)).collect::<Vec<_>>())
+    }
 
     /// Every triangle belongs to one leaf, boxes hold what is below them, and skipping from the first node on ends behind the last.
     #[test]
     fn nodes_hold_those_below_them() {
-        let mesh = Shape::Sphere(Sphere { radius: 1.0 }).mesh().unwrap();
-        let tracer = Tracer::of_meshes([(&mesh, SeenBy::ALL)].into_iter());
-        let list = tracer.skip_list().unwrap();
+        let list = sphere();
         let count = list.node_count as usize;
-        let vector =
-            |texel: [u32; 4]| Vec3::from_slice(&texel[..3].iter().map(|&x| f32::from_bits(x)).collect::<Vec<_>>());
+        let triangles = (list.texels.len() - 2 * count) / TRIANGLE_TEXELS;
         let bounds = |node: usize| (vector(list.texels[2 * node]), vector(list.texels[2 * node + 1]));
-        let mut seen = vec![0; tracer.corners.len()];
+        let mut seen = vec![0; triangles];
         for node in 0..count {
             let (low, high) = bounds(node);
             let after = list.texels[2 * node][3] as usize;
@@ -102,12 +207,12 @@ mod tests {
                 let (inner_low, inner_high) = bounds(below);
                 assert!(low.cmple(inner_low).all() && inner_high.cmple(high).all());
             }
-            let triangles = list.texels[2 * node + 1][3];
-            let first = (triangles >> 8) as usize;
-            let own = first..first + (triangles & 255) as usize;
+            let below = list.texels[2 * node + 1][3];
+            let first = (below >> 8) as usize;
+            let own = first..first + (below & 255) as usize;
             for (triangle, times) in own.clone().zip(&mut seen[own]) {
                 *times += 1;
-                let corner = vector(list.texels[2 * count + 4 * triangle]);
+                let corner = vector(list.texels[2 * count + TRIANGLE_TEXELS * triangle]);
                 assert!(low.cmple(corner).all() && corner.cmple(high).all());
             }
         }
@@ -115,9 +220,60 @@ mod tests {
         assert_eq!(list.texels[0][3] as usize, count);
     }
 
+    /// The matrix of an object takes the corners of its mesh from the world to where its texels say, in the box of the object's leaf.
+    #[test]
+    fn objects_lie_in_their_boxes() {
+        let list = sphere();
+        let rotate_rad = Vec3::new(0.4, -1.1, 2.0);
+        let placements = [
+            Transform { scale: 2.0, rotate_rad, translate: Vec3::new(3.0, 0.0, -1.0) },
+            Transform { scale: -0.5, rotate_rad, translate: Vec3::new(-2.0, 5.0, 0.0) },
+            Transform::default(),
+        ];
+        let objects = placements
+            .map(|placement| Instance { mesh: &list, first_texel: 7, placement, seen_by: SeenBy::ALL });
+        let top = ObjectList::new(&objects);
+        let first_object = 2 * top.node_count as usize;
+        for (instance, texels) in top.texels[first_object..].chunks_exact(4).enumerate() {
+            assert_eq!((texels[3][0], texels[3][1], texels[3][2] & 3), (7, list.node_count, 3));
+            let placement = placements[(texels[3][2] >> 2) as usize];
+            let in_units = list.bounds[1];
+            let in_world = placement.point_in_world(in_units / list.scale);
+            let back = [0, 1, 2].map(|row| vector(texels[row]).dot(in_world) + f32::from_bits(texels[row][3]));
+            assert!(Vec3::from_array(back).abs_diff_eq(in_units, 1e-3 * in_units.length()), "{back:?} {in_units}");
+            let holds = |node: &[[u32; 4]]| {
+                let (first, count) = ((node[1][3] >> 8) as usize, (node[1][3] & 255) as usize);
+                (first..first + count).contains(&instance)
+                    && vector(node[0]).cmple(in_world).all()
+                    && in_world.cmple(vector(node[1])).all()
+            };
+            assert!(top.texels[..first_object].chunks_exact(2).any(holds));
+        }
+    }
+
+    #[test]
+    fn normals_are_packed_finely() {
+        let unpacked = |packed: u32| {
+            let [x, y] = [packed as u16, (packed >> 16) as u16].map(|c| f32::from(c as i16) / 32767.0);
+            let z = 1.0 - x.abs() - y.abs();
+            let fold = (-z).max(0.0);
+            Vec3::new(x - fold.copysign(x), y - fold.copysign(y), z).normalize()
+        };
+        for k in 0..1000 {
+            let (sin, cos) = (2.4 * k as f32).sin_cos();
+            let z = 1.0 - 0.002 * k as f32;
+            let radius = (1.0 - z * z).max(0.0).sqrt();
+            let normal = Vec3::new(radius * cos, radius * sin, z);
+            assert!(unpacked(packed_normal(normal)).distance(normal) < 1e-4);
+        }
+    }
+
     #[test]
     fn nothing_has_no_nodes() {
-        let list = Tracer::of_meshes(std::iter::empty()).skip_list().unwrap();
+        let list = MeshList::new(&Mesh::default(), false).unwrap();
         assert!(list.node_count == 0 && list.texels.is_empty());
+        let object = Instance { mesh: &list, first_texel: 0, placement: Transform::default(), seen_by: SeenBy::ALL };
+        let top = ObjectList::new(&[object]);
+        assert!(top.node_count == 0 && top.texels.is_empty());
     }
 }

@@ -85,7 +85,12 @@ impl Engine {
     pub async fn preview(&mut self, detail: &Detail, progress: &dyn Progress) -> Result<Preview, Error> {
         let options = self.preview_options(detail);
         options.check()?;
-        let scene = self.scene_stages.prepare_for_frame(&self.scene, progress)?;
+        #[cfg_attr(not(feature = "gpu"), expect(unused_mut, reason = "only a GPU has copies"))]
+        let mut scene = self.scene_stages.prepare_for_frame(&self.scene, progress)?;
+        #[cfg(feature = "gpu")]
+        if let Some(shared) = self.backend.shared_gpu() {
+            scene.on_gpu = Some(self.scene_stages.upload(&self.scene, &shared.gpu, true, progress)?);
+        }
         if self.preview.technique.0 != options.technique {
             self.preview = PreviewStages::new(options.technique);
         }

@@ -1,16 +1,19 @@
-//! The scene's triangles on the GPU, for rays; read by `shaders/shared/rays.wgsl`.
+//! The scene's triangles on the GPU, for rays; read by `shaders/shared/rays.wgsl`. Objects that move take their meshes along.
+
+use std::sync::Arc;
 
 use bytemuck::{Pod, Zeroable};
 use wgpu::util::DeviceExt;
 
 use super::pipeline::{entry, seen_by, uniform};
 use crate::gpu::GpuError;
-use crate::tracing::{SkipList, Tracer};
+use crate::scene::{Mesh, Object, Scene};
+use crate::tracing::{Instance, MeshList, ObjectList, SeenBy};
 
 /// Texels in a row of the texture.
 pub(super) const GEOMETRY_ROW: u32 = 2048;
 
-/// The triangles of a scene, and a hierarchy over them.
+/// The triangles of a scene, and hierarchies over them and over the objects.
 #[derive(Clone, Debug)]
 pub struct Geometry {
     pub(super) texels: wgpu::TextureView,
@@ -21,53 +24,160 @@ pub struct Geometry {
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 pub(super) struct RayUniforms {
+    /// Of nodes over objects.
     pub node_count: u32,
-    /// Units per metre.
-    pub scale: f32,
-    /// Rays start this far off a surface, units.
+    /// Rays start this far off a surface, metres.
     pub offset: f32,
-    padding: u32,
+    padding: [u32; 2],
 }
 
 impl Geometry {
     /// Uploads a scene's triangles.
-    pub fn upload(device: &wgpu::Device, queue: &wgpu::Queue, tracer: &Tracer) -> Result<Self, GpuError> {
-        let limit = device.limits().max_texture_dimension_2d;
-        let too_large = || GpuError::TooManyTriangles { limit: most_triangles(limit) };
-        let list = tracer.skip_list().ok_or_else(too_large)?;
-        if list.texels.len() as u64 > u64::from(GEOMETRY_ROW) * u64::from(limit) {
-            return Err(too_large());
-        }
-        Ok(Self::of_list(device, queue, list))
+    pub fn upload(device: &wgpu::Device, queue: &wgpu::Queue, scene: &Scene) -> Result<Self, GpuError> {
+        MovingGeometry::default().update(device, queue, &scene.objects, false)
     }
 
     /// No triangles.
     pub(super) fn none(device: &wgpu::Device) -> Self {
-        let nothing = SkipList { texels: Vec::new(), node_count: 0, scale: 1.0, offset: 0.0 };
-        Self::with_texels(device, &device.create_texture(&triangle_texture(1)), &nothing)
+        Self::new(device, &device.create_texture(&geometry_texture(1)))
     }
 
-    fn of_list(device: &wgpu::Device, queue: &wgpu::Queue, mut list: SkipList) -> Self {
-        let rows = (list.texels.len() as u32).div_ceil(GEOMETRY_ROW).max(1);
-        list.texels.resize((rows * GEOMETRY_ROW) as usize, [0; 4]);
-        let order = wgpu::util::TextureDataOrder::LayerMajor;
-        let texels = bytemuck::cast_slice(&list.texels);
-        let texture = device.create_texture_with_data(queue, &triangle_texture(rows), order, texels);
-        Self::with_texels(device, &texture, &list)
-    }
-
-    fn with_texels(device: &wgpu::Device, texture: &wgpu::Texture, list: &SkipList) -> Self {
-        let SkipList { node_count, scale, offset, .. } = *list;
+    fn new(device: &wgpu::Device, texture: &wgpu::Texture) -> Self {
         let uniforms = device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
             label: Some("ray uniforms"),
-            contents: bytemuck::bytes_of(&RayUniforms { node_count, scale, offset, padding: 0 }),
-            usage: wgpu::BufferUsages::UNIFORM,
+            contents: bytemuck::bytes_of(&RayUniforms::default()),
+            usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
         });
         Self { texels: texture.create_view(&Default::default()), uniforms }
     }
+
+    /// The resources of [`ray_entries`].
+    pub(crate) fn bindings(&self) -> [wgpu::BindingResource<'_>; 2] {
+        [wgpu::BindingResource::TextureView(&self.texels), self.uniforms.as_entire_binding()]
+    }
 }
 
-fn triangle_texture(rows: u32) -> wgpu::TextureDescriptor<'static> {
+/// A scene's triangles from frame to frame: meshes stay where they are on the GPU while objects move.
+#[derive(Debug, Default)]
+pub(crate) struct MovingGeometry {
+    meshes: Vec<PlacedMesh>,
+    uploaded: Option<(wgpu::Texture, Geometry)>,
+}
+
+/// A mesh in the texture.
+#[derive(Debug)]
+struct PlacedMesh {
+    mesh: Arc<Mesh>,
+    list: MeshList,
+    first_row: u32,
+    is_for_one_frame: bool,
+    is_uploaded: bool,
+}
+
+impl MovingGeometry {
+    /// Makes the texture that of these objects. What was returned before shows them, too, unless they do not fit into its texture.
+    /// Meshes that are new are sorted quickly if they are there `for_one_frame`.
+    pub fn update(
+        &mut self,
+        device: &wgpu::Device,
+        queue: &wgpu::Queue,
+        objects: &[Object],
+        for_one_frame: bool,
+    ) -> Result<Geometry, GpuError> {
+        let limit = device.limits().max_texture_dimension_2d;
+        let too_large = || GpuError::TooManyTriangles { limit: most_triangles(limit) };
+        // A hierarchy over objects has fewer than two nodes an object.
+        let first_rows = rows_of(8 * objects.len());
+        let rows = self.place(objects, first_rows, for_one_frame).filter(|rows| *rows <= limit).ok_or_else(too_large)?;
+        let known = self.uploaded.take().filter(|(texture, _)| texture.height() >= rows);
+        let (texture, geometry) = known.unwrap_or_else(|| {
+            self.meshes.iter_mut().for_each(|mesh| mesh.is_uploaded = false);
+            let texture = device.create_texture(&geometry_texture(rows));
+            let geometry = Geometry::new(device, &texture);
+            (texture, geometry)
+        });
+        for mesh in self.meshes.iter_mut().filter(|mesh| !mesh.is_uploaded) {
+            write_rows(queue, &texture, mesh.first_row, &mesh.list.texels);
+            mesh.is_uploaded = true;
+        }
+        let instances: Vec<Instance> = objects.iter().filter_map(|object| self.instance(object)).collect();
+        let list = ObjectList::new(&instances);
+        write_rows(queue, &texture, 0, &list.texels);
+        let uniforms = RayUniforms { node_count: list.node_count, offset: list.offset, padding: [0; 2] };
+        queue.write_buffer(&geometry.uniforms, 0, bytemuck::bytes_of(&uniforms));
+        self.uploaded = Some((texture, geometry.clone()));
+        Ok(geometry)
+    }
+
+    /// Finds rows for the objects' meshes. Returns how many are needed; `None` if a mesh has too many triangles.
+    fn place(&mut self, objects: &[Object], first_row: u32, for_one_frame: bool) -> Option<u32> {
+        let mut before = std::mem::take(&mut self.meshes);
+        let mut next_row = first_row;
+        for object in objects {
+            if self.meshes.iter().any(|known| Arc::ptr_eq(&known.mesh, &object.mesh)) {
+                continue;
+            }
+            let is_fine = |known: &PlacedMesh| {
+                Arc::ptr_eq(&known.mesh, &object.mesh) && (for_one_frame || !known.is_for_one_frame)
+            };
+            let known = before.iter().position(is_fine).map(|index| before.swap_remove(index));
+            let mut mesh = match known {
+                Some(known) => known,
+                None => PlacedMesh {
+                    mesh: object.mesh.clone(),
+                    list: MeshList::new(&object.mesh, for_one_frame)?,
+                    first_row: 0,
+                    is_for_one_frame: for_one_frame,
+                    is_uploaded: false,
+                },
+            };
+            mesh.is_uploaded &= mesh.first_row == next_row;
+            mesh.first_row = next_row;
+            next_row += rows_of(mesh.list.texels.len());
+            self.meshes.push(mesh);
+        }
+        Some(next_row.max(1))
+    }
+
+    fn instance(&self, object: &Object) -> Option<Instance<'_>> {
+        let mesh = self.meshes.iter().find(|known| Arc::ptr_eq(&known.mesh, &object.mesh))?;
+        Some(Instance {
+            mesh: &mesh.list,
+            first_texel: mesh.first_row * GEOMETRY_ROW,
+            placement: object.placement,
+            seen_by: SeenBy::of(object),
+        })
+    }
+}
+
+fn rows_of(texels: usize) -> u32 {
+    texels.div_ceil(GEOMETRY_ROW as usize) as u32
+}
+
+/// Writes texels from the start of a row on.
+fn write_rows(queue: &wgpu::Queue, texture: &wgpu::Texture, first_row: u32, texels: &[[u32; 4]]) {
+    let row = GEOMETRY_ROW as usize;
+    let write = |y: u32, texels: &[[u32; 4]], width: u32, height: u32| {
+        let place = wgpu::TexelCopyTextureInfo {
+            origin: wgpu::Origin3d { x: 0, y, z: 0 },
+            ..texture.as_image_copy()
+        };
+        let bytes_per_row = Some(width * size_of::<[u32; 4]>() as u32);
+        let layout = wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row, rows_per_image: None };
+        let size = wgpu::Extent3d { width, height, depth_or_array_layers: 1 };
+        queue.write_texture(place, bytemuck::cast_slice(texels), layout, size);
+    };
+    let (whole, rest) = texels.split_at(texels.len() / row * row);
+    let rows = (whole.len() / row) as u32;
+    if !whole.is_empty() {
+        write(first_row, whole, GEOMETRY_ROW, rows);
+    }
+    if !rest.is_empty() {
+        write(first_row + rows, rest, rest.len() as u32, 1);
+    }
+}
+
+fn geometry_texture(rows: u32) -> wgpu::TextureDescriptor<'static> {
     wgpu::TextureDescriptor {
         label: Some("triangles"),
         size: wgpu::Extent3d { width: GEOMETRY_ROW, height: rows, depth_or_array_layers: 1 },
@@ -75,14 +185,14 @@ fn triangle_texture(rows: u32) -> wgpu::TextureDescriptor<'static> {
         sample_count: 1,
         dimension: wgpu::TextureDimension::D2,
         format: wgpu::TextureFormat::Rgba32Uint,
-        usage: wgpu::TextureUsages::TEXTURE_BINDING,
+        usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST,
         view_formats: &[],
     }
 }
 
-/// The largest number of triangles: each takes four texels, and its leaf with what is above no more than four.
+/// The largest number of triangles: each takes three texels, and its leaf with what is above no more than four.
 fn most_triangles(max_texture: u32) -> u64 {
-    (u64::from(GEOMETRY_ROW) * u64::from(max_texture) / 8).min(1 << 24)
+    (u64::from(GEOMETRY_ROW) * u64::from(max_texture) / 7).min(1 << 24)
 }
 
 /// A texture of integers.

@@ -203,14 +203,13 @@ impl MapTracing {
             wgpu::BindingResource::TextureView(&doubts),
             unfinished.as_entire_binding(),
         ];
-        let of_rays = [wgpu::BindingResource::TextureView(&geometry.texels), geometry.uniforms.as_entire_binding()];
-        Ok(Self {
+                Ok(Self {
             samples,
             count,
             pipeline: tracer.pipeline.clone(),
             of_maps: bind(device, &tracer.maps, &resources),
             nothing: bind(device, &tracer.nothing, &[]),
-            of_rays: bind(device, &tracer.rays, &of_rays),
+            of_rays: bind(device, &tracer.rays, &geometry.bindings()),
             unfinished,
             maps: VisibilityMapBuffers {
                 planes,
@@ -303,7 +302,7 @@ mod tests {
 
     /// Planes, sky masks, and the number of rays that were not finished.
     fn traced(gpu: &Gpu, scene: &Scene, tracer: &Tracer, samples: Vec<PinholeSample>) -> (Vec<[f32; 4]>, Vec<u32>) {
-        let geometry = Geometry::upload(&gpu.device, &gpu.queue, tracer).unwrap();
+        let geometry = Geometry::upload(&gpu.device, &gpu.queue, scene).unwrap();
         let map_tracer = MapTracer::new(&gpu.device);
         let tracing = MapTracing::new(&gpu.device, &map_tracer, &geometry, (scene, samples), MapUse::Maps).unwrap();
         let mut encoder = gpu.device.create_command_encoder(&Default::default());

@@ -18,6 +18,7 @@ mod shaders;
 pub(crate) use cache::PipelineCache;
 pub use environment::EnvironmentCube;
 pub use geometry::Geometry;
+pub(crate) use geometry::MovingGeometry;
 pub use hardware_check::{HardwareVerdict, automatic_filter, check_hardware_filter};
 pub use hierarchical::{
     CellTreeBuffers, HierarchicalEngine, HierarchicalFrame, HierarchicalInputs, HierarchicalOptions,

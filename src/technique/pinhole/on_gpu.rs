@@ -33,7 +33,6 @@ const MAX_SPLIT_PASSES: u32 = 512;
 pub(super) struct GpuStages {
     environment: Memo<Id<Environment>, EnvironmentCube>,
     bounds: Memo<Id<LightBounds>, LightBoundsTexture>,
-    geometry: Memo<Id<Tracer>, Geometry>,
     /// With visibility maps if there is a tracer.
     tree: Memo<(Id<PinholeTree>, Option<Id<Tracer>>), CellTreeBuffers>,
     tree_maps: Memo<(Id<PinholeTree>, Id<Tracer>), NumberedMaps>,
@@ -63,7 +62,6 @@ impl GpuStages {
         Self {
             environment: Memo::new(Stage::Upload),
             bounds: Memo::new(Stage::Upload),
-            geometry: Memo::new(Stage::Upload),
             tree: Memo::new(Stage::Upload),
             tree_maps: Memo::new(Stage::Visibility),
             flat_maps: Memo::new(Stage::Visibility),
@@ -78,13 +76,12 @@ impl GpuStages {
         statistics: Statistics,
         inputs: &Inputs<'_>,
     ) -> Result<Arc<dyn Sum>, Error> {
-        let is_occluded = inputs.options.visibility == Visibility::Full;
-        let pipelines = shared.pipelines.flat(&shared.gpu.device, sum.params.filter, is_occluded);
+        let geometry = occluding(inputs);
+        let pipelines = shared.pipelines.flat(&shared.gpu.device, sum.params.filter, geometry.is_some());
         let environment = self.environment(shared, &sum.environment, inputs.progress)?;
         let mut maps = None;
-        if is_occluded {
-            let geometry = self.geometry(shared, inputs)?;
-            let make = async || trace_maps(shared, &geometry, inputs.scene, &sum.pinholes, MapUse::Maps).await;
+        if let Some(geometry) = geometry {
+            let make = async || trace_maps(shared, geometry, inputs.scene, &sum.pinholes, MapUse::Maps).await;
             let key = (Id::of(&sum.pinholes), Id::of(&inputs.prepared.tracer));
             maps = Some(self.flat_maps.wait_for(key, (0, inputs.progress), make).await?);
         }
@@ -102,12 +99,12 @@ impl GpuStages {
         inputs: &Inputs<'_>,
     ) -> Result<HierarchyOnGpu, Error> {
         let Gpu { device, queue, .. } = &shared.gpu;
-        let is_occluded = inputs.options.visibility == Visibility::Full;
+        let is_occluded = occluding(inputs).is_some();
         let pipelines = shared.pipelines.hierarchical(device, params.filter, is_occluded);
         let environment = self.environment(shared, environment, inputs.progress)?;
         let bounds =
             self.bounds.get(Id::of(bounds), inputs.progress, || LightBoundsTexture::upload(device, queue, bounds));
-        let tree = self.tree(shared, tree, is_occluded, inputs).await?;
+        let tree = self.tree(shared, tree, inputs).await?;
         shared.gpu.check()?;
         Ok(HierarchyOnGpu { shared: shared.clone(), pipelines, environment, bounds, tree, params })
     }
@@ -116,27 +113,19 @@ impl GpuStages {
         &mut self,
         shared: &SharedGpu,
         tree: &Arc<PinholeTree>,
-        is_occluded: bool,
         inputs: &Inputs<'_>,
     ) -> Result<Arc<CellTreeBuffers>, Error> {
         let device = &shared.gpu.device;
-        if !is_occluded {
+        let Some(geometry) = occluding(inputs) else {
             let upload = || CellTreeBuffers::upload(device, tree);
             return Ok(self.tree.try_get((Id::of(tree), None), inputs.progress, upload)?);
-        }
-        let geometry = self.geometry(shared, inputs)?;
+        };
         let tracer = Id::of(&inputs.prepared.tracer);
         let nodes = tree.sample_nodes();
-        let make = async || trace_maps(shared, &geometry, inputs.scene, nodes, MapUse::MapsAndRays).await;
+        let make = async || trace_maps(shared, geometry, inputs.scene, nodes, MapUse::MapsAndRays).await;
         let traced = self.tree_maps.wait_for((Id::of(tree), tracer.clone()), (0, inputs.progress), make).await?;
         let upload = || CellTreeBuffers::with_maps(device, tree, &traced.pinholes.samples, Some(traced.maps.clone()));
         Ok(self.tree.try_get((Id::of(tree), Some(tracer)), inputs.progress, upload)?)
-    }
-
-    fn geometry(&mut self, shared: &SharedGpu, inputs: &Inputs) -> Result<Arc<Geometry>, GpuError> {
-        let Gpu { device, queue, .. } = &shared.gpu;
-        let tracer = &inputs.prepared.tracer;
-        self.geometry.try_get(Id::of(tracer), inputs.progress, || Geometry::upload(device, queue, tracer))
     }
 
     fn environment(
@@ -153,11 +142,15 @@ impl GpuStages {
     pub fn count(&self, counts: &mut StageCounts) {
         counts.add_memo(&self.environment);
         counts.add_memo(&self.bounds);
-        counts.add_memo(&self.geometry);
         counts.add_memo(&self.tree);
         counts.add_memo(&self.tree_maps);
         counts.add_memo(&self.flat_maps);
     }
+}
+
+/// What is between samples, receivers and light, if that counts.
+fn occluding<'a>(inputs: &Inputs<'a>) -> Option<&'a Geometry> {
+    inputs.prepared.on_gpu.as_deref().filter(|_| inputs.options.visibility == Visibility::Full)
 }
 
 /// The flat sum: every sample is evaluated at every receiver.

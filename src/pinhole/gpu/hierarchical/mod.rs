@@ -185,11 +185,8 @@ impl HierarchicalEngine {
 
     fn bind_rays(&self, device: &wgpu::Device, tree: &CellTreeBuffers) -> wgpu::BindGroup {
         let rays = tree.maps.as_ref().and_then(|maps| maps.rays.clone()).unwrap_or_else(|| RayInputs::none(device));
-        let resources = [
-            wgpu::BindingResource::TextureView(&rays.geometry.texels),
-            rays.geometry.uniforms.as_entire_binding(),
-            wgpu::BindingResource::TextureView(&rays.doubts),
-        ];
+        let [texels, uniforms] = rays.geometry.bindings();
+        let resources = [texels, uniforms, wgpu::BindingResource::TextureView(&rays.doubts)];
         bind(device, &self.pipelines.layouts.rays, &resources)
     }
 

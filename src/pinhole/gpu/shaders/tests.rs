@@ -113,7 +113,7 @@ fn rust_structs() -> BTreeMap<&'static str, Layout> {
         ("Material", layout!(Material { albedo, kind, specular, width, table })),
         ("PinholeSample", pinhole_sample()),
         ("Probe", layout!(GpuProbe { direction, side_1, side_2 })),
-        ("RayUniforms", layout!(RayUniforms { node_count, scale, offset })),
+        ("RayUniforms", layout!(RayUniforms { node_count, offset })),
         ("SampleNode", sample_node()),
         ("TilePass", layout!(TilePass { first_tile, level, split, split_count })),
         ("Tolerance", layout!(Tolerance { error, relative_error })),
