@@ -10,6 +10,8 @@ use glam::{Vec3, Vec4};
 use rayon::prelude::*;
 
 use super::every_other::{AdaptiveLight, PixelGrid, STEP};
+#[cfg(feature = "gpu")]
+use super::shadows::LightDirection;
 use super::shadows::Shadows;
 use crate::environment::CubeMap;
 use crate::progress::Progress;
@@ -57,6 +59,18 @@ impl<'a> DirectLight<'a> {
     ) -> Self {
         let shadows = directions.map(|count| Shadows::of_few(light, &stages.sampler(light, progress), tracer, count));
         Self { light, irradiance: stages.irradiance(light, progress), shadows, progress }
+    }
+
+    /// The unoccluded irradiance by normal, in the environment's frame.
+    #[cfg(feature = "gpu")]
+    pub fn unoccluded(&self) -> &Arc<CubeMap> {
+        &self.irradiance
+    }
+
+    /// The directions of shadow rays; none without shadows.
+    #[cfg(feature = "gpu")]
+    pub fn shadow_directions(&self) -> &[LightDirection] {
+        self.shadows.as_ref().map_or(&[], Shadows::directions)
     }
 
     /// Irradiance at points that are close to each other, W/m²; without shadows once it is cancelled.

@@ -77,7 +77,7 @@ impl Engine {
         if self.inspection.technique.0 != options.technique {
             self.inspection = PreviewStages::new(options.technique);
         }
-        let PreviewStages { technique: (_, technique), light } = &mut self.inspection;
+        let PreviewStages { technique: (_, technique), light, .. } = &mut self.inspection;
         let geometry = scene.geometry_drawn_for_frame();
         let light = light.prepare(&self.scene.environment, geometry.as_ref(), options.cube_size, progress)?;
         let inputs = Inputs {

@@ -31,6 +31,8 @@ mod shadows;
 pub use film::Rendered;
 pub use inspection::{Inspection, MAX_FOOTPRINTS, MapFootprint, ReceiverInspection};
 pub use overlay::{LineKind, Mark};
+#[cfg(all(test, feature = "gpu"))]
+pub(crate) use preview::on_gpu::layout as preview_layout;
 pub use preview::{Budget, Detail, Preview};
 pub use report::Report;
 

@@ -36,11 +36,11 @@ const REFUTED_COSINE: f32 = 0.97;
 
 /// A direction towards the environment.
 #[derive(Clone, Copy, Debug)]
-struct LightDirection {
+pub(super) struct LightDirection {
     /// Unit vector in the world.
-    direction: Vec3,
+    pub direction: Vec3,
     /// Radiance over the density of directions.
-    radiance: Vec3,
+    pub radiance: Vec3,
 }
 
 /// Finds how much of the environment's light arrives at points of surfaces.
@@ -88,6 +88,12 @@ impl<'a> Shadows<'a> {
             LightDirection { direction: world_from_light * in_light, radiance }
         };
         Self { directions: drawn_by_light.chain(drawn_evenly).map(one).collect(), tracer }
+    }
+
+    /// The directions of shadow rays.
+    #[cfg(feature = "gpu")]
+    pub fn directions(&self) -> &[LightDirection] {
+        &self.directions
     }
 
     /// The part of the irradiance that is not occluded, per channel, at points that are close to each other.

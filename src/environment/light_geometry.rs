@@ -77,6 +77,12 @@ impl LightGeometry {
         wanted.next_power_of_two().clamp(*CUBE_SIZES.start(), *CUBE_SIZES.end())
     }
 
+    /// From where it is seen.
+    #[cfg(feature = "gpu")]
+    pub fn centre(&self) -> Vec3 {
+        self.centre
+    }
+
     /// Radiance of what is seen first from the centre in a direction of the world; `None` where nothing shines.
     fn radiance(&self, direction_in_world: Vec3) -> Option<Vec3> {
         let hit = self.tracer.camera_hit(Ray { origin: self.centre, direction: direction_in_world })?;

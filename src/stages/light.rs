@@ -17,6 +17,10 @@ use crate::scene::{EnvironmentSource, Light};
 #[derive(Clone, Debug)]
 pub(crate) struct PreparedLight {
     pub environment: Arc<Environment>,
+    /// The environment without emitters.
+    pub background: Arc<Environment>,
+    /// Factor on its radiance, beside the intensity.
+    pub background_intensity: f32,
     /// Counter-clockwise about +Y, radians.
     pub rotation_rad: f32,
     /// Factor on every radiance.
@@ -81,7 +85,8 @@ impl LightStages {
         let EnvironmentSource { rotation_rad, intensity, .. } = *source;
         environment.radiance.check_placement(intensity, rotation_rad)?;
         let Some(DrawnGeometry { geometry, .. }) = light_geometry else {
-            return Ok(PreparedLight { environment, rotation_rad, intensity });
+            let background = environment.clone();
+            return Ok(PreparedLight { environment, background, background_intensity: 1.0, rotation_rad, intensity });
         };
         let key = (Id::of(&environment), Id::of(geometry), [rotation_rad, intensity]);
         let lit = self
@@ -89,7 +94,13 @@ impl LightStages {
             .get(key, progress, || environment.behind(LitBy { geometry: geometry.clone(), rotation_rad, intensity }));
         // Emitters are not scaled by the environment's intensity, which is therefore in the texels.
         lit.radiance.check_placement(1.0, rotation_rad)?;
-        Ok(PreparedLight { environment: lit, rotation_rad, intensity: 1.0 })
+        Ok(PreparedLight {
+            environment: lit,
+            background: environment,
+            background_intensity: intensity,
+            rotation_rad,
+            intensity: 1.0,
+        })
     }
 
     /// Bounds of the radiance, for hierarchical sums.

@@ -198,8 +198,7 @@ impl SceneStages {
     ) -> Result<Arc<Geometry>, GpuError> {
         let key = scene.objects.iter().map(|o| (Id::of(&o.mesh), o.placement, SeenBy::of(o))).collect();
         let moving = &mut self.moving;
-        self.on_gpu
-            .try_get(key, progress, || moving.update(&gpu.device, &gpu.queue, &scene.objects, for_one_frame))
+        self.on_gpu.try_get(key, progress, || moving.update(&gpu.device, &gpu.queue, &scene.objects, for_one_frame))
     }
 
     fn light_geometry(

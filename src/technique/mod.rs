@@ -17,8 +17,12 @@ pub use self::pinhole::place_samples;
 use crate::Error;
 use crate::backend::Backend;
 use crate::differential::DifferentialSample;
+#[cfg(feature = "gpu")]
+use crate::gpu::GpuError;
 use crate::options::{Evaluation, Options};
 use crate::pinhole::cpu::Contribution;
+#[cfg(feature = "gpu")]
+use crate::pinhole::gpu::{EnvironmentCube, Frame};
 use crate::pinhole::{Filter, Receivers, SampleView};
 use crate::progress::Progress;
 use crate::scene::Scene;
@@ -106,6 +110,22 @@ pub(crate) trait Sum: fmt::Debug + Send + Sync {
 
     /// Figures about the sum.
     fn statistics(&self) -> &Statistics;
+
+    /// The sum as a pass over receivers that are already on the GPU, if it is one.
+    #[cfg(feature = "gpu")]
+    fn on_gpu(&self) -> Option<&dyn SumOnGpu> {
+        None
+    }
+}
+
+/// A sum whose receivers are textures on the device.
+#[cfg(feature = "gpu")]
+pub(crate) trait SumOnGpu {
+    /// The pass over receivers without viewers: positions with objects, normals, and the size of both textures.
+    fn frame(&self, receivers: [&wgpu::TextureView; 2], size: [u32; 2]) -> Result<Frame, GpuError>;
+
+    /// The environment that it looks up.
+    fn environment(&self) -> &Arc<EnvironmentCube>;
 }
 
 /// Figures about a sum.

@@ -135,8 +135,7 @@ fn texel(vector: Vec3, number: u32) -> [u32; 4] {
 pub(crate) fn packed_normal(normal: Vec3) -> u32 {
     let n = normal / normal.abs().element_sum().max(f32::MIN_POSITIVE);
     let sign = |x: f32| if x < 0.0 { -1.0 } else { 1.0 };
-    let (x, y) =
-        if n.z < 0.0 { ((1.0 - n.y.abs()) * sign(n.x), (1.0 - n.x.abs()) * sign(n.y)) } else { (n.x, n.y) };
+    let (x, y) = if n.z < 0.0 { ((1.0 - n.y.abs()) * sign(n.x), (1.0 - n.x.abs()) * sign(n.y)) } else { (n.x, n.y) };
     let [x, y] = [x, y].map(|c| u32::from((c.clamp(-1.0, 1.0) * 32767.0).round() as i16 as u16));
     y << 16 | x
 }
@@ -230,8 +229,8 @@ mod tests {
             Transform { scale: -0.5, rotate_rad, translate: Vec3::new(-2.0, 5.0, 0.0) },
             Transform::default(),
         ];
-        let objects = placements
-            .map(|placement| Instance { mesh: &list, first_texel: 7, placement, seen_by: SeenBy::ALL });
+        let objects =
+            placements.map(|placement| Instance { mesh: &list, first_texel: 7, placement, seen_by: SeenBy::ALL });
         let top = ObjectList::new(&objects);
         let first_object = 2 * top.node_count as usize;
         for (instance, texels) in top.texels[first_object..].chunks_exact(4).enumerate() {

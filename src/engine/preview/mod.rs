@@ -8,7 +8,12 @@
 mod budget;
 mod edges;
 mod nodes;
+#[cfg(feature = "gpu")]
+pub(crate) mod on_gpu;
 mod views;
+
+#[cfg(feature = "gpu")]
+use std::sync::Arc;
 
 use glam::{UVec2, Vec3, Vec4};
 use rayon::prelude::*;
@@ -23,12 +28,14 @@ use super::ends::POINTS_IN_A_ROW;
 use super::gloss::blurred_radiance;
 use super::overlay::{Mark, Marker};
 use crate::Error;
+#[cfg(feature = "gpu")]
+use crate::backend::Backend;
 use crate::image::{Aov, Image, display, exposed, metered_ev};
 use crate::options::{Evaluation, EvaluationChoice, Exposures, Options, Overlay};
 use crate::pinhole::{Epsilon, Receivers};
 use crate::progress::{Progress, Stage};
-use crate::scene::Visibility;
-use crate::stages::{LightStages, PreparedLight};
+use crate::scene::{Scene, Visibility};
+use crate::stages::{LightStages, PreparedLight, PreparedScene};
 use crate::technique::{Inputs, Sum, Technique, TechniqueStages};
 
 /// Edge of the blocks of nodes whose shadows are found together, nodes.
@@ -55,11 +62,19 @@ pub(super) struct PreviewStages {
     pub technique: (Technique, Box<dyn TechniqueStages>),
     /// For scenes with emitters, which are drawn less finely; others share the light.
     pub light: LightStages,
+    /// The passes, once there was a preview on a GPU.
+    #[cfg(feature = "gpu")]
+    on_gpu: Option<on_gpu::PreviewOnGpu>,
 }
 
 impl PreviewStages {
     pub fn new(technique: Technique) -> Self {
-        Self { technique: (technique, technique.stages()), light: LightStages::new() }
+        Self {
+            technique: (technique, technique.stages()),
+            light: LightStages::new(),
+            #[cfg(feature = "gpu")]
+            on_gpu: None,
+        }
     }
 }
 
@@ -111,21 +126,18 @@ impl Engine {
         } else {
             None
         };
-        progress.begin(Stage::Rays, 1);
-        let views = Views::trace(&self.scene, &scene, options.size, options.plain_diffuse);
-        progress.end(Stage::Rays);
         let is_shadowed = options.visibility == Visibility::Full;
         let directions = is_shadowed.then_some(detail.shadow_directions as usize);
         let direct = DirectLight::of_few(&light, light_stages, &scene.tracer, directions, progress);
-        let frame = Frame { options: &options, light: &light, detail, direct, progress };
-        let own = frame.light(&views.surfaces, sum.as_deref(), |_| None).await?;
-        let camera = &self.scene.camera;
-        let seen = |point: &SurfacePoint| Some(own[views.pixel_of(camera, &point.hit)?]);
-        let mirrored = frame.light(&views.mirrored, sum.as_deref(), seen).await?;
-        progress.begin(Stage::Shading, 1);
-        let (mut image, exposures) = frame.shade(&views, &own, &mirrored);
-        smooth_edges(&mut image, camera, &scene.camera, &views.first);
-        progress.end(Stage::Shading);
+        let frame =
+            Frame { scene: &self.scene, prepared: &scene, options: &options, light: &light, detail, direct, progress };
+        #[cfg(feature = "gpu")]
+        let (image, exposures) = match frame.on_gpu(&self.backend, &mut self.preview.on_gpu, sum.as_ref()).await? {
+            Some(rendered) => rendered,
+            None => frame.on_cpu(sum.as_deref()).await?,
+        };
+        #[cfg(not(feature = "gpu"))]
+        let (image, exposures) = frame.on_cpu(sum.as_deref()).await?;
         if progress.is_cancelled() {
             return Err(Error::Cancelled);
         }
@@ -165,6 +177,8 @@ impl Engine {
 
 /// The inputs of a frame.
 struct Frame<'a> {
+    scene: &'a Scene,
+    prepared: &'a PreparedScene,
     options: &'a Options,
     light: &'a PreparedLight,
     detail: &'a Detail,
@@ -173,6 +187,54 @@ struct Frame<'a> {
 }
 
 impl Frame<'_> {
+    /// The picture and its exposures by passes on the GPU; `None` if that is not the back end, or has no room for the picture.
+    #[cfg(feature = "gpu")]
+    async fn on_gpu(
+        &self,
+        backend: &Backend,
+        passes: &mut Option<on_gpu::PreviewOnGpu>,
+        sum: Option<&Arc<dyn Sum>>,
+    ) -> Result<Option<(Image, Exposures)>, Error> {
+        let (Some(shared), Some(geometry)) = (backend.shared_gpu(), self.prepared.on_gpu.as_deref()) else {
+            return Ok(None);
+        };
+        if !on_gpu::fits(&shared.gpu.device, self.options.size) {
+            return Ok(None);
+        }
+        let passes = passes.get_or_insert_with(|| on_gpu::PreviewOnGpu::new(shared));
+        self.progress.begin(Stage::Shading, 1);
+        passes.render(&on_gpu::PreviewInputs {
+            scene: self.scene,
+            prepared: self.prepared,
+            geometry,
+            options: self.options,
+            light: self.light,
+            direct: &self.direct,
+            sum,
+            spacing: self.detail.spacing.max(1),
+            progress: self.progress,
+        })?;
+        let rendered = passes.read().await;
+        self.progress.end(Stage::Shading);
+        rendered
+    }
+
+    /// The picture and its exposures.
+    async fn on_cpu(&self, sum: Option<&dyn Sum>) -> Result<(Image, Exposures), Error> {
+        let (options, progress, camera) = (self.options, self.progress, &self.scene.camera);
+        progress.begin(Stage::Rays, 1);
+        let views = Views::trace(self.scene, self.prepared, options.size, options.plain_diffuse);
+        progress.end(Stage::Rays);
+        let own = self.light(&views.surfaces, sum, |_| None).await?;
+        let seen = |point: &SurfacePoint| Some(own[views.pixel_of(camera, &point.hit)?]);
+        let mirrored = self.light(&views.mirrored, sum, seen).await?;
+        progress.begin(Stage::Shading, 1);
+        let (mut image, exposures) = self.shade(&views, &own, &mirrored);
+        smooth_edges(&mut image, camera, &self.prepared.camera, &views.first);
+        progress.end(Stage::Shading);
+        Ok((image, exposures))
+    }
+
     /// All light on points, one or none in each pixel: as far as it is not known, at nodes that are some pixels apart, then where it
     /// cannot be interpolated between them. W/m², at an intensity of 1.
     async fn light(

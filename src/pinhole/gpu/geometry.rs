@@ -88,7 +88,8 @@ impl MovingGeometry {
         let too_large = || GpuError::TooManyTriangles { limit: most_triangles(limit) };
         // A hierarchy over objects has fewer than two nodes an object.
         let first_rows = rows_of(8 * objects.len());
-        let rows = self.place(objects, first_rows, for_one_frame).filter(|rows| *rows <= limit).ok_or_else(too_large)?;
+        let rows =
+            self.place(objects, first_rows, for_one_frame).filter(|rows| *rows <= limit).ok_or_else(too_large)?;
         let known = self.uploaded.take().filter(|(texture, _)| texture.height() >= rows);
         let (texture, geometry) = known.unwrap_or_else(|| {
             self.meshes.iter_mut().for_each(|mesh| mesh.is_uploaded = false);
@@ -158,10 +159,7 @@ fn rows_of(texels: usize) -> u32 {
 fn write_rows(queue: &wgpu::Queue, texture: &wgpu::Texture, first_row: u32, texels: &[[u32; 4]]) {
     let row = GEOMETRY_ROW as usize;
     let write = |y: u32, texels: &[[u32; 4]], width: u32, height: u32| {
-        let place = wgpu::TexelCopyTextureInfo {
-            origin: wgpu::Origin3d { x: 0, y, z: 0 },
-            ..texture.as_image_copy()
-        };
+        let place = wgpu::TexelCopyTextureInfo { origin: wgpu::Origin3d { x: 0, y, z: 0 }, ..texture.as_image_copy() };
         let bytes_per_row = Some(width * size_of::<[u32; 4]>() as u32);
         let layout = wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row, rows_per_image: None };
         let size = wgpu::Extent3d { width, height, depth_or_array_layers: 1 };
@@ -203,6 +201,6 @@ pub(super) fn integers(binding: u32) -> wgpu::BindGroupLayoutEntry {
 }
 
 /// The bindings that rays read.
-pub(super) fn ray_entries(stages: wgpu::ShaderStages) -> [wgpu::BindGroupLayoutEntry; 2] {
+pub(crate) fn ray_entries(stages: wgpu::ShaderStages) -> [wgpu::BindGroupLayoutEntry; 2] {
     [integers(0), uniform(1)].map(|entry| seen_by(stages, entry))
 }

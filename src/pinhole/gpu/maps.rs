@@ -8,8 +8,8 @@ use wgpu::util::DeviceExt;
 
 use super::geometry::{Geometry, ray_entries};
 use super::hierarchical::DYNAMIC_OFFSET;
-use super::hierarchical::pipelines::{compute_pipeline, writable, written};
-use super::pipeline::{bind, layout, seen_by, storage, window};
+
+use super::pipeline::{bind, compute_pipeline, layout, seen_by, storage, window, writable, written};
 use super::shaders::TRACE_MAPS;
 use super::storage_buffer;
 use crate::gpu::GpuError;
@@ -203,7 +203,7 @@ impl MapTracing {
             wgpu::BindingResource::TextureView(&doubts),
             unfinished.as_entire_binding(),
         ];
-                Ok(Self {
+        Ok(Self {
             samples,
             count,
             pipeline: tracer.pipeline.clone(),

@@ -11,14 +11,14 @@ mod geometry;
 mod hardware_check;
 mod hierarchical;
 mod maps;
-mod pipeline;
+pub(crate) mod pipeline;
 mod probe;
-mod shaders;
+pub(crate) mod shaders;
 
 pub(crate) use cache::PipelineCache;
 pub use environment::EnvironmentCube;
 pub use geometry::Geometry;
-pub(crate) use geometry::MovingGeometry;
+pub(crate) use geometry::{MovingGeometry, ray_entries};
 pub use hardware_check::{HardwareVerdict, automatic_filter, check_hardware_filter};
 pub use hierarchical::{
     CellTreeBuffers, HierarchicalEngine, HierarchicalFrame, HierarchicalInputs, HierarchicalOptions,
@@ -238,6 +238,16 @@ impl Frame {
         }
         drop(pass);
         self.current = Some(target);
+    }
+
+    /// Begins anew: what is recorded next is added to nothing.
+    pub fn restart(&mut self) {
+        self.current = None;
+    }
+
+    /// The texture that [`Self::caustic`] is once all batches are recorded.
+    pub(crate) fn complete(&self) -> &wgpu::TextureView {
+        &self.views[(self.batches.saturating_sub(1) as usize) % self.views.len()]
     }
 
     /// The caustic: rgb = irradiance, W/m²; a = number of fetches. Complete once all batches are recorded and submitted.

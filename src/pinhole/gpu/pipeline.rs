@@ -8,10 +8,10 @@ use crate::pinhole::constants::{FILTER_ANISOTROPIC, FILTER_EWA, FILTER_HARDWARE,
 use crate::pinhole::{BATCH_SIZE, Filter, PinholeSample};
 
 /// Bytes of one batch of samples.
-pub(super) const BATCH_BYTES: u64 = BATCH_SIZE as u64 * size_of::<PinholeSample>() as u64;
+pub(crate) const BATCH_BYTES: u64 = BATCH_SIZE as u64 * size_of::<PinholeSample>() as u64;
 
 #[derive(Debug)]
-pub(super) struct Pipelines {
+pub(crate) struct Pipelines {
     pub gather: wgpu::RenderPipeline,
     /// The same towards viewers.
     pub reflect: wgpu::RenderPipeline,
@@ -108,7 +108,7 @@ impl Pipelines {
 }
 
 /// A pipeline of two of a module's entry points, without vertex buffers.
-pub(super) fn render_pipeline(
+pub(crate) fn render_pipeline(
     device: &wgpu::Device,
     layout: &wgpu::PipelineLayout,
     module: &wgpu::ShaderModule,
@@ -139,8 +139,37 @@ pub(super) fn render_pipeline(
     })
 }
 
+pub(crate) fn compute_pipeline(
+    device: &wgpu::Device,
+    layout: &wgpu::PipelineLayout,
+    module: &wgpu::ShaderModule,
+    entry: &str,
+    constants: &[(&str, f64)],
+) -> wgpu::ComputePipeline {
+    device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+        label: Some(entry),
+        layout: Some(layout),
+        module,
+        entry_point: Some(entry),
+        compilation_options: wgpu::PipelineCompilationOptions { constants, ..Default::default() },
+        cache: None,
+    })
+}
+
+/// A buffer that shaders write.
+pub(crate) fn writable(binding: u32) -> BindGroupLayoutEntry {
+    let ty = wgpu::BufferBindingType::Storage { read_only: false };
+    entry(binding, BindingType::Buffer { ty, has_dynamic_offset: false, min_binding_size: None })
+}
+
+/// A texture that shaders write.
+pub(crate) fn written(binding: u32, format: wgpu::TextureFormat) -> BindGroupLayoutEntry {
+    let access = wgpu::StorageTextureAccess::WriteOnly;
+    entry(binding, BindingType::StorageTexture { access, format, view_dimension: TextureViewDimension::D2 })
+}
+
 /// The shader's `FILTER_…` constants.
-pub(super) fn filter_constant(filter: Filter) -> u32 {
+pub(crate) fn filter_constant(filter: Filter) -> u32 {
     match filter {
         Filter::None => FILTER_NONE,
         Filter::Isotropic => FILTER_ISOTROPIC,
@@ -151,13 +180,13 @@ pub(super) fn filter_constant(filter: Filter) -> u32 {
 }
 
 /// Bindings of `shaders/shared/gather_inputs.wgsl`.
-pub(super) const GATHER_INPUTS: u32 = 7;
+pub(crate) const GATHER_INPUTS: u32 = 7;
 
-pub(super) fn gather_inputs() -> [BindGroupLayoutEntry; GATHER_INPUTS as usize] {
+pub(crate) fn gather_inputs() -> [BindGroupLayoutEntry; GATHER_INPUTS as usize] {
     [uniform(0), cube(1), sampler(2), sampler(3), storage(4), storage(5), storage(6)]
 }
 
-pub(super) fn linear_sampler(device: &wgpu::Device, anisotropy_clamp: u16) -> wgpu::Sampler {
+pub(crate) fn linear_sampler(device: &wgpu::Device, anisotropy_clamp: u16) -> wgpu::Sampler {
     device.create_sampler(&wgpu::SamplerDescriptor {
         label: Some("environment"),
         mag_filter: wgpu::FilterMode::Linear,
@@ -168,12 +197,12 @@ pub(super) fn linear_sampler(device: &wgpu::Device, anisotropy_clamp: u16) -> wg
     })
 }
 
-pub(super) fn layout(device: &wgpu::Device, label: &str, entries: &[BindGroupLayoutEntry]) -> wgpu::BindGroupLayout {
+pub(crate) fn layout(device: &wgpu::Device, label: &str, entries: &[BindGroupLayoutEntry]) -> wgpu::BindGroupLayout {
     device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: Some(label), entries })
 }
 
 /// Binds resources in the order of their binding numbers.
-pub(super) fn bind(
+pub(crate) fn bind(
     device: &wgpu::Device,
     layout: &wgpu::BindGroupLayout,
     resources: &[wgpu::BindingResource],
@@ -184,7 +213,7 @@ pub(super) fn bind(
     device.create_bind_group(&wgpu::BindGroupDescriptor { label: None, layout, entries: &entries })
 }
 
-pub(super) fn entry(binding: u32, ty: BindingType) -> BindGroupLayoutEntry {
+pub(crate) fn entry(binding: u32, ty: BindingType) -> BindGroupLayoutEntry {
     BindGroupLayoutEntry { binding, visibility: ShaderStages::FRAGMENT, ty, count: None }
 }
 
@@ -192,26 +221,26 @@ fn buffer(binding: u32, ty: wgpu::BufferBindingType) -> BindGroupLayoutEntry {
     entry(binding, BindingType::Buffer { ty, has_dynamic_offset: false, min_binding_size: None })
 }
 
-pub(super) fn uniform(binding: u32) -> BindGroupLayoutEntry {
+pub(crate) fn uniform(binding: u32) -> BindGroupLayoutEntry {
     buffer(binding, wgpu::BufferBindingType::Uniform)
 }
 
 /// An entry that other stages see.
-pub(super) fn seen_by(stages: ShaderStages, entry: BindGroupLayoutEntry) -> BindGroupLayoutEntry {
+pub(crate) fn seen_by(stages: ShaderStages, entry: BindGroupLayoutEntry) -> BindGroupLayoutEntry {
     BindGroupLayoutEntry { visibility: stages, ..entry }
 }
 
 /// A uniform buffer whose start is given when it is bound.
-pub(super) fn window(binding: u32) -> BindGroupLayoutEntry {
+pub(crate) fn window(binding: u32) -> BindGroupLayoutEntry {
     let ty = wgpu::BufferBindingType::Uniform;
     entry(binding, BindingType::Buffer { ty, has_dynamic_offset: true, min_binding_size: None })
 }
 
-pub(super) fn storage(binding: u32) -> BindGroupLayoutEntry {
+pub(crate) fn storage(binding: u32) -> BindGroupLayoutEntry {
     buffer(binding, wgpu::BufferBindingType::Storage { read_only: true })
 }
 
-pub(super) fn cube(binding: u32) -> BindGroupLayoutEntry {
+pub(crate) fn cube(binding: u32) -> BindGroupLayoutEntry {
     entry(
         binding,
         BindingType::Texture {
@@ -222,11 +251,11 @@ pub(super) fn cube(binding: u32) -> BindGroupLayoutEntry {
     )
 }
 
-pub(super) fn sampler(binding: u32) -> BindGroupLayoutEntry {
+pub(crate) fn sampler(binding: u32) -> BindGroupLayoutEntry {
     entry(binding, BindingType::Sampler(wgpu::SamplerBindingType::Filtering))
 }
 
-pub(super) fn texture(binding: u32) -> BindGroupLayoutEntry {
+pub(crate) fn texture(binding: u32) -> BindGroupLayoutEntry {
     entry(
         binding,
         BindingType::Texture {

@@ -26,9 +26,13 @@ use crate::pinhole::layout::{BATCH_SIZE, CURVE_POINTS, NO_CURVE};
 use crate::pinhole::visibility::{BEHIND, MIDDLE, MIN_OCCLUDER_COSINE};
 use crate::tracing::{END_SLACK, SLACK};
 
+/// Bins of the histogram of luminance that previews are metered by: the first bits of the luminance as a float, and how many are left.
+pub(crate) const HISTOGRAM_BINS: u32 = 1 << (31 - HISTOGRAM_SHIFT);
+const HISTOGRAM_SHIFT: u32 = 14;
+
 /// A shader that pipelines are made of.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Shader {
+pub(crate) struct Shader {
     /// Its file, without the extension.
     pub name: &'static str,
     source: &'static str,
@@ -40,14 +44,18 @@ macro_rules! shader {
     };
 }
 
-pub(super) const FILTER_PROBE: Shader = shader!("filter_probe");
-pub(super) const GATHER: Shader = shader!("gather");
-pub(super) const IRRADIANCE_ESTIMATE: Shader = shader!("irradiance_estimate");
-pub(super) const LIGHT_BOUNDS: Shader = shader!("light_bounds");
-pub(super) const RECEIVER_BLOCKS: Shader = shader!("receiver_blocks");
-pub(super) const REFINE: Shader = shader!("refine");
-pub(super) const RESOLVE: Shader = shader!("resolve");
-pub(super) const TRACE_MAPS: Shader = shader!("trace_maps");
+pub(crate) const FILTER_PROBE: Shader = shader!("filter_probe");
+pub(crate) const GATHER: Shader = shader!("gather");
+pub(crate) const IRRADIANCE_ESTIMATE: Shader = shader!("irradiance_estimate");
+pub(crate) const LIGHT_BOUNDS: Shader = shader!("light_bounds");
+pub(crate) const PREVIEW_DISPLAY: Shader = shader!("preview_display");
+pub(crate) const PREVIEW_LIGHT: Shader = shader!("preview_light");
+pub(crate) const PREVIEW_SHADING: Shader = shader!("preview_shading");
+pub(crate) const PREVIEW_VIEWS: Shader = shader!("preview_views");
+pub(crate) const RECEIVER_BLOCKS: Shader = shader!("receiver_blocks");
+pub(crate) const REFINE: Shader = shader!("refine");
+pub(crate) const RESOLVE: Shader = shader!("resolve");
+pub(crate) const TRACE_MAPS: Shader = shader!("trace_maps");
 
 const SHARED: &[Shader] = &[
     shader!("shared/block_coverage"),
@@ -61,7 +69,9 @@ const SHARED: &[Shader] = &[
     shader!("shared/frame"),
     shader!("shared/gather_inputs"),
     shader!("shared/gloss_bounds"),
+    shader!("shared/hits"),
     shader!("shared/no_rays"),
+    shader!("shared/preview"),
     shader!("shared/ray_origin"),
     shader!("shared/rays"),
     shader!("shared/receiver_tiles"),
@@ -74,6 +84,27 @@ impl Shader {
     /// Its source with the imports in place.
     pub fn resolve(self) -> String {
         let mut resolved = Resolved::default();
+        // DEV
+        if let Ok(folder) = std::env::var("DEV_SHADERS") {
+            let leak = |name: &str| -> &'static str {
+                Box::leak(std::fs::read_to_string(format!("{folder}/{name}.wgsl")).unwrap().into_boxed_str())
+            };
+            fn add(source: &'static str, resolved: &mut Resolved, leak: &dyn Fn(&str) -> &'static str) {
+                for line in source.lines() {
+                    if let Some(name) = line.strip_prefix("#import ") {
+                        if resolved.imported.contains(&name) { continue; }
+                        resolved.imported.push(name);
+                        if name == "constants" { resolved.source.push_str(&constants()); } else { add(leak(&format!("shared/{name}")), resolved, leak); }
+                    } else {
+                        resolved.source.push_str(line);
+                        resolved.source.push('\n');
+                    }
+                }
+            }
+            add(leak(self.name), &mut resolved, &leak);
+            return resolved.source;
+        }
+        // DEV END
         resolved.add(self.source);
         resolved.source
     }
@@ -177,6 +208,7 @@ fn constants() -> String {
     declare!(MIN_TRACED_SHARE, MIN_TRACED_SKY_SHARE);
     declare!(MAX_INTERPOLATED_WIDTH, LOBE_CORE, LOBE_TAIL, LOBE_TAIL_SHARE, LOBE_SHIFT);
     declare!(LOBE_CORE_WIDTH, LOBE_TAIL_WIDTH, LOBE_TILT, LOBE_TILT_GROWTH);
+    declare!(HISTOGRAM_BINS, HISTOGRAM_SHIFT);
     declare!(FILTER_NONE, FILTER_ISOTROPIC, FILTER_ANISOTROPIC, FILTER_HARDWARE, FILTER_EWA);
     declare!(MATERIAL_PHONG, MATERIAL_GGX, MATERIAL_TABLE);
     let [theta_half, theta_diff, phi_diff] = TABLE_STEPS.map(|steps| steps as u32);

@@ -15,14 +15,14 @@ use crate::environment::{Environment, LightBounds};
 use crate::gpu::{Gpu, GpuError};
 use crate::pinhole::cpu::Accuracy;
 use crate::pinhole::gpu::{
-    self, CellTreeBuffers, Engine, EnvironmentCube, FrameInputs, Geometry, HierarchicalEngine, LightBoundsTexture,
-    MapTracing, MapUse, Tolerance, VisibilityMapBuffers,
+    self, CellTreeBuffers, Engine, EnvironmentCube, FrameInputs, FrameViewers, Geometry, HierarchicalEngine,
+    LightBoundsTexture, MapTracing, MapUse, Tolerance, VisibilityMapBuffers,
 };
 use crate::pinhole::{BATCH_SIZE, ESTIMATE_MAX_RECEIVERS, Params, PinholeTree, Pinholes, ReceiverLayout, Receivers};
 use crate::progress::{NoProgress, Progress, Stage};
 use crate::scene::{Scene, Visibility};
 use crate::stages::{Id, Memo, StageCounts};
-use crate::technique::{Inputs, Pending, Statistics, Sum};
+use crate::technique::{Inputs, Pending, Statistics, Sum, SumOnGpu};
 use crate::tracing::Tracer;
 
 /// The largest number of passes that the traversal is split into, on adapters that end loops early.
@@ -213,22 +213,46 @@ impl Sum for FlatOnGpu {
     fn statistics(&self) -> &Statistics {
         &self.statistics
     }
+
+    fn on_gpu(&self) -> Option<&dyn SumOnGpu> {
+        Some(self)
+    }
+}
+
+impl SumOnGpu for FlatOnGpu {
+    fn frame(&self, [positions, normals]: [&wgpu::TextureView; 2], size: [u32; 2]) -> Result<gpu::Frame, GpuError> {
+        self.pipelines.frame(&self.shared.gpu.device, &self.inputs([positions, normals], None, size))
+    }
+
+    fn environment(&self) -> &Arc<EnvironmentCube> {
+        &self.environment
+    }
 }
 
 impl FlatOnGpu {
-    async fn strip(&self, receivers: &Receivers, progress: &dyn Progress) -> Result<Vec<[f32; 4]>, GpuError> {
-        let gpu = &self.shared.gpu;
-        let uploaded = Uploaded::new(gpu, receivers);
-        let inputs = FrameInputs {
-            positions: &uploaded.positions,
-            normals: &uploaded.normals,
-            viewers: uploaded.viewers(),
-            size: uploaded.size(),
+    fn inputs<'a>(
+        &'a self,
+        [positions, normals]: [&'a wgpu::TextureView; 2],
+        viewers: Option<FrameViewers<'a>>,
+        size: [u32; 2],
+    ) -> FrameInputs<'a> {
+        FrameInputs {
+            positions,
+            normals,
+            viewers,
+            size,
             pinholes: self.maps.as_ref().map_or(&self.sum.pinholes, |traced| &traced.pinholes),
             maps: self.maps.as_ref().map(|traced| &traced.maps),
             environment: &self.environment,
             params: self.sum.params,
-        };
+        }
+    }
+
+    async fn strip(&self, receivers: &Receivers, progress: &dyn Progress) -> Result<Vec<[f32; 4]>, GpuError> {
+        let gpu = &self.shared.gpu;
+        let uploaded = Uploaded::new(gpu, receivers);
+        let textures = [&uploaded.positions, &uploaded.normals];
+        let inputs = self.inputs(textures, uploaded.viewers(), uploaded.size());
         let mut frame = self.pipelines.frame(&gpu.device, &inputs)?;
         let points = receivers.positions.len() as u64;
         let pairs = pairs_per_submit(gpu);

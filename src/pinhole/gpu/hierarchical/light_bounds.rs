@@ -1,11 +1,10 @@
 //! Bounds of the light, as a texture: uploaded, or made on the GPU for light that changes.
 
 use super::super::EnvironmentCube;
-use super::super::pipeline::entry;
-use super::super::pipeline::{bind, cube, layout, sampler, seen_by, window};
+use super::super::pipeline::{bind, compute_pipeline, cube, entry, layout, sampler, seen_by, window, writable};
 use super::super::shaders::LIGHT_BOUNDS;
 use super::layout::BOUNDS_WORKGROUP_EDGE;
-use super::pipelines::{compute_pipeline, writable};
+
 use super::{DYNAMIC_OFFSET, uniform_buffer};
 use crate::environment::{Bound, FACES, FINEST_BOUNDS, FIRST_BOUNDED_MIP, LightBounds, mip_of_pyramid};
 use crate::gpu::GpuError;

@@ -5,8 +5,8 @@ use wgpu::{BindGroupLayout, BindGroupLayoutEntry, BindingType, ShaderStages, Tex
 use super::super::TARGET_FORMAT;
 use super::super::geometry::{integers, ray_entries};
 use super::super::pipeline::{
-    GATHER_INPUTS, entry, filter_constant, gather_inputs, layout, linear_sampler, render_pipeline, seen_by, storage,
-    texture, uniform, window,
+    GATHER_INPUTS, compute_pipeline, entry, filter_constant, gather_inputs, layout, linear_sampler, render_pipeline,
+    seen_by, storage, texture, uniform, window, writable, written,
 };
 use super::super::shaders::{IRRADIANCE_ESTIMATE, RECEIVER_BLOCKS, REFINE, RESOLVE};
 use super::WALK_FORMAT;
@@ -135,38 +135,9 @@ impl Pipelines {
     }
 }
 
-pub(in crate::pinhole::gpu) fn compute_pipeline(
-    device: &wgpu::Device,
-    layout: &wgpu::PipelineLayout,
-    module: &wgpu::ShaderModule,
-    entry: &str,
-    constants: &[(&str, f64)],
-) -> wgpu::ComputePipeline {
-    device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-        label: Some(entry),
-        layout: Some(layout),
-        module,
-        entry_point: Some(entry),
-        compilation_options: wgpu::PipelineCompilationOptions { constants, ..Default::default() },
-        cache: None,
-    })
-}
-
 /// The bounds of the light: a texture that is not filtered.
 pub(super) fn bounds_texture(binding: u32) -> BindGroupLayoutEntry {
     let sample_type = wgpu::TextureSampleType::Float { filterable: false };
     let view_dimension = TextureViewDimension::D2Array;
     entry(binding, BindingType::Texture { sample_type, view_dimension, multisampled: false })
-}
-
-/// A buffer that shaders write.
-pub(in crate::pinhole::gpu) fn writable(binding: u32) -> BindGroupLayoutEntry {
-    let ty = wgpu::BufferBindingType::Storage { read_only: false };
-    entry(binding, BindingType::Buffer { ty, has_dynamic_offset: false, min_binding_size: None })
-}
-
-/// A texture that shaders write.
-pub(in crate::pinhole::gpu) fn written(binding: u32, format: TextureFormat) -> BindGroupLayoutEntry {
-    let access = wgpu::StorageTextureAccess::WriteOnly;
-    entry(binding, BindingType::StorageTexture { access, format, view_dimension: TextureViewDimension::D2 })
 }

@@ -9,6 +9,7 @@ use naga::{AddressSpace, Handle, Module, Type, TypeInner};
 use super::*;
 use crate::brdf::Material;
 use crate::cell_tree::CellNode;
+use crate::engine::preview_layout::{PIXEL_BYTES, PackedDirection, PreviewEmitter, PreviewObject, PreviewUniforms};
 use crate::pinhole::gpu::geometry::RayUniforms;
 use crate::pinhole::gpu::hierarchical::layout::{BLOCK_BYTES, SampleNode, TilePass, Tolerance, TreeUniforms};
 use crate::pinhole::gpu::hierarchical::light_bounds::BoundsUniforms;
@@ -16,8 +17,20 @@ use crate::pinhole::gpu::maps::{MapUniforms, PackedHemisphere};
 use crate::pinhole::gpu::probe::GpuProbe;
 use crate::pinhole::{GatherUniforms, PinholeSample};
 
-const ALL: [Shader; 8] =
-    [FILTER_PROBE, GATHER, IRRADIANCE_ESTIMATE, LIGHT_BOUNDS, RECEIVER_BLOCKS, REFINE, RESOLVE, TRACE_MAPS];
+const ALL: [Shader; 12] = [
+    FILTER_PROBE,
+    GATHER,
+    IRRADIANCE_ESTIMATE,
+    LIGHT_BOUNDS,
+    PREVIEW_DISPLAY,
+    PREVIEW_LIGHT,
+    PREVIEW_SHADING,
+    PREVIEW_VIEWS,
+    RECEIVER_BLOCKS,
+    REFINE,
+    RESOLVE,
+    TRACE_MAPS,
+];
 
 fn parse(shader: Shader) -> Result<Module, String> {
     let (name, source) = (shader.name, shader.resolve());
@@ -112,6 +125,10 @@ fn rust_structs() -> BTreeMap<&'static str, Layout> {
         ("MapUniforms", layout!(MapUniforms { first_map, resolution, bisections })),
         ("Material", layout!(Material { albedo, kind, specular, width, table })),
         ("PinholeSample", pinhole_sample()),
+        ("LightDirection", layout!(PackedDirection { direction, radiance })),
+        ("PreviewEmitter", layout!(PreviewEmitter { radiance })),
+        ("PreviewObject", layout!(PreviewObject { albedo, flags, mirror_albedo, alpha, radiance })),
+        ("PreviewUniforms", preview_uniforms()),
         ("Probe", layout!(GpuProbe { direction, side_1, side_2 })),
         ("RayUniforms", layout!(RayUniforms { node_count, offset })),
         ("SampleNode", sample_node()),
@@ -134,6 +151,34 @@ fn gather_uniforms() -> Layout {
         map_resolution,
         rotation_cos,
         rotation_sin,
+    })
+}
+
+fn preview_uniforms() -> Layout {
+    layout!(PreviewUniforms {
+        camera_position,
+        half_height,
+        camera_forward,
+        is_perspective,
+        camera_right,
+        spacing,
+        camera_up,
+        direction_count,
+        light_centre,
+        has_emitters,
+        size,
+        rotation,
+        intensity,
+        background_intensity,
+        environment_scale,
+        background_scale,
+        irradiance_scale,
+        texel_rad,
+        caustic_gain,
+        is_plain,
+        exposure,
+        background_exposure,
+        exposure_flags,
     })
 }
 
@@ -195,6 +240,10 @@ fn every_struct_in_a_buffer_is_laid_out_as_in_rust() {
     let mut seen = Vec::new();
     for shader in ALL {
         for (name, layout) in structs_in_buffers(shader) {
+            if let Some(size) = size_of_pixels(&name) {
+                assert_eq!(u64::from(layout.size), size, "{name}");
+                continue;
+            }
             if name == "Block" {
                 // Rust knows only how large it is.
                 assert_eq!(u64::from(layout.size), BLOCK_BYTES);
@@ -210,6 +259,12 @@ fn every_struct_in_a_buffer_is_laid_out_as_in_rust() {
     for name in in_rust.keys() {
         assert!(seen.iter().any(|seen| seen == name), "no shader has a struct {name}");
     }
+}
+
+/// What pixels of previews see, of which Rust knows only how large it is.
+fn size_of_pixels(name: &str) -> Option<u64> {
+    let names = ["SurfacePoint", "Escape", "FirstSurface"];
+    Some(PIXEL_BYTES[names.iter().position(|known| *known == name)?])
 }
 
 /// Elements of arrays have to be as large as well.

@@ -1,0 +1,106 @@
+// What each pixel of a preview sees: a surface, what a mirror on it shows, or the environment. CPU twin: src/engine/preview/views.rs.
+
+#import preview
+#import hits
+
+// An object's surface.
+struct PreviewObject {
+    // Albedo of the side that does not mirror, and of the side that does.
+    albedo: vec3f,
+    // 1: the front mirrors; 2: the back; then IS_RECEIVER, IS_EMITTER.
+    flags: u32,
+    mirror_albedo: vec3f,
+    // GGX width of the mirror.
+    alpha: f32,
+    // Of an emitter.
+    radiance: vec3f,
+}
+
+const IS_RECEIVER: u32 = 4u;
+const IS_EMITTER: u32 = 8u;
+// Mirrors along a path, at most.
+const MAX_MIRRORS: u32 = 3u;
+// Cosine between a mirrored direction and the normal of the triangle that it leaves, at least.
+const MIN_HEIGHT: f32 = 1e-3;
+const INVERSE_PI: f32 = 0.31830989;
+
+@group(0) @binding(0) var<uniform> preview: PreviewUniforms;
+@group(0) @binding(1) var<storage, read> objects: array<PreviewObject>;
+// Reflectance by the cosine of the angle of incidence, CURVE_POINTS for each object.
+@group(0) @binding(2) var<storage, read> curves: array<vec4f>;
+@group(0) @binding(3) var<storage, read_write> surfaces: array<SurfacePoint>;
+@group(0) @binding(4) var<storage, read_write> mirrored: array<SurfacePoint>;
+@group(0) @binding(5) var<storage, read_write> escapes: array<Escape>;
+@group(0) @binding(6) var<storage, read_write> first: array<FirstSurface>;
+
+@compute @workgroup_size(8, 8)
+fn trace_views(@builtin(global_invocation_id) id: vec3u) {
+    if any(id.xy >= preview.size) {
+        return;
+    }
+    let pixel = pixel_index(id.xy);
+    var ray = camera_ray(vec2f(id.xy) + 0.5);
+    var own = SurfacePoint(vec3f(0.0), NO_OBJECT, vec3f(0.0), 0u, vec3f(0.0), 0u);
+    var behind = own;
+    var escape = Escape(vec3f(0.0), 0u, vec3f(0.0), NO_ESCAPE);
+    first[pixel] = FirstSurface(vec3f(0.0), NO_OBJECT);
+    var throughput = vec3f(1.0);
+    var alpha = 0.0;
+    var path = 0u;
+    for (var mirror = 0u; mirror <= MAX_MIRRORS; mirror++) {
+        let met = trace_some(
+            free_ray(ray.origin), ray.direction, select(ray_uniforms.offset, 0.0, mirror == 0u), 3e38, false,
+            select(MEETS_FOR_LIGHT, MEETS_FOR_CAMERA, mirror == 0u),
+        );
+        if met.triangle == NO_TRIANGLE {
+            escape = Escape(ray.direction, path, throughput, alpha);
+            break;
+        }
+        let hit = describe(met, ray.direction);
+        if mirror == 0u {
+            first[pixel] = FirstSurface(hit.normal, 2u * hit.object + select(0u, 1u, hit.is_front));
+        }
+        let object = objects[hit.object];
+        if (object.flags & IS_EMITTER) != 0u {
+            escape = Escape(ray.direction, path, throughput * object.radiance, EMITTED);
+            break;
+        }
+        let mirrors = preview.is_plain == 0u && (object.flags & select(2u, 1u, hit.is_front)) != 0u;
+        let albedo = select(object.albedo, object.mirror_albedo, mirrors);
+        if any(albedo > vec3f(0.0)) {
+            let receives = preview.is_plain == 0u && (object.flags & IS_RECEIVER) != 0u;
+            let flags = select(0u, IS_FRONT, hit.is_front) | select(0u, RECEIVES, receives);
+            let point =
+                SurfacePoint(hit.position, hit.object, hit.normal, path, throughput * albedo * INVERSE_PI, flags);
+            if path == 0u {
+                own = point;
+            } else if behind.object == NO_OBJECT {
+                behind = point;
+            }
+        }
+        if !mirrors {
+            break;
+        }
+        throughput *= reflectance(hit.object, abs(dot(ray.direction, hit.normal)));
+        alpha = max(alpha, object.alpha);
+        path = path * 1000003u + hit.object + 1u;
+        ray = Ray(hit.position, mirrored_direction(hit, ray.direction));
+    }
+    surfaces[pixel] = own;
+    mirrored[pixel] = behind;
+    escapes[pixel] = escape;
+}
+
+fn reflectance(object: u32, cosine: f32) -> vec3f {
+    let place = min(cosine, 1.0) * f32(CURVE_POINTS - 1u);
+    let step = min(u32(place), CURVE_POINTS - 2u);
+    let start = object * CURVE_POINTS + step;
+    return mix(curves[start].rgb, curves[start + 1u].rgb, place - f32(step));
+}
+
+// The unit direction in which a mirror reflects a ray, outwards: an interpolated normal may reflect into the triangle.
+fn mirrored_direction(hit: Hit, direction: vec3f) -> vec3f {
+    let mirrored = normalize(reflect(direction, hit.normal));
+    let height = dot(mirrored, hit.face_normal);
+    return normalize(mirrored + max(MIN_HEIGHT - height, 0.0) * hit.face_normal);
+}

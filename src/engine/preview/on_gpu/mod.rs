@@ -1,0 +1,353 @@
+//! Previews on a GPU: from the scene's triangles to the picture in passes of one submission, without reading anything back in between.
+//!
+//! ```text
+//! trace_views ─► own light, light in mirrors: nodes ─► gather ─► between ─► gather ─► shade ─► meter ─► display ─► smooth_edges
+//! ```
+//!
+//! CPU twin: the rest of `preview`. Shaders: `shaders/preview_*.wgsl`.
+
+mod kept;
+pub(crate) mod layout;
+mod pipelines;
+mod targets;
+
+use std::fmt;
+use std::sync::Arc;
+
+use glam::Vec3;
+use wgpu::{BindingResource, BufferUsages};
+
+use self::kept::KeptBuffer;
+use self::layout::{
+    Cubes, PackedDirection, PreviewEmitter, PreviewObject, PreviewUniforms, background_cube, reflectance_curves,
+};
+use self::pipelines::Pipelines;
+use self::targets::Targets;
+pub(super) use self::targets::fits;
+use crate::Error;
+use crate::backend::SharedGpu;
+use crate::engine::direct::DirectLight;
+use crate::environment::{CubeMap, Environment};
+use crate::gpu::GpuError;
+use crate::image::Image;
+use crate::options::{Exposures, Options};
+use crate::pinhole::gpu::pipeline::bind;
+use crate::pinhole::gpu::{EnvironmentCube, Frame, Geometry};
+use crate::progress::{Progress, Stage};
+use crate::scene::Scene;
+use crate::stages::{Id, Memo, PreparedLight, PreparedScene};
+use crate::technique::Sum;
+
+/// Edge of the workgroups of all passes over pixels.
+const WORKGROUP_EDGE: u32 = 8;
+
+/// What a preview is rendered from.
+pub(super) struct PreviewInputs<'a> {
+    pub scene: &'a Scene,
+    pub prepared: &'a PreparedScene,
+    pub geometry: &'a Geometry,
+    pub options: &'a Options,
+    pub light: &'a PreparedLight,
+    pub direct: &'a DirectLight<'a>,
+    pub sum: Option<&'a Arc<dyn Sum>>,
+    /// Pixels from node to node.
+    pub spacing: u32,
+    pub progress: &'a dyn Progress,
+}
+
+/// The passes of previews on one device, and what is kept from frame to frame.
+pub(super) struct PreviewOnGpu {
+    shared: Arc<SharedGpu>,
+    pipelines: Pipelines,
+    environment: Memo<Id<Environment>, EnvironmentCube>,
+    background: Memo<Id<Environment>, EnvironmentCube>,
+    irradiance: Memo<Id<CubeMap>, EnvironmentCube>,
+    uniforms: KeptBuffer,
+    objects: KeptBuffer,
+    curves: KeptBuffer,
+    emitters: KeptBuffer,
+    directions: KeptBuffer,
+    targets: Option<Targets>,
+    /// Of the sum that was used last, for the receivers of these targets.
+    gather: Option<(Id<dyn Sum>, Vec<Frame>)>,
+}
+
+impl fmt::Debug for PreviewOnGpu {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "PreviewOnGpu({})", self.shared.gpu.adapter)
+    }
+}
+
+impl PreviewOnGpu {
+    pub fn new(shared: &Arc<SharedGpu>) -> Self {
+        let storage = |label| KeptBuffer::new(label, BufferUsages::STORAGE);
+        Self {
+            shared: shared.clone(),
+            pipelines: Pipelines::new(&shared.gpu.device),
+            environment: Memo::new(Stage::Upload),
+            background: Memo::new(Stage::Upload),
+            irradiance: Memo::new(Stage::Upload),
+            uniforms: KeptBuffer::new("preview", BufferUsages::UNIFORM),
+            objects: storage("objects"),
+            curves: storage("reflectance"),
+            emitters: storage("emitters"),
+            directions: storage("shadow rays"),
+            targets: None,
+            gather: None,
+        }
+    }
+
+    /// Renders a preview into a texture on the device.
+    pub fn render(&mut self, inputs: &PreviewInputs) -> Result<(), GpuError> {
+        self.make_targets(inputs)?;
+        let [environment, background, irradiance] = self.cubes(inputs)?;
+        let cubes = Cubes { environment: &environment, background: &background, irradiance: &irradiance };
+        let buffers = self.buffers(inputs, cubes);
+        let Some(targets) = &self.targets else { return Ok(()) };
+        let passes =
+            Passes { device: &self.shared.gpu.device, pipelines: &self.pipelines, targets, inputs, cubes, buffers };
+        let frames = self.gather.as_mut().map_or(&mut [][..], |(_, frames)| &mut frames[..]);
+        let mut encoder = self.shared.gpu.device.create_command_encoder(&Default::default());
+        passes.record(&mut encoder, frames);
+        self.shared.gpu.queue.submit([encoder.finish()]);
+        self.shared.gpu.check()
+    }
+
+    /// Reads back the picture that was rendered last, and its exposures.
+    pub async fn read(&self) -> Result<Option<(Image, Exposures)>, Error> {
+        let Some(targets) = &self.targets else { return Ok(None) };
+        let gpu = &self.shared.gpu;
+        let (texels, exposures) = (gpu.read_texture(&targets.picture), gpu.read_buffer(&targets.exposures, 8));
+        let pixels = texels.await?.into_iter().map(|[r, g, b, _]| Vec3::new(r, g, b)).collect();
+        let [exposure_ev, background_exposure_ev] = bytemuck::pod_read_unaligned(&exposures.await?);
+        let [width, height] = targets.size;
+        Ok(Some((Image { width, height, pixels }, Exposures { exposure_ev, background_exposure_ev })))
+    }
+
+    fn make_targets(&mut self, inputs: &PreviewInputs) -> Result<(), GpuError> {
+        let (size, spacing) = (inputs.options.size, inputs.spacing);
+        if self.targets.as_ref().is_none_or(|targets| (targets.size, targets.spacing) != (size, spacing)) {
+            self.gather = None;
+            self.targets = Some(Targets::new(&self.shared.gpu.device, size, spacing));
+        }
+        let (Some(sum), Some(targets)) = (inputs.sum, &self.targets) else {
+            self.gather = None;
+            return Ok(());
+        };
+        if self.gather.as_ref().is_none_or(|(known, _)| *known != Id::of(sum)) {
+            let frame = |receivers: &targets::ReceiverTextures| {
+                sum.on_gpu().map(|sum| sum.frame([&receivers.positions, &receivers.normals], receivers.size))
+            };
+            let frames = targets.receivers.iter().filter_map(frame).collect::<Result<Vec<_>, _>>()?;
+            self.gather = Some((Id::of(sum), frames));
+        }
+        Ok(())
+    }
+
+    fn cubes(&mut self, inputs: &PreviewInputs) -> Result<[Arc<EnvironmentCube>; 3], GpuError> {
+        let PreviewInputs { light, progress, .. } = inputs;
+        let gpu = &self.shared.gpu;
+        let upload = |cube: &CubeMap| EnvironmentCube::upload(&gpu.device, &gpu.queue, cube);
+        let of_sum = inputs.sum.and_then(|sum| Some(sum.on_gpu()?.environment().clone()));
+        let environment = match of_sum {
+            Some(known) => known,
+            None => {
+                let key = Id::of(&light.environment);
+                self.environment.try_get(key, *progress, || upload(&light.environment.cube))?
+            }
+        };
+        let key = Id::of(&light.background);
+        let background = self.background.try_get(key, *progress, || upload(&background_cube(light)))?;
+        let unoccluded = inputs.direct.unoccluded();
+        let irradiance = self.irradiance.try_get(Id::of(unoccluded), *progress, || upload(unoccluded))?;
+        Ok([environment, background, irradiance])
+    }
+
+    fn buffers(&mut self, inputs: &PreviewInputs, cubes: Cubes) -> Buffers {
+        let (device, queue) = (&self.shared.gpu.device, &self.shared.gpu.queue);
+        let PreviewInputs { scene, prepared, options, light, .. } = inputs;
+        let directions = PackedDirection::all(inputs.direct);
+        let centre = prepared.light_geometry.as_ref().map(|geometry| geometry.centre());
+        let of_frame = (inputs.spacing, directions.len());
+        let uniforms = PreviewUniforms::new(scene, options, light, centre, cubes, of_frame);
+        let objects: Vec<_> = scene.objects.iter().map(|o| PreviewObject::new(o, options.plain_diffuse)).collect();
+        let emitters: Vec<_> = scene.objects.iter().map(PreviewEmitter::of).collect();
+        let curves = reflectance_curves(&prepared.materials);
+        Buffers {
+            uniforms: self.uniforms.with(device, queue, bytemuck::bytes_of(&uniforms)),
+            objects: self.objects.with(device, queue, bytemuck::cast_slice(&objects)),
+            curves: self.curves.with(device, queue, bytemuck::cast_slice(&curves)),
+            emitters: self.emitters.with(device, queue, bytemuck::cast_slice(&emitters)),
+            directions: self.directions.with(device, queue, bytemuck::cast_slice(&directions)),
+        }
+    }
+}
+
+/// What the passes read, beside targets.
+struct Buffers {
+    uniforms: wgpu::Buffer,
+    objects: wgpu::Buffer,
+    curves: wgpu::Buffer,
+    emitters: wgpu::Buffer,
+    directions: wgpu::Buffer,
+}
+
+/// The passes of one preview.
+struct Passes<'a> {
+    device: &'a wgpu::Device,
+    pipelines: &'a Pipelines,
+    targets: &'a Targets,
+    inputs: &'a PreviewInputs<'a>,
+    cubes: Cubes<'a>,
+    buffers: Buffers,
+}
+
+/// The points of one kind, and the light there.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Layer {
+    Own,
+    InMirrors,
+}
+
+impl Passes<'_> {
+    fn record(&self, encoder: &mut wgpu::CommandEncoder, frames: &mut [Frame]) {
+        let views = self.bind_views();
+        self.over(
+            encoder,
+            &[&self.pipelines.trace_views],
+            self.targets.size,
+            [&views, &self.nothing(), &self.nothing()],
+        );
+        self.light(encoder, Layer::Own, frames);
+        self.light(encoder, Layer::InMirrors, frames);
+        encoder.clear_buffer(&self.targets.histogram, 0, None);
+        let (shading, display) = (self.bind_shading(), self.bind_display());
+        let (size, nothing) = (self.targets.size, self.nothing());
+        let Pipelines { shade, meter, display: tone_map, smooth_edges, .. } = self.pipelines;
+        self.over(encoder, &[shade], size, [&shading, &nothing, &nothing]);
+        self.over(encoder, &[meter], [1, 1], [&display, &nothing, &nothing]);
+        self.over(encoder, &[tone_map, smooth_edges], size, [&display, &nothing, &nothing]);
+    }
+
+    /// The light on the points of a layer.
+    fn light(&self, encoder: &mut wgpu::CommandEncoder, layer: Layer, frames: &mut [Frame]) {
+        let Pipelines { begin, begin_behind_mirrors, light_nodes, light_between, .. } = self.pipelines;
+        let begin = if layer == Layer::Own { begin } else { begin_behind_mirrors };
+        let (light, own) = (self.bind_light(layer), self.bind_own(layer));
+        let add = [&self.pipelines.add_caustic_at_nodes, &self.pipelines.add_caustic_between];
+        let (size, nodes) = (self.targets.size, self.targets.receivers[0].size);
+        for (grid, receivers) in self.targets.receivers.iter().enumerate() {
+            let mut frame = frames.get_mut(grid);
+            let gather = self.bind_gather(receivers, frame.as_deref());
+            let groups = [&light, &own, &gather];
+            if grid == 0 {
+                self.over(encoder, &[begin], size, groups);
+                self.over(encoder, &[light_nodes], nodes, groups);
+            } else {
+                self.over(encoder, &[light_between], size, groups);
+            }
+            if let Some(frame) = &mut frame {
+                frame.restart();
+                frame.record(encoder, 0..frame.batch_count());
+                self.over(encoder, &[add[grid]], receivers.size, groups);
+            }
+        }
+    }
+
+    /// Records passes over so many pixels.
+    fn over(
+        &self,
+        encoder: &mut wgpu::CommandEncoder,
+        pipelines: &[&wgpu::ComputePipeline],
+        size: [u32; 2],
+        groups: [&wgpu::BindGroup; 3],
+    ) {
+        let rays = bind(self.device, &self.pipelines.layouts.rays, &self.inputs.geometry.bindings());
+        let mut pass =
+            encoder.begin_compute_pass(&wgpu::ComputePassDescriptor { label: Some("preview"), ..Default::default() });
+        for (index, group) in groups.into_iter().chain([&rays]).enumerate() {
+            pass.set_bind_group(index as u32, group, &[]);
+        }
+        let [x, y] = size.map(|edge| edge.div_ceil(WORKGROUP_EDGE));
+        for pipeline in pipelines {
+            pass.set_pipeline(pipeline);
+            pass.dispatch_workgroups(x, y, 1);
+        }
+    }
+
+    fn nothing(&self) -> wgpu::BindGroup {
+        bind(self.device, &self.pipelines.layouts.nothing, &[])
+    }
+
+    fn bind_views(&self) -> wgpu::BindGroup {
+        let (Buffers { uniforms, objects, curves, .. }, targets) = (&self.buffers, self.targets);
+        let Targets { surfaces, mirrored, escapes, first, .. } = targets;
+        self.bind_buffers(
+            &self.pipelines.layouts.views,
+            &[uniforms, objects, curves, surfaces, mirrored, escapes, first],
+        )
+    }
+
+    fn bind_light(&self, layer: Layer) -> wgpu::BindGroup {
+        let [points, light] = self.of_layer(layer);
+        let resources = [
+            self.buffers.uniforms.as_entire_binding(),
+            points.as_entire_binding(),
+            light.as_entire_binding(),
+            self.buffers.directions.as_entire_binding(),
+            BindingResource::TextureView(self.cubes.irradiance.view()),
+            BindingResource::Sampler(&self.pipelines.trilinear),
+        ];
+        bind(self.device, &self.pipelines.layouts.light, &resources)
+    }
+
+    /// What the camera sees directly is known when points in mirrors are lit; before that, nothing is.
+    fn bind_own(&self, layer: Layer) -> wgpu::BindGroup {
+        let other = if layer == Layer::Own { Layer::InMirrors } else { Layer::Own };
+        self.bind_buffers(&self.pipelines.layouts.own, &self.of_layer(other))
+    }
+
+    fn of_layer(&self, layer: Layer) -> [&wgpu::Buffer; 2] {
+        match layer {
+            Layer::Own => [&self.targets.surfaces, &self.targets.own_light],
+            Layer::InMirrors => [&self.targets.mirrored, &self.targets.mirrored_light],
+        }
+    }
+
+    fn bind_gather(&self, receivers: &targets::ReceiverTextures, frame: Option<&Frame>) -> wgpu::BindGroup {
+        let targets::ReceiverTextures { positions, normals, .. } = receivers;
+        // Without caustics, what is bound in their place is not read.
+        let unused = self.targets.picture.create_view(&Default::default());
+        let caustic = frame.map_or(&unused, Frame::complete);
+        let resources = [positions, normals, caustic].map(BindingResource::TextureView);
+        bind(self.device, &self.pipelines.layouts.gather, &resources)
+    }
+
+    fn bind_shading(&self) -> wgpu::BindGroup {
+        let Targets { surfaces, mirrored, escapes, own_light, mirrored_light, shaded, histogram, .. } = self.targets;
+        let buffers = [&self.buffers.uniforms, surfaces, mirrored, escapes, own_light, mirrored_light, shaded];
+        let mut resources: Vec<_> = buffers.iter().map(|buffer| buffer.as_entire_binding()).collect();
+        resources.extend([
+            BindingResource::TextureView(self.cubes.environment.view()),
+            BindingResource::TextureView(self.cubes.background.view()),
+            BindingResource::Sampler(&self.pipelines.trilinear),
+            self.buffers.emitters.as_entire_binding(),
+            histogram.as_entire_binding(),
+        ]);
+        bind(self.device, &self.pipelines.layouts.shading, &resources)
+    }
+
+    fn bind_display(&self) -> wgpu::BindGroup {
+        let Targets { shaded, first, histogram, exposures, colours, picture, .. } = self.targets;
+        let buffers = [&self.buffers.uniforms, shaded, first, histogram, exposures, colours];
+        let mut resources: Vec<_> = buffers.iter().map(|buffer| buffer.as_entire_binding()).collect();
+        let picture = picture.create_view(&Default::default());
+        resources.push(BindingResource::TextureView(&picture));
+        bind(self.device, &self.pipelines.layouts.display, &resources)
+    }
+
+    fn bind_buffers(&self, layout: &wgpu::BindGroupLayout, buffers: &[&wgpu::Buffer]) -> wgpu::BindGroup {
+        let resources: Vec<_> = buffers.iter().map(|buffer| buffer.as_entire_binding()).collect();
+        bind(self.device, layout, &resources)
+    }
+}

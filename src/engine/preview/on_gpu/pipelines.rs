@@ -1,0 +1,140 @@
+//! Layouts and pipelines of a preview's passes.
+
+use wgpu::{BindGroupLayout, BindGroupLayoutEntry, ShaderStages, TextureFormat};
+
+use crate::pinhole::gpu::pipeline::{
+    compute_pipeline, cube, layout, linear_sampler, sampler, seen_by, storage, texture, uniform, writable, written,
+};
+use crate::pinhole::gpu::ray_entries;
+use crate::pinhole::gpu::shaders::{PREVIEW_DISPLAY, PREVIEW_LIGHT, PREVIEW_SHADING, PREVIEW_VIEWS, Shader};
+
+/// The group of each shader's own buffers and, for light, those of what the camera sees directly and of the gather.
+#[derive(Debug)]
+pub(super) struct Layouts {
+    pub views: BindGroupLayout,
+    pub light: BindGroupLayout,
+    pub own: BindGroupLayout,
+    pub gather: BindGroupLayout,
+    pub shading: BindGroupLayout,
+    pub display: BindGroupLayout,
+    pub nothing: BindGroupLayout,
+    pub rays: BindGroupLayout,
+}
+
+#[derive(Debug)]
+pub(super) struct Pipelines {
+    pub trace_views: wgpu::ComputePipeline,
+    pub begin: wgpu::ComputePipeline,
+    pub begin_behind_mirrors: wgpu::ComputePipeline,
+    pub light_nodes: wgpu::ComputePipeline,
+    pub add_caustic_at_nodes: wgpu::ComputePipeline,
+    pub light_between: wgpu::ComputePipeline,
+    pub add_caustic_between: wgpu::ComputePipeline,
+    pub shade: wgpu::ComputePipeline,
+    pub meter: wgpu::ComputePipeline,
+    pub display: wgpu::ComputePipeline,
+    pub smooth_edges: wgpu::ComputePipeline,
+    pub layouts: Layouts,
+    pub trilinear: wgpu::Sampler,
+}
+
+impl Layouts {
+    fn new(device: &wgpu::Device) -> Self {
+        let of = |label, entries: &[BindGroupLayoutEntry]| {
+            let entries: Vec<_> = entries.iter().map(|entry| seen_by(ShaderStages::COMPUTE, *entry)).collect();
+            layout(device, label, &entries)
+        };
+        let picture = |binding| written(binding, TextureFormat::Rgba32Float);
+        Self {
+            views: of(
+                "views",
+                &[uniform(0), storage(1), storage(2), writable(3), writable(4), writable(5), writable(6)],
+            ),
+            light: of("light", &[uniform(0), storage(1), writable(2), storage(3), cube(4), sampler(5)]),
+            own: of("seen directly", &[storage(0), storage(1)]),
+            gather: of("gather", &[picture(0), picture(1), texture(2)]),
+            shading: of(
+                "shading",
+                &[
+                    uniform(0),
+                    storage(1),
+                    storage(2),
+                    storage(3),
+                    storage(4),
+                    storage(5),
+                    writable(6),
+                    cube(7),
+                    cube(8),
+                    sampler(9),
+                    storage(10),
+                    writable(11),
+                ],
+            ),
+            display: of(
+                "display",
+                &[uniform(0), storage(1), storage(2), storage(3), writable(4), writable(5), picture(6)],
+            ),
+            nothing: of("nothing", &[]),
+            rays: of("rays", &ray_entries(ShaderStages::COMPUTE)),
+        }
+    }
+}
+
+impl Pipelines {
+    pub fn new(device: &wgpu::Device) -> Self {
+        let layouts = Layouts::new(device);
+        let none = &layouts.nothing;
+        let [trace_views] =
+            compile(device, PREVIEW_VIEWS, [&layouts.views, none, none, &layouts.rays], ["trace_views"]);
+        let of_light = [&layouts.light, &layouts.own, &layouts.gather, &layouts.rays];
+        let [begin, begin_behind_mirrors, light_nodes, add_caustic_at_nodes, light_between, add_caustic_between] =
+            compile(
+                device,
+                PREVIEW_LIGHT,
+                of_light,
+                [
+                    "begin",
+                    "begin_behind_mirrors",
+                    "light_nodes",
+                    "add_caustic_at_nodes",
+                    "light_between",
+                    "add_caustic_between",
+                ],
+            );
+        let [shade] = compile(device, PREVIEW_SHADING, [&layouts.shading, none, none, &layouts.rays], ["shade"]);
+        let of_display = [&layouts.display, none, none, &layouts.rays];
+        let [meter, display, smooth_edges] =
+            compile(device, PREVIEW_DISPLAY, of_display, ["meter", "display", "smooth_edges"]);
+        Self {
+            trace_views,
+            begin,
+            begin_behind_mirrors,
+            light_nodes,
+            add_caustic_at_nodes,
+            light_between,
+            add_caustic_between,
+            shade,
+            meter,
+            display,
+            smooth_edges,
+            trilinear: linear_sampler(device, 1),
+            layouts,
+        }
+    }
+}
+
+/// The pipelines of a shader's entry points.
+fn compile<const N: usize>(
+    device: &wgpu::Device,
+    shader: Shader,
+    groups: [&BindGroupLayout; 4],
+    entries: [&str; N],
+) -> [wgpu::ComputePipeline; N] {
+    let pipeline_layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+        label: Some(shader.name),
+        bind_group_layouts: &groups.map(Some),
+        immediate_size: 0,
+    });
+    let module = shader.module(device);
+    entries.map(|entry| compute_pipeline(device, &pipeline_layout, &module, entry, &[]))
+}
