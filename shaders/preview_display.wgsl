@@ -11,7 +11,9 @@
 // Stops: of surfaces, of the background.
 @group(0) @binding(4) var<storage, read_write> exposures: array<f32, 2>;
 @group(0) @binding(5) var<storage, read_write> colours: array<vec4f>;
+// Display-linear, and encoded as sRGB.
 @group(0) @binding(6) var picture: texture_storage_2d<rgba32float, write>;
+@group(0) @binding(7) var shown: texture_storage_2d<rgba8unorm, write>;
 
 // Display-linear luminance that metering gives to the middle tone of a picture.
 const MIDDLE_GREY: f32 = 0.22;
@@ -124,6 +126,12 @@ fn smooth_edges(@builtin(global_invocation_id) id: vec3u) {
         }
     }
     textureStore(picture, id.xy, colour);
+    textureStore(shown, id.xy, vec4f(encoded(colour.rgb), 1.0));
+}
+
+fn encoded(colour: vec3f) -> vec3f {
+    let c = clamp(colour, vec3f(0.0), vec3f(1.0));
+    return select(1.055 * pow(c, vec3f(1.0 / 2.4)) - 0.055, 12.92 * c, c <= vec3f(0.0031308));
 }
 
 fn is_like(a: FirstSurface, b: FirstSurface, min_cosine: f32) -> bool {

@@ -70,7 +70,10 @@ pub async fn adapters() -> Vec<Adapter> {
     enumerate().await.iter().map(Adapter::of).collect()
 }
 
-/// A device of our own, for the command line and for tests.
+/// What makes a device more exact and faster.
+const WANTED_FEATURES: wgpu::Features = wgpu::Features::FLOAT32_FILTERABLE.union(wgpu::Features::FLOAT32_BLENDABLE);
+
+/// A device, and what went wrong with it.
 #[derive(Debug)]
 pub struct Gpu {
     /// The adapter it runs on.
@@ -119,8 +122,7 @@ impl Gpu {
     }
 
     async fn from_adapter(adapter: &wgpu::Adapter) -> Result<Self, GpuError> {
-        let wanted = wgpu::Features::FLOAT32_FILTERABLE | wgpu::Features::FLOAT32_BLENDABLE;
-        Self::request(adapter, adapter.features() & wanted, adapter.limits()).await
+        Self::request(adapter, adapter.features() & WANTED_FEATURES, adapter.limits()).await
     }
 
     async fn request(
@@ -128,13 +130,29 @@ impl Gpu {
         required_features: wgpu::Features,
         required_limits: wgpu::Limits,
     ) -> Result<Self, GpuError> {
-        let summary = Adapter::of(adapter);
         let descriptor =
             wgpu::DeviceDescriptor { label: Some("pinspot"), required_features, required_limits, ..Default::default() };
         let (device, queue) = adapter
             .request_device(&descriptor)
             .await
-            .map_err(|e| GpuError::NoDevice { adapter: summary.name.clone(), reason: e.to_string() })?;
+            .map_err(|e| GpuError::NoDevice { adapter: adapter.get_info().name, reason: e.to_string() })?;
+        Ok(Self::of_device(adapter, device, queue))
+    }
+
+    /// What a device should be asked for to serve [`Self::of_device`] well: all limits of the adapter, and 32-bit textures that are
+    /// filtered and blended where it has them.
+    pub fn device_descriptor(adapter: &wgpu::Adapter) -> wgpu::DeviceDescriptor<'static> {
+        wgpu::DeviceDescriptor {
+            label: Some("pinspot"),
+            required_features: adapter.features() & WANTED_FEATURES,
+            required_limits: adapter.limits(),
+            ..Default::default()
+        }
+    }
+
+    /// A device that the program has for other purposes, too. Its callbacks for loss and errors become Pinspot's.
+    pub fn of_device(adapter: &wgpu::Adapter, device: wgpu::Device, queue: wgpu::Queue) -> Self {
+        let summary = Adapter::of(adapter);
         let failure = Arc::new(Mutex::new(None));
         let slot = failure.clone();
         device.set_device_lost_callback(move |_, message| keep_first(&slot, Failure::Lost(message)));
@@ -142,7 +160,7 @@ impl Gpu {
         device.on_uncaptured_error(Arc::new(move |error: wgpu::Error| {
             keep_first(&slot, Failure::Refused(error.to_string().replace('\n', " ")));
         }));
-        Ok(Self { adapter: summary, device, queue, failure })
+        Self { adapter: summary, device, queue, failure }
     }
 
     /// The first thing that went wrong since the device was opened.

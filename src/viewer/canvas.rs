@@ -3,7 +3,8 @@
 use std::time::{Duration, Instant};
 
 use eframe::egui;
-use egui::{Color32, Pos2, Rect, Sense, Stroke, TextureHandle, TextureOptions, Vec2 as UiVec2};
+use eframe::egui_wgpu::RenderState;
+use egui::{Color32, Pos2, Rect, Sense, Stroke, TextureHandle, TextureId, TextureOptions, Vec2 as UiVec2};
 use glam::Vec2;
 use rayon::prelude::*;
 
@@ -11,7 +12,7 @@ use super::Viewer;
 use super::gizmo::{self, Gizmo, Handle};
 use super::panel::named;
 use super::scene_text::differing_options;
-use super::worker::{Picture, Quality, Side};
+use super::worker::{Picture, Pixels, Quality, Side};
 use crate::Mark;
 use crate::image::{Image, srgb8};
 use crate::options::{Options, Overlay};
@@ -24,12 +25,31 @@ const MAX_EDGE: u32 = 8192;
 /// The divider between two settings is taken hold of within this distance, points.
 const DIVIDER_REACH: f32 = 8.0;
 
+/// A picture as egui draws it.
+#[derive(Clone)]
+enum Drawn {
+    Uploaded(TextureHandle),
+    /// A texture of the worker's on the window's device.
+    OnDevice(TextureId),
+}
+
+impl Drawn {
+    fn id(&self) -> TextureId {
+        match self {
+            Self::Uploaded(texture) => texture.id(),
+            Self::OnDevice(id) => *id,
+        }
+    }
+}
+
 /// What one side shows.
 #[derive(Default)]
 struct SidePicture {
-    shown: Option<TextureHandle>,
+    shown: Option<Drawn>,
     /// Fades out under the one that is shown.
-    last: Option<TextureHandle>,
+    last: Option<Drawn>,
+    /// The texture into which previews are drawn on the window's device.
+    on_device: Option<(wgpu::TextureView, TextureId)>,
     fade_began: Option<Instant>,
     marks: Vec<Mark>,
 }
@@ -55,11 +75,15 @@ pub struct Canvas {
     size: [u32; 2],
     /// The user has moved the camera: its animation does not move it any more.
     pub holds_camera: bool,
+    /// The window's.
+    device: Option<RenderState>,
 }
 
-impl Default for Canvas {
-    fn default() -> Self {
+impl Canvas {
+    /// A canvas of a window with, or without, a device of its own.
+    pub fn new(device: Option<RenderState>) -> Self {
         Self {
+            device,
             current: SidePicture::default(),
             kept: SidePicture::default(),
             divider: 0.5,
@@ -76,15 +100,41 @@ impl SidePicture {
         self.fade_began.is_some_and(|began| began.elapsed() < FADE)
     }
 
-    fn set(&mut self, context: &egui::Context, picture: &Picture) {
-        let pixels = colour_image(&picture.image);
+    fn set(&mut self, context: &egui::Context, device: Option<&RenderState>, picture: &mut Picture) {
         std::mem::swap(&mut self.shown, &mut self.last);
-        match &mut self.shown {
-            Some(texture) => texture.set(pixels, TextureOptions::LINEAR),
-            None => self.shown = Some(context.load_texture("picture", pixels, TextureOptions::LINEAR)),
+        match (picture.pixels.take(), device) {
+            (Some(Pixels::Texture(view)), Some(device)) => self.shown = Some(self.registered(device, view)),
+            (Some(Pixels::Image(image)), _) => {
+                let pixels = colour_image(&image);
+                match &mut self.shown {
+                    Some(Drawn::Uploaded(texture)) => texture.set(pixels, TextureOptions::LINEAR),
+                    _ => {
+                        let texture = context.load_texture("picture", pixels, TextureOptions::LINEAR);
+                        self.shown = Some(Drawn::Uploaded(texture));
+                    }
+                }
+            }
+            _ => {}
         }
         self.fade_began = matches!(picture.quality, Quality::Refined(..)).then(Instant::now);
         self.marks.clone_from(&picture.marks);
+    }
+
+    /// A texture that egui can draw. Previews are drawn into the same one again and again.
+    fn registered(&mut self, device: &RenderState, view: wgpu::TextureView) -> Drawn {
+        let mut renderer = device.renderer.write();
+        let linear = wgpu::FilterMode::Linear;
+        let id = match self.on_device.take() {
+            Some((known, id)) => {
+                if known != view {
+                    renderer.update_egui_texture_from_wgpu_texture(&device.device, &view, linear, id);
+                }
+                id
+            }
+            None => renderer.register_native_texture(&device.device, &view, linear),
+        };
+        self.on_device = Some((view, id));
+        Drawn::OnDevice(id)
     }
 
     fn paint(&self, painter: &egui::Painter, area: Rect) {
@@ -126,11 +176,9 @@ impl Canvas {
     }
 
     /// Shows a picture. Refined ones fade in.
-    pub fn set_picture(&mut self, context: &egui::Context, picture: &Picture) {
-        match picture.side {
-            Side::Current => self.current.set(context, picture),
-            Side::Kept => self.kept.set(context, picture),
-        }
+    pub fn set_picture(&mut self, context: &egui::Context, picture: &mut Picture) {
+        let side = if picture.side == Side::Current { &mut self.current } else { &mut self.kept };
+        side.set(context, self.device.as_ref(), picture);
     }
 
     /// Where the divider is, as a fraction of the width.

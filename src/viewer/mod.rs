@@ -36,7 +36,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Instant;
 
-use eframe::egui;
+use eframe::{egui, egui_wgpu};
 use glam::Vec3;
 
 use self::canvas::Canvas;
@@ -87,14 +87,20 @@ pub(crate) struct Viewer {
 }
 
 impl Viewer {
-    pub fn new(document: Document, choice: BackendChoice, context: egui::Context) -> Self {
+    /// With `device`, the window's own, previews can stay on it.
+    pub fn new(
+        document: Document,
+        choice: BackendChoice,
+        context: egui::Context,
+        device: Option<egui_wgpu::RenderState>,
+    ) -> Self {
         let repaint = Arc::new(move || context.request_repaint());
         let wake = repaint.clone();
         let mut viewer = Self {
-            worker: Worker::start(choice, move || wake()),
+            worker: Worker::start(choice, device.as_ref().and_then(window::shared_device), move || wake()),
             loader: Loader::new(move || repaint()),
             clock: Clock::default(),
-            canvas: Canvas::default(),
+            canvas: Canvas::new(device),
             notices: Notices::default(),
             target: Vec3::ZERO,
             selected: None,
@@ -207,9 +213,8 @@ impl Viewer {
                 Message::Backend(backend) => self.backend = backend,
                 Message::Picture(mut picture) => {
                     self.is_waiting &= picture.view != self.sent;
-                    self.canvas.set_picture(context, &picture);
+                    self.canvas.set_picture(context, &mut picture);
                     self.notices.set_rendering(None);
-                    picture.image.pixels = Vec::new();
                     match picture.side {
                         Side::Current => self.picture = Some(*picture),
                         Side::Kept => self.kept_picture = Some(*picture),

@@ -3,11 +3,12 @@
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError};
 
-use eframe::egui;
+use eframe::{egui, egui_wgpu};
 
 use super::document::Document;
 use super::{Viewer, loader};
 use crate::BackendChoice;
+use crate::gpu::Gpu;
 use crate::image::write_png;
 
 /// Why there is no window.
@@ -41,17 +42,51 @@ pub fn view(scene: Option<&str>, choice: BackendChoice, screenshot: Option<PathB
         .with_inner_size([1240.0, 760.0])
         .with_min_inner_size([320.0, 240.0])
         .with_drag_and_drop(true);
-    let options = eframe::NativeOptions { viewport, renderer: eframe::Renderer::Wgpu, ..Default::default() };
+    let mut options = eframe::NativeOptions { viewport, renderer: eframe::Renderer::Wgpu, ..Default::default() };
+    if let egui_wgpu::WgpuSetup::CreateNew(setup) = &mut options.wgpu_options.wgpu_setup {
+        ask_for_shared_device(setup, &choice);
+    }
     let failed = Arc::new(Mutex::new(None));
     let closing = screenshot.map(|path| ClosingScreenshot { path, failed: failed.clone(), is_taken: false });
     let open = move |context: &eframe::CreationContext<'_>| {
-        let viewer = Viewer::new(document, choice, context.egui_ctx.clone());
+        let viewer = Viewer::new(document, choice, context.egui_ctx.clone(), context.wgpu_render_state.clone());
         Ok(Box::new(Window { viewer, closing }) as Box<dyn eframe::App>)
     };
     check_display()?;
     eframe::run_native("pinspot", options, Box::new(open)).map_err(|e| ViewError::Window(e.to_string()))?;
     let failed = failed.lock().unwrap_or_else(PoisonError::into_inner).take();
     failed.map_or(Ok(()), |reason| Err(ViewError::Screenshot(reason)))
+}
+
+/// The window's device is to render previews, too: of the adapter that was asked for, and with what it can do.
+fn ask_for_shared_device(setup: &mut egui_wgpu::WgpuSetupCreateNew, choice: &BackendChoice) {
+    let for_window = setup.device_descriptor.clone();
+    setup.device_descriptor = Arc::new(move |adapter| {
+        if adapter.get_info().backend == wgpu::Backend::Gl {
+            for_window(adapter)
+        } else {
+            Gpu::device_descriptor(adapter)
+        }
+    });
+    if let BackendChoice::Gpu(Some(name)) = choice {
+        let name = name.to_lowercase();
+        setup.native_adapter_selector = Some(Arc::new(move |adapters, surface| {
+            let draws = |adapter: &&wgpu::Adapter| surface.is_none_or(|surface| adapter.is_surface_supported(surface));
+            let is_wanted = |adapter: &&wgpu::Adapter| adapter.get_info().name.to_lowercase().contains(&name);
+            let usable = || adapters.iter().filter(draws);
+            usable()
+                .find(is_wanted)
+                .or_else(|| usable().next())
+                .cloned()
+                .ok_or_else(|| "no adapter draws on it".to_owned())
+        }));
+    }
+}
+
+/// The window's device for rendering; `None` if it can only draw windows.
+pub(super) fn shared_device(window: &egui_wgpu::RenderState) -> Option<Gpu> {
+    let draws_only = window.adapter.get_info().backend == wgpu::Backend::Gl;
+    (!draws_only).then(|| Gpu::of_device(&window.adapter, window.device.clone(), window.queue.clone()))
 }
 
 /// Refuses to open a window where there is nothing to show it on.

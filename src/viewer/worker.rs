@@ -13,6 +13,7 @@ use glam::Vec2;
 use super::jobs::{Job, JobProgress, run_job};
 use super::stopwatch::{StageSeconds, Stopwatch};
 use crate::blocking::wait;
+use crate::gpu::{Adapter, Gpu};
 use crate::image::{Aov, Image};
 use crate::options::{Evaluation, Exposures, Options, Overlay};
 use crate::scene::Scene;
@@ -63,8 +64,8 @@ pub struct Picture {
     /// The number of the view that it shows.
     pub view: u64,
     pub side: Side,
-    /// Display-linear.
-    pub image: Image,
+    /// Until they are shown.
+    pub pixels: Option<Pixels>,
     pub quality: Quality,
     pub exposures: Option<Exposures>,
     pub samples: usize,
@@ -74,6 +75,15 @@ pub struct Picture {
     pub seconds: f64,
     pub stages: StageSeconds,
     pub warnings: Vec<String>,
+}
+
+/// The pixels of a picture.
+#[derive(Clone, Debug)]
+pub enum Pixels {
+    /// Display-linear.
+    Image(Image),
+    /// On the window's own device, encoded as sRGB.
+    Texture(wgpu::TextureView),
 }
 
 /// What the worker tells the window.
@@ -120,13 +130,15 @@ pub struct Worker {
 }
 
 impl Worker {
-    /// Starts the thread. `wake` is called whenever there are messages.
-    pub fn start(choice: BackendChoice, wake: impl Fn() + Send + Sync + 'static) -> Self {
+    /// Starts the thread. `wake` is called whenever there are messages. Where the window's device suits the choice of a back end, it
+    /// renders, too.
+    pub fn start(choice: BackendChoice, window: Option<Gpu>, wake: impl Fn() + Send + Sync + 'static) -> Self {
         let shared = Arc::new(Shared::default());
         let (sender, messages) = channel();
         let of_thread = shared.clone();
         let thread = std::thread::spawn(move || {
-            Loop { shared: of_thread, sender, wake: Box::new(wake), choice, budget: Budget::new(0.05) }.run();
+            let (wake, budget) = (Box::new(wake), Budget::new(0.05));
+            Loop { shared: of_thread, sender, wake, choice, window, is_of_window: false, budget }.run();
         });
         Self { shared, messages, thread: Some(thread) }
     }
@@ -245,6 +257,10 @@ struct Loop {
     sender: Sender<Message>,
     wake: Box<dyn Fn() + Send + Sync>,
     choice: BackendChoice,
+    /// The window's device, until it is taken.
+    window: Option<Gpu>,
+    /// The back end is the window's device.
+    is_of_window: bool,
     budget: Budget,
 }
 
@@ -300,7 +316,7 @@ impl Loop {
     }
 
     /// Reports why the view cannot be shown. After a defect, and with a new device after the loss of one, everything is prepared again.
-    fn recover(&self, failure: &Failure, state: &mut RenderState) {
+    fn recover(&mut self, failure: &Failure, state: &mut RenderState) {
         state.refinement = Refinement::default();
         let number = state.view.as_ref().map_or(0, |view| view.number);
         self.send(Message::Failed(number, failure.to_string()));
@@ -309,22 +325,29 @@ impl Loop {
             Failure::Panic(_) => state.engines = Engines::default(),
             Failure::Error(_) => {
                 (state.engines, state.backend) = (Engines::default(), self.open());
-                let orders = &mut self.shared.orders();
-                orders.view = orders.view.take().or(state.view.clone());
+                let mut orders = self.shared.orders();
+                orders.view = orders.view.take().or_else(|| state.view.clone());
             }
         }
     }
 
-    fn open(&self) -> Backend {
-        let backend = match wait(None, Backend::open(&self.choice)) {
+    fn open(&mut self) -> Backend {
+        let of_window = self.window.take().filter(|gpu| suits(&gpu.adapter, &self.choice)).map(Backend::gpu);
+        self.is_of_window = of_window.is_some();
+        let backend = of_window.unwrap_or_else(|| self.open_another());
+        self.send(Message::Backend(backend.report().to_string()));
+        backend
+    }
+
+    /// A back end of its own.
+    fn open_another(&self) -> Backend {
+        match wait(None, Backend::open(&self.choice)) {
             Ok(backend) => backend,
             Err(error) => {
                 self.send(Message::Warning(format!("{error}; the CPU renders instead")));
                 Backend::cpu()
             }
-        };
-        self.send(Message::Backend(backend.report().to_string()));
-        backend
+        }
     }
 
     /// Renders a preview of each side.
@@ -357,16 +380,21 @@ impl Loop {
             self.send(Message::Picture(Box::new(picture?)));
             return Ok(());
         }
-        let preview = wait(backend.device(), engine.preview(&detail, &watch))?;
+        let on_device =
+            if self.is_of_window { wait(backend.device(), engine.preview_on_device(&detail, &watch))? } else { None };
+        let preview = match on_device {
+            Some(preview) => preview.map(Pixels::Texture),
+            None => wait(backend.device(), engine.preview(&detail, &watch))?.map(Pixels::Image),
+        };
         let seconds = began.elapsed().as_secs_f64();
         self.budget.took(seconds);
         let size = glam::UVec2::from_array(engine.options().size).as_vec2();
         self.send(Message::Picture(Box::new(Picture {
             view,
             side,
-            image: preview.image,
+            pixels: Some(preview.image),
             quality: Quality::Preview(detail),
-            exposures: Some(preview.exposures),
+            exposures: preview.exposures,
             samples: preview.samples,
             evaluation: preview.evaluation,
             marks: preview.marks.iter().map(|mark| mark.scaled(size.recip())).collect(),
@@ -415,7 +443,7 @@ fn render(
     Ok(Picture {
         view,
         side,
-        image: rendered.displayed(&engine.options().display),
+        pixels: Some(Pixels::Image(rendered.displayed(&engine.options().display))),
         quality,
         exposures: rendered.report.exposures,
         samples: rendered.report.samples,
@@ -478,6 +506,17 @@ fn caught(order: impl FnOnce() -> Result<(), Error>) -> Result<(), Failure> {
             let words = payload.downcast_ref::<&str>().map(|words| (*words).to_owned());
             let words = words.or_else(|| payload.downcast_ref::<String>().cloned());
             Err(Failure::Panic(words.unwrap_or_default()))
+        }
+    }
+}
+
+/// Whether the window's device is what a choice of a back end means. Software adapters render only if a GPU is asked for.
+fn suits(adapter: &Adapter, choice: &BackendChoice) -> bool {
+    match choice {
+        BackendChoice::Auto => !adapter.software,
+        BackendChoice::Cpu => false,
+        BackendChoice::Gpu(name) => {
+            name.as_ref().is_none_or(|name| adapter.name.to_lowercase().contains(&name.to_lowercase()))
         }
     }
 }

@@ -1,7 +1,9 @@
 //! Previews beside whole pictures of the same samples: alike when they are still, and as calm when they move.
 
 use pinspot::image::{Image, srgb8};
-use pinspot::{Backend, Detail, Engine, EvaluationChoice, NoProgress, blocking};
+use pinspot::{Backend, Detail, Engine, EvaluationChoice, Exposure, NoProgress, blocking};
+
+use crate::support::gpu_backend;
 
 const SIZE: [u32; 2] = [120, 90];
 const SAMPLES: u32 = 150;
@@ -100,4 +102,37 @@ fn previews_equal_those_of_a_new_engine() {
     let mut new = engine("columns");
     new.scene_mut().pose(1.0);
     assert_eq!(preview(&mut moved, 3), preview(&mut new, 3));
+}
+
+/// Passes on a GPU show what the CPU does, at any spacing and in the middle of animations; so do the exposures that they meter.
+#[test]
+fn both_back_ends_render_the_same_previews() {
+    let backends = [Backend::cpu(), gpu_backend()];
+    for (k, scene) in pinspot::scene::BUILT_IN.iter().enumerate() {
+        let name = scene.name;
+        let spacing = 1 + k as u32 % 3;
+        let detail = Detail { size: SIZE, samples: 60, spacing, shadow_directions: 32 };
+        let [cpu, gpu] = backends.each_ref().map(|backend| {
+            let (scene, mut options) = pinspot::load(name).unwrap();
+            options.display.exposure = Exposure::Auto;
+            let mut engine = Engine::new(scene, options.with_size(SIZE), backend.clone());
+            // Not only the first frame: what is kept on a GPU follows.
+            let frames = [0.0, 0.4].map(|seconds| {
+                engine.scene_mut().pose(seconds);
+                blocking::wait(backend.device(), engine.preview(&detail, &NoProgress)).unwrap()
+            });
+            let [_, last] = frames;
+            last
+        });
+        let pairs = || cpu.image.pixels.iter().zip(&gpu.image.pixels).map(|(a, b)| (*a - *b).abs().max_element());
+        let mean = pairs().sum::<f32>() / cpu.image.pixels.len() as f32;
+        let off = pairs().filter(|difference| *difference > 0.05).count();
+        println!("{name}: {mean:.5} on average at spacing {spacing}, {off} pixels differ, {:?}", gpu.exposures);
+        let [cpu_ev, gpu_ev] = [&cpu, &gpu].map(|preview| preview.exposures.unwrap().exposure_ev);
+        assert!((cpu_ev - gpu_ev).abs() < 0.01, "{name}: {cpu_ev} {gpu_ev}");
+        assert!(mean < 1e-3, "{name}: {mean}");
+        // Edges of shadows and of what mirrors show, by rays that graze them.
+        assert!(off * 200 < cpu.image.pixels.len(), "{name}: {off}");
+        assert_eq!((cpu.samples, cpu.evaluation), (gpu.samples, gpu.evaluation), "{name}");
+    }
 }

@@ -31,6 +31,8 @@ use crate::Error;
 #[cfg(feature = "gpu")]
 use crate::backend::Backend;
 use crate::image::{Aov, Image, display, exposed, metered_ev};
+#[cfg(feature = "gpu")]
+use crate::options::Exposure;
 use crate::options::{Evaluation, EvaluationChoice, Exposures, Options, Overlay};
 use crate::pinhole::{Epsilon, Receivers};
 use crate::progress::{Progress, Stage};
@@ -41,19 +43,43 @@ use crate::technique::{Inputs, Sum, Technique, TechniqueStages};
 /// Edge of the blocks of nodes whose shadows are found together, nodes.
 const SHADOW_BLOCK: usize = 16;
 
-/// A picture of the scene as it is at the moment.
+/// A picture of the scene as it is at the moment: an [`Image`] or, on a GPU, a texture.
 #[derive(Clone, Debug)]
-pub struct Preview {
-    /// Display-linear colours: exposed and tone-mapped. Its size is that of the [`Detail`].
-    pub image: Image,
-    /// The exposures in use.
-    pub exposures: Exposures,
+pub struct Preview<T = Image> {
+    /// An image is display-linear: exposed and tone-mapped. A texture is encoded as sRGB (`Rgba8Unorm`), and the next preview is drawn
+    /// into it, too. The size is that of the [`Detail`].
+    pub image: T,
+    /// The exposures in use; `None` for a texture whose exposure was metered on the GPU.
+    pub exposures: Option<Exposures>,
     /// Samples in use.
     pub samples: usize,
     /// The overlay's marks, in pixels of a picture of the size of the options.
     pub marks: Vec<Mark>,
     /// How they are summed; `None` if no caustic is shown.
     pub evaluation: Option<Evaluation>,
+}
+
+impl<T> Preview<T> {
+    /// The same with the picture as something else.
+    pub fn map<U>(self, picture: impl FnOnce(T) -> U) -> Preview<U> {
+        let Self { image, exposures, samples, marks, evaluation } = self;
+        Preview { image: picture(image), exposures, samples, marks, evaluation }
+    }
+}
+
+/// Where a preview is wanted.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Wanted {
+    InMemory,
+    #[cfg(feature = "gpu")]
+    OnDevice,
+}
+
+/// A rendered preview.
+enum Rendered {
+    Image(Image, Exposures),
+    #[cfg(feature = "gpu")]
+    Texture(wgpu::TextureView),
 }
 
 /// The stages of previews that are not shared with whole pictures, as these have more samples.
@@ -98,6 +124,44 @@ impl Engine {
     /// # Errors
     /// As [`Self::render`].
     pub async fn preview(&mut self, detail: &Detail, progress: &dyn Progress) -> Result<Preview, Error> {
+        let Preview { image: rendered, samples, marks, evaluation, .. } =
+            self.preview_as(Wanted::InMemory, detail, progress).await?;
+        let (image, exposures) = match rendered {
+            Rendered::Image(image, exposures) => (image, Some(exposures)),
+            #[cfg(feature = "gpu")]
+            Rendered::Texture(_) => (Image::new(0, 0), None),
+        };
+        Ok(Preview { image, exposures, samples, marks, evaluation })
+    }
+
+    /// Like [`Self::preview`], but the picture stays on the device of the engine's back end: nothing is read back. Returns when it is
+    /// finished there. `None` where the CPU renders previews: if that is the back end, or if the device has no room for the picture.
+    ///
+    /// # Errors
+    /// As [`Self::render`].
+    #[cfg(feature = "gpu")]
+    pub async fn preview_on_device(
+        &mut self,
+        detail: &Detail,
+        progress: &dyn Progress,
+    ) -> Result<Option<Preview<wgpu::TextureView>>, Error> {
+        if self.backend.device().is_none_or(|device| !on_gpu::fits(device, detail.size)) {
+            return Ok(None);
+        }
+        let Preview { image: rendered, samples, marks, evaluation, .. } =
+            self.preview_as(Wanted::OnDevice, detail, progress).await?;
+        let Rendered::Texture(image) = rendered else { return Ok(None) };
+        let display = self.options.display;
+        let exposures = matches!(display.exposure, Exposure::Stops(_)).then(|| display.exposures(|| 0.0));
+        Ok(Some(Preview { image, exposures, samples, marks, evaluation }))
+    }
+
+    async fn preview_as(
+        &mut self,
+        wanted: Wanted,
+        detail: &Detail,
+        progress: &dyn Progress,
+    ) -> Result<Preview<Rendered>, Error> {
         let options = self.preview_options(detail);
         options.check()?;
         #[cfg_attr(not(feature = "gpu"), expect(unused_mut, reason = "only a GPU has copies"))]
@@ -132,12 +196,13 @@ impl Engine {
         let frame =
             Frame { scene: &self.scene, prepared: &scene, options: &options, light: &light, detail, direct, progress };
         #[cfg(feature = "gpu")]
-        let (image, exposures) = match frame.on_gpu(&self.backend, &mut self.preview.on_gpu, sum.as_ref()).await? {
+        let on_gpu = frame.on_gpu(wanted, &self.backend, &mut self.preview.on_gpu, sum.as_ref()).await?;
+        #[cfg(not(feature = "gpu"))]
+        let on_gpu = None;
+        let image = match on_gpu {
             Some(rendered) => rendered,
             None => frame.on_cpu(sum.as_deref()).await?,
         };
-        #[cfg(not(feature = "gpu"))]
-        let (image, exposures) = frame.on_cpu(sum.as_deref()).await?;
         if progress.is_cancelled() {
             return Err(Error::Cancelled);
         }
@@ -151,7 +216,7 @@ impl Engine {
         };
         Ok(Preview {
             image,
-            exposures,
+            exposures: None,
             samples: statistics.map_or(0, |statistics| statistics.samples),
             marks,
             evaluation: statistics.map(|statistics| statistics.evaluation),
@@ -191,10 +256,11 @@ impl Frame<'_> {
     #[cfg(feature = "gpu")]
     async fn on_gpu(
         &self,
+        wanted: Wanted,
         backend: &Backend,
         passes: &mut Option<on_gpu::PreviewOnGpu>,
         sum: Option<&Arc<dyn Sum>>,
-    ) -> Result<Option<(Image, Exposures)>, Error> {
+    ) -> Result<Option<Rendered>, Error> {
         let (Some(shared), Some(geometry)) = (backend.shared_gpu(), self.prepared.on_gpu.as_deref()) else {
             return Ok(None);
         };
@@ -214,13 +280,18 @@ impl Frame<'_> {
             spacing: self.detail.spacing.max(1),
             progress: self.progress,
         })?;
-        let rendered = passes.read().await;
+        let rendered = match wanted {
+            Wanted::InMemory => {
+                passes.read().await.map(|read| read.map(|(image, exposures)| Rendered::Image(image, exposures)))
+            }
+            Wanted::OnDevice => passes.shown().await.map(|shown| shown.map(Rendered::Texture)),
+        };
         self.progress.end(Stage::Shading);
         rendered
     }
 
     /// The picture and its exposures.
-    async fn on_cpu(&self, sum: Option<&dyn Sum>) -> Result<(Image, Exposures), Error> {
+    async fn on_cpu(&self, sum: Option<&dyn Sum>) -> Result<Rendered, Error> {
         let (options, progress, camera) = (self.options, self.progress, &self.scene.camera);
         progress.begin(Stage::Rays, 1);
         let views = Views::trace(self.scene, self.prepared, options.size, options.plain_diffuse);
@@ -232,7 +303,7 @@ impl Frame<'_> {
         let (mut image, exposures) = self.shade(&views, &own, &mirrored);
         smooth_edges(&mut image, camera, &self.prepared.camera, &views.first);
         progress.end(Stage::Shading);
-        Ok((image, exposures))
+        Ok(Rendered::Image(image, exposures))
     }
 
     /// All light on points, one or none in each pixel: as far as it is not known, at nodes that are some pixels apart, then where it

@@ -2,7 +2,7 @@
 
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
-use super::{Engine, GatherOptions, HierarchicalEngine, HierarchicalOptions, MapTracer};
+use super::{Engine, GatherOptions, HierarchicalEngine, HierarchicalOptions, MapTracer, PreviewPipelines};
 use crate::pinhole::Filter;
 
 /// What pipelines are compiled for: the filter, and whether samples have visibility maps.
@@ -14,6 +14,7 @@ pub(crate) struct PipelineCache {
     flat: Compiled<Engine>,
     hierarchical: Compiled<HierarchicalEngine>,
     map_tracer: OnceLock<Arc<MapTracer>>,
+    preview: OnceLock<Arc<PreviewPipelines>>,
 }
 
 #[derive(Debug)]
@@ -41,6 +42,11 @@ impl PipelineCache {
     /// The pipeline that traces visibility maps.
     pub fn map_tracer(&self, device: &wgpu::Device) -> Arc<MapTracer> {
         self.map_tracer.get_or_init(|| Arc::new(MapTracer::new(device))).clone()
+    }
+
+    /// The passes of previews.
+    pub fn preview(&self, device: &wgpu::Device) -> Arc<PreviewPipelines> {
+        self.preview.get_or_init(|| Arc::new(PreviewPipelines::new(device))).clone()
     }
 }
 

@@ -301,7 +301,7 @@ mod tests {
     }
 
     /// Planes, sky masks, and the number of rays that were not finished.
-    fn traced(gpu: &Gpu, scene: &Scene, tracer: &Tracer, samples: Vec<PinholeSample>) -> (Vec<[f32; 4]>, Vec<u32>) {
+    fn traced(gpu: &Gpu, scene: &Scene, samples: Vec<PinholeSample>) -> (Vec<[f32; 4]>, Vec<u32>) {
         let geometry = Geometry::upload(&gpu.device, &gpu.queue, scene).unwrap();
         let map_tracer = MapTracer::new(&gpu.device);
         let tracing = MapTracing::new(&gpu.device, &map_tracer, &geometry, (scene, samples), MapUse::Maps).unwrap();
@@ -322,7 +322,7 @@ mod tests {
             let scene = load::<toml::Table>(name).unwrap().scene;
             let tracer = Tracer::new(&scene);
             let mut pinholes = samples(&scene);
-            let (planes, sky_masks) = traced(&gpu, &scene, &tracer, pinholes.samples.clone());
+            let (planes, sky_masks) = traced(&gpu, &scene, pinholes.samples.clone());
             pinholes.trace_visibility(&scene, &tracer, &crate::NoProgress);
             let expected = pinholes.visibility.unwrap();
             assert_eq!((planes.len(), sky_masks.len()), (expected.planes.len(), expected.sky_mask.len()));

@@ -12,19 +12,21 @@ mod hardware_check;
 mod hierarchical;
 mod maps;
 pub(crate) mod pipeline;
+mod preview_pipelines;
 mod probe;
 pub(crate) mod shaders;
 
 pub(crate) use cache::PipelineCache;
 pub use environment::EnvironmentCube;
 pub use geometry::Geometry;
-pub(crate) use geometry::{MovingGeometry, ray_entries};
+pub(crate) use geometry::MovingGeometry;
 pub use hardware_check::{HardwareVerdict, automatic_filter, check_hardware_filter};
 pub use hierarchical::{
     CellTreeBuffers, HierarchicalEngine, HierarchicalFrame, HierarchicalInputs, HierarchicalOptions,
     LightBoundsBuilder, LightBoundsTexture, Tolerance,
 };
 pub use maps::{MapTracer, MapTracing, MapUse, VisibilityMapBuffers};
+pub(crate) use preview_pipelines::PreviewPipelines;
 pub use probe::probe;
 
 use std::ops::Range;

@@ -28,7 +28,7 @@ use crate::tracing::{END_SLACK, SLACK};
 
 /// Bins of the histogram of luminance that previews are metered by: the first bits of the luminance as a float, and how many are left.
 pub(crate) const HISTOGRAM_BINS: u32 = 1 << (31 - HISTOGRAM_SHIFT);
-const HISTOGRAM_SHIFT: u32 = 14;
+const HISTOGRAM_SHIFT: u32 = 12;
 
 /// A shader that pipelines are made of.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -84,27 +84,6 @@ impl Shader {
     /// Its source with the imports in place.
     pub fn resolve(self) -> String {
         let mut resolved = Resolved::default();
-        // DEV
-        if let Ok(folder) = std::env::var("DEV_SHADERS") {
-            let leak = |name: &str| -> &'static str {
-                Box::leak(std::fs::read_to_string(format!("{folder}/{name}.wgsl")).unwrap().into_boxed_str())
-            };
-            fn add(source: &'static str, resolved: &mut Resolved, leak: &dyn Fn(&str) -> &'static str) {
-                for line in source.lines() {
-                    if let Some(name) = line.strip_prefix("#import ") {
-                        if resolved.imported.contains(&name) { continue; }
-                        resolved.imported.push(name);
-                        if name == "constants" { resolved.source.push_str(&constants()); } else { add(leak(&format!("shared/{name}")), resolved, leak); }
-                    } else {
-                        resolved.source.push_str(line);
-                        resolved.source.push('\n');
-                    }
-                }
-            }
-            add(leak(self.name), &mut resolved, &leak);
-            return resolved.source;
-        }
-        // DEV END
         resolved.add(self.source);
         resolved.source
     }

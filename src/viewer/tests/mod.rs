@@ -56,7 +56,7 @@ loop = true
 
 fn open(scene: &str, size: [f32; 2]) -> Window {
     let document = Document::open(scene).unwrap();
-    let viewer = Viewer::new(document, BackendChoice::Cpu, egui::Context::default());
+    let viewer = Viewer::new(document, BackendChoice::Cpu, egui::Context::default(), None);
     Harness::builder().with_size(egui::Vec2::from(size)).build_ui_state(|ui, viewer| viewer.ui(ui), viewer)
 }
 

@@ -8,7 +8,6 @@
 
 mod kept;
 pub(crate) mod layout;
-mod pipelines;
 mod targets;
 
 use std::fmt;
@@ -21,7 +20,6 @@ use self::kept::KeptBuffer;
 use self::layout::{
     Cubes, PackedDirection, PreviewEmitter, PreviewObject, PreviewUniforms, background_cube, reflectance_curves,
 };
-use self::pipelines::Pipelines;
 use self::targets::Targets;
 pub(super) use self::targets::fits;
 use crate::Error;
@@ -32,7 +30,7 @@ use crate::gpu::GpuError;
 use crate::image::Image;
 use crate::options::{Exposures, Options};
 use crate::pinhole::gpu::pipeline::bind;
-use crate::pinhole::gpu::{EnvironmentCube, Frame, Geometry};
+use crate::pinhole::gpu::{EnvironmentCube, Frame, Geometry, PreviewPipelines};
 use crate::progress::{Progress, Stage};
 use crate::scene::Scene;
 use crate::stages::{Id, Memo, PreparedLight, PreparedScene};
@@ -58,7 +56,7 @@ pub(super) struct PreviewInputs<'a> {
 /// The passes of previews on one device, and what is kept from frame to frame.
 pub(super) struct PreviewOnGpu {
     shared: Arc<SharedGpu>,
-    pipelines: Pipelines,
+    pipelines: Arc<PreviewPipelines>,
     environment: Memo<Id<Environment>, EnvironmentCube>,
     background: Memo<Id<Environment>, EnvironmentCube>,
     irradiance: Memo<Id<CubeMap>, EnvironmentCube>,
@@ -83,7 +81,7 @@ impl PreviewOnGpu {
         let storage = |label| KeptBuffer::new(label, BufferUsages::STORAGE);
         Self {
             shared: shared.clone(),
-            pipelines: Pipelines::new(&shared.gpu.device),
+            pipelines: shared.pipelines.preview(&shared.gpu.device),
             environment: Memo::new(Stage::Upload),
             background: Memo::new(Stage::Upload),
             irradiance: Memo::new(Stage::Upload),
@@ -111,6 +109,12 @@ impl PreviewOnGpu {
         passes.record(&mut encoder, frames);
         self.shared.gpu.queue.submit([encoder.finish()]);
         self.shared.gpu.check()
+    }
+
+    /// The picture that was rendered last, encoded as sRGB, once it is finished.
+    pub async fn shown(&self) -> Result<Option<wgpu::TextureView>, Error> {
+        self.shared.gpu.submitted_work_done().await?;
+        Ok(self.targets.as_ref().map(|targets| targets.shown.clone()))
     }
 
     /// Reads back the picture that was rendered last, and its exposures.
@@ -195,7 +199,7 @@ struct Buffers {
 /// The passes of one preview.
 struct Passes<'a> {
     device: &'a wgpu::Device,
-    pipelines: &'a Pipelines,
+    pipelines: &'a PreviewPipelines,
     targets: &'a Targets,
     inputs: &'a PreviewInputs<'a>,
     cubes: Cubes<'a>,
@@ -223,7 +227,7 @@ impl Passes<'_> {
         encoder.clear_buffer(&self.targets.histogram, 0, None);
         let (shading, display) = (self.bind_shading(), self.bind_display());
         let (size, nothing) = (self.targets.size, self.nothing());
-        let Pipelines { shade, meter, display: tone_map, smooth_edges, .. } = self.pipelines;
+        let PreviewPipelines { shade, meter, display: tone_map, smooth_edges, .. } = self.pipelines;
         self.over(encoder, &[shade], size, [&shading, &nothing, &nothing]);
         self.over(encoder, &[meter], [1, 1], [&display, &nothing, &nothing]);
         self.over(encoder, &[tone_map, smooth_edges], size, [&display, &nothing, &nothing]);
@@ -231,7 +235,7 @@ impl Passes<'_> {
 
     /// The light on the points of a layer.
     fn light(&self, encoder: &mut wgpu::CommandEncoder, layer: Layer, frames: &mut [Frame]) {
-        let Pipelines { begin, begin_behind_mirrors, light_nodes, light_between, .. } = self.pipelines;
+        let PreviewPipelines { begin, begin_behind_mirrors, light_nodes, light_between, .. } = self.pipelines;
         let begin = if layer == Layer::Own { begin } else { begin_behind_mirrors };
         let (light, own) = (self.bind_light(layer), self.bind_own(layer));
         let add = [&self.pipelines.add_caustic_at_nodes, &self.pipelines.add_caustic_between];
@@ -338,11 +342,11 @@ impl Passes<'_> {
     }
 
     fn bind_display(&self) -> wgpu::BindGroup {
-        let Targets { shaded, first, histogram, exposures, colours, picture, .. } = self.targets;
+        let Targets { shaded, first, histogram, exposures, colours, picture, shown, .. } = self.targets;
         let buffers = [&self.buffers.uniforms, shaded, first, histogram, exposures, colours];
         let mut resources: Vec<_> = buffers.iter().map(|buffer| buffer.as_entire_binding()).collect();
         let picture = picture.create_view(&Default::default());
-        resources.push(BindingResource::TextureView(&picture));
+        resources.extend([&picture, shown].map(BindingResource::TextureView));
         bind(self.device, &self.pipelines.layouts.display, &resources)
     }
 

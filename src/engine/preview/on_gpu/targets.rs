@@ -1,5 +1,7 @@
 //! What the passes of a preview write, for one size of the picture.
 
+use wgpu::TextureFormat;
+
 use super::layout::PIXEL_BYTES;
 use crate::pinhole::gpu::shaders::HISTOGRAM_BINS;
 
@@ -20,7 +22,10 @@ pub(super) struct Targets {
     pub exposures: wgpu::Buffer,
     /// Receivers at nodes and, if there are pixels between them, at all pixels.
     pub receivers: Vec<ReceiverTextures>,
+    /// Display-linear.
     pub picture: wgpu::Texture,
+    /// The same for the eye: sRGB, eight bits a channel.
+    pub shown: wgpu::TextureView,
 }
 
 /// Receivers of the gather.
@@ -33,7 +38,7 @@ pub(super) struct ReceiverTextures {
 
 impl ReceiverTextures {
     fn new(device: &wgpu::Device, size: [u32; 2]) -> Self {
-        let view = || texture(device, size, "receivers").create_view(&Default::default());
+        let view = || texture(device, size, TextureFormat::Rgba32Float).create_view(&Default::default());
         Self { size, positions: view(), normals: view() }
     }
 }
@@ -75,19 +80,20 @@ impl Targets {
             histogram: buffer("histogram of luminance", 4 * (2 * u64::from(HISTOGRAM_BINS) + 1)),
             exposures: buffer("exposures", 8),
             receivers: grids.into_iter().map(|size| ReceiverTextures::new(device, size)).collect(),
-            picture: texture(device, size, "preview"),
+            picture: texture(device, size, TextureFormat::Rgba32Float),
+            shown: texture(device, size, TextureFormat::Rgba8Unorm).create_view(&Default::default()),
         }
     }
 }
 
-fn texture(device: &wgpu::Device, [width, height]: [u32; 2], label: &str) -> wgpu::Texture {
+fn texture(device: &wgpu::Device, [width, height]: [u32; 2], format: TextureFormat) -> wgpu::Texture {
     device.create_texture(&wgpu::TextureDescriptor {
-        label: Some(label),
+        label: Some("preview"),
         size: wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
         mip_level_count: 1,
         sample_count: 1,
         dimension: wgpu::TextureDimension::D2,
-        format: wgpu::TextureFormat::Rgba32Float,
+        format,
         usage: wgpu::TextureUsages::STORAGE_BINDING
             | wgpu::TextureUsages::TEXTURE_BINDING
             | wgpu::TextureUsages::COPY_SRC,

@@ -1,16 +1,16 @@
-//! Layouts and pipelines of a preview's passes.
+//! Layouts and pipelines of a preview's passes, which `engine/preview/on_gpu` records.
 
 use wgpu::{BindGroupLayout, BindGroupLayoutEntry, ShaderStages, TextureFormat};
 
-use crate::pinhole::gpu::pipeline::{
+use super::geometry::ray_entries;
+use super::pipeline::{
     compute_pipeline, cube, layout, linear_sampler, sampler, seen_by, storage, texture, uniform, writable, written,
 };
-use crate::pinhole::gpu::ray_entries;
-use crate::pinhole::gpu::shaders::{PREVIEW_DISPLAY, PREVIEW_LIGHT, PREVIEW_SHADING, PREVIEW_VIEWS, Shader};
+use super::shaders::{PREVIEW_DISPLAY, PREVIEW_LIGHT, PREVIEW_SHADING, PREVIEW_VIEWS, Shader};
 
 /// The group of each shader's own buffers and, for light, those of what the camera sees directly and of the gather.
 #[derive(Debug)]
-pub(super) struct Layouts {
+pub(crate) struct PreviewLayouts {
     pub views: BindGroupLayout,
     pub light: BindGroupLayout,
     pub own: BindGroupLayout,
@@ -21,8 +21,9 @@ pub(super) struct Layouts {
     pub rays: BindGroupLayout,
 }
 
+/// The passes of previews on one device.
 #[derive(Debug)]
-pub(super) struct Pipelines {
+pub(crate) struct PreviewPipelines {
     pub trace_views: wgpu::ComputePipeline,
     pub begin: wgpu::ComputePipeline,
     pub begin_behind_mirrors: wgpu::ComputePipeline,
@@ -34,11 +35,11 @@ pub(super) struct Pipelines {
     pub meter: wgpu::ComputePipeline,
     pub display: wgpu::ComputePipeline,
     pub smooth_edges: wgpu::ComputePipeline,
-    pub layouts: Layouts,
+    pub layouts: PreviewLayouts,
     pub trilinear: wgpu::Sampler,
 }
 
-impl Layouts {
+impl PreviewLayouts {
     fn new(device: &wgpu::Device) -> Self {
         let of = |label, entries: &[BindGroupLayoutEntry]| {
             let entries: Vec<_> = entries.iter().map(|entry| seen_by(ShaderStages::COMPUTE, *entry)).collect();
@@ -72,7 +73,16 @@ impl Layouts {
             ),
             display: of(
                 "display",
-                &[uniform(0), storage(1), storage(2), storage(3), writable(4), writable(5), picture(6)],
+                &[
+                    uniform(0),
+                    storage(1),
+                    storage(2),
+                    storage(3),
+                    writable(4),
+                    writable(5),
+                    picture(6),
+                    written(7, TextureFormat::Rgba8Unorm),
+                ],
             ),
             nothing: of("nothing", &[]),
             rays: of("rays", &ray_entries(ShaderStages::COMPUTE)),
@@ -80,9 +90,9 @@ impl Layouts {
     }
 }
 
-impl Pipelines {
+impl PreviewPipelines {
     pub fn new(device: &wgpu::Device) -> Self {
-        let layouts = Layouts::new(device);
+        let layouts = PreviewLayouts::new(device);
         let none = &layouts.nothing;
         let [trace_views] =
             compile(device, PREVIEW_VIEWS, [&layouts.views, none, none, &layouts.rays], ["trace_views"]);
