@@ -88,8 +88,19 @@ fn display(@builtin(global_invocation_id) id: vec3u) {
     colours[pixel] = vec4f(tone_mapped(radiance), 1.0);
 }
 
-// Khronos PBR Neutral (2024).
 fn tone_mapped(radiance: vec3f) -> vec3f {
+    if preview.tone_map == 1u {
+        let x = 0.6 * clamp(radiance, vec3f(0.0), vec3f(1e6));
+        return clamp((x * (2.51 * x + 0.03)) / (x * (2.43 * x + 0.59) + 0.14), vec3f(0.0), vec3f(1.0));
+    }
+    if preview.tone_map == 2u {
+        return clamp(radiance, vec3f(0.0), vec3f(1.0));
+    }
+    return neutral(radiance);
+}
+
+// Khronos PBR Neutral (2024).
+fn neutral(radiance: vec3f) -> vec3f {
     let start = 0.8 - 0.04;
     let positive = max(radiance, vec3f(0.0));
     let least = min(positive.r, min(positive.g, positive.b));

@@ -81,9 +81,11 @@ mod viewer;
 mod words;
 
 pub use backend::{Backend, BackendChoice, BackendReport, Device};
+#[cfg(feature = "gpu")]
+pub use engine::PassTime;
 pub use engine::{
     Budget, Detail, Engine, Inspection, LineKind, MAX_FOOTPRINTS, MapFootprint, Mark, Preview, ReceiverInspection,
-    Rendered, Report,
+    Rendered, Report, TakenCell,
 };
 pub use environment::CubeSize;
 pub use error::{Error, OptionError};

@@ -244,6 +244,8 @@ fn every_option_of_render_changes_what_it_writes() {
         &["--exposure", "-2"],
         &["--exposure", "auto"],
         &["--background-exposure", "-2"],
+        &["--tone-map", "filmic"],
+        &["--tone-map", "linear"],
         &["--caustic-gain", "3"],
         &["--overlay", "samples"],
         &["--quality", "draft"],

@@ -39,6 +39,8 @@ struct PreviewUniforms {
     exposure: f32,
     background_exposure: f32,
     exposure_flags: u32,
+    // 0: neutral; 1: filmic; 2: linear.
+    tone_map: u32,
 }
 
 const IS_METERED: u32 = 1u;

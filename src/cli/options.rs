@@ -6,7 +6,7 @@ use clap::Args;
 use serde::de::DeserializeOwned;
 use serde::de::value::{Error as WordError, StrDeserializer};
 
-use pinspot::image::Aov;
+use pinspot::image::{Aov, ToneMap};
 use pinspot::scene::{Light, Loaded, MapLayout, Scene, Visibility, load};
 use pinspot::{
     BackendChoice, CubeSize, Density, Epsilon, EvaluationChoice, Exposure, FilterChoice, Footprint, OptionError,
@@ -122,6 +122,9 @@ pub struct CommonOptions {
     /// Exposure of the environment where the camera sees it directly, in stops [default: the exposure]
     #[arg(long, value_name = "EV", allow_hyphen_values = true)]
     pub background_exposure: Option<f32>,
+    /// How exposed radiance becomes a display's: neutral (Khronos PBR Neutral), filmic, or linear (cut off at 1) [default: neutral]
+    #[arg(long, value_parser = word::<ToneMap>, value_name = "NAME")]
+    pub tone_map: Option<ToneMap>,
     /// Factor on the caustic in the beauty picture
     #[arg(long, value_name = "FACTOR", allow_hyphen_values = true)]
     pub caustic_gain: Option<f32>,
@@ -147,6 +150,7 @@ impl CommonOptions {
             tolerance: self.tolerance,
             seed: self.sampling.seed,
             background_exposure_ev: self.background_exposure,
+            tone_map: self.tone_map,
             caustic_gain: self.caustic_gain,
             aov: self.aov.clone(),
             ..self.scene.settings()

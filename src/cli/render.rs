@@ -181,6 +181,7 @@ fn check_uses(args: &RenderArgs, options: &Options) -> Result<(), String> {
     }
     for (option, given) in [
         ("--exposure", args.options.scene.exposure.is_some()),
+        ("--tone-map", args.options.tone_map.is_some()),
         ("--background-exposure", args.options.background_exposure.is_some()),
     ] {
         if given && !png {

@@ -5,7 +5,7 @@ use glam::Vec3;
 use super::frame::{Band, Beauty, FrameInputs};
 use super::overlay::{self, Mark};
 use super::report::Report;
-use crate::image::{Aov, Image, display, exposed, metered_ev};
+use crate::image::{Aov, Image, exposed, metered_ev};
 use crate::options::{DisplaySettings, Exposures, Options};
 
 /// The result of a render.
@@ -32,7 +32,7 @@ impl Rendered {
             (Some(beauty), _) => beauty.clone(),
             (None, Some((_, first))) => {
                 let Exposures { exposure_ev, .. } = settings.exposures(|| metered_ev(first.pixels.iter().copied()));
-                first.map(|p| display(exposed(p, exposure_ev)))
+                first.map(|p| settings.tone_map.apply(exposed(p, exposure_ev)))
             }
             (None, None) => Image::new(0, 0),
         }

@@ -7,13 +7,14 @@ use rayon::prelude::*;
 
 use super::Engine;
 use super::preview::PreviewStages;
-use crate::image::{Image, display, exposed};
+use crate::image::{Image, exposed};
 use crate::options::{EvaluationChoice, Options};
 use crate::pinhole::SampleView;
-use crate::pinhole::cpu::Contribution;
+use crate::pinhole::cpu::{Contribution, TakenCell};
 use crate::progress::Progress;
-use crate::stages::PreparedLight;
-use crate::technique::{Inputs, Inspected};
+use crate::stages::{LightStages, PreparedLight};
+use crate::technique::{Inputs, Inspected, TechniqueStages};
+use crate::tracing::Hit;
 use crate::{Backend, Error};
 
 /// What a place of the picture shows.
@@ -64,36 +65,67 @@ impl Engine {
     /// # Errors
     /// As [`Self::render`].
     pub fn inspect(&mut self, place: Vec2, progress: &dyn Progress) -> Result<Option<Inspection>, Error> {
-        let options = self.inspected_options();
+        let options = self.options.clone().with_leaves(None).with_evaluation(EvaluationChoice::Flat);
+        self.look_behind(&options, (place, progress), |technique, _, inputs, hit| {
+            let object = &inputs.scene.objects[hit.object as usize];
+            let mut inspection =
+                Inspection { object: hit.object as usize, position: hit.position, receiver: None, view: None };
+            if has_caustics(inputs) {
+                let Inspected { contributions, view } = technique.inspect(inputs, hit)?;
+                inspection.receiver =
+                    object.receiver.is_some().then(|| receiver_inspection(&contributions, inputs.light));
+                inspection.view = view.filter(|_| object.reflector.is_some());
+            }
+            Ok(inspection)
+        })
+    }
+
+    /// The cells of the mirrors that a hierarchical sum takes as one sample each for a place of the picture, as fractions of its width
+    /// and height. None where the camera sees no receiver, or if sums are flat. On the CPU.
+    ///
+    /// # Errors
+    /// As [`Self::render`].
+    pub fn cells_taken(&mut self, place: Vec2, progress: &dyn Progress) -> Result<Vec<TakenCell>, Error> {
+        let options = self.options.clone();
+        let taken = self.look_behind(&options, (place, progress), |technique, light, inputs, hit| {
+            if has_caustics(inputs) && inputs.scene.objects[hit.object as usize].receiver.is_some() {
+                let mut cells = technique.cells_taken(inputs, light, hit)?;
+                cells.iter_mut().for_each(|cell| cell.irradiance *= inputs.light.intensity);
+                Ok(cells)
+            } else {
+                Ok(Vec::new())
+            }
+        })?;
+        Ok(taken.unwrap_or_default())
+    }
+
+    /// What the stages of the inspection tell about what the camera sees at a place; `None` where it sees no object.
+    fn look_behind<T>(
+        &mut self,
+        options: &Options,
+        (place, progress): (Vec2, &dyn Progress),
+        tell: impl FnOnce(&mut dyn TechniqueStages, &mut LightStages, &Inputs, &Hit) -> Result<T, Error>,
+    ) -> Result<Option<T>, Error> {
         options.check()?;
         let scene = self.scene_stages.prepare_for_frame(&self.scene, progress)?;
         let size = UVec2::from_array(options.size).as_vec2();
         let Some(hit) = scene.camera.hit(self.scene.camera.ray(place * size, size)) else { return Ok(None) };
-        let mut inspection =
-            Inspection { object: hit.object as usize, position: hit.position, receiver: None, view: None };
-        if !options.shows_caustic() || self.scene.objects.iter().all(|object| object.reflector.is_none()) {
-            return Ok(Some(inspection));
-        }
         if self.inspection.technique.0 != options.technique {
             self.inspection = PreviewStages::new(options.technique);
         }
-        let PreviewStages { technique: (_, technique), light, .. } = &mut self.inspection;
+        let PreviewStages { technique: (_, technique), light: stages, .. } = &mut self.inspection;
         let geometry = scene.geometry_drawn_for_frame();
-        let light = light.prepare(&self.scene.environment, geometry.as_ref(), options.cube_size, progress)?;
+        let light = stages.prepare(&self.scene.environment, geometry.as_ref(), options.cube_size, progress)?;
         let inputs = Inputs {
             scene: &self.scene,
             prepared: &scene,
             light: &light,
-            options: &options,
+            options,
             backend: &Backend::cpu(),
             is_preview: true,
             progress,
         };
-        let Inspected { contributions, view } = technique.inspect(&inputs, &hit)?;
-        let object = &self.scene.objects[hit.object as usize];
-        inspection.receiver = object.receiver.is_some().then(|| receiver_inspection(&contributions, &light));
-        inspection.view = view.filter(|_| object.reflector.is_some());
-        Ok(Some(inspection))
+        tell(&mut **technique, stages, &inputs, &hit).map(Some)
     }
 
     /// The environment as an equirectangular picture of so many rows, twice as wide, with the exposure of the background; an automatic
@@ -116,13 +148,14 @@ impl Engine {
         let radiance: Vec<Vec3> = (0..2 * height * height).into_par_iter().map(radiance).collect();
         let metered = || crate::image::metered_ev(radiance.iter().copied());
         let stops = self.options.display.exposures(metered).background_exposure_ev;
-        let pixels = radiance.iter().map(|radiance| display(exposed(*radiance, stops))).collect();
+        let tone_map = self.options.display.tone_map;
+        let pixels = radiance.iter().map(|radiance| tone_map.apply(exposed(*radiance, stops))).collect();
         Ok(Image { width: 2 * height, height, pixels })
     }
+}
 
-    fn inspected_options(&self) -> Options {
-        self.options.clone().with_leaves(None).with_evaluation(EvaluationChoice::Flat)
-    }
+fn has_caustics(inputs: &Inputs) -> bool {
+    inputs.options.shows_caustic() && inputs.scene.objects.iter().any(|object| object.reflector.is_some())
 }
 
 fn receiver_inspection(contributions: &[Contribution], light: &PreparedLight) -> ReceiverInspection {
@@ -197,6 +230,20 @@ mod tests {
         assert_eq!(mirror.sees_environment.len(), (mirror.resolution * mirror.resolution) as usize);
         assert!(sky > 0, "a ball above a table sees the sky");
         assert!(engine("dynamic").inspect(Vec2::new(0.99, 0.01), &NoProgress).unwrap().is_none());
+    }
+
+    /// They bring what the samples do, up to the tolerance, and there are fewer of them than leaves.
+    #[test]
+    fn cells_bring_what_samples_do() {
+        let mut ring = engine("ring-above");
+        let place = Vec2::splat(0.5);
+        let samples = ring.inspect(place, &NoProgress).unwrap().unwrap().receiver.unwrap();
+        let cells = ring.cells_taken(place, &NoProgress).unwrap();
+        let sum: Vec3 = cells.iter().map(|cell| cell.irradiance).sum();
+        assert!((sum.y / samples.irradiance.y - 1.0).abs() < 0.3, "{sum} {}", samples.irradiance);
+        assert!(!cells.is_empty() && cells.len() < 200 * 64, "{}", cells.len());
+        *ring.options_mut() = ring.options().clone().with_evaluation(EvaluationChoice::Flat);
+        assert!(ring.cells_taken(place, &NoProgress).unwrap().is_empty());
     }
 
     /// Outlines lie around where the map shows their direction, across the map's edges, too.

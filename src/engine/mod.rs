@@ -28,9 +28,12 @@ mod reprojection;
 mod shading;
 mod shadows;
 
+pub use crate::pinhole::cpu::TakenCell;
 pub use film::Rendered;
 pub use inspection::{Inspection, MAX_FOOTPRINTS, MapFootprint, ReceiverInspection};
 pub use overlay::{LineKind, Mark};
+#[cfg(feature = "gpu")]
+pub use preview::PassTime;
 #[cfg(all(test, feature = "gpu"))]
 pub(crate) use preview::on_gpu::layout as preview_layout;
 pub use preview::{Budget, Detail, Preview};

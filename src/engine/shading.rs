@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use super::edges::{Caustic, Direct, NEAREST_PARTS, PARTS, Parts};
 use super::gloss::blurred_radiance;
 use super::paths::{Paths, PixelPaths, Source, Term};
-use crate::image::{display, exposed, metered_ev};
+use crate::image::{exposed, metered_ev};
 use crate::options::{DisplaySettings, Exposures};
 use crate::pinhole::{Filter, Probe, cpu};
 use crate::stages::PreparedLight;
@@ -192,7 +192,7 @@ impl Shaded {
         let exposures = settings.exposures(|| self.metered_ev());
         let shown = |p: &ShadedPoint| {
             let background = exposed(p.background, exposures.background_exposure_ev);
-            display(exposed(p.surfaces, exposures.exposure_ev) + background)
+            settings.tone_map.apply(exposed(p.surfaces, exposures.exposure_ev) + background)
         };
         let mean = |points: &[ShadedPoint]| points.iter().map(shown).sum::<Vec3>() / points.len().max(1) as f32;
         Displayed { exposures, pixels: self.pixels().map(mean).collect() }

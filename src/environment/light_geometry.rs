@@ -10,7 +10,7 @@ use rayon::prelude::*;
 use super::cube::{CubeMap, FACES};
 use super::rasterization::{FaceImage, ShiningTriangle};
 use crate::scene::{Mesh, Ray};
-use crate::tracing::{SeenBy, Tracer};
+use crate::tracing::Tracer;
 
 /// Texels of a cube map across the radius of the smallest light, where there may be so many.
 const TEXELS_PER_RADIUS: f32 = 6.0;
@@ -20,10 +20,10 @@ const CUBE_SIZES: std::ops::RangeInclusive<u32> = 256..=1024;
 /// Emitters as they are seen from one point, which stands for the whole scene.
 pub struct LightGeometry {
     /// In world space.
-    tracer: Tracer,
+    tracer: Arc<Tracer>,
     /// Relative to the centre, in the world's axes.
     triangles: Vec<ShiningTriangle>,
-    /// By mesh.
+    /// By object; zero for those that do not shine.
     radiance: Vec<Vec3>,
     centre: Vec3,
     angular_radius_rad: f32,
@@ -36,13 +36,14 @@ impl fmt::Debug for LightGeometry {
 }
 
 impl LightGeometry {
-    /// Meshes in world space with their radiance, W/(m²·sr), seen from a point.
-    pub fn new<'a>(emitters: &[(&'a Mesh, Vec3)], centre: Vec3) -> Self {
-        let triangles_of = |&(mesh, radiance): &(&'a Mesh, Vec3)| {
+    /// Objects' numbers and their meshes in world space with their radiance, W/(m²·sr), seen from a point. The tracer knows no other
+    /// objects.
+    pub fn new<'a>(emitters: &[(u32, &'a Mesh, Vec3)], tracer: Arc<Tracer>, centre: Vec3) -> Self {
+        let triangles_of = |&(_, mesh, radiance): &(u32, &'a Mesh, Vec3)| {
             let triangle = move |t: usize| ShiningTriangle { corners: mesh.corners(t).map(|p| p - centre), radiance };
             (0..mesh.triangles().len()).map(triangle)
         };
-        let radius = |(mesh, _): &(&Mesh, Vec3)| {
+        let radius = |(_, mesh, _): &(u32, &Mesh, Vec3)| {
             let positions = mesh.positions().iter();
             let (low, high) = positions.fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(l, h), p| (l.min(*p), h.max(*p)));
             let distance = (0.5 * (low + high)).distance(centre);
@@ -51,10 +52,13 @@ impl LightGeometry {
             edges.sort_by(f32::total_cmp);
             (0.5 * edges[1]).atan2(distance)
         };
+        let mut by_object =
+            vec![Vec3::ZERO; emitters.iter().map(|(object, ..)| *object as usize + 1).max().unwrap_or(0)];
+        emitters.iter().for_each(|(object, _, radiance)| by_object[*object as usize] = *radiance);
         Self {
-            tracer: Tracer::for_one_frame(emitters.iter().map(|(mesh, _)| (*mesh, SeenBy::ALL))),
+            tracer,
             triangles: emitters.iter().flat_map(triangles_of).collect(),
-            radiance: emitters.iter().map(|(_, radiance)| *radiance).collect(),
+            radiance: by_object,
             centre,
             angular_radius_rad: emitters.iter().map(radius).fold(std::f32::consts::PI, f32::min),
         }
@@ -85,7 +89,7 @@ impl LightGeometry {
 
     /// Radiance of what is seen first from the centre in a direction of the world; `None` where nothing shines.
     fn radiance(&self, direction_in_world: Vec3) -> Option<Vec3> {
-        let hit = self.tracer.camera_hit(Ray { origin: self.centre, direction: direction_in_world })?;
+        let hit = self.tracer.secondary_hit(Ray { origin: self.centre, direction: direction_in_world })?;
         Some(self.radiance[hit.object as usize])
     }
 }
@@ -133,6 +137,7 @@ mod tests {
     use crate::environment::{CubeSize, Environment, texel_solid_angle_sr};
     use crate::scene::Light;
     use crate::scene::shapes::{Plane, Shape, Sphere};
+    use crate::tracing::SeenBy;
 
     fn ball(radius: f32, centre: Vec3) -> Mesh {
         let mesh = Shape::Sphere(Sphere { radius }).mesh().unwrap();
@@ -142,7 +147,11 @@ mod tests {
 
     fn lit(emitters: &[(&Mesh, Vec3)], centre: Vec3, size: u32) -> Environment {
         let sky = Environment::new(&Light::Constant(Vec3::new(0.0, 0.0, 0.5)), CubeSize::Texels(size)).unwrap();
-        let geometry = Arc::new(LightGeometry::new(emitters, centre));
+        let seen_by = SeenBy { camera: true, light: false };
+        let tracer = Tracer::of_emitters(emitters.iter().map(|(mesh, _)| (*mesh, seen_by)));
+        let numbered: Vec<_> =
+            (0..).zip(emitters).map(|(object, (mesh, radiance))| (object, *mesh, *radiance)).collect();
+        let geometry = Arc::new(LightGeometry::new(&numbered, Arc::new(tracer), centre));
         sky.behind(LitBy { geometry, rotation_rad: 0.7, intensity: 2.0 })
     }
 

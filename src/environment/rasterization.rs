@@ -4,9 +4,9 @@ use glam::{Vec2, Vec3, Vec4};
 
 use super::cube::face_direction;
 
-/// Points along a texel's edge that are tested: as many as keep the rectangle that is drawn within [`MAX_POINTS`].
-const POINTS_OF_TEXELS: [usize; 5] = [16, 8, 4, 2, 1];
-const MAX_POINTS: usize = 1 << 22;
+/// Points along a texel's edge that are tested, and up to how many points of the rectangle that is drawn: small lights need more.
+const POINTS_OF_TEXELS: [(usize, usize); 5] =
+    [(16, 1 << 17), (8, 1 << 17), (4, 1 << 22), (2, 1 << 22), (1, usize::MAX)];
 /// Planes through the cube's centre are seen edge-on: the sine of their angle to a corner, at least.
 const MIN_SINE: f32 = 1e-6;
 
@@ -49,8 +49,8 @@ impl FaceImage {
         let first = [low.x, low.y].map(|x| (x.max(0.0) as usize).min(size as usize));
         let last = [high.x, high.y].map(|x| (x.ceil() as usize).min(size as usize));
         let texels = [0, 1].map(|axis| last[axis].saturating_sub(first[axis]));
-        let fits = |points: &usize| texels[0] * texels[1] * points * points <= MAX_POINTS;
-        let per_texel = POINTS_OF_TEXELS.into_iter().find(fits).unwrap_or(1);
+        let fits = |(points, most): &(usize, usize)| texels[0] * texels[1] * points * points <= *most;
+        let per_texel = POINTS_OF_TEXELS.into_iter().find(fits).map_or(1, |(points, _)| points);
         let (origin, extent) = (first.map(|x| per_texel * x), texels.map(|x| per_texel * x));
         let count = extent[0] * extent[1];
         let mut image = Self {

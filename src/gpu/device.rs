@@ -70,8 +70,9 @@ pub async fn adapters() -> Vec<Adapter> {
     enumerate().await.iter().map(Adapter::of).collect()
 }
 
-/// What makes a device more exact and faster.
-const WANTED_FEATURES: wgpu::Features = wgpu::Features::FLOAT32_FILTERABLE.union(wgpu::Features::FLOAT32_BLENDABLE);
+/// What makes a device more exact and faster, and lets passes be timed.
+const WANTED_FEATURES: wgpu::Features =
+    wgpu::Features::FLOAT32_FILTERABLE.union(wgpu::Features::FLOAT32_BLENDABLE).union(wgpu::Features::TIMESTAMP_QUERY);
 
 /// A device, and what went wrong with it.
 #[derive(Debug)]

@@ -1,4 +1,4 @@
-//! From radiance to display: exposure, the Khronos PBR Neutral tone mapper, and sRGB.
+//! From radiance to display: exposure, tone mapping, and sRGB.
 
 use glam::Vec3;
 
@@ -25,9 +25,61 @@ pub fn metered_ev(radiance: impl Iterator<Item = Vec3>) -> f32 {
     (MIDDLE_GREY / at(0.5)).min(HIGHLIGHT / at(0.98)).log2().clamp(-64.0, 64.0)
 }
 
-/// Khronos PBR Neutral (2024): preserves colours up to about 0.8, compresses brighter ones and desaturates them towards
-/// white. Linear Rec.709 in and out; the result is in [0, 1].
+/// How exposed radiance, linear Rec.709, becomes a display's: linear, from 0 to 1.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, serde::Deserialize, serde::Serialize)]
+#[serde(rename_all = "lowercase")]
+#[non_exhaustive]
+pub enum ToneMap {
+    /// Khronos PBR Neutral (2024): preserves colours up to about 0.8, compresses brighter ones and desaturates them towards white.
+    #[default]
+    Neutral,
+    /// A curve like film's, with soft shadows and highlights (Narkowicz 2016, *ACES Filmic Tone Mapping Curve*), channel by channel.
+    Filmic,
+    /// No curve: brighter values than 1 are cut off. For measurements by eye.
+    Linear,
+}
+
+impl ToneMap {
+    /// All of them.
+    pub const ALL: [Self; 3] = [Self::Neutral, Self::Filmic, Self::Linear];
+
+    /// Its name in scene files and on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Neutral => "neutral",
+            Self::Filmic => "filmic",
+            Self::Linear => "linear",
+        }
+    }
+
+    /// The display's colour.
+    pub fn apply(self, colour: Vec3) -> Vec3 {
+        match self {
+            Self::Neutral => neutral(colour),
+            Self::Filmic => filmic(colour),
+            Self::Linear => colour.clamp(Vec3::ZERO, Vec3::ONE),
+        }
+    }
+}
+
+impl std::fmt::Display for ToneMap {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+/// Applies the default tone map, Khronos PBR Neutral. Linear Rec.709 in and out; the result is in [0, 1].
 pub fn display(colour: Vec3) -> Vec3 {
+    ToneMap::default().apply(colour)
+}
+
+fn filmic(colour: Vec3) -> Vec3 {
+    // The fit is to exposures 1/0.6 times as large; the limit keeps squares finite.
+    let x = 0.6 * colour.clamp(Vec3::ZERO, Vec3::splat(1e6));
+    ((x * (2.51 * x + 0.03)) / (x * (2.43 * x + 0.59) + 0.14)).clamp(Vec3::ZERO, Vec3::ONE)
+}
+
+fn neutral(colour: Vec3) -> Vec3 {
     const START: f32 = 0.8 - 0.04;
     const DESATURATION: f32 = 0.15;
     let colour = colour.max(Vec3::ZERO);
@@ -55,9 +107,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_tone_curve_is_monotone_and_ends_at_white() {
+    fn tone_curves_are_monotone_and_end_at_white() {
+        for tone_map in ToneMap::ALL {
+            let grey = |stops: f32| tone_map.apply(Vec3::splat(stops.exp2())).x;
+            let steps: Vec<f32> = (0..400).map(|i| grey(i as f32 * 0.1 - 8.0)).collect();
+            assert!(steps.windows(2).all(|w| w[0] <= w[1]), "{tone_map}");
+            assert!(steps[399] > 0.99 && steps[399] <= 1.0 && grey(120.0) > 0.99, "{tone_map}: {}", steps[399]);
+        }
         let grey: Vec<f32> = (0..200).map(|i| display(Vec3::splat((i as f32 * 0.1 - 8.0).exp2())).x).collect();
-        assert!(grey.windows(2).all(|w| w[0] <= w[1]));
         assert!(grey[199] > 0.99 && grey[199] <= 1.0);
         let red = display(Vec3::new(1000.0, 1.0, 1.0));
         assert!(red.min_element() > 0.8, "bright colours fade to white: {red}");

@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 use crate::cell_tree::MAX_LEAVES;
 use crate::environment::CubeSize;
 use crate::error::OptionError;
-use crate::image::Aov;
+use crate::image::{Aov, ToneMap};
 use crate::pinhole::{Epsilon, Filter, Footprint, MAX_TAPS, Params};
 use crate::sampling::{self, Density, MAX_SAMPLES, Strategy};
 use crate::scene::Visibility;
@@ -179,6 +179,8 @@ pub struct DisplaySettings {
     pub exposure: Exposure,
     /// Exposure of the environment where the camera sees it directly, stops, from −64 to 64; `None`: that of everything else.
     pub background_exposure_ev: Option<f32>,
+    /// The tone map.
+    pub tone_map: ToneMap,
 }
 
 impl DisplaySettings {

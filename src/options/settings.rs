@@ -6,7 +6,7 @@ use super::{DisplaySettings, EvaluationChoice, Exposure, FilterChoice, Options};
 use crate::Error;
 use crate::environment::CubeSize;
 use crate::error::OptionError;
-use crate::image::Aov;
+use crate::image::{Aov, ToneMap};
 use crate::pinhole::{Epsilon, Footprint};
 use crate::sampling::{Density, Strategy};
 use crate::scene::{Loaded, Scene, Visibility};
@@ -54,6 +54,8 @@ pub struct Settings {
     pub exposure_ev: Option<Exposure>,
     /// Exposure of the environment where the camera sees it, in stops; by default `exposure_ev`.
     pub background_exposure_ev: Option<f32>,
+    /// How exposed radiance becomes a display's.
+    pub tone_map: Option<ToneMap>,
     /// Multiplies the caustic in the beauty picture.
     pub caustic_gain: Option<f32>,
     /// The pictures to render.
@@ -84,6 +86,7 @@ impl Settings {
             pixel_samples: over.pixel_samples.or(self.pixel_samples),
             exposure_ev: over.exposure_ev.or(self.exposure_ev),
             background_exposure_ev: over.background_exposure_ev.or(self.background_exposure_ev),
+            tone_map: over.tone_map.or(self.tone_map),
             caustic_gain: over.caustic_gain.or(self.caustic_gain),
             aov: over.aov.or(self.aov),
         }
@@ -114,6 +117,7 @@ impl Settings {
             display: DisplaySettings {
                 exposure: self.exposure_ev.unwrap_or_default(),
                 background_exposure_ev: self.background_exposure_ev,
+                tone_map: self.tone_map.unwrap_or_default(),
             },
             caustic_gain: self.caustic_gain.unwrap_or(defaults.caustic_gain),
             plain_diffuse: defaults.plain_diffuse,

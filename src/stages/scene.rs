@@ -89,7 +89,8 @@ pub(crate) struct SceneStages {
     tracer: Memo<TracerKey, Tracer>,
     /// For previews, while there is no other for the same meshes.
     tracer_of_frame: Memo<TracerKey, Tracer>,
-    camera: Memo<(Id<Tracer>, TracerKey), CameraTracer>,
+    emitters: Memo<TracerKey, Tracer>,
+    camera: Memo<(Id<Tracer>, Option<Id<Tracer>>), CameraTracer>,
     surface: Memo<SurfaceKey, Surface>,
     materials: Memo<MaterialsKey, SurfaceMaterials>,
     light_geometry: Memo<LightGeometryKey, LightGeometry>,
@@ -122,6 +123,7 @@ impl SceneStages {
             meshes_made_before: 0,
             tracer: Memo::new(Stage::Bvh),
             tracer_of_frame: Memo::new(Stage::Bvh),
+            emitters: Memo::new(Stage::Bvh),
             camera: Memo::new(Stage::Bvh),
             surface: Memo::new(Stage::Surface),
             materials: Memo::new(Stage::Materials),
@@ -167,14 +169,17 @@ impl SceneStages {
             objects.map(|(mesh, o)| (Id::of(mesh), SeenBy::of(o))).collect()
         };
         let tracer = tracer(self, key(|o| o.emitter.is_none()), &meshes);
-        let camera_key = (Id::of(&tracer), key(|o| o.emitter.is_some()));
-        let camera = self.camera.get(camera_key, progress, || CameraTracer::new(tracer.clone(), seen(&meshes, scene)));
+        let shining = key(|o| o.emitter.is_some());
+        let of_emitters = || Tracer::of_emitters(seen(&meshes, scene));
+        let emitters = (!shining.is_empty()).then(|| self.emitters.get(shining, progress, of_emitters));
+        let camera_key = (Id::of(&tracer), emitters.as_ref().map(Id::of));
+        let camera = self.camera.get(camera_key, progress, || CameraTracer::new(tracer.clone(), emitters.clone()));
         let mirrors = |(mesh, o): (&Arc<Mesh>, &Object)| Some((Id::of(mesh), o.reflector?.sides));
         let mirrors = meshes.iter().zip(&scene.objects).map(mirrors).collect();
         let surface = self.surface.get(mirrors, progress, || reflecting_surface(&meshes, scene));
         let materials = scene.objects.iter().map(|o| (o.receiver.clone(), o.reflector.map(|r| r.finish))).collect();
         let materials = self.materials.get(materials, progress, || SurfaceMaterials::of_scene(scene));
-        let light_geometry = self.light_geometry(&meshes, scene, progress);
+        let light_geometry = emitters.map(|emitters| self.light_geometry(&meshes, scene, emitters, progress));
         Ok(PreparedScene {
             tracer,
             camera,
@@ -205,17 +210,16 @@ impl SceneStages {
         &mut self,
         meshes: &[Arc<Mesh>],
         scene: &Scene,
+        tracer: Arc<Tracer>,
         progress: &dyn Progress,
-    ) -> Option<Arc<LightGeometry>> {
-        let objects = || meshes.iter().zip(&scene.objects);
-        let emitters: Vec<_> = objects().filter_map(|(mesh, object)| Some((mesh, object.emitter?))).collect();
-        if emitters.is_empty() {
-            return None;
-        }
+    ) -> Arc<LightGeometry> {
+        let objects = (0..).zip(meshes).zip(&scene.objects);
+        let emitters: Vec<_> =
+            objects.filter_map(|((index, mesh), object)| Some((index, mesh, object.emitter?))).collect();
         let centre = light_centre(&meshes.iter().map(|mesh| &**mesh).collect::<Vec<_>>(), &scene.objects);
-        let key = (emitters.iter().map(|(mesh, emitter)| (Id::of(mesh), *emitter)).collect(), centre);
-        let shining: Vec<_> = emitters.iter().map(|(mesh, emitter)| (&***mesh, emitter.radiance)).collect();
-        Some(self.light_geometry.get(key, progress, || LightGeometry::new(&shining, centre)))
+        let key = (emitters.iter().map(|(_, mesh, emitter)| (Id::of(*mesh), *emitter)).collect(), centre);
+        let shining: Vec<_> = emitters.iter().map(|(index, mesh, e)| (*index, &***mesh, e.radiance)).collect();
+        self.light_geometry.get(key, progress, || LightGeometry::new(&shining, tracer, centre))
     }
 
     fn place_meshes(&mut self, scene: &Scene, progress: &dyn Progress) -> Result<Vec<Arc<Mesh>>, MeshError> {
@@ -234,6 +238,7 @@ impl SceneStages {
         counts.add(Stage::Geometry, self.meshes_made_before);
         self.meshes.iter().for_each(|memo| counts.add_memo(memo));
         counts.add_memo(&self.tracer);
+        counts.add_memo(&self.emitters);
         counts.add_memo(&self.camera);
         counts.add_memo(&self.surface);
         counts.add_memo(&self.materials);

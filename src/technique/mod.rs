@@ -20,7 +20,7 @@ use crate::differential::DifferentialSample;
 #[cfg(feature = "gpu")]
 use crate::gpu::GpuError;
 use crate::options::{Evaluation, Options};
-use crate::pinhole::cpu::Contribution;
+use crate::pinhole::cpu::{Contribution, TakenCell};
 #[cfg(feature = "gpu")]
 use crate::pinhole::gpu::{EnvironmentCube, Frame};
 use crate::pinhole::{Filter, Receivers, SampleView};
@@ -87,6 +87,9 @@ pub(crate) trait TechniqueStages: fmt::Debug + Send {
 
     /// What the technique computes for a place on a surface.
     fn inspect(&mut self, inputs: &Inputs, place: &Hit) -> Result<Inspected, Error>;
+
+    /// The cells that a hierarchical sum takes for a place on a receiver; none if sums are flat.
+    fn cells_taken(&mut self, inputs: &Inputs, light: &mut LightStages, place: &Hit) -> Result<Vec<TakenCell>, Error>;
 
     /// Adds the counts of its stages.
     fn count(&self, counts: &mut StageCounts);

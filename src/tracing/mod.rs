@@ -115,10 +115,9 @@ impl Tracer {
         Self::build(&meshes.collect::<Vec<_>>(), BvhBuildParams::fastest_build())
     }
 
-    /// The hierarchy over what only the camera sees.
-    fn of_emitters<'a>(meshes: impl Iterator<Item = (&'a Mesh, SeenBy)>) -> Self {
-        let is_emitter = |seen_by: &SeenBy| seen_by.camera && !seen_by.light;
-        Self::of_some(&meshes.collect::<Vec<_>>(), BvhBuildParams::fastest_build(), is_emitter)
+    /// The hierarchy over emitters, through which light passes.
+    pub(crate) fn of_emitters<'a>(meshes: impl Iterator<Item = (&'a Mesh, SeenBy)>) -> Self {
+        Self::of_some(&meshes.collect::<Vec<_>>(), BvhBuildParams::fastest_build(), |seen_by| !seen_by.light)
     }
 
     fn build(meshes: &[(&Mesh, SeenBy)], how: BvhBuildParams) -> Self {
@@ -314,14 +313,13 @@ impl Tracer {
 #[derive(Debug)]
 pub(crate) struct CameraTracer {
     scene: Arc<Tracer>,
-    emitters: Option<Tracer>,
+    emitters: Option<Arc<Tracer>>,
 }
 
 impl CameraTracer {
-    /// The objects that light meets, too, and all objects.
-    pub fn new<'a>(scene: Arc<Tracer>, meshes: impl Iterator<Item = (&'a Mesh, SeenBy)>) -> Self {
-        let emitters = Tracer::of_emitters(meshes);
-        Self { scene, emitters: (!emitters.corners.is_empty()).then_some(emitters) }
+    /// The objects that light meets, too, and emitters.
+    pub fn new(scene: Arc<Tracer>, emitters: Option<Arc<Tracer>>) -> Self {
+        Self { scene, emitters }
     }
 
     /// The first thing that the camera sees along a ray.

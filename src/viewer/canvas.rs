@@ -216,6 +216,7 @@ impl Viewer {
         }
         let hovered = response.hover_pos().map(|at| (at - area.min) / area.size());
         self.inspect(ui.ctx(), hovered.map(|place| Vec2::new(place.x, place.y)));
+        self.paint_cells(&painter, area);
         self.paint_status(&painter, area);
         is_edited
     }

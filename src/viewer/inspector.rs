@@ -8,7 +8,7 @@ use glam::Vec2;
 use crate::image::Image;
 use crate::options::Options;
 use crate::scene::Scene;
-use crate::{Backend, Engine, Inspection, NoProgress};
+use crate::{Backend, Engine, Inspection, NoProgress, TakenCell};
 
 /// Rows of the environment's map.
 const MAP_HEIGHT: u32 = 160;
@@ -22,6 +22,8 @@ pub struct Question {
     pub place: Vec2,
     /// The number of the view; its environment is drawn once.
     pub view: u64,
+    /// The cells that the sum takes are wanted, too.
+    pub with_cells: bool,
 }
 
 /// What was found.
@@ -31,6 +33,8 @@ pub struct Answer {
     /// The environment, if it may have changed; display-linear.
     pub map: Option<Image>,
     pub found: Result<Option<Inspection>, String>,
+    /// Cells that the sum takes for a receiver there.
+    pub cells: Vec<TakenCell>,
 }
 
 /// The thread, from the window's side. It ends with it.
@@ -70,7 +74,7 @@ impl Inspector {
 }
 
 fn answer(question: Question, state: &mut Option<(Engine, u64)>) -> Answer {
-    let Question { scene, options, place, view } = question;
+    let Question { scene, options, place, view, with_cells } = question;
     let is_known = state.as_ref().is_some_and(|(_, known)| *known == view);
     let (engine, known) =
         state.get_or_insert_with(|| (Engine::new(scene.clone(), options.clone(), Backend::cpu()), view));
@@ -78,5 +82,11 @@ fn answer(question: Question, state: &mut Option<(Engine, u64)>) -> Answer {
         (*engine.scene_mut(), *engine.options_mut(), *known) = (scene, options, view);
     }
     let map = if is_known { None } else { engine.environment_map(MAP_HEIGHT, &NoProgress).ok() };
-    Answer { view: *known, map, found: engine.inspect(place, &NoProgress).map_err(|error| error.to_string()) }
+    let found = engine.inspect(place, &NoProgress);
+    let cells = if with_cells { engine.cells_taken(place, &NoProgress) } else { Ok(Vec::new()) };
+    let (found, cells) = match (found, cells) {
+        (Ok(found), Ok(cells)) => (Ok(found), cells),
+        (Err(error), _) | (_, Err(error)) => (Err(error.to_string()), Vec::new()),
+    };
+    Answer { view: *known, map, found, cells }
 }

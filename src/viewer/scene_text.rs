@@ -34,7 +34,7 @@ pub fn write_camera(document: &mut DocumentMut, old: &Camera, new: &Camera) {
 fn changed_keys(old: &Options, new: &Options) -> Vec<(&'static str, Option<Item>)> {
     let aovs = |options: &Options| options.aovs.iter().map(|aov| aov.name()).collect::<Array>();
     let background = new.display.background_exposure_ev;
-    let all: [(bool, &'static str, Option<Item>); 18] = [
+    let all: [(bool, &'static str, Option<Item>); 19] = [
         (old.samples != new.samples, "samples", Some(value(i64::from(new.samples)))),
         (old.strategy != new.strategy, "strategy", Some(value(new.strategy.name()))),
         (old.density != new.density, "density", Some(value(new.density.name()))),
@@ -56,6 +56,7 @@ fn changed_keys(old: &Options, new: &Options) -> Vec<(&'static str, Option<Item>
             "background_exposure_ev",
             background.map(|stops| value(number(stops))),
         ),
+        (old.display.tone_map != new.display.tone_map, "tone_map", Some(value(new.display.tone_map.name()))),
         (old.aovs != new.aovs, "aov", Some(value(aovs(new)))),
     ];
     all.into_iter().filter(|(is_changed, ..)| *is_changed).map(|(_, key, item)| (key, item)).collect()

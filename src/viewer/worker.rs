@@ -17,7 +17,7 @@ use crate::gpu::{Adapter, Gpu};
 use crate::image::{Aov, Image};
 use crate::options::{Evaluation, Exposures, Options, Overlay};
 use crate::scene::Scene;
-use crate::{Backend, BackendChoice, Budget, Detail, Engine, Error, Mark};
+use crate::{Backend, BackendChoice, Budget, Detail, Engine, Error, Mark, PassTime};
 
 /// Nothing has to change for this long before the picture is refined.
 const REST: Duration = Duration::from_millis(250);
@@ -74,6 +74,8 @@ pub struct Picture {
     pub marks: Vec<Mark>,
     pub seconds: f64,
     pub stages: StageSeconds,
+    /// Of a preview on a GPU with timestamps.
+    pub passes: Vec<PassTime>,
     pub warnings: Vec<String>,
 }
 
@@ -400,6 +402,7 @@ impl Loop {
             marks: preview.marks.iter().map(|mark| mark.scaled(size.recip())).collect(),
             seconds,
             stages: watch.seconds(),
+            passes: preview.passes,
             warnings: Vec::new(),
         })));
         Ok(())
@@ -451,6 +454,7 @@ fn render(
         marks: marks.iter().map(|mark| mark.scaled(size.recip())).collect(),
         seconds: began.elapsed().as_secs_f64(),
         stages: watch.seconds(),
+        passes: Vec::new(),
         warnings: rendered.report.warnings,
     })
 }

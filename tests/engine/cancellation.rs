@@ -4,6 +4,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use pinspot::{Backend, Engine, Error, NoProgress, Progress, Stage, blocking};
 
+use crate::support::gpu_backend;
+
 /// Cancels when a stage begins.
 struct CancelAt {
     stage: Stage,
@@ -26,13 +28,25 @@ impl Progress for CancelAt {
     }
 }
 
-#[test]
-fn a_cancelled_picture_leaves_no_incomplete_stage_behind() {
+/// Cancels pictures when each of some stages begins, and renders them again.
+fn check(backend: &Backend, stages: &[Stage]) {
     let engine = || {
         let (scene, options) = pinspot::load("columns").unwrap();
-        Engine::new(scene, options.with_size([32, 24]).with_samples(60).with_leaves(Some(4)), Backend::cpu())
+        Engine::new(scene, options.with_size([32, 24]).with_samples(60).with_leaves(Some(4)), backend.clone())
     };
-    let whole = blocking::wait(None, engine().render(&NoProgress)).unwrap();
+    let whole = blocking::wait(backend.device(), engine().render(&NoProgress)).unwrap();
+    for &stage in stages {
+        let mut engine = engine();
+        let progress = CancelAt { stage, has_begun: AtomicBool::new(false) };
+        let cancelled = blocking::wait(backend.device(), engine.render(&progress));
+        assert!(matches!(cancelled, Err(Error::Cancelled)), "{stage}: {:?}", cancelled.err());
+        let again = blocking::wait(backend.device(), engine.render(&NoProgress)).unwrap();
+        assert!(again.layers == whole.layers, "{stage}: the picture differs after a cancelled one");
+    }
+}
+
+#[test]
+fn a_cancelled_picture_leaves_no_incomplete_stage_behind() {
     let stages = [
         Stage::Geometry,
         Stage::Light,
@@ -45,12 +59,6 @@ fn a_cancelled_picture_leaves_no_incomplete_stage_behind() {
         Stage::PathEnds,
         Stage::Shading,
     ];
-    for stage in stages {
-        let mut engine = engine();
-        let progress = CancelAt { stage, has_begun: AtomicBool::new(false) };
-        let cancelled = blocking::wait(None, engine.render(&progress));
-        assert!(matches!(cancelled, Err(Error::Cancelled)), "{stage}: {:?}", cancelled.err());
-        let again = blocking::wait(None, engine.render(&NoProgress)).unwrap();
-        assert!(again.layers == whole.layers, "{stage}: the picture differs after a cancelled one");
-    }
+    check(&Backend::cpu(), &stages);
+    check(&gpu_backend(), &[Stage::Visibility, Stage::Caustic]);
 }

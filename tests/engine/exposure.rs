@@ -12,7 +12,7 @@ fn every_built_in_light_is_exposed_for() {
     for map in ["studio", "city", "forest", "clear-sky"] {
         let (mut scene, options) = pinspot::load("ring").unwrap();
         scene.environment.light = Light::BuiltInMap(map.into());
-        let display = DisplaySettings { exposure: Exposure::Auto, background_exposure_ev: None };
+        let display = DisplaySettings { exposure: Exposure::Auto, ..Default::default() };
         let options = options.with_size([64, 64]).with_samples(100).with_display(display);
         let rendered = support::render(scene, options, &BackendChoice::Cpu).unwrap();
         let used = rendered.report.exposures.unwrap();
@@ -30,7 +30,7 @@ fn every_built_in_light_is_exposed_for() {
 fn the_report_states_the_exposure_in_use() {
     let render = |exposure| {
         let (scene, options) = pinspot::load("mirror-sphere").unwrap();
-        let display = DisplaySettings { exposure, background_exposure_ev: Some(0.5) };
+        let display = DisplaySettings { exposure, background_exposure_ev: Some(0.5), ..Default::default() };
         let options = options.with_size([40, 30]).with_samples(100).with_display(display);
         let rendered = support::render(scene, options, &BackendChoice::Cpu).unwrap();
         (rendered.displayed(&display), rendered.report.exposures.unwrap())

@@ -1,6 +1,6 @@
 //! Previews beside whole pictures of the same samples: alike when they are still, and as calm when they move.
 
-use pinspot::image::{Image, srgb8};
+use pinspot::image::{Image, ToneMap, srgb8};
 use pinspot::{Backend, Detail, Engine, EvaluationChoice, Exposure, NoProgress, blocking};
 
 use crate::support::gpu_backend;
@@ -115,6 +115,7 @@ fn both_back_ends_render_the_same_previews() {
         let [cpu, gpu] = backends.each_ref().map(|backend| {
             let (scene, mut options) = pinspot::load(name).unwrap();
             options.display.exposure = Exposure::Auto;
+            options.display.tone_map = ToneMap::ALL[k % 3];
             let mut engine = Engine::new(scene, options.with_size(SIZE), backend.clone());
             // Not only the first frame: what is kept on a GPU follows.
             let frames = [0.0, 0.4].map(|seconds| {
@@ -133,6 +134,7 @@ fn both_back_ends_render_the_same_previews() {
         assert!(mean < 1e-3, "{name}: {mean}");
         // Edges of shadows and of what mirrors show, by rays that graze them.
         assert!(off * 200 < cpu.image.pixels.len(), "{name}: {off}");
+        assert!(gpu.passes.iter().all(|pass| (0.0..10.0).contains(&pass.seconds)), "{name}: {:?}", gpu.passes);
         assert_eq!((cpu.samples, cpu.evaluation), (gpu.samples, gpu.evaluation), "{name}");
     }
 }

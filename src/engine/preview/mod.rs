@@ -21,6 +21,8 @@ use rayon::prelude::*;
 pub use self::budget::{Budget, Detail};
 use self::edges::smooth_edges;
 use self::nodes::NodeGrid;
+#[cfg(feature = "gpu")]
+pub use self::on_gpu::PassTime;
 use self::views::{Escape, Layer, SurfacePoint, Views};
 use super::Engine;
 use super::direct::DirectLight;
@@ -30,7 +32,7 @@ use super::overlay::{Mark, Marker};
 use crate::Error;
 #[cfg(feature = "gpu")]
 use crate::backend::Backend;
-use crate::image::{Aov, Image, display, exposed, metered_ev};
+use crate::image::{Aov, Image, exposed, metered_ev};
 #[cfg(feature = "gpu")]
 use crate::options::Exposure;
 use crate::options::{Evaluation, EvaluationChoice, Exposures, Options, Overlay};
@@ -57,13 +59,23 @@ pub struct Preview<T = Image> {
     pub marks: Vec<Mark>,
     /// How they are summed; `None` if no caustic is shown.
     pub evaluation: Option<Evaluation>,
+    /// How long the passes took on the GPU; empty on the CPU, and where the device has no timestamps.
+    #[cfg(feature = "gpu")]
+    pub passes: Vec<PassTime>,
 }
 
 impl<T> Preview<T> {
     /// The same with the picture as something else.
     pub fn map<U>(self, picture: impl FnOnce(T) -> U) -> Preview<U> {
-        let Self { image, exposures, samples, marks, evaluation } = self;
-        Preview { image: picture(image), exposures, samples, marks, evaluation }
+        Preview {
+            image: picture(self.image),
+            exposures: self.exposures,
+            samples: self.samples,
+            marks: self.marks,
+            evaluation: self.evaluation,
+            #[cfg(feature = "gpu")]
+            passes: self.passes,
+        }
     }
 }
 
@@ -124,14 +136,17 @@ impl Engine {
     /// # Errors
     /// As [`Self::render`].
     pub async fn preview(&mut self, detail: &Detail, progress: &dyn Progress) -> Result<Preview, Error> {
-        let Preview { image: rendered, samples, marks, evaluation, .. } =
-            self.preview_as(Wanted::InMemory, detail, progress).await?;
-        let (image, exposures) = match rendered {
-            Rendered::Image(image, exposures) => (image, Some(exposures)),
+        let mut exposures = None;
+        let preview = self.preview_as(Wanted::InMemory, detail, progress).await?;
+        let preview = preview.map(|rendered| match rendered {
+            Rendered::Image(image, used) => {
+                exposures = Some(used);
+                image
+            }
             #[cfg(feature = "gpu")]
-            Rendered::Texture(_) => (Image::new(0, 0), None),
-        };
-        Ok(Preview { image, exposures, samples, marks, evaluation })
+            Rendered::Texture(_) => Image::new(0, 0),
+        });
+        Ok(Preview { exposures, ..preview })
     }
 
     /// Like [`Self::preview`], but the picture stays on the device of the engine's back end: nothing is read back. Returns when it is
@@ -148,12 +163,11 @@ impl Engine {
         if self.backend.device().is_none_or(|device| !on_gpu::fits(device, detail.size)) {
             return Ok(None);
         }
-        let Preview { image: rendered, samples, marks, evaluation, .. } =
-            self.preview_as(Wanted::OnDevice, detail, progress).await?;
-        let Rendered::Texture(image) = rendered else { return Ok(None) };
-        let display = self.options.display;
+        let preview = self.preview_as(Wanted::OnDevice, detail, progress).await?;
+        let Rendered::Texture(texture) = &preview.image else { return Ok(None) };
+        let (texture, display) = (texture.clone(), self.options.display);
         let exposures = matches!(display.exposure, Exposure::Stops(_)).then(|| display.exposures(|| 0.0));
-        Ok(Some(Preview { image, exposures, samples, marks, evaluation }))
+        Ok(Some(Preview { exposures, ..preview.map(|_| texture) }))
     }
 
     async fn preview_as(
@@ -197,6 +211,11 @@ impl Engine {
             Frame { scene: &self.scene, prepared: &scene, options: &options, light: &light, detail, direct, progress };
         #[cfg(feature = "gpu")]
         let on_gpu = frame.on_gpu(wanted, &self.backend, &mut self.preview.on_gpu, sum.as_ref()).await?;
+        #[cfg(feature = "gpu")]
+        let passes = match &self.preview.on_gpu {
+            Some(passes) if on_gpu.is_some() => passes.pass_times().await?,
+            _ => Vec::new(),
+        };
         #[cfg(not(feature = "gpu"))]
         let on_gpu = None;
         let image = match on_gpu {
@@ -220,6 +239,8 @@ impl Engine {
             samples: statistics.map_or(0, |statistics| statistics.samples),
             marks,
             evaluation: statistics.map(|statistics| statistics.evaluation),
+            #[cfg(feature = "gpu")]
+            passes,
         })
     }
 
@@ -385,7 +406,8 @@ impl Frame<'_> {
             }
         });
         let shown = |[surface, background]: &[Vec3; 2]| {
-            display(exposed(*surface, exposures.exposure_ev) + exposed(*background, exposures.background_exposure_ev))
+            let background = exposed(*background, exposures.background_exposure_ev);
+            self.options.display.tone_map.apply(exposed(*surface, exposures.exposure_ev) + background)
         };
         let [width, height] = self.options.size;
         (Image { width, height, pixels: shaded.par_iter().map(shown).collect() }, exposures)

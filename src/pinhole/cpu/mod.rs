@@ -14,7 +14,9 @@ mod visibility;
 
 pub use cube::{CubeLookup, Lanes16};
 pub use filters::{HardwareFilterError, probe};
-pub use hierarchical::{Accuracy, CachedGather, CachedSums, Light, estimate_irradiance, gather_hierarchical};
+pub use hierarchical::{
+    Accuracy, CachedGather, CachedSums, Light, TakenCell, cells_taken, estimate_irradiance, gather_hierarchical,
+};
 pub use inspection::{Contribution, contributions_to};
 
 use glam::{Vec3, Vec4};

@@ -19,7 +19,7 @@ use crate::Error;
 use crate::differential::DifferentialSample;
 use crate::environment::{Environment, LightBounds};
 use crate::options::Evaluation;
-use crate::pinhole::cpu::{Accuracy, Light, contributions_to, estimate_irradiance};
+use crate::pinhole::cpu::{Accuracy, Light, TakenCell, cells_taken, contributions_to, estimate_irradiance};
 use crate::pinhole::{Filter, Params, PinholeTree, Pinholes, Receivers};
 use crate::progress::{Progress, Stage};
 use crate::scene::{Camera, Visibility};
@@ -258,6 +258,27 @@ impl TechniqueStages for PinholeStages {
         let receiver = (place.position, place.normal, place.object);
         let contributions = contributions_to(receiver, &pinholes, &inputs.light.environment.cube, &params);
         Ok(Inspected { contributions, view: pinholes.view_from(place) })
+    }
+
+    fn cells_taken(&mut self, inputs: &Inputs, light: &mut LightStages, place: &Hit) -> Result<Vec<TakenCell>, Error> {
+        let Inputs { options, progress, .. } = *inputs;
+        let filter = Filter::Anisotropic;
+        let Evaluation::Hierarchical { leaves, tolerance } = options.resolved_evaluation(filter, false)? else {
+            return Ok(Vec::new());
+        };
+        let points = self.samples.points(inputs)?;
+        let tree = self.samples.tree(inputs, &points, leaves);
+        let bounds = light.bounds(inputs.light, progress);
+        let params = options.params(filter, inputs.light.rotation_rad);
+        let environment = inputs.light.environment.clone();
+        let accuracy = Accuracy { error: tolerance, split_near: true };
+        let mut sum = HierarchicalInputs { tree, environment, bounds, params, accuracy };
+        let light = Light { cube: &sum.environment.cube, bounds: &sum.bounds };
+        sum.accuracy.error *= *self.estimate.get(estimate_key(inputs, &sum), progress, || {
+            estimate_irradiance(&estimate_receivers(inputs), &sum.tree, light, &sum.params)
+        });
+        let receiver = (place.position, place.normal, place.object);
+        Ok(cells_taken(receiver, &sum.tree, light, &sum.params, sum.accuracy))
     }
 
     fn count(&self, counts: &mut StageCounts) {

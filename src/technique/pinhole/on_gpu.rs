@@ -19,7 +19,7 @@ use crate::pinhole::gpu::{
     LightBoundsTexture, MapTracing, MapUse, Tolerance, VisibilityMapBuffers,
 };
 use crate::pinhole::{BATCH_SIZE, ESTIMATE_MAX_RECEIVERS, Params, PinholeTree, Pinholes, ReceiverLayout, Receivers};
-use crate::progress::{NoProgress, Progress, Stage};
+use crate::progress::{Progress, Stage};
 use crate::scene::{Scene, Visibility};
 use crate::stages::{Id, Memo, StageCounts};
 use crate::technique::{Inputs, Pending, Statistics, Sum, SumOnGpu};
@@ -81,7 +81,9 @@ impl GpuStages {
         let environment = self.environment(shared, &sum.environment, inputs.progress)?;
         let mut maps = None;
         if let Some(geometry) = geometry {
-            let make = async || trace_maps(shared, geometry, inputs.scene, &sum.pinholes, MapUse::Maps).await;
+            let make = async || {
+                trace_maps(shared, geometry, inputs.scene, &sum.pinholes, (MapUse::Maps, inputs.progress)).await
+            };
             let key = (Id::of(&sum.pinholes), Id::of(&inputs.prepared.tracer));
             maps = Some(self.flat_maps.wait_for(key, (0, inputs.progress), make).await?);
         }
@@ -122,7 +124,8 @@ impl GpuStages {
         };
         let tracer = Id::of(&inputs.prepared.tracer);
         let nodes = tree.sample_nodes();
-        let make = async || trace_maps(shared, geometry, inputs.scene, nodes, MapUse::MapsAndRays).await;
+        let make =
+            async || trace_maps(shared, geometry, inputs.scene, nodes, (MapUse::MapsAndRays, inputs.progress)).await;
         let traced = self.tree_maps.wait_for((Id::of(tree), tracer.clone()), (0, inputs.progress), make).await?;
         let upload = || CellTreeBuffers::with_maps(device, tree, &traced.pinholes.samples, Some(traced.maps.clone()));
         Ok(self.tree.try_get((Id::of(tree), Some(tracer)), inputs.progress, upload)?)
@@ -179,17 +182,17 @@ async fn trace_maps(
     geometry: &Geometry,
     scene: &Scene,
     pinholes: &Pinholes,
-    map_use: MapUse,
+    (map_use, progress): (MapUse, &dyn Progress),
 ) -> Result<NumberedMaps, GpuError> {
     let gpu = &shared.gpu;
     let tracer = shared.pipelines.map_tracer(&gpu.device);
     let samples = (scene, pinholes.samples.clone());
     let tracing = MapTracing::new(&gpu.device, &tracer, geometry, samples, map_use)?;
     let pieces = tracing.dispatch_count();
-    let submission = Submission { gpu, points: 0, pieces, step: 1, progress: &NoProgress };
+    let submission = Submission { gpu, points: 0, pieces, step: 1, progress };
     submission.run(|encoder, dispatches| tracing.record(encoder, dispatches)).await?;
     let unfinished = gpu.read_buffer(tracing.unfinished(), 4).await?;
-    if unfinished.iter().any(|&byte| byte != 0) {
+    if !progress.is_cancelled() && unfinished.iter().any(|&byte| byte != 0) {
         return Err(GpuError::LoopCutShort { adapter: gpu.adapter.name.clone() });
     }
     let (samples, maps) = tracing.finish();
@@ -297,7 +300,7 @@ impl HierarchicalOnGpu {
             let submission = Submission { gpu, points, pieces: frame.batch_count(), step: 1, progress };
             submission.run(|encoder, batches| frame.record(encoder, batches)).await?;
             let sums = gpu.read_texture(frame.caustic()).await?;
-            if sums.iter().all(|sum| sum[3] >= 0.0) {
+            if progress.is_cancelled() || sums.iter().all(|sum| sum[3] >= 0.0) {
                 return Ok(sums);
             }
             inputs.split_passes *= 8;

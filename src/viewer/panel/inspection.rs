@@ -4,12 +4,12 @@ use eframe::egui;
 use egui::{Color32, ColorImage, Pos2, Rect, Sense, Stroke, TextureHandle, TextureOptions};
 
 use super::fields::{named, switch};
-use crate::options::Exposure;
+use crate::options::{EvaluationChoice, Exposure, Options};
 use crate::pinhole::SampleView;
 use crate::viewer::Viewer;
 use crate::viewer::canvas::colour_image;
 use crate::viewer::inspector::{Answer, Inspector, Question};
-use crate::{Inspection, MapFootprint, ReceiverInspection};
+use crate::{Inspection, MapFootprint, ReceiverInspection, TakenCell};
 
 /// Radius of the dot of a footprint that brings everything, points.
 const DOT: f32 = 14.0;
@@ -19,18 +19,28 @@ const DOT: f32 = 14.0;
 pub(crate) struct InspectionState {
     /// The pointer is followed.
     is_on: bool,
+    /// The cells of the sum are drawn, too.
+    with_cells: bool,
     /// Answers about earlier views belong to another scene.
     first_view: u64,
     inspector: Option<Inspector>,
     /// The last place that was asked about, and its view.
-    asked: Option<(glam::Vec2, u64)>,
+    asked: Option<(glam::Vec2, u64, bool)>,
     map: Option<TextureHandle>,
     view: Option<TextureHandle>,
     found: Option<Inspection>,
+    /// Cells that the sum takes for the receiver under the pointer.
+    cells: Vec<TakenCell>,
     failure: Option<String>,
 }
 
 impl InspectionState {
+    /// The cells that are drawn.
+    #[cfg(test)]
+    pub fn cells(&self) -> &[TakenCell] {
+        &self.cells
+    }
+
     /// What was found under the pointer.
     #[cfg(test)]
     pub fn found(&self) -> Option<&Inspection> {
@@ -45,6 +55,7 @@ impl Viewer {
             ui.weak("Shows where the light under the pointer comes from, and what samples of mirrors see.");
             return;
         }
+        switch(ui, "Cells of the sum", &mut self.inspection.with_cells, false);
         if let Some(reason) = &self.inspection.failure {
             ui.colored_label(Color32::YELLOW, reason);
         }
@@ -67,6 +78,9 @@ impl Viewer {
         ui.label(object.map_or("", |object| object.name.as_str()));
         if let Some(receiver) = &found.receiver {
             ui.label(in_words(receiver));
+            if self.inspection.with_cells {
+                ui.label(cells_in_words(&self.inspection.cells, &self.document.state.options));
+            }
         }
         if let Some(view) = self.inspection.view.as_ref().filter(|_| found.view.is_some()) {
             ui.label("What the nearest sample sees, horizon at the edge; bright: the environment");
@@ -79,19 +93,20 @@ impl Viewer {
     /// Asks about the place under the pointer, as fractions of the picture's width and height, or the last one if the view has changed.
     pub(in crate::viewer) fn inspect(&mut self, context: &egui::Context, place: Option<glam::Vec2>) {
         self.take_answer(context);
-        let place = place.or(self.inspection.asked.map(|(place, _)| place));
+        let place = place.or(self.inspection.asked.map(|(place, ..)| place));
         let moves = self.clock.is_playing || self.is_outdated || context.input(|input| input.pointer.any_down());
         let Some(place) = place.filter(|_| self.inspection.is_on && !moves && self.sent > 0) else { return };
-        if self.inspection.asked == Some((place, self.sent)) {
+        let with_cells = self.inspection.with_cells;
+        if self.inspection.asked == Some((place, self.sent, with_cells)) {
             return;
         }
-        self.inspection.asked = Some((place, self.sent));
+        self.inspection.asked = Some((place, self.sent, with_cells));
         let mut options = self.document.state.options.clone().with_size(self.canvas.size());
         if let Some(used) = self.picture.as_ref().and_then(|picture| picture.exposures) {
             options.display.exposure = Exposure::Stops(used.exposure_ev);
             options.display.background_exposure_ev = Some(used.background_exposure_ev);
         }
-        let question = Question { scene: self.posed_scene(), options, place, view: self.sent };
+        let question = Question { scene: self.posed_scene(), options, place, view: self.sent, with_cells };
         let waker = context.clone();
         let start = || Inspector::start(move || waker.request_repaint());
         if !self.inspection.inspector.get_or_insert_with(start).ask(question) {
@@ -100,19 +115,46 @@ impl Viewer {
         }
     }
 
+    /// Draws the cells of the sum over the picture: the more one brings, the brighter, those on the far sides of mirrors, too.
+    pub(in crate::viewer) fn paint_cells(&self, painter: &egui::Painter, area: Rect) {
+        let state = &self.inspection;
+        if !state.is_on || !state.with_cells {
+            return;
+        }
+        let camera = self.posed_scene().camera;
+        let size = glam::Vec2::new(area.width(), area.height());
+        let most = state.cells.iter().map(|cell| cell.irradiance.element_sum()).fold(f32::MIN_POSITIVE, f32::max);
+        for cell in &state.cells {
+            let [u, v] = cell.sides.map(|side| 0.5 * side);
+            let corners = [-u - v, u - v, u + v, v - u].map(|corner| camera.project(cell.centroid + corner, size));
+            if corners.iter().any(|(_, depth)| *depth <= 0.0) {
+                continue;
+            }
+            let points = corners.map(|(at, _)| area.min + egui::Vec2::new(at.x, at.y)).to_vec();
+            let part = (cell.irradiance.element_sum() / most).sqrt();
+            let colour = Color32::from_rgb(255, 200, 40);
+            let fill = colour.gamma_multiply(0.6 * part);
+            painter.add(egui::Shape::convex_polygon(points, fill, Stroke::new(1.0, colour.gamma_multiply(0.7))));
+        }
+    }
+
     /// Forgets what was found in another scene.
     pub(in crate::viewer) fn forget_inspection(&mut self) {
-        let is_on = self.inspection.is_on;
-        self.inspection = InspectionState { is_on, first_view: self.sent + 1, ..InspectionState::default() };
+        let InspectionState { is_on, with_cells, .. } = self.inspection;
+        self.inspection =
+            InspectionState { is_on, with_cells, first_view: self.sent + 1, ..InspectionState::default() };
     }
 
     fn take_answer(&mut self, context: &egui::Context) {
         let state = &mut self.inspection;
         let answer = state.inspector.as_ref().and_then(Inspector::answer);
-        let Some(Answer { map, found, .. }) = answer.filter(|answer| answer.view >= state.first_view) else { return };
+        let Some(Answer { map, found, cells, .. }) = answer.filter(|answer| answer.view >= state.first_view) else {
+            return;
+        };
         if let Some(map) = map {
             state.map = Some(context.load_texture("environment", colour_image(&map), TextureOptions::LINEAR));
         }
+        state.cells = cells;
         (state.found, state.failure) = match found {
             Ok(found) => (found, None),
             Err(reason) => (None, Some(reason)),
@@ -141,6 +183,13 @@ fn paint_footprint(painter: &egui::Painter, area: Rect, footprint: &MapFootprint
         let radius = DOT * footprint.part.sqrt();
         painter.circle_filled((middle + shift).to_pos2(), radius, Color32::from_rgba_unmultiplied(255, 90, 0, 150));
     }
+}
+
+fn cells_in_words(cells: &[TakenCell], options: &Options) -> String {
+    if options.evaluation == EvaluationChoice::Flat {
+        return "sums are flat: every sample is taken".to_owned();
+    }
+    format!("{} cells are taken as one sample each", cells.len())
 }
 
 fn in_words(receiver: &ReceiverInspection) -> String {

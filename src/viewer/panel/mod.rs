@@ -139,10 +139,20 @@ impl Viewer {
         }
         ui.label(format!("on {}", self.backend));
         let Some(picture) = &self.picture else { return };
-        for (stage, seconds) in &picture.stages {
+        let bar = |ui: &mut egui::Ui, name: &str, seconds: f64| {
             let part = (seconds / picture.seconds.max(1e-9)) as f32;
-            let text = format!("{stage}: {:.1} ms", 1000.0 * seconds);
+            let text = format!("{name}: {:.1} ms", 1000.0 * seconds);
             ui.add(egui::ProgressBar::new(part).desired_height(16.0).text(text));
+        };
+        for (stage, seconds) in &picture.stages {
+            bar(ui, stage.name(), *seconds);
+        }
+        ui.label("Passes on the GPU").on_hover_text("of previews, by the GPU's own clock");
+        if picture.passes.is_empty() {
+            ui.weak("unavailable");
+        }
+        for pass in &picture.passes {
+            bar(ui, pass.name, pass.seconds);
         }
         for warning in &picture.warnings {
             ui.colored_label(egui::Color32::YELLOW, warning);

@@ -3,7 +3,7 @@
 use eframe::egui;
 
 use super::fields::{choice, number, switch};
-use crate::image::Aov;
+use crate::image::{Aov, ToneMap};
 use crate::options::{EvaluationChoice, Exposure, FilterChoice, Options, Overlay};
 use crate::pinhole::{Epsilon, Footprint};
 use crate::sampling::{Density, MAX_SAMPLES, Strategy};
@@ -47,6 +47,8 @@ const PICTURES: &[(Aov, &str)] = &[
     (Aov::Position, "position"),
     (Aov::Depth, "depth"),
 ];
+const TONE_MAPS: &[(ToneMap, &str)] =
+    &[(ToneMap::Neutral, "neutral"), (ToneMap::Filmic, "filmic"), (ToneMap::Linear, "linear")];
 /// What is drawn over the picture.
 pub(super) const OVERLAYS: &[(Overlay, &str)] = &[
     (Overlay::None, "none"),
@@ -90,6 +92,8 @@ impl Viewer {
             is_edited = true;
         }
         is_edited |= exposure(ui, options, original, self.picture.as_ref().and_then(|picture| picture.exposures));
+        let (tone_map, reset) = (&mut options.display.tone_map, original.display.tone_map);
+        is_edited |= choice(ui, "Tone map", tone_map, reset, TONE_MAPS);
         is_edited |= choice(ui, "Overlay", &mut options.overlay, original.overlay, OVERLAYS);
         is_edited |= switch(ui, "Shapes only", &mut options.plain_diffuse, original.plain_diffuse);
         is_edited

@@ -72,6 +72,9 @@ fn what_lies_under_the_pointer_is_taken_apart() {
     });
     window.run_steps(3);
     window.get_by_role_and_label(Role::Image, "Environment");
+    window.get_by_role_and_label(Role::CheckBox, "Cells of the sum").click();
+    window.step();
+    run_until(&mut window, "cells", |viewer| !viewer.inspection.cells().is_empty());
     let is_mirror = |viewer: &Viewer| viewer.inspection.found().is_some_and(|found| found.view.is_some());
     let mirrors = (1..40).any(|k| {
         window.hover_at(egui::Pos2::new(area.center().x, area.top() + area.height() * k as f32 / 40.0));

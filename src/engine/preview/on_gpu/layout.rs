@@ -42,7 +42,7 @@ pub(crate) struct PreviewUniforms {
     pub exposure: f32,
     pub background_exposure: f32,
     pub exposure_flags: u32,
-    padding: u32,
+    pub tone_map: u32,
 }
 
 const IS_METERED: u32 = 1;
@@ -70,7 +70,7 @@ impl PreviewUniforms {
             Projection::Perspective { fov_y_rad } => ((0.5 * fov_y_rad).tan(), 1),
             Projection::Orthographic { height } => (0.5 * height, 0),
         };
-        let DisplaySettings { exposure, background_exposure_ev, .. } = options.display;
+        let DisplaySettings { exposure, background_exposure_ev, tone_map } = options.display;
         let (exposure, is_metered) = match exposure {
             Exposure::Auto => (0.0, IS_METERED),
             Exposure::Stops(stops) => (stops, 0),
@@ -101,7 +101,7 @@ impl PreviewUniforms {
             exposure,
             background_exposure: background_exposure_ev.unwrap_or(0.0),
             exposure_flags: is_metered | is_shared,
-            padding: 0,
+            tone_map: tone_map as u32,
         }
     }
 }

@@ -9,6 +9,7 @@
 mod kept;
 pub(crate) mod layout;
 mod targets;
+mod timer;
 
 use std::fmt;
 use std::sync::Arc;
@@ -22,6 +23,8 @@ use self::layout::{
 };
 use self::targets::Targets;
 pub(super) use self::targets::fits;
+pub use self::timer::PassTime;
+use self::timer::{AFTER_GATHER, Timer};
 use crate::Error;
 use crate::backend::SharedGpu;
 use crate::engine::direct::DirectLight;
@@ -65,6 +68,7 @@ pub(super) struct PreviewOnGpu {
     curves: KeptBuffer,
     emitters: KeptBuffer,
     directions: KeptBuffer,
+    timer: Option<Timer>,
     targets: Option<Targets>,
     /// Of the sum that was used last, for the receivers of these targets.
     gather: Option<(Id<dyn Sum>, Vec<Frame>)>,
@@ -90,6 +94,7 @@ impl PreviewOnGpu {
             curves: storage("reflectance"),
             emitters: storage("emitters"),
             directions: storage("shadow rays"),
+            timer: Timer::new(&shared.gpu.device),
             targets: None,
             gather: None,
         }
@@ -102,13 +107,31 @@ impl PreviewOnGpu {
         let cubes = Cubes { environment: &environment, background: &background, irradiance: &irradiance };
         let buffers = self.buffers(inputs, cubes);
         let Some(targets) = &self.targets else { return Ok(()) };
-        let passes =
-            Passes { device: &self.shared.gpu.device, pipelines: &self.pipelines, targets, inputs, cubes, buffers };
+        let passes = Passes {
+            device: &self.shared.gpu.device,
+            pipelines: &self.pipelines,
+            targets,
+            inputs,
+            cubes,
+            buffers,
+            timer: self.timer.as_ref(),
+        };
         let frames = self.gather.as_mut().map_or(&mut [][..], |(_, frames)| &mut frames[..]);
         let mut encoder = self.shared.gpu.device.create_command_encoder(&Default::default());
         passes.record(&mut encoder, frames);
+        if let Some(timer) = &self.timer {
+            timer.finish(&mut encoder);
+        }
         self.shared.gpu.queue.submit([encoder.finish()]);
         self.shared.gpu.check()
+    }
+
+    /// How long the passes of the last picture took; nothing where the device does not tell.
+    pub async fn pass_times(&self) -> Result<Vec<PassTime>, GpuError> {
+        match &self.timer {
+            Some(timer) => timer.read(&self.shared.gpu).await,
+            None => Ok(Vec::new()),
+        }
     }
 
     /// The picture that was rendered last, encoded as sRGB, once it is finished.
@@ -204,6 +227,7 @@ struct Passes<'a> {
     inputs: &'a PreviewInputs<'a>,
     cubes: Cubes<'a>,
     buffers: Buffers,
+    timer: Option<&'a Timer>,
 }
 
 /// The points of one kind, and the light there.
@@ -215,22 +239,19 @@ enum Layer {
 
 impl Passes<'_> {
     fn record(&self, encoder: &mut wgpu::CommandEncoder, frames: &mut [Frame]) {
-        let views = self.bind_views();
-        self.over(
-            encoder,
-            &[&self.pipelines.trace_views],
-            self.targets.size,
-            [&views, &self.nothing(), &self.nothing()],
-        );
+        if let Some(timer) = self.timer {
+            timer.restart();
+        }
+        let PreviewPipelines { trace_views, shade, meter, display: tone_map, smooth_edges, .. } = self.pipelines;
+        let (views, shading, display) = (self.bind_views(), self.bind_shading(), self.bind_display());
+        let (size, nothing) = (self.targets.size, bind(self.device, &self.pipelines.layouts.nothing, &[]));
+        self.pass(encoder, "rays", &[trace_views], size, [&views, &nothing, &nothing]);
         self.light(encoder, Layer::Own, frames);
         self.light(encoder, Layer::InMirrors, frames);
         encoder.clear_buffer(&self.targets.histogram, 0, None);
-        let (shading, display) = (self.bind_shading(), self.bind_display());
-        let (size, nothing) = (self.targets.size, self.nothing());
-        let PreviewPipelines { shade, meter, display: tone_map, smooth_edges, .. } = self.pipelines;
-        self.over(encoder, &[shade], size, [&shading, &nothing, &nothing]);
-        self.over(encoder, &[meter], [1, 1], [&display, &nothing, &nothing]);
-        self.over(encoder, &[tone_map, smooth_edges], size, [&display, &nothing, &nothing]);
+        self.pass(encoder, "shading", &[shade], size, [&shading, &nothing, &nothing]);
+        self.pass(encoder, "display", &[meter], [1, 1], [&display, &nothing, &nothing]);
+        self.pass(encoder, "display", &[tone_map, smooth_edges], size, [&display, &nothing, &nothing]);
     }
 
     /// The light on the points of a layer.
@@ -239,36 +260,38 @@ impl Passes<'_> {
         let begin = if layer == Layer::Own { begin } else { begin_behind_mirrors };
         let (light, own) = (self.bind_light(layer), self.bind_own(layer));
         let add = [&self.pipelines.add_caustic_at_nodes, &self.pipelines.add_caustic_between];
-        let (size, nodes) = (self.targets.size, self.targets.receivers[0].size);
+        let size = self.targets.size;
         for (grid, receivers) in self.targets.receivers.iter().enumerate() {
             let mut frame = frames.get_mut(grid);
             let gather = self.bind_gather(receivers, frame.as_deref());
             let groups = [&light, &own, &gather];
             if grid == 0 {
-                self.over(encoder, &[begin], size, groups);
-                self.over(encoder, &[light_nodes], nodes, groups);
+                self.pass(encoder, "direct light", &[begin], size, groups);
+                self.pass(encoder, "direct light", &[light_nodes], receivers.size, groups);
             } else {
-                self.over(encoder, &[light_between], size, groups);
+                self.pass(encoder, "direct light", &[light_between], size, groups);
             }
             if let Some(frame) = &mut frame {
                 frame.restart();
                 frame.record(encoder, 0..frame.batch_count());
-                self.over(encoder, &[add[grid]], receivers.size, groups);
+                self.pass(encoder, AFTER_GATHER, &[add[grid]], receivers.size, groups);
             }
         }
     }
 
-    /// Records passes over so many pixels.
-    fn over(
+    /// Records a pass over so many pixels, with one pipeline after another.
+    fn pass(
         &self,
         encoder: &mut wgpu::CommandEncoder,
+        name: &'static str,
         pipelines: &[&wgpu::ComputePipeline],
         size: [u32; 2],
         groups: [&wgpu::BindGroup; 3],
     ) {
         let rays = bind(self.device, &self.pipelines.layouts.rays, &self.inputs.geometry.bindings());
-        let mut pass =
-            encoder.begin_compute_pass(&wgpu::ComputePassDescriptor { label: Some("preview"), ..Default::default() });
+        let timestamp_writes = self.timer.and_then(|timer| timer.pass(name));
+        let descriptor = wgpu::ComputePassDescriptor { label: Some(name), timestamp_writes };
+        let mut pass = encoder.begin_compute_pass(&descriptor);
         for (index, group) in groups.into_iter().chain([&rays]).enumerate() {
             pass.set_bind_group(index as u32, group, &[]);
         }
@@ -277,10 +300,6 @@ impl Passes<'_> {
             pass.set_pipeline(pipeline);
             pass.dispatch_workgroups(x, y, 1);
         }
-    }
-
-    fn nothing(&self) -> wgpu::BindGroup {
-        bind(self.device, &self.pipelines.layouts.nothing, &[])
     }
 
     fn bind_views(&self) -> wgpu::BindGroup {

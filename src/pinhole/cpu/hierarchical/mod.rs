@@ -5,18 +5,21 @@
 //! with the larger error. In blocks of 4×4 every receiver refines for itself, all sixteen in lockstep.
 //!
 //! `blocks` knows receivers only; `criterion` bounds the error of a pair; `tile` and `packet` traverse; `evaluation` evaluates, and
-//! `occlusion` traces what visibility maps leave in doubt.
+//! `occlusion` traces what visibility maps leave in doubt;
+//! `inspection` tells which cells were taken.
 
 mod blocks;
 mod cached;
 mod coverage;
 mod criterion;
 mod evaluation;
+mod inspection;
 mod occlusion;
 mod packet;
 mod tile;
 
 pub use cached::{CachedGather, CachedSums};
+pub use inspection::{TakenCell, cells_taken};
 
 use glam::Vec4;
 use rayon::prelude::*;

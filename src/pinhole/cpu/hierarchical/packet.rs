@@ -71,7 +71,7 @@ impl TileGather<'_> {
     /// Adds what a cell contributes to the lanes for which it is small enough. Returns the lanes that it faces, for which bounds of its
     /// light are looked up, and those for which it is too large.
     #[inline(always)]
-    fn visit<S: Simd>(
+    pub(super) fn visit<S: Simd>(
         &self,
         simd: S,
         (item, cell): (u32, &Cell),

@@ -179,6 +179,7 @@ fn preview_uniforms() -> Layout {
         exposure,
         background_exposure,
         exposure_flags,
+        tone_map,
     })
 }
 

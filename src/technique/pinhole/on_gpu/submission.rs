@@ -25,6 +25,7 @@ pub(super) struct Submission<'a> {
 }
 
 impl Submission<'_> {
+    /// Submits all pieces, or those before it is cancelled.
     pub async fn run(&self, mut record: impl FnMut(&mut wgpu::CommandEncoder, Range<u32>)) -> Result<(), GpuError> {
         let mut reported = 0;
         for first in (0..self.pieces).step_by(self.step as usize) {
@@ -36,6 +37,9 @@ impl Submission<'_> {
             let done = self.points * u64::from(last) / u64::from(self.pieces);
             self.progress.advance(done - reported);
             reported = done;
+            if self.progress.is_cancelled() {
+                break;
+            }
         }
         Ok(())
     }
