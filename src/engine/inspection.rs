@@ -90,7 +90,9 @@ impl Engine {
         let taken = self.look_behind(&options, (place, progress), |technique, light, inputs, hit| {
             if has_caustics(inputs) && inputs.scene.objects[hit.object as usize].receiver.is_some() {
                 let mut cells = technique.cells_taken(inputs, light, hit)?;
-                cells.iter_mut().for_each(|cell| cell.irradiance *= inputs.light.intensity);
+                for cell in &mut cells {
+                    cell.irradiance *= inputs.light.intensity;
+                }
                 Ok(cells)
             } else {
                 Ok(Vec::new())

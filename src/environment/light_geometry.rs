@@ -54,7 +54,9 @@ impl LightGeometry {
         };
         let mut by_object =
             vec![Vec3::ZERO; emitters.iter().map(|(object, ..)| *object as usize + 1).max().unwrap_or(0)];
-        emitters.iter().for_each(|(object, _, radiance)| by_object[*object as usize] = *radiance);
+        for (object, _, radiance) in emitters {
+            by_object[*object as usize] = *radiance;
+        }
         Self {
             tracer,
             triangles: emitters.iter().flat_map(triangles_of).collect(),

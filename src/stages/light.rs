@@ -17,10 +17,9 @@ use crate::scene::{EnvironmentSource, Light};
 #[derive(Clone, Debug)]
 pub(crate) struct PreparedLight {
     pub environment: Arc<Environment>,
-    /// The environment without emitters.
-    pub background: Arc<Environment>,
-    /// Factor on its radiance, beside the intensity.
-    pub background_intensity: f32,
+    /// The environment without emitters, and the factor on its radiance beside the intensity.
+    #[cfg(feature = "gpu")]
+    pub background: (Arc<Environment>, f32),
     /// Counter-clockwise about +Y, radians.
     pub rotation_rad: f32,
     /// Factor on every radiance.
@@ -85,8 +84,13 @@ impl LightStages {
         let EnvironmentSource { rotation_rad, intensity, .. } = *source;
         environment.radiance.check_placement(intensity, rotation_rad)?;
         let Some(DrawnGeometry { geometry, .. }) = light_geometry else {
-            let background = environment.clone();
-            return Ok(PreparedLight { environment, background, background_intensity: 1.0, rotation_rad, intensity });
+            return Ok(PreparedLight {
+                #[cfg(feature = "gpu")]
+                background: (environment.clone(), 1.0),
+                environment,
+                rotation_rad,
+                intensity,
+            });
         };
         let key = (Id::of(&environment), Id::of(geometry), [rotation_rad, intensity]);
         let lit = self
@@ -96,8 +100,8 @@ impl LightStages {
         lit.radiance.check_placement(1.0, rotation_rad)?;
         Ok(PreparedLight {
             environment: lit,
-            background: environment,
-            background_intensity: intensity,
+            #[cfg(feature = "gpu")]
+            background: (environment, intensity),
             rotation_rad,
             intensity: 1.0,
         })

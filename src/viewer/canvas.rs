@@ -106,12 +106,11 @@ impl SidePicture {
             (Some(Pixels::Texture(view)), Some(device)) => self.shown = Some(self.registered(device, view)),
             (Some(Pixels::Image(image)), _) => {
                 let pixels = colour_image(&image);
-                match &mut self.shown {
-                    Some(Drawn::Uploaded(texture)) => texture.set(pixels, TextureOptions::LINEAR),
-                    _ => {
-                        let texture = context.load_texture("picture", pixels, TextureOptions::LINEAR);
-                        self.shown = Some(Drawn::Uploaded(texture));
-                    }
+                if let Some(Drawn::Uploaded(texture)) = &mut self.shown {
+                    texture.set(pixels, TextureOptions::LINEAR);
+                } else {
+                    let texture = context.load_texture("picture", pixels, TextureOptions::LINEAR);
+                    self.shown = Some(Drawn::Uploaded(texture));
                 }
             }
             _ => {}

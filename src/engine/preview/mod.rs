@@ -217,7 +217,7 @@ impl Engine {
             _ => Vec::new(),
         };
         #[cfg(not(feature = "gpu"))]
-        let on_gpu = None;
+        let (Wanted::InMemory, on_gpu) = (wanted, None);
         let image = match on_gpu {
             Some(rendered) => rendered,
             None => frame.on_cpu(sum.as_deref()).await?,

@@ -91,7 +91,7 @@ impl PreviewUniforms {
             size: options.size,
             rotation: [cos, sin],
             intensity: light.intensity,
-            background_intensity: light.background_intensity,
+            background_intensity: light.background.1,
             environment_scale: cubes.environment.radiance_scale(),
             background_scale: cubes.background.radiance_scale(),
             irradiance_scale: cubes.irradiance.radiance_scale(),
@@ -188,7 +188,7 @@ const MAX_BACKGROUND_SIZE: u32 = 2048;
 
 /// The environment as the eye sees it, finely enough that it looks like its own map.
 pub(super) fn background_cube(light: &PreparedLight) -> CubeMap {
-    let background = &light.background;
+    let (background, _) = &light.background;
     let size = background.cube.size().min(MAX_BACKGROUND_SIZE);
     CubeMap::from_radiance(size, None, |direction| background.radiance.smooth_radiance(direction))
 }

@@ -176,14 +176,13 @@ impl PreviewOnGpu {
         let gpu = &self.shared.gpu;
         let upload = |cube: &CubeMap| EnvironmentCube::upload(&gpu.device, &gpu.queue, cube);
         let of_sum = inputs.sum.and_then(|sum| Some(sum.on_gpu()?.environment().clone()));
-        let environment = match of_sum {
-            Some(known) => known,
-            None => {
-                let key = Id::of(&light.environment);
-                self.environment.try_get(key, *progress, || upload(&light.environment.cube))?
-            }
+        let environment = if let Some(known) = of_sum {
+            known
+        } else {
+            let key = Id::of(&light.environment);
+            self.environment.try_get(key, *progress, || upload(&light.environment.cube))?
         };
-        let key = Id::of(&light.background);
+        let key = Id::of(&light.background.0);
         let background = self.background.try_get(key, *progress, || upload(&background_cube(light)))?;
         let unoccluded = inputs.direct.unoccluded();
         let irradiance = self.irradiance.try_get(Id::of(unoccluded), *progress, || upload(unoccluded))?;

@@ -39,7 +39,7 @@ impl Timer {
             queries: device.create_query_set(&wgpu::QuerySetDescriptor { label, ty, count }),
             resolved: device.create_buffer(&wgpu::BufferDescriptor {
                 label,
-                size: u64::from(count) * wgpu::QUERY_SIZE as u64,
+                size: u64::from(count * wgpu::QUERY_SIZE),
                 usage: wgpu::BufferUsages::QUERY_RESOLVE | wgpu::BufferUsages::COPY_SRC,
                 mapped_at_creation: false,
             }),
