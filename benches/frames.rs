@@ -70,7 +70,8 @@ fn main() -> Result<(), pinspot::Error> {
         let (scene, options) = pinspot::load(name)?;
         let options = options.with_size([SIZE; 2]).with_samples(samples).with_evaluation(EvaluationChoice::Flat);
         let mut engine = Engine::new(scene, options, Backend::cpu());
-        let detail = Detail { size: [SIZE; 2], samples, spacing: SPACING, shadow_directions: SHADOW_DIRECTIONS };
+        let detail =
+            Detail { size: [SIZE; 2], samples, taps: 16, spacing: SPACING, shadow_directions: SHADOW_DIRECTIONS };
         wait(None, engine.preview(&detail, &NoProgress))?;
         let stages = Stages::default();
         let began = Instant::now();

@@ -14,6 +14,8 @@
 // Display-linear, and encoded as sRGB.
 @group(0) @binding(6) var picture: texture_storage_2d<rgba32float, write>;
 @group(0) @binding(7) var shown: texture_storage_2d<rgba8unorm, write>;
+// Rays that the adapter did not let be finished.
+@group(0) @binding(8) var<storage, read_write> unfinished: atomic<u32>;
 
 // Display-linear luminance that metering gives to the middle tone of a picture.
 const MIDDLE_GREY: f32 = 0.22;
@@ -169,6 +171,9 @@ fn is_edge(pixel: vec2u) -> bool {
 fn pixel_with(pixel: vec2u, point: vec2f) -> u32 {
     let ray = camera_ray(vec2f(pixel) + 0.5 + point);
     let met = trace_some(free_ray(ray.origin), ray.direction, 0.0, 3e38, false, MEETS_FOR_CAMERA);
+    if !met.is_complete {
+        atomicAdd(&unfinished, 1u);
+    }
     var surface = FirstSurface(vec3f(0.0), NO_OBJECT);
     if met.triangle != NO_TRIANGLE {
         let hit = describe(met, ray.direction);

@@ -1,8 +1,8 @@
 // Light on the points that pixels of a preview see: at nodes some pixels apart, between them interpolated along surfaces, and computed
-// where it cannot be. The caustic is added by the gather, between these passes. CPU twin: src/engine/preview/nodes.rs and mod.rs.
+// where it cannot be, first half as far apart, then in every pixel. The caustic is added by the gather, between these passes. CPU twin: src/engine/preview/nodes.rs and mod.rs.
 
 #import preview
-#import rays
+#import hits
 
 // A direction of shadow rays.
 struct LightDirection {
@@ -33,22 +33,30 @@ const MIN_SEEN_COSINE: f32 = 0.95;
 @group(0) @binding(3) var<storage, read> directions: array<LightDirection>;
 @group(0) @binding(4) var irradiance_cube: texture_cube<f32>;
 @group(0) @binding(5) var trilinear: sampler;
+// Rays that the adapter did not let be finished.
+@group(0) @binding(6) var<storage, read_write> unfinished: atomic<u32>;
 
-// What the camera sees directly, and the light there; for points behind mirrors.
-@group(1) @binding(0) var<storage, read> own_points: array<SurfacePoint>;
-@group(1) @binding(1) var<storage, read> own_light: array<vec4f>;
+// The other layer: for points in mirrors, what the camera sees directly, and the light there.
+@group(1) @binding(0) var<storage, read> other_points: array<SurfacePoint>;
+@group(1) @binding(1) var<storage, read> other_light: array<vec4f>;
 
 // Receivers of the gather, and what it gathers.
 @group(2) @binding(0) var receiver_positions: texture_storage_2d<rgba32float, write>;
 @group(2) @binding(1) var receiver_normals: texture_storage_2d<rgba32float, write>;
 @group(2) @binding(2) var caustic: texture_2d<f32>;
+@group(2) @binding(3) var<uniform> grid: PreviewGrid;
+
+struct PreviewGrid {
+    // Pixels from receiver to receiver.
+    spacing: u32,
+    // The same of the grid before, whose light is known.
+    coarser: u32,
+}
 
 const UNKNOWN: f32 = 0.0;
-// Known before, or computed at a node.
 const KNOWN: f32 = 1.0;
-// Computed where it could not be interpolated.
+// Direct light is known; the caustic is what the gather finds next.
 const COMPUTED: f32 = 2.0;
-const INTERPOLATED: f32 = 3.0;
 
 @compute @workgroup_size(8, 8)
 fn begin(@builtin(global_invocation_id) id: vec3u) {
@@ -82,19 +90,19 @@ fn begin_behind_mirrors(@builtin(global_invocation_id) id: vec3u) {
         return;
     }
     let there = pixel_index(vec2u(at));
-    let seen = own_points[there];
+    let seen = other_points[there];
     let width = 2.0 * half_height / size.y;
     if seen.object == point.object && (seen.flags & IS_FRONT) == (point.flags & IS_FRONT)
         && distance(seen.position, point.position) <= MAX_PIXELS_APART * width
         && dot(seen.normal, point.normal) >= MIN_SEEN_COSINE {
-        light[pixel] = vec4f(own_light[there].rgb, KNOWN);
+        light[pixel] = vec4f(other_light[there].rgb, KNOWN);
     }
 }
 
 // Direct light at nodes, which become the receivers of the gather.
 @compute @workgroup_size(8, 8)
 fn light_nodes(@builtin(global_invocation_id) id: vec3u) {
-    let place = id.xy * preview.spacing;
+    let place = id.xy * grid.spacing;
     if any(place >= preview.size) {
         return;
     }
@@ -103,43 +111,43 @@ fn light_nodes(@builtin(global_invocation_id) id: vec3u) {
     let is_open = point.object != NO_OBJECT && light[pixel].w == UNKNOWN;
     write_receiver(id.xy, point, is_open);
     if is_open {
-        light[pixel] = vec4f(direct_light(point), KNOWN);
-    }
-}
-
-@compute @workgroup_size(8, 8)
-fn add_caustic_at_nodes(@builtin(global_invocation_id) id: vec3u) {
-    let place = id.xy * preview.spacing;
-    if all(place < preview.size) {
-        add_caustic(id.xy, pixel_index(place));
-    }
-}
-
-// Light between nodes, or direct light where theirs does not tell.
-@compute @workgroup_size(8, 8)
-fn light_between(@builtin(global_invocation_id) id: vec3u) {
-    if any(id.xy >= preview.size) {
-        return;
-    }
-    let pixel = pixel_index(id.xy);
-    let point = points[pixel];
-    if point.object == NO_OBJECT || light[pixel].w == KNOWN {
-        write_receiver(id.xy, point, false);
-        return;
-    }
-    let found = interpolated(id.xy, point);
-    write_receiver(id.xy, point, found.w != INTERPOLATED);
-    if found.w == INTERPOLATED {
-        light[pixel] = found;
-    } else {
         light[pixel] = vec4f(direct_light(point), COMPUTED);
     }
 }
 
+// Light between the pixels of the coarser grid, or direct light where theirs does not tell.
 @compute @workgroup_size(8, 8)
-fn add_caustic_between(@builtin(global_invocation_id) id: vec3u) {
-    if all(id.xy < preview.size) && light[pixel_index(id.xy)].w == COMPUTED {
-        add_caustic(id.xy, pixel_index(id.xy));
+fn light_between(@builtin(global_invocation_id) id: vec3u) {
+    let place = id.xy * grid.spacing;
+    if any(place >= preview.size) {
+        return;
+    }
+    let pixel = pixel_index(place);
+    let point = points[pixel];
+    if point.object == NO_OBJECT || light[pixel].w != UNKNOWN {
+        write_receiver(id.xy, point, false);
+        return;
+    }
+    let found = interpolated(place, point);
+    write_receiver(id.xy, point, found.w == UNKNOWN);
+    if found.w == UNKNOWN {
+        light[pixel] = vec4f(direct_light(point), COMPUTED);
+    } else {
+        light[pixel] = found;
+    }
+}
+
+// The gather leaves nothing where there is no receiver.
+@compute @workgroup_size(8, 8)
+fn add_caustic(@builtin(global_invocation_id) id: vec3u) {
+    let place = id.xy * grid.spacing;
+    if any(place >= preview.size) {
+        return;
+    }
+    let pixel = pixel_index(place);
+    if light[pixel].w == COMPUTED {
+        let gathered = preview.caustic_gain * textureLoad(caustic, id.xy, 0).rgb;
+        light[pixel] = vec4f(light[pixel].rgb + gathered, KNOWN);
     }
 }
 
@@ -147,12 +155,6 @@ fn write_receiver(texel: vec2u, point: SurfacePoint, is_open: bool) {
     let receives = is_open && (point.flags & RECEIVES) != 0u;
     textureStore(receiver_positions, texel, vec4f(point.position, select(-1.0, f32(point.object), receives)));
     textureStore(receiver_normals, texel, vec4f(point.normal, 0.0));
-}
-
-// The gather leaves nothing where there is no receiver.
-fn add_caustic(texel: vec2u, pixel: u32) {
-    let gathered = preview.caustic_gain * textureLoad(caustic, texel, 0).rgb;
-    light[pixel] += vec4f(gathered, 0.0);
 }
 
 // The unoccluded irradiance times the part of it that shadow rays find unblocked.
@@ -169,7 +171,10 @@ fn direct_light(point: SurfacePoint) -> vec3f {
         }
         let irradiance = cosine * directions[k].radiance;
         all_light += irradiance;
-        let hit = trace(RayOrigin(point.position, NO_OBJECT, 1.0, 0.0), direction, 3e38, true);
+        let hit = trace(free_ray(point.position), direction, 3e38, true);
+        if !hit.is_complete {
+            atomicAdd(&unfinished, 1u);
+        }
         if hit.triangle == NO_TRIANGLE {
             arriving += irradiance;
         }
@@ -179,9 +184,9 @@ fn direct_light(point: SurfacePoint) -> vec3f {
 }
 
 // The light in a pixel from the nodes around it, if there are enough on the same surface and they agree; from nodes one step farther,
-// if the four around it lie on other surfaces. The state is INTERPOLATED if there is any.
+// if the four around it lie on other surfaces. UNKNOWN if there is none.
 fn interpolated(pixel: vec2u, own: SurfacePoint) -> vec4f {
-    let step = preview.spacing;
+    let step = grid.coarser;
     let corner = pixel / step * step;
     let part = vec2f(pixel - corner) / f32(step);
     var sum = vec3f(0.0);
@@ -197,7 +202,7 @@ fn interpolated(pixel: vec2u, own: SurfacePoint) -> vec4f {
             continue;
         }
         let node = pixel_index(place);
-        if light[node].w != KNOWN || !is_same_surface(own, points[node]) {
+        if light[node].w == UNKNOWN || !is_same_surface(own, points[node]) {
             continue;
         }
         let there = light[node].rgb;
@@ -213,7 +218,7 @@ fn interpolated(pixel: vec2u, own: SurfacePoint) -> vec4f {
     if most - least > MAX_CONTRAST * most {
         return vec4f(0.0, 0.0, 0.0, UNKNOWN);
     }
-    return vec4f(sum / weights, INTERPOLATED);
+    return vec4f(sum / weights, KNOWN);
 }
 
 // The mean over the nodes of the same surface in the square of four by four around a pixel.
@@ -222,13 +227,13 @@ fn beyond_nodes(cell: vec2u, own: SurfacePoint) -> vec4f {
     var weights = 0.0;
     for (var k = 0u; k < 16u; k++) {
         let node_of = vec2i(cell) + vec2i(i32(k % 4u), i32(k / 4u)) - 1;
-        let place = node_of * i32(preview.spacing);
+        let place = node_of * i32(grid.coarser);
         if any(place < vec2i(0)) || any(place >= vec2i(preview.size)) {
             continue;
         }
         let node = pixel_index(vec2u(place));
         let other = points[node];
-        if light[node].w == KNOWN && is_same_surface(own, other) {
+        if light[node].w != UNKNOWN && is_same_surface(own, other) {
             let step = other.position - own.position;
             let weight = 1.0 / (1e-12 + dot(step, step));
             sum += weight * light[node].rgb;
@@ -236,7 +241,7 @@ fn beyond_nodes(cell: vec2u, own: SurfacePoint) -> vec4f {
         }
     }
     if weights > 0.0 {
-        return vec4f(sum / weights, INTERPOLATED);
+        return vec4f(sum / weights, KNOWN);
     }
     return vec4f(0.0, 0.0, 0.0, UNKNOWN);
 }

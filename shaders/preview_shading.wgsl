@@ -4,10 +4,6 @@
 #import hits
 #import cube
 
-struct PreviewEmitter {
-    radiance: vec3f,
-}
-
 @group(0) @binding(0) var<uniform> preview: PreviewUniforms;
 @group(0) @binding(1) var<storage, read> surfaces: array<SurfacePoint>;
 @group(0) @binding(2) var<storage, read> mirrored: array<SurfacePoint>;
@@ -20,8 +16,7 @@ struct PreviewEmitter {
 // What the eye sees of the environment without emitters.
 @group(0) @binding(8) var background: texture_cube<f32>;
 @group(0) @binding(9) var trilinear: sampler;
-// By object: an emitter's radiance.
-@group(0) @binding(10) var<storage, read> emitters: array<PreviewEmitter>;
+@group(0) @binding(10) var<storage, read> objects: array<PreviewObject>;
 // How many pixels have a luminance, by the first bits of its number: of surfaces, then of everything.
 @group(0) @binding(11) var<storage, read_write> histogram: array<atomic<u32>>;
 
@@ -99,7 +94,7 @@ fn environment_at(escape: Escape, footprint_rad: f32) -> vec3f {
     if preview.has_emitters != 0u {
         let hit = trace_some(free_ray(preview.light_centre), escape.direction, 0.0, 3e38, false, MEETS_EMITTERS);
         if hit.triangle != NO_TRIANGLE {
-            return emitters[load_instance(hit.instance).object].radiance;
+            return objects[load_instance(hit.instance).object].radiance;
         }
     }
     return background_at(direction);

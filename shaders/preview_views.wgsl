@@ -3,21 +3,6 @@
 #import preview
 #import hits
 
-// An object's surface.
-struct PreviewObject {
-    // Albedo of the side that does not mirror, and of the side that does.
-    albedo: vec3f,
-    // 1: the front mirrors; 2: the back; then IS_RECEIVER, IS_EMITTER.
-    flags: u32,
-    mirror_albedo: vec3f,
-    // GGX width of the mirror.
-    alpha: f32,
-    // Of an emitter.
-    radiance: vec3f,
-}
-
-const IS_RECEIVER: u32 = 4u;
-const IS_EMITTER: u32 = 8u;
 // Mirrors along a path, at most.
 const MAX_MIRRORS: u32 = 3u;
 // Cosine between a mirrored direction and the normal of the triangle that it leaves, at least.
@@ -32,6 +17,8 @@ const INVERSE_PI: f32 = 0.31830989;
 @group(0) @binding(4) var<storage, read_write> mirrored: array<SurfacePoint>;
 @group(0) @binding(5) var<storage, read_write> escapes: array<Escape>;
 @group(0) @binding(6) var<storage, read_write> first: array<FirstSurface>;
+// Rays that the adapter did not let be finished.
+@group(0) @binding(7) var<storage, read_write> unfinished: atomic<u32>;
 
 @compute @workgroup_size(8, 8)
 fn trace_views(@builtin(global_invocation_id) id: vec3u) {
@@ -52,6 +39,9 @@ fn trace_views(@builtin(global_invocation_id) id: vec3u) {
             free_ray(ray.origin), ray.direction, select(ray_uniforms.offset, 0.0, mirror == 0u), 3e38, false,
             select(MEETS_FOR_LIGHT, MEETS_FOR_CAMERA, mirror == 0u),
         );
+        if !met.is_complete {
+            atomicAdd(&unfinished, 1u);
+        }
         if met.triangle == NO_TRIANGLE {
             escape = Escape(ray.direction, path, throughput, alpha);
             break;

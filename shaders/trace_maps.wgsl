@@ -47,7 +47,6 @@ struct Occluder {
     plane: vec3f,
 }
 
-const NO_OBJECT: u32 = 0xffffffffu;
 const MAX_RESOLUTION: u32 = 32u;
 
 // By texel: the triangle and the first texel of its object, and how far away it was hit.

@@ -27,6 +27,25 @@ pub fn wait<F: Future>(device: Option<&Device>, future: F) -> F::Output {
     }
 }
 
+/// Like [`wait`], for a device with which another thread draws windows: it is asked every millisecond whether it has finished, as
+/// wgpu presents nothing while a thread waits within it.
+#[cfg(feature = "view")]
+pub(crate) fn wait_sharing<F: Future>(device: Option<&Device>, future: F) -> F::Output {
+    let mut future = pin!(future);
+    let waker = Waker::from(Arc::new(Unpark(thread::current())));
+    let mut context = Context::from_waker(&waker);
+    loop {
+        if let Poll::Ready(output) = future.as_mut().poll(&mut context) {
+            return output;
+        }
+        if device.is_some() {
+            thread::sleep(std::time::Duration::from_millis(1));
+        } else {
+            thread::park();
+        }
+    }
+}
+
 /// Sleeps until the device has finished what was submitted. The future finds out by itself what goes wrong here.
 #[cfg(feature = "gpu")]
 fn poll(device: &Device) {

@@ -27,7 +27,7 @@ fn describe(hit: RayHit, direction: vec3f) -> Hit {
     let scale2 = instance.units_per_metre * instance.units_per_metre;
     return Hit(
         instance.object,
-        world_from_units(place - instance.moved, instance) / scale2,
+        world_from_units(place - instance.translation, instance) / scale2,
         select(-normal, normal, is_front),
         select(-towards_normal, towards_normal, is_front),
         is_front,
@@ -36,5 +36,5 @@ fn describe(hit: RayHit, direction: vec3f) -> Hit {
 
 // A ray that leaves no surface in particular.
 fn free_ray(position: vec3f) -> RayOrigin {
-    return RayOrigin(position, 0xffffffffu, 1.0, 0.0);
+    return RayOrigin(position, NO_OBJECT, 1.0, 0.0);
 }

@@ -2,6 +2,7 @@
 // src/engine/preview/on_gpu/layout.rs.
 
 #import constants
+#import ray_origin
 
 struct PreviewUniforms {
     camera_position: vec3f,
@@ -10,8 +11,6 @@ struct PreviewUniforms {
     camera_forward: vec3f,
     is_perspective: u32,
     camera_right: vec3f,
-    // Pixels from node to node.
-    spacing: u32,
     camera_up: vec3f,
     // Of shadow rays.
     direction_count: u32,
@@ -43,6 +42,22 @@ struct PreviewUniforms {
     tone_map: u32,
 }
 
+// An object's surface.
+struct PreviewObject {
+    // Albedo of the side that does not mirror, and of the side that does.
+    albedo: vec3f,
+    // 1: the front mirrors; 2: the back; then IS_RECEIVER, IS_EMITTER.
+    flags: u32,
+    mirror_albedo: vec3f,
+    // GGX width of the mirror.
+    alpha: f32,
+    // Of an emitter.
+    radiance: vec3f,
+}
+
+const IS_RECEIVER: u32 = 4u;
+const IS_EMITTER: u32 = 8u;
+
 const IS_METERED: u32 = 1u;
 const IS_SHARED: u32 = 2u;
 
@@ -61,7 +76,6 @@ struct SurfacePoint {
     flags: u32,
 }
 
-const NO_OBJECT: u32 = 0xffffffffu;
 const IS_FRONT: u32 = 1u;
 const RECEIVES: u32 = 2u;
 

@@ -1,3 +1,5 @@
+const NO_OBJECT: u32 = 0xffffffffu;
+
 // What a ray leaves: a piece of a surface that does not see itself.
 struct RayOrigin {
     // World position, metres.

@@ -1,7 +1,7 @@
-// Rays against the scene's triangles. CPU twin: src/tracing/mod.rs; layout: src/tracing/skip_list.rs.
+// Rays against the scene's triangles. CPU twin: src/tracing/mod.rs; layout: src/tracing/stackless.rs.
 //
 // Two levels: objects in the world, and the triangles of their meshes. Nodes of both lie in depth-first order, and each knows the node
-// after those below it: a traversal needs no stack.
+// after those below it: a traversal needs no stack. Meshes are in normalised space, whose units are some thousandths of their size.
 
 #import ray_origin
 
@@ -50,9 +50,10 @@ struct Triangle {
 }
 
 struct Instance {
-    // From metres to units: the transposed matrix, and where it takes the origin.
+    // From metres to units: the rows of the matrix, as columns, and the translation. v * rows applies it; as it turns and scales, rows * v
+    // turns back.
     rows: mat3x3f,
-    moved: vec3f,
+    translation: vec3f,
     first_texel: u32,
     node_count: u32,
     object: u32,
@@ -168,7 +169,7 @@ fn trace_mesh(
     if (instance.seen_by & meets.x) != meets.y {
         return true;
     }
-    let origin = leaving.position * instance.rows + instance.moved;
+    let origin = leaving.position * instance.rows + instance.translation;
     // As long as there are units to a metre, so that distances stay in metres.
     let along = direction * instance.rows;
     let inverse = inverse_direction(along);

@@ -66,7 +66,7 @@ impl Engine {
     /// As [`Self::render`].
     pub fn inspect(&mut self, place: Vec2, progress: &dyn Progress) -> Result<Option<Inspection>, Error> {
         let options = self.options.clone().with_leaves(None).with_evaluation(EvaluationChoice::Flat);
-        self.look_behind(&options, (place, progress), |technique, _, inputs, hit| {
+        self.with_hit_at(&options, (place, progress), |technique, _, inputs, hit| {
             let object = &inputs.scene.objects[hit.object as usize];
             let mut inspection =
                 Inspection { object: hit.object as usize, position: hit.position, receiver: None, view: None };
@@ -81,32 +81,31 @@ impl Engine {
     }
 
     /// The cells of the mirrors that a hierarchical sum takes as one sample each for a place of the picture, as fractions of its width
-    /// and height. None where the camera sees no receiver, or if sums are flat. On the CPU.
+    /// and height; `None` if sums are flat. There are no cells where the camera sees no receiver. On the CPU.
     ///
     /// # Errors
     /// As [`Self::render`].
-    pub fn cells_taken(&mut self, place: Vec2, progress: &dyn Progress) -> Result<Vec<TakenCell>, Error> {
+    pub fn cells_taken(&mut self, place: Vec2, progress: &dyn Progress) -> Result<Option<Vec<TakenCell>>, Error> {
         let options = self.options.clone();
-        let taken = self.look_behind(&options, (place, progress), |technique, light, inputs, hit| {
-            if has_caustics(inputs) && inputs.scene.objects[hit.object as usize].receiver.is_some() {
-                let mut cells = technique.cells_taken(inputs, light, hit)?;
-                for cell in &mut cells {
-                    cell.irradiance *= inputs.light.intensity;
-                }
-                Ok(cells)
-            } else {
-                Ok(Vec::new())
+        let taken = self.with_hit_at(&options, (place, progress), |technique, light, inputs, hit| {
+            if !has_caustics(inputs) || inputs.scene.objects[hit.object as usize].receiver.is_none() {
+                return Ok(Some(Vec::new()));
             }
+            let mut cells = technique.cells_taken(inputs, light, hit)?;
+            for cell in cells.iter_mut().flatten() {
+                cell.irradiance *= inputs.light.intensity;
+            }
+            Ok(cells)
         })?;
-        Ok(taken.unwrap_or_default())
+        Ok(taken.unwrap_or_else(|| Some(Vec::new())))
     }
 
-    /// What the stages of the inspection tell about what the camera sees at a place; `None` where it sees no object.
-    fn look_behind<T>(
+    /// Runs `f` with the stages of the inspection and what the camera sees at a place; `None` where it sees no object.
+    fn with_hit_at<T>(
         &mut self,
         options: &Options,
         (place, progress): (Vec2, &dyn Progress),
-        tell: impl FnOnce(&mut dyn TechniqueStages, &mut LightStages, &Inputs, &Hit) -> Result<T, Error>,
+        f: impl FnOnce(&mut dyn TechniqueStages, &mut LightStages, &Inputs, &Hit) -> Result<T, Error>,
     ) -> Result<Option<T>, Error> {
         options.check()?;
         let scene = self.scene_stages.prepare_for_frame(&self.scene, progress)?;
@@ -127,7 +126,7 @@ impl Engine {
             is_preview: true,
             progress,
         };
-        tell(&mut **technique, stages, &inputs, &hit).map(Some)
+        f(&mut **technique, stages, &inputs, &hit).map(Some)
     }
 
     /// The environment as an equirectangular picture of so many rows, twice as wide, with the exposure of the background; an automatic
@@ -212,11 +211,22 @@ mod tests {
         Engine::new(scene, options.with_size([64, 64]).with_samples(200), Backend::cpu())
     }
 
+    /// Of some places, the one with the brightest caustic.
+    fn bright_place(engine: &mut Engine) -> Vec2 {
+        let places = (0..100).map(|k| Vec2::new((k % 10) as f32 + 0.5, (k / 10) as f32 + 0.5) / 10.0);
+        let with_irradiance = places.map(|place| {
+            let found = engine.inspect(place, &NoProgress).unwrap();
+            (found.and_then(|found| found.receiver).map_or(0.0, |receiver| receiver.irradiance.y), place)
+        });
+        with_irradiance.max_by(|a, b| a.0.total_cmp(&b.0)).unwrap().1
+    }
+
     /// At a receiver footprints with a contribution each; at a mirror what its sample sees; nothing where nothing is.
     #[test]
     fn receivers_have_footprints_and_mirrors_have_views() {
         let mut ring = engine("ring-above");
-        let table = ring.inspect(Vec2::splat(0.5), &NoProgress).unwrap().unwrap();
+        let place = bright_place(&mut ring);
+        let table = ring.inspect(place, &NoProgress).unwrap().unwrap();
         let receiver = table.receiver.unwrap();
         let parts: f32 = receiver.footprints.iter().map(|footprint| footprint.part).sum();
         assert!((parts - 1.0).abs() < 1e-3 && receiver.irradiance.y > 0.0 && table.view.is_none());
@@ -238,14 +248,14 @@ mod tests {
     #[test]
     fn cells_bring_what_samples_do() {
         let mut ring = engine("ring-above");
-        let place = Vec2::splat(0.5);
+        let place = bright_place(&mut ring);
         let samples = ring.inspect(place, &NoProgress).unwrap().unwrap().receiver.unwrap();
-        let cells = ring.cells_taken(place, &NoProgress).unwrap();
+        let cells = ring.cells_taken(place, &NoProgress).unwrap().unwrap();
         let sum: Vec3 = cells.iter().map(|cell| cell.irradiance).sum();
-        assert!((sum.y / samples.irradiance.y - 1.0).abs() < 0.3, "{sum} {}", samples.irradiance);
+        assert!((sum.y / samples.irradiance.y - 1.0).abs() < 0.5, "{sum} {}", samples.irradiance);
         assert!(!cells.is_empty() && cells.len() < 200 * 64, "{}", cells.len());
         *ring.options_mut() = ring.options().clone().with_evaluation(EvaluationChoice::Flat);
-        assert!(ring.cells_taken(place, &NoProgress).unwrap().is_empty());
+        assert!(ring.cells_taken(place, &NoProgress).unwrap().is_none());
     }
 
     /// Outlines lie around where the map shows their direction, across the map's edges, too.

@@ -81,6 +81,13 @@ impl CubeMap {
         Self::from_radiance_of_rows(size, detail_rad, of_all)
     }
 
+    /// Samples `radiance` at the texels' centres, without mips.
+    #[cfg(feature = "gpu")]
+    pub(crate) fn without_mips(size: u32, radiance: impl Fn(Vec3) -> Vec3 + Sync) -> Self {
+        let of_all = |directions: &mut [Vec3]| directions.iter_mut().for_each(|d| *d = radiance(*d));
+        Self::from_rows(size, false, |face, y, row| sample_row(face, y, 1, row, &of_all))
+    }
+
     /// The same; `radiance` puts the radiance in place of each of many unit directions.
     pub fn from_radiance_of_rows(size: u32, detail_rad: Option<f32>, radiance: impl Fn(&mut [Vec3]) + Sync) -> Self {
         let size = size.max(1).next_power_of_two();

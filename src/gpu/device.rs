@@ -36,7 +36,8 @@ impl fmt::Display for Adapter {
 }
 
 impl Adapter {
-    fn of(adapter: &wgpu::Adapter) -> Self {
+    /// Describes an adapter.
+    pub fn of(adapter: &wgpu::Adapter) -> Self {
         let (info, features, limits) = (adapter.get_info(), adapter.features(), adapter.limits());
         Self {
             name: info.name,
@@ -140,8 +141,8 @@ impl Gpu {
         Ok(Self::of_device(adapter, device, queue))
     }
 
-    /// What a device should be asked for to serve [`Self::of_device`] well: all limits of the adapter, and 32-bit textures that are
-    /// filtered and blended where it has them.
+    /// What a device should be asked for to serve [`Self::of_device`] well: all limits of the adapter and, where it has them, 32-bit
+    /// textures that are filtered and blended, and timestamps.
     pub fn device_descriptor(adapter: &wgpu::Adapter) -> wgpu::DeviceDescriptor<'static> {
         wgpu::DeviceDescriptor {
             label: Some("pinspot"),
@@ -311,7 +312,8 @@ impl Gpu {
         self.read_back(encoder, copy)
     }
 
-    fn read_back_buffer(&self, size: u64) -> wgpu::Buffer {
+    /// A buffer that is copied to and mapped.
+    pub(crate) fn read_back_buffer(&self, size: u64) -> wgpu::Buffer {
         self.device.create_buffer(&wgpu::BufferDescriptor {
             label: Some("read back"),
             size,
@@ -327,12 +329,19 @@ impl Gpu {
         buffer: wgpu::Buffer,
     ) -> impl Future<Output = Result<Vec<u8>, GpuError>> {
         self.queue.submit([encoder.finish()]);
+        self.read_mapped(buffer)
+    }
+
+    /// Reads a buffer that can be mapped, once the work submitted before this call is done.
+    pub(crate) fn read_mapped(&self, buffer: wgpu::Buffer) -> impl Future<Output = Result<Vec<u8>, GpuError>> {
         let completion = Completion::default();
         let mapped = completion.clone();
         buffer.map_async(wgpu::MapMode::Read, .., move |result| mapped.complete(result));
         async move {
             self.completed(completion).await?.map_err(|e| self.lost(e))?;
-            Ok(buffer.get_mapped_range(..).map_err(|e| self.lost(e))?.to_vec())
+            let bytes = buffer.get_mapped_range(..).map_err(|e| self.lost(e))?.to_vec();
+            buffer.unmap();
+            Ok(bytes)
         }
     }
 }

@@ -96,8 +96,9 @@ pub(crate) struct SceneStages {
     light_geometry: Memo<LightGeometryKey, LightGeometry>,
     #[cfg(feature = "gpu")]
     moving: MovingGeometry,
+    /// For one frame, or for a whole picture.
     #[cfg(feature = "gpu")]
-    on_gpu: Memo<Vec<PlacedObject>, Geometry>,
+    on_gpu: Memo<(Vec<PlacedObject>, bool), Geometry>,
 }
 
 /// Where an object on the GPU is, and who sees it.
@@ -192,7 +193,8 @@ impl SceneStages {
         })
     }
 
-    /// Uploads the scene's triangles for rays on a GPU; meshes that are new are sorted quickly if they are there `for_one_frame`.
+    /// Uploads the scene's triangles for rays on a GPU; the hierarchies of new meshes are built quickly if these are there
+    /// `for_one_frame`.
     #[cfg(feature = "gpu")]
     pub fn upload(
         &mut self,
@@ -201,7 +203,8 @@ impl SceneStages {
         for_one_frame: bool,
         progress: &dyn Progress,
     ) -> Result<Arc<Geometry>, GpuError> {
-        let key = scene.objects.iter().map(|o| (Id::of(&o.mesh), o.placement, SeenBy::of(o))).collect();
+        let placed = scene.objects.iter().map(|o| (Id::of(&o.mesh), o.placement, SeenBy::of(o)));
+        let key = (placed.collect(), for_one_frame);
         let moving = &mut self.moving;
         self.on_gpu.try_get(key, progress, || moving.update(&gpu.device, &gpu.queue, &scene.objects, for_one_frame))
     }

@@ -88,8 +88,13 @@ pub(crate) trait TechniqueStages: fmt::Debug + Send {
     /// What the technique computes for a place on a surface.
     fn inspect(&mut self, inputs: &Inputs, place: &Hit) -> Result<Inspected, Error>;
 
-    /// The cells that a hierarchical sum takes for a place on a receiver; none if sums are flat.
-    fn cells_taken(&mut self, inputs: &Inputs, light: &mut LightStages, place: &Hit) -> Result<Vec<TakenCell>, Error>;
+    /// The cells that a hierarchical sum takes for a place on a receiver; `None` if sums are flat.
+    fn cells_taken(
+        &mut self,
+        inputs: &Inputs,
+        light: &mut LightStages,
+        place: &Hit,
+    ) -> Result<Option<Vec<TakenCell>>, Error>;
 
     /// Adds the counts of its stages.
     fn count(&self, counts: &mut StageCounts);

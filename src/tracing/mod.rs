@@ -2,7 +2,7 @@
 
 mod packet;
 #[cfg(feature = "gpu")]
-mod skip_list;
+mod stackless;
 
 use std::fmt;
 use std::sync::Arc;
@@ -20,7 +20,7 @@ use crate::scene::{Mesh, Object, Ray, Scene};
 
 pub(crate) use self::packet::RayPacket;
 #[cfg(feature = "gpu")]
-pub(crate) use self::skip_list::{Instance, MeshList, ObjectList};
+pub(crate) use self::stackless::{BottomLevel, Instance, TopLevel};
 
 /// What a ray meets first.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -174,6 +174,14 @@ impl Canvas {
         self.current.is_fading() || self.kept.is_fading()
     }
 
+    /// Forgets the pictures of settings that are no longer compared.
+    pub fn end_comparison(&mut self) {
+        let kept = std::mem::take(&mut self.kept);
+        if let (Some((_, id)), Some(device)) = (kept.on_device, &self.device) {
+            device.renderer.write().free_texture(&id);
+        }
+    }
+
     /// Shows a picture. Refined ones fade in.
     pub fn set_picture(&mut self, context: &egui::Context, picture: &mut Picture) {
         let side = if picture.side == Side::Current { &mut self.current } else { &mut self.kept };
@@ -200,6 +208,9 @@ impl Viewer {
         self.set_size(area, ui.ctx().pixels_per_point());
         if !response.dragged() {
             self.canvas.held = None;
+        }
+        if self.document.state.kept.is_none() {
+            self.canvas.end_comparison();
         }
         let painter = ui.painter_at(area);
         self.paint_sides(&painter, area);

@@ -33,8 +33,8 @@ pub struct Answer {
     /// The environment, if it may have changed; display-linear.
     pub map: Option<Image>,
     pub found: Result<Option<Inspection>, String>,
-    /// Cells that the sum takes for a receiver there.
-    pub cells: Vec<TakenCell>,
+    /// Cells that the sum takes for a receiver there; `None` if it is flat.
+    pub cells: Option<Vec<TakenCell>>,
 }
 
 /// The thread, from the window's side. It ends with it.
@@ -83,10 +83,10 @@ fn answer(question: Question, state: &mut Option<(Engine, u64)>) -> Answer {
     }
     let map = if is_known { None } else { engine.environment_map(MAP_HEIGHT, &NoProgress).ok() };
     let found = engine.inspect(place, &NoProgress);
-    let cells = if with_cells { engine.cells_taken(place, &NoProgress) } else { Ok(Vec::new()) };
+    let cells = if with_cells { engine.cells_taken(place, &NoProgress) } else { Ok(Some(Vec::new())) };
     let (found, cells) = match (found, cells) {
         (Ok(found), Ok(cells)) => (Ok(found), cells),
-        (Err(error), _) | (_, Err(error)) => (Err(error.to_string()), Vec::new()),
+        (Err(error), _) | (_, Err(error)) => (Err(error.to_string()), None),
     };
     Answer { view: *known, map, found, cells }
 }

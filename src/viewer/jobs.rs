@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::sync::atomic::AtomicBool;
 
 use super::stopwatch::Stopwatch;
-use crate::blocking::wait;
+use crate::blocking::wait_sharing as wait;
 use crate::image::{write_exr, write_png};
 use crate::options::Options;
 use crate::scene::Scene;

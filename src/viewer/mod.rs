@@ -96,8 +96,9 @@ impl Viewer {
     ) -> Self {
         let repaint = Arc::new(move || context.request_repaint());
         let wake = repaint.clone();
+        let gpu = device.as_ref().and_then(|device| window::shared_device(device, &choice));
         let mut viewer = Self {
-            worker: Worker::start(choice, device.as_ref().and_then(window::shared_device), move || wake()),
+            worker: Worker::start(choice, gpu, move || wake()),
             loader: Loader::new(move || repaint()),
             clock: Clock::default(),
             canvas: Canvas::new(device),

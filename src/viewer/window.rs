@@ -8,7 +8,7 @@ use eframe::{egui, egui_wgpu};
 use super::document::Document;
 use super::{Viewer, loader};
 use crate::BackendChoice;
-use crate::gpu::Gpu;
+use crate::gpu::{Adapter, Gpu};
 use crate::image::write_png;
 
 /// Why there is no window.
@@ -83,10 +83,19 @@ fn ask_for_shared_device(setup: &mut egui_wgpu::WgpuSetupCreateNew, choice: &Bac
     }
 }
 
-/// The window's device for rendering; `None` if it can only draw windows.
-pub(super) fn shared_device(window: &egui_wgpu::RenderState) -> Option<Gpu> {
+/// The window's device for rendering; `None` if it can only draw windows, or if it is not what a choice of a back end means: software
+/// adapters render only if a GPU is asked for.
+pub(super) fn shared_device(window: &egui_wgpu::RenderState, choice: &BackendChoice) -> Option<Gpu> {
+    let adapter = Adapter::of(&window.adapter);
+    let suits = match choice {
+        BackendChoice::Auto => !adapter.software,
+        BackendChoice::Cpu => false,
+        BackendChoice::Gpu(name) => {
+            name.as_ref().is_none_or(|name| adapter.name.to_lowercase().contains(&name.to_lowercase()))
+        }
+    };
     let draws_only = window.adapter.get_info().backend == wgpu::Backend::Gl;
-    (!draws_only).then(|| Gpu::of_device(&window.adapter, window.device.clone(), window.queue.clone()))
+    (suits && !draws_only).then(|| Gpu::of_device(&window.adapter, window.device.clone(), window.queue.clone()))
 }
 
 /// Refuses to open a window where there is nothing to show it on.

@@ -12,8 +12,8 @@ use glam::Vec2;
 
 use super::jobs::{Job, JobProgress, run_job};
 use super::stopwatch::{StageSeconds, Stopwatch};
-use crate::blocking::wait;
-use crate::gpu::{Adapter, Gpu};
+use crate::blocking::wait_sharing as wait;
+use crate::gpu::Gpu;
 use crate::image::{Aov, Image};
 use crate::options::{Evaluation, Exposures, Options, Overlay};
 use crate::scene::Scene;
@@ -132,8 +132,8 @@ pub struct Worker {
 }
 
 impl Worker {
-    /// Starts the thread. `wake` is called whenever there are messages. Where the window's device suits the choice of a back end, it
-    /// renders, too.
+    /// Starts the thread. `wake` is called whenever there are messages. The window's device, if
+    /// there is one that suits the choice of a back end, renders, too.
     pub fn start(choice: BackendChoice, window: Option<Gpu>, wake: impl Fn() + Send + Sync + 'static) -> Self {
         let shared = Arc::new(Shared::default());
         let (sender, messages) = channel();
@@ -334,7 +334,7 @@ impl Loop {
     }
 
     fn open(&mut self) -> Backend {
-        let of_window = self.window.take().filter(|gpu| suits(&gpu.adapter, &self.choice)).map(Backend::gpu);
+        let of_window = self.window.take().map(Backend::gpu);
         self.is_of_window = of_window.is_some();
         let backend = of_window.unwrap_or_else(|| self.open_another());
         self.send(Message::Backend(backend.report().to_string()));
@@ -396,7 +396,7 @@ impl Loop {
             side,
             pixels: Some(preview.image),
             quality: Quality::Preview(detail),
-            exposures: preview.exposures,
+            exposures: Some(preview.exposures),
             samples: preview.samples,
             evaluation: preview.evaluation,
             marks: preview.marks.iter().map(|mark| mark.scaled(size.recip())).collect(),
@@ -514,17 +514,7 @@ fn caught(order: impl FnOnce() -> Result<(), Error>) -> Result<(), Failure> {
     }
 }
 
-/// Whether the window's device is what a choice of a back end means. Software adapters render only if a GPU is asked for.
-fn suits(adapter: &Adapter, choice: &BackendChoice) -> bool {
-    match choice {
-        BackendChoice::Auto => !adapter.software,
-        BackendChoice::Cpu => false,
-        BackendChoice::Gpu(name) => {
-            name.as_ref().is_none_or(|name| adapter.name.to_lowercase().contains(&name.to_lowercase()))
-        }
-    }
-}
-
+/// A device that has refused something stays unusable, too.
 fn is_lost(error: &Error) -> bool {
-    matches!(error, Error::Gpu(crate::gpu::GpuError::Lost { .. }))
+    matches!(error, Error::Gpu(crate::gpu::GpuError::Lost { .. } | crate::gpu::GpuError::Refused { .. }))
 }

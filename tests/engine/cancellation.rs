@@ -2,7 +2,7 @@
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use pinspot::{Backend, Engine, Error, NoProgress, Progress, Stage, blocking};
+use pinspot::{Backend, Engine, Error, EvaluationChoice, NoProgress, Progress, Stage, blocking};
 
 use crate::support::gpu_backend;
 
@@ -29,10 +29,12 @@ impl Progress for CancelAt {
 }
 
 /// Cancels pictures when each of some stages begins, and renders them again.
-fn check(backend: &Backend, stages: &[Stage]) {
+fn check(backend: &Backend, (samples, leaves): (u32, Option<u32>), stages: &[Stage]) {
     let engine = || {
         let (scene, options) = pinspot::load("columns").unwrap();
-        Engine::new(scene, options.with_size([32, 24]).with_samples(60).with_leaves(Some(4)), backend.clone())
+        let options = options.with_size([32, 24]).with_samples(samples).with_leaves(leaves);
+        let evaluation = if leaves.is_some() { EvaluationChoice::Hierarchical } else { EvaluationChoice::Flat };
+        Engine::new(scene, options.with_evaluation(evaluation), backend.clone())
     };
     let whole = blocking::wait(backend.device(), engine().render(&NoProgress)).unwrap();
     for &stage in stages {
@@ -59,6 +61,9 @@ fn a_cancelled_picture_leaves_no_incomplete_stage_behind() {
         Stage::PathEnds,
         Stage::Shading,
     ];
-    check(&Backend::cpu(), &stages);
-    check(&gpu_backend(), &[Stage::Visibility, Stage::Caustic]);
+    check(&Backend::cpu(), (60, Some(4)), &stages);
+    let gpu = gpu_backend();
+    check(&gpu, (60, Some(4)), &[Stage::Visibility, Stage::Caustic]);
+    // More maps than a dispatch traces.
+    check(&gpu, (600, None), &[Stage::Visibility]);
 }

@@ -1,7 +1,11 @@
 //! Previews beside whole pictures of the same samples: alike when they are still, and as calm when they move.
 
+use pinspot::blocking::wait;
+use pinspot::glam::Vec3;
 use pinspot::image::{Image, ToneMap, srgb8};
-use pinspot::{Backend, Detail, Engine, EvaluationChoice, Exposure, NoProgress, blocking};
+use pinspot::low_level::gpu::Gpu;
+use pinspot::wgpu;
+use pinspot::{Backend, Detail, Engine, EvaluationChoice, Exposure, NoProgress};
 
 use crate::support::gpu_backend;
 
@@ -18,13 +22,13 @@ fn engine(scene: &str) -> Engine {
 }
 
 fn preview(engine: &mut Engine, spacing: u32) -> Image {
-    let detail = Detail { size: SIZE, samples: SAMPLES, spacing, shadow_directions: SHADOW_DIRECTIONS };
-    blocking::wait(None, engine.preview(&detail, &NoProgress)).unwrap().image
+    let detail = Detail { size: SIZE, samples: SAMPLES, taps: 16, spacing, shadow_directions: SHADOW_DIRECTIONS };
+    wait(None, engine.preview(&detail, &NoProgress)).unwrap().image
 }
 
 fn whole(engine: &mut Engine) -> Image {
     let display = engine.options().display;
-    blocking::wait(None, engine.render(&NoProgress)).unwrap().displayed(&display)
+    wait(None, engine.render(&NoProgress)).unwrap().displayed(&display)
 }
 
 /// The mean difference of two pictures, levels of 255.
@@ -111,7 +115,7 @@ fn both_back_ends_render_the_same_previews() {
     for (k, scene) in pinspot::scene::BUILT_IN.iter().enumerate() {
         let name = scene.name;
         let spacing = 1 + k as u32 % 3;
-        let detail = Detail { size: SIZE, samples: 60, spacing, shadow_directions: 32 };
+        let detail = Detail { size: SIZE, samples: 60, taps: 8, spacing, shadow_directions: 32 };
         let [cpu, gpu] = backends.each_ref().map(|backend| {
             let (scene, mut options) = pinspot::load(name).unwrap();
             options.display.exposure = Exposure::Auto;
@@ -120,7 +124,7 @@ fn both_back_ends_render_the_same_previews() {
             // Not only the first frame: what is kept on a GPU follows.
             let frames = [0.0, 0.4].map(|seconds| {
                 engine.scene_mut().pose(seconds);
-                blocking::wait(backend.device(), engine.preview(&detail, &NoProgress)).unwrap()
+                wait(backend.device(), engine.preview(&detail, &NoProgress)).unwrap()
             });
             let [_, last] = frames;
             last
@@ -129,12 +133,69 @@ fn both_back_ends_render_the_same_previews() {
         let mean = pairs().sum::<f32>() / cpu.image.pixels.len() as f32;
         let off = pairs().filter(|difference| *difference > 0.05).count();
         println!("{name}: {mean:.5} on average at spacing {spacing}, {off} pixels differ, {:?}", gpu.exposures);
-        let [cpu_ev, gpu_ev] = [&cpu, &gpu].map(|preview| preview.exposures.unwrap().exposure_ev);
+        let [cpu_ev, gpu_ev] = [&cpu, &gpu].map(|preview| preview.exposures.exposure_ev);
         assert!((cpu_ev - gpu_ev).abs() < 0.01, "{name}: {cpu_ev} {gpu_ev}");
         assert!(mean < 1e-3, "{name}: {mean}");
         // Edges of shadows and of what mirrors show, by rays that graze them.
         assert!(off * 200 < cpu.image.pixels.len(), "{name}: {off}");
         assert!(gpu.passes.iter().all(|pass| (0.0..10.0).contains(&pass.seconds)), "{name}: {:?}", gpu.passes);
         assert_eq!((cpu.samples, cpu.evaluation), (gpu.samples, gpu.evaluation), "{name}");
+    }
+}
+
+/// What stays on the device is what is read back, as the eye sees it.
+#[test]
+fn previews_that_stay_on_the_device_are_the_same() {
+    let own = wait(None, Gpu::open(None)).unwrap();
+    let (device, queue) = (own.device.clone(), own.queue.clone());
+    let backend = Backend::gpu(own);
+    let (scene, options) = pinspot::load("mirror-sphere").unwrap();
+    let mut engine = Engine::new(scene, options.with_size(SIZE), backend);
+    let detail = Detail { size: SIZE, samples: 60, taps: 8, spacing: 4, shadow_directions: 32 };
+    let read_back = wait(Some(&device), engine.preview(&detail, &NoProgress)).unwrap();
+    let kept = wait(Some(&device), engine.preview_on_device(&detail, &NoProgress)).unwrap().unwrap();
+    assert_eq!((kept.samples, kept.exposures), (read_back.samples, read_back.exposures));
+    let shown = read_bytes(&device, &queue, kept.image.texture());
+    assert_eq!(shown.len(), read_back.image.pixels.len());
+    let differ = |(shown, pixel): (&[u8; 4], &Vec3)| (0..3).any(|k| shown[k].abs_diff(srgb8(*pixel)[k]) > 1);
+    let off = shown.iter().zip(&read_back.image.pixels).filter(|pair| differ(*pair)).count();
+    assert_eq!(off, 0);
+    let mut on_cpu = Engine::new(engine.scene().clone(), engine.options().clone(), Backend::cpu());
+    assert!(wait(None, on_cpu.preview_on_device(&detail, &NoProgress)).unwrap().is_none());
+}
+
+fn read_bytes(device: &wgpu::Device, queue: &wgpu::Queue, texture: &wgpu::Texture) -> Vec<[u8; 4]> {
+    let row = (4 * texture.width()).next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT);
+    let buffer = device.create_buffer(&wgpu::BufferDescriptor {
+        label: None,
+        size: u64::from(row * texture.height()),
+        usage: wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ,
+        mapped_at_creation: false,
+    });
+    let mut encoder = device.create_command_encoder(&Default::default());
+    let layout = wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(row), rows_per_image: None };
+    let to = wgpu::TexelCopyBufferInfo { buffer: &buffer, layout };
+    encoder.copy_texture_to_buffer(texture.as_image_copy(), to, texture.size());
+    queue.submit([encoder.finish()]);
+    buffer.map_async(wgpu::MapMode::Read, .., |result| result.unwrap());
+    device.poll(wgpu::PollType::wait_indefinitely()).unwrap();
+    let bytes = buffer.get_mapped_range(..).unwrap().to_vec();
+    let texels = |row: &[u8]| row[..4 * texture.width() as usize].as_chunks().0.to_vec();
+    bytes.chunks(row as usize).flat_map(texels).collect()
+}
+
+/// Where 32-bit textures do not blend, sums of one layer and frame do not reach the next.
+#[test]
+fn previews_need_no_more_than_every_device_has() {
+    let backends = [wait(None, Gpu::open_minimal()).unwrap(), wait(None, Gpu::open(None)).unwrap()].map(Backend::gpu);
+    let [minimal, blending] = backends.map(|backend| {
+        let (scene, options) = pinspot::load("mirror-sphere").unwrap();
+        let mut engine = Engine::new(scene, options.with_size([64, 48]), backend.clone());
+        let detail = Detail { size: [64, 48], samples: 300, taps: 8, spacing: 2, shadow_directions: 8 };
+        [0, 1].map(|_| wait(backend.device(), engine.preview(&detail, &NoProgress)).unwrap().image)
+    });
+    for (minimal, blending) in minimal.iter().zip(&blending) {
+        let levels = difference(minimal, blending);
+        assert!(levels < 0.3, "{levels}");
     }
 }

@@ -1,16 +1,25 @@
 //! The frame budget: from the time that previews took to what the next one may spend.
 
-/// What a preview spends.
+/// What a preview spends. On a GPU it is one submission: on slow ones, 2³⁰ pairs of a pixel and a sample take about a second.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Detail {
     /// Width and height of the picture that is computed, pixels.
     pub size: [u32; 2],
     /// The largest number of samples.
     pub samples: u32,
-    /// Pixels from one to the next in whose light is computed, along rows and columns; between them it is interpolated.
+    /// The largest number of look-ups along a footprint's major axis.
+    pub taps: u32,
+    /// Pixels from one to the next in whose light is computed, along rows and columns, from 1 to 8; between them it is interpolated.
     pub spacing: u32,
     /// Directions of the shadow rays of direct light.
     pub shadow_directions: u32,
+}
+
+impl Detail {
+    /// The spacing within its range.
+    pub(super) fn spacing(&self) -> u32 {
+        self.spacing.clamp(1, 8)
+    }
 }
 
 /// Holds a target time per frame by choosing the [`Detail`] of each.
@@ -65,7 +74,7 @@ impl Budget {
     }
 }
 
-/// From a sixteenth of the window's pixels and 40 samples to all of its pixels and 800 samples.
+/// From a sixteenth of the window's pixels and 40 samples of three taps to all of its pixels and 800 samples of sixteen.
 fn detail_at(level: f64, window: [u32; 2]) -> Detail {
     let between = |low: f64, high: f64| low * (high / low).powf(level);
     // In steps, so that neither the picture's size nor the samples change from frame to frame.
@@ -73,6 +82,7 @@ fn detail_at(level: f64, window: [u32; 2]) -> Detail {
     Detail {
         size: window.map(|edge| ((f64::from(edge) / steps).round() as u32).max(1)),
         samples: (0.5 * (2.0 * between(40.0, 800.0).log2()).round()).exp2() as u32,
+        taps: between(3.0, 16.0).round() as u32,
         spacing: between(4.0, 2.0).round() as u32,
         shadow_directions: between(16.0, 160.0).round() as u32,
     }

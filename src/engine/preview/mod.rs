@@ -33,8 +33,6 @@ use crate::Error;
 #[cfg(feature = "gpu")]
 use crate::backend::Backend;
 use crate::image::{Aov, Image, exposed, metered_ev};
-#[cfg(feature = "gpu")]
-use crate::options::Exposure;
 use crate::options::{Evaluation, EvaluationChoice, Exposures, Options, Overlay};
 use crate::pinhole::{Epsilon, Receivers};
 use crate::progress::{Progress, Stage};
@@ -51,8 +49,8 @@ pub struct Preview<T = Image> {
     /// An image is display-linear: exposed and tone-mapped. A texture is encoded as sRGB (`Rgba8Unorm`), and the next preview is drawn
     /// into it, too. The size is that of the [`Detail`].
     pub image: T,
-    /// The exposures in use; `None` for a texture whose exposure was metered on the GPU.
-    pub exposures: Option<Exposures>,
+    /// The exposures in use.
+    pub exposures: Exposures,
     /// Samples in use.
     pub samples: usize,
     /// The overlay's marks, in pixels of a picture of the size of the options.
@@ -89,7 +87,7 @@ enum Wanted {
 
 /// A rendered preview.
 enum Rendered {
-    Image(Image, Exposures),
+    Image(Image),
     #[cfg(feature = "gpu")]
     Texture(wgpu::TextureView),
 }
@@ -124,7 +122,7 @@ impl Engine {
     ///
     /// let (scene, options) = pinspot::load("mirror-sphere")?;
     /// let mut engine = Engine::new(scene, options, Backend::cpu());
-    /// let detail = Detail { size: [64, 64], samples: 40, spacing: 4, shadow_directions: 32 };
+    /// let detail = Detail { size: [64, 64], samples: 40, taps: 8, spacing: 4, shadow_directions: 32 };
     /// for seconds in [0.0, 0.1, 0.2] {
     ///     engine.scene_mut().pose(seconds);
     ///     let preview = blocking::wait(None, engine.preview(&detail, &NoProgress))?;
@@ -136,17 +134,12 @@ impl Engine {
     /// # Errors
     /// As [`Self::render`].
     pub async fn preview(&mut self, detail: &Detail, progress: &dyn Progress) -> Result<Preview, Error> {
-        let mut exposures = None;
         let preview = self.preview_as(Wanted::InMemory, detail, progress).await?;
-        let preview = preview.map(|rendered| match rendered {
-            Rendered::Image(image, used) => {
-                exposures = Some(used);
-                image
-            }
+        Ok(preview.map(|rendered| match rendered {
+            Rendered::Image(image) => image,
             #[cfg(feature = "gpu")]
-            Rendered::Texture(_) => Image::new(0, 0),
-        });
-        Ok(Preview { exposures, ..preview })
+            Rendered::Texture(_) => unreachable!("an image was wanted"),
+        }))
     }
 
     /// Like [`Self::preview`], but the picture stays on the device of the engine's back end: nothing is read back. Returns when it is
@@ -165,9 +158,8 @@ impl Engine {
         }
         let preview = self.preview_as(Wanted::OnDevice, detail, progress).await?;
         let Rendered::Texture(texture) = &preview.image else { return Ok(None) };
-        let (texture, display) = (texture.clone(), self.options.display);
-        let exposures = matches!(display.exposure, Exposure::Stops(_)).then(|| display.exposures(|| 0.0));
-        Ok(Some(Preview { exposures, ..preview.map(|_| texture) }))
+        let texture = texture.clone();
+        Ok(Some(preview.map(|_| texture)))
     }
 
     async fn preview_as(
@@ -182,7 +174,12 @@ impl Engine {
         let mut scene = self.scene_stages.prepare_for_frame(&self.scene, progress)?;
         #[cfg(feature = "gpu")]
         if let Some(shared) = self.backend.shared_gpu() {
-            scene.on_gpu = Some(self.scene_stages.upload(&self.scene, &shared.gpu, true, progress)?);
+            scene.on_gpu = match self.scene_stages.upload(&self.scene, &shared.gpu, true, progress) {
+                Ok(geometry) => Some(geometry),
+                // Too large a scene; without visibility, the CPU traces what pixels see.
+                Err(_) if options.visibility == Visibility::None => None,
+                Err(error) => return Err(error.into()),
+            };
         }
         if self.preview.technique.0 != options.technique {
             self.preview = PreviewStages::new(options.technique);
@@ -210,18 +207,13 @@ impl Engine {
         let frame =
             Frame { scene: &self.scene, prepared: &scene, options: &options, light: &light, detail, direct, progress };
         #[cfg(feature = "gpu")]
-        let on_gpu = frame.on_gpu(wanted, &self.backend, &mut self.preview.on_gpu, sum.as_ref()).await?;
-        #[cfg(feature = "gpu")]
-        let passes = match &self.preview.on_gpu {
-            Some(passes) if on_gpu.is_some() => passes.pass_times().await?,
-            _ => Vec::new(),
-        };
+        let (image, exposures, passes) =
+            match frame.on_gpu(wanted, &self.backend, &mut self.preview.on_gpu, sum.as_ref()).await? {
+                Some(on_gpu) => (on_gpu.rendered, on_gpu.exposures, on_gpu.passes),
+                None => frame.on_cpu(sum.as_deref()).await.map(|(image, used)| (image, used, Vec::new()))?,
+            };
         #[cfg(not(feature = "gpu"))]
-        let (Wanted::InMemory, on_gpu) = (wanted, None);
-        let image = match on_gpu {
-            Some(rendered) => rendered,
-            None => frame.on_cpu(sum.as_deref()).await?,
-        };
+        let (Wanted::InMemory, (image, exposures)) = (wanted, frame.on_cpu(sum.as_deref()).await?);
         if progress.is_cancelled() {
             return Err(Error::Cancelled);
         }
@@ -235,7 +227,7 @@ impl Engine {
         };
         Ok(Preview {
             image,
-            exposures: None,
+            exposures,
             samples: statistics.map_or(0, |statistics| statistics.samples),
             marks,
             evaluation: statistics.map(|statistics| statistics.evaluation),
@@ -244,15 +236,17 @@ impl Engine {
         })
     }
 
-    /// The engine's options, with the size and the samples of a preview, which are summed one by one. The paper's ε keeps single
+    /// The engine's options, with the size, the samples and the taps of a preview, which are summed one by one. The paper's ε keeps single
     /// samples from being seen where a mirror touches a receiver.
     fn preview_options(&self, detail: &Detail) -> Options {
         let options = self.options.clone();
         let samples = detail.samples.min(options.samples);
+        let taps = detail.taps.min(options.taps);
         let epsilon = options.epsilon;
         options
             .with_size(detail.size)
             .with_samples(samples)
+            .with_taps(taps)
             .with_leaves(None)
             .with_evaluation(EvaluationChoice::Flat)
             .with_epsilon(if epsilon == Epsilon::Auto { Epsilon::Paper } else { epsilon })
@@ -281,7 +275,7 @@ impl Frame<'_> {
         backend: &Backend,
         passes: &mut Option<on_gpu::PreviewOnGpu>,
         sum: Option<&Arc<dyn Sum>>,
-    ) -> Result<Option<Rendered>, Error> {
+    ) -> Result<Option<on_gpu::OnGpu>, Error> {
         let (Some(shared), Some(geometry)) = (backend.shared_gpu(), self.prepared.on_gpu.as_deref()) else {
             return Ok(None);
         };
@@ -289,8 +283,7 @@ impl Frame<'_> {
             return Ok(None);
         }
         let passes = passes.get_or_insert_with(|| on_gpu::PreviewOnGpu::new(shared));
-        self.progress.begin(Stage::Shading, 1);
-        passes.render(&on_gpu::PreviewInputs {
+        let inputs = on_gpu::PreviewInputs {
             scene: self.scene,
             prepared: self.prepared,
             geometry,
@@ -298,21 +291,18 @@ impl Frame<'_> {
             light: self.light,
             direct: &self.direct,
             sum,
-            spacing: self.detail.spacing.max(1),
+            spacing: self.detail.spacing(),
             progress: self.progress,
-        })?;
-        let rendered = match wanted {
-            Wanted::InMemory => {
-                passes.read().await.map(|read| read.map(|(image, exposures)| Rendered::Image(image, exposures)))
-            }
-            Wanted::OnDevice => passes.shown().await.map(|shown| shown.map(Rendered::Texture)),
         };
+        let cubes = passes.cubes(&inputs)?;
+        self.progress.begin(Stage::Shading, 1);
+        let rendered = passes.render(&inputs, &cubes, wanted).await;
         self.progress.end(Stage::Shading);
-        rendered
+        Ok(rendered?)
     }
 
     /// The picture and its exposures.
-    async fn on_cpu(&self, sum: Option<&dyn Sum>) -> Result<Rendered, Error> {
+    async fn on_cpu(&self, sum: Option<&dyn Sum>) -> Result<(Rendered, Exposures), Error> {
         let (options, progress, camera) = (self.options, self.progress, &self.scene.camera);
         progress.begin(Stage::Rays, 1);
         let views = Views::trace(self.scene, self.prepared, options.size, options.plain_diffuse);
@@ -324,7 +314,7 @@ impl Frame<'_> {
         let (mut image, exposures) = self.shade(&views, &own, &mirrored);
         smooth_edges(&mut image, camera, &self.prepared.camera, &views.first);
         progress.end(Stage::Shading);
-        Ok(Rendered::Image(image, exposures))
+        Ok((Rendered::Image(image), exposures))
     }
 
     /// All light on points, one or none in each pixel: as far as it is not known, at nodes that are some pixels apart, then where it
@@ -339,7 +329,7 @@ impl Frame<'_> {
             return Ok(vec![Vec3::ZERO; points.pixels()]);
         }
         let mut grid =
-            NodeGrid::new(points, self.options.size[0] as usize, self.detail.spacing.max(1) as usize).with_known(known);
+            NodeGrid::new(points, self.options.size[0] as usize, self.detail.spacing() as usize).with_known(known);
         let mut open = grid.nodes();
         let mut is_first = true;
         while is_first || !open.is_empty() {

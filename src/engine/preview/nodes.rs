@@ -1,5 +1,5 @@
 //! Light in every pixel from light at nodes some pixels apart: interpolated between nodes on the same surface, weighted by distance
-//! in the picture, and computed where there are none or where they differ.
+//! in the picture, and computed where there are none or where they differ: first half as far apart, then in every pixel.
 
 use std::collections::BTreeMap;
 
@@ -22,24 +22,21 @@ const MAX_CONTRAST: f32 = 0.5;
 pub struct NodeGrid<'a> {
     points: &'a Layer<SurfacePoint>,
     width: usize,
+    /// Pixels from one known pixel to the next, along rows and columns.
     spacing: usize,
     light: Vec<Vec3>,
-    is_computed: Vec<bool>,
-    /// Whether pixels between the nodes have been looked at.
-    is_complete: bool,
+    is_known: Vec<bool>,
+}
+
+/// How far apart pixels are that are looked at next, once those `spacing` apart are known.
+pub fn finer_spacing(spacing: u32) -> u32 {
+    if spacing.is_multiple_of(2) { spacing / 2 } else { 1 }
 }
 
 impl<'a> NodeGrid<'a> {
     pub fn new(points: &'a Layer<SurfacePoint>, width: usize, spacing: usize) -> Self {
         let count = points.pixels();
-        Self {
-            points,
-            width,
-            spacing,
-            light: vec![Vec3::ZERO; count],
-            is_computed: vec![false; count],
-            is_complete: spacing == 1,
-        }
+        Self { points, width, spacing, light: vec![Vec3::ZERO; count], is_known: vec![false; count] }
     }
 
     /// Takes over light that is known already.
@@ -48,21 +45,21 @@ impl<'a> NodeGrid<'a> {
         let found: Vec<(usize, Vec3)> =
             found.filter_map(|index| Some((index, known(self.points.at(index)?)?))).collect();
         for (index, light) in found {
-            (self.light[index], self.is_computed[index]) = (light, true);
+            (self.light[index], self.is_known[index]) = (light, true);
         }
         self
     }
 
     /// The pixels that are nodes, as far as their light is not known.
     pub fn nodes(&self) -> Vec<usize> {
-        let is_node = |index: &usize| {
-            let (x, y) = (index % self.width, index / self.width);
-            x % self.spacing == 0
-                && y % self.spacing == 0
-                && !self.is_computed[*index]
-                && self.points.at(*index).is_some()
-        };
-        (0..self.points.pixels()).filter(is_node).collect()
+        self.unknown(self.spacing).collect()
+    }
+
+    /// The pixels of a grid whose light is not known.
+    fn unknown(&self, spacing: usize) -> impl Iterator<Item = usize> {
+        let is_unknown = |index: &usize| !self.is_known[*index] && self.points.at(*index).is_some();
+        let rows = (0..self.points.pixels() / self.width).step_by(spacing);
+        rows.flat_map(move |y| (0..self.width).step_by(spacing).map(move |x| y * self.width + x)).filter(is_unknown)
     }
 
     pub fn point(&self, index: usize) -> Option<&'a SurfacePoint> {
@@ -89,22 +86,20 @@ impl<'a> NodeGrid<'a> {
     /// Takes what was computed at pixels. Returns those that have to be computed next.
     pub fn set(&mut self, which: &[usize], light: Vec<Vec3>) -> Vec<usize> {
         for (&index, light) in which.iter().zip(light) {
-            (self.light[index], self.is_computed[index]) = (light, true);
+            (self.light[index], self.is_known[index]) = (light, true);
         }
-        if std::mem::replace(&mut self.is_complete, true) {
-            return Vec::new();
-        }
-        let between = |index: usize| {
-            let is_open = !self.is_computed[index] && self.points.at(index).is_some();
-            is_open.then(|| (index, self.interpolated(index)))
-        };
-        let found: Vec<(usize, Option<Vec3>)> = (0..self.points.pixels()).into_par_iter().filter_map(between).collect();
         let mut open = Vec::new();
-        for (index, light) in found {
-            match light {
-                Some(light) => self.light[index] = light,
-                None => open.push(index),
+        while open.is_empty() && self.spacing > 1 {
+            let finer = finer_spacing(self.spacing as u32) as usize;
+            let between: Vec<usize> = self.unknown(finer).collect();
+            let found: Vec<Option<Vec3>> = between.par_iter().map(|&index| self.interpolated(index)).collect();
+            for (index, light) in between.into_iter().zip(found) {
+                match light {
+                    Some(light) => (self.light[index], self.is_known[index]) = (light, true),
+                    None => open.push(index),
+                }
             }
+            self.spacing = finer;
         }
         open
     }
@@ -133,7 +128,7 @@ impl<'a> NodeGrid<'a> {
             for column in x.saturating_sub(1)..=x + 2 {
                 let (column, row) = (column * self.spacing, row * self.spacing);
                 let node = row * self.width + column;
-                if column >= self.width || node >= self.points.pixels() || !self.is_computed[node] {
+                if column >= self.width || node >= self.points.pixels() || !self.is_known[node] {
                     continue;
                 }
                 if let Some(other) = self.points.at(node).filter(|other| is_same_surface(own, other)) {
@@ -164,7 +159,7 @@ impl<'a> NodeGrid<'a> {
             if column >= self.width || node >= self.points.pixels() || weight == 0.0 {
                 continue;
             }
-            let is_known = |other: &SurfacePoint| self.is_computed[node] && is_same_surface(own, other);
+            let is_known = |other: &SurfacePoint| self.is_known[node] && is_same_surface(own, other);
             if !self.points.at(node).is_some_and(is_known) {
                 continue;
             }

@@ -8,7 +8,7 @@ use wgpu::util::DeviceExt;
 use super::pipeline::{entry, seen_by, uniform};
 use crate::gpu::GpuError;
 use crate::scene::{Mesh, Object, Scene};
-use crate::tracing::{Instance, MeshList, ObjectList, SeenBy};
+use crate::tracing::{BottomLevel, Instance, SeenBy, TopLevel};
 
 /// Texels in a row of the texture.
 pub(super) const GEOMETRY_ROW: u32 = 2048;
@@ -68,7 +68,7 @@ pub(crate) struct MovingGeometry {
 #[derive(Debug)]
 struct PlacedMesh {
     mesh: Arc<Mesh>,
-    list: MeshList,
+    list: BottomLevel,
     first_row: u32,
     is_for_one_frame: bool,
     is_uploaded: bool,
@@ -76,7 +76,7 @@ struct PlacedMesh {
 
 impl MovingGeometry {
     /// Makes the texture that of these objects. What was returned before shows them, too, unless they do not fit into its texture.
-    /// Meshes that are new are sorted quickly if they are there `for_one_frame`.
+    /// The hierarchies of new meshes are built quickly if these are there `for_one_frame`.
     pub fn update(
         &mut self,
         device: &wgpu::Device,
@@ -102,7 +102,7 @@ impl MovingGeometry {
             mesh.is_uploaded = true;
         }
         let instances: Vec<Instance> = objects.iter().filter_map(|object| self.instance(object)).collect();
-        let list = ObjectList::new(&instances);
+        let list = TopLevel::new(&instances);
         write_rows(queue, &texture, 0, &list.texels);
         let uniforms = RayUniforms { node_count: list.node_count, offset: list.offset, padding: [0; 2] };
         queue.write_buffer(&geometry.uniforms, 0, bytemuck::bytes_of(&uniforms));
@@ -126,7 +126,7 @@ impl MovingGeometry {
                 Some(known) => known,
                 None => PlacedMesh {
                     mesh: object.mesh.clone(),
-                    list: MeshList::new(&object.mesh, for_one_frame)?,
+                    list: BottomLevel::new(&object.mesh, for_one_frame)?,
                     first_row: 0,
                     is_for_one_frame: for_one_frame,
                     is_uploaded: false,
@@ -141,6 +141,10 @@ impl MovingGeometry {
     }
 
     fn instance(&self, object: &Object) -> Option<Instance<'_>> {
+        let crate::scene::Transform { scale, rotate_rad, translate } = object.placement;
+        if !(scale.is_normal() && rotate_rad.is_finite() && translate.is_finite()) {
+            return None;
+        }
         let mesh = self.meshes.iter().find(|known| Arc::ptr_eq(&known.mesh, &object.mesh))?;
         Some(Instance {
             mesh: &mesh.list,

@@ -243,8 +243,24 @@ impl Frame {
     }
 
     /// Begins anew: what is recorded next is added to nothing.
-    pub fn restart(&mut self) {
+    pub fn restart(&mut self, encoder: &mut wgpu::CommandEncoder) {
         self.current = None;
+        // The first batch reads the other target.
+        if let Some(other) = self.views.get(1) {
+            encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+                label: Some("restart"),
+                color_attachments: &[Some(wgpu::RenderPassColorAttachment {
+                    view: other,
+                    depth_slice: None,
+                    resolve_target: None,
+                    ops: wgpu::Operations {
+                        load: wgpu::LoadOp::Clear(wgpu::Color::TRANSPARENT),
+                        store: wgpu::StoreOp::Store,
+                    },
+                })],
+                ..Default::default()
+            });
+        }
     }
 
     /// The texture that [`Self::caustic`] is once all batches are recorded.

@@ -8,12 +8,12 @@ use super::pipeline::{
 };
 use super::shaders::{PREVIEW_DISPLAY, PREVIEW_LIGHT, PREVIEW_SHADING, PREVIEW_VIEWS, Shader};
 
-/// The group of each shader's own buffers and, for light, those of what the camera sees directly and of the gather.
+/// The group of each shader's own buffers and, for light, those of the other layer and of the gather.
 #[derive(Debug)]
 pub(crate) struct PreviewLayouts {
     pub views: BindGroupLayout,
     pub light: BindGroupLayout,
-    pub own: BindGroupLayout,
+    pub other: BindGroupLayout,
     pub gather: BindGroupLayout,
     pub shading: BindGroupLayout,
     pub display: BindGroupLayout,
@@ -28,9 +28,8 @@ pub(crate) struct PreviewPipelines {
     pub begin: wgpu::ComputePipeline,
     pub begin_behind_mirrors: wgpu::ComputePipeline,
     pub light_nodes: wgpu::ComputePipeline,
-    pub add_caustic_at_nodes: wgpu::ComputePipeline,
     pub light_between: wgpu::ComputePipeline,
-    pub add_caustic_between: wgpu::ComputePipeline,
+    pub add_caustic: wgpu::ComputePipeline,
     pub shade: wgpu::ComputePipeline,
     pub meter: wgpu::ComputePipeline,
     pub display: wgpu::ComputePipeline,
@@ -49,11 +48,11 @@ impl PreviewLayouts {
         Self {
             views: of(
                 "views",
-                &[uniform(0), storage(1), storage(2), writable(3), writable(4), writable(5), writable(6)],
+                &[uniform(0), storage(1), storage(2), writable(3), writable(4), writable(5), writable(6), writable(7)],
             ),
-            light: of("light", &[uniform(0), storage(1), writable(2), storage(3), cube(4), sampler(5)]),
-            own: of("seen directly", &[storage(0), storage(1)]),
-            gather: of("gather", &[picture(0), picture(1), texture(2)]),
+            light: of("light", &[uniform(0), storage(1), writable(2), storage(3), cube(4), sampler(5), writable(6)]),
+            other: of("other layer", &[storage(0), storage(1)]),
+            gather: of("gather", &[picture(0), picture(1), texture(2), uniform(3)]),
             shading: of(
                 "shading",
                 &[
@@ -82,6 +81,7 @@ impl PreviewLayouts {
                     writable(5),
                     picture(6),
                     written(7, TextureFormat::Rgba8Unorm),
+                    writable(8),
                 ],
             ),
             nothing: of("nothing", &[]),
@@ -96,21 +96,13 @@ impl PreviewPipelines {
         let none = &layouts.nothing;
         let [trace_views] =
             compile(device, PREVIEW_VIEWS, [&layouts.views, none, none, &layouts.rays], ["trace_views"]);
-        let of_light = [&layouts.light, &layouts.own, &layouts.gather, &layouts.rays];
-        let [begin, begin_behind_mirrors, light_nodes, add_caustic_at_nodes, light_between, add_caustic_between] =
-            compile(
-                device,
-                PREVIEW_LIGHT,
-                of_light,
-                [
-                    "begin",
-                    "begin_behind_mirrors",
-                    "light_nodes",
-                    "add_caustic_at_nodes",
-                    "light_between",
-                    "add_caustic_between",
-                ],
-            );
+        let of_light = [&layouts.light, &layouts.other, &layouts.gather, &layouts.rays];
+        let [begin, begin_behind_mirrors, light_nodes, light_between, add_caustic] = compile(
+            device,
+            PREVIEW_LIGHT,
+            of_light,
+            ["begin", "begin_behind_mirrors", "light_nodes", "light_between", "add_caustic"],
+        );
         let [shade] = compile(device, PREVIEW_SHADING, [&layouts.shading, none, none, &layouts.rays], ["shade"]);
         let of_display = [&layouts.display, none, none, &layouts.rays];
         let [meter, display, smooth_edges] =
@@ -120,9 +112,8 @@ impl PreviewPipelines {
             begin,
             begin_behind_mirrors,
             light_nodes,
-            add_caustic_at_nodes,
             light_between,
-            add_caustic_between,
+            add_caustic,
             shade,
             meter,
             display,

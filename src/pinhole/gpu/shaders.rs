@@ -26,7 +26,7 @@ use crate::pinhole::layout::{BATCH_SIZE, CURVE_POINTS, NO_CURVE};
 use crate::pinhole::visibility::{BEHIND, MIDDLE, MIN_OCCLUDER_COSINE};
 use crate::tracing::{END_SLACK, SLACK};
 
-/// Bins of the histogram of luminance that previews are metered by: the first bits of the luminance as a float, and how many are left.
+/// Bins of the histogram of luminance by which previews are metered: the upper bits of a positive float, less the lowest of them.
 pub(crate) const HISTOGRAM_BINS: u32 = 1 << (31 - HISTOGRAM_SHIFT);
 const HISTOGRAM_SHIFT: u32 = 12;
 

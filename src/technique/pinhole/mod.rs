@@ -155,6 +155,7 @@ impl PinholeStages {
         #[cfg(feature = "gpu")]
         if let Some(shared) = inputs.backend.shared_gpu() {
             let placed = self.gpu.flat(shared, sum, statistics, inputs).await?;
+            check_wanted(inputs.progress)?;
             return Ok(self.sum.keep(key, placed));
         }
         Ok(self.sum.keep(key, Arc::new(FlatOnCpu { sum, statistics })))
@@ -172,6 +173,7 @@ impl PinholeStages {
         if let Some(shared) = inputs.backend.shared_gpu() {
             let light = (&sum.environment, &sum.bounds);
             let hierarchy = self.gpu.hierarchy(shared, &sum.tree, light, sum.params, inputs).await?;
+            check_wanted(inputs.progress)?;
             let estimate = async || hierarchy.estimate(&estimate_receivers(inputs)).await;
             let key = estimate_key(inputs, &sum);
             sum.accuracy.error *= *self.estimate.wait_for(key, (0, inputs.progress), estimate).await?;
@@ -260,11 +262,18 @@ impl TechniqueStages for PinholeStages {
         Ok(Inspected { contributions, view: pinholes.view_from(place) })
     }
 
-    fn cells_taken(&mut self, inputs: &Inputs, light: &mut LightStages, place: &Hit) -> Result<Vec<TakenCell>, Error> {
+    fn cells_taken(
+        &mut self,
+        inputs: &Inputs,
+        light: &mut LightStages,
+        place: &Hit,
+    ) -> Result<Option<Vec<TakenCell>>, Error> {
         let Inputs { options, progress, .. } = *inputs;
-        let filter = Filter::Anisotropic;
+        // What GPUs filter in hardware, the CPU does by taps.
+        let filter =
+            options.filter.filter().filter(|filter| *filter != Filter::Hardware).unwrap_or(Filter::Anisotropic);
         let Evaluation::Hierarchical { leaves, tolerance } = options.resolved_evaluation(filter, false)? else {
-            return Ok(Vec::new());
+            return Ok(None);
         };
         let points = self.samples.points(inputs)?;
         let tree = self.samples.tree(inputs, &points, leaves);
@@ -278,7 +287,7 @@ impl TechniqueStages for PinholeStages {
             estimate_irradiance(&estimate_receivers(inputs), &sum.tree, light, &sum.params)
         });
         let receiver = (place.position, place.normal, place.object);
-        Ok(cells_taken(receiver, &sum.tree, light, &sum.params, sum.accuracy))
+        Ok(Some(cells_taken(receiver, &sum.tree, light, &sum.params, sum.accuracy)))
     }
 
     fn count(&self, counts: &mut StageCounts) {

@@ -207,8 +207,11 @@ impl Sum for FlatOnGpu {
             let mut sums = Vec::with_capacity(receivers.positions.len());
             for strip in strips(receivers, gpu.adapter.max_texture, most) {
                 sums.extend(self.strip(&strip, progress).await?);
+                if progress.is_cancelled() {
+                    break;
+                }
             }
-            sums.truncate(receivers.positions.len());
+            sums.resize(receivers.positions.len(), [0.0; 4]);
             Ok(sums)
         })
     }
@@ -274,8 +277,11 @@ impl Sum for HierarchicalOnGpu {
                 let tiled = Tiled::new(&strip);
                 let in_tiles = self.strip(&tiled.receivers, progress).await?;
                 sums.extend(tiled.in_order(in_tiles));
+                if progress.is_cancelled() {
+                    break;
+                }
             }
-            sums.truncate(receivers.positions.len());
+            sums.resize(receivers.positions.len(), [0.0; 4]);
             Ok(sums)
         })
     }

@@ -4,7 +4,7 @@ use eframe::egui;
 use egui::{Color32, ColorImage, Pos2, Rect, Sense, Stroke, TextureHandle, TextureOptions};
 
 use super::fields::{named, switch};
-use crate::options::{EvaluationChoice, Exposure, Options};
+use crate::options::Exposure;
 use crate::pinhole::SampleView;
 use crate::viewer::Viewer;
 use crate::viewer::canvas::colour_image;
@@ -29,8 +29,8 @@ pub(crate) struct InspectionState {
     map: Option<TextureHandle>,
     view: Option<TextureHandle>,
     found: Option<Inspection>,
-    /// Cells that the sum takes for the receiver under the pointer.
-    cells: Vec<TakenCell>,
+    /// Cells that the sum takes for the receiver under the pointer, and the view that they belong to; `None` if it is flat.
+    cells: Option<(Vec<TakenCell>, u64)>,
     failure: Option<String>,
 }
 
@@ -38,7 +38,7 @@ impl InspectionState {
     /// The cells that are drawn.
     #[cfg(test)]
     pub fn cells(&self) -> &[TakenCell] {
-        &self.cells
+        self.cells.as_ref().map_or(&[], |(cells, _)| cells)
     }
 
     /// What was found under the pointer.
@@ -79,7 +79,7 @@ impl Viewer {
         if let Some(receiver) = &found.receiver {
             ui.label(in_words(receiver));
             if self.inspection.with_cells {
-                ui.label(cells_in_words(&self.inspection.cells, &self.document.state.options));
+                ui.label(cells_in_words(self.inspection.cells.as_ref()));
             }
         }
         if let Some(view) = self.inspection.view.as_ref().filter(|_| found.view.is_some()) {
@@ -118,13 +118,12 @@ impl Viewer {
     /// Draws the cells of the sum over the picture: the more one brings, the brighter, those on the far sides of mirrors, too.
     pub(in crate::viewer) fn paint_cells(&self, painter: &egui::Painter, area: Rect) {
         let state = &self.inspection;
-        if !state.is_on || !state.with_cells {
-            return;
-        }
+        let is_current = |cells: &&(Vec<TakenCell>, u64)| state.is_on && state.with_cells && cells.1 == self.sent;
+        let Some((cells, _)) = state.cells.as_ref().filter(is_current) else { return };
         let camera = self.posed_scene().camera;
         let size = glam::Vec2::new(area.width(), area.height());
-        let most = state.cells.iter().map(|cell| cell.irradiance.element_sum()).fold(f32::MIN_POSITIVE, f32::max);
-        for cell in &state.cells {
+        let most = cells.iter().map(|cell| cell.irradiance.element_sum()).fold(f32::MIN_POSITIVE, f32::max);
+        for cell in cells {
             let [u, v] = cell.sides.map(|side| 0.5 * side);
             let corners = [-u - v, u - v, u + v, v - u].map(|corner| camera.project(cell.centroid + corner, size));
             if corners.iter().any(|(_, depth)| *depth <= 0.0) {
@@ -148,13 +147,14 @@ impl Viewer {
     fn take_answer(&mut self, context: &egui::Context) {
         let state = &mut self.inspection;
         let answer = state.inspector.as_ref().and_then(Inspector::answer);
-        let Some(Answer { map, found, cells, .. }) = answer.filter(|answer| answer.view >= state.first_view) else {
+        let Some(Answer { map, found, cells, view: of_view }) = answer.filter(|answer| answer.view >= state.first_view)
+        else {
             return;
         };
         if let Some(map) = map {
             state.map = Some(context.load_texture("environment", colour_image(&map), TextureOptions::LINEAR));
         }
-        state.cells = cells;
+        state.cells = cells.map(|cells| (cells, of_view));
         (state.found, state.failure) = match found {
             Ok(found) => (found, None),
             Err(reason) => (None, Some(reason)),
@@ -185,11 +185,11 @@ fn paint_footprint(painter: &egui::Painter, area: Rect, footprint: &MapFootprint
     }
 }
 
-fn cells_in_words(cells: &[TakenCell], options: &Options) -> String {
-    if options.evaluation == EvaluationChoice::Flat {
-        return "sums are flat: every sample is taken".to_owned();
+fn cells_in_words(cells: Option<&(Vec<TakenCell>, u64)>) -> String {
+    match cells {
+        Some((cells, _)) => format!("{} cells are taken as one sample each", cells.len()),
+        None => "the sum is flat: every sample is taken".to_owned(),
     }
-    format!("{} cells are taken as one sample each", cells.len())
 }
 
 fn in_words(receiver: &ReceiverInspection) -> String {

@@ -24,7 +24,7 @@ pub(crate) struct PreviewUniforms {
     pub camera_forward: [f32; 3],
     pub is_perspective: u32,
     pub camera_right: [f32; 3],
-    pub spacing: u32,
+    padding: u32,
     pub camera_up: [f32; 3],
     pub direction_count: u32,
     pub light_centre: [f32; 3],
@@ -63,7 +63,7 @@ impl PreviewUniforms {
         light: &PreparedLight,
         light_centre: Option<Vec3>,
         cubes: Cubes,
-        (spacing, direction_count): (u32, usize),
+        direction_count: usize,
     ) -> Self {
         let Camera { position, forward, right, up, projection } = scene.camera;
         let (half_height, is_perspective) = match projection {
@@ -83,7 +83,7 @@ impl PreviewUniforms {
             camera_forward: forward.to_array(),
             is_perspective,
             camera_right: right.to_array(),
-            spacing,
+            padding: 0,
             camera_up: up.to_array(),
             direction_count: direction_count as u32,
             light_centre: light_centre.unwrap_or(Vec3::ZERO).to_array(),
@@ -103,6 +103,21 @@ impl PreviewUniforms {
             exposure_flags: is_metered | is_shared,
             tone_map: tone_map as u32,
         }
+    }
+}
+
+/// The receivers of a gather among the pixels.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
+pub(crate) struct PreviewGrid {
+    pub spacing: u32,
+    pub coarser: u32,
+    padding: [u32; 2],
+}
+
+impl PreviewGrid {
+    pub(super) fn new(spacing: u32, coarser: u32) -> Self {
+        Self { spacing, coarser, padding: [0; 2] }
     }
 }
 
@@ -147,21 +162,6 @@ pub(super) fn reflectance_curves(materials: &SurfaceMaterials) -> Vec<[f32; 4]> 
     materials.mirrors.iter().flat_map(curve).collect()
 }
 
-/// An emitter's radiance, by object.
-#[repr(C)]
-#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
-pub(crate) struct PreviewEmitter {
-    pub radiance: [f32; 3],
-    padding: u32,
-}
-
-impl PreviewEmitter {
-    pub(super) fn of(object: &Object) -> Self {
-        let radiance = object.emitter.map_or(Vec3::ZERO, |emitter| emitter.radiance);
-        Self { radiance: radiance.to_array(), padding: 0 }
-    }
-}
-
 /// A direction of shadow rays.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
@@ -190,5 +190,5 @@ const MAX_BACKGROUND_SIZE: u32 = 2048;
 pub(super) fn background_cube(light: &PreparedLight) -> CubeMap {
     let (background, _) = &light.background;
     let size = background.cube.size().min(MAX_BACKGROUND_SIZE);
-    CubeMap::from_radiance(size, None, |direction| background.radiance.smooth_radiance(direction))
+    CubeMap::without_mips(size, |direction| background.radiance.smooth_radiance(direction))
 }

@@ -18,14 +18,12 @@ use glam::Vec3;
 use wgpu::{BindingResource, BufferUsages};
 
 use self::kept::KeptBuffer;
-use self::layout::{
-    Cubes, PackedDirection, PreviewEmitter, PreviewObject, PreviewUniforms, background_cube, reflectance_curves,
-};
+use self::layout::{Cubes, PackedDirection, PreviewObject, PreviewUniforms, background_cube, reflectance_curves};
 use self::targets::Targets;
 pub(super) use self::targets::fits;
 pub use self::timer::PassTime;
-use self::timer::{AFTER_GATHER, Timer};
-use crate::Error;
+use self::timer::{CAUSTIC, MAX_PASSES, Timer};
+use super::{Rendered, Wanted};
 use crate::backend::SharedGpu;
 use crate::engine::direct::DirectLight;
 use crate::environment::{CubeMap, Environment};
@@ -38,6 +36,17 @@ use crate::progress::{Progress, Stage};
 use crate::scene::Scene;
 use crate::stages::{Id, Memo, PreparedLight, PreparedScene};
 use crate::technique::Sum;
+
+/// Where timestamps begin in the report of a preview, and its size, bytes.
+const TIMESTAMPS_AT: usize = 16;
+const REPORT_BYTES: u64 = TIMESTAMPS_AT as u64 + 16 * MAX_PASSES as u64;
+
+/// A preview from the GPU.
+pub(super) struct OnGpu {
+    pub rendered: Rendered,
+    pub exposures: Exposures,
+    pub passes: Vec<PassTime>,
+}
 
 /// Edge of the workgroups of all passes over pixels.
 const WORKGROUP_EDGE: u32 = 8;
@@ -66,9 +75,10 @@ pub(super) struct PreviewOnGpu {
     uniforms: KeptBuffer,
     objects: KeptBuffer,
     curves: KeptBuffer,
-    emitters: KeptBuffer,
     directions: KeptBuffer,
     timer: Option<Timer>,
+    /// Exposures, unfinished rays and timestamps of a preview, copied to be read.
+    report: Option<wgpu::Buffer>,
     targets: Option<Targets>,
     /// Of the sum that was used last, for the receivers of these targets.
     gather: Option<(Id<dyn Sum>, Vec<Frame>)>,
@@ -92,63 +102,67 @@ impl PreviewOnGpu {
             uniforms: KeptBuffer::new("preview", BufferUsages::UNIFORM),
             objects: storage("objects"),
             curves: storage("reflectance"),
-            emitters: storage("emitters"),
             directions: storage("shadow rays"),
             timer: Timer::new(&shared.gpu.device),
+            report: None,
             targets: None,
             gather: None,
         }
     }
 
-    /// Renders a preview into a texture on the device.
-    pub fn render(&mut self, inputs: &PreviewInputs) -> Result<(), GpuError> {
+    /// Renders a preview. `None` where rays would take longer than the adapter lets them.
+    pub async fn render(
+        &mut self,
+        inputs: &PreviewInputs<'_>,
+        cubes: &[Arc<EnvironmentCube>; 3],
+        wanted: Wanted,
+    ) -> Result<Option<OnGpu>, GpuError> {
         self.make_targets(inputs)?;
-        let [environment, background, irradiance] = self.cubes(inputs)?;
-        let cubes = Cubes { environment: &environment, background: &background, irradiance: &irradiance };
-        let buffers = self.buffers(inputs, cubes);
-        let Some(targets) = &self.targets else { return Ok(()) };
+        let [environment, background, irradiance] = cubes;
+        let buffers = self.buffers(inputs, Cubes { environment, background, irradiance });
+        let gpu = &self.shared.gpu;
+        // If nobody waited for the last preview, its report is lost.
+        let report = self.report.take().unwrap_or_else(|| gpu.read_back_buffer(REPORT_BYTES));
+        let Some(targets) = &self.targets else { return Ok(None) };
         let passes = Passes {
-            device: &self.shared.gpu.device,
+            device: &gpu.device,
             pipelines: &self.pipelines,
             targets,
             inputs,
-            cubes,
+            cubes: Cubes { environment, background, irradiance },
             buffers,
             timer: self.timer.as_ref(),
         };
         let frames = self.gather.as_mut().map_or(&mut [][..], |(_, frames)| &mut frames[..]);
-        let mut encoder = self.shared.gpu.device.create_command_encoder(&Default::default());
+        let mut encoder = gpu.device.create_command_encoder(&Default::default());
         passes.record(&mut encoder, frames);
+        encoder.copy_buffer_to_buffer(&targets.exposures, 0, &report, 0, 8);
+        encoder.copy_buffer_to_buffer(&targets.unfinished, 0, &report, 8, 4);
         if let Some(timer) = &self.timer {
-            timer.finish(&mut encoder);
+            timer.finish(&mut encoder, &report, TIMESTAMPS_AT as u64);
         }
-        self.shared.gpu.queue.submit([encoder.finish()]);
-        self.shared.gpu.check()
-    }
-
-    /// How long the passes of the last picture took; nothing where the device does not tell.
-    pub async fn pass_times(&self) -> Result<Vec<PassTime>, GpuError> {
-        match &self.timer {
-            Some(timer) => timer.read(&self.shared.gpu).await,
-            None => Ok(Vec::new()),
-        }
-    }
-
-    /// The picture that was rendered last, encoded as sRGB, once it is finished.
-    pub async fn shown(&self) -> Result<Option<wgpu::TextureView>, Error> {
-        self.shared.gpu.submitted_work_done().await?;
-        Ok(self.targets.as_ref().map(|targets| targets.shown.clone()))
-    }
-
-    /// Reads back the picture that was rendered last, and its exposures.
-    pub async fn read(&self) -> Result<Option<(Image, Exposures)>, Error> {
-        let Some(targets) = &self.targets else { return Ok(None) };
-        let gpu = &self.shared.gpu;
-        let (texels, exposures) = (gpu.read_texture(&targets.picture), gpu.read_buffer(&targets.exposures, 8));
-        let pixels = texels.await?.into_iter().map(|[r, g, b, _]| Vec3::new(r, g, b)).collect();
-        let [exposure_ev, background_exposure_ev] = bytemuck::pod_read_unaligned(&exposures.await?);
-        let [width, height] = targets.size;
-        Ok(Some((Image { width, height, pixels }, Exposures { exposure_ev, background_exposure_ev })))
+        gpu.queue.submit([encoder.finish()]);
+        gpu.check()?;
+        let rendered = match wanted {
+            Wanted::OnDevice => Rendered::Texture(targets.shown.clone()),
+            Wanted::InMemory => {
+                let texels = gpu.read_texture(&targets.picture).await?;
+                let pixels = texels.into_iter().map(|[r, g, b, _]| Vec3::new(r, g, b)).collect();
+                let [width, height] = targets.size;
+                Rendered::Image(Image { width, height, pixels })
+            }
+        };
+        let bytes = gpu.read_mapped(report.clone()).await?;
+        self.report = Some(report);
+        let [exposure_ev, background_exposure_ev] = bytemuck::pod_read_unaligned(&bytes[..8]);
+        let unfinished: u32 = bytemuck::pod_read_unaligned(&bytes[8..12]);
+        let period_ns = gpu.queue.get_timestamp_period();
+        let passes = self.timer.as_ref().map(|timer| timer.pass_times(&bytes[TIMESTAMPS_AT..], period_ns));
+        Ok((unfinished == 0).then(|| OnGpu {
+            rendered,
+            exposures: Exposures { exposure_ev, background_exposure_ev },
+            passes: passes.unwrap_or_default(),
+        }))
     }
 
     fn make_targets(&mut self, inputs: &PreviewInputs) -> Result<(), GpuError> {
@@ -171,7 +185,8 @@ impl PreviewOnGpu {
         Ok(())
     }
 
-    fn cubes(&mut self, inputs: &PreviewInputs) -> Result<[Arc<EnvironmentCube>; 3], GpuError> {
+    /// The environment, the background and the irradiance as textures.
+    pub fn cubes(&mut self, inputs: &PreviewInputs) -> Result<[Arc<EnvironmentCube>; 3], GpuError> {
         let PreviewInputs { light, progress, .. } = inputs;
         let gpu = &self.shared.gpu;
         let upload = |cube: &CubeMap| EnvironmentCube::upload(&gpu.device, &gpu.queue, cube);
@@ -194,16 +209,13 @@ impl PreviewOnGpu {
         let PreviewInputs { scene, prepared, options, light, .. } = inputs;
         let directions = PackedDirection::all(inputs.direct);
         let centre = prepared.light_geometry.as_ref().map(|geometry| geometry.centre());
-        let of_frame = (inputs.spacing, directions.len());
-        let uniforms = PreviewUniforms::new(scene, options, light, centre, cubes, of_frame);
+        let uniforms = PreviewUniforms::new(scene, options, light, centre, cubes, directions.len());
         let objects: Vec<_> = scene.objects.iter().map(|o| PreviewObject::new(o, options.plain_diffuse)).collect();
-        let emitters: Vec<_> = scene.objects.iter().map(PreviewEmitter::of).collect();
         let curves = reflectance_curves(&prepared.materials);
         Buffers {
             uniforms: self.uniforms.with(device, queue, bytemuck::bytes_of(&uniforms)),
             objects: self.objects.with(device, queue, bytemuck::cast_slice(&objects)),
             curves: self.curves.with(device, queue, bytemuck::cast_slice(&curves)),
-            emitters: self.emitters.with(device, queue, bytemuck::cast_slice(&emitters)),
             directions: self.directions.with(device, queue, bytemuck::cast_slice(&directions)),
         }
     }
@@ -214,7 +226,6 @@ struct Buffers {
     uniforms: wgpu::Buffer,
     objects: wgpu::Buffer,
     curves: wgpu::Buffer,
-    emitters: wgpu::Buffer,
     directions: wgpu::Buffer,
 }
 
@@ -244,6 +255,7 @@ impl Passes<'_> {
         let PreviewPipelines { trace_views, shade, meter, display: tone_map, smooth_edges, .. } = self.pipelines;
         let (views, shading, display) = (self.bind_views(), self.bind_shading(), self.bind_display());
         let (size, nothing) = (self.targets.size, bind(self.device, &self.pipelines.layouts.nothing, &[]));
+        encoder.clear_buffer(&self.targets.unfinished, 0, None);
         self.pass(encoder, "rays", &[trace_views], size, [&views, &nothing, &nothing]);
         self.light(encoder, Layer::Own, frames);
         self.light(encoder, Layer::InMirrors, frames);
@@ -255,25 +267,23 @@ impl Passes<'_> {
 
     /// The light on the points of a layer.
     fn light(&self, encoder: &mut wgpu::CommandEncoder, layer: Layer, frames: &mut [Frame]) {
-        let PreviewPipelines { begin, begin_behind_mirrors, light_nodes, light_between, .. } = self.pipelines;
+        let PreviewPipelines { begin, begin_behind_mirrors, light_nodes, light_between, add_caustic, .. } =
+            self.pipelines;
         let begin = if layer == Layer::Own { begin } else { begin_behind_mirrors };
-        let (light, own) = (self.bind_light(layer), self.bind_own(layer));
-        let add = [&self.pipelines.add_caustic_at_nodes, &self.pipelines.add_caustic_between];
-        let size = self.targets.size;
+        let (light, other) = (self.bind_light(layer), self.bind_other(layer));
         for (grid, receivers) in self.targets.receivers.iter().enumerate() {
             let mut frame = frames.get_mut(grid);
             let gather = self.bind_gather(receivers, frame.as_deref());
-            let groups = [&light, &own, &gather];
+            let groups = [&light, &other, &gather];
             if grid == 0 {
-                self.pass(encoder, "direct light", &[begin], size, groups);
-                self.pass(encoder, "direct light", &[light_nodes], receivers.size, groups);
-            } else {
-                self.pass(encoder, "direct light", &[light_between], size, groups);
+                self.pass(encoder, "direct light", &[begin], self.targets.size, groups);
             }
+            let direct = if grid == 0 { light_nodes } else { light_between };
+            self.pass(encoder, "direct light", &[direct], receivers.size, groups);
             if let Some(frame) = &mut frame {
-                frame.restart();
+                frame.restart(encoder);
                 frame.record(encoder, 0..frame.batch_count());
-                self.pass(encoder, AFTER_GATHER, &[add[grid]], receivers.size, groups);
+                self.pass(encoder, CAUSTIC, &[add_caustic], receivers.size, groups);
             }
         }
     }
@@ -303,10 +313,10 @@ impl Passes<'_> {
 
     fn bind_views(&self) -> wgpu::BindGroup {
         let (Buffers { uniforms, objects, curves, .. }, targets) = (&self.buffers, self.targets);
-        let Targets { surfaces, mirrored, escapes, first, .. } = targets;
+        let Targets { surfaces, mirrored, escapes, first, unfinished, .. } = targets;
         self.bind_buffers(
             &self.pipelines.layouts.views,
-            &[uniforms, objects, curves, surfaces, mirrored, escapes, first],
+            &[uniforms, objects, curves, surfaces, mirrored, escapes, first, unfinished],
         )
     }
 
@@ -319,14 +329,15 @@ impl Passes<'_> {
             self.buffers.directions.as_entire_binding(),
             BindingResource::TextureView(self.cubes.irradiance.view()),
             BindingResource::Sampler(&self.pipelines.trilinear),
+            self.targets.unfinished.as_entire_binding(),
         ];
         bind(self.device, &self.pipelines.layouts.light, &resources)
     }
 
-    /// What the camera sees directly is known when points in mirrors are lit; before that, nothing is.
-    fn bind_own(&self, layer: Layer) -> wgpu::BindGroup {
+    /// What the camera sees directly is known when points in mirrors are lit. Before that, nothing is, and nothing is read.
+    fn bind_other(&self, layer: Layer) -> wgpu::BindGroup {
         let other = if layer == Layer::Own { Layer::InMirrors } else { Layer::Own };
-        self.bind_buffers(&self.pipelines.layouts.own, &self.of_layer(other))
+        self.bind_buffers(&self.pipelines.layouts.other, &self.of_layer(other))
     }
 
     fn of_layer(&self, layer: Layer) -> [&wgpu::Buffer; 2] {
@@ -337,11 +348,12 @@ impl Passes<'_> {
     }
 
     fn bind_gather(&self, receivers: &targets::ReceiverTextures, frame: Option<&Frame>) -> wgpu::BindGroup {
-        let targets::ReceiverTextures { positions, normals, .. } = receivers;
+        let targets::ReceiverTextures { positions, normals, grid, .. } = receivers;
         // Without caustics, what is bound in their place is not read.
         let unused = self.targets.picture.create_view(&Default::default());
         let caustic = frame.map_or(&unused, Frame::complete);
-        let resources = [positions, normals, caustic].map(BindingResource::TextureView);
+        let [positions, normals, caustic] = [positions, normals, caustic].map(BindingResource::TextureView);
+        let resources = [positions, normals, caustic, grid.as_entire_binding()];
         bind(self.device, &self.pipelines.layouts.gather, &resources)
     }
 
@@ -353,18 +365,19 @@ impl Passes<'_> {
             BindingResource::TextureView(self.cubes.environment.view()),
             BindingResource::TextureView(self.cubes.background.view()),
             BindingResource::Sampler(&self.pipelines.trilinear),
-            self.buffers.emitters.as_entire_binding(),
+            self.buffers.objects.as_entire_binding(),
             histogram.as_entire_binding(),
         ]);
         bind(self.device, &self.pipelines.layouts.shading, &resources)
     }
 
     fn bind_display(&self) -> wgpu::BindGroup {
-        let Targets { shaded, first, histogram, exposures, colours, picture, shown, .. } = self.targets;
+        let Targets { shaded, first, histogram, exposures, colours, picture, shown, unfinished, .. } = self.targets;
         let buffers = [&self.buffers.uniforms, shaded, first, histogram, exposures, colours];
         let mut resources: Vec<_> = buffers.iter().map(|buffer| buffer.as_entire_binding()).collect();
         let picture = picture.create_view(&Default::default());
         resources.extend([&picture, shown].map(BindingResource::TextureView));
+        resources.push(unfinished.as_entire_binding());
         bind(self.device, &self.pipelines.layouts.display, &resources)
     }
 

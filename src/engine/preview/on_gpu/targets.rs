@@ -1,8 +1,10 @@
 //! What the passes of a preview write, for one size of the picture.
 
 use wgpu::TextureFormat;
+use wgpu::util::DeviceExt;
 
-use super::layout::PIXEL_BYTES;
+use super::layout::{PIXEL_BYTES, PreviewGrid};
+use crate::engine::preview::nodes::finer_spacing;
 use crate::pinhole::gpu::shaders::HISTOGRAM_BINS;
 
 /// Buffers with something for each pixel, and textures.
@@ -20,7 +22,9 @@ pub(super) struct Targets {
     pub colours: wgpu::Buffer,
     pub histogram: wgpu::Buffer,
     pub exposures: wgpu::Buffer,
-    /// Receivers at nodes and, if there are pixels between them, at all pixels.
+    /// The number of rays that the adapter did not let be finished.
+    pub unfinished: wgpu::Buffer,
+    /// Receivers at nodes and, if there are pixels between them, at these.
     pub receivers: Vec<ReceiverTextures>,
     /// Display-linear.
     pub picture: wgpu::Texture,
@@ -28,18 +32,35 @@ pub(super) struct Targets {
     pub shown: wgpu::TextureView,
 }
 
+/// From nodes to all pixels, each grid finer than the one before.
+fn grids(spacing: u32) -> impl Iterator<Item = PreviewGrid> {
+    let first = PreviewGrid::new(spacing, spacing);
+    std::iter::successors(Some(first), |grid| {
+        (grid.spacing > 1).then(|| PreviewGrid::new(finer_spacing(grid.spacing), grid.spacing))
+    })
+}
+
 /// Receivers of the gather.
 #[derive(Debug)]
 pub(super) struct ReceiverTextures {
     pub size: [u32; 2],
+    /// Which pixels they are.
+    pub grid: wgpu::Buffer,
     pub positions: wgpu::TextureView,
     pub normals: wgpu::TextureView,
 }
 
 impl ReceiverTextures {
-    fn new(device: &wgpu::Device, size: [u32; 2]) -> Self {
+    /// Receivers `spacing` pixels apart in a picture of this size.
+    fn new(device: &wgpu::Device, picture: [u32; 2], grid: PreviewGrid) -> Self {
+        let size = picture.map(|edge| edge.div_ceil(grid.spacing));
+        let grid = device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
+            label: Some("grid"),
+            contents: bytemuck::bytes_of(&grid),
+            usage: wgpu::BufferUsages::UNIFORM,
+        });
         let view = || texture(device, size, TextureFormat::Rgba32Float).create_view(&Default::default());
-        Self { size, positions: view(), normals: view() }
+        Self { size, grid, positions: view(), normals: view() }
     }
 }
 
@@ -63,8 +84,6 @@ impl Targets {
             })
         };
         let [point, escape, first] = PIXEL_BYTES.map(|bytes| bytes * pixels);
-        let nodes = size.map(|edge| edge.div_ceil(spacing));
-        let grids = if spacing == 1 { vec![nodes] } else { vec![nodes, size] };
         Self {
             size,
             spacing,
@@ -79,7 +98,8 @@ impl Targets {
             // Of surfaces, of everything, and the number of pixels that show surfaces.
             histogram: buffer("histogram of luminance", 4 * (2 * u64::from(HISTOGRAM_BINS) + 1)),
             exposures: buffer("exposures", 8),
-            receivers: grids.into_iter().map(|size| ReceiverTextures::new(device, size)).collect(),
+            unfinished: buffer("unfinished rays", 4),
+            receivers: grids(spacing).map(|grid| ReceiverTextures::new(device, size, grid)).collect(),
             picture: texture(device, size, TextureFormat::Rgba32Float),
             shown: texture(device, size, TextureFormat::Rgba8Unorm).create_view(&Default::default()),
         }

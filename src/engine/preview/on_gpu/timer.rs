@@ -2,12 +2,10 @@
 
 use std::cell::RefCell;
 
-use crate::gpu::{Gpu, GpuError};
-
 /// Compute passes of a preview, at most.
-const MAX_PASSES: u32 = 16;
+pub(super) const MAX_PASSES: u32 = 24;
 /// The name of the passes that follow the gather, which is part of it: the gather itself is recorded elsewhere.
-pub(super) const AFTER_GATHER: &str = "caustic";
+pub(super) const CAUSTIC: &str = "caustic";
 
 /// How long a pass of a preview took on the GPU.
 #[derive(Clone, Debug, PartialEq)]
@@ -18,7 +16,7 @@ pub struct PassTime {
     pub seconds: f64,
 }
 
-/// Timestamps at the beginning and the end of compute passes. The gather takes the time before passes called [`AFTER_GATHER`].
+/// Timestamps at the beginning and the end of compute passes. The gather takes the time before passes called [`CAUSTIC`].
 #[derive(Debug)]
 pub(super) struct Timer {
     queries: wgpu::QuerySet,
@@ -66,17 +64,18 @@ impl Timer {
         })
     }
 
-    /// Records what makes the timestamps readable.
-    pub fn finish(&self, encoder: &mut wgpu::CommandEncoder) {
-        encoder.resolve_query_set(&self.queries, 0..2 * self.names.borrow().len() as u32, &self.resolved, 0);
+    /// Records the copy of the timestamps to a place in a buffer.
+    pub fn finish(&self, encoder: &mut wgpu::CommandEncoder, to: &wgpu::Buffer, offset: u64) {
+        let count = 2 * self.names.borrow().len() as u32;
+        encoder.resolve_query_set(&self.queries, 0..count, &self.resolved, 0);
+        encoder.copy_buffer_to_buffer(&self.resolved, 0, to, offset, u64::from(count * wgpu::QUERY_SIZE));
     }
 
-    /// The passes that were submitted last.
-    pub async fn read(&self, gpu: &Gpu) -> Result<Vec<PassTime>, GpuError> {
-        let names = self.names.borrow().clone();
-        let bytes = gpu.read_buffer(&self.resolved, 16 * names.len() as u64).await?;
-        let stamps: Vec<[u64; 2]> = bytemuck::pod_collect_to_vec(&bytes);
-        Ok(pass_times(&names, &stamps, f64::from(gpu.queue.get_timestamp_period())))
+    /// The passes that were recorded last, from their timestamps and the nanoseconds between ticks.
+    pub fn pass_times(&self, timestamps: &[u8], period_ns: f32) -> Vec<PassTime> {
+        let names = self.names.borrow();
+        let stamps: Vec<[u64; 2]> = bytemuck::pod_collect_to_vec(&timestamps[..16 * names.len()]);
+        pass_times(&names, &stamps, f64::from(period_ns))
     }
 }
 
@@ -91,7 +90,7 @@ fn pass_times(names: &[&'static str], stamps: &[[u64; 2]], period_ns: f64) -> Ve
         }
     };
     for (index, (&name, [begin, end])) in names.iter().zip(stamps).enumerate() {
-        let begin = if name == AFTER_GATHER && index > 0 { &stamps[index - 1][1] } else { begin };
+        let begin = if name == CAUSTIC && index > 0 { &stamps[index - 1][1] } else { begin };
         add(name, end.saturating_sub(*begin));
     }
     times
@@ -103,13 +102,13 @@ mod tests {
 
     #[test]
     fn the_gather_takes_the_time_between_passes() {
-        let names = ["rays", "direct light", AFTER_GATHER, "direct light", AFTER_GATHER, "shading"];
+        let names = ["rays", "direct light", CAUSTIC, "direct light", CAUSTIC, "shading"];
         let stamps = [[0, 10], [11, 21], [121, 131], [131, 136], [140, 145], [150, 151]];
         let times = pass_times(&names, &stamps, 2.0);
         let seconds = |name| times.iter().find(|time| time.name == name).map(|time| (1e9 * time.seconds).round());
         assert_eq!(seconds("rays"), Some(20.0));
         assert_eq!(seconds("direct light"), Some(30.0));
-        assert_eq!(seconds(AFTER_GATHER), Some(238.0));
+        assert_eq!(seconds(CAUSTIC), Some(238.0));
         assert_eq!(seconds("shading"), Some(2.0));
         assert_eq!(times.len(), 4);
     }

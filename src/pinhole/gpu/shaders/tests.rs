@@ -9,7 +9,7 @@ use naga::{AddressSpace, Handle, Module, Type, TypeInner};
 use super::*;
 use crate::brdf::Material;
 use crate::cell_tree::CellNode;
-use crate::engine::preview_layout::{PIXEL_BYTES, PackedDirection, PreviewEmitter, PreviewObject, PreviewUniforms};
+use crate::engine::preview_layout::{PIXEL_BYTES, PackedDirection, PreviewGrid, PreviewObject, PreviewUniforms};
 use crate::pinhole::gpu::geometry::RayUniforms;
 use crate::pinhole::gpu::hierarchical::layout::{BLOCK_BYTES, SampleNode, TilePass, Tolerance, TreeUniforms};
 use crate::pinhole::gpu::hierarchical::light_bounds::BoundsUniforms;
@@ -126,7 +126,7 @@ fn rust_structs() -> BTreeMap<&'static str, Layout> {
         ("Material", layout!(Material { albedo, kind, specular, width, table })),
         ("PinholeSample", pinhole_sample()),
         ("LightDirection", layout!(PackedDirection { direction, radiance })),
-        ("PreviewEmitter", layout!(PreviewEmitter { radiance })),
+        ("PreviewGrid", layout!(PreviewGrid { spacing, coarser })),
         ("PreviewObject", layout!(PreviewObject { albedo, flags, mirror_albedo, alpha, radiance })),
         ("PreviewUniforms", preview_uniforms()),
         ("Probe", layout!(GpuProbe { direction, side_1, side_2 })),
@@ -161,7 +161,6 @@ fn preview_uniforms() -> Layout {
         camera_forward,
         is_perspective,
         camera_right,
-        spacing,
         camera_up,
         direction_count,
         light_centre,

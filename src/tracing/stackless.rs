@@ -1,6 +1,6 @@
-//! Meshes and scenes as GPUs trace them: hierarchies in depth-first order, where each node knows the one after those below it, so that
-//! traversals need no stack. There are two levels: the triangles of each mesh in its own space, and the objects in the world, which can
-//! move while their meshes stay. Read by `shaders/shared/rays.wgsl`.
+//! Bounding volume hierarchies as GPUs traverse them: in depth-first order, where each node knows the one after those below it, so that
+//! traversals need no stack. There are two levels: the bottom level of each mesh, over its triangles in the mesh's own space, and the top
+//! level over the objects in the world, which can move while their meshes stay. Read by `shaders/shared/rays.wgsl`.
 
 use glam::{Mat3, Vec3};
 use obvhs::BvhBuildParams;
@@ -13,15 +13,16 @@ use crate::scene::{Mesh, Transform};
 /// Texels of a triangle.
 const TRIANGLE_TEXELS: usize = 3;
 
-/// A mesh: nodes of two texels each, then triangles of three.
+/// The hierarchy over a mesh's triangles: nodes of two texels each, then triangles of three.
 #[derive(Clone, Debug)]
-pub(crate) struct MeshList {
+pub(crate) struct BottomLevel {
     /// A node: the low corner of its box, and the number of the node after those below it; the high corner, and of a leaf eight bits for
     /// the number of its triangles below the index of the first. A triangle: its corners, each with its normal, see [`packed_normal`].
-    /// Numbers of 32 bits, as integers or as floats. Positions are in units.
+    /// Numbers of 32 bits, as integers or as floats. Positions are in units: normalised mesh space, where all meshes are about 8,192
+    /// units large, far from the limits of floats.
     pub texels: Vec<[u32; 4]>,
     pub node_count: u32,
-    /// Units per length of the mesh's own space: all meshes are of about one size, far from the limits of floats.
+    /// Units per length in the mesh's own space.
     scale: f32,
     /// Low and high corner, units.
     bounds: [Vec3; 2],
@@ -30,16 +31,16 @@ pub(crate) struct MeshList {
 /// An object: a mesh in the world.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Instance<'a> {
-    pub mesh: &'a MeshList,
+    pub mesh: &'a BottomLevel,
     /// Where the mesh's texels begin.
     pub first_texel: u32,
     pub placement: Transform,
     pub seen_by: SeenBy,
 }
 
-/// All objects: nodes of two texels each like those of meshes, but in metres and with objects in their leaves; then objects of four.
+/// The hierarchy over all objects: nodes of two texels each like those of meshes, but in metres and with objects in their leaves; then objects of four.
 #[derive(Clone, Debug)]
-pub(crate) struct ObjectList {
+pub(crate) struct TopLevel {
     /// An object: three rows of the matrix from metres to its mesh's units; then the mesh's first texel, the number of its nodes, the
     /// object's number above two bits for [`SeenBy`], and units per metre.
     pub texels: Vec<[u32; 4]>,
@@ -51,8 +52,8 @@ pub(crate) struct ObjectList {
 /// The largest number of triangles of a mesh: their indices have 24 bits.
 const MAX_TRIANGLES: usize = 1 << 24;
 
-impl MeshList {
-    /// `None` if there are more than 16,777,216 triangles. A mesh that is there for one frame is sorted less carefully.
+impl BottomLevel {
+    /// `None` if there are more than 16,777,216 triangles. For a mesh that is there for one frame, the hierarchy is built faster, and is slower to trace.
     pub fn new(mesh: &Mesh, is_for_one_frame: bool) -> Option<Self> {
         if mesh.triangles().len() > MAX_TRIANGLES {
             return None;
@@ -96,16 +97,17 @@ impl Instance<'_> {
     }
 }
 
-impl ObjectList {
+impl TopLevel {
     /// The scene's objects in the order of their numbers.
     pub fn new(objects: &[Instance]) -> Self {
         let present: Vec<(u32, &Instance)> =
             (0..).zip(objects).filter(|(_, object)| object.mesh.node_count > 0).collect();
         let boxes: Vec<[Vec3; 2]> = present.iter().map(|(_, object)| object.bounds()).collect();
-        let [low, high] = bounds(boxes.as_flattened());
         // Boxes are larger than meshes by what is lost by rounding: rays must not slip between them.
-        let padding = 16.0 * f32::EPSILON * low.abs().max(high.abs()).max_element();
-        let padded = |[low, high]: &[Vec3; 2]| Aabb { min: (*low - padding).into(), max: (*high + padding).into() };
+        let padded = |[low, high]: &[Vec3; 2]| {
+            let padding = 16.0 * f32::EPSILON * low.abs().max(high.abs()).max_element();
+            Aabb { min: (*low - padding).into(), max: (*high + padding).into() }
+        };
         let padded: Vec<Aabb> = boxes.iter().map(padded).collect();
         let mut texels = Vec::new();
         if present.is_empty() {
@@ -117,6 +119,10 @@ impl ObjectList {
             let (object, instance) = present[index as usize];
             texels.extend(instance.texels(object));
         }
+        // Rays leave what light meets; emitters may be far away.
+        let is_solid = |((_, object), _): &(&(u32, &Instance), &[Vec3; 2])| object.seen_by.light;
+        let solid: Vec<[Vec3; 2]> = present.iter().zip(&boxes).filter(is_solid).map(|(_, corners)| *corners).collect();
+        let [low, high] = bounds(if solid.is_empty() { &boxes } else { &solid }.as_flattened());
         Self { texels, node_count, offset: offset(low, high) }
     }
 }
@@ -182,8 +188,8 @@ mod tests {
     use super::*;
     use crate::scene::shapes::{Shape, Sphere};
 
-    fn sphere() -> MeshList {
-        MeshList::new(&Shape::Sphere(Sphere { radius: 1.0 }).mesh().unwrap(), false).unwrap()
+    fn sphere() -> BottomLevel {
+        BottomLevel::new(&Shape::Sphere(Sphere { radius: 1.0 }).mesh().unwrap(), false).unwrap()
     }
 
     fn vector(texel: [u32; 4]) -> Vec3 {
@@ -231,7 +237,7 @@ mod tests {
         ];
         let objects =
             placements.map(|placement| Instance { mesh: &list, first_texel: 7, placement, seen_by: SeenBy::ALL });
-        let top = ObjectList::new(&objects);
+        let top = TopLevel::new(&objects);
         let first_object = 2 * top.node_count as usize;
         for (instance, texels) in top.texels[first_object..].chunks_exact(4).enumerate() {
             assert_eq!((texels[3][0], texels[3][1], texels[3][2] & 3), (7, list.node_count, 3));
@@ -269,10 +275,10 @@ mod tests {
 
     #[test]
     fn nothing_has_no_nodes() {
-        let list = MeshList::new(&Mesh::default(), false).unwrap();
+        let list = BottomLevel::new(&Mesh::default(), false).unwrap();
         assert!(list.node_count == 0 && list.texels.is_empty());
         let object = Instance { mesh: &list, first_texel: 0, placement: Transform::default(), seen_by: SeenBy::ALL };
-        let top = ObjectList::new(&[object]);
+        let top = TopLevel::new(&[object]);
         assert!(top.node_count == 0 && top.texels.is_empty());
     }
 }
