@@ -114,13 +114,17 @@ fn both_back_ends_render_the_same_previews() {
     let backends = [Backend::cpu(), gpu_backend()];
     for (k, scene) in pinspot::scene::BUILT_IN.iter().enumerate() {
         let name = scene.name;
-        let spacing = 1 + k as u32 % 3;
-        let detail = Detail { size: SIZE, samples: 60, taps: 8, spacing, shadow_directions: 32 };
+        let spacing = 1 + k as u32 % 4;
+        let is_metered = k % 3 == 2;
+        let size = [80, 60];
+        let detail = Detail { size, samples: 60, taps: 8, spacing, shadow_directions: 32 };
         let [cpu, gpu] = backends.each_ref().map(|backend| {
             let (scene, mut options) = pinspot::load(name).unwrap();
-            options.display.exposure = Exposure::Auto;
+            if is_metered {
+                options.display.exposure = Exposure::Auto;
+            }
             options.display.tone_map = ToneMap::ALL[k % 3];
-            let mut engine = Engine::new(scene, options.with_size(SIZE), backend.clone());
+            let mut engine = Engine::new(scene, options.with_size(size), backend.clone());
             // Not only the first frame: what is kept on a GPU follows.
             let frames = [0.0, 0.4].map(|seconds| {
                 engine.scene_mut().pose(seconds);
@@ -135,7 +139,8 @@ fn both_back_ends_render_the_same_previews() {
         println!("{name}: {mean:.5} on average at spacing {spacing}, {off} pixels differ, {:?}", gpu.exposures);
         let [cpu_ev, gpu_ev] = [&cpu, &gpu].map(|preview| preview.exposures.exposure_ev);
         assert!((cpu_ev - gpu_ev).abs() < 0.01, "{name}: {cpu_ev} {gpu_ev}");
-        assert!(mean < 1e-3, "{name}: {mean}");
+        // The median's pixel may be another one.
+        assert!(mean < if is_metered { 2e-3 } else { 1e-3 }, "{name}: {mean}");
         // Edges of shadows and of what mirrors show, by rays that graze them.
         assert!(off * 200 < cpu.image.pixels.len(), "{name}: {off}");
         assert!(gpu.passes.iter().all(|pass| (0.0..10.0).contains(&pass.seconds)), "{name}: {:?}", gpu.passes);
