@@ -32,8 +32,8 @@ enum Kind {
     },
 }
 
-/// A Gaussian has less than 1e-17 of its height beyond so many σ.
-const NO_LIGHT_BEYOND: f32 = 9.0;
+/// A Gaussian is less than the least 32-bit number beyond so many σ.
+const NO_LIGHT_BEYOND: f32 = 14.5;
 
 /// Face size up to which cube maps are finer than what they are made from.
 const MAX_FINER_SIZE: u32 = 1024;
