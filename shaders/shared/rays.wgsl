@@ -8,8 +8,8 @@
 // Texels in a row of `geometry`: nodes of two texels each (low corner of the box, and the node after those below; high corner, and of
 // a leaf eight bits for the number of its objects or triangles below the index of the first). First those over the objects, in metres,
 // and the objects of four texels each (three rows of the matrix from metres to units; the first texel of the mesh, the number of its
-// nodes, the object's number above two bits for who sees it, units per metre). Then, mesh by mesh, its nodes and its triangles of three
-// texels each (a corner, and its normal), in units.
+// nodes, the object's number above two bits for who sees it, units per metre). Then, mesh by mesh, its nodes and its triangles of four
+// texels each (three of a corner and its normal; the sum of the normals), in units.
 @group(3) @binding(0) var geometry: texture_2d<u32>;
 @group(3) @binding(1) var<uniform> ray_uniforms: RayUniforms;
 
@@ -191,7 +191,7 @@ fn trace_mesh(
         let count = high.w & 255u;
         (*found).work += count;
         for (var k = 0u; k < count; k++) {
-            let triangle = first_triangle + 3u * ((high.w >> 8u) + k);
+            let triangle = first_triangle + 4u * ((high.w >> 8u) + k);
             let hit = meet(triangle, origin, along, start, (*found).distance);
             // Distance 0: none.
             if hit.x > 0.0 && !(hit.x < own_extent && leaving.side * dot(sum_of_normals(triangle), along) > 0.0) {
@@ -210,8 +210,7 @@ fn trace_mesh(
 }
 
 fn sum_of_normals(triangle: u32) -> vec3f {
-    let normals = load_triangle(triangle).normals;
-    return normals[0] + normals[1] + normals[2];
+    return bitcast<vec3f>(geometry_texel(triangle + 3u).xyz);
 }
 
 // Möller–Trumbore with inclusive edges: the distance, or 0 where there is no hit, and the weights of the second and third corner.

@@ -11,13 +11,13 @@ use super::{SeenBy, Tracer, offset};
 use crate::scene::{Mesh, Transform};
 
 /// Texels of a triangle.
-const TRIANGLE_TEXELS: usize = 3;
+const TRIANGLE_TEXELS: usize = 4;
 
-/// The hierarchy over a mesh's triangles: nodes of two texels each, then triangles of three.
+/// The hierarchy over a mesh's triangles: nodes of two texels each, then triangles of four.
 #[derive(Clone, Debug)]
 pub(crate) struct BottomLevel {
     /// A node: the low corner of its box, and the number of the node after those below it; the high corner, and of a leaf eight bits for
-    /// the number of its triangles below the index of the first. A triangle: its corners, each with its normal, see [`packed_normal`].
+    /// the number of its triangles below the index of the first. A triangle: its corners, each with its normal, see [`packed_normal`]; the sum of the normals.
     /// Numbers of 32 bits, as integers or as floats. Positions are in units: normalised mesh space, where all meshes are about 8,192
     /// units large, far from the limits of floats.
     pub texels: Vec<[u32; 4]>,
@@ -64,6 +64,7 @@ impl BottomLevel {
         let node_count = if tracer.corners.is_empty() { 0 } else { add_nodes(&tracer.bvh, &mut texels) };
         for (corners, surface) in tracer.corners.iter().zip(&tracer.surfaces) {
             texels.extend([0, 1, 2].map(|k| texel(corners[k], packed_normal(surface.normals[k]))));
+            texels.push(texel(surface.normals.iter().sum(), 0));
         }
         let bounds = bounds(tracer.corners.as_flattened());
         Some(Self { texels, node_count, scale: tracer.scale, bounds })

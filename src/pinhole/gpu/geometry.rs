@@ -192,9 +192,9 @@ fn geometry_texture(rows: u32) -> wgpu::TextureDescriptor<'static> {
     }
 }
 
-/// The largest number of triangles: each takes three texels, and its leaf with what is above no more than four.
+/// The largest number of triangles: each takes four texels, and its leaf with what is above no more than four.
 fn most_triangles(max_texture: u32) -> u64 {
-    (u64::from(GEOMETRY_ROW) * u64::from(max_texture) / 7).min(1 << 24)
+    (u64::from(GEOMETRY_ROW) * u64::from(max_texture) / 8).min(1 << 24)
 }
 
 /// A texture of integers.
