@@ -17,11 +17,6 @@
 // Rays that the adapter did not let be finished.
 @group(0) @binding(8) var<storage, read_write> unfinished: atomic<u32>;
 
-// Display-linear luminance that metering gives to the middle tone of a picture.
-const MIDDLE_GREY: f32 = 0.22;
-// Display-linear luminance, before tone mapping, that a fiftieth of a picture may exceed.
-const HIGHLIGHT: f32 = 2.5;
-
 const METER_WORKGROUP: u32 = 256u;
 var<workgroup> sums: array<u32, METER_WORKGROUP>;
 // Luminance at the middle, and near the top.
@@ -117,11 +112,6 @@ fn neutral(radiance: vec3f) -> vec3f {
     let towards_white = 1.0 - 1.0 / (0.15 * (peak - new_peak) + 1.0);
     return clamp(mix(colour * (new_peak / peak), vec3f(new_peak), towards_white), vec3f(0.0), vec3f(1.0));
 }
-
-// Neighbours whose normals have a smaller cosine than this lie on either side of an edge.
-const MIN_EVEN_COSINE: f32 = 0.85;
-// A point is on the same surface as a pixel's if their normals have at least this cosine: silhouettes of balls turn away quickly.
-const MIN_SAME_COSINE: f32 = 0.5;
 
 // Mixes pixels at edges from the colours that their neighbours have of the surfaces that they share.
 @compute @workgroup_size(8, 8)

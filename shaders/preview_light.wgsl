@@ -12,19 +12,6 @@ struct LightDirection {
     radiance: vec3f,
 }
 
-// Cosine between the normals of a pixel and a node from which it takes light, at least.
-const MIN_NORMAL_COSINE: f32 = 0.9;
-// A node may lie off the pixel's plane by this part of their distance.
-const MAX_OFF_PLANE: f32 = 0.15;
-// Weights of the nodes around a pixel add up to 1 on an even surface. With less than this, it is computed.
-const MIN_WEIGHT: f32 = 0.05;
-// Light between nodes is computed where theirs differs by more than this part of the brightest.
-const MAX_CONTRAST: f32 = 0.5;
-// A place that a mirror shows is known if the camera sees it within so many widths of a pixel,
-const MAX_PIXELS_APART: f32 = 2.5;
-// and with normals that agree: their cosine, at least.
-const MIN_SEEN_COSINE: f32 = 0.95;
-
 @group(0) @binding(0) var<uniform> preview: PreviewUniforms;
 // Of one kind, one or none in each pixel.
 @group(0) @binding(1) var<storage, read> points: array<SurfacePoint>;

@@ -3,10 +3,6 @@
 #import preview
 #import hits
 
-// Mirrors along a path, at most.
-const MAX_MIRRORS: u32 = 3u;
-// Cosine between a mirrored direction and the normal of the triangle that it leaves, at least.
-const MIN_HEIGHT: f32 = 1e-3;
 const INVERSE_PI: f32 = 0.31830989;
 
 @group(0) @binding(0) var<uniform> preview: PreviewUniforms;

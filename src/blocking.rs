@@ -14,23 +14,24 @@ use crate::Device;
 /// assert_eq!(pinspot::blocking::wait(None, async { 1 + 1 }), 2);
 /// ```
 pub fn wait<F: Future>(device: Option<&Device>, future: F) -> F::Output {
-    let mut future = pin!(future);
-    let waker = Waker::from(Arc::new(Unpark(thread::current())));
-    let mut context = Context::from_waker(&waker);
-    loop {
-        if let Poll::Ready(output) = future.as_mut().poll(&mut context) {
-            return output;
-        }
+    wait_with(future, || {
         device.inspect(|device| poll(device));
         // Returns immediately if the future has been woken since it was polled.
         thread::park();
-    }
+    })
 }
 
 /// Like [`wait`], for a device with which another thread draws windows: it is asked every millisecond whether it has finished, as
 /// wgpu presents nothing while a thread waits within it.
 #[cfg(feature = "view")]
 pub(crate) fn wait_sharing<F: Future>(device: Option<&Device>, future: F) -> F::Output {
+    match device {
+        Some(_) => wait_with(future, || thread::sleep(std::time::Duration::from_millis(1))),
+        None => wait(None, future),
+    }
+}
+
+fn wait_with<F: Future>(future: F, rest: impl Fn()) -> F::Output {
     let mut future = pin!(future);
     let waker = Waker::from(Arc::new(Unpark(thread::current())));
     let mut context = Context::from_waker(&waker);
@@ -38,11 +39,7 @@ pub(crate) fn wait_sharing<F: Future>(device: Option<&Device>, future: F) -> F::
         if let Poll::Ready(output) = future.as_mut().poll(&mut context) {
             return output;
         }
-        if device.is_some() {
-            thread::sleep(std::time::Duration::from_millis(1));
-        } else {
-            thread::park();
-        }
+        rest();
     }
 }
 

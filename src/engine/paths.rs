@@ -10,6 +10,7 @@ use rayon::prelude::*;
 use super::edges::{PARTS, PLACES};
 use super::escapes::{Escape, footprints};
 use super::gloss::likely_facet;
+use crate::pinhole::constants::MIN_HEIGHT;
 use crate::progress::Progress;
 use crate::scene::{Object, Ray, Scene, Sides};
 use crate::stages::{CameraRays, PreparedScene};
@@ -19,8 +20,6 @@ use crate::tracing::Hit;
 const EDGE_POINTS: u32 = 4;
 /// The largest number of surfaces that a path meets before it is taken to end in the environment.
 const MAX_SURFACES: u32 = 7;
-/// Cosine between a mirrored direction and the normal of the triangle that it leaves, at least.
-const MIN_HEIGHT: f32 = 1e-3;
 /// Points of a pixel share light if one lies in the plane of the other, up to this part of the ray's length.
 const MAX_STEP_OFF_PLANE: f32 = 0.01;
 /// Cosine between their normals, at least.

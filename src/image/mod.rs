@@ -15,6 +15,8 @@ pub use files::{ImageError, read_exr, read_exr_text, read_mask, write_atomically
 pub use metrics::{mrse, rel_l2, speckles};
 pub use png::{AnimatedPng, png_bytes, read_png_text, write_png, write_png_with_text};
 pub use sequence::{numbered, parse_frames};
+#[cfg(feature = "gpu")]
+pub(crate) use tone::{HIGHLIGHT, MIDDLE_GREY};
 pub use tone::{ToneMap, display, exposed, metered_ev, srgb8};
 
 use glam::Vec3;

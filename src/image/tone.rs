@@ -8,9 +8,9 @@ pub fn exposed(colour: Vec3, ev: f32) -> Vec3 {
 }
 
 /// Display-linear luminance that metering gives to the middle tone of a picture.
-const MIDDLE_GREY: f32 = 0.22;
+pub(crate) const MIDDLE_GREY: f32 = 0.22;
 /// Display-linear luminance, before tone mapping, that a fiftieth of a picture may exceed.
-const HIGHLIGHT: f32 = 2.5;
+pub(crate) const HIGHLIGHT: f32 = 2.5;
 
 /// The exposure in stops that shows radiance well: the median becomes a middle grey, unless the brightest parts, which are
 /// often what a picture is about, would wash out. 0 if everything is black.

@@ -110,3 +110,26 @@ pub const FILTER_EWA: u32 = 4;
 pub const MIN_TRACED_SHARE: f32 = 0.1;
 /// The same for the environment, where the sum of several look-ups is less in doubt.
 pub const MIN_TRACED_SKY_SHARE: f32 = 1.0;
+
+// Previews.
+
+/// Cosine between the normals of a pixel and a node from which it takes light, at least.
+pub const MIN_NORMAL_COSINE: f32 = 0.9;
+/// A node may lie off the pixel's plane by this part of their distance.
+pub const MAX_OFF_PLANE: f32 = 0.15;
+/// Weights of the nodes around a pixel add up to 1 on an even surface. With less than this, it is computed.
+pub const MIN_WEIGHT: f32 = 0.05;
+/// Light between nodes is computed where theirs differs by more than this part of the brightest.
+pub const MAX_CONTRAST: f32 = 0.5;
+/// Neighbours whose normals have a smaller cosine than this lie on either side of an edge.
+pub const MIN_EVEN_COSINE: f32 = 0.85;
+/// A point is on the same surface as a pixel's if their normals have at least this cosine: silhouettes of balls turn away quickly.
+pub const MIN_SAME_COSINE: f32 = 0.5;
+/// Mirrors along a path, at most.
+pub const MAX_MIRRORS: u32 = 3;
+/// A place that a mirror shows is known if the camera sees it within so many widths of a pixel,
+pub const MAX_PIXELS_APART: f32 = 2.5;
+/// and with normals that agree: their cosine, at least.
+pub const MIN_SEEN_COSINE: f32 = 0.95;
+/// Cosine between a mirrored direction and the normal of the triangle that it leaves, at least.
+pub const MIN_HEIGHT: f32 = 1e-3;

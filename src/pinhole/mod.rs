@@ -12,7 +12,7 @@
 //! the memory layout that both read. This module must not know scene files, cameras or image files.
 
 mod cell;
-mod constants;
+pub(crate) mod constants;
 pub mod cpu;
 #[cfg(feature = "gpu")]
 pub mod gpu;

@@ -6,13 +6,10 @@ use rayon::prelude::*;
 
 use crate::image::Image;
 use crate::lanes::{ALL, LANES};
+use crate::pinhole::constants::{MIN_EVEN_COSINE, MIN_SAME_COSINE};
 use crate::scene::Camera;
 use crate::tracing::{CameraTracer, Hit};
 
-/// Neighbours whose normals have a smaller cosine than this lie on either side of an edge.
-const MIN_EVEN_COSINE: f32 = 0.85;
-/// A point is on the same surface as a pixel's if their normals have at least this cosine: silhouettes of balls turn away quickly.
-const MIN_SAME_COSINE: f32 = 0.5;
 /// Points of a pixel, from its centre: no two in one row or column.
 const POINTS: [Vec2; 4] =
     [Vec2::new(-0.125, -0.375), Vec2::new(0.375, -0.125), Vec2::new(0.125, 0.375), Vec2::new(-0.375, 0.125)];

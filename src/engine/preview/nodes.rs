@@ -7,16 +7,8 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use super::views::{Layer, SurfacePoint};
+use crate::pinhole::constants::{MAX_CONTRAST, MAX_OFF_PLANE, MIN_NORMAL_COSINE, MIN_WEIGHT};
 use crate::tracing::Hit;
-
-/// Cosine between the normals of a pixel and a node from which it takes light, at least.
-const MIN_NORMAL_COSINE: f32 = 0.9;
-/// A node may lie off the pixel's plane by this part of their distance.
-const MAX_OFF_PLANE: f32 = 0.15;
-/// Weights of the nodes around a pixel add up to 1 on an even surface. With less than this, it is computed.
-const MIN_WEIGHT: f32 = 0.05;
-/// Light between nodes is computed where theirs differs by more than this part of the brightest.
-const MAX_CONTRAST: f32 = 0.5;
 
 /// Points of surfaces, one or none in each pixel, and the light that is known there.
 pub struct NodeGrid<'a> {

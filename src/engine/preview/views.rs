@@ -8,16 +8,11 @@ use rayon::prelude::*;
 use super::edges::FirstSurface;
 use crate::engine::paths::{mirrored_direction, surface_albedo, visible_reflectance};
 use crate::lanes::{LANES, set_bits};
+use crate::pinhole::constants::{MAX_MIRRORS, MAX_PIXELS_APART, MIN_SEEN_COSINE};
 use crate::scene::{Camera, Projection, Ray, Scene};
 use crate::stages::PreparedScene;
 use crate::tracing::Hit;
 
-/// Mirrors along a path, at most.
-const MAX_MIRRORS: u32 = 3;
-/// A place that a mirror shows is known if the camera sees it within so many widths of a pixel,
-const MAX_PIXELS_APART: f32 = 2.5;
-/// and with normals that agree: their cosine, at least.
-const MIN_SEEN_COSINE: f32 = 0.95;
 /// Edge of a packet of rays, pixels: squares are more coherent than rows.
 const PACKET: usize = 4;
 
