@@ -23,7 +23,7 @@ use pinspot::{Filter, Settings, wgpu};
 use wgpu::util::DeviceExt;
 
 /// Pixels of a frame.
-pub const SIZE: [u32; 2] = [160, 120];
+pub const SIZE: [u32; 2] = [96, 72];
 /// Frames of the animation.
 pub const FRAMES: u32 = 3;
 /// The error that is allowed, as a part of the image's mean irradiance.
@@ -308,7 +308,7 @@ fn target(device: &wgpu::Device, format: wgpu::TextureFormat) -> wgpu::Texture {
     })
 }
 
-/// 160 texels of 16 bytes: a row is a whole number of the 256 bytes that copies are aligned to.
+/// 96 texels of 16 bytes: a row is a whole number of the 256 bytes that copies are aligned to.
 fn copy_to_buffer(device: &wgpu::Device, encoder: &mut wgpu::CommandEncoder, texture: &wgpu::Texture) -> wgpu::Buffer {
     let row = SIZE[0] * 16;
     let buffer = device.create_buffer(&wgpu::BufferDescriptor {

@@ -8,7 +8,7 @@ use glam::{Mat3, Vec3};
 use rayon::prelude::*;
 
 use super::cube::{CubeMap, FACES};
-use super::rasterization::{FaceImage, ShiningTriangle};
+use super::rasterization::{FaceImage, ShiningMesh};
 use crate::scene::{Mesh, Ray};
 use crate::tracing::Tracer;
 
@@ -22,7 +22,7 @@ pub struct LightGeometry {
     /// In world space.
     tracer: Arc<Tracer>,
     /// Relative to the centre, in the world's axes.
-    triangles: Vec<ShiningTriangle>,
+    meshes: Vec<ShiningMesh>,
     /// By object; zero for those that do not shine.
     radiance: Vec<Vec3>,
     centre: Vec3,
@@ -31,21 +31,31 @@ pub struct LightGeometry {
 
 impl fmt::Debug for LightGeometry {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "LightGeometry({} triangles, seen from {})", self.triangles.len(), self.centre)
+        let triangles: usize = self.meshes.iter().map(|mesh| mesh.triangles.len()).sum();
+        write!(f, "LightGeometry({triangles} triangles, seen from {})", self.centre)
     }
 }
 
 impl LightGeometry {
     /// Objects' numbers and their meshes in world space with their radiance, W/(m²·sr), seen from a point. The tracer knows no other
     /// objects.
-    pub fn new<'a>(emitters: &[(u32, &'a Mesh, Vec3)], tracer: Arc<Tracer>, centre: Vec3) -> Self {
-        let triangles_of = |&(_, mesh, radiance): &(u32, &'a Mesh, Vec3)| {
-            let triangle = move |t: usize| ShiningTriangle { corners: mesh.corners(t).map(|p| p - centre), radiance };
-            (0..mesh.triangles().len()).map(triangle)
+    pub fn new(emitters: &[(u32, &Mesh, Vec3)], tracer: Arc<Tracer>, centre: Vec3) -> Self {
+        let bounds = |mesh: &Mesh| {
+            let positions = mesh.positions().iter();
+            positions.fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(l, h), p| (l.min(*p), h.max(*p)))
+        };
+        let shining = |&(_, mesh, radiance): &(u32, &Mesh, Vec3)| {
+            let (low, high) = bounds(mesh);
+            let corners = |t: usize| mesh.corners(t).map(|p| p - centre);
+            ShiningMesh {
+                triangles: (0..mesh.triangles().len()).map(corners).collect(),
+                radiance,
+                centre: 0.5 * (low + high) - centre,
+                radius: 0.5 * low.distance(high),
+            }
         };
         let radius = |(_, mesh, _): &(u32, &Mesh, Vec3)| {
-            let positions = mesh.positions().iter();
-            let (low, high) = positions.fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(l, h), p| (l.min(*p), h.max(*p)));
+            let (low, high) = bounds(mesh);
             let distance = (0.5 * (low + high)).distance(centre);
             // Of a ball, half the box's edge; of a plate, half the middle one.
             let mut edges = (high - low).to_array();
@@ -59,7 +69,7 @@ impl LightGeometry {
         }
         Self {
             tracer,
-            triangles: emitters.iter().flat_map(triangles_of).collect(),
+            meshes: emitters.iter().map(shining).collect(),
             radiance: by_object,
             centre,
             angular_radius_rad: emitters.iter().map(radius).fold(std::f32::consts::PI, f32::min),
@@ -115,13 +125,10 @@ impl LitBy {
 
     /// Draws the geometry over the environment's cube map, with a z-buffer; edges are anti-aliased.
     pub(super) fn draw(&self, background: &CubeMap) -> CubeMap {
-        let environment_from_world = Mat3::from_rotation_y(-self.rotation_rad);
-        let turned: Vec<ShiningTriangle> = (self.geometry.triangles.iter())
-            .map(|t| ShiningTriangle { corners: t.corners.map(|p| environment_from_world * p), ..*t })
-            .collect();
+        let world_from_environment = Mat3::from_rotation_y(self.rotation_rad);
         let size = background.size();
-        let faces: Vec<FaceImage> =
-            (0..FACES).into_par_iter().map(|face| FaceImage::draw(face, size, &turned)).collect();
+        let draw = |face| FaceImage::draw(face, size, world_from_environment, &self.geometry.meshes);
+        let faces: Vec<FaceImage> = (0..FACES).into_par_iter().map(draw).collect();
         background.with_base(|face, y, row| {
             for texel in row.iter_mut() {
                 *texel = (self.intensity * texel.truncate()).extend(1.0);
@@ -150,7 +157,7 @@ mod tests {
     fn lit(emitters: &[(&Mesh, Vec3)], centre: Vec3, size: u32) -> Environment {
         let sky = Environment::new(&Light::Constant(Vec3::new(0.0, 0.0, 0.5)), CubeSize::Texels(size)).unwrap();
         let seen_by = SeenBy { camera: true, light: false };
-        let tracer = Tracer::of_emitters(emitters.iter().map(|(mesh, _)| (*mesh, seen_by)));
+        let tracer = Tracer::of_emitters(None, emitters.iter().map(|(mesh, _)| (*mesh, seen_by)));
         let numbered: Vec<_> =
             (0..).zip(emitters).map(|(object, (mesh, radiance))| (object, *mesh, *radiance)).collect();
         let geometry = Arc::new(LightGeometry::new(&numbered, Arc::new(tracer), centre));

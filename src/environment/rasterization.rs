@@ -1,6 +1,9 @@
 //! Triangles drawn on a face of a cube map with a z-buffer, seen from the cube's centre.
 
-use glam::{Vec2, Vec3, Vec4};
+use std::ops::Range;
+
+use glam::{Mat3, Vec2, Vec3, Vec4};
+use rayon::prelude::*;
 
 use super::cube::face_direction;
 
@@ -10,24 +13,32 @@ const POINTS_OF_TEXELS: [(usize, usize); 5] =
 /// Planes through the cube's centre are seen edge-on: the sine of their angle to a corner, at least.
 const MIN_SINE: f32 = 1e-6;
 
-/// A triangle of one radiance, relative to the cube's centre.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct ShiningTriangle {
-    pub corners: [Vec3; 3],
+/// A mesh of one radiance, relative to the cube's centre.
+#[derive(Clone, Debug)]
+pub(super) struct ShiningMesh {
+    pub triangles: Vec<[Vec3; 3]>,
     pub radiance: Vec3,
+    /// A sphere around all of it.
+    pub centre: Vec3,
+    pub radius: f32,
 }
 
-/// What is drawn on a face: a rectangle of points.
+/// What is drawn on a face.
 pub(super) struct FaceImage {
     /// Points along a texel's edge, and along the face's.
     per_texel: usize,
     per_edge: usize,
-    /// The first point of the rectangle, and its width and height.
-    origin: [usize; 2],
-    extent: [usize; 2],
-    /// Inverse depths; zero where nothing is drawn.
-    nearness: Vec<f32>,
-    radiance: Vec<Vec3>,
+    /// In points.
+    polygons: Vec<Polygon>,
+    /// Those that reach into each row of texels.
+    by_row: Vec<Vec<u32>>,
+}
+
+/// Neighbouring points of a row that lie in a polygon.
+struct Span<'a> {
+    polygon: &'a Polygon,
+    y: usize,
+    columns: Range<usize>,
 }
 
 /// A triangle's part on a face.
@@ -40,9 +51,14 @@ struct Polygon {
 }
 
 impl FaceImage {
-    /// Draws triangles on a face of so many texels along its edge.
-    pub fn draw(face: usize, size: u32, triangles: &[ShiningTriangle]) -> Self {
-        let mut polygons: Vec<Polygon> = triangles.iter().filter_map(|t| polygon(face, size, t)).collect();
+    /// Draws meshes on a face, of so many texels along its edge, of a cube in a frame of its own.
+    pub fn draw(face: usize, size: u32, world_from_cube: Mat3, meshes: &[ShiningMesh]) -> Self {
+        let axes = FaceAxes::new(face, world_from_cube);
+        let of_mesh = |mesh: &ShiningMesh| -> Vec<Polygon> {
+            let polygon = |corners: &[Vec3; 3]| axes.polygon(size, corners, mesh.radiance);
+            mesh.triangles.par_iter().with_min_len(1024).filter_map(polygon).collect()
+        };
+        let mut polygons: Vec<Polygon> = meshes.iter().filter(|mesh| axes.may_show(mesh)).flat_map(of_mesh).collect();
         let corners = polygons.iter().flat_map(|polygon| &polygon.corners);
         let (low, high) =
             corners.fold((Vec2::splat(size as f32), Vec2::ZERO), |(l, h), corner| (l.min(*corner), h.max(*corner)));
@@ -51,70 +67,65 @@ impl FaceImage {
         let texels = [0, 1].map(|axis| last[axis].saturating_sub(first[axis]));
         let fits = |(points, most): &(usize, usize)| texels[0] * texels[1] * points * points <= *most;
         let per_texel = POINTS_OF_TEXELS.into_iter().find(fits).map_or(1, |(points, _)| points);
-        let (origin, extent) = (first.map(|x| per_texel * x), texels.map(|x| per_texel * x));
-        let count = extent[0] * extent[1];
-        let mut image = Self {
-            per_texel,
-            per_edge: per_texel * size as usize,
-            origin,
-            extent,
-            nearness: vec![0.0; count],
-            radiance: vec![Vec3::ZERO; count],
-        };
-        for polygon in &mut polygons {
+        let mut by_row = vec![Vec::new(); size as usize];
+        for (index, polygon) in (0..).zip(&mut polygons) {
             polygon.refine(per_texel as f32);
-            image.fill(polygon);
+            let rows = polygon.rows();
+            let last = rows.end.div_ceil(per_texel).min(size as usize);
+            by_row[(rows.start / per_texel).min(last)..last].iter_mut().for_each(|row| row.push(index));
         }
-        image
+        Self { per_texel, per_edge: per_texel * size as usize, polygons, by_row }
     }
 
-    /// Fills the points within a convex polygon that lie before what is there.
-    fn fill(&mut self, polygon: &Polygon) {
-        let heights = polygon.corners.iter().map(|corner| corner.y);
-        let (top, bottom) = heights.fold((f32::INFINITY, 0.0f32), |(l, h), y| (l.min(y), h.max(y)));
-        let rows = (top - 0.5).ceil().max(0.0) as usize..((bottom - 0.5).ceil().max(0.0) as usize).min(self.per_edge);
-        let [constant, by_x, by_y] = polygon.nearness;
-        for y in rows {
-            let height = y as f32 + 0.5;
-            let Some([from, to]) = span(&polygon.corners, height) else { continue };
-            let columns =
-                (from - 0.5).ceil().max(0.0) as usize..((to - 0.5).ceil().max(0.0) as usize).min(self.per_edge);
-            for x in columns {
-                let nearness = constant + by_x * (x as f32 + 0.5) + by_y * height;
-                let index = (y - self.origin[1]) * self.extent[0] + x - self.origin[0];
-                if nearness > self.nearness[index] {
-                    (self.nearness[index], self.radiance[index]) = (nearness, polygon.radiance);
-                }
-            }
-        }
-    }
-
-    /// Blends the drawn points into row `y` of the face's texels.
+    /// Draws row `y` of texels over the row that is there.
     pub fn blend(&self, y: usize, row: &mut [Vec4]) {
-        let within = |texel: usize, axis: usize| {
-            let (first, end) = (self.origin[axis], self.origin[axis] + self.extent[axis]);
-            (self.per_texel * texel).max(first)..(self.per_texel * (texel + 1)).min(end)
-        };
-        let rows = within(y, 1);
-        let columns = self.origin[0] / self.per_texel..(self.origin[0] + self.extent[0]) / self.per_texel;
-        if rows.is_empty() {
-            return;
-        }
-        for (x, texel) in columns.clone().zip(&mut row[columns]) {
-            let (mut sum, mut count) = (Vec3::ZERO, 0);
-            for j in rows.clone() {
-                let start = (j - self.origin[1]) * self.extent[0];
-                for i in within(x, 0) {
-                    let index = start + i - self.origin[0];
-                    if self.nearness[index] > 0.0 {
-                        (sum, count) = (sum + self.radiance[index], count + 1);
-                    }
+        let spans = self.spans(y);
+        let Some(first) = spans.iter().map(|span| span.columns.start).min() else { return };
+        let end = spans.iter().map(|span| span.columns.end).max().unwrap_or(first);
+        let texels = first / self.per_texel..end.div_ceil(self.per_texel);
+        let (start, width) = (self.per_texel * texels.start, self.per_texel * texels.len());
+        // Inverse depths, zero where nothing is drawn, and radiance.
+        let mut points = vec![(0.0, Vec3::ZERO); self.per_texel * width];
+        for Span { polygon, y, columns } in spans {
+            let line = &mut points[y % self.per_texel * width..][..width];
+            let [constant, by_x, by_y] = polygon.nearness;
+            for x in columns {
+                let nearness = constant + by_x * (x as f32 + 0.5) + by_y * (y as f32 + 0.5);
+                let point = &mut line[x - start];
+                if nearness > point.0 {
+                    *point = (nearness, polygon.radiance);
                 }
             }
-            let part = 1.0 / (self.per_texel * self.per_texel) as f32;
+        }
+        let part = 1.0 / (self.per_texel * self.per_texel) as f32;
+        for (x, texel) in row[texels].iter_mut().enumerate() {
+            let in_texel = |line| &points[line * width + x * self.per_texel..][..self.per_texel];
+            let drawn = (0..self.per_texel).flat_map(in_texel).filter(|(nearness, _)| *nearness > 0.0);
+            let (sum, count) = drawn.fold((Vec3::ZERO, 0), |(sum, count), (_, radiance)| (sum + radiance, count + 1));
             *texel = (part * sum + (1.0 - part * count as f32) * texel.truncate()).extend(1.0);
         }
     }
+
+    /// What the polygons cover of a row of texels.
+    fn spans(&self, y: usize) -> Vec<Span<'_>> {
+        let mut spans = Vec::new();
+        for polygon in self.by_row[y].iter().map(|&index| &self.polygons[index as usize]) {
+            let rows = polygon.rows();
+            for y in (self.per_texel * y).max(rows.start)..(self.per_texel * (y + 1)).min(rows.end) {
+                let Some([from, to]) = span(&polygon.corners, y as f32 + 0.5) else { continue };
+                let columns = first_point_after(from)..first_point_after(to).min(self.per_edge);
+                if !columns.is_empty() {
+                    spans.push(Span { polygon, y, columns });
+                }
+            }
+        }
+        spans
+    }
+}
+
+/// The first point whose middle does not lie before a place.
+fn first_point_after(place: f32) -> usize {
+    (place - 0.5).ceil().max(0.0) as usize
 }
 
 impl Polygon {
@@ -123,6 +134,13 @@ impl Polygon {
         self.corners.iter_mut().for_each(|corner| *corner *= fraction);
         let [constant, by_x, by_y] = self.nearness;
         self.nearness = [constant, by_x / fraction, by_y / fraction];
+    }
+
+    /// The rows of points whose middles it may cover.
+    fn rows(&self) -> Range<usize> {
+        let heights = self.corners.iter().map(|corner| corner.y);
+        let (top, bottom) = heights.fold((f32::INFINITY, 0.0f32), |(l, h), y| (l.min(y), h.max(y)));
+        first_point_after(top)..first_point_after(bottom)
     }
 }
 
@@ -141,32 +159,58 @@ fn span(corners: &[Vec2], height: f32) -> Option<[f32; 2]> {
     span
 }
 
-/// The part of a triangle that a face shows, if there is one, in texels.
-fn polygon(face: usize, size: u32, triangle: &ShiningTriangle) -> Option<Polygon> {
-    let axis = face_direction(face, 0.0, 0.0);
-    let (across, down) = (face_direction(face, 1.0, 0.0) - axis, face_direction(face, 0.0, 1.0) - axis);
-    // x and y to the right and down, z along the face's axis.
-    let corners = triangle.corners.map(|p| Vec3::new(p.dot(across), p.dot(down), p.dot(axis)));
-    let [a, b, c] = corners;
-    let normal = (b - a).cross(c - a);
-    let distance = normal.dot(a);
-    let farthest = corners.iter().map(|p| p.length()).fold(0.0, f32::max);
-    if distance.abs() <= MIN_SINE * normal.length() * farthest {
-        return None;
+/// How a face looks at the world.
+struct FaceAxes {
+    /// To the right, down, and towards it.
+    axes: [Vec3; 3],
+    /// Normals of the planes, 45° from its axis, between which it is seen.
+    sides: [Vec3; 4],
+}
+
+impl FaceAxes {
+    fn new(face: usize, world_from_cube: Mat3) -> Self {
+        let axis = face_direction(face, 0.0, 0.0);
+        let axes = [face_direction(face, 1.0, 0.0) - axis, face_direction(face, 0.0, 1.0) - axis, axis];
+        let [right, down, towards] = axes.map(|axis| world_from_cube * axis);
+        let sides = [towards - right, towards + right, towards - down, towards + down];
+        Self { axes: [right, down, towards], sides }
     }
-    let mut clipped = corners.to_vec();
-    for side in [Vec3::X, Vec3::NEG_X, Vec3::Y, Vec3::NEG_Y] {
-        clipped = clip(&clipped, Vec3::Z - side);
+
+    /// Whether any of a mesh may lie on the face.
+    fn may_show(&self, mesh: &ShiningMesh) -> bool {
+        self.sides.iter().all(|side| side.dot(mesh.centre) >= -mesh.radius * side.length())
     }
-    if clipped.len() < 3 || clipped.iter().any(|p| p.z <= 0.0) {
-        return None;
+
+    /// The part of a triangle that a face of so many texels shows, if there is one, in texels.
+    fn polygon(&self, size: u32, corners: &[Vec3; 3], radiance: Vec3) -> Option<Polygon> {
+        if self.sides.iter().any(|side| corners.iter().all(|p| side.dot(*p) < 0.0)) {
+            return None;
+        }
+        let corners = corners.map(|p| Vec3::from_array(self.axes.map(|axis| p.dot(axis))));
+        let sides = [Vec3::X, Vec3::NEG_X, Vec3::Y, Vec3::NEG_Y].map(|side| Vec3::Z - side);
+        let [a, b, c] = corners;
+        let normal = (b - a).cross(c - a);
+        let distance = normal.dot(a);
+        let farthest = corners.iter().map(|p| p.length()).fold(0.0, f32::max);
+        if distance.abs() <= MIN_SINE * normal.length() * farthest {
+            return None;
+        }
+        let mut clipped = corners.to_vec();
+        for side in sides {
+            if clipped.iter().any(|p| side.dot(*p) < 0.0) {
+                clipped = clip(&clipped, side);
+            }
+        }
+        if clipped.len() < 3 || clipped.iter().any(|p| p.z <= 0.0) {
+            return None;
+        }
+        let scale = 0.5 * size as f32;
+        let corners = clipped.iter().map(|p| scale * (p.truncate() / p.z + Vec2::ONE)).collect();
+        // The plane is met at 1/nearness along (s, t, 1); s and t are −1 at the first edge.
+        let by_place = normal / distance;
+        let nearness = [by_place.z - by_place.x - by_place.y, by_place.x / scale, by_place.y / scale];
+        Some(Polygon { corners, nearness, radiance })
     }
-    let scale = 0.5 * size as f32;
-    let corners = clipped.iter().map(|p| scale * (p.truncate() / p.z + Vec2::ONE)).collect();
-    // The plane is met at 1/nearness along (s, t, 1); s and t are −1 at the first edge.
-    let by_place = normal / distance;
-    let nearness = [by_place.z - by_place.x - by_place.y, by_place.x / scale, by_place.y / scale];
-    Some(Polygon { corners, nearness, radiance: triangle.radiance })
 }
 
 /// The part of a convex polygon on the positive side of a plane through the origin.

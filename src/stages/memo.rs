@@ -42,6 +42,12 @@ impl<K: PartialEq, T> Memo<K, T> {
         made.unwrap_or_else(|never| match never {})
     }
 
+    /// Like [`Self::get`], for results that are made from the one that was kept.
+    pub fn get_by_update(&mut self, key: K, progress: &dyn Progress, make: impl FnOnce(Option<Arc<T>>) -> T) -> Arc<T> {
+        let before = self.made.as_ref().map(|(_, result)| result.clone());
+        self.get(key, progress, || make(before))
+    }
+
     /// Like [`Self::get`], for results that can fail. A failure leaves the stage empty, so that the next call tries again.
     pub fn try_get<E>(
         &mut self,

@@ -151,7 +151,8 @@ impl SceneStages {
         self.prepare_with(scene, progress, |stages, key, meshes| {
             let kept = stages.tracer.kept(&key);
             kept.unwrap_or_else(|| {
-                stages.tracer_of_frame.get(key, progress, || Tracer::for_one_frame(seen(meshes, scene)))
+                let update = |before: Option<Arc<Tracer>>| Tracer::for_frame(before.as_deref(), seen(meshes, scene));
+                stages.tracer_of_frame.get_by_update(key, progress, update)
             })
         })
     }
@@ -171,8 +172,8 @@ impl SceneStages {
         };
         let tracer = tracer(self, key(|o| o.emitter.is_none()), &meshes);
         let shining = key(|o| o.emitter.is_some());
-        let of_emitters = || Tracer::of_emitters(seen(&meshes, scene));
-        let emitters = (!shining.is_empty()).then(|| self.emitters.get(shining, progress, of_emitters));
+        let update = |before: Option<Arc<Tracer>>| Tracer::of_emitters(before.as_deref(), seen(&meshes, scene));
+        let emitters = (!shining.is_empty()).then(|| self.emitters.get_by_update(shining, progress, update));
         let camera_key = (Id::of(&tracer), emitters.as_ref().map(Id::of));
         let camera = self.camera.get(camera_key, progress, || CameraTracer::new(tracer.clone(), emitters.clone()));
         let mirrors = |(mesh, o): (&Arc<Mesh>, &Object)| Some((Id::of(mesh), o.reflector?.sides));

@@ -1,23 +1,22 @@
 //! Rays against the scene's triangles, through a BVH from `obvhs`. Knows meshes, but neither light nor samples.
 
+mod camera;
+mod construction;
 mod packet;
 #[cfg(feature = "gpu")]
 mod stackless;
 
 use std::fmt;
-use std::sync::Arc;
 
 use glam::Vec3;
-use obvhs::BvhBuildParams;
-use obvhs::aabb::Aabb;
-use obvhs::bvh2::{Bvh2, builder::build_bvh2};
+use obvhs::bvh2::Bvh2;
 use obvhs::ray::RayHit;
-use obvhs::triangle::Triangle;
 
 use self::packet::{HitFilter, PacketHits, any_hit, nearest_hits};
 use crate::lanes::{F, LANES, Simd, SimdBase, V3, bits, dispatch, level, splat3};
-use crate::scene::{Mesh, Object, Ray, Scene};
+use crate::scene::{Object, Ray};
 
+pub(crate) use self::camera::CameraTracer;
 pub(crate) use self::packet::RayPacket;
 #[cfg(feature = "gpu")]
 pub(crate) use self::stackless::{BottomLevel, Instance, TopLevel};
@@ -80,6 +79,10 @@ pub struct Tracer {
     /// Units per metre; a power of two, which rounds nothing.
     scale: f32,
     bvh: Bvh2,
+    /// What rays cost when the hierarchy was built, see [`construction`].
+    cost: f32,
+    /// By object; none of those that rays pass.
+    triangle_counts: Vec<usize>,
     /// By object.
     camera_visible: Vec<bool>,
     /// Rays start this far off a surface, units.
@@ -99,67 +102,6 @@ impl fmt::Debug for Tracer {
 }
 
 impl Tracer {
-    /// Builds the hierarchy over a scene.
-    pub fn new(scene: &Scene) -> Self {
-        let meshes: Vec<Mesh> = scene.objects.iter().map(Object::mesh_in_world).collect();
-        Self::of_meshes(meshes.iter().zip(scene.objects.iter().map(SeenBy::of)))
-    }
-
-    /// Builds the hierarchy over objects' meshes in world space, without those that only the camera sees.
-    pub fn of_meshes<'a>(meshes: impl Iterator<Item = (&'a Mesh, SeenBy)>) -> Self {
-        Self::build(&meshes.collect::<Vec<_>>(), BvhBuildParams::medium_build())
-    }
-
-    /// The same in a fraction of the time, for a hierarchy that is used for one frame: rays take a little longer.
-    pub(crate) fn for_one_frame<'a>(meshes: impl Iterator<Item = (&'a Mesh, SeenBy)>) -> Self {
-        Self::build(&meshes.collect::<Vec<_>>(), BvhBuildParams::fastest_build())
-    }
-
-    /// The hierarchy over emitters, through which light passes.
-    pub(crate) fn of_emitters<'a>(meshes: impl Iterator<Item = (&'a Mesh, SeenBy)>) -> Self {
-        Self::of_some(&meshes.collect::<Vec<_>>(), BvhBuildParams::fastest_build(), |seen_by| !seen_by.light)
-    }
-
-    fn build(meshes: &[(&Mesh, SeenBy)], how: BvhBuildParams) -> Self {
-        Self::of_some(meshes, how, |seen_by| seen_by.light)
-    }
-
-    /// The hierarchy over some of the objects.
-    fn of_some(meshes: &[(&Mesh, SeenBy)], how: BvhBuildParams, is_wanted: impl Fn(&SeenBy) -> bool) -> Self {
-        let (mut corners, mut surfaces) = (Vec::new(), Vec::new());
-        let camera_visible = meshes.iter().map(|(_, seen_by)| seen_by.camera).collect();
-        for (object, (mesh, _)) in meshes.iter().enumerate().filter(|(_, (_, seen_by))| is_wanted(seen_by)) {
-            for t in 0..mesh.triangles().len() {
-                corners.push(mesh.corners(t));
-                surfaces.push((mesh.corner_normals(t), object as u32));
-            }
-        }
-        let all = corners.iter().flatten();
-        let (low, high) = all.fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(l, h), p| (l.min(*p), h.max(*p)));
-        let scale = if corners.is_empty() { 1.0 } else { unit_scale(0.5 * high - 0.5 * low) };
-        let corners: Vec<_> = corners.into_iter().map(|triangle| triangle.map(|corner| scale * corner)).collect();
-        // Boxes are larger than triangles by what is lost by rounding: rays must not slip between them.
-        let padding = 4.0 * f32::EPSILON * scale * low.abs().max(high.abs()).max_element();
-        let bounds = |corners: &[Vec3; 3]| {
-            let [v0, v1, v2] = corners.map(Into::into);
-            let bounds = Triangle { v0, v1, v2 }.aabb();
-            Aabb { min: bounds.min - padding, max: bounds.max + padding }
-        };
-        let bounds: Vec<_> = corners.iter().map(bounds).collect();
-        let bvh = build_bvh2(&bounds, how, &mut Default::default());
-        let offset = if corners.is_empty() { 0.0 } else { offset(scale * low, scale * high) };
-        let order = || bvh.primitive_indices.iter().map(|&index| index as usize);
-        let surface = |(normals, object)| TriangleSurface { normals, object };
-        Self {
-            corners: order().map(|index| corners[index]).collect(),
-            surfaces: order().map(|index| surface(surfaces[index])).collect(),
-            scale,
-            bvh,
-            camera_visible,
-            offset,
-        }
-    }
-
     /// The first thing that the camera sees along a ray.
     pub fn camera_hit(&self, ray: Ray) -> Option<Hit> {
         self.hit(ray, 0.0, |surface, _| self.camera_visible[surface.object as usize])
@@ -309,41 +251,6 @@ impl Tracer {
     }
 }
 
-/// What the camera sees: the scene, and emitters, through which light passes.
-#[derive(Debug)]
-pub(crate) struct CameraTracer {
-    scene: Arc<Tracer>,
-    emitters: Option<Arc<Tracer>>,
-}
-
-impl CameraTracer {
-    /// The objects that light meets, too, and emitters.
-    pub fn new(scene: Arc<Tracer>, emitters: Option<Arc<Tracer>>) -> Self {
-        Self { scene, emitters }
-    }
-
-    /// The first thing that the camera sees along a ray.
-    pub fn hit(&self, ray: Ray) -> Option<Hit> {
-        nearer(self.scene.camera_hit(ray), self.emitters.as_ref().and_then(|emitters| emitters.camera_hit(ray)))
-    }
-
-    /// The first things along sixteen rays, in the lanes asked for.
-    pub fn hits(&self, rays: &[Ray; LANES], lanes: u32) -> [Option<Hit>; LANES] {
-        let hits = self.scene.camera_hits(rays, lanes);
-        let Some(emitters) = &self.emitters else { return hits };
-        let shining = emitters.camera_hits(rays, lanes);
-        std::array::from_fn(|lane| nearer(hits[lane], shining[lane]))
-    }
-}
-
-/// The nearer of two hits of one ray.
-fn nearer(one: Option<Hit>, other: Option<Hit>) -> Option<Hit> {
-    match (one, other) {
-        (Some(one), Some(other)) => Some(if other.distance < one.distance { other } else { one }),
-        (one, other) => one.or(other),
-    }
-}
-
 /// The piece of a surface that rays leave. It is a little curved, and its middle may lie below its triangles.
 struct SelfIntersection<'a> {
     surfaces: &'a [TriangleSurface],
@@ -369,7 +276,7 @@ impl HitFilter for SelfIntersection<'_> {
             return 0;
         }
         let normal = splat3(simd, self.side * surface.normals.iter().sum::<Vec3>());
-        hit & bits(distance.simd_lt(self.extent) & direction.dot(normal).simd_gt(0.0))
+        hit & bits(distance.simd_lt(self.extent)) & bits(direction.dot(normal).simd_gt(0.0))
     }
 }
 
@@ -394,21 +301,8 @@ impl HitFilter for NoFilter {
     }
 }
 
-/// The power of two that brings half the size of a scene's bounds, metres, to between 4,096 and 8,192.
-fn unit_scale(half_size: Vec3) -> f32 {
-    let exponent = half_size.max_element().max(f32::MIN_POSITIVE).log2().floor() as i32;
-    2f32.powi((12 - exponent).clamp(-126, 126))
-}
-
 /// Part of a distance by which rays towards a point end before it: more than what is lost by rounding.
 pub(crate) const END_SLACK: f32 = 1e-4;
-
-/// How far off a surface rays start in a scene with these bounds: more than what is lost by rounding, and little enough that from the
-/// foot of a wall they do not leave through the floor.
-fn offset(low: Vec3, high: Vec3) -> f32 {
-    let farthest = low.abs().max(high.abs()).max_element();
-    (1e-6 * (high - low).length()).max(4.0 * f32::EPSILON * farthest)
-}
 
 /// Edges of triangles are inclusive by this much of a barycentric weight: rays from far away must not slip between small triangles, whose
 /// weights suffer from cancellation.
@@ -443,6 +337,7 @@ fn intersect([a, b, c]: &[Vec3; 3], ray: Ray, from: f32, to: f32) -> Option<(f32
 mod tests {
     use super::*;
     use crate::lanes::set_bits;
+    use crate::scene::Mesh;
     use crate::scene::shapes::{Shape, Sphere};
 
     /// A unit sphere, scaled.

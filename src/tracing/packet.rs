@@ -101,8 +101,9 @@ impl<S: Simd> Rays<S> {
         let q = s.cross(ab);
         let v = self.direction.dot(q) * inverse;
         let distance = ac.dot(q) * inverse;
-        let inside = u.simd_ge(-SLACK) & v.simd_ge(-SLACK) & (u + v).simd_le(1.0 + SLACK);
-        let lanes = bits(inside & distance.simd_gt(self.start) & distance.simd_lt(end));
+        // Conditions are combined as bits of one integer: masks of vectors are compiled to calls.
+        let is_inside = bits(u.simd_ge(-SLACK)) & bits(v.simd_ge(-SLACK)) & bits((u + v).simd_le(1.0 + SLACK));
+        let lanes = is_inside & bits(distance.simd_gt(self.start)) & bits(distance.simd_lt(end));
         TriangleHit { distance, weights: [u, v], lanes }
     }
 }

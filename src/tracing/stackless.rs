@@ -7,23 +7,19 @@ use obvhs::BvhBuildParams;
 use obvhs::aabb::Aabb;
 use obvhs::bvh2::{Bvh2, builder::build_bvh2};
 
-use super::{SeenBy, Tracer, offset};
+use super::construction::offset;
+use super::{SeenBy, Tracer};
 use crate::scene::{Mesh, Transform};
 
 /// Texels of a triangle.
 const TRIANGLE_TEXELS: usize = 4;
 
-/// The hierarchy over a mesh's triangles: nodes of two texels each, then triangles of four.
-#[derive(Clone, Debug)]
+/// The hierarchy over a mesh's triangles.
+#[derive(Debug)]
 pub(crate) struct BottomLevel {
-    /// A node: the low corner of its box, and the number of the node after those below it; the high corner, and of a leaf eight bits for
-    /// the number of its triangles below the index of the first. A triangle: its corners, each with its normal, see [`packed_normal`]; the sum of the normals.
-    /// Numbers of 32 bits, as integers or as floats. Positions are in units: normalised mesh space, where all meshes are about 8,192
-    /// units large, far from the limits of floats.
-    pub texels: Vec<[u32; 4]>,
+    /// Knows no other mesh. Its units are those of the texels, far from the limits of floats.
+    tracer: Tracer,
     pub node_count: u32,
-    /// Units per length in the mesh's own space.
-    scale: f32,
     /// Low and high corner, units.
     bounds: [Vec3; 2],
 }
@@ -53,21 +49,43 @@ pub(crate) struct TopLevel {
 const MAX_TRIANGLES: usize = 1 << 24;
 
 impl BottomLevel {
-    /// `None` if there are more than 16,777,216 triangles. For a mesh that is there for one frame, the hierarchy is built faster, and is slower to trace.
-    pub fn new(mesh: &Mesh, is_for_one_frame: bool) -> Option<Self> {
-        if mesh.triangles().len() > MAX_TRIANGLES {
-            return None;
+    /// `None` if there are more than 16,777,216 triangles.
+    pub fn new(mesh: &Mesh) -> Option<Self> {
+        let tracer = || Tracer::of_meshes(std::iter::once((mesh, SeenBy::ALL)));
+        (mesh.triangles().len() <= MAX_TRIANGLES).then(|| Self::of_tracer(tracer()))
+    }
+
+    /// The same for a mesh that is there for one frame: refitted from that of another mesh, if it is one of the same triangles in
+    /// another shape, or built faster, and slower to trace.
+    pub fn for_frame(mesh: &Mesh, before: Option<&Self>) -> Option<Self> {
+        let before = before.map(|before| &before.tracer);
+        let tracer = || Tracer::for_frame(before, std::iter::once((mesh, SeenBy::ALL)));
+        (mesh.triangles().len() <= MAX_TRIANGLES).then(|| Self::of_tracer(tracer()))
+    }
+
+    fn of_tracer(tracer: Tracer) -> Self {
+        let node_count = if tracer.corners.is_empty() { 0 } else { tracer.bvh.nodes.len() as u32 };
+        let bounds = bounds(tracer.corners.as_flattened());
+        Self { tracer, node_count, bounds }
+    }
+
+    /// Nodes of two texels each, then triangles of four. A node: the low corner of its box, and the number of the node after those below
+    /// it; the high corner, and of a leaf eight bits for the number of its triangles below the index of the first. A triangle: its corners,
+    /// each with its normal, see [`packed_normal`]; the sum of the normals. Numbers of 32 bits, as integers or as floats.
+    pub fn texels(&self) -> Vec<[u32; 4]> {
+        let mut texels = Vec::with_capacity(self.texel_count());
+        if self.node_count > 0 {
+            add_nodes(&self.tracer.bvh, &mut texels);
         }
-        let seen = || std::iter::once((mesh, SeenBy::ALL));
-        let tracer = if is_for_one_frame { Tracer::for_one_frame(seen()) } else { Tracer::of_meshes(seen()) };
-        let mut texels = Vec::with_capacity(2 * tracer.bvh.nodes.len() + TRIANGLE_TEXELS * tracer.corners.len());
-        let node_count = if tracer.corners.is_empty() { 0 } else { add_nodes(&tracer.bvh, &mut texels) };
-        for (corners, surface) in tracer.corners.iter().zip(&tracer.surfaces) {
+        for (corners, surface) in self.tracer.corners.iter().zip(&self.tracer.surfaces) {
             texels.extend([0, 1, 2].map(|k| texel(corners[k], packed_normal(surface.normals[k]))));
             texels.push(texel(surface.normals.iter().sum(), 0));
         }
-        let bounds = bounds(tracer.corners.as_flattened());
-        Some(Self { texels, node_count, scale: tracer.scale, bounds })
+        texels
+    }
+
+    pub fn texel_count(&self) -> usize {
+        2 * self.node_count as usize + TRIANGLE_TEXELS * self.tracer.corners.len()
     }
 }
 
@@ -75,8 +93,9 @@ impl Instance<'_> {
     /// Rows of the matrix from metres to the mesh's units, and units per metre.
     fn units_from_world(&self) -> ([(Vec3, f32); 3], f32) {
         let Transform { scale, translate, .. } = self.placement;
-        let units_per_metre = self.mesh.scale / scale.abs();
-        let linear = self.placement.rotation().transpose() * Mat3::from_diagonal(Vec3::splat(self.mesh.scale / scale));
+        let units_per_metre = self.mesh.tracer.scale / scale.abs();
+        let linear =
+            self.placement.rotation().transpose() * Mat3::from_diagonal(Vec3::splat(self.mesh.tracer.scale / scale));
         let moved = -(linear * translate);
         let rows = linear.transpose();
         ([(rows.x_axis, moved.x), (rows.y_axis, moved.y), (rows.z_axis, moved.z)], units_per_metre)
@@ -84,7 +103,7 @@ impl Instance<'_> {
 
     /// Low and high corner in the world, metres.
     fn bounds(&self) -> [Vec3; 2] {
-        let [low, high] = self.mesh.bounds.map(|corner| corner / self.mesh.scale);
+        let [low, high] = self.mesh.bounds.map(|corner| corner / self.mesh.tracer.scale);
         let corner = |k: usize| Vec3::select(glam::BVec3::new(k & 1 != 0, k & 2 != 0, k & 4 != 0), high, low);
         let corners: [Vec3; 8] = std::array::from_fn(|k| self.placement.point_in_world(corner(k)));
         bounds(&corners)
@@ -190,7 +209,7 @@ mod tests {
     use crate::scene::shapes::{Shape, Sphere};
 
     fn sphere() -> BottomLevel {
-        BottomLevel::new(&Shape::Sphere(Sphere { radius: 1.0 }).mesh().unwrap(), false).unwrap()
+        BottomLevel::new(&Shape::Sphere(Sphere { radius: 1.0 }).mesh().unwrap()).unwrap()
     }
 
     fn vector(texel: [u32; 4]) -> Vec3 {
@@ -201,29 +220,30 @@ mod tests {
     #[test]
     fn nodes_hold_those_below_them() {
         let list = sphere();
-        let count = list.node_count as usize;
-        let triangles = (list.texels.len() - 2 * count) / TRIANGLE_TEXELS;
-        let bounds = |node: usize| (vector(list.texels[2 * node]), vector(list.texels[2 * node + 1]));
+        let (count, texels) = (list.node_count as usize, list.texels());
+        assert_eq!(texels.len(), list.texel_count());
+        let triangles = (texels.len() - 2 * count) / TRIANGLE_TEXELS;
+        let bounds = |node: usize| (vector(texels[2 * node]), vector(texels[2 * node + 1]));
         let mut seen = vec![0; triangles];
         for node in 0..count {
             let (low, high) = bounds(node);
-            let after = list.texels[2 * node][3] as usize;
+            let after = texels[2 * node][3] as usize;
             assert!(after > node && after <= count);
             for below in node + 1..after {
                 let (inner_low, inner_high) = bounds(below);
                 assert!(low.cmple(inner_low).all() && inner_high.cmple(high).all());
             }
-            let below = list.texels[2 * node + 1][3];
+            let below = texels[2 * node + 1][3];
             let first = (below >> 8) as usize;
             let own = first..first + (below & 255) as usize;
             for (triangle, times) in own.clone().zip(&mut seen[own]) {
                 *times += 1;
-                let corner = vector(list.texels[2 * count + TRIANGLE_TEXELS * triangle]);
+                let corner = vector(texels[2 * count + TRIANGLE_TEXELS * triangle]);
                 assert!(low.cmple(corner).all() && corner.cmple(high).all());
             }
         }
         assert!(seen.iter().all(|&times| times == 1));
-        assert_eq!(list.texels[0][3] as usize, count);
+        assert_eq!(texels[0][3] as usize, count);
     }
 
     /// The matrix of an object takes the corners of its mesh from the world to where its texels say, in the box of the object's leaf.
@@ -244,7 +264,7 @@ mod tests {
             assert_eq!((texels[3][0], texels[3][1], texels[3][2] & 3), (7, list.node_count, 3));
             let placement = placements[(texels[3][2] >> 2) as usize];
             let in_units = list.bounds[1];
-            let in_world = placement.point_in_world(in_units / list.scale);
+            let in_world = placement.point_in_world(in_units / list.tracer.scale);
             let back = [0, 1, 2].map(|row| vector(texels[row]).dot(in_world) + f32::from_bits(texels[row][3]));
             assert!(Vec3::from_array(back).abs_diff_eq(in_units, 1e-3 * in_units.length()), "{back:?} {in_units}");
             let holds = |node: &[[u32; 4]]| {
@@ -276,8 +296,8 @@ mod tests {
 
     #[test]
     fn nothing_has_no_nodes() {
-        let list = BottomLevel::new(&Mesh::default(), false).unwrap();
-        assert!(list.node_count == 0 && list.texels.is_empty());
+        let list = BottomLevel::new(&Mesh::default()).unwrap();
+        assert!(list.node_count == 0 && list.texels().is_empty());
         let object = Instance { mesh: &list, first_texel: 0, placement: Transform::default(), seen_by: SeenBy::ALL };
         let top = TopLevel::new(&[object]);
         assert!(top.node_count == 0 && top.texels.is_empty());

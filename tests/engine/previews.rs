@@ -116,7 +116,7 @@ fn both_back_ends_render_the_same_previews() {
         let name = scene.name;
         let spacing = 1 + k as u32 % 4;
         let is_metered = k % 3 == 2;
-        let size = [80, 60];
+        let size = [56, 42];
         let detail = Detail { size, samples: 60, taps: 8, spacing, shadow_directions: 32 };
         let [cpu, gpu] = backends.each_ref().map(|backend| {
             let (scene, mut options) = pinspot::load(name).unwrap();

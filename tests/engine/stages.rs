@@ -10,6 +10,7 @@ use pinspot::Stage::{
 };
 use pinspot::blocking::wait;
 use pinspot::image::Aov;
+use pinspot::low_level::environment::CubeSize;
 use pinspot::scene::{Mesh, Visibility};
 use pinspot::{Backend, BackendChoice, Engine, EvaluationChoice, Exposure, NoProgress, Options, Rendered, StageCounts};
 
@@ -108,7 +109,8 @@ fn engine(backend: &Backend) -> Engine {
     let (scene, options) = pinspot::load("ring-natural").unwrap();
     assert!(scene.objects[MIRROR].reflector.is_some() && scene.objects[TABLE].receiver.is_some());
     let aovs = vec![Aov::Beauty, Aov::Caustic, Aov::Direct, Aov::Depth];
-    let options = options.with_size([48, 40]).with_samples(60).with_leaves(Some(16)).with_aovs(aovs);
+    let options = options.with_size([32, 24]).with_samples(60).with_leaves(Some(16)).with_aovs(aovs);
+    let options = options.with_cube_size(CubeSize::Texels(64));
     Engine::new(scene, options, backend.clone())
 }
 

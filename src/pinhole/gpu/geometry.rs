@@ -68,7 +68,7 @@ pub(crate) struct MovingGeometry {
 #[derive(Debug)]
 struct PlacedMesh {
     mesh: Arc<Mesh>,
-    list: BottomLevel,
+    hierarchy: BottomLevel,
     first_row: u32,
     is_for_one_frame: bool,
     is_uploaded: bool,
@@ -76,7 +76,7 @@ struct PlacedMesh {
 
 impl MovingGeometry {
     /// Makes the texture that of these objects. What was returned before shows them, too, unless they do not fit into its texture.
-    /// The hierarchies of new meshes are built quickly if these are there `for_one_frame`.
+    /// The hierarchies of new meshes are refitted or built quickly if these are there `for_one_frame`.
     pub fn update(
         &mut self,
         device: &wgpu::Device,
@@ -98,7 +98,7 @@ impl MovingGeometry {
             (texture, geometry)
         });
         for mesh in self.meshes.iter_mut().filter(|mesh| !mesh.is_uploaded) {
-            write_rows(queue, &texture, mesh.first_row, &mesh.list.texels);
+            write_rows(queue, &texture, mesh.first_row, &mesh.hierarchy.texels());
             mesh.is_uploaded = true;
         }
         let instances: Vec<Instance> = objects.iter().filter_map(|object| self.instance(object)).collect();
@@ -126,7 +126,11 @@ impl MovingGeometry {
                 Some(known) => known,
                 None => PlacedMesh {
                     mesh: object.mesh.clone(),
-                    list: BottomLevel::new(&object.mesh, for_one_frame)?,
+                    hierarchy: if for_one_frame {
+                        BottomLevel::for_frame(&object.mesh, former(&before, objects, &object.mesh))?
+                    } else {
+                        BottomLevel::new(&object.mesh)?
+                    },
                     first_row: 0,
                     is_for_one_frame: for_one_frame,
                     is_uploaded: false,
@@ -134,7 +138,7 @@ impl MovingGeometry {
             };
             mesh.is_uploaded &= mesh.first_row == next_row;
             mesh.first_row = next_row;
-            next_row += rows_of(mesh.list.texels.len());
+            next_row += rows_of(mesh.hierarchy.texel_count());
             self.meshes.push(mesh);
         }
         Some(next_row.max(1))
@@ -147,12 +151,19 @@ impl MovingGeometry {
         }
         let mesh = self.meshes.iter().find(|known| Arc::ptr_eq(&known.mesh, &object.mesh))?;
         Some(Instance {
-            mesh: &mesh.list,
+            mesh: &mesh.hierarchy,
             first_texel: mesh.first_row * GEOMETRY_ROW,
             placement: object.placement,
             seen_by: SeenBy::of(object),
         })
     }
+}
+
+/// What a mesh may have been in the frame before, if it deforms: one with as many triangles that no object has any longer.
+fn former<'a>(before: &'a [PlacedMesh], objects: &[Object], mesh: &Mesh) -> Option<&'a BottomLevel> {
+    let is_gone = |known: &PlacedMesh| !objects.iter().any(|object| Arc::ptr_eq(&object.mesh, &known.mesh));
+    let is_alike = |known: &&PlacedMesh| known.mesh.triangles().len() == mesh.triangles().len() && is_gone(known);
+    before.iter().find(is_alike).map(|known| &known.hierarchy)
 }
 
 fn rows_of(texels: usize) -> u32 {
