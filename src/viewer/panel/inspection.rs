@@ -123,18 +123,26 @@ impl Viewer {
         let camera = self.posed_scene().camera;
         let size = glam::Vec2::new(area.width(), area.height());
         let most = cells.iter().map(|cell| cell.irradiance.element_sum()).fold(f32::MIN_POSITIVE, f32::max);
+        // Below the outlines.
+        let (place, mut fills) = (painter.add(egui::Shape::Noop), egui::Mesh::default());
         for cell in cells {
             let [u, v] = cell.sides.map(|side| 0.5 * side);
             let corners = [-u - v, u - v, u + v, v - u].map(|corner| camera.project(cell.centroid + corner, size));
             if corners.iter().any(|(_, depth)| *depth <= 0.0) {
                 continue;
             }
-            let points = corners.map(|(at, _)| area.min + egui::Vec2::new(at.x, at.y)).to_vec();
+            let points = corners.map(|(at, _)| area.min + egui::Vec2::new(at.x, at.y));
             let part = (cell.irradiance.element_sum() / most).sqrt();
             let colour = Color32::from_rgb(255, 200, 40);
-            let fill = colour.gamma_multiply(0.6 * part);
-            painter.add(egui::Shape::convex_polygon(points, fill, Stroke::new(1.0, colour.gamma_multiply(0.7))));
+            let first = fills.vertices.len() as u32;
+            for point in points {
+                fills.colored_vertex(point, colour.gamma_multiply(0.6 * part));
+            }
+            fills.add_triangle(first, first + 1, first + 2);
+            fills.add_triangle(first, first + 2, first + 3);
+            paint_outline(painter, &points, Stroke::new(1.0, colour.gamma_multiply(0.7)));
         }
+        painter.set(place, fills);
     }
 
     /// Forgets what was found in another scene.
@@ -178,10 +186,17 @@ fn paint_footprint(painter: &egui::Painter, area: Rect, footprint: &MapFootprint
     // Across the map's left and right edges, too.
     for turn in [-1.0, 0.0, 1.0] {
         let shift = egui::Vec2::new(turn * area.width(), 0.0);
-        let moved = points.iter().map(|point| *point + shift).collect();
-        painter.add(egui::Shape::closed_line(moved, Stroke::new(1.0, Color32::from_rgb(255, 150, 30))));
+        let moved: Vec<Pos2> = points.iter().map(|point| *point + shift).collect();
+        paint_outline(painter, &moved, Stroke::new(1.0, Color32::from_rgb(255, 150, 30)));
         let radius = DOT * footprint.part.sqrt();
         painter.circle_filled((middle + shift).to_pos2(), radius, Color32::from_rgba_unmultiplied(255, 90, 0, 150));
+    }
+}
+
+/// Side by side: where sides meet at an acute angle, the joint of a closed line would be a long spike.
+fn paint_outline(painter: &egui::Painter, corners: &[Pos2], stroke: Stroke) {
+    for (k, corner) in corners.iter().enumerate() {
+        painter.line_segment([*corner, corners[(k + 1) % corners.len()]], stroke);
     }
 }
 
