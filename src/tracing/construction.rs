@@ -28,20 +28,20 @@ impl Tracer {
         Self::build(&meshes.collect::<Vec<_>>(), BvhBuildParams::medium_build(), is_met_by_light)
     }
 
-    /// The same for objects that move or deform in every frame: the hierarchy of the frame before is refitted if these are the same objects and
-    /// rays do not become much slower. Otherwise it is built, in a fraction of the time; rays take a little longer.
+    /// The same for objects that move or deform in every frame: the hierarchy of the frame before is refitted if these are the same objects
+    /// and rays do not become much slower. Otherwise it is built, in a fraction of the time; rays take a little longer.
     pub(crate) fn for_frame<'a>(before: Option<&Self>, meshes: impl Iterator<Item = (&'a Mesh, SeenBy)>) -> Self {
-        let objects: Vec<_> = meshes.collect();
-        let refitted = before.and_then(|before| before.refitted(&objects, is_met_by_light));
-        refitted.unwrap_or_else(|| Self::build(&objects, BvhBuildParams::very_fast_build(), is_met_by_light))
+        Self::refitted_or_built(before, &meshes.collect::<Vec<_>>(), is_met_by_light)
     }
 
     /// The hierarchy over emitters, through which light passes; refitted like that of a frame.
     pub(crate) fn of_emitters<'a>(before: Option<&Self>, meshes: impl Iterator<Item = (&'a Mesh, SeenBy)>) -> Self {
-        let objects: Vec<_> = meshes.collect();
-        let is_emitter = |seen_by: &SeenBy| !seen_by.light;
-        let refitted = before.and_then(|before| before.refitted(&objects, is_emitter));
-        refitted.unwrap_or_else(|| Self::build(&objects, BvhBuildParams::very_fast_build(), is_emitter))
+        Self::refitted_or_built(before, &meshes.collect::<Vec<_>>(), |seen_by| !seen_by.light)
+    }
+
+    fn refitted_or_built(before: Option<&Self>, objects: &Objects, is_wanted: fn(&SeenBy) -> bool) -> Self {
+        let refitted = before.and_then(|before| before.refitted(objects, is_wanted));
+        refitted.unwrap_or_else(|| Self::build(objects, BvhBuildParams::very_fast_build(), is_wanted))
     }
 
     /// The hierarchy over some of the objects.
