@@ -430,7 +430,7 @@ impl Options {
     /// The parameters of a sum with this filter and rotation of the environment.
     pub(crate) fn params(&self, filter: Filter, environment_rotation_rad: f32) -> Params {
         let Self { taps, attenuation, epsilon, .. } = *self;
-        Params { filter, taps, attenuation, epsilon, environment_rotation_rad }
+        Params { filter, taps, attenuation, epsilon, softening: 0.0, environment_rotation_rad }
     }
 
     /// Whether any requested picture shows caustics.

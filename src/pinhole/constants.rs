@@ -120,7 +120,7 @@ pub const MAX_OFF_PLANE: f32 = 0.15;
 /// Weights of the nodes around a pixel add up to 1 on an even surface. With less than this, it is computed.
 pub const MIN_WEIGHT: f32 = 0.05;
 /// Light between nodes is computed where theirs differs by more than this part of the brightest.
-pub const MAX_CONTRAST: f32 = 0.5;
+pub const MAX_CONTRAST: f32 = 0.4;
 /// Neighbours whose normals have a smaller cosine than this lie on either side of an edge.
 pub const MIN_EVEN_COSINE: f32 = 0.85;
 /// A point is on the same surface as a pixel's if their normals have at least this cosine: silhouettes of balls turn away quickly.

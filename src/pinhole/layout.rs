@@ -247,7 +247,7 @@ impl GatherUniforms {
     pub fn new(params: &Params, pinholes: &Pinholes, cube_size: u32, radiance_scale: f32) -> Self {
         use std::f32::consts::FRAC_1_PI;
         let (own_scale, epsilon_scale, epsilon) = match params.epsilon {
-            Epsilon::Auto => (FRAC_1_PI, 0.0, 0.0),
+            Epsilon::Auto => (FRAC_1_PI, params.softening * FRAC_1_PI, 0.0),
             Epsilon::Paper => (0.0, 4.0 * FRAC_1_PI, 0.0),
             Epsilon::Value(value) => (0.0, 0.0, value),
         };

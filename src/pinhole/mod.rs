@@ -123,6 +123,9 @@ pub struct Params {
     pub attenuation: bool,
     /// What keeps 1/l² finite.
     pub epsilon: Epsilon,
+    /// With [`Epsilon::Auto`], 1/l² is 1/(l² + this times aᵢ/π) also between different objects: few samples show less as spots where a
+    /// mirror touches a receiver, and what is near it gets less light.
+    pub softening: f32,
     /// Counter-clockwise rotation of the environment about +Y, radians: a direction d in the world is looked up in the
     /// cube map as R(−rotation)·d.
     pub environment_rotation_rad: f32,
@@ -138,6 +141,7 @@ impl Default for Params {
             taps: 16,
             attenuation: true,
             epsilon: Epsilon::Auto,
+            softening: 0.0,
             environment_rotation_rad: 0.0,
         }
     }
@@ -156,7 +160,17 @@ fn lobe_of_bend(changes: [Vec3; 2]) -> f32 {
 /// Packs differential samples for the gather, with the material and the sides of their objects. Samples of objects that are no
 /// mirrors in `scene` are left out.
 pub fn pinholes(scene: &Scene, samples: &[DifferentialSample], footprint: Footprint) -> Pinholes {
-    let mirrors = Mirrors::of_scene(scene);
+    pinholes_with(scene, &reflectance_curves(scene), samples, footprint)
+}
+
+/// The same with the [`reflectance_curves`] of the scene, which take long for rough mirrors.
+pub(crate) fn pinholes_with(
+    scene: &Scene,
+    curves: &[Option<Curve>],
+    samples: &[DifferentialSample],
+    footprint: Footprint,
+) -> Pinholes {
+    let mirrors = Mirrors::new(scene, curves);
     let pack = |s: &DifferentialSample| {
         let mirror = mirrors.of_object.get(s.object as usize)?.as_ref()?;
         let (position, normal, area, sides) = match footprint {
@@ -220,6 +234,19 @@ struct Mirror {
 }
 
 impl Mirror {
+    /// From its reflectance by angle, and the number of that curve unless it is constant.
+    fn new(reflector: &Reflector, curve: Option<u32>, at_angles: &Curve) -> Self {
+        let Reflector { sides, finish } = reflector;
+        Self {
+            reflectance: finish.reflectance.as_vec3(),
+            curve,
+            max_reflectance: at_angles.values().iter().map(|v| v.as_vec3().max_element()).fold(0.0, f32::max),
+            lobe: LOBE_PER_ALPHA * finish.alpha() as f32,
+            two_sided: *sides == Sides::Both,
+            faces_front: *sides != Sides::Back,
+        }
+    }
+
     /// Width of the lobe with the blur of a footprint's bend. Independent blurs: their second moments add.
     #[inline]
     fn lobe_with_bend(&self, changes: [Vec3; 2]) -> f32 {
@@ -227,32 +254,30 @@ impl Mirror {
     }
 }
 
+/// Each object's specular reflectance by angle of incidence.
+pub(crate) fn reflectance_curves(scene: &Scene) -> Vec<Option<Curve>> {
+    let curve = |o: &Object| o.reflector.map(|r| Curve::new(&r.finish, CURVE_POINTS));
+    scene.objects.iter().map(curve).collect()
+}
+
 impl Mirrors {
-    fn of_scene(scene: &Scene) -> Self {
+    /// From the [`reflectance_curves`] of the scene.
+    fn new(scene: &Scene, curves: &[Option<Curve>]) -> Self {
         let mut finishes: Vec<Finish> = Vec::new();
-        let mut number = |finish: Finish| {
-            let known = finishes.iter().position(|f| *f == finish);
-            known.unwrap_or_else(|| {
-                finishes.push(finish);
-                finishes.len() - 1
-            }) as u32
-        };
-        let mirror = |o: &Object| {
-            let Reflector { sides, finish } = o.reflector?;
-            let reflectance = finish.reflectance.as_vec3();
-            let curve = (!finish.is_constant()).then(|| number(finish));
-            let at_angles = Curve::new(&finish, CURVE_POINTS);
-            let max_reflectance = at_angles.values().iter().map(|v| v.as_vec3().max_element()).fold(0.0, f32::max);
-            let lobe = LOBE_PER_ALPHA * finish.alpha() as f32;
-            let (two_sided, faces_front) = (sides == Sides::Both, sides != Sides::Back);
-            Some(Mirror { reflectance, curve, max_reflectance, lobe, two_sided, faces_front })
-        };
-        let of_object = scene.objects.iter().map(mirror).collect();
-        let row = |finish: &Finish| {
-            let curve = Curve::new(finish, CURVE_POINTS);
-            std::array::from_fn(|k| curve.values()[k].as_vec3().extend(0.0).to_array())
-        };
-        Self { of_object, curves: finishes.iter().map(row).collect() }
+        let mut new = Self::default();
+        for (object, curve) in scene.objects.iter().zip(curves) {
+            let mirror = object.reflector.zip(curve.as_ref()).map(|(reflector, curve)| {
+                let finish = reflector.finish;
+                if !finish.is_constant() && !finishes.contains(&finish) {
+                    finishes.push(finish);
+                    new.curves.push(std::array::from_fn(|k| curve.values()[k].as_vec3().extend(0.0).to_array()));
+                }
+                let number = finishes.iter().position(|known| *known == finish);
+                Mirror::new(&reflector, number.map(|number| number as u32), curve)
+            });
+            new.of_object.push(mirror);
+        }
+        new
     }
 }
 

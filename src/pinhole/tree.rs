@@ -7,10 +7,11 @@ use glam::Vec3;
 use super::cell::Cell;
 use super::constants::LOBE_BLUR;
 use super::visibility::Edges;
-use super::{Mirror, Mirrors, PinholeParts, PinholeSample, Pinholes, VisibilityMaps};
+use super::{Mirror, Mirrors, PinholeParts, PinholeSample, Pinholes, VisibilityMaps, reflectance_curves};
 use crate::cell_tree::{CellNode, CellTree, NodeGeometry};
 use crate::lanes::LANES;
 use crate::progress::Progress;
+use crate::reflectance::Curve;
 use crate::scene::Scene;
 use crate::tracing::{Piece, Tracer};
 
@@ -56,8 +57,13 @@ impl Occluders {
 impl PinholeTree {
     /// Combines a tree's cells with the materials of their objects. `scene` is the one that the tree was made of.
     pub fn new(scene: &Scene, tree: CellTree) -> Self {
-        let mut new =
-            Self { tree, mirrors: Mirrors::of_scene(scene), sample_nodes: Pinholes::default(), occluders: None };
+        Self::with_curves(scene, &reflectance_curves(scene), tree)
+    }
+
+    /// The same with the [`reflectance_curves`] of the scene, which take long for rough mirrors.
+    pub(crate) fn with_curves(scene: &Scene, curves: &[Option<Curve>], tree: CellTree) -> Self {
+        let mirrors = Mirrors::new(scene, curves);
+        let mut new = Self { tree, mirrors, sample_nodes: Pinholes::default(), occluders: None };
         let samples = new.tree.sample_nodes().iter().map(|&index| new.packed(new.tree.node(index))).collect();
         new.sample_nodes = Pinholes { samples, curves: new.mirrors.curves.clone(), visibility: None };
         new

@@ -13,9 +13,9 @@ use crate::brdf::Materials;
 use crate::environment::LightGeometry;
 #[cfg(feature = "gpu")]
 use crate::gpu::{Gpu, GpuError};
-use crate::pinhole::CURVE_POINTS;
 #[cfg(feature = "gpu")]
 use crate::pinhole::gpu::{Geometry, MovingGeometry};
+use crate::pinhole::reflectance_curves;
 use crate::progress::{Progress, Stage};
 use crate::reflectance::{Curve, Finish};
 use crate::sampling::Surface;
@@ -68,8 +68,7 @@ pub(crate) struct SurfaceMaterials {
 
 impl SurfaceMaterials {
     fn of_scene(scene: &Scene) -> Self {
-        let curve = |o: &Object| o.reflector.map(|r| Curve::new(&r.finish, CURVE_POINTS));
-        Self { receivers: Arc::new(scene.materials()), mirrors: scene.objects.iter().map(curve).collect() }
+        Self { receivers: Arc::new(scene.materials()), mirrors: reflectance_curves(scene) }
     }
 }
 

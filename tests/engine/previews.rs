@@ -54,7 +54,7 @@ fn lone_jumps(a: &Image, b: &Image) -> usize {
     (1..height - 1).map(|y| (1..width - 1).filter(|x| is_alone(*x, y)).count()).sum()
 }
 
-/// What differs are edges seen in mirrors, which previews do not anti-alias, shadows by fewer directions, and the paper's ε.
+/// What differs are edges seen in mirrors, which previews do not anti-alias, shadows by fewer directions, and light near mirrors.
 #[test]
 fn previews_look_like_the_whole_picture() {
     for (scene, most) in
@@ -76,7 +76,7 @@ fn previews_do_not_flicker() {
         let mut engine = engine(scene);
         let (mut changes, mut jumps) = ([0.0; 2], [0; 2]);
         let mut last: Option<[Image; 2]> = None;
-        for frame in 0..6 {
+        for frame in 0..4 {
             engine.scene_mut().pose(0.2 + frame as f32 / RATE);
             let pictures = [preview(&mut engine, 3), whole(&mut engine)];
             if let Some(last) = &last {
@@ -91,7 +91,7 @@ fn previews_do_not_flicker() {
         );
         assert!(preview < 1.2 * whole + 0.1, "{scene}: {preview} against {whole}");
         // Edges in mirrors are not anti-aliased: 3 of 10,000 pixels may.
-        let most = jumps[1] + (5 * SIZE[0] * SIZE[1]) as usize * 3 / 10_000;
+        let most = jumps[1] + (3 * SIZE[0] * SIZE[1]) as usize * 3 / 10_000;
         assert!(jumps[0] <= most, "{scene}: {jumps:?} pixels jump alone");
     }
 }
@@ -116,8 +116,8 @@ fn both_back_ends_render_the_same_previews() {
         let name = scene.name;
         let spacing = 1 + k as u32 % 4;
         let is_metered = k % 3 == 2;
-        let size = [56, 42];
-        let detail = Detail { size, samples: 60, taps: 8, spacing, shadow_directions: 32 };
+        let size = [48, 36];
+        let detail = Detail { size, samples: 60, taps: 8, spacing, shadow_directions: 16 };
         let [cpu, gpu] = backends.each_ref().map(|backend| {
             let (scene, mut options) = pinspot::load(name).unwrap();
             if is_metered {
@@ -192,7 +192,7 @@ fn read_bytes(device: &wgpu::Device, queue: &wgpu::Queue, texture: &wgpu::Textur
 /// Where 32-bit textures do not blend, sums of one layer and frame do not reach the next.
 #[test]
 fn previews_need_no_more_than_every_device_has() {
-    let backends = [wait(None, Gpu::open_minimal()).unwrap(), wait(None, Gpu::open(None)).unwrap()].map(Backend::gpu);
+    let backends = [Backend::gpu(wait(None, Gpu::open_minimal()).unwrap()), gpu_backend()];
     let [minimal, blending] = backends.map(|backend| {
         let (scene, options) = pinspot::load("mirror-sphere").unwrap();
         let mut engine = Engine::new(scene, options.with_size([64, 48]), backend.clone());

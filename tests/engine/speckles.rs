@@ -24,7 +24,7 @@ fn default_caustics_hold_few_speckles() {
     // The counts that were measured; before doubtful occlusion was traced they were 15, 42 and 9. Images of the sun by the tiles of the
     // ball are about a pixel wide here.
     for (name, most) in [("ring", 1), ("ring-natural", 4), ("columns", 6), ("disco-ball", 36)] {
-        let expected = truth(name, Quantity::Caustic, Visibility::Full, EDGE, 0.02);
+        let expected = truth(name, Quantity::Caustic, Visibility::Full, EDGE, 0.03);
         let found = speckles(&default_caustic(name), &expected, THRESHOLD);
         println!("{name}: {} of {}", found.len(), EDGE * EDGE);
         assert!(found.len() <= most, "{name}: {} pixels, first {:?}", found.len(), found.first());

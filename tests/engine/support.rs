@@ -15,19 +15,19 @@ use pinspot::reference::{self, Quantity, Reference, StoppingCriterion};
 use pinspot::scene::{Scene, Visibility, load, parse};
 use pinspot::{Backend, BackendChoice, Error, EvaluationChoice, Footprint, NoProgress, Rendered, Settings, Strategy};
 
+const NEEDS_ADAPTER: &str = "GPU tests need an adapter; run them by tests/run";
+
 /// The adapter under test.
 pub fn gpu() -> &'static Gpu {
     static GPU: OnceLock<Gpu> = OnceLock::new();
-    GPU.get_or_init(|| {
-        wait(None, Gpu::open(None)).unwrap_or_else(|e| panic!("GPU tests need an adapter; run them by tests/run: {e}"))
-    })
+    GPU.get_or_init(|| wait(None, Gpu::open(None)).unwrap_or_else(|e| panic!("{NEEDS_ADAPTER}: {e}")))
 }
 
-/// The adapter under test as a back end of its own.
+/// The adapter under test as a back end, which is opened once: compiling its pipelines takes longer than most tests.
 pub fn gpu_backend() -> Backend {
-    Backend::gpu(
-        wait(None, Gpu::open(None)).unwrap_or_else(|e| panic!("GPU tests need an adapter; run them by tests/run: {e}")),
-    )
+    static SHARED: OnceLock<Backend> = OnceLock::new();
+    let open = || Backend::gpu(wait(None, Gpu::open(None)).unwrap_or_else(|e| panic!("{NEEDS_ADAPTER}: {e}")));
+    SHARED.get_or_init(open).clone()
 }
 
 /// A scene from the text of its objects; the light and the camera are of no importance.
@@ -169,9 +169,8 @@ pub fn render_again(engine: &mut pinspot::Engine) -> Result<Rendered, Error> {
 
 /// A new engine. The adapter under test is opened once.
 pub fn new_engine(scene: Scene, options: pinspot::Options, choice: &BackendChoice) -> Result<pinspot::Engine, Error> {
-    static SHARED: OnceLock<Backend> = OnceLock::new();
     let backend = match choice {
-        BackendChoice::Gpu(None) => SHARED.get_or_init(gpu_backend).clone(),
+        BackendChoice::Gpu(None) => gpu_backend(),
         choice => wait(None, Backend::open(choice))?,
     };
     Ok(pinspot::Engine::new(scene, options, backend))

@@ -34,7 +34,7 @@ use crate::Error;
 use crate::backend::Backend;
 use crate::image::{Aov, Image, exposed, metered_ev};
 use crate::options::{Evaluation, EvaluationChoice, Exposures, Options, Overlay};
-use crate::pinhole::{Epsilon, Receivers};
+use crate::pinhole::Receivers;
 use crate::progress::{Progress, Stage};
 use crate::scene::{Scene, Visibility};
 use crate::stages::{LightStages, PreparedLight, PreparedScene};
@@ -236,20 +236,17 @@ impl Engine {
         })
     }
 
-    /// The engine's options, with the size, the samples and the taps of a preview, which are summed one by one. The paper's ε keeps single
-    /// samples from being seen where a mirror touches a receiver.
+    /// The engine's options, with the size, the samples and the taps of a preview, which are summed one by one.
     fn preview_options(&self, detail: &Detail) -> Options {
         let options = self.options.clone();
         let samples = detail.samples.min(options.samples);
         let taps = detail.taps.min(options.taps);
-        let epsilon = options.epsilon;
         options
             .with_size(detail.size)
             .with_samples(samples)
             .with_taps(taps)
             .with_leaves(None)
             .with_evaluation(EvaluationChoice::Flat)
-            .with_epsilon(if epsilon == Epsilon::Auto { Epsilon::Paper } else { epsilon })
             .with_pixel_samples(1)
             .with_aovs(vec![Aov::Beauty])
     }

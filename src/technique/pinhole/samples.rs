@@ -8,7 +8,7 @@ use super::density::{self, DensityInputs};
 use crate::cell_tree::{CellTree, TreeOptions};
 use crate::differential::{DifferentialSample, differentials};
 use crate::environment::Environment;
-use crate::pinhole::{Edges, Footprint, Params, PinholeTree, Pinholes, pinholes};
+use crate::pinhole::{Edges, Footprint, Params, PinholeTree, Pinholes, pinholes_with};
 use crate::progress::Stage;
 use crate::sampling::{Density, PointSet, SamplingError, Strategy, Surface};
 use crate::scene::{Camera, Reflector, Scene, Visibility};
@@ -119,8 +119,10 @@ impl SampleStages {
             return self.pinholes.get(key, *progress, || with_visibility(tree.leaves(), inputs));
         }
         let differentials = self.differentials(inputs, points);
-        self.pinholes
-            .get(key, *progress, || with_visibility(pinholes(scene, &differentials, options.footprint), inputs))
+        let curves = &inputs.prepared.materials.mirrors;
+        self.pinholes.get(key, *progress, || {
+            with_visibility(pinholes_with(scene, curves, &differentials, options.footprint), inputs)
+        })
     }
 
     /// The surface around the points.
@@ -143,7 +145,8 @@ impl SampleStages {
         let Inputs { scene, prepared, options, progress, .. } = inputs;
         self.tree.get(cells_key(inputs, points, leaves), *progress, || {
             let options = TreeOptions { leaves, seed: options.seed };
-            PinholeTree::new(scene, CellTree::new(&prepared.surface, &points.set, &options))
+            let cells = CellTree::new(&prepared.surface, &points.set, &options);
+            PinholeTree::with_curves(scene, &prepared.materials.mirrors, cells)
         })
     }
 
