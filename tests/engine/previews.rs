@@ -65,7 +65,7 @@ fn previews_look_like_the_whole_picture() {
         let [every, second, fourth] = [1, 2, 4].map(|spacing| difference(&preview(&mut engine, spacing), &whole));
         println!("{scene}: {every:.2} levels in every pixel, {second:.2} at spacing 2, {fourth:.2} at spacing 4");
         assert!(every < most, "{scene}: {every}");
-        assert!(fourth < every + 1.5, "{scene}: interpolation adds {every} → {fourth}");
+        assert!(fourth < every + 1.6, "{scene}: interpolation adds {every} → {fourth}");
     }
 }
 
@@ -116,8 +116,8 @@ fn both_back_ends_render_the_same_previews() {
         let name = scene.name;
         let spacing = 1 + k as u32 % 4;
         let is_metered = k % 3 == 2;
-        let size = [48, 36];
-        let detail = Detail { size, samples: 60, taps: 8, spacing, shadow_directions: 16 };
+        let size = [56, 42];
+        let detail = Detail { size, samples: 60, taps: 8, spacing, shadow_directions: 32 };
         let [cpu, gpu] = backends.each_ref().map(|backend| {
             let (scene, mut options) = pinspot::load(name).unwrap();
             if is_metered {
