@@ -1,9 +1,9 @@
 //! Frames of the interactive window without a window: everything moves, light is filtered, both legs are shadowed. Beside the frames per
 //! second that Wand and Straßer report for the same sample counts (Figures 6 and 7, unfiltered, without visibility).
-
 //!
 //! `cargo bench --bench frames -- errors` measures instead how far the irradiance of caustics in these frames is from the ground truth,
-//! beside that of whole pictures of the same samples. This takes some minutes.
+//! beside that of whole pictures of the same samples. This takes some minutes. Names of scenes measure these alone; `previews` leaves
+//! whole pictures out, for a profiler.
 
 use std::f32::consts::PI;
 use std::sync::Mutex;
@@ -74,7 +74,17 @@ fn detail(size: [u32; 2], samples: u32) -> Detail {
 }
 
 fn main() -> Result<(), pinspot::Error> {
-    if std::env::args().any(|argument| argument == "errors") { errors() } else { speeds() }
+    if is_asked_for("errors") { errors() } else { speeds() }
+}
+
+fn is_asked_for(what: &str) -> bool {
+    std::env::args().any(|argument| argument == what)
+}
+
+/// The scenes that are named on the command line, or all.
+fn scenes() -> impl Iterator<Item = (&'static str, u32, f64)> {
+    let are_named = SCENES.iter().any(|(name, ..)| is_asked_for(name));
+    SCENES.into_iter().filter(move |(name, ..)| !are_named || is_asked_for(name))
 }
 
 fn speeds() -> Result<(), pinspot::Error> {
@@ -82,7 +92,7 @@ fn speeds() -> Result<(), pinspot::Error> {
         "| scene | samples | paper, frames per second | preview | whole picture, flat | ratio | milliseconds by stage |"
     );
     println!("|---|---|---|---|---|---|---|");
-    for (name, samples, paper) in SCENES {
+    for (name, samples, paper) in scenes() {
         let (scene, options) = pinspot::load(name)?;
         let options = options.with_size([SIZE; 2]).with_samples(samples).with_evaluation(EvaluationChoice::Flat);
         let mut engine = Engine::new(scene, options, Backend::cpu());
@@ -96,7 +106,9 @@ fn speeds() -> Result<(), pinspot::Error> {
         }
         let preview = f64::from(FRAMES) / began.elapsed().as_secs_f64();
         let began = Instant::now();
-        wait(None, engine.render(&NoProgress))?;
+        if !is_asked_for("previews") {
+            wait(None, engine.render(&NoProgress))?;
+        }
         let whole = 1.0 / began.elapsed().as_secs_f64();
         let stages = stages.0.into_inner().unwrap().seconds;
         let stages: Vec<String> = stages
@@ -128,7 +140,7 @@ const GAIN: f32 = 1000.0;
 fn errors() -> Result<(), pinspot::Error> {
     println!("| scene | samples | whole picture, flat | preview | difference |");
     println!("|---|---|---|---|---|");
-    for (name, samples, _) in SCENES {
+    for (name, samples, _) in scenes() {
         let mut sums = [0.0; 2];
         for frame in MEASURED_FRAMES {
             let (mut scene, options) = pinspot::load(name)?;
