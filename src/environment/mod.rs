@@ -25,7 +25,7 @@ pub use builtin::{BUILT_IN_MAPS, BuiltInMap};
 pub use cube::{CubeMap, FACES, face_direction, face_of_direction, texel_solid_angle_sr};
 pub use field::EnvironmentRadiance;
 pub use importance::LightSampler;
-pub use irradiance::irradiance_map;
+pub use irradiance::{irradiance_map, irradiance_map_of_frame};
 pub use light_geometry::{LightGeometry, LitBy};
 
 use serde::Deserialize;

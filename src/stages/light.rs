@@ -9,6 +9,7 @@ use super::StageCounts;
 use super::memo::{Id, Memo};
 use crate::environment::{
     CubeMap, CubeSize, Environment, EnvironmentError, LightBounds, LightGeometry, LightSampler, LitBy, irradiance_map,
+    irradiance_map_of_frame,
 };
 use crate::progress::{Progress, Stage};
 use crate::scene::{EnvironmentSource, Light};
@@ -41,6 +42,8 @@ impl PreparedLight {
 /// The stages that make a [`PreparedLight`] and what is derived from it.
 #[derive(Debug)]
 pub(crate) struct LightStages {
+    /// The light is different in the next frame: what is derived from it is made quickly, and less finely.
+    is_for_frames: bool,
     environment: Memo<(Light, CubeSize, u32), Environment>,
     /// With light geometry drawn into it.
     lit: Memo<LitKey, Environment>,
@@ -62,12 +65,18 @@ pub(crate) struct DrawnGeometry {
 impl LightStages {
     pub fn new() -> Self {
         Self {
+            is_for_frames: false,
             environment: Memo::new(Stage::Light),
             lit: Memo::new(Stage::LitEnvironment),
             bounds: Memo::new(Stage::LightBounds),
             irradiance: Memo::new(Stage::Irradiance),
             sampler: Memo::new(Stage::LightSampler),
         }
+    }
+
+    /// For previews of a light that moves.
+    pub fn for_frames() -> Self {
+        Self { is_for_frames: true, ..Self::new() }
     }
 
     pub fn prepare(
@@ -116,7 +125,8 @@ impl LightStages {
     /// The irradiance map (irradiance by normal), for direct light.
     pub fn irradiance(&mut self, light: &PreparedLight, progress: &dyn Progress) -> Arc<CubeMap> {
         let cube = &light.environment.cube;
-        self.irradiance.get(Id::of(&light.environment), progress, || irradiance_map(cube))
+        let make = if self.is_for_frames { irradiance_map_of_frame } else { irradiance_map };
+        self.irradiance.get(Id::of(&light.environment), progress, || make(cube))
     }
 
     /// Importance sampling of the environment, for shadowed or glossy direct light.

@@ -107,7 +107,7 @@ impl PreviewStages {
     pub fn new(technique: Technique) -> Self {
         Self {
             technique: (technique, technique.stages()),
-            light: LightStages::new(),
+            light: LightStages::for_frames(),
             #[cfg(feature = "gpu")]
             on_gpu: None,
         }

@@ -342,8 +342,11 @@ impl VisibilityMap<'_> {
         if differing != 0 {
             let open = exact(differing);
             for lane in set_bits(differing) {
-                let interpolated = || self.interpolated_sky(lane, &place, corners[lane]);
-                fractions[lane] = open.map_or_else(interpolated, |open| (open >> lane & 1) as f32);
+                // Not a closure, as above.
+                fractions[lane] = match open {
+                    Some(open) => (open >> lane & 1) as f32,
+                    None => self.interpolated_sky(lane, &place, corners[lane]),
+                };
             }
         }
         fractions
@@ -360,44 +363,85 @@ impl VisibilityMap<'_> {
     }
 
     /// The part of a square of a map that sees the environment, estimated from eight lines across it. The square is clipped to the map:
-    /// a lobe's energy is that above the horizon. The centre and the width are in texels.
+    /// a lobe's energy is that above the horizon.
     #[inline(always)]
     fn sky_fraction_of_square(&self, map: u32, centre: [f32; 2], width: f32) -> f32 {
         let n = self.maps.resolution;
         let [[left, right], [top, bottom]] =
             centre.map(|c| [(c - 0.5 * width).max(0.0), (c + 0.5 * width).min(n as f32)]);
-        let on_line = |k: u32| {
+        let columns = Columns::new(left, right);
+        // Not a sum over an iterator: its closure is compiled without vector instructions (see `lanes`).
+        let mut texels = SkyTexels::default();
+        for k in 0..LINES {
             let row = (top + (k as f32 + 0.5) / LINES as f32 * (bottom - top)) as u32;
-            let mask = self.maps.sky_mask[(map * n + row.min(n - 1)) as usize];
-            sky_texels_before(mask, right) - sky_texels_before(mask, left)
-        };
-        (0..LINES).map(on_line).sum::<f32>() / (LINES as f32 * (right - left))
+            columns.count(self.maps.sky_mask[(map * n + row.min(n - 1)) as usize], &mut texels);
+        }
+        columns.length(&texels) / (LINES as f32 * (right - left))
     }
 }
 
 /// Lines across a square of a map that stand for it.
 const LINES: u32 = 8;
 
-/// Texels of a row that see the environment, up to a place from 0 to 32; a partly covered texel counts in proportion.
-#[inline(always)]
-fn sky_texels_before(mask: u32, place: f32) -> f32 {
-    let whole = place as u32;
-    let texel = u64::from(mask) >> whole & 1;
-    (u64::from(mask) & ((1 << whole) - 1)).count_ones() as f32 + place.fract() * texel as f32
+/// A part of the rows of a map, from one place to another, each from 0 to 32 texels.
+struct Columns {
+    /// The texels in which it begins and ends, and how far from their left edges.
+    first: u32,
+    last: u32,
+    before_first: f32,
+    in_last: f32,
+    /// Bits of the texels from the first to the last, which is not included.
+    mask: u64,
+}
+
+/// How many texels of some rows see the environment: between the ends of a part of them, and at its ends.
+#[derive(Default)]
+struct SkyTexels {
+    between: u32,
+    at_first: u32,
+    at_last: u32,
+}
+
+impl Columns {
+    #[inline(always)]
+    fn new(left: f32, right: f32) -> Self {
+        let (first, last) = (left as u32, right as u32);
+        let mask = (1u64 << last).wrapping_sub(1 << first);
+        Self { first, last, before_first: left - first as f32, in_last: right - last as f32, mask }
+    }
+
+    /// Counts the texels of a row.
+    #[inline(always)]
+    fn count(&self, sky_mask: u32, texels: &mut SkyTexels) {
+        let row = u64::from(sky_mask);
+        texels.between += (row & self.mask).count_ones();
+        texels.at_first += (row >> self.first & 1) as u32;
+        texels.at_last += (row >> self.last & 1) as u32;
+    }
+
+    /// The length that sees the environment, texels; partly covered ones count in proportion.
+    #[inline(always)]
+    fn length(&self, texels: &SkyTexels) -> f32 {
+        texels.between as f32 + self.in_last * texels.at_last as f32 - self.before_first * texels.at_first as f32
+    }
 }
 
 /// Interpolates four texels of rows of `n`, each of which stores where its value changes to the next one's.
 #[inline(always)]
 fn interpolated(planes: &[[f32; 4]], n: usize, [a, b, c, d]: [f32; 4], [fx, fy]: [f32; 2]) -> f32 {
-    let across = |texel: usize, fraction: f32, shift: u32| {
-        let bits = planes[texel][3].to_bits() >> shift;
-        let (edge, half) = ((bits >> 2 & 63) as f32 / 64.0, 0.125 * (1 << (bits & 3)) as f32);
-        let (low, high) = ((edge - half).max(0.0), (edge + half).min(1.0));
-        ((fraction - low) / (high - low)).clamp(0.0, 1.0)
-    };
-    let top = mix(a, b, across(0, fx, 8));
-    let bottom = mix(c, d, across(n, fx, 8));
-    mix(top, bottom, mix(across(0, fy, 0), across(1, fy, 0), fx))
+    let top = mix(a, b, part_across(&planes[0], fx, 8));
+    let bottom = mix(c, d, part_across(&planes[n], fx, 8));
+    mix(top, bottom, mix(part_across(&planes[0], fy, 0), part_across(&planes[1], fy, 0), fx))
+}
+
+/// How far the value of a texel has changed to that of the next one, at a place on the way. The edge between them is stored from this
+/// bit on.
+#[inline(always)]
+fn part_across(plane: &[f32; 4], place: f32, shift: u32) -> f32 {
+    let bits = plane[3].to_bits() >> shift;
+    let (edge, half) = ((bits >> 2 & 63) as f32 / 64.0, 0.125 * (1 << (bits & 3)) as f32);
+    let (low, high) = ((edge - half).max(0.0), (edge + half).min(1.0));
+    ((place - low) / (high - low)).clamp(0.0, 1.0)
 }
 
 #[inline(always)]
@@ -411,12 +455,20 @@ mod tests {
 
     #[test]
     fn parts_of_rows_count_their_texels() {
-        for (place, expected) in [(0.0, 0.0), (0.25, 0.25), (7.5, 7.5), (31.5, 31.5), (32.0, 32.0)] {
-            assert_eq!(sky_texels_before(u32::MAX, place), expected);
-            assert_eq!(sky_texels_before(0, place), 0.0);
+        let length = |mask: u32, left: f32, right: f32| {
+            let (columns, mut texels) = (Columns::new(left, right), SkyTexels::default());
+            columns.count(mask, &mut texels);
+            columns.length(&texels)
+        };
+        for place in [0.0, 0.25, 7.5, 31.5, 32.0] {
+            assert_eq!(length(u32::MAX, 0.0, place), place);
+            assert_eq!(length(u32::MAX, place, 32.0), 32.0 - place);
+            assert_eq!(length(0, 0.0, place), 0.0);
         }
-        assert_eq!(sky_texels_before(0b1010, 1.5), 0.5);
-        assert_eq!(sky_texels_before(0b1010, 3.0), 1.0);
+        assert_eq!(length(0b1010, 0.0, 1.5), 0.5);
+        assert_eq!(length(0b1010, 0.0, 3.0), 1.0);
+        assert_eq!(length(0b1010, 1.25, 1.75), 0.5);
+        assert_eq!(length(0b1010, 1.25, 3.5), 1.25);
     }
 
     /// Half of a map sees the environment; squares that reach over its edge count what lies on it.
