@@ -129,6 +129,18 @@ impl EnvironmentRadiance {
         }
     }
 
+    /// Puts [`Self::background`] in place of each of many unit directions; much faster than one by one for equirectangular maps.
+    pub fn background_of_all(&self, directions: &mut [Vec3]) {
+        match &self.kind {
+            Kind::Geometry { front, background } => {
+                background.background_of_all(directions);
+                directions.iter_mut().for_each(|radiance| *radiance *= front.intensity);
+            }
+            Kind::Map(layout) => layout.smooth_radiance_of_all(directions),
+            _ => directions.iter_mut().for_each(|d| *d = self.smooth_radiance(*d)),
+        }
+    }
+
     fn look_up(&self, d: Vec3, in_map: impl Fn(&Layout, Vec3) -> Vec3 + Copy) -> Vec3 {
         match &self.kind {
             Kind::Map(layout) => in_map(layout, d),

@@ -75,8 +75,7 @@ fn cells(radiance: &CubeMap, level: u32) -> Vec<VectorIrradiances> {
         }
         cells
     };
-    let cells: Vec<Vec<VectorIrradiance>> =
-        rows.par_chunks(per_cell as usize).enumerate().map(of_rows).collect();
+    let cells: Vec<Vec<VectorIrradiance>> = rows.par_chunks(per_cell as usize).enumerate().map(of_rows).collect();
     cells.concat().chunks(LANES).map(side_by_side).collect()
 }
 

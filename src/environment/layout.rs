@@ -80,11 +80,24 @@ impl Layout {
 
     /// Radiance as a smooth picture: magnified, bilinear look-ups show their texels; four of them, half a texel apart, do not.
     pub fn smooth_radiance(&self, d: Vec3) -> Vec3 {
+        0.25 * self.smooth_taps(d).map(|tap| self.radiance(tap)).into_iter().sum::<Vec3>()
+    }
+
+    /// The directions that are looked up for a smooth picture.
+    fn smooth_taps(&self, d: Vec3) -> [Vec3; 4] {
         let texel = std::f32::consts::FRAC_PI_2 / self.texels_per_quarter() as f32;
         let (u, v) = d.any_orthonormal_pair();
-        let offsets = [(1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0)];
-        let tap = |(a, b): (f32, f32)| self.radiance((d + 0.5 * texel * (a * u + b * v)).normalize());
-        0.25 * offsets.map(tap).into_iter().sum::<Vec3>()
+        let (a, b) = (0.5 * texel * (u + v), 0.5 * texel * (u - v));
+        [d + a, d + b, d - b, d - a].map(Vec3::normalize)
+    }
+
+    /// Puts [`Self::smooth_radiance`] in place of each of many unit directions.
+    pub fn smooth_radiance_of_all(&self, directions: &mut [Vec3]) {
+        let mut taps: Vec<Vec3> = directions.iter().flat_map(|d| self.smooth_taps(*d)).collect();
+        self.radiance_of_all(&mut taps);
+        for (radiance, taps) in directions.iter_mut().zip(taps.chunks_exact(4)) {
+            *radiance = 0.25 * taps.iter().sum::<Vec3>();
+        }
     }
 
     /// The largest radiance of a channel.

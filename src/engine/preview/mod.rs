@@ -12,6 +12,7 @@ mod nodes;
 pub(crate) mod on_gpu;
 mod views;
 
+use std::ops::Range;
 #[cfg(feature = "gpu")]
 use std::sync::Arc;
 
@@ -377,12 +378,10 @@ impl Frame<'_> {
     }
 
     fn shade(&self, views: &Views, own: &[Vec3], mirrored: &[Vec3]) -> (Image, Exposures) {
-        let shaded: Vec<[Vec3; 2]> = own
-            .par_iter()
-            .zip(mirrored)
-            .enumerate()
-            .map(|(pixel, (own, mirrored))| self.radiance(views, pixel, *own, *mirrored))
-            .collect();
+        let [width, height] = self.options.size;
+        let of_row =
+            |y: usize| self.radiance_of_row(views, y * width as usize..(y + 1) * width as usize, own, mirrored);
+        let shaded: Vec<[Vec3; 2]> = (0..height as usize).into_par_iter().flat_map_iter(of_row).collect();
         let exposures = self.options.display.exposures(|| {
             let surfaces: Vec<Vec3> = shaded.iter().map(|[s, _]| *s).filter(|s| *s != Vec3::ZERO).collect();
             let is_mostly_background = 10 * surfaces.len() < shaded.len();
@@ -396,37 +395,46 @@ impl Frame<'_> {
             let background = exposed(*background, exposures.background_exposure_ev);
             self.options.display.tone_map.apply(exposed(*surface, exposures.exposure_ev) + background)
         };
-        let [width, height] = self.options.size;
         (Image { width, height, pixels: shaded.par_iter().map(shown).collect() }, exposures)
     }
 
-    /// Radiance of surfaces, and of the environment where the camera sees it directly, W/(m²·sr).
-    fn radiance(&self, views: &Views, pixel: usize, own: Vec3, mirrored: Vec3) -> [Vec3; 2] {
+    /// Radiance of surfaces, and of the environment where the camera sees it directly, W/(m²·sr), of a row of pixels.
+    fn radiance_of_row(&self, views: &Views, row: Range<usize>, own: &[Vec3], mirrored: &[Vec3]) -> Vec<[Vec3; 2]> {
+        let light_from_world = self.light.world_from_light().transpose();
+        let is_background = |escape: &&Escape| escape.path == 0 && escape.emitted.is_none();
+        let escapes = row.clone().filter_map(|pixel| views.escapes.at(pixel)).filter(is_background);
+        let mut backgrounds: Vec<Vec3> = escapes.map(|escape| light_from_world * escape.direction).collect();
+        self.light.environment.radiance.background_of_all(&mut backgrounds);
+        let mut backgrounds = backgrounds.into_iter();
         let factor = |point: Option<&SurfacePoint>| point.map_or(Vec3::ZERO, |point| point.factor);
         let intensity = self.light.intensity;
-        let surfaces = factor(views.surfaces.at(pixel)) * own + factor(views.mirrored.at(pixel)) * mirrored;
-        let Some(escape) = views.escapes.at(pixel) else { return [intensity * surfaces, Vec3::ZERO] };
-        let escaped = escape.factor * self.environment(escape, views.footprint(pixel, escape));
-        if escape.path == 0 {
-            [intensity * surfaces, intensity * escaped]
-        } else {
+        let of_pixel = |pixel: usize| {
+            let surfaces =
+                factor(views.surfaces.at(pixel)) * own[pixel] + factor(views.mirrored.at(pixel)) * mirrored[pixel];
+            let Some(escape) = views.escapes.at(pixel) else { return [intensity * surfaces, Vec3::ZERO] };
+            if escape.path == 0 {
+                let radiance = escape.emitted.or_else(|| backgrounds.next()).unwrap_or_default();
+                return [intensity * surfaces, intensity * escape.factor * radiance];
+            }
+            let direction = light_from_world * escape.direction;
+            let escaped =
+                escape.factor * self.mirrored_environment(escape, direction, || views.footprint(pixel, escape));
             [intensity * (surfaces + escaped), Vec3::ZERO]
-        }
+        };
+        row.map(of_pixel).collect()
     }
 
-    /// The environment at the end of a path: filtered over its footprint where a mirror shows it smaller than its texels.
-    fn environment(&self, escape: &Escape, footprint_rad: f32) -> Vec3 {
+    /// The environment at the end of a path via mirrors, in a direction of its own: filtered over the path's footprint, radians, where a
+    /// mirror shows it smaller than its texels.
+    fn mirrored_environment(&self, escape: &Escape, direction: Vec3, footprint_rad: impl FnOnce() -> f32) -> Vec3 {
         if let Some(radiance) = escape.emitted {
             return radiance;
         }
-        let direction = self.light.light_from_world(escape.direction);
         let environment = &self.light.environment;
-        if escape.path == 0 {
-            return environment.radiance.background(direction);
-        }
         if escape.alpha > 0.0 {
             return blurred_radiance(&environment.cube, direction, PREVIEW_BLUR * escape.alpha);
         }
+        let footprint_rad = footprint_rad();
         // Texels cover a smaller solid angle towards a face's corners.
         let texel_rad = 2.0 / environment.cube.size() as f32 * direction.abs().max_element().powf(1.5);
         if footprint_rad <= texel_rad {

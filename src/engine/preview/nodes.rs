@@ -10,6 +10,9 @@ use super::views::{Layer, SurfacePoint};
 use crate::pinhole::constants::{MAX_CONTRAST, MAX_OFF_PLANE, MIN_NORMAL_COSINE, MIN_WEIGHT};
 use crate::tracing::Hit;
 
+/// Nodes along the edge of a square whose light is computed side by side: as many as lanes.
+const SQUARE: usize = 4;
+
 /// Points of surfaces, one or none in each pixel, and the light that is known there.
 pub struct NodeGrid<'a> {
     points: &'a Layer<SurfacePoint>,
@@ -47,11 +50,17 @@ impl<'a> NodeGrid<'a> {
         self.unknown(self.spacing).collect()
     }
 
-    /// The pixels of a grid whose light is not known.
+    /// The pixels of a grid whose light is not known, square by square: what is near each other is computed side by side.
     fn unknown(&self, spacing: usize) -> impl Iterator<Item = usize> {
         let is_unknown = |index: &usize| !self.is_known[*index] && self.points.at(*index).is_some();
-        let rows = (0..self.points.pixels() / self.width).step_by(spacing);
-        rows.flat_map(move |y| (0..self.width).step_by(spacing).map(move |x| y * self.width + x)).filter(is_unknown)
+        let (width, height) = (self.width, self.points.pixels() / self.width);
+        let squares = move |edge: usize| (0..edge).step_by(SQUARE * spacing);
+        let within = move |first: usize, edge: usize| (first..edge.min(first + SQUARE * spacing)).step_by(spacing);
+        let of_square = move |(left, top): (usize, usize)| {
+            within(top, height).flat_map(move |y| within(left, width).map(move |x| y * width + x))
+        };
+        let corners = squares(height).flat_map(move |top| squares(width).map(move |left| (left, top)));
+        corners.flat_map(of_square).filter(is_unknown)
     }
 
     pub fn point(&self, index: usize) -> Option<&'a SurfacePoint> {
