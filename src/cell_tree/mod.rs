@@ -118,7 +118,7 @@ mod tests {
         [
             Shape::Ring(Ring::default()),
             Shape::Cup(Cup::default()),
-            Shape::Sphere(Sphere { radius: 0.7 }),
+            Shape::Sphere(Sphere::of_radius(0.7)),
             Shape::DiscoBall(DiscoBall { radius: 1.0, rows: 8 }),
             Shape::Spoon(Spoon { thickness: 0.004, ..Default::default() }),
             Shape::SolidRing(SolidRing { thickness: 0.01, ..Default::default() }),

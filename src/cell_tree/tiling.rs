@@ -165,7 +165,7 @@ mod tests {
     fn cells_hold_what_is_nearest_to_their_samples() {
         let shapes = [
             Shape::Ring(Ring::default()),
-            Shape::Sphere(Sphere { radius: 1.0 }),
+            Shape::Sphere(Sphere::of_radius(1.0)),
             Shape::Spoon(Spoon { thickness: 0.004, ..Default::default() }),
         ];
         for (shape, samples, strategy) in [

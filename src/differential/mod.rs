@@ -129,7 +129,7 @@ mod tests {
 
     #[test]
     fn curvatures_of_sphere_cylinder_and_plane() {
-        let sphere = Shape::Sphere(Sphere { radius: 0.5 }).mesh().unwrap();
+        let sphere = Shape::Sphere(Sphere::of_radius(0.5)).mesh().unwrap();
         let (_, samples) = samples_of(&sphere, 500, Strategy::Neighbourhood);
         assert!(median_error(&samples, |_| [2.0, 2.0]) < 0.02 * 2.0);
 

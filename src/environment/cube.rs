@@ -3,6 +3,9 @@
 //! Every face of every level is stored with a border of one texel copied from its neighbours, so that bilinear
 //! look-ups are seamless as WebGPU's are (a corner, where three faces meet, is the mean of the three).
 
+use std::borrow::Cow;
+use std::sync::OnceLock;
+
 use glam::{Vec2, Vec3, Vec4};
 use rayon::prelude::*;
 
@@ -52,9 +55,20 @@ pub fn texel_solid_angle_sr(size: u32, x: u32, y: u32) -> f64 {
     corner_term(s1, t1) - corner_term(s0, t1) - corner_term(s1, t0) + corner_term(s0, t0)
 }
 
-/// [`texel_solid_angle_sr`] of all texels of a face, row by row. The quarters of a face are alike, and texels share the terms of
-/// their corners.
-pub(super) fn face_solid_angles_sr(size: u32) -> Vec<f32> {
+/// Sizes of faces whose solid angles are kept for the next cube map: powers of two up to 512, 1.4 MB.
+const KEPT_SIZES: usize = 10;
+
+/// [`texel_solid_angle_sr`] of all texels of a face, row by row.
+pub(super) fn face_solid_angles_sr(size: u32) -> Cow<'static, [f32]> {
+    static KEPT: [OnceLock<Vec<f32>>; KEPT_SIZES] = [const { OnceLock::new() }; KEPT_SIZES];
+    match KEPT.get(size.ilog2() as usize) {
+        Some(kept) if size.is_power_of_two() => Cow::Borrowed(kept.get_or_init(|| solid_angles_sr(size))),
+        _ => Cow::Owned(solid_angles_sr(size)),
+    }
+}
+
+/// The quarters of a face are alike, and texels share the terms of their corners.
+fn solid_angles_sr(size: u32) -> Vec<f32> {
     if size < 2 {
         return vec![texel_solid_angle_sr(size, 0, 0) as f32];
     }
@@ -314,7 +328,7 @@ mod tests {
         for n in [1, 2, 16] {
             let face: f64 = (0..n).flat_map(|y| (0..n).map(move |x| texel_solid_angle_sr(n, x, y))).sum();
             assert!((6.0 * face - 4.0 * std::f64::consts::PI).abs() < 1e-9);
-            let all: f64 = face_solid_angles_sr(n).into_iter().map(f64::from).sum();
+            let all: f64 = face_solid_angles_sr(n).iter().copied().map(f64::from).sum();
             assert!((all / face - 1.0).abs() < 1e-6);
         }
     }

@@ -149,7 +149,7 @@ mod tests {
     use crate::tracing::SeenBy;
 
     fn ball(radius: f32, centre: Vec3) -> Mesh {
-        let mesh = Shape::Sphere(Sphere { radius }).mesh().unwrap();
+        let mesh = Shape::Sphere(Sphere::of_radius(radius)).mesh().unwrap();
         let placement = crate::scene::Transform { translate: centre, ..Default::default() };
         mesh.placed(&placement, "ball").unwrap().0
     }

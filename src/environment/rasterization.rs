@@ -2,6 +2,7 @@
 
 use std::ops::Range;
 
+use arrayvec::ArrayVec;
 use glam::{Mat3, Vec2, Vec3, Vec4};
 use rayon::prelude::*;
 
@@ -30,8 +31,9 @@ pub(super) struct FaceImage {
     per_edge: usize,
     /// In points.
     polygons: Vec<Polygon>,
-    /// Those that reach into each row of texels.
-    by_row: Vec<Vec<u32>>,
+    /// The numbers of those that reach into each row of texels, row after row, and where each row's begin.
+    by_row: Vec<u32>,
+    rows: Vec<u32>,
 }
 
 /// Neighbouring points of a row that lie in a polygon.
@@ -41,10 +43,13 @@ struct Span<'a> {
     columns: Range<usize>,
 }
 
+/// Corners of a triangle that is cut by the four sides of a face.
+const MAX_CORNERS: usize = 7;
+
 /// A triangle's part on a face.
 struct Polygon {
     /// Corners in points; in texels at first.
-    corners: Vec<Vec2>,
+    corners: ArrayVec<Vec2, MAX_CORNERS>,
     /// Inverse depth by place in the same unit: constant part and derivatives.
     nearness: [f32; 3],
     radiance: Vec3,
@@ -67,14 +72,9 @@ impl FaceImage {
         let texels = [0, 1].map(|axis| last[axis].saturating_sub(first[axis]));
         let fits = |(points, most): &(usize, usize)| texels[0] * texels[1] * points * points <= *most;
         let per_texel = POINTS_OF_TEXELS.into_iter().find(fits).map_or(1, |(points, _)| points);
-        let mut by_row = vec![Vec::new(); size as usize];
-        for (index, polygon) in (0..).zip(&mut polygons) {
-            polygon.refine(per_texel as f32);
-            let rows = polygon.rows();
-            let last = rows.end.div_ceil(per_texel).min(size as usize);
-            by_row[(rows.start / per_texel).min(last)..last].iter_mut().for_each(|row| row.push(index));
-        }
-        Self { per_texel, per_edge: per_texel * size as usize, polygons, by_row }
+        polygons.par_iter_mut().with_min_len(1024).for_each(|polygon| polygon.refine(per_texel as f32));
+        let (by_row, rows) = sorted_by_row(&polygons, per_texel, size as usize);
+        Self { per_texel, per_edge: per_texel * size as usize, polygons, by_row, rows }
     }
 
     /// Draws row `y` of texels over the row that is there.
@@ -109,7 +109,8 @@ impl FaceImage {
     /// What the polygons cover of a row of texels.
     fn spans(&self, y: usize) -> Vec<Span<'_>> {
         let mut spans = Vec::new();
-        for polygon in self.by_row[y].iter().map(|&index| &self.polygons[index as usize]) {
+        let of_row = self.rows[y] as usize..self.rows[y + 1] as usize;
+        for polygon in self.by_row[of_row].iter().map(|&index| &self.polygons[index as usize]) {
             let rows = polygon.rows();
             for y in (self.per_texel * y).max(rows.start)..(self.per_texel * (y + 1)).min(rows.end) {
                 let Some([from, to]) = span(&polygon.corners, y as f32 + 0.5) else { continue };
@@ -121,6 +122,33 @@ impl FaceImage {
         }
         spans
     }
+}
+
+/// The numbers of the polygons that reach into each row of texels, and where each row's begin.
+fn sorted_by_row(polygons: &[Polygon], per_texel: usize, size: usize) -> (Vec<u32>, Vec<u32>) {
+    let rows_of = |polygon: &Polygon| {
+        let rows = polygon.rows();
+        let last = rows.end.div_ceil(per_texel).min(size);
+        (rows.start / per_texel).min(last)..last
+    };
+    let mut ends = vec![0; size + 1];
+    for polygon in polygons {
+        ends[rows_of(polygon)].iter_mut().for_each(|count| *count += 1);
+    }
+    let mut sum = 0;
+    for end in &mut ends {
+        sum += *end;
+        *end = sum;
+    }
+    let mut sorted = vec![0; sum as usize];
+    // From the last polygon on, so that each row's are in order and the ends become beginnings.
+    for (index, polygon) in polygons.iter().enumerate().rev() {
+        for end in &mut ends[rows_of(polygon)] {
+            *end -= 1;
+            sorted[*end as usize] = index as u32;
+        }
+    }
+    (sorted, ends)
 }
 
 /// The first point whose middle does not lie before a place.
@@ -195,7 +223,7 @@ impl FaceAxes {
         if distance.abs() <= MIN_SINE * normal.length() * farthest {
             return None;
         }
-        let mut clipped = corners.to_vec();
+        let mut clipped: ArrayVec<Vec3, MAX_CORNERS> = corners.into_iter().collect();
         for side in sides {
             if clipped.iter().any(|p| side.dot(*p) < 0.0) {
                 clipped = clip(&clipped, side);
@@ -214,8 +242,8 @@ impl FaceAxes {
 }
 
 /// The part of a convex polygon on the positive side of a plane through the origin.
-fn clip(corners: &[Vec3], plane: Vec3) -> Vec<Vec3> {
-    let mut clipped = Vec::with_capacity(corners.len() + 1);
+fn clip(corners: &[Vec3], plane: Vec3) -> ArrayVec<Vec3, MAX_CORNERS> {
+    let mut clipped = ArrayVec::new();
     for (k, &corner) in corners.iter().enumerate() {
         let next = corners[(k + 1) % corners.len()];
         let (here, there) = (plane.dot(corner), plane.dot(next));

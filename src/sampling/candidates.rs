@@ -292,7 +292,7 @@ mod tests {
     #[test]
     fn candidates_cover_coarse_and_fine_meshes_with_their_area() {
         for (shape, stride) in
-            [(Shape::Plane(Plane { size: [2.0, 1.0] }), 1e-3), (Shape::Sphere(Sphere { radius: 1.0 }), 5e-3)]
+            [(Shape::Plane(Plane { size: [2.0, 1.0] }), 1e-3), (Shape::Sphere(Sphere::of_radius(1.0)), 5e-3)]
         {
             let surface = surface(shape);
             let candidates = cover(&surface, stride, &mut ChaCha8Rng::seed_from_u64(1)).points;
@@ -310,7 +310,7 @@ mod tests {
     #[test]
     fn their_number_does_not_follow_the_mesh() {
         // 46 080 triangles, 1 000 candidates.
-        let surface = surface(Shape::Sphere(Sphere { radius: 1.0 }));
+        let surface = surface(Shape::Sphere(Sphere::of_radius(1.0)));
         let candidates = cover(&surface, surface.area() as f32 / 1000.0, &mut ChaCha8Rng::seed_from_u64(1)).points;
         assert!(candidates.len().abs_diff(1000) <= 1, "{}", candidates.len());
     }

@@ -166,7 +166,7 @@ mod tests {
     #[test]
     fn fewer_samples_than_separate_pieces_end_the_search() {
         let ring = Shape::Ring(Ring::default()).mesh().unwrap();
-        let sphere = Shape::Sphere(Sphere { radius: 1.0 }).mesh().unwrap();
+        let sphere = Shape::Sphere(Sphere::of_radius(1.0)).mesh().unwrap();
         let plane = Shape::Plane(Plane { size: [1.0, 1.0] }).mesh().unwrap();
         let alone = |mesh: Mesh| {
             let mut surface = Surface::default();

@@ -146,7 +146,7 @@ mod tests {
     #[test]
     fn a_grid_favours_diagonal_surfaces() {
         let mut surface = Surface::default();
-        let sphere = Shape::Sphere(crate::scene::shapes::Sphere { radius: 1.0 });
+        let sphere = Shape::Sphere(crate::scene::shapes::Sphere::of_radius(1.0));
         surface.append(&sphere.mesh().unwrap(), 0, false);
         let bias = |strategy| {
             let options = Options { samples: 4000, strategy, seed: 1 };

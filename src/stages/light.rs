@@ -132,7 +132,8 @@ impl LightStages {
     /// Importance sampling of the environment, for shadowed or glossy direct light.
     pub fn sampler(&mut self, light: &PreparedLight, progress: &dyn Progress) -> Arc<LightSampler> {
         let cube = &light.environment.cube;
-        self.sampler.get(Id::of(&light.environment), progress, || LightSampler::new(cube))
+        let make = if self.is_for_frames { LightSampler::of_frame } else { LightSampler::new };
+        self.sampler.get(Id::of(&light.environment), progress, || make(cube))
     }
 
     pub fn count(&self, counts: &mut StageCounts) {

@@ -323,7 +323,7 @@ mod tests {
 
     fn prepared(scale: f32, translate: Vec3) -> Result<PreparedScene, MeshError> {
         let mut scene = crate::scene::load::<toml::Table>("mirror-sphere").unwrap().scene;
-        let mut object = Object::new("ball", Shape::Sphere(Sphere { radius: 0.5 }).mesh().unwrap());
+        let mut object = Object::new("ball", Shape::Sphere(Sphere::of_radius(0.5)).mesh().unwrap());
         object.placement = Transform { scale, translate, ..Transform::default() };
         scene.objects = vec![object];
         SceneStages::new().prepare(&scene, &NoProgress)

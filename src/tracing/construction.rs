@@ -202,7 +202,7 @@ mod tests {
     use crate::scene::shapes::{Shape, Sphere};
 
     fn ball(moved: impl Fn(Vec3) -> Vec3) -> Mesh {
-        let unit = Shape::Sphere(Sphere { radius: 1.0 }).mesh().unwrap();
+        let unit = Shape::Sphere(Sphere::of_radius(1.0)).mesh().unwrap();
         let positions = unit.positions().iter().map(|p| moved(*p)).collect();
         Mesh::new("ball", positions, unit.normals().to_vec(), unit.triangles().to_vec()).unwrap().0
     }

@@ -342,7 +342,7 @@ mod tests {
 
     /// A unit sphere, scaled.
     fn sphere(scale: f32) -> Tracer {
-        let unit = Shape::Sphere(Sphere { radius: 1.0 }).mesh().unwrap();
+        let unit = Shape::Sphere(Sphere::of_radius(1.0)).mesh().unwrap();
         let positions = unit.positions().iter().map(|p| scale * *p).collect();
         let mesh = Mesh::new("sphere", positions, unit.normals().to_vec(), unit.triangles().to_vec()).unwrap().0;
         Tracer::of_meshes([(&mesh, SeenBy::ALL)].into_iter())
@@ -429,8 +429,8 @@ mod tests {
     /// Packets find what single rays do, in the lanes asked for alone, and look through what the camera does not see.
     #[test]
     fn packets_of_rays_find_what_single_rays_do() {
-        let near = Shape::Sphere(Sphere { radius: 0.4 }).mesh().unwrap();
-        let far = Shape::Sphere(Sphere { radius: 1.0 }).mesh().unwrap();
+        let near = Shape::Sphere(Sphere::of_radius(0.4)).mesh().unwrap();
+        let far = Shape::Sphere(Sphere::of_radius(1.0)).mesh().unwrap();
         let hidden = SeenBy { camera: false, light: true };
         let tracer = Tracer::of_meshes([(&near, hidden), (&far, SeenBy::ALL)].into_iter());
         let rays: [Ray; LANES] = std::array::from_fn(|lane| {

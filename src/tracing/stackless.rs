@@ -209,7 +209,7 @@ mod tests {
     use crate::scene::shapes::{Shape, Sphere};
 
     fn sphere() -> BottomLevel {
-        BottomLevel::new(&Shape::Sphere(Sphere { radius: 1.0 }).mesh().unwrap()).unwrap()
+        BottomLevel::new(&Shape::Sphere(Sphere::of_radius(1.0)).mesh().unwrap()).unwrap()
     }
 
     fn vector(texel: [u32; 4]) -> Vec3 {

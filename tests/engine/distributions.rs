@@ -30,7 +30,7 @@ fn chi_squared(set: &PointSet) -> f64 {
 
 #[test]
 fn strategies_are_area_uniform() {
-    let sphere = Shape::Sphere(Sphere { radius: 1.0 });
+    let sphere = Shape::Sphere(Sphere::of_radius(1.0));
     // 39 degrees of freedom: mean 39, deviation 8.8; independent points have to vary, but not much more than that.
     let random: Vec<f64> = (1..=8).map(|seed| chi_squared(&points(sphere, 4000, Strategy::Random, seed).1)).collect();
     let mean = random.iter().sum::<f64>() / 8.0;
@@ -73,11 +73,11 @@ fn neighbourhood_meets_the_number_asked_for() {
 #[test]
 fn neighbourhood_keeps_its_distance() {
     for seed in 1..=3 {
-        let (surface, set) = points(Shape::Sphere(Sphere { radius: 1.0 }), 1000, Strategy::Neighbourhood, seed);
+        let (surface, set) = points(Shape::Sphere(Sphere::of_radius(1.0)), 1000, Strategy::Neighbourhood, seed);
         let even = quality(&set, surface.area());
         // Maximal Poisson-disk sets reach 0.65 to 0.8 of the densest packing.
         assert!(even.relative_radius > 0.65 && even.relative_radius < 0.85, "{even:?}");
-        let (surface, set) = points(Shape::Sphere(Sphere { radius: 1.0 }), 1000, Strategy::Random, seed);
+        let (surface, set) = points(Shape::Sphere(Sphere::of_radius(1.0)), 1000, Strategy::Random, seed);
         assert!(quality(&set, surface.area()).relative_radius < 0.2);
     }
 }

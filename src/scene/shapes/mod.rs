@@ -94,6 +94,15 @@ pub struct Cup {
 pub struct Sphere {
     /// Radius.
     pub radius: f32,
+    /// Parts of the edges of the icosahedron that it is made from, 1 to 128: it has 20 times their square of triangles. Lamps need few.
+    pub divisions: u32,
+}
+
+impl Sphere {
+    /// A sphere fine enough for a mirror.
+    pub fn of_radius(radius: f32) -> Self {
+        Self { radius, ..Self::default() }
+    }
 }
 
 /// Dimensions of [`Shape::Torus`].
@@ -164,7 +173,7 @@ impl Default for Cup {
 
 impl Default for Sphere {
     fn default() -> Self {
-        Self { radius: 1.0 }
+        Self { radius: 1.0, divisions: 48 }
     }
 }
 
@@ -263,7 +272,14 @@ impl Shape {
                 thin("a quarter of its radius", thickness, 0.5 * radius)?;
                 thin("a quarter of its height", thickness, 0.5 * height)
             }
-            Self::Sphere(Sphere { radius }) => positive("radius", radius),
+            Self::Sphere(Sphere { radius, divisions }) => {
+                positive("radius", radius)?;
+                if (1..=128).contains(&divisions) {
+                    Ok(())
+                } else {
+                    Err(format!("divisions of shape 'sphere' is {divisions}, but must be from 1 to 128"))
+                }
+            }
             Self::Torus(Torus { radius, tube }) => {
                 positive("tube", tube)?;
                 if tube < radius && radius.is_finite() {
@@ -358,7 +374,7 @@ mod tests {
         let area = |shape: Shape| shape.mesh().unwrap().area();
         let close = |got: f64, expected: f64| assert!((got / expected - 1.0).abs() < 1e-3, "{got} against {expected}");
         close(area(Shape::Ring(Ring::default())), PI);
-        close(area(Shape::Sphere(Sphere { radius: 0.5 })), PI);
+        close(area(Shape::Sphere(Sphere::of_radius(0.5))), PI);
         close(area(Shape::Torus(Torus { radius: 2.0, tube: 0.5 })), 4.0 * PI * PI);
         close(area(Shape::Plane(Plane { size: [2.0, 3.0] })), 6.0);
     }

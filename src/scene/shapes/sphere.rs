@@ -4,30 +4,28 @@ use glam::Vec3;
 
 use super::{Parts, Sphere};
 
-/// Divisions along the edges of the icosahedron's faces: 20·48² triangles.
-const DIVISIONS: u32 = 48;
-
 pub(super) fn sphere(sphere: &Sphere) -> Parts {
     let (corners, faces) = icosahedron();
+    let divisions = sphere.divisions;
     let mut parts = Parts::default();
     for [a, b, c] in faces.map(|f| f.map(|v| corners[v])) {
         let grid_point = |i: u32, j: u32| {
-            let (s, t) = (i as f32 / DIVISIONS as f32, j as f32 / DIVISIONS as f32);
+            let (s, t) = (i as f32 / divisions as f32, j as f32 / divisions as f32);
             (a + s * (b - a) + t * (c - a)).normalize()
         };
         let base = parts.positions.len() as u32;
-        // Row i holds DIVISIONS + 1 − i points.
-        let index = |i: u32, j: u32| base + i * (DIVISIONS + 1) - i * i.saturating_sub(1) / 2 + j;
-        for i in 0..=DIVISIONS {
-            for j in 0..=DIVISIONS - i {
+        // Row i holds divisions + 1 − i points.
+        let index = |i: u32, j: u32| base + i * (divisions + 1) - i * i.saturating_sub(1) / 2 + j;
+        for i in 0..=divisions {
+            for j in 0..=divisions - i {
                 let normal = grid_point(i, j);
                 parts.vertex(sphere.radius * normal, normal);
             }
         }
-        for i in 0..DIVISIONS {
-            for j in 0..DIVISIONS - i {
+        for i in 0..divisions {
+            for j in 0..divisions - i {
                 parts.triangles.push([index(i, j), index(i + 1, j), index(i, j + 1)]);
-                if i + j + 1 < DIVISIONS {
+                if i + j + 1 < divisions {
                     parts.triangles.push([index(i + 1, j), index(i + 1, j + 1), index(i, j + 1)]);
                 }
             }
