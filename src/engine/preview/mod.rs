@@ -12,7 +12,6 @@ mod nodes;
 pub(crate) mod on_gpu;
 mod views;
 
-use std::ops::Range;
 #[cfg(feature = "gpu")]
 use std::sync::Arc;
 
@@ -379,9 +378,9 @@ impl Frame<'_> {
 
     fn shade(&self, views: &Views, own: &[Vec3], mirrored: &[Vec3]) -> (Image, Exposures) {
         let [width, height] = self.options.size;
-        let of_row =
-            |y: usize| self.radiance_of_row(views, y * width as usize..(y + 1) * width as usize, own, mirrored);
-        let shaded: Vec<[Vec3; 2]> = (0..height as usize).into_par_iter().flat_map_iter(of_row).collect();
+        let mut shaded = vec![[Vec3::ZERO; 2]; own.len()];
+        let rows = shaded.par_chunks_mut(width as usize).enumerate();
+        rows.for_each(|(y, row)| self.shade_row(views, y * width as usize, own, mirrored, row));
         let exposures = self.options.display.exposures(|| {
             let surfaces: Vec<Vec3> = shaded.iter().map(|[s, _]| *s).filter(|s| *s != Vec3::ZERO).collect();
             let is_mostly_background = 10 * surfaces.len() < shaded.len();
@@ -398,11 +397,12 @@ impl Frame<'_> {
         (Image { width, height, pixels: shaded.par_iter().map(shown).collect() }, exposures)
     }
 
-    /// Radiance of surfaces, and of the environment where the camera sees it directly, W/(m²·sr), of a row of pixels.
-    fn radiance_of_row(&self, views: &Views, row: Range<usize>, own: &[Vec3], mirrored: &[Vec3]) -> Vec<[Vec3; 2]> {
+    /// Radiance of surfaces, and of the environment where the camera sees it directly, W/(m²·sr), of a row of pixels from `first` on.
+    fn shade_row(&self, views: &Views, first: usize, own: &[Vec3], mirrored: &[Vec3], row: &mut [[Vec3; 2]]) {
+        let pixels = first..first + row.len();
         let light_from_world = self.light.world_from_light().transpose();
         let is_background = |escape: &&Escape| escape.path == 0 && escape.emitted.is_none();
-        let escapes = row.clone().filter_map(|pixel| views.escapes.at(pixel)).filter(is_background);
+        let escapes = pixels.clone().filter_map(|pixel| views.escapes.at(pixel)).filter(is_background);
         let mut backgrounds: Vec<Vec3> = escapes.map(|escape| light_from_world * escape.direction).collect();
         self.light.environment.radiance.background_of_all(&mut backgrounds);
         let mut backgrounds = backgrounds.into_iter();
@@ -421,7 +421,7 @@ impl Frame<'_> {
                 escape.factor * self.mirrored_environment(escape, direction, || views.footprint(pixel, escape));
             [intensity * (surfaces + escaped), Vec3::ZERO]
         };
-        row.map(of_pixel).collect()
+        row.iter_mut().zip(pixels.map(of_pixel)).for_each(|(radiance, found)| *radiance = found);
     }
 
     /// The environment at the end of a path via mirrors, in a direction of its own: filtered over the path's footprint, radians, where a

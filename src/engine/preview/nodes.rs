@@ -47,20 +47,24 @@ impl<'a> NodeGrid<'a> {
 
     /// The pixels that are nodes, as far as their light is not known.
     pub fn nodes(&self) -> Vec<usize> {
-        self.unknown(self.spacing).collect()
+        self.unknown(self.spacing)
     }
 
     /// The pixels of a grid whose light is not known, square by square: what is near each other is computed side by side.
-    fn unknown(&self, spacing: usize) -> impl Iterator<Item = usize> {
-        let is_unknown = |index: &usize| !self.is_known[*index] && self.points.at(*index).is_some();
+    fn unknown(&self, spacing: usize) -> Vec<usize> {
         let (width, height) = (self.width, self.points.pixels() / self.width);
-        let squares = move |edge: usize| (0..edge).step_by(SQUARE * spacing);
-        let within = move |first: usize, edge: usize| (first..edge.min(first + SQUARE * spacing)).step_by(spacing);
-        let of_square = move |(left, top): (usize, usize)| {
-            within(top, height).flat_map(move |y| within(left, width).map(move |x| y * width + x))
+        let square = SQUARE * spacing;
+        let within = |first: usize, edge: usize| (first..edge.min(first + square)).step_by(spacing);
+        let is_unknown = |index: &usize| !self.is_known[*index] && self.points.at(*index).is_some();
+        let of_squares = |top: usize| {
+            let of_square = move |left: usize| {
+                within(top, height).flat_map(move |y| within(left, width).map(move |x| y * width + x))
+            };
+            (0..width).step_by(square).flat_map(of_square).filter(is_unknown).collect::<Vec<_>>()
         };
-        let corners = squares(height).flat_map(move |top| squares(width).map(move |left| (left, top)));
-        corners.flat_map(of_square).filter(is_unknown)
+        let rows: Vec<Vec<usize>> =
+            (0..height.div_ceil(square)).into_par_iter().map(|row| of_squares(row * square)).collect();
+        rows.concat()
     }
 
     pub fn point(&self, index: usize) -> Option<&'a SurfacePoint> {
@@ -92,7 +96,7 @@ impl<'a> NodeGrid<'a> {
         let mut open = Vec::new();
         while open.is_empty() && self.spacing > 1 {
             let finer = finer_spacing(self.spacing as u32) as usize;
-            let between: Vec<usize> = self.unknown(finer).collect();
+            let between = self.unknown(finer);
             let found: Vec<Option<Vec3>> = between.par_iter().map(|&index| self.interpolated(index)).collect();
             for (index, light) in between.into_iter().zip(found) {
                 match light {

@@ -124,7 +124,6 @@ struct BandViews {
     surfaces: BandLayer<SurfacePoint>,
     mirrored: BandLayer<SurfacePoint>,
     escapes: BandLayer<Escape>,
-    first: Vec<FirstSurface>,
 }
 
 /// What one pixel sees.
@@ -140,22 +139,18 @@ impl Views {
     /// Traces a picture of so many pixels; `is_plain` treats everything as diffuse.
     pub fn trace(scene: &Scene, prepared: &PreparedScene, size: [u32; 2], is_plain: bool) -> Self {
         let tracer = ViewTracer { scene, prepared, is_plain };
-        let bands = 0..(size[1] as usize).div_ceil(PACKET);
-        let bands: Vec<BandViews> = bands.into_par_iter().map(|band| tracer.band(size, band)).collect();
-        let (mut surfaces, mut mirrored, mut escapes, mut first) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+        let [width, height] = size.map(|edge| edge as usize);
+        let mut first = vec![FirstSurface::of(None); width * height];
+        let bands = first.par_chunks_mut(PACKET * width).enumerate();
+        let bands: Vec<BandViews> = bands.map(|(band, first)| tracer.band(size, band, first)).collect();
+        let (mut surfaces, mut mirrored, mut escapes) = (Vec::new(), Vec::new(), Vec::new());
         for band in bands {
             surfaces.push(band.surfaces);
             mirrored.push(band.mirrored);
             escapes.push(band.escapes);
-            first.extend(band.first);
         }
-        Self {
-            surfaces: Layer::of_bands(surfaces),
-            mirrored: Layer::of_bands(mirrored),
-            escapes: Layer::of_bands(escapes),
-            first,
-            width: size[0] as usize,
-        }
+        let [surfaces, mirrored] = [surfaces, mirrored].map(Layer::of_bands);
+        Self { surfaces, mirrored, escapes: Layer::of_bands(escapes), first, width }
     }
 
     /// The pixel that sees the same place of a surface directly, if one does.
@@ -211,13 +206,16 @@ struct Walk {
 }
 
 impl ViewTracer<'_> {
-    /// A band of rows of packets.
-    fn band(&self, size: [u32; 2], band: usize) -> BandViews {
-        let (width, height) = (size[0] as usize, size[1] as usize);
-        let top = PACKET * band;
-        let rows = PACKET.min(height - top);
+    /// A band of rows of packets; `first` takes what its pixels see first.
+    fn band(&self, size: [u32; 2], band: usize, first: &mut [FirstSurface]) -> BandViews {
+        let (width, top) = (size[0] as usize, PACKET * band);
+        let (pixels, rows) = (first.len(), first.len() / width);
         let size = UVec2::from_array(size).as_vec2();
-        let mut pixels: Vec<PixelView> = (0..rows * width).map(|_| PixelView::default()).collect();
+        let mut of_band = BandViews {
+            surfaces: BandLayer::new(pixels),
+            mirrored: BandLayer::new(pixels),
+            escapes: BandLayer::new(pixels),
+        };
         for left in (0..width).step_by(PACKET) {
             let place = |lane: usize| (left + lane % PACKET, lane / PACKET);
             let exists = |lane: &usize| place(*lane).0 < width && place(*lane).1 < rows;
@@ -229,23 +227,14 @@ impl ViewTracer<'_> {
             let views = self.follow(&rays, lanes);
             for (lane, view) in views.into_iter().enumerate().filter(|(lane, _)| exists(lane)) {
                 let (x, y) = place(lane);
-                pixels[y * width + x] = view;
+                let pixel = y * width + x;
+                of_band.surfaces.set(pixel, view.surface);
+                of_band.mirrored.set(pixel, view.mirrored);
+                of_band.escapes.set(pixel, view.escape);
+                first[pixel] = FirstSurface::of(view.first.as_ref());
             }
         }
-        let count = pixels.len();
-        let mut views = BandViews {
-            surfaces: BandLayer::new(count),
-            mirrored: BandLayer::new(count),
-            escapes: BandLayer::new(count),
-            first: Vec::with_capacity(count),
-        };
-        for (pixel, PixelView { first, surface, mirrored, escape }) in pixels.into_iter().enumerate() {
-            views.surfaces.set(pixel, surface);
-            views.mirrored.set(pixel, mirrored);
-            views.escapes.set(pixel, escape);
-            views.first.push(FirstSurface::of(first.as_ref()));
-        }
-        views
+        of_band
     }
 
     /// Follows a packet of rays via mirrors to their ends. Of the lit surfaces behind the first one, the first counts.
