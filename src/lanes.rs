@@ -8,8 +8,8 @@
 use std::ops::{Add, AddAssign, Mul, Sub};
 use std::sync::OnceLock;
 
-pub(crate) use fearless_simd::{Level, Select, Simd, SimdBase, SimdFloat, SimdMask, dispatch};
-use fearless_simd::{SimdInt, f32x16, mask32x16, u32x16};
+pub(crate) use fearless_simd::{Level, Select, Simd, SimdBase, SimdFloat, SimdInt, SimdMask, dispatch};
+use fearless_simd::{f32x16, mask32x16, u32x16};
 use glam::Vec3;
 
 /// Number of lanes: receivers and rays are processed in groups of this size.
@@ -19,6 +19,8 @@ pub(crate) const ALL: u32 = (1 << LANES) - 1;
 
 /// Sixteen lanes.
 pub(crate) type F<S> = f32x16<S>;
+/// Sixteen integers.
+pub(crate) type U<S> = u32x16<S>;
 /// A Boolean in each lane.
 pub(crate) type Mask<S> = mask32x16<S>;
 

@@ -88,7 +88,7 @@ impl Edges {
     fn most_texels(self) -> u32 {
         match self {
             Self::Fine | Self::Traced => RESOLUTIONS[0],
-            Self::Coarse => 12,
+            Self::Coarse => 16,
         }
     }
 }

@@ -3,7 +3,8 @@
 use glam::{Vec2, Vec3};
 
 use crate::lanes::{
-    F, LANES, Mask, Select, Simd, SimdBase, SimdFloat, SimdMask, V3, bits, clamp, lanes, set_bits, splat, splat3,
+    F, LANES, Mask, Select, Simd, SimdBase, SimdFloat, SimdInt, SimdMask, U, V3, bits, clamp, lanes, set_bits, splat,
+    splat3,
 };
 use crate::pinhole::PinholeSample;
 use crate::pinhole::constants::{LOBE_CORE, LOBE_SHIFT, LOBE_TAIL, LOBE_TAIL_SHARE, MAX_INTERPOLATED_WIDTH};
@@ -60,6 +61,8 @@ pub enum Coverage {
     Partial,
 }
 
+/// The bits of four texels that all see something.
+const ALL_CORNERS: u32 = 15;
 /// Texels read for a [`Coverage`] at most.
 const MAX_TEXELS: usize = 256;
 
@@ -245,30 +248,64 @@ impl<'a> VisibilityMap<'a> {
         let place = self.place(local);
         let ([x, y, z], l2) = (local.to_arrays(), local.dot(local).to_array());
         let n = self.maps.resolution as usize;
-        let mut seen = [0.0; LANES];
+        let (mut seen, mut corners, mut differing) = ([0.0; LANES], [0; LANES], 0);
         for lane in set_bits(active) {
-            let first = (self.map(lane) as usize * n + place.j[lane] as usize) * n + place.i[lane] as usize;
-            let fraction = [place.fraction[0][lane], place.fraction[1][lane]];
+            let first = self.first_texel(lane, &place);
             let planes = &self.maps.planes[first..first + n + 2];
             let mut is_doubtful = false;
             let doubts = &self.maps.doubts[first..first + n + 2];
             // A loop: closures with several calls are compiled without vector instructions (see `lanes`).
-            let mut corners = [0.0; 4];
-            for (corner, texel) in corners.iter_mut().zip([0, 1, n, n + 1]) {
+            for (corner, texel) in [0, 1, n, n + 1].into_iter().enumerate() {
                 let [a, b, c, behind] = planes[texel];
                 let depth = a * x[lane] + b * y[lane] + c * z[lane];
                 let doubt = doubts[texel];
                 let is_in_doubt = depth > doubt.from || l2[lane] > doubt.from_distance_2;
                 is_doubtful |= is_in_doubt && depth <= 1.0 + behind && doubt.concerns(objects, 1 << lane);
-                *corner = f32::from(depth <= 1.0 + behind);
+                corners[lane] |= u32::from(depth <= 1.0 + behind) << corner;
             }
-            seen[lane] = corners[0];
-            if is_doubtful || corners != [corners[0]; 4] {
+            seen[lane] = (corners[lane] & 1) as f32;
+            if is_doubtful || !matches!(corners[lane], 0 | ALL_CORNERS) {
                 doubtful |= u32::from(objects.is_some()) << lane;
-                seen[lane] = interpolated(planes, n, corners, fraction);
+                differing |= 1 << lane;
+            }
+        }
+        if differing != 0 {
+            let interpolated = self.interpolated(simd, &place, &corners, differing);
+            for lane in set_bits(differing) {
+                seen[lane] = interpolated[lane];
             }
         }
         (seen, doubtful)
+    }
+
+    /// The first of the four texels around a place.
+    #[inline(always)]
+    fn first_texel(&self, lane: usize, place: &MapPlace) -> usize {
+        let n = self.maps.resolution as usize;
+        (self.map(lane) as usize * n + place.j[lane] as usize) * n + place.i[lane] as usize
+    }
+
+    /// Interpolates between four texels, whose bits are given, each of which stores where its value changes to the next one's; valid in
+    /// the active lanes.
+    #[inline(always)]
+    fn interpolated<S: Simd>(&self, simd: S, place: &MapPlace, corners: &[u32; LANES], active: u32) -> [f32; LANES] {
+        let n = self.maps.resolution as usize;
+        // Of the texel itself, the one to its right, and the one below.
+        let mut edges = [[0; LANES]; 3];
+        for lane in set_bits(active) {
+            let first = self.first_texel(lane, place);
+            let planes = &self.maps.planes[first..=first + n];
+            for (edge, texel) in edges.iter_mut().zip([0, 1, n]) {
+                edge[lane] = planes[texel][3].to_bits();
+            }
+        }
+        let [own, right, below] = edges.map(|words| U::load_array(simd, words));
+        let [fx, fy] = place.fraction.map(|fraction| lanes(simd, fraction));
+        let corners = U::load_array(simd, *corners);
+        let corner = |k: u32| (corners >> k & 1).to_float::<F<S>>();
+        let top = mixed(corner(0), corner(1), part_across(own >> 8, fx));
+        let bottom = mixed(corner(2), corner(3), part_across(below >> 8, fx));
+        mixed(top, bottom, mixed(part_across(own, fy), part_across(right, fy), fx)).to_array()
     }
 }
 
@@ -335,31 +372,22 @@ impl VisibilityMap<'_> {
             corners[lane] = pair(row) | pair(row + 1) << 2;
             match corners[lane] {
                 0 => {}
-                15 => fractions[lane] = 1.0,
+                ALL_CORNERS => fractions[lane] = 1.0,
                 _ => differing |= 1 << lane,
             }
         }
         if differing != 0 {
-            let open = exact(differing);
-            for lane in set_bits(differing) {
-                // Not a closure, as above.
-                fractions[lane] = match open {
-                    Some(open) => (open >> lane & 1) as f32,
-                    None => self.interpolated_sky(lane, &place, corners[lane]),
-                };
+            match exact(differing) {
+                Some(open) => set_bits(differing).for_each(|lane| fractions[lane] = (open >> lane & 1) as f32),
+                None => {
+                    let interpolated = self.interpolated(simd, &place, &corners, differing);
+                    for lane in set_bits(differing) {
+                        fractions[lane] = interpolated[lane];
+                    }
+                }
             }
         }
         fractions
-    }
-
-    /// The same between four texels, whose bits are given.
-    #[inline(always)]
-    fn interpolated_sky(&self, lane: usize, place: &MapPlace, corners: u32) -> f32 {
-        let n = self.maps.resolution as usize;
-        let first = (self.map(lane) as usize * n + place.j[lane] as usize) * n + place.i[lane] as usize;
-        let fraction = [place.fraction[0][lane], place.fraction[1][lane]];
-        let corners = [0, 1, 2, 3].map(|k| (corners >> k & 1) as f32);
-        interpolated(&self.maps.planes[first..first + n + 2], n, corners, fraction)
     }
 
     /// The part of a square of a map that sees the environment, estimated from eight lines across it. The square is clipped to the map:
@@ -426,22 +454,19 @@ impl Columns {
     }
 }
 
-/// Interpolates four texels of rows of `n`, each of which stores where its value changes to the next one's.
+/// How far the value of a texel has changed to that of the next one, at a place on the way, given the byte of the edge between them.
 #[inline(always)]
-fn interpolated(planes: &[[f32; 4]], n: usize, [a, b, c, d]: [f32; 4], [fx, fy]: [f32; 2]) -> f32 {
-    let top = mix(a, b, part_across(&planes[0], fx, 8));
-    let bottom = mix(c, d, part_across(&planes[n], fx, 8));
-    mix(top, bottom, mix(part_across(&planes[0], fy, 0), part_across(&planes[1], fy, 0), fx))
+fn part_across<S: Simd>(edge: U<S>, place: F<S>) -> F<S> {
+    let middle = (edge >> 2 & 63).to_float::<F<S>>() * (1.0 / 64.0);
+    // 2ˢ/8, by its exponent.
+    let half = F::from_bits(((edge & 3) + (127 - 3)) << 23);
+    let (low, high) = ((middle - half).max(0.0), (middle + half).min(1.0));
+    clamp((place - low) / (high - low), 0.0, 1.0)
 }
 
-/// How far the value of a texel has changed to that of the next one, at a place on the way. The edge between them is stored from this
-/// bit on.
 #[inline(always)]
-fn part_across(plane: &[f32; 4], place: f32, shift: u32) -> f32 {
-    let bits = plane[3].to_bits() >> shift;
-    let (edge, half) = ((bits >> 2 & 63) as f32 / 64.0, 0.125 * (1 << (bits & 3)) as f32);
-    let (low, high) = ((edge - half).max(0.0), (edge + half).min(1.0));
-    ((place - low) / (high - low)).clamp(0.0, 1.0)
+fn mixed<S: Simd>(a: F<S>, b: F<S>, t: F<S>) -> F<S> {
+    a + t * (b - a)
 }
 
 #[inline(always)]
