@@ -14,7 +14,7 @@ pub(crate) use symmetric::Symmetric2;
 
 use std::sync::LazyLock;
 
-use glam::Vec3;
+use glam::{Mat3, Vec3};
 use rayon::prelude::*;
 
 use crate::sampling::{PointSet, PointTree, SurfacePoint};
@@ -56,6 +56,23 @@ impl DifferentialSample {
     pub fn normal_change(&self, v: Vec3) -> Vec3 {
         let [a, b] = self.directions;
         self.curvatures[0] * a.dot(v) * a + self.curvatures[1] * b.dot(v) * b
+    }
+
+    /// The sample of the same surface after a rotation about the origin and a translation.
+    pub(crate) fn moved(&self, rotation: Mat3, translation: Vec3) -> Self {
+        let Cell { area, centroid, normal, sides } = self.cell;
+        Self {
+            position: rotation * self.position + translation,
+            normal: rotation * self.normal,
+            cell: Cell {
+                area,
+                centroid: rotation * centroid + translation,
+                normal: rotation * normal,
+                sides: sides.map(|side| rotation * side),
+            },
+            directions: self.directions.map(|direction| rotation * direction),
+            ..*self
+        }
     }
 }
 

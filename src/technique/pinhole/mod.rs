@@ -120,16 +120,26 @@ impl PinholeStages {
         let softening = if inputs.is_preview { PREVIEW_SOFTENING } else { 0.0 };
         let params = Params { softening, ..options.params(filter, inputs.light.rotation_rad) };
         let environment = inputs.light.environment.clone();
-        let points = self.samples.points(&inputs)?;
         let statistics = |samples, positions| Statistics { samples, positions, evaluation, filter, warning };
         match evaluation {
+            Evaluation::Flat { leaves: 1 } if inputs.is_preview => {
+                let samples = self.samples.differentials_of_frame(&inputs)?;
+                check_wanted(progress)?;
+                let pinholes = self.samples.pinholes_of_frame(&inputs, &samples);
+                check_wanted(progress)?;
+                let positions = Arc::new(samples.iter().map(|sample| sample.position).collect());
+                let statistics = statistics(pinholes.samples.len(), positions);
+                self.flat(FlatInputs { pinholes, environment, params }, statistics, &inputs).await
+            }
             Evaluation::Flat { leaves } => {
+                let points = self.samples.points(&inputs)?;
                 let pinholes = self.samples.pinholes(&inputs, &points, leaves);
                 check_wanted(progress)?;
                 let statistics = statistics(pinholes.samples.len(), points.positions.clone());
                 self.flat(FlatInputs { pinholes, environment, params }, statistics, &inputs).await
             }
             Evaluation::Hierarchical { leaves, tolerance } => {
+                let points = self.samples.points(&inputs)?;
                 let tree = self.samples.tree(&inputs, &points, leaves);
                 check_wanted(progress)?;
                 let bounds = light.bounds(inputs.light, progress);
@@ -254,6 +264,9 @@ impl TechniqueStages for PinholeStages {
     }
 
     fn surface_samples(&mut self, inputs: &Inputs) -> Result<Arc<Vec<DifferentialSample>>, Error> {
+        if inputs.is_preview {
+            return Ok(self.samples.differentials_of_frame(inputs)?);
+        }
         let points = self.samples.points(inputs)?;
         Ok(self.samples.differentials(inputs, &points))
     }

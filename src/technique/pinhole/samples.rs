@@ -1,8 +1,10 @@
-//! The stages of the samples: points → cells, or a tree of them → visibility maps.
+//! The stages of the samples: points → cells, or a tree of them → visibility maps. In previews, mirrors that move without changing
+//! their shape keep their samples.
 
 use std::sync::Arc;
 
-use glam::Vec3;
+use glam::{Mat3, Vec3};
+use rayon::prelude::*;
 
 use super::density::{self, DensityInputs};
 use crate::cell_tree::{CellTree, TreeOptions};
@@ -11,7 +13,7 @@ use crate::environment::Environment;
 use crate::pinhole::{Edges, Footprint, Params, PinholeTree, Pinholes, pinholes_with};
 use crate::progress::Stage;
 use crate::sampling::{Density, PointSet, SamplingError, Strategy, Surface};
-use crate::scene::{Camera, Reflector, Scene, Visibility};
+use crate::scene::{Camera, Mesh, Object, Reflector, Scene, Sides, Transform, Visibility};
 use crate::stages::{Id, Memo, StageCounts};
 use crate::technique::Inputs;
 use crate::tracing::Tracer;
@@ -58,6 +60,23 @@ struct CellsKey {
     seed: u64,
 }
 
+/// The inputs of samples that mirrors keep while they move.
+#[derive(PartialEq)]
+struct KeptSamplesKey {
+    /// By object: of those that mirror, the mesh, its scale, and on which sides.
+    mirrors: Vec<Option<(Id<Mesh>, f32, Sides)>>,
+    samples: u32,
+    strategy: Strategy,
+    seed: u64,
+}
+
+/// Samples, and where the objects were for which they were made.
+#[derive(Debug)]
+struct KeptSamples {
+    samples: Arc<Vec<DifferentialSample>>,
+    placements: Vec<Transform>,
+}
+
 /// The ray tracer that visibility depends on; `None` without visibility.
 pub(super) type OccluderKey = Option<Id<Tracer>>;
 
@@ -69,6 +88,10 @@ pub(super) struct SampleStages {
     /// The tree with visibility maps.
     visible_tree: Memo<(Id<PinholeTree>, OccluderKey), PinholeTree>,
     pinholes: Memo<(CellsKey, OccluderKey), Pinholes>,
+    kept: Memo<KeptSamplesKey, KeptSamples>,
+    /// Where the mirrors are in this frame.
+    moved: Memo<(Id<KeptSamples>, Vec<Transform>), Vec<DifferentialSample>>,
+    pinholes_of_frame: Memo<(Id<Vec<DifferentialSample>>, Vec<Option<Reflector>>, Footprint, OccluderKey), Pinholes>,
 }
 
 impl SampleStages {
@@ -79,6 +102,9 @@ impl SampleStages {
             tree: Memo::new(Stage::Tree),
             visible_tree: Memo::new(Stage::Visibility),
             pinholes: Memo::new(Stage::Visibility),
+            kept: Memo::new(Stage::Differentials),
+            moved: Memo::new(Stage::Differentials),
+            pinholes_of_frame: Memo::new(Stage::Visibility),
         }
     }
 
@@ -125,6 +151,39 @@ impl SampleStages {
         })
     }
 
+    /// The samples of a preview, which are not divided.
+    pub fn pinholes_of_frame(&mut self, inputs: &Inputs, samples: &Arc<Vec<DifferentialSample>>) -> Arc<Pinholes> {
+        let Inputs { scene, prepared, options, progress, .. } = inputs;
+        let key = (Id::of(samples), reflectors(scene), options.footprint, occluder(inputs));
+        self.pinholes_of_frame.get(key, *progress, || {
+            with_visibility(pinholes_with(scene, &prepared.materials.mirrors, samples, options.footprint), inputs)
+        })
+    }
+
+    /// The surface around the samples of a preview: made where the mirrors first were, and moved with them.
+    pub fn differentials_of_frame(&mut self, inputs: &Inputs) -> Result<Arc<Vec<DifferentialSample>>, SamplingError> {
+        let Inputs { scene, options, progress, .. } = inputs;
+        if options.density != Density::Uniform {
+            let points = self.points(inputs)?;
+            return Ok(self.differentials(inputs, &points));
+        }
+        let key = kept_samples_key(inputs);
+        let placements = || scene.objects.iter().map(|object| object.placement).collect::<Vec<_>>();
+        let kept = match self.kept.kept(&key) {
+            Some(kept) => kept,
+            None => {
+                let points = self.points(inputs)?;
+                let samples = self.differentials(inputs, &points);
+                self.kept.get(key, *progress, || KeptSamples { samples, placements: placements() })
+            }
+        };
+        let placements = placements();
+        if placements == kept.placements {
+            return Ok(kept.samples.clone());
+        }
+        Ok(self.moved.get((Id::of(&kept), placements.clone()), *progress, || kept.moved_to(&placements)))
+    }
+
     /// The surface around the points.
     pub fn differentials(&mut self, inputs: &Inputs, points: &Points) -> Arc<Vec<DifferentialSample>> {
         self.differentials.get(Id::of(&points.set), inputs.progress, || differentials(&points.set))
@@ -156,6 +215,33 @@ impl SampleStages {
         counts.add_memo(&self.tree);
         counts.add_memo(&self.visible_tree);
         counts.add_memo(&self.pinholes);
+    }
+}
+
+impl KeptSamples {
+    /// The samples where the objects are at other places, with the same scale.
+    fn moved_to(&self, placements: &[Transform]) -> Vec<DifferentialSample> {
+        let motion = |(from, to): (&Transform, &Transform)| {
+            let rotation = to.rotation() * from.rotation().transpose();
+            (rotation, to.translate - rotation * from.translate)
+        };
+        let motions: Vec<(Mat3, Vec3)> = self.placements.iter().zip(placements).map(motion).collect();
+        let moved = |sample: &DifferentialSample| {
+            let (rotation, translation) = motions[sample.object as usize];
+            sample.moved(rotation, translation)
+        };
+        self.samples.par_iter().map(moved).collect()
+    }
+}
+
+fn kept_samples_key(inputs: &Inputs) -> KeptSamplesKey {
+    let Inputs { scene, options, .. } = inputs;
+    let mirror = |object: &Object| Some((Id::of(&object.mesh), object.placement.scale, object.reflector?.sides));
+    KeptSamplesKey {
+        mirrors: scene.objects.iter().map(mirror).collect(),
+        samples: options.samples,
+        strategy: options.strategy,
+        seed: options.seed,
     }
 }
 
