@@ -1,11 +1,14 @@
 //! Previews beside whole pictures of the same samples: alike when they are still, and as calm when they move.
 
+use std::sync::Mutex;
+
 use pinspot::blocking::wait;
-use pinspot::glam::Vec3;
+use pinspot::glam::{Mat3, Vec2, Vec3};
 use pinspot::image::{Image, ToneMap, srgb8};
 use pinspot::low_level::gpu::Gpu;
+use pinspot::scene::{Camera, Scene};
 use pinspot::wgpu;
-use pinspot::{Backend, Detail, Engine, EvaluationChoice, Exposure, NoProgress};
+use pinspot::{Backend, Detail, Engine, EvaluationChoice, Exposure, Mark, NoProgress, Overlay, Progress, Stage};
 
 use crate::support::gpu_backend;
 
@@ -203,4 +206,52 @@ fn previews_need_no_more_than_every_device_has() {
         let levels = difference(minimal, blending);
         assert!(levels < 0.3, "{levels}");
     }
+}
+
+/// The stages that were made.
+#[derive(Default)]
+struct MadeStages(Mutex<Vec<Stage>>);
+
+impl Progress for MadeStages {
+    fn begin(&self, stage: Stage, _: u64) {
+        self.0.lock().unwrap().push(stage);
+    }
+
+    fn advance(&self, _: u64) {}
+
+    fn end(&self, _: Stage) {}
+}
+
+/// Samples are not placed anew on a mirror that moves, and move with it: a camera that does the same sees them where they were.
+#[test]
+fn mirrors_keep_their_samples_while_they_move() {
+    let mut engine = engine("spoon");
+    engine.options_mut().overlay = Overlay::Samples;
+    let detail = Detail { size: SIZE, samples: SAMPLES, taps: 4, spacing: 8, shadow_directions: 16 };
+    let mut preview = |change: &dyn Fn(&mut Scene)| {
+        change(engine.scene_mut());
+        let stages = MadeStages::default();
+        let preview = wait(None, engine.preview(&detail, &stages)).unwrap();
+        let dot = |mark: &Mark| if let Mark::Dot(at) = mark { *at } else { panic!("{mark:?}") };
+        (preview.marks.iter().map(dot).collect::<Vec<Vec2>>(), stages.0.into_inner().unwrap())
+    };
+    let (before, stages) = preview(&|_| {});
+    assert!(stages.contains(&Stage::Points));
+    let (turn, step) = (Mat3::from_rotation_y(0.7), Vec3::new(0.3, 0.05, -0.2));
+    let (moved, stages) = preview(&|scene| {
+        let mirror = scene.objects.iter_mut().find(|object| object.reflector.is_some()).unwrap();
+        mirror.placement = mirror.placement.turned(Vec3::Y, 0.7);
+        mirror.placement.translate = turn * mirror.placement.translate + step;
+        let Camera { position, forward, right, up, .. } = &mut scene.camera;
+        *position = turn * *position + step;
+        [forward, right, up].into_iter().for_each(|axis| *axis = turn * *axis);
+    });
+    assert!(!stages.contains(&Stage::Points), "{stages:?}");
+    // One at a silhouette may be seen or not.
+    let is_there = |dot: &&Vec2| before.iter().any(|other| other.distance(**dot) < 0.02);
+    let found = moved.iter().filter(is_there).count();
+    assert!(found > 50 && found + 2 >= before.len().max(moved.len()), "{found} of {}, {}", before.len(), moved.len());
+    // Another size is another surface.
+    let (_, stages) = preview(&|scene| scene.objects.iter_mut().for_each(|object| object.placement.scale *= 1.5));
+    assert!(stages.contains(&Stage::Points));
 }
