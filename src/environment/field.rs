@@ -134,7 +134,9 @@ impl EnvironmentRadiance {
         match &self.kind {
             Kind::Geometry { front, background } => {
                 background.background_of_all(directions);
-                directions.iter_mut().for_each(|radiance| *radiance *= front.intensity);
+                for radiance in directions {
+                    *radiance *= front.intensity;
+                }
             }
             Kind::Map(layout) => layout.smooth_radiance_of_all(directions),
             _ => directions.iter_mut().for_each(|d| *d = self.smooth_radiance(*d)),

@@ -271,9 +271,7 @@ impl<'a> VisibilityMap<'a> {
         }
         if differing != 0 {
             let interpolated = self.interpolated(simd, &place, &corners, differing);
-            for lane in set_bits(differing) {
-                seen[lane] = interpolated[lane];
-            }
+            set_bits(differing).for_each(|lane| seen[lane] = interpolated[lane]);
         }
         (seen, doubtful)
     }
@@ -377,14 +375,11 @@ impl VisibilityMap<'_> {
             }
         }
         if differing != 0 {
-            match exact(differing) {
-                Some(open) => set_bits(differing).for_each(|lane| fractions[lane] = (open >> lane & 1) as f32),
-                None => {
-                    let interpolated = self.interpolated(simd, &place, &corners, differing);
-                    for lane in set_bits(differing) {
-                        fractions[lane] = interpolated[lane];
-                    }
-                }
+            if let Some(open) = exact(differing) {
+                set_bits(differing).for_each(|lane| fractions[lane] = (open >> lane & 1) as f32);
+            } else {
+                let interpolated = self.interpolated(simd, &place, &corners, differing);
+                set_bits(differing).for_each(|lane| fractions[lane] = interpolated[lane]);
             }
         }
         fractions

@@ -77,6 +77,9 @@ struct KeptSamples {
     placements: Vec<Transform>,
 }
 
+/// The inputs of a preview's samples: the surface around them, the mirrors' materials, and what occludes.
+type FrameKey = (Id<Vec<DifferentialSample>>, Vec<Option<Reflector>>, Footprint, OccluderKey);
+
 /// The ray tracer that visibility depends on; `None` without visibility.
 pub(super) type OccluderKey = Option<Id<Tracer>>;
 
@@ -91,7 +94,7 @@ pub(super) struct SampleStages {
     kept: Memo<KeptSamplesKey, KeptSamples>,
     /// Where the mirrors are in this frame.
     moved: Memo<(Id<KeptSamples>, Vec<Transform>), Vec<DifferentialSample>>,
-    pinholes_of_frame: Memo<(Id<Vec<DifferentialSample>>, Vec<Option<Reflector>>, Footprint, OccluderKey), Pinholes>,
+    pinholes_of_frame: Memo<FrameKey, Pinholes>,
 }
 
 impl SampleStages {
@@ -169,13 +172,12 @@ impl SampleStages {
         }
         let key = kept_samples_key(inputs);
         let placements = || scene.objects.iter().map(|object| object.placement).collect::<Vec<_>>();
-        let kept = match self.kept.kept(&key) {
-            Some(kept) => kept,
-            None => {
-                let points = self.points(inputs)?;
-                let samples = self.differentials(inputs, &points);
-                self.kept.get(key, *progress, || KeptSamples { samples, placements: placements() })
-            }
+        let kept = if let Some(kept) = self.kept.kept(&key) {
+            kept
+        } else {
+            let points = self.points(inputs)?;
+            let samples = self.differentials(inputs, &points);
+            self.kept.get(key, *progress, || KeptSamples { samples, placements: placements() })
         };
         let placements = placements();
         if placements == kept.placements {
