@@ -244,7 +244,9 @@ fn mirrors_keep_their_samples_while_they_move() {
         mirror.placement.translate = turn * mirror.placement.translate + step;
         let Camera { position, forward, right, up, .. } = &mut scene.camera;
         *position = turn * *position + step;
-        [forward, right, up].into_iter().for_each(|axis| *axis = turn * *axis);
+        for axis in [forward, right, up] {
+            *axis = turn * *axis;
+        }
     });
     assert!(!stages.contains(&Stage::Points), "{stages:?}");
     // One at a silhouette may be seen or not.
