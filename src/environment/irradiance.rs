@@ -28,7 +28,7 @@ pub fn irradiance_map(radiance: &CubeMap) -> CubeMap {
     irradiance_by_normal(&cells(radiance, 0), SIZE)
 }
 
-/// The same in a tenth of the time and less finely, for a light that is different in the next frame.
+/// The same less finely and in a quarter of the time, for a light that is different in the next frame.
 pub fn irradiance_map_of_frame(radiance: &CubeMap) -> CubeMap {
     let level = (0..radiance.level_count()).find(|level| radiance.size() >> level <= FRAME_LIGHT_SIZE).unwrap_or(0);
     irradiance_by_normal(&cells(radiance, level), FRAME_SIZE)

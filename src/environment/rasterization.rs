@@ -43,8 +43,8 @@ struct Span<'a> {
     columns: Range<usize>,
 }
 
-/// Corners of a triangle that is cut by the four sides of a face.
-const MAX_CORNERS: usize = 7;
+/// Corners of a triangle that is cut by the four sides of a face: 7, but each cut adds up to half as many where rounding makes it concave.
+const MAX_CORNERS: usize = 13;
 
 /// A triangle's part on a face.
 struct Polygon {
