@@ -119,6 +119,17 @@ impl Backend {
         }
     }
 
+    /// Notices the loss of the device before it is used: wgpu panics where a buffer of a lost device is mapped.
+    #[cfg(feature = "gpu")]
+    pub(crate) fn check(&self) -> Result<(), GpuError> {
+        if let Some(shared) = self.shared_gpu() {
+            // Calls back if the device is lost; its own errors say no more.
+            let _ = shared.gpu.device.poll(wgpu::PollType::Poll);
+            shared.gpu.check()?;
+        }
+        Ok(())
+    }
+
     /// The device, on a GPU. It has to be polled while a future of the engine is pending, as `blocking::wait` does.
     pub fn device(&self) -> Option<&Device> {
         match &self.0 {

@@ -254,6 +254,8 @@ impl Engine {
 
     async fn prepare(&mut self, progress: &dyn Progress) -> Result<Prepared, Error> {
         self.options.check()?;
+        #[cfg(feature = "gpu")]
+        self.backend.check()?;
         #[cfg_attr(not(feature = "gpu"), expect(unused_mut, reason = "only a GPU has copies"))]
         let mut scene = self.scene_stages.prepare(&self.scene, progress)?;
         #[cfg(feature = "gpu")]

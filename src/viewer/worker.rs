@@ -289,7 +289,7 @@ impl Loop {
             }
             match caught(|| self.carry_out(orders, &mut state)) {
                 Ok(()) | Err(Failure::Error(Error::Cancelled)) => {}
-                Err(failure) => self.recover(&failure, &mut state),
+                Err(failure) => self.recover(failure, &mut state),
             }
         }
     }
@@ -318,12 +318,17 @@ impl Loop {
     }
 
     /// Reports why the view cannot be shown. After a defect, and with a new device after the loss of one, everything is prepared again.
-    fn recover(&mut self, failure: &Failure, state: &mut RenderState) {
+    fn recover(&mut self, failure: Failure, state: &mut RenderState) {
+        // A device that is lost in the middle of a frame makes wgpu panic.
+        let failure = match (failure, state.backend.check()) {
+            (Failure::Panic(_), Err(lost)) => Failure::Error(lost.into()),
+            (failure, _) => failure,
+        };
         state.refinement = Refinement::default();
         let number = state.view.as_ref().map_or(0, |view| view.number);
         self.send(Message::Failed(number, failure.to_string()));
         match failure {
-            Failure::Error(error) if !is_lost(error) => {}
+            Failure::Error(error) if !is_lost(&error) => {}
             Failure::Panic(_) => state.engines = Engines::default(),
             Failure::Error(_) => {
                 (state.engines, state.backend) = (Engines::default(), self.open());

@@ -170,6 +170,8 @@ impl Engine {
     ) -> Result<Preview<Rendered>, Error> {
         let options = self.preview_options(detail);
         options.check()?;
+        #[cfg(feature = "gpu")]
+        self.backend.check()?;
         #[cfg_attr(not(feature = "gpu"), expect(unused_mut, reason = "only a GPU has copies"))]
         let mut scene = self.scene_stages.prepare_for_frame(&self.scene, progress)?;
         #[cfg(feature = "gpu")]

@@ -1,5 +1,6 @@
 //! The window without a windowing system: its controls are found by their accessible names, and operated by synthetic input.
 
+mod lost_device;
 mod tools;
 
 use std::path::{Path, PathBuf};
