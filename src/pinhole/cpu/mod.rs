@@ -10,6 +10,7 @@ mod hierarchical;
 mod inspection;
 mod pair;
 mod receiver;
+mod sky_texels;
 mod visibility;
 
 pub use cube::{CubeLookup, Lanes16};
