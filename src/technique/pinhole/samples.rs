@@ -70,7 +70,7 @@ struct KeptSamplesKey {
     seed: u64,
 }
 
-/// Samples, and where the objects were for which they were made.
+/// Samples, and where the mirrors were for which they were made, by object.
 #[derive(Debug)]
 struct KeptSamples {
     samples: Arc<Vec<DifferentialSample>>,
@@ -171,15 +171,14 @@ impl SampleStages {
             return Ok(self.differentials(inputs, &points));
         }
         let key = kept_samples_key(inputs);
-        let placements = || scene.objects.iter().map(|object| object.placement).collect::<Vec<_>>();
+        let placements = mirror_placements(scene);
         let kept = if let Some(kept) = self.kept.kept(&key) {
             kept
         } else {
             let points = self.points(inputs)?;
             let samples = self.differentials(inputs, &points);
-            self.kept.get(key, *progress, || KeptSamples { samples, placements: placements() })
+            self.kept.get(key, *progress, || KeptSamples { samples, placements: placements.clone() })
         };
-        let placements = placements();
         if placements == kept.placements {
             return Ok(kept.samples.clone());
         }
@@ -221,7 +220,7 @@ impl SampleStages {
 }
 
 impl KeptSamples {
-    /// The samples where the objects are at other places, with the same scale.
+    /// The samples where the mirrors are at other places, with the same scale.
     fn moved_to(&self, placements: &[Transform]) -> Vec<DifferentialSample> {
         let motion = |(from, to): (&Transform, &Transform)| {
             let rotation = to.rotation() * from.rotation().transpose();
@@ -234,6 +233,12 @@ impl KeptSamples {
         };
         self.samples.par_iter().map(moved).collect()
     }
+}
+
+/// Where the mirrors are, by object: samples don't depend on where others are.
+fn mirror_placements(scene: &Scene) -> Vec<Transform> {
+    let of_mirror = |object: &Object| object.reflector.map(|_| object.placement).unwrap_or_default();
+    scene.objects.iter().map(of_mirror).collect()
 }
 
 fn kept_samples_key(inputs: &Inputs) -> KeptSamplesKey {
