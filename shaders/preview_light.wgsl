@@ -3,14 +3,7 @@
 
 #import preview
 #import hits
-
-// A direction of shadow rays.
-struct LightDirection {
-    // In the world.
-    direction: vec3f,
-    // Over the density of directions.
-    radiance: vec3f,
-}
+#import light_direction
 
 @group(0) @binding(0) var<uniform> preview: PreviewUniforms;
 // Of one kind, one or none in each pixel.

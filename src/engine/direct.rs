@@ -6,13 +6,15 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use glam::{Vec3, Vec4};
+use glam::Vec3;
 use rayon::prelude::*;
 
 use super::every_other::{AdaptiveLight, PixelGrid, STEP};
+use super::ray_batches::RayBatches;
 #[cfg(feature = "gpu")]
 use super::shadows::LightDirection;
-use super::shadows::Shadows;
+use super::shadows::{Shadows, is_enclosed};
+use crate::Error;
 use crate::environment::CubeMap;
 use crate::progress::Progress;
 use crate::scene::Visibility;
@@ -30,23 +32,36 @@ pub(super) struct DirectLight<'a> {
     irradiance: Arc<CubeMap>,
     /// Where receivers may be occluded.
     shadows: Option<Shadows<'a>>,
+    /// Where shadow rays are traced in batches.
+    batches: Option<&'a dyn RayBatches>,
     progress: &'a dyn Progress,
 }
 
 impl<'a> DirectLight<'a> {
-    pub fn new(
+    /// With as many directions of shadow rays as what the camera sees needs.
+    pub async fn new(
         light: &'a PreparedLight,
         stages: &mut LightStages,
-        tracer: &'a Tracer,
+        (tracer, batches): (&'a Tracer, Option<&'a dyn RayBatches>),
         (visibility, rays): (Visibility, &CameraRays),
         progress: &'a dyn Progress,
-    ) -> Self {
-        let shadows = (visibility == Visibility::Full).then(|| {
+    ) -> Result<Self, Error> {
+        let mut shadows = None;
+        if visibility == Visibility::Full {
+            let sampler = stages.sampler(light, progress);
+            let mut usual = Shadows::new(light, &sampler, tracer);
             let step = rays.hits.len() / SEEN_POINTS + 1;
             let seen: Vec<&Hit> = rays.hits.iter().step_by(step).flatten().collect();
-            Shadows::new(light, &stages.sampler(light, progress), tracer, &seen)
-        });
-        Self { light, irradiance: stages.irradiance(light, progress), shadows, progress }
+            let fractions = match batches {
+                Some(batches) => batches.unoccluded_fractions(&seen, usual.directions()).await?,
+                None => usual.unoccluded_fractions_apart(&seen),
+            };
+            if is_enclosed(&fractions) {
+                usual = Shadows::of_enclosed(light, &sampler, tracer);
+            }
+            shadows = Some(usual);
+        }
+        Ok(Self { light, irradiance: stages.irradiance(light, progress), shadows, batches, progress })
     }
 
     /// With so many directions of shadow rays, for previews; without shadows if there are none.
@@ -58,7 +73,7 @@ impl<'a> DirectLight<'a> {
         progress: &'a dyn Progress,
     ) -> Self {
         let shadows = directions.map(|count| Shadows::of_few(light, &stages.sampler(light, progress), tracer, count));
-        Self { light, irradiance: stages.irradiance(light, progress), shadows, progress }
+        Self { light, irradiance: stages.irradiance(light, progress), shadows, batches: None, progress }
     }
 
     /// The unoccluded irradiance by normal, in the environment's frame.
@@ -75,8 +90,7 @@ impl<'a> DirectLight<'a> {
 
     /// Irradiance at points that are close to each other, W/m²; without shadows once it is cancelled.
     pub fn irradiance(&self, points: &[&Hit]) -> Vec<Vec3> {
-        let open = |point: &&Hit| self.irradiance.fetch(self.light.light_from_world(point.normal), 0.0);
-        let mut irradiance: Vec<Vec3> = points.iter().map(open).collect();
+        let mut irradiance: Vec<Vec3> = points.iter().map(|point| self.unoccluded_at(point)).collect();
         if let Some(shadows) = self.shadows.as_ref().filter(|_| !self.progress.is_cancelled()) {
             let fractions = shadows.unoccluded_fractions(points);
             irradiance.iter_mut().zip(fractions).for_each(|(value, fraction)| *value *= fraction);
@@ -84,25 +98,36 @@ impl<'a> DirectLight<'a> {
         irradiance
     }
 
+    fn unoccluded_at(&self, point: &Hit) -> Vec3 {
+        self.irradiance.fetch(self.light.light_from_world(point.normal), 0.0)
+    }
+
+    /// Irradiance at groups of points that are close to each other, W/m², in one list.
+    pub async fn irradiance_of_groups(&self, groups: &[Vec<&Hit>]) -> Result<Vec<Vec3>, Error> {
+        let Some((batches, shadows)) = self.batches.zip(self.shadows.as_ref()) else {
+            return Ok(groups.par_iter().flat_map_iter(|group| self.irradiance(group)).collect());
+        };
+        let points = groups.concat();
+        let fractions = batches.unoccluded_fractions(&points, shadows.directions()).await?;
+        Ok(points.iter().zip(fractions).map(|(point, fraction)| fraction * self.unoccluded_at(point)).collect())
+    }
+
     /// Irradiance where camera rays hit wanted objects, W/m²; zero elsewhere. Every other pixel is computed, and those between
     /// where light changes from one to the next.
-    pub fn at_hits(&self, rays: &CameraRays, wanted: impl Fn(u32) -> bool + Sync) -> Vec<Vec3> {
+    pub async fn at_hits(&self, rays: &CameraRays, wanted: impl Fn(u32) -> bool) -> Result<Vec<Vec3>, Error> {
         let is_wanted = |hit: &Option<Hit>| hit.is_some_and(|hit| wanted(hit.object));
         let points = (0..rays.hits.len()).filter(|&index| is_wanted(&rays.hits[index]));
         let mut light = AdaptiveLight::new(rays, rays.hits.len(), points, &[]);
         let mut edge = STEP * BLOCK;
         while let Some(open) = light.next_open() {
-            let of_group = |indices: Vec<usize>| {
-                let points: Vec<&Hit> = indices.iter().filter_map(|&index| rays.hits[index].as_ref()).collect();
-                let irradiance = self.irradiance(&points).into_iter().map(|value| value.extend(0.0));
-                indices.into_iter().zip(irradiance).collect::<Vec<_>>()
-            };
-            let of_groups: Vec<Vec<(usize, Vec4)>> =
-                by_block_and_object(rays, &open, edge).into_par_iter().map(of_group).collect();
-            light.set(of_groups.into_iter().flatten());
+            let groups = by_block_and_object(rays, &open, edge);
+            let hit = |index: &usize| rays.hits[*index].as_ref();
+            let points: Vec<Vec<&Hit>> = groups.iter().map(|group| group.iter().filter_map(hit).collect()).collect();
+            let irradiance = self.irradiance_of_groups(&points).await?;
+            light.set(groups.into_iter().flatten().zip(irradiance.into_iter().map(|value| value.extend(0.0))));
             edge = BLOCK;
         }
-        light.finish().iter().map(|light| Vec3::from_slice(light)).collect()
+        Ok(light.finish().iter().map(|light| Vec3::from_slice(light)).collect())
     }
 }
 
@@ -120,11 +145,22 @@ fn by_block_and_object(rays: &CameraRays, indices: &[usize], edge: usize) -> Vec
 
 #[cfg(test)]
 mod tests {
+    use std::pin::pin;
+    use std::task::{Context, Poll, Waker};
+
     use super::*;
     use crate::NoProgress;
     use crate::environment::CubeSize;
     use crate::scene::load;
     use crate::stages::View;
+
+    /// Nothing is waited for on the CPU.
+    fn ready<T>(future: impl Future<Output = T>) -> T {
+        match pin!(future).poll(&mut Context::from_waker(Waker::noop())) {
+            Poll::Ready(value) => value,
+            Poll::Pending => panic!("pending"),
+        }
+    }
 
     /// What the points of a block agree on is what each of them finds alone.
     #[test]
@@ -135,8 +171,9 @@ mod tests {
         let rays = CameraRays::trace(|ray| tracer.camera_hit(ray), view);
         let mut stages = LightStages::new();
         let light = stages.prepare(&scene.environment, None, CubeSize::default(), &NoProgress).unwrap();
-        let direct = DirectLight::new(&light, &mut stages, &tracer, (Visibility::Full, &rays), &NoProgress);
-        let together = direct.at_hits(&rays, |_| true);
+        let made = DirectLight::new(&light, &mut stages, (&tracer, None), (Visibility::Full, &rays), &NoProgress);
+        let direct = ready(made).unwrap();
+        let together = ready(direct.at_hits(&rays, |_| true)).unwrap();
         let brightest = together.iter().map(|v| v.max_element()).fold(0.0, f32::max);
         let differences: Vec<f32> = (0..rays.hits.len())
             .step_by(7)

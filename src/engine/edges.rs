@@ -13,9 +13,10 @@ use super::paths::share_light;
 use crate::Error;
 use crate::pinhole::Receivers;
 use crate::progress::Uncounted;
+use crate::scene::Ray;
 use crate::stages::CameraRays;
 use crate::technique::Sum;
-use crate::tracing::{Hit, Tracer};
+use crate::tracing::Hit;
 
 /// A pixel is divided if its caustic differs from a neighbour's by more than this part of all light there.
 pub(super) const MIN_CONTRAST: f32 = 0.1;
@@ -108,21 +109,10 @@ pub(super) enum Part {
 pub(super) struct DividedPixels(Vec<(usize, [Part; PARTS])>);
 
 impl DividedPixels {
-    /// Finds points, of `count`, at an edge between them and their neighbours on the same surface. `parts` are those of a point's
-    /// pixel.
-    pub fn find(
-        (grid, count): (&impl PixelGrid, usize),
-        is_edge: impl Fn(usize, usize) -> bool + Sync,
-        parts: impl Fn(usize) -> [Part; PARTS] + Sync,
-    ) -> Self {
-        let of_point = |index: usize| {
-            let is_divided = is_beside_edge(grid, index, |other| is_edge(index, other));
-            let parts = is_divided.then(|| parts(index))?;
-            parts.iter().any(|part| !matches!(part, Part::Other)).then_some((index, parts))
-        };
-        let mut found: Vec<_> = (0..count).into_par_iter().filter_map(of_point).collect();
-        found.sort_by_cached_key(|(index, _)| grid.place_on_curve(*index));
-        Self(found)
+    /// Points and the parts of their pixels.
+    pub fn new(points: Vec<usize>, parts: Vec<[Part; PARTS]>) -> Self {
+        let is_divided = |parts: &[Part; PARTS]| parts.iter().any(|part| !matches!(part, Part::Other));
+        Self(points.into_iter().zip(parts).filter(|(_, parts)| is_divided(parts)).collect())
     }
 
     /// The open parts, with the indices of their points.
@@ -159,10 +149,14 @@ impl DividedPixels {
         Ok(caustic)
     }
 
-    /// Computes direct light in all open parts, by a function that takes some of them that are close to each other.
-    pub fn with_direct(self, irradiance: impl Fn(&[&Hit]) -> Vec<Vec3> + Send + Sync, light: Vec<Vec3>) -> Direct {
+    /// What is hit in all open parts, in groups of points that are close to each other.
+    pub fn open_in_groups(&self) -> Vec<Vec<&Hit>> {
         let open: Vec<&Hit> = self.open().map(|(_, hit)| hit).collect();
-        let of_parts: Vec<Vec3> = open.par_chunks(POINTS_IN_A_GROUP).flat_map_iter(irradiance).collect();
+        open.chunks(POINTS_IN_A_GROUP).map(<[_]>::to_vec).collect()
+    }
+
+    /// Direct light with that in all open parts.
+    pub fn with_direct(self, of_parts: Vec<Vec3>, light: Vec<Vec3>) -> Direct {
         let mut direct = Direct::from(light);
         for (index, parts) in self.lit(of_parts.into_iter().map(|light| light.extend(0.0))) {
             let parts = parts.map(Vec4::truncate);
@@ -191,6 +185,17 @@ fn mean(parts: [Vec3; PARTS]) -> Vec3 {
     parts.iter().sum::<Vec3>() / PARTS as f32
 }
 
+/// The points of a grid, of `count`, at an edge between them and their neighbours on the same surface, along a Z-order curve.
+pub(super) fn beside_edges(
+    (grid, count): (&impl PixelGrid, usize),
+    is_edge: impl Fn(usize, usize) -> bool + Sync,
+) -> Vec<usize> {
+    let is_beside = |index: &usize| is_beside_edge(grid, *index, |other| is_edge(*index, other));
+    let mut found: Vec<usize> = (0..count).into_par_iter().filter(is_beside).collect();
+    found.sort_by_cached_key(|index| grid.place_on_curve(*index));
+    found
+}
+
 /// Whether there is an edge between a point and any of its neighbours on the same surface.
 fn is_beside_edge(grid: &impl PixelGrid, index: usize, is_edge: impl Fn(usize) -> bool) -> bool {
     if grid.hit(index).is_none() {
@@ -204,14 +209,28 @@ fn is_beside_edge(grid: &impl PixelGrid, index: usize, is_edge: impl Fn(usize) -
     others.any(|other| grid.is_same_surface(index, other) && is_edge(other))
 }
 
-/// The parts of a pixel that show the same surface as its centre.
-pub(super) fn parts_of_pixel(tracer: &Tracer, rays: &CameraRays, index: usize) -> [Part; PARTS] {
+/// The parts of pixels that show the same surface as their centres.
+pub(super) async fn parts_of_pixels(
+    inputs: &FrameInputs<'_>,
+    rays: &CameraRays,
+    points: &[usize],
+) -> Result<Vec<[Part; PARTS]>, Error> {
+    let of_parts: Vec<Ray> = points.iter().flat_map(|&index| rays_of_parts(rays, index)).collect();
+    let hits = inputs.camera_hits(&of_parts).await?;
+    let of_pixels = points.iter().zip(hits.as_chunks().0);
+    Ok(of_pixels.map(|(&index, hits)| parts_with(rays.hits[index].as_ref(), hits)).collect())
+}
+
+/// The camera's rays through the parts of a pixel.
+fn rays_of_parts(rays: &CameraRays, index: usize) -> [Ray; PARTS] {
     let (view, width) = (&rays.view, rays.width as usize);
     let centre = Vec2::new((index % width) as f32, (index / width + view.first_row as usize) as f32) + 0.5;
-    let size = UVec2::from_array(view.size).as_vec2();
-    let own = rays.hits[index].as_ref();
-    PLACES.map(|place| {
-        let hit = tracer.camera_hit(view.camera.ray(centre + place, size));
+    PLACES.map(|place| view.camera.ray(centre + place, UVec2::from_array(view.size).as_vec2()))
+}
+
+/// The parts of a pixel, of which its centre and each part see this.
+fn parts_with(own: Option<&Hit>, hits: &[Option<Hit>; PARTS]) -> [Part; PARTS] {
+    hits.map(|hit| {
         let hit = hit.filter(|hit| own.is_some_and(|own| share_light(own, hit)));
         hit.map_or(Part::Other, Part::Open)
     })
@@ -222,6 +241,7 @@ mod tests {
     use super::*;
     use crate::scene::load;
     use crate::stages::View;
+    use crate::tracing::Tracer;
 
     /// Light on one side of a column of a picture of a table.
     #[test]
@@ -234,16 +254,17 @@ mod tests {
         let at_edge = |direct: f32, tolerance: f32| -> Vec<usize> {
             let direct = vec![Vec3::splat(direct); 1024];
             let light = SeenLight { direct: &direct, caustic: &caustic, tolerance, min_contrast: MIN_CONTRAST };
-            (0..1024).filter(|&index| is_beside_edge(&rays, index, |other| light.is_edge(index, other))).collect()
+            let mut found = beside_edges((&rays, 1024), |one, other| light.is_edge(one, other));
+            found.sort_unstable();
+            found
         };
         let found = at_edge(1.0, 0.01);
         assert!(found.len() > 10);
         assert!(found.iter().all(|index| [4, 5].contains(&(index % 32))));
-        assert!(
-            found
-                .iter()
-                .all(|&index| parts_of_pixel(&tracer, &rays, index).iter().all(|part| matches!(part, Part::Open(_))))
-        );
+        assert!(found.iter().all(|&index| {
+            let hits = rays_of_parts(&rays, index).map(|ray| tracer.camera_hit(ray));
+            parts_with(rays.hits[index].as_ref(), &hits).iter().all(|part| matches!(part, Part::Open(_)))
+        }));
         assert!(at_edge(100.0, 0.01).is_empty(), "beside much more light nothing is seen of it");
         assert!(at_edge(1.0, 0.05).is_empty(), "coarse sums differ by themselves");
     }
@@ -256,8 +277,9 @@ mod tests {
             (2, [Part::Open(hit), Part::Other, Part::Open(hit), Part::Other]),
             (0, [Part::Known(Vec3::ONE), Part::Other, Part::Other, Part::Open(hit)]),
         ]);
-        let open = |hits: &[&Hit]| (0..hits.len()).map(|k| Vec3::new(2.0 + 2.0 * k as f32, k as f32, 0.0)).collect();
-        let direct = divided.with_direct(open, vec![Vec3::ONE; 3]);
+        let count = divided.open_in_groups().concat().len();
+        let of_parts = (0..count).map(|k| Vec3::new(2.0 + 2.0 * k as f32, k as f32, 0.0)).collect();
+        let direct = divided.with_direct(of_parts, vec![Vec3::ONE; 3]);
         let means = [Vec3::new(3.5, 1.5, 0.5), Vec3::ONE, Vec3::new(3.0, 0.5, 0.0)];
         assert_eq!(direct.light, means);
         assert_eq!(direct.parts[&2], [Vec3::new(2.0, 0.0, 0.0), means[2], Vec3::new(4.0, 1.0, 0.0), means[2]]);

@@ -8,7 +8,9 @@ use obvhs::ploc::morton::morton_encode_u64;
 use rayon::prelude::*;
 
 use super::direct::DirectLight;
-use super::edges::{Caustic, Direct, DividedPixels, MIN_MIRRORED_CONTRAST, PARTS, Part, SeenLight, differs};
+use super::edges::{
+    Caustic, Direct, DividedPixels, MIN_MIRRORED_CONTRAST, PARTS, Part, SeenLight, beside_edges, differs,
+};
 use super::every_other::{AdaptiveLight, EndGrid};
 use super::frame::FrameInputs;
 use super::glossy::GlossyLight;
@@ -32,13 +34,13 @@ const SHARED_BLUR: f32 = 0.25;
 const CURVE_STEPS: f32 = (1 << 20) as f32;
 
 /// Direct light for the irradiance on surfaces.
-pub(super) fn direct_light<'a>(
+pub(super) async fn direct_light<'a>(
     inputs: &FrameInputs<'a>,
     light: &mut LightStages,
     rays: &CameraRays,
-) -> DirectLight<'a> {
-    let FrameInputs { prepared, options, progress, .. } = *inputs;
-    DirectLight::new(inputs.light, light, &prepared.tracer, (options.visibility, rays), progress)
+) -> Result<DirectLight<'a>, Error> {
+    let FrameInputs { options, progress, .. } = *inputs;
+    DirectLight::new(inputs.light, light, inputs.ray_source(), (options.visibility, rays), progress).await
 }
 
 /// Direct light at the end points of paths.
@@ -50,54 +52,66 @@ pub(super) struct EndLight<'a> {
 }
 
 impl<'a> EndLight<'a> {
-    pub fn new(inputs: &FrameInputs<'a>, stages: &mut LightStages, points: &[EndPoint], rays: &CameraRays) -> Self {
+    pub async fn new(
+        inputs: &FrameInputs<'a>,
+        stages: &mut LightStages,
+        points: &[EndPoint],
+        rays: &CameraRays,
+    ) -> Result<Self, Error> {
         let FrameInputs { light, prepared, options, progress, .. } = *inputs;
         let materials = &*prepared.materials.receivers;
-        let diffuse = direct_light(inputs, stages, rays);
+        let diffuse = direct_light(inputs, stages, rays).await?;
         let glossy = points
             .iter()
             .any(|p| is_glossy(materials, p))
-            .then(|| GlossyLight::new(light, stages.sampler(light, progress), &prepared.tracer, options.visibility));
-        Self { materials, diffuse, glossy }
+            .then(|| GlossyLight::new(light, stages.sampler(light, progress), inputs.ray_source(), options.visibility));
+        Ok(Self { materials, diffuse, glossy })
     }
 
     /// Irradiance or, on glossy receivers, the radiance reflected towards the viewers, at the end points of a picture of this width.
     /// `at_hits` is the irradiance where camera rays hit, if it is known, which is interpolated where the camera sees a point.
-    pub fn at(&self, inputs: &FrameInputs, points: &[EndPoint], rays: &CameraRays, at_hits: Option<&Direct>) -> Direct {
+    pub async fn at(
+        &self,
+        inputs: &FrameInputs<'_>,
+        points: &[EndPoint],
+        rays: &CameraRays,
+        at_hits: Option<&Direct>,
+    ) -> Result<Direct, Error> {
         let is_known = |object| at_hits.is_some() && inputs.shows_irradiance(Aov::Direct, object);
         let at_hit = |hit: usize| at_hits.map_or(Vec3::ZERO, |direct| direct.light[hit]);
         let reprojection = Reprojection::new(rays, points, is_known);
-        let known = |(index, point): (usize, &EndPoint)| match &self.glossy {
-            Some(light) if is_glossy(self.materials, point) => {
-                Some(light.reflected(self.materials, &point.hit, point.view))
-            }
-            _ => reprojection.light(index, at_hit),
-        };
-        let known: Vec<Option<Vec3>> = points.par_iter().enumerate().map(known).collect();
+        let known = (0..points.len()).into_par_iter().map(|index| reprojection.light(index, at_hit));
+        let mut known: Vec<Option<Vec3>> = known.collect();
+        if let Some(light) = &self.glossy {
+            let glossy: Vec<usize> = (0..points.len()).filter(|&k| is_glossy(self.materials, &points[k])).collect();
+            let of_glossy: Vec<&EndPoint> = glossy.iter().map(|&index| &points[index]).collect();
+            let reflected = light.reflected(self.materials, &of_glossy).await?;
+            glossy.into_iter().zip(reflected).for_each(|(index, radiance)| known[index] = Some(radiance));
+        }
         let unknown = (0..points.len()).filter(|&index| known[index].is_none());
         let grid = EndGrid::new(points, rays.view.size[0]);
         let mut light = AdaptiveLight::new(&grid, points.len(), unknown, &[]);
         light.set(known.iter().enumerate().filter_map(|(index, value)| Some((index, (*value)?.extend(0.0)))));
-        let of_group = |group: &[usize]| {
-            let hits: Vec<&Hit> = group.iter().map(|&index| &points[index].hit).collect();
-            self.diffuse.irradiance(&hits)
-        };
         while let Some(mut open) = light.next_open() {
             sort_along_curve(&mut open, points);
-            let computed: Vec<Vec3> = open.par_chunks(POINTS_IN_A_GROUP).flat_map_iter(of_group).collect();
+            let hits = |group: &[usize]| group.iter().map(|&index| &points[index].hit).collect();
+            let groups: Vec<Vec<&Hit>> = open.chunks(POINTS_IN_A_GROUP).map(hits).collect();
+            let computed = self.diffuse.irradiance_of_groups(&groups).await?;
             light.set(open.into_iter().zip(computed.into_iter().map(|value| value.extend(0.0))));
         }
         let light: Vec<Vec3> = light.finish().iter().map(|light| Vec3::from_slice(light)).collect();
         if rays.view.pixel_samples > 1 {
-            return light.into();
+            return Ok(light.into());
         }
         let is_edge = |one: usize, other: usize| {
             let pair = (light[one], light[other]);
             differs(pair, pair.0.max(pair.1), MIN_MIRRORED_CONTRAST)
         };
-        let parts = |index: usize| parts_of_end(inputs, rays, &points[index], is_known, at_hit);
-        let divided = DividedPixels::find((&grid, points.len()), is_edge, parts);
-        divided.with_direct(|hits| self.diffuse.irradiance(hits), light)
+        let divided = beside_edges((&grid, points.len()), is_edge);
+        let parts = parts_of_ends(inputs, rays, (points, &divided), is_known, at_hit).await?;
+        let divided = DividedPixels::new(divided, parts);
+        let of_parts = self.diffuse.irradiance_of_groups(&divided.open_in_groups()).await?;
+        Ok(divided.with_direct(of_parts, light))
     }
 }
 
@@ -154,32 +168,35 @@ pub(super) async fn caustic_at(
     }
     let tolerance = inputs.options.tolerance;
     let light = SeenLight { direct, caustic: &sums, tolerance, min_contrast: MIN_MIRRORED_CONTRAST };
-    let parts = |index: usize| {
-        let point = &points[index];
-        if point.receives { parts_of_end(inputs, rays, point, is_known, at_hit) } else { [Part::Other; PARTS] }
-    };
-    let divided = DividedPixels::find((&grid, sums.len()), |one, other| light.is_edge(one, other), parts);
-    divided.with_caustic((inputs, sum), direct, sums).await
+    let mut divided = beside_edges((&grid, sums.len()), |one, other| light.is_edge(one, other));
+    divided.retain(|&index| points[index].receives);
+    let parts = parts_of_ends(inputs, rays, (points, &divided), is_known, at_hit).await?;
+    DividedPixels::new(divided, parts).with_caustic((inputs, sum), direct, sums).await
 }
 
-/// The parts of an end point's pixel that see the same by way of smooth mirrors, if its light is irradiance; it is known on some objects
-/// where camera rays hit them.
-fn parts_of_end(
-    inputs: &FrameInputs,
+/// The parts of some end points' pixels that see the same by way of smooth mirrors, if their light is irradiance; it is known on some
+/// objects where camera rays hit them.
+async fn parts_of_ends(
+    inputs: &FrameInputs<'_>,
     rays: &CameraRays,
-    point: &EndPoint,
+    (points, divided): (&[EndPoint], &[usize]),
     is_known: impl Fn(u32) -> bool,
     at_hit: impl Fn(usize) -> Vec3,
-) -> [Part; PARTS] {
-    if point.blur > 0.0 || is_glossy(&inputs.prepared.materials.receivers, point) {
-        return [Part::Other; PARTS];
-    }
-    let is_known = is_known(point.hit.object);
-    inputs.path_tracer(rays).parts_of_end(point).map(|hit| {
-        let Some(hit) = hit else { return Part::Other };
-        let known = is_known.then(|| light_at(rays, &EndPoint { hit, ..point.clone() }, &at_hit)).flatten();
-        known.map_or(Part::Open(hit), Part::Known)
-    })
+) -> Result<Vec<[Part; PARTS]>, Error> {
+    let materials = &inputs.prepared.materials.receivers;
+    let is_sharp = |index: &usize| points[*index].blur == 0.0 && !is_glossy(materials, &points[*index]);
+    let sharp: Vec<&EndPoint> = divided.iter().filter(|index| is_sharp(index)).map(|&index| &points[index]).collect();
+    let mut hits = inputs.path_tracer(rays).parts_of_ends(&sharp).await?.into_iter();
+    let parts = |index: &usize| {
+        let (point, hits) = (&points[*index], is_sharp(index).then(|| hits.next()).flatten());
+        let is_known = is_known(point.hit.object);
+        hits.unwrap_or_default().map(|hit| {
+            let Some(hit) = hit else { return Part::Other };
+            let known = is_known.then(|| light_at(rays, &EndPoint { hit, ..point.clone() }, &at_hit)).flatten();
+            known.map_or(Part::Open(hit), Part::Known)
+        })
+    };
+    Ok(divided.iter().map(parts).collect())
 }
 
 /// Sums at end points.

@@ -4,23 +4,25 @@
 use std::sync::Arc;
 
 use glam::Vec3;
+use rayon::prelude::*;
 
 use super::caustic::CausticAtHits;
 use super::edges::{Caustic, Direct};
 use super::ends::{EndLight, caustic_at, direct_light};
 use super::paths::{PathTracer, Paths};
+use super::ray_batches::RayBatches;
 use super::shading::{Displayed, Shaded, Shader, SurfaceLight};
 use crate::Error;
 use crate::environment::Environment;
 use crate::image::Aov;
 use crate::options::{DisplaySettings, Options};
 use crate::progress::{Progress, Stage};
-use crate::scene::{Emitter, Scene, Sides, Visibility};
+use crate::scene::{Emitter, Ray, Scene, Sides, Visibility};
 use crate::stages::{
     CameraRays, Id, LightStages, Memo, PreparedLight, PreparedScene, StageCounts, SurfaceMaterials, View,
 };
 use crate::technique::Sum;
-use crate::tracing::{CameraTracer, Tracer};
+use crate::tracing::{CameraTracer, Hit, Tracer};
 
 /// The largest number of points of a picture whose stages are kept: enough for 3840×2160 pixels.
 pub(super) const KEPT_POINTS: u64 = 1 << 23;
@@ -116,10 +118,25 @@ pub(super) struct FrameInputs<'a> {
     pub display: DisplaySettings,
     /// `None` if no caustics are shown.
     pub sum: Option<&'a Arc<dyn Sum>>,
+    /// Where rays are traced in batches.
+    pub batches: Option<&'a dyn RayBatches>,
     pub progress: &'a dyn Progress,
 }
 
-impl FrameInputs<'_> {
+impl<'a> FrameInputs<'a> {
+    /// What traces the rays that leave surfaces.
+    pub(super) fn ray_source(&self) -> (&'a Tracer, Option<&'a dyn RayBatches>) {
+        (&self.prepared.tracer, self.batches)
+    }
+
+    /// The first things that the camera sees along rays.
+    pub(super) async fn camera_hits(&self, rays: &[Ray]) -> Result<Vec<Option<Hit>>, Error> {
+        match self.batches {
+            Some(batches) => batches.camera_hits(rays).await,
+            None => Ok(rays.par_iter().map(|ray| self.prepared.camera.hit(*ray)).collect()),
+        }
+    }
+
     /// Whether any picture shows the irradiance on an object. For glossy objects the beauty picture shows reflected
     /// radiance instead.
     pub(super) fn shows_irradiance(&self, aov: Aov, object: u32) -> bool {
@@ -142,14 +159,8 @@ impl FrameInputs<'_> {
         HIDDEN_SHARE * self.options.tolerance * light.element_sum() / 3.0
     }
 
-    pub(super) fn path_tracer<'a>(&'a self, rays: &'a CameraRays) -> PathTracer<'a> {
-        PathTracer {
-            scene: self.scene,
-            prepared: self.prepared,
-            rays,
-            is_plain: self.options.plain_diffuse,
-            progress: self.progress,
-        }
+    pub(super) fn path_tracer<'r>(&'r self, rays: &'r CameraRays) -> PathTracer<'r> {
+        PathTracer { inputs: self, rays, is_plain: self.options.plain_diffuse }
     }
 
     fn objects(&self) -> std::ops::Range<u32> {
@@ -219,17 +230,17 @@ impl BandStages {
     ) -> Result<Band, Error> {
         let Options { size, pixel_samples, ref aovs, .. } = *inputs.options;
         let view = View { camera: inputs.scene.camera, size, pixel_samples, first_row, rows };
-        let camera = &inputs.prepared.camera;
-        let trace = || CameraRays::trace(|ray| camera.hit(ray), view);
-        let rays = self.rays.get((Id::of(camera), view), inputs.progress, trace);
+        let trace = async || camera_rays(inputs, view).await;
+        let key = (Id::of(&inputs.prepared.camera), view);
+        let rays = self.rays.wait_for(key, (1, inputs.progress), trace).await?;
         let is_lit = aovs.iter().any(|aov| matches!(aov, Aov::Direct | Aov::Beauty));
-        let direct = is_lit.then(|| self.direct(inputs, light, &rays));
+        let direct = if is_lit { Some(self.direct(inputs, light, &rays).await?) } else { None };
         let caustic = self.caustic(inputs, &rays, direct.as_ref()).await?;
         let mut fetches = fetches_of(caustic.as_deref());
         let surfaces = SurfaceLight { direct, caustic };
         let mut beauty = None;
         if aovs.contains(&Aov::Beauty) {
-            let paths = self.paths(inputs, &rays);
+            let paths = self.paths(inputs, &rays).await?;
             let ends = self.ends(inputs, light, &paths, &rays, &surfaces).await?;
             fetches += fetches_of(ends.caustic.as_deref());
             beauty = Some(self.beauty(inputs, &paths, &surfaces, &ends));
@@ -266,14 +277,22 @@ impl BandStages {
     }
 
     /// Direct irradiance where camera rays hit surfaces.
-    fn direct(&mut self, inputs: &FrameInputs, light: &mut LightStages, rays: &Arc<CameraRays>) -> Arc<Direct> {
+    async fn direct(
+        &mut self,
+        inputs: &FrameInputs<'_>,
+        light: &mut LightStages,
+        rays: &Arc<CameraRays>,
+    ) -> Result<Arc<Direct>, Error> {
         let wanted: Vec<bool> = inputs.objects().map(|o| inputs.shows_irradiance(Aov::Direct, o)).collect();
         let key = DirectKey { rays: Id::of(rays), light: inputs.light_key(), wanted: wanted.clone() };
-        let make = || direct_light(inputs, light, rays).at_hits(rays, |object| wanted[object as usize]).into();
-        self.direct.get(key, inputs.progress, make)
+        let make = async || -> Result<Direct, Error> {
+            let direct = direct_light(inputs, light, rays).await?;
+            Ok(direct.at_hits(rays, |object| wanted[object as usize]).await?.into())
+        };
+        self.direct.wait_for(key, (1, inputs.progress), make).await
     }
 
-    fn paths(&mut self, inputs: &FrameInputs, rays: &Arc<CameraRays>) -> Arc<Paths> {
+    async fn paths(&mut self, inputs: &FrameInputs<'_>, rays: &Arc<CameraRays>) -> Result<Arc<Paths>, Error> {
         let FrameInputs { scene, prepared, options, progress, .. } = *inputs;
         let key = PathsKey {
             rays: Id::of(rays),
@@ -283,7 +302,7 @@ impl BandStages {
             emitters: scene.objects.iter().map(|o| o.emitter).collect(),
             is_plain: options.plain_diffuse,
         };
-        self.paths.get(key, progress, || inputs.path_tracer(rays).trace())
+        self.paths.wait_for(key, (1, progress), async || inputs.path_tracer(rays).trace().await).await
     }
 
     /// The light at the end points of paths.
@@ -299,10 +318,11 @@ impl BandStages {
             return Ok(SurfaceLight { direct: None, caustic: None });
         }
         let key = EndsKey { paths: Id::of(paths), source: inputs.light_key(), own: (id_of(own).0, None) };
-        let direct = self.ends_direct.get(key, inputs.progress, || {
-            let source = EndLight::new(inputs, light, &paths.ends, rays);
-            source.at(inputs, &paths.ends, rays, own.direct.as_deref())
-        });
+        let make = async || {
+            let source = EndLight::new(inputs, light, &paths.ends, rays).await?;
+            source.at(inputs, &paths.ends, rays, own.direct.as_deref()).await
+        };
+        let direct = self.ends_direct.wait_for(key, (1, inputs.progress), make).await?;
         let mut caustic = None;
         if let Some(sum) = inputs.sum {
             let steps = (paths.ends.len() as u64, inputs.progress);
@@ -341,6 +361,13 @@ impl BandStages {
         counts.add_memo(&self.ends_direct);
         counts.add_memo(&self.shading);
         counts.add_memo(&self.display);
+    }
+}
+
+async fn camera_rays(inputs: &FrameInputs<'_>, view: View) -> Result<CameraRays, Error> {
+    match inputs.batches {
+        Some(batches) => Ok(CameraRays::of_hits(view, batches.camera_hits(&view.rays()).await?)),
+        None => Ok(CameraRays::trace(|ray| inputs.prepared.camera.hit(ray), view)),
     }
 }
 

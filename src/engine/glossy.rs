@@ -4,55 +4,88 @@ use std::f32::consts::{FRAC_1_PI, TAU};
 use std::sync::Arc;
 
 use glam::{Mat3, Vec2, Vec3};
+use rayon::prelude::*;
 use sobol_burley::sample_4d;
 
 use super::gloss::{facet_of, tangents};
+use super::paths::EndPoint;
+use super::ray_batches::RayBatches;
+use crate::Error;
 use crate::brdf::{Materials, distribution};
 use crate::environment::LightSampler;
 use crate::scene::{Ray, Visibility};
 use crate::stages::PreparedLight;
-use crate::tracing::{Hit, Tracer};
+use crate::tracing::Tracer;
 
 /// Directions drawn from the light, as many from the receiver's cosine, and as many from its lobe.
 const RAYS: u32 = 128;
+/// Points whose rays make up a batch.
+const POINTS_PER_BATCH: usize = 2048;
 /// Scrambles the directions. All points draw the same, so that neighbouring points differ smoothly and without noise.
 const SEED: u32 = 0x9E37_79B9;
 
 /// The environment in directions that are drawn by its radiance, by the receiver's cosine and by its lobe, combined by
 /// multiple importance sampling with the balance heuristic.
-#[derive(Debug)]
 pub(super) struct GlossyLight<'a> {
     light: &'a PreparedLight,
     world_from_light: Mat3,
     sampler: Arc<LightSampler>,
     is_shadowed: bool,
     tracer: &'a Tracer,
+    /// Where rays are traced in batches.
+    batches: Option<&'a dyn RayBatches>,
 }
 
 impl<'a> GlossyLight<'a> {
     pub fn new(
         light: &'a PreparedLight,
         sampler: Arc<LightSampler>,
-        tracer: &'a Tracer,
+        (tracer, batches): (&'a Tracer, Option<&'a dyn RayBatches>),
         visibility: Visibility,
     ) -> Self {
         let is_shadowed = visibility == Visibility::Full;
-        Self { light, world_from_light: light.world_from_light(), sampler, is_shadowed, tracer }
+        Self { light, world_from_light: light.world_from_light(), sampler, is_shadowed, tracer, batches }
     }
 
-    /// Radiance that a glossy receiver reflects towards its viewer, W/(m²·sr).
-    pub fn reflected(&self, materials: &Materials, hit: &Hit, view: Vec3) -> Vec3 {
+    /// Radiance that glossy receivers reflect towards their viewers, W/(m²·sr).
+    pub async fn reflected(&self, materials: &Materials, points: &[&EndPoint]) -> Result<Vec<Vec3>, Error> {
+        let Some(batches) = self.batches.filter(|_| self.is_shadowed) else {
+            return Ok(points.par_iter().map(|point| self.reflected_at(materials, point)).collect());
+        };
+        let mut all = Vec::with_capacity(points.len());
+        for points in points.chunks(POINTS_PER_BATCH) {
+            let terms = points.par_iter().map(|point| self.terms(materials, point));
+            let terms: Vec<Vec<(Ray, Vec3)>> = terms.collect();
+            let rays: Vec<Ray> = terms.iter().flatten().map(|(ray, _)| *ray).collect();
+            let mut blocked = batches.blocked(&rays).await?.into_iter();
+            let arriving = |of_point: &Vec<(Ray, Vec3)>| {
+                let terms = of_point.iter().zip(blocked.by_ref());
+                terms.filter(|(_, is_blocked)| !is_blocked).map(|((_, term), _)| *term).sum::<Vec3>()
+            };
+            all.extend(terms.iter().map(arriving));
+        }
+        Ok(all)
+    }
+
+    fn reflected_at(&self, materials: &Materials, point: &EndPoint) -> Vec3 {
+        let terms = self.terms(materials, point).into_iter();
+        terms.filter(|(ray, _)| !(self.is_shadowed && self.tracer.is_blocked(*ray))).map(|(_, term)| term).sum()
+    }
+
+    /// Shadow rays from a receiver, and what each adds to the radiance if it is not blocked.
+    fn terms(&self, materials: &Materials, point: &EndPoint) -> Vec<(Ray, Vec3)> {
+        let EndPoint { hit, view, .. } = *point;
         let normal = hit.normal;
         let lobe = Lobe { normal, view, alpha: materials.lobe_alpha(hit.object).unwrap_or(1.0).max(1e-3) };
-        let mut sum = Vec3::ZERO;
+        let mut terms = Vec::with_capacity(3 * RAYS as usize);
         let mut add = |direction: Vec3, in_light: Vec3| {
             let cosine = direction.dot(normal);
             let value = materials.value(hit.object, normal, direction, view, 0.0);
             if cosine > 0.0 && value != Vec3::ZERO {
                 let density = self.sampler.pdf(in_light) + cosine * FRAC_1_PI + lobe.pdf(direction);
-                if !(self.is_shadowed && self.tracer.is_blocked(Ray { origin: hit.position, direction })) {
-                    sum += value * self.light.environment.radiance.radiance(in_light) * cosine / density;
-                }
+                let radiance = self.light.environment.radiance.radiance(in_light);
+                let term = value * radiance * cosine / (density * RAYS as f32);
+                terms.push((Ray { origin: hit.position, direction }, term));
             }
         };
         for k in 0..RAYS {
@@ -65,7 +98,7 @@ impl<'a> GlossyLight<'a> {
             let by_lobe = lobe.sample(u, v);
             add(by_lobe, self.light.light_from_world(by_lobe));
         }
-        sum / RAYS as f32
+        terms
     }
 }
 

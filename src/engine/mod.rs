@@ -23,6 +23,7 @@ mod interpolation;
 mod overlay;
 mod paths;
 mod preview;
+mod ray_batches;
 mod report;
 mod reprojection;
 mod shading;
@@ -47,6 +48,8 @@ use self::film::Film;
 use self::frame::{BandStages, FrameInputs, rows_per_band};
 use self::overlay::Marker;
 use self::preview::PreviewStages;
+#[cfg(feature = "gpu")]
+use self::ray_batches::{RayBatches, on_gpu::RaysOnGpu};
 use crate::Error;
 use crate::backend::Backend;
 use crate::image::Aov;
@@ -57,6 +60,8 @@ use crate::scene::Scene;
 use crate::scene::Visibility;
 use crate::stages::{LightStages, PreparedLight, PreparedScene, SceneStages, StageCounts};
 use crate::technique::{Inputs, Sum, Technique, TechniqueStages};
+#[cfg(feature = "gpu")]
+use crate::{gpu::GpuError, pinhole::gpu::Geometry};
 
 /// Renders pictures of a scene, and keeps intermediate results for the next one.
 ///
@@ -187,6 +192,10 @@ impl Engine {
     /// too small, or [`Error::Cancelled`]. The engine stays usable: correct the cause and render again.
     pub async fn render(&mut self, progress: &dyn Progress) -> Result<Rendered, Error> {
         let prepared = self.prepare(progress).await?;
+        #[cfg(feature = "gpu")]
+        let shared = self.backend.shared_gpu().cloned();
+        #[cfg(feature = "gpu")]
+        let on_gpu = shared.as_deref().and_then(|shared| RaysOnGpu::new(shared, &prepared.scene, progress));
         let mut inputs = FrameInputs {
             scene: &self.scene,
             prepared: &prepared.scene,
@@ -194,6 +203,10 @@ impl Engine {
             options: &self.options,
             display: self.options.display,
             sum: prepared.sum.as_ref(),
+            #[cfg(feature = "gpu")]
+            batches: on_gpu.as_ref().map(|rays| rays as &dyn RayBatches),
+            #[cfg(not(feature = "gpu"))]
+            batches: None,
             progress,
         };
         let mut film = Film::new(&self.options);
@@ -259,8 +272,9 @@ impl Engine {
         #[cfg_attr(not(feature = "gpu"), expect(unused_mut, reason = "only a GPU has copies"))]
         let mut scene = self.scene_stages.prepare(&self.scene, progress)?;
         #[cfg(feature = "gpu")]
-        if let Some(shared) = self.backend.shared_gpu().filter(|_| self.options.visibility == Visibility::Full) {
-            scene.on_gpu = Some(self.scene_stages.upload(&self.scene, &shared.gpu, false, progress)?);
+        if let Some(shared) = self.backend.shared_gpu() {
+            let uploaded = self.scene_stages.upload(&self.scene, &shared.gpu, false, progress);
+            scene.on_gpu = on_gpu_if_needed(uploaded, self.options.visibility)?;
         }
         let light = {
             let (source, geometry) = (&self.scene.environment, scene.drawn_geometry());
@@ -316,6 +330,18 @@ impl Engine {
     fn marker<'a>(&'a self, prepared: &'a Prepared) -> Marker<'a> {
         let size = UVec2::from_array(self.options.size).as_vec2();
         Marker { scene: &self.scene, tracer: &prepared.scene.camera, size }
+    }
+}
+
+/// A scene's triangles on a GPU. If there are too many of them, the CPU traces all rays, as long as it need not do that for the sums.
+#[cfg(feature = "gpu")]
+fn on_gpu_if_needed(
+    uploaded: Result<Arc<Geometry>, GpuError>,
+    visibility: Visibility,
+) -> Result<Option<Arc<Geometry>>, GpuError> {
+    match uploaded {
+        Err(GpuError::TooManyTriangles { .. }) if visibility == Visibility::None => Ok(None),
+        uploaded => uploaded.map(Some),
     }
 }
 

@@ -8,6 +8,7 @@
 use std::f32::consts::{PI, TAU};
 
 use glam::{Vec2, Vec3};
+use rayon::prelude::*;
 use sobol_burley::sample_4d;
 
 use crate::environment::LightSampler;
@@ -51,15 +52,14 @@ pub(super) struct Shadows<'a> {
 }
 
 impl<'a> Shadows<'a> {
-    /// With as many directions as surfaces like those at `seen` need.
-    pub fn new(light: &PreparedLight, sampler: &LightSampler, tracer: &'a Tracer, seen: &[&Hit]) -> Self {
-        let few = Self::with_directions(light, sampler, tracer, [BY_LIGHT, EVEN]);
-        let nothing_known = vec![None; few.directions.len()];
-        let fractions = seen.chunks(LANES).flat_map(|points| few.fractions(points, &nothing_known));
-        let sum: f32 = fractions.map(Vec3::max_element).sum();
-        let is_enclosed = sum < ENCLOSED_FRACTION * seen.len() as f32;
-        let many = || [BY_LIGHT, EVEN].map(|count| ENCLOSED_FACTOR * count);
-        if is_enclosed { Self::with_directions(light, sampler, tracer, many()) } else { few }
+    /// With as many directions as surfaces need on which much of the light arrives.
+    pub fn new(light: &PreparedLight, sampler: &LightSampler, tracer: &'a Tracer) -> Self {
+        Self::with_directions(light, sampler, tracer, [BY_LIGHT, EVEN])
+    }
+
+    /// With as many directions as surfaces need on which little of the light arrives, see [`is_enclosed`].
+    pub fn of_enclosed(light: &PreparedLight, sampler: &LightSampler, tracer: &'a Tracer) -> Self {
+        Self::with_directions(light, sampler, tracer, [BY_LIGHT, EVEN].map(|count| ENCLOSED_FACTOR * count))
     }
 
     /// With about so many directions, most of them by light.
@@ -90,13 +90,24 @@ impl<'a> Shadows<'a> {
         Self { directions: drawn_by_light.chain(drawn_evenly).map(one).collect(), tracer }
     }
 
-    /// The directions of shadow rays.
+    /// The same with given directions.
     #[cfg(feature = "gpu")]
+    pub fn along(directions: &[LightDirection], tracer: &'a Tracer) -> Self {
+        Self { directions: directions.to_vec(), tracer }
+    }
+
+    /// The directions of shadow rays.
     pub fn directions(&self) -> &[LightDirection] {
         &self.directions
     }
 
-    /// The part of the irradiance that is not occluded, per channel, at points that are close to each other.
+    /// The part of the irradiance that is not occluded, per channel, at points anywhere: all of their shadow rays are traced.
+    pub fn unoccluded_fractions_apart(&self, points: &[&Hit]) -> Vec<Vec3> {
+        let nothing_known = vec![None; self.directions.len()];
+        points.par_chunks(LANES).flat_map_iter(|points| self.fractions(points, &nothing_known)).collect()
+    }
+
+    /// The same at points that are close to each other.
     pub fn unoccluded_fractions(&self, points: &[&Hit]) -> Vec<Vec3> {
         let mut fractions = vec![Vec3::ONE; points.len()];
         let everything = Group { members: (0..points.len()).collect(), findings: vec![None; self.directions.len()] };
@@ -191,6 +202,12 @@ impl<'a> Shadows<'a> {
             lanes,
         })
     }
+}
+
+/// Whether so little of the irradiance arrives at points, by its unoccluded fractions, that more directions are needed.
+pub(super) fn is_enclosed(fractions: &[Vec3]) -> bool {
+    let sum: f32 = fractions.iter().map(|fraction| fraction.max_element()).sum();
+    sum < ENCLOSED_FRACTION * fractions.len() as f32
 }
 
 /// Up to sixteen points, component by component.

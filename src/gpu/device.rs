@@ -346,6 +346,27 @@ impl Gpu {
     }
 }
 
+/// A buffer with these contents, of which there are some. wgpu's own function for it panics if the device is lost; here the buffer is
+/// left as it is, and whoever submits learns of the loss.
+pub(crate) fn buffer_with(
+    device: &wgpu::Device,
+    label: &str,
+    contents: &[u8],
+    usage: wgpu::BufferUsages,
+) -> wgpu::Buffer {
+    let buffer = device.create_buffer(&wgpu::BufferDescriptor {
+        label: Some(label),
+        size: (contents.len() as u64).next_multiple_of(wgpu::COPY_BUFFER_ALIGNMENT),
+        usage,
+        mapped_at_creation: true,
+    });
+    if let Ok(mut mapped) = buffer.get_mapped_range_mut(..) {
+        mapped.slice(..contents.len()).copy_from_slice(contents);
+    }
+    buffer.unmap();
+    buffer
+}
+
 /// How the rows of a 32-bit float texture lie in a buffer.
 struct Rows {
     /// Bytes from row to row.

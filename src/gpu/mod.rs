@@ -2,6 +2,7 @@
 
 mod device;
 
+pub(crate) use device::buffer_with;
 pub use device::{Adapter, Gpu, adapters};
 
 /// Why the GPU could not be used.

@@ -20,6 +20,27 @@ pub(crate) struct View {
     pub rows: u32,
 }
 
+impl View {
+    /// All camera rays, row by row.
+    pub fn rays(&self) -> Vec<Ray> {
+        (0..self.ray_count()).map(|k| self.ray(k)).collect()
+    }
+
+    fn width(&self) -> u32 {
+        self.size[0] * self.pixel_samples
+    }
+
+    fn ray_count(&self) -> u32 {
+        self.width() * self.rows * self.pixel_samples
+    }
+
+    fn ray(&self, k: u32) -> Ray {
+        let (width, per_edge) = (self.width(), self.pixel_samples);
+        let point = Vec2::new((k % width) as f32, (k / width + self.first_row * per_edge) as f32) + 0.5;
+        self.camera.ray(point / per_edge as f32, UVec2::from_array(self.size).as_vec2())
+    }
+}
+
 /// The first hits of the camera rays of a band of rows, `pixel_samples`² per pixel.
 #[derive(Debug)]
 pub(crate) struct CameraRays {
@@ -32,15 +53,13 @@ pub(crate) struct CameraRays {
 
 impl CameraRays {
     pub fn trace(camera_hit: impl Fn(Ray) -> Option<Hit> + Sync, view: View) -> Self {
-        let View { camera, size, pixel_samples: per_edge, first_row, rows } = view;
-        let (width, height) = (size[0] * per_edge, rows * per_edge);
-        let size = UVec2::from_array(size).as_vec2();
-        let hit = |k: u32| {
-            let point = Vec2::new((k % width) as f32, (k / width + first_row * per_edge) as f32) + 0.5;
-            camera_hit(camera.ray(point / per_edge as f32, size))
-        };
-        let hits = (0..width * height).into_par_iter().map(hit).collect();
-        Self { view, width, hits }
+        let hits = (0..view.ray_count()).into_par_iter().map(|k| camera_hit(view.ray(k))).collect();
+        Self::of_hits(view, hits)
+    }
+
+    /// What the rays of a view hit.
+    pub fn of_hits(view: View, hits: Vec<Option<Hit>>) -> Self {
+        Self { view, width: view.width(), hits }
     }
 
     /// The hits on wanted objects, as receivers.

@@ -51,6 +51,29 @@ fn back_ends_agree_on_every_built_in_scene() {
     assert!(failures.is_empty(), "{failures:#?}");
 }
 
+/// On a GPU the rays of the camera, of paths and of shadows are traced there, too; pictures are those of the CPU, up to rays that graze
+/// edges.
+#[test]
+fn back_ends_agree_on_beauty() {
+    let mut failures = Vec::new();
+    for scene in BUILT_IN {
+        let [gpu, cpu] = [BackendChoice::Gpu(None), BackendChoice::Cpu].map(|backend| {
+            let mut engine = engine(scene.name, &backend, &[Aov::Beauty]);
+            engine.options_mut().size = [40, 30];
+            let display = engine.options().display;
+            render(&mut engine, FilterChoice::Anisotropic).displayed(&display)
+        });
+        let differences = gpu.pixels.iter().zip(&cpu.pixels).map(|(a, b)| (*a - *b).abs().max_element());
+        let mean = differences.clone().sum::<f32>() / cpu.pixels.len() as f32;
+        let off = differences.filter(|difference| *difference > 0.05).count();
+        println!("{:16} {mean:.1e} on average, {off} pixels differ", scene.name);
+        if mean > 1e-3 || off * 200 > cpu.pixels.len() {
+            failures.push(format!("{}: {mean} on average, {off} pixels", scene.name));
+        }
+    }
+    assert!(failures.is_empty(), "{failures:#?}");
+}
+
 #[test]
 fn the_same_seed_gives_the_same_bits() {
     for backend in [BackendChoice::Cpu, BackendChoice::Gpu(None)] {

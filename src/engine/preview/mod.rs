@@ -28,6 +28,8 @@ use super::Engine;
 use super::direct::DirectLight;
 use super::ends::POINTS_IN_A_ROW;
 use super::gloss::blurred_radiance;
+#[cfg(feature = "gpu")]
+use super::on_gpu_if_needed;
 use super::overlay::{Mark, Marker};
 use crate::Error;
 #[cfg(feature = "gpu")]
@@ -176,12 +178,8 @@ impl Engine {
         let mut scene = self.scene_stages.prepare_for_frame(&self.scene, progress)?;
         #[cfg(feature = "gpu")]
         if let Some(shared) = self.backend.shared_gpu() {
-            scene.on_gpu = match self.scene_stages.upload(&self.scene, &shared.gpu, true, progress) {
-                Ok(geometry) => Some(geometry),
-                // Too large a scene; without visibility, the CPU traces what pixels see.
-                Err(_) if options.visibility == Visibility::None => None,
-                Err(error) => return Err(error.into()),
-            };
+            let uploaded = self.scene_stages.upload(&self.scene, &shared.gpu, true, progress);
+            scene.on_gpu = on_gpu_if_needed(uploaded, options.visibility)?;
         }
         if self.preview.technique.0 != options.technique {
             self.preview = PreviewStages::new(options.technique);

@@ -2,7 +2,9 @@
 
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
-use super::{Engine, GatherOptions, HierarchicalEngine, HierarchicalOptions, MapTracer, PreviewPipelines};
+use super::{
+    Engine, GatherOptions, HierarchicalEngine, HierarchicalOptions, MapTracer, PreviewPipelines, RayBatchPipelines,
+};
 use crate::pinhole::Filter;
 
 /// What pipelines are compiled for: the filter, and whether samples have visibility maps.
@@ -15,6 +17,7 @@ pub(crate) struct PipelineCache {
     hierarchical: Compiled<HierarchicalEngine>,
     map_tracer: OnceLock<Arc<MapTracer>>,
     preview: OnceLock<Arc<PreviewPipelines>>,
+    ray_batches: OnceLock<Arc<RayBatchPipelines>>,
 }
 
 #[derive(Debug)]
@@ -47,6 +50,11 @@ impl PipelineCache {
     /// The passes of previews.
     pub fn preview(&self, device: &wgpu::Device) -> Arc<PreviewPipelines> {
         self.preview.get_or_init(|| Arc::new(PreviewPipelines::new(device))).clone()
+    }
+
+    /// The passes that trace rays of whole pictures.
+    pub fn ray_batches(&self, device: &wgpu::Device) -> Arc<RayBatchPipelines> {
+        self.ray_batches.get_or_init(|| Arc::new(RayBatchPipelines::new(device))).clone()
     }
 }
 

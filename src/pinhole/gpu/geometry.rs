@@ -3,10 +3,9 @@
 use std::sync::Arc;
 
 use bytemuck::{Pod, Zeroable};
-use wgpu::util::DeviceExt;
 
 use super::pipeline::{entry, seen_by, uniform};
-use crate::gpu::GpuError;
+use crate::gpu::{GpuError, buffer_with};
 use crate::scene::{Mesh, Object, Scene};
 use crate::tracing::{BottomLevel, Instance, SeenBy, TopLevel};
 
@@ -43,11 +42,12 @@ impl Geometry {
     }
 
     fn new(device: &wgpu::Device, texture: &wgpu::Texture) -> Self {
-        let uniforms = device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
-            label: Some("ray uniforms"),
-            contents: bytemuck::bytes_of(&RayUniforms::default()),
-            usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
-        });
+        let uniforms = buffer_with(
+            device,
+            "ray uniforms",
+            bytemuck::bytes_of(&RayUniforms::default()),
+            wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
+        );
         Self { texels: texture.create_view(&Default::default()), uniforms }
     }
 

@@ -4,7 +4,6 @@ use std::ops::Range;
 
 use bytemuck::{Pod, Zeroable};
 use wgpu::ShaderStages;
-use wgpu::util::DeviceExt;
 
 use super::geometry::{Geometry, ray_entries};
 use super::hierarchical::DYNAMIC_OFFSET;
@@ -12,7 +11,7 @@ use super::hierarchical::DYNAMIC_OFFSET;
 use super::pipeline::{bind, compute_pipeline, layout, seen_by, storage, window, writable, written};
 use super::shaders::TRACE_MAPS;
 use super::storage_buffer;
-use crate::gpu::GpuError;
+use crate::gpu::{GpuError, buffer_with};
 use crate::pinhole::visibility::{Edges, Hemisphere, Hemispheres};
 use crate::pinhole::{PinholeSample, VisibilityMaps};
 use crate::scene::Scene;
@@ -184,11 +183,12 @@ impl MapTracing {
         let sky_masks = empty("sky masks", 4 * rows, storage | wgpu::BufferUsages::COPY_SRC);
         let unfinished = empty("unfinished rays", 16, storage | wgpu::BufferUsages::COPY_SRC);
         let doubts = doubts_texture(device, texels).create_view(&Default::default());
-        let uniforms = device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
-            label: Some("map uniforms"),
-            contents: &dispatch_uniforms(count, resolution, edges.bisections()),
-            usage: wgpu::BufferUsages::UNIFORM,
-        });
+        let uniforms = buffer_with(
+            device,
+            "map uniforms",
+            &dispatch_uniforms(count, resolution, edges.bisections()),
+            wgpu::BufferUsages::UNIFORM,
+        );
         let window = wgpu::BufferBinding {
             buffer: &uniforms,
             offset: 0,

@@ -14,6 +14,7 @@ mod maps;
 pub(crate) mod pipeline;
 mod preview_pipelines;
 mod probe;
+pub(crate) mod ray_batch;
 pub(crate) mod shaders;
 
 pub(crate) use cache::PipelineCache;
@@ -28,15 +29,14 @@ pub use hierarchical::{
 pub use maps::{MapTracer, MapTracing, MapUse, VisibilityMapBuffers};
 pub(crate) use preview_pipelines::PreviewPipelines;
 pub use probe::probe;
+pub(crate) use ray_batch::RayBatchPipelines;
 
 use std::ops::Range;
-
-use wgpu::util::DeviceExt;
 
 use self::pipeline::{BATCH_BYTES, Pipelines};
 use super::{BATCH_SIZE, Filter, GatherUniforms, Params, PinholeSample, Pinholes};
 use crate::brdf::Materials;
-use crate::gpu::GpuError;
+use crate::gpu::{GpuError, buffer_with};
 
 /// The format of the caustic texture.
 pub const TARGET_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba32Float;
@@ -166,20 +166,14 @@ impl Engine {
             map_resolution: maps.resolution,
             ..GatherUniforms::new(&inputs.params, inputs.pinholes, cube.size(), cube.radiance_scale())
         };
-        let uniforms = device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
-            label: Some("gather uniforms"),
-            contents: bytemuck::bytes_of(&uniforms),
-            usage: wgpu::BufferUsages::UNIFORM,
-        });
+        let uniforms =
+            buffer_with(device, "gather uniforms", bytemuck::bytes_of(&uniforms), wgpu::BufferUsages::UNIFORM);
         // Whole batches, one at least; the shader reads `sample_count` samples only.
         let batches = inputs.pinholes.samples.len().div_ceil(BATCH_SIZE as usize).max(1);
         let mut padded = inputs.pinholes.samples.clone();
         padded.resize(batches * BATCH_SIZE as usize, PinholeSample::default());
-        let samples = device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
-            label: Some("pinhole samples"),
-            contents: bytemuck::cast_slice(&padded),
-            usage: wgpu::BufferUsages::UNIFORM,
-        });
+        let samples =
+            buffer_with(device, "pinhole samples", bytemuck::cast_slice(&padded), wgpu::BufferUsages::UNIFORM);
         let curves = storage_buffer(device, "reflectance curves", bytemuck::cast_slice(&inputs.pinholes.curves));
         Ok(self.pipelines.bind_inputs(
             device,
@@ -314,11 +308,7 @@ fn check_limits(limits: &wgpu::Limits, inputs: &FrameInputs) -> Result<(), GpuEr
 fn storage_buffer(device: &wgpu::Device, label: &str, contents: &[u8]) -> wgpu::Buffer {
     // A binding cannot be empty.
     let contents = if contents.is_empty() { &[0; 48] } else { contents };
-    device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
-        label: Some(label),
-        contents,
-        usage: wgpu::BufferUsages::STORAGE,
-    })
+    buffer_with(device, label, contents, wgpu::BufferUsages::STORAGE)
 }
 
 /// A texture that passes draw into and read, and that can be copied.

@@ -3,7 +3,7 @@
 use wgpu::{BindGroupLayoutEntry, BindingType, ShaderStages, TextureSampleType, TextureViewDimension};
 
 use super::TARGET_FORMAT;
-use super::shaders::GATHER;
+use super::shaders::{GATHER, Shader};
 use crate::pinhole::constants::{FILTER_ANISOTROPIC, FILTER_EWA, FILTER_HARDWARE, FILTER_ISOTROPIC, FILTER_NONE};
 use crate::pinhole::{BATCH_SIZE, Filter, PinholeSample};
 
@@ -154,6 +154,22 @@ pub(crate) fn compute_pipeline(
         compilation_options: wgpu::PipelineCompilationOptions { constants, ..Default::default() },
         cache: None,
     })
+}
+
+/// The pipelines of a shader's entry points.
+pub(crate) fn compile<const N: usize>(
+    device: &wgpu::Device,
+    shader: Shader,
+    groups: [&wgpu::BindGroupLayout; 4],
+    entries: [&str; N],
+) -> [wgpu::ComputePipeline; N] {
+    let pipeline_layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+        label: Some(shader.name),
+        bind_group_layouts: &groups.map(Some),
+        immediate_size: 0,
+    });
+    let module = shader.module(device);
+    entries.map(|entry| compute_pipeline(device, &pipeline_layout, &module, entry, &[]))
 }
 
 /// A buffer that shaders write.

@@ -4,9 +4,9 @@ use wgpu::{BindGroupLayout, BindGroupLayoutEntry, ShaderStages, TextureFormat};
 
 use super::geometry::ray_entries;
 use super::pipeline::{
-    compute_pipeline, cube, layout, linear_sampler, sampler, seen_by, storage, texture, uniform, writable, written,
+    compile, cube, layout, linear_sampler, sampler, seen_by, storage, texture, uniform, writable, written,
 };
-use super::shaders::{PREVIEW_DISPLAY, PREVIEW_LIGHT, PREVIEW_SHADING, PREVIEW_VIEWS, Shader};
+use super::shaders::{PREVIEW_DISPLAY, PREVIEW_LIGHT, PREVIEW_SHADING, PREVIEW_VIEWS};
 
 /// The group of each shader's own buffers and, for light, those of the other layer and of the gather.
 #[derive(Debug)]
@@ -122,20 +122,4 @@ impl PreviewPipelines {
             layouts,
         }
     }
-}
-
-/// The pipelines of a shader's entry points.
-fn compile<const N: usize>(
-    device: &wgpu::Device,
-    shader: Shader,
-    groups: [&BindGroupLayout; 4],
-    entries: [&str; N],
-) -> [wgpu::ComputePipeline; N] {
-    let pipeline_layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-        label: Some(shader.name),
-        bind_group_layouts: &groups.map(Some),
-        immediate_size: 0,
-    });
-    let module = shader.module(device);
-    entries.map(|entry| compute_pipeline(device, &pipeline_layout, &module, entry, &[]))
 }

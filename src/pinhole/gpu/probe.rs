@@ -1,14 +1,12 @@
 //! Asks a filter for the mean over given footprints, on the device, through the gather's own shader code.
 
-use wgpu::util::DeviceExt;
-
 use super::pipeline::{
     GATHER_INPUTS, bind, filter_constant, gather_inputs, layout, linear_sampler, render_pipeline, storage,
 };
 use super::shaders::FILTER_PROBE;
 use super::storage_buffer;
 use crate::environment::CubeMap;
-use crate::gpu::{Gpu, GpuError};
+use crate::gpu::{Gpu, GpuError, buffer_with};
 use crate::pinhole::gpu::{EnvironmentCube, TARGET_FORMAT};
 use crate::pinhole::{Filter, GatherUniforms, Params, Probe};
 
@@ -96,11 +94,12 @@ fn bind_probes(
     params: &Params,
     probes: &[Probe],
 ) -> wgpu::BindGroup {
-    let uniforms = device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
-        label: Some("gather uniforms"),
-        contents: bytemuck::bytes_of(&GatherUniforms::new(params, &Default::default(), environment.size(), 1.0)),
-        usage: wgpu::BufferUsages::UNIFORM,
-    });
+    let uniforms = buffer_with(
+        device,
+        "gather uniforms",
+        bytemuck::bytes_of(&GatherUniforms::new(params, &Default::default(), environment.size(), 1.0)),
+        wgpu::BufferUsages::UNIFORM,
+    );
     let packed: Vec<GpuProbe> = probes.iter().map(GpuProbe::from).collect();
     let probes = storage_buffer(device, "probes", bytemuck::cast_slice(&packed));
     // There are no curves and no visibility maps.

@@ -61,6 +61,8 @@ pub(crate) const RECEIVER_BLOCKS: Shader = shader!("receiver_blocks");
 pub(crate) const REFINE: Shader = shader!("refine");
 pub(crate) const RESOLVE: Shader = shader!("resolve");
 pub(crate) const TRACE_MAPS: Shader = shader!("trace_maps");
+pub(crate) const TRACE_RAYS: Shader = shader!("trace_rays");
+pub(crate) const TRACE_SHADOWS: Shader = shader!("trace_shadows");
 
 const SHARED: &[Shader] = &[
     shader!("shared/block_coverage"),
@@ -75,8 +77,10 @@ const SHARED: &[Shader] = &[
     shader!("shared/gather_inputs"),
     shader!("shared/gloss_bounds"),
     shader!("shared/hits"),
+    shader!("shared/light_direction"),
     shader!("shared/no_rays"),
     shader!("shared/preview"),
+    shader!("shared/ray_batch"),
     shader!("shared/ray_origin"),
     shader!("shared/rays"),
     shader!("shared/receiver_tiles"),

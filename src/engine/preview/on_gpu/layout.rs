@@ -3,7 +3,6 @@
 use bytemuck::{Pod, Zeroable};
 use glam::Vec3;
 
-use crate::engine::direct::DirectLight;
 use crate::engine::paths::surface_albedo;
 use crate::environment::CubeMap;
 use crate::options::{DisplaySettings, Exposure, Options};
@@ -160,27 +159,6 @@ pub(super) fn reflectance_curves(materials: &SurfaceMaterials) -> Vec<[f32; 4]> 
         None => vec![[0.0; 4]; CURVE_POINTS],
     };
     materials.mirrors.iter().flat_map(curve).collect()
-}
-
-/// A direction of shadow rays.
-#[repr(C)]
-#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
-pub(crate) struct PackedDirection {
-    pub direction: [f32; 3],
-    padding: u32,
-    pub radiance: [f32; 3],
-    padding_2: u32,
-}
-
-impl PackedDirection {
-    pub(super) fn all(direct: &DirectLight) -> Vec<Self> {
-        let packed = direct.shadow_directions().iter().map(|light| Self {
-            direction: light.direction.to_array(),
-            radiance: light.radiance.to_array(),
-            ..Self::default()
-        });
-        packed.collect()
-    }
 }
 
 /// The largest size of a face of the cube that shows the background: 2048² × 6 look-ups.

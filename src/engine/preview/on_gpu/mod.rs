@@ -18,7 +18,7 @@ use glam::Vec3;
 use wgpu::{BindingResource, BufferUsages};
 
 use self::kept::KeptBuffer;
-use self::layout::{Cubes, PackedDirection, PreviewObject, PreviewUniforms, background_cube, reflectance_curves};
+use self::layout::{Cubes, PreviewObject, PreviewUniforms, background_cube, reflectance_curves};
 use self::targets::Targets;
 pub(super) use self::targets::fits;
 pub use self::timer::PassTime;
@@ -26,6 +26,7 @@ use self::timer::{CAUSTIC, MAX_PASSES, Timer};
 use super::{Rendered, Wanted};
 use crate::backend::SharedGpu;
 use crate::engine::direct::DirectLight;
+use crate::engine::ray_batches::on_gpu::packed_directions;
 use crate::environment::{CubeMap, Environment};
 use crate::gpu::GpuError;
 use crate::image::Image;
@@ -207,7 +208,7 @@ impl PreviewOnGpu {
     fn buffers(&mut self, inputs: &PreviewInputs, cubes: Cubes) -> Buffers {
         let (device, queue) = (&self.shared.gpu.device, &self.shared.gpu.queue);
         let PreviewInputs { scene, prepared, options, light, .. } = inputs;
-        let directions = PackedDirection::all(inputs.direct);
+        let directions = packed_directions(inputs.direct.shadow_directions());
         let centre = prepared.light_geometry.as_ref().map(|geometry| geometry.centre());
         let uniforms = PreviewUniforms::new(scene, options, light, centre, cubes, directions.len());
         let objects: Vec<_> = scene.objects.iter().map(|o| PreviewObject::new(o, options.plain_diffuse)).collect();

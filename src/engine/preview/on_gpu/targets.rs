@@ -1,10 +1,10 @@
 //! What the passes of a preview write, for one size of the picture.
 
 use wgpu::TextureFormat;
-use wgpu::util::DeviceExt;
 
 use super::layout::{PIXEL_BYTES, PreviewGrid};
 use crate::engine::preview::nodes::finer_spacing;
+use crate::gpu::buffer_with;
 use crate::pinhole::gpu::shaders::HISTOGRAM_BINS;
 
 /// Buffers with something for each pixel, and textures.
@@ -54,11 +54,7 @@ impl ReceiverTextures {
     /// Receivers `spacing` pixels apart in a picture of this size.
     fn new(device: &wgpu::Device, picture: [u32; 2], grid: PreviewGrid) -> Self {
         let size = picture.map(|edge| edge.div_ceil(grid.spacing));
-        let grid = device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
-            label: Some("grid"),
-            contents: bytemuck::bytes_of(&grid),
-            usage: wgpu::BufferUsages::UNIFORM,
-        });
+        let grid = buffer_with(device, "grid", bytemuck::bytes_of(&grid), wgpu::BufferUsages::UNIFORM);
         let view = || texture(device, size, TextureFormat::Rgba32Float).create_view(&Default::default());
         Self { size, grid, positions: view(), normals: view() }
     }

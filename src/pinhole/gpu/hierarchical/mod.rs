@@ -20,15 +20,13 @@ pub use frame::HierarchicalFrame;
 pub use light_bounds::{LightBoundsBuilder, LightBoundsTexture};
 pub use tree::CellTreeBuffers;
 
-use wgpu::util::DeviceExt;
-
 use self::layout::{BLOCKS_PER_TILE, ESTIMATE_WORKGROUPS, TreeUniforms};
 use self::pipelines::Pipelines;
 use self::tile_batch::TileBatch;
 use super::maps::{RayInputs, VisibilityMapBuffers};
 use super::pipeline::bind;
 use super::{EnvironmentCube, FrameViewers, TARGET_FORMAT, bind_receivers, target};
-use crate::gpu::GpuError;
+use crate::gpu::{GpuError, buffer_with};
 use crate::pinhole::constants::TILE_SIZE;
 use crate::pinhole::{Filter, GatherUniforms, Params};
 
@@ -294,6 +292,5 @@ pub(super) struct ResolveTarget {
 }
 
 fn uniform_buffer(device: &wgpu::Device, label: &str, contents: &[u8]) -> wgpu::Buffer {
-    let usage = wgpu::BufferUsages::UNIFORM;
-    device.create_buffer_init(&wgpu::util::BufferInitDescriptor { label: Some(label), contents, usage })
+    buffer_with(device, label, contents, wgpu::BufferUsages::UNIFORM)
 }

@@ -1,9 +1,8 @@
 //! What the passes work on: a batch of tiles at a time, in buffers that the next batch uses again.
 
-use wgpu::util::DeviceExt;
-
 use super::layout::{self, BLOCK_BYTES, BLOCK_LEVELS, BLOCKS_PER_TILE, TilePass};
 use super::{DYNAMIC_OFFSET, HierarchicalInputs, PARTIAL_SUM_BYTES, Tiling, uniform_buffer};
+use crate::gpu::buffer_with;
 use crate::pinhole::constants::INTERPOLATION_POINTS;
 
 /// What a batch of tiles works on; the next one uses it again.
@@ -41,11 +40,12 @@ impl TileBatch {
             usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::STORAGE_BINDING,
             view_formats: &[],
         });
-        let tolerance = device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
-            label: Some("tolerance"),
-            contents: bytemuck::bytes_of(&layout::Tolerance::from(inputs.tolerance)),
-            usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_SRC,
-        });
+        let tolerance = buffer_with(
+            device,
+            "tolerance",
+            bytemuck::bytes_of(&layout::Tolerance::from(inputs.tolerance)),
+            wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_SRC,
+        );
         Self {
             passes: uniform_buffer(device, "tile passes", &tile_passes(tiling)),
             lists: empty("lists of cells", tiling.list_bytes(inputs.tree)),

@@ -1,11 +1,9 @@
 //! A cell tree, with what its samples see, on the GPU.
 
-use wgpu::util::DeviceExt;
-
 use super::super::maps::{MapTracing, VisibilityMapBuffers};
 use super::super::storage_buffer;
 use super::layout::SampleNode;
-use crate::gpu::GpuError;
+use crate::gpu::{GpuError, buffer_with};
 use crate::pinhole::{PinholeSample, PinholeTree};
 
 /// The buffers of a tree. They serve any number of images.
@@ -57,11 +55,12 @@ impl CellTreeBuffers {
             nodes: buffer("cells", bytemuck::cast_slice(cells.nodes())),
             sample_nodes: buffer("sample nodes", bytemuck::cast_slice(&SampleNode::of_tree(tree, samples))),
             curves: buffer("reflectance curves", bytemuck::cast_slice(&tree.sample_nodes().curves)),
-            roots: device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
-                label: Some("nodes without a parent"),
-                contents: bytemuck::cast_slice(cells.roots()),
-                usage: wgpu::BufferUsages::COPY_SRC,
-            }),
+            roots: buffer_with(
+                device,
+                "nodes without a parent",
+                bytemuck::cast_slice(cells.roots()),
+                wgpu::BufferUsages::COPY_SRC,
+            ),
             root_count: cells.roots().len() as u32,
             sample_count: samples.len() as u32,
             first_cluster: cells.first_cluster(),

@@ -9,15 +9,16 @@ use naga::{AddressSpace, Handle, Module, Type, TypeInner};
 use super::*;
 use crate::brdf::Material;
 use crate::cell_tree::CellNode;
-use crate::engine::preview_layout::{PIXEL_BYTES, PackedDirection, PreviewGrid, PreviewObject, PreviewUniforms};
+use crate::engine::preview_layout::{PIXEL_BYTES, PreviewGrid, PreviewObject, PreviewUniforms};
 use crate::pinhole::gpu::geometry::RayUniforms;
 use crate::pinhole::gpu::hierarchical::layout::{BLOCK_BYTES, SampleNode, TilePass, Tolerance, TreeUniforms};
 use crate::pinhole::gpu::hierarchical::light_bounds::BoundsUniforms;
 use crate::pinhole::gpu::maps::{MapUniforms, PackedHemisphere};
 use crate::pinhole::gpu::probe::GpuProbe;
+use crate::pinhole::gpu::ray_batch::{ArrivingLight, BatchHit, BatchRay, BatchUniforms, PackedDirection};
 use crate::pinhole::{GatherUniforms, PinholeSample};
 
-const ALL: [Shader; 12] = [
+const ALL: [Shader; 14] = [
     FILTER_PROBE,
     GATHER,
     IRRADIANCE_ESTIMATE,
@@ -30,6 +31,8 @@ const ALL: [Shader; 12] = [
     REFINE,
     RESOLVE,
     TRACE_MAPS,
+    TRACE_RAYS,
+    TRACE_SHADOWS,
 ];
 
 fn parse(shader: Shader) -> Result<Module, String> {
@@ -118,6 +121,10 @@ macro_rules! layout {
 /// The structs that Rust and the shaders share, by their names in the shaders. Padding at the end has no name there.
 fn rust_structs() -> BTreeMap<&'static str, Layout> {
     BTreeMap::from([
+        ("ArrivingLight", layout!(ArrivingLight { arriving, unfinished, all })),
+        ("BatchHit", layout!(BatchHit { position, distance, normal, object, face_normal, flags })),
+        ("BatchRay", layout!(BatchRay { origin, direction })),
+        ("BatchUniforms", layout!(BatchUniforms { count, first_direction, direction_count })),
         ("BoundsUniforms", layout!(BoundsUniforms { size, first, first_above, detail, mip, radiance_scale })),
         ("CellNode", layout!(CellNode { centroid_area, normal_e11, sides_curvature, curvature_bounds_links })),
         ("GatherUniforms", gather_uniforms()),
