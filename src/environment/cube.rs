@@ -125,6 +125,18 @@ impl CubeMap {
         })
     }
 
+    /// The levels of at most so many texels along an edge.
+    #[cfg(feature = "gpu")]
+    pub(super) fn coarser(&self, size: u32) -> Self {
+        let level = (0..self.level_count()).find(|level| self.size >> level <= size).unwrap_or(self.level_count() - 1);
+        let first = self.level_offset(level);
+        Self {
+            size: self.size >> level,
+            offsets: self.offsets[level as usize..].iter().map(|offset| offset - first).collect(),
+            texels: self.texels[first as usize..].to_vec(),
+        }
+    }
+
     /// A copy whose level 0 `change` has changed, row by row, with mips of its own.
     pub(super) fn with_base(&self, change: impl Fn(usize, usize, &mut [Vec4]) + Sync) -> Self {
         let (n, w) = (self.size as usize, self.size as usize + 2);

@@ -27,6 +27,8 @@ pub use field::EnvironmentRadiance;
 pub use importance::LightSampler;
 pub use irradiance::{irradiance_map, irradiance_map_of_frame};
 pub use light_geometry::{LightGeometry, LitBy};
+#[cfg(feature = "gpu")]
+pub(crate) use rasterization::FaceAxes;
 
 use serde::Deserialize;
 
@@ -72,6 +74,12 @@ impl Environment {
 }
 
 impl Environment {
+    /// This environment with a cube map of at most so many texels along an edge.
+    #[cfg(feature = "gpu")]
+    pub(crate) fn coarser(&self, size: u32) -> Self {
+        Self { radiance: self.radiance.clone(), cube: self.cube.coarser(size) }
+    }
+
     /// This environment behind light geometry. Radiance is that of the world, scaled by the environment's intensity, in the same frame.
     /// The cube map keeps its size.
     #[must_use]

@@ -63,7 +63,8 @@ impl FaceImage {
             let polygon = |corners: &[Vec3; 3]| axes.polygon(size, corners, mesh.radiance);
             mesh.triangles.par_iter().with_min_len(1024).filter_map(polygon).collect()
         };
-        let mut polygons: Vec<Polygon> = meshes.iter().filter(|mesh| axes.may_show(mesh)).flat_map(of_mesh).collect();
+        let mut polygons: Vec<Polygon> =
+            meshes.iter().filter(|mesh| axes.may_show(mesh.centre, mesh.radius)).flat_map(of_mesh).collect();
         let corners = polygons.iter().flat_map(|polygon| &polygon.corners);
         let (low, high) =
             corners.fold((Vec2::splat(size as f32), Vec2::ZERO), |(l, h), corner| (l.min(*corner), h.max(*corner)));
@@ -188,15 +189,16 @@ fn span(corners: &[Vec2], height: f32) -> Option<[f32; 2]> {
 }
 
 /// How a face looks at the world.
-struct FaceAxes {
+pub(crate) struct FaceAxes {
     /// To the right, down, and towards it.
-    axes: [Vec3; 3],
+    pub axes: [Vec3; 3],
     /// Normals of the planes, 45° from its axis, between which it is seen.
     sides: [Vec3; 4],
 }
 
 impl FaceAxes {
-    fn new(face: usize, world_from_cube: Mat3) -> Self {
+    /// Of a cube in a frame of its own.
+    pub fn new(face: usize, world_from_cube: Mat3) -> Self {
         let axis = face_direction(face, 0.0, 0.0);
         let axes = [face_direction(face, 1.0, 0.0) - axis, face_direction(face, 0.0, 1.0) - axis, axis];
         let [right, down, towards] = axes.map(|axis| world_from_cube * axis);
@@ -204,9 +206,9 @@ impl FaceAxes {
         Self { axes: [right, down, towards], sides }
     }
 
-    /// Whether any of a mesh may lie on the face.
-    fn may_show(&self, mesh: &ShiningMesh) -> bool {
-        self.sides.iter().all(|side| side.dot(mesh.centre) >= -mesh.radius * side.length())
+    /// Whether any of a sphere, relative to the cube's centre, may lie on the face.
+    pub fn may_show(&self, centre: Vec3, radius: f32) -> bool {
+        self.sides.iter().all(|side| side.dot(centre) >= -radius * side.length())
     }
 
     /// The part of a triangle that a face of so many texels shows, if there is one, in texels.

@@ -11,8 +11,14 @@ use crate::environment::{
     CubeMap, CubeSize, Environment, EnvironmentError, LightBounds, LightGeometry, LightSampler, LitBy, irradiance_map,
     irradiance_map_of_frame,
 };
+#[cfg(feature = "gpu")]
+use crate::pinhole::gpu::EnvironmentCube;
 use crate::progress::{Progress, Stage};
 use crate::scene::{EnvironmentSource, Light};
+
+/// Face size of the cube map that the CPU derives irradiance and directions from in frames, see `irradiance_map_of_frame`.
+#[cfg(feature = "gpu")]
+const COARSE_SIZE: u32 = 128;
 
 /// A light in its own frame, with its rotation and intensity in the world.
 #[derive(Clone, Debug)]
@@ -21,6 +27,9 @@ pub(crate) struct PreparedLight {
     /// The environment without emitters, and the factor on its radiance beside the intensity.
     #[cfg(feature = "gpu")]
     pub background: (Arc<Environment>, f32),
+    /// The cube map on the GPU, where it is drawn there: finer than `environment`, which is what the CPU derives the rest from.
+    #[cfg(feature = "gpu")]
+    pub on_gpu: Option<Arc<EnvironmentCube>>,
     /// Counter-clockwise about +Y, radians.
     pub rotation_rad: f32,
     /// Factor on every radiance.
@@ -45,6 +54,9 @@ pub(crate) struct LightStages {
     /// The light is different in the next frame: what is derived from it is made quickly, and less finely.
     is_for_frames: bool,
     environment: Memo<(Light, CubeSize, u32), Environment>,
+    /// As fine as light geometry is drawn by the CPU if a GPU draws it, too.
+    #[cfg(feature = "gpu")]
+    coarse: Memo<Id<Environment>, Environment>,
     /// With light geometry drawn into it.
     lit: Memo<LitKey, Environment>,
     bounds: Memo<Id<Environment>, LightBounds>,
@@ -60,6 +72,9 @@ type LitKey = (Id<Environment>, Id<LightGeometry>, [f32; 2]);
 pub(crate) struct DrawnGeometry {
     pub geometry: Arc<LightGeometry>,
     pub cube_size: u32,
+    /// A GPU draws it, too: the CPU draws it as finely as irradiance and directions of shadow rays need.
+    #[cfg(feature = "gpu")]
+    pub is_on_gpu: bool,
 }
 
 impl LightStages {
@@ -67,6 +82,8 @@ impl LightStages {
         Self {
             is_for_frames: false,
             environment: Memo::new(Stage::Light),
+            #[cfg(feature = "gpu")]
+            coarse: Memo::new(Stage::Light),
             lit: Memo::new(Stage::LitEnvironment),
             bounds: Memo::new(Stage::LightBounds),
             irradiance: Memo::new(Stage::Irradiance),
@@ -96,21 +113,32 @@ impl LightStages {
             return Ok(PreparedLight {
                 #[cfg(feature = "gpu")]
                 background: (environment.clone(), 1.0),
+                #[cfg(feature = "gpu")]
+                on_gpu: None,
                 environment,
                 rotation_rad,
                 intensity,
             });
         };
-        let key = (Id::of(&environment), Id::of(geometry), [rotation_rad, intensity]);
+        let behind = environment.clone();
+        #[cfg(feature = "gpu")]
+        let behind = if light_geometry.is_some_and(|drawn| drawn.is_on_gpu) {
+            self.coarse.get(Id::of(&environment), progress, || environment.coarser(COARSE_SIZE))
+        } else {
+            behind
+        };
+        let key = (Id::of(&behind), Id::of(geometry), [rotation_rad, intensity]);
         let lit = self
             .lit
-            .get(key, progress, || environment.behind(LitBy { geometry: geometry.clone(), rotation_rad, intensity }));
+            .get(key, progress, || behind.behind(LitBy { geometry: geometry.clone(), rotation_rad, intensity }));
         // Emitters are not scaled by the environment's intensity, which is therefore in the texels.
         lit.radiance.check_placement(1.0, rotation_rad)?;
         Ok(PreparedLight {
             environment: lit,
             #[cfg(feature = "gpu")]
             background: (environment, intensity),
+            #[cfg(feature = "gpu")]
+            on_gpu: None,
             rotation_rad,
             intensity: 1.0,
         })

@@ -112,6 +112,12 @@ impl<T: ?Sized> Id<T> {
     }
 }
 
+impl<T: ?Sized> fmt::Debug for Id<T> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "Id({:p})", self.0.as_ptr())
+    }
+}
+
 impl<T: ?Sized> Clone for Id<T> {
     fn clone(&self) -> Self {
         Self(self.0.clone())

@@ -103,6 +103,8 @@ pub(super) struct PreviewStages {
     /// The passes, once there was a preview on a GPU.
     #[cfg(feature = "gpu")]
     on_gpu: Option<on_gpu::PreviewOnGpu>,
+    #[cfg(feature = "gpu")]
+    lit: on_gpu::LitStages,
 }
 
 impl PreviewStages {
@@ -112,6 +114,8 @@ impl PreviewStages {
             light: LightStages::for_frames(),
             #[cfg(feature = "gpu")]
             on_gpu: None,
+            #[cfg(feature = "gpu")]
+            lit: on_gpu::LitStages::new(),
         }
     }
 }
@@ -184,9 +188,18 @@ impl Engine {
         if self.preview.technique.0 != options.technique {
             self.preview = PreviewStages::new(options.technique);
         }
-        let geometry = scene.geometry_drawn_for_frame();
+        #[cfg_attr(not(feature = "gpu"), expect(unused_mut, reason = "only a GPU draws it, too"))]
+        let mut geometry = scene.geometry_drawn_for_frame();
+        #[cfg(feature = "gpu")]
+        geometry.iter_mut().for_each(|drawn| drawn.is_on_gpu = self.backend.is_gpu());
         let light_stages = if geometry.is_some() { &mut self.preview.light } else { &mut self.light_stages };
-        let light = light_stages.prepare(&self.scene.environment, geometry.as_ref(), options.cube_size, progress)?;
+        #[cfg_attr(not(feature = "gpu"), expect(unused_mut, reason = "only a GPU has copies"))]
+        let mut light =
+            light_stages.prepare(&self.scene.environment, geometry.as_ref(), options.cube_size, progress)?;
+        #[cfg(feature = "gpu")]
+        if let Some(shared) = self.backend.shared_gpu() {
+            light.on_gpu = self.preview.lit.prepare(shared, (&self.scene, &scene), &light, progress)?;
+        }
         let inputs = Inputs {
             scene: &self.scene,
             prepared: &scene,
@@ -207,10 +220,15 @@ impl Engine {
         let frame =
             Frame { scene: &self.scene, prepared: &scene, options: &options, light: &light, detail, direct, progress };
         #[cfg(feature = "gpu")]
+        let lit = &mut self.preview.lit;
+        #[cfg(feature = "gpu")]
         let (image, exposures, passes) =
-            match frame.on_gpu(wanted, &self.backend, &mut self.preview.on_gpu, sum.as_ref()).await? {
+            match frame.on_gpu(wanted, &self.backend, (&mut self.preview.on_gpu, lit), sum.as_ref()).await? {
                 Some(on_gpu) => (on_gpu.rendered, on_gpu.exposures, on_gpu.passes),
-                None => frame.on_cpu(sum.as_deref()).await.map(|(image, used)| (image, used, Vec::new()))?,
+                None => {
+                    self.backend.shared_gpu().iter().for_each(|shared| lit.submit(shared));
+                    frame.on_cpu(sum.as_deref()).await.map(|(image, used)| (image, used, Vec::new()))?
+                }
             };
         #[cfg(not(feature = "gpu"))]
         let (Wanted::InMemory, (image, exposures)) = (wanted, frame.on_cpu(sum.as_deref()).await?);
@@ -270,7 +288,7 @@ impl Frame<'_> {
         &self,
         wanted: Wanted,
         backend: &Backend,
-        passes: &mut Option<on_gpu::PreviewOnGpu>,
+        (passes, lit): (&mut Option<on_gpu::PreviewOnGpu>, &mut on_gpu::LitStages),
         sum: Option<&Arc<dyn Sum>>,
     ) -> Result<Option<on_gpu::OnGpu>, Error> {
         let (Some(shared), Some(geometry)) = (backend.shared_gpu(), self.prepared.on_gpu.as_deref()) else {
@@ -293,7 +311,7 @@ impl Frame<'_> {
         };
         let cubes = passes.cubes(&inputs)?;
         self.progress.begin(Stage::Shading, 1);
-        let rendered = passes.render(&inputs, &cubes, wanted).await;
+        let rendered = passes.render(&inputs, &cubes, lit, wanted).await;
         self.progress.end(Stage::Shading);
         Ok(rendered?)
     }

@@ -147,3 +147,81 @@ fn unpacked(hit: &BatchHit) -> Option<Hit> {
         front: hit.is_front(),
     })
 }
+
+#[cfg(all(test, feature = "blocking"))]
+mod tests {
+    use glam::{UVec2, Vec2};
+
+    use super::*;
+    use crate::blocking::wait;
+    use crate::environment::CubeSize;
+    use crate::gpu::Gpu;
+    use crate::stages::{LightStages, SceneStages};
+    use crate::{Backend, NoProgress};
+
+    const SIZE: [u32; 2] = [48, 36];
+
+    /// What rays meet on the GPU is what they meet on the CPU, up to those that graze an edge; emitters are seen by the camera alone.
+    #[test]
+    fn both_back_ends_find_the_same() {
+        let backend = Backend::gpu(wait(None, Gpu::open(None)).unwrap());
+        let shared = backend.shared_gpu().unwrap();
+        for name in ["cup", "columns", "dynamic"] {
+            let scene = crate::load(name).unwrap().0;
+            let mut stages = SceneStages::new();
+            let mut prepared = stages.prepare(&scene, &NoProgress).unwrap();
+            prepared.on_gpu = Some(stages.upload(&scene, &shared.gpu, false, &NoProgress).unwrap());
+            let rays = RaysOnGpu::new(shared, &prepared, &NoProgress).unwrap();
+            let ray = |k: u32| {
+                let at = Vec2::new((k % SIZE[0]) as f32 + 0.5, (k / SIZE[0]) as f32 + 0.5);
+                scene.camera.ray(at, UVec2::from_array(SIZE).as_vec2())
+            };
+            let of_camera: Vec<Ray> = (0..SIZE[0] * SIZE[1]).map(ray).collect();
+            let seen = wait(backend.device(), rays.camera_hits(&of_camera)).unwrap();
+            assert_alike(name, &seen, &of_camera, |ray| prepared.camera.hit(ray));
+
+            let hits: Vec<&Hit> = seen.iter().flatten().collect();
+            let mirrored = |hit: &&Hit| Ray {
+                origin: hit.position,
+                direction: (hit.position - scene.camera.position).normalize().reflect(hit.normal),
+            };
+            let secondary: Vec<Ray> = hits.iter().map(mirrored).collect();
+            let met = wait(backend.device(), rays.secondary_hits(&secondary)).unwrap();
+            assert_alike(name, &met, &secondary, |ray| prepared.tracer.secondary_hit(ray));
+            let blocked = wait(backend.device(), rays.blocked(&secondary)).unwrap();
+            let differ = secondary.iter().zip(&blocked).filter(|(r, b)| prepared.tracer.is_blocked(**r) != **b).count();
+            assert!(differ * 500 < secondary.len(), "{name}: {differ} of {}", secondary.len());
+
+            let mut stages = LightStages::new();
+            let light = stages.prepare(&scene.environment, None, CubeSize::default(), &NoProgress).unwrap();
+            let shadows = Shadows::new(&light, &stages.sampler(&light, &NoProgress), &prepared.tracer);
+            let some: Vec<&Hit> = hits.iter().step_by(7).copied().collect();
+            let found = wait(backend.device(), rays.unoccluded_fractions(&some, shadows.directions())).unwrap();
+            let expected = shadows.unoccluded_fractions_apart(&some);
+            let differences = found.iter().zip(&expected).map(|(a, b)| (*a - *b).abs().max_element());
+            let mean = differences.sum::<f32>() / some.len() as f32;
+            assert!(some.len() > 50 && expected.iter().any(|fraction| fraction.x < 0.9), "{name}");
+            assert!(mean < 2e-4, "{name}: {mean}");
+        }
+    }
+
+    fn assert_alike(name: &str, found: &[Option<Hit>], rays: &[Ray], expected: impl Fn(Ray) -> Option<Hit>) {
+        let is_alike = |(found, ray): (&Option<Hit>, &Ray)| match (found, expected(*ray)) {
+            (Some(a), Some(b)) => {
+                (a.object, a.front) == (b.object, b.front)
+                    && a.position.distance(b.position) < 1e-3
+                    && (a.distance - b.distance).abs() < 1e-3
+                    && a.normal.dot(b.normal) > 0.999
+                    && a.face_normal.dot(b.face_normal) > 0.999
+            }
+            (None, None) => true,
+            _ => false,
+        };
+        let differ = found.iter().zip(rays).filter(|pair| !is_alike(*pair)).count();
+        println!("{name}: {differ} of {} differ", rays.len());
+        assert!(
+            found.len() == rays.len() && found.iter().any(Option::is_some) && differ * 200 < rays.len(),
+            "{name}: {differ}"
+        );
+    }
+}

@@ -3,7 +3,8 @@
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 use super::{
-    Engine, GatherOptions, HierarchicalEngine, HierarchicalOptions, MapTracer, PreviewPipelines, RayBatchPipelines,
+    Engine, GatherOptions, HierarchicalEngine, HierarchicalOptions, LitPipelines, MapTracer, PreviewPipelines,
+    RayBatchPipelines,
 };
 use crate::pinhole::Filter;
 
@@ -17,6 +18,7 @@ pub(crate) struct PipelineCache {
     hierarchical: Compiled<HierarchicalEngine>,
     map_tracer: OnceLock<Arc<MapTracer>>,
     preview: OnceLock<Arc<PreviewPipelines>>,
+    lit: OnceLock<Arc<LitPipelines>>,
     ray_batches: OnceLock<Arc<RayBatchPipelines>>,
 }
 
@@ -50,6 +52,11 @@ impl PipelineCache {
     /// The passes of previews.
     pub fn preview(&self, device: &wgpu::Device) -> Arc<PreviewPipelines> {
         self.preview.get_or_init(|| Arc::new(PreviewPipelines::new(device))).clone()
+    }
+
+    /// The passes that draw emitters into the environment.
+    pub fn lit(&self, device: &wgpu::Device) -> Arc<LitPipelines> {
+        self.lit.get_or_init(|| Arc::new(LitPipelines::new(device))).clone()
     }
 
     /// The passes that trace rays of whole pictures.

@@ -14,7 +14,7 @@ pub struct EnvironmentCube {
 }
 
 /// The largest half float, with room for sums of rounding.
-const HALF_MAX: f32 = 65000.0;
+pub(super) const HALF_MAX: f32 = 65000.0;
 
 impl EnvironmentCube {
     /// Uploads a cube map: 32-bit texels where the device filters them, else half floats, scaled down where the radiance

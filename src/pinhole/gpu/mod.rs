@@ -10,6 +10,7 @@ mod environment;
 mod geometry;
 mod hardware_check;
 mod hierarchical;
+mod lit_environment;
 mod maps;
 pub(crate) mod pipeline;
 mod preview_pipelines;
@@ -26,6 +27,7 @@ pub use hierarchical::{
     CellTreeBuffers, HierarchicalEngine, HierarchicalFrame, HierarchicalInputs, HierarchicalOptions,
     LightBoundsBuilder, LightBoundsTexture, Tolerance,
 };
+pub(crate) use lit_environment::{CubeView, LitEnvironment, LitPipelines, PlacedEmitter};
 pub use maps::{MapTracer, MapTracing, MapUse, VisibilityMapBuffers};
 pub(crate) use preview_pipelines::PreviewPipelines;
 pub use probe::probe;

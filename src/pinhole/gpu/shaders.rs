@@ -49,10 +49,13 @@ macro_rules! shader {
     };
 }
 
+pub(crate) const COARSER_LEVEL: Shader = shader!("coarser_level");
+pub(crate) const EMITTERS: Shader = shader!("emitters");
 pub(crate) const FILTER_PROBE: Shader = shader!("filter_probe");
 pub(crate) const GATHER: Shader = shader!("gather");
 pub(crate) const IRRADIANCE_ESTIMATE: Shader = shader!("irradiance_estimate");
 pub(crate) const LIGHT_BOUNDS: Shader = shader!("light_bounds");
+pub(crate) const LIT_ENVIRONMENT: Shader = shader!("lit_environment");
 pub(crate) const PREVIEW_DISPLAY: Shader = shader!("preview_display");
 pub(crate) const PREVIEW_LIGHT: Shader = shader!("preview_light");
 pub(crate) const PREVIEW_SHADING: Shader = shader!("preview_shading");
@@ -99,9 +102,20 @@ impl Shader {
 
     /// Its module on a device.
     pub fn module(self, device: &wgpu::Device) -> wgpu::ShaderModule {
+        self.module_of(device, self.resolve())
+    }
+
+    /// The same, writing storage textures of 32-bit floats or of halves: WGSL has no parameters for formats.
+    pub fn module_writing(self, device: &wgpu::Device, format: wgpu::TextureFormat) -> wgpu::ShaderModule {
+        let source = self.resolve();
+        let is_half = format == wgpu::TextureFormat::Rgba16Float;
+        self.module_of(device, if is_half { source.replace("rgba32float", "rgba16float") } else { source })
+    }
+
+    fn module_of(self, device: &wgpu::Device, source: String) -> wgpu::ShaderModule {
         device.create_shader_module(wgpu::ShaderModuleDescriptor {
             label: Some(self.name),
-            source: wgpu::ShaderSource::Wgsl(self.resolve().into()),
+            source: wgpu::ShaderSource::Wgsl(source.into()),
         })
     }
 }

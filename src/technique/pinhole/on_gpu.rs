@@ -78,7 +78,7 @@ impl GpuStages {
     ) -> Result<Arc<dyn Sum>, Error> {
         let geometry = occluding(inputs);
         let pipelines = shared.pipelines.flat(&shared.gpu.device, sum.params.filter, geometry.is_some());
-        let environment = self.environment(shared, &sum.environment, inputs.progress)?;
+        let environment = self.environment(shared, &sum.environment, inputs)?;
         let mut maps = None;
         if let Some(geometry) = geometry {
             let make = async || {
@@ -103,7 +103,7 @@ impl GpuStages {
         let Gpu { device, queue, .. } = &shared.gpu;
         let is_occluded = occluding(inputs).is_some();
         let pipelines = shared.pipelines.hierarchical(device, params.filter, is_occluded);
-        let environment = self.environment(shared, environment, inputs.progress)?;
+        let environment = self.environment(shared, environment, inputs)?;
         let bounds =
             self.bounds.get(Id::of(bounds), inputs.progress, || LightBoundsTexture::upload(device, queue, bounds));
         let tree = self.tree(shared, tree, inputs).await?;
@@ -135,11 +135,14 @@ impl GpuStages {
         &mut self,
         shared: &SharedGpu,
         environment: &Arc<Environment>,
-        progress: &dyn Progress,
+        inputs: &Inputs<'_>,
     ) -> Result<Arc<EnvironmentCube>, GpuError> {
+        if let Some(drawn) = &inputs.light.on_gpu {
+            return Ok(drawn.clone());
+        }
         let Gpu { device, queue, .. } = &shared.gpu;
         let upload = || EnvironmentCube::upload(device, queue, &environment.cube);
-        self.environment.try_get(Id::of(environment), progress, upload)
+        self.environment.try_get(Id::of(environment), inputs.progress, upload)
     }
 
     pub fn count(&self, counts: &mut StageCounts) {

@@ -8,6 +8,7 @@
 
 mod kept;
 pub(crate) mod layout;
+mod lit;
 mod targets;
 mod timer;
 
@@ -19,6 +20,7 @@ use wgpu::{BindingResource, BufferUsages};
 
 use self::kept::KeptBuffer;
 use self::layout::{Cubes, PreviewObject, PreviewUniforms, background_cube, reflectance_curves};
+pub(super) use self::lit::LitStages;
 use self::targets::Targets;
 pub(super) use self::targets::fits;
 pub use self::timer::PassTime;
@@ -116,6 +118,7 @@ impl PreviewOnGpu {
         &mut self,
         inputs: &PreviewInputs<'_>,
         cubes: &[Arc<EnvironmentCube>; 3],
+        lit: &mut LitStages,
         wanted: Wanted,
     ) -> Result<Option<OnGpu>, GpuError> {
         self.make_targets(inputs)?;
@@ -136,6 +139,7 @@ impl PreviewOnGpu {
         };
         let frames = self.gather.as_mut().map_or(&mut [][..], |(_, frames)| &mut frames[..]);
         let mut encoder = gpu.device.create_command_encoder(&Default::default());
+        lit.record(&mut encoder);
         passes.record(&mut encoder, frames);
         encoder.copy_buffer_to_buffer(&targets.exposures, 0, &report, 0, 8);
         encoder.copy_buffer_to_buffer(&targets.unfinished, 0, &report, 8, 4);
@@ -192,7 +196,7 @@ impl PreviewOnGpu {
         let gpu = &self.shared.gpu;
         let upload = |cube: &CubeMap| EnvironmentCube::upload(&gpu.device, &gpu.queue, cube);
         let of_sum = inputs.sum.and_then(|sum| Some(sum.on_gpu()?.environment().clone()));
-        let environment = if let Some(known) = of_sum {
+        let environment = if let Some(known) = light.on_gpu.clone().or(of_sum) {
             known
         } else {
             let key = Id::of(&light.environment);

@@ -13,16 +13,20 @@ use crate::engine::preview_layout::{PIXEL_BYTES, PreviewGrid, PreviewObject, Pre
 use crate::pinhole::gpu::geometry::RayUniforms;
 use crate::pinhole::gpu::hierarchical::layout::{BLOCK_BYTES, SampleNode, TilePass, Tolerance, TreeUniforms};
 use crate::pinhole::gpu::hierarchical::light_bounds::BoundsUniforms;
+use crate::pinhole::gpu::lit_environment::{EmitterUniforms, LitFace};
 use crate::pinhole::gpu::maps::{MapUniforms, PackedHemisphere};
 use crate::pinhole::gpu::probe::GpuProbe;
 use crate::pinhole::gpu::ray_batch::{ArrivingLight, BatchHit, BatchRay, BatchUniforms, PackedDirection};
 use crate::pinhole::{GatherUniforms, PinholeSample};
 
-const ALL: [Shader; 14] = [
+const ALL: [Shader; 17] = [
+    COARSER_LEVEL,
+    EMITTERS,
     FILTER_PROBE,
     GATHER,
     IRRADIANCE_ESTIMATE,
     LIGHT_BOUNDS,
+    LIT_ENVIRONMENT,
     PREVIEW_DISPLAY,
     PREVIEW_LIGHT,
     PREVIEW_SHADING,
@@ -127,8 +131,10 @@ fn rust_structs() -> BTreeMap<&'static str, Layout> {
         ("BatchUniforms", layout!(BatchUniforms { count, first_direction, direction_count })),
         ("BoundsUniforms", layout!(BoundsUniforms { size, first, first_above, detail, mip, radiance_scale })),
         ("CellNode", layout!(CellNode { centroid_area, normal_e11, sides_curvature, curvature_bounds_links })),
+        ("EmitterUniforms", layout!(EmitterUniforms { clip_from_mesh, number })),
         ("GatherUniforms", gather_uniforms()),
         ("Hemisphere", layout!(PackedHemisphere { position, extent, normal, object_sides, texel_jitter })),
+        ("LitFace", layout!(LitFace { face, points, background_factor })),
         ("MapUniforms", layout!(MapUniforms { first_map, resolution, bisections })),
         ("Material", layout!(Material { albedo, kind, specular, width, table })),
         ("PinholeSample", pinhole_sample()),

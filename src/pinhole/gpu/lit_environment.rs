@@ -1,0 +1,534 @@
+//! Emitters drawn into the environment's cube map on the GPU, and its mips, again in every frame (Wand and Straßer 2003, Section 3.1).
+//! CPU twin: [`crate::environment::LightGeometry`]. Shaders: `shaders/emitters.wgsl`, `lit_environment.wgsl`, `coarser_level.wgsl`.
+//! Records passes; does not submit.
+
+use std::num::NonZero;
+use std::sync::Arc;
+
+use bytemuck::{Pod, Zeroable};
+use glam::{Mat3, Mat4, Vec3, Vec4};
+use wgpu::{BindGroupLayout, BindingResource, BufferUsages, ShaderStages, TextureFormat, TextureUsages, TextureView};
+
+use super::EnvironmentCube;
+use super::environment::HALF_MAX;
+use super::geometry::integers;
+use super::hierarchical::DYNAMIC_OFFSET;
+use super::pipeline::{bind, compute_pipeline, cube, layout, linear_sampler, sampler, seen_by, storage, window};
+use super::shaders::{COARSER_LEVEL, EMITTERS, LIT_ENVIRONMENT, Shader};
+use crate::environment::{FACES, FaceAxes};
+use crate::gpu::buffer_with;
+use crate::scene::{Mesh, Transform};
+
+/// Points along a texel's edge, where textures are large enough.
+const POINTS: u32 = 4;
+/// Edge of the workgroups of compute passes.
+const WORKGROUP_EDGE: u32 = 8;
+/// The nearest that is drawn, relative to the farthest.
+const NEAR: f32 = 1e-4;
+const NUMBERS: TextureFormat = TextureFormat::R16Uint;
+const DEPTH: TextureFormat = TextureFormat::Depth32Float;
+
+/// An emitter on a face.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub(super) struct EmitterUniforms {
+    pub clip_from_mesh: [[f32; 4]; 4],
+    pub number: u32,
+    padding: [u32; 3],
+}
+
+/// A face of the cube map.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub(super) struct LitFace {
+    pub face: u32,
+    pub points: u32,
+    pub background_factor: f32,
+    padding: u32,
+}
+
+/// An emitter in the scene.
+#[derive(Clone, Debug)]
+pub(crate) struct PlacedEmitter {
+    pub mesh: Arc<Mesh>,
+    pub placement: Transform,
+    /// W/(m²·sr).
+    pub radiance: Vec3,
+}
+
+/// From where emitters are seen, and what lies behind them.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct CubeView {
+    /// In the world, metres.
+    pub centre: Vec3,
+    /// Of the environment about +Y, counter-clockwise, radians.
+    pub rotation_rad: f32,
+    /// Factor on the background's radiance.
+    pub intensity: f32,
+}
+
+/// The passes on one device.
+#[derive(Debug)]
+pub(crate) struct LitPipelines {
+    draw: wgpu::RenderPipeline,
+    light_texels: wgpu::ComputePipeline,
+    average: wgpu::ComputePipeline,
+    of_emitter: BindGroupLayout,
+    of_face: BindGroupLayout,
+    of_level: BindGroupLayout,
+    trilinear: wgpu::Sampler,
+    /// Of the cube maps that they make: the one that the device filters.
+    format: TextureFormat,
+}
+
+/// A cube map of the environment behind emitters.
+#[derive(Debug)]
+pub(crate) struct LitEnvironment {
+    pipelines: Arc<LitPipelines>,
+    background: Arc<EnvironmentCube>,
+    cube: Arc<EnvironmentCube>,
+    /// One level each, as an array of faces.
+    levels: Vec<TextureView>,
+    numbers: TextureView,
+    depth: TextureView,
+    points: u32,
+    meshes: Vec<UploadedMesh>,
+    frame: Option<Frame>,
+}
+
+/// A mesh on the device.
+#[derive(Debug)]
+struct UploadedMesh {
+    mesh: Arc<Mesh>,
+    corners: wgpu::Buffer,
+    indices: wgpu::Buffer,
+    centre: Vec3,
+    radius: f32,
+}
+
+/// What is drawn in a frame.
+#[derive(Debug)]
+struct Frame {
+    of_emitters: wgpu::BindGroup,
+    of_faces: wgpu::BindGroup,
+    of_levels: Vec<wgpu::BindGroup>,
+    /// By face: the numbers of emitters that it may show, from 0 on, and their meshes.
+    shown: [Vec<(u32, usize)>; FACES],
+    emitter_count: u32,
+}
+
+impl LitPipelines {
+    /// Compiles the shaders.
+    pub fn new(device: &wgpu::Device) -> Self {
+        let wide = device.features().contains(wgpu::Features::FLOAT32_FILTERABLE);
+        let format = if wide { TextureFormat::Rgba32Float } else { TextureFormat::Rgba16Float };
+        let compute = |entries: &[wgpu::BindGroupLayoutEntry]| -> BindGroupLayout {
+            let entries: Vec<_> = entries.iter().map(|entry| seen_by(ShaderStages::COMPUTE, *entry)).collect();
+            layout(device, "environment behind emitters", &entries)
+        };
+        let of_emitter = layout(device, "emitter", &[seen_by(ShaderStages::VERTEX_FRAGMENT, window(0))]);
+        let of_face = compute(&[window(0), integers(1), cube(2), sampler(3), storage(4), written_faces(5, format)]);
+        let of_level = compute(&[faces(0), written_faces(1, format)]);
+        let pipeline = |shader: Shader, group: &BindGroupLayout, entry: &str| {
+            let module = shader.module_writing(device, format);
+            compute_pipeline(device, &pipeline_layout(device, group), &module, entry, &[])
+        };
+        Self {
+            draw: draw_pipeline(device, &of_emitter),
+            light_texels: pipeline(LIT_ENVIRONMENT, &of_face, "light_texels"),
+            average: pipeline(COARSER_LEVEL, &of_level, "average"),
+            of_emitter,
+            of_face,
+            of_level,
+            trilinear: linear_sampler(device, 1),
+            format,
+        }
+    }
+}
+
+fn pipeline_layout(device: &wgpu::Device, group: &BindGroupLayout) -> wgpu::PipelineLayout {
+    device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+        label: Some("environment behind emitters"),
+        bind_group_layouts: &[Some(group)],
+        immediate_size: 0,
+    })
+}
+
+fn draw_pipeline(device: &wgpu::Device, of_emitter: &BindGroupLayout) -> wgpu::RenderPipeline {
+    let module = EMITTERS.module(device);
+    let position = wgpu::VertexAttribute { format: wgpu::VertexFormat::Float32x3, offset: 0, shader_location: 0 };
+    device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
+        label: Some("emitters"),
+        layout: Some(&pipeline_layout(device, of_emitter)),
+        vertex: wgpu::VertexState {
+            module: &module,
+            entry_point: Some("place"),
+            compilation_options: Default::default(),
+            buffers: &[Some(wgpu::VertexBufferLayout {
+                array_stride: size_of::<Vec3>() as u64,
+                step_mode: wgpu::VertexStepMode::Vertex,
+                attributes: &[position],
+            })],
+        },
+        primitive: Default::default(),
+        depth_stencil: Some(wgpu::DepthStencilState {
+            format: DEPTH,
+            depth_write_enabled: Some(true),
+            depth_compare: Some(wgpu::CompareFunction::Greater),
+            stencil: Default::default(),
+            bias: Default::default(),
+        }),
+        multisample: Default::default(),
+        fragment: Some(wgpu::FragmentState {
+            module: &module,
+            entry_point: Some("number"),
+            compilation_options: Default::default(),
+            targets: &[Some(NUMBERS.into())],
+        }),
+        multiview_mask: None,
+        cache: None,
+    })
+}
+
+/// The faces of a level that shaders write.
+fn written_faces(binding: u32, format: TextureFormat) -> wgpu::BindGroupLayoutEntry {
+    let (access, view_dimension) = (wgpu::StorageTextureAccess::WriteOnly, wgpu::TextureViewDimension::D2Array);
+    super::pipeline::entry(binding, wgpu::BindingType::StorageTexture { access, format, view_dimension })
+}
+
+/// The faces of a level that shaders read.
+fn faces(binding: u32) -> wgpu::BindGroupLayoutEntry {
+    let sample_type = wgpu::TextureSampleType::Float { filterable: false };
+    let view_dimension = wgpu::TextureViewDimension::D2Array;
+    super::pipeline::entry(binding, wgpu::BindingType::Texture { sample_type, view_dimension, multisampled: false })
+}
+
+impl LitEnvironment {
+    /// A cube map as fine as that of the environment behind it; nothing is drawn yet.
+    pub fn new(device: &wgpu::Device, pipelines: Arc<LitPipelines>, background: Arc<EnvironmentCube>) -> Self {
+        let size = background.size();
+        let descriptor = |label, size: u32, layers: u32, levels: u32, format, usage| wgpu::TextureDescriptor {
+            label: Some(label),
+            size: wgpu::Extent3d { width: size, height: size, depth_or_array_layers: layers },
+            mip_level_count: levels,
+            sample_count: 1,
+            dimension: wgpu::TextureDimension::D2,
+            format,
+            usage,
+            view_formats: &[],
+        };
+        let level_count = size.ilog2() + 1;
+        let usage = TextureUsages::TEXTURE_BINDING | TextureUsages::STORAGE_BINDING | TextureUsages::COPY_SRC;
+        let lit = descriptor("environment behind emitters", size, FACES as u32, level_count, pipelines.format, usage);
+        let texture = device.create_texture(&lit);
+        let level = |level| {
+            texture.create_view(&wgpu::TextureViewDescriptor {
+                dimension: Some(wgpu::TextureViewDimension::D2Array),
+                base_mip_level: level,
+                mip_level_count: Some(1),
+                ..Default::default()
+            })
+        };
+        let view = texture.create_view(&wgpu::TextureViewDescriptor {
+            dimension: Some(wgpu::TextureViewDimension::Cube),
+            ..Default::default()
+        });
+        let most = device.limits().max_texture_dimension_2d;
+        let points = (1..=POINTS).rev().find(|points| points * size <= most).unwrap_or(1);
+        let attachment = |label, format, usage| {
+            let usage = usage | TextureUsages::RENDER_ATTACHMENT;
+            device
+                .create_texture(&descriptor(label, points * size, 1, 1, format, usage))
+                .create_view(&Default::default())
+        };
+        Self {
+            levels: (0..level_count).map(level).collect(),
+            cube: Arc::new(EnvironmentCube::from_view(view, size, 1.0)),
+            numbers: attachment("emitters' numbers", NUMBERS, TextureUsages::TEXTURE_BINDING),
+            depth: attachment("emitters' depth", DEPTH, TextureUsages::empty()),
+            points,
+            pipelines,
+            background,
+            meshes: Vec::new(),
+            frame: None,
+        }
+    }
+
+    /// The environment behind the emitters.
+    pub fn background(&self) -> &Arc<EnvironmentCube> {
+        &self.background
+    }
+
+    /// The cube map, as it will be once what is recorded next is done.
+    pub fn cube(&self) -> &Arc<EnvironmentCube> {
+        &self.cube
+    }
+
+    /// Takes over where emitters are, and from where they are seen.
+    pub fn update(&mut self, device: &wgpu::Device, emitters: &[PlacedEmitter], view: CubeView) {
+        self.upload(device, emitters);
+        let wide = self.pipelines.format == TextureFormat::Rgba32Float;
+        let brightest = emitters.iter().map(|emitter| emitter.radiance.max_element()).fold(0.0, f32::max);
+        let behind = view.intensity * self.background.radiance_scale();
+        let scale = if wide { 1.0 } else { behind.max(brightest / HALF_MAX).max(1.0) };
+        let cube = &self.cube;
+        if cube.radiance_scale().to_bits() != scale.to_bits() {
+            self.cube = Arc::new(EnvironmentCube::from_view(cube.view().clone(), cube.size(), scale));
+        }
+        let placed: Vec<Placed> = emitters.iter().map(|emitter| self.place(emitter, view.centre)).collect();
+        let farthest = placed.iter().map(|p| p.centre.length() + p.radius).fold(f32::MIN_POSITIVE, f32::max);
+        let axes: [FaceAxes; FACES] =
+            std::array::from_fn(|face| FaceAxes::new(face, Mat3::from_rotation_y(view.rotation_rad)));
+        let may_show = |face: usize, (_, placed): &(u32, &Placed)| axes[face].may_show(placed.centre, placed.radius);
+        let shown = std::array::from_fn(|face| {
+            let emitters = (0..).zip(&placed).filter(|emitter| may_show(face, emitter));
+            emitters.map(|(number, placed)| (number, placed.mesh)).collect::<Vec<_>>()
+        });
+        let (mut of_emitters, mut of_faces) = (Vec::new(), Vec::new());
+        for (face, axes) in axes.iter().enumerate() {
+            let clip_from_world = clip_from_world(axes, view.centre, NEAR * farthest);
+            for (number, placed) in (1..).zip(&placed) {
+                let clip_from_mesh = (clip_from_world * placed.world_from_mesh).to_cols_array_2d();
+                add_window(&mut of_emitters, &EmitterUniforms { clip_from_mesh, number, padding: [0; 3] });
+            }
+            let points = if shown[face].is_empty() { 0 } else { self.points };
+            let background_factor = behind / scale;
+            add_window(&mut of_faces, &LitFace { face: face as u32, points, background_factor, padding: 0 });
+        }
+        let radiance: Vec<Vec4> = emitters.iter().map(|emitter| (emitter.radiance / scale).extend(1.0)).collect();
+        self.frame = Some(self.bind(device, [&of_emitters, &of_faces], &radiance, shown));
+    }
+
+    /// Records the passes that draw the emitters and make the mips.
+    pub fn record(&self, encoder: &mut wgpu::CommandEncoder) {
+        let Some(frame) = &self.frame else { return };
+        for face in 0..FACES {
+            if !frame.shown[face].is_empty() {
+                self.draw(encoder, frame, face);
+            }
+            let mut pass = encoder.begin_compute_pass(&Default::default());
+            pass.set_pipeline(&self.pipelines.light_texels);
+            pass.set_bind_group(0, &frame.of_faces, &[offset(face as u32)]);
+            let groups = self.cube.size().div_ceil(WORKGROUP_EDGE);
+            pass.dispatch_workgroups(groups, groups, 1);
+        }
+        let mut pass = encoder.begin_compute_pass(&Default::default());
+        pass.set_pipeline(&self.pipelines.average);
+        for (level, group) in (1..).zip(&frame.of_levels) {
+            pass.set_bind_group(0, group, &[]);
+            let groups = (self.cube.size() >> level).div_ceil(WORKGROUP_EDGE);
+            pass.dispatch_workgroups(groups, groups, FACES as u32);
+        }
+    }
+
+    fn draw(&self, encoder: &mut wgpu::CommandEncoder, frame: &Frame, face: usize) {
+        let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+            label: Some("emitters"),
+            color_attachments: &[Some(wgpu::RenderPassColorAttachment {
+                view: &self.numbers,
+                depth_slice: None,
+                resolve_target: None,
+                ops: wgpu::Operations {
+                    load: wgpu::LoadOp::Clear(wgpu::Color::TRANSPARENT),
+                    store: wgpu::StoreOp::Store,
+                },
+            })],
+            depth_stencil_attachment: Some(wgpu::RenderPassDepthStencilAttachment {
+                view: &self.depth,
+                depth_ops: Some(wgpu::Operations { load: wgpu::LoadOp::Clear(0.0), store: wgpu::StoreOp::Discard }),
+                stencil_ops: None,
+            }),
+            ..Default::default()
+        });
+        pass.set_pipeline(&self.pipelines.draw);
+        for &(number, mesh) in &frame.shown[face] {
+            let mesh = &self.meshes[mesh];
+            pass.set_bind_group(0, &frame.of_emitters, &[offset(face as u32 * frame.emitter_count + number)]);
+            pass.set_vertex_buffer(0, mesh.corners.slice(..));
+            pass.set_index_buffer(mesh.indices.slice(..), wgpu::IndexFormat::Uint32);
+            pass.draw_indexed(0..3 * mesh.mesh.triangles().len() as u32, 0, 0..1);
+        }
+    }
+
+    fn upload(&mut self, device: &wgpu::Device, emitters: &[PlacedEmitter]) {
+        self.meshes.retain(|known| emitters.iter().any(|emitter| Arc::ptr_eq(&emitter.mesh, &known.mesh)));
+        for emitter in emitters {
+            if !self.meshes.iter().any(|known| Arc::ptr_eq(&known.mesh, &emitter.mesh)) {
+                self.meshes.push(UploadedMesh::new(device, &emitter.mesh));
+            }
+        }
+    }
+
+    fn place(&self, emitter: &PlacedEmitter, seen_from: Vec3) -> Placed {
+        let Transform { scale, translate, .. } = emitter.placement;
+        let turn = scale * emitter.placement.rotation();
+        let mesh = self.meshes.iter().position(|known| Arc::ptr_eq(&known.mesh, &emitter.mesh)).unwrap_or_default();
+        let UploadedMesh { centre, radius, .. } = self.meshes[mesh];
+        Placed {
+            mesh,
+            world_from_mesh: Mat4::from_translation(translate) * Mat4::from_mat3(turn),
+            centre: turn * centre + translate - seen_from,
+            radius: scale.abs() * radius,
+        }
+    }
+
+    fn bind(
+        &self,
+        device: &wgpu::Device,
+        [of_emitters, of_faces]: [&[u8]; 2],
+        radiance: &[Vec4],
+        shown: [Vec<(u32, usize)>; FACES],
+    ) -> Frame {
+        let LitPipelines { of_emitter, of_face, of_level, trilinear, .. } = &*self.pipelines;
+        let uniforms = |label, bytes| buffer_with(device, label, bytes, BufferUsages::UNIFORM);
+        let (emitters, faces) = (uniforms("emitters", of_emitters), uniforms("faces", of_faces));
+        let radiance = super::storage_buffer(device, "emitters' radiance", bytemuck::cast_slice(radiance));
+        let own = [
+            window_of::<LitFace>(&faces),
+            BindingResource::TextureView(&self.numbers),
+            BindingResource::TextureView(self.background.view()),
+            BindingResource::Sampler(trilinear),
+            radiance.as_entire_binding(),
+            BindingResource::TextureView(&self.levels[0]),
+        ];
+        let level =
+            |pair: &[TextureView]| bind(device, of_level, &[&pair[0], &pair[1]].map(BindingResource::TextureView));
+        Frame {
+            of_emitters: bind(device, of_emitter, &[window_of::<EmitterUniforms>(&emitters)]),
+            of_faces: bind(device, of_face, &own),
+            of_levels: self.levels.windows(2).map(level).collect(),
+            emitter_count: (of_emitters.len() / FACES / DYNAMIC_OFFSET as usize) as u32,
+            shown,
+        }
+    }
+}
+
+/// An emitter as it is seen: its mesh, and a sphere around it relative to the cube's centre.
+struct Placed {
+    mesh: usize,
+    world_from_mesh: Mat4,
+    centre: Vec3,
+    radius: f32,
+}
+
+impl UploadedMesh {
+    fn new(device: &wgpu::Device, mesh: &Arc<Mesh>) -> Self {
+        let positions = mesh.positions();
+        let (low, high) =
+            positions.iter().fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(l, h), p| (l.min(*p), h.max(*p)));
+        Self {
+            corners: buffer_with(device, "corners", bytemuck::cast_slice(positions), BufferUsages::VERTEX),
+            indices: buffer_with(device, "triangles", bytemuck::cast_slice(mesh.triangles()), BufferUsages::INDEX),
+            mesh: mesh.clone(),
+            centre: 0.5 * (low + high),
+            radius: 0.5 * low.distance(high),
+        }
+    }
+}
+
+/// A projection on a face; depth is 1 at `near` and 0 at infinity.
+fn clip_from_world(face: &FaceAxes, centre: Vec3, near: f32) -> Mat4 {
+    let [right, down, towards] = face.axes;
+    let row = |axis: Vec3| axis.extend(-axis.dot(centre));
+    Mat4::from_cols(row(right), row(-down), Vec4::new(0.0, 0.0, 0.0, near), row(towards)).transpose()
+}
+
+/// Adds what a dispatch or a draw reads from a uniform buffer.
+fn add_window<T: Pod>(bytes: &mut Vec<u8>, uniforms: &T) {
+    bytes.extend_from_slice(bytemuck::bytes_of(uniforms));
+    bytes.resize(bytes.len().next_multiple_of(DYNAMIC_OFFSET as usize), 0);
+}
+
+fn window_of<T>(buffer: &wgpu::Buffer) -> BindingResource<'_> {
+    BindingResource::Buffer(wgpu::BufferBinding { buffer, offset: 0, size: NonZero::new(size_of::<T>() as u64) })
+}
+
+fn offset(index: u32) -> u32 {
+    index * DYNAMIC_OFFSET as u32
+}
+
+#[cfg(all(test, feature = "blocking"))]
+mod tests {
+    use super::*;
+    use crate::blocking::wait;
+    use crate::environment::{CubeSize, Environment, LightGeometry, LitBy};
+    use crate::gpu::Gpu;
+    use crate::scene::Light;
+    use crate::scene::shapes::{Plane, Shape, Sphere};
+    use crate::tracing::{SeenBy, Tracer};
+
+    const SIZE: u32 = 64;
+
+    fn texels(gpu: &Gpu, lit: &LitEnvironment, level: u32) -> Vec<Vec4> {
+        let size = SIZE >> level;
+        let (row, wide) = (16 * size, lit.pipelines.format == TextureFormat::Rgba32Float);
+        assert!(wide, "lavapipe and all hardware of today filter 32-bit textures");
+        let stride = row.next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT);
+        let texture = lit.cube.view().texture();
+        let bytes = u64::from(stride * size) * FACES as u64;
+        let buffer = gpu.read_back_buffer(bytes);
+        let mut encoder = gpu.device.create_command_encoder(&Default::default());
+        let layout = wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(stride), rows_per_image: Some(size) };
+        let extent = wgpu::Extent3d { width: size, height: size, depth_or_array_layers: FACES as u32 };
+        let from = wgpu::TexelCopyTextureInfo { mip_level: level, ..texture.as_image_copy() };
+        encoder.copy_texture_to_buffer(from, wgpu::TexelCopyBufferInfo { buffer: &buffer, layout }, extent);
+        gpu.queue.submit([encoder.finish()]);
+        let bytes = wait(Some(&gpu.device), gpu.read_mapped(buffer)).unwrap();
+        let rows = bytes.chunks_exact(stride as usize).map(|bytes| &bytes[..row as usize]);
+        rows.flat_map(bytemuck::pod_collect_to_vec::<_, Vec4>).collect()
+    }
+
+    /// Both draw what is nearest, with the same mips; twice, as in frames that follow each other.
+    #[test]
+    fn both_back_ends_draw_the_same_emitters() {
+        let gpu = wait(None, Gpu::open(None)).unwrap();
+        let ball = Arc::new(Shape::Sphere(Sphere::of_radius(1.0)).mesh().unwrap());
+        let plate = Arc::new(Shape::Plane(Plane { size: [3.0, 5.0] }).mesh().unwrap());
+        let light = Light::Spot { direction: Vec3::Y, sigma_rad: 0.4, radiance: Vec3::new(0.0, 0.0, 3.0) };
+        let sky = Environment::new(&light, CubeSize::Texels(SIZE)).unwrap();
+        let background = Arc::new(EnvironmentCube::upload(&gpu.device, &gpu.queue, &sky.cube).unwrap());
+        let pipelines = Arc::new(LitPipelines::new(&gpu.device));
+        let mut lit = LitEnvironment::new(&gpu.device, pipelines, background);
+        for (turn, centre) in [(0.0, Vec3::ZERO), (0.7, Vec3::new(0.2, 0.3, -0.1))] {
+            let emitter = |mesh: &Arc<Mesh>, scale, place: [f32; 3], radiance: [f32; 3]| PlacedEmitter {
+                mesh: mesh.clone(),
+                placement: Transform {
+                    scale,
+                    translate: Vec3::from_array(place),
+                    rotate_rad: Vec3::new(turn, 0.3, -turn),
+                },
+                radiance: Vec3::from_array(radiance),
+            };
+            let emitters = [
+                emitter(&ball, 1.5, [0.3, 6.0, 0.4], [0.0, 4.0, 0.0]),
+                emitter(&ball, 0.5, [0.4, 2.0, 0.5], [3.0, 0.0, 0.0]),
+                emitter(&plate, 1.0, [0.0, -1.0, 0.5], [1.0, 1.0, 1.0]),
+            ];
+            let view = CubeView { centre, rotation_rad: 0.4 + turn, intensity: 2.0 };
+            lit.update(&gpu.device, &emitters, view);
+            let mut encoder = gpu.device.create_command_encoder(&Default::default());
+            lit.record(&mut encoder);
+            gpu.queue.submit([encoder.finish()]);
+            let expected = on_cpu(&sky, &emitters, view);
+            for level in 0..=SIZE.ilog2() {
+                let (found, expected) = (texels(&gpu, &lit, level), expected.cube.level(level));
+                assert_eq!(found.len(), expected.len());
+                let differences = found.iter().zip(&expected).map(|(a, b)| (*a - *b).abs().max_element());
+                let mean = differences.sum::<f32>() / found.len() as f32;
+                // The CPU tests sixteen points along a texel's edge.
+                assert!(mean < 0.01, "level {level}: {mean}");
+            }
+        }
+        gpu.check().unwrap();
+    }
+
+    fn on_cpu(sky: &Environment, emitters: &[PlacedEmitter], view: CubeView) -> Environment {
+        let meshes: Vec<Mesh> = emitters.iter().map(|e| e.mesh.placed(&e.placement, "emitter").unwrap().0).collect();
+        let seen_by = SeenBy { camera: true, light: false };
+        let tracer = Tracer::of_emitters(None, meshes.iter().map(|mesh| (mesh, seen_by)));
+        let shining = (0..).zip(&meshes).zip(emitters).map(|((object, mesh), e)| (object, mesh, e.radiance));
+        let geometry = LightGeometry::new(&shining.collect::<Vec<_>>(), Arc::new(tracer), view.centre);
+        let CubeView { rotation_rad, intensity, .. } = view;
+        sky.behind(LitBy { geometry: Arc::new(geometry), rotation_rad, intensity })
+    }
+}
