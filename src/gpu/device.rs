@@ -257,9 +257,13 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
+/// Keeps the first failure. The loss of a device explains what it refused before it reported that.
 fn keep_first(slot: &Mutex<Option<Failure>>, failure: Failure) {
+    let mut slot = lock(slot);
     // A device that is dropped reports itself lost; by then nobody asks.
-    lock(slot).get_or_insert(failure);
+    if slot.is_none() || matches!((&*slot, &failure), (Some(Failure::Refused(_)), Failure::Lost(_))) {
+        *slot = Some(failure);
+    }
 }
 
 impl Gpu {
@@ -362,8 +366,9 @@ pub(crate) fn buffer_with(
     });
     if let Ok(mut mapped) = buffer.get_mapped_range_mut(..) {
         mapped.slice(..contents.len()).copy_from_slice(contents);
+        drop(mapped);
+        buffer.unmap();
     }
-    buffer.unmap();
     buffer
 }
 

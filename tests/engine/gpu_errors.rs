@@ -17,6 +17,33 @@ fn a_lost_device_is_an_error() {
     assert!(message.contains("lost") && message.contains(&gpu.adapter.name), "{message}");
 }
 
+/// A device may be lost between any two calls.
+#[test]
+fn no_call_panics_on_a_lost_device() {
+    let gpu = wait(None, Gpu::open(None)).unwrap();
+    let cube = CubeMap::from_radiance(16, None, |_| Vec3::ONE);
+    let receivers = floor(1.0, 2);
+    gpu.device.destroy();
+    let environment = EnvironmentCube::upload(&gpu.device, &gpu.queue, &cube).unwrap();
+    let view = gpu.upload_texture([2, 2], &receivers.positions);
+    let inputs = FrameInputs {
+        positions: &view,
+        normals: &view,
+        viewers: None,
+        size: [2, 2],
+        pinholes: &vec![PinholeSample::default()].into(),
+        maps: None,
+        environment: &environment,
+        params: Params::default(),
+    };
+    let mut frame = Engine::new(&gpu.device, &GatherOptions::default()).frame(&gpu.device, &inputs).unwrap();
+    let mut encoder = gpu.device.create_command_encoder(&Default::default());
+    frame.record(&mut encoder, 0..frame.batch_count());
+    gpu.queue.submit([encoder.finish()]);
+    let message = wait(Some(&gpu.device), gpu.read_texture(frame.caustic())).unwrap_err().to_string();
+    assert!(message.contains("lost"), "{message}");
+}
+
 #[test]
 fn an_unknown_adapter_is_named_with_those_there_are() {
     let message = wait(None, Gpu::open(Some("voodoo"))).unwrap_err().to_string();
