@@ -1,4 +1,4 @@
-//! Where sums are computed: the CPU, or a GPU whose device is opened once and serves any number of engines.
+//! Where sums and rays are computed: the CPU, or a GPU whose device is opened once and serves any number of engines.
 
 use std::fmt;
 #[cfg(feature = "gpu")]

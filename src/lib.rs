@@ -34,7 +34,7 @@
 //!
 //! | feature | adds |
 //! |---|---|
-//! | `gpu` | sums on GPUs through wgpu |
+//! | `gpu` | sums, rays and previews on GPUs through wgpu |
 //! | `blocking` | waiting for the library's futures on the calling thread |
 //! | `builtin-maps` | the environment maps of `envmaps`, embedded |
 //! | `report` | comparisons with the ground truth as JSON, CSV and HTML |

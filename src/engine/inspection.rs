@@ -115,7 +115,7 @@ impl Engine {
             self.inspection = PreviewStages::new(options.technique);
         }
         let PreviewStages { technique: (_, technique), light: stages, .. } = &mut self.inspection;
-        let geometry = scene.geometry_drawn_for_frame();
+        let geometry = scene.geometry_drawn_for_frame(false);
         let light = stages.prepare(&self.scene.environment, geometry.as_ref(), options.cube_size, progress)?;
         let inputs = Inputs {
             scene: &self.scene,
@@ -137,7 +137,7 @@ impl Engine {
     pub fn environment_map(&mut self, height: u32, progress: &dyn Progress) -> Result<Image, Error> {
         self.options.check()?;
         let scene = self.scene_stages.prepare_for_frame(&self.scene, progress)?;
-        let (geometry, cube_size) = (scene.geometry_drawn_for_frame(), self.options.cube_size);
+        let (geometry, cube_size) = (scene.geometry_drawn_for_frame(false), self.options.cube_size);
         let light = self.inspection.light.prepare(&self.scene.environment, geometry.as_ref(), cube_size, progress)?;
         let radiance = |pixel: u32| {
             let at =

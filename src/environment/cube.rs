@@ -126,7 +126,6 @@ impl CubeMap {
     }
 
     /// The levels of at most so many texels along an edge.
-    #[cfg(feature = "gpu")]
     pub(super) fn coarser(&self, size: u32) -> Self {
         let level = (0..self.level_count()).find(|level| self.size >> level <= size).unwrap_or(self.level_count() - 1);
         let first = self.level_offset(level);

@@ -75,7 +75,6 @@ impl Environment {
 
 impl Environment {
     /// This environment with a cube map of at most so many texels along an edge.
-    #[cfg(feature = "gpu")]
     pub(crate) fn coarser(&self, size: u32) -> Self {
         Self { radiance: self.radiance.clone(), cube: self.cube.coarser(size) }
     }

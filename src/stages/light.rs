@@ -17,7 +17,6 @@ use crate::progress::{Progress, Stage};
 use crate::scene::{EnvironmentSource, Light};
 
 /// Face size of the cube map that the CPU derives irradiance and directions from in frames, see `irradiance_map_of_frame`.
-#[cfg(feature = "gpu")]
 const COARSE_SIZE: u32 = 128;
 
 /// A light in its own frame, with its rotation and intensity in the world.
@@ -55,7 +54,6 @@ pub(crate) struct LightStages {
     is_for_frames: bool,
     environment: Memo<(Light, CubeSize, u32), Environment>,
     /// As fine as light geometry is drawn by the CPU if a GPU draws it, too.
-    #[cfg(feature = "gpu")]
     coarse: Memo<Id<Environment>, Environment>,
     /// With light geometry drawn into it.
     lit: Memo<LitKey, Environment>,
@@ -73,7 +71,6 @@ pub(crate) struct DrawnGeometry {
     pub geometry: Arc<LightGeometry>,
     pub cube_size: u32,
     /// A GPU draws it, too: the CPU draws it as finely as irradiance and directions of shadow rays need.
-    #[cfg(feature = "gpu")]
     pub is_on_gpu: bool,
 }
 
@@ -82,7 +79,6 @@ impl LightStages {
         Self {
             is_for_frames: false,
             environment: Memo::new(Stage::Light),
-            #[cfg(feature = "gpu")]
             coarse: Memo::new(Stage::Light),
             lit: Memo::new(Stage::LitEnvironment),
             bounds: Memo::new(Stage::LightBounds),
@@ -109,7 +105,7 @@ impl LightStages {
         })?;
         let EnvironmentSource { rotation_rad, intensity, .. } = *source;
         environment.radiance.check_placement(intensity, rotation_rad)?;
-        let Some(DrawnGeometry { geometry, .. }) = light_geometry else {
+        let Some(DrawnGeometry { geometry, is_on_gpu, .. }) = light_geometry else {
             return Ok(PreparedLight {
                 #[cfg(feature = "gpu")]
                 background: (environment.clone(), 1.0),
@@ -120,12 +116,10 @@ impl LightStages {
                 intensity,
             });
         };
-        let behind = environment.clone();
-        #[cfg(feature = "gpu")]
-        let behind = if light_geometry.is_some_and(|drawn| drawn.is_on_gpu) {
+        let behind = if *is_on_gpu {
             self.coarse.get(Id::of(&environment), progress, || environment.coarser(COARSE_SIZE))
         } else {
-            behind
+            environment.clone()
         };
         let key = (Id::of(&behind), Id::of(geometry), [rotation_rad, intensity]);
         let lit = self

@@ -44,23 +44,13 @@ impl PreparedScene {
     /// The light geometry, drawn as finely as its smallest emitter needs.
     pub fn drawn_geometry(&self) -> Option<DrawnGeometry> {
         let geometry = self.light_geometry.clone()?;
-        Some(DrawnGeometry {
-            cube_size: geometry.cube_size(),
-            geometry,
-            #[cfg(feature = "gpu")]
-            is_on_gpu: false,
-        })
+        Some(DrawnGeometry { cube_size: geometry.cube_size(), geometry, is_on_gpu: false })
     }
 
-    /// The same for a moment: only as finely as is drawn quickly.
-    pub fn geometry_drawn_for_frame(&self) -> Option<DrawnGeometry> {
+    /// The same for a moment: only as finely as is drawn quickly. On a GPU, it is drawn there, too.
+    pub fn geometry_drawn_for_frame(&self, is_on_gpu: bool) -> Option<DrawnGeometry> {
         let geometry = self.light_geometry.clone()?;
-        Some(DrawnGeometry {
-            cube_size: FRAME_CUBE_SIZE,
-            geometry,
-            #[cfg(feature = "gpu")]
-            is_on_gpu: false,
-        })
+        Some(DrawnGeometry { cube_size: FRAME_CUBE_SIZE, geometry, is_on_gpu })
     }
 }
 

@@ -188,10 +188,7 @@ impl Engine {
         if self.preview.technique.0 != options.technique {
             self.preview = PreviewStages::new(options.technique);
         }
-        #[cfg_attr(not(feature = "gpu"), expect(unused_mut, reason = "only a GPU draws it, too"))]
-        let mut geometry = scene.geometry_drawn_for_frame();
-        #[cfg(feature = "gpu")]
-        geometry.iter_mut().for_each(|drawn| drawn.is_on_gpu = self.backend.is_gpu());
+        let geometry = scene.geometry_drawn_for_frame(self.backend.is_gpu());
         let light_stages = if geometry.is_some() { &mut self.preview.light } else { &mut self.light_stages };
         #[cfg_attr(not(feature = "gpu"), expect(unused_mut, reason = "only a GPU has copies"))]
         let mut light =
@@ -220,15 +217,17 @@ impl Engine {
         let frame =
             Frame { scene: &self.scene, prepared: &scene, options: &options, light: &light, detail, direct, progress };
         #[cfg(feature = "gpu")]
-        let lit = &mut self.preview.lit;
+        let passes = (&mut self.preview.on_gpu, &mut self.preview.lit);
         #[cfg(feature = "gpu")]
         let (image, exposures, passes) =
-            match frame.on_gpu(wanted, &self.backend, (&mut self.preview.on_gpu, lit), sum.as_ref()).await? {
-                Some(on_gpu) => (on_gpu.rendered, on_gpu.exposures, on_gpu.passes),
-                None => {
-                    self.backend.shared_gpu().iter().for_each(|shared| lit.submit(shared));
-                    frame.on_cpu(sum.as_deref()).await.map(|(image, used)| (image, used, Vec::new()))?
+            if let Some(on_gpu) = frame.on_gpu(wanted, &self.backend, passes, sum.as_ref()).await? {
+                (on_gpu.rendered, on_gpu.exposures, on_gpu.passes)
+            } else {
+                if let Some(shared) = self.backend.shared_gpu() {
+                    self.preview.lit.submit(shared);
                 }
+                let (image, exposures) = frame.on_cpu(sum.as_deref()).await?;
+                (image, exposures, Vec::new())
             };
         #[cfg(not(feature = "gpu"))]
         let (Wanted::InMemory, (image, exposures)) = (wanted, frame.on_cpu(sum.as_deref()).await?);
