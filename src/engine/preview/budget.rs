@@ -29,6 +29,8 @@ pub struct Budget {
     target: f64,
     /// On a scale of coarse to fine details, see [`detail_at`]; from 0 to [`FINEST_LEVEL`].
     level: f64,
+    /// Samples of the frame that was taken into account last.
+    samples: u32,
 }
 
 /// Most changes of the level from one frame to the next.
@@ -56,7 +58,7 @@ impl Budget {
     /// assert!(later.samples < first.samples && later.size[0] < first.size[0]);
     /// ```
     pub fn new(target_seconds: f64) -> Self {
-        Self { target: target_seconds.clamp(1e-3, 10.0), level: FIRST_LEVEL }
+        Self { target: target_seconds.clamp(1e-3, 10.0), level: FIRST_LEVEL, samples: 0 }
     }
 
     /// Changes the target.
@@ -69,8 +71,13 @@ impl Budget {
         detail_at(self.level, window)
     }
 
-    /// Takes into account how long a frame took, seconds.
+    /// Takes into account how long a frame took, seconds. The first frame with another number of samples does not count: rigid mirrors
+    /// get theirs once.
     pub fn took(&mut self, seconds: f64) {
+        let samples = samples_at(self.level);
+        if std::mem::replace(&mut self.samples, samples) != samples {
+            return;
+        }
         let excess = (seconds / self.target).max(1e-3).ln();
         if excess.abs() > DEAD_BAND {
             self.level = (self.level - (GAIN * excess).clamp(-MAX_STEP_UP, MAX_STEP_DOWN)).clamp(0.0, FINEST_LEVEL);
@@ -78,15 +85,25 @@ impl Budget {
     }
 }
 
+/// Samples at a level: in steps, so that they do not change from frame to frame.
+fn samples_at(level: f64) -> u32 {
+    (0.5 * (2.0 * between(40.0, 800.0, level).log2()).round()).exp2() as u32
+}
+
+/// A quantity that is `low` at level 0 and `high` at level 1.
+fn between(low: f64, high: f64, level: f64) -> f64 {
+    low * (high / low).powf(level)
+}
+
 /// From a sixteenth of the window's pixels and 40 samples of three taps to all of its pixels and, at level 1, 800 samples of sixteen. Above
 /// that there are more samples, of which sums that are flat need no leaves, and light is computed in more pixels.
 fn detail_at(level: f64, window: [u32; 2]) -> Detail {
-    let between = |low: f64, high: f64| low * (high / low).powf(level);
-    // In steps, so that neither the picture's size nor the samples change from frame to frame.
+    let between = |low: f64, high: f64| between(low, high, level);
+    // In steps, so that the picture's size does not change from frame to frame, either.
     let steps = (between(4.0, 1.0).max(1.0) * 4.0).round() / 4.0;
     Detail {
         size: window.map(|edge| ((f64::from(edge) / steps).round() as u32).max(1)),
-        samples: (0.5 * (2.0 * between(40.0, 800.0).log2()).round()).exp2() as u32,
+        samples: samples_at(level),
         taps: between(3.0, 16.0).min(16.0).round() as u32,
         spacing: between(4.0, 2.0).round() as u32,
         shadow_directions: (between(16.0, 160.0).round() as u32).min(MAX_SHADOW_DIRECTIONS),
@@ -115,6 +132,20 @@ mod tests {
             let held = 0.05f64.clamp(least, most);
             assert!((0.6..1.6).contains(&(last / held)), "{speed}: {last} against {held}");
         }
+    }
+
+    /// What samples cost when they are placed does not drive the budget up and down.
+    #[test]
+    fn samples_that_are_placed_once_do_not_count() {
+        let (mut budget, mut samples, mut changes) = (Budget::new(0.05), 0, 0);
+        for frame in 0..200 {
+            let detail = budget.detail([800, 600]);
+            let is_placed = detail.samples != samples;
+            changes += u32::from(is_placed && frame > 100);
+            samples = detail.samples;
+            budget.took(1e-4 * f64::from(samples) + if is_placed { 1.0 } else { 0.0 });
+        }
+        assert!((350..750).contains(&samples) && changes == 0, "{samples}, {changes} changes");
     }
 
     /// Every step towards the finest is finer in something, and coarser in nothing.
