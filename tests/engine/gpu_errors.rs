@@ -5,9 +5,29 @@ use pinspot::blocking::wait;
 use pinspot::low_level::environment::CubeMap;
 use pinspot::low_level::gpu::{Gpu, GpuError};
 use pinspot::low_level::pinhole::gpu::{Engine, EnvironmentCube, FrameInputs, GatherOptions, LightBoundsBuilder};
-use pinspot::low_level::pinhole::{Params, PinholeSample};
+use pinspot::low_level::pinhole::{Params, PinholeSample, Pinholes};
+use pinspot::wgpu;
 
 use crate::support::{floor, gpu};
+
+/// An image of one sample.
+fn inputs<'a>(
+    receivers: &'a wgpu::TextureView,
+    size: [u32; 2],
+    pinholes: &'a Pinholes,
+    environment: &'a EnvironmentCube,
+) -> FrameInputs<'a> {
+    FrameInputs {
+        positions: receivers,
+        normals: receivers,
+        viewers: None,
+        size,
+        pinholes,
+        maps: None,
+        environment,
+        params: Params::default(),
+    }
+}
 
 #[test]
 fn a_lost_device_is_an_error() {
@@ -26,16 +46,8 @@ fn no_call_panics_on_a_lost_device() {
     gpu.device.destroy();
     let environment = EnvironmentCube::upload(&gpu.device, &gpu.queue, &cube).unwrap();
     let view = gpu.upload_texture([2, 2], &receivers.positions);
-    let inputs = FrameInputs {
-        positions: &view,
-        normals: &view,
-        viewers: None,
-        size: [2, 2],
-        pinholes: &vec![PinholeSample::default()].into(),
-        maps: None,
-        environment: &environment,
-        params: Params::default(),
-    };
+    let pinholes = vec![PinholeSample::default()].into();
+    let inputs = inputs(&view, [2, 2], &pinholes, &environment);
     let mut frame = Engine::new(&gpu.device, &GatherOptions::default()).frame(&gpu.device, &inputs).unwrap();
     let mut encoder = gpu.device.create_command_encoder(&Default::default());
     frame.record(&mut encoder, 0..frame.batch_count());
@@ -59,16 +71,8 @@ fn too_large_a_texture_is_an_error() {
     let environment = EnvironmentCube::upload(&gpu.device, &gpu.queue, &cube).unwrap();
     let engine = Engine::new(&gpu.device, &GatherOptions::default());
     let too_wide = gpu.adapter.max_texture + 1;
-    let inputs = FrameInputs {
-        positions: &view,
-        normals: &view,
-        viewers: None,
-        size: [too_wide, 1],
-        pinholes: &vec![PinholeSample::default()].into(),
-        maps: None,
-        environment: &environment,
-        params: Params::default(),
-    };
+    let pinholes = vec![PinholeSample::default()].into();
+    let inputs = inputs(&view, [too_wide, 1], &pinholes, &environment);
     let error = engine.frame(&gpu.device, &inputs).unwrap_err();
     assert!(matches!(error, GpuError::TextureTooLarge { .. }));
     let message = error.to_string();
@@ -84,16 +88,8 @@ fn images_and_cubes_that_are_impossible_are_errors() {
     let odd = EnvironmentCube::from_view(uploaded.view().clone(), 0, 1.0);
     assert!(matches!(LightBoundsBuilder::new(&gpu.device, &odd), Err(GpuError::CubeSize { size: 0 })));
     let view = gpu.upload_texture([2, 2], &[]);
-    let inputs = FrameInputs {
-        positions: &view,
-        normals: &view,
-        viewers: None,
-        size: [0, 1],
-        pinholes: &vec![PinholeSample::default()].into(),
-        maps: None,
-        environment: &uploaded,
-        params: Params::default(),
-    };
+    let pinholes = vec![PinholeSample::default()].into();
+    let inputs = inputs(&view, [0, 1], &pinholes, &uploaded);
     let frame = Engine::new(&gpu.device, &GatherOptions::default()).frame(&gpu.device, &inputs);
     assert!(matches!(frame, Err(GpuError::EmptyImage { .. })));
 }
