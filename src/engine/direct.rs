@@ -23,8 +23,10 @@ use crate::tracing::{Hit, Tracer};
 
 /// Camera rays, approximately, that tell how enclosed the place is that the picture shows.
 const SEEN_POINTS: usize = 64;
-/// Edge of the blocks of camera rays whose shadows are found together.
+/// Edge of the blocks of camera rays whose shadows are found together, at most.
 const BLOCK: usize = 32;
+/// Blocks along a row of the picture, at least: in small pictures, large blocks would be much larger than what throws shadows.
+const MIN_BLOCKS: usize = 4;
 
 /// Irradiance of the environment on receivers, at an intensity of 1.
 pub(super) struct DirectLight<'a> {
@@ -118,14 +120,15 @@ impl<'a> DirectLight<'a> {
         let is_wanted = |hit: &Option<Hit>| hit.is_some_and(|hit| wanted(hit.object));
         let points = (0..rays.hits.len()).filter(|&index| is_wanted(&rays.hits[index]));
         let mut light = AdaptiveLight::new(rays, rays.hits.len(), points, &[]);
-        let mut edge = STEP * BLOCK;
+        let most = (rays.width as usize / MIN_BLOCKS).max(1);
+        let mut edge = most.min(STEP * BLOCK);
         while let Some(open) = light.next_open() {
             let groups = by_block_and_object(rays, &open, edge);
             let hit = |index: &usize| rays.hits[*index].as_ref();
             let points: Vec<Vec<&Hit>> = groups.iter().map(|group| group.iter().filter_map(hit).collect()).collect();
             let irradiance = self.irradiance_of_groups(&points).await?;
             light.set(groups.into_iter().flatten().zip(irradiance.into_iter().map(|value| value.extend(0.0))));
-            edge = BLOCK;
+            edge = most.min(BLOCK);
         }
         Ok(light.finish().iter().map(|light| Vec3::from_slice(light)).collect())
     }
