@@ -90,7 +90,7 @@ impl<'a> Shadows<'a> {
         Self { directions: drawn_by_light.chain(drawn_evenly).map(one).collect(), tracer }
     }
 
-    /// The same with given directions.
+    /// With these directions.
     #[cfg(feature = "gpu")]
     pub fn along(directions: &[LightDirection], tracer: &'a Tracer) -> Self {
         Self { directions: directions.to_vec(), tracer }
