@@ -5,7 +5,7 @@
 
 // By texel of the maps: the m·l from which its surface may occlude a point, as a float; below 16 bits of the squared distance from
 // which it may, m², the object.
-@group(3) @binding(2) var doubts: texture_2d<u32>;
+@group(3) @binding(3) var doubts: texture_2d<u32>;
 
 // Whether only a ray can tell if a point of an object, at this m·l and squared distance, is occluded by what a texel shows.
 fn is_in_doubt(texel: u32, depth: f32, distance2: f32, object: i32) -> bool {

@@ -59,13 +59,14 @@ fn describe(entry: &Entry) -> String {
     };
     format!(
         "{} ({}{})\n  driver                      {}\n  filters 32-bit textures     {}\n  blends 32-bit targets       {}\n  \
-         largest texture             {} texels\n  largest storage buffer      {} MiB\n  anisotropic hardware filter {hardware}",
+         ray queries                 {}\n  largest texture             {} texels\n  largest storage buffer      {} MiB\n  anisotropic hardware filter {hardware}",
         a.name,
         a.backend,
         if a.software { ", software" } else { "" },
         a.driver,
         yes(a.float32_filterable),
         yes(a.float32_blendable),
+        yes(a.ray_queries),
         a.max_texture,
         a.max_storage_bytes >> 20,
     )

@@ -19,6 +19,8 @@ pub struct Adapter {
     pub driver: String,
     /// A software rasteriser.
     pub software: bool,
+    /// Finds what rays meet by itself (ray queries): no traversal in shaders.
+    pub ray_queries: bool,
     /// 32-bit float textures can be filtered: radiance needs no scale factor.
     pub float32_filterable: bool,
     /// 32-bit float targets blend: no ping-pong.
@@ -44,6 +46,7 @@ impl Adapter {
             backend: info.backend.to_string(),
             driver: format!("{} {}", info.driver, info.driver_info).trim().to_owned(),
             software: info.device_type == wgpu::DeviceType::Cpu,
+            ray_queries: features.contains(wgpu::Features::EXPERIMENTAL_RAY_QUERY),
             float32_filterable: features.contains(wgpu::Features::FLOAT32_FILTERABLE),
             float32_blendable: features.contains(wgpu::Features::FLOAT32_BLENDABLE),
             max_texture: limits.max_texture_dimension_2d,
@@ -72,8 +75,30 @@ pub async fn adapters() -> Vec<Adapter> {
 }
 
 /// What makes a device more exact and faster, and lets passes be timed.
-const WANTED_FEATURES: wgpu::Features =
-    wgpu::Features::FLOAT32_FILTERABLE.union(wgpu::Features::FLOAT32_BLENDABLE).union(wgpu::Features::TIMESTAMP_QUERY);
+const WANTED_FEATURES: wgpu::Features = wgpu::Features::FLOAT32_FILTERABLE
+    .union(wgpu::Features::FLOAT32_BLENDABLE)
+    .union(wgpu::Features::TIMESTAMP_QUERY)
+    .union(wgpu::Features::EXPERIMENTAL_RAY_QUERY);
+
+fn descriptor(required_features: wgpu::Features, required_limits: wgpu::Limits) -> wgpu::DeviceDescriptor<'static> {
+    let is_experimental = required_features.intersects(wgpu::Features::EXPERIMENTAL_RAY_QUERY);
+    wgpu::DeviceDescriptor {
+        label: Some("pinspot"),
+        required_features,
+        required_limits,
+        experimental_features: if is_experimental { experimental() } else { wgpu::ExperimentalFeatures::disabled() },
+        ..Default::default()
+    }
+}
+
+/// wgpu's token for features whose validation is not complete yet.
+#[expect(unsafe_code, reason = "wgpu asks for it; there is no other way to ray queries")]
+fn experimental() -> wgpu::ExperimentalFeatures {
+    // SAFETY: what wgpu may fail to validate holds of what `pinhole::gpu::acceleration` records. Structures are built before commands
+    // that use them, from buffers of as many vertices as they say, with finite matrices; queries are initialised before they proceed,
+    // with ranges that are not negative, and read only after they have proceeded to the end.
+    unsafe { wgpu::ExperimentalFeatures::enabled() }
+}
 
 /// A device, and what went wrong with it.
 #[derive(Debug)]
@@ -132,24 +157,17 @@ impl Gpu {
         required_features: wgpu::Features,
         required_limits: wgpu::Limits,
     ) -> Result<Self, GpuError> {
-        let descriptor =
-            wgpu::DeviceDescriptor { label: Some("pinspot"), required_features, required_limits, ..Default::default() };
         let (device, queue) = adapter
-            .request_device(&descriptor)
+            .request_device(&descriptor(required_features, required_limits))
             .await
             .map_err(|e| GpuError::NoDevice { adapter: adapter.get_info().name, reason: e.to_string() })?;
         Ok(Self::of_device(adapter, device, queue))
     }
 
     /// What a device should be asked for to serve [`Self::of_device`] well: all limits of the adapter and, where it has them, 32-bit
-    /// textures that are filtered and blended, and timestamps.
+    /// textures that are filtered and blended, timestamps, and ray queries.
     pub fn device_descriptor(adapter: &wgpu::Adapter) -> wgpu::DeviceDescriptor<'static> {
-        wgpu::DeviceDescriptor {
-            label: Some("pinspot"),
-            required_features: adapter.features() & WANTED_FEATURES,
-            required_limits: adapter.limits(),
-            ..Default::default()
-        }
+        descriptor(adapter.features() & WANTED_FEATURES, adapter.limits())
     }
 
     /// A device that the program has for other purposes, too. Its callbacks for loss and errors become Pinspot's.

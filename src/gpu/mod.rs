@@ -1,9 +1,11 @@
 //! Devices and what they can do. Knows no scenes, no files and no windows.
 
 mod device;
+mod kept;
 
 pub(crate) use device::buffer_with;
 pub use device::{Adapter, Gpu, adapters};
+pub(crate) use kept::KeptBuffer;
 
 /// Why the GPU could not be used.
 #[derive(Debug, thiserror::Error)]

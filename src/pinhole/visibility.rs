@@ -168,15 +168,15 @@ fn texel_jitter(k: u32) -> Vec2 {
 }
 
 impl Doubt {
-    fn new(occluders: &[Option<Occluder>], n: usize, k: usize) -> Self {
-        let [low, high] = depths(occluders, n, k);
+    /// Of a texel whose surface lies so far in front of and behind its plane at the texels around it.
+    fn new(occluder: Option<&Occluder>, [low, high]: [f32; 2]) -> Self {
         let is_flat = high - low < BEHIND;
         // Rounding adds to m·l; no distance is the same throughout a texel.
-        let from_distance_2 = match &occluders[k] {
+        let from_distance_2 = match occluder {
             Some(own) if !is_flat => (1.25 * own.point).length_squared(),
             _ => f32::INFINITY,
         };
-        let object = occluders[k].as_ref().map_or(u32::MAX, |own| own.object);
+        let object = occluder.map_or(u32::MAX, |own| own.object);
         Self { from: 1.0 + 1.2 * BEHIND + low, from_distance_2, object }
     }
 }
@@ -217,7 +217,12 @@ impl Occluder {
     /// How far a smooth surface falls away from its plane at another point, at most, relative to the plane's distance: no more
     /// than its normals turn on the way. Anything further is another part of the surface.
     fn fall_to(&self, other: &Self) -> f32 {
-        self.plane.length() * (other.point - self.point).length() * (other.normal - self.normal).length()
+        let turn_2 = (other.normal - self.normal).length_squared();
+        // Of most neighbours on flat surfaces.
+        if turn_2 == 0.0 {
+            return 0.0;
+        }
+        (self.plane.length_squared() * (other.point - self.point).length_squared() * turn_2).sqrt()
     }
 }
 
@@ -239,12 +244,13 @@ impl Hemisphere {
         let n = resolution as usize;
         let occluders = self.occluders(tracer, n);
         let edges = self.edges(tracer, (n, edges.bisections()), &occluders);
+        let depths: Vec<[f32; 2]> = (0..n * n).map(|k| depths(&occluders, n, k)).collect();
         let plane = |k: usize| {
             let plane = occluders[k].as_ref().map_or(Vec3::ZERO, |m| m.plane);
-            plane.extend(with_edges(BEHIND + depths(&occluders, n, k)[1], edges[k])).to_array()
+            plane.extend(with_edges(BEHIND + depths[k][1], edges[k])).to_array()
         };
         let row = |j: usize| (0..n).filter(|i| occluders[j * n + i].is_none()).fold(0, |bits, i| bits | 1 << i);
-        let doubt = |k: usize| Doubt::new(&occluders, n, k);
+        let doubt = |k: usize| Doubt::new(occluders[k].as_ref(), depths[k]);
         TracedMap {
             planes: (0..n * n).map(plane).collect(),
             sky_mask: (0..n).map(row).collect(),

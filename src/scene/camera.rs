@@ -69,32 +69,59 @@ impl Camera {
     /// The ray through `pixel`, in pixels from the top left corner ((0.5, 0.5) is the first
     /// pixel's centre) of a picture of `size` pixels.
     pub fn ray(&self, pixel: Vec2, size: Vec2) -> Ray {
-        // Picture coordinates: the vertical extent is [−1, 1], x to the right, y up.
-        let p = Vec2::new(2.0 * pixel.x - size.x, size.y - 2.0 * pixel.y) / size.y;
-        match self.projection {
-            Projection::Perspective { fov_y_rad } => {
-                let half_height = (0.5 * fov_y_rad).tan();
-                let direction = self.forward + half_height * (p.x * self.right + p.y * self.up);
-                Ray { origin: self.position, direction: direction.normalize() }
+        self.rays(size)(pixel)
+    }
+
+    /// The rays through pixels as [`Self::ray`] returns them, for many pixels of one picture.
+    pub fn rays(&self, size: Vec2) -> impl Fn(Vec2) -> Ray + Send + Sync + use<> {
+        let Self { position, forward, right, up, projection } = *self;
+        let half_height = self.half_height();
+        move |pixel: Vec2| {
+            // Picture coordinates: the vertical extent is [−1, 1], x to the right, y up.
+            let p = Vec2::new(2.0 * pixel.x - size.x, size.y - 2.0 * pixel.y) / size.y;
+            let offset = half_height * (p.x * right + p.y * up);
+            match projection {
+                Projection::Perspective { .. } => Ray { origin: position, direction: (forward + offset).normalize() },
+                Projection::Orthographic { .. } => Ray { origin: position + offset, direction: forward },
             }
-            Projection::Orthographic { height } => Ray {
-                origin: self.position + 0.5 * height * (p.x * self.right + p.y * self.up),
-                direction: self.forward,
-            },
+        }
+    }
+
+    /// Half of the picture's height, metres; in perspective, one metre away along the view axis.
+    fn half_height(&self) -> f32 {
+        match self.projection {
+            Projection::Perspective { fov_y_rad } => (0.5 * fov_y_rad).tan(),
+            Projection::Orthographic { height } => 0.5 * height,
         }
     }
 
     /// The pixel at which a world point appears, and its depth along the view axis in metres
     /// (negative: behind the camera).
     pub fn project(&self, point_in_world: Vec3, size: Vec2) -> (Vec2, f32) {
-        let to_point = point_in_world - self.position;
-        let depth = to_point.dot(self.forward);
-        let offset = Vec2::new(to_point.dot(self.right), to_point.dot(self.up));
-        let p = match self.projection {
-            Projection::Perspective { fov_y_rad } => offset / (depth * (0.5 * fov_y_rad).tan()),
-            Projection::Orthographic { height } => offset / (0.5 * height),
-        };
-        (0.5 * Vec2::new(p.x * size.y + size.x, size.y - p.y * size.y), depth)
+        self.projected(size)(point_in_world)
+    }
+
+    /// Pixels and depths as [`Self::project`] returns them, for many points in one picture.
+    pub fn projected(&self, size: Vec2) -> impl Fn(Vec3) -> (Vec2, f32) + Send + Sync + use<> {
+        let Self { position, forward, right, up, projection } = *self;
+        let half_height = self.half_height();
+        move |point_in_world: Vec3| {
+            let to_point = point_in_world - position;
+            let depth = to_point.dot(forward);
+            let offset = Vec2::new(to_point.dot(right), to_point.dot(up));
+            let p = match projection {
+                Projection::Perspective { .. } => offset / (depth * half_height),
+                Projection::Orthographic { .. } => offset / half_height,
+            };
+            (0.5 * Vec2::new(p.x * size.y + size.x, size.y - p.y * size.y), depth)
+        }
+    }
+
+    /// The heights of pixels of a picture of so many rows, at depths along the view axis; metres.
+    pub(crate) fn pixel_heights(&self, rows: f32) -> impl Fn(f32) -> f32 + Send + Sync + use<> {
+        let height = 2.0 * self.half_height() / rows;
+        let is_perspective = matches!(self.projection, Projection::Perspective { .. });
+        move |depth| if is_perspective { depth * height } else { height }
     }
 }
 

@@ -29,7 +29,7 @@ impl Tracer {
     }
 
     /// The same for objects that move or deform in every frame: the hierarchy of the frame before is refitted if these are the same objects
-    /// and rays do not become much slower. Otherwise it is built, in a fraction of the time; rays take a little longer.
+    /// and rays do not become much slower. If they do, it is built in a fraction of the time; rays take a little longer.
     pub(crate) fn for_frame<'a>(before: Option<&Self>, meshes: impl Iterator<Item = (&'a Mesh, SeenBy)>) -> Self {
         Self::refitted_or_built(before, &meshes.collect::<Vec<_>>(), is_met_by_light)
     }
@@ -41,7 +41,8 @@ impl Tracer {
 
     fn refitted_or_built(before: Option<&Self>, objects: &Objects, is_wanted: fn(&SeenBy) -> bool) -> Self {
         let refitted = before.and_then(|before| before.refitted(objects, is_wanted));
-        refitted.unwrap_or_else(|| Self::build(objects, BvhBuildParams::very_fast_build(), is_wanted))
+        let how = if before.is_some() { BvhBuildParams::very_fast_build() } else { BvhBuildParams::medium_build() };
+        refitted.unwrap_or_else(|| Self::build(objects, how, is_wanted))
     }
 
     /// The hierarchy over some of the objects.

@@ -64,6 +64,12 @@ impl SeenBy {
     /// All rays.
     pub const ALL: Self = Self { camera: true, light: true };
 
+    /// One bit for the camera, above it one for light.
+    #[cfg(feature = "gpu")]
+    pub fn bits(self) -> u32 {
+        u32::from(self.camera) | u32::from(self.light) << 1
+    }
+
     /// Which rays meet an object of a scene.
     pub fn of(object: &Object) -> Self {
         Self { camera: object.camera_visible, light: object.emitter.is_none() }

@@ -41,6 +41,8 @@ pub(crate) struct TopLevel {
     /// object's number above two bits for [`SeenBy`], and units per metre.
     pub texels: Vec<[u32; 4]>,
     pub node_count: u32,
+    /// The number of each, in the order of the texels.
+    pub order: Vec<u32>,
     /// Rays start this far off a surface, metres.
     pub offset: f32,
 }
@@ -84,6 +86,12 @@ impl BottomLevel {
         texels
     }
 
+    /// The triangles in the order of their texels, units.
+    #[cfg(feature = "gpu")]
+    pub fn corners(&self) -> &[[Vec3; 3]] {
+        if self.node_count > 0 { &self.tracer.corners } else { &[] }
+    }
+
     pub fn texel_count(&self) -> usize {
         2 * self.node_count as usize + TRIANGLE_TEXELS * self.tracer.corners.len()
     }
@@ -101,6 +109,14 @@ impl Instance<'_> {
         ([(rows.x_axis, moved.x), (rows.y_axis, moved.y), (rows.z_axis, moved.z)], units_per_metre)
     }
 
+    /// Rows of the matrix from the mesh's units to metres, each with its part of the translation.
+    pub fn world_from_units(&self) -> [f32; 12] {
+        let Transform { scale, translate, .. } = self.placement;
+        let rows = (self.placement.rotation() * (scale / self.mesh.tracer.scale)).transpose();
+        let [x, y, z] = [rows.x_axis, rows.y_axis, rows.z_axis];
+        [x.x, x.y, x.z, translate.x, y.x, y.y, y.z, translate.y, z.x, z.y, z.z, translate.z]
+    }
+
     /// Low and high corner in the world, metres.
     fn bounds(&self) -> [Vec3; 2] {
         let [low, high] = self.mesh.bounds.map(|corner| corner / self.mesh.tracer.scale);
@@ -112,8 +128,12 @@ impl Instance<'_> {
     fn texels(&self, object: u32) -> [[u32; 4]; 4] {
         let (rows, units_per_metre) = self.units_from_world();
         let [a, b, c] = rows.map(|(row, moved)| texel(row, moved.to_bits()));
-        let seen_by = u32::from(self.seen_by.camera) | u32::from(self.seen_by.light) << 1;
-        [a, b, c, [self.first_texel, self.mesh.node_count, object << 2 | seen_by, units_per_metre.to_bits()]]
+        [
+            a,
+            b,
+            c,
+            [self.first_texel, self.mesh.node_count, object << 2 | self.seen_by.bits(), units_per_metre.to_bits()],
+        ]
     }
 }
 
@@ -131,10 +151,11 @@ impl TopLevel {
         let padded: Vec<Aabb> = boxes.iter().map(padded).collect();
         let mut texels = Vec::new();
         if present.is_empty() {
-            return Self { texels, node_count: 0, offset: 0.0 };
+            return Self { texels, node_count: 0, order: Vec::new(), offset: 0.0 };
         }
         let bvh = build_bvh2(&padded, BvhBuildParams::fast_build(), &mut Default::default());
         let node_count = add_nodes(&bvh, &mut texels);
+        let order = bvh.primitive_indices.iter().map(|&index| present[index as usize].0).collect();
         for &index in &bvh.primitive_indices {
             let (object, instance) = present[index as usize];
             texels.extend(instance.texels(object));
@@ -143,7 +164,7 @@ impl TopLevel {
         let is_solid = |((_, object), _): &(&(u32, &Instance), &[Vec3; 2])| object.seen_by.light;
         let solid: Vec<[Vec3; 2]> = present.iter().zip(&boxes).filter(is_solid).map(|(_, corners)| *corners).collect();
         let [low, high] = bounds(if solid.is_empty() { &boxes } else { &solid }.as_flattened());
-        Self { texels, node_count, offset: offset(low, high) }
+        Self { texels, node_count, order, offset: offset(low, high) }
     }
 }
 

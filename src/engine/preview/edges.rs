@@ -41,11 +41,11 @@ impl FirstSurface {
 pub fn smooth_edges(image: &mut Image, camera: &Camera, tracer: &CameraTracer, first: &[FirstSurface]) {
     let grid = Grid { first, width: image.width as usize };
     let edges: Vec<usize> = (0..first.len()).into_par_iter().filter(|&pixel| grid.is_edge(pixel)).collect();
-    let size = UVec2::new(image.width, image.height).as_vec2();
+    let ray = camera.rays(UVec2::new(image.width, image.height).as_vec2());
     let centre = |pixel: usize| Vec2::new((pixel % grid.width) as f32, (pixel / grid.width) as f32) + 0.5;
     let mix = |pixels: &[usize]| {
         let of_lane = |lane: usize| pixels[(lane / POINTS.len()).min(pixels.len() - 1)];
-        let rays = std::array::from_fn(|lane| camera.ray(centre(of_lane(lane)) + POINTS[lane % POINTS.len()], size));
+        let rays = std::array::from_fn(|lane| ray(centre(of_lane(lane)) + POINTS[lane % POINTS.len()]));
         let hits = tracer.hits(&rays, ALL);
         let mut colours = [Vec3::ZERO; PIXELS];
         for (lane, hit) in hits.iter().enumerate() {

@@ -10,6 +10,7 @@ mod edges;
 mod nodes;
 #[cfg(feature = "gpu")]
 pub(crate) mod on_gpu;
+mod shading;
 mod views;
 
 #[cfg(feature = "gpu")]
@@ -23,18 +24,17 @@ use self::edges::smooth_edges;
 use self::nodes::NodeGrid;
 #[cfg(feature = "gpu")]
 pub use self::on_gpu::PassTime;
-use self::views::{Escape, Layer, SurfacePoint, Views};
+use self::views::{Layer, SurfacePoint, Views};
 use super::Engine;
 use super::direct::DirectLight;
 use super::ends::POINTS_IN_A_ROW;
-use super::gloss::blurred_radiance;
 #[cfg(feature = "gpu")]
 use super::on_gpu_if_needed;
 use super::overlay::{Mark, Marker};
 use crate::Error;
 #[cfg(feature = "gpu")]
 use crate::backend::Backend;
-use crate::image::{Aov, Image, exposed, metered_ev};
+use crate::image::{Aov, Image};
 use crate::options::{Evaluation, EvaluationChoice, Exposures, Options, Overlay};
 use crate::pinhole::Receivers;
 use crate::progress::{Progress, Stage};
@@ -322,7 +322,8 @@ impl Frame<'_> {
         let views = Views::trace(self.scene, self.prepared, options.size, options.plain_diffuse);
         progress.end(Stage::Rays);
         let own = self.light(&views.surfaces, sum, |_| None).await?;
-        let seen = |point: &SurfacePoint| Some(own[views.pixel_of(camera, &point.hit)?]);
+        let pixel_of = views.pixels_of(camera);
+        let seen = |point: &SurfacePoint| Some(own[pixel_of(&point.hit)?]);
         let mirrored = self.light(&views.mirrored, sum, seen).await?;
         progress.begin(Stage::Shading, 1);
         let (mut image, exposures) = self.shade(&views, &own, &mirrored);
@@ -392,74 +393,9 @@ impl Frame<'_> {
         }
         Ok(caustic)
     }
-
-    fn shade(&self, views: &Views, own: &[Vec3], mirrored: &[Vec3]) -> (Image, Exposures) {
-        let [width, height] = self.options.size;
-        let mut shaded = vec![[Vec3::ZERO; 2]; own.len()];
-        let rows = shaded.par_chunks_mut(width as usize).enumerate();
-        rows.for_each(|(y, row)| self.shade_row(views, y * width as usize, own, mirrored, row));
-        let exposures = self.options.display.exposures(|| {
-            let surfaces: Vec<Vec3> = shaded.iter().map(|[s, _]| *s).filter(|s| *s != Vec3::ZERO).collect();
-            let is_mostly_background = 10 * surfaces.len() < shaded.len();
-            if is_mostly_background {
-                metered_ev(shaded.iter().map(|[surface, background]| *surface + *background))
-            } else {
-                metered_ev(surfaces.into_iter())
-            }
-        });
-        let shown = |[surface, background]: &[Vec3; 2]| {
-            let background = exposed(*background, exposures.background_exposure_ev);
-            self.options.display.tone_map.apply(exposed(*surface, exposures.exposure_ev) + background)
-        };
-        (Image { width, height, pixels: shaded.par_iter().map(shown).collect() }, exposures)
-    }
-
-    /// Radiance of surfaces, and of the environment where the camera sees it directly, W/(m²·sr), of a row of pixels from `first` on.
-    fn shade_row(&self, views: &Views, first: usize, own: &[Vec3], mirrored: &[Vec3], row: &mut [[Vec3; 2]]) {
-        let pixels = first..first + row.len();
-        let light_from_world = self.light.world_from_light().transpose();
-        let is_background = |escape: &&Escape| escape.path == 0 && escape.emitted.is_none();
-        let escapes = pixels.clone().filter_map(|pixel| views.escapes.at(pixel)).filter(is_background);
-        let mut backgrounds: Vec<Vec3> = escapes.map(|escape| light_from_world * escape.direction).collect();
-        self.light.environment.radiance.background_of_all(&mut backgrounds);
-        let mut backgrounds = backgrounds.into_iter();
-        let factor = |point: Option<&SurfacePoint>| point.map_or(Vec3::ZERO, |point| point.factor);
-        let intensity = self.light.intensity;
-        let of_pixel = |pixel: usize| {
-            let surfaces =
-                factor(views.surfaces.at(pixel)) * own[pixel] + factor(views.mirrored.at(pixel)) * mirrored[pixel];
-            let Some(escape) = views.escapes.at(pixel) else { return [intensity * surfaces, Vec3::ZERO] };
-            if escape.path == 0 {
-                let radiance = escape.emitted.or_else(|| backgrounds.next()).unwrap_or_default();
-                return [intensity * surfaces, intensity * escape.factor * radiance];
-            }
-            let direction = light_from_world * escape.direction;
-            let escaped =
-                escape.factor * self.mirrored_environment(escape, direction, || views.footprint(pixel, escape));
-            [intensity * (surfaces + escaped), Vec3::ZERO]
-        };
-        row.iter_mut().zip(pixels.map(of_pixel)).for_each(|(radiance, found)| *radiance = found);
-    }
-
-    /// The environment at the end of a path via mirrors, in a direction of its own: filtered over the path's footprint, radians, where a
-    /// mirror shows it smaller than its texels.
-    fn mirrored_environment(&self, escape: &Escape, direction: Vec3, footprint_rad: impl FnOnce() -> f32) -> Vec3 {
-        if let Some(radiance) = escape.emitted {
-            return radiance;
-        }
-        let environment = &self.light.environment;
-        if escape.alpha > 0.0 {
-            return blurred_radiance(&environment.cube, direction, PREVIEW_BLUR * escape.alpha);
-        }
-        let footprint_rad = footprint_rad();
-        // Texels cover a smaller solid angle towards a face's corners.
-        let texel_rad = 2.0 / environment.cube.size() as f32 * direction.abs().max_element().powf(1.5);
-        if footprint_rad <= texel_rad {
-            return environment.radiance.smooth_radiance(direction);
-        }
-        environment.cube.fetch(direction, (footprint_rad / texel_rad).log2())
-    }
 }
 
-/// A whole picture takes sixteen microfacets for a lobe, a preview one look-up, which is as much wider.
-const PREVIEW_BLUR: f32 = 4.0;
+/// A vector that all threads fill: most of the time goes into the first touch of its pages.
+fn filled<T: Copy + Send + Sync>(value: T, count: usize) -> Vec<T> {
+    (0..count).into_par_iter().map(|_| value).collect()
+}

@@ -1,11 +1,11 @@
 //! Light in every pixel from light at nodes some pixels apart: interpolated between nodes on the same surface, weighted by distance
 //! in the picture, and computed where there are none or where they differ: first half as far apart, then in every pixel.
 
-use std::collections::BTreeMap;
-
-use glam::Vec3;
+use glam::{Vec3, Vec4};
 use rayon::prelude::*;
+use rustc_hash::FxHashMap;
 
+use super::filled;
 use super::views::{Layer, SurfacePoint};
 use crate::pinhole::constants::{MAX_CONTRAST, MAX_OFF_PLANE, MIN_NORMAL_COSINE, MIN_WEIGHT};
 use crate::tracing::Hit;
@@ -19,8 +19,8 @@ pub struct NodeGrid<'a> {
     width: usize,
     /// Pixels from one known pixel to the next, along rows and columns.
     spacing: usize,
-    light: Vec<Vec3>,
-    is_known: Vec<bool>,
+    /// The last component is 1 where it is known, else 0.
+    light: Vec<Vec4>,
 }
 
 /// How far apart pixels are that are looked at next, once those `spacing` apart are known.
@@ -30,41 +30,42 @@ pub fn finer_spacing(spacing: u32) -> u32 {
 
 impl<'a> NodeGrid<'a> {
     pub fn new(points: &'a Layer<SurfacePoint>, width: usize, spacing: usize) -> Self {
-        let count = points.pixels();
-        Self { points, width, spacing, light: vec![Vec3::ZERO; count], is_known: vec![false; count] }
+        Self { points, width, spacing, light: filled(Vec4::ZERO, points.pixels()) }
     }
 
     /// Takes over light that is known already.
     pub fn with_known(mut self, known: impl Fn(&SurfacePoint) -> Option<Vec3> + Sync) -> Self {
-        let found = (0..self.points.pixels()).into_par_iter();
-        let found: Vec<(usize, Vec3)> =
-            found.filter_map(|index| Some((index, known(self.points.at(index)?)?))).collect();
-        for (index, light) in found {
-            (self.light[index], self.is_known[index]) = (light, true);
-        }
+        self.light.par_iter_mut().enumerate().for_each(|(index, light)| {
+            if let Some(known) = self.points.at(index).and_then(&known) {
+                *light = known.extend(1.0);
+            }
+        });
         self
     }
 
     /// The pixels that are nodes, as far as their light is not known.
     pub fn nodes(&self) -> Vec<usize> {
-        self.unknown(self.spacing)
+        self.unknown(self.spacing).concat()
     }
 
-    /// The pixels of a grid whose light is not known, square by square: what is near each other is computed side by side.
-    fn unknown(&self, spacing: usize) -> Vec<usize> {
+    fn is_known(&self, index: usize) -> bool {
+        self.light[index].w > 0.0
+    }
+
+    /// The pixels of a grid whose light is not known, by bands of [`SQUARE`] rows of the grid and square by square: what is near each other
+    /// is computed side by side.
+    fn unknown(&self, spacing: usize) -> Vec<Vec<usize>> {
         let (width, height) = (self.width, self.points.pixels() / self.width);
         let square = SQUARE * spacing;
         let within = |first: usize, edge: usize| (first..edge.min(first + square)).step_by(spacing);
-        let is_unknown = |index: &usize| !self.is_known[*index] && self.points.at(*index).is_some();
+        let is_unknown = |index: &usize| !self.is_known(*index) && self.points.at(*index).is_some();
         let of_squares = |top: usize| {
             let of_square = move |left: usize| {
                 within(top, height).flat_map(move |y| within(left, width).map(move |x| y * width + x))
             };
             (0..width).step_by(square).flat_map(of_square).filter(is_unknown).collect::<Vec<_>>()
         };
-        let rows: Vec<Vec<usize>> =
-            (0..height.div_ceil(square)).into_par_iter().map(|row| of_squares(row * square)).collect();
-        rows.concat()
+        (0..height.div_ceil(square)).into_par_iter().map(|row| of_squares(row * square)).collect()
     }
 
     pub fn point(&self, index: usize) -> Option<&'a SurfacePoint> {
@@ -78,7 +79,7 @@ impl<'a> NodeGrid<'a> {
     /// Groups of places in a list of pixels that lie in the same square of the picture, on the same object.
     pub fn groups(&self, which: &[usize], edge: usize) -> Vec<Vec<usize>> {
         let edge = edge * self.spacing;
-        let mut groups: BTreeMap<(usize, usize, u32), Vec<usize>> = BTreeMap::new();
+        let mut groups: FxHashMap<(usize, usize, u32), Vec<usize>> = FxHashMap::default();
         for (place, &index) in which.iter().enumerate() {
             if let Some(hit) = self.hit(index) {
                 let (x, y) = (index % self.width, index / self.width);
@@ -91,27 +92,40 @@ impl<'a> NodeGrid<'a> {
     /// Takes what was computed at pixels. Returns those that have to be computed next.
     pub fn set(&mut self, which: &[usize], light: Vec<Vec3>) -> Vec<usize> {
         for (&index, light) in which.iter().zip(light) {
-            (self.light[index], self.is_known[index]) = (light, true);
+            self.light[index] = light.extend(1.0);
         }
         let mut open = Vec::new();
         while open.is_empty() && self.spacing > 1 {
             let finer = finer_spacing(self.spacing as u32) as usize;
-            let between = self.unknown(finer);
-            let found: Vec<Option<Vec3>> = between.par_iter().map(|&index| self.interpolated(index)).collect();
-            for (index, light) in between.into_iter().zip(found) {
-                match light {
-                    Some(light) => (self.light[index], self.is_known[index]) = (light, true),
-                    None => open.push(index),
-                }
-            }
+            open = self.interpolate(finer);
             self.spacing = finer;
         }
         open
     }
 
+    /// Interpolates in the pixels of a finer grid. Returns those in which it cannot be.
+    fn interpolate(&mut self, spacing: usize) -> Vec<usize> {
+        let between = self.unknown(spacing);
+        let of_band = |band: &Vec<usize>| band.iter().map(|&index| self.interpolated(index)).collect();
+        let found: Vec<Vec<Option<Vec3>>> = between.par_iter().map(of_band).collect();
+        let pixels = SQUARE * spacing * self.width;
+        let bands = self.light.par_chunks_mut(pixels).zip(between.par_iter().zip(found)).enumerate();
+        let open = bands.map(|(band, (light, (indices, found)))| {
+            let mut open = Vec::new();
+            for (&index, found) in indices.iter().zip(found) {
+                match found {
+                    Some(found) => light[index - band * pixels] = found.extend(1.0),
+                    None => open.push(index),
+                }
+            }
+            open
+        });
+        open.collect::<Vec<_>>().concat()
+    }
+
     /// The light in all pixels.
     pub fn finish(self) -> Vec<Vec3> {
-        self.light
+        self.light.into_par_iter().map(Vec4::truncate).collect()
     }
 
     /// The light in a pixel from the nodes around it, if there are enough on the same surface and they agree; from nodes one step
@@ -133,12 +147,12 @@ impl<'a> NodeGrid<'a> {
             for column in x.saturating_sub(1)..=x + 2 {
                 let (column, row) = (column * self.spacing, row * self.spacing);
                 let node = row * self.width + column;
-                if column >= self.width || node >= self.points.pixels() || !self.is_known[node] {
+                if column >= self.width || node >= self.points.pixels() || !self.is_known(node) {
                     continue;
                 }
                 if let Some(other) = self.points.at(node).filter(|other| is_same_surface(own, other)) {
                     let weight = 1.0 / (1e-12 + own.hit.position.distance_squared(other.hit.position));
-                    sum += weight * self.light[node];
+                    sum += weight * self.light[node].truncate();
                     weights += weight;
                 }
             }
@@ -164,13 +178,14 @@ impl<'a> NodeGrid<'a> {
             if column >= self.width || node >= self.points.pixels() || weight == 0.0 {
                 continue;
             }
-            let is_known = |other: &SurfacePoint| self.is_known[node] && is_same_surface(own, other);
+            let is_known = |other: &SurfacePoint| self.is_known(node) && is_same_surface(own, other);
             if !self.points.at(node).is_some_and(is_known) {
                 continue;
             }
-            sum += weight * self.light[node];
+            let light = self.light[node].truncate();
+            sum += weight * light;
             weights += weight;
-            let brightness = self.light[node].element_sum();
+            let brightness = light.element_sum();
             (least, most) = (least.min(brightness), most.max(brightness));
         }
         if weights < MIN_WEIGHT {

@@ -6,10 +6,11 @@ use glam::{UVec2, Vec2, Vec3};
 use rayon::prelude::*;
 
 use super::edges::FirstSurface;
+use super::filled;
 use crate::engine::paths::{mirrored_direction, surface_albedo, visible_reflectance};
 use crate::lanes::{LANES, set_bits};
 use crate::pinhole::constants::{MAX_MIRRORS, MAX_PIXELS_APART, MIN_SEEN_COSINE};
-use crate::scene::{Camera, Projection, Ray, Scene};
+use crate::scene::{Camera, Ray, Scene};
 use crate::stages::PreparedScene;
 use crate::tracing::Hit;
 
@@ -46,10 +47,10 @@ pub struct Escape {
 /// Points of one kind, at most one in each pixel, in bands of rows of packets.
 #[derive(Debug)]
 pub struct Layer<T> {
-    bands: Vec<BandLayer<T>>,
-    /// Pixels of each band but the last, which may have fewer.
-    pixels_of_band: usize,
-    pixels: usize,
+    bands: Vec<Vec<T>>,
+    /// By pixel: the number of its band above so many bits for its point in it, or [`NO_POINT`].
+    of_pixels: Vec<u32>,
+    bits: u32,
 }
 
 /// The points of a band.
@@ -75,11 +76,18 @@ impl<T> BandLayer<T> {
     }
 }
 
-impl<T> Layer<T> {
+impl<T: Send + Sync> Layer<T> {
+    /// All bands but the last have the same number of pixels.
     fn of_bands(bands: Vec<BandLayer<T>>) -> Self {
-        let pixels = bands.iter().map(|band| band.of_pixels.len()).sum();
-        let pixels_of_band = bands.first().map_or(1, |band| band.of_pixels.len().max(1));
-        Self { bands, pixels_of_band, pixels }
+        let pixels_of_band = bands.first().map_or(0, |band| band.of_pixels.len());
+        let bits = (pixels_of_band as u32).next_power_of_two().trailing_zeros();
+        let mut of_pixels = filled(NO_POINT, bands.iter().map(|band| band.of_pixels.len()).sum());
+        let pixels = of_pixels.par_chunks_mut(pixels_of_band.max(1)).zip(bands.par_iter()).enumerate();
+        pixels.for_each(|(number, (pixels, band))| {
+            let placed = |&point: &u32| if point == NO_POINT { NO_POINT } else { (number as u32) << bits | point };
+            pixels.iter_mut().zip(&band.of_pixels).for_each(|(pixel, point)| *pixel = placed(point));
+        });
+        Self { bands: bands.into_iter().map(|band| band.points).collect(), of_pixels, bits }
     }
 
     /// One point in each pixel.
@@ -92,17 +100,18 @@ impl<T> Layer<T> {
 
     #[inline]
     pub fn at(&self, pixel: usize) -> Option<&T> {
-        let band = &self.bands[pixel / self.pixels_of_band];
-        let number = band.of_pixels[pixel % self.pixels_of_band];
-        (number != NO_POINT).then(|| &band.points[number as usize])
+        let number = self.of_pixels[pixel];
+        let point =
+            |number: u32| &self.bands[(number >> self.bits) as usize][(number & !(u32::MAX << self.bits)) as usize];
+        (number != NO_POINT).then(|| point(number))
     }
 
     pub fn pixels(&self) -> usize {
-        self.pixels
+        self.of_pixels.len()
     }
 
     pub fn is_empty(&self) -> bool {
-        self.bands.iter().all(|band| band.points.is_empty())
+        self.bands.iter().all(Vec::is_empty)
     }
 }
 
@@ -139,10 +148,12 @@ impl Views {
     /// Traces a picture of so many pixels; `is_plain` treats everything as diffuse.
     pub fn trace(scene: &Scene, prepared: &PreparedScene, size: [u32; 2], is_plain: bool) -> Self {
         let tracer = ViewTracer { scene, prepared, is_plain };
+        let rays = scene.camera.rays(UVec2::from_array(size).as_vec2());
         let [width, height] = size.map(|edge| edge as usize);
-        let mut first = vec![FirstSurface::of(None); width * height];
+        let mut first = filled(FirstSurface::of(None), width * height);
         let bands = first.par_chunks_mut(PACKET * width).enumerate();
-        let bands: Vec<BandViews> = bands.map(|(band, first)| tracer.band(size, band, first)).collect();
+        let bands: Vec<BandViews> =
+            bands.map(|(band, first)| tracer.band((width, PACKET * band), &rays, first)).collect();
         let (mut surfaces, mut mirrored, mut escapes) = (Vec::new(), Vec::new(), Vec::new());
         for band in bands {
             surfaces.push(band.surfaces);
@@ -153,24 +164,22 @@ impl Views {
         Self { surfaces, mirrored, escapes: Layer::of_bands(escapes), first, width }
     }
 
-    /// The pixel that sees the same place of a surface directly, if one does.
-    pub fn pixel_of(&self, camera: &Camera, hit: &Hit) -> Option<usize> {
+    /// The pixels that see the same place of a surface directly, if one does.
+    pub fn pixels_of(&self, camera: &Camera) -> impl Fn(&Hit) -> Option<usize> + Sync {
         let (width, height) = (self.width, self.surfaces.pixels() / self.width);
         let size = Vec2::new(width as f32, height as f32);
-        let (at, depth) = camera.project(hit.position, size);
-        if depth <= 0.0 || at.min_element() < 0.0 || at.x >= size.x || at.y >= size.y {
-            return None;
+        let (projected, pixel_height) = (camera.projected(size), camera.pixel_heights(size.y));
+        move |hit| {
+            let (at, depth) = projected(hit.position);
+            if depth <= 0.0 || at.min_element() < 0.0 || at.x >= size.x || at.y >= size.y {
+                return None;
+            }
+            let pixel = at.y as usize * width + at.x as usize;
+            let seen = &self.surfaces.at(pixel)?.hit;
+            let is_near = seen.position.distance(hit.position) <= MAX_PIXELS_APART * pixel_height(depth);
+            let is_same = seen.object == hit.object && seen.front == hit.front;
+            (is_near && is_same && seen.normal.dot(hit.normal) >= MIN_SEEN_COSINE).then_some(pixel)
         }
-        let pixel = at.y as usize * width + at.x as usize;
-        let seen = &self.surfaces.at(pixel)?.hit;
-        // The width of a pixel there, across the line of sight.
-        let width = match camera.projection {
-            Projection::Orthographic { height } => height / size.y,
-            Projection::Perspective { fov_y_rad } => 2.0 * depth * (0.5 * fov_y_rad).tan() / size.y,
-        };
-        let is_near = seen.position.distance(hit.position) <= MAX_PIXELS_APART * width;
-        let is_same = seen.object == hit.object && seen.front == hit.front;
-        (is_near && is_same && seen.normal.dot(hit.normal) >= MIN_SEEN_COSINE).then_some(pixel)
     }
 
     /// How far the direction in which a pixel's path leaves the scene turns from pixel to pixel, radians: the width of its footprint
@@ -207,10 +216,8 @@ struct Walk {
 
 impl ViewTracer<'_> {
     /// A band of rows of packets; `first` takes what its pixels see first.
-    fn band(&self, size: [u32; 2], band: usize, first: &mut [FirstSurface]) -> BandViews {
-        let (width, top) = (size[0] as usize, PACKET * band);
+    fn band(&self, (width, top): (usize, usize), ray: &impl Fn(Vec2) -> Ray, first: &mut [FirstSurface]) -> BandViews {
         let (pixels, rows) = (first.len(), first.len() / width);
-        let size = UVec2::from_array(size).as_vec2();
         let mut of_band = BandViews {
             surfaces: BandLayer::new(pixels),
             mirrored: BandLayer::new(pixels),
@@ -221,7 +228,7 @@ impl ViewTracer<'_> {
             let exists = |lane: &usize| place(*lane).0 < width && place(*lane).1 < rows;
             let rays = std::array::from_fn(|lane| {
                 let (x, y) = place(lane);
-                self.scene.camera.ray(Vec2::new(x as f32, (top + y) as f32) + 0.5, size)
+                ray(Vec2::new(x as f32, (top + y) as f32) + 0.5)
             });
             let lanes = (0..LANES).filter(exists).fold(0, |bits, lane| bits | 1 << lane);
             let views = self.follow(&rays, lanes);

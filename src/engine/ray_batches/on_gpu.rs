@@ -161,10 +161,16 @@ mod tests {
 
     const SIZE: [u32; 2] = [48, 36];
 
-    /// What rays meet on the GPU is what they meet on the CPU, up to those that graze an edge; emitters are seen by the camera alone.
+    /// What rays meet on the GPU is what they meet on the CPU, up to those that graze an edge; emitters are seen by the camera alone. Rays
+    /// are traced by ray queries, if the adapter has them, and by shaders.
     #[test]
     fn both_back_ends_find_the_same() {
-        let backend = Backend::gpu(wait(None, Gpu::open(None)).unwrap());
+        for gpu in [wait(None, Gpu::open(None)), wait(None, Gpu::open_minimal())] {
+            finds_what_the_cpu_finds(&Backend::gpu(gpu.unwrap()));
+        }
+    }
+
+    fn finds_what_the_cpu_finds(backend: &Backend) {
         let shared = backend.shared_gpu().unwrap();
         for name in ["cup", "columns", "dynamic"] {
             let scene = crate::load(name).unwrap().0;

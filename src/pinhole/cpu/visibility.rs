@@ -254,15 +254,17 @@ impl<'a> VisibilityMap<'a> {
             let first = self.first_texel(lane, &place);
             let planes = &self.maps.planes[first..first + n + 2];
             let mut is_doubtful = false;
-            let doubts = &self.maps.doubts[first..first + n + 2];
             // A loop: closures with several calls are compiled without vector instructions (see `lanes`).
             for (corner, texel) in [0, 1, n, n + 1].into_iter().enumerate() {
                 let [a, b, c, behind] = planes[texel];
                 let depth = a * x[lane] + b * y[lane] + c * z[lane];
-                let doubt = doubts[texel];
-                let is_in_doubt = depth > doubt.from || l2[lane] > doubt.from_distance_2;
-                is_doubtful |= is_in_doubt && depth <= 1.0 + behind && doubt.concerns(objects, 1 << lane);
-                corners[lane] |= u32::from(depth <= 1.0 + behind) << corner;
+                let is_seen = depth <= 1.0 + behind;
+                corners[lane] |= u32::from(is_seen) << corner;
+                if objects.is_some() && is_seen {
+                    let doubt = self.maps.doubts[first + texel];
+                    let is_in_doubt = depth > doubt.from || l2[lane] > doubt.from_distance_2;
+                    is_doubtful |= is_in_doubt && doubt.concerns(objects, 1 << lane);
+                }
             }
             seen[lane] = (corners[lane] & 1) as f32;
             if is_doubtful || !matches!(corners[lane], 0 | ALL_CORNERS) {
@@ -271,8 +273,9 @@ impl<'a> VisibilityMap<'a> {
             }
         }
         if differing != 0 {
-            let interpolated = self.interpolated(simd, &place, &corners, differing);
-            set_bits(differing).for_each(|lane| seen[lane] = interpolated[lane]);
+            let interpolated = self.interpolated(simd, &place, U::load_array(simd, corners), differing);
+            let differing = Mask::from_bitmask(simd, u64::from(differing));
+            seen = differing.select(interpolated, lanes(simd, seen)).to_array();
         }
         (seen, doubtful)
     }
@@ -287,7 +290,7 @@ impl<'a> VisibilityMap<'a> {
     /// Interpolates between four texels, whose bits are given, each of which stores where its value changes to the next one's; valid in
     /// the active lanes.
     #[inline(always)]
-    fn interpolated<S: Simd>(&self, simd: S, place: &MapPlace, corners: &[u32; LANES], active: u32) -> [f32; LANES] {
+    fn interpolated<S: Simd>(&self, simd: S, place: &MapPlace, corners: U<S>, active: u32) -> F<S> {
         let n = self.maps.resolution as usize;
         // Of the texel itself, the one to its right, and the one below.
         let mut edges = [[0; LANES]; 3];
@@ -300,11 +303,10 @@ impl<'a> VisibilityMap<'a> {
         }
         let [own, right, below] = edges.map(|words| U::load_array(simd, words));
         let [fx, fy] = place.fraction.map(|fraction| lanes(simd, fraction));
-        let corners = U::load_array(simd, *corners);
         let corner = |k: u32| (corners >> k & 1).to_float::<F<S>>();
         let top = mixed(corner(0), corner(1), part_across(own >> 8, fx));
         let bottom = mixed(corner(2), corner(3), part_across(below >> 8, fx));
-        mixed(top, bottom, mixed(part_across(own, fy), part_across(right, fy), fx)).to_array()
+        mixed(top, bottom, mixed(part_across(own, fy), part_across(right, fy), fx))
     }
 }
 
@@ -359,31 +361,32 @@ impl VisibilityMap<'_> {
         let local = self.local(simd, direction);
         let place = self.place(local);
         let n = self.maps.resolution;
-        let texels = (width * map_density(local) * n as f32).to_array();
-        let (mut fractions, mut corners, mut differing) = ([0.0; LANES], [0; LANES], 0);
-        for lane in set_bits(active) {
-            if texels[lane] > MAX_INTERPOLATED_WIDTH {
-                fractions[lane] = self.sky_fraction_of_square(self.map(lane), place.centre(lane), texels[lane]);
-                continue;
-            }
+        let texels = width * map_density(local) * n as f32;
+        let wide = bits(texels.simd_gt(MAX_INTERPOLATED_WIDTH)) & active;
+        let (mut fractions, texels) = ([0.0; LANES], texels.to_array());
+        for lane in set_bits(wide) {
+            fractions[lane] = self.sky_fraction_of_square(self.map(lane), place.centre(lane), texels[lane]);
+        }
+        let mut rows = [[0; LANES]; 2];
+        for lane in set_bits(active & !wide) {
             let row = (self.map(lane) * n) as usize + place.j[lane] as usize;
-            let pair = |row: usize| self.maps.sky_mask[row] >> place.i[lane] as u32 & 3;
-            corners[lane] = pair(row) | pair(row + 1) << 2;
-            match corners[lane] {
-                0 => {}
-                ALL_CORNERS => fractions[lane] = 1.0,
-                _ => differing |= 1 << lane,
-            }
+            let pair = &self.maps.sky_mask[row..row + 2];
+            (rows[0][lane], rows[1][lane]) = (pair[0], pair[1]);
         }
-        if differing != 0 {
-            if let Some(open) = exact(differing) {
-                set_bits(differing).for_each(|lane| fractions[lane] = (open >> lane & 1) as f32);
-            } else {
-                let interpolated = self.interpolated(simd, &place, &corners, differing);
-                set_bits(differing).for_each(|lane| fractions[lane] = interpolated[lane]);
-            }
+        let column: U<S> = lanes(simd, place.i).to_int();
+        let [upper, lower] = rows.map(|row| U::load_array(simd, row));
+        let corners = (upper >> column & 3) | (lower >> column & 3) << 2;
+        let (all, none) = (corners.simd_eq(ALL_CORNERS), corners.simd_eq(0));
+        let fractions = all.select(splat(simd, 1.0), lanes(simd, fractions));
+        let differing = active & !wide & !bits(all | none);
+        if differing == 0 {
+            return fractions.to_array();
         }
-        fractions
+        let found = match exact(differing) {
+            Some(open) => Mask::from_bitmask(simd, u64::from(open)).select(splat(simd, 1.0), splat(simd, 0.0)),
+            None => self.interpolated(simd, &place, corners, differing),
+        };
+        Mask::from_bitmask(simd, u64::from(differing)).select(found, fractions).to_array()
     }
 
     /// The part of a square of a map that sees the environment, estimated from eight lines across it. The square is clipped to the map:

@@ -4,7 +4,8 @@ use std::sync::Arc;
 
 use bytemuck::{Pod, Zeroable};
 
-use super::pipeline::{entry, seen_by, uniform};
+use super::acceleration::{MeshStructure, SceneStructure, has_ray_queries};
+use super::pipeline::{bind_numbered, entry, seen_by, uniform};
 use crate::gpu::{GpuError, buffer_with};
 use crate::scene::{Mesh, Object, Scene};
 use crate::tracing::{BottomLevel, Instance, SeenBy, TopLevel};
@@ -13,10 +14,12 @@ use crate::tracing::{BottomLevel, Instance, SeenBy, TopLevel};
 pub(super) const GEOMETRY_ROW: u32 = 2048;
 
 /// The triangles of a scene, and hierarchies over them and over the objects.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Geometry {
     pub(super) texels: wgpu::TextureView,
     pub(super) uniforms: wgpu::Buffer,
+    /// For ray queries; `None` on devices without.
+    structure: Option<wgpu::Tlas>,
 }
 
 /// What rays have to know, 16 bytes.
@@ -36,24 +39,37 @@ impl Geometry {
         MovingGeometry::default().update(device, queue, &scene.objects, false)
     }
 
-    /// No triangles.
+    /// No triangles. Where there are ray queries, commands that use it come after [`Self::build`].
     pub(super) fn none(device: &wgpu::Device) -> Self {
-        Self::new(device, &device.create_texture(&geometry_texture(1)))
+        let structure = has_ray_queries(device).then(|| SceneStructure::new(device, 0).tlas());
+        Self::new(device, &device.create_texture(&geometry_texture(1)), structure)
     }
 
-    fn new(device: &wgpu::Device, texture: &wgpu::Texture) -> Self {
+    /// Builds what rays meet of no triangles.
+    pub(super) fn build(&self, encoder: &mut wgpu::CommandEncoder) {
+        encoder.build_acceleration_structures([], &self.structure);
+    }
+
+    fn new(device: &wgpu::Device, texture: &wgpu::Texture, structure: Option<wgpu::Tlas>) -> Self {
         let uniforms = buffer_with(
             device,
             "ray uniforms",
             bytemuck::bytes_of(&RayUniforms::default()),
             wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
         );
-        Self { texels: texture.create_view(&Default::default()), uniforms }
+        Self { texels: texture.create_view(&Default::default()), uniforms, structure }
     }
 
     /// The resources of [`ray_entries`].
-    pub(crate) fn bindings(&self) -> [wgpu::BindingResource<'_>; 2] {
-        [wgpu::BindingResource::TextureView(&self.texels), self.uniforms.as_entire_binding()]
+    pub(super) fn bindings(&self) -> Vec<(u32, wgpu::BindingResource<'_>)> {
+        let texels = wgpu::BindingResource::TextureView(&self.texels);
+        let structure = self.structure.as_ref().map(|structure| (2, structure.as_binding()));
+        [(0, texels), (1, self.uniforms.as_entire_binding())].into_iter().chain(structure).collect()
+    }
+
+    /// The bind group of a layout of [`ray_entries`].
+    pub(crate) fn bind(&self, device: &wgpu::Device, layout: &wgpu::BindGroupLayout) -> wgpu::BindGroup {
+        bind_numbered(device, layout, self.bindings())
     }
 }
 
@@ -62,6 +78,8 @@ impl Geometry {
 pub(crate) struct MovingGeometry {
     meshes: Vec<PlacedMesh>,
     uploaded: Option<(wgpu::Texture, Geometry)>,
+    /// For ray queries; `None` on devices without.
+    structure: Option<SceneStructure>,
 }
 
 /// A mesh in the texture.
@@ -72,6 +90,8 @@ struct PlacedMesh {
     first_row: u32,
     is_for_one_frame: bool,
     is_uploaded: bool,
+    /// For ray queries; `None` on devices without, and of no triangles.
+    structure: Option<MeshStructure>,
 }
 
 impl MovingGeometry {
@@ -90,22 +110,39 @@ impl MovingGeometry {
         let first_rows = rows_of(8 * objects.len());
         let rows =
             self.place(objects, first_rows, for_one_frame).filter(|rows| *rows <= limit).ok_or_else(too_large)?;
-        let known = self.uploaded.take().filter(|(texture, _)| texture.height() >= rows);
+        let mut structure = self.structure.take();
+        let has_room = structure.as_ref().is_none_or(|structure| structure.holds(objects.len()));
+        let known = self.uploaded.take().filter(|(texture, _)| texture.height() >= rows && has_room);
         let (texture, geometry) = known.unwrap_or_else(|| {
             self.meshes.iter_mut().for_each(|mesh| mesh.is_uploaded = false);
+            structure = has_ray_queries(device).then(|| SceneStructure::new(device, objects.len() as u32));
             let texture = device.create_texture(&geometry_texture(rows));
-            let geometry = Geometry::new(device, &texture);
+            let geometry = Geometry::new(device, &texture, structure.as_ref().map(SceneStructure::tlas));
             (texture, geometry)
         });
         for mesh in self.meshes.iter_mut().filter(|mesh| !mesh.is_uploaded) {
             write_rows(queue, &texture, mesh.first_row, &mesh.hierarchy.texels());
             mesh.is_uploaded = true;
+            if structure.is_some() && mesh.structure.is_none() {
+                mesh.structure = MeshStructure::new(device, mesh.hierarchy.corners(), mesh.is_for_one_frame);
+            }
         }
         let instances: Vec<Instance> = objects.iter().filter_map(|object| self.instance(object)).collect();
         let list = TopLevel::new(&instances);
         write_rows(queue, &texture, 0, &list.texels);
         let uniforms = RayUniforms { node_count: list.node_count, offset: list.offset, padding: [0; 2] };
         queue.write_buffer(&geometry.uniforms, 0, bytemuck::bytes_of(&uniforms));
+        let placed = |&index: &u32| {
+            let instance = instances[index as usize];
+            let is_own = |mesh: &&PlacedMesh| std::ptr::eq(&raw const mesh.hierarchy, instance.mesh);
+            Some((instance, self.meshes.iter().find(is_own)?.structure.as_ref()?))
+        };
+        if let Some(structure) = &mut structure {
+            let new = self.meshes.iter().filter_map(|mesh| mesh.structure.as_ref());
+            structure.build((device, queue), new, list.order.iter().filter_map(placed));
+        }
+        self.structure = structure;
+        self.meshes.iter_mut().filter_map(|mesh| mesh.structure.as_mut()).for_each(MeshStructure::forget_corners);
         self.uploaded = Some((texture, geometry.clone()));
         Ok(geometry)
     }
@@ -134,6 +171,7 @@ impl MovingGeometry {
                     first_row: 0,
                     is_for_one_frame: for_one_frame,
                     is_uploaded: false,
+                    structure: None,
                 },
             };
             mesh.is_uploaded &= mesh.first_row == next_row;
@@ -215,7 +253,9 @@ pub(super) fn integers(binding: u32) -> wgpu::BindGroupLayoutEntry {
     entry(binding, wgpu::BindingType::Texture { sample_type, view_dimension, multisampled: false })
 }
 
-/// The bindings that rays read.
-pub(crate) fn ray_entries(stages: wgpu::ShaderStages) -> [wgpu::BindGroupLayoutEntry; 2] {
-    [integers(0), uniform(1)].map(|entry| seen_by(stages, entry))
+/// The bindings that rays read: two or, on devices with ray queries, three.
+pub(crate) fn ray_entries(device: &wgpu::Device, stages: wgpu::ShaderStages) -> Vec<wgpu::BindGroupLayoutEntry> {
+    let structure = entry(2, wgpu::BindingType::AccelerationStructure { vertex_return: false });
+    let structure = has_ray_queries(device).then_some(structure);
+    [integers(0), uniform(1)].into_iter().chain(structure).map(|entry| seen_by(stages, entry)).collect()
 }

@@ -2,6 +2,8 @@
 //! CPU twin: [`crate::environment::LightGeometry`]. Shaders: `shaders/emitters.wgsl`, `lit_environment.wgsl`, `coarser_level.wgsl`.
 //! Records passes; does not submit.
 
+mod emitter;
+
 use std::num::NonZero;
 use std::sync::Arc;
 
@@ -9,6 +11,8 @@ use bytemuck::{Pod, Zeroable};
 use glam::{Mat3, Mat4, Vec3, Vec4};
 use wgpu::{BindGroupLayout, BindingResource, BufferUsages, ShaderStages, TextureFormat, TextureUsages, TextureView};
 
+pub(crate) use self::emitter::PlacedEmitter;
+use self::emitter::{Placed, UploadedMesh};
 use super::EnvironmentCube;
 use super::environment::HALF_MAX;
 use super::geometry::integers;
@@ -16,8 +20,7 @@ use super::hierarchical::DYNAMIC_OFFSET;
 use super::pipeline::{bind, compute_pipeline, cube, layout, linear_sampler, sampler, seen_by, storage, window};
 use super::shaders::{COARSER_LEVEL, EMITTERS, LIT_ENVIRONMENT, Shader};
 use crate::environment::{FACES, FaceAxes};
-use crate::gpu::buffer_with;
-use crate::scene::{Mesh, Transform};
+use crate::gpu::KeptBuffer;
 
 /// Points along a texel's edge, where textures are large enough.
 const POINTS: u32 = 4;
@@ -45,15 +48,6 @@ pub(super) struct LitFace {
     pub points: u32,
     pub background_factor: f32,
     padding: u32,
-}
-
-/// An emitter in the scene.
-#[derive(Clone, Debug)]
-pub(crate) struct PlacedEmitter {
-    pub mesh: Arc<Mesh>,
-    pub placement: Transform,
-    /// W/(m²·sr).
-    pub radiance: Vec3,
 }
 
 /// From where emitters are seen, and what lies behind them.
@@ -93,25 +87,18 @@ pub(crate) struct LitEnvironment {
     depth: TextureView,
     points: u32,
     meshes: Vec<UploadedMesh>,
+    /// Of emitters on faces, of faces, and the emitters' radiance.
+    buffers: [KeptBuffer; 3],
+    of_levels: Vec<wgpu::BindGroup>,
     frame: Option<Frame>,
-}
-
-/// A mesh on the device.
-#[derive(Debug)]
-struct UploadedMesh {
-    mesh: Arc<Mesh>,
-    corners: wgpu::Buffer,
-    indices: wgpu::Buffer,
-    centre: Vec3,
-    radius: f32,
 }
 
 /// What is drawn in a frame.
 #[derive(Debug)]
 struct Frame {
+    buffers: [wgpu::Buffer; 3],
     of_emitters: wgpu::BindGroup,
     of_faces: wgpu::BindGroup,
-    of_levels: Vec<wgpu::BindGroup>,
     /// By face: the numbers of emitters that it may show, from 0 on, and their meshes.
     shown: [Vec<(u32, usize)>; FACES],
     emitter_count: u32,
@@ -241,8 +228,13 @@ impl LitEnvironment {
                 .create_texture(&descriptor(label, points * size, 1, 1, format, usage))
                 .create_view(&Default::default())
         };
+        let levels: Vec<TextureView> = (0..level_count).map(level).collect();
+        let average = |pair: &[TextureView]| {
+            bind(device, &pipelines.of_level, &[&pair[0], &pair[1]].map(BindingResource::TextureView))
+        };
+        let of_levels = levels.windows(2).map(average).collect();
         Self {
-            levels: (0..level_count).map(level).collect(),
+            levels,
             cube: Arc::new(EnvironmentCube::from_view(view, size, 1.0)),
             numbers: attachment("emitters' numbers", NUMBERS, TextureUsages::TEXTURE_BINDING),
             depth: attachment("emitters' depth", DEPTH, TextureUsages::empty()),
@@ -250,6 +242,12 @@ impl LitEnvironment {
             pipelines,
             background,
             meshes: Vec::new(),
+            buffers: [
+                KeptBuffer::new("emitters", BufferUsages::UNIFORM),
+                KeptBuffer::new("faces", BufferUsages::UNIFORM),
+                KeptBuffer::new("emitters' radiance", BufferUsages::STORAGE),
+            ],
+            of_levels,
             frame: None,
         }
     }
@@ -265,7 +263,12 @@ impl LitEnvironment {
     }
 
     /// Takes over where emitters are, and from where they are seen.
-    pub fn update(&mut self, device: &wgpu::Device, emitters: &[PlacedEmitter], view: CubeView) {
+    pub fn update(
+        &mut self,
+        (device, queue): (&wgpu::Device, &wgpu::Queue),
+        emitters: &[PlacedEmitter],
+        view: CubeView,
+    ) {
         self.upload(device, emitters);
         let wide = self.pipelines.format == TextureFormat::Rgba32Float;
         let brightest = emitters.iter().map(|emitter| emitter.radiance.max_element()).fold(0.0, f32::max);
@@ -275,7 +278,8 @@ impl LitEnvironment {
         if cube.radiance_scale().to_bits() != scale.to_bits() {
             self.cube = Arc::new(EnvironmentCube::from_view(cube.view().clone(), cube.size(), scale));
         }
-        let placed: Vec<Placed> = emitters.iter().map(|emitter| self.place(emitter, view.centre)).collect();
+        let placed: Vec<Placed> =
+            emitters.iter().map(|emitter| Placed::new(emitter, &self.meshes, view.centre)).collect();
         let farthest = placed.iter().map(|p| p.centre.length() + p.radius).fold(f32::MIN_POSITIVE, f32::max);
         let axes: [FaceAxes; FACES] =
             std::array::from_fn(|face| FaceAxes::new(face, Mat3::from_rotation_y(view.rotation_rad)));
@@ -296,7 +300,15 @@ impl LitEnvironment {
             add_window(&mut of_faces, &LitFace { face: face as u32, points, background_factor, padding: 0 });
         }
         let radiance: Vec<Vec4> = emitters.iter().map(|emitter| (emitter.radiance / scale).extend(1.0)).collect();
-        self.frame = Some(self.bind(device, [&of_emitters, &of_faces], &radiance, shown));
+        let contents = [&of_emitters[..], &of_faces, bytemuck::cast_slice(&radiance)];
+        let [a, b, c] = &mut self.buffers;
+        let [x, y, z] = contents;
+        let buffers = [a.with(device, queue, x), b.with(device, queue, y), c.with(device, queue, z)];
+        let emitter_count = (of_emitters.len() / FACES / DYNAMIC_OFFSET as usize) as u32;
+        self.frame = Some(match self.frame.take().filter(|frame| frame.buffers == buffers) {
+            Some(frame) => Frame { shown, emitter_count, ..frame },
+            None => self.bind(device, buffers, emitter_count, shown),
+        });
     }
 
     /// Records the passes that draw the emitters and make the mips.
@@ -314,7 +326,7 @@ impl LitEnvironment {
         }
         let mut pass = encoder.begin_compute_pass(&Default::default());
         pass.set_pipeline(&self.pipelines.average);
-        for (level, group) in (1..).zip(&frame.of_levels) {
+        for (level, group) in (1..).zip(&self.of_levels) {
             pass.set_bind_group(0, group, &[]);
             let groups = (self.cube.size() >> level).div_ceil(WORKGROUP_EDGE);
             pass.dispatch_workgroups(groups, groups, FACES as u32);
@@ -359,70 +371,25 @@ impl LitEnvironment {
         }
     }
 
-    fn place(&self, emitter: &PlacedEmitter, seen_from: Vec3) -> Placed {
-        let Transform { scale, translate, .. } = emitter.placement;
-        let turn = scale * emitter.placement.rotation();
-        let mesh = self.meshes.iter().position(|known| Arc::ptr_eq(&known.mesh, &emitter.mesh)).unwrap_or_default();
-        let UploadedMesh { centre, radius, .. } = self.meshes[mesh];
-        Placed {
-            mesh,
-            world_from_mesh: Mat4::from_translation(translate) * Mat4::from_mat3(turn),
-            centre: turn * centre + translate - seen_from,
-            radius: scale.abs() * radius,
-        }
-    }
-
     fn bind(
         &self,
         device: &wgpu::Device,
-        [of_emitters, of_faces]: [&[u8]; 2],
-        radiance: &[Vec4],
+        buffers: [wgpu::Buffer; 3],
+        emitter_count: u32,
         shown: [Vec<(u32, usize)>; FACES],
     ) -> Frame {
-        let LitPipelines { of_emitter, of_face, of_level, trilinear, .. } = &*self.pipelines;
-        let uniforms = |label, bytes| buffer_with(device, label, bytes, BufferUsages::UNIFORM);
-        let (emitters, faces) = (uniforms("emitters", of_emitters), uniforms("faces", of_faces));
-        let radiance = super::storage_buffer(device, "emitters' radiance", bytemuck::cast_slice(radiance));
+        let LitPipelines { of_emitter, of_face, trilinear, .. } = &*self.pipelines;
+        let [emitters, faces, radiance] = &buffers;
         let own = [
-            window_of::<LitFace>(&faces),
+            window_of::<LitFace>(faces),
             BindingResource::TextureView(&self.numbers),
             BindingResource::TextureView(self.background.view()),
             BindingResource::Sampler(trilinear),
             radiance.as_entire_binding(),
             BindingResource::TextureView(&self.levels[0]),
         ];
-        let level =
-            |pair: &[TextureView]| bind(device, of_level, &[&pair[0], &pair[1]].map(BindingResource::TextureView));
-        Frame {
-            of_emitters: bind(device, of_emitter, &[window_of::<EmitterUniforms>(&emitters)]),
-            of_faces: bind(device, of_face, &own),
-            of_levels: self.levels.windows(2).map(level).collect(),
-            emitter_count: (of_emitters.len() / FACES / DYNAMIC_OFFSET as usize) as u32,
-            shown,
-        }
-    }
-}
-
-/// An emitter as it is seen: its mesh, and a sphere around it relative to the cube's centre.
-struct Placed {
-    mesh: usize,
-    world_from_mesh: Mat4,
-    centre: Vec3,
-    radius: f32,
-}
-
-impl UploadedMesh {
-    fn new(device: &wgpu::Device, mesh: &Arc<Mesh>) -> Self {
-        let positions = mesh.positions();
-        let (low, high) =
-            positions.iter().fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(l, h), p| (l.min(*p), h.max(*p)));
-        Self {
-            corners: buffer_with(device, "corners", bytemuck::cast_slice(positions), BufferUsages::VERTEX),
-            indices: buffer_with(device, "triangles", bytemuck::cast_slice(mesh.triangles()), BufferUsages::INDEX),
-            mesh: mesh.clone(),
-            centre: 0.5 * (low + high),
-            radius: 0.5 * low.distance(high),
-        }
+        let of_emitters = bind(device, of_emitter, &[window_of::<EmitterUniforms>(emitters)]);
+        Frame { of_emitters, of_faces: bind(device, of_face, &own), buffers, emitter_count, shown }
     }
 }
 

@@ -10,7 +10,7 @@ use super::hierarchical::DYNAMIC_OFFSET;
 
 use super::pipeline::{bind, compute_pipeline, layout, seen_by, storage, window, writable, written};
 use super::shaders::TRACE_MAPS;
-use super::storage_buffer;
+use super::{filled_storage, storage_buffer};
 use crate::gpu::{GpuError, buffer_with};
 use crate::pinhole::visibility::{Edges, Hemisphere, Hemispheres};
 use crate::pinhole::{PinholeSample, VisibilityMaps};
@@ -82,7 +82,7 @@ impl MapTracer {
         let entries = [window(0), storage(1), writable(2), writable(3), written_doubts(4), writable(5)];
         let maps = layout(device, "visibility maps", &entries.map(|entry| seen_by(ShaderStages::COMPUTE, entry)));
         let nothing = layout(device, "nothing", &[]);
-        let rays = layout(device, "rays", &ray_entries(ShaderStages::COMPUTE));
+        let rays = layout(device, "rays", &ray_entries(device, ShaderStages::COMPUTE));
         let pipeline_layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
             label: Some("visibility maps"),
             bind_group_layouts: &[&maps, &nothing, &nothing, &rays].map(Some),
@@ -99,11 +99,13 @@ fn written_doubts(binding: u32) -> wgpu::BindGroupLayoutEntry {
 }
 
 /// Visibility maps that are being traced.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct MapTracing {
     maps: VisibilityMapBuffers,
     samples: Vec<PinholeSample>,
     count: u32,
+    geometry: Geometry,
+    hemispheres: wgpu::Buffer,
     pipeline: wgpu::ComputePipeline,
     of_maps: wgpu::BindGroup,
     nothing: wgpu::BindGroup,
@@ -172,7 +174,6 @@ impl MapTracing {
         let texels = u64::from(count) * u64::from(resolution * resolution);
         check_size(device, texels)?;
         let edges = if map_use == MapUse::Maps { Edges::Fine } else { Edges::Traced };
-        let packed: Vec<PackedHemisphere> = of_maps.iter().map(PackedHemisphere::new).collect();
         let empty = |label, size: u64, usage| {
             let size = size.max(16);
             device.create_buffer(&wgpu::BufferDescriptor { label: Some(label), size, usage, mapped_at_creation: false })
@@ -181,7 +182,8 @@ impl MapTracing {
         let planes = empty("visible planes", 16 * texels, storage | wgpu::BufferUsages::COPY_SRC);
         let rows = u64::from(count) * u64::from(resolution);
         let sky_masks = empty("sky masks", 4 * rows, storage | wgpu::BufferUsages::COPY_SRC);
-        let unfinished = empty("unfinished rays", 16, storage | wgpu::BufferUsages::COPY_SRC);
+        let counter = storage | wgpu::BufferUsages::COPY_SRC | wgpu::BufferUsages::COPY_DST;
+        let unfinished = empty("unfinished rays", 16, counter);
         let doubts = doubts_texture(device, texels).create_view(&Default::default());
         let uniforms = buffer_with(
             device,
@@ -194,7 +196,8 @@ impl MapTracing {
             offset: 0,
             size: std::num::NonZero::new(size_of::<MapUniforms>() as u64),
         };
-        let hemispheres = storage_buffer(device, "hemispheres", bytemuck::cast_slice(&packed));
+        let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;
+        let hemispheres = buffer_with(device, "hemispheres", &packed(&of_maps), usage);
         let resources = [
             wgpu::BindingResource::Buffer(window),
             hemispheres.as_entire_binding(),
@@ -206,10 +209,12 @@ impl MapTracing {
         Ok(Self {
             samples,
             count,
+            geometry: geometry.clone(),
+            hemispheres: hemispheres.clone(),
             pipeline: tracer.pipeline.clone(),
             of_maps: bind(device, &tracer.maps, &resources),
             nothing: bind(device, &tracer.nothing, &[]),
-            of_rays: bind(device, &tracer.rays, &geometry.bindings()),
+            of_rays: geometry.bind(device, &tracer.rays),
             unfinished,
             maps: VisibilityMapBuffers {
                 planes,
@@ -220,6 +225,23 @@ impl MapTracing {
         })
     }
 
+    /// The same maps of samples that are elsewhere, in the buffers of these; `None` if they need others. What is recorded next changes
+    /// the maps that were traced before.
+    pub(crate) fn again(
+        &self,
+        queue: &wgpu::Queue,
+        geometry: &Geometry,
+        (scene, mut samples): (&Scene, Vec<PinholeSample>),
+    ) -> Option<Self> {
+        let Hemispheres { resolution, of_maps } = Hemispheres::number(scene, &mut samples);
+        let is_alike = (resolution, of_maps.len() as u32) == (self.maps.resolution, self.count);
+        if !is_alike || self.geometry != *geometry || self.maps.rays.is_some() {
+            return None;
+        }
+        queue.write_buffer(&self.hemispheres, 0, &packed(&of_maps));
+        Some(Self { samples, ..self.clone() })
+    }
+
     /// Number of dispatches, each of bounded work.
     pub fn dispatch_count(&self) -> u32 {
         self.count.div_ceil(MAPS_PER_DISPATCH)
@@ -228,6 +250,9 @@ impl MapTracing {
     /// Records a range of dispatches, up to [`Self::dispatch_count`]. Record each once, in one encoder or in several.
     pub fn record(&self, encoder: &mut wgpu::CommandEncoder, dispatches: Range<u32>) {
         let label = Some("visibility maps");
+        if dispatches.start == 0 {
+            encoder.clear_buffer(&self.unfinished, 0, None);
+        }
         let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor { label, ..Default::default() });
         pass.set_pipeline(&self.pipeline);
         pass.set_bind_group(1, &self.nothing, &[]);
@@ -246,10 +271,26 @@ impl MapTracing {
         &self.unfinished
     }
 
+    /// Takes the samples, which carry the numbers of their maps.
+    pub(crate) fn take_samples(&mut self) -> Vec<PinholeSample> {
+        std::mem::take(&mut self.samples)
+    }
+
+    /// The maps, right once all dispatches are done.
+    pub(crate) fn maps(&self) -> &VisibilityMapBuffers {
+        &self.maps
+    }
+
     /// The samples, which carry the numbers of their maps, and the maps.
     pub fn finish(self) -> (Vec<PinholeSample>, VisibilityMapBuffers) {
         (self.samples, self.maps)
     }
+}
+
+/// The contents of the buffer of hemispheres.
+fn packed(hemispheres: &[Hemisphere]) -> Vec<u8> {
+    let packed: Vec<PackedHemisphere> = hemispheres.iter().map(PackedHemisphere::new).collect();
+    filled_storage(bytemuck::cast_slice(&packed)).to_vec()
 }
 
 fn doubts_texture(device: &wgpu::Device, texels: u64) -> wgpu::Texture {

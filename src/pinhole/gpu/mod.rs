@@ -5,6 +5,7 @@
 //! and no watchdog fires. Neither submits, polls or owns a window; [`check_hardware_filter`] and [`probe()`] do submit, on a device of
 //! Pinspot's own. Shader: `shaders/gather.wgsl`; CPU twin: [`cpu::gather`](super::cpu::gather).
 
+mod acceleration;
 mod cache;
 mod environment;
 mod geometry;
@@ -17,6 +18,7 @@ mod preview_pipelines;
 mod probe;
 pub(crate) mod ray_batch;
 pub(crate) mod shaders;
+mod sources;
 
 pub(crate) use cache::PipelineCache;
 pub use environment::EnvironmentCube;
@@ -36,7 +38,8 @@ pub(crate) use ray_batch::RayBatchPipelines;
 use std::ops::Range;
 
 use self::pipeline::{BATCH_BYTES, Pipelines};
-use super::{BATCH_SIZE, Filter, GatherUniforms, Params, PinholeSample, Pinholes};
+use self::sources::Sources;
+use super::{BATCH_SIZE, Filter, Params, Pinholes};
 use crate::brdf::Materials;
 use crate::gpu::{GpuError, buffer_with};
 
@@ -103,6 +106,7 @@ pub struct FrameViewers<'a> {
 pub struct Frame {
     targets: Vec<wgpu::Texture>,
     views: Vec<wgpu::TextureView>,
+    sources: Sources,
     inputs: wgpu::BindGroup,
     receivers: wgpu::BindGroup,
     /// For ping-pong: the bind group that reads target i.
@@ -122,6 +126,72 @@ impl Engine {
 
     /// Uploads one image's inputs and makes its targets. The samples are copied.
     pub fn frame(&self, device: &wgpu::Device, inputs: &FrameInputs) -> Result<Frame, GpuError> {
+        self.check(device, inputs)?;
+        let count = if self.blends { 1 } else { 2 };
+        let targets: Vec<wgpu::Texture> = (0..count).map(|_| target(device, inputs.size, TARGET_FORMAT)).collect();
+        let views: Vec<wgpu::TextureView> = targets.iter().map(|t| t.create_view(&Default::default())).collect();
+        let previous = if self.blends {
+            Vec::new()
+        } else {
+            views.iter().map(|v| self.pipelines.bind_previous(device, v)).collect()
+        };
+        let maps = match (inputs.maps, &inputs.pinholes.visibility) {
+            (Some(traced), _) => traced.clone(),
+            (None, Some(maps)) => VisibilityMapBuffers::upload(device, maps)?,
+            (None, None) => VisibilityMapBuffers::none(device),
+        };
+        let sources = Sources::new(device, inputs, &maps);
+        Ok(Frame {
+            inputs: self.pipelines.bind_inputs(device, &sources),
+            sources,
+            receivers: bind_receivers(
+                device,
+                &self.pipelines.receivers,
+                [inputs.positions, inputs.normals],
+                inputs.viewers,
+            ),
+            previous,
+            pipeline: self.pipeline(inputs).clone(),
+            batches: (inputs.pinholes.samples.len() as u32).div_ceil(BATCH_SIZE),
+            targets,
+            views,
+            current: None,
+        })
+    }
+
+    /// Gives a frame other samples, light and parameters over the same receivers, in the buffers that it has. Returns whether that is
+    /// possible; if not, the frame is as before.
+    pub(crate) fn update(
+        &self,
+        (device, queue): (&wgpu::Device, &wgpu::Queue),
+        frame: &mut Frame,
+        inputs: &FrameInputs,
+    ) -> Result<bool, GpuError> {
+        self.check(device, inputs)?;
+        let none = VisibilityMapBuffers {
+            planes: frame.sources.planes.clone(),
+            sky_masks: frame.sources.sky_masks.clone(),
+            resolution: 0,
+            rays: None,
+        };
+        let maps = inputs.maps.unwrap_or(&none);
+        if frame.pipeline != *self.pipeline(inputs) || inputs.pinholes.visibility.is_some() {
+            return Ok(false);
+        }
+        let Some(sources) = frame.sources.updated(queue, inputs, maps) else { return Ok(false) };
+        if sources != frame.sources {
+            frame.inputs = self.pipelines.bind_inputs(device, &sources);
+            frame.sources = sources;
+        }
+        frame.batches = (inputs.pinholes.samples.len() as u32).div_ceil(BATCH_SIZE);
+        Ok(true)
+    }
+
+    fn pipeline(&self, inputs: &FrameInputs) -> &wgpu::RenderPipeline {
+        if inputs.viewers.is_some() { &self.pipelines.reflect } else { &self.pipelines.gather }
+    }
+
+    fn check(&self, device: &wgpu::Device, inputs: &FrameInputs) -> Result<(), GpuError> {
         if inputs.params.filter != self.pipelines.filter {
             return Err(GpuError::OtherFilter {
                 engine: self.pipelines.filter.name(),
@@ -131,59 +201,7 @@ impl Engine {
         if (inputs.maps.is_some() || inputs.pinholes.visibility.is_some()) != self.pipelines.visibility {
             return Err(GpuError::OtherVisibility { engine: self.pipelines.visibility });
         }
-        check_limits(&device.limits(), inputs)?;
-        let count = if self.blends { 1 } else { 2 };
-        let targets: Vec<wgpu::Texture> = (0..count).map(|_| target(device, inputs.size, TARGET_FORMAT)).collect();
-        let views: Vec<wgpu::TextureView> = targets.iter().map(|t| t.create_view(&Default::default())).collect();
-        let previous = if self.blends {
-            Vec::new()
-        } else {
-            views.iter().map(|v| self.pipelines.bind_previous(device, v)).collect()
-        };
-        Ok(Frame {
-            inputs: self.bind_inputs(device, inputs)?,
-            receivers: bind_receivers(
-                device,
-                &self.pipelines.receivers,
-                [inputs.positions, inputs.normals],
-                inputs.viewers,
-            ),
-            previous,
-            pipeline: if inputs.viewers.is_some() { &self.pipelines.reflect } else { &self.pipelines.gather }.clone(),
-            batches: (inputs.pinholes.samples.len() as u32).div_ceil(BATCH_SIZE),
-            targets,
-            views,
-            current: None,
-        })
-    }
-
-    fn bind_inputs(&self, device: &wgpu::Device, inputs: &FrameInputs) -> Result<wgpu::BindGroup, GpuError> {
-        let cube = inputs.environment;
-        let maps = match (inputs.maps, &inputs.pinholes.visibility) {
-            (Some(traced), _) => traced.clone(),
-            (None, Some(maps)) => VisibilityMapBuffers::upload(device, maps)?,
-            (None, None) => VisibilityMapBuffers::none(device),
-        };
-        let uniforms = GatherUniforms {
-            map_resolution: maps.resolution,
-            ..GatherUniforms::new(&inputs.params, inputs.pinholes, cube.size(), cube.radiance_scale())
-        };
-        let uniforms =
-            buffer_with(device, "gather uniforms", bytemuck::bytes_of(&uniforms), wgpu::BufferUsages::UNIFORM);
-        // Whole batches, one at least; the shader reads `sample_count` samples only.
-        let batches = inputs.pinholes.samples.len().div_ceil(BATCH_SIZE as usize).max(1);
-        let mut padded = inputs.pinholes.samples.clone();
-        padded.resize(batches * BATCH_SIZE as usize, PinholeSample::default());
-        let samples =
-            buffer_with(device, "pinhole samples", bytemuck::cast_slice(&padded), wgpu::BufferUsages::UNIFORM);
-        let curves = storage_buffer(device, "reflectance curves", bytemuck::cast_slice(&inputs.pinholes.curves));
-        Ok(self.pipelines.bind_inputs(
-            device,
-            &uniforms,
-            &samples,
-            cube.view(),
-            [&curves, &maps.planes, &maps.sky_masks],
-        ))
+        check_limits(&device.limits(), inputs)
     }
 }
 
@@ -308,9 +326,12 @@ fn check_limits(limits: &wgpu::Limits, inputs: &FrameInputs) -> Result<(), GpuEr
 
 /// A buffer that shaders read.
 fn storage_buffer(device: &wgpu::Device, label: &str, contents: &[u8]) -> wgpu::Buffer {
-    // A binding cannot be empty.
-    let contents = if contents.is_empty() { &[0; 48] } else { contents };
-    buffer_with(device, label, contents, wgpu::BufferUsages::STORAGE)
+    buffer_with(device, label, filled_storage(contents), wgpu::BufferUsages::STORAGE)
+}
+
+/// Contents of a buffer that shaders read: a binding cannot be empty.
+fn filled_storage(contents: &[u8]) -> &[u8] {
+    if contents.is_empty() { &[0; 48] } else { contents }
 }
 
 /// A texture that passes draw into and read, and that can be copied.

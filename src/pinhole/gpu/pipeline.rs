@@ -4,6 +4,7 @@ use wgpu::{BindGroupLayoutEntry, BindingType, ShaderStages, TextureSampleType, T
 
 use super::TARGET_FORMAT;
 use super::shaders::{GATHER, Shader};
+use super::sources::Sources;
 use crate::pinhole::constants::{FILTER_ANISOTROPIC, FILTER_EWA, FILTER_HARDWARE, FILTER_ISOTROPIC, FILTER_NONE};
 use crate::pinhole::{BATCH_SIZE, Filter, PinholeSample};
 
@@ -74,27 +75,20 @@ impl Pipelines {
         }
     }
 
-    pub fn bind_inputs(
-        &self,
-        device: &wgpu::Device,
-        uniforms: &wgpu::Buffer,
-        samples: &wgpu::Buffer,
-        environment: &wgpu::TextureView,
-        [curves, planes, sky_masks]: [&wgpu::Buffer; 3],
-    ) -> wgpu::BindGroup {
+    pub(super) fn bind_inputs(&self, device: &wgpu::Device, sources: &Sources) -> wgpu::BindGroup {
         bind(
             device,
             &self.inputs,
             &[
-                uniforms.as_entire_binding(),
-                wgpu::BindingResource::TextureView(environment),
+                sources.uniforms.as_entire_binding(),
+                wgpu::BindingResource::TextureView(&sources.environment),
                 wgpu::BindingResource::Sampler(&self.trilinear),
                 wgpu::BindingResource::Sampler(&self.anisotropic),
-                curves.as_entire_binding(),
-                planes.as_entire_binding(),
-                sky_masks.as_entire_binding(),
+                sources.curves.as_entire_binding(),
+                sources.planes.as_entire_binding(),
+                sources.sky_masks.as_entire_binding(),
                 wgpu::BindingResource::Buffer(wgpu::BufferBinding {
-                    buffer: samples,
+                    buffer: &sources.samples,
                     offset: 0,
                     size: std::num::NonZero::new(BATCH_BYTES),
                 }),
@@ -223,9 +217,17 @@ pub(crate) fn bind(
     layout: &wgpu::BindGroupLayout,
     resources: &[wgpu::BindingResource],
 ) -> wgpu::BindGroup {
-    let numbered = resources.iter().zip(0..);
-    let entries: Vec<_> =
-        numbered.map(|(resource, binding)| wgpu::BindGroupEntry { binding, resource: resource.clone() }).collect();
+    bind_numbered(device, layout, (0..).zip(resources.iter().cloned()))
+}
+
+/// The same for bindings with gaps between their numbers.
+pub(crate) fn bind_numbered<'a>(
+    device: &wgpu::Device,
+    layout: &wgpu::BindGroupLayout,
+    resources: impl IntoIterator<Item = (u32, wgpu::BindingResource<'a>)>,
+) -> wgpu::BindGroup {
+    let entry = |(binding, resource)| wgpu::BindGroupEntry { binding, resource };
+    let entries: Vec<_> = resources.into_iter().map(entry).collect();
     device.create_bind_group(&wgpu::BindGroupDescriptor { label: None, layout, entries: &entries })
 }
 

@@ -85,7 +85,7 @@ impl PreviewLayouts {
                 ],
             ),
             nothing: of("nothing", &[]),
-            rays: of("rays", &ray_entries(ShaderStages::COMPUTE)),
+            rays: of("rays", &ray_entries(device, ShaderStages::COMPUTE)),
         }
     }
 }

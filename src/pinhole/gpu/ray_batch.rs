@@ -159,7 +159,7 @@ impl RayBatchPipelines {
         let of_rays = of("rays of a batch", &[window(0), storage(1), writable(2)]);
         let of_shadows = of("shadow rays of a batch", &[window(0), storage(1), storage(2), writable(3), writable(4)]);
         let nothing = of("nothing", &[]);
-        let geometry = of("rays", &ray_entries(ShaderStages::COMPUTE));
+        let geometry = of("rays", &ray_entries(device, ShaderStages::COMPUTE));
         let with = |own| [own, &nothing, &nothing, &geometry];
         let [camera, secondary] =
             compile(device, TRACE_RAYS, with(&of_rays), ["trace_camera_rays", "trace_secondary_rays"]);
@@ -221,7 +221,7 @@ impl RayBatchPipelines {
         results: wgpu::Buffer,
     ) -> RayBatch {
         let nothing = bind(device, &self.nothing, &[]);
-        let geometry = bind(device, &self.geometry, &geometry.bindings());
+        let geometry = geometry.bind(device, &self.geometry);
         RayBatch {
             pipeline: pipeline.clone(),
             groups: [own, nothing, geometry],

@@ -1,8 +1,10 @@
 //! The shaders. A line `#import name` is replaced by `shaders/shared/name.wgsl`, once per shader; `#import constants` by the numbers
-//! that Rust and the shaders share, of which Rust has the only copy.
+//! that Rust and the shaders share, of which Rust has the only copy; `#import ray_traversal`, on devices that have ray queries, by
+//! `ray_queries.wgsl`.
 
 use std::fmt::Write;
 
+use super::acceleration::has_ray_queries;
 use super::geometry::GEOMETRY_ROW;
 use super::hierarchical::layout::{
     BLOCK_LEVELS, BLOCKS_PER_TILE, BOUNDS_WORKGROUP_EDGE, ESTIMATE_WORKGROUPS, MAX_TREE_DEPTH, WORKGROUP_SIZE,
@@ -85,6 +87,8 @@ const SHARED: &[Shader] = &[
     shader!("shared/preview"),
     shader!("shared/ray_batch"),
     shader!("shared/ray_origin"),
+    shader!("shared/ray_queries"),
+    shader!("shared/ray_traversal"),
     shader!("shared/rays"),
     shader!("shared/receiver_tiles"),
     shader!("shared/receivers"),
@@ -92,22 +96,38 @@ const SHARED: &[Shader] = &[
     shader!("shared/visibility"),
 ];
 
+/// How rays find triangles.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum RayMethod {
+    /// By a traversal in the shader.
+    Traversal,
+    /// By ray queries of the device.
+    Queries,
+}
+
+impl RayMethod {
+    fn of_device(device: &wgpu::Device) -> Self {
+        if has_ray_queries(device) { Self::Queries } else { Self::Traversal }
+    }
+}
+
 impl Shader {
     /// Its source with the imports in place.
-    pub fn resolve(self) -> String {
-        let mut resolved = Resolved::default();
+    pub fn resolve(self, rays: RayMethod) -> String {
+        let mut resolved = Resolved { source: String::new(), imported: Vec::new(), rays };
         resolved.add(self.source);
-        resolved.source
+        let has_queries = resolved.imported.contains(&RAY_QUERIES);
+        if has_queries { format!("enable wgpu_ray_query;\n{}", resolved.source) } else { resolved.source }
     }
 
     /// Its module on a device.
     pub fn module(self, device: &wgpu::Device) -> wgpu::ShaderModule {
-        self.module_of(device, self.resolve())
+        self.module_of(device, self.resolve(RayMethod::of_device(device)))
     }
 
     /// The same, writing storage textures of 32-bit floats or of halves: WGSL has no parameters for formats.
     pub fn module_writing(self, device: &wgpu::Device, format: wgpu::TextureFormat) -> wgpu::ShaderModule {
-        let source = self.resolve();
+        let source = self.resolve(RayMethod::of_device(device));
         let is_half = format == wgpu::TextureFormat::Rgba16Float;
         self.module_of(device, if is_half { source.replace("rgba32float", "rgba16float") } else { source })
     }
@@ -120,10 +140,13 @@ impl Shader {
     }
 }
 
-#[derive(Default)]
+const RAY_TRAVERSAL: &str = "ray_traversal";
+const RAY_QUERIES: &str = "ray_queries";
+
 struct Resolved {
     source: String,
     imported: Vec<&'static str>,
+    rays: RayMethod,
 }
 
 impl Resolved {
@@ -139,6 +162,7 @@ impl Resolved {
     }
 
     fn import(&mut self, name: &'static str) {
+        let name = if name == RAY_TRAVERSAL && self.rays == RayMethod::Queries { RAY_QUERIES } else { name };
         if self.imported.contains(&name) {
             return;
         }

@@ -5,6 +5,7 @@ mod receivers;
 mod submission;
 
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use self::receivers::{Tiled, Uploaded, strips};
 use self::submission::{Submission, pairs_per_submit};
@@ -37,6 +38,8 @@ pub(super) struct GpuStages {
     tree: Memo<(Id<PinholeTree>, Option<Id<Tracer>>), CellTreeBuffers>,
     tree_maps: Memo<(Id<PinholeTree>, Id<Tracer>), NumberedMaps>,
     flat_maps: Memo<(Id<Pinholes>, Id<Tracer>), NumberedMaps>,
+    /// Of the last preview: the next one uses its buffers.
+    maps_of_frame: Option<MapTracing>,
 }
 
 /// Samples, which carry the numbers of their visibility maps, and the maps.
@@ -44,6 +47,15 @@ pub(super) struct GpuStages {
 struct NumberedMaps {
     pinholes: Pinholes,
     maps: VisibilityMapBuffers,
+    /// Maps of a preview, which are traced by its own commands.
+    later: Option<LaterMaps>,
+}
+
+/// Maps that are not traced yet.
+#[derive(Debug)]
+struct LaterMaps {
+    tracing: MapTracing,
+    is_recorded: AtomicBool,
 }
 
 /// A tree on the device, and the light.
@@ -65,6 +77,7 @@ impl GpuStages {
             tree: Memo::new(Stage::Upload),
             tree_maps: Memo::new(Stage::Visibility),
             flat_maps: Memo::new(Stage::Visibility),
+            maps_of_frame: None,
         }
     }
 
@@ -81,7 +94,11 @@ impl GpuStages {
         let environment = self.environment(shared, &sum.environment, inputs)?;
         let mut maps = None;
         if let Some(geometry) = geometry {
+            let kept = &mut self.maps_of_frame;
             let make = async || {
+                if inputs.is_preview {
+                    return maps_of_frame(shared, geometry, (inputs, &sum.pinholes), kept).await;
+                }
                 trace_maps(shared, geometry, inputs.scene, &sum.pinholes, (MapUse::Maps, inputs.progress)).await
             };
             let key = (Id::of(&sum.pinholes), Id::of(&inputs.prepared.tracer));
@@ -187,10 +204,15 @@ async fn trace_maps(
     pinholes: &Pinholes,
     (map_use, progress): (MapUse, &dyn Progress),
 ) -> Result<NumberedMaps, GpuError> {
-    let gpu = &shared.gpu;
-    let tracer = shared.pipelines.map_tracer(&gpu.device);
-    let samples = (scene, pinholes.samples.clone());
-    let tracing = MapTracing::new(&gpu.device, &tracer, geometry, samples, map_use)?;
+    let device = &shared.gpu.device;
+    let tracer = shared.pipelines.map_tracer(device);
+    let mut tracing = MapTracing::new(device, &tracer, geometry, (scene, pinholes.samples.clone()), map_use)?;
+    submit(&shared.gpu, &tracing, progress).await?;
+    Ok(NumberedMaps::new(&mut tracing, pinholes, false))
+}
+
+/// Traces all maps.
+async fn submit(gpu: &Gpu, tracing: &MapTracing, progress: &dyn Progress) -> Result<(), GpuError> {
     let pieces = tracing.dispatch_count();
     let submission = Submission { gpu, points: 0, pieces, step: 1, progress };
     submission.run(|encoder, dispatches| tracing.record(encoder, dispatches)).await?;
@@ -198,14 +220,60 @@ async fn trace_maps(
     if !progress.is_cancelled() && unfinished.iter().any(|&byte| byte != 0) {
         return Err(GpuError::LoopCutShort { adapter: gpu.adapter.name.clone() });
     }
-    let (samples, maps) = tracing.finish();
-    Ok(NumberedMaps { pinholes: Pinholes { samples, curves: pinholes.curves.clone(), visibility: None }, maps })
+    Ok(())
+}
+
+/// Dispatches of maps that a preview's own commands take on; more are submitted piece by piece.
+const MOST_DISPATCHES_OF_FRAME: u32 = 16;
+
+/// What a preview's samples see, in the buffers of the last preview if these fit.
+async fn maps_of_frame(
+    shared: &SharedGpu,
+    geometry: &Geometry,
+    (inputs, pinholes): (&Inputs<'_>, &Pinholes),
+    kept: &mut Option<MapTracing>,
+) -> Result<NumberedMaps, GpuError> {
+    let Gpu { device, queue, .. } = &shared.gpu;
+    let samples = || (inputs.scene, pinholes.samples.clone());
+    let again = kept.take().and_then(|kept| kept.again(queue, geometry, samples()));
+    let mut tracing = match again {
+        Some(again) => again,
+        None => {
+            let tracer = shared.pipelines.map_tracer(device);
+            MapTracing::new(device, &tracer, geometry, samples(), MapUse::Maps)?
+        }
+    };
+    let is_small = tracing.dispatch_count() <= MOST_DISPATCHES_OF_FRAME;
+    if !is_small {
+        submit(&shared.gpu, &tracing, inputs.progress).await?;
+    }
+    let numbered = NumberedMaps::new(&mut tracing, pinholes, is_small);
+    *kept = Some(tracing);
+    Ok(numbered)
+}
+
+impl NumberedMaps {
+    fn new(tracing: &mut MapTracing, pinholes: &Pinholes, is_later: bool) -> Self {
+        let samples = tracing.take_samples();
+        let later = is_later.then(|| LaterMaps { tracing: tracing.clone(), is_recorded: AtomicBool::new(false) });
+        let pinholes = Pinholes { samples, curves: pinholes.curves.clone(), visibility: None };
+        Self { pinholes, maps: tracing.maps().clone(), later }
+    }
+
+    /// What has to be traced now: nothing the second time.
+    fn take_later(&self) -> Option<&MapTracing> {
+        let later = self.later.as_ref()?;
+        (!later.is_recorded.swap(true, Ordering::Relaxed)).then_some(&later.tracing)
+    }
 }
 
 impl Sum for FlatOnGpu {
     fn irradiance<'a>(&'a self, receivers: &'a Receivers, progress: &'a dyn Progress) -> Pending<'a, Vec<[f32; 4]>> {
         Box::pin(async move {
             let gpu = &self.shared.gpu;
+            if let Some(tracing) = self.maps.as_ref().and_then(|maps| maps.take_later()) {
+                submit(gpu, tracing, progress).await?;
+            }
             let most = (pairs_per_submit(gpu) / u64::from(BATCH_SIZE)) as usize;
             let mut sums = Vec::with_capacity(receivers.positions.len());
             for strip in strips(receivers, gpu.adapter.max_texture, most) {
@@ -231,6 +299,24 @@ impl Sum for FlatOnGpu {
 impl SumOnGpu for FlatOnGpu {
     fn frame(&self, [positions, normals]: [&wgpu::TextureView; 2], size: [u32; 2]) -> Result<gpu::Frame, GpuError> {
         self.pipelines.frame(&self.shared.gpu.device, &self.inputs([positions, normals], None, size))
+    }
+
+    fn update(
+        &self,
+        frame: &mut gpu::Frame,
+        receivers: [&wgpu::TextureView; 2],
+        size: [u32; 2],
+    ) -> Result<bool, GpuError> {
+        let Gpu { device, queue, .. } = &self.shared.gpu;
+        self.pipelines.update((device, queue), frame, &self.inputs(receivers, None, size))
+    }
+
+    fn record_maps(&self, encoder: &mut wgpu::CommandEncoder) -> Option<&wgpu::Buffer> {
+        let maps = self.maps.as_ref()?;
+        if let Some(tracing) = maps.take_later() {
+            tracing.record(encoder, 0..tracing.dispatch_count());
+        }
+        maps.later.as_ref().map(|later| later.tracing.unfinished())
     }
 
     fn environment(&self) -> &Arc<EnvironmentCube> {

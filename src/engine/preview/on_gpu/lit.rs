@@ -48,7 +48,7 @@ impl LitStages {
         let wanted = Id::of(&light.environment);
         if is_new || self.shown.as_ref() != Some(&wanted) {
             let view = CubeView { centre: geometry.centre(), rotation_rad: light.rotation_rad, intensity: *intensity };
-            lit.update(&gpu.device, &emitters(scene), view);
+            lit.update((&gpu.device, &gpu.queue), &emitters(scene), view);
             (self.shown, self.is_drawn) = (Some(wanted), false);
         }
         Ok(Some(lit.cube().clone()))

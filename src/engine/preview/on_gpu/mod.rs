@@ -6,7 +6,6 @@
 //!
 //! CPU twin: the rest of `preview`. Shaders: `shaders/preview_*.wgsl`.
 
-mod kept;
 pub(crate) mod layout;
 mod lit;
 mod targets;
@@ -18,7 +17,6 @@ use std::sync::Arc;
 use glam::Vec3;
 use wgpu::{BindingResource, BufferUsages};
 
-use self::kept::KeptBuffer;
 use self::layout::{Cubes, PreviewObject, PreviewUniforms, background_cube, reflectance_curves};
 pub(super) use self::lit::LitStages;
 use self::targets::Targets;
@@ -30,7 +28,7 @@ use crate::backend::SharedGpu;
 use crate::engine::direct::DirectLight;
 use crate::engine::ray_batches::on_gpu::packed_directions;
 use crate::environment::{CubeMap, Environment};
-use crate::gpu::GpuError;
+use crate::gpu::{GpuError, KeptBuffer};
 use crate::image::Image;
 use crate::options::{Exposures, Options};
 use crate::pinhole::gpu::pipeline::bind;
@@ -132,17 +130,22 @@ impl PreviewOnGpu {
             device: &gpu.device,
             pipelines: &self.pipelines,
             targets,
-            inputs,
             cubes: Cubes { environment, background, irradiance },
             buffers,
+            rays: inputs.geometry.bind(&gpu.device, &self.pipelines.layouts.rays),
             timer: self.timer.as_ref(),
         };
         let frames = self.gather.as_mut().map_or(&mut [][..], |(_, frames)| &mut frames[..]);
         let mut encoder = gpu.device.create_command_encoder(&Default::default());
         lit.record(&mut encoder);
+        let sum = inputs.sum.and_then(|sum| sum.on_gpu());
+        let unfinished_maps = sum.and_then(|sum| sum.record_maps(&mut encoder));
         passes.record(&mut encoder, frames);
         encoder.copy_buffer_to_buffer(&targets.exposures, 0, &report, 0, 8);
         encoder.copy_buffer_to_buffer(&targets.unfinished, 0, &report, 8, 4);
+        if let Some(unfinished) = unfinished_maps {
+            encoder.copy_buffer_to_buffer(unfinished, 0, &report, 12, 4);
+        }
         if let Some(timer) = &self.timer {
             timer.finish(&mut encoder, &report, TIMESTAMPS_AT as u64);
         }
@@ -160,7 +163,10 @@ impl PreviewOnGpu {
         let bytes = gpu.read_mapped(report.clone()).await?;
         self.report = Some(report);
         let [exposure_ev, background_exposure_ev] = bytemuck::pod_read_unaligned(&bytes[..8]);
-        let unfinished: u32 = bytemuck::pod_read_unaligned(&bytes[8..12]);
+        let [unfinished, of_maps]: [u32; 2] = bytemuck::pod_read_unaligned(&bytes[8..16]);
+        if unfinished_maps.is_some() && of_maps != 0 {
+            return Err(GpuError::LoopCutShort { adapter: gpu.adapter.name.clone() });
+        }
         let period_ns = gpu.queue.get_timestamp_period();
         let passes = self.timer.as_ref().map(|timer| timer.pass_times(&bytes[TIMESTAMPS_AT..], period_ns));
         Ok((unfinished == 0).then(|| OnGpu {
@@ -180,13 +186,19 @@ impl PreviewOnGpu {
             self.gather = None;
             return Ok(());
         };
-        if self.gather.as_ref().is_none_or(|(known, _)| *known != Id::of(sum)) {
-            let frame = |receivers: &targets::ReceiverTextures| {
-                sum.on_gpu().map(|sum| sum.frame([&receivers.positions, &receivers.normals], receivers.size))
+        let is_known = self.gather.as_ref().is_some_and(|(known, _)| *known == Id::of(sum));
+        let Some(on_gpu) = sum.on_gpu().filter(|_| !is_known) else { return Ok(()) };
+        let mut kept = self.gather.take().map_or(Vec::new(), |(_, frames)| frames).into_iter();
+        let mut frames = Vec::new();
+        for receivers in &targets.receivers {
+            let textures = [&receivers.positions, &receivers.normals];
+            let updated = match kept.next() {
+                Some(mut frame) => on_gpu.update(&mut frame, textures, receivers.size)?.then_some(frame),
+                None => None,
             };
-            let frames = targets.receivers.iter().filter_map(frame).collect::<Result<Vec<_>, _>>()?;
-            self.gather = Some((Id::of(sum), frames));
+            frames.push(if let Some(frame) = updated { frame } else { on_gpu.frame(textures, receivers.size)? });
         }
+        self.gather = Some((Id::of(sum), frames));
         Ok(())
     }
 
@@ -239,9 +251,9 @@ struct Passes<'a> {
     device: &'a wgpu::Device,
     pipelines: &'a PreviewPipelines,
     targets: &'a Targets,
-    inputs: &'a PreviewInputs<'a>,
     cubes: Cubes<'a>,
     buffers: Buffers,
+    rays: wgpu::BindGroup,
     timer: Option<&'a Timer>,
 }
 
@@ -302,11 +314,10 @@ impl Passes<'_> {
         size: [u32; 2],
         groups: [&wgpu::BindGroup; 3],
     ) {
-        let rays = bind(self.device, &self.pipelines.layouts.rays, &self.inputs.geometry.bindings());
         let timestamp_writes = self.timer.and_then(|timer| timer.pass(name));
         let descriptor = wgpu::ComputePassDescriptor { label: Some(name), timestamp_writes };
         let mut pass = encoder.begin_compute_pass(&descriptor);
-        for (index, group) in groups.into_iter().chain([&rays]).enumerate() {
+        for (index, group) in groups.into_iter().chain([&self.rays]).enumerate() {
             pass.set_bind_group(index as u32, group, &[]);
         }
         let [x, y] = size.map(|edge| edge.div_ceil(WORKGROUP_EDGE));

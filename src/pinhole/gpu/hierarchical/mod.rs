@@ -24,7 +24,7 @@ use self::layout::{BLOCKS_PER_TILE, ESTIMATE_WORKGROUPS, TreeUniforms};
 use self::pipelines::Pipelines;
 use self::tile_batch::TileBatch;
 use super::maps::{RayInputs, VisibilityMapBuffers};
-use super::pipeline::bind;
+use super::pipeline::{bind, bind_numbered};
 use super::{EnvironmentCube, FrameViewers, TARGET_FORMAT, bind_receivers, target};
 use crate::gpu::{GpuError, buffer_with};
 use crate::pinhole::constants::TILE_SIZE;
@@ -163,9 +163,12 @@ impl HierarchicalEngine {
             let resources = [batch.partial_sums.as_entire_binding(), batch.tolerance.as_entire_binding()];
             bind(device, &layouts.estimate, &resources)
         });
+        let traced = inputs.tree.maps.as_ref().and_then(|maps| maps.rays.clone());
+        let rays = traced.clone().unwrap_or_else(|| RayInputs::none(device));
         Ok(HierarchicalFrame {
             scene: self.bind_scene(device, inputs, &tiling),
-            rays: self.bind_rays(device, inputs.tree),
+            rays: self.bind_rays(device, &rays),
+            no_scene: traced.is_none().then_some(rays.geometry),
             receivers: bind_receivers(device, &layouts.receivers, [inputs.positions, inputs.normals], inputs.viewers),
             work: self.bind_work(device, &batch),
             results: self.bind_results(device, &batch, &views),
@@ -181,11 +184,9 @@ impl HierarchicalEngine {
         })
     }
 
-    fn bind_rays(&self, device: &wgpu::Device, tree: &CellTreeBuffers) -> wgpu::BindGroup {
-        let rays = tree.maps.as_ref().and_then(|maps| maps.rays.clone()).unwrap_or_else(|| RayInputs::none(device));
-        let [texels, uniforms] = rays.geometry.bindings();
-        let resources = [texels, uniforms, wgpu::BindingResource::TextureView(&rays.doubts)];
-        bind(device, &self.pipelines.layouts.rays, &resources)
+    fn bind_rays(&self, device: &wgpu::Device, rays: &RayInputs) -> wgpu::BindGroup {
+        let doubts = (pipelines::DOUBTS, wgpu::BindingResource::TextureView(&rays.doubts));
+        bind_numbered(device, &self.pipelines.layouts.rays, rays.geometry.bindings().into_iter().chain([doubts]))
     }
 
     fn bind_work(&self, device: &wgpu::Device, batch: &TileBatch) -> wgpu::BindGroup {

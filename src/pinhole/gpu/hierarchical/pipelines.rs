@@ -48,6 +48,9 @@ pub(super) struct Layouts {
     pub rays: BindGroupLayout,
 }
 
+/// The binding of doubts, beside those of rays.
+pub(super) const DOUBTS: u32 = 3;
+
 const BOTH: ShaderStages = ShaderStages::COMPUTE.union(ShaderStages::FRAGMENT);
 const COMPUTE: ShaderStages = ShaderStages::COMPUTE;
 
@@ -61,8 +64,8 @@ impl Layouts {
         let work = [window(0), writable(1), writable(2), written(3, TextureFormat::Rgba32Float), uniform(4)]
             .map(|entry| seen_by(COMPUTE, entry));
         let tile_pass = seen_by(ShaderStages::VERTEX_FRAGMENT, window(0));
-        let of_rays = ray_entries(ShaderStages::FRAGMENT);
-        let rays = [of_rays[0], of_rays[1], seen_by(BOTH, integers(2))];
+        let mut rays = ray_entries(device, ShaderStages::FRAGMENT);
+        rays.push(seen_by(BOTH, integers(DOUBTS)));
         let estimate = [writable(0), writable(1)].map(|entry| seen_by(COMPUTE, entry));
         Self {
             scene: layout(device, "cells and light", &scene),

@@ -4,6 +4,7 @@ use crate::environment::{CubeSize, Environment, LightGeometry, LitBy};
 use crate::gpu::Gpu;
 use crate::scene::Light;
 use crate::scene::shapes::{Plane, Shape, Sphere};
+use crate::scene::{Mesh, Transform};
 use crate::tracing::{SeenBy, Tracer};
 
 const SIZE: u32 = 64;
@@ -50,7 +51,7 @@ fn both_back_ends_draw_the_same_emitters() {
             emitter(&plate, 1.0, [0.0, -1.0, 0.5], [1.0, 1.0, 1.0]),
         ];
         let view = CubeView { centre, rotation_rad: 0.4 + turn, intensity: 2.0 };
-        lit.update(&gpu.device, &emitters, view);
+        lit.update((&gpu.device, &gpu.queue), &emitters, view);
         let mut encoder = gpu.device.create_command_encoder(&Default::default());
         lit.record(&mut encoder);
         gpu.queue.submit([encoder.finish()]);

@@ -40,10 +40,14 @@ const ALL: [Shader; 17] = [
 ];
 
 fn parse(shader: Shader) -> Result<Module, String> {
-    let (name, source) = (shader.name, shader.resolve());
+    parse_with(shader, RayMethod::Traversal, Capabilities::empty())
+}
+
+fn parse_with(shader: Shader, rays: RayMethod, more: Capabilities) -> Result<Module, String> {
+    let (name, source) = (shader.name, shader.resolve(rays));
     let module = naga::front::wgsl::parse_str(&source).map_err(|e| format!("{name}: {}", e.emit_to_string(&source)))?;
     // Halves packed in words: every WebGPU device reads them.
-    Validator::new(ValidationFlags::all(), Capabilities::SHADER_FLOAT16_IN_FLOAT32)
+    Validator::new(ValidationFlags::all(), Capabilities::SHADER_FLOAT16_IN_FLOAT32 | more)
         .validate(&module)
         .map_err(|e| format!("{name}: {}", e.emit_to_string(&source)))?;
     Ok(module)
@@ -55,9 +59,11 @@ fn every_shader_is_valid() {
     let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("target/shaders");
     std::fs::create_dir_all(&folder).unwrap();
     for shader in ALL {
-        std::fs::write(folder.join(shader.name).with_extension("wgsl"), shader.resolve()).unwrap();
+        std::fs::write(folder.join(shader.name).with_extension("wgsl"), shader.resolve(RayMethod::Traversal)).unwrap();
     }
-    let failures: Vec<String> = ALL.into_iter().filter_map(|shader| parse(shader).err()).collect();
+    let with_queries = |shader| parse_with(shader, RayMethod::Queries, Capabilities::RAY_QUERY);
+    let parsed = ALL.into_iter().flat_map(|shader| [parse(shader), with_queries(shader)]);
+    let failures: Vec<String> = parsed.filter_map(Result::err).collect();
     assert!(failures.is_empty(), "{}", failures.join("\n"));
 }
 

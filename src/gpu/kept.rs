@@ -2,7 +2,7 @@
 
 /// A small buffer from frame to frame.
 #[derive(Debug)]
-pub(super) struct KeptBuffer {
+pub(crate) struct KeptBuffer {
     label: &'static str,
     usage: wgpu::BufferUsages,
     contents: Vec<u8>,

@@ -1,0 +1,72 @@
+//! What the gather reads beside receivers: light, samples and parameters, in buffers that can be written anew from frame to frame.
+
+use super::{FrameInputs, VisibilityMapBuffers, filled_storage};
+use crate::gpu::buffer_with;
+use crate::pinhole::{BATCH_SIZE, GatherUniforms, PinholeSample};
+
+/// Light and samples as shaders read them.
+#[derive(Debug, PartialEq)]
+pub(super) struct Sources {
+    pub uniforms: wgpu::Buffer,
+    pub samples: wgpu::Buffer,
+    pub curves: wgpu::Buffer,
+    pub planes: wgpu::Buffer,
+    pub sky_masks: wgpu::Buffer,
+    pub environment: wgpu::TextureView,
+}
+
+/// The contents of the buffers of [`Sources`].
+struct Contents {
+    uniforms: GatherUniforms,
+    samples: Vec<PinholeSample>,
+    curves: Vec<u8>,
+}
+
+impl Contents {
+    fn new(inputs: &FrameInputs, maps: &VisibilityMapBuffers) -> Self {
+        let cube = inputs.environment;
+        let uniforms = GatherUniforms {
+            map_resolution: maps.resolution,
+            ..GatherUniforms::new(&inputs.params, inputs.pinholes, cube.size(), cube.radiance_scale())
+        };
+        // Whole batches, one at least; the shader reads `sample_count` samples only.
+        let batches = inputs.pinholes.samples.len().div_ceil(BATCH_SIZE as usize).max(1);
+        let mut samples = inputs.pinholes.samples.clone();
+        samples.resize(batches * BATCH_SIZE as usize, PinholeSample::default());
+        Self { uniforms, samples, curves: filled_storage(bytemuck::cast_slice(&inputs.pinholes.curves)).to_vec() }
+    }
+
+    /// By buffer: the bytes.
+    fn bytes(&self) -> [&[u8]; 3] {
+        [bytemuck::bytes_of(&self.uniforms), bytemuck::cast_slice(&self.samples), &self.curves]
+    }
+}
+
+impl Sources {
+    pub fn new(device: &wgpu::Device, inputs: &FrameInputs, maps: &VisibilityMapBuffers) -> Self {
+        let contents = Contents::new(inputs, maps);
+        let [uniforms, samples, curves] = contents.bytes();
+        let usage = wgpu::BufferUsages::COPY_DST;
+        Self {
+            uniforms: buffer_with(device, "gather uniforms", uniforms, usage | wgpu::BufferUsages::UNIFORM),
+            samples: buffer_with(device, "pinhole samples", samples, usage | wgpu::BufferUsages::UNIFORM),
+            curves: buffer_with(device, "reflectance curves", curves, usage | wgpu::BufferUsages::STORAGE),
+            planes: maps.planes.clone(),
+            sky_masks: maps.sky_masks.clone(),
+            environment: inputs.environment.view().clone(),
+        }
+    }
+
+    /// The same buffers with other contents; `None` if these have other sizes.
+    pub fn updated(&self, queue: &wgpu::Queue, inputs: &FrameInputs, maps: &VisibilityMapBuffers) -> Option<Self> {
+        let contents = Contents::new(inputs, maps);
+        let buffers = [&self.uniforms, &self.samples, &self.curves];
+        if !buffers.iter().zip(contents.bytes()).all(|(buffer, bytes)| buffer.size() == bytes.len() as u64) {
+            return None;
+        }
+        buffers.iter().zip(contents.bytes()).for_each(|(buffer, bytes)| queue.write_buffer(buffer, 0, bytes));
+        let [uniforms, samples, curves] = buffers.map(Clone::clone);
+        let (planes, sky_masks) = (maps.planes.clone(), maps.sky_masks.clone());
+        Some(Self { uniforms, samples, curves, planes, sky_masks, environment: inputs.environment.view().clone() })
+    }
+}
