@@ -4,17 +4,20 @@
 #import preview
 #import hits
 #import light_direction
+#import preview_gloss
 
 @group(0) @binding(0) var<uniform> preview: PreviewUniforms;
 // Of one kind, one or none in each pixel.
 @group(0) @binding(1) var<storage, read> points: array<SurfacePoint>;
-// W/m², and one of the states below.
+// W/m², of glossy points W/(m²·sr), and one of the states below.
 @group(0) @binding(2) var<storage, read_write> light: array<vec4f>;
 @group(0) @binding(3) var<storage, read> directions: array<LightDirection>;
 @group(0) @binding(4) var irradiance_cube: texture_cube<f32>;
 @group(0) @binding(5) var trilinear: sampler;
 // Rays that the adapter did not let be finished.
 @group(0) @binding(6) var<storage, read_write> unfinished: atomic<u32>;
+@group(0) @binding(7) var<storage, read> objects: array<PreviewObject>;
+@group(0) @binding(8) var environment: texture_cube<f32>;
 
 // The other layer: for points in mirrors, what the camera sees directly, and the light there.
 @group(1) @binding(0) var<storage, read> other_points: array<SurfacePoint>;
@@ -72,7 +75,7 @@ fn begin_behind_mirrors(@builtin(global_invocation_id) id: vec3u) {
     let there = pixel_index(vec2u(at));
     let seen = other_points[there];
     let width = 2.0 * half_height / size.y;
-    if seen.object == point.object && (seen.flags & IS_FRONT) == (point.flags & IS_FRONT)
+    if seen.object == point.object && (seen.flags & (IS_FRONT | IS_GLOSSY)) == (point.flags & IS_FRONT)
         && distance(seen.position, point.position) <= MAX_PIXELS_APART * width
         && dot(seen.normal, point.normal) >= MIN_SEEN_COSINE {
         light[pixel] = vec4f(other_light[there].rgb, KNOWN);
@@ -91,7 +94,7 @@ fn light_nodes(@builtin(global_invocation_id) id: vec3u) {
     let is_open = point.object != NO_OBJECT && light[pixel].w == UNKNOWN;
     write_receiver(id.xy, point, is_open);
     if is_open {
-        light[pixel] = vec4f(direct_light(point), COMPUTED);
+        light[pixel] = vec4f(direct_and_gloss(point), COMPUTED);
     }
 }
 
@@ -111,7 +114,7 @@ fn light_between(@builtin(global_invocation_id) id: vec3u) {
     let found = interpolated(place, point);
     write_receiver(id.xy, point, found.w == UNKNOWN);
     if found.w == UNKNOWN {
-        light[pixel] = vec4f(direct_light(point), COMPUTED);
+        light[pixel] = vec4f(direct_and_gloss(point), COMPUTED);
     } else {
         light[pixel] = found;
     }
@@ -127,7 +130,7 @@ fn add_caustic(@builtin(global_invocation_id) id: vec3u) {
     let pixel = pixel_index(place);
     if light[pixel].w == COMPUTED {
         let gathered = preview.caustic_gain * textureLoad(caustic, id.xy, 0).rgb;
-        light[pixel] = vec4f(light[pixel].rgb + gathered, KNOWN);
+        light[pixel] = vec4f(light[pixel].rgb + reflected(points[pixel], gathered), KNOWN);
     }
 }
 
@@ -135,6 +138,22 @@ fn write_receiver(texel: vec2u, point: SurfacePoint, is_open: bool) {
     let receives = is_open && (point.flags & RECEIVES) != 0u;
     textureStore(receiver_positions, texel, vec4f(point.position, select(-1.0, f32(point.object), receives)));
     textureStore(receiver_normals, texel, vec4f(point.normal, 0.0));
+}
+
+fn direct_and_gloss(point: SurfacePoint) -> vec3f {
+    let direct = reflected(point, direct_light(point));
+    if (point.flags & IS_GLOSSY) == 0u {
+        return direct;
+    }
+    return direct + environment_in_lobe(point, objects[point.object]);
+}
+
+// An irradiance or, of glossy points, what they reflect of it diffusely.
+fn reflected(point: SurfacePoint, irradiance: vec3f) -> vec3f {
+    if (point.flags & IS_GLOSSY) == 0u {
+        return irradiance;
+    }
+    return irradiance * mean_diffuse(objects[point.object], dot(point.normal, view_of(point)));
 }
 
 // The unoccluded irradiance times the part of it that shadow rays find unblocked.

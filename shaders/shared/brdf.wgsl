@@ -1,6 +1,7 @@
 // What receivers reflect to their viewers. CPU twin: src/brdf/.
 
 #import receivers
+#import microfacets
 
 override SHADING: bool = false;
 
@@ -18,8 +19,6 @@ struct Material {
 @group(1) @binding(2) var receiver_view: texture_2d<f32>;
 @group(1) @binding(3) var<storage, read> materials: array<Material>;
 @group(1) @binding(4) var<storage, read> tables: array<vec4f>;
-
-const PI: f32 = 3.14159265;
 
 // Towards the viewer of a receiver.
 fn view_direction(pixel: vec2u) -> vec3f {
@@ -62,23 +61,6 @@ fn brdf(object: u32, n: vec3f, l: vec3f, v: vec3f, solid_angle: f32) -> vec3f {
         return tabulated(material.table, n, l, v);
     }
     return diffuse;
-}
-
-fn schlick(specular: vec3f, cosine: f32) -> vec3f {
-    let c = 1.0 - saturate(cosine);
-    return specular + (1.0 - specular) * (c * c * c * c * c);
-}
-
-fn distribution(cosine: f32, alpha: f32) -> f32 {
-    let a2 = alpha * alpha;
-    let bump = cosine * cosine * (a2 - 1.0) + 1.0;
-    return a2 / (PI * bump * bump);
-}
-
-fn masking(cos_l: f32, cos_v: f32, alpha: f32) -> f32 {
-    let a2 = alpha * alpha;
-    let part = cos_l * sqrt(cos_v * cos_v * (1.0 - a2) + a2) + cos_v * sqrt(cos_l * cos_l * (1.0 - a2) + a2);
-    return 0.5 / max(part, 1e-9);
 }
 
 // Steps of θ_half, θ_diff and φ_diff of a table.

@@ -53,6 +53,10 @@ struct PreviewObject {
     alpha: f32,
     // Of an emitter.
     radiance: vec3f,
+    // Of a receiver: Phong's exponent, or GGX's α; its specular reflectance, and the kind of its BRDF.
+    width: f32,
+    specular: vec3f,
+    kind: u32,
 }
 
 const IS_RECEIVER: u32 = 4u;
@@ -70,14 +74,16 @@ struct SurfacePoint {
     normal: vec3f,
     // Tells points that are seen by way of different mirrors; 0 without a mirror.
     path: u32,
-    // Factor on its irradiance, 1/sr.
+    // Factor on its irradiance, 1/sr; if it is glossy, on its radiance.
     factor: vec3f,
-    // IS_FRONT, RECEIVES.
+    // IS_FRONT, RECEIVES, IS_GLOSSY.
     flags: u32,
 }
 
 const IS_FRONT: u32 = 1u;
 const RECEIVES: u32 = 2u;
+// The camera sees it directly, and sees a lobe of its BRDF.
+const IS_GLOSSY: u32 = 4u;
 
 // The environment at the end of a path, or an emitter.
 struct Escape {

@@ -134,6 +134,43 @@ impl Materials {
         }
     }
 
+    /// Whether an object's BRDF is a lobe over a diffuse part.
+    pub(crate) fn has_lobe(&self, object: u32) -> bool {
+        matches!(self.of_object[object as usize].kind, MATERIAL_PHONG | MATERIAL_GGX)
+    }
+
+    /// The diffuse part of an object's BRDF, 1/sr, under even light, seen at a cosine to the normal.
+    pub(crate) fn mean_diffuse(&self, object: u32, cos_v: f32) -> Vec3 {
+        let material = &self.of_object[object as usize];
+        let diffuse = FRAC_1_PI * Vec3::from(material.albedo);
+        if material.kind != MATERIAL_GGX {
+            return diffuse;
+        }
+        let specular = Vec3::from(material.specular);
+        // The mean of Schlick's (1 − cos)⁵ over a diffuse hemisphere is 1/21.
+        let arrives = (Vec3::ONE - specular) * (20.0 / 21.0);
+        diffuse * arrives * (Vec3::ONE - schlick(specular, cos_v))
+    }
+
+    /// What a microfacet, drawn in proportion to those of a surface of [`Self::lobe_alpha`], reflects of the radiance from `l`: the lobe of
+    /// an object's BRDF times the cosine of the light, over the density of such directions.
+    pub(crate) fn lobe_weight(&self, object: u32, [n, facet, v]: [Vec3; 3], l: Vec3) -> Vec3 {
+        let material = &self.of_object[object as usize];
+        let (cos_l, cos_v, cos_facet) = (n.dot(l), n.dot(v), n.dot(facet));
+        let Some(alpha) = self.lobe_alpha(object).filter(|_| cos_l > 0.0 && cos_v > 0.0) else { return Vec3::ZERO };
+        let specular = Vec3::from(material.specular);
+        let over_distribution = 4.0 * v.dot(facet) * cos_l / cos_facet.max(1e-4);
+        match material.kind {
+            MATERIAL_GGX => schlick(specular, l.dot(facet)) * visibility(cos_l, cos_v, alpha) * over_distribution,
+            MATERIAL_PHONG => {
+                let mirrored = (2.0 * cos_l * n - l).dot(v).max(0.0);
+                let lobe = (material.width + 2.0) / TAU * mirrored.powf(material.width);
+                specular * (lobe / distribution(cos_facet, alpha).max(1e-9) * over_distribution)
+            }
+            _ => Vec3::ZERO,
+        }
+    }
+
     /// Whether an object's BRDF is not Lambertian.
     pub fn is_glossy(&self, object: u32) -> bool {
         self.of_object[object as usize].kind != MATERIAL_LAMBERT

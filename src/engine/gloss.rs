@@ -5,11 +5,10 @@
 use glam::Vec3;
 
 use crate::environment::CubeMap;
+use crate::pinhole::constants::PART_OF_FACETS;
 
 /// Blur of a look-up relative to the lobe's width: sixteen microfacets sample the lobe four by four.
 const BLUR: f32 = 0.25;
-/// Fraction of a GGX surface's microfacets that is sampled; sixteen samples cannot represent the remaining tail.
-const PART_OF_FACETS: f32 = 0.98;
 
 /// A microfacet's unit normal on a GGX surface of width `alpha` (Walter et al. 2007, Equations 35 and 36), which is seen along
 /// a direction: with that direction and the surface, the microfacets turn smoothly.

@@ -133,3 +133,6 @@ pub const MAX_PIXELS_APART: f32 = 2.5;
 pub const MIN_SEEN_COSINE: f32 = 0.95;
 /// Cosine between a mirrored direction and the normal of the triangle that it leaves, at least.
 pub const MIN_HEIGHT: f32 = 1e-3;
+
+/// Fraction of a GGX surface's microfacets that is sampled where there are sixteen samples, which cannot represent the remaining tail.
+pub const PART_OF_FACETS: f32 = 0.98;

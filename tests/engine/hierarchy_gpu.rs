@@ -288,14 +288,14 @@ fn lists_of_glossy_receivers_are_gathered() {
     assert!(error < 1e-3, "{error}");
 }
 
-/// Mesa's software adapter ends loops after 65,535 iterations. What that cuts short says so.
+/// Mesa's software adapter, up to some version between 22.3 and 25.0, ends loops after 65,535 iterations. What that cuts short says so.
 #[test]
 fn loops_that_are_cut_short_are_reported() {
     let work = Work::new("ring-natural", [8, 8], 100, 1024, Visibility::None);
     let how = How { split_passes: 1, split_near: true, ..work.how(1e-5) };
     let gathered = work.on_gpu(gpu(), &how);
     let is_short = gathered.iter().any(|sum| sum[3] < 0.0);
-    if gpu().adapter.name.contains("llvmpipe") {
+    if gpu().adapter.driver.contains("Mesa 22.") {
         assert!(is_short, "lavapipe has learnt to loop");
     }
     let cpu = work.on_cpu(&how);

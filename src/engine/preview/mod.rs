@@ -7,6 +7,7 @@
 
 mod budget;
 mod edges;
+mod gloss;
 mod nodes;
 #[cfg(feature = "gpu")]
 pub(crate) mod on_gpu;
@@ -21,6 +22,7 @@ use rayon::prelude::*;
 
 pub use self::budget::{Budget, Detail};
 use self::edges::smooth_edges;
+use self::gloss::GlossyReceivers;
 use self::nodes::NodeGrid;
 #[cfg(feature = "gpu")]
 pub use self::on_gpu::PassTime;
@@ -333,7 +335,7 @@ impl Frame<'_> {
     }
 
     /// All light on points, one or none in each pixel: as far as it is not known, at nodes that are some pixels apart, then where it
-    /// cannot be interpolated between them. W/m², at an intensity of 1.
+    /// cannot be interpolated between them. W/m², of glossy points W/(m²·sr), at an intensity of 1.
     async fn light(
         &self,
         points: &Layer<SurfacePoint>,
@@ -345,14 +347,31 @@ impl Frame<'_> {
         }
         let mut grid =
             NodeGrid::new(points, self.options.size[0] as usize, self.detail.spacing() as usize).with_known(known);
+        let glossy = GlossyReceivers {
+            camera: &self.scene.camera,
+            prepared: self.prepared,
+            light: self.light,
+            is_shadowed: self.options.visibility == Visibility::Full,
+        };
         let mut open = grid.nodes();
         let mut is_first = true;
         while is_first || !open.is_empty() {
             is_first = false;
             let direct = self.direct_at(&grid, &open);
             let caustic = self.caustic_at(&grid, &open, sum).await?;
-            let light = direct.into_iter().zip(caustic).map(|(direct, caustic)| direct + caustic);
-            open = grid.set(&open, light.collect());
+            let light: Vec<Vec3> = open
+                .par_iter()
+                .zip(direct)
+                .zip(caustic)
+                .map(|((&index, direct), caustic)| {
+                    let irradiance = direct + caustic;
+                    match grid.point(index) {
+                        Some(point) if point.is_glossy => glossy.radiance(point, irradiance),
+                        _ => irradiance,
+                    }
+                })
+                .collect();
+            open = grid.set(&open, light);
         }
         Ok(grid.finish())
     }

@@ -233,7 +233,7 @@ mod tests {
                 face_normal: Vec3::Y,
                 front: true,
             };
-            SurfacePoint { hit, receives: true, factor: Vec3::ONE, path: 0 }
+            SurfacePoint { hit, receives: true, is_glossy: false, factor: Vec3::ONE, path: 0 }
         };
         (0..81).map(point).collect()
     }

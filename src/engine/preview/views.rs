@@ -23,7 +23,9 @@ pub struct SurfacePoint {
     pub hit: Hit,
     /// Whether it receives caustics.
     pub receives: bool,
-    /// Factor on its irradiance, 1/sr.
+    /// The camera sees it directly, and sees a lobe of its BRDF.
+    pub is_glossy: bool,
+    /// Factor on its irradiance, 1/sr; if it is glossy, on its radiance.
     pub factor: Vec3,
     /// Tells points from each other that are seen by way of different mirrors; 0 without a mirror.
     pub path: u64,
@@ -175,9 +177,10 @@ impl Views {
                 return None;
             }
             let pixel = at.y as usize * width + at.x as usize;
-            let seen = &self.surfaces.at(pixel)?.hit;
+            let point = self.surfaces.at(pixel)?;
+            let seen = &point.hit;
             let is_near = seen.position.distance(hit.position) <= MAX_PIXELS_APART * pixel_height(depth);
-            let is_same = seen.object == hit.object && seen.front == hit.front;
+            let is_same = seen.object == hit.object && seen.front == hit.front && !point.is_glossy;
             (is_near && is_same && seen.normal.dot(hit.normal) >= MIN_SEEN_COSINE).then_some(pixel)
         }
     }
@@ -281,9 +284,11 @@ impl ViewTracer<'_> {
         let albedo = surface_albedo(object, self.is_plain, reflectance.is_some());
         if albedo != Vec3::ZERO {
             let receives = !self.is_plain && object.receiver.is_some();
-            let factor = throughput * albedo * FRAC_1_PI;
+            let is_seen = receives && path == 0 && reflectance.is_none();
+            let is_glossy = is_seen && self.prepared.materials.receivers.has_lobe(found.object);
+            let factor = if is_glossy { throughput } else { throughput * albedo * FRAC_1_PI };
             let kind = if path == 0 { &mut view.surface } else { &mut view.mirrored };
-            kind.get_or_insert(SurfacePoint { hit: found, receives, factor, path });
+            kind.get_or_insert(SurfacePoint { hit: found, receives, is_glossy, factor, path });
         }
         let Some(reflectance) = reflectance else { return false };
         walk.throughput *= reflectance;

@@ -45,9 +45,11 @@ impl Geometry {
         Self::new(device, &device.create_texture(&geometry_texture(1)), structure)
     }
 
-    /// Builds what rays meet of no triangles.
+    /// Builds what ray queries meet of no triangles.
     pub(super) fn build(&self, encoder: &mut wgpu::CommandEncoder) {
-        encoder.build_acceleration_structures([], &self.structure);
+        if let Some(structure) = &self.structure {
+            encoder.build_acceleration_structures([], [structure]);
+        }
     }
 
     fn new(device: &wgpu::Device, texture: &wgpu::Texture, structure: Option<wgpu::Tlas>) -> Self {

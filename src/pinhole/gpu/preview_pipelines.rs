@@ -50,7 +50,20 @@ impl PreviewLayouts {
                 "views",
                 &[uniform(0), storage(1), storage(2), writable(3), writable(4), writable(5), writable(6), writable(7)],
             ),
-            light: of("light", &[uniform(0), storage(1), writable(2), storage(3), cube(4), sampler(5), writable(6)]),
+            light: of(
+                "light",
+                &[
+                    uniform(0),
+                    storage(1),
+                    writable(2),
+                    storage(3),
+                    cube(4),
+                    sampler(5),
+                    writable(6),
+                    storage(7),
+                    cube(8),
+                ],
+            ),
             other: of("other layer", &[storage(0), storage(1)]),
             gather: of("gather", &[picture(0), picture(1), texture(2), uniform(3)]),
             shading: of(

@@ -27,7 +27,7 @@ use crate::pinhole::constants::{
 };
 use crate::pinhole::constants::{
     MAX_CONTRAST, MAX_MIRRORS, MAX_OFF_PLANE, MAX_PIXELS_APART, MIN_EVEN_COSINE, MIN_HEIGHT, MIN_NORMAL_COSINE,
-    MIN_SAME_COSINE, MIN_SEEN_COSINE, MIN_WEIGHT,
+    MIN_SAME_COSINE, MIN_SEEN_COSINE, MIN_WEIGHT, PART_OF_FACETS,
 };
 use crate::pinhole::layout::{BATCH_SIZE, CURVE_POINTS, NO_CURVE};
 use crate::pinhole::visibility::{BEHIND, MIDDLE, MIN_OCCLUDER_COSINE};
@@ -83,8 +83,10 @@ const SHARED: &[Shader] = &[
     shader!("shared/gloss_bounds"),
     shader!("shared/hits"),
     shader!("shared/light_direction"),
+    shader!("shared/microfacets"),
     shader!("shared/no_rays"),
     shader!("shared/preview"),
+    shader!("shared/preview_gloss"),
     shader!("shared/ray_batch"),
     shader!("shared/ray_origin"),
     shader!("shared/ray_queries"),
@@ -238,7 +240,7 @@ fn constants() -> String {
     declare!(MIN_NORMAL_COSINE, MAX_OFF_PLANE, MIN_WEIGHT, MAX_CONTRAST, MAX_PIXELS_APART, MIN_SEEN_COSINE);
     declare!(MIN_EVEN_COSINE, MIN_SAME_COSINE);
     declare!(FILTER_NONE, FILTER_ISOTROPIC, FILTER_ANISOTROPIC, FILTER_HARDWARE, FILTER_EWA);
-    declare!(MATERIAL_PHONG, MATERIAL_GGX, MATERIAL_TABLE);
+    declare!(MATERIAL_PHONG, MATERIAL_GGX, MATERIAL_TABLE, PART_OF_FACETS);
     let [theta_half, theta_diff, phi_diff] = TABLE_STEPS.map(|steps| steps as u32);
     declare(&mut source, "TABLE_THETA_HALF_STEPS", theta_half);
     declare(&mut source, "TABLE_THETA_DIFF_STEPS", theta_diff);

@@ -3,6 +3,7 @@
 use bytemuck::{Pod, Zeroable};
 use glam::Vec3;
 
+use crate::brdf::Material;
 use crate::engine::paths::surface_albedo;
 use crate::environment::CubeMap;
 use crate::options::{DisplaySettings, Exposure, Options};
@@ -129,11 +130,13 @@ pub(crate) struct PreviewObject {
     pub mirror_albedo: [f32; 3],
     pub alpha: f32,
     pub radiance: [f32; 3],
-    padding: u32,
+    pub width: f32,
+    pub specular: [f32; 3],
+    pub kind: u32,
 }
 
 impl PreviewObject {
-    pub(super) fn new(object: &Object, is_plain: bool) -> Self {
+    pub(super) fn new(object: &Object, material: &Material, is_plain: bool) -> Self {
         let sides = match object.reflector.map(|reflector| reflector.sides) {
             None => 0,
             Some(Sides::Front) => 1,
@@ -147,7 +150,9 @@ impl PreviewObject {
             mirror_albedo: surface_albedo(object, is_plain, true).to_array(),
             alpha: object.reflector.map_or(0.0, |reflector| reflector.finish.alpha() as f32),
             radiance: object.emitter.map_or(Vec3::ZERO, |emitter| emitter.radiance).to_array(),
-            padding: 0,
+            width: material.width,
+            specular: material.specular,
+            kind: material.kind,
         }
     }
 }

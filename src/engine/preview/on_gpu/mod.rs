@@ -227,7 +227,9 @@ impl PreviewOnGpu {
         let directions = packed_directions(inputs.direct.shadow_directions());
         let centre = prepared.light_geometry.as_ref().map(|geometry| geometry.centre());
         let uniforms = PreviewUniforms::new(scene, options, light, centre, cubes, directions.len());
-        let objects: Vec<_> = scene.objects.iter().map(|o| PreviewObject::new(o, options.plain_diffuse)).collect();
+        let materials = prepared.materials.receivers.of_object.iter();
+        let object = |(object, material)| PreviewObject::new(object, material, options.plain_diffuse);
+        let objects: Vec<_> = scene.objects.iter().zip(materials).map(object).collect();
         let curves = reflectance_curves(&prepared.materials);
         Buffers {
             uniforms: self.uniforms.with(device, queue, bytemuck::bytes_of(&uniforms)),
@@ -346,6 +348,8 @@ impl Passes<'_> {
             BindingResource::TextureView(self.cubes.irradiance.view()),
             BindingResource::Sampler(&self.pipelines.trilinear),
             self.targets.unfinished.as_entire_binding(),
+            self.buffers.objects.as_entire_binding(),
+            BindingResource::TextureView(self.cubes.environment.view()),
         ];
         bind(self.device, &self.pipelines.layouts.light, &resources)
     }

@@ -146,7 +146,10 @@ fn rust_structs() -> BTreeMap<&'static str, Layout> {
         ("PinholeSample", pinhole_sample()),
         ("LightDirection", layout!(PackedDirection { direction, radiance })),
         ("PreviewGrid", layout!(PreviewGrid { spacing, coarser })),
-        ("PreviewObject", layout!(PreviewObject { albedo, flags, mirror_albedo, alpha, radiance })),
+        (
+            "PreviewObject",
+            layout!(PreviewObject { albedo, flags, mirror_albedo, alpha, radiance, width, specular, kind }),
+        ),
         ("PreviewUniforms", preview_uniforms()),
         ("Probe", layout!(GpuProbe { direction, side_1, side_2 })),
         ("RayUniforms", layout!(RayUniforms { node_count, offset })),
