@@ -10,6 +10,7 @@ use super::GpuError;
 
 /// What an adapter is and can do.
 #[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
+#[expect(clippy::struct_excessive_bools, reason = "each tells of another capability")]
 pub struct Adapter {
     /// Name, as the driver says.
     pub name: String,

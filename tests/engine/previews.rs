@@ -61,9 +61,14 @@ fn lone_jumps(a: &Image, b: &Image) -> usize {
 /// near mirrors, and caustics in the lobes of glossy receivers.
 #[test]
 fn previews_look_like_the_whole_picture() {
-    for (scene, most) in
-        [("ring-natural", 1.8), ("columns", 1.8), ("mirror-sphere", 1.8), ("spoon", 1.8), ("sheet", 1.2), ("varnish", 10.0)]
-    {
+    for (scene, most) in [
+        ("ring-natural", 1.8),
+        ("columns", 1.8),
+        ("mirror-sphere", 1.8),
+        ("spoon", 1.8),
+        ("sheet", 1.2),
+        ("varnish", 10.0),
+    ] {
         let mut engine = engine(scene);
         let whole = whole(&mut engine);
         let [every, second, fourth] = [1, 2, 4].map(|spacing| difference(&preview(&mut engine, spacing), &whole));

@@ -236,12 +236,11 @@ async fn maps_of_frame(
     let Gpu { device, queue, .. } = &shared.gpu;
     let samples = || (inputs.scene, pinholes.samples.clone());
     let again = kept.take().and_then(|kept| kept.again(queue, geometry, samples()));
-    let mut tracing = match again {
-        Some(again) => again,
-        None => {
-            let tracer = shared.pipelines.map_tracer(device);
-            MapTracing::new(device, &tracer, geometry, samples(), MapUse::Maps)?
-        }
+    let mut tracing = if let Some(again) = again {
+        again
+    } else {
+        let tracer = shared.pipelines.map_tracer(device);
+        MapTracing::new(device, &tracer, geometry, samples(), MapUse::Maps)?
     };
     let is_small = tracing.dispatch_count() <= MOST_DISPATCHES_OF_FRAME;
     if !is_small {
