@@ -10,7 +10,7 @@ mod view;
 
 pub(crate) use light::{LightStages, PreparedLight};
 pub(crate) use memo::{Id, Memo};
-pub(crate) use scene::{PreparedScene, SceneStages, SurfaceMaterials};
+pub(crate) use scene::{LazySurface, PreparedScene, SceneStages, SurfaceMaterials};
 pub use view::visible_receivers;
 pub(crate) use view::{CameraRays, View};
 

@@ -2,7 +2,7 @@
 //!
 //! Independent of light and samples.
 
-use std::sync::Arc;
+use std::sync::{Arc, LazyLock};
 
 use glam::Vec3;
 
@@ -29,7 +29,7 @@ pub(crate) struct PreparedScene {
     pub tracer: Arc<Tracer>,
     /// What the camera sees.
     pub camera: Arc<CameraTracer>,
-    pub surface: Arc<Surface>,
+    pub surface: Arc<LazySurface>,
     pub materials: Arc<SurfaceMaterials>,
     /// `None` where nothing shines but the environment.
     pub light_geometry: Option<Arc<LightGeometry>>,
@@ -39,6 +39,9 @@ pub(crate) struct PreparedScene {
     /// What the user should know about where things lie.
     pub notes: Vec<String>,
 }
+
+/// What reflects. Frames whose mirrors keep their samples never ask for it.
+pub(crate) type LazySurface = LazyLock<Surface, Box<dyn FnOnce() -> Surface + Send>>;
 
 impl PreparedScene {
     /// The light geometry, drawn as finely as its smallest emitter needs.
@@ -90,7 +93,7 @@ pub(crate) struct SceneStages {
     tracer_of_frame: Memo<TracerKey, Tracer>,
     emitters: Memo<TracerKey, Tracer>,
     camera: Memo<(Id<Tracer>, Option<Id<Tracer>>), CameraTracer>,
-    surface: Memo<SurfaceKey, Surface>,
+    surface: Memo<SurfaceKey, LazySurface>,
     materials: Memo<MaterialsKey, SurfaceMaterials>,
     light_geometry: Memo<LightGeometryKey, LightGeometry>,
     #[cfg(feature = "gpu")]
@@ -136,9 +139,11 @@ impl SceneStages {
     }
 
     pub fn prepare(&mut self, scene: &Scene, progress: &dyn Progress) -> Result<PreparedScene, MeshError> {
-        let mut prepared = self.prepare_with(scene, progress, |stages, key, meshes| {
+        let mut prepared = self.prepare_with(scene, progress, false, |stages, key, meshes| {
             stages.tracer.get(key, progress, || Tracer::of_meshes(seen(meshes, scene)))
         })?;
+        // It may be that of a frame.
+        LazyLock::force(&prepared.surface);
         if prepared.light_geometry.is_some() {
             prepared.notes.extend(near_emitter(&self.place_meshes(scene, progress)?, scene));
         }
@@ -147,7 +152,7 @@ impl SceneStages {
 
     /// Like [`Self::prepare`], for a scene that is different in the next frame.
     pub fn prepare_for_frame(&mut self, scene: &Scene, progress: &dyn Progress) -> Result<PreparedScene, MeshError> {
-        self.prepare_with(scene, progress, |stages, key, meshes| {
+        self.prepare_with(scene, progress, true, |stages, key, meshes| {
             let kept = stages.tracer.kept(&key);
             kept.unwrap_or_else(|| {
                 let update = |before: Option<Arc<Tracer>>| Tracer::for_frame(before.as_deref(), seen(meshes, scene));
@@ -160,6 +165,7 @@ impl SceneStages {
         &mut self,
         scene: &Scene,
         progress: &dyn Progress,
+        is_for_frame: bool,
         tracer: impl FnOnce(&mut Self, TracerKey, &[Arc<Mesh>]) -> Arc<Tracer>,
     ) -> Result<PreparedScene, MeshError> {
         let meshes = self.place_meshes(scene, progress)?;
@@ -177,7 +183,13 @@ impl SceneStages {
         let camera = self.camera.get(camera_key, progress, || CameraTracer::new(tracer.clone(), emitters.clone()));
         let mirrors = |(mesh, o): (&Arc<Mesh>, &Object)| Some((Id::of(mesh), o.reflector?.sides));
         let mirrors = meshes.iter().zip(&scene.objects).map(mirrors).collect();
-        let surface = self.surface.get(mirrors, progress, || reflecting_surface(&meshes, scene));
+        let surface = self.surface.get(mirrors, progress, || {
+            let surface = reflecting_surface(&meshes, scene);
+            if !is_for_frame {
+                LazyLock::force(&surface);
+            }
+            surface
+        });
         let materials = scene.objects.iter().map(|o| (o.receiver.clone(), o.reflector.map(|r| r.finish))).collect();
         let materials = self.materials.get(materials, progress, || SurfaceMaterials::of_scene(scene));
         let light_geometry = emitters.map(|emitters| self.light_geometry(&meshes, scene, emitters, progress));
@@ -305,14 +317,19 @@ fn check_extent<'a>(meshes: impl Iterator<Item = &'a Mesh>) -> Result<Option<Str
     }))
 }
 
-fn reflecting_surface(meshes: &[Arc<Mesh>], scene: &Scene) -> Surface {
-    let mut surface = Surface::default();
-    for (index, (mesh, object)) in meshes.iter().zip(&scene.objects).enumerate() {
-        if let Some(Reflector { sides, .. }) = object.reflector {
-            surface.append(mesh, index as u32, sides == Sides::Back);
+fn reflecting_surface(meshes: &[Arc<Mesh>], scene: &Scene) -> LazySurface {
+    let mirror = |((index, mesh), object): ((u32, &Arc<Mesh>), &Object)| {
+        let Reflector { sides, .. } = object.reflector?;
+        Some((index, mesh.clone(), sides == Sides::Back))
+    };
+    let mirrors: Vec<(u32, Arc<Mesh>, bool)> = (0..).zip(meshes).zip(&scene.objects).filter_map(mirror).collect();
+    LazyLock::new(Box::new(move || {
+        let mut surface = Surface::default();
+        for (index, mesh, is_flipped) in &mirrors {
+            surface.append(mesh, *index, *is_flipped);
         }
-    }
-    surface
+        surface
+    }))
 }
 
 #[cfg(test)]

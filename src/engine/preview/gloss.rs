@@ -6,7 +6,7 @@ use glam::Vec3;
 use super::views::SurfacePoint;
 use crate::brdf::Materials;
 use crate::engine::gloss::{blurred_radiance, likely_facet};
-use crate::lanes::{ALL, LANES};
+use crate::lanes::LANES;
 use crate::scene::{Camera, Projection, Ray};
 use crate::stages::{PreparedLight, PreparedScene};
 use crate::tracing::Hit;
@@ -56,7 +56,7 @@ impl GlossyReceivers<'_> {
         } else {
             [false; LANES]
         };
-        let arriving = |k: &usize| lanes & ALL & 1 << k != 0 && !blocked[*k];
+        let arriving = |k: &usize| lanes & 1 << k != 0 && !blocked[*k];
         let radiance = |k: usize| {
             let direction = self.light.light_from_world(rays[k].direction);
             weights[k] * blurred_radiance(&self.light.environment.cube, direction, alpha)

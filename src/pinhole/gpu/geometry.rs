@@ -134,19 +134,32 @@ impl MovingGeometry {
         write_rows(queue, &texture, 0, &list.texels);
         let uniforms = RayUniforms { node_count: list.node_count, offset: list.offset, padding: [0; 2] };
         queue.write_buffer(&geometry.uniforms, 0, bytemuck::bytes_of(&uniforms));
-        let placed = |&index: &u32| {
-            let instance = instances[index as usize];
-            let is_own = |mesh: &&PlacedMesh| std::ptr::eq(&raw const mesh.hierarchy, instance.mesh);
-            Some((instance, self.meshes.iter().find(is_own)?.structure.as_ref()?))
-        };
         if let Some(structure) = &mut structure {
-            let new = self.meshes.iter().filter_map(|mesh| mesh.structure.as_ref());
-            structure.build((device, queue), new, list.order.iter().filter_map(placed));
+            self.build_structures(
+                (device, queue),
+                structure,
+                list.order.iter().map(|&index| instances[index as usize]),
+            );
         }
         self.structure = structure;
         self.meshes.iter_mut().filter_map(|mesh| mesh.structure.as_mut()).for_each(MeshStructure::forget_corners);
         self.uploaded = Some((texture, geometry.clone()));
         Ok(geometry)
+    }
+
+    /// Builds what ray queries read of objects in the order of their texels.
+    fn build_structures<'a>(
+        &'a self,
+        (device, queue): (&wgpu::Device, &wgpu::Queue),
+        structure: &mut SceneStructure,
+        instances: impl Iterator<Item = Instance<'a>>,
+    ) {
+        let of_instance = |instance: Instance<'a>| {
+            let is_own = |mesh: &&PlacedMesh| std::ptr::eq(&raw const mesh.hierarchy, instance.mesh);
+            Some((instance, self.meshes.iter().find(is_own)?.structure.as_ref()?))
+        };
+        let meshes = self.meshes.iter().filter_map(|mesh| mesh.structure.as_ref());
+        structure.build((device, queue), meshes, instances.filter_map(of_instance));
     }
 
     /// Finds rows for the objects' meshes. Returns how many are needed; `None` if a mesh has too many triangles.

@@ -12,9 +12,9 @@ use crate::differential::{DifferentialSample, differentials};
 use crate::environment::Environment;
 use crate::pinhole::{Edges, Footprint, Params, PinholeTree, Pinholes, pinholes_with};
 use crate::progress::Stage;
-use crate::sampling::{Density, PointSet, SamplingError, Strategy, Surface};
+use crate::sampling::{Density, PointSet, SamplingError, Strategy};
 use crate::scene::{Camera, Mesh, Object, Reflector, Scene, Sides, Transform, Visibility};
-use crate::stages::{Id, Memo, StageCounts};
+use crate::stages::{Id, LazySurface, Memo, StageCounts};
 use crate::technique::Inputs;
 use crate::tracing::Tracer;
 
@@ -28,7 +28,7 @@ pub(super) struct Points {
 /// The inputs of the samples' positions.
 #[derive(PartialEq)]
 struct PointsKey {
-    surface: Id<Surface>,
+    surface: Id<LazySurface>,
     samples: u32,
     strategy: Strategy,
     seed: u64,
@@ -53,7 +53,7 @@ struct DensityKey {
 #[derive(PartialEq)]
 struct CellsKey {
     points: Id<PointSet>,
-    surface: Id<Surface>,
+    surface: Id<LazySurface>,
     reflectors: Vec<Option<Reflector>>,
     footprint: Footprint,
     leaves: u32,
