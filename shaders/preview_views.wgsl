@@ -53,10 +53,9 @@ fn trace_views(@builtin(global_invocation_id) id: vec3u) {
         }
         let mirrors = preview.is_plain == 0u && (object.flags & select(2u, 1u, hit.is_front)) != 0u;
         let albedo = select(object.albedo, object.mirror_albedo, mirrors);
-        if any(albedo > vec3f(0.0)) {
-            let receives = preview.is_plain == 0u && (object.flags & IS_RECEIVER) != 0u;
-            let has_lobe = object.kind == MATERIAL_PHONG || object.kind == MATERIAL_GGX;
-            let is_glossy = receives && path == 0u && !mirrors && has_lobe;
+        let receives = preview.is_plain == 0u && (object.flags & IS_RECEIVER) != 0u;
+        let is_glossy = receives && path == 0u && !mirrors && has_lobe(object);
+        if any(albedo > vec3f(0.0)) || is_glossy {
             let flags = select(0u, IS_FRONT, hit.is_front) | select(0u, RECEIVES, receives) | select(0u, IS_GLOSSY, is_glossy);
             let factor = throughput * select(albedo * INVERSE_PI, vec3f(1.0), is_glossy);
             let point = SurfacePoint(hit.position, hit.object, hit.normal, path, factor, flags);

@@ -59,6 +59,11 @@ struct PreviewObject {
     kind: u32,
 }
 
+// Whether its BRDF is a lobe over a diffuse part.
+fn has_lobe(object: PreviewObject) -> bool {
+    return object.kind == MATERIAL_PHONG || object.kind == MATERIAL_GGX;
+}
+
 const IS_RECEIVER: u32 = 4u;
 const IS_EMITTER: u32 = 8u;
 

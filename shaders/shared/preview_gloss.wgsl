@@ -9,10 +9,6 @@
 // Microfacets along both coordinates of a lobe.
 const ALONG: u32 = 4u;
 
-fn has_lobe(object: PreviewObject) -> bool {
-    return object.kind == MATERIAL_PHONG || object.kind == MATERIAL_GGX;
-}
-
 fn view_of(point: SurfacePoint) -> vec3f {
     let towards_camera = normalize(preview.camera_position - point.position);
     return select(-preview.camera_forward, towards_camera, preview.is_perspective != 0u);

@@ -20,7 +20,7 @@ pub struct Adapter {
     pub driver: String,
     /// A software rasteriser.
     pub software: bool,
-    /// Finds what rays meet by itself (ray queries): no traversal in shaders.
+    /// Has ray queries: shaders need no traversal to find what rays meet.
     pub ray_queries: bool,
     /// 32-bit float textures can be filtered: radiance needs no scale factor.
     pub float32_filterable: bool,
@@ -150,7 +150,14 @@ impl Gpu {
     }
 
     async fn from_adapter(adapter: &wgpu::Adapter) -> Result<Self, GpuError> {
-        Self::request(adapter, adapter.features() & WANTED_FEATURES, adapter.limits()).await
+        let wanted = adapter.features() & WANTED_FEATURES;
+        match Self::request(adapter, wanted, adapter.limits()).await {
+            // A driver may promise ray queries and refuse them.
+            Err(_) if wanted.contains(wgpu::Features::EXPERIMENTAL_RAY_QUERY) => {
+                Self::request(adapter, wanted - wgpu::Features::EXPERIMENTAL_RAY_QUERY, adapter.limits()).await
+            }
+            opened => opened,
+        }
     }
 
     async fn request(

@@ -155,7 +155,9 @@ impl SceneStages {
         self.prepare_with(scene, progress, true, |stages, key, meshes| {
             let kept = stages.tracer.kept(&key);
             kept.unwrap_or_else(|| {
-                let update = |before: Option<Arc<Tracer>>| Tracer::for_frame(before.as_deref(), seen(meshes, scene));
+                let update = |before: Option<Arc<Tracer>>| {
+                    Tracer::for_frame(before.as_deref(), before.is_none(), seen(meshes, scene))
+                };
                 stages.tracer_of_frame.get_by_update(key, progress, update)
             })
         })
@@ -205,8 +207,8 @@ impl SceneStages {
         })
     }
 
-    /// Uploads the scene's triangles for rays on a GPU; the hierarchies of new meshes are built quickly if these are there
-    /// `for_one_frame`.
+    /// Uploads the scene's triangles for rays on a GPU; the hierarchies of meshes that come later than the first ones are built quickly if
+    /// these are there `for_one_frame`.
     #[cfg(feature = "gpu")]
     pub fn upload(
         &mut self,

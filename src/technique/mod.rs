@@ -132,11 +132,11 @@ pub(crate) trait SumOnGpu {
     /// The pass over receivers without viewers: positions with objects, normals, and the size of both textures.
     fn frame(&self, receivers: [&wgpu::TextureView; 2], size: [u32; 2]) -> Result<Frame, GpuError>;
 
-    /// Makes a pass of an earlier sum over these receivers that of this sum, so that it need not be made anew. Returns whether this is
-    /// possible.
+    /// Turns a pass of an earlier sum over these receivers into one of this sum. Returns whether that is possible: otherwise a new one is
+    /// needed.
     fn update(&self, frame: &mut Frame, receivers: [&wgpu::TextureView; 2], size: [u32; 2]) -> Result<bool, GpuError>;
 
-    /// Records the tracing of visibility maps that has not been done yet. Returns where rays are counted that the adapter did not let be
+    /// Records the tracing of visibility maps that has not been done yet; what is recorded has to be submitted. Returns where rays are counted that the adapter did not let be
     /// finished: if there are any, the sum is wrong.
     fn record_maps(&self, encoder: &mut wgpu::CommandEncoder) -> Option<&wgpu::Buffer>;
 

@@ -29,19 +29,29 @@ impl Tracer {
     }
 
     /// The same for objects that move or deform in every frame: the hierarchy of the frame before is refitted if these are the same objects
-    /// and rays do not become much slower. If they do, it is built in a fraction of the time; rays take a little longer.
-    pub(crate) fn for_frame<'a>(before: Option<&Self>, meshes: impl Iterator<Item = (&'a Mesh, SeenBy)>) -> Self {
-        Self::refitted_or_built(before, &meshes.collect::<Vec<_>>(), is_met_by_light)
+    /// and rays do not become much slower. Otherwise it is built in a fraction of the time, and rays take a little longer, except in the first
+    /// frame.
+    pub(crate) fn for_frame<'a>(
+        before: Option<&Self>,
+        is_first: bool,
+        meshes: impl Iterator<Item = (&'a Mesh, SeenBy)>,
+    ) -> Self {
+        Self::refitted_or_built(before, is_first, &meshes.collect::<Vec<_>>(), is_met_by_light)
     }
 
     /// The hierarchy over emitters, through which light passes; refitted like that of a frame.
     pub(crate) fn of_emitters<'a>(before: Option<&Self>, meshes: impl Iterator<Item = (&'a Mesh, SeenBy)>) -> Self {
-        Self::refitted_or_built(before, &meshes.collect::<Vec<_>>(), |seen_by| !seen_by.light)
+        Self::refitted_or_built(before, before.is_none(), &meshes.collect::<Vec<_>>(), |seen_by| !seen_by.light)
     }
 
-    fn refitted_or_built(before: Option<&Self>, objects: &Objects, is_wanted: fn(&SeenBy) -> bool) -> Self {
+    fn refitted_or_built(
+        before: Option<&Self>,
+        is_first: bool,
+        objects: &Objects,
+        is_wanted: fn(&SeenBy) -> bool,
+    ) -> Self {
         let refitted = before.and_then(|before| before.refitted(objects, is_wanted));
-        let how = if before.is_some() { BvhBuildParams::very_fast_build() } else { BvhBuildParams::medium_build() };
+        let how = if is_first { BvhBuildParams::medium_build() } else { BvhBuildParams::very_fast_build() };
         refitted.unwrap_or_else(|| Self::build(objects, how, is_wanted))
     }
 
@@ -217,7 +227,7 @@ mod tests {
     fn moved_and_deformed_objects_are_found_where_they_are() {
         let [still, before] = [ball(|p| p), ball(|p| p + 3.0 * Vec3::X)];
         let after = ball(|p| Vec3::new(1.2, 0.9, 1.0) * p + Vec3::new(2.8, 0.3, 0.1 * p.x));
-        let first = Tracer::for_frame(None, seen(&[&still, &before]).into_iter());
+        let first = Tracer::for_frame(None, true, seen(&[&still, &before]).into_iter());
         let refitted = first.refitted(&seen(&[&still, &after]), is_met_by_light).unwrap();
         assert_eq!(refitted.bvh.primitive_indices, first.bvh.primitive_indices);
         let new = Tracer::of_meshes(seen(&[&still, &after]).into_iter());
@@ -238,11 +248,11 @@ mod tests {
     #[test]
     fn other_objects_and_slow_hierarchies_are_built_anew() {
         let [still, beside] = [ball(|p| p), ball(|p| p + 3.0 * Vec3::X)];
-        let first = Tracer::for_frame(None, seen(&[&still, &beside]).into_iter());
+        let first = Tracer::for_frame(None, true, seen(&[&still, &beside]).into_iter());
         assert!(first.refitted(&seen(&[&still]), is_met_by_light).is_none());
         // Each of its triangles is somewhere else.
         let torn = ball(|p| 50.0 * Vec3::new((900.0 * p.x).sin(), (900.0 * p.y).sin(), (900.0 * p.z).sin()));
         assert!(first.refitted(&seen(&[&still, &torn]), is_met_by_light).is_none());
-        assert!(Tracer::for_frame(Some(&first), seen(&[&still, &torn]).into_iter()).cost > 0.0);
+        assert!(Tracer::for_frame(Some(&first), false, seen(&[&still, &torn]).into_iter()).cost > 0.0);
     }
 }

@@ -58,10 +58,10 @@ impl BottomLevel {
     }
 
     /// The same for a mesh that is there for one frame: refitted from that of another mesh, if it is one of the same triangles in
-    /// another shape, or built faster, and slower to trace.
-    pub fn for_frame(mesh: &Mesh, before: Option<&Self>) -> Option<Self> {
+    /// another shape, or, unless it is there in the first frame, built faster, and slower to trace.
+    pub fn for_frame(mesh: &Mesh, before: Option<&Self>, is_first: bool) -> Option<Self> {
         let before = before.map(|before| &before.tracer);
-        let tracer = || Tracer::for_frame(before, std::iter::once((mesh, SeenBy::ALL)));
+        let tracer = || Tracer::for_frame(before, is_first, std::iter::once((mesh, SeenBy::ALL)));
         (mesh.triangles().len() <= MAX_TRIANGLES).then(|| Self::of_tracer(tracer()))
     }
 

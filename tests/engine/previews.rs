@@ -281,3 +281,18 @@ fn mirrors_keep_their_samples_while_they_move() {
     let (_, stages) = preview(&|scene| scene.objects.iter_mut().for_each(|object| object.placement.scale *= 1.5));
     assert!(stages.contains(&Stage::Points));
 }
+
+/// A receiver without a diffuse part shows its lobe.
+#[test]
+fn lobes_alone_are_seen() {
+    for backend in [Backend::cpu(), gpu_backend()] {
+        let (mut scene, options) = pinspot::load("varnish").unwrap();
+        let table = scene.objects.iter_mut().find_map(|object| object.receiver.as_mut()).unwrap();
+        table.albedo = Vec3::ZERO;
+        let mut engine = Engine::new(scene, options.with_size([32, 24]), backend.clone());
+        let detail = Detail { size: [32, 24], samples: 20, taps: 4, spacing: 2, shadow_directions: 16 };
+        let preview = wait(backend.device(), engine.preview(&detail, &NoProgress)).unwrap();
+        let corner = preview.image.pixels.last().unwrap();
+        assert!(corner.min_element() > 0.1, "{corner}");
+    }
+}

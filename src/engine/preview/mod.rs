@@ -61,7 +61,8 @@ pub struct Preview<T = Image> {
     pub marks: Vec<Mark>,
     /// How they are summed; `None` if no caustic is shown.
     pub evaluation: Option<Evaluation>,
-    /// How long the passes took on the GPU; empty on the CPU, and where the device has no timestamps.
+    /// How long the passes took on the GPU, without those that trace visibility maps and draw emitters; empty on the CPU, and where the
+    /// device has no timestamps.
     #[cfg(feature = "gpu")]
     pub passes: Vec<PassTime>,
 }

@@ -166,7 +166,7 @@ impl Views {
         Self { surfaces, mirrored, escapes: Layer::of_bands(escapes), first, width }
     }
 
-    /// The pixels that see the same place of a surface directly, if one does.
+    /// For a point of a surface, the pixel that sees the same place directly, if one does.
     pub fn pixels_of(&self, camera: &Camera) -> impl Fn(&Hit) -> Option<usize> + Sync {
         let (width, height) = (self.width, self.surfaces.pixels() / self.width);
         let size = Vec2::new(width as f32, height as f32);
@@ -282,10 +282,10 @@ impl ViewTracer<'_> {
         }
         let reflectance = visible_reflectance(self.prepared, self.is_plain, (&found, object), &ray);
         let albedo = surface_albedo(object, self.is_plain, reflectance.is_some());
-        if albedo != Vec3::ZERO {
-            let receives = !self.is_plain && object.receiver.is_some();
-            let is_seen = receives && path == 0 && reflectance.is_none();
-            let is_glossy = is_seen && self.prepared.materials.receivers.has_lobe(found.object);
+        let receives = !self.is_plain && object.receiver.is_some();
+        let is_seen = receives && path == 0 && reflectance.is_none();
+        let is_glossy = is_seen && self.prepared.materials.receivers.has_lobe(found.object);
+        if albedo != Vec3::ZERO || is_glossy {
             let factor = if is_glossy { throughput } else { throughput * albedo * FRAC_1_PI };
             let kind = if path == 0 { &mut view.surface } else { &mut view.mirrored };
             kind.get_or_insert(SurfacePoint { hit: found, receives, is_glossy, factor, path });

@@ -11,9 +11,17 @@ use wgpu::{
 use crate::gpu::buffer_with;
 use crate::tracing::{Instance, SeenBy};
 
-/// Whether a device finds what rays meet by itself.
+/// Whether a device finds what rays meet by itself: it has the feature, and limits that leave room for it.
 pub(crate) fn has_ray_queries(device: &wgpu::Device) -> bool {
-    device.features().contains(wgpu::Features::EXPERIMENTAL_RAY_QUERY)
+    let limits = device.limits();
+    let room = limits.max_acceleration_structures_per_shader_stage.min(limits.max_blas_geometry_count);
+    device.features().contains(wgpu::Features::EXPERIMENTAL_RAY_QUERY) && room > 0 && fits(device, 1, 1)
+}
+
+/// Whether a scene of so many objects, none with more than so many triangles, fits a device's limits.
+pub(super) fn fits(device: &wgpu::Device, objects: usize, triangles: usize) -> bool {
+    let limits = device.limits();
+    objects <= limits.max_tlas_instance_count as usize && triangles <= limits.max_blas_primitive_count as usize
 }
 
 /// The triangles of a mesh, in its units.

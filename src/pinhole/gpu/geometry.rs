@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use bytemuck::{Pod, Zeroable};
 
-use super::acceleration::{MeshStructure, SceneStructure, has_ray_queries};
+use super::acceleration::{MeshStructure, SceneStructure, fits, has_ray_queries};
 use super::pipeline::{bind_numbered, entry, seen_by, uniform};
 use crate::gpu::{GpuError, buffer_with};
 use crate::scene::{Mesh, Object, Scene};
@@ -34,7 +34,7 @@ pub(super) struct RayUniforms {
 }
 
 impl Geometry {
-    /// Uploads a scene's triangles.
+    /// Uploads a scene's triangles. On devices with ray queries, submits what builds the structures for these.
     pub fn upload(device: &wgpu::Device, queue: &wgpu::Queue, scene: &Scene) -> Result<Self, GpuError> {
         MovingGeometry::default().update(device, queue, &scene.objects, false)
     }
@@ -45,7 +45,7 @@ impl Geometry {
         Self::new(device, &device.create_texture(&geometry_texture(1)), structure)
     }
 
-    /// Builds what ray queries meet of no triangles.
+    /// Builds the empty structure for ray queries.
     pub(super) fn build(&self, encoder: &mut wgpu::CommandEncoder) {
         if let Some(structure) = &self.structure {
             encoder.build_acceleration_structures([], [structure]);
@@ -98,7 +98,8 @@ struct PlacedMesh {
 
 impl MovingGeometry {
     /// Makes the texture that of these objects. What was returned before shows them, too, unless they do not fit into its texture.
-    /// The hierarchies of new meshes are refitted or built quickly if these are there `for_one_frame`.
+    /// The hierarchies of meshes that come later than the first ones are refitted or built quickly if these are there `for_one_frame`. For
+    /// ray queries, structures are built in a submission of its own.
     pub fn update(
         &mut self,
         device: &wgpu::Device,
@@ -112,6 +113,10 @@ impl MovingGeometry {
         let first_rows = rows_of(8 * objects.len());
         let rows =
             self.place(objects, first_rows, for_one_frame).filter(|rows| *rows <= limit).ok_or_else(too_large)?;
+        let most = self.meshes.iter().map(|mesh| mesh.hierarchy.corners().len()).max().unwrap_or(0);
+        if has_ray_queries(device) && !fits(device, objects.len(), most) {
+            return Err(too_large());
+        }
         let mut structure = self.structure.take();
         let has_room = structure.as_ref().is_none_or(|structure| structure.holds(objects.len()));
         let known = self.uploaded.take().filter(|(texture, _)| texture.height() >= rows && has_room);
@@ -165,6 +170,7 @@ impl MovingGeometry {
     /// Finds rows for the objects' meshes. Returns how many are needed; `None` if a mesh has too many triangles.
     fn place(&mut self, objects: &[Object], first_row: u32, for_one_frame: bool) -> Option<u32> {
         let mut before = std::mem::take(&mut self.meshes);
+        let is_first = before.is_empty();
         let mut next_row = first_row;
         for object in objects {
             if self.meshes.iter().any(|known| Arc::ptr_eq(&known.mesh, &object.mesh)) {
@@ -179,7 +185,7 @@ impl MovingGeometry {
                 None => PlacedMesh {
                     mesh: object.mesh.clone(),
                     hierarchy: if for_one_frame {
-                        BottomLevel::for_frame(&object.mesh, former(&before, objects, &object.mesh))?
+                        BottomLevel::for_frame(&object.mesh, former(&before, objects, &object.mesh), is_first)?
                     } else {
                         BottomLevel::new(&object.mesh)?
                     },

@@ -225,8 +225,8 @@ impl MapTracing {
         })
     }
 
-    /// The same maps of samples that are elsewhere, in the buffers of these; `None` if they need others. What is recorded next changes
-    /// the maps that were traced before.
+    /// Maps of samples that are elsewhere, in the same buffers; `None` if the number of maps, their resolution or the geometry differs. What is
+    /// recorded next overwrites the maps that were traced before.
     pub(crate) fn again(
         &self,
         queue: &wgpu::Queue,
@@ -247,7 +247,7 @@ impl MapTracing {
         self.count.div_ceil(MAPS_PER_DISPATCH)
     }
 
-    /// Records a range of dispatches, up to [`Self::dispatch_count`]. Record each once, in one encoder or in several.
+    /// Records a range of dispatches, up to [`Self::dispatch_count`]. Record each once, in order, in one encoder or in several.
     pub fn record(&self, encoder: &mut wgpu::CommandEncoder, dispatches: Range<u32>) {
         let label = Some("visibility maps");
         if dispatches.start == 0 {
@@ -276,7 +276,7 @@ impl MapTracing {
         std::mem::take(&mut self.samples)
     }
 
-    /// The maps, right once all dispatches are done.
+    /// The maps, valid once all dispatches are done.
     pub(crate) fn maps(&self) -> &VisibilityMapBuffers {
         &self.maps
     }

@@ -2,8 +2,8 @@
 //!
 //! [`Engine`] is made once per device and filter; [`Engine::frame`] once per image, with the receivers' textures, the
 //! samples and the environment; [`Frame::record`] adds ranges of batches, so that a caller can submit between them
-//! and no watchdog fires. Neither submits, polls or owns a window; [`check_hardware_filter`] and [`probe()`] do submit, on a device of
-//! Pinspot's own. Shader: `shaders/gather.wgsl`; CPU twin: [`cpu::gather`](super::cpu::gather).
+//! and no watchdog fires. Neither submits, polls or owns a window; [`Geometry::upload`] submits on devices with ray queries, [`check_hardware_filter`] and
+//! [`probe()`] on a device of Pinspot's own. Shader: `shaders/gather.wgsl`; CPU twin: [`cpu::gather`](super::cpu::gather).
 
 mod acceleration;
 mod cache;
@@ -259,8 +259,9 @@ impl Frame {
     /// Begins anew: what is recorded next is added to nothing.
     pub fn restart(&mut self, encoder: &mut wgpu::CommandEncoder) {
         self.current = None;
-        // The first batch reads the other target.
-        if let Some(other) = self.views.get(1) {
+        // The first batch reads the other target; without batches, the first target is the result.
+        let stale = usize::from(self.batches > 0);
+        if let Some(other) = self.views.get(stale).filter(|_| self.views.len() > 1) {
             encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
                 label: Some("restart"),
                 color_attachments: &[Some(wgpu::RenderPassColorAttachment {

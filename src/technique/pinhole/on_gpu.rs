@@ -259,10 +259,15 @@ impl NumberedMaps {
         Self { pinholes, maps: tracing.maps().clone(), later }
     }
 
-    /// What has to be traced now: nothing the second time.
-    fn take_later(&self) -> Option<&MapTracing> {
-        let later = self.later.as_ref()?;
-        (!later.is_recorded.swap(true, Ordering::Relaxed)).then_some(&later.tracing)
+    /// Traces what has not been traced, for sums that are not part of a preview's commands.
+    async fn trace_now(&self, gpu: &Gpu, progress: &dyn Progress) -> Result<(), GpuError> {
+        let Some(later) = self.later.as_ref().filter(|later| !later.is_recorded.load(Ordering::Relaxed)) else {
+            return Ok(());
+        };
+        submit(gpu, &later.tracing, progress).await?;
+        // What was cancelled or failed is traced again.
+        later.is_recorded.store(!progress.is_cancelled(), Ordering::Relaxed);
+        Ok(())
     }
 }
 
@@ -270,8 +275,8 @@ impl Sum for FlatOnGpu {
     fn irradiance<'a>(&'a self, receivers: &'a Receivers, progress: &'a dyn Progress) -> Pending<'a, Vec<[f32; 4]>> {
         Box::pin(async move {
             let gpu = &self.shared.gpu;
-            if let Some(tracing) = self.maps.as_ref().and_then(|maps| maps.take_later()) {
-                submit(gpu, tracing, progress).await?;
+            if let Some(maps) = &self.maps {
+                maps.trace_now(gpu, progress).await?;
             }
             let most = (pairs_per_submit(gpu) / u64::from(BATCH_SIZE)) as usize;
             let mut sums = Vec::with_capacity(receivers.positions.len());
@@ -311,11 +316,11 @@ impl SumOnGpu for FlatOnGpu {
     }
 
     fn record_maps(&self, encoder: &mut wgpu::CommandEncoder) -> Option<&wgpu::Buffer> {
-        let maps = self.maps.as_ref()?;
-        if let Some(tracing) = maps.take_later() {
-            tracing.record(encoder, 0..tracing.dispatch_count());
+        let later = self.maps.as_ref()?.later.as_ref()?;
+        if !later.is_recorded.swap(true, Ordering::Relaxed) {
+            later.tracing.record(encoder, 0..later.tracing.dispatch_count());
         }
-        maps.later.as_ref().map(|later| later.tracing.unfinished())
+        Some(later.tracing.unfinished())
     }
 
     fn environment(&self) -> &Arc<EnvironmentCube> {

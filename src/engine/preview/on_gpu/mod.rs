@@ -186,8 +186,13 @@ impl PreviewOnGpu {
             self.gather = None;
             return Ok(());
         };
-        let is_known = self.gather.as_ref().is_some_and(|(known, _)| *known == Id::of(sum));
-        let Some(on_gpu) = sum.on_gpu().filter(|_| !is_known) else { return Ok(()) };
+        if self.gather.as_ref().is_some_and(|(known, _)| *known == Id::of(sum)) {
+            return Ok(());
+        }
+        let Some(on_gpu) = sum.on_gpu() else {
+            self.gather = None;
+            return Ok(());
+        };
         let mut kept = self.gather.take().map_or(Vec::new(), |(_, frames)| frames).into_iter();
         let mut frames = Vec::new();
         for receivers in &targets.receivers {
