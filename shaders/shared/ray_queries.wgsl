@@ -1,6 +1,6 @@
 // How rays find triangles: by ray queries, on devices that have them. ray_traversal.wgsl does the same without.
 
-// Objects of meshes in units, in the order in which the top level of `geometry` has them, which is their custom data.
+// The scene's objects. An instance's custom data is its place among the objects of `geometry`.
 @group(3) @binding(2) var ray_scene: acceleration_structure;
 
 // The nearest triangle along a unit direction from a start to an end in metres or, with `any_hit`, one of them, among some of the objects.
@@ -28,7 +28,7 @@ fn trace_some(leaving: RayOrigin, direction: vec3f, start: f32, end: f32, any_hi
     return RayHit(met.t, triangle, first, met.barycentrics, true, 1u);
 }
 
-// Which objects' bits of who sees them, or below them the lack of these, are wanted.
+// The bits of an instance's mask with which a ray meets it: two for the rays that see the object, then two for those that do not.
 fn cull_mask(meets: vec2u) -> u32 {
     return meets.y | ((meets.x & ~meets.y) << 2u);
 }

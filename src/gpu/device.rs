@@ -95,9 +95,9 @@ fn descriptor(required_features: wgpu::Features, required_limits: wgpu::Limits) 
 /// wgpu's token for features whose validation is not complete yet.
 #[expect(unsafe_code, reason = "wgpu asks for it; there is no other way to ray queries")]
 fn experimental() -> wgpu::ExperimentalFeatures {
-    // SAFETY: what wgpu may fail to validate holds of what `pinhole::gpu::acceleration` records. Structures are built before commands
-    // that use them, from buffers of as many vertices as they say, with finite matrices; queries are initialised before they proceed,
-    // with ranges that are not negative, and read only after they have proceeded to the end.
+    // SAFETY: wgpu may not check yet what ray queries require, so `pinhole::gpu::acceleration` and `ray_queries.wgsl` see to it: structures
+    // are built before commands that use them, from buffers that hold all their vertices, with finite matrices; queries are initialised
+    // before they proceed, with ranges that are not negative, and read once they have proceeded to the end.
     unsafe { wgpu::ExperimentalFeatures::enabled() }
 }
 

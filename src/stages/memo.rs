@@ -36,6 +36,11 @@ impl<K: PartialEq, T> Memo<K, T> {
         self.made.as_ref().filter(|(known, _)| known == key).map(|(_, result)| result.clone())
     }
 
+    /// The kept result, whatever its inputs.
+    pub fn latest(&self) -> Option<Arc<T>> {
+        self.made.as_ref().map(|(_, result)| result.clone())
+    }
+
     /// The result for these inputs: the kept one if they are unchanged, else a new one.
     pub fn get(&mut self, key: K, progress: &dyn Progress, make: impl FnOnce() -> T) -> Arc<T> {
         let made: Result<_, std::convert::Infallible> = self.try_get(key, progress, || Ok(make()));
@@ -44,7 +49,7 @@ impl<K: PartialEq, T> Memo<K, T> {
 
     /// Like [`Self::get`], for results that are made from the one that was kept.
     pub fn get_by_update(&mut self, key: K, progress: &dyn Progress, make: impl FnOnce(Option<Arc<T>>) -> T) -> Arc<T> {
-        let before = self.made.as_ref().map(|(_, result)| result.clone());
+        let before = self.latest();
         self.get(key, progress, || make(before))
     }
 

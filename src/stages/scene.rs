@@ -155,7 +155,9 @@ impl SceneStages {
         self.prepare_with(scene, progress, true, |stages, key, meshes| {
             let kept = stages.tracer.kept(&key);
             kept.unwrap_or_else(|| {
+                let of_picture = stages.tracer.latest();
                 let update = |before: Option<Arc<Tracer>>| {
+                    let before = before.or(of_picture);
                     Tracer::for_frame(before.as_deref(), before.is_none(), seen(meshes, scene))
                 };
                 stages.tracer_of_frame.get_by_update(key, progress, update)

@@ -136,8 +136,8 @@ pub(crate) trait SumOnGpu {
     /// needed.
     fn update(&self, frame: &mut Frame, receivers: [&wgpu::TextureView; 2], size: [u32; 2]) -> Result<bool, GpuError>;
 
-    /// Records the tracing of visibility maps that has not been done yet; what is recorded has to be submitted. Returns where rays are counted that the adapter did not let be
-    /// finished: if there are any, the sum is wrong.
+    /// Records the tracing of visibility maps that has not been done yet; what is recorded has to be submitted. Returns the buffer whose
+    /// first word counts the rays that the adapter did not let be finished: if there are any, the sum is wrong.
     fn record_maps(&self, encoder: &mut wgpu::CommandEncoder) -> Option<&wgpu::Buffer>;
 
     /// The environment that it looks up.

@@ -50,7 +50,7 @@ pub struct Escape {
 #[derive(Debug)]
 pub struct Layer<T> {
     bands: Vec<Vec<T>>,
-    /// By pixel: the number of its band above so many bits for its point in it, or [`NO_POINT`].
+    /// By pixel: the number of its band, shifted by `bits`, and of its point in the band; or [`NO_POINT`].
     of_pixels: Vec<u32>,
     bits: u32,
 }

@@ -124,7 +124,7 @@ impl SceneStructure {
     }
 }
 
-/// By two bits who sees an object, and by two above them who does not: `cull_mask` in `ray_queries.wgsl`.
+/// An instance's mask: two bits for the rays that see the object, then two for those that do not. See `cull_mask` in `ray_queries.wgsl`.
 fn mask(seen_by: SeenBy) -> u8 {
     (seen_by.bits() | (!seen_by.bits() & 3) << 2) as u8
 }

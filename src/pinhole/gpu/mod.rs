@@ -168,17 +168,10 @@ impl Engine {
         inputs: &FrameInputs,
     ) -> Result<bool, GpuError> {
         self.check(device, inputs)?;
-        let none = VisibilityMapBuffers {
-            planes: frame.sources.planes.clone(),
-            sky_masks: frame.sources.sky_masks.clone(),
-            resolution: 0,
-            rays: None,
-        };
-        let maps = inputs.maps.unwrap_or(&none);
         if frame.pipeline != *self.pipeline(inputs) || inputs.pinholes.visibility.is_some() {
             return Ok(false);
         }
-        let Some(sources) = frame.sources.updated(queue, inputs, maps) else { return Ok(false) };
+        let Some(sources) = frame.sources.updated(queue, inputs) else { return Ok(false) };
         if sources != frame.sources {
             frame.inputs = self.pipelines.bind_inputs(device, &sources);
             frame.sources = sources;

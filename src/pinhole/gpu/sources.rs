@@ -16,35 +16,35 @@ pub(super) struct Sources {
 }
 
 /// The contents of the buffers of [`Sources`].
-struct Contents {
+struct Contents<'a> {
     uniforms: GatherUniforms,
     samples: Vec<PinholeSample>,
-    curves: Vec<u8>,
+    curves: &'a [u8],
 }
 
-impl Contents {
-    fn new(inputs: &FrameInputs, maps: &VisibilityMapBuffers) -> Self {
+impl<'a> Contents<'a> {
+    fn new(inputs: &FrameInputs<'a>, map_resolution: u32) -> Self {
         let cube = inputs.environment;
         let uniforms = GatherUniforms {
-            map_resolution: maps.resolution,
+            map_resolution,
             ..GatherUniforms::new(&inputs.params, inputs.pinholes, cube.size(), cube.radiance_scale())
         };
         // Whole batches, one at least; the shader reads `sample_count` samples only.
         let batches = inputs.pinholes.samples.len().div_ceil(BATCH_SIZE as usize).max(1);
         let mut samples = inputs.pinholes.samples.clone();
         samples.resize(batches * BATCH_SIZE as usize, PinholeSample::default());
-        Self { uniforms, samples, curves: filled_storage(bytemuck::cast_slice(&inputs.pinholes.curves)).to_vec() }
+        Self { uniforms, samples, curves: filled_storage(bytemuck::cast_slice(&inputs.pinholes.curves)) }
     }
 
     /// By buffer: the bytes.
     fn bytes(&self) -> [&[u8]; 3] {
-        [bytemuck::bytes_of(&self.uniforms), bytemuck::cast_slice(&self.samples), &self.curves]
+        [bytemuck::bytes_of(&self.uniforms), bytemuck::cast_slice(&self.samples), self.curves]
     }
 }
 
 impl Sources {
     pub fn new(device: &wgpu::Device, inputs: &FrameInputs, maps: &VisibilityMapBuffers) -> Self {
-        let contents = Contents::new(inputs, maps);
+        let contents = Contents::new(inputs, maps.resolution);
         let [uniforms, samples, curves] = contents.bytes();
         let usage = wgpu::BufferUsages::COPY_DST;
         Self {
@@ -57,16 +57,18 @@ impl Sources {
         }
     }
 
-    /// The same buffers with other contents; `None` if these have other sizes.
-    pub fn updated(&self, queue: &wgpu::Queue, inputs: &FrameInputs, maps: &VisibilityMapBuffers) -> Option<Self> {
-        let contents = Contents::new(inputs, maps);
+    /// The same buffers with other contents, and the visibility maps of the inputs; `None` if the contents have other sizes.
+    pub fn updated(&self, queue: &wgpu::Queue, inputs: &FrameInputs) -> Option<Self> {
+        let contents = Contents::new(inputs, inputs.maps.map_or(0, |maps| maps.resolution));
         let buffers = [&self.uniforms, &self.samples, &self.curves];
         if !buffers.iter().zip(contents.bytes()).all(|(buffer, bytes)| buffer.size() == bytes.len() as u64) {
             return None;
         }
         buffers.iter().zip(contents.bytes()).for_each(|(buffer, bytes)| queue.write_buffer(buffer, 0, bytes));
         let [uniforms, samples, curves] = buffers.map(Clone::clone);
-        let (planes, sky_masks) = (maps.planes.clone(), maps.sky_masks.clone());
+        // Without visibility, what is bound in place of maps stays.
+        let maps = inputs.maps.map_or([&self.planes, &self.sky_masks], |maps| [&maps.planes, &maps.sky_masks]);
+        let [planes, sky_masks] = maps.map(Clone::clone);
         Some(Self { uniforms, samples, curves, planes, sky_masks, environment: inputs.environment.view().clone() })
     }
 }

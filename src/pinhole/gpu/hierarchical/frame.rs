@@ -26,8 +26,8 @@ pub struct HierarchicalFrame {
     pub(super) roots: wgpu::Buffer,
     pub(super) lists: wgpu::Buffer,
     pub(super) tolerance: wgpu::Buffer,
-    /// The scene of rays where none are traced, until it is built.
-    pub(super) no_scene: Option<Geometry>,
+    /// What is bound where no rays are traced, until its structure is built.
+    pub(super) empty_geometry: Option<Geometry>,
     pub(super) is_begun: bool,
 }
 
@@ -39,8 +39,8 @@ impl HierarchicalFrame {
 
     /// Records a range of batches, up to [`Self::batch_count`]. Record every batch once, in order, in one encoder or in several.
     pub fn record(&mut self, encoder: &mut wgpu::CommandEncoder, batches: Range<u32>) {
-        if let Some(scene) = self.no_scene.take() {
-            scene.build(encoder);
+        if let Some(geometry) = self.empty_geometry.take() {
+            geometry.build(encoder);
         }
         if !self.is_begun {
             encoder.copy_buffer_to_buffer(&self.roots, 0, &self.lists, 0, self.roots.size());

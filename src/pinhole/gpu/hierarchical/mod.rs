@@ -168,7 +168,7 @@ impl HierarchicalEngine {
         Ok(HierarchicalFrame {
             scene: self.bind_scene(device, inputs, &tiling),
             rays: self.bind_rays(device, &rays),
-            no_scene: traced.is_none().then_some(rays.geometry),
+            empty_geometry: traced.is_none().then_some(rays.geometry),
             receivers: bind_receivers(device, &layouts.receivers, [inputs.positions, inputs.normals], inputs.viewers),
             work: self.bind_work(device, &batch),
             results: self.bind_results(device, &batch, &views),
