@@ -214,7 +214,7 @@ fn look_ups(name: &'static str) {
 fn frame_on_gpu(gpu: &Gpu, work: &Work, tree: &PinholeTree) -> (f64, f64) {
     let (device, size) = (&gpu.device, [work.receivers.width, work.receivers.height]);
     let params = Params::default();
-    let options = HierarchicalOptions { filter: params.filter, visibility: false };
+    let options = HierarchicalOptions { filter: params.filter, visibility: false, refraction: false };
     let engine = HierarchicalEngine::new(device, &options);
     let environment = EnvironmentCube::upload(device, &gpu.queue, &work.environment.cube).expect("it fits");
     let inputs = HierarchicalInputs {

@@ -64,7 +64,7 @@ impl Caustics {
     /// Once, and again for another light.
     fn new(device: &wgpu::Device, queue: &wgpu::Queue, scene: &Scene) -> Result<Self, Failure> {
         let light = Environment::new(&scene.environment.light, Default::default())?;
-        let options = HierarchicalOptions { filter: Filter::Anisotropic, visibility: true };
+        let options = HierarchicalOptions { filter: Filter::Anisotropic, visibility: true, refraction: false };
         Ok(Self {
             engine: HierarchicalEngine::new(device, &options),
             environment: EnvironmentCube::upload(device, queue, &light.cube)?,

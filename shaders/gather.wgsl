@@ -10,15 +10,16 @@
 #import receivers
 #import filters
 #import brdf
+#import interface
 
 struct PinholeSample {
     position: vec3f,
     area: f32,
     normal: vec3f,
-    // Twice the object's index, plus 1 where both sides reflect.
-    object_sides: u32,
+    // OBJECT_SCALE times the object's index, plus LIGHTS_FRONT and so on.
+    object_flags: u32,
     reflectance: vec3f,
-    // Its curve of reflectance, or NO_CURVE.
+    // Its curve of reflectance, or NO_CURVE; of an interface the bits of its relative refractive index.
     curve: u32,
     side_1: vec3f,
     // Width of the lobe that blurs the footprint, radians.
@@ -77,39 +78,50 @@ fn gather_batch(pixel: vec2u, batch: u32) -> vec4f {
 fn sample_irradiance(i: u32, receiver: Receiver) -> vec4f {
     let area = samples[i].area;
     let n = samples[i].normal;
-    let object_sides = samples[i].object_sides;
+    let flags = samples[i].object_flags;
     let d = samples[i].position - receiver.position;
     let l2 = dot(d, d);
     let dn = dot(d, n);
     // The cosine at the sample, times l.
-    let cos_at_sample_l = select(max(-dn, 0.0), abs(dn), (object_sides & 1u) == 1u);
+    let cos_at_sample_l = max(facing(flags, dn), 0.0);
     let inverse_l = inverseSqrt(l2);
-    let cosine_product = cos_at_sample_l * max(dot(d, receiver.normal), 0.0) * inverse_l * inverse_l;
+    var cosine_product = cos_at_sample_l * max(dot(d, receiver.normal), 0.0) * inverse_l * inverse_l;
+    var r = (d - 2.0 * dn * n) * inverse_l;
+    var crossing: Crossing;
+    if is_interface(flags) {
+        crossing = crossing_of(bitcast<f32>(samples[i].curve), (flags & IS_FRESNEL) != 0u, dn * inverse_l);
+        r = crossed_direction(crossing, d * inverse_l, n);
+        cosine_product *= crossing.factor;
+    }
     // Also false where the sample lies on the receiver point and the quotient is not a number.
     if !(cosine_product > 0.0) {
         return vec4f(0.0);
     }
-    var weight = area * cosine_product * attenuation(l2, area, i32(object_sides >> 1u) == receiver.object);
+    var weight = area * cosine_product * attenuation(l2, area, i32(flags / OBJECT_SCALE) == receiver.object);
     var map: VisibilityMap;
     if VISIBILITY {
         let texel_jitter = vec2f(samples[i].texel_jitter_u, samples[i].texel_jitter_v);
-        map = visibility_map(samples[i].map, texel_jitter, n, select(1.0, -1.0, dn > 0.0));
+        map = visibility_map(samples[i].map, texel_jitter, n, receiver_side(flags, dn));
         weight *= visible_fraction(-d, map);
+        if is_interface(flags) {
+            map = visibility_map(samples[i].map, texel_jitter, n, sky_side(flags, dn));
+        }
         if weight == 0.0 {
             return vec4f(0.0);
         }
     }
-    let r = (d - 2.0 * dn * n) * inverse_l;
-    if VISIBILITY && FILTER != FILTER_NONE && is_wide_lobe(samples[i].lobe, samples[i].change_1, samples[i].change_2) {
+    let is_wide = !is_interface(flags) && is_wide_lobe(samples[i].lobe, samples[i].change_1, samples[i].change_2);
+    if VISIBILITY && FILTER != FILTER_NONE && is_wide {
         weight *= lobe_fraction(r, samples[i].lobe, map);
         map.index = UNOCCLUDED;
         if weight == 0.0 {
             return vec4f(0.0);
         }
     }
-    let radiance = filtered_radiance(i, d, n, dn, inverse_l, r, map);
+    let radiance = filtered_radiance(i, d, n, dn, inverse_l, r, crossing, map);
     let cosine = cos_at_sample_l * inverse_l;
-    var factor = weight * uniforms.radiance_scale * reflectance(samples[i].reflectance, samples[i].curve, cosine);
+    var factor = weight * uniforms.radiance_scale *
+        reflectance(samples[i].reflectance, select(samples[i].curve, NO_CURVE, is_interface(flags)), cosine);
     if SHADING {
         let solid_angle = area * cosine * inverse_l * inverse_l;
         factor *= brdf(u32(receiver.object), receiver.normal, d * inverse_l, receiver.view, solid_angle);
@@ -117,10 +129,22 @@ fn sample_irradiance(i: u32, receiver: Receiver) -> vec4f {
     return vec4f(factor * radiance.rgb, radiance.a);
 }
 
-// Mean radiance over the sample's footprint around the reflected direction r; a = fetches.
-fn filtered_radiance(i: u32, d: vec3f, n: vec3f, dn: f32, inverse_l: f32, r: vec3f, map: VisibilityMap) -> vec4f {
+// Mean radiance over the sample's footprint around the direction r of its light; a = fetches.
+fn filtered_radiance(
+    i: u32, d: vec3f, n: vec3f, dn: f32, inverse_l: f32, r: vec3f, crossing: Crossing, map: VisibilityMap,
+) -> vec4f {
     if FILTER == FILTER_NONE {
         return visible_light(r, light_from_world(r), 0.0, 0.0, 1.0, map);
+    }
+    if is_interface(samples[i].object_flags) {
+        let towards = d * inverse_l;
+        let side_1 = crossed_side(crossing, samples[i].side_1, samples[i].change_1, towards, n, inverse_l);
+        let side_2 = crossed_side(crossing, samples[i].side_2, samples[i].change_2, towards, n, inverse_l);
+        var crossed = FootprintSides(side_1, side_2);
+        if samples[i].lobe > 0.0 {
+            crossed = blurred(crossed, r, n, crossed_blur(crossing, samples[i].lobe));
+        }
+        return mean_over_footprint(r, crossed, f32(uniforms.taps), map);
     }
     let v1 = reflected_side(samples[i].side_1, samples[i].change_1, d, n, dn, inverse_l, r);
     let v2 = reflected_side(samples[i].side_2, samples[i].change_2, d, n, dn, inverse_l, r);
@@ -134,7 +158,7 @@ fn filtered_radiance(i: u32, d: vec3f, n: vec3f, dn: f32, inverse_l: f32, r: vec
         return mean_of_parts(core, mean_over_footprint(parts.r, parts.tail, f32(uniforms.taps), map));
     }
     if lobe > 0.0 {
-        sides = blurred(sides, r, n, cosine, lobe);
+        sides = blurred(sides, r, n, mirrored_blur(lobe, cosine));
     }
     return mean_over_footprint(r, sides, f32(uniforms.taps), map);
 }

@@ -54,17 +54,17 @@ fn sample_contribution(sample: u32, receiver: Receiver) -> vec3f {
     if !(pair.cosine_product > 0.0) {
         return vec3f(0.0);
     }
-    let map = map_of_sample(sample, select(1.0, -1.0, cell.two_sided && pair.dn > 0.0));
     var weight = weight_of(cell, pair, receiver);
     if VISIBILITY {
-        weight *= visible_fraction(-pair.d, map);
+        weight *= visible_fraction(-pair.d, map_of_sample(sample, receiver_side(cell.flags, pair.dn)));
     }
+    let map = map_of_sample(sample, sky_side(cell.flags, pair.dn));
     return weight * reflected_scale(cell, pair) * radiance_of(cell, pair, map);
 }
 
 // Mean unoccluded radiance over a cell's footprint.
 fn radiance_of(cell: Cell, pair: Pair, map: VisibilityMap) -> vec3f {
-    if !is_mostly_lobe(cell.lobe, cell.change_1, cell.change_2) {
+    if !is_lobe_of_mirror(cell) {
         return isotropic_radiance(pair.r, footprint_of(cell, pair), map);
     }
     let cosine = abs(pair.dn) * pair.inverse_l;

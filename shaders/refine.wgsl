@@ -173,7 +173,7 @@ fn process(at: BlockPlace, block: Block, progress: ptr<function, Progress>, lane
     let sum = prefix_sum(count, lane);
     if decision.action == SPLIT_CELL {
         for (var k = 0u; k < (children & 7u); k++) {
-            stack[(*progress).pending + (sum.before & 1023u) + k] = ((children >> 3u) + k) | seen;
+            stack[(*progress).pending + (sum.before & 1023u) + k] = ((children >> 3u) + k) | seen | (index & CHANNEL_BITS);
         }
     }
     if decision.action == SPLIT_BLOCK {
@@ -206,8 +206,12 @@ fn action_with_occlusion(cell: Cell, block: Block, decision: Decision, is_seen: 
     }
     let d = cell.centroid - block.centre;
     let dn = dot(d, cell.normal);
-    let map = map_of_sample(cell.sample, select(1.0, -1.0, cell.two_sided && dn > 0.0));
-    let r = normalize(d - 2.0 * dn * cell.normal);
+    let map = map_of_sample(cell.sample, sky_side(cell.flags, dn));
+    var r = normalize(d - 2.0 * dn * cell.normal);
+    if is_interface(cell.flags) {
+        let l = length(d);
+        r = crossed_direction(crossing_of(cell.eta, (cell.flags & IS_FRESNEL) != 0u, dn / l), d / l, cell.normal);
+    }
     // Lobes see more of the sky than bounds of their light cover.
     let lobe_radius = block.radius / length(d) + FOOTPRINT_RADIUS * LOBE_TAIL * cell.lobe;
     let radius = max(decision.cone_radius + select(0.0, cell.lobe, cell.creased), lobe_radius);
@@ -306,8 +310,12 @@ struct BlockPair {
     // The largest cosines at any point of the cell and of the block, times l.
     max_cos_at_sample_l: f32,
     max_cos_at_receiver_l: f32,
-    // Only some points of the cell and the block face each other.
+    // Only some points of the cell and the block face each other, or light is totally reflected between some of them.
     straddles_horizon: bool,
+    // What an interface does at most with the light.
+    crossing: CrossingBounds,
+    // How much more than the direction from the receiver that of the light turns; 1 at least.
+    spread: f32,
 }
 
 fn block_pair(block: Block, cell: Cell) -> BlockPair {
@@ -315,12 +323,22 @@ fn block_pair(block: Block, cell: Cell) -> BlockPair {
     let l = sqrt(dot(d, d));
     let sizes = block.radius + cell.radius;
     let dn = dot(d, cell.normal);
-    let at_sample = select(-dn, abs(dn), cell.two_sided);
+    let at_sample = facing(cell.flags, dn);
     let at_receiver = dot(d, block.normal);
     let sample_slack = sizes + cell.normal_radius * l;
     let receiver_slack = sizes + block.normal_radius * l;
-    let straddles = at_sample < sample_slack || at_receiver < receiver_slack;
-    return BlockPair(d, l, sizes, dn, at_sample + sample_slack, at_receiver + receiver_slack, straddles);
+    var crossing = CrossingBounds(1.0, 2.0, 1.0, false);
+    if is_interface(cell.flags) {
+        let cosine = dn / l;
+        let slack = sizes / l + cell.normal_radius;
+        let is_fresnel = (cell.flags & IS_FRESNEL) != 0u;
+        crossing = crossing_bounds(cell.eta, is_fresnel, max(cosine - slack, -1.0), min(cosine + slack, 1.0));
+    }
+    let straddles = at_sample < sample_slack || at_receiver < receiver_slack || crossing.is_unbounded;
+    let spread = select(max(crossing.per_direction, 1.0), 1.0, crossing.is_unbounded);
+    return BlockPair(
+        d, l, sizes, dn, at_sample + sample_slack, at_receiver + receiver_slack, straddles, crossing, spread,
+    );
 }
 
 // The error that a pair may add at the points of a block, W/m².
@@ -331,7 +349,7 @@ fn error_budget_of(block: Block) -> f32 {
 // The criterion of refinement.
 fn decide(block: Block, level: u32, cell: Cell) -> Decision {
     let pair = block_pair(block, cell);
-    if pair.max_cos_at_sample_l <= 0.0 || pair.max_cos_at_receiver_l <= 0.0 {
+    if pair.max_cos_at_sample_l <= 0.0 || pair.max_cos_at_receiver_l <= 0.0 || pair.crossing.factor == 0.0 {
         return Decision(DROP, 0.0, 0.0, 0.0);
     }
     if pair.l < NEAR_FIELD_SIZES * pair.sizes {
@@ -339,7 +357,7 @@ fn decide(block: Block, level: u32, cell: Cell) -> Decision {
     }
     let block_size = block.radius / pair.l;
     let cell_size = cell.radius / pair.l + cell.normal_radius;
-    let cone = reflected_cone(cell, pair, block_size, cell_size);
+    let cone = light_cone(cell, pair, block_size, cell_size);
     let light = light_within(cone.direction, cone.radius, cell.blur);
     let max_weight = max_weight_of(cell, pair);
     let max_contribution = max_weight * light.x;
@@ -353,15 +371,17 @@ fn decide(block: Block, level: u32, cell: Cell) -> Decision {
         return Decision(SPLIT_BLOCK, 0.0, 0.0, 0.0);
     }
     // The points' distance over the width of what is interpolated.
-    let step = POINT_SPACING * block_size / max(sqrt(cone.minor2), uniforms.texel_rad);
+    let step = POINT_SPACING * pair.spread * block_size / max(sqrt(cone.minor2), uniforms.texel_rad);
+    let turned_block = pair.spread * block_size;
+    let turned_cell = pair.spread * cell_size;
     let block_weight_error =
-        select(WEIGHT_ERROR_SCALE * block_size * block_size * block_size, 1.0, pair.straddles_horizon);
+        select(WEIGHT_ERROR_SCALE * turned_block * turned_block * turned_block, 1.0, pair.straddles_horizon);
     let block_error = contribution_range * min(INTERPOLATION_ERROR_SCALE * step * step * step * step, 1.0)
         + max_contribution * block_weight_error;
     var cell_error = 0.0;
     if !is_leaf(cell) {
-        let cell_weight_error = select(WEIGHT_ERROR_SCALE * cell_size * cell_size, 1.0, pair.straddles_horizon);
-        cell_error = contribution_range * min(CONTRAST_ERROR_SCALE * cell_size, 1.0) + max_contribution * cell_weight_error;
+        let cell_weight_error = select(WEIGHT_ERROR_SCALE * turned_cell * turned_cell, 1.0, pair.straddles_horizon);
+        cell_error = contribution_range * min(CONTRAST_ERROR_SCALE * turned_cell, 1.0) + max_contribution * cell_weight_error;
     }
     if block_error + cell_error < error_budget_of(block) {
         return Decision(ADD, contribution_range, max_contribution, cone.radius);
@@ -374,10 +394,10 @@ fn max_weight_of(cell: Cell, pair: BlockPair) -> f32 {
     let nearest = pair.l - pair.sizes;
     let farthest = pair.l + pair.sizes;
     return cell.area * min(pair.max_cos_at_sample_l, farthest) * min(pair.max_cos_at_receiver_l, farthest)
-        / (nearest * nearest) * max_attenuation(nearest * nearest, cell.area) * cell.max_reflectance;
+        / (nearest * nearest) * max_attenuation(nearest * nearest, cell.area) * cell.max_reflectance * pair.crossing.factor;
 }
 
-// The directions in which a cell's light comes that is reflected to a block.
+// The directions in which a cell's light comes that is reflected or refracted to a block.
 struct Cone {
     direction: vec3f,
     radius: f32,
@@ -385,20 +405,46 @@ struct Cone {
     minor2: f32,
 }
 
+fn light_cone(cell: Cell, pair: BlockPair, block_size: f32, cell_size: f32) -> Cone {
+    if is_interface(cell.flags) {
+        return crossed_cone(cell, pair, block_size, cell_size);
+    }
+    return reflected_cone(cell, pair, block_size, cell_size);
+}
+
 fn reflected_cone(cell: Cell, pair: BlockPair, block_size: f32, cell_size: f32) -> Cone {
     let r = (pair.d - 2.0 * pair.dn * cell.normal) / pair.l;
     let v1 = reflected_side(cell.side_1, cell.change_1, pair.d, cell.normal, pair.dn, 1.0 / pair.l, r);
     let v2 = reflected_side(cell.side_2, cell.change_2, pair.d, cell.normal, pair.dn, 1.0 / pair.l, r);
-    let lobe2 = cell.lobe * cell.lobe;
-    let g11 = dot(v1, v1) + lobe2;
-    let g12 = dot(v1, v2);
-    let g22 = dot(v2, v2) + lobe2;
-    let spread = sqrt((g11 - g22) * (g11 - g22) + 4.0 * g12 * g12);
-    let minor2 = max(0.5 * (g11 + g22 - spread), (g11 + g22) * MIN_MINOR_SHARE);
+    let cone = footprint_cone(r, v1, v2, cell.lobe);
     let footprint = select(
-        FOOTPRINT_RADIUS * sqrt(g11 + g22) + FOOTPRINT_BEND * cell_size * (block_size + cell_size) + unevenness(cell),
+        cone.radius + FOOTPRINT_BEND * cell_size * (block_size + cell_size) + unevenness(cell),
         cell.radius / pair.l + 2.0 * cell.normal_radius,
         cell.creased,
     );
-    return Cone(r, block_size + footprint, minor2);
+    return Cone(r, block_size + footprint, cone.minor2);
+}
+
+fn crossed_cone(cell: Cell, pair: BlockPair, block_size: f32, cell_size: f32) -> Cone {
+    let towards = pair.d / pair.l;
+    let crossing = crossing_of(cell.eta, (cell.flags & IS_FRESNEL) != 0u, pair.dn / pair.l);
+    let r = crossed_direction(crossing, towards, cell.normal);
+    let v1 = crossed_side(crossing, cell.side_1, cell.change_1, towards, cell.normal, 1.0 / pair.l);
+    let v2 = crossed_side(crossing, cell.side_2, cell.change_2, towards, cell.normal, 1.0 / pair.l);
+    let cone = footprint_cone(r, v1, v2, crossed_blur(crossing, cell.lobe).x);
+    let most = crossed_cone_radius(pair.crossing, block_size + cell.radius / pair.l, cell.normal_radius);
+    let curved = pair.spread * block_size + cone.radius
+        + FOOTPRINT_BEND * pair.spread * pair.spread * cell_size * (block_size + cell_size)
+        + 0.5 * pair.crossing.per_normal * unevenness(cell);
+    return Cone(r, select(min(curved, most), most, cell.creased || pair.straddles_horizon), cone.minor2);
+}
+
+// The cone that holds a footprint, blurred by a lobe, to first order.
+fn footprint_cone(direction: vec3f, v1: vec3f, v2: vec3f, lobe: f32) -> Cone {
+    let g11 = dot(v1, v1) + lobe * lobe;
+    let g12 = dot(v1, v2);
+    let g22 = dot(v2, v2) + lobe * lobe;
+    let spread = sqrt((g11 - g22) * (g11 - g22) + 4.0 * g12 * g12);
+    let minor2 = max(0.5 * (g11 + g22 - spread), (g11 + g22) * MIN_MINOR_SHARE);
+    return Cone(direction, FOOTPRINT_RADIUS * sqrt(g11 + g22), minor2);
 }

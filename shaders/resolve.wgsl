@@ -142,7 +142,8 @@ fn traverse(first: u32, receiver: Receiver, walk: ptr<function, Walk>, traversal
     // Of the cells on the path: eight times the first child's index, and how many.
     var children: array<u32, MAX_TREE_DEPTH>;
     let is_seen = (first & FULLY_VISIBLE) != 0u;
-    var index = first & ~FULLY_VISIBLE;
+    let channel = first & CHANNEL_BITS;
+    var index = first & NODE_MASK;
     for (var level = 0u; level < (*walk).level; level++) {
         children[level] = nodes[index].curvature_bounds_links.z;
         index = (children[level] >> 3u) + step_of((*walk).path, level);
@@ -151,7 +152,7 @@ fn traverse(first: u32, receiver: Receiver, walk: ptr<function, Walk>, traversal
     var sum = vec4f(0.0);
     var is_done = false;
     loop {
-        let cell = load_cell(index);
+        let cell = load_cell(index | channel);
         let visit = visit_cell(index, cell, is_seen, receiver, traversal);
         sum += visit.sum;
         work += WORK_PER_VISIT + filter_work + ray_work;
@@ -219,8 +220,15 @@ fn visit_cell(
         return Visit(vec4f(0.0), false);
     }
     let sides = footprint_of(cell, pair);
-    let size = pair.inverse_l * cell.radius + cell.normal_radius;
-    let light = light_within(pair.r, cone_radius(cell, sides, size), cell.blur);
+    var size = pair.inverse_l * cell.radius + cell.normal_radius;
+    var radius = cone_radius(cell, sides, size);
+    if is_interface(cell.flags) {
+        let most = crossed_cone_radius(weight.crossing, pair.inverse_l * cell.radius, cell.normal_radius);
+        radius = min(crossed_radius(cell, sides, size, weight.crossing), most);
+        radius = select(radius, most, cell.creased || weight.crossing.is_unbounded);
+        size *= select(max(weight.crossing.per_direction, 1.0), 1.0, weight.crossing.is_unbounded);
+    }
+    let light = light_within(pair.r, radius, cell.blur);
     var gloss = vec2f(1.0, 0.0);
     if SHADING {
         gloss = gloss_within(pair, receiver, size);
@@ -260,7 +268,7 @@ fn visit_cell(
         is_one_sample = is_one_sample && (is_leaf(cell) || !is_large || !(*traversal).is_doubtful);
         seen = (*traversal).visible_fraction;
         if is_one_sample && (*traversal).is_doubtful && max_contribution >= MIN_TRACED_SHARE * error_budget {
-            let leaving = ray_origin_of(cell, pair.dn > 0.0);
+            let leaving = ray_origin_of(cell, receiver_side(cell.flags, pair.dn));
             seen = select(1.0, 0.0, is_occluded(leaving, -pair.d * pair.inverse_l, pair.l2 * pair.inverse_l));
         }
     }
@@ -294,26 +302,35 @@ fn allowed_error(receiver: Receiver) -> f32 {
 // The greatest weight of any point of a cell.
 struct MaxWeight {
     value: f32,
-    // Only some points of the cell face the receiver.
+    // Only some points of the cell face the receiver, or light from some is totally reflected.
     straddles_horizon: bool,
+    // What an interface does at most with the light.
+    crossing: CrossingBounds,
 }
 
 fn max_weight_of(cell: Cell, pair: Pair, receiver: Receiver) -> MaxWeight {
+    var crossing = CrossingBounds(1.0, 2.0, 1.0, false);
+    if is_interface(cell.flags) {
+        let cosine = pair.dn * pair.inverse_l;
+        let slack = pair.inverse_l * cell.radius + cell.normal_radius;
+        let is_fresnel = (cell.flags & IS_FRESNEL) != 0u;
+        crossing = crossing_bounds(cell.eta, is_fresnel, max(cosine - slack, -1.0), min(cosine + slack, 1.0));
+    }
     if is_leaf(cell) {
-        return MaxWeight(select(0.0, weight_of(cell, pair, receiver), pair.cosine_product > 0.0), false);
+        return MaxWeight(select(0.0, weight_of(cell, pair, receiver), pair.cosine_product > 0.0), false, crossing);
     }
     let l = pair.l2 * pair.inverse_l;
     let slack = l * cell.normal_radius + cell.radius;
-    let at_sample = select(-pair.dn, pair.cos_at_sample_l, cell.two_sided);
+    let at_sample = facing(cell.flags, pair.dn);
     let at_receiver = dot(pair.d, receiver.normal);
     if at_sample + slack <= 0.0 || at_receiver + cell.radius <= 0.0 {
-        return MaxWeight(0.0, false);
+        return MaxWeight(0.0, false, crossing);
     }
     let nearest = max(l - cell.radius, MIN_DISTANCE_RATIO * l);
     let nearest2 = nearest * nearest;
     let cosine_product = min(at_sample + slack, l) * min(at_receiver + cell.radius, l) / nearest2;
-    let weight = cosine_product * cell.area * max_attenuation(nearest2, cell.area);
-    return MaxWeight(weight, at_sample < slack || at_receiver < cell.radius);
+    let weight = cosine_product * cell.area * max_attenuation(nearest2, cell.area) * crossing.factor;
+    return MaxWeight(weight, at_sample < slack || at_receiver < cell.radius || crossing.is_unbounded, crossing);
 }
 
 // Radius of the cone in which the light comes that a cell of this relative size reflects to a receiver.
@@ -326,16 +343,25 @@ fn cone_radius(cell: Cell, sides: FootprintSides, size: f32) -> f32 {
     );
 }
 
+// The same for an interface, to the second order of what it does at most.
+fn crossed_radius(cell: Cell, sides: FootprintSides, size: f32, crossing: CrossingBounds) -> f32 {
+    let squares = dot(sides.v1, sides.v1) + dot(sides.v2, sides.v2);
+    let spread = max(crossing.per_direction, 1.0);
+    return FOOTPRINT_RADIUS * sqrt(squares) + FOOTPRINT_BEND * spread * spread * size * size
+        + 0.5 * crossing.per_normal * unevenness(cell);
+}
+
 // What a cell, taken for one sample, contributes.
 fn contribution(
     cell: Cell, pair: Pair, receiver: Receiver, sides: FootprintSides, contribution_range: f32, visible_fraction: f32,
     is_traced: bool,
 ) -> vec4f {
-    var map = map_of_sample(cell.sample, select(1.0, -1.0, cell.two_sided && pair.dn > 0.0));
+    let side = sky_side(cell.flags, pair.dn);
+    var map = map_of_sample(cell.sample, side);
     map.is_traced = is_traced;
-    map.leaving = ray_origin_of(cell, pair.dn > 0.0);
+    map.leaving = ray_origin_of(cell, side);
     var seen = visible_fraction;
-    if VISIBILITY && is_wide_lobe(cell.lobe, cell.change_1, cell.change_2) {
+    if VISIBILITY && !is_interface(cell.flags) && is_wide_lobe(cell.lobe, cell.change_1, cell.change_2) {
         seen *= lobe_fraction(pair.r, cell.lobe, map);
         map.index = UNOCCLUDED;
         if seen == 0.0 {
@@ -354,8 +380,8 @@ fn contribution(
 // Finds the fraction of the receiver that a sample sees; it holds for all cells of the sample.
 fn find_visible_fraction(sample: u32, receiver: Receiver, traversal: ptr<function, Traversal>) {
     let l = receiver.position - sample_nodes[sample].position;
-    let two_sided = (sample_nodes[sample].object_sides & 1u) == 1u;
-    let map = map_of_sample(sample, select(1.0, -1.0, two_sided && dot(l, sample_nodes[sample].normal) < 0.0));
+    let dn = -dot(l, sample_nodes[sample].normal);
+    let map = map_of_sample(sample, receiver_side(sample_nodes[sample].object_flags, dn));
     let local = l * map.axes;
     let place = map_place(local, map);
     let texels = texels_at(place, map);
@@ -394,7 +420,8 @@ fn probe(sample: u32, receiver: Receiver, traversal: ptr<function, Traversal>) {
         let quarter = quarter_of(whole, k);
         let d = quarter.centroid - receiver.position;
         let l = length(d);
-        open += select(1u, 0u, is_occluded(ray_origin_of(quarter, dot(d, quarter.normal) > 0.0), -d / l, l));
+        let leaving = ray_origin_of(quarter, receiver_side(quarter.flags, dot(d, quarter.normal)));
+        open += select(1u, 0u, is_occluded(leaving, -d / l, l));
     }
     (*traversal).is_probed = true;
     if open == 0u || open == 4u {
@@ -403,10 +430,10 @@ fn probe(sample: u32, receiver: Receiver, traversal: ptr<function, Traversal>) {
     }
 }
 
-// The piece of a surface that a cell is; `is_behind` where a receiver lies on the other side than its normal points to.
-fn ray_origin_of(cell: Cell, is_behind: bool) -> RayOrigin {
-    let side = sample_nodes[cell.sample].face * select(1.0, -1.0, cell.two_sided && is_behind);
-    return RayOrigin(cell.centroid, u32(cell.object), side, max(length(cell.side_1), length(cell.side_2)));
+// The piece of a surface that a cell is, looking to a side (1 or -1) of it.
+fn ray_origin_of(cell: Cell, side: f32) -> RayOrigin {
+    let face = sample_nodes[cell.sample].face * side;
+    return RayOrigin(cell.centroid, u32(cell.object), face, max(length(cell.side_1), length(cell.side_2)));
 }
 
 // Whether the weight of a cell of this relative size differs too much within it.

@@ -39,12 +39,11 @@ fn receiver_coverage(sample: u32, block: Block, object: i32) -> u32 {
     let l = block.centre - node.position;
     let distance = length(l);
     let height = dot(l, node.normal);
-    let two_sided = (node.object_sides & 1u) == 1u;
-    let map = map_of_sample(sample, select(1.0, -1.0, two_sided && height < 0.0));
+    let map = map_of_sample(sample, receiver_side(node.object_flags, -height));
     let local = l * map.axes;
     let region = map_region(local, asin(min(block.radius / distance, 1.0)), map);
     // Seen from both sides, or from too near.
-    if !region.is_small || (two_sided && abs(height) < block.radius) {
+    if !region.is_small || (has_two_maps(node.object_flags) && abs(height) < block.radius) {
         return PARTIAL;
     }
     var all = PARTIAL;

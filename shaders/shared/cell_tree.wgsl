@@ -9,6 +9,7 @@
 #import footprint
 #import filters
 #import visibility
+#import interface
 
 // A cell; see src/cell_tree/node.rs.
 struct CellNode {
@@ -25,8 +26,9 @@ struct SampleNode {
     // Width of the mirror's lobe, radians.
     lobe: f32,
     normal: vec3f,
-    // Twice the object's index, plus 1 where both sides reflect.
-    object_sides: u32,
+    // OBJECT_SCALE times the object's index, plus LIGHTS_FRONT and so on.
+    object_flags: u32,
+    // Of an interface the relative refractive indices of the channels.
     reflectance: vec3f,
     // Its curve of reflectance, or NO_CURVE.
     curve: u32,
@@ -90,6 +92,11 @@ const FULLY_VISIBLE: u32 = 0x80000000u;
 // The length of a list that an adapter did not let be finished.
 const INCOMPLETE: u32 = 0xffffffffu;
 
+// An item of a list, without FULLY_VISIBLE: a node's index and, in the bits from CHANNEL_SHIFT on, the channel that it is visited for, from
+// 1 on; 0 for all of them.
+const NODE_MASK: u32 = (1u << CHANNEL_SHIFT) - 1u;
+const CHANNEL_BITS: u32 = 3u << CHANNEL_SHIFT;
+
 fn receiver_at(place: vec2u) -> Receiver {
     if any(place >= tree.size) {
         return Receiver(vec3f(0.0), -1, vec3f(0.0), vec3f(0.0), 0.0);
@@ -117,13 +124,19 @@ struct Cell {
     sample: u32,
     // Eight times the first child's index, plus the number of children.
     children: u32,
-    two_sided: bool,
+    // LIGHTS_FRONT and so on.
+    flags: u32,
+    // The relative refractive index of an interface.
+    eta: f32,
+    // 0, or the channel that it concerns, from 1 on.
+    channel: u32,
     object: i32,
     max_reflectance: f32,
 }
 
-fn load_cell(index: u32) -> Cell {
-    let node = nodes[index];
+// `item` as above.
+fn load_cell(item: u32) -> Cell {
+    let node = nodes[item & NODE_MASK];
     let n = node.normal_e11.xyz;
     let frame = tangent_frame(n);
     let e11 = node.normal_e11.w;
@@ -146,9 +159,14 @@ fn load_cell(index: u32) -> Cell {
     cell.children = node.curvature_bounds_links.z;
     cell.sample = node.curvature_bounds_links.w >> 1u;
     cell.creased = (node.curvature_bounds_links.w & 1u) == 1u;
-    let object_sides = sample_nodes[cell.sample].object_sides;
-    cell.two_sided = (object_sides & 1u) == 1u;
-    cell.object = i32(object_sides >> 1u);
+    let object_flags = sample_nodes[cell.sample].object_flags;
+    cell.flags = object_flags % OBJECT_SCALE;
+    cell.object = i32(object_flags / OBJECT_SCALE);
+    if is_interface(cell.flags) {
+        let eta = sample_nodes[cell.sample].reflectance;
+        cell.channel = item >> CHANNEL_SHIFT;
+        cell.eta = select(eta[max(cell.channel, 1u) - 1u], (eta.r + eta.g + eta.b) / 3.0, cell.channel == 0u);
+    }
     cell.max_reflectance = sample_nodes[cell.sample].max_reflectance;
     cell.blur = LOBE_BLUR * sample_nodes[cell.sample].lobe;
     let bend = BEND_BLUR * (dot(cell.change_1, cell.change_1) + dot(cell.change_2, cell.change_2));
@@ -166,8 +184,14 @@ fn is_leaf(cell: Cell) -> bool {
     return (cell.children & 7u) == 0u;
 }
 
+// Whether a cell's footprints are mostly a rough mirror's lobe.
+fn is_lobe_of_mirror(cell: Cell) -> bool {
+    return !is_interface(cell.flags) && is_mostly_lobe(cell.lobe, cell.change_1, cell.change_2);
+}
+
 // Whether a node holds several samples.
-fn is_cluster(index: u32, cell: Cell) -> bool {
+fn is_cluster(item: u32, cell: Cell) -> bool {
+    let index = item & NODE_MASK;
     return index >= tree.first_cluster && sample_nodes[cell.sample].node != index;
 }
 
@@ -176,25 +200,33 @@ struct Pair {
     // From the receiver to the cell.
     d: vec3f,
     l2: f32,
-    // The unit direction in which the light comes that is reflected to the receiver.
+    // The unit direction in which the light comes that is reflected or refracted to the receiver.
     r: vec3f,
     inverse_l: f32,
     // d·n
     dn: f32,
     // Cosine at the sample, times l.
     cos_at_sample_l: f32,
-    // Product of the cosines at the sample and at the receiver.
+    // Product of the cosines at the sample and at the receiver, and at an interface its factor on the radiance.
     cosine_product: f32,
+    // At an interface.
+    crossing: Crossing,
 }
 
 fn pair_of(cell: Cell, receiver: Receiver) -> Pair {
     let d = cell.centroid - receiver.position;
     let l2 = dot(d, d);
     let dn = dot(d, cell.normal);
-    let cos_at_sample_l = select(max(-dn, 0.0), abs(dn), cell.two_sided);
+    let cos_at_sample_l = max(facing(cell.flags, dn), 0.0);
     let inverse_l = inverseSqrt(l2);
     let cosine_product = cos_at_sample_l * max(dot(d, receiver.normal), 0.0) * inverse_l * inverse_l;
-    return Pair(d, l2, (d - 2.0 * dn * cell.normal) * inverse_l, inverse_l, dn, cos_at_sample_l, cosine_product);
+    if is_interface(cell.flags) {
+        let crossing = crossing_of(cell.eta, (cell.flags & IS_FRESNEL) != 0u, dn * inverse_l);
+        let r = crossed_direction(crossing, d * inverse_l, cell.normal);
+        return Pair(d, l2, r, inverse_l, dn, cos_at_sample_l, cosine_product * crossing.factor, crossing);
+    }
+    let r = (d - 2.0 * dn * cell.normal) * inverse_l;
+    return Pair(d, l2, r, inverse_l, dn, cos_at_sample_l, cosine_product, Crossing());
 }
 
 // The geometry term, times the cell's area.
@@ -202,17 +234,27 @@ fn weight_of(cell: Cell, pair: Pair, receiver: Receiver) -> f32 {
     return pair.cosine_product * cell.area * attenuation(pair.l2, cell.area, cell.object == receiver.object);
 }
 
-// The cell's footprint around the reflected direction.
+// The cell's footprint around the direction of its light.
 fn footprint_of(cell: Cell, pair: Pair) -> FootprintSides {
     let sides = sharp_footprint_of(cell, pair);
     if cell.lobe > 0.0 {
-        return blurred(sides, pair.r, cell.normal, abs(pair.dn) * pair.inverse_l, cell.lobe);
+        if is_interface(cell.flags) {
+            return blurred(sides, pair.r, cell.normal, crossed_blur(pair.crossing, cell.lobe));
+        }
+        return blurred(sides, pair.r, cell.normal, mirrored_blur(cell.lobe, abs(pair.dn) * pair.inverse_l));
     }
     return sides;
 }
 
 // The same without the lobe's blur.
 fn sharp_footprint_of(cell: Cell, pair: Pair) -> FootprintSides {
+    if is_interface(cell.flags) {
+        let towards = pair.d * pair.inverse_l;
+        return FootprintSides(
+            crossed_side(pair.crossing, cell.side_1, cell.change_1, towards, cell.normal, pair.inverse_l),
+            crossed_side(pair.crossing, cell.side_2, cell.change_2, towards, cell.normal, pair.inverse_l),
+        );
+    }
     let v1 = reflected_side(cell.side_1, cell.change_1, pair.d, cell.normal, pair.dn, pair.inverse_l, pair.r);
     let v2 = reflected_side(cell.side_2, cell.change_2, pair.d, cell.normal, pair.dn, pair.inverse_l, pair.r);
     return FootprintSides(v1, v2);
@@ -225,7 +267,7 @@ fn cell_radiance(
 ) -> vec4f {
     let is_even = contribution_range < error_budget;
     let taps = min(max(ceil(contribution_range * (TAPS_PER_ERROR_BUDGET / error_budget)), 1.0), f32(uniforms.taps));
-    if is_mostly_lobe(cell.lobe, cell.change_1, cell.change_2) {
+    if is_lobe_of_mirror(cell) {
         let cosine = abs(pair.dn) * pair.inverse_l;
         let parts = lobe_parts(pair.r, cell.normal, cosine, sharp_footprint_of(cell, pair), cell.lobe);
         let core = footprint_radiance(cell, parts.r, parts.core, is_even, taps, map);
@@ -253,6 +295,10 @@ fn footprint_radiance(cell: Cell, r: vec3f, sides: FootprintSides, is_even: bool
 // What the radiance is multiplied by beside a cell's weight.
 fn reflected_scale(cell: Cell, pair: Pair) -> vec3f {
     let sample = cell.sample;
+    if is_interface(cell.flags) {
+        let channels = vec3f(select(vec3u(0u), vec3u(1u), vec3u(cell.channel) == vec3u(1u, 2u, 3u)));
+        return uniforms.radiance_scale * select(channels, vec3f(1.0), cell.channel == 0u);
+    }
     let cosine = pair.cos_at_sample_l * pair.inverse_l;
     return uniforms.radiance_scale * reflectance(sample_nodes[sample].reflectance, sample_nodes[sample].curve, cosine);
 }

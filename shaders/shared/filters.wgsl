@@ -61,8 +61,8 @@ fn lobe_parts(r: vec3f, n: vec3f, cosine: f32, sides: FootprintSides, lobe: f32)
     let tilt = lobe * (LOBE_TILT + LOBE_TILT_GROWTH * lobe);
     return LobeParts(
         normalize(r + select(tilt, -tilt, dot(r, n) < 0.0) * n),
-        blurred(sides, r, n, cosine, LOBE_CORE_WIDTH * lobe),
-        blurred(sides, r, n, cosine, LOBE_TAIL_WIDTH * lobe),
+        blurred(sides, r, n, mirrored_blur(LOBE_CORE_WIDTH * lobe, cosine)),
+        blurred(sides, r, n, mirrored_blur(LOBE_TAIL_WIDTH * lobe, cosine)),
     );
 }
 

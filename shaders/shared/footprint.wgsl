@@ -19,9 +19,9 @@ fn reflected_side(side: vec3f, change: vec3f, d: vec3f, n: vec3f, dn: f32, inver
     return (v - r * dot(r, v)) * inverse_l;
 }
 
-// A footprint blurred by a lobe: a parallelogram with the second moments of both together. The lobe around r is `lobe` wide in
-// the plane of incidence and, as normals turn the light less there, narrower by the cosine across it.
-fn blurred(sides: FootprintSides, r: vec3f, n: vec3f, cosine: f32, lobe: f32) -> FootprintSides {
+// A footprint blurred by a lobe: a parallelogram with the second moments of both together. The lobe around r has one width in the plane
+// of incidence and another one across it.
+fn blurred(sides: FootprintSides, r: vec3f, n: vec3f, widths: vec2f) -> FootprintSides {
     var in_plane = n - r * dot(n, r);
     // At perpendicular incidence the plane is undefined: any will do.
     if dot(in_plane, in_plane) < 1e-6 {
@@ -31,14 +31,18 @@ fn blurred(sides: FootprintSides, r: vec3f, n: vec3f, cosine: f32, lobe: f32) ->
     let e2 = cross(r, e1);
     let a1 = vec2f(dot(sides.v1, e1), dot(sides.v1, e2));
     let a2 = vec2f(dot(sides.v2, e1), dot(sides.v2, e2));
-    let across = lobe * cosine;
-    let m11 = a1.x * a1.x + a2.x * a2.x + lobe * lobe;
+    let m11 = a1.x * a1.x + a2.x * a2.x + widths.x * widths.x;
     let m12 = a1.x * a1.y + a2.x * a2.y;
-    let m22 = a1.y * a1.y + a2.y * a2.y + across * across;
+    let m22 = a1.y * a1.y + a2.y * a2.y + widths.y * widths.y;
     // Cholesky's factor: sides with these moments.
     let l11 = sqrt(m11);
     let l21 = m12 / l11;
     return FootprintSides(e1 * l11 + e2 * l21, e2 * sqrt(max(m22 - l21 * l21, 0.0)));
+}
+
+// The widths of a mirror's lobe: across the plane of incidence normals turn the light less, by the cosine.
+fn mirrored_blur(lobe: f32, cosine: f32) -> vec2f {
+    return vec2f(lobe, lobe * cosine);
 }
 
 // Whether a footprint whose normals change like this is mostly a rough mirror's lobe.

@@ -7,7 +7,7 @@ use serde::Serialize;
 
 use pinspot::image::Aov;
 use pinspot::reference::{Options, Quantity, Reference, ReferenceError, Statistics, StoppingCriterion, Stored};
-use pinspot::scene::{Loaded, Scene, Visibility, load};
+use pinspot::scene::{Chain, Chains, Loaded, Scene, Visibility, load};
 use pinspot::{Error, Settings};
 
 use super::errors::message;
@@ -31,9 +31,12 @@ pub struct ReferenceArgs {
     /// Picture to compute: caustic or direct
     #[arg(long, value_parser = word::<Aov>, value_name = "NAME", default_value = "caustic")]
     aov: Aov,
-    /// Occlusion: full (by all objects, before and after the mirror), or none [default: the scene's, else full]
+    /// Occlusion: full (by all objects, before and after the mirror or interface), or none [default: the scene's, else full]
     #[arg(long, value_parser = word::<Visibility>, value_name = "none|full")]
     visibility: Option<Visibility>,
+    /// Caustics to add up: R (one reflection), T (one refraction), or both [default: R,T]
+    #[arg(long, value_parser = word::<Chain>, value_delimiter = ',', value_name = "CHAINS")]
+    chains: Option<Vec<Chain>>,
     /// Image size in pixels [default: the scene's, else 512x512]
     #[arg(long, value_parser = parse_size, value_name = "WxH")]
     size: Option<[u32; 2]>,
@@ -117,6 +120,7 @@ fn options(args: &ReferenceArgs, render: &Settings) -> Result<Options, String> {
         size: args.size.or(render.size).unwrap_or(defaults.size),
         pixel_samples: args.pixel_samples.or(render.pixel_samples).unwrap_or(defaults.pixel_samples),
         quantity,
+        chains: args.chains.as_ref().map_or(Chains::ALL, |chains| chains.iter().copied().collect()),
         visibility: args.visibility.or(render.visibility).unwrap_or_default(),
         attenuation: args.attenuation.or(render.attenuation).unwrap_or(true),
         seed: args.seed.or(render.seed).unwrap_or(defaults.seed),

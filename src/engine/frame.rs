@@ -17,7 +17,7 @@ use crate::environment::Environment;
 use crate::image::Aov;
 use crate::options::{DisplaySettings, Options};
 use crate::progress::{Progress, Stage};
-use crate::scene::{Emitter, Ray, Scene, Sides, Visibility};
+use crate::scene::{Emitter, Ray, Refractor, Scene, Sides, Visibility};
 use crate::stages::{
     CameraRays, Id, LightStages, Memo, PreparedLight, PreparedScene, StageCounts, SurfaceMaterials, View,
 };
@@ -75,6 +75,7 @@ struct PathsKey {
     tracer: Id<Tracer>,
     materials: Id<SurfaceMaterials>,
     sides: Vec<Option<Sides>>,
+    refractors: Vec<Option<Refractor>>,
     emitters: Vec<Option<Emitter>>,
     is_plain: bool,
 }
@@ -299,6 +300,7 @@ impl BandStages {
             tracer: Id::of(&prepared.tracer),
             materials: Id::of(&prepared.materials),
             sides: scene.objects.iter().map(|o| o.reflector.map(|r| r.sides)).collect(),
+            refractors: scene.objects.iter().map(|o| o.refractor).collect(),
             emitters: scene.objects.iter().map(|o| o.emitter).collect(),
             is_plain: options.plain_diffuse,
         };

@@ -74,7 +74,7 @@ impl Engine {
                 let Inspected { contributions, view } = technique.inspect(inputs, hit)?;
                 inspection.receiver =
                     object.receiver.is_some().then(|| receiver_inspection(&contributions, inputs.light));
-                inspection.view = view.filter(|_| object.reflector.is_some());
+                inspection.view = view.filter(|_| object.specular().is_some());
             }
             Ok(inspection)
         })
@@ -156,7 +156,7 @@ impl Engine {
 }
 
 fn has_caustics(inputs: &Inputs) -> bool {
-    inputs.options.shows_caustic() && inputs.scene.objects.iter().any(|object| object.reflector.is_some())
+    inputs.options.shows_caustic() && inputs.scene.objects.iter().any(|object| object.specular().is_some())
 }
 
 fn receiver_inspection(contributions: &[Contribution], light: &PreparedLight) -> ReceiverInspection {

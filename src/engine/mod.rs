@@ -24,6 +24,7 @@ mod overlay;
 mod paths;
 mod preview;
 mod ray_batches;
+mod refraction;
 mod report;
 mod reprojection;
 mod shading;

@@ -1,4 +1,4 @@
-//! Paths from the camera, via visible mirrors, to the environment or to a lit surface.
+//! Paths from the camera, via visible mirrors and interfaces, to the environment or to a lit surface.
 //!
 //! Every pixel is shaded from one point, or from 4×4 at edges and on mirrors. A path holds its end point, not the light
 //! there: that is computed for all paths together, and can change while the paths stay. Points of one pixel whose paths
@@ -20,7 +20,7 @@ use crate::tracing::Hit;
 const MAX_STEP_OFF_PLANE: f32 = 0.01;
 /// Cosine between their normals, at least.
 const MIN_SHARED_COSINE: f32 = 0.9;
-/// Albedo of surfaces that neither reflect nor receive on the visible side.
+/// Albedo of surfaces that neither reflect, refract nor receive on the visible side.
 const PLAIN_ALBEDO: f32 = 0.2;
 /// Albedo of everything in the plain diffuse view.
 const DIFFUSE_VIEW_ALBEDO: f32 = 0.6;
@@ -131,7 +131,7 @@ impl PixelPaths {
     }
 
     /// Sets the footprints of paths that left the scene, by the points of the pixel, `columns` a row.
-    fn set_footprints(&mut self, points: &[Option<Escape>], columns: u32) {
+    fn set_footprints(&mut self, points: &[Vec<Escape>], columns: u32) {
         for (term, footprint) in footprints(points, columns as usize) {
             if let Source::Environment { sides, .. } = &mut self.terms[term].source {
                 *sides = footprint;

@@ -86,6 +86,11 @@ pub enum GpuError {
         /// Whether the engine reads maps.
         engine: bool,
     },
+    /// So is refraction.
+    #[error(
+        "the engine was made for mirrors alone, but some samples are on surfaces that refract; make one with refraction"
+    )]
+    NoRefraction,
     /// The samples' maps of visibility are too large.
     #[error("what the samples see takes {bytes} bytes, but this adapter's buffers end at {limit}")]
     MapsTooLarge {

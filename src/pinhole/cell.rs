@@ -46,7 +46,8 @@ impl From<&PinholeSample> for PinholeParts {
             curve: sample.curve().map(|curve| curve as u32),
             lobe: sample.lobe(),
             object: sample.object(),
-            two_sided: sample.two_sided(),
+            lights: sample.lights(),
+            interface: sample.interface(),
         }
     }
 }

@@ -136,3 +136,10 @@ pub const MIN_HEIGHT: f32 = 1e-3;
 
 /// Fraction of a GGX surface's microfacets that is sampled where there are sixteen samples, which cannot represent the remaining tail.
 pub const PART_OF_FACETS: f32 = 0.98;
+
+/// Refracted directions next to grazing ones turn without bound; they are taken to turn as at this cosine.
+pub const MIN_REFRACTED_COSINE: f32 = 0.02;
+/// A footprint's blur by its bend is at most so many times that of a mirror.
+pub const MAX_REFRACTED_BLUR: f32 = 4.0;
+/// The radius of a cone that holds every direction, radians.
+pub const WHOLE_SPHERE_RAD: f32 = std::f32::consts::PI;

@@ -4,8 +4,9 @@ use bytemuck::{Pod, Zeroable};
 use glam::{Vec2, Vec3};
 
 use super::visibility::VisibilityMaps;
-use super::{Epsilon, Params};
+use super::{Epsilon, Interface, Params};
 use crate::environment::CubeMap;
+use crate::scene::Sides;
 
 /// Samples per batch. A batch is what one draw adds to the image; ranges of batches can be submitted one at a time.
 pub const BATCH_SIZE: u32 = 256;
@@ -37,6 +38,17 @@ impl From<Vec<PinholeSample>> for Pinholes {
 /// The number of a curve of reflectance where there is none.
 pub(super) const NO_CURVE: u32 = u32::MAX;
 
+/// Flags of a pinhole: it lights receivers in front of it, where its normal points to,
+pub const LIGHTS_FRONT: u32 = 1;
+/// it lights those behind it,
+pub const LIGHTS_BACK: u32 = 2;
+/// it is on an interface between two media,
+pub const IS_INTERFACE: u32 = 4;
+/// and that reflects by the Fresnel equations.
+pub const IS_FRESNEL: u32 = 8;
+/// What the object's index is multiplied by.
+pub const OBJECT_SCALE: u32 = 16;
+
 /// One pinhole, 112 bytes: seven vectors of four.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
@@ -47,11 +59,11 @@ pub struct PinholeSample {
     pub area: f32,
     /// Unit normal.
     pub normal: [f32; 3],
-    /// Twice the object's index in the scene, plus 1 where both sides reflect.
-    pub object_sides: u32,
+    /// Sixteen times the object's index in the scene, plus [`LIGHTS_FRONT`] and so on.
+    pub object_flags: u32,
     /// Reflectance where there is no curve.
     pub reflectance: [f32; 3],
-    /// The number of its curve of reflectance; `u32::MAX`: there is none.
+    /// The number of its curve of reflectance; `u32::MAX`: there is none. Of an interface the bits of its relative refractive index.
     pub curve: u32,
     /// T₁: full first side of the footprint on the surface, metres.
     pub side_1: [f32; 3],
@@ -98,8 +110,10 @@ pub struct PinholeParts {
     pub lobe: f32,
     /// Index of the object in the scene.
     pub object: u32,
-    /// Whether both sides reflect.
-    pub two_sided: bool,
+    /// The sides on which it lights receivers; its normal points to the front.
+    pub lights: Sides,
+    /// The interface between two media that it is on, if it is no mirror.
+    pub interface: Option<Interface>,
 }
 
 impl PinholeParts {
@@ -107,7 +121,7 @@ impl PinholeParts {
     #[inline(always)]
     pub fn is_mostly_lobe(&self) -> bool {
         let [c1, c2] = self.changes;
-        self.lobe * self.lobe > 4.0 * (c1.length_squared() + c2.length_squared())
+        self.interface.is_none() && self.lobe * self.lobe > 4.0 * (c1.length_squared() + c2.length_squared())
     }
 
     /// Whether it is also wider than a texel of the visibility maps: it sees the sky as a whole, not tap by tap.
@@ -119,13 +133,23 @@ impl PinholeParts {
 
 impl From<PinholeParts> for PinholeSample {
     fn from(parts: PinholeParts) -> Self {
+        let lights = match parts.lights {
+            Sides::Front => LIGHTS_FRONT,
+            Sides::Back => LIGHTS_BACK,
+            Sides::Both => LIGHTS_FRONT | LIGHTS_BACK,
+        };
+        let interface = parts.interface.map_or(0, |i| IS_INTERFACE | if i.fresnel { IS_FRESNEL } else { 0 });
+        let curve = match parts.interface {
+            Some(interface) => interface.eta.to_bits(),
+            None => parts.curve.unwrap_or(NO_CURVE),
+        };
         Self {
             position: parts.position.to_array(),
             area: parts.area,
             normal: parts.normal.to_array(),
-            object_sides: 2 * parts.object + u32::from(parts.two_sided),
+            object_flags: OBJECT_SCALE * parts.object + lights + interface,
             reflectance: parts.reflectance.to_array(),
-            curve: parts.curve.unwrap_or(NO_CURVE),
+            curve,
             side_1: parts.sides[0].to_array(),
             lobe: parts.lobe,
             side_2: parts.sides[1].to_array(),
@@ -154,7 +178,7 @@ impl PinholeSample {
 
     /// Index of the object in the scene.
     pub fn object(&self) -> u32 {
-        self.object_sides >> 1
+        self.object_flags / OBJECT_SCALE
     }
 
     /// Blur of the footprint, radians.
@@ -205,12 +229,28 @@ impl PinholeSample {
 
     /// Which of the curves of reflectance holds.
     pub fn curve(&self) -> Option<usize> {
-        (self.curve != NO_CURVE).then_some(self.curve as usize)
+        (self.curve != NO_CURVE && self.interface().is_none()).then_some(self.curve as usize)
     }
 
-    /// Whether both sides reflect.
-    pub fn two_sided(&self) -> bool {
-        self.object_sides & 1 == 1
+    /// The sides on which it lights receivers.
+    pub fn lights(&self) -> Sides {
+        match self.object_flags & (LIGHTS_FRONT | LIGHTS_BACK) {
+            LIGHTS_BACK => Sides::Back,
+            LIGHTS_FRONT => Sides::Front,
+            _ => Sides::Both,
+        }
+    }
+
+    /// The interface between two media that it is on.
+    pub fn interface(&self) -> Option<Interface> {
+        let fresnel = self.object_flags & IS_FRESNEL != 0;
+        (self.object_flags & IS_INTERFACE != 0).then(|| Interface { eta: f32::from_bits(self.curve), fresnel })
+    }
+
+    /// Whether it has a visibility map for each side: where it lights receivers on both, and where these are on the other side than the
+    /// light.
+    pub fn has_two_maps(&self) -> bool {
+        self.object_flags & IS_INTERFACE != 0 || self.lights() == Sides::Both
     }
 }
 

@@ -7,7 +7,8 @@
 //! a · ⟨n, −d̂⟩⁺ · ⟨n_p, d̂⟩⁺ / |d|² · L(r̂ filtered over the sample's footprint)
 //! ```
 //!
-//! times the visible fraction of the receiver and the sky fraction of the footprint ([`VisibilityMaps`]).
+//! times the visible fraction of the receiver and the sky fraction of the footprint ([`VisibilityMaps`]). On an interface between two
+//! media r is refracted for receivers behind it ([`Interface`]).
 //! [`cpu`] and [`gpu`] implement the same steps under the same names. [`PinholeSample`] and [`GatherUniforms`] are
 //! the memory layout that both read. This module must not know scene files, cameras or image files.
 
@@ -16,6 +17,7 @@ pub(crate) mod constants;
 pub mod cpu;
 #[cfg(feature = "gpu")]
 pub mod gpu;
+mod interface;
 mod layout;
 mod receivers;
 mod tree;
@@ -23,6 +25,7 @@ mod visibility;
 
 #[cfg(feature = "gpu")]
 pub(crate) use constants::ESTIMATE_MAX_RECEIVERS;
+pub use interface::Interface;
 pub use layout::{BATCH_SIZE, CURVE_POINTS, GatherUniforms, PinholeParts, PinholeSample, Pinholes, ReflectanceCurve};
 pub use receivers::{NO_RECEIVER, ReceiverLayout, Receivers, ViewDirections};
 pub use tree::PinholeTree;
@@ -36,7 +39,7 @@ use self::constants::{BEND_BLUR, MIN_BEND_BLUR};
 use crate::differential::DifferentialSample;
 use crate::progress::Progress;
 use crate::reflectance::{Curve, Finish};
-use crate::scene::{Object, Reflector, Scene, Sides};
+use crate::scene::{Chains, Object, Reflector, Refractor, Scene, Sides, Specular};
 use crate::tracing::{Hit, Tracer};
 use crate::words::NumberOrWord;
 
@@ -157,35 +160,52 @@ fn lobe_of_bend(changes: [Vec3; 2]) -> f32 {
     if bend < MIN_BEND_BLUR { 0.0 } else { bend }
 }
 
-/// Packs differential samples for the gather, with the material and the sides of their objects. Samples of objects that are no
-/// mirrors in `scene` are left out.
+/// Packs differential samples for the gather, with the material and the sides of their objects. Samples of objects that cast no
+/// caustics in `scene` are left out; interfaces that disperse light get one for each channel.
 pub fn pinholes(scene: &Scene, samples: &[DifferentialSample], footprint: Footprint) -> Pinholes {
-    pinholes_with(scene, &reflectance_curves(scene), samples, footprint)
+    pinholes_with(scene, &reflectance_curves(scene), samples, footprint, Chains::ALL)
 }
 
-/// The same with the [`reflectance_curves`] of the scene, which take long for rough mirrors.
+/// The same for some chains, with the [`reflectance_curves`] of the scene, which take long for rough mirrors.
 pub(crate) fn pinholes_with(
     scene: &Scene,
     curves: &[Option<Curve>],
     samples: &[DifferentialSample],
     footprint: Footprint,
+    chains: Chains,
 ) -> Pinholes {
-    let mirrors = Mirrors::new(scene, curves);
+    let casters = Casters::new(scene, curves, chains);
     let pack = |s: &DifferentialSample| {
-        let mirror = mirrors.of_object.get(s.object as usize)?.as_ref()?;
+        let caster = casters.of_object.get(s.object as usize)?.as_ref()?;
         let (position, normal, area, sides) = match footprint {
             Footprint::Cells => (s.cell.centroid, s.cell.normal, s.cell.area, s.cell.sides),
             Footprint::Curvature => (s.position, s.normal, s.area, s.directions.map(|u| s.area.sqrt() * u)),
         };
         let changes = sides.map(|side| s.normal_change(side));
-        let lobe = if footprint == Footprint::Cells { mirror.lobe_with_bend(changes) } else { mirror.lobe };
-        let Mirror { reflectance, curve, two_sided, .. } = *mirror;
+        let lobe = if footprint == Footprint::Cells { caster.lobe_with_bend(changes) } else { caster.lobe };
+        let Caster { curve, lights, .. } = *caster;
         let object = s.object;
-        let parts =
-            PinholeParts { position, normal, area, sides, changes, reflectance, curve, lobe, object, two_sided };
-        Some(parts.into())
+        let of_channels = move |channels: &Channels| {
+            let (reflectance, interface) = caster.for_channels(*channels);
+            let parts = PinholeParts {
+                position,
+                normal,
+                area,
+                sides,
+                changes,
+                reflectance,
+                curve,
+                lobe,
+                object,
+                lights,
+                interface,
+            };
+            PinholeSample::from(parts)
+        };
+        Some(caster.channels().iter().map(of_channels))
     };
-    Pinholes { samples: samples.iter().filter_map(pack).collect(), curves: mirrors.curves, visibility: None }
+    let samples = samples.iter().filter_map(pack).flatten().collect();
+    Pinholes { samples, curves: casters.curves.clone(), visibility: None }
 }
 
 impl Pinholes {
@@ -195,6 +215,11 @@ impl Pinholes {
         self.trace_maps(scene, tracer, Edges::Fine, progress);
     }
 
+    /// Whether any sample is on an interface between two media.
+    pub fn refracts(&self) -> bool {
+        self.samples.iter().any(|sample| sample.interface().is_some())
+    }
+
     /// What the sample of a mirror sees that is nearest to a place on it, on the side that is seen there; `None` without visibility
     /// maps or samples.
     pub(crate) fn view_from(&self, place: &Hit) -> Option<SampleView> {
@@ -202,7 +227,7 @@ impl Pinholes {
         let own = self.samples.iter().filter(|sample| sample.object() == place.object);
         let nearest = own.min_by(|a, b| distance(a).total_cmp(&distance(b)))?;
         // Normals of samples point to the reflecting side; a map for the other side comes after the first.
-        let is_behind = nearest.two_sided() && nearest.normal().dot(place.normal) < 0.0;
+        let is_behind = nearest.has_two_maps() && nearest.normal().dot(place.normal) < 0.0;
         self.visibility.as_ref()?.view(nearest.map() + u32::from(is_behind))
     }
 
@@ -211,16 +236,17 @@ impl Pinholes {
     }
 }
 
-/// The mirror materials of a scene's objects.
+/// The materials of a scene's objects that cast caustics.
 #[derive(Clone, Debug, Default)]
-struct Mirrors {
-    of_object: Vec<Option<Mirror>>,
+struct Casters {
+    of_object: Vec<Option<Caster>>,
     curves: Vec<ReflectanceCurve>,
 }
 
-/// The mirror material of an object.
+/// The material of an object that casts caustics: a mirror or an interface.
 #[derive(Clone, Copy, Debug)]
-struct Mirror {
+struct Caster {
+    /// Of a mirror; of an interface the channels that it concerns.
     reflectance: Vec3,
     /// Index of the reflectance curve that holds instead, if one does.
     curve: Option<u32>,
@@ -228,23 +254,73 @@ struct Mirror {
     max_reflectance: f32,
     /// Width of a rough mirror's lobe, radians; 0 for a smooth one.
     lobe: f32,
-    two_sided: bool,
+    /// The sides on which it lights receivers.
+    lights: Sides,
     /// Whether the side that reflects, or that the samples' normals point to, is the one that the mesh's normals point to.
     faces_front: bool,
+    interface: Option<Refractor>,
 }
 
-impl Mirror {
+/// The channels of the light that an interface refracts alike.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Channels {
+    All,
+    One(usize),
+}
+
+impl Caster {
     /// From its reflectance by angle, and the number of that curve unless it is constant.
-    fn new(reflector: &Reflector, curve: Option<u32>, at_angles: &Curve) -> Self {
+    fn mirror(reflector: &Reflector, curve: Option<u32>, at_angles: &Curve) -> Self {
         let Reflector { sides, finish } = reflector;
         Self {
             reflectance: finish.reflectance.as_vec3(),
             curve,
             max_reflectance: at_angles.values().iter().map(|v| v.as_vec3().max_element()).fold(0.0, f32::max),
             lobe: LOBE_PER_ALPHA * finish.alpha() as f32,
-            two_sided: *sides == Sides::Both,
+            lights: if *sides == Sides::Both { Sides::Both } else { Sides::Front },
             faces_front: *sides != Sides::Back,
+            interface: None,
         }
+    }
+
+    /// An interface whose light arrives by these chains; `None` if it lights nothing.
+    fn interface(refractor: Refractor, chains: Chains) -> Option<Self> {
+        let lights = match (chains.reflected && refractor.fresnel, chains.refracted) {
+            (true, true) => Sides::Both,
+            (true, false) => Sides::Front,
+            (false, true) => Sides::Back,
+            (false, false) => return None,
+        };
+        Some(Self {
+            reflectance: Vec3::ONE,
+            curve: None,
+            max_reflectance: 1.0,
+            lobe: 0.0,
+            lights,
+            faces_front: true,
+            interface: Some(refractor),
+        })
+    }
+
+    /// Whether channels are refracted differently.
+    fn is_dispersive(&self) -> bool {
+        self.interface.is_some_and(|refractor| refractor.is_dispersive())
+    }
+
+    /// What it is for some channels: the factor on their light, and the interface.
+    fn for_channels(&self, channels: Channels) -> (Vec3, Option<Interface>) {
+        let (reflectance, eta) = match channels {
+            Channels::All => (self.reflectance, self.interface.map(|r| r.eta.element_sum() / 3.0)),
+            Channels::One(k) => (self.reflectance * Vec3::AXES[k], self.interface.map(|r| r.eta[k])),
+        };
+        let fresnel = self.interface.is_some_and(|refractor| refractor.fresnel);
+        (reflectance, eta.map(|eta| Interface { eta: eta as f32, fresnel }))
+    }
+
+    /// The channels that are to be summed one after the other.
+    fn channels(&self) -> &'static [Channels] {
+        const EACH: [Channels; 3] = [Channels::One(0), Channels::One(1), Channels::One(2)];
+        if self.is_dispersive() { &EACH } else { &[Channels::All] }
     }
 
     /// Width of the lobe with the blur of a footprint's bend. Independent blurs: their second moments add.
@@ -260,24 +336,32 @@ pub(crate) fn reflectance_curves(scene: &Scene) -> Vec<Option<Curve>> {
     scene.objects.iter().map(curve).collect()
 }
 
-impl Mirrors {
-    /// From the [`reflectance_curves`] of the scene.
-    fn new(scene: &Scene, curves: &[Option<Curve>]) -> Self {
+impl Casters {
+    /// From the [`reflectance_curves`] of the scene. Objects that light nothing by these chains are none.
+    fn new(scene: &Scene, curves: &[Option<Curve>], chains: Chains) -> Self {
         let mut finishes: Vec<Finish> = Vec::new();
         let mut new = Self::default();
         for (object, curve) in scene.objects.iter().zip(curves) {
-            let mirror = object.reflector.zip(curve.as_ref()).map(|(reflector, curve)| {
-                let finish = reflector.finish;
-                if !finish.is_constant() && !finishes.contains(&finish) {
-                    finishes.push(finish);
-                    new.curves.push(std::array::from_fn(|k| curve.values()[k].as_vec3().extend(0.0).to_array()));
+            let caster = match object.specular() {
+                Some(Specular::Reflector(reflector)) if chains.reflected => {
+                    curve.as_ref().map(|curve| new.mirror(&reflector, curve, &mut finishes))
                 }
-                let number = finishes.iter().position(|known| *known == finish);
-                Mirror::new(&reflector, number.map(|number| number as u32), curve)
-            });
-            new.of_object.push(mirror);
+                Some(Specular::Refractor(refractor)) => Caster::interface(refractor, chains),
+                _ => None,
+            };
+            new.of_object.push(caster);
         }
         new
+    }
+
+    fn mirror(&mut self, reflector: &Reflector, curve: &Curve, finishes: &mut Vec<Finish>) -> Caster {
+        let finish = reflector.finish;
+        if !finish.is_constant() && !finishes.contains(&finish) {
+            finishes.push(finish);
+            self.curves.push(std::array::from_fn(|k| curve.values()[k].as_vec3().extend(0.0).to_array()));
+        }
+        let number = finishes.iter().position(|known| *known == finish);
+        Caster::mirror(reflector, number.map(|number| number as u32), curve)
     }
 }
 

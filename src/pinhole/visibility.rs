@@ -108,7 +108,8 @@ pub(super) fn frame(n: Vec3) -> [Vec3; 2] {
 }
 
 impl VisibilityMaps {
-    /// Traces the maps of all samples and stores in each sample the index of its map. Two-sided samples get two, the back's second.
+    /// Traces the maps of all samples and stores in each sample the index of its map. Samples that see something on both sides get two, the
+    /// back's second.
     /// `None` if it was cancelled.
     pub(super) fn trace(
         scene: &Scene,
@@ -148,7 +149,7 @@ impl Hemispheres {
         let mut count = 0;
         for sample in samples.iter_mut() {
             sample.set_map(count, texel_jitter(count));
-            count += if sample.two_sided() { 2 } else { 1 };
+            count += if sample.has_two_maps() { 2 } else { 1 };
         }
         let of_maps = samples.iter().flat_map(|s| Hemisphere::of_sample(scene, s)).collect();
         Self { resolution: resolution_of(count as usize), of_maps }
@@ -237,7 +238,7 @@ impl Hemisphere {
             axes: [t, b, if back { -n } else { n }],
             texel_jitter: sample.texel_jitter(),
         };
-        if sample.two_sided() { vec![side(false), side(true)] } else { vec![side(false)] }
+        if sample.has_two_maps() { vec![side(false), side(true)] } else { vec![side(false)] }
     }
 
     fn trace(&self, tracer: &Tracer, resolution: u32, edges: Edges) -> TracedMap {

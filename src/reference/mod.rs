@@ -21,6 +21,7 @@ mod passes;
 mod receivers;
 mod reflectance;
 mod reflectors;
+mod refraction;
 mod replicates;
 mod sky;
 mod store;
@@ -38,19 +39,19 @@ use self::passes::Passes;
 use self::receivers::Receivers;
 use self::reflectors::Reflectors;
 use self::sky::Sky;
-use crate::scene::{Scene, Visibility};
+use crate::scene::{Chains, Object, Scene, Visibility};
 use crate::{Error, OptionError, Progress};
 
 /// What is computed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Quantity {
-    /// Irradiance by one mirror bounce, W/m², before albedo.
+    /// Irradiance by one reflection or refraction, W/m², before albedo.
     #[default]
     Caustic,
     /// What receivers reflect of that to the camera, by their own distribution functions, W/(m²·sr).
     Reflected,
-    /// Irradiance from the environment without the mirrors' reflections, W/m², before albedo.
+    /// Irradiance from the environment without reflection or refraction, W/m², before albedo.
     Direct,
 }
 
@@ -74,6 +75,9 @@ pub struct Options {
     pub pixel_samples: u32,
     /// The quantity.
     pub quantity: Quantity,
+    /// Which light counts as caustic.
+    #[serde(skip_serializing_if = "Chains::is_all")]
+    pub chains: Chains,
     /// Occlusion.
     pub visibility: Visibility,
     /// `false` drops the 1/l² alone.
@@ -92,6 +96,7 @@ impl Default for Options {
             size: [512, 512],
             pixel_samples: 1,
             quantity: Quantity::default(),
+            chains: Chains::ALL,
             visibility: Visibility::default(),
             attenuation: true,
             density: Density::default(),
@@ -164,6 +169,23 @@ pub enum ReferenceError {
     },
 }
 
+/// Says what is missing where nothing can cast a caustic by these chains.
+fn check_chains(scene: &Scene, chains: Chains) -> Result<(), OptionError> {
+    let reflects = |o: &Object| o.reflector.is_some() || o.refractor.is_some_and(|r| r.fresnel);
+    let casts = |o: &Object| chains.reflected && reflects(o) || chains.refracted && o.refractor.is_some();
+    if scene.objects.iter().any(casts) {
+        return Ok(());
+    }
+    if scene.objects.iter().all(|o| o.specular().is_none()) {
+        let message = "is missing: give an object `reflector = { sides = \"front\" }` or `refractor = { eta = 1.333 }`";
+        return Err(OptionError::invalid("reflector", message));
+    }
+    let message = format!(
+        "is {chains}, but no object casts such a caustic: R needs a reflector or a refractor with fresnel, T a refractor"
+    );
+    Err(OptionError::invalid("chains", message))
+}
+
 /// A scene, prepared for ground truth.
 ///
 /// ```
@@ -203,8 +225,8 @@ impl Reference {
         if !(16..=1024).contains(&options.replicates) {
             return fail("replicates", "must be from 16 to 1024");
         }
-        if options.quantity != Quantity::Direct && scene.objects.iter().all(|o| o.reflector.is_none()) {
-            return fail("reflector", "is missing: give an object `reflector = { sides = \"front\" }`");
+        if options.quantity != Quantity::Direct {
+            check_chains(&scene, options.chains)?;
         }
         let light = Light::of_scene(&scene)?;
         let notes = scene.notes.clone();

@@ -58,7 +58,7 @@ impl<D: Domain> Passes<'_, D> {
         checkpoint: &mut Checkpoint,
     ) -> Result<Estimate, Error> {
         let mut estimate = known.unwrap_or_else(|| Estimate::unknown(self.options.size));
-        while estimate.rel_error() > criterion.rel_error {
+        while estimate.rel_error() > criterion.rel_error || may_have_missed_all(&estimate) {
             let Some(plan) = self.next_plan(criterion, &estimate) else { break };
             let (next, is_complete) = self.pass(&plan, &estimate, criterion, checkpoint)?;
             estimate = next;
@@ -175,6 +175,11 @@ impl<D: Domain> Passes<'_, D> {
             tally.points() * f64::from(self.options.replicates) / self.pixels() as f64;
         estimate
     }
+}
+
+/// Whether coarse cuts found no light, which may be too small for them.
+fn may_have_missed_all(estimate: &Estimate) -> bool {
+    estimate.rel_error() == 0.0 && estimate.is_fine.contains(&false) && estimate.level + 1 < SPLIT_LIMITS.len()
 }
 
 /// The pixels that are `wanted`, in runs of rows from all over the image, so that an interrupted pass has been everywhere.

@@ -1,10 +1,11 @@
-//! Light by one mirror: the integral over all reflectors (Wand & Straßer, Equation 1), with or without occlusion.
+//! Light by one mirror or interface: the integral over all of them (Wand & Straßer, Equation 1), with or without occlusion.
 //!
 //! For a receiver at p with normal n_p and a mirror point x with normal n, d = x − p and r = d − 2(d·n)n, the integrand is
-//! ρ · L(r̂) · ⟨n, −d̂⟩⁺ · ⟨n_p, d̂⟩⁺ / |d|², per m² of mirror. Regions are nodes of a hierarchy over each object's triangles,
+//! ρ · L(r̂) · ⟨n, −d̂⟩⁺ · ⟨n_p, d̂⟩⁺ / |d|², per m² of mirror. For a receiver behind an interface r̂ is the refracted direction, ⟨n, d̂⟩⁺
+//! the cosine, and the factor that of `refraction`. Regions are nodes of a hierarchy over each object's triangles,
 //! and below them parts of a triangle, with bounds from a sphere around their points and a cone around their normals.
 
-use std::f64::consts::PI;
+use std::f64::consts::{FRAC_PI_2, PI};
 
 use glam::DVec3;
 
@@ -14,9 +15,10 @@ use super::geometry::{Geometry, Triangle};
 use super::gloss;
 use super::light::Light;
 use super::reflectance::Reflectance;
+use super::refraction::{Interface, Refracted, refract};
 use super::tree::{Bounds, Content, Part, Tree, WHOLE};
 use super::{Options, Quantity, brdf};
-use crate::scene::{Object, Receiver as Surface, Scene, Sides, Visibility};
+use crate::scene::{Chains, Object, Receiver as Surface, Reflector, Scene, Sides, Specular, Visibility};
 
 /// Widths of a rough mirror's lobe within which light counts in full for the density,
 const LOBES: f64 = 2.0;
@@ -25,12 +27,13 @@ const TAILS: f64 = 0.01;
 /// Triangles are halved at most this many times.
 const MAX_DEPTH: u8 = 32;
 
-/// All that mirrors, as a tree.
+/// All that mirrors or refracts, as a tree.
 pub(super) struct Reflectors<'a> {
     geometry: &'a Geometry,
     light: &'a Light,
     visibility: Visibility,
     attenuation: bool,
+    chains: Chains,
     /// By object, where what they reflect to the camera is in question.
     viewed: Option<Vec<Option<Surface>>>,
     materials: Vec<Option<Material>>,
@@ -42,14 +45,25 @@ pub(super) struct Reflectors<'a> {
 
 #[derive(Clone, Copy)]
 struct Material {
+    surface: Kind,
+    /// −1 where light falls on the back.
+    side: f64,
+}
+
+#[derive(Clone, Copy)]
+enum Kind {
+    Mirror(Mirror),
+    Interface(Interface),
+}
+
+#[derive(Clone, Copy)]
+struct Mirror {
     /// In `reflectances`.
     reflectance: usize,
     /// The largest of any channel at any angle.
     most_reflectance: f64,
     alpha: f64,
     two_sided: bool,
-    /// −1 where the back mirrors.
-    side: f64,
 }
 
 /// A node, or a part of the triangle of a leaf.
@@ -66,19 +80,18 @@ pub(super) struct Region {
 impl<'a> Reflectors<'a> {
     pub fn new(scene: &Scene, geometry: &'a Geometry, light: &'a Light, options: &Options) -> Self {
         let mut reflectances = Vec::new();
+        let chains = options.chains;
         let material = |o: &Object| {
-            let reflector = o.reflector?;
-            let reflectance = Reflectance::new(&reflector.finish);
-            let most_reflectance = reflectance.largest();
-            reflectances.push(reflectance);
-            Some(Material {
-                reflectance: reflectances.len() - 1,
-                // α = roughness² (Burley 2012, Section 5.4).
-                alpha: reflector.finish.roughness.powi(2),
-                most_reflectance,
-                two_sided: reflector.sides == Sides::Both,
-                side: if reflector.sides == Sides::Back { -1.0 } else { 1.0 },
-            })
+            let specular = o.specular()?;
+            let surface = match specular {
+                Specular::Reflector(reflector) if chains.reflected => {
+                    reflectances.push(Reflectance::new(&reflector.finish));
+                    Kind::Mirror(Mirror::new(&reflector, &reflectances))
+                }
+                Specular::Refractor(refractor) => Kind::Interface(Interface::new(&refractor)),
+                Specular::Reflector(_) => return None,
+            };
+            Some(Material { surface, side: if specular.sides() == Sides::Back { -1.0 } else { 1.0 } })
         };
         let materials: Vec<_> = scene.objects.iter().map(material).collect();
         let sides: Vec<_> = materials.iter().map(|m| m.as_ref().map(|m| m.side)).collect();
@@ -88,6 +101,7 @@ impl<'a> Reflectors<'a> {
             light,
             visibility: options.visibility,
             attenuation: options.attenuation,
+            chains,
             viewed: (options.quantity == Quantity::Reflected)
                 .then(|| scene.objects.iter().map(|o| o.receiver.clone()).collect()),
             materials,
@@ -98,7 +112,7 @@ impl<'a> Reflectors<'a> {
     }
 
     fn material(&self, object: u32) -> Material {
-        self.materials[object as usize].expect("only reflectors are in the tree")
+        self.materials[object as usize].expect("only what mirrors or refracts is in the tree")
     }
 
     fn bounds(&self, region: &Region) -> Bounds {
@@ -120,11 +134,76 @@ impl<'a> Reflectors<'a> {
             .map(|b| Corner { offset: triangle.position(b) - receiver.position, normal: side * triangle.normal(b) })
     }
 
-    /// At least the largest radiance that a small part of a triangle mirrors. To first order the mirrored directions fill
-    /// the triangle between those at the corners; the second order is below 1.5 · `turn`².
-    fn mirrored_light(&self, corners: &[Corner; 3], turn: f64) -> f64 {
-        let directions = corners.map(|c| reflect(c.offset.normalize(), c.normal));
-        self.light_over(directions, 1.5 * turn * turn, 2)
+    /// At least the largest sum of the channels that a region mirrors to a receiver, over the attenuation.
+    fn mirrored(&self, mirror: &Mirror, seen: &Seen, receiver: &Receiver) -> f64 {
+        let Seen { bounds, towards, received, .. } = seen;
+        let spread = towards.half_angle;
+        let mut facing = bounds.normals.largest_cosine(-towards.axis, spread);
+        if mirror.two_sided {
+            facing = facing.max(bounds.normals.largest_cosine(towards.axis, spread));
+        }
+        let cosines = if mirror.two_sided {
+            seen.nearer_cosines(received * facing, true, receiver)
+        } else {
+            seen.cosines_on_one_side(facing, receiver)
+        };
+        if cosines == 0.0 {
+            return 0.0;
+        }
+        // How far the mirrored direction can lie from that at the centre.
+        let turn = spread + 2.0 * bounds.normals.half_angle;
+        let light = match &seen.corners {
+            // To first order the mirrored directions fill the triangle between those at the corners.
+            Some(corners) if turn < 0.4 && mirror.alpha == 0.0 => {
+                let directions = corners.map(|c| reflect(c.offset.normalize(), c.normal));
+                self.light_over(directions, 1.5 * turn * turn, 2)
+            }
+            _ => {
+                let lobe = 2.0 * (LOBES * mirror.alpha).atan();
+                let axis = reflect(towards.axis, bounds.normals.axis);
+                let likely = self.light.bound(&Cone { axis, half_angle: (turn + lobe).min(PI) });
+                // What the tails of a lobe reach; no bound, but enough that nothing is left out.
+                likely.max(TAILS * mirror.alpha * self.brightest)
+            }
+        };
+        cosines * mirror.most_reflectance * light
+    }
+
+    /// The same for an interface, of what it reflects or refracts: a receiver may be on either side of a region.
+    fn through(&self, interface: &Interface, seen: &Seen, receiver: &Receiver) -> f64 {
+        let reflected =
+            if self.chains.reflected && interface.reflects() { self.reflected(interface, seen, receiver) } else { 0.0 };
+        let refracted = if self.chains.refracted { self.refracted(interface, seen, receiver) } else { 0.0 };
+        reflected.max(refracted)
+    }
+
+    fn reflected(&self, interface: &Interface, seen: &Seen, receiver: &Receiver) -> f64 {
+        let Cone { axis, half_angle } = seen.towards;
+        let flattest = angle(-axis, seen.bounds.normals.axis) + half_angle + seen.bounds.normals.half_angle;
+        let most_reflectance = interface.reflectance(flattest.min(FRAC_PI_2).cos()).max_element();
+        self.mirrored(&Mirror { most_reflectance, ..Mirror::PERFECT }, seen, receiver)
+    }
+
+    fn refracted(&self, interface: &Interface, seen: &Seen, receiver: &Receiver) -> f64 {
+        let Seen { bounds, towards, received, .. } = seen;
+        let facing = bounds.normals.largest_cosine(towards.axis, towards.half_angle);
+        let cosines = seen.nearer_cosines(received * facing, true, receiver);
+        if cosines == 0.0 {
+            return 0.0;
+        }
+        let light = |eta: &f64| {
+            let Refracted { cone, bend, factor } = interface.refracted(towards, &bounds.normals, *eta);
+            let light = match &seen.corners {
+                _ if factor == 0.0 => 0.0,
+                Some(corners) if cone.half_angle < 0.4 && bend < cone.half_angle => {
+                    let directions = corners.map(|c| refract(c.offset.normalize(), c.normal, *eta));
+                    self.light_over(directions, bend, 2)
+                }
+                _ => self.light.bound(&cone),
+            };
+            light * factor
+        };
+        cosines * interface.indices().iter().map(light).sum::<f64>()
     }
 
     /// At least the largest radiance over a triangle of directions and `margin` around it; long triangles are cut in two.
@@ -163,17 +242,62 @@ fn longest_first(corners: [DVec3; 3]) -> [DVec3; 3] {
     [0, 1, 2].map(|k| corners[(longest + k) % 3])
 }
 
-/// A bound of both cosines times the squared distance where the receiver is so near that directions say little: heights
-/// over the receiver's plane and under the mirror's normals are (bi)linear, so their largest values are at corners.
-fn near_cosines(corners: &[Corner; 3], bounds: &Bounds, receiver: &Receiver, material: &Material) -> f64 {
-    let height = |n: DVec3| corners.iter().map(|c| n.dot(c.offset)).fold(0.0, f64::max);
-    let over_receiver = height(receiver.normal);
-    let mut under_mirror = corners.iter().map(|c| height(-c.normal)).fold(0.0, f64::max);
-    if material.two_sided {
-        under_mirror = corners.iter().map(|c| height(c.normal)).fold(under_mirror, f64::max);
+impl Mirror {
+    const PERFECT: Self = Self { reflectance: 0, most_reflectance: 1.0, alpha: 0.0, two_sided: false };
+
+    /// Of a reflector whose reflectance is the last one.
+    fn new(reflector: &Reflector, reflectances: &[Reflectance]) -> Self {
+        let last = reflectances.len() - 1;
+        Self {
+            reflectance: last,
+            // α = roughness² (Burley 2012, Section 5.4).
+            alpha: reflector.finish.roughness.powi(2),
+            most_reflectance: reflectances[last].largest(),
+            two_sided: reflector.sides == Sides::Both,
+        }
     }
-    let shortest = bounds.normals.half_angle.cos().max(0.1);
-    over_receiver * under_mirror / shortest
+}
+
+/// A region as a receiver sees it.
+struct Seen {
+    bounds: Bounds,
+    /// Directions from the receiver.
+    towards: Cone,
+    /// The largest cosine at the receiver.
+    received: f64,
+    /// The least distance, m, and that of the centre.
+    nearest: f64,
+    distance: f64,
+    /// Of a triangle, or of a part of one.
+    corners: Option<[Corner; 3]>,
+}
+
+impl Seen {
+    /// A bound of both cosines for a surface that lights one of its sides only.
+    fn cosines_on_one_side(&self, facing: f64, receiver: &Receiver) -> f64 {
+        // Light can go between two sides of a surface only as far as their normals differ: d̂·n_p > 0 > d̂·n makes
+        // both cosines at most |n_p − n|. That keeps a mirror that receives its own light from being singular.
+        let normals = &self.bounds.normals;
+        let apart = (angle(normals.axis, receiver.normal) + normals.half_angle).min(PI);
+        let limit = 2.0 * (0.5 * apart).sin();
+        self.nearer_cosines(self.received.min(limit) * facing.min(limit), false, receiver)
+    }
+
+    /// At most the bound of both cosines that is known already. Where the receiver is so near that directions say little: heights over
+    /// its plane and under the surface's normals are (bi)linear, so their largest values are at corners.
+    fn nearer_cosines(&self, known: f64, two_sided: bool, receiver: &Receiver) -> f64 {
+        let Some(corners) = self.corners.as_ref().filter(|_| self.distance < 4.0 * self.bounds.radius) else {
+            return known;
+        };
+        let height = |n: DVec3| corners.iter().map(|c| n.dot(c.offset)).fold(0.0, f64::max);
+        let over_receiver = height(receiver.normal);
+        let mut under_surface = corners.iter().map(|c| height(-c.normal)).fold(0.0, f64::max);
+        if two_sided {
+            under_surface = corners.iter().map(|c| height(c.normal)).fold(under_surface, f64::max);
+        }
+        let shortest = self.bounds.normals.half_angle.cos().max(0.1);
+        known.min(over_receiver * under_surface / shortest / (self.nearest * self.nearest))
+    }
 }
 
 impl Domain for Reflectors<'_> {
@@ -191,61 +315,27 @@ impl Domain for Reflectors<'_> {
 
     fn bound(&self, region: &Region, receiver: &Receiver) -> f64 {
         let bounds = self.bounds(region);
-        let material = self.material(bounds.object);
         let to_centre = bounds.centre - receiver.position;
         let distance = to_centre.length();
         // Within its own sphere a region has no direction; further out the distance is at least this.
         let nearest = (distance - bounds.radius).max(0.25 * bounds.radius);
         let inside = distance <= bounds.radius;
-        let towards = if inside { receiver.normal } else { to_centre / distance };
-        let spread = if inside { PI } else { (bounds.radius / distance).asin() };
-        let received = Cone { axis: towards, half_angle: spread }.largest_cosine(receiver.normal, 0.0);
+        let axis = if inside { receiver.normal } else { to_centre / distance };
+        let towards = Cone { axis, half_angle: if inside { PI } else { (bounds.radius / distance).asin() } };
+        let received = towards.largest_cosine(receiver.normal, 0.0);
         if received == 0.0 {
             return 0.0;
         }
-        let mut facing = bounds.normals.largest_cosine(-towards, spread);
-        if material.two_sided {
-            facing = facing.max(bounds.normals.largest_cosine(towards, spread));
-        }
-        if facing == 0.0 {
-            return 0.0;
-        }
-        let mut cosines = if material.two_sided {
-            received * facing
-        } else {
-            // Light can go between two sides of a surface only as far as their normals differ: d̂·n_p > 0 > d̂·n makes
-            // both cosines at most |n_p − n|. That keeps a mirror that receives its own light from being singular.
-            let apart = (angle(bounds.normals.axis, receiver.normal) + bounds.normals.half_angle).min(PI);
-            let limit = 2.0 * (0.5 * apart).sin();
-            received.min(limit) * facing.min(limit)
+        let corners = match self.tree.nodes[region.node as usize].content {
+            Content::Triangle(id) => Some(self.corners(&self.geometry.triangles[id as usize], region, receiver)),
+            Content::Inner { .. } => None,
         };
-        // How far the mirrored direction can lie from that at the centre.
-        let turn = spread + 2.0 * bounds.normals.half_angle;
-        let everything_within = |turn: f64| {
-            let lobe = 2.0 * (LOBES * material.alpha).atan();
-            let axis = reflect(towards, bounds.normals.axis);
-            let likely = self.light.bound(&Cone { axis, half_angle: (turn + lobe).min(PI) });
-            // What the tails of a lobe reach; no bound, but enough that nothing is left out.
-            likely.max(TAILS * material.alpha * self.brightest)
+        let seen = Seen { bounds, towards, received, nearest, distance, corners };
+        let light = match self.material(bounds.object).surface {
+            Kind::Mirror(mirror) => self.mirrored(&mirror, &seen, receiver),
+            Kind::Interface(interface) => self.through(&interface, &seen, receiver),
         };
-        let light = match self.tree.nodes[region.node as usize].content {
-            Content::Triangle(id) => {
-                let corners = self.corners(&self.geometry.triangles[id as usize], region, receiver);
-                if distance < 4.0 * bounds.radius {
-                    cosines = cosines.min(near_cosines(&corners, &bounds, receiver, &material) / (nearest * nearest));
-                    if cosines == 0.0 {
-                        return 0.0;
-                    }
-                }
-                if turn < 0.4 && material.alpha == 0.0 {
-                    self.mirrored_light(&corners, turn)
-                } else {
-                    everything_within(turn)
-                }
-            }
-            Content::Inner { .. } => everything_within(turn),
-        };
-        cosines * self.distance_factor(nearest * nearest) * material.most_reflectance * light
+        light * self.distance_factor(nearest * nearest)
     }
 
     fn split(&self, region: &Region, visit: &mut dyn FnMut(Region)) {
@@ -278,7 +368,7 @@ impl Domain for Reflectors<'_> {
     }
 
     fn is_mean(&self) -> bool {
-        self.materials.iter().flatten().any(|m| m.alpha > 0.0)
+        self.materials.iter().flatten().any(|m| matches!(m.surface, Kind::Mirror(mirror) if mirror.alpha > 0.0))
     }
 
     fn integrand(&self, region: &Region, [mut choice, u, v, facet_u, facet_v]: [f64; 5], receiver: &Receiver) -> DVec3 {
@@ -319,34 +409,98 @@ impl Reflectors<'_> {
         let material = self.material(triangle.object);
         let (x, n) = (triangle.position(barycentric), material.side * triangle.normal(barycentric));
         let d = x - receiver.position;
-        let (squared, dn) = (d.length_squared(), d.dot(n));
-        let facing = if material.two_sided { dn.abs() } else { -dn };
-        let received = d.dot(receiver.normal);
-        if facing <= 0.0 || received <= 0.0 {
+        let (distance, received) = (d.length(), d.dot(receiver.normal));
+        let towards = d / distance;
+        let cosine = towards.dot(n);
+        if received <= 0.0 || !material.surface.lights(cosine) {
             return DVec3::ZERO;
         }
-        let out = -d / squared.sqrt();
-        let reflectance = &self.reflectances[material.reflectance];
-        let (reflected, reflectance) = if material.alpha == 0.0 {
-            ((d - 2.0 * dn * n) / squared.sqrt(), reflectance.at(facing / squared.sqrt()))
-        } else {
-            let seen_side = if dn > 0.0 { -n } else { n };
-            let Some(facet) = gloss::facet(seen_side, out, material.alpha, facet) else { return DVec3::ZERO };
-            (facet.towards_light, facet.weight * reflectance.at(facet.cosine))
-        };
         if self.visibility == Visibility::Full
-            && (self.geometry.blocks_segment(receiver.position, x, [receiver.triangle, id])
-                || self.geometry.blocks_ray(x, reflected, id))
+            && self.geometry.blocks_segment(receiver.position, x, [receiver.triangle, id])
         {
             return DVec3::ZERO;
         }
-        let cosines = facing * received / squared;
+        let point = Point { id, position: x, normal: n, towards, cosine };
+        let light = match material.surface {
+            Kind::Mirror(mirror) => self.light_mirrored_at(&mirror, &point, facet),
+            Kind::Interface(interface) => self.light_through(&interface, &point),
+        };
         let seen = match &self.viewed {
             None => DVec3::ONE,
-            Some(surfaces) => self.seen_part(surfaces, receiver, -out),
+            Some(surfaces) => self.seen_part(surfaces, receiver, towards),
         };
-        seen * reflectance * self.light.radiance(reflected) * (cosines * self.distance_factor(squared))
+        let squared = distance * distance;
+        seen * light * (cosine.abs() * received / distance * self.distance_factor(squared))
     }
+
+    /// What a point of a mirror reflects to a receiver, W/(m²·sr).
+    fn light_mirrored_at(&self, mirror: &Mirror, point: &Point, facet: [f64; 2]) -> DVec3 {
+        let Point { normal, towards, cosine, .. } = *point;
+        let reflectance = &self.reflectances[mirror.reflectance];
+        if mirror.alpha == 0.0 {
+            return reflectance.at(cosine.abs()) * self.light_from(point, reflect(towards, normal));
+        }
+        let seen_side = if cosine > 0.0 { -normal } else { normal };
+        let Some(facet) = gloss::facet(seen_side, -towards, mirror.alpha, facet) else { return DVec3::ZERO };
+        facet.weight * reflectance.at(facet.cosine) * self.light_from(point, facet.towards_light)
+    }
+
+    /// What a point of an interface reflects to a receiver in front of it, or refracts to one behind it, W/(m²·sr).
+    fn light_through(&self, interface: &Interface, point: &Point) -> DVec3 {
+        let Point { normal, towards, cosine, .. } = *point;
+        if cosine < 0.0 {
+            if !self.chains.reflected || !interface.reflects() {
+                return DVec3::ZERO;
+            }
+            return interface.reflectance(-cosine) * self.light_from(point, reflect(towards, normal));
+        }
+        if !self.chains.refracted {
+            return DVec3::ZERO;
+        }
+        let refracted = |eta: f64| match interface.factor(cosine, eta) {
+            0.0 => DVec3::ZERO,
+            factor => factor * self.light_from(point, refract(towards, normal, eta)),
+        };
+        match interface.indices() {
+            [eta] => refracted(*eta),
+            indices => DVec3::from_array([0, 1, 2].map(|channel| refracted(indices[channel])[channel])),
+        }
+    }
+
+    /// What arrives at a point from a direction, W/(m²·sr).
+    fn light_from(&self, point: &Point, direction: DVec3) -> DVec3 {
+        if self.visibility == Visibility::Full && self.geometry.blocks_ray(point.position, direction, point.id) {
+            return DVec3::ZERO;
+        }
+        self.light.radiance(direction)
+    }
+}
+
+impl Kind {
+    /// Whether it sends light to a receiver, by the cosine between the direction from there and the normal.
+    fn lights(&self, cosine: f64) -> bool {
+        match self {
+            Self::Mirror(mirror) => {
+                if mirror.two_sided {
+                    cosine != 0.0
+                } else {
+                    cosine < 0.0
+                }
+            }
+            Self::Interface(_) => cosine != 0.0,
+        }
+    }
+}
+
+/// A point of a mirror or an interface.
+struct Point {
+    /// Its triangle.
+    id: u32,
+    position: DVec3,
+    normal: DVec3,
+    /// The unit direction from the receiver, and its cosine to the normal.
+    towards: DVec3,
+    cosine: f64,
 }
 
 #[cfg(test)]
@@ -361,8 +515,11 @@ mod tests {
     fn nothing_exceeds_its_bound() {
         let mut rng = rand::rngs::ChaCha8Rng::seed_from_u64(1);
         let options = Options { visibility: Visibility::None, ..Default::default() };
-        for name in ["ring", "ring-solid", "cup", "spoon", "disco-ball"] {
-            let scene = crate::scene::load::<toml::Table>(name).unwrap().scene;
+        let built_in = |name| (name, crate::scene::load::<toml::Table>(name).unwrap().scene);
+        let scenes = ["ring", "ring-solid", "cup", "spoon", "disco-ball"].map(built_in);
+        let waters =
+            ["eta = 1.333", "eta = [1.3, 1.5, 1.7], fresnel = false", "eta = 0.7"].map(|water| ("water", waves(water)));
+        for (name, scene) in scenes.into_iter().chain(waters) {
             let geometry = Geometry::new(&scene);
             let light = Light::new(&scene.environment).unwrap();
             let domain = Reflectors::new(&scene, &geometry, &light, &options);
@@ -374,6 +531,18 @@ mod tests {
                 }
             }
         }
+    }
+
+    /// Waves, seen from above and from below, between two planes.
+    fn waves(refractor: &str) -> Scene {
+        let text = format!(
+            "[environment]\nmap = \"forest\"\n[camera]\nposition = [0.0, 0.0, 0.0]\ntarget = [0.0, 0.0, 1.0]\nup = [0.0, 1.0, 0.0]\n\
+             perspective = {{ fov_y_deg = 120.0 }}\n[[object]]\nshape = {{ sheet = {{ size = [2.0, 2.0], amplitude = 0.06 }} }}\n\
+             camera_visible = false\nrefractor = {{ {refractor} }}\n[[object]]\nshape = {{ plane = {{ size = [3.0, 3.0] }} }}\n\
+             translate = [0.0, -0.5, 0.0]\nreceiver = {{}}\n[[object]]\nshape = {{ plane = {{ size = [3.0, 3.0] }} }}\n\
+             rotate_deg = [180.0, 0.0, 0.0]\ntranslate = [0.0, 0.6, 0.0]\nreceiver = {{}}\n"
+        );
+        crate::scene::parse::<toml::Table>("waves", &text, std::path::Path::new(".")).unwrap().scene
     }
 
     fn check_one_path(name: &str, domain: &Reflectors, receiver: &Receiver, rng: &mut impl rand::Rng) {

@@ -144,7 +144,9 @@ impl PointSet {
 #[non_exhaustive]
 pub enum SamplingError {
     /// Nothing mirrors.
-    #[error("the scene has no reflector; give an object `reflector = {{ sides = \"front\" }}`")]
+    #[error(
+        "the scene has neither reflector nor refractor; give an object `reflector = {{ sides = \"front\" }}` or `refractor = {{ eta = 1.333 }}`"
+    )]
     NoReflector,
     /// Only some strategies can place samples unevenly.
     #[error("strategy {} places its samples evenly; only neighbourhood and random follow a density", strategy.name())]

@@ -52,12 +52,12 @@ impl SurfacePoint {
 }
 
 impl Surface {
-    /// Collects a scene's reflectors.
+    /// Collects what casts caustics in a scene: reflectors and refractors.
     pub fn of_scene(scene: &Scene) -> Self {
         let mut surface = Self::default();
         for (index, object) in scene.objects.iter().enumerate() {
-            if let Some(reflector) = object.reflector {
-                surface.append(&object.mesh_in_world(), index as u32, reflector.sides == Sides::Back);
+            if let Some(specular) = object.specular() {
+                surface.append(&object.mesh_in_world(), index as u32, specular.sides() == Sides::Back);
             }
         }
         surface

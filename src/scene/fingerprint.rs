@@ -5,7 +5,7 @@
 
 use glam::{DVec3, Vec3};
 
-use super::{Camera, Light, MapLayout, Object, Projection, Receiver, Reflector, Scene, Sides};
+use super::{Camera, Light, MapLayout, Object, Projection, Receiver, Reflector, Refractor, Scene, Sides};
 use crate::brdf::Gloss;
 
 impl Scene {
@@ -78,6 +78,13 @@ impl Hash {
         object.receiver.iter().for_each(|receiver| self.receiver(receiver));
         self.number(u64::from(object.emitter.is_some()));
         object.emitter.iter().for_each(|emitter| self.vector(emitter.radiance));
+        object.refractor.iter().for_each(|refractor| self.refractor(refractor));
+    }
+
+    fn refractor(&mut self, refractor: &Refractor) {
+        let Refractor { eta, fresnel } = *refractor;
+        eta.to_array().into_iter().for_each(|index| self.double(index));
+        self.number(u64::from(fresnel));
     }
 
     fn reflector(&mut self, reflector: &Reflector) {

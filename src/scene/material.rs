@@ -1,6 +1,6 @@
-//! Materials: reflectors, receivers and emitters. Independent of geometry.
+//! Materials: reflectors, refractors, receivers and emitters. Independent of geometry.
 
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 
 use crate::brdf::Gloss;
 use crate::reflectance::Finish;
@@ -25,6 +25,55 @@ pub struct Reflector {
     pub sides: Sides,
     /// Its material.
     pub finish: Finish,
+}
+
+/// A smooth interface between two media, such as the surface of water or one face of a lens. Light from in front of it, where its
+/// normals point to, is refracted to receivers behind it and reflected to receivers in front of it. It has no thickness: what lies
+/// behind it is within the other medium.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Refractor {
+    /// The refractive index behind the surface over that in front of it, per channel, in [`Refractor::INDICES`]; water below air has
+    /// 1.333.
+    pub eta: DVec3,
+    /// Whether light is divided by the Fresnel equations. Otherwise all of it is refracted, except where it is totally reflected.
+    pub fresnel: bool,
+}
+
+impl Refractor {
+    /// The relative refractive indices that a surface may have.
+    pub const INDICES: std::ops::RangeInclusive<f64> = 0.25..=4.0;
+    /// The wavelengths that stand for red, green and blue in Cauchy's equation, µm: those of the primaries of Rec.709 by their dominant
+    /// wavelengths.
+    pub const CHANNELS_UM: DVec3 = DVec3::new(0.6112, 0.5491, 0.4643);
+
+    /// Indices by Cauchy's equation, n(λ) = a + b/λ², with b in µm² (Born & Wolf, *Principles of Optics*, Section 2.3.4).
+    pub fn cauchy(a: f64, b: f64) -> DVec3 {
+        a + b / (Self::CHANNELS_UM * Self::CHANNELS_UM)
+    }
+
+    /// Whether colours are refracted differently.
+    pub fn is_dispersive(&self) -> bool {
+        self.eta.min_element() < self.eta.max_element()
+    }
+}
+
+/// What makes a surface cast caustics.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Specular {
+    /// A mirror.
+    Reflector(Reflector),
+    /// An interface between two media.
+    Refractor(Refractor),
+}
+
+impl Specular {
+    /// The sides that light falls on.
+    pub fn sides(&self) -> Sides {
+        match self {
+            Self::Reflector(reflector) => reflector.sides,
+            Self::Refractor(_) => Sides::Front,
+        }
+    }
 }
 
 /// A surface that receives caustics and direct light.

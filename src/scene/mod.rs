@@ -7,6 +7,7 @@ mod animation;
 mod assets;
 mod builtin;
 mod camera;
+mod chains;
 mod file;
 mod fingerprint;
 mod light;
@@ -29,9 +30,10 @@ pub use animation::{
 pub use assets::Assets;
 pub use builtin::{BUILT_IN, BuiltIn};
 pub use camera::{Camera, Projection, Ray};
+pub use chains::{Chain, Chains};
 pub use file::{Loaded, load, parse};
 pub use light::{EnvironmentMap, EnvironmentSource, Light, MAX_RADIANCE, MapError, MapLayout};
-pub use material::{Emitter, Receiver, Reflector, Sides};
+pub use material::{Emitter, Receiver, Reflector, Refractor, Sides, Specular};
 pub use mesh::{Mesh, MeshError};
 pub use transform::Transform;
 pub use visibility::Visibility;
@@ -100,7 +102,7 @@ impl Scene {
         self.objects.iter().try_for_each(|object| object.checked_mesh_in_world().map(drop))
     }
 
-    /// Where the light of emitters is taken from: the centre of the box around the mirrors or, without mirrors, around everything
+    /// Where the light of emitters is taken from: the centre of the box around what casts caustics or, without that, around everything
     /// that does not shine.
     pub fn light_centre(&self) -> Vec3 {
         let meshes: Vec<Mesh> = self.objects.iter().map(Object::mesh_in_world).collect();
@@ -121,8 +123,8 @@ pub(crate) fn light_centre(meshes: &[&Mesh], objects: &[Object]) -> Vec3 {
         let (low, high) = positions.fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(l, h), p| (l.min(*p), h.max(*p)));
         (low.x <= high.x).then(|| 0.5 * low + 0.5 * high)
     };
-    let of_mirrors = centre(|object| object.reflector.is_some());
-    of_mirrors.or_else(|| centre(|object| object.emitter.is_none())).unwrap_or(Vec3::ZERO)
+    let of_casters = centre(|object| object.specular().is_some());
+    of_casters.or_else(|| centre(|object| object.emitter.is_none())).unwrap_or(Vec3::ZERO)
 }
 
 /// An object: a mesh, its placement and its materials.
@@ -136,6 +138,8 @@ pub struct Object {
     pub placement: Transform,
     /// `Some`: its surface is a mirror that casts caustics.
     pub reflector: Option<Reflector>,
+    /// `Some`: its surface is an interface between two media, which casts caustics; it is neither reflector nor receiver.
+    pub refractor: Option<Refractor>,
     /// `Some`: it receives caustics and direct light.
     pub receiver: Option<Receiver>,
     /// `Some`: it is light geometry, neither reflector nor receiver, and casts no shadow.
@@ -152,10 +156,16 @@ impl Object {
             mesh: mesh.into(),
             placement: Transform::default(),
             reflector: None,
+            refractor: None,
             receiver: None,
             emitter: None,
             camera_visible: true,
         }
+    }
+
+    /// What makes it cast caustics, if it does.
+    pub fn specular(&self) -> Option<Specular> {
+        self.reflector.map(Specular::Reflector).or_else(|| self.refractor.map(Specular::Refractor))
     }
 
     /// The geometry in world space, and the number of triangles that lost their area by the placement.

@@ -19,7 +19,7 @@ use crate::pinhole::reflectance_curves;
 use crate::progress::{Progress, Stage};
 use crate::reflectance::{Curve, Finish};
 use crate::sampling::Surface;
-use crate::scene::{Emitter, Mesh, MeshError, Object, Receiver, Reflector, Scene, Sides, Transform, light_centre};
+use crate::scene::{Emitter, Mesh, MeshError, Object, Receiver, Scene, Sides, Transform, light_centre};
 use crate::tracing::{CameraTracer, SeenBy, Tracer};
 
 /// A scene, ready for sampling and ray tracing.
@@ -185,7 +185,7 @@ impl SceneStages {
         let emitters = (!shining.is_empty()).then(|| self.emitters.get_by_update(shining, progress, update));
         let camera_key = (Id::of(&tracer), emitters.as_ref().map(Id::of));
         let camera = self.camera.get(camera_key, progress, || CameraTracer::new(tracer.clone(), emitters.clone()));
-        let mirrors = |(mesh, o): (&Arc<Mesh>, &Object)| Some((Id::of(mesh), o.reflector?.sides));
+        let mirrors = |(mesh, o): (&Arc<Mesh>, &Object)| Some((Id::of(mesh), o.specular()?.sides()));
         let mirrors = meshes.iter().zip(&scene.objects).map(mirrors).collect();
         let surface = self.surface.get(mirrors, progress, || {
             let surface = reflecting_surface(&meshes, scene);
@@ -284,7 +284,7 @@ fn near_emitter(meshes: &[Arc<Mesh>], scene: &Scene) -> Option<String> {
     let radius = |is_of: fn(&Object) -> bool| {
         objects().filter(|(_, o)| is_of(o)).flat_map(|(mesh, _)| distances(mesh)).fold(0.0, f32::max)
     };
-    let (mirrors, all) = (radius(|o| o.reflector.is_some()), radius(|o| o.emitter.is_none()));
+    let (mirrors, all) = (radius(|o| o.specular().is_some()), radius(|o| o.emitter.is_none()));
     let least = (FAR_FROM_MIRRORS * mirrors).max(FAR_FROM_ALL * all);
     let emitters = objects().filter(|(_, object)| object.emitter.is_some());
     let nearest = emitters.map(|(mesh, object)| (distances(mesh).into_iter().fold(f32::INFINITY, f32::min), object));
@@ -323,8 +323,7 @@ fn check_extent<'a>(meshes: impl Iterator<Item = &'a Mesh>) -> Result<Option<Str
 
 fn reflecting_surface(meshes: &[Arc<Mesh>], scene: &Scene) -> LazySurface {
     let mirror = |((index, mesh), object): ((u32, &Arc<Mesh>), &Object)| {
-        let Reflector { sides, .. } = object.reflector?;
-        Some((index, mesh.clone(), sides == Sides::Back))
+        Some((index, mesh.clone(), object.specular()?.sides() == Sides::Back))
     };
     let mirrors: Vec<(u32, Arc<Mesh>, bool)> = (0..).zip(meshes).zip(&scene.objects).filter_map(mirror).collect();
     LazyLock::new(Box::new(move || {

@@ -138,7 +138,8 @@ fn two_sided_reflectors_reflect_on_both_sides() {
         let turn = |v: [f32; 3]| v.map(|c| sign * c);
         let one = |s: &PinholeSample| PinholeSample {
             normal: turn(s.normal),
-            object_sides: s.object_sides & !1,
+            // One side alone.
+            object_flags: s.object_flags & !2,
             change_1: turn(s.change_1),
             change_2: turn(s.change_2),
             ..*s

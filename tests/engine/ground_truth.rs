@@ -8,7 +8,7 @@ use glam::{DVec3, Vec3};
 use pinspot::NoProgress;
 use pinspot::Settings;
 use pinspot::reference::{Density, Estimate, Options, Quantity, Reference, StoppingCriterion};
-use pinspot::scene::{BUILT_IN, Light, Scene, Visibility, load, parse};
+use pinspot::scene::{BUILT_IN, Chain, Light, Scene, Visibility, load, parse};
 use statrs::distribution::{ContinuousCDF, StudentsT};
 
 fn solve(scene: Scene, options: Options, goal: StoppingCriterion) -> Estimate {
@@ -74,6 +74,72 @@ fn a_wall_shadows_both_legs() {
     assert_close(none, PI * form_factor(-1.0, 1.0), "wall neglected");
     let seen = form_factor(-1.0, c / (2.0 - w)) + form_factor(c / w, 1.0);
     assert_close(one_pixel(scene(), Quantity::Caustic, Visibility::Full), PI * seen, "wall");
+}
+
+/// A surface of water, seen from below, or from above where it is turned over.
+fn water_above(refractor: &str, rotate_deg: f32) -> String {
+    format!(
+        "[[object]]\nname = \"water\"\nshape = {{ plane = {{ size = [6.0, 6.0] }} }}\nrotate_deg = [{rotate_deg}, 0.0, 0.0]\n\
+         translate = [0.0, 1.0, 0.0]\nrefractor = {{ {refractor} }}\n"
+    )
+}
+
+/// The Fresnel reflectance of an interface, by the sine and cosine of the angle in front of it.
+fn fresnel(cosine: f64, eta: f64) -> f64 {
+    let inside = (1.0 - (1.0 - cosine * cosine) / (eta * eta)).sqrt();
+    let s = (cosine - eta * inside) / (cosine + eta * inside);
+    let p = (eta * cosine - inside) / (eta * cosine + inside);
+    0.5 * (s * s + p * p)
+}
+
+/// Under constant radiance, as much flux arrives below flat water as passes through its surface: E = 2π L ∫ (1 − F) cosθ d cosθ.
+#[test]
+fn flat_water_under_constant_light() {
+    let eta = 1.333;
+    let steps = 10_000;
+    let cosines = (0..steps).map(|k| (f64::from(k) + 0.5) / f64::from(steps));
+    let passing = 2.0 * PI * cosines.map(|c| (1.0 - fresnel(c, eta)) * c).sum::<f64>() / f64::from(steps);
+    for visibility in [Visibility::None, Visibility::Full] {
+        let got = one_pixel(at_origin(CONSTANT, &water_above("eta = 1.333", 0.0)), Quantity::Caustic, visibility);
+        assert_close(got, passing, "water");
+    }
+    let all = at_origin(CONSTANT, &water_above("eta = 1.333, fresnel = false", 0.0));
+    assert_close(one_pixel(all, Quantity::Caustic, Visibility::Full), PI, "water that reflects nothing");
+}
+
+/// The sun through flat water, E = E₀ cosθ T for every colour's own index, and its reflection, E = E₀ cosθ F. E₀ = 2πσ²L up to 1e-4.
+#[test]
+fn flat_water_in_the_sun() {
+    let sigma = 0.003f64;
+    let cosine = 0.8f64;
+    let light = format!("spot = {{ direction = [0.6, 0.8, 0.0], sigma_rad = {sigma}, radiance = [1e4, 1e4, 1e4] }}");
+    let arriving = 2.0 * PI * sigma * sigma * 1e4 * cosine;
+    for indices in [[1.333; 3], [0.8; 3], [1.3, 1.4, 1.5]] {
+        let water = water_above(&format!("eta = {indices:?}"), 0.0);
+        let options = Options { size: [1, 1], ..Options::default() };
+        let Estimate { irradiance, standard_error, .. } =
+            solve(at_origin(&light, &water), options, StoppingCriterion::new(1e-3));
+        let (got, error) = (irradiance.pixels[0], standard_error.pixels[0]);
+        for (channel, eta) in indices.into_iter().enumerate() {
+            let got = (Vec3::splat(got[channel]), Vec3::splat(error[channel]));
+            assert_close(got, arriving * (1.0 - fresnel(cosine, eta)), "the sun through water");
+        }
+    }
+    let light = format!("spot = {{ direction = [0.6, -0.8, 0.0], sigma_rad = {sigma}, radiance = [1e4, 1e4, 1e4] }}");
+    let scene = at_origin(&light, &water_above("eta = 1.5", 180.0));
+    let options = |chains: &[Chain]| Options {
+        size: [1, 1],
+        chains: chains.iter().copied().collect(),
+        visibility: Visibility::None,
+        ..Options::default()
+    };
+    let of_chains = |chains: &[Chain]| {
+        let Estimate { irradiance, standard_error, .. } = solve(scene.clone(), options(chains), PRECISE);
+        (irradiance.pixels[0], standard_error.pixels[0])
+    };
+    assert_close(of_chains(&[Chain::R]), arriving * fresnel(cosine, 1.5), "the sun's reflection");
+    assert_eq!(of_chains(&[Chain::T]).0, Vec3::ZERO);
+    assert_close(of_chains(&Chain::ALL), arriving * fresnel(cosine, 1.5), "both chains");
 }
 
 /// A mirror sphere under constant radiance gives what a glowing one gives: E = π L (R/d)² cos θ.

@@ -167,7 +167,8 @@ impl Work {
         let builder = LightBoundsBuilder::new(device, &environment).unwrap();
         let params = how.params();
         let visibility = self.tree.sample_nodes().visibility.is_some();
-        let engine = engine(gpu, HierarchicalOptions { filter: params.filter, visibility });
+        let engine =
+            engine(gpu, HierarchicalOptions { filter: params.filter, visibility, refraction: self.tree.refracts() });
         let viewers = self.receivers.view_directions.as_ref();
         let directions = viewers.map(|viewers| gpu.upload_texture(size, &viewers.directions));
         let viewers = directions.as_ref().zip(viewers);

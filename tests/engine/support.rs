@@ -67,7 +67,12 @@ pub fn on_gpu(receivers: &Receivers, pinholes: &Pinholes, cube: &CubeMap, params
         pinholes,
         cube,
         params,
-        &GatherOptions { filter: params.filter, visibility: pinholes.visibility.is_some(), ..Default::default() },
+        &GatherOptions {
+            filter: params.filter,
+            visibility: pinholes.visibility.is_some(),
+            refraction: pinholes.refracts(),
+            ..Default::default()
+        },
         u32::MAX,
     )
 }

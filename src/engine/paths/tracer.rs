@@ -13,7 +13,8 @@ use crate::engine::escapes::Escape;
 use crate::engine::frame::FrameInputs;
 use crate::engine::gloss::likely_facet;
 use crate::engine::ray_batches::RayBatches;
-use crate::scene::{Object, Ray};
+use crate::engine::refraction::{Refracted, colours, divided};
+use crate::scene::{Object, Ray, Refractor};
 use crate::stages::{CameraRays, PreparedScene};
 use crate::tracing::Hit;
 
@@ -23,6 +24,8 @@ const EDGE_POINTS: u32 = 4;
 const PIXELS_PER_BATCH: usize = 1 << 16;
 /// The largest number of surfaces that a path meets before it is taken to end in the environment.
 const MAX_SURFACES: u32 = 7;
+/// Paths that interfaces have divided end where no more of their light than this would arrive.
+const LEAST_THROUGHPUT: f32 = 1e-3;
 
 /// The inputs of path tracing.
 pub(in crate::engine) struct PathTracer<'a> {
@@ -165,8 +168,9 @@ impl PathTracer<'_> {
         let Some(centre) = centre else {
             return around.iter().all(Option::is_none);
         };
-        let mirrors = mirrors(&self.inputs.scene.objects[centre.object as usize], centre.front);
-        (!mirrors || self.is_plain)
+        let object = &self.inputs.scene.objects[centre.object as usize];
+        let is_specular = mirrors(object, centre.front) || object.refractor.is_some();
+        (!is_specular || self.is_plain)
             && around
                 .iter()
                 .all(|corner| corner.is_some_and(|c| c.object == centre.object && c.normal.dot(centre.normal) > 0.98))
@@ -178,9 +182,14 @@ impl PathTracer<'_> {
         if walk.bounce == 0 { camera.hit(walk.ray) } else { tracer.secondary_hit(walk.ray) }
     }
 
-    /// Takes a path beyond what it met, if it goes on.
-    fn step(&self, walk: &mut Walk, hit: Option<Hit>, paths: &mut PixelPaths) -> Step {
+    /// Takes a path beyond what it met, if it goes on. At an interface it may go on as several ones: the others are added to `branches`.
+    fn step(&self, walk: &mut Walk, hit: Option<Hit>, paths: &mut PixelPaths, branches: &mut Vec<Walk>) -> Step {
         if let Some(found) = hit.filter(|_| walk.bounce < MAX_SURFACES) {
+            let object = &self.inputs.scene.objects[found.object as usize];
+            if let Some(refractor) = object.refractor.as_ref().filter(|_| !self.is_plain) {
+                branches.extend(self.divided(refractor, &found, walk));
+                return Step::Ends(None);
+            }
             let Some(mirrored) = self.meet(&found, walk, paths) else { return Step::Ends(None) };
             walk.ray = Ray { origin: found.position, direction: mirrored };
             walk.bounce += 1;
@@ -191,6 +200,29 @@ impl PathTracer<'_> {
         Step::Ends((key != 0 && alpha == 0.0).then(|| Escape { term: paths.terms.len() - 1, key, direction }))
     }
 
+    /// What a path becomes at an interface: what is reflected there and, colour by colour if it is dispersive, what is refracted.
+    fn divided(&self, refractor: &Refractor, found: &Hit, walk: &Walk) -> Vec<Walk> {
+        let object = &self.inputs.scene.objects[found.object as usize];
+        let mut parts = Vec::new();
+        let mut reflected = Walk { throughput: Vec3::ZERO, ..*walk };
+        for (throughput, eta) in colours(refractor, walk.throughput) {
+            let (reflectance, refracted) = divided(refractor, eta, (found, &walk.ray));
+            reflected.throughput += reflectance * throughput;
+            if let Some(Refracted { direction, factor }) = refracted {
+                let mut part = Walk { throughput: factor * throughput, ..*walk };
+                // Colours that part do not meet again in one end point.
+                part.meet_surface(found, Some(if refractor.is_dispersive() { eta.to_bits() } else { 1 }));
+                part.ray = Ray { origin: found.position, direction };
+                parts.push(part);
+            }
+        }
+        reflected.meet_surface(found, None);
+        reflected.ray = Ray { origin: found.position, direction: Self::mirrored(found, object, &mut reflected) };
+        parts.push(reflected);
+        parts.retain(|part| part.throughput.max_element() > LEAST_THROUGHPUT);
+        parts
+    }
+
     /// Adds the light that a surface sends along a path. Returns the direction in which the path continues, on a
     /// mirror.
     fn meet(&self, found: &Hit, walk: &mut Walk, paths: &mut PixelPaths) -> Option<Vec3> {
@@ -199,7 +231,7 @@ impl PathTracer<'_> {
             paths.add(walk.point, walk.throughput, Source::Emitter(emitter.radiance), true);
             return None;
         }
-        walk.key = walk.key.wrapping_mul(1_000_003) + 2 * u64::from(found.object) + u64::from(found.front) + 1;
+        walk.note_surface(found);
         let reflectance = visible_reflectance(self.inputs.prepared, self.is_plain, (found, object), &walk.ray);
         self.add_surface(found, object, reflectance.is_some(), walk, paths);
         walk.throughput *= reflectance?;
@@ -263,8 +295,8 @@ struct PixelOnTheWay {
     paths: PixelPaths,
     /// Those that go on.
     walks: Vec<Walk>,
-    /// By point, where paths left the scene by way of smooth mirrors.
-    escapes: Vec<Option<Escape>>,
+    /// By point, where paths left the scene by way of smooth mirrors and interfaces.
+    escapes: Vec<Vec<Escape>>,
     columns: u32,
 }
 
@@ -284,7 +316,7 @@ impl PixelOnTheWay {
         Self {
             paths: PixelPaths { pixel: *pixel, points: points.len() as u16, ..PixelPaths::default() },
             walks: points.iter().enumerate().map(walk).collect(),
-            escapes: vec![None; points.len()],
+            escapes: vec![Vec::new(); points.len()],
             columns: *columns,
         }
     }
@@ -293,13 +325,15 @@ impl PixelOnTheWay {
     fn advance(&mut self, tracer: &PathTracer, hits: &[Option<Hit>]) {
         let Self { paths, walks, escapes, .. } = self;
         let mut hits = hits.iter();
-        walks.retain_mut(|walk| match tracer.step(walk, hits.next().copied().flatten(), paths) {
+        let mut branches = Vec::new();
+        walks.retain_mut(|walk| match tracer.step(walk, hits.next().copied().flatten(), paths, &mut branches) {
             Step::GoesOn => true,
             Step::Ends(escape) => {
-                escapes[usize::from(walk.point)] = escape;
+                escapes[usize::from(walk.point)].extend(escape);
                 false
             }
         });
+        walks.append(&mut branches);
     }
 
     fn finish(mut self) -> PixelPaths {
@@ -311,11 +345,12 @@ impl PixelOnTheWay {
 /// What becomes of a path where it met a surface, or nothing.
 enum Step {
     GoesOn,
-    /// Where it left the scene, if it did by way of smooth mirrors.
+    /// Where it left the scene, if it did by way of smooth mirrors or interfaces.
     Ends(Option<Escape>),
 }
 
 /// The state of a path while it is traced.
+#[derive(Clone)]
 struct Walk {
     /// Which of the pixel's points it belongs to.
     point: u16,
@@ -324,9 +359,25 @@ struct Walk {
     /// The ray to what it meets next.
     ray: Ray,
     throughput: Vec3,
-    /// Hash of the objects met; 0 if none.
+    /// Hash of the objects met and of how interfaces refracted it; 0 if it met none.
     key: u64,
     /// GGX width of the roughest mirror so far.
     alpha: f32,
     bounce: u32,
+}
+
+impl Walk {
+    /// Notes that the path met a surface.
+    fn note_surface(&mut self, found: &Hit) {
+        self.key = self.key.wrapping_mul(1_000_003) + 2 * u64::from(found.object) + u64::from(found.front) + 1;
+    }
+
+    /// Goes on from an interface; paths that were refracted differently have keys of their own.
+    fn meet_surface(&mut self, found: &Hit, refracted: Option<u64>) {
+        self.note_surface(found);
+        if let Some(how) = refracted {
+            self.key = self.key.wrapping_mul(1_000_003) ^ how;
+        }
+        self.bounce += 1;
+    }
 }

@@ -24,8 +24,8 @@ pub(super) fn reflected_side<S: Simd>(
     v.plus(r, -r.dot(v)) * inverse_l
 }
 
-/// A footprint convolved with a lobe: a parallelogram with the sum of their second moments. The lobe around r is `lobe` wide
-/// in the plane of incidence and narrower by the cosine across it, as there a turn of the normal turns the light less.
+/// A footprint convolved with a lobe: a parallelogram with the sum of their second moments. The lobe around r has one width in the plane
+/// of incidence and another one across it.
 #[inline(always)]
 pub(super) fn blurred<S: Simd>(
     simd: S,
@@ -33,8 +33,7 @@ pub(super) fn blurred<S: Simd>(
     v2: V3<S>,
     r: V3<S>,
     n: V3<S>,
-    cosine: F<S>,
-    lobe: f32,
+    (along, across): (F<S>, F<S>),
 ) -> (V3<S>, V3<S>) {
     let in_plane = n - r * n.dot(r);
     // Perpendicular incidence has no plane of incidence: any will do.
@@ -47,8 +46,7 @@ pub(super) fn blurred<S: Simd>(
     let e1 = in_plane * (1.0 / in_plane.dot(in_plane).sqrt());
     let e2 = r.cross(e1);
     let (a1x, a1y, a2x, a2y) = (v1.dot(e1), v1.dot(e2), v2.dot(e1), v2.dot(e2));
-    let across = cosine * lobe;
-    let m11 = a1x * a1x + a2x * a2x + lobe * lobe;
+    let m11 = a1x * a1x + a2x * a2x + along * along;
     let m12 = a1x * a1y + a2x * a2y;
     let m22 = a1y * a1y + a2y * a2y + across * across;
     // Cholesky's factor: sides with these moments.

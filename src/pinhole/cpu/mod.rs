@@ -3,6 +3,7 @@
 //! Sixteen neighbouring receivers go through the loop together, one in each SIMD lane, as fragments do on a GPU;
 //! rayon spreads the groups over the cores.
 
+mod crossing;
 mod cube;
 mod filters;
 mod footprint;
@@ -207,13 +208,14 @@ impl Gather<'_> {
         let (weight, lit, radiance) = match &self.pinholes.visibility {
             None => (weight, lit, self.filtered_radiance::<S, _, FILTER>(simd, sample, &pair, &Unoccluded, lit)),
             Some(maps) => {
-                let map = VisibilityMap::new(maps, packed, pair.dn);
+                let towards = VisibilityMap::of_receivers(maps, packed, pair.dn);
                 let l = receiver.position - splat3(simd, sample.position);
-                let visible = lanes(simd, map.visible_fraction(simd, l, None, lit).0);
+                let visible = lanes(simd, towards.visible_fraction(simd, l, None, lit).0);
                 let lit = lit & bits(visible.simd_gt(0.0));
                 if lit == 0 {
                     return;
                 }
+                let map = VisibilityMap::of_sky(maps, packed, pair.dn);
                 (weight * visible, lit, self.filtered_radiance::<S, _, FILTER>(simd, sample, &pair, &map, lit))
             }
         };
@@ -331,6 +333,7 @@ impl Gather<'_> {
 mod tests {
     use super::*;
     use crate::pinhole::Filter;
+    use crate::scene::Sides;
 
     #[test]
     fn parameters_out_of_range_do_not_panic() {
@@ -345,7 +348,8 @@ mod tests {
             curve: None,
             lobe: 0.0,
             object: 1,
-            two_sided: false,
+            lights: Sides::Front,
+            interface: None,
         };
         let pinholes = Pinholes::from(vec![sample.into()]);
         let receivers = Receivers::from_points(&[(Vec3::ZERO, Vec3::Y, 0)], 1);

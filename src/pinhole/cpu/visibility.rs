@@ -7,9 +7,10 @@ use crate::lanes::{
     F, LANES, Mask, Select, Simd, SimdBase, SimdFloat, SimdInt, SimdMask, U, V3, bits, clamp, lanes, set_bits, splat,
     splat3,
 };
-use crate::pinhole::PinholeSample;
 use crate::pinhole::constants::{LOBE_CORE, LOBE_SHIFT, LOBE_TAIL, LOBE_TAIL_SHARE, MAX_INTERPOLATED_WIDTH};
 use crate::pinhole::visibility::{Doubt, VisibilityMaps, frame};
+use crate::pinhole::{Interface, PinholeSample};
+use crate::scene::Sides;
 
 /// What a sample sees of the environment.
 pub(super) trait Occlusion {
@@ -94,6 +95,12 @@ struct OnMap<S: Simd> {
     v: F<S>,
 }
 
+/// The lanes whose light comes from behind a sample that lights both sides.
+#[inline(always)]
+pub(super) fn sky_behind<S: Simd>(interface: Option<Interface>, dn: F<S>) -> u32 {
+    if interface.is_some() { 0 } else { bits(dn.simd_gt(0.0)) }
+}
+
 /// Edge lengths of a map per radian around directions in a sample's frame: a texel of n² subtends 2(|x| + |y| + z)³/n² sr.
 #[inline(always)]
 fn map_density<S: Simd>(local: V3<S>) -> F<S> {
@@ -103,11 +110,21 @@ fn map_density<S: Simd>(local: V3<S>) -> F<S> {
 }
 
 impl<'a> VisibilityMap<'a> {
-    /// The map of a sample. Where it has two sides, the sign of `dn` (the distance along the normal from receiver to sample)
-    /// tells which one counts.
+    /// The map of a sample that shows receivers. Where it has two, the sign of `dn` (the distance along the normal from receiver to
+    /// sample) tells which one counts.
     #[inline(always)]
-    pub fn new<S: Simd>(maps: &'a VisibilityMaps, sample: &PinholeSample, dn: F<S>) -> Self {
-        let behind = if sample.two_sided() { bits(dn.simd_gt(0.0)) } else { 0 };
+    pub fn of_receivers<S: Simd>(maps: &'a VisibilityMaps, sample: &PinholeSample, dn: F<S>) -> Self {
+        Self::new(maps, sample, if sample.has_two_maps() { bits(dn.simd_gt(0.0)) } else { 0 })
+    }
+
+    /// The map that shows the environment for these receivers: on the same side as they are, but always in front of an interface.
+    #[inline(always)]
+    pub fn of_sky<S: Simd>(maps: &'a VisibilityMaps, sample: &PinholeSample, dn: F<S>) -> Self {
+        Self::new(maps, sample, if sample.lights() == Sides::Both { sky_behind(sample.interface(), dn) } else { 0 })
+    }
+
+    #[inline(always)]
+    fn new(maps: &'a VisibilityMaps, sample: &PinholeSample, behind: u32) -> Self {
         let normal = sample.normal();
         Self { maps, map: sample.map(), behind, texel_jitter: sample.texel_jitter(), axes: frame(normal), normal }
     }

@@ -8,8 +8,15 @@ use super::{
 };
 use crate::pinhole::Filter;
 
-/// What pipelines are compiled for: the filter, and whether samples have visibility maps.
-type PipelineKey = (Filter, bool);
+/// What pipelines are compiled for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct PipelineKey {
+    pub filter: Filter,
+    /// Whether samples have visibility maps.
+    pub visibility: bool,
+    /// Whether any is on an interface between two media.
+    pub refraction: bool,
+}
 
 /// The pipelines of one device. There are few keys, so that none is ever dropped.
 #[derive(Debug, Default)]
@@ -33,15 +40,17 @@ impl<T> Default for Compiled<T> {
 
 impl PipelineCache {
     /// The pipelines of flat sums. It is always the same device.
-    pub fn flat(&self, device: &wgpu::Device, filter: Filter, visibility: bool) -> Arc<Engine> {
-        let options = GatherOptions { filter, visibility, ..Default::default() };
-        self.flat.get((filter, visibility), || Engine::new(device, &options))
+    pub fn flat(&self, device: &wgpu::Device, key: PipelineKey) -> Arc<Engine> {
+        let PipelineKey { filter, visibility, refraction } = key;
+        let options = GatherOptions { filter, visibility, refraction, ..Default::default() };
+        self.flat.get(key, || Engine::new(device, &options))
     }
 
     /// The pipelines of hierarchical sums.
-    pub fn hierarchical(&self, device: &wgpu::Device, filter: Filter, visibility: bool) -> Arc<HierarchicalEngine> {
-        let options = HierarchicalOptions { filter, visibility };
-        self.hierarchical.get((filter, visibility), || HierarchicalEngine::new(device, &options))
+    pub fn hierarchical(&self, device: &wgpu::Device, key: PipelineKey) -> Arc<HierarchicalEngine> {
+        let PipelineKey { filter, visibility, refraction } = key;
+        let options = HierarchicalOptions { filter, visibility, refraction };
+        self.hierarchical.get(key, || HierarchicalEngine::new(device, &options))
     }
 
     /// The pipeline that traces visibility maps.

@@ -20,7 +20,7 @@ pub(crate) mod ray_batch;
 pub(crate) mod shaders;
 mod sources;
 
-pub(crate) use cache::PipelineCache;
+pub(crate) use cache::{PipelineCache, PipelineKey};
 pub use environment::EnvironmentCube;
 pub use geometry::Geometry;
 pub(crate) use geometry::MovingGeometry;
@@ -53,13 +53,15 @@ pub struct GatherOptions {
     pub filter: Filter,
     /// Whether the samples' visibility maps count; that, too, is compiled in.
     pub visibility: bool,
+    /// Whether samples may be on interfaces between two media; without, the shader is faster.
+    pub refraction: bool,
     /// Accumulate by ping-pong between two textures even where 32-bit targets blend.
     pub force_ping_pong: bool,
 }
 
 impl Default for GatherOptions {
     fn default() -> Self {
-        Self { filter: Filter::Anisotropic, visibility: false, force_ping_pong: false }
+        Self { filter: Filter::Anisotropic, visibility: false, refraction: false, force_ping_pong: false }
     }
 }
 
@@ -121,7 +123,7 @@ impl Engine {
     /// Compiles the shader.
     pub fn new(device: &wgpu::Device, options: &GatherOptions) -> Self {
         let blends = device.features().contains(wgpu::Features::FLOAT32_BLENDABLE) && !options.force_ping_pong;
-        Self { pipelines: Pipelines::new(device, options.filter, options.visibility, blends), blends }
+        Self { pipelines: Pipelines::new(device, options, blends), blends }
     }
 
     /// Uploads one image's inputs and makes its targets. The samples are copied.
@@ -193,6 +195,9 @@ impl Engine {
         }
         if (inputs.maps.is_some() || inputs.pinholes.visibility.is_some()) != self.pipelines.visibility {
             return Err(GpuError::OtherVisibility { engine: self.pipelines.visibility });
+        }
+        if inputs.pinholes.refracts() && !self.pipelines.refraction {
+            return Err(GpuError::NoRefraction);
         }
         check_limits(&device.limits(), inputs)
     }

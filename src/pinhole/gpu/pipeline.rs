@@ -2,9 +2,9 @@
 
 use wgpu::{BindGroupLayoutEntry, BindingType, ShaderStages, TextureSampleType, TextureViewDimension};
 
-use super::TARGET_FORMAT;
 use super::shaders::{GATHER, Shader};
 use super::sources::Sources;
+use super::{GatherOptions, TARGET_FORMAT};
 use crate::pinhole::constants::{FILTER_ANISOTROPIC, FILTER_EWA, FILTER_HARDWARE, FILTER_ISOTROPIC, FILTER_NONE};
 use crate::pinhole::{BATCH_SIZE, Filter, PinholeSample};
 
@@ -18,6 +18,7 @@ pub(crate) struct Pipelines {
     pub reflect: wgpu::RenderPipeline,
     pub filter: Filter,
     pub visibility: bool,
+    pub refraction: bool,
     inputs: wgpu::BindGroupLayout,
     pub receivers: wgpu::BindGroupLayout,
     previous: wgpu::BindGroupLayout,
@@ -26,7 +27,8 @@ pub(crate) struct Pipelines {
 }
 
 impl Pipelines {
-    pub fn new(device: &wgpu::Device, filter: Filter, visibility: bool, blends: bool) -> Self {
+    pub fn new(device: &wgpu::Device, options: &GatherOptions, blends: bool) -> Self {
+        let GatherOptions { filter, visibility, refraction, .. } = *options;
         let inputs = layout(device, "gather inputs", &[&gather_inputs()[..], &[window(GATHER_INPUTS)]].concat());
         let receivers = layout(device, "receivers", &[texture(0), texture(1), texture(2), storage(3), storage(4)]);
         let previous = layout(device, "previous target", &[texture(0)]);
@@ -47,6 +49,7 @@ impl Pipelines {
                 ("FILTER", f64::from(filter_constant(filter))),
                 ("VISIBILITY", f64::from(u8::from(visibility))),
                 ("SHADING", f64::from(u8::from(shading))),
+                ("REFRACTION", f64::from(u8::from(refraction))),
             ];
             render_pipeline(
                 device,
@@ -67,6 +70,7 @@ impl Pipelines {
             reflect,
             filter,
             visibility,
+            refraction,
             inputs,
             receivers,
             previous,

@@ -26,10 +26,14 @@ use crate::pinhole::constants::{
     TAPS_PER_ERROR_BUDGET, TILE_SIZE, WEIGHT_ERROR_SCALE,
 };
 use crate::pinhole::constants::{
-    MAX_CONTRAST, MAX_MIRRORS, MAX_OFF_PLANE, MAX_PIXELS_APART, MIN_EVEN_COSINE, MIN_HEIGHT, MIN_NORMAL_COSINE,
-    MIN_SAME_COSINE, MIN_SEEN_COSINE, MIN_WEIGHT, PART_OF_FACETS,
+    MAX_CONTRAST, MAX_MIRRORS, MAX_OFF_PLANE, MAX_PIXELS_APART, MAX_REFRACTED_BLUR, MIN_EVEN_COSINE, MIN_HEIGHT,
+    MIN_NORMAL_COSINE, MIN_REFRACTED_COSINE, MIN_SAME_COSINE, MIN_SEEN_COSINE, MIN_WEIGHT, PART_OF_FACETS,
+    WHOLE_SPHERE_RAD,
 };
-use crate::pinhole::layout::{BATCH_SIZE, CURVE_POINTS, NO_CURVE};
+use crate::pinhole::layout::{
+    BATCH_SIZE, CURVE_POINTS, IS_FRESNEL, IS_INTERFACE, LIGHTS_BACK, LIGHTS_FRONT, NO_CURVE, OBJECT_SCALE,
+};
+use crate::pinhole::tree::CHANNEL_SHIFT;
 use crate::pinhole::visibility::{BEHIND, MIDDLE, MIN_OCCLUDER_COSINE};
 use crate::tracing::{END_SLACK, SLACK};
 
@@ -82,6 +86,7 @@ const SHARED: &[Shader] = &[
     shader!("shared/gather_inputs"),
     shader!("shared/gloss_bounds"),
     shader!("shared/hits"),
+    shader!("shared/interface"),
     shader!("shared/light_direction"),
     shader!("shared/microfacets"),
     shader!("shared/no_rays"),
@@ -239,6 +244,8 @@ fn constants() -> String {
     declare!(HISTOGRAM_BINS, HISTOGRAM_SHIFT, MIDDLE_GREY, HIGHLIGHT, MAX_MIRRORS, MIN_HEIGHT);
     declare!(MIN_NORMAL_COSINE, MAX_OFF_PLANE, MIN_WEIGHT, MAX_CONTRAST, MAX_PIXELS_APART, MIN_SEEN_COSINE);
     declare!(MIN_EVEN_COSINE, MIN_SAME_COSINE);
+    declare!(LIGHTS_FRONT, LIGHTS_BACK, IS_INTERFACE, IS_FRESNEL, OBJECT_SCALE, CHANNEL_SHIFT);
+    declare!(MIN_REFRACTED_COSINE, MAX_REFRACTED_BLUR, WHOLE_SPHERE_RAD);
     declare!(FILTER_NONE, FILTER_ISOTROPIC, FILTER_ANISOTROPIC, FILTER_HARDWARE, FILTER_EWA);
     declare!(MATERIAL_PHONG, MATERIAL_GGX, MATERIAL_TABLE, PART_OF_FACETS);
     let [theta_half, theta_diff, phi_diff] = TABLE_STEPS.map(|steps| steps as u32);

@@ -4,6 +4,7 @@ use std::ops::Range;
 use std::path::Path;
 use std::sync::Arc;
 
+use glam::DVec3;
 use serde::Deserialize;
 
 use super::{Builder, Key, one};
@@ -12,7 +13,7 @@ use crate::reflectance::{Finish, Metal};
 use crate::scene::assets::readable_name;
 use crate::scene::shapes::Shape;
 use crate::scene::wavefront::{ObjPart, ObjParts, Surface, load_obj, load_obj_by_material};
-use crate::scene::{Emitter, MAX_RADIANCE, Mesh, Object, Receiver, Reflector, SceneError, Sides, Transform};
+use crate::scene::{Emitter, MAX_RADIANCE, Mesh, Object, Receiver, Reflector, Refractor, SceneError, Sides, Transform};
 use crate::words::escaped;
 
 #[derive(Deserialize)]
@@ -29,6 +30,7 @@ pub(super) struct ObjectTable {
     scale: f32,
     crease_angle_deg: Option<f32>,
     reflector: Option<ReflectorTable>,
+    refractor: Option<RefractorTable>,
     receiver: Option<ReceiverTable>,
     emitter: Option<EmitterTable>,
     #[serde(default = "yes")]
@@ -62,6 +64,24 @@ struct ReflectorTable {
     coat: Option<f64>,
     #[serde(default)]
     roughness: f64,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct RefractorTable {
+    eta: Option<Indices>,
+    cauchy: Option<[f64; 2]>,
+    interfaces: Option<u32>,
+    #[serde(default = "yes")]
+    fresnel: bool,
+}
+
+/// One refractive index, or one for each channel.
+#[derive(Clone, Copy, Deserialize)]
+#[serde(untagged, expecting = "expected a number, or three for red, green and blue")]
+enum Indices {
+    One(f64),
+    PerChannel([f64; 3]),
 }
 
 #[derive(Deserialize)]
@@ -151,17 +171,25 @@ impl Builder<'_> {
             None => None,
             Some(r) => Some(self.receiver(r, &key)?),
         };
-        let emitter = match &table.emitter {
+        let refractor = match &table.refractor {
             None => None,
             Some(_) if reflector.is_some() || receiver.is_some() => {
                 let message =
-                    "is neither reflector nor receiver: its light comes from afar; give the light an object of its own";
+                    "is neither reflector nor receiver: light passes through it; give them an object of their own";
+                return Err(self.error(key("refractor"), message));
+            }
+            Some(r) => Some(self.refractor(r, &key)?),
+        };
+        let emitter = match &table.emitter {
+            None => None,
+            Some(_) if reflector.is_some() || refractor.is_some() || receiver.is_some() => {
+                let message = "is neither reflector, refractor nor receiver: its light comes from afar; give the light an object of its own";
                 return Err(self.error(key("emitter"), message));
             }
             Some(e) => Some(Emitter { radiance: self.colour(key("emitter.radiance"), e.radiance, MAX_RADIANCE)? }),
         };
         let camera_visible = table.camera_visible;
-        let has_material = reflector.is_some() || receiver.is_some() || emitter.is_some();
+        let has_material = reflector.is_some() || refractor.is_some() || receiver.is_some() || emitter.is_some();
         if let (Some(file), None, false) = (&table.mesh, table.shape, has_material) {
             let ObjParts { parts, undefined_materials } =
                 load_obj_by_material(self.assets, Path::new(file), crease_angle_rad(table))?;
@@ -177,14 +205,17 @@ impl Builder<'_> {
                 let name = if part.material.is_empty() { name.clone() } else { format!("{name}/{}", part.material) };
                 let Surface { reflector, receiver } = part.surface;
                 let mesh = Arc::new(part.mesh);
-                let object = Object { name, mesh, placement, reflector, receiver, emitter: None, camera_visible };
+                let mut object = Object::new(name, mesh);
+                (object.placement, object.camera_visible) = (placement, camera_visible);
+                (object.reflector, object.receiver) = (reflector, receiver);
                 note_dropped(&file, part.report.dropped_triangles + object.checked_mesh_in_world()?.1, notes);
                 Ok(object)
             };
             return parts.into_iter().map(object).collect();
         }
         let (mesh, dropped) = self.mesh(table, &key)?;
-        let object = Object { name, mesh: Arc::new(mesh), placement, reflector, receiver, emitter, camera_visible };
+        let mesh = Arc::new(mesh);
+        let object = Object { name, mesh, placement, reflector, refractor, receiver, emitter, camera_visible };
         let lost = object.checked_mesh_in_world()?.1;
         note_dropped(table.mesh.as_deref().unwrap_or(&object.name), dropped + lost, notes);
         Ok(vec![object])
@@ -230,6 +261,30 @@ impl Builder<'_> {
             return Err(self.error(key("reflector.roughness"), "must be from 0 to 1"));
         }
         Ok(Finish { reflectance, metal: table.metal, coat: table.coat, roughness: table.roughness })
+    }
+
+    fn refractor(&self, table: &RefractorTable, key: &dyn Fn(&str) -> Key) -> Result<Refractor, SceneError> {
+        if table.interfaces.is_some_and(|count| count != 1) {
+            let message = "must be 1: light that is refracted twice, as by a glass ball, is not computed yet";
+            return Err(self.error(key("refractor.interfaces"), message));
+        }
+        let (eta, given) = match (table.eta, table.cauchy) {
+            (Some(Indices::One(eta)), None) => (DVec3::splat(eta), "eta"),
+            (Some(Indices::PerChannel(eta)), None) => (eta.into(), "eta"),
+            (None, Some([a, b])) => (Refractor::cauchy(a, b), "cauchy"),
+            _ => {
+                let message = "give either eta = 1.333 (or three indices, for red, green and blue) or cauchy = [a, b]";
+                return Err(self.error(key("refractor"), message));
+            }
+        };
+        if let Some(index) = eta.to_array().iter().find(|index| !Refractor::INDICES.contains(*index)) {
+            let (least, most) = Refractor::INDICES.into_inner();
+            let message = format!(
+                "gives a refractive index of {index}, but it must be from {least} to {most}: that behind the surface over that in front of it"
+            );
+            return Err(self.error(key(&format!("refractor.{given}")), message));
+        }
+        Ok(Refractor { eta, fresnel: table.fresnel })
     }
 
     /// An object's mesh, and the number of dropped degenerate triangles.

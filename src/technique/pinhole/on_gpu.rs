@@ -17,7 +17,7 @@ use crate::gpu::{Gpu, GpuError};
 use crate::pinhole::cpu::Accuracy;
 use crate::pinhole::gpu::{
     self, CellTreeBuffers, Engine, EnvironmentCube, FrameInputs, FrameViewers, Geometry, HierarchicalEngine,
-    LightBoundsTexture, MapTracing, MapUse, Tolerance, VisibilityMapBuffers,
+    LightBoundsTexture, MapTracing, MapUse, PipelineKey, Tolerance, VisibilityMapBuffers,
 };
 use crate::pinhole::{BATCH_SIZE, ESTIMATE_MAX_RECEIVERS, Params, PinholeTree, Pinholes, ReceiverLayout, Receivers};
 use crate::progress::{Progress, Stage};
@@ -90,7 +90,12 @@ impl GpuStages {
         inputs: &Inputs<'_>,
     ) -> Result<Arc<dyn Sum>, Error> {
         let geometry = occluding(inputs);
-        let pipelines = shared.pipelines.flat(&shared.gpu.device, sum.params.filter, geometry.is_some());
+        let key = PipelineKey {
+            filter: sum.params.filter,
+            visibility: geometry.is_some(),
+            refraction: sum.pinholes.refracts(),
+        };
+        let pipelines = shared.pipelines.flat(&shared.gpu.device, key);
         let environment = self.environment(shared, &sum.environment, inputs)?;
         let mut maps = None;
         if let Some(geometry) = geometry {
@@ -118,8 +123,9 @@ impl GpuStages {
         inputs: &Inputs<'_>,
     ) -> Result<HierarchyOnGpu, Error> {
         let Gpu { device, queue, .. } = &shared.gpu;
-        let is_occluded = occluding(inputs).is_some();
-        let pipelines = shared.pipelines.hierarchical(device, params.filter, is_occluded);
+        let (visibility, refraction) = (occluding(inputs).is_some(), tree.refracts());
+        let key = PipelineKey { filter: params.filter, visibility, refraction };
+        let pipelines = shared.pipelines.hierarchical(device, key);
         let environment = self.environment(shared, environment, inputs)?;
         let bounds =
             self.bounds.get(Id::of(bounds), inputs.progress, || LightBoundsTexture::upload(device, queue, bounds));

@@ -13,7 +13,7 @@ use crate::environment::Environment;
 use crate::pinhole::{Edges, Footprint, Params, PinholeTree, Pinholes, pinholes_with};
 use crate::progress::Stage;
 use crate::sampling::{Density, PointSet, SamplingError, Strategy};
-use crate::scene::{Camera, Mesh, Object, Reflector, Scene, Sides, Transform, Visibility};
+use crate::scene::{Camera, Chains, Mesh, Object, Scene, Sides, Specular, Transform, Visibility};
 use crate::stages::{Id, LazySurface, Memo, StageCounts};
 use crate::technique::Inputs;
 use crate::tracing::Tracer;
@@ -41,7 +41,7 @@ struct DensityKey {
     density: Density,
     tracer: Id<Tracer>,
     environment: Id<Environment>,
-    reflectors: Vec<Option<Reflector>>,
+    specular: Vec<Option<Specular>>,
     receives: Vec<bool>,
     camera: Camera,
     size: [u32; 2],
@@ -54,7 +54,7 @@ struct DensityKey {
 struct CellsKey {
     points: Id<PointSet>,
     surface: Id<LazySurface>,
-    reflectors: Vec<Option<Reflector>>,
+    specular: Vec<Option<Specular>>,
     footprint: Footprint,
     leaves: u32,
     seed: u64,
@@ -78,7 +78,7 @@ struct KeptSamples {
 }
 
 /// The inputs of a preview's samples: the surface around them, the mirrors' materials, and what occludes.
-type FrameKey = (Id<Vec<DifferentialSample>>, Vec<Option<Reflector>>, Footprint, OccluderKey);
+type FrameKey = (Id<Vec<DifferentialSample>>, Vec<Option<Specular>>, Footprint, OccluderKey);
 
 /// The ray tracer that visibility depends on; `None` without visibility.
 pub(super) type OccluderKey = Option<Id<Tracer>>;
@@ -150,16 +150,19 @@ impl SampleStages {
         let differentials = self.differentials(inputs, points);
         let curves = &inputs.prepared.materials.mirrors;
         self.pinholes.get(key, *progress, || {
-            with_visibility(pinholes_with(scene, curves, &differentials, options.footprint), inputs)
+            with_visibility(pinholes_with(scene, curves, &differentials, options.footprint, Chains::ALL), inputs)
         })
     }
 
     /// The samples of a preview, which are not divided.
     pub fn pinholes_of_frame(&mut self, inputs: &Inputs, samples: &Arc<Vec<DifferentialSample>>) -> Arc<Pinholes> {
         let Inputs { scene, prepared, options, progress, .. } = inputs;
-        let key = (Id::of(samples), reflectors(scene), options.footprint, occluder(inputs));
+        let key = (Id::of(samples), specular(scene), options.footprint, occluder(inputs));
         self.pinholes_of_frame.get(key, *progress, || {
-            with_visibility(pinholes_with(scene, &prepared.materials.mirrors, samples, options.footprint), inputs)
+            with_visibility(
+                pinholes_with(scene, &prepared.materials.mirrors, samples, options.footprint, Chains::ALL),
+                inputs,
+            )
         })
     }
 
@@ -206,7 +209,7 @@ impl SampleStages {
         self.tree.get(cells_key(inputs, points, leaves), *progress, || {
             let options = TreeOptions { leaves, seed: options.seed };
             let cells = CellTree::new(&prepared.surface, &points.set, &options);
-            PinholeTree::with_curves(scene, &prepared.materials.mirrors, cells)
+            PinholeTree::with_curves(scene, &prepared.materials.mirrors, cells, Chains::ALL)
         })
     }
 
@@ -237,13 +240,13 @@ impl KeptSamples {
 
 /// Where the mirrors are, by object: samples don't depend on where others are.
 fn mirror_placements(scene: &Scene) -> Vec<Transform> {
-    let of_mirror = |object: &Object| object.reflector.map(|_| object.placement).unwrap_or_default();
+    let of_mirror = |object: &Object| object.specular().map(|_| object.placement).unwrap_or_default();
     scene.objects.iter().map(of_mirror).collect()
 }
 
 fn kept_samples_key(inputs: &Inputs) -> KeptSamplesKey {
     let Inputs { scene, options, .. } = inputs;
-    let mirror = |object: &Object| Some((Id::of(&object.mesh), object.placement.scale, object.reflector?.sides));
+    let mirror = |object: &Object| Some((Id::of(&object.mesh), object.placement.scale, object.specular()?.sides()));
     KeptSamplesKey {
         mirrors: scene.objects.iter().map(mirror).collect(),
         samples: options.samples,
@@ -265,15 +268,15 @@ pub(super) fn occluder(inputs: &Inputs) -> OccluderKey {
     (inputs.options.visibility == Visibility::Full).then(|| Id::of(&inputs.prepared.tracer))
 }
 
-fn reflectors(scene: &Scene) -> Vec<Option<Reflector>> {
-    scene.objects.iter().map(|o| o.reflector).collect()
+fn specular(scene: &Scene) -> Vec<Option<Specular>> {
+    scene.objects.iter().map(Object::specular).collect()
 }
 
 fn cells_key(inputs: &Inputs, points: &Points, leaves: u32) -> CellsKey {
     CellsKey {
         points: Id::of(&points.set),
         surface: Id::of(&inputs.prepared.surface),
-        reflectors: reflectors(inputs.scene),
+        specular: specular(inputs.scene),
         footprint: inputs.options.footprint,
         leaves,
         seed: inputs.options.seed,
@@ -286,7 +289,7 @@ fn density_key(inputs: &Inputs) -> DensityKey {
         density: options.density,
         tracer: Id::of(&prepared.tracer),
         environment: Id::of(&light.environment),
-        reflectors: reflectors(scene),
+        specular: specular(scene),
         receives: scene.objects.iter().map(|o| o.receiver.is_some()).collect(),
         camera: scene.camera,
         size: options.size,

@@ -8,12 +8,14 @@ use glam::Vec3;
 use super::blocks::{Block, Kind};
 use crate::environment::{Bound, LightBounds};
 use crate::lanes::{F, Simd, SimdBase, SimdFloat};
-use crate::pinhole::GatherUniforms;
 use crate::pinhole::cell::Cell;
 use crate::pinhole::constants::{
     CONTRAST_ERROR_SCALE, FOOTPRINT_BEND, FOOTPRINT_RADIUS, INTERPOLATION_ERROR_SCALE, MIN_MINOR_SHARE,
     NEAR_FIELD_SIZES, NEGLIGIBLE_SHARE, PAIR_ERROR_SHARE, POINT_SPACING, TAPS_PER_ERROR_BUDGET, WEIGHT_ERROR_SCALE,
 };
+use crate::pinhole::interface::CrossingBounds;
+use crate::pinhole::{GatherUniforms, Interface};
+use crate::scene::Sides;
 
 /// What to do with a pair.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -67,14 +69,16 @@ struct BlockPair {
     /// The largest cosines at any point of the cell and of the block, times l.
     max_cos_at_sample_l: f32,
     max_cos_at_receiver_l: f32,
-    /// Only some points of the cell and the block face each other.
+    /// Only some points of the cell and the block face each other, or light is totally reflected between some of them.
     straddles_horizon: bool,
+    /// What an interface does at most with the light.
+    crossing: Option<CrossingBounds>,
     /// Sizes relative to the distance; the cell's with the spread of its normals.
     block_size: f32,
     cell_size: f32,
 }
 
-/// The cone of light that a cell reflects to a block.
+/// The cone of light that a cell reflects or refracts to a block.
 struct Cone {
     direction: Vec3,
     radius: f32,
@@ -95,10 +99,19 @@ impl BlockPair {
         let l = d.length();
         let sizes = block.radius + cell.radius;
         let dn = d.dot(cell.sample.normal);
-        let at_sample = if cell.sample.two_sided { dn.abs() } else { -dn };
+        let at_sample = match cell.sample.lights {
+            Sides::Front => -dn,
+            Sides::Back => dn,
+            Sides::Both => dn.abs(),
+        };
         let at_receiver = d.dot(block.normal);
         let sample_slack = sizes + cell.normal_radius * l;
         let receiver_slack = sizes + block.normal_radius * l;
+        let crossing = cell.sample.interface.map(|interface| {
+            let (cosine, slack) = (dn / l, sizes / l + cell.normal_radius);
+            interface.bounds((cosine - slack).max(-1.0), (cosine + slack).min(1.0))
+        });
+        let is_unbounded = crossing.is_some_and(|crossing| crossing.per_direction.is_infinite());
         Self {
             d,
             l,
@@ -106,14 +119,54 @@ impl BlockPair {
             dn,
             max_cos_at_sample_l: at_sample + sample_slack,
             max_cos_at_receiver_l: at_receiver + receiver_slack,
-            straddles_horizon: at_sample < sample_slack || at_receiver < receiver_slack,
+            straddles_horizon: at_sample < sample_slack || at_receiver < receiver_slack || is_unbounded,
+            crossing,
             block_size: block.radius / l,
             cell_size: cell.radius / l + cell.normal_radius,
         }
     }
 
     fn is_below_horizon(&self) -> bool {
-        self.max_cos_at_sample_l <= 0.0 || self.max_cos_at_receiver_l <= 0.0
+        self.max_cos_at_sample_l <= 0.0
+            || self.max_cos_at_receiver_l <= 0.0
+            || self.crossing.is_some_and(|crossing| crossing.factor == 0.0)
+    }
+
+    /// The largest factor on the radiance beside the cell's reflectance.
+    fn max_factor(&self) -> f32 {
+        self.crossing.map_or(1.0, |crossing| crossing.factor)
+    }
+
+    /// How much more than the direction from the receiver that of the light turns.
+    fn spread(&self) -> f32 {
+        let spread = self.crossing.map_or(1.0, |crossing| crossing.per_direction.max(1.0));
+        if spread.is_finite() { spread } else { 1.0 }
+    }
+
+    fn light_cone(&self, cell: &Cell) -> Cone {
+        match (cell.sample.interface, &self.crossing) {
+            (Some(interface), Some(bounds)) => self.crossed_cone(cell, interface, bounds),
+            _ => self.reflected_cone(cell),
+        }
+    }
+
+    /// The cone of light that an interface reflects or refracts.
+    fn crossed_cone(&self, cell: &Cell, interface: Interface, bounds: &CrossingBounds) -> Cone {
+        let Self { d, l, dn, block_size, cell_size, .. } = *self;
+        let (n, [t1, t2], [m1, m2]) = (cell.sample.normal, cell.sample.sides, cell.sample.changes);
+        let (towards, crossing) = (d / l, interface.crossing(dn / l));
+        let direction = crossing.direction(towards, n);
+        let side = |side: Vec3, change: Vec3| crossing.side((side, change), (towards, n), l);
+        let Cone { minor, radius: footprint, .. } =
+            footprint_cone(direction, [side(t1, m1), side(t2, m2)], crossing.blur(cell.sample.lobe));
+        let most = bounds.cone_radius(block_size + cell.radius / l, cell.normal_radius);
+        let spread = self.spread();
+        let curved = spread * block_size
+            + footprint
+            + FOOTPRINT_BEND * spread * spread * cell_size * (block_size + cell_size)
+            + 0.5 * bounds.per_normal * unevenness(cell);
+        let radius = if cell.is_creased || self.straddles_horizon { most } else { curved.min(most) };
+        Cone { direction, radius, minor }
     }
 
     fn reflected_cone(&self, cell: &Cell) -> Cone {
@@ -124,32 +177,28 @@ impl BlockPair {
             let v = side - 2.0 * d.dot(change) * n - 2.0 * dn * change;
             (v - direction.dot(v) * direction) / l
         };
-        let (v1, v2) = (reflected_side(t1, m1), reflected_side(t2, m2));
-        let lobe2 = cell.sample.lobe * cell.sample.lobe;
-        let (g11, g12, g22) = (v1.length_squared() + lobe2, v1.dot(v2), v2.length_squared() + lobe2);
-        let spread = ((g11 - g22) * (g11 - g22) + 4.0 * g12 * g12).sqrt();
-        let minor2 = (0.5 * (g11 + g22 - spread)).max((g11 + g22) * MIN_MINOR_SHARE);
+        let sides = [reflected_side(t1, m1), reflected_side(t2, m2)];
+        let Cone { minor, radius: footprint, .. } = footprint_cone(direction, sides, cell.sample.lobe);
         let footprint = if cell.is_creased {
             cell.radius / l + 2.0 * cell.normal_radius
         } else {
-            FOOTPRINT_RADIUS * (g11 + g22).sqrt()
-                + FOOTPRINT_BEND * cell_size * (block_size + cell_size)
-                + unevenness(cell)
+            footprint + FOOTPRINT_BEND * cell_size * (block_size + cell_size) + unevenness(cell)
         };
-        Cone { direction, radius: block_size + footprint, minor: minor2.sqrt() }
+        Cone { direction, radius: block_size + footprint, minor }
     }
 
     /// Error of interpolating between the block's points: of the light, and of the weight.
     fn interpolation_error(&self, width: f32, max_contribution: f32, contribution_range: f32) -> f32 {
         let light_error = self.interpolated_share(width);
-        let weight_error = if self.straddles_horizon { 1.0 } else { WEIGHT_ERROR_SCALE * self.block_size.powi(3) };
+        let size = self.spread() * self.block_size;
+        let weight_error = if self.straddles_horizon { 1.0 } else { WEIGHT_ERROR_SCALE * size.powi(3) };
         contribution_range * light_error + max_contribution * weight_error
     }
 
     /// The part of the contrast that interpolation gets wrong, of something that changes over an angle of `width`.
     fn interpolated_share(&self, width: f32) -> f32 {
         // The distance of the points over the width of what is interpolated.
-        let step = POINT_SPACING * self.block_size / width;
+        let step = POINT_SPACING * self.spread() * self.block_size / width;
         (INTERPOLATION_ERROR_SCALE * step.powi(4)).min(1.0)
     }
 
@@ -158,10 +207,19 @@ impl BlockPair {
         if cell.is_leaf() {
             return 0.0;
         }
-        let size = self.cell_size;
+        let size = self.spread() * self.cell_size;
         let weight_error = if self.straddles_horizon { 1.0 } else { WEIGHT_ERROR_SCALE * size * size };
         contribution_range * (CONTRAST_ERROR_SCALE * size).min(1.0) + max_contribution * weight_error
     }
+}
+
+/// The cone that holds a footprint, blurred by a lobe, to first order.
+fn footprint_cone(direction: Vec3, [v1, v2]: [Vec3; 2], lobe: f32) -> Cone {
+    let lobe2 = lobe * lobe;
+    let (g11, g12, g22) = (v1.length_squared() + lobe2, v1.dot(v2), v2.length_squared() + lobe2);
+    let spread = ((g11 - g22) * (g11 - g22) + 4.0 * g12 * g12).sqrt();
+    let minor2 = (0.5 * (g11 + g22 - spread)).max((g11 + g22) * MIN_MINOR_SHARE);
+    Cone { direction, radius: FOOTPRINT_RADIUS * (g11 + g22).sqrt(), minor: minor2.sqrt() }
 }
 
 impl RefinementCriterion<'_> {
@@ -197,6 +255,7 @@ impl RefinementCriterion<'_> {
         cell.sample.area * cosines / (nearest * nearest)
             * self.max_attenuation(nearest * nearest, cell.sample.area)
             * cell.max_reflectance
+            * pair.max_factor()
     }
 
     /// Decides about a pair of a cell and a block, which can be refined.
@@ -211,7 +270,7 @@ impl RefinementCriterion<'_> {
         if pair.l < NEAR_FIELD_SIZES * pair.sizes {
             return refined(cell.radius >= block.radius);
         }
-        let cone = pair.reflected_cone(cell);
+        let cone = pair.light_cone(cell);
         let direction = self.light_from_world(cone.direction);
         let Bound { max, contrast } = self.light.within(direction, cone.radius, cell.blur);
         let max_weight = self.max_weight(cell, &pair);

@@ -6,9 +6,10 @@ use super::super::receiver::ReceiverGroup;
 use super::super::receiver::load_receivers;
 use super::blocks::ReceiverTile;
 use super::occlusion::VisibleReceivers;
-use super::tile::{FULLY_VISIBLE, TileGather};
+use super::tile::TileGather;
 use super::{Accuracy, Light, TraversalContext};
 use crate::lanes::{LANES, Simd, dispatch, level};
+use crate::pinhole::tree::CHANNEL_BITS;
 use crate::pinhole::{Params, PinholeTree, Receivers};
 
 /// A cell that is taken as one sample of the mirrors.
@@ -45,12 +46,11 @@ impl TileGather<'_> {
     #[inline(always)]
     fn cells_taken<S: Simd>(&self, simd: S, receiver: &ReceiverGroup) -> Vec<TakenCell> {
         let receiver = receiver.in_lanes(simd);
-        let tree = &self.context.pinholes.tree;
-        let mut stack: Vec<u32> = tree.roots().to_vec();
+        let mut stack: Vec<u32> = self.context.pinholes.roots().to_vec();
         let mut visible = VisibleReceivers::all(simd);
         let mut taken = Vec::new();
         while let Some(item) = stack.pop() {
-            let cell = self.context.pinholes.cell(tree.node(item & !FULLY_VISIBLE));
+            let cell = self.context.pinholes.cell(item);
             let mut sum = [Vec4::ZERO; LANES];
             let (_, refined) = self.visit(simd, (item, &cell), 1, &receiver, &mut visible, &mut sum);
             let irradiance = sum[0].truncate();
@@ -58,7 +58,7 @@ impl TileGather<'_> {
                 taken.push(TakenCell { irradiance, centroid: cell.sample.position, sides: cell.sample.sides });
             }
             if refined & 1 != 0 {
-                stack.extend(cell.children.clone());
+                stack.extend(cell.children.clone().map(|child| child | item & CHANNEL_BITS));
             }
         }
         taken

@@ -4,13 +4,14 @@ use glam::Vec3;
 
 use super::super::pair::ReceiverCellPair;
 use super::super::receiver::Receiver;
-use super::super::visibility::{Coverage, Occlusion, VisibilityMap};
+use super::super::visibility::{Coverage, Occlusion, VisibilityMap, sky_behind};
 use super::evaluation::CellAtReceivers;
 use super::tile::{TileGather, map_towards};
 use crate::lanes::{ALL, F, LANES, Simd, SimdBase, SimdFloat, V3, bits, lanes, set_bits, splat, splat3};
 use crate::pinhole::constants::{MIN_TRACED_SHARE, MIN_TRACED_SKY_SHARE};
 use crate::pinhole::tree::Occluders;
 use crate::pinhole::{PinholeParts, PinholeSample, VisibilityMaps};
+use crate::scene::Sides;
 
 /// Which of sixteen receivers the sample sees whose cells are being visited, as far as its map tells.
 pub struct VisibleReceivers<S: Simd> {
@@ -65,7 +66,8 @@ impl<S: Simd> VisibleReceivers<S> {
         let (mut any, mut all) = (0, ALL);
         for quarter in sample.quarters() {
             let l = receiver.position - splat3(simd, quarter.position);
-            let behind = if sample.two_sided { bits(l.dot(splat3(simd, quarter.normal)).simd_lt(0.0)) } else { 0 };
+            let behind =
+                if sample.lights == Sides::Front { 0 } else { bits(l.dot(splat3(simd, quarter.normal)).simd_lt(0.0)) };
             let (directions, distances) = directions_and_lengths(simd, l);
             let seeing = occluders.unoccluded_lanes(&quarter, behind, (&directions, &distances), which);
             (any, all) = (any | seeing, all & seeing);
@@ -94,7 +96,7 @@ pub struct TracedSky<'a> {
     map: &'a VisibilityMap<'a>,
     occluders: &'a Occluders,
     cell: &'a PinholeParts,
-    /// The lanes that concern the cell's back.
+    /// The lanes whose light comes from behind the cell.
     behind: u32,
 }
 
@@ -171,7 +173,8 @@ impl TileGather<'_> {
         let [v1, v2] = [cell.footprint.v1, cell.footprint.v2];
         let is_narrow = bits(v1.dot(v1).min(v2.dot(v2)).simd_lt(splat(simd, texel * texel)));
         let traced = is_narrow & self.worth_tracing(simd, max_contribution, MIN_TRACED_SKY_SHARE);
-        let sky = || TracedSky { map, occluders, cell: cell.sample, behind: bits(cell.pair.dn.simd_gt(0.0)) };
+        let behind = sky_behind(cell.sample.interface, cell.pair.dn);
+        let sky = || TracedSky { map, occluders, cell: cell.sample, behind };
         (traced != 0).then(|| (sky(), traced))
     }
 }

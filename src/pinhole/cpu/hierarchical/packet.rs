@@ -4,9 +4,10 @@ use std::f32::consts::PI;
 
 use glam::{Vec3, Vec4};
 
+use super::super::crossing::CrossingBounds;
 use super::super::cube::{OnCube, on_cube};
 use super::super::filters::FootprintSides;
-use super::super::pair::ReceiverCellPair;
+use super::super::pair::{ReceiverCellPair, facing};
 use super::super::receiver::{Receiver, ReceiverGroup};
 use super::super::visibility::{Coverage, VisibilityMap};
 use super::criterion::unevenness;
@@ -23,14 +24,17 @@ use crate::pinhole::constants::{
     CENTRAL_VISIBILITY_SHARE, CONTRAST_ERROR_SCALE, FOOTPRINT_BEND, FOOTPRINT_RADIUS, MAX_PIECE_SIZE, MAX_QUARTERINGS,
     MAX_RELATIVE_SIZE, MIN_DISTANCE_RATIO, WEIGHT_ERROR_SCALE,
 };
+use crate::pinhole::tree::NODE_MASK;
 
 /// The largest weight of any point of a cell, without reflectance.
 struct MaxWeight<S: Simd> {
     value: F<S>,
     /// The lanes in which any point of the cell faces the receiver.
     facing: u32,
-    /// The lanes in which only some do.
+    /// The lanes in which only some do, or in which light from some of them is totally reflected.
     straddling_horizon: u32,
+    /// What an interface does at most with the light.
+    crossing: Option<CrossingBounds<S>>,
 }
 
 /// Bounds of what a cell contributes.
@@ -57,11 +61,11 @@ impl TileGather<'_> {
         // They count as fetches.
         let mut bound_lookups = splat(simd, 0.0);
         while let Some((item, lanes)) = stack.pop() {
-            let cell = self.context.pinholes.cell(self.context.pinholes.tree.node(item & !FULLY_VISIBLE));
+            let cell = self.context.pinholes.cell(item);
             let (facing, refined) = self.visit(simd, (item, &cell), lanes, &receiver, &mut visible, sum);
             bound_lookups += Mask::from_bitmask(simd, u64::from(facing)).select(splat(simd, 1.0), splat(simd, 0.0));
             if refined != 0 {
-                stack.extend(cell.children.map(|child| (child | item & FULLY_VISIBLE, refined)));
+                stack.extend(cell.children.map(|child| (child | item & !NODE_MASK, refined)));
             }
         }
         self.packet_stack = stack;
@@ -83,7 +87,7 @@ impl TileGather<'_> {
         let pinholes = self.context.pinholes;
         // Maps tell which receivers are seen, unless all are.
         let maps = pinholes.sample_nodes.visibility.as_ref().filter(|_| item & FULLY_VISIBLE == 0);
-        let is_cluster = self.has_visibility && pinholes.tree.is_cluster(item & !FULLY_VISIBLE);
+        let is_cluster = self.has_visibility && pinholes.tree.is_cluster(item & NODE_MASK);
         let is_known = maps.is_none() || visible.sample_node == cell.sample_node;
         let lanes = if maps.is_some() && is_known && !is_cluster { lanes & visible.lanes } else { lanes };
         let pair = ReceiverCellPair::new(simd, &cell.sample, receiver);
@@ -165,12 +169,12 @@ impl TileGather<'_> {
         ([accepted & bits(fraction.simd_gt(0.0)), refined], fraction)
     }
 
-    /// The map of what a cell sees, if there are maps; `dn` as in [`VisibilityMap::new`].
+    /// The map of what a cell sees of the environment, if there are maps; `dn` as in [`VisibilityMap::of_sky`].
     #[inline(always)]
     fn sky_map<S: Simd>(&self, cell: &Cell, dn: F<S>) -> Option<VisibilityMap<'_>> {
         let pinholes = self.context.gather.pinholes;
         let maps = pinholes.visibility.as_ref()?;
-        Some(VisibilityMap::new(maps, &pinholes.samples[cell.sample_node as usize], dn))
+        Some(VisibilityMap::of_sky(maps, &pinholes.samples[cell.sample_node as usize], dn))
     }
 
     #[inline(always)]
@@ -185,21 +189,36 @@ impl TileGather<'_> {
         let gather = &self.context.gather;
         if cell.is_leaf() {
             let value = gather.weight(simd, &cell.sample, pair, receiver);
-            return MaxWeight { value, facing: lanes & pair.lit(), straddling_horizon: 0 };
+            let crossing = self.crossing_bounds(simd, cell, pair);
+            return MaxWeight { value, facing: lanes & pair.lit(), straddling_horizon: 0, crossing };
         }
         // Cosines times l.
-        let at_sample = if cell.sample.two_sided { pair.dn.abs() } else { -pair.dn };
+        let at_sample = facing(cell.sample.lights, pair.dn);
         let at_receiver = pair.d.dot(receiver.normal);
         let l = pair.l2 * pair.inverse_l;
         let slack = l * cell.normal_radius + cell.radius;
-        let straddling_horizon = bits(at_sample.simd_lt(slack) | at_receiver.simd_lt(cell.radius));
+        let mut straddling_horizon = bits(at_sample.simd_lt(slack) | at_receiver.simd_lt(cell.radius));
         let (at_sample, at_receiver) = (at_sample + slack, at_receiver + cell.radius);
-        let facing = lanes & bits(at_sample.simd_gt(0.0) & at_receiver.simd_gt(0.0));
+        let mut facing = lanes & bits(at_sample.simd_gt(0.0) & at_receiver.simd_gt(0.0));
         let nearest = (l - cell.radius).max(l * MIN_DISTANCE_RATIO);
         let nearest2 = nearest * nearest;
         let cosines = at_sample.min(l) * at_receiver.min(l) / nearest2;
-        let value = cosines * cell.sample.area * gather.max_attenuation(simd, nearest2, cell.sample.area);
-        MaxWeight { value, facing, straddling_horizon }
+        let mut value = cosines * cell.sample.area * gather.max_attenuation(simd, nearest2, cell.sample.area);
+        let crossing = self.crossing_bounds(simd, cell, pair);
+        if let Some(crossing) = &crossing {
+            value *= crossing.factor;
+            facing &= bits(crossing.factor.simd_gt(0.0));
+            straddling_horizon |= crossing.unbounded;
+        }
+        MaxWeight { value, facing, straddling_horizon, crossing }
+    }
+
+    /// What a cell of an interface does at most with the light.
+    #[inline(always)]
+    fn crossing_bounds<S: Simd>(&self, simd: S, cell: &Cell, pair: &ReceiverCellPair<S>) -> Option<CrossingBounds<S>> {
+        let interface = cell.sample.interface?;
+        let (cosine, slack) = (pair.dn * pair.inverse_l, pair.inverse_l * cell.radius + cell.normal_radius);
+        Some(CrossingBounds::new(simd, interface, (cosine - slack).max(-1.0), (cosine + slack).min(1.0)))
     }
 
     #[inline(always)]
@@ -212,12 +231,22 @@ impl TileGather<'_> {
         receiver: &Receiver<S>,
         max_weight: &MaxWeight<S>,
     ) -> ContributionBounds<S> {
-        let size = pair.inverse_l * cell.radius + cell.normal_radius;
-        let cone_radius = if cell.is_creased {
+        let mut size = pair.inverse_l * cell.radius + cell.normal_radius;
+        let mut cone_radius = if cell.is_creased {
             size + (cell.normal_radius + cell.sample.lobe)
         } else {
             footprint.squares().sqrt() * FOOTPRINT_RADIUS + (size * size * FOOTPRINT_BEND + unevenness(cell))
         };
+        if let Some(crossing) = &max_weight.crossing {
+            let most = crossing.cone_radius(simd, pair.inverse_l * cell.radius, cell.normal_radius);
+            let bounded = Mask::from_bitmask(simd, u64::from(!crossing.unbounded & ALL));
+            // Curvature spreads a footprint beyond its first order by no more than the interface turns directions.
+            let spread = crossing.per_direction.max(1.0);
+            let curved = footprint.squares().sqrt() * FOOTPRINT_RADIUS
+                + (size * size * FOOTPRINT_BEND * spread * spread + crossing.per_normal * (0.5 * unevenness(cell)));
+            cone_radius = if cell.is_creased { most } else { bounded.select(curved.min(most), most) };
+            size = bounded.select(size * spread, size);
+        }
         let (max_radiance, contrast) = self.light_within(simd, pair.r, (cone_radius, cell.blur), max_weight.facing);
         let mut weight = max_weight.value * cell.max_reflectance;
         let mut gloss_error = splat(simd, 0.0);

@@ -14,6 +14,7 @@ use crate::lanes::{LANES, Simd, SimdBase, V3, bits, lanes, set_bits, splat, spla
 use crate::pinhole::cell::Cell;
 use crate::pinhole::constants::{CENTRAL_VISIBILITY_SHARE, INTERPOLATION_POINTS, PARTIAL_VISIBILITY_SHARE};
 use crate::pinhole::receivers::TILE;
+use crate::pinhole::tree::{CHANNEL_BITS, NODE_MASK};
 use crate::pinhole::{PinholeSample, VisibilityMaps};
 
 // A lane for each of a block's points.
@@ -86,7 +87,7 @@ impl<'a> TileGather<'a> {
     /// Gathers the whole tile.
     #[inline(always)]
     pub fn run<S: Simd>(&mut self, simd: S) {
-        self.block(simd, BlockPlace { level: 0, x: 0, y: 0 }, self.context.pinholes.tree.roots());
+        self.block(simd, BlockPlace { level: 0, x: 0, y: 0 }, self.context.pinholes.roots());
     }
 
     /// Gathers what cells contribute to a block.
@@ -142,13 +143,13 @@ impl<'a> TileGather<'a> {
         let mut decisions = 0;
         while let Some(item) = stack.pop() {
             let index = item & !FULLY_VISIBLE;
-            let cell = pinholes.cell(pinholes.tree.node(index));
+            let cell = pinholes.cell(item);
             decisions += 1;
             let decision = self.criterion.decide(&block, &cell);
             if decision == Decision::Drop {
                 continue;
             }
-            let is_cluster = self.has_visibility && pinholes.tree.is_cluster(index);
+            let is_cluster = self.has_visibility && pinholes.tree.is_cluster(index & NODE_MASK);
             let mut seen = item & FULLY_VISIBLE;
             if block.kind == Kind::Smooth && seen == 0 && self.has_visibility && !is_cluster {
                 match self.receiver_coverage(simd, place, points, cell.sample_node) {
@@ -160,7 +161,7 @@ impl<'a> TileGather<'a> {
             let accepted = match decision {
                 Decision::Drop => continue,
                 Decision::RefineCell => {
-                    stack.extend(cell.children.map(|child| child | seen));
+                    stack.extend(cell.children.map(|child| child | seen | index & CHANNEL_BITS));
                     continue;
                 }
                 Decision::RefineBlock => {
@@ -170,7 +171,7 @@ impl<'a> TileGather<'a> {
                 Decision::Accept(accepted) => accepted,
             };
             if is_cluster && accepted.max_contribution >= CENTRAL_VISIBILITY_SHARE * self.criterion.error_budget {
-                stack.extend(cell.children);
+                stack.extend(cell.children.map(|child| child | index & CHANNEL_BITS));
                 continue;
             }
             let coverage = match seen {
@@ -256,7 +257,7 @@ impl<'a> TileGather<'a> {
                     return true;
                 }
             }
-            let map = VisibilityMap::new(maps, node, pair.dn);
+            let map = VisibilityMap::of_sky(maps, node, pair.dn);
             match map.sky_coverage(simd, pair.r, footprint.max_radius(sample.lobe), lit) {
                 Coverage::Full => {}
                 Coverage::None => return true,
@@ -312,5 +313,5 @@ pub fn map_towards<'a, S: Simd>(
 ) -> (VisibilityMap<'a>, V3<S>) {
     let l = receiver.position - splat3(simd, sample.position());
     let dn = -l.dot(splat3(simd, sample.normal()));
-    (VisibilityMap::new(maps, sample, dn), l)
+    (VisibilityMap::of_receivers(maps, sample, dn), l)
 }

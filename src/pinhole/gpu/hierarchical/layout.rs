@@ -36,9 +36,9 @@ pub(in crate::pinhole::gpu) struct SampleNode {
     pub lobe: f32,
     /// Unit normal.
     pub normal: [f32; 3],
-    /// Twice the object's index in the scene, plus 1 where both sides reflect.
-    pub object_sides: u32,
-    /// Reflectance where there is no curve.
+    /// Sixteen times the object's index in the scene, plus flags as in [`PinholeSample`].
+    pub object_flags: u32,
+    /// Reflectance where there is no curve; of an interface the relative refractive indices of the channels.
     pub reflectance: [f32; 3],
     /// The number of its curve of reflectance, or `NO_CURVE`.
     pub curve: u32,
@@ -59,19 +59,19 @@ impl SampleNode {
     /// The sample nodes of a tree, in their order; `samples` are theirs, with the numbers of their maps.
     pub fn of_tree(tree: &PinholeTree, samples: &[PinholeSample]) -> Vec<Self> {
         let node = |(sample, &node): (&PinholeSample, &u32)| {
-            let mirror = tree.mirror(sample.object());
+            let caster = tree.caster(sample.object());
             Self {
                 position: sample.position,
-                lobe: mirror.lobe,
+                lobe: caster.lobe,
                 normal: sample.normal,
-                object_sides: sample.object_sides,
-                reflectance: sample.reflectance,
+                object_flags: sample.object_flags,
+                reflectance: caster.interface.map_or(sample.reflectance, |r| r.eta.as_vec3().to_array()),
                 curve: sample.curve,
                 texel_jitter: sample.texel_jitter().to_array(),
-                max_reflectance: mirror.max_reflectance,
+                max_reflectance: caster.max_reflectance,
                 map: sample.map,
                 node,
-                face: if mirror.faces_front { 1.0 } else { -1.0 },
+                face: if caster.faces_front { 1.0 } else { -1.0 },
                 padding: [0; 2],
             }
         };

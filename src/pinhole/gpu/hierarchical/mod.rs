@@ -34,8 +34,7 @@ use crate::pinhole::{Filter, GatherUniforms, Params};
 #[derive(Debug)]
 pub struct HierarchicalEngine {
     pipelines: Pipelines,
-    filter: Filter,
-    visibility: bool,
+    options: HierarchicalOptions,
 }
 
 /// What is fixed when an engine is made.
@@ -45,6 +44,8 @@ pub struct HierarchicalOptions {
     pub filter: Filter,
     /// Whether the samples' visibility maps count.
     pub visibility: bool,
+    /// Whether cells may be on interfaces between two media; without, the shaders are faster.
+    pub refraction: bool,
 }
 
 /// What one image is gathered from.
@@ -142,8 +143,7 @@ impl Tiling {
 impl HierarchicalEngine {
     /// Compiles the shaders.
     pub fn new(device: &wgpu::Device, options: &HierarchicalOptions) -> Self {
-        let HierarchicalOptions { filter, visibility } = *options;
-        Self { pipelines: Pipelines::new(device, filter, visibility), filter, visibility }
+        Self { pipelines: Pipelines::new(device, options), options: *options }
     }
 
     /// Makes what one image needs.
@@ -227,11 +227,15 @@ impl HierarchicalEngine {
     }
 
     fn check(&self, device: &wgpu::Device, inputs: &HierarchicalInputs) -> Result<(), GpuError> {
-        if inputs.params.filter != self.filter {
-            return Err(GpuError::OtherFilter { engine: self.filter.name(), params: inputs.params.filter.name() });
+        let HierarchicalOptions { filter, visibility, refraction } = self.options;
+        if inputs.params.filter != filter {
+            return Err(GpuError::OtherFilter { engine: filter.name(), params: inputs.params.filter.name() });
         }
-        if inputs.tree.maps.is_some() != self.visibility {
-            return Err(GpuError::OtherVisibility { engine: self.visibility });
+        if inputs.tree.maps.is_some() != visibility {
+            return Err(GpuError::OtherVisibility { engine: visibility });
+        }
+        if inputs.tree.refracts && !refraction {
+            return Err(GpuError::NoRefraction);
         }
         super::check_image(&device.limits(), inputs.size)?;
         let limit = device.limits().max_storage_buffer_binding_size.min(device.limits().max_buffer_size);

@@ -9,8 +9,7 @@ use super::super::pipeline::{
     seen_by, storage, texture, uniform, window, writable, written,
 };
 use super::super::shaders::{IRRADIANCE_ESTIMATE, RECEIVER_BLOCKS, REFINE, RESOLVE};
-use super::WALK_FORMAT;
-use crate::pinhole::Filter;
+use super::{HierarchicalOptions, WALK_FORMAT};
 
 /// The pipelines of an image's passes.
 #[derive(Clone, Debug)]
@@ -90,7 +89,8 @@ impl Layouts {
 }
 
 impl Pipelines {
-    pub fn new(device: &wgpu::Device, filter: Filter, visibility: bool) -> Self {
+    pub fn new(device: &wgpu::Device, options: &HierarchicalOptions) -> Self {
+        let HierarchicalOptions { filter, visibility, refraction } = *options;
         let layouts = Layouts::new(device);
         let with_groups = |more: &[&BindGroupLayout]| {
             let groups = [&[&layouts.scene, &layouts.receivers], more].concat();
@@ -100,13 +100,17 @@ impl Pipelines {
                 immediate_size: 0,
             })
         };
-        let constants =
-            [("FILTER", f64::from(filter_constant(filter))), ("VISIBILITY", f64::from(u8::from(visibility)))];
+        let switch = |is_on: bool| f64::from(u8::from(is_on));
+        let constants = [
+            ("FILTER", f64::from(filter_constant(filter))),
+            ("VISIBILITY", switch(visibility)),
+            ("REFRACTION", switch(refraction)),
+        ];
         let (work, estimate) = (with_groups(&[&layouts.work, &layouts.rays]), with_groups(&[&layouts.estimate]));
         let result = with_groups(&[&layouts.result, &layouts.rays]);
         let (of_estimate, of_resolve) = (IRRADIANCE_ESTIMATE.module(device), RESOLVE.module(device));
         let resolve = |shading: bool| {
-            let constants = [constants[0], constants[1], ("SHADING", f64::from(u8::from(shading)))];
+            let constants = [&constants[..], &[("SHADING", switch(shading))]].concat();
             let targets = [TARGET_FORMAT, WALK_FORMAT].map(|format| Some(format.into()));
             render_pipeline(device, &result, &of_resolve, ["tile_corner", "resolve"], &constants, &targets)
         };

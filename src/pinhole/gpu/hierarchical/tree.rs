@@ -12,13 +12,15 @@ pub struct CellTreeBuffers {
     pub(super) nodes: wgpu::Buffer,
     pub(super) sample_nodes: wgpu::Buffer,
     pub(super) curves: wgpu::Buffer,
-    /// Indices of the nodes without a parent; copied to where the lists are.
+    /// The items that a traversal begins with; copied to where the lists are.
     pub(super) roots: wgpu::Buffer,
     pub(super) root_count: u32,
     pub(super) sample_count: u32,
     pub(super) first_cluster: u32,
     /// m².
     pub(super) area: f32,
+    /// Whether any of its cells is on an interface between two media.
+    pub(super) refracts: bool,
     /// `None`: nothing is occluded.
     pub(super) maps: Option<VisibilityMapBuffers>,
 }
@@ -58,13 +60,14 @@ impl CellTreeBuffers {
             roots: buffer_with(
                 device,
                 "nodes without a parent",
-                bytemuck::cast_slice(cells.roots()),
+                bytemuck::cast_slice(tree.roots()),
                 wgpu::BufferUsages::COPY_SRC,
             ),
-            root_count: cells.roots().len() as u32,
+            root_count: tree.roots().len() as u32,
             sample_count: samples.len() as u32,
             first_cluster: cells.first_cluster(),
             area: cells.area(),
+            refracts: tree.refracts(),
             maps,
         })
     }

@@ -1,0 +1,85 @@
+//! Which of the ways from the light to a receiver count, named after what happens on them. Part of the problem's definition, so that
+//! techniques and ground truth share it.
+
+use std::fmt;
+
+/// A way from the light to a receiver.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, serde::Deserialize, serde::Serialize)]
+pub enum Chain {
+    /// One reflection, by a mirror or by an interface between two media.
+    R,
+    /// One refraction, by an interface between two media.
+    T,
+}
+
+impl Chain {
+    /// All of them.
+    pub const ALL: [Self; 2] = [Self::R, Self::T];
+
+    /// Its name on the command line and in layers.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::R => "R",
+            Self::T => "T",
+        }
+    }
+}
+
+/// A set of chains.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, serde::Serialize)]
+#[serde(into = "Vec<Chain>")]
+pub struct Chains {
+    /// Whether [`Chain::R`] counts.
+    pub reflected: bool,
+    /// Whether [`Chain::T`] counts.
+    pub refracted: bool,
+}
+
+impl Chains {
+    /// All chains.
+    pub const ALL: Self = Self { reflected: true, refracted: true };
+
+    /// Whether a chain counts.
+    pub fn contains(self, chain: Chain) -> bool {
+        match chain {
+            Chain::R => self.reflected,
+            Chain::T => self.refracted,
+        }
+    }
+
+    pub(crate) fn is_all(&self) -> bool {
+        *self == Self::ALL
+    }
+}
+
+impl Default for Chains {
+    fn default() -> Self {
+        Self::ALL
+    }
+}
+
+impl FromIterator<Chain> for Chains {
+    fn from_iter<I: IntoIterator<Item = Chain>>(chains: I) -> Self {
+        let chains: Vec<Chain> = chains.into_iter().collect();
+        Self { reflected: chains.contains(&Chain::R), refracted: chains.contains(&Chain::T) }
+    }
+}
+
+impl From<Chain> for Chains {
+    fn from(chain: Chain) -> Self {
+        [chain].into_iter().collect()
+    }
+}
+
+impl From<Chains> for Vec<Chain> {
+    fn from(chains: Chains) -> Self {
+        Chain::ALL.into_iter().filter(|chain| chains.contains(*chain)).collect()
+    }
+}
+
+impl fmt::Display for Chains {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let names: Vec<&str> = Vec::from(*self).into_iter().map(Chain::name).collect();
+        f.write_str(&names.join(","))
+    }
+}
