@@ -1,7 +1,9 @@
-// What each pixel of a preview sees: a surface, what a mirror on it shows, or the environment. CPU twin: src/engine/preview/views.rs.
+// What each pixel of a preview sees: a surface, what a mirror on it shows or lies behind an interface, or the environment. CPU twin:
+// src/engine/preview/views.rs.
 
 #import preview
 #import hits
+#import interface
 
 const INVERSE_PI: f32 = 0.31830989;
 
@@ -51,6 +53,16 @@ fn trace_views(@builtin(global_invocation_id) id: vec3u) {
             escape = Escape(ray.direction, path, throughput * object.radiance, EMITTED);
             break;
         }
+        if preview.is_plain == 0u && (object.flags & IS_REFRACTOR) != 0u {
+            path = path * 1000003u + hit.object + 1u;
+            let view = divided(object, hit, ray.direction);
+            if view.reflectance > 0.0 && view.is_refracted && escape.alpha == NO_ESCAPE {
+                escape = Escape(view.mirrored, path, view.reflectance * throughput, alpha);
+            }
+            throughput *= select(1.0, view.factor, view.is_refracted);
+            ray = Ray(hit.position, select(view.mirrored, view.refracted, view.is_refracted));
+            continue;
+        }
         let mirrors = preview.is_plain == 0u && (object.flags & select(2u, 1u, hit.is_front)) != 0u;
         let albedo = select(object.albedo, object.mirror_albedo, mirrors);
         let receives = preview.is_plain == 0u && (object.flags & IS_RECEIVER) != 0u;
@@ -76,6 +88,34 @@ fn trace_views(@builtin(global_invocation_id) id: vec3u) {
     surfaces[pixel] = own;
     mirrored[pixel] = behind;
     escapes[pixel] = escape;
+}
+
+// A ray divided by an interface. CPU twin: src/engine/refraction.rs.
+struct Divided {
+    mirrored: vec3f,
+    reflectance: f32,
+    // The rest of it, with the factor on the radiance that comes back, unless all is reflected.
+    refracted: vec3f,
+    factor: f32,
+    is_refracted: bool,
+}
+
+fn divided(object: PreviewObject, hit: Hit, direction: vec3f) -> Divided {
+    let eta = object.width;
+    // The index of the medium that the ray enters over that of the one that it leaves.
+    let entered = select(1.0 / eta, eta, hit.is_front);
+    let towards = normalize(direction);
+    let cosine = clamp(-dot(towards, hit.normal), 0.0, 1.0);
+    let beyond = refracted_cosine(1.0 / entered, cosine);
+    let reflects = (object.flags & REFLECTS) != 0u;
+    let reflectance = select(0.0, crossing_factor(entered, true, -cosine), reflects);
+    let refracted = normalize(towards / entered + (cosine / entered - beyond) * hit.normal);
+    // An interpolated normal may refract back through the triangle, at grazing angles.
+    let depth = -dot(refracted, hit.face_normal);
+    let inwards = normalize(refracted - max(MIN_HEIGHT - depth, 0.0) * hit.face_normal);
+    return Divided(
+        mirrored_direction(hit, direction), reflectance, inwards, (1.0 - reflectance) / (entered * entered), beyond > 0.0,
+    );
 }
 
 fn reflectance(object: u32, cosine: f32) -> vec3f {

@@ -24,7 +24,8 @@ struct Decision {
     contribution_range: f32,
     // Upper bound of the contribution, W/m².
     max_contribution: f32,
-    // Radius of the cone in which the light comes, radians.
+    // The cone in which the light comes, radians.
+    cone_axis: vec3f,
     cone_radius: f32,
 }
 
@@ -145,7 +146,7 @@ fn process(at: BlockPlace, block: Block, progress: ptr<function, Progress>, lane
     var children = 0u;
     // FULLY_VISIBLE or 0.
     var seen = 0u;
-    var decision = Decision(DROP, 0.0, 0.0, 0.0);
+    var decision = Decision(DROP, 0.0, 0.0, vec3f(0.0), 0.0);
     if lane < taken {
         index = stack[(*progress).pending + lane];
         seen = index & FULLY_VISIBLE;
@@ -207,15 +208,10 @@ fn action_with_occlusion(cell: Cell, block: Block, decision: Decision, is_seen: 
     let d = cell.centroid - block.centre;
     let dn = dot(d, cell.normal);
     let map = map_of_sample(cell.sample, sky_side(cell.flags, dn));
-    var r = normalize(d - 2.0 * dn * cell.normal);
-    if is_interface(cell.flags) {
-        let l = length(d);
-        r = crossed_direction(crossing_of(cell.eta, (cell.flags & IS_FRESNEL) != 0u, dn / l), d / l, cell.normal);
-    }
     // Lobes see more of the sky than bounds of their light cover.
     let lobe_radius = block.radius / length(d) + FOOTPRINT_RADIUS * LOBE_TAIL * cell.lobe;
     let radius = max(decision.cone_radius + select(0.0, cell.lobe, cell.creased), lobe_radius);
-    let region = map_region(r * map.axes, radius, map);
+    let region = map_region(decision.cone_axis * map.axes, radius, map);
     if !region.is_small {
         return SPLIT_BLOCK;
     }
@@ -314,8 +310,6 @@ struct BlockPair {
     straddles_horizon: bool,
     // What an interface does at most with the light.
     crossing: CrossingBounds,
-    // How much more than the direction from the receiver that of the light turns; 1 at least.
-    spread: f32,
 }
 
 fn block_pair(block: Block, cell: Cell) -> BlockPair {
@@ -327,7 +321,7 @@ fn block_pair(block: Block, cell: Cell) -> BlockPair {
     let at_receiver = dot(d, block.normal);
     let sample_slack = sizes + cell.normal_radius * l;
     let receiver_slack = sizes + block.normal_radius * l;
-    var crossing = CrossingBounds(1.0, 2.0, 1.0, false);
+    var crossing = CrossingBounds(1.0, 2.0, 1.0, 1.0, false, false, 1.0, 1.0);
     if is_interface(cell.flags) {
         let cosine = dn / l;
         let slack = sizes / l + cell.normal_radius;
@@ -335,9 +329,8 @@ fn block_pair(block: Block, cell: Cell) -> BlockPair {
         crossing = crossing_bounds(cell.eta, is_fresnel, max(cosine - slack, -1.0), min(cosine + slack, 1.0));
     }
     let straddles = at_sample < sample_slack || at_receiver < receiver_slack || crossing.is_unbounded;
-    let spread = select(max(crossing.per_direction, 1.0), 1.0, crossing.is_unbounded);
     return BlockPair(
-        d, l, sizes, dn, at_sample + sample_slack, at_receiver + receiver_slack, straddles, crossing, spread,
+        d, l, sizes, dn, at_sample + sample_slack, at_receiver + receiver_slack, straddles, crossing,
     );
 }
 
@@ -350,10 +343,10 @@ fn error_budget_of(block: Block) -> f32 {
 fn decide(block: Block, level: u32, cell: Cell) -> Decision {
     let pair = block_pair(block, cell);
     if pair.max_cos_at_sample_l <= 0.0 || pair.max_cos_at_receiver_l <= 0.0 || pair.crossing.factor == 0.0 {
-        return Decision(DROP, 0.0, 0.0, 0.0);
+        return Decision(DROP, 0.0, 0.0, vec3f(0.0), 0.0);
     }
     if pair.l < NEAR_FIELD_SIZES * pair.sizes {
-        return Decision(select(SPLIT_BLOCK, SPLIT_CELL, !is_leaf(cell) && cell.radius >= block.radius), 0.0, 0.0, 0.0);
+        return Decision(select(SPLIT_BLOCK, SPLIT_CELL, !is_leaf(cell) && cell.radius >= block.radius), 0.0, 0.0, vec3f(0.0), 0.0);
     }
     let block_size = block.radius / pair.l;
     let cell_size = cell.radius / pair.l + cell.normal_radius;
@@ -365,28 +358,31 @@ fn decide(block: Block, level: u32, cell: Cell) -> Decision {
     let negligible = NEGLIGIBLE_SHARE * (tolerance.error + block.tolerated) / tree.area * cell.area;
     // Glossy receivers weight it one by one.
     if max_contribution <= negligible && (max_contribution == 0.0 || tree.has_view_directions == 0u) {
-        return Decision(DROP, 0.0, 0.0, 0.0);
+        return Decision(DROP, 0.0, 0.0, vec3f(0.0), 0.0);
     }
     if block.kind != SMOOTH {
-        return Decision(SPLIT_BLOCK, 0.0, 0.0, 0.0);
+        return Decision(SPLIT_BLOCK, 0.0, 0.0, vec3f(0.0), 0.0);
     }
     // The points' distance over the width of what is interpolated.
-    let step = POINT_SPACING * pair.spread * block_size / max(sqrt(cone.minor2), uniforms.texel_rad);
-    let turned_block = pair.spread * block_size;
-    let turned_cell = pair.spread * cell_size;
+    let step = POINT_SPACING * pair.crossing.per_direction * block_size / max(sqrt(cone.minor2), uniforms.texel_rad);
+    let crossed_block = pair.crossing.per_cosine * block_size;
+    let crossed_cell = pair.crossing.per_cosine * cell_size;
     let block_weight_error =
-        select(WEIGHT_ERROR_SCALE * turned_block * turned_block * turned_block, 1.0, pair.straddles_horizon);
+        select(WEIGHT_ERROR_SCALE * crossed_block * crossed_block * crossed_block, 1.0, pair.straddles_horizon);
     let block_error = contribution_range * min(INTERPOLATION_ERROR_SCALE * step * step * step * step, 1.0)
         + max_contribution * block_weight_error;
     var cell_error = 0.0;
     if !is_leaf(cell) {
-        let cell_weight_error = select(WEIGHT_ERROR_SCALE * turned_cell * turned_cell, 1.0, pair.straddles_horizon);
+        let cell_weight_error = select(WEIGHT_ERROR_SCALE * crossed_cell * crossed_cell, 1.0, pair.straddles_horizon);
+        let turned_cell = turned_cell_of(cell, pair);
         cell_error = contribution_range * min(CONTRAST_ERROR_SCALE * turned_cell, 1.0) + max_contribution * cell_weight_error;
     }
     if block_error + cell_error < error_budget_of(block) {
-        return Decision(ADD, contribution_range, max_contribution, cone.radius);
+        return Decision(ADD, contribution_range, max_contribution, cone.direction, cone.radius);
     }
-    return Decision(select(SPLIT_BLOCK, SPLIT_CELL, !is_leaf(cell) && cell_error >= block_error), 0.0, 0.0, 0.0);
+    // Next to total reflection both errors are unknown, and the larger of the two is refined.
+    let prefers_cell = select(cell_error >= block_error, cell_size >= block_size, pair.crossing.is_unbounded);
+    return Decision(select(SPLIT_BLOCK, SPLIT_CELL, !is_leaf(cell) && prefers_cell), 0.0, 0.0, vec3f(0.0), 0.0);
 }
 
 // The greatest weight of any point of the cell at any point of the block.
@@ -407,7 +403,7 @@ struct Cone {
 
 fn light_cone(cell: Cell, pair: BlockPair, block_size: f32, cell_size: f32) -> Cone {
     if is_interface(cell.flags) {
-        return crossed_cone(cell, pair, block_size, cell_size);
+        return refracted_cone(cell, pair, block_size);
     }
     return reflected_cone(cell, pair, block_size, cell_size);
 }
@@ -425,18 +421,27 @@ fn reflected_cone(cell: Cell, pair: BlockPair, block_size: f32, cell_size: f32) 
     return Cone(r, block_size + footprint, cone.minor2);
 }
 
-fn crossed_cone(cell: Cell, pair: BlockPair, block_size: f32, cell_size: f32) -> Cone {
+fn refracted_cone(cell: Cell, pair: BlockPair, block_size: f32) -> Cone {
     let towards = pair.d / pair.l;
     let crossing = crossing_of(cell.eta, (cell.flags & IS_FRESNEL) != 0u, pair.dn / pair.l);
     let r = crossed_direction(crossing, towards, cell.normal);
     let v1 = crossed_side(crossing, cell.side_1, cell.change_1, towards, cell.normal, 1.0 / pair.l);
     let v2 = crossed_side(crossing, cell.side_2, cell.change_2, towards, cell.normal, 1.0 / pair.l);
     let cone = footprint_cone(r, v1, v2, crossed_blur(crossing, cell.lobe).x);
-    let most = crossed_cone_radius(pair.crossing, block_size + cell.radius / pair.l, cell.normal_radius);
-    let curved = pair.spread * block_size + cone.radius
-        + FOOTPRINT_BEND * pair.spread * pair.spread * cell_size * (block_size + cell_size)
+    let most = crossed_cone(pair.crossing, r, towards, cell.normal, block_size + cell.radius / pair.l, cell.normal_radius);
+    let turned_block = pair.crossing.per_direction * block_size;
+    let turned_cell = turned_cell_of(cell, pair);
+    let curved = turned_block + cone.radius + FOOTPRINT_BEND * turned_cell * (turned_block + turned_cell)
         + 0.5 * pair.crossing.per_normal * unevenness(cell);
-    return Cone(r, select(min(curved, most), most, cell.creased || pair.straddles_horizon), cone.minor2);
+    if !cell.creased && !pair.crossing.is_unbounded && curved < most.radius {
+        return Cone(r, curved, cone.minor2);
+    }
+    return Cone(most.axis, most.radius, cone.minor2);
+}
+
+// How far the light's direction turns over a cell, or half as far as normals turn that of a mirror.
+fn turned_cell_of(cell: Cell, pair: BlockPair) -> f32 {
+    return pair.crossing.per_direction * cell.radius / pair.l + 0.5 * pair.crossing.per_normal * cell.normal_radius;
 }
 
 // The cone that holds a footprint, blurred by a lobe, to first order.

@@ -221,14 +221,15 @@ fn visit_cell(
     }
     let sides = footprint_of(cell, pair);
     var size = pair.inverse_l * cell.radius + cell.normal_radius;
-    var radius = cone_radius(cell, sides, size);
+    var turned = size;
+    var cone = LightCone(pair.r, cone_radius(cell, sides, size));
     if is_interface(cell.flags) {
-        let most = crossed_cone_radius(weight.crossing, pair.inverse_l * cell.radius, cell.normal_radius);
-        radius = min(crossed_radius(cell, sides, size, weight.crossing), most);
-        radius = select(radius, most, cell.creased || weight.crossing.is_unbounded);
-        size *= select(max(weight.crossing.per_direction, 1.0), 1.0, weight.crossing.is_unbounded);
+        let crossing = weight.crossing;
+        turned = crossing.per_direction * pair.inverse_l * cell.radius + 0.5 * crossing.per_normal * cell.normal_radius;
+        cone = crossed_light(cell, pair, sides, turned, crossing);
+        size *= crossing.per_cosine;
     }
-    let light = light_within(pair.r, radius, cell.blur);
+    let light = light_within(cone.axis, cone.radius, cell.blur);
     var gloss = vec2f(1.0, 0.0);
     if SHADING {
         gloss = gloss_within(pair, receiver, size);
@@ -243,7 +244,7 @@ fn visit_cell(
     let error_budget = PAIR_ERROR_SHARE * allowed_error(receiver);
     var is_one_sample = true;
     if !is_leaf(cell) {
-        let error = contribution_range * min(size * CONTRAST_ERROR_SCALE, 1.0)
+        let error = contribution_range * min(turned * CONTRAST_ERROR_SCALE, 1.0)
             + max_contribution * (size * size * WEIGHT_ERROR_SCALE + gloss.y);
         // Where the pair straddles a horizon, the cell's centroid is not representative.
         is_one_sample =
@@ -309,7 +310,7 @@ struct MaxWeight {
 }
 
 fn max_weight_of(cell: Cell, pair: Pair, receiver: Receiver) -> MaxWeight {
-    var crossing = CrossingBounds(1.0, 2.0, 1.0, false);
+    var crossing = CrossingBounds(1.0, 2.0, 1.0, 1.0, false, false, 1.0, 1.0);
     if is_interface(cell.flags) {
         let cosine = pair.dn * pair.inverse_l;
         let slack = pair.inverse_l * cell.radius + cell.normal_radius;
@@ -343,12 +344,17 @@ fn cone_radius(cell: Cell, sides: FootprintSides, size: f32) -> f32 {
     );
 }
 
-// The same for an interface, to the second order of what it does at most.
-fn crossed_radius(cell: Cell, sides: FootprintSides, size: f32, crossing: CrossingBounds) -> f32 {
+// The cone in which the light comes that a cell of an interface sends to a receiver.
+fn crossed_light(cell: Cell, pair: Pair, sides: FootprintSides, turned: f32, crossing: CrossingBounds) -> LightCone {
+    let towards = pair.d * pair.inverse_l;
+    let most = crossed_cone(crossing, pair.r, towards, cell.normal, pair.inverse_l * cell.radius, cell.normal_radius);
     let squares = dot(sides.v1, sides.v1) + dot(sides.v2, sides.v2);
-    let spread = max(crossing.per_direction, 1.0);
-    return FOOTPRINT_RADIUS * sqrt(squares) + FOOTPRINT_BEND * spread * spread * size * size
+    let curved = FOOTPRINT_RADIUS * sqrt(squares) + FOOTPRINT_BEND * turned * turned
         + 0.5 * crossing.per_normal * unevenness(cell);
+    if !cell.creased && !crossing.is_unbounded && curved < most.radius {
+        return LightCone(pair.r, curved);
+    }
+    return most;
 }
 
 // What a cell, taken for one sample, contributes.

@@ -20,9 +20,22 @@ struct CrossingBounds {
     // How much more than the direction from the receiver that of the light turns, and how much more than the normal.
     per_direction: f32,
     per_normal: f32,
+    // How much more than the cosines at the interface its factor changes.
+    per_cosine: f32,
     factor: f32,
     // Both sides may be seen, or total reflection.
     is_unbounded: bool,
+    // All receivers are behind the interface.
+    is_behind: bool,
+    // The cosines to the normal of the steepest and of the flattest refracted direction.
+    steep: f32,
+    flattest: f32,
+}
+
+// A cone of directions to the light.
+struct LightCone {
+    axis: vec3f,
+    radius: f32,
 }
 
 fn refracted_cosine(eta: f32, cosine: f32) -> f32 {
@@ -71,30 +84,45 @@ fn crossed_blur(crossing: Crossing, lobe: f32) -> vec2f {
 // For receivers that see the interface at a cosine between these.
 fn crossing_bounds(eta: f32, is_fresnel: bool, least: f32, most: f32) -> CrossingBounds {
     let is_in_front = least < 0.0;
-    let is_behind = most > 0.0;
     let reflected = select(0.0, crossing_factor(eta, is_fresnel, min(most, 0.0)), is_in_front);
-    let refracted = select(0.0, crossing_factor(eta, is_fresnel, most), is_behind);
+    let refracted = select(0.0, crossing_factor(eta, is_fresnel, most), most > 0.0);
     let factor = max(reflected, refracted);
-    if !is_behind {
-        return CrossingBounds(1.0, 2.0, factor, false);
+    if most <= 0.0 || is_in_front {
+        return CrossingBounds(1.0, 2.0, 1.0, factor, most > 0.0, false, 1.0, 1.0);
     }
-    let grazing = max(least, 0.0);
-    let is_unbounded = is_in_front || refracted_cosine(eta, grazing) <= MIN_REFRACTED_COSINE;
-    let turns = max(crossing_turns(eta, grazing), crossing_turns(eta, most));
-    return CrossingBounds(turns.x, turns.y, factor, is_unbounded);
+    let steep = refracted_cosine(eta, most);
+    let flattest = refracted_cosine(eta, least);
+    let turns = max(crossing_turns(eta, most, steep), crossing_turns(eta, least, flattest));
+    let is_unbounded = flattest <= MIN_REFRACTED_COSINE;
+    return CrossingBounds(turns.x, turns.y, max(turns.x / eta, 1.0), factor, is_unbounded, true, steep, flattest);
 }
 
 // How much more than the direction and than the normal that of the refracted light turns.
-fn crossing_turns(eta: f32, cosine: f32) -> vec2f {
-    let refracted = max(refracted_cosine(eta, cosine), MIN_REFRACTED_COSINE);
-    let along = max(eta * cosine / refracted, eta);
+fn crossing_turns(eta: f32, cosine: f32, refracted: f32) -> vec2f {
+    let along = max(eta * cosine / max(refracted, MIN_REFRACTED_COSINE), eta);
     return vec2f(along, max(abs(along - 1.0), abs(refracted - eta * cosine)));
 }
 
-// The radius of a cone around the light for bundles of directions and normals of these radii.
-fn crossed_cone_radius(bounds: CrossingBounds, directions: f32, normals: f32) -> f32 {
-    let radius = min(bounds.per_direction * directions + bounds.per_normal * normals, WHOLE_SPHERE_RAD);
-    return select(radius, WHOLE_SPHERE_RAD, bounds.is_unbounded);
+// A cone around the light for bundles of directions and normals of these radii; r is the light's direction for the axes of both.
+fn crossed_cone(bounds: CrossingBounds, r: vec3f, towards: vec3f, n: vec3f, directions: f32, normals: f32) -> LightCone {
+    let turned = min(bounds.per_direction * directions + bounds.per_normal * normals, WHOLE_SPHERE_RAD);
+    let radius = select(turned, WHOLE_SPHERE_RAD, bounds.is_unbounded);
+    // From the range of angles from the normal, which is narrower next to total reflection.
+    let across = towards - dot(towards, n) * n;
+    let sine = max(length(across), 1e-30);
+    let azimuth = (directions + normals) / sine;
+    if !bounds.is_behind || azimuth > MAX_AZIMUTH_SINE {
+        return LightCone(r, radius);
+    }
+    let steep = vec2f(sqrt(max(1.0 - bounds.steep * bounds.steep, 0.0)), bounds.steep);
+    let flattest = vec2f(sqrt(max(1.0 - bounds.flattest * bounds.flattest, 0.0)), bounds.flattest);
+    let middle = normalize(steep + flattest);
+    let half = HALF_ANGLE_PER_CHORD * 0.5 * length(steep - flattest);
+    let of_angles = CONE_PER_AXES * length(vec2f(half, AZIMUTH_PER_SINE * azimuth)) + normals;
+    if of_angles < radius {
+        return LightCone(middle.x / sine * across + middle.y * n, of_angles);
+    }
+    return LightCone(r, radius);
 }
 
 // A cosine at a sample, times any length, by the sides on which its flags say that it lights receivers.

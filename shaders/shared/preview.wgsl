@@ -46,14 +46,15 @@ struct PreviewUniforms {
 struct PreviewObject {
     // Albedo of the side that does not mirror, and of the side that does.
     albedo: vec3f,
-    // 1: the front mirrors; 2: the back; then IS_RECEIVER, IS_EMITTER.
+    // 1: the front mirrors; 2: the back; then IS_RECEIVER and so on.
     flags: u32,
     mirror_albedo: vec3f,
     // GGX width of the mirror.
     alpha: f32,
     // Of an emitter.
     radiance: vec3f,
-    // Of a receiver: Phong's exponent, or GGX's α; its specular reflectance, and the kind of its BRDF.
+    // Of a receiver: Phong's exponent, or GGX's α; its specular reflectance, and the kind of its BRDF. Of an interface: its relative
+    // refractive index.
     width: f32,
     specular: vec3f,
     kind: u32,
@@ -66,6 +67,9 @@ fn has_lobe(object: PreviewObject) -> bool {
 
 const IS_RECEIVER: u32 = 4u;
 const IS_EMITTER: u32 = 8u;
+const IS_REFRACTOR: u32 = 16u;
+// Of refractors that reflect.
+const REFLECTS: u32 = 32u;
 
 const IS_METERED: u32 = 1u;
 const IS_SHARED: u32 = 2u;

@@ -115,7 +115,8 @@ pub struct CommonOptions {
     pub quality: Option<Quality>,
     #[command(flatten)]
     pub scene: SceneOptions,
-    /// Pictures to render, separated by commas: beauty, caustic, direct, albedo, normal, position, depth [default:
+    /// Pictures to render, separated by commas: beauty, caustic, caustic.R and caustic.T (what is
+    /// reflected or refracted once), direct, albedo, normal, position, depth [default:
     /// beauty]
     #[arg(long, value_parser = word::<Aov>, value_delimiter = ',', value_name = "NAMES")]
     pub aov: Option<Vec<Aov>>,

@@ -98,6 +98,10 @@ fn value(inputs: &FrameInputs, band: &Band, aov: Aov, index: usize) -> Vec3 {
     let camera = &inputs.scene.camera;
     match aov {
         Aov::Caustic => inputs.light.intensity * band.light.caustic_at(index),
+        Aov::CausticR | Aov::CausticT => {
+            let own = band.of_chains.iter().find(|(chain, _)| aov.chain() == Some(*chain));
+            own.map_or(Vec3::ZERO, |(_, caustic)| inputs.light.intensity * Vec3::from_slice(&caustic.sums[index]))
+        }
         Aov::Direct => receiver.map_or(Vec3::ZERO, |_| inputs.light.intensity * band.light.direct_at(index)),
         Aov::Albedo => receiver.map_or(Vec3::ZERO, |r| r.albedo),
         Aov::Normal => hit.normal,

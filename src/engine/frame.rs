@@ -17,7 +17,7 @@ use crate::environment::Environment;
 use crate::image::Aov;
 use crate::options::{DisplaySettings, Options};
 use crate::progress::{Progress, Stage};
-use crate::scene::{Emitter, Ray, Refractor, Scene, Sides, Visibility};
+use crate::scene::{Chain, Emitter, Ray, Refractor, Scene, Sides, Visibility};
 use crate::stages::{
     CameraRays, Id, LightStages, Memo, PreparedLight, PreparedScene, StageCounts, SurfaceMaterials, View,
 };
@@ -119,6 +119,8 @@ pub(super) struct FrameInputs<'a> {
     pub display: DisplaySettings,
     /// `None` if no caustics are shown.
     pub sum: Option<&'a Arc<dyn Sum>>,
+    /// The sums of the chains that are shown alone.
+    pub of_chains: &'a [(Chain, Arc<dyn Sum>)],
     /// Where rays are traced in batches.
     pub batches: Option<&'a dyn RayBatches>,
     pub progress: &'a dyn Progress,
@@ -183,6 +185,8 @@ pub(super) struct Band {
     pub rays: Arc<CameraRays>,
     /// Light on the surfaces that camera rays hit first.
     pub light: SurfaceLight,
+    /// The irradiance by way of chains that are shown alone, where camera rays hit.
+    pub of_chains: Vec<(Chain, Arc<Caustic>)>,
     pub beauty: Option<Beauty>,
     /// Number of fetches of the environment.
     pub fetches: f64,
@@ -200,6 +204,7 @@ pub(super) struct Beauty {
 pub(super) struct BandStages {
     rays: Memo<(Id<CameraTracer>, View), CameraRays>,
     caustic: Memo<CausticKey, Caustic>,
+    of_chains: Vec<(Chain, Memo<CausticKey, Caustic>)>,
     direct: Memo<DirectKey, Direct>,
     paths: Memo<PathsKey, Paths>,
     ends_caustic: Memo<EndsKey<EndsSource>, Caustic>,
@@ -213,6 +218,7 @@ impl BandStages {
         Self {
             rays: Memo::new(Stage::Rays),
             caustic: Memo::new(Stage::Caustic),
+            of_chains: Chain::ALL.map(|chain| (chain, Memo::new(Stage::Caustic))).into(),
             direct: Memo::new(Stage::Direct),
             paths: Memo::new(Stage::Paths),
             ends_caustic: Memo::new(Stage::PathEnds),
@@ -237,7 +243,9 @@ impl BandStages {
         let is_lit = aovs.iter().any(|aov| matches!(aov, Aov::Direct | Aov::Beauty));
         let direct = if is_lit { Some(self.direct(inputs, light, &rays).await?) } else { None };
         let caustic = self.caustic(inputs, &rays, direct.as_ref()).await?;
+        let of_chains = self.caustics_of_chains(inputs, &rays).await?;
         let mut fetches = fetches_of(caustic.as_deref());
+        fetches += of_chains.iter().map(|(_, caustic)| fetches_of(Some(caustic))).sum::<f64>();
         let surfaces = SurfaceLight { direct, caustic };
         let mut beauty = None;
         if aovs.contains(&Aov::Beauty) {
@@ -249,7 +257,7 @@ impl BandStages {
         if inputs.progress.is_cancelled() {
             return Err(Error::Cancelled);
         }
-        Ok(Band { rays, light: surfaces, beauty, fetches })
+        Ok(Band { rays, light: surfaces, of_chains, beauty, fetches })
     }
 
     /// The caustic's irradiance where camera rays hit receivers.
@@ -259,7 +267,7 @@ impl BandStages {
         rays: &Arc<CameraRays>,
         direct: Option<&Arc<Direct>>,
     ) -> Result<Option<Arc<Caustic>>, Error> {
-        let Some(sum) = inputs.sum else { return Ok(None) };
+        let Some(sum) = inputs.sum.filter(|_| inputs.options.shows_caustic()) else { return Ok(None) };
         let wanted: Vec<bool> = inputs.objects().map(|o| inputs.knows_caustic(o)).collect();
         let beside = direct.filter(|_| !inputs.shows_caustic());
         let key = CausticKey {
@@ -275,6 +283,24 @@ impl BandStages {
             None => at_hits.everywhere().await.map(Caustic::from),
         };
         self.caustic.wait_for(key, steps, make).await.map(Some)
+    }
+
+    /// The irradiance of each chain that is shown alone, where camera rays hit receivers.
+    async fn caustics_of_chains(
+        &mut self,
+        inputs: &FrameInputs<'_>,
+        rays: &Arc<CameraRays>,
+    ) -> Result<Vec<(Chain, Arc<Caustic>)>, Error> {
+        let wanted: Vec<bool> = inputs.scene.objects.iter().map(|o| o.receiver.is_some()).collect();
+        let mut caustics = Vec::new();
+        for (chain, memo) in &mut self.of_chains {
+            let Some((_, sum)) = inputs.of_chains.iter().find(|(of_sum, _)| of_sum == chain) else { continue };
+            let key = CausticKey { rays: Id::of(rays), sum: Id::of(sum), wanted: wanted.clone(), beside: None };
+            let at_hits = CausticAtHits { inputs, sum, rays, wanted: &wanted };
+            let make = async || at_hits.everywhere().await.map(Caustic::from);
+            caustics.push((*chain, memo.wait_for(key, (rays.hits.len() as u64, inputs.progress), make).await?));
+        }
+        Ok(caustics)
     }
 
     /// Direct irradiance where camera rays hit surfaces.
@@ -326,7 +352,7 @@ impl BandStages {
         };
         let direct = self.ends_direct.wait_for(key, (1, inputs.progress), make).await?;
         let mut caustic = None;
-        if let Some(sum) = inputs.sum {
+        if let Some(sum) = inputs.sum.filter(|_| inputs.options.shows_caustic()) {
             let steps = (paths.ends.len() as u64, inputs.progress);
             let source = (Id::of(sum), Id::of(&direct));
             let key = EndsKey { paths: Id::of(paths), source, own: (None, id_of(own).1) };
@@ -357,6 +383,7 @@ impl BandStages {
     pub fn count(&self, counts: &mut StageCounts) {
         counts.add_memo(&self.rays);
         counts.add_memo(&self.caustic);
+        self.of_chains.iter().for_each(|(_, memo)| counts.add_memo(memo));
         counts.add_memo(&self.direct);
         counts.add_memo(&self.paths);
         counts.add_memo(&self.ends_caustic);

@@ -12,6 +12,7 @@ use crate::options::{EvaluationChoice, Options};
 use crate::pinhole::SampleView;
 use crate::pinhole::cpu::{Contribution, TakenCell};
 use crate::progress::Progress;
+use crate::scene::Chains;
 use crate::stages::{LightStages, PreparedLight};
 use crate::technique::{Inputs, Inspected, TechniqueStages};
 use crate::tracing::Hit;
@@ -123,6 +124,7 @@ impl Engine {
             light: &light,
             options,
             backend: &Backend::cpu(),
+            chains: Chains::ALL,
             is_preview: true,
             progress,
         };

@@ -56,9 +56,9 @@ use crate::backend::Backend;
 use crate::image::Aov;
 use crate::options::{Exposure, Exposures, Options, Overlay};
 use crate::progress::Progress;
-use crate::scene::Scene;
 #[cfg(feature = "gpu")]
 use crate::scene::Visibility;
+use crate::scene::{Chain, Chains, Scene};
 use crate::stages::{LightStages, PreparedLight, PreparedScene, SceneStages, StageCounts};
 use crate::technique::{Inputs, Sum, Technique, TechniqueStages};
 #[cfg(feature = "gpu")]
@@ -91,6 +91,8 @@ pub struct Engine {
     light_stages: LightStages,
     /// Stages of the technique that was used last.
     technique: (Technique, Box<dyn TechniqueStages>),
+    /// Stages of the chains whose light is shown alone.
+    of_chains: Vec<(Chain, Box<dyn TechniqueStages>)>,
     /// Stages of the picture, if it is small enough to be kept.
     band: BandStages,
     /// Stages of previews.
@@ -107,6 +109,8 @@ struct Prepared {
     light: PreparedLight,
     /// `None` if no caustics are shown.
     sum: Option<Arc<dyn Sum>>,
+    /// The sums of the chains that are shown alone, as far as anything casts such a caustic.
+    of_chains: Vec<(Chain, Arc<dyn Sum>)>,
 }
 
 impl Engine {
@@ -120,6 +124,7 @@ impl Engine {
             scene_stages: SceneStages::new(),
             light_stages: LightStages::new(),
             technique,
+            of_chains: Vec::new(),
             band: BandStages::new(),
             preview: PreviewStages::new(Technique::default()),
             inspection: PreviewStages::new(Technique::default()),
@@ -163,6 +168,7 @@ impl Engine {
         self.scene_stages.count(&mut counts);
         self.light_stages.count(&mut counts);
         self.technique.1.count(&mut counts);
+        self.of_chains.iter().for_each(|(_, stages)| stages.count(&mut counts));
         self.band.count(&mut counts);
         counts
     }
@@ -204,6 +210,7 @@ impl Engine {
             options: &self.options,
             display: self.options.display,
             sum: prepared.sum.as_ref(),
+            of_chains: &prepared.of_chains,
             #[cfg(feature = "gpu")]
             batches: on_gpu.as_ref().map(|rays| rays as &dyn RayBatches),
             #[cfg(not(feature = "gpu"))]
@@ -284,6 +291,7 @@ impl Engine {
         if self.technique.0 != self.options.technique {
             self.technique.1.count(&mut self.counted_before);
             self.technique = (self.options.technique, self.options.technique.stages());
+            self.of_chains.drain(..).for_each(|(_, stages)| stages.count(&mut self.counted_before));
         }
         if progress.is_cancelled() {
             return Err(Error::Cancelled);
@@ -294,18 +302,28 @@ impl Engine {
             light: &light,
             options: &self.options,
             backend: &self.backend,
+            chains: Chains::ALL,
             is_preview: false,
             progress,
         };
-        let sum = if self.options.shows_caustic() {
+        let shows_chains = self.options.aovs.iter().any(|aov| aov.chain().is_some());
+        let sum = if self.options.shows_caustic() || shows_chains {
             Some(self.technique.1.prepare(inputs, &mut self.light_stages).await?)
         } else {
             None
         };
+        let mut of_chains = Vec::new();
+        for chain in self.options.aovs.iter().filter_map(|aov| aov.chain()) {
+            if self.scene.objects.iter().any(|object| object.casts(chain)) {
+                let stages = stages_of(&mut self.of_chains, chain, self.technique.0);
+                let inputs = Inputs { chains: chain.into(), ..inputs };
+                of_chains.push((chain, stages.prepare(inputs, &mut self.light_stages).await?));
+            }
+        }
         if progress.is_cancelled() {
             return Err(Error::Cancelled);
         }
-        Ok(Prepared { scene, light, sum })
+        Ok(Prepared { scene, light, sum, of_chains })
     }
 
     fn marks_of(&mut self, prepared: &Prepared, progress: &dyn Progress) -> Result<Vec<Mark>, Error> {
@@ -322,6 +340,7 @@ impl Engine {
             light: &prepared.light,
             options: &self.options,
             backend: &self.backend,
+            chains: Chains::ALL,
             is_preview: false,
             progress,
         })?;
@@ -332,6 +351,19 @@ impl Engine {
         let size = UVec2::from_array(self.options.size).as_vec2();
         Marker { scene: &self.scene, tracer: &prepared.scene.camera, size }
     }
+}
+
+/// The stages of a chain that is shown alone.
+fn stages_of(
+    all: &mut Vec<(Chain, Box<dyn TechniqueStages>)>,
+    chain: Chain,
+    technique: Technique,
+) -> &mut dyn TechniqueStages {
+    let index = all.iter().position(|(known, _)| *known == chain).unwrap_or_else(|| {
+        all.push((chain, technique.stages()));
+        all.len() - 1
+    });
+    &mut *all[index].1
 }
 
 /// A scene's triangles on a GPU. If there are too many of them, the CPU traces all rays, as long as it need not do that for the sums.

@@ -2,14 +2,22 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::scene::Chain;
+
 /// An output variable, per pixel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Deserialize, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Aov {
     /// Radiance towards the camera, W/(m²·sr), before exposure and tone mapping.
     Beauty,
-    /// Caustic: irradiance of the receiver via mirrors, W/m², before albedo.
+    /// Caustic: irradiance of the receiver via mirrors and interfaces, W/m², before albedo.
     Caustic,
+    /// The part of the caustic that is reflected once.
+    #[serde(rename = "caustic.R")]
+    CausticR,
+    /// The part of the caustic that is refracted once.
+    #[serde(rename = "caustic.T")]
+    CausticT,
     /// Direct light: irradiance of the receiver from the environment, W/m², before albedo.
     Direct,
     /// Diffuse albedo of the receiver.
@@ -23,11 +31,22 @@ pub enum Aov {
 }
 
 impl Aov {
+    /// The chain whose light it shows alone.
+    pub fn chain(self) -> Option<Chain> {
+        match self {
+            Self::CausticR => Some(Chain::R),
+            Self::CausticT => Some(Chain::T),
+            _ => None,
+        }
+    }
+
     /// Its name on the command line and in EXR layers.
     pub fn name(self) -> &'static str {
         match self {
             Self::Beauty => "beauty",
             Self::Caustic => "caustic",
+            Self::CausticR => "caustic.R",
+            Self::CausticT => "caustic.T",
             Self::Direct => "direct",
             Self::Albedo => "albedo",
             Self::Normal => "normal",

@@ -141,5 +141,14 @@ pub const PART_OF_FACETS: f32 = 0.98;
 pub const MIN_REFRACTED_COSINE: f32 = 0.02;
 /// A footprint's blur by its bend is at most so many times that of a mirror.
 pub const MAX_REFRACTED_BLUR: f32 = 4.0;
+/// Refracted directions within a range of angles from the normal are bounded by their chord: half the angle is at most so many times half
+/// the chord, up to a right angle;
+pub const HALF_ANGLE_PER_CHORD: f32 = 1.111;
+/// azimuths about the normal whose sines are at most this
+pub const MAX_AZIMUTH_SINE: f32 = 0.8;
+/// are at most so many times their sines;
+pub const AZIMUTH_PER_SINE: f32 = 1.16;
+/// and a cone around both is at most so many times the hypotenuse of both half-angles.
+pub const CONE_PER_AXES: f32 = 1.1;
 /// The radius of a cone that holds every direction, radians.
 pub const WHOLE_SPHERE_RAD: f32 = std::f32::consts::PI;

@@ -18,9 +18,12 @@
 //! In front s = −2, and this is the derivative of ω − 2(ω·n)n. Radiance behind the interface is η² times what is not reflected, as it comes
 //! from a smaller solid angle (Veach, *Robust Monte Carlo Methods for Light Transport Simulation*, Section 5.2).
 
-use glam::Vec3;
+use glam::{Vec2, Vec3};
 
-use super::constants::{MAX_REFRACTED_BLUR, MIN_REFRACTED_COSINE, WHOLE_SPHERE_RAD};
+use super::constants::{
+    AZIMUTH_PER_SINE, CONE_PER_AXES, HALF_ANGLE_PER_CHORD, MAX_AZIMUTH_SINE, MAX_REFRACTED_BLUR, MIN_REFRACTED_COSINE,
+    WHOLE_SPHERE_RAD,
+};
 
 /// An interface between two media.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -47,12 +50,18 @@ pub(crate) struct Crossing {
 /// What an interface does at most with the light for receivers in a range of directions.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct CrossingBounds {
-    /// By how much more than the direction from a receiver the light's may turn; infinite next to total reflection.
+    /// By how much more than the direction from a receiver the light's may turn.
     pub per_direction: f32,
     /// By how much more than the normal.
     pub per_normal: f32,
+    /// By how much more than the cosines at the interface its factor may change.
+    pub per_cosine: f32,
     /// The largest factor on the radiance.
     pub factor: f32,
+    /// Whether both sides may be seen, or total reflection: then directions turn without bound.
+    pub is_unbounded: bool,
+    /// The refracted directions of a range behind the interface lie between these angles from the normal: their sines and cosines.
+    refracted: Option<[Vec2; 2]>,
 }
 
 impl Interface {
@@ -102,21 +111,39 @@ impl Interface {
         let refracted = if most > 0.0 { self.factor(most) } else { 0.0 };
         let factor = reflected.max(refracted);
         if most <= 0.0 {
-            return CrossingBounds { per_direction: 1.0, per_normal: 2.0, factor };
+            let mirror = CrossingBounds { per_direction: 1.0, per_normal: 2.0, per_cosine: 1.0, factor, ..UNBOUNDED };
+            return CrossingBounds { is_unbounded: false, ..mirror };
         }
-        let grazing = self.crossing(least.max(0.0));
-        if least <= 0.0 || grazing.refracted_cosine <= MIN_REFRACTED_COSINE {
-            return CrossingBounds { per_direction: f32::INFINITY, per_normal: f32::INFINITY, factor };
+        if least <= 0.0 {
+            return CrossingBounds { factor, ..UNBOUNDED };
         }
-        let of_direction = |cosine: f32| (self.eta * cosine / self.refracted_cosine(cosine)).max(self.eta);
-        let of_normal = |cosine: f32| (of_direction(cosine) - 1.0).abs().max(self.crossing(cosine).bend.abs());
+        let [grazing, steep] = [least, most].map(|cosine| self.refracted_cosine(cosine));
+        let refracted = [steep, grazing].map(|cosine| Vec2::new((1.0 - cosine * cosine).sqrt(), cosine));
+        let turns = |cosine: f32, refracted: f32| {
+            let along = (self.eta * cosine / refracted.max(MIN_REFRACTED_COSINE)).max(self.eta);
+            (along, (along - 1.0).abs().max((refracted - self.eta * cosine).abs()))
+        };
+        let (of_least, of_most) = (turns(least, grazing), turns(most, steep));
+        let per_direction = of_least.0.max(of_most.0);
         CrossingBounds {
-            per_direction: of_direction(least).max(of_direction(most)),
-            per_normal: of_normal(least).max(of_normal(most)),
+            per_direction,
+            per_normal: of_least.1.max(of_most.1),
+            per_cosine: (per_direction / self.eta).max(1.0),
             factor,
+            is_unbounded: grazing <= MIN_REFRACTED_COSINE,
+            refracted: Some(refracted),
         }
     }
 }
+
+const UNBOUNDED: CrossingBounds = CrossingBounds {
+    per_direction: 1.0,
+    per_normal: 2.0,
+    per_cosine: 1.0,
+    factor: 0.0,
+    is_unbounded: true,
+    refracted: None,
+};
 
 impl Crossing {
     /// The unit direction to the light, from the unit direction ω to the sample and its normal.
@@ -138,10 +165,40 @@ impl Crossing {
 }
 
 impl CrossingBounds {
-    /// The radius of a cone around the light for a bundle of directions and normals of these radii.
-    pub fn cone_radius(&self, directions: f32, normals: f32) -> f32 {
-        let radius = self.per_direction * directions + self.per_normal * normals;
-        if radius.is_nan() { WHOLE_SPHERE_RAD } else { radius.min(WHOLE_SPHERE_RAD) }
+    /// A cone around the light for a bundle of directions and normals of these radii: the axis and its radius. `crossing` is that of the
+    /// axes of both.
+    pub fn cone(
+        &self,
+        crossing: &Crossing,
+        (towards, normal): (Vec3, Vec3),
+        directions: f32,
+        normals: f32,
+    ) -> (Vec3, f32) {
+        let radius = if self.is_unbounded {
+            WHOLE_SPHERE_RAD
+        } else {
+            (self.per_direction * directions + self.per_normal * normals).min(WHOLE_SPHERE_RAD)
+        };
+        let around_r = (crossing.direction(towards, normal), radius);
+        match self.cone_of_angles((towards, normal), directions + normals, normals) {
+            Some(of_angles) if of_angles.1 < radius => of_angles,
+            _ => around_r,
+        }
+    }
+
+    /// The same from the range of angles from the normal, which is narrower next to total reflection.
+    fn cone_of_angles(&self, (towards, normal): (Vec3, Vec3), slack: f32, normals: f32) -> Option<(Vec3, f32)> {
+        let [steep, flat] = self.refracted?;
+        let across = towards - towards.dot(normal) * normal;
+        let sine = across.length();
+        if slack > MAX_AZIMUTH_SINE * sine {
+            return None;
+        }
+        let middle = (steep + flat).normalize();
+        let axis = middle.x / sine * across + middle.y * normal;
+        let half = HALF_ANGLE_PER_CHORD * 0.5 * (steep - flat).length();
+        let azimuth = AZIMUTH_PER_SINE * slack / sine;
+        Some((axis, CONE_PER_AXES * Vec2::new(half, azimuth).length() + normals))
     }
 }
 
@@ -218,7 +275,8 @@ mod tests {
             assert!((reflected + passed - 1.0).abs() < 1e-3, "{eta}: {reflected} + {passed}");
         }
         let nothing = Interface { eta: 1.0, fresnel: false };
-        assert_eq!((nothing.factor(0.3), nothing.factor(-0.3), nothing.crossing(0.3).bend), (1.0, 0.0, 0.0));
+        assert_eq!((nothing.factor(0.3), nothing.factor(-0.3)), (1.0, 0.0));
+        assert!(nothing.crossing(0.3).bend.abs() < 1e-6);
         assert_eq!(Interface { eta: 1.5, fresnel: false }.factor(0.5), 0.0, "totally reflected");
     }
 
@@ -226,25 +284,34 @@ mod tests {
     fn bounds_hold() {
         let mut rng = rand::rngs::ChaCha8Rng::seed_from_u64(5);
         let mut bounded = 0;
-        for _ in 0..20_000 {
+        for _ in 0..40_000 {
             let interface = Interface { eta: rng.random_range(0.6..1.8), fresnel: rng.random() };
-            let (incidence, half) = (rng.random_range(0.0f32..3.1), rng.random_range(0.0f32..0.3));
+            let incidence = rng.random_range(0.0f32..3.1);
+            let [directions, normals] = [0; 2].map(|_| rng.random_range(0.0f32..0.2));
+            let slack = directions + normals;
             let [flat, steep] =
-                [(incidence + half).min(std::f32::consts::PI), (incidence - half).max(0.0)].map(f32::cos);
+                [(incidence + slack).min(std::f32::consts::PI), (incidence - slack).max(0.0)].map(f32::cos);
             let bounds = interface.bounds(flat, steep);
-            let [one, other] = [0; 2].map(|_| rng.random_range(-half..half));
-            let at = |turn: f32| Vec3::new((incidence + turn).sin(), (incidence + turn).cos(), 0.0);
-            let (one, other) = (at(one), at(other));
-            for direction in [one, other] {
-                assert!(interface.factor(direction.y) <= bounds.factor * 1.0001 + 1e-6);
-            }
-            if bounds.per_direction.is_finite() {
-                let light = |towards: Vec3| interface.crossing(towards.y).direction(towards, Vec3::Y);
-                let turned = light(one).angle_between(light(other));
-                assert!(turned <= bounds.cone_radius(one.angle_between(other), 0.0) * 1.001 + 2e-3);
-                bounded += 1;
+            let axis = Vec3::new(incidence.sin(), incidence.cos(), 0.0);
+            let mut within = |axis: Vec3, radius: f32| {
+                let (u, v) = axis.any_orthonormal_pair();
+                let (off, around): (f32, f32) = (radius * rng.random::<f32>().sqrt(), rng.random_range(0.0..6.3));
+                axis * off.cos() + off.sin() * (around.cos() * u + around.sin() * v)
+            };
+            let (towards, normal) = (within(axis, directions), within(Vec3::Y, normals));
+            let cosine = towards.dot(normal);
+            assert!(interface.factor(cosine) <= bounds.factor * 1.0001 + 1e-6);
+            if interface.factor(cosine) > 0.0 {
+                let light = interface.crossing(cosine).direction(towards, normal);
+                let (axis, radius) = bounds.cone(&interface.crossing(axis.y), (axis, Vec3::Y), directions, normals);
+                let off = axis.angle_between(light);
+                assert!(
+                    off <= radius * 1.001 + 2e-3,
+                    "{off} > {radius}: {interface:?} {incidence} {directions} {normals}"
+                );
+                bounded += u32::from(radius < 1.0);
             }
         }
-        assert!(bounded > 10_000);
+        assert!(bounded > 10_000, "{bounded}");
     }
 }

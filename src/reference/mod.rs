@@ -39,7 +39,7 @@ use self::passes::Passes;
 use self::receivers::Receivers;
 use self::reflectors::Reflectors;
 use self::sky::Sky;
-use crate::scene::{Chains, Object, Scene, Visibility};
+use crate::scene::{Chain, Chains, Object, Scene, Visibility};
 use crate::{Error, OptionError, Progress};
 
 /// What is computed.
@@ -171,8 +171,7 @@ pub enum ReferenceError {
 
 /// Says what is missing where nothing can cast a caustic by these chains.
 fn check_chains(scene: &Scene, chains: Chains) -> Result<(), OptionError> {
-    let reflects = |o: &Object| o.reflector.is_some() || o.refractor.is_some_and(|r| r.fresnel);
-    let casts = |o: &Object| chains.reflected && reflects(o) || chains.refracted && o.refractor.is_some();
+    let casts = |o: &Object| Chain::ALL.iter().any(|chain| chains.contains(*chain) && o.casts(*chain));
     if scene.objects.iter().any(casts) {
         return Ok(());
     }

@@ -63,8 +63,13 @@ impl Interface {
         let (steepest, flattest) = ((between - slack).max(0.0), between + slack);
         let factor = self.factor(steepest.cos().max(0.0), eta);
         let grazing = transmitted_cosine(flattest.min(FRAC_PI_2).cos(), eta);
+        let of_angles = between_angles(
+            towards,
+            normals,
+            [steepest, flattest].map(|angle| transmitted_cosine(angle.min(FRAC_PI_2).cos(), eta).acos()),
+        );
         if flattest >= FRAC_PI_2 || grazing <= 0.0 {
-            return Refracted { cone: Cone::everything(), bend: 0.0, factor };
+            return Refracted { cone: of_angles, bend: f64::INFINITY, factor };
         }
         // By how much the refracted direction turns with the direction, in the plane of incidence and across it, and with the normal.
         let turns = |incidence: f64| {
@@ -77,9 +82,26 @@ impl Interface {
         let turn = of_direction * towards.half_angle + of_normal * normals.half_angle;
         let tangent = (1.0 - grazing * grazing).sqrt() / grazing;
         let bend = 1.5 * (1.0 + of_direction * of_direction * (1.0 + tangent)) * slack * slack;
-        let axis = refract(towards.axis, normals.axis, eta);
-        Refracted { cone: Cone { axis, half_angle: turn.min(PI) }, bend, factor }
+        if turn > of_angles.half_angle {
+            return Refracted { cone: of_angles, bend, factor };
+        }
+        Refracted { cone: Cone { axis: refract(towards.axis, normals.axis, eta), half_angle: turn }, bend, factor }
     }
+}
+
+/// A cone that holds the directions between two angles from any of the normals, in the planes of incidence: narrow next to total reflection,
+/// where directions turn without bound.
+fn between_angles(towards: &Cone, normals: &Cone, [steep, flat]: [f64; 2]) -> Cone {
+    let across = towards.axis - towards.axis.dot(normals.axis) * normals.axis;
+    let (sine, slack) = (across.length(), towards.half_angle + normals.half_angle);
+    if slack >= FRAC_PI_2 || slack.sin() >= 0.9 * sine {
+        return Cone::everything();
+    }
+    let (middle, half) = (0.5 * (steep + flat), 0.5 * (flat - steep));
+    let azimuth = (slack.sin() / sine).asin();
+    let axis = middle.sin() / sine * across + middle.cos() * normals.axis;
+    // On the sphere the diagonal of a box of angles is at most so much longer than in the plane.
+    Cone { axis: axis.normalize(), half_angle: (1.2 * half.hypot(azimuth) + normals.half_angle).min(PI) }
 }
 
 /// The cosine on the other side of an interface, whose index over that on this side is 1/`ratio`; 0 beyond the critical angle.

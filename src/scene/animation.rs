@@ -7,7 +7,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use glam::Vec3;
 use serde::Deserialize;
 
-use super::shapes::{Shape, Sheet};
+use super::shapes::Shape;
 use super::{Camera, Mesh, Scene};
 
 /// How values change between key frames.
@@ -133,35 +133,35 @@ pub struct ObjectMotion {
     pub rotate_rad: Option<KeyFrames<Vec3>>,
     /// Uniform scale.
     pub scale: Option<KeyFrames<f32>>,
-    /// The waves of a sheet.
+    /// The waves of a sheet or of water.
     pub wave: Option<Waves>,
 }
 
-/// A sheet whose waves travel. The mesh of the last moment is kept, so that nothing is made again while time stands still.
+/// A surface whose waves travel. The mesh of the last moment is kept, so that nothing is made again while time stands still.
 #[derive(Clone, Debug)]
 pub struct Waves {
-    sheet: Sheet,
+    shape: Shape,
     phase_rad: KeyFrames<f32>,
     last: Arc<Mutex<Option<PhaseMesh>>>,
 }
 
-/// A sheet's phase, degrees, and its mesh.
+/// A phase, degrees, and the mesh there.
 type PhaseMesh = (f32, Arc<Mesh>);
 
 impl Waves {
-    /// A sheet, and the phase of its waves, radians.
-    pub fn new(sheet: Sheet, phase_rad: KeyFrames<f32>) -> Self {
-        Self { sheet, phase_rad, last: Arc::default() }
+    /// A sheet or water, and the phase of its waves, radians; `None` for shapes without waves.
+    pub fn new(shape: Shape, phase_rad: KeyFrames<f32>) -> Option<Self> {
+        shape.at_phase(0.0).map(|shape| Self { shape, phase_rad, last: Arc::default() })
     }
 
-    /// The sheet at a time, seconds; `None` if its dimensions are out of their ranges.
+    /// The shape at a time, seconds; `None` if its dimensions are out of their ranges.
     fn mesh(&self, seconds: f32) -> Option<Arc<Mesh>> {
         let phase_deg = self.phase_rad.at(seconds).to_degrees();
         let mut last = self.last.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some((_, mesh)) = last.as_ref().filter(|(known, _)| *known == phase_deg) {
             return Some(mesh.clone());
         }
-        let mesh = Arc::new(Shape::Sheet(Sheet { phase_deg, ..self.sheet }).mesh().ok()?);
+        let mesh = Arc::new(self.shape.at_phase(phase_deg)?.mesh().ok()?);
         *last = Some((phase_deg, mesh.clone()));
         Some(mesh)
     }

@@ -30,6 +30,7 @@ pub const BUILT_IN: &[BuiltIn] = built_in! {
     "cup": "a mirror cup that receives its own caustics in natural light (Figure 6f)",
     "cup-point-light": "the cup under a small light from above (Figure 7b)",
     "sheet": "a waving sheet of copper throws bands of sunlight on a wall",
+    "pool": "waves on a tiled pool throw caustics through the water and up the wall",
     "dynamic": "bright balls, a gold ring and a floor, all of which move (Figure 7c)",
     "columns": "balls and columns between the light, a brass ring and the table shadow each other",
     "gloss": "rings of silver, polished, brushed and blasted",
@@ -48,7 +49,7 @@ mod tests {
     fn every_built_in_scene_loads() {
         for scene in BUILT_IN {
             let loaded = crate::scene::load::<toml::Table>(scene.name).unwrap();
-            assert!(loaded.scene.objects.iter().any(|o| o.reflector.is_some()), "{}", scene.name);
+            assert!(loaded.scene.objects.iter().any(|o| o.specular().is_some()), "{}", scene.name);
             assert!(loaded.scene.objects.iter().any(|o| o.receiver.is_some()), "{}", scene.name);
         }
     }

@@ -116,15 +116,9 @@ pub(crate) fn nearest<'a>(word: &str, candidates: impl Iterator<Item = &'a str>)
         .map(|(_, c)| c)
 }
 
-/// Keys that later versions will read.
-const NOT_BUILT_YET: [&str; 1] = ["refractor"];
-
 fn in_file(file: &str, Fault { line, key, problem }: Fault) -> SceneError {
     let message = match problem {
         Problem::Other(message) => escaped(&message),
-        Problem::Unknown { what, word, .. } if NOT_BUILT_YET.contains(&word.as_str()) => {
-            format!("{what} '{word}' is not built yet; remove it")
-        }
         Problem::Unknown { what, word, known } => match nearest(&word, known.iter().copied()) {
             Some(candidate) => format!("unknown {what} '{word}'; did you mean '{candidate}'?"),
             None => format!("unknown {what} '{word}'; known are: {}", known.join(", ")),
@@ -261,8 +255,34 @@ receiver = { albedo = [0.5, 0.5, 0.5] }
     }
 
     #[test]
-    fn keys_of_later_versions_are_refused() {
-        assert!(failure(&GOOD.replace("name = \"ring\"", "refractor = {}")).contains("not built yet"));
+    fn refractors_have_one_index_or_three() {
+        let refractor = |keys: &str| {
+            let text = GOOD.replace("reflector = { sides = \"front\" }", &format!("refractor = {{ {keys} }}"));
+            parse::<Render>("scene.toml", &text, Path::new("."))
+                .map(|loaded| loaded.scene.objects[0].refractor.unwrap())
+        };
+        let water = refractor("eta = 1.333").unwrap();
+        assert!(water.fresnel && !water.is_dispersive() && water.eta.x == 1.333);
+        let prism = refractor("eta = [1.5, 1.51, 1.53], fresnel = false").unwrap();
+        assert!(!prism.fresnel && prism.is_dispersive());
+        // BK7: its index is 1.5168 at 587.6 nm, and blue is refracted more.
+        let glass = refractor("cauchy = [1.5046, 0.0042]").unwrap();
+        assert!((glass.eta.y - 1.5185).abs() < 1e-3 && glass.eta.z > glass.eta.y && glass.eta.y > glass.eta.x);
+        for (keys, expected) in [
+            ("eta = 0", "refractor.eta: gives a refractive index of 0"),
+            ("eta = -1.3", "refractor.eta: gives a refractive index of -1.3"),
+            ("eta = nan", "refractor.eta: gives a refractive index of NaN"),
+            ("eta = [1.3, 1.3]", "expected a number, or three"),
+            ("cauchy = [1.5, -3]", "refractor.cauchy: gives a refractive index of"),
+            ("eta = 1.3, cauchy = [1.5, 0.004]", "give either eta"),
+            ("", "give either eta"),
+            ("eta = 1.5, interfaces = 2", "refractor.interfaces: must be 1"),
+            ("eta = 1.5, etas = 2", "unknown key 'etas'; did you mean 'eta'?"),
+            ("eta = 1.5 }\nreceiver = {", "refractor: is neither reflector nor receiver"),
+        ] {
+            let message = refractor(keys).unwrap_err().to_string();
+            assert!(message.starts_with("scene.toml:") && message.contains(expected), "{keys}: {message}");
+        }
     }
 
     #[test]

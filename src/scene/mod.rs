@@ -163,6 +163,14 @@ impl Object {
         }
     }
 
+    /// Whether it casts a caustic of this kind.
+    pub fn casts(&self, chain: Chain) -> bool {
+        match chain {
+            Chain::R => self.reflector.is_some() || self.refractor.is_some_and(|refractor| refractor.fresnel),
+            Chain::T => self.refractor.is_some(),
+        }
+    }
+
     /// What makes it cast caustics, if it does.
     pub fn specular(&self) -> Option<Specular> {
         self.reflector.map(Specular::Reflector).or_else(|| self.refractor.map(Specular::Refractor))

@@ -1,4 +1,4 @@
-//! Techniques: ways to compute a caustic, the irradiance that reaches receivers via mirrors.
+//! Techniques: ways to compute a caustic, the irradiance that reaches receivers via mirrors and interfaces.
 //!
 //! A technique prepares itself from the shared stages ([`crate::stages`]), keeps its own intermediate results, and
 //! returns a [`Sum`], which can be evaluated at any receivers. To add one, add a variant of [`Technique`] and a module
@@ -25,7 +25,7 @@ use crate::pinhole::cpu::{Contribution, TakenCell};
 use crate::pinhole::gpu::{EnvironmentCube, Frame};
 use crate::pinhole::{Filter, Receivers, SampleView};
 use crate::progress::Progress;
-use crate::scene::Scene;
+use crate::scene::{Chains, Scene};
 use crate::stages::{LightStages, PreparedLight, PreparedScene, StageCounts};
 use crate::tracing::Hit;
 
@@ -72,6 +72,8 @@ pub(crate) struct Inputs<'a> {
     pub light: &'a PreparedLight,
     pub options: &'a Options,
     pub backend: &'a Backend,
+    /// The light that is summed.
+    pub chains: Chains,
     /// The result is for a moment: what costs much and shows little may be coarser.
     pub is_preview: bool,
     pub progress: &'a dyn Progress,

@@ -24,6 +24,7 @@ const DESCRIPTIONS: [(&str, &[&str]); 2] = [
         "scene",
         &[
             "Camera",
+            "Chain",
             "Chains",
             "EnvironmentMap",
             "EnvironmentSource",

@@ -24,6 +24,7 @@ mod metals;
 mod pictures;
 mod previews;
 mod receivers;
+mod refraction;
 mod speckles;
 mod stages;
 mod support;

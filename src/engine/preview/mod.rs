@@ -40,7 +40,7 @@ use crate::image::{Aov, Image};
 use crate::options::{Evaluation, EvaluationChoice, Exposures, Options, Overlay};
 use crate::pinhole::Receivers;
 use crate::progress::{Progress, Stage};
-use crate::scene::{Scene, Visibility};
+use crate::scene::{Chains, Scene, Visibility};
 use crate::stages::{LightStages, PreparedLight, PreparedScene};
 use crate::technique::{Inputs, Sum, Technique, TechniqueStages};
 
@@ -206,6 +206,7 @@ impl Engine {
             light: &light,
             options: &options,
             backend: &self.backend,
+            chains: Chains::ALL,
             is_preview: true,
             progress,
         };

@@ -1,4 +1,5 @@
-//! What each pixel of a preview sees: a surface, what a mirror on it shows, or the environment. One ray a pixel.
+//! What each pixel of a preview sees: a surface, what a mirror on it shows or lies behind an interface, or the environment. One ray a pixel:
+//! it goes on through interfaces, which reflect the environment only.
 
 use std::f32::consts::FRAC_1_PI;
 
@@ -8,9 +9,10 @@ use rayon::prelude::*;
 use super::edges::FirstSurface;
 use super::filled;
 use crate::engine::paths::{mirrored_direction, surface_albedo, visible_reflectance};
+use crate::engine::refraction::{Refracted, divided};
 use crate::lanes::{LANES, set_bits};
 use crate::pinhole::constants::{MAX_MIRRORS, MAX_PIXELS_APART, MIN_SEEN_COSINE};
-use crate::scene::{Camera, Ray, Scene};
+use crate::scene::{Camera, Ray, Refractor, Scene};
 use crate::stages::PreparedScene;
 use crate::tracing::Hit;
 
@@ -280,6 +282,10 @@ impl ViewTracer<'_> {
             view.escape = Some(Escape { direction: ray.direction, factor: throughput, alpha, path, emitted });
             return false;
         }
+        if let Some(refractor) = object.refractor.as_ref().filter(|_| !self.is_plain) {
+            Self::cross(&found, refractor, walk, view);
+            return true;
+        }
         let reflectance = visible_reflectance(self.prepared, self.is_plain, (&found, object), &ray);
         let albedo = surface_albedo(object, self.is_plain, reflectance.is_some());
         let receives = !self.is_plain && object.receiver.is_some();
@@ -293,8 +299,32 @@ impl ViewTracer<'_> {
         let Some(reflectance) = reflectance else { return false };
         walk.throughput *= reflectance;
         walk.alpha = alpha.max(object.reflector.map_or(0.0, |r| r.finish.alpha() as f32));
-        walk.path = path.wrapping_mul(1_000_003) + u64::from(found.object) + 1;
+        walk.path = path_via(path, &found);
         walk.ray = Ray { origin: found.position, direction: mirrored_direction(&found, &ray, found.normal) };
         true
     }
+
+    /// Sends a ray on through an interface, or back from it where all is reflected.
+    fn cross(found: &Hit, refractor: &Refractor, walk: &mut Walk, view: &mut PixelView) {
+        let eta = refractor.eta.element_sum() / 3.0;
+        let (reflectance, refracted) = divided(refractor, eta, (found, &walk.ray));
+        let mirrored = mirrored_direction(found, &walk.ray, found.normal);
+        walk.path = path_via(walk.path, found);
+        let Some(Refracted { direction, factor }) = refracted else {
+            walk.ray = Ray { origin: found.position, direction: mirrored };
+            return;
+        };
+        if reflectance > 0.0 {
+            let Walk { throughput, alpha, path, .. } = *walk;
+            let factor = reflectance * throughput;
+            view.escape.get_or_insert(Escape { direction: mirrored, factor, alpha, path, emitted: None });
+        }
+        walk.throughput *= factor;
+        walk.ray = Ray { origin: found.position, direction };
+    }
+}
+
+/// The path that goes on from a mirror or an interface.
+fn path_via(path: u64, found: &Hit) -> u64 {
+    path.wrapping_mul(1_000_003) + u64::from(found.object) + 1
 }

@@ -3,7 +3,10 @@
 
 use crate::lanes::{F, Mask, Select, Simd, SimdBase, SimdFloat, SimdMask, V3, bits, splat};
 use crate::pinhole::Interface;
-use crate::pinhole::constants::{MAX_REFRACTED_BLUR, MIN_REFRACTED_COSINE, WHOLE_SPHERE_RAD};
+use crate::pinhole::constants::{
+    AZIMUTH_PER_SINE, CONE_PER_AXES, HALF_ANGLE_PER_CHORD, MAX_AZIMUTH_SINE, MAX_REFRACTED_BLUR, MIN_REFRACTED_COSINE,
+    WHOLE_SPHERE_RAD,
+};
 
 /// Lane by lane as [`Crossing`](crate::pinhole::interface::Crossing), with the factor on the radiance.
 #[derive(Clone, Copy)]
@@ -18,9 +21,15 @@ pub(super) struct Crossing<S: Simd> {
 pub(super) struct CrossingBounds<S: Simd> {
     pub per_direction: F<S>,
     pub per_normal: F<S>,
+    pub per_cosine: F<S>,
     pub factor: F<S>,
     /// The lanes that may see both sides, or total reflection.
     pub unbounded: u32,
+    /// The lanes that are behind the interface.
+    behind: u32,
+    /// The cosines to the normal of the steepest and of the flattest refracted direction.
+    steep: F<S>,
+    flat: F<S>,
 }
 
 impl<S: Simd> Crossing<S> {
@@ -67,24 +76,55 @@ impl<S: Simd> CrossingBounds<S> {
         let behind = most.simd_gt(0.0);
         let reflected = in_front.select(factor(simd, interface, most.min(0.0)), nothing);
         let refracted = behind.select(factor(simd, interface, most), nothing);
-        let grazing = refracted_cosine(interface.eta, least.max(0.0));
-        let unbounded = bits(behind & (in_front | grazing.simd_le(MIN_REFRACTED_COSINE)));
-        let [of_least, of_most] = [least.max(0.0), most].map(|cosine| {
-            let refracted = refracted_cosine(interface.eta, cosine).max(MIN_REFRACTED_COSINE);
-            let along = (cosine * interface.eta / refracted).max(interface.eta);
-            (along, (along - 1.0).abs().max((refracted - cosine * interface.eta).abs()))
-        });
-        let per_direction = behind.select(of_least.0.max(of_most.0), splat(simd, 1.0));
-        let per_normal = behind.select(of_least.1.max(of_most.1), splat(simd, 2.0));
-        Self { per_direction, per_normal, factor: reflected.max(refracted), unbounded }
+        let [flat, steep] = [least.max(0.0), most.max(0.0)].map(|cosine| refracted_cosine(interface.eta, cosine));
+        let unbounded = bits(behind & (in_front | flat.simd_le(MIN_REFRACTED_COSINE)));
+        let of_flat = turns(interface.eta, least.max(0.0), flat);
+        let of_steep = turns(interface.eta, most.max(0.0), steep);
+        let bounded = behind & !in_front;
+        let per_direction = bounded.select(of_flat.0.max(of_steep.0), splat(simd, 1.0));
+        let per_normal = bounded.select(of_flat.1.max(of_steep.1), splat(simd, 2.0));
+        let per_cosine = bounded.select((per_direction * (1.0 / interface.eta)).max(1.0), splat(simd, 1.0));
+        let (factor, behind) = (reflected.max(refracted), bits(bounded));
+        Self { per_direction, per_normal, per_cosine, factor, unbounded, behind, steep, flat }
     }
 
-    /// The radii of cones around the light for bundles of directions and normals of these radii.
+    /// Cones around the light for bundles of directions and normals of these radii: their axes and radii. `r` are the directions of the
+    /// light for the axes of both.
     #[inline(always)]
-    pub fn cone_radius(&self, simd: S, directions: F<S>, normals: f32) -> F<S> {
+    pub fn cones(
+        &self,
+        simd: S,
+        r: V3<S>,
+        (towards, normal): (V3<S>, V3<S>),
+        directions: F<S>,
+        normals: f32,
+    ) -> (V3<S>, F<S>) {
+        let unbounded = Mask::from_bitmask(simd, u64::from(self.unbounded));
         let radius = (self.per_direction * directions + self.per_normal * normals).min(WHOLE_SPHERE_RAD);
-        Mask::from_bitmask(simd, u64::from(self.unbounded)).select(splat(simd, WHOLE_SPHERE_RAD), radius)
+        let radius = unbounded.select(splat(simd, WHOLE_SPHERE_RAD), radius);
+        let across = towards.plus(normal, -towards.dot(normal));
+        let sine = across.dot(across).sqrt().max(f32::MIN_POSITIVE);
+        let [steep_sine, flat_sine] = [self.steep, self.flat].map(|cosine| (1.0 - cosine * cosine).max(0.0).sqrt());
+        let (x, y) = (steep_sine + flat_sine, self.steep + self.flat);
+        let scale = 1.0 / (x * x + y * y).sqrt();
+        let axis = (across * (x * scale / sine)).plus(normal, y * scale);
+        let (dx, dy) = (steep_sine - flat_sine, self.steep - self.flat);
+        let half = (dx * dx + dy * dy).sqrt() * (0.5 * HALF_ANGLE_PER_CHORD);
+        let azimuth = (directions + normals) / sine;
+        let wide = azimuth * AZIMUTH_PER_SINE;
+        let of_angles = (half * half + wide * wide).sqrt() * CONE_PER_AXES + normals;
+        let is_narrower = Mask::from_bitmask(simd, u64::from(self.behind))
+            & azimuth.simd_le(MAX_AZIMUTH_SINE)
+            & of_angles.simd_lt(radius);
+        (V3::select(is_narrower, axis, r), is_narrower.select(of_angles, radius))
     }
+}
+
+/// How much more than the direction and than the normal that of the light turns.
+#[inline(always)]
+fn turns<S: Simd>(eta: f32, cosine: F<S>, refracted: F<S>) -> (F<S>, F<S>) {
+    let along = (cosine * eta / refracted.max(MIN_REFRACTED_COSINE)).max(eta);
+    (along, (along - 1.0).abs().max((refracted - cosine * eta).abs()))
 }
 
 #[inline(always)]
@@ -114,7 +154,8 @@ fn factor<S: Simd>(simd: S, interface: Interface, cosine: F<S>) -> F<S> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::lanes::{LANES, dispatch, lanes, level};
+    use crate::lanes::{LANES, dispatch, lanes, level, splat3};
+    use glam::Vec3;
 
     #[test]
     fn lanes_are_the_formulas_one_by_one() {
@@ -126,8 +167,12 @@ mod tests {
                 let crossing = Crossing::new(simd, interface, lanes(simd, cosines));
                 let bounds = CrossingBounds::new(simd, interface, lanes(simd, cosines), lanes(simd, mosts));
                 let arrays = [crossing.ratio, crossing.bend, crossing.slope, crossing.factor];
-                let radius = bounds.cone_radius(simd, splat(simd, 0.1), 0.05);
-                (arrays.map(|a| a.to_array()), [bounds.factor.to_array(), radius.to_array()])
+                let towards = V3([lanes(simd, cosines.map(|c| (1.0 - c * c).sqrt())), splat(simd, 0.0), lanes(simd, cosines)]);
+                let normal = splat3(simd, Vec3::Z);
+                let r = crossing.direction(towards, normal);
+                let (axis, radius) = bounds.cones(simd, r, (towards, normal), splat(simd, 0.05), 0.03);
+                let of_bounds = [bounds.factor, bounds.per_cosine, radius, axis.0[0], axis.0[2]];
+                (arrays.map(|a| a.to_array()), of_bounds.map(|a| a.to_array()))
             });
             for lane in 0..LANES {
                 let one = interface.crossing(cosines[lane]);
@@ -135,8 +180,11 @@ mod tests {
                 for (found, expected) in crossing.iter().map(|a| a[lane]).zip(expected) {
                     assert!((found - expected).abs() <= 1e-5 * (1.0 + expected.abs()), "{found} {expected}");
                 }
-                let one = interface.bounds(cosines[lane], mosts[lane]);
-                for (found, expected) in bounds.iter().map(|a| a[lane]).zip([one.factor, one.cone_radius(0.1, 0.05)]) {
+                let bound = interface.bounds(cosines[lane], mosts[lane]);
+                let towards = Vec3::new((1.0 - cosines[lane] * cosines[lane]).sqrt(), 0.0, cosines[lane]);
+                let (axis, radius) = bound.cone(&one, (towards, Vec3::Z), 0.05, 0.03);
+                let expected = [bound.factor, bound.per_cosine, radius, axis.x, axis.z];
+                for (found, expected) in bounds.iter().map(|a| a[lane]).zip(expected) {
                     assert!((found - expected).abs() <= 1e-4 * (1.0 + expected.abs()), "{found} {expected}");
                 }
             }

@@ -6,7 +6,6 @@ use serde::Deserialize;
 use super::camera::CameraTable;
 use super::objects::Animated;
 use super::{Builder, Key, nearest};
-use crate::scene::shapes::Shape;
 use crate::scene::{
     Animation, CameraMotion, EnvironmentMotion, Interpolation, KeyFrameError, KeyFrames, MAX_RADIANCE, ObjectMotion,
     SceneError, Waves,
@@ -130,8 +129,11 @@ impl Builder<'_> {
         let AnimationTable { translate, rotate_deg, scale, phase_deg, .. } = table.table;
         let wave = match (self.numbers(table, "phase_deg", phase_deg.as_ref())?, object.shape) {
             (None, _) => None,
-            (Some(phase), Some(Shape::Sheet(sheet))) => Some(Waves::new(sheet, phase)),
-            (Some(_), _) => return Err(self.error(table.key("phase_deg"), "is a property of the shape 'sheet' alone")),
+            (Some(phase), shape) => {
+                let missing =
+                    || self.error(table.key("phase_deg"), "is a property of the shapes 'sheet' and 'water' alone");
+                Some(shape.and_then(|shape| Waves::new(shape, phase)).ok_or_else(missing)?)
+            }
         };
         if scale.iter().flatten().any(|(_, scale)| !(scale.is_finite() && *scale > 0.0)) {
             return Err(self.error(table.key("scale"), "must be greater than zero in every key frame"));
@@ -291,7 +293,7 @@ phase_deg = [[0.0, 0.0], [3.0, 360.0]]
             ("[2.0, [2.0, 0.0, 0.0]]", "[2.0, [nan, 0.0, 0.0]]", "three finite numbers"),
             ("[[0.0, 0.0], [10.0, 90.0]]", "[[0.0, 0.0], [10.0, inf]]", "finite number of degrees"),
             ("[[0.0, 0.0], [3.0, 360.0]]", "[]", "has no key frame; give at least one"),
-            ("object = \"sheet\"", "object = \"ring\"", "is a property of the shape 'sheet' alone"),
+            ("object = \"sheet\"", "object = \"ring\"", "is a property of the shapes 'sheet' and 'water' alone"),
             ("loop = true", "lop = true", "did you mean 'loop'?"),
             ("loop = true", "scale = [[0.0, 0.0]]", "greater than zero"),
             ("loop = true", "interpolation = \"smoth\"", "did you mean 'smooth'?"),

@@ -4,12 +4,15 @@
 //! seen from the side that the normals point to.
 
 mod disco_ball;
+mod height_field;
 mod lathe;
 mod parametric;
 mod plane;
 mod sheet;
 mod sphere;
 mod spoon;
+mod tiles;
+mod water;
 
 use glam::Vec3;
 use serde::Deserialize;
@@ -38,6 +41,10 @@ pub enum Shape {
     Plane(Plane),
     /// A rectangle in waves about the plane y = 0, its front above.
     Sheet(Sheet),
+    /// The surface of water in a basin, in waves about the plane y = 0, its front above.
+    Water(Water),
+    /// A rectangle of tiles in the plane y = 0, normal +Y, with gaps between them.
+    Tiles(Tiles),
 }
 
 /// Dimensions of [`Shape::Ring`].
@@ -147,6 +154,36 @@ pub struct Sheet {
     pub phase_deg: f32,
 }
 
+/// Dimensions of [`Shape::Water`].
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Water {
+    /// Extent along X and Z.
+    pub size: [f32; 2],
+    /// Root mean square of the waves' height.
+    pub amplitude: f32,
+    /// Length of the dominant waves, which travel along X.
+    pub wavelength: f32,
+    /// How deep the water is.
+    pub depth: f32,
+    /// Seconds until the waves are back where they were. The longer, the more exactly they have their natural speeds.
+    pub period: f32,
+    /// How far they are, in degrees: 360 are a period.
+    pub phase_deg: f32,
+}
+
+/// Dimensions of [`Shape::Tiles`].
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Tiles {
+    /// Extent along X and Z.
+    pub size: [f32; 2],
+    /// Tiles along X and Z.
+    pub count: [u32; 2],
+    /// Between neighbouring tiles.
+    pub gap: f32,
+}
+
 impl Default for Ring {
     fn default() -> Self {
         Self { radius: 1.0, height: 0.5 }
@@ -201,6 +238,18 @@ impl Default for Sheet {
     }
 }
 
+impl Default for Tiles {
+    fn default() -> Self {
+        Self { size: [2.0, 2.0], count: [10, 10], gap: 0.01 }
+    }
+}
+
+impl Default for Water {
+    fn default() -> Self {
+        Self { size: [4.0, 4.0], amplitude: 0.01, wavelength: 0.8, depth: 1.0, period: 12.0, phase_deg: 0.0 }
+    }
+}
+
 impl Shape {
     /// The shape as a mesh in object space. The error says which dimension is out of its range.
     pub fn mesh(&self) -> Result<Mesh, String> {
@@ -215,6 +264,8 @@ impl Shape {
             Self::DiscoBall(ball) => disco_ball::disco_ball(ball),
             Self::Plane(plane) => plane::plane(plane),
             Self::Sheet(sheet) => sheet::sheet(sheet),
+            Self::Water(water) => water::water(water),
+            Self::Tiles(tiles) => tiles::tiles(tiles),
         };
         let (mesh, _) =
             Mesh::new(self.name(), parts.positions, parts.normals, parts.triangles).map_err(|e| e.to_string())?;
@@ -233,6 +284,17 @@ impl Shape {
             Self::DiscoBall(_) => "disco-ball",
             Self::Plane(_) => "plane",
             Self::Sheet(_) => "sheet",
+            Self::Water(_) => "water",
+            Self::Tiles(_) => "tiles",
+        }
+    }
+
+    /// The shape with its waves at this phase, degrees; `None` if it has none.
+    pub(in crate::scene) fn at_phase(self, phase_deg: f32) -> Option<Self> {
+        match self {
+            Self::Sheet(sheet) => Some(Self::Sheet(Sheet { phase_deg, ..sheet })),
+            Self::Water(water) => Some(Self::Water(Water { phase_deg, ..water })),
+            _ => None,
         }
     }
 
@@ -307,12 +369,43 @@ impl Shape {
                 }
                 if phase_deg.is_finite() { Ok(()) } else { Err("phase_deg of shape 'sheet' must be finite".into()) }
             }
+            Self::Tiles(Tiles { size, count, gap }) => {
+                positive("size", size[0]).and(positive("size", size[1]))?;
+                positive("gap", gap)?;
+                if count.iter().any(|count| !(1..=512).contains(count)) {
+                    return Err(format!(
+                        "count of shape 'tiles' is {count:?}, but must be from 1 to 512 along both axes"
+                    ));
+                }
+                if (0..2).any(|axis| 2.0 * gap > size[axis] / count[axis] as f32) {
+                    return Err(format!(
+                        "gap of shape 'tiles' is {gap}, but must be at most half as wide as a tile with its gap"
+                    ));
+                }
+                Ok(())
+            }
+            Self::Water(Water { size, amplitude, wavelength, depth, period, phase_deg }) => {
+                positive("size", size[0]).and(positive("size", size[1]))?;
+                positive("amplitude", amplitude).and(positive("wavelength", wavelength))?;
+                positive("depth", depth)?;
+                if amplitude > MAX_RMS_STEEPNESS * wavelength {
+                    return Err(format!(
+                        "amplitude of shape 'water' is {amplitude}, but must be at most {MAX_RMS_STEEPNESS} of its wavelength: higher waves break"
+                    ));
+                }
+                if !(0.1..=1e4).contains(&period) {
+                    return Err(format!("period of shape 'water' is {period}, but must be from 0.1 to 10000 seconds"));
+                }
+                if phase_deg.is_finite() { Ok(()) } else { Err("phase_deg of shape 'water' must be finite".into()) }
+            }
         }
     }
 }
 
 /// Amplitude of a sheet's waves over their length, at most: steeper ones would not be resolved by its triangles.
 const MAX_STEEPNESS: f32 = 0.1;
+/// Root mean square of the height of water over the length of its dominant waves, at most.
+const MAX_RMS_STEEPNESS: f32 = 0.03;
 
 /// A mesh before it is validated.
 #[derive(Default)]
@@ -352,6 +445,8 @@ mod tests {
             Shape::DiscoBall(DiscoBall::default()),
             Shape::Plane(Plane::default()),
             Shape::Sheet(Sheet::default()),
+            Shape::Water(Water::default()),
+            Shape::Tiles(Tiles::default()),
         ]
     }
 
@@ -382,7 +477,10 @@ mod tests {
     #[test]
     fn closed_shapes_are_closed() {
         // The vector area of a closed surface is zero.
-        for shape in all().into_iter().filter(|s| !matches!(s, Shape::Ring(_) | Shape::Plane(_) | Shape::Sheet(_))) {
+        let is_closed = |s: &Shape| {
+            !matches!(s, Shape::Ring(_) | Shape::Plane(_) | Shape::Sheet(_) | Shape::Water(_) | Shape::Tiles(_))
+        };
+        for shape in all().into_iter().filter(is_closed) {
             let mesh = shape.mesh().unwrap();
             let vector_area: Vec3 = (0..mesh.triangles().len())
                 .map(|t| {

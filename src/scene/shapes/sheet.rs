@@ -2,8 +2,9 @@
 
 use std::f64::consts::TAU;
 
-use glam::{DVec2, DVec3};
+use glam::DVec2;
 
+use super::height_field::height_field;
 use super::{Parts, Sheet};
 
 /// Quads along each edge.
@@ -12,28 +13,7 @@ const QUADS: u32 = 96;
 const TRAINS: [(DVec2, f64); 2] = [(DVec2::new(1.0, 0.0), 0.6), (DVec2::new(0.6, 0.8), 0.4)];
 
 pub(super) fn sheet(sheet: &Sheet) -> Parts {
-    let mut parts = Parts::default();
-    let size = DVec2::new(sheet.size[0].into(), sheet.size[1].into());
-    for row in 0..=QUADS {
-        for column in 0..=QUADS {
-            let place = size * (DVec2::new(column.into(), row.into()) / f64::from(QUADS) - 0.5);
-            let (height, slope) = surface(sheet, place);
-            let normal = DVec3::new(-slope.x, 1.0, -slope.y).normalize();
-            parts.vertex(DVec3::new(place.x, height, place.y).as_vec3(), normal.as_vec3());
-        }
-    }
-    let index = |row: u32, column: u32| row * (QUADS + 1) + column;
-    for row in 0..QUADS {
-        for column in 0..QUADS {
-            parts.quad([
-                index(row, column),
-                index(row + 1, column),
-                index(row + 1, column + 1),
-                index(row, column + 1),
-            ]);
-        }
-    }
-    parts
+    height_field(sheet.size, QUADS, |place| surface(sheet, place))
 }
 
 /// Height above y = 0 and its gradient along x and z.

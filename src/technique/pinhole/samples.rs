@@ -55,6 +55,7 @@ struct CellsKey {
     points: Id<PointSet>,
     surface: Id<LazySurface>,
     specular: Vec<Option<Specular>>,
+    chains: Chains,
     footprint: Footprint,
     leaves: u32,
     seed: u64,
@@ -78,7 +79,7 @@ struct KeptSamples {
 }
 
 /// The inputs of a preview's samples: the surface around them, the mirrors' materials, and what occludes.
-type FrameKey = (Id<Vec<DifferentialSample>>, Vec<Option<Specular>>, Footprint, OccluderKey);
+type FrameKey = (Id<Vec<DifferentialSample>>, Vec<Option<Specular>>, Chains, Footprint, OccluderKey);
 
 /// The ray tracer that visibility depends on; `None` without visibility.
 pub(super) type OccluderKey = Option<Id<Tracer>>;
@@ -150,17 +151,17 @@ impl SampleStages {
         let differentials = self.differentials(inputs, points);
         let curves = &inputs.prepared.materials.mirrors;
         self.pinholes.get(key, *progress, || {
-            with_visibility(pinholes_with(scene, curves, &differentials, options.footprint, Chains::ALL), inputs)
+            with_visibility(pinholes_with(scene, curves, &differentials, options.footprint, inputs.chains), inputs)
         })
     }
 
     /// The samples of a preview, which are not divided.
     pub fn pinholes_of_frame(&mut self, inputs: &Inputs, samples: &Arc<Vec<DifferentialSample>>) -> Arc<Pinholes> {
         let Inputs { scene, prepared, options, progress, .. } = inputs;
-        let key = (Id::of(samples), specular(scene), options.footprint, occluder(inputs));
+        let key = (Id::of(samples), specular(scene), inputs.chains, options.footprint, occluder(inputs));
         self.pinholes_of_frame.get(key, *progress, || {
             with_visibility(
-                pinholes_with(scene, &prepared.materials.mirrors, samples, options.footprint, Chains::ALL),
+                pinholes_with(scene, &prepared.materials.mirrors, samples, options.footprint, inputs.chains),
                 inputs,
             )
         })
@@ -209,7 +210,7 @@ impl SampleStages {
         self.tree.get(cells_key(inputs, points, leaves), *progress, || {
             let options = TreeOptions { leaves, seed: options.seed };
             let cells = CellTree::new(&prepared.surface, &points.set, &options);
-            PinholeTree::with_curves(scene, &prepared.materials.mirrors, cells, Chains::ALL)
+            PinholeTree::with_curves(scene, &prepared.materials.mirrors, cells, inputs.chains)
         })
     }
 
@@ -277,6 +278,7 @@ fn cells_key(inputs: &Inputs, points: &Points, leaves: u32) -> CellsKey {
         points: Id::of(&points.set),
         surface: Id::of(&inputs.prepared.surface),
         specular: specular(inputs.scene),
+        chains: inputs.chains,
         footprint: inputs.options.footprint,
         leaves,
         seed: inputs.options.seed,

@@ -41,6 +41,8 @@ const EVALUATIONS: &[(EvaluationChoice, &str)] = &[
 const PICTURES: &[(Aov, &str)] = &[
     (Aov::Beauty, "beauty"),
     (Aov::Caustic, "caustic"),
+    (Aov::CausticR, "reflected caustic"),
+    (Aov::CausticT, "refracted caustic"),
     (Aov::Direct, "direct"),
     (Aov::Albedo, "albedo"),
     (Aov::Normal, "normal"),

@@ -143,14 +143,19 @@ impl PreviewObject {
             Some(Sides::Back) => 2,
             Some(Sides::Both) => 3,
         };
-        let flags = sides | u32::from(object.receiver.is_some()) << 2 | u32::from(object.emitter.is_some()) << 3;
+        let refractor = object.refractor;
+        let flags = sides
+            | u32::from(object.receiver.is_some()) << 2
+            | u32::from(object.emitter.is_some()) << 3
+            | u32::from(refractor.is_some()) << 4
+            | u32::from(refractor.is_some_and(|refractor| refractor.fresnel)) << 5;
         Self {
             albedo: surface_albedo(object, is_plain, false).to_array(),
             flags,
             mirror_albedo: surface_albedo(object, is_plain, true).to_array(),
             alpha: object.reflector.map_or(0.0, |reflector| reflector.finish.alpha() as f32),
             radiance: object.emitter.map_or(Vec3::ZERO, |emitter| emitter.radiance).to_array(),
-            width: material.width,
+            width: refractor.map_or(material.width, |refractor| (refractor.eta.element_sum() / 3.0) as f32),
             specular: material.specular,
             kind: material.kind,
         }

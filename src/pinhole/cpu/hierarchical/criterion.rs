@@ -76,6 +76,10 @@ struct BlockPair {
     /// Sizes relative to the distance; the cell's with the spread of its normals.
     block_size: f32,
     cell_size: f32,
+    /// How far the light's direction turns over the block, and over the cell half as far: the same for mirrors, whose normals turn the light
+    /// twice as far.
+    turned_block: f32,
+    turned_cell: f32,
 }
 
 /// The cone of light that a cell reflects or refracts to a block.
@@ -111,7 +115,12 @@ impl BlockPair {
             let (cosine, slack) = (dn / l, sizes / l + cell.normal_radius);
             interface.bounds((cosine - slack).max(-1.0), (cosine + slack).min(1.0))
         });
-        let is_unbounded = crossing.is_some_and(|crossing| crossing.per_direction.is_infinite());
+        let is_unbounded = crossing.is_some_and(|crossing| crossing.is_unbounded);
+        let (block_size, cell_size) = (block.radius / l, cell.radius / l + cell.normal_radius);
+        let (turned_block, turned_cell) = crossing.map_or((block_size, cell_size), |crossing| {
+            let CrossingBounds { per_direction, per_normal, .. } = crossing;
+            (per_direction * block_size, per_direction * cell.radius / l + 0.5 * per_normal * cell.normal_radius)
+        });
         Self {
             d,
             l,
@@ -121,8 +130,10 @@ impl BlockPair {
             max_cos_at_receiver_l: at_receiver + receiver_slack,
             straddles_horizon: at_sample < sample_slack || at_receiver < receiver_slack || is_unbounded,
             crossing,
-            block_size: block.radius / l,
-            cell_size: cell.radius / l + cell.normal_radius,
+            block_size,
+            cell_size,
+            turned_block,
+            turned_cell,
         }
     }
 
@@ -137,10 +148,13 @@ impl BlockPair {
         self.crossing.map_or(1.0, |crossing| crossing.factor)
     }
 
-    /// How much more than the direction from the receiver that of the light turns.
-    fn spread(&self) -> f32 {
-        let spread = self.crossing.map_or(1.0, |crossing| crossing.per_direction.max(1.0));
-        if spread.is_finite() { spread } else { 1.0 }
+    fn is_unbounded(&self) -> bool {
+        self.crossing.is_some_and(|crossing| crossing.is_unbounded)
+    }
+
+    /// How much faster than the cosines at the interface its factor changes.
+    fn per_cosine(&self) -> f32 {
+        self.crossing.map_or(1.0, |crossing| crossing.per_cosine)
     }
 
     fn light_cone(&self, cell: &Cell) -> Cone {
@@ -152,21 +166,22 @@ impl BlockPair {
 
     /// The cone of light that an interface reflects or refracts.
     fn crossed_cone(&self, cell: &Cell, interface: Interface, bounds: &CrossingBounds) -> Cone {
-        let Self { d, l, dn, block_size, cell_size, .. } = *self;
+        let Self { d, l, dn, block_size, turned_block, turned_cell, .. } = *self;
         let (n, [t1, t2], [m1, m2]) = (cell.sample.normal, cell.sample.sides, cell.sample.changes);
         let (towards, crossing) = (d / l, interface.crossing(dn / l));
         let direction = crossing.direction(towards, n);
         let side = |side: Vec3, change: Vec3| crossing.side((side, change), (towards, n), l);
         let Cone { minor, radius: footprint, .. } =
             footprint_cone(direction, [side(t1, m1), side(t2, m2)], crossing.blur(cell.sample.lobe));
-        let most = bounds.cone_radius(block_size + cell.radius / l, cell.normal_radius);
-        let spread = self.spread();
-        let curved = spread * block_size
+        let (axis, most) = bounds.cone(&crossing, (towards, n), block_size + cell.radius / l, cell.normal_radius);
+        let curved = turned_block
             + footprint
-            + FOOTPRINT_BEND * spread * spread * cell_size * (block_size + cell_size)
+            + FOOTPRINT_BEND * turned_cell * (turned_block + turned_cell)
             + 0.5 * bounds.per_normal * unevenness(cell);
-        let radius = if cell.is_creased || self.straddles_horizon { most } else { curved.min(most) };
-        Cone { direction, radius, minor }
+        if !cell.is_creased && !bounds.is_unbounded && curved < most {
+            return Cone { direction, radius: curved, minor };
+        }
+        Cone { direction: axis, radius: most, minor }
     }
 
     fn reflected_cone(&self, cell: &Cell) -> Cone {
@@ -190,7 +205,7 @@ impl BlockPair {
     /// Error of interpolating between the block's points: of the light, and of the weight.
     fn interpolation_error(&self, width: f32, max_contribution: f32, contribution_range: f32) -> f32 {
         let light_error = self.interpolated_share(width);
-        let size = self.spread() * self.block_size;
+        let size = self.per_cosine() * self.block_size;
         let weight_error = if self.straddles_horizon { 1.0 } else { WEIGHT_ERROR_SCALE * size.powi(3) };
         contribution_range * light_error + max_contribution * weight_error
     }
@@ -198,7 +213,7 @@ impl BlockPair {
     /// The part of the contrast that interpolation gets wrong, of something that changes over an angle of `width`.
     fn interpolated_share(&self, width: f32) -> f32 {
         // The distance of the points over the width of what is interpolated.
-        let step = POINT_SPACING * self.spread() * self.block_size / width;
+        let step = POINT_SPACING * self.turned_block / width;
         (INTERPOLATION_ERROR_SCALE * step.powi(4)).min(1.0)
     }
 
@@ -207,9 +222,9 @@ impl BlockPair {
         if cell.is_leaf() {
             return 0.0;
         }
-        let size = self.spread() * self.cell_size;
+        let size = self.per_cosine() * self.cell_size;
         let weight_error = if self.straddles_horizon { 1.0 } else { WEIGHT_ERROR_SCALE * size * size };
-        contribution_range * (CONTRAST_ERROR_SCALE * size).min(1.0) + max_contribution * weight_error
+        contribution_range * (CONTRAST_ERROR_SCALE * self.turned_cell).min(1.0) + max_contribution * weight_error
     }
 }
 
@@ -288,7 +303,10 @@ impl RefinementCriterion<'_> {
         let cell_error = pair.cell_error(cell, max_contribution, contribution_range);
         let error = block_error + cell_error;
         if error >= self.error_budget || error.is_nan() {
-            return refined(cell_error >= block_error);
+            // Next to total reflection both errors are unknown, and the larger of the two is refined.
+            let prefers_cell =
+                if pair.is_unbounded() { pair.cell_size >= pair.block_size } else { cell_error >= block_error };
+            return refined(prefers_cell);
         }
         // Occlusion: a contrast as strong as the light, smooth over a texel of the map.
         let occlusion_error = max_contribution * pair.interpolated_share(cone.minor.max(self.map_texel_rad));

@@ -41,6 +41,8 @@ struct MaxWeight<S: Simd> {
 struct ContributionBounds<S: Simd> {
     /// Size of the cell relative to its distance, with the spread of its normals.
     size: F<S>,
+    /// The same for the direction of the light: how far it turns over the cell, or half as far as normals turn that of a mirror.
+    turned: F<S>,
     /// Upper bound, W/m².
     max: F<S>,
     /// How much the light makes it differ within the cell, W/m².
@@ -237,17 +239,22 @@ impl TileGather<'_> {
         } else {
             footprint.squares().sqrt() * FOOTPRINT_RADIUS + (size * size * FOOTPRINT_BEND + unevenness(cell))
         };
+        let mut cone_axis = pair.r;
+        let mut turned = size;
         if let Some(crossing) = &max_weight.crossing {
-            let most = crossing.cone_radius(simd, pair.inverse_l * cell.radius, cell.normal_radius);
-            let bounded = Mask::from_bitmask(simd, u64::from(!crossing.unbounded & ALL));
-            // Curvature spreads a footprint beyond its first order by no more than the interface turns directions.
-            let spread = crossing.per_direction.max(1.0);
+            let frame = (pair.d * pair.inverse_l, pair.n);
+            let (axis, most) = crossing.cones(simd, pair.r, frame, pair.inverse_l * cell.radius, cell.normal_radius);
+            turned = crossing.per_direction * pair.inverse_l * cell.radius
+                + crossing.per_normal * (0.5 * cell.normal_radius);
             let curved = footprint.squares().sqrt() * FOOTPRINT_RADIUS
-                + (size * size * FOOTPRINT_BEND * spread * spread + crossing.per_normal * (0.5 * unevenness(cell)));
-            cone_radius = if cell.is_creased { most } else { bounded.select(curved.min(most), most) };
-            size = bounded.select(size * spread, size);
+                + (turned * turned * FOOTPRINT_BEND + crossing.per_normal * (0.5 * unevenness(cell)));
+            let may_curve = if cell.is_creased { 0 } else { ALL & !crossing.unbounded };
+            let is_curved = Mask::from_bitmask(simd, u64::from(may_curve)) & curved.simd_lt(most);
+            cone_axis = V3::select(is_curved, pair.r, axis);
+            cone_radius = is_curved.select(curved, most);
+            size *= crossing.per_cosine;
         }
-        let (max_radiance, contrast) = self.light_within(simd, pair.r, (cone_radius, cell.blur), max_weight.facing);
+        let (max_radiance, contrast) = self.light_within(simd, cone_axis, (cone_radius, cell.blur), max_weight.facing);
         let mut weight = max_weight.value * cell.max_reflectance;
         let mut gloss_error = splat(simd, 0.0);
         if receiver.view.is_some() {
@@ -255,7 +262,7 @@ impl TileGather<'_> {
             weight *= max_gloss;
             gloss_error = error;
         }
-        ContributionBounds { size, max: weight * max_radiance, range: weight * contrast, gloss_error }
+        ContributionBounds { size, turned, max: weight * max_radiance, range: weight * contrast, gloss_error }
     }
 
     /// The lanes so near to a leaf that it is not one sample for them.
@@ -286,10 +293,10 @@ impl TileGather<'_> {
         if cell.is_leaf() {
             return ALL;
         }
-        let ContributionBounds { size, max, range, gloss_error } = *bounds;
+        let ContributionBounds { size, turned, max, range, gloss_error } = *bounds;
         let budget = self.criterion.error_budget;
         let weight_error = size * size * WEIGHT_ERROR_SCALE + gloss_error;
-        let error = range * (size * CONTRAST_ERROR_SCALE).min(1.0) + max * weight_error;
+        let error = range * (turned * CONTRAST_ERROR_SCALE).min(1.0) + max * weight_error;
         let is_small = bits(error.simd_lt(budget) & size.simd_lt(MAX_RELATIVE_SIZE));
         // Where the pair straddles a horizon, the cell's centroid is not representative.
         let accepted = is_small & !straddling_horizon | bits(max.simd_lt(budget)) & straddling_horizon;
