@@ -99,8 +99,8 @@ fn crossing_bounds(eta: f32, is_fresnel: bool, least: f32, most: f32) -> Crossin
 
 // How much more than the direction and than the normal that of the refracted light turns.
 fn crossing_turns(eta: f32, cosine: f32, refracted: f32) -> vec2f {
-    let along = max(eta * cosine / max(refracted, MIN_REFRACTED_COSINE), eta);
-    return vec2f(along, max(abs(along - 1.0), abs(refracted - eta * cosine)));
+    let along = eta * cosine / max(refracted, MIN_REFRACTED_COSINE);
+    return vec2f(max(along, eta), max(abs(along - 1.0), abs(refracted - eta * cosine)));
 }
 
 // A cone around the light for bundles of directions and normals of these radii; r is the light's direction for the axes of both.

@@ -120,8 +120,8 @@ impl Interface {
         let [grazing, steep] = [least, most].map(|cosine| self.refracted_cosine(cosine));
         let refracted = [steep, grazing].map(|cosine| Vec2::new((1.0 - cosine * cosine).sqrt(), cosine));
         let turns = |cosine: f32, refracted: f32| {
-            let along = (self.eta * cosine / refracted.max(MIN_REFRACTED_COSINE)).max(self.eta);
-            (along, (along - 1.0).abs().max((refracted - self.eta * cosine).abs()))
+            let along = self.eta * cosine / refracted.max(MIN_REFRACTED_COSINE);
+            (along.max(self.eta), (along - 1.0).abs().max((refracted - self.eta * cosine).abs()))
         };
         let (of_least, of_most) = (turns(least, grazing), turns(most, steep));
         let per_direction = of_least.0.max(of_most.0);

@@ -39,7 +39,9 @@ fn render(name: &str, aov: Aov, visibility: Visibility, size: [u32; 2], backend:
 /// Pictures of caustics, and what cameras see of glossy floors and in mirrors, where receivers come as lists.
 #[test]
 fn back_ends_agree() {
-    let caustics = BUILT_IN.iter().map(|scene| (scene.name, Aov::Caustic, Visibility::None, [40, 32], 1e-4));
+    // Next to total reflection directions turn without bound, and rounding decides what is refined.
+    let limit = |name: &str| if name == "pool" { 6e-4 } else { 1e-4 };
+    let caustics = BUILT_IN.iter().map(|s| (s.name, Aov::Caustic, Visibility::None, [40, 32], limit(s.name)));
     // Rays that pass an edge closely may meet it on one back end only. In a whole picture, what is interpolated may then differ, too.
     let others = [
         ("columns", Aov::Caustic, Visibility::Full, [40, 32], 5e-4),

@@ -41,7 +41,7 @@ fn the_readmes_pictures_are_what_its_commands_render() {
         failures.extend(if size.is_some() { compare(scene, [256; 2], &stored) } else { compare_small(scene, &stored) });
         compared += 1;
     }
-    assert_eq!(compared, 9, "nine pictures with their commands");
+    assert_eq!(compared, 10, "ten pictures with their commands");
     assert!(failures.is_empty(), "{}\nif a change is meant, render the pictures again", failures.join("\n"));
 }
 

@@ -123,8 +123,8 @@ impl<S: Simd> CrossingBounds<S> {
 /// How much more than the direction and than the normal that of the light turns.
 #[inline(always)]
 fn turns<S: Simd>(eta: f32, cosine: F<S>, refracted: F<S>) -> (F<S>, F<S>) {
-    let along = (cosine * eta / refracted.max(MIN_REFRACTED_COSINE)).max(eta);
-    (along, (along - 1.0).abs().max((refracted - cosine * eta).abs()))
+    let along = cosine * eta / refracted.max(MIN_REFRACTED_COSINE);
+    (along.max(eta), (along - 1.0).abs().max((refracted - cosine * eta).abs()))
 }
 
 #[inline(always)]
@@ -172,7 +172,7 @@ mod tests {
                 let r = crossing.direction(towards, normal);
                 let (axis, radius) = bounds.cones(simd, r, (towards, normal), splat(simd, 0.05), 0.03);
                 let of_bounds = [bounds.factor, bounds.per_cosine, radius, axis.0[0], axis.0[2]];
-                (arrays.map(|a| a.to_array()), of_bounds.map(|a| a.to_array()))
+                (arrays.map(SimdBase::to_array), of_bounds.map(SimdBase::to_array))
             });
             for lane in 0..LANES {
                 let one = interface.crossing(cosines[lane]);

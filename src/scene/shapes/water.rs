@@ -61,7 +61,9 @@ fn trains(water: &Water) -> Vec<Train> {
     // Independent trains: half the squares of their amplitudes add up.
     let mean_square: f64 = trains.iter().map(|train| 0.5 * train.amplitude * train.amplitude).sum();
     let scale = f64::from(water.amplitude) / mean_square.sqrt();
-    trains.iter_mut().for_each(|train| train.amplitude *= scale);
+    for train in &mut trains {
+        train.amplitude *= scale;
+    }
     trains
 }
 

@@ -191,7 +191,7 @@ impl TileGather<'_> {
         let gather = &self.context.gather;
         if cell.is_leaf() {
             let value = gather.weight(simd, &cell.sample, pair, receiver);
-            let crossing = self.crossing_bounds(simd, cell, pair);
+            let crossing = crossing_bounds(simd, cell, pair);
             return MaxWeight { value, facing: lanes & pair.lit(), straddling_horizon: 0, crossing };
         }
         // Cosines times l.
@@ -206,21 +206,13 @@ impl TileGather<'_> {
         let nearest2 = nearest * nearest;
         let cosines = at_sample.min(l) * at_receiver.min(l) / nearest2;
         let mut value = cosines * cell.sample.area * gather.max_attenuation(simd, nearest2, cell.sample.area);
-        let crossing = self.crossing_bounds(simd, cell, pair);
+        let crossing = crossing_bounds(simd, cell, pair);
         if let Some(crossing) = &crossing {
             value *= crossing.factor;
             facing &= bits(crossing.factor.simd_gt(0.0));
             straddling_horizon |= crossing.unbounded;
         }
         MaxWeight { value, facing, straddling_horizon, crossing }
-    }
-
-    /// What a cell of an interface does at most with the light.
-    #[inline(always)]
-    fn crossing_bounds<S: Simd>(&self, simd: S, cell: &Cell, pair: &ReceiverCellPair<S>) -> Option<CrossingBounds<S>> {
-        let interface = cell.sample.interface?;
-        let (cosine, slack) = (pair.dn * pair.inverse_l, pair.inverse_l * cell.radius + cell.normal_radius);
-        Some(CrossingBounds::new(simd, interface, (cosine - slack).max(-1.0), (cosine + slack).min(1.0)))
     }
 
     #[inline(always)]
@@ -426,6 +418,14 @@ impl TileGather<'_> {
         }
         (lanes(simd, max), lanes(simd, contrast))
     }
+}
+
+/// What a cell of an interface does at most with the light.
+#[inline(always)]
+fn crossing_bounds<S: Simd>(simd: S, cell: &Cell, pair: &ReceiverCellPair<S>) -> Option<CrossingBounds<S>> {
+    let interface = cell.sample.interface?;
+    let (cosine, slack) = (pair.dn * pair.inverse_l, pair.inverse_l * cell.radius + cell.normal_radius);
+    Some(CrossingBounds::new(simd, interface, (cosine - slack).max(-1.0), (cosine + slack).min(1.0)))
 }
 
 /// A unit direction turned by an angle towards another one, or that one if it is nearer.
