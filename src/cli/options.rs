@@ -64,7 +64,8 @@ pub struct SceneOptions {
     /// Size of the environment's cube-map faces in texels: auto, or a power of two [default: auto]
     #[arg(long, value_name = "auto|N")]
     pub cube_size: Option<CubeSize>,
-    /// Occlusion: full (by all objects, before and after the mirror), or none (as in the paper) [default: full]
+    /// Occlusion: full (by all objects, before and after the mirror or interface), or none (as in the
+    /// paper) [default: full]
     #[arg(long, value_parser = word::<Visibility>, value_name = "none|full")]
     pub visibility: Option<Visibility>,
     /// Average NxN points per pixel [default: 1]

@@ -23,6 +23,7 @@ mod reflectance;
 mod reflectors;
 mod refraction;
 mod replicates;
+mod seen;
 mod sky;
 mod store;
 mod tree;

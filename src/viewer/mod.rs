@@ -300,7 +300,7 @@ impl Viewer {
     fn look_at_scene(&mut self) {
         let scene = &self.document.state.scene;
         // Of mirrors, which are what a scene is about; receivers may be as large as a room.
-        let mirrors = scene.objects.iter().filter(|object| object.reflector.is_some());
+        let mirrors = scene.objects.iter().filter(|object| object.specular().is_some());
         let middles: Vec<Vec3> = mirrors.map(|object| object.placement.translate).collect();
         let middle = middles.iter().sum::<Vec3>() / middles.len().max(1) as f32;
         self.target = point_of_interest(&scene.camera, middle);

@@ -52,7 +52,9 @@ impl Viewer {
     pub(super) fn inspection_section(&mut self, ui: &mut egui::Ui) {
         switch(ui, "Follow the pointer", &mut self.inspection.is_on, false);
         if !self.inspection.is_on {
-            ui.weak("Shows where the light under the pointer comes from, and what samples of mirrors see.");
+            ui.weak(
+                "Shows where the light under the pointer comes from, and what samples of mirrors and interfaces see.",
+            );
             return;
         }
         switch(ui, "Cells of the sum", &mut self.inspection.with_cells, false);
@@ -211,7 +213,7 @@ fn in_words(receiver: &ReceiverInspection) -> String {
     let [r, g, b] = receiver.irradiance.to_array();
     let ReceiverInspection { samples, main_samples, .. } = receiver;
     if *samples == 0 {
-        return "no mirror throws light here".to_owned();
+        return "no mirror or interface throws light here".to_owned();
     }
     format!(
         "irradiance {r:.3}, {g:.3}, {b:.3} W/m\u{b2} from {samples} samples; {main_samples} of them bring nine tenths"

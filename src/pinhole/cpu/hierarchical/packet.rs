@@ -231,19 +231,11 @@ impl TileGather<'_> {
         } else {
             footprint.squares().sqrt() * FOOTPRINT_RADIUS + (size * size * FOOTPRINT_BEND + unevenness(cell))
         };
-        let mut cone_axis = pair.r;
-        let mut turned = size;
+        let (mut cone_axis, mut turned) = (pair.r, size);
         if let Some(crossing) = &max_weight.crossing {
-            let frame = (pair.d * pair.inverse_l, pair.n);
-            let (axis, most) = crossing.cones(simd, pair.r, frame, pair.inverse_l * cell.radius, cell.normal_radius);
             turned = crossing.per_direction * pair.inverse_l * cell.radius
                 + crossing.per_normal * (0.5 * cell.normal_radius);
-            let curved = footprint.squares().sqrt() * FOOTPRINT_RADIUS
-                + (turned * turned * FOOTPRINT_BEND + crossing.per_normal * (0.5 * unevenness(cell)));
-            let may_curve = if cell.is_creased { 0 } else { ALL & !crossing.unbounded };
-            let is_curved = Mask::from_bitmask(simd, u64::from(may_curve)) & curved.simd_lt(most);
-            cone_axis = V3::select(is_curved, pair.r, axis);
-            cone_radius = is_curved.select(curved, most);
+            (cone_axis, cone_radius) = crossed_light(simd, cell, pair, footprint, turned, crossing);
             size *= crossing.per_cosine;
         }
         let (max_radiance, contrast) = self.light_within(simd, cone_axis, (cone_radius, cell.blur), max_weight.facing);
@@ -418,6 +410,25 @@ impl TileGather<'_> {
         }
         (lanes(simd, max), lanes(simd, contrast))
     }
+}
+
+/// The cones in which the light comes that a cell of an interface sends to receivers. `turned` as in [`ContributionBounds`].
+#[inline(always)]
+fn crossed_light<S: Simd>(
+    simd: S,
+    cell: &Cell,
+    pair: &ReceiverCellPair<S>,
+    footprint: &FootprintSides<S>,
+    turned: F<S>,
+    crossing: &CrossingBounds<S>,
+) -> (V3<S>, F<S>) {
+    let frame = (pair.d * pair.inverse_l, pair.n);
+    let (axis, most) = crossing.cones(simd, pair.r, frame, pair.inverse_l * cell.radius, cell.normal_radius);
+    let curved = footprint.squares().sqrt() * FOOTPRINT_RADIUS
+        + (turned * turned * FOOTPRINT_BEND + crossing.per_normal * (0.5 * unevenness(cell)));
+    let may_curve = if cell.is_creased { 0 } else { ALL & !crossing.unbounded };
+    let is_curved = Mask::from_bitmask(simd, u64::from(may_curve)) & curved.simd_lt(most);
+    (V3::select(is_curved, pair.r, axis), is_curved.select(curved, most))
 }
 
 /// What a cell of an interface does at most with the light.
