@@ -397,8 +397,17 @@ fn every_option_of_reference_changes_what_it_writes() {
         pinspot::image::read_exr(&place.path("cup.exr"), "").unwrap().mean()
     };
     assert!(of_cup("none").x > 1.1 * of_cup("full").x);
+    // Nothing refracts in that scene.
+    let of_pool = |chains: &str| {
+        let args = ["reference", "pool", "-o", "pool.exr", "--size", "12x12", "--rel-error", "0.5", "--chains", chains];
+        assert!(place.run(&[&args[..], &["--force", "--quiet"]].concat()).status.success());
+        pinspot::image::read_exr(&place.path("pool.exr"), "").unwrap().mean()
+    };
+    assert_ne!(of_pool("R"), of_pool("R,T"));
+    let reflecting = Workplace::new();
+    reflecting.refuses(&["reference", "scene.toml", "-o", "a.exr", "--chains", "T"], &["chains is T", "refractor"]);
     // That --force replaces a file is a test of its own.
-    assert_all_named(&place, "reference", changes.concat().into_iter().chain(["--force", "--visibility"]));
+    assert_all_named(&place, "reference", changes.concat().into_iter().chain(["--force", "--visibility", "--chains"]));
 }
 
 #[test]
@@ -610,7 +619,7 @@ fn scene_files_with_mistakes_are_refused_with_line_and_key() {
     place.replace("samples = 60", "epsilon = -1.0");
     place.refuses_scene(&["epsilon is -1"]);
     place.replace("reflector = { sides = \"both\" }", "");
-    place.refuses_scene(&["no reflector"]);
+    place.refuses_scene(&["neither reflector nor refractor"]);
 }
 
 #[test]
