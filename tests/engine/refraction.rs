@@ -44,10 +44,10 @@ fn flat_water_in_the_sun() {
     let cube = sun(towards, sigma);
     for indices in [[1.333; 3], [0.8; 3], [1.3, 1.4, 1.5]] {
         let water = scene(&format!(
-            "[[object]]\nshape = {{ plane = {{ size = [4.0, 4.0] }} }}\ntranslate = [0.0, 1.0, 0.0]\n\
+            "[[object]]\nshape = {{ plane = {{ size = [2.0, 2.0] }} }}\ntranslate = [0.6, 1.0, 0.45]\n\
              refractor = {{ eta = {indices:?} }}\n"
         ));
-        let pinholes = pinholes_of(&water, 160_000, Strategy::Neighbourhood, Footprint::Cells, 1);
+        let pinholes = pinholes_of(&water, 40_000, Strategy::Neighbourhood, Footprint::Cells, 1);
         let points = [Vec3::ZERO, Vec3::new(0.1, 0.2, 0.1), Vec3::new(-0.4, 0.1, 0.2)];
         let receivers = Receivers::from_points(&points.map(|p| (p, Vec3::Y, 1)), 3);
         for (name, gather) in BACK_ENDS {
