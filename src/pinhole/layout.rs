@@ -59,7 +59,8 @@ pub struct PinholeSample {
     pub area: f32,
     /// Unit normal.
     pub normal: [f32; 3],
-    /// Sixteen times the object's index in the scene, plus [`LIGHTS_FRONT`] and so on.
+    /// Sixteen times the object's index in the scene; plus 1 if it lights receivers in front of it, where its normal points to, 2 if it
+    /// lights those behind it, 4 on an interface between two media, 8 if that reflects by the Fresnel equations.
     pub object_flags: u32,
     /// Reflectance where there is no curve.
     pub reflectance: [f32; 3],
