@@ -170,7 +170,8 @@ impl<'a> Reflectors<'a> {
         cosines * mirror.most_reflectance * light
     }
 
-    /// The same for an interface, of what it reflects or refracts: a receiver may be on either side of a region.
+    /// The same for an interface, which reflects to receivers in front of it and refracts to those behind: a region may have both sides
+    /// towards a receiver.
     fn through(&self, interface: &Interface, seen: &Seen, receiver: &Receiver) -> f64 {
         let reflected =
             if self.chains.reflected && interface.reflects() { self.reflected(interface, seen, receiver) } else { 0.0 };

@@ -15,7 +15,7 @@ pub(super) struct Interface {
     fresnel: bool,
 }
 
-/// What a region of the interface refracts to a receiver: a cone of directions to the light for each of these channels' indices, and at
+/// Bounds of what a region of an interface refracts to a receiver, for one index: a cone that holds the directions to the light, and at
 /// least the largest factor on the radiance.
 pub(super) struct Refracted {
     pub cone: Cone,
@@ -55,8 +55,8 @@ impl Interface {
         eta * eta * passes
     }
 
-    /// Bounds of what a region refracts to a receiver: `towards` it are directions from the receiver, with the region's `normals` behind
-    /// which it lies.
+    /// Bounds of what a region refracts to a receiver behind it: `towards` holds the directions from the receiver to the region, `normals`
+    /// the region's normals.
     pub fn refracted(&self, towards: &Cone, normals: &Cone, eta: f64) -> Refracted {
         let between = angle(towards.axis, normals.axis);
         let slack = towards.half_angle + normals.half_angle;

@@ -145,7 +145,7 @@ fn an_interface_that_is_none_passes_the_direct_light() {
     assert!(error < 1e-3, "{error}");
 }
 
-/// Waves of water between a floor and a ceiling, both of which the camera sees by turns.
+/// Waves of water above a floor, which the camera sees as if there were no water.
 fn waves(light: &str, refractor: &str) -> Scene {
     let camera = CAMERA.replace("[0.0, 1.5, 0.0]", "[0.0, 0.5, 0.0]").replace("1.6", "1.2");
     parsed(&format!(
@@ -207,7 +207,7 @@ fn chains_are_layers_of_their_own() {
     }
 }
 
-/// A coin at the bottom of a basin is seen higher than it is, and as bright as Snell and Fresnel say.
+/// A floor under water looks as bright as Fresnel's equations and the change of radiance say, beside the reflected sky.
 #[test]
 fn the_camera_sees_through_water() {
     let text = |water: &str| {
