@@ -5,10 +5,11 @@ use pinspot::blocking::wait;
 use pinspot::low_level::environment::CubeMap;
 use pinspot::low_level::gpu::{Gpu, GpuError};
 use pinspot::low_level::pinhole::gpu::{Engine, EnvironmentCube, FrameInputs, GatherOptions, LightBoundsBuilder};
-use pinspot::low_level::pinhole::{Params, PinholeSample, Pinholes};
+use pinspot::low_level::pinhole::{Footprint, Params, PinholeSample, Pinholes};
+use pinspot::low_level::sampling::Strategy;
 use pinspot::wgpu;
 
-use crate::support::{floor, gpu};
+use crate::support::{floor, gpu, pinholes_of, scene};
 
 /// An image of one sample.
 fn inputs<'a>(
@@ -77,6 +78,21 @@ fn too_large_a_texture_is_an_error() {
     assert!(matches!(error, GpuError::TextureTooLarge { .. }));
     let message = error.to_string();
     assert!(message.contains(&too_wide.to_string()) && message.contains("the image"), "{message}");
+}
+
+/// A shader that was compiled for mirrors alone would take water for one.
+#[test]
+fn samples_that_refract_need_an_engine_that_does() {
+    let gpu = gpu();
+    let cube = CubeMap::from_radiance(16, None, |_| Vec3::ONE);
+    let environment = EnvironmentCube::upload(&gpu.device, &gpu.queue, &cube).unwrap();
+    let view = gpu.upload_texture([2, 2], &floor(1.0, 2).positions);
+    let water = scene("[[object]]\nshape = { plane = {} }\nrefractor = { eta = 1.333 }\n");
+    let pinholes = pinholes_of(&water, 10, Strategy::Neighbourhood, Footprint::Cells, 1);
+    let inputs = inputs(&view, [2, 2], &pinholes, &environment);
+    let frame = |options: &GatherOptions| Engine::new(&gpu.device, options).frame(&gpu.device, &inputs).map(drop);
+    assert!(matches!(frame(&GatherOptions::default()), Err(GpuError::NoRefraction)));
+    assert!(frame(&GatherOptions { refraction: true, ..Default::default() }).is_ok());
 }
 
 /// What would be refused by the device, or worse, is refused before.
