@@ -64,7 +64,8 @@ impl Work {
 
     /// Gathers by the tree: the sums, and the best of some times, seconds.
     fn hierarchical(&self, tree: &PinholeTree, tolerance: f32, runs: u32) -> (Vec<[f32; 4]>, f64) {
-        let (light, params) = (Light { cube: &self.environment.cube, bounds: &self.bounds }, Params::default());
+        let (light, params) =
+            (Light::Environment { cube: &self.environment.cube, bounds: &self.bounds }, Params::default());
         let run = || {
             let started = Instant::now();
             let error = tolerance * estimate_irradiance(&self.receivers, tree, light, &params);

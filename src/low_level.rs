@@ -21,7 +21,7 @@
 //!
 //! let environment = Environment::new(&scene.environment.light, CubeSize::Auto)?;
 //! let bounds = LightBounds::new(&environment.cube);
-//! let light = Light { cube: &environment.cube, bounds: &bounds };
+//! let light = Light::Environment { cube: &environment.cube, bounds: &bounds };
 //!
 //! let receivers = Receivers::from_points(&[(Vec3::ZERO, Vec3::Y, 1)], 1);
 //! let params = Params::default();
@@ -82,7 +82,7 @@ pub mod pinhole {
     pub mod cpu {
         pub use crate::pinhole::cpu::{
             Accuracy, CachedGather, CachedSums, CubeLookup, HardwareFilterError, Lanes16, Light, contributions,
-            estimate_irradiance, gather, gather_hierarchical, probe,
+            estimate_irradiance, gather, gather_hierarchical, gather_lamp, probe,
         };
     }
 

@@ -10,6 +10,7 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use super::every_other::{AdaptiveLight, PixelGrid, STEP};
+use super::lamps::LampLight;
 use super::ray_batches::RayBatches;
 #[cfg(feature = "gpu")]
 use super::shadows::LightDirection;
@@ -28,10 +29,11 @@ const BLOCK: usize = 32;
 /// Blocks along a row of the picture, at least: in small pictures, large blocks would be much larger than what throws shadows.
 const MIN_BLOCKS: usize = 4;
 
-/// Irradiance of the environment on receivers, at an intensity of 1.
+/// Irradiance of the environment and of lamps on receivers, at an intensity of 1.
 pub(super) struct DirectLight<'a> {
     light: &'a PreparedLight,
     irradiance: Arc<CubeMap>,
+    lamps: LampLight<'a>,
     /// Where receivers may be occluded.
     shadows: Option<Shadows<'a>>,
     /// Where shadow rays are traced in batches.
@@ -63,7 +65,8 @@ impl<'a> DirectLight<'a> {
             }
             shadows = Some(usual);
         }
-        Ok(Self { light, irradiance: stages.irradiance(light, progress), shadows, batches, progress })
+        let lamps = LampLight::new(&light.lamps, (visibility == Visibility::Full).then_some(tracer));
+        Ok(Self { light, irradiance: stages.irradiance(light, progress), lamps, shadows, batches, progress })
     }
 
     /// With so many directions of shadow rays, for previews; without shadows if there are none.
@@ -75,7 +78,8 @@ impl<'a> DirectLight<'a> {
         progress: &'a dyn Progress,
     ) -> Self {
         let shadows = directions.map(|count| Shadows::of_few(light, &stages.sampler(light, progress), tracer, count));
-        Self { light, irradiance: stages.irradiance(light, progress), shadows, batches: None, progress }
+        let lamps = LampLight::new(&light.lamps, shadows.is_some().then_some(tracer));
+        Self { light, irradiance: stages.irradiance(light, progress), lamps, shadows, batches: None, progress }
     }
 
     /// The unoccluded irradiance by normal, in the environment's frame.
@@ -97,7 +101,19 @@ impl<'a> DirectLight<'a> {
             let fractions = shadows.unoccluded_fractions(points);
             irradiance.iter_mut().zip(fractions).for_each(|(value, fraction)| *value *= fraction);
         }
+        self.add_lamps(points, &mut irradiance);
         irradiance
+    }
+
+    fn add_lamps(&self, points: &[&Hit], irradiance: &mut [Vec3]) {
+        if !self.lamps.is_dark() && !self.progress.is_cancelled() {
+            irradiance.iter_mut().zip(points).for_each(|(value, point)| *value += self.lamps.irradiance(point));
+        }
+    }
+
+    /// The light of lamps alone.
+    pub fn lamps(&self) -> &LampLight<'a> {
+        &self.lamps
     }
 
     fn unoccluded_at(&self, point: &Hit) -> Vec3 {
@@ -111,7 +127,10 @@ impl<'a> DirectLight<'a> {
         };
         let points = groups.concat();
         let fractions = batches.unoccluded_fractions(&points, shadows.directions()).await?;
-        Ok(points.iter().zip(fractions).map(|(point, fraction)| fraction * self.unoccluded_at(point)).collect())
+        let unoccluded = points.iter().map(|point| self.unoccluded_at(point));
+        let mut irradiance: Vec<Vec3> = unoccluded.zip(fractions).map(|(value, fraction)| fraction * value).collect();
+        self.add_lamps(&points, &mut irradiance);
+        Ok(irradiance)
     }
 
     /// Irradiance where camera rays hit wanted objects, W/m²; zero elsewhere. Every other pixel is computed, and those between
@@ -173,7 +192,7 @@ mod tests {
         let view = View { camera: scene.camera, size: [128, 128], pixel_samples: 1, first_row: 0, rows: 128 };
         let rays = CameraRays::trace(|ray| tracer.camera_hit(ray), view);
         let mut stages = LightStages::new();
-        let light = stages.prepare(&scene.environment, None, CubeSize::default(), &NoProgress).unwrap();
+        let light = stages.prepare((&scene.environment, &scene.lamps), None, CubeSize::default(), &NoProgress).unwrap();
         let made = DirectLight::new(&light, &mut stages, (&tracer, None), (Visibility::Full, &rays), &NoProgress);
         let direct = ready(made).unwrap();
         let together = ready(direct.at_hits(&rays, |_| true)).unwrap();

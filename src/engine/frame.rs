@@ -17,7 +17,7 @@ use crate::environment::Environment;
 use crate::image::Aov;
 use crate::options::{DisplaySettings, Options};
 use crate::progress::{Progress, Stage};
-use crate::scene::{Chain, Emitter, Ray, Refractor, Scene, Sides, Visibility};
+use crate::scene::{Chain, Emitter, Lamp, Ray, Refractor, Scene, Sides, Visibility};
 use crate::stages::{
     CameraRays, Id, LightStages, Memo, PreparedLight, PreparedScene, StageCounts, SurfaceMaterials, View,
 };
@@ -50,6 +50,7 @@ struct LightKey {
     environment: Id<Environment>,
     rotation_rad: f32,
     visibility: Visibility,
+    lamps: Arc<[Lamp]>,
 }
 
 #[derive(PartialEq)]
@@ -77,6 +78,7 @@ struct PathsKey {
     sides: Vec<Option<Sides>>,
     refractors: Vec<Option<Refractor>>,
     emitters: Vec<Option<Emitter>>,
+    lamps: Arc<[Lamp]>,
     is_plain: bool,
 }
 
@@ -176,6 +178,7 @@ impl<'a> FrameInputs<'a> {
             environment: Id::of(&self.light.environment),
             rotation_rad: self.light.rotation_rad,
             visibility: self.options.visibility,
+            lamps: self.light.lamps.clone(),
         }
     }
 }
@@ -328,6 +331,7 @@ impl BandStages {
             sides: scene.objects.iter().map(|o| o.reflector.map(|r| r.sides)).collect(),
             refractors: scene.objects.iter().map(|o| o.refractor).collect(),
             emitters: scene.objects.iter().map(|o| o.emitter).collect(),
+            lamps: inputs.light.lamps.clone(),
             is_plain: options.plain_diffuse,
         };
         self.paths.wait_for(key, (1, progress), async || inputs.path_tracer(rays).trace().await).await

@@ -20,6 +20,7 @@ mod gloss;
 mod glossy;
 mod inspection;
 mod interpolation;
+mod lamps;
 mod overlay;
 mod paths;
 mod preview;
@@ -285,7 +286,7 @@ impl Engine {
             scene.on_gpu = on_gpu_if_needed(uploaded, self.options.visibility)?;
         }
         let light = {
-            let (source, geometry) = (&self.scene.environment, scene.drawn_geometry());
+            let (source, geometry) = ((&self.scene.environment, &self.scene.lamps[..]), scene.drawn_geometry());
             self.light_stages.prepare(source, geometry.as_ref(), self.options.cube_size, progress)?
         };
         if self.technique.0 != self.options.technique {
@@ -296,12 +297,13 @@ impl Engine {
         if progress.is_cancelled() {
             return Err(Error::Cancelled);
         }
+        let backend = self.summing_backend();
         let inputs = Inputs {
             scene: &self.scene,
             prepared: &scene,
             light: &light,
             options: &self.options,
-            backend: &self.backend,
+            backend: &backend,
             chains: Chains::ALL,
             is_preview: false,
             progress,
@@ -324,6 +326,11 @@ impl Engine {
             return Err(Error::Cancelled);
         }
         Ok(Prepared { scene, light, sum, of_chains })
+    }
+
+    /// The back end of sums: where there are lamps, it is the CPU.
+    fn summing_backend(&self) -> Backend {
+        if self.scene.lamps.is_empty() { self.backend.clone() } else { Backend::cpu() }
     }
 
     fn marks_of(&mut self, prepared: &Prepared, progress: &dyn Progress) -> Result<Vec<Mark>, Error> {

@@ -4,6 +4,7 @@
 //! there: that is computed for all paths together, and can change while the paths stay. Points of one pixel whose paths
 //! meet the same objects and end on the same surface share the light of one end point.
 
+mod lamps;
 mod tracer;
 
 use glam::Vec3;
@@ -74,7 +75,7 @@ pub(super) enum Source {
     /// The environment in a unit direction of the world, blurred for a rough mirror of width `alpha`, or averaged over a
     /// footprint with these sides, radians.
     Environment { direction: Vec3, alpha: f32, sides: [Vec3; 2] },
-    /// An emitter that the camera sees, of this radiance.
+    /// An emitter or a lamp, of this radiance.
     Emitter(Vec3),
     /// The surface that the camera ray of this index hits.
     CameraRay(u32),

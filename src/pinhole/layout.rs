@@ -307,6 +307,11 @@ impl GatherUniforms {
         }
     }
 
+    /// The uniforms of a sum of a lamp's light, which looks up no texels.
+    pub fn for_lamp(params: &Params, pinholes: &Pinholes) -> Self {
+        Self { texel_rad: 0.0, ..Self::new(params, pinholes, 1, 1.0) }
+    }
+
     /// The uniforms for the CPU twin, whose texels are never scaled.
     pub fn for_cube(params: &Params, pinholes: &Pinholes, cube: &CubeMap) -> Self {
         Self::new(params, pinholes, cube.size(), 1.0)

@@ -15,6 +15,7 @@
 mod cell;
 pub(crate) mod constants;
 pub mod cpu;
+mod disc;
 #[cfg(feature = "gpu")]
 pub mod gpu;
 mod interface;
@@ -25,6 +26,7 @@ mod visibility;
 
 #[cfg(feature = "gpu")]
 pub(crate) use constants::ESTIMATE_MAX_RECEIVERS;
+pub(crate) use disc::{chord_of_sphere, filled_part, solid_angle_of};
 pub use interface::Interface;
 pub use layout::{BATCH_SIZE, CURVE_POINTS, GatherUniforms, PinholeParts, PinholeSample, Pinholes, ReflectanceCurve};
 pub use receivers::{NO_RECEIVER, ReceiverLayout, Receivers, ViewDirections};

@@ -10,10 +10,12 @@
 mod brdf;
 mod cone;
 mod cut;
+mod direct;
 mod domain;
 mod estimate;
 mod geometry;
 mod gloss;
+mod lamps;
 mod light;
 mod map;
 mod maxima;
@@ -33,8 +35,10 @@ pub use self::store::Stored;
 
 use std::path::PathBuf;
 
+use self::direct::Direct;
 use self::domain::Domain;
 use self::geometry::Geometry;
+use self::lamps::Lamps;
 use self::light::Light;
 use self::passes::Passes;
 use self::receivers::Receivers;
@@ -206,6 +210,7 @@ pub struct Reference {
     options: Options,
     geometry: Geometry,
     light: Light,
+    lamps: Lamps,
     receivers: Receivers,
     fingerprint: String,
     /// What was repaired while loading.
@@ -228,14 +233,14 @@ impl Reference {
         if options.quantity != Quantity::Direct {
             check_chains(&scene, options.chains)?;
         }
-        let light = Light::of_scene(&scene)?;
+        let (light, lamps) = (Light::of_scene(&scene)?, Lamps::of_scene(&scene));
         let notes = scene.notes.clone();
         scene.check_placements()?;
         let geometry = Geometry::new(&scene);
         let receivers = Receivers::find(&scene, &geometry, options.size, options.pixel_samples);
         let described = serde_json::to_string(&options).expect("options are plain data");
         let fingerprint = scene.fingerprint(&described);
-        Ok(Self { scene, options, geometry, light, receivers, fingerprint, notes })
+        Ok(Self { scene, options, geometry, light, lamps, receivers, fingerprint, notes })
     }
 
     /// What is computed, and how.
@@ -264,12 +269,14 @@ impl Reference {
         }
         match self.options.quantity {
             Quantity::Caustic | Quantity::Reflected => {
-                let domain = Reflectors::new(&self.scene, &self.geometry, &self.light, &self.options);
+                let light = (&self.light, &self.lamps);
+                let domain = Reflectors::new(&self.scene, &self.geometry, light, &self.options);
                 self.passes(&domain, progress).solve(criterion, known, checkpoint)
             }
             Quantity::Direct => {
-                let Self { geometry, light, .. } = self;
-                let domain = Sky { geometry, light, visibility: self.options.visibility };
+                let Self { geometry, light, lamps, .. } = self;
+                let sky = Sky { geometry, light, visibility: self.options.visibility };
+                let domain = Direct { sky, lamps };
                 self.passes(&domain, progress).solve(criterion, known, checkpoint)
             }
         }

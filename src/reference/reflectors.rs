@@ -13,6 +13,7 @@ use super::cone::{Cone, angle};
 use super::domain::{Domain, Receiver};
 use super::geometry::{Geometry, Triangle};
 use super::gloss;
+use super::lamps::Lamps;
 use super::light::Light;
 use super::reflectance::Reflectance;
 use super::refraction::{Interface, Refracted, refract};
@@ -32,6 +33,7 @@ const MAX_DEPTH: u8 = 32;
 pub(super) struct Reflectors<'a> {
     geometry: &'a Geometry,
     light: &'a Light,
+    lamps: &'a Lamps,
     visibility: Visibility,
     attenuation: bool,
     chains: Chains,
@@ -79,7 +81,12 @@ pub(super) struct Region {
 }
 
 impl<'a> Reflectors<'a> {
-    pub fn new(scene: &Scene, geometry: &'a Geometry, light: &'a Light, options: &Options) -> Self {
+    pub fn new(
+        scene: &Scene,
+        geometry: &'a Geometry,
+        (light, lamps): (&'a Light, &'a Lamps),
+        options: &Options,
+    ) -> Self {
         let mut reflectances = Vec::new();
         let chains = options.chains;
         let material = |o: &Object| {
@@ -100,6 +107,7 @@ impl<'a> Reflectors<'a> {
         Self {
             geometry,
             light,
+            lamps,
             visibility: options.visibility,
             attenuation: options.attenuation,
             chains,
@@ -157,14 +165,19 @@ impl<'a> Reflectors<'a> {
             // To first order the mirrored directions fill the triangle between those at the corners.
             Some(corners) if turn < 0.4 && mirror.alpha == 0.0 => {
                 let directions = corners.map(|c| reflect(c.offset.normalize(), c.normal));
-                self.light_over(directions, 1.5 * turn * turn, 2)
+                self.light_over(bounds, directions, 1.5 * turn * turn, 2)
             }
             _ => {
                 let lobe = 2.0 * (LOBES * mirror.alpha).atan();
                 let axis = reflect(towards.axis, bounds.normals.axis);
-                let likely = self.light.bound(&Cone { axis, half_angle: (turn + lobe).min(PI) });
-                // What the tails of a lobe reach; no bound, but enough that nothing is left out.
-                likely.max(TAILS * mirror.alpha * self.brightest)
+                let cone = Cone { axis, half_angle: (turn + lobe).min(PI) };
+                if mirror.alpha == 0.0 {
+                    self.light_within(bounds, &cone)
+                } else {
+                    // What the tails of a lobe reach; no bound, but enough that nothing is left out.
+                    let likely = self.light.bound(&cone).max(TAILS * mirror.alpha * self.brightest);
+                    likely + self.blurred_lamps(mirror.alpha, facing, bounds, &cone)
+                }
             }
         };
         cosines * mirror.most_reflectance * light
@@ -199,9 +212,9 @@ impl<'a> Reflectors<'a> {
                 _ if factor == 0.0 => 0.0,
                 Some(corners) if cone.half_angle < 0.4 && bend < cone.half_angle => {
                     let directions = corners.map(|c| refract(c.offset.normalize(), c.normal, *eta));
-                    self.light_over(directions, bend, 2)
+                    self.light_over(bounds, directions, bend, 2)
                 }
-                _ => self.light.bound(&cone),
+                _ => self.light_within(bounds, &cone),
             };
             light * factor
         };
@@ -209,16 +222,35 @@ impl<'a> Reflectors<'a> {
     }
 
     /// At least the largest radiance over a triangle of directions and `margin` around it; long triangles are cut in two.
-    fn light_over(&self, directions: [DVec3; 3], margin: f64, cuts: u32) -> f64 {
+    fn light_over(&self, bounds: &Bounds, directions: [DVec3; 3], margin: f64, cuts: u32) -> f64 {
         let around = Cone::around(&directions);
         let [a, b, c] = longest_first(directions);
         let long = a.distance(b);
         let high = (c - a).cross(b - a).length() / long.max(f64::MIN_POSITIVE);
         if cuts == 0 || long < 4.0 * margin.max(high) {
-            return self.light.bound(&Cone { half_angle: (around.half_angle + margin).min(PI), ..around });
+            return self.light_within(bounds, &Cone { half_angle: (around.half_angle + margin).min(PI), ..around });
         }
         let middle = (a + b).normalize();
-        self.light_over([a, middle, c], margin, cuts - 1).max(self.light_over([middle, b, c], margin, cuts - 1))
+        let over = |half: [DVec3; 3]| self.light_over(bounds, half, margin, cuts - 1);
+        over([a, middle, c]).max(over([middle, b, c]))
+    }
+
+    /// At least the largest sum of the channels that arrives at any point of a region in a cone of directions.
+    fn light_within(&self, bounds: &Bounds, cone: &Cone) -> f64 {
+        let lamps = if self.lamps.is_empty() { 0.0 } else { self.lamps.bound((bounds.centre, bounds.radius), cone) };
+        self.light.bound(cone) + lamps
+    }
+
+    /// What lamps add to that for a rough mirror whose cosine towards the receiver is at most `facing`, and whose lobe lies in a cone.
+    fn blurred_lamps(&self, alpha: f64, facing: f64, bounds: &Bounds, cone: &Cone) -> f64 {
+        if self.lamps.is_empty() {
+            return 0.0;
+        }
+        let region = (bounds.centre, bounds.radius);
+        let likely = self.lamps.bound_of_irradiance(region, cone);
+        let anywhere = self.lamps.bound_of_irradiance(region, &Cone::everything());
+        let densest = 1.0 / (4.0 * PI * alpha * alpha * facing.max(0.05));
+        densest * likely.max(TAILS * alpha * anywhere)
     }
 
     fn distance_factor(&self, squared_distance: f64) -> f64 {
@@ -395,8 +427,18 @@ impl Reflectors<'_> {
             return reflectance.at(cosine.abs()) * self.light_from(point, reflect(towards, normal));
         }
         let seen_side = if cosine > 0.0 { -normal } else { normal };
-        let Some(facet) = gloss::facet(seen_side, -towards, mirror.alpha, facet) else { return DVec3::ZERO };
-        facet.weight * reflectance.at(facet.cosine) * self.light_from(point, facet.towards_light)
+        let lamps = self.lamps.samples(point.position, facet).map(|lamp| {
+            let Some(facets) = gloss::facets_towards(seen_side, -towards, mirror.alpha, lamp.direction) else {
+                return DVec3::ZERO;
+            };
+            if self.is_hidden(point, lamp.position) {
+                return DVec3::ZERO;
+            }
+            facets.weight * lamp.solid_angle * reflectance.at(facets.cosine) * lamp.radiance
+        });
+        let lamps: DVec3 = lamps.sum();
+        let Some(facet) = gloss::facet(seen_side, -towards, mirror.alpha, facet) else { return lamps };
+        lamps + facet.weight * reflectance.at(facet.cosine) * self.environment_from(point, facet.towards_light)
     }
 
     /// What a point of an interface reflects to a receiver in front of it, or refracts to one behind it, W/(m²·sr).
@@ -423,6 +465,16 @@ impl Reflectors<'_> {
 
     /// What arrives at a point from a direction, W/(m²·sr).
     fn light_from(&self, point: &Point, direction: DVec3) -> DVec3 {
+        let lamps = self.lamps.met(point.position, direction).filter(|(position, _)| !self.is_hidden(point, *position));
+        lamps.map(|(_, radiance)| radiance).sum::<DVec3>() + self.environment_from(point, direction)
+    }
+
+    /// Whether a lamp at a position is hidden from a point.
+    fn is_hidden(&self, point: &Point, position: DVec3) -> bool {
+        self.visibility == Visibility::Full && self.geometry.blocks_segment(point.position, position, [point.id; 2])
+    }
+
+    fn environment_from(&self, point: &Point, direction: DVec3) -> DVec3 {
         if self.visibility == Visibility::Full && self.geometry.blocks_ray(point.position, direction, point.id) {
             return DVec3::ZERO;
         }
@@ -476,7 +528,8 @@ mod tests {
         for (name, scene) in scenes.into_iter().chain(waters) {
             let geometry = Geometry::new(&scene);
             let light = Light::new(&scene.environment).unwrap();
-            let domain = Reflectors::new(&scene, &geometry, &light, &options);
+            let lamps = Lamps::of_scene(&scene);
+            let domain = Reflectors::new(&scene, &geometry, (&light, &lamps), &options);
             let receivers = Receivers::find(&scene, &geometry, [24, 16], 1);
             for pixel in 0..24 * 16 {
                 let Some(receiver) = receivers.of_pixel(pixel)[0] else { continue };

@@ -1,4 +1,4 @@
-//! Animations: key frames of placements, of the camera and of the environment. Independent of rendering: an animation poses the
+//! Animations: key frames of placements, of the camera, of lamps and of the environment. Independent of rendering: an animation poses the
 //! [`Scene`] for a moment, and the posed scene is rendered like any other.
 
 use std::ops::{Add, Mul, Range, Sub};
@@ -120,6 +120,8 @@ pub enum Animation {
     Camera(CameraMotion),
     /// The environment.
     Environment(EnvironmentMotion),
+    /// A lamp.
+    Lamp(LampMotion),
 }
 
 /// The motion of objects.
@@ -187,6 +189,19 @@ pub struct EnvironmentMotion {
     pub intensity: Option<KeyFrames<f32>>,
 }
 
+/// The motion of a lamp.
+#[derive(Clone, Debug)]
+pub struct LampMotion {
+    /// Its index in the scene.
+    pub lamp: usize,
+    /// Position, metres.
+    pub position: Option<KeyFrames<Vec3>>,
+    /// Factor on `full_intensity`.
+    pub intensity: Option<KeyFrames<f32>>,
+    /// Radiant intensity at a factor of 1, W/sr.
+    pub full_intensity: Vec3,
+}
+
 impl Animation {
     /// The time of the last key frame, seconds.
     pub fn end(&self) -> f32 {
@@ -201,6 +216,9 @@ impl Animation {
             Self::Environment(motion) => {
                 vec![motion.rotation_rad.as_ref().map(KeyFrames::end), motion.intensity.as_ref().map(KeyFrames::end)]
             }
+            Self::Lamp(motion) => {
+                vec![motion.position.as_ref().map(KeyFrames::end), motion.intensity.as_ref().map(KeyFrames::end)]
+            }
         };
         ends.into_iter().flatten().fold(0.0, f32::max)
     }
@@ -214,6 +232,7 @@ impl Animation {
                 set(&mut environment.rotation_rad, motion.rotation_rad.as_ref(), seconds);
                 set(&mut environment.intensity, motion.intensity.as_ref(), seconds);
             }
+            Self::Lamp(motion) => motion.pose(scene, seconds),
         }
     }
 }
@@ -228,6 +247,17 @@ impl ObjectMotion {
             if let Some(mesh) = &mesh {
                 object.mesh = mesh.clone();
             }
+        }
+    }
+}
+
+impl LampMotion {
+    fn pose(&self, scene: &mut Scene, seconds: f32) {
+        let Some(lamp) = scene.lamps.get_mut(self.lamp) else { return };
+        set(&mut lamp.position, self.position.as_ref(), seconds);
+        if let Some(factor) = &self.intensity {
+            // A smooth curve may swing below its key frames.
+            lamp.intensity = factor.at(seconds).max(0.0) * self.full_intensity;
         }
     }
 }

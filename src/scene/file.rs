@@ -6,6 +6,7 @@ mod animation;
 mod camera;
 mod document;
 mod environment;
+mod lamps;
 mod objects;
 
 use std::ops::Range;
@@ -19,6 +20,7 @@ use self::animation::AnimationTable;
 use self::camera::CameraTable;
 use self::document::{Fault, KeyLines, Problem};
 use self::environment::EnvironmentTable;
+use self::lamps::LampTable;
 use self::objects::ObjectTable;
 
 use super::{Assets, BUILT_IN, Scene, SceneError};
@@ -101,8 +103,9 @@ pub fn parse<R: DeserializeOwned + Default>(
     }
     let environment = builder.environment(tables.environment, &mut notes)?;
     let camera = builder.camera(&tables.camera)?;
-    let animations = builder.animations(&tables.animation, &animated, &tables.camera)?;
-    let scene = Scene { name, environment, camera, objects, animations, notes };
+    let lamps = builder.lamps(&tables.light, &objects)?;
+    let animations = builder.animations(&tables.animation, (&animated, &lamps), &tables.camera)?;
+    let scene = Scene { name, environment, lamps, camera, objects, animations, notes };
     let objects_of_tables = animated.into_iter().map(|table| table.objects).collect();
     Ok(Loaded { scene, render: tables.render, file, lines, objects_of_tables })
 }
@@ -141,6 +144,8 @@ struct SceneTable<R> {
     render: R,
     #[serde(default)]
     object: Vec<ObjectTable>,
+    #[serde(default)]
+    light: Vec<LampTable>,
     #[serde(default)]
     animation: Vec<AnimationTable>,
 }

@@ -5,7 +5,7 @@
 
 use glam::{DVec3, Vec3};
 
-use super::{Camera, Light, MapLayout, Object, Projection, Receiver, Reflector, Refractor, Scene, Sides};
+use super::{Camera, Lamp, Light, MapLayout, Object, Projection, Receiver, Reflector, Refractor, Scene, Sides};
 use crate::brdf::Gloss;
 
 impl Scene {
@@ -20,6 +20,7 @@ impl Scene {
         hash.float(self.environment.rotation_rad);
         hash.float(self.environment.intensity);
         hash.light(&self.environment.light);
+        self.lamps.iter().for_each(|lamp| hash.lamp(lamp));
         hash.0.finalize().to_hex()[..32].to_owned()
     }
 }
@@ -79,6 +80,25 @@ impl Hash {
         self.number(u64::from(object.emitter.is_some()));
         object.emitter.iter().for_each(|emitter| self.vector(emitter.radiance));
         object.refractor.iter().for_each(|refractor| self.refractor(refractor));
+    }
+
+    fn lamp(&mut self, lamp: &Lamp) {
+        let Lamp { position, radius, intensity, ref beam, .. } = *lamp;
+        self.vector(position);
+        self.float(radius);
+        self.vector(intensity);
+        self.number(u64::from(beam.is_some()));
+        if let Some(beam) = beam {
+            self.vector(beam.direction);
+            self.vector(beam.up);
+            self.float(beam.half_angle_rad);
+            self.float(beam.softness);
+            self.number(u64::from(beam.slide.is_some()));
+            if let Some(slide) = &beam.slide {
+                self.number(slide.0.width as u64);
+                self.bytes(bytemuck::cast_slice(&slide.0.pixels));
+            }
+        }
     }
 
     fn refractor(&mut self, refractor: &Refractor) {

@@ -10,6 +10,7 @@ mod camera;
 mod chains;
 mod file;
 mod fingerprint;
+mod lamp;
 mod light;
 mod material;
 mod mesh;
@@ -25,13 +26,15 @@ use std::sync::Arc;
 use glam::Vec3;
 
 pub use animation::{
-    Animation, CameraMotion, EnvironmentMotion, Interpolation, KeyFrameError, KeyFrames, ObjectMotion, Waves,
+    Animation, CameraMotion, EnvironmentMotion, Interpolation, KeyFrameError, KeyFrames, LampMotion, ObjectMotion,
+    Waves,
 };
 pub use assets::Assets;
 pub use builtin::{BUILT_IN, BuiltIn};
 pub use camera::{Camera, Projection, Ray};
 pub use chains::{Chain, Chains};
 pub use file::{Loaded, load, parse};
+pub use lamp::{Beam, Lamp, Slide};
 pub use light::{EnvironmentMap, EnvironmentSource, Light, MAX_RADIANCE, MapError, MapLayout};
 pub use material::{Emitter, Receiver, Reflector, Refractor, Sides, Specular};
 pub use mesh::{Mesh, MeshError};
@@ -65,6 +68,7 @@ use crate::words::escaped;
 /// let scene = Scene {
 ///     name: "ring".to_owned(),
 ///     environment: EnvironmentSource { light, rotation_rad: 0.0, intensity: 1.0 },
+///     lamps: Vec::new(),
 ///     camera,
 ///     objects: vec![ring, table],
 ///     animations: Vec::new(),
@@ -83,6 +87,8 @@ pub struct Scene {
     pub name: String,
     /// The environment lighting.
     pub environment: EnvironmentSource,
+    /// The lights at a finite distance.
+    pub lamps: Vec<Lamp>,
     /// The camera.
     pub camera: Camera,
     /// All objects.

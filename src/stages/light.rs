@@ -14,7 +14,7 @@ use crate::environment::{
 #[cfg(feature = "gpu")]
 use crate::pinhole::gpu::EnvironmentCube;
 use crate::progress::{Progress, Stage};
-use crate::scene::{EnvironmentSource, Light};
+use crate::scene::{EnvironmentSource, Lamp, Light};
 
 /// Face size of the cube map that the CPU derives irradiance and directions from in frames, see `irradiance_map_of_frame`.
 const COARSE_SIZE: u32 = 128;
@@ -33,7 +33,12 @@ pub(crate) struct PreparedLight {
     pub rotation_rad: f32,
     /// Factor on every radiance.
     pub intensity: f32,
+    /// The lamps, for an intensity of 1, as sums and direct light are computed before they are scaled.
+    pub lamps: Arc<[Lamp]>,
 }
+
+/// Environments fainter than this are black beside lamps: what lamps are divided by must not be zero.
+const MIN_INTENSITY: f32 = 1e-12;
 
 impl PreparedLight {
     /// The rotation from the environment's frame to the world's.
@@ -94,11 +99,13 @@ impl LightStages {
 
     pub fn prepare(
         &mut self,
-        source: &EnvironmentSource,
+        (source, lamps): (&EnvironmentSource, &[Lamp]),
         light_geometry: Option<&DrawnGeometry>,
         cube_size: CubeSize,
         progress: &dyn Progress,
     ) -> Result<PreparedLight, EnvironmentError> {
+        let black = EnvironmentSource { light: Light::Constant(Vec3::ZERO), intensity: 1.0, ..*source };
+        let source = if source.intensity < MIN_INTENSITY && !lamps.is_empty() { &black } else { source };
         let least = light_geometry.map_or(0, |drawn| drawn.cube_size);
         let environment = self.environment.try_get((source.light.clone(), cube_size, least), progress, || {
             Environment::at_least(&source.light, cube_size, least)
@@ -114,6 +121,10 @@ impl LightStages {
                 environment,
                 rotation_rad,
                 intensity,
+                lamps: lamps
+                    .iter()
+                    .map(|lamp| Lamp { intensity: lamp.intensity / intensity, ..lamp.clone() })
+                    .collect(),
             });
         };
         let behind = if *is_on_gpu {
@@ -135,6 +146,7 @@ impl LightStages {
             on_gpu: None,
             rotation_rad,
             intensity: 1.0,
+            lamps: lamps.into(),
         })
     }
 

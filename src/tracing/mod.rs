@@ -13,7 +13,7 @@ use obvhs::bvh2::Bvh2;
 use obvhs::ray::RayHit;
 
 use self::packet::{HitFilter, PacketHits, any_hit, nearest_hits};
-use crate::lanes::{F, LANES, Simd, SimdBase, V3, bits, dispatch, level, splat3};
+use crate::lanes::{ALL, F, LANES, Simd, SimdBase, V3, bits, dispatch, level, splat3};
 use crate::scene::{Object, Ray};
 
 pub(crate) use self::camera::CameraTracer;
@@ -191,6 +191,21 @@ impl Tracer {
         let scaled = RayPacket { origins: rays.origins.map(|axis| axis.map(|x| self.scale * x)), ..*rays };
         let tree = (&self.bvh, &self.corners[..]);
         dispatch!(level(), simd => any_hit(simd, tree, &scaled, self.offset, &NoFilter))
+    }
+
+    /// The lanes in which anything lies in a unit direction from a surface, up to a distance in metres.
+    pub(crate) fn hidden_lanes(&self, from: Vec3, directions: &[Vec3; LANES], distance: f32) -> u32 {
+        if self.corners.is_empty() {
+            return 0;
+        }
+        let rays = RayPacket {
+            origins: (self.scale * from).to_array().map(|x| [x; LANES]),
+            directions: [0, 1, 2].map(|axis| directions.map(|d| d[axis])),
+            ends: [self.scale * distance * (1.0 - END_SLACK) - self.offset; LANES],
+            lanes: ALL,
+        };
+        let tree = (&self.bvh, &self.corners[..]);
+        dispatch!(level(), simd => any_hit(simd, tree, &rays, self.offset, &NoFilter))
     }
 
     /// Rays from a piece, in units.

@@ -16,7 +16,7 @@ fn the_example_gathers_what_the_cpu_gathers_while_its_mirror_moves() {
     let [width, height] = embed::SIZE;
     let environment = Environment::new(&embed::scene_at(0).unwrap().environment.light, Default::default()).unwrap();
     let bounds = LightBounds::new(&environment.cube);
-    let light = Light { cube: &environment.cube, bounds: &bounds };
+    let light = Light::Environment { cube: &environment.cube, bounds: &bounds };
     let params = Params::default();
     for (number, output) in (0..).zip(&outputs) {
         let (positions, normals) = (output.positions.clone(), output.normals.clone());

@@ -125,7 +125,7 @@ fn hierarchical_sums_rotate_the_environment() {
         for cubes in Cubes::both() {
             let gather = |cube: &CubeMap, params: &Params| {
                 let bounds = LightBounds::new(cube);
-                let light = Light { cube, bounds: &bounds };
+                let light = Light::Environment { cube, bounds: &bounds };
                 let error = 0.002 * estimate_irradiance(&work.receivers, &tree, light, params);
                 let accuracy = Accuracy { error, split_near: true };
                 gather_hierarchical(&work.receivers, &tree, light, params, accuracy, &pinspot::NoProgress)
@@ -151,7 +151,7 @@ fn contributions_and_estimates_rotate_the_environment() {
 
         let typical = |cube, params| {
             let bounds = LightBounds::new(cube);
-            estimate_irradiance(&work.receivers, &tree, Light { cube, bounds: &bounds }, params)
+            estimate_irradiance(&work.receivers, &tree, Light::Environment { cube, bounds: &bounds }, params)
         };
         let (at_look_up, baked) = (typical(&cubes.still, &rotated), typical(&cubes.rotated, &still));
         assert!((at_look_up / baked - 1.0).abs() < cubes.tolerance() as f32, "{at_look_up} {baked}");

@@ -43,7 +43,7 @@ impl PreparedLight {
     }
 
     fn as_light(&self) -> Light<'_> {
-        Light { cube: &self.environment.cube, bounds: &self.bounds }
+        Light::Environment { cube: &self.environment.cube, bounds: &self.bounds }
     }
 }
 

@@ -141,7 +141,7 @@ impl Work {
     }
 
     fn light(&self) -> Light<'_> {
-        Light { cube: &self.cube, bounds: &self.bounds }
+        Light::Environment { cube: &self.cube, bounds: &self.bounds }
     }
 
     fn typical(&self) -> f32 {

@@ -23,11 +23,13 @@ const DESCRIPTIONS: [(&str, &[&str]); 2] = [
     (
         "scene",
         &[
+            "Beam",
             "Camera",
             "Chain",
             "Chains",
             "EnvironmentMap",
             "EnvironmentSource",
+            "Lamp",
             "Light",
             "MapLayout",
             "Object",
@@ -38,6 +40,7 @@ const DESCRIPTIONS: [(&str, &[&str]); 2] = [
             "Scene",
             "SceneError",
             "Sides",
+            "Slide",
             "Specular",
             "Visibility",
         ],

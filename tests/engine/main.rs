@@ -20,6 +20,7 @@ mod half_float;
 mod hierarchy;
 mod hierarchy_gpu;
 mod independence;
+mod lamps;
 mod metals;
 mod pictures;
 mod previews;

@@ -3,6 +3,7 @@
 use glam::{UVec2, Vec2, Vec3};
 use rayon::prelude::*;
 
+use super::lamps::{Passing, Segment, passed};
 use super::{
     EndPoint, Paths, PixelPaths, Source, collect_ends, measure_steps, mirrored_direction, mirrors, share_light,
     surface_albedo, visible_reflectance,
@@ -192,12 +193,19 @@ impl PathTracer<'_> {
             }
             let Some(mirrored) = self.meet(&found, walk, paths) else { return Step::Ends(None) };
             walk.ray = Ray { origin: found.position, direction: mirrored };
+            walk.beside = None;
             walk.bounce += 1;
             return Step::GoesOn;
         }
         let Walk { alpha, key, throughput, ray: Ray { direction, .. }, .. } = *walk;
         paths.add(walk.point, throughput, Source::Environment { direction, alpha, sides: [Vec3::ZERO; 2] }, key == 0);
         Step::Ends((key != 0 && alpha == 0.0).then(|| Escape { term: paths.terms.len() - 1, key, direction }))
+    }
+
+    /// The lamps that a path passes on its way to what it meets.
+    fn lamps_passed(&self, walk: &Walk, hit: Option<&Hit>) -> Vec<Passing> {
+        let Walk { point, key, ray, beside, throughput, alpha, .. } = *walk;
+        passed(&self.inputs.light.lamps, &Segment { point, key, ray, beside, hit, throughput, alpha }).collect()
     }
 
     /// What a path becomes at an interface: what is reflected there and, colour by colour if it is dispersive, what is refracted.
@@ -297,6 +305,8 @@ struct PixelOnTheWay {
     walks: Vec<Walk>,
     /// By point, where paths left the scene by way of smooth mirrors and interfaces.
     escapes: Vec<Vec<Escape>>,
+    /// Where paths came near lamps.
+    lamps: Vec<Passing>,
     columns: u32,
 }
 
@@ -304,10 +314,12 @@ impl PixelOnTheWay {
     fn new(tracer: &PathTracer, of_pixel: &PixelPoints) -> Self {
         let PixelPoints { pixel, columns, points } = of_pixel;
         let camera = &tracer.rays.view.camera;
+        let has_lamps = !tracer.inputs.light.lamps.is_empty();
         let walk = |(point, &(own, at)): (usize, &(usize, Vec2))| Walk {
             point: point as u16,
             own,
             ray: camera.ray(at, tracer.size()),
+            beside: has_lamps.then(|| [Vec2::X, Vec2::Y].map(|d| camera.ray(at + d / *columns as f32, tracer.size()))),
             throughput: Vec3::ONE,
             key: 0,
             alpha: 0.0,
@@ -317,13 +329,17 @@ impl PixelOnTheWay {
             paths: PixelPaths { pixel: *pixel, points: points.len() as u16, ..PixelPaths::default() },
             walks: points.iter().enumerate().map(walk).collect(),
             escapes: vec![Vec::new(); points.len()],
+            lamps: Vec::new(),
             columns: *columns,
         }
     }
 
     /// Takes its paths beyond what they met.
     fn advance(&mut self, tracer: &PathTracer, hits: &[Option<Hit>]) {
-        let Self { paths, walks, escapes, .. } = self;
+        let Self { paths, walks, escapes, lamps, .. } = self;
+        if !tracer.inputs.light.lamps.is_empty() {
+            lamps.extend(walks.iter().zip(hits).flat_map(|(walk, hit)| tracer.lamps_passed(walk, hit.as_ref())));
+        }
         let mut hits = hits.iter();
         let mut branches = Vec::new();
         walks.retain_mut(|walk| match tracer.step(walk, hits.next().copied().flatten(), paths, &mut branches) {
@@ -338,6 +354,9 @@ impl PixelOnTheWay {
 
     fn finish(mut self) -> PixelPaths {
         self.paths.set_footprints(&self.escapes, self.columns);
+        if !self.lamps.is_empty() {
+            self.paths.add_lamps(&self.lamps, self.columns);
+        }
         self.paths
     }
 }
@@ -358,6 +377,8 @@ struct Walk {
     own: usize,
     /// The ray to what it meets next.
     ray: Ray,
+    /// From the camera, where there are lamps: the rays through the points on the right and below.
+    beside: Option<[Ray; 2]>,
     throughput: Vec3,
     /// Hash of the objects met and of how interfaces refracted it; 0 if it met none.
     key: u64,
@@ -375,6 +396,7 @@ impl Walk {
     /// Goes on from an interface; paths that were refracted differently have keys of their own.
     fn meet_surface(&mut self, found: &Hit, refracted: Option<u64>) {
         self.note_surface(found);
+        self.beside = None;
         if let Some(how) = refracted {
             self.key = self.key.wrapping_mul(1_000_003) ^ how;
         }

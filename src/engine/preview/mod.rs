@@ -162,7 +162,7 @@ impl Engine {
         detail: &Detail,
         progress: &dyn Progress,
     ) -> Result<Option<Preview<wgpu::TextureView>>, Error> {
-        if self.backend.device().is_none_or(|device| !on_gpu::fits(device, detail.size)) {
+        if self.summing_backend().device().is_none_or(|device| !on_gpu::fits(device, detail.size)) {
             return Ok(None);
         }
         let preview = self.preview_as(Wanted::OnDevice, detail, progress).await?;
@@ -181,23 +181,28 @@ impl Engine {
         options.check()?;
         #[cfg(feature = "gpu")]
         self.backend.check()?;
+        let backend = self.summing_backend();
         #[cfg_attr(not(feature = "gpu"), expect(unused_mut, reason = "only a GPU has copies"))]
         let mut scene = self.scene_stages.prepare_for_frame(&self.scene, progress)?;
         #[cfg(feature = "gpu")]
-        if let Some(shared) = self.backend.shared_gpu() {
+        if let Some(shared) = backend.shared_gpu() {
             let uploaded = self.scene_stages.upload(&self.scene, &shared.gpu, true, progress);
             scene.on_gpu = on_gpu_if_needed(uploaded, options.visibility)?;
         }
         if self.preview.technique.0 != options.technique {
             self.preview = PreviewStages::new(options.technique);
         }
-        let geometry = scene.geometry_drawn_for_frame(self.backend.is_gpu());
+        let geometry = scene.geometry_drawn_for_frame(backend.is_gpu());
         let light_stages = if geometry.is_some() { &mut self.preview.light } else { &mut self.light_stages };
         #[cfg_attr(not(feature = "gpu"), expect(unused_mut, reason = "only a GPU has copies"))]
-        let mut light =
-            light_stages.prepare(&self.scene.environment, geometry.as_ref(), options.cube_size, progress)?;
+        let mut light = light_stages.prepare(
+            (&self.scene.environment, &self.scene.lamps),
+            geometry.as_ref(),
+            options.cube_size,
+            progress,
+        )?;
         #[cfg(feature = "gpu")]
-        if let Some(shared) = self.backend.shared_gpu() {
+        if let Some(shared) = backend.shared_gpu() {
             light.on_gpu = self.preview.lit.prepare(shared, (&self.scene, &scene), &light, progress)?;
         }
         let inputs = Inputs {
@@ -205,7 +210,7 @@ impl Engine {
             prepared: &scene,
             light: &light,
             options: &options,
-            backend: &self.backend,
+            backend: &backend,
             chains: Chains::ALL,
             is_preview: true,
             progress,
@@ -224,10 +229,10 @@ impl Engine {
         let passes = (&mut self.preview.on_gpu, &mut self.preview.lit);
         #[cfg(feature = "gpu")]
         let (image, exposures, passes) =
-            if let Some(on_gpu) = frame.on_gpu(wanted, &self.backend, passes, sum.as_ref()).await? {
+            if let Some(on_gpu) = frame.on_gpu(wanted, &backend, passes, sum.as_ref()).await? {
                 (on_gpu.rendered, on_gpu.exposures, on_gpu.passes)
             } else {
-                if let Some(shared) = self.backend.shared_gpu() {
+                if let Some(shared) = backend.shared_gpu() {
                     self.preview.lit.submit(shared);
                 }
                 let (image, exposures) = frame.on_cpu(sum.as_deref()).await?;
@@ -323,7 +328,7 @@ impl Frame<'_> {
     async fn on_cpu(&self, sum: Option<&dyn Sum>) -> Result<(Rendered, Exposures), Error> {
         let (options, progress, camera) = (self.options, self.progress, &self.scene.camera);
         progress.begin(Stage::Rays, 1);
-        let views = Views::trace(self.scene, self.prepared, options.size, options.plain_diffuse);
+        let views = Views::trace((self.scene, &self.light.lamps), self.prepared, options.size, options.plain_diffuse);
         progress.end(Stage::Rays);
         let own = self.light(&views.surfaces, sum, |_| None).await?;
         let pixel_of = views.pixels_of(camera);

@@ -12,7 +12,7 @@ use crate::engine::paths::{mirrored_direction, surface_albedo, visible_reflectan
 use crate::engine::refraction::{Refracted, divided};
 use crate::lanes::{LANES, set_bits};
 use crate::pinhole::constants::{MAX_MIRRORS, MAX_PIXELS_APART, MIN_SEEN_COSINE};
-use crate::scene::{Camera, Ray, Refractor, Scene};
+use crate::scene::{Camera, Lamp, Ray, Refractor, Scene};
 use crate::stages::PreparedScene;
 use crate::tracing::Hit;
 
@@ -150,8 +150,8 @@ struct PixelView {
 
 impl Views {
     /// Traces a picture of so many pixels; `is_plain` treats everything as diffuse.
-    pub fn trace(scene: &Scene, prepared: &PreparedScene, size: [u32; 2], is_plain: bool) -> Self {
-        let tracer = ViewTracer { scene, prepared, is_plain };
+    pub fn trace((scene, lamps): (&Scene, &[Lamp]), prepared: &PreparedScene, size: [u32; 2], is_plain: bool) -> Self {
+        let tracer = ViewTracer { scene, lamps, prepared, is_plain };
         let rays = scene.camera.rays(UVec2::from_array(size).as_vec2());
         let [width, height] = size.map(|edge| edge as usize);
         let mut first = filled(FirstSurface::of(None), width * height);
@@ -206,6 +206,7 @@ impl Views {
 
 struct ViewTracer<'a> {
     scene: &'a Scene,
+    lamps: &'a [Lamp],
     prepared: &'a PreparedScene,
     is_plain: bool,
 }
@@ -272,6 +273,11 @@ impl ViewTracer<'_> {
     /// What a ray meets. Returns whether a mirror sends it on.
     fn meet(&self, hit: Option<Hit>, walk: &mut Walk, view: &mut PixelView) -> bool {
         let Walk { ray, throughput, alpha, path } = *walk;
+        if let Some(radiance) = self.lamp_met(&ray, hit.as_ref()) {
+            let emitted = Some(radiance);
+            view.escape = Some(Escape { direction: ray.direction, factor: throughput, alpha, path, emitted });
+            return false;
+        }
         let Some(found) = hit else {
             view.escape = Some(Escape { direction: ray.direction, factor: throughput, alpha, path, emitted: None });
             return false;
@@ -302,6 +308,19 @@ impl ViewTracer<'_> {
         walk.path = path_via(path, &found);
         walk.ray = Ray { origin: found.position, direction: mirrored_direction(&found, &ray, found.normal) };
         true
+    }
+
+    /// The radiance of a lamp that a ray meets first.
+    fn lamp_met(&self, ray: &Ray, hit: Option<&Hit>) -> Option<Vec3> {
+        let direction = ray.direction.normalize();
+        let met = |lamp: &&Lamp| {
+            let to = lamp.position - ray.origin;
+            let along = to.dot(direction);
+            along > 0.0
+                && to.length_squared() - along * along < lamp.radius * lamp.radius
+                && hit.is_none_or(|hit| along < hit.distance * ray.direction.length())
+        };
+        self.lamps.iter().find(met).map(|lamp| lamp.radiance_at(ray.origin))
     }
 
     /// Sends a ray on through an interface, or back from it where all is reflected.

@@ -4,7 +4,7 @@ use glam::{Vec3, Vec4};
 
 use super::pair::ReceiverCellPair;
 use super::receiver::load_receivers;
-use super::{Gather, ReceiverGroup};
+use super::{Gather, ReceiverGroup, Source};
 use crate::environment::CubeMap;
 use crate::lanes::{LANES, Simd, V3, dispatch, level};
 use crate::pinhole::constants::FILTER_ANISOTROPIC;
@@ -31,8 +31,8 @@ pub fn contributions_to(
     params: &Params,
 ) -> Vec<Contribution> {
     let uniforms = GatherUniforms::for_cube(params, pinholes, environment);
-    let environment = CubeLookup::rotated(environment, &uniforms);
-    let gather = Gather { pinholes, materials: None, uniforms, environment };
+    let source = Source::Environment(CubeLookup::rotated(environment, &uniforms));
+    let gather = Gather { pinholes, materials: None, uniforms, source };
     let group = load_receivers(&Receivers::from_points(&[receiver], 1), 0, 1);
     let part = |sample: &PinholeSample| dispatch!(level(), simd => contribution(simd, &gather, sample, &group));
     pinholes.samples.iter().filter_map(part).collect()

@@ -9,6 +9,7 @@ mod filters;
 mod footprint;
 mod hierarchical;
 mod inspection;
+mod lamp;
 mod pair;
 mod receiver;
 mod sky_texels;
@@ -25,15 +26,19 @@ use glam::{Vec3, Vec4};
 use rayon::prelude::*;
 
 use self::filters::{CpuFilter, add_lobe_part, mean_over_footprint, single_fetch, through_lobe};
+use self::lamp::LampLight;
 use self::pair::ReceiverCellPair;
 use self::receiver::{NO_OBJECT, Receiver, ReceiverGroup, load_receivers};
 use self::visibility::{Occlusion, Unoccluded, VisibilityMap};
 use super::constants::{FILTER_ANISOTROPIC, FILTER_EWA, FILTER_ISOTROPIC, FILTER_NONE};
-use super::{BATCH_SIZE, CURVE_POINTS, GatherUniforms, Params, PinholeParts, PinholeSample, Pinholes, Receivers};
+use super::{
+    BATCH_SIZE, CURVE_POINTS, Filter, GatherUniforms, Params, PinholeParts, PinholeSample, Pinholes, Receivers,
+};
 use crate::brdf::Materials;
 use crate::environment::CubeMap;
 use crate::lanes::{F, LANES, Simd, SimdBase, V3, bits, dispatch, lanes, level, set_bits, splat3};
 use crate::progress::Progress;
+use crate::scene::Lamp;
 
 /// Groups of lanes between two reports of progress.
 const GROUPS_PER_TASK: usize = 32;
@@ -52,10 +57,32 @@ pub fn gather(
     progress: &dyn Progress,
 ) -> Result<Vec<[f32; 4]>, HardwareFilterError> {
     let uniforms = GatherUniforms::for_cube(params, pinholes, environment);
+    let source = Source::Environment(CubeLookup::rotated(environment, &uniforms));
+    gather_from(receivers, (pinholes, source, uniforms), params.filter, progress)
+}
+
+/// The same for the light of a lamp, which takes no filter: the part of a footprint that the lamp fills is exact.
+pub fn gather_lamp(
+    receivers: &Receivers,
+    pinholes: &Pinholes,
+    lamp: &Lamp,
+    params: &Params,
+    progress: &dyn Progress,
+) -> Vec<[f32; 4]> {
+    let uniforms = GatherUniforms::for_lamp(params, pinholes);
+    let source = Source::Lamp(LampLight::new(lamp));
+    gather_from(receivers, (pinholes, source, uniforms), Filter::None, progress).unwrap_or_default()
+}
+
+fn gather_from(
+    receivers: &Receivers,
+    (pinholes, source, uniforms): (&Pinholes, Source, GatherUniforms),
+    filter: Filter,
+    progress: &dyn Progress,
+) -> Result<Vec<[f32; 4]>, HardwareFilterError> {
     let materials = receivers.view_directions.as_ref().map(|view| &*view.materials);
-    let environment = CubeLookup::rotated(environment, &uniforms);
-    let gather = Gather { pinholes, materials, uniforms, environment };
-    let task: fn(&Gather, &Receivers, usize, &mut [[f32; 4]]) = match CpuFilter::try_from(params.filter)? {
+    let gather = Gather { pinholes, materials, uniforms, source };
+    let task: fn(&Gather, &Receivers, usize, &mut [[f32; 4]]) = match CpuFilter::try_from(filter)? {
         CpuFilter::None => {
             |g, r, first, sums| dispatch!(level(), simd => task::<_, FILTER_NONE>(simd, g, r, first, sums))
         }
@@ -83,8 +110,8 @@ pub fn gather(
 /// Densities of samples are made from it.
 pub fn contributions(receivers: &Receivers, pinholes: &Pinholes, environment: &CubeMap, params: &Params) -> Vec<f32> {
     let uniforms = GatherUniforms::for_cube(params, pinholes, environment);
-    let environment = CubeLookup::rotated(environment, &uniforms);
-    let gather = Gather { pinholes, materials: None, uniforms, environment };
+    let source = Source::Environment(CubeLookup::rotated(environment, &uniforms));
+    let gather = Gather { pinholes, materials: None, uniforms, source };
     let count = receivers.positions.len();
     let groups: Vec<ReceiverGroup> =
         (0..count).step_by(LANES).map(|start| load_receivers(receivers, start, LANES.min(count - start))).collect();
@@ -97,7 +124,13 @@ struct Gather<'a> {
     /// Of the receivers, if they reflect towards viewers.
     materials: Option<&'a Materials>,
     uniforms: GatherUniforms,
-    environment: CubeLookup<'a>,
+    source: Source<'a>,
+}
+
+/// The light of a sum.
+enum Source<'a> {
+    Environment(CubeLookup<'a>),
+    Lamp(LampLight<'a>),
 }
 
 #[inline(always)]
@@ -206,7 +239,7 @@ impl Gather<'_> {
         }
         let weight = self.weight(simd, sample, &pair, receiver);
         let (weight, lit, radiance) = match &self.pinholes.visibility {
-            None => (weight, lit, self.filtered_radiance::<S, _, FILTER>(simd, sample, &pair, &Unoccluded, lit)),
+            None => (weight, lit, self.arriving::<S, _, FILTER>(simd, sample, &pair, &Unoccluded, lit)),
             Some(maps) => {
                 let towards = VisibilityMap::of_receivers(maps, packed, pair.dn);
                 let l = receiver.position - splat3(simd, sample.position);
@@ -216,7 +249,12 @@ impl Gather<'_> {
                     return;
                 }
                 let map = VisibilityMap::of_sky(maps, packed, pair.dn);
-                (weight * visible, lit, self.filtered_radiance::<S, _, FILTER>(simd, sample, &pair, &map, lit))
+                let mut weight = weight * visible;
+                if let Source::Lamp(lamp) = &self.source {
+                    let to = splat3(simd, lamp.offset_from(sample.position));
+                    weight *= lanes(simd, map.visible_fraction(simd, to, None, lit).0);
+                }
+                (weight, lit, self.arriving::<S, _, FILTER>(simd, sample, &pair, &map, lit))
             }
         };
         self.add(sample, &pair, receiver, (weight, &radiance, lit), sum);
@@ -284,9 +322,9 @@ impl Gather<'_> {
         1.0 / (l2 + (u.epsilon_scale * sample.area + u.epsilon)).max(min_l2)
     }
 
-    /// Mean radiance over the sample's footprint around r; w = fetches.
+    /// Mean radiance over the sample's footprint around r, of a lamp without regard to occlusion; w = fetches.
     #[inline(always)]
-    fn filtered_radiance<S: Simd, O: Occlusion, const FILTER: u32>(
+    fn arriving<S: Simd, O: Occlusion, const FILTER: u32>(
         &self,
         simd: S,
         sample: &PinholeParts,
@@ -294,39 +332,43 @@ impl Gather<'_> {
         occlusion: &O,
         lit: u32,
     ) -> [Vec4; LANES] {
+        let environment = match &self.source {
+            Source::Environment(environment) => environment,
+            Source::Lamp(lamp) => return lamp.mean_radiance(simd, sample, pair, lit),
+        };
         if FILTER == FILTER_NONE {
-            return single_fetch(simd, &self.environment, pair.r, occlusion, lit);
+            return single_fetch(simd, environment, pair.r, occlusion, lit);
         }
         let taps = F::splat(simd, self.uniforms.taps as f32);
         if !O::IS_UNOCCLUDED && sample.is_wide_lobe(self.map_texel_rad()) {
             return through_lobe(simd, (pair.r, sample.lobe), occlusion, lit, |lit| {
-                self.mean_radiance::<S, FILTER>(simd, (sample, pair), &Unoccluded, taps, lit)
+                mean_radiance::<S, FILTER>(simd, environment, (sample, pair), &Unoccluded, taps, lit)
             });
         }
-        self.mean_radiance::<S, FILTER>(simd, (sample, pair), occlusion, taps, lit)
+        mean_radiance::<S, FILTER>(simd, environment, (sample, pair), occlusion, taps, lit)
     }
+}
 
-    /// The mean over the footprint from up to so many taps, or from so many in both parts of a lobe; w = fetches.
-    #[inline(always)]
-    fn mean_radiance<S: Simd, const FILTER: u32>(
-        &self,
-        simd: S,
-        (sample, pair): (&PinholeParts, &ReceiverCellPair<S>),
-        occlusion: &impl Occlusion,
-        taps: F<S>,
-        lit: u32,
-    ) -> [Vec4; LANES] {
-        if sample.is_mostly_lobe() {
-            let mut sum = [Vec4::ZERO; LANES];
-            for part in pair.lobe_parts(simd, sample) {
-                let mean = mean_over_footprint::<S, FILTER>(simd, &self.environment, &part, occlusion, taps, lit);
-                add_lobe_part(&mut sum, mean);
-            }
-            return sum;
+/// The environment's mean over a footprint from up to so many taps, or from so many in both parts of a lobe; w = fetches.
+#[inline(always)]
+fn mean_radiance<S: Simd, const FILTER: u32>(
+    simd: S,
+    environment: &CubeLookup,
+    (sample, pair): (&PinholeParts, &ReceiverCellPair<S>),
+    occlusion: &impl Occlusion,
+    taps: F<S>,
+    lit: u32,
+) -> [Vec4; LANES] {
+    if sample.is_mostly_lobe() {
+        let mut sum = [Vec4::ZERO; LANES];
+        for part in pair.lobe_parts(simd, sample) {
+            let mean = mean_over_footprint::<S, FILTER>(simd, environment, &part, occlusion, taps, lit);
+            add_lobe_part(&mut sum, mean);
         }
-        let footprint = pair.footprint(simd, sample);
-        mean_over_footprint::<S, FILTER>(simd, &self.environment, &footprint, occlusion, taps, lit)
+        return sum;
     }
+    let footprint = pair.footprint(simd, sample);
+    mean_over_footprint::<S, FILTER>(simd, environment, &footprint, occlusion, taps, lit)
 }
 
 #[cfg(test)]

@@ -7,8 +7,8 @@ use super::camera::CameraTable;
 use super::objects::Animated;
 use super::{Builder, Key, nearest};
 use crate::scene::{
-    Animation, CameraMotion, EnvironmentMotion, Interpolation, KeyFrameError, KeyFrames, MAX_RADIANCE, ObjectMotion,
-    SceneError, Waves,
+    Animation, CameraMotion, EnvironmentMotion, Interpolation, KeyFrameError, KeyFrames, Lamp, LampMotion,
+    MAX_RADIANCE, ObjectMotion, SceneError, Waves,
 };
 use crate::words::escaped;
 
@@ -33,10 +33,11 @@ pub(super) struct AnimationTable {
     r#loop: bool,
 }
 
-/// Keys that move objects, the camera and the environment.
+/// Keys that move objects, the camera, the environment and lamps.
 const OBJECT_KEYS: [&str; 4] = ["translate", "rotate_deg", "scale", "phase_deg"];
 const CAMERA_KEYS: [&str; 2] = ["position", "target"];
 const ENVIRONMENT_KEYS: [&str; 2] = ["rotation_deg", "intensity"];
+const LAMP_KEYS: [&str; 2] = ["position", "intensity"];
 
 /// One table of the file, with its place for messages.
 struct Table<'a> {
@@ -75,19 +76,28 @@ impl Builder<'_> {
     pub(super) fn animations(
         &self,
         tables: &[AnimationTable],
-        animated: &[Animated],
+        (animated, lamps): (&[Animated], &[Lamp]),
         camera: &CameraTable,
     ) -> Result<Vec<Animation>, SceneError> {
         let tables = tables.iter().enumerate();
-        tables.map(|(index, table)| self.animation(&Table { table, index }, animated, camera)).collect()
+        tables.map(|(index, table)| self.animation(&Table { table, index }, (animated, lamps), camera)).collect()
     }
 
-    /// An animation of the object of that name or, where there is none, of the camera or the environment.
-    fn animation(&self, table: &Table, animated: &[Animated], camera: &CameraTable) -> Result<Animation, SceneError> {
+    /// An animation of the object of that name or, where there is none, of the light, the camera or the environment.
+    fn animation(
+        &self,
+        table: &Table,
+        (animated, lamps): (&[Animated], &[Lamp]),
+        camera: &CameraTable,
+    ) -> Result<Animation, SceneError> {
         let name = table.table.object.as_str();
         if let Some(object) = animated.iter().find(|object| object.name.as_deref() == Some(name)) {
             self.check_keys(table, &OBJECT_KEYS, "an object")?;
             return Ok(Animation::Objects(self.object_motion(table, object)?));
+        }
+        if let Some(index) = lamps.iter().position(|lamp| lamp.name == escaped(name)) {
+            self.check_keys(table, &LAMP_KEYS, "a light")?;
+            return Ok(Animation::Lamp(self.lamp_motion(table, index, &lamps[index])?));
         }
         match name {
             "camera" => {
@@ -99,10 +109,11 @@ impl Builder<'_> {
                 Ok(Animation::Environment(self.environment_motion(table)?))
             }
             _ => {
-                let names = animated.iter().filter_map(|object| object.name.as_deref());
+                let objects = animated.iter().filter_map(|object| object.name.as_deref());
+                let names = objects.chain(lamps.iter().map(|lamp| lamp.name.as_str()));
                 let known = nearest(name, names.chain(["camera", "environment"]));
                 let hint = known.map_or_else(
-                    || "name an object, \"camera\" or \"environment\"".to_owned(),
+                    || "name an object, a light, \"camera\" or \"environment\"".to_owned(),
                     |known| format!("did you mean '{}'?", escaped(known)),
                 );
                 let message = format!("there is no object '{}'; {hint}", escaped(name));
@@ -162,14 +173,29 @@ impl Builder<'_> {
     }
 
     fn environment_motion(&self, table: &Table) -> Result<EnvironmentMotion, SceneError> {
-        let AnimationTable { rotation_deg, intensity, .. } = table.table;
-        if intensity.iter().flatten().any(|(_, value)| !(0.0..=MAX_RADIANCE).contains(value)) {
-            return Err(self.error(table.key("intensity"), "must be from 0 to 1e36 in every key frame"));
-        }
         Ok(EnvironmentMotion {
-            rotation_rad: self.numbers(table, "rotation_deg", rotation_deg.as_ref())?,
-            intensity: self.frames(table, "intensity", intensity.as_ref().map(|frames| frames.clone().into_iter()))?,
+            rotation_rad: self.numbers(table, "rotation_deg", table.table.rotation_deg.as_ref())?,
+            intensity: self.factors(table, MAX_RADIANCE)?,
         })
+    }
+
+    fn lamp_motion(&self, table: &Table, index: usize, lamp: &Lamp) -> Result<LampMotion, SceneError> {
+        Ok(LampMotion {
+            lamp: index,
+            position: self.places(table, "position", table.table.position.as_ref())?,
+            intensity: self.factors(table, Lamp::MAX_RADIANCE / lamp.max_radiance())?,
+            full_intensity: lamp.intensity,
+        })
+    }
+
+    /// The key frames of an intensity, as factors.
+    fn factors(&self, table: &Table, most: f32) -> Result<Option<KeyFrames<f32>>, SceneError> {
+        let Some(frames) = &table.table.intensity else { return Ok(None) };
+        if frames.iter().any(|(_, value)| !(0.0..=most).contains(value)) {
+            let message = format!("must be from 0 to {most:e} in every key frame");
+            return Err(self.error(table.key("intensity"), message));
+        }
+        self.frames(table, "intensity", Some(frames.clone().into_iter()))
     }
 
     /// Angles, in degrees in the file.

@@ -57,7 +57,7 @@ pub fn place_samples(scene: &Scene, options: &Options) -> Result<PointSet, Error
         return Ok(sample(&Surface::of_scene(scene), &options.sampling())?);
     }
     let prepared = SceneStages::new().prepare(scene, &NoProgress)?;
-    let (source, geometry) = (&scene.environment, prepared.drawn_geometry());
+    let (source, geometry) = ((&scene.environment, &scene.lamps[..]), prepared.drawn_geometry());
     let light = LightStages::new().prepare(source, geometry.as_ref(), options.cube_size, &NoProgress)?;
     let inputs = DensityInputs {
         scene,

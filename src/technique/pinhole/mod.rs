@@ -22,7 +22,7 @@ use crate::options::Evaluation;
 use crate::pinhole::cpu::{Accuracy, Light, TakenCell, cells_taken, contributions_to, estimate_irradiance};
 use crate::pinhole::{Filter, Params, PinholeTree, Pinholes, Receivers};
 use crate::progress::{Progress, Stage};
-use crate::scene::{Camera, Visibility};
+use crate::scene::{Camera, Lamp, Visibility};
 use crate::stages::{Id, LightStages, Memo, StageCounts, visible_receivers};
 use crate::tracing::{Hit, Tracer};
 
@@ -39,6 +39,7 @@ struct FlatInputs {
     pinholes: Arc<Pinholes>,
     environment: Arc<Environment>,
     params: Params,
+    lamps: Arc<[Lamp]>,
 }
 
 /// The inputs of a hierarchical sum.
@@ -49,6 +50,7 @@ struct HierarchicalInputs {
     bounds: Arc<LightBounds>,
     params: Params,
     accuracy: Accuracy,
+    lamps: Arc<[Lamp]>,
 }
 
 /// The inputs of a sum; equal if none of them was made again.
@@ -59,6 +61,7 @@ enum SumKey {
         occluder: OccluderKey,
         environment: Id<Environment>,
         params: Params,
+        lamps: Arc<[Lamp]>,
     },
     Hierarchical {
         tree: Id<PinholeTree>,
@@ -66,6 +69,7 @@ enum SumKey {
         environment: Id<Environment>,
         params: Params,
         accuracy: Accuracy,
+        lamps: Arc<[Lamp]>,
     },
 }
 
@@ -80,6 +84,7 @@ struct EstimateKey {
     size: [u32; 2],
     visibility: Visibility,
     params: Params,
+    lamps: Arc<[Lamp]>,
 }
 
 /// The stages of the pinhole technique.
@@ -119,7 +124,7 @@ impl PinholeStages {
         let evaluation = options.resolved_evaluation(filter, backend.is_gpu())?;
         let softening = if inputs.is_preview { PREVIEW_SOFTENING } else { 0.0 };
         let params = Params { softening, ..options.params(filter, inputs.light.rotation_rad) };
-        let environment = inputs.light.environment.clone();
+        let (environment, lamps) = (inputs.light.environment.clone(), inputs.light.lamps.clone());
         let statistics = |samples, positions| Statistics { samples, positions, evaluation, filter, warning };
         match evaluation {
             Evaluation::Flat { leaves: 1 } if inputs.is_preview => {
@@ -129,14 +134,14 @@ impl PinholeStages {
                 check_wanted(progress)?;
                 let positions = Arc::new(samples.iter().map(|sample| sample.position).collect());
                 let statistics = statistics(pinholes.samples.len(), positions);
-                self.flat(FlatInputs { pinholes, environment, params }, statistics, &inputs).await
+                self.flat(FlatInputs { pinholes, environment, params, lamps }, statistics, &inputs).await
             }
             Evaluation::Flat { leaves } => {
                 let points = self.samples.points(&inputs)?;
                 let pinholes = self.samples.pinholes(&inputs, &points, leaves);
                 check_wanted(progress)?;
                 let statistics = statistics(pinholes.samples.len(), points.positions.clone());
-                self.flat(FlatInputs { pinholes, environment, params }, statistics, &inputs).await
+                self.flat(FlatInputs { pinholes, environment, params, lamps }, statistics, &inputs).await
             }
             Evaluation::Hierarchical { leaves, tolerance } => {
                 let points = self.samples.points(&inputs)?;
@@ -145,7 +150,7 @@ impl PinholeStages {
                 let bounds = light.bounds(inputs.light, progress);
                 let statistics = statistics(tree.sample_nodes().samples.len(), points.positions.clone());
                 let accuracy = Accuracy { error: tolerance, split_near: true };
-                let sum = HierarchicalInputs { tree, environment, bounds, params, accuracy };
+                let sum = HierarchicalInputs { tree, environment, bounds, params, accuracy, lamps };
                 self.hierarchical(sum, statistics, &inputs).await
             }
         }
@@ -163,6 +168,7 @@ impl PinholeStages {
             occluder: occluder(inputs),
             environment: Id::of(&sum.environment),
             params: sum.params,
+            lamps: sum.lamps.clone(),
         };
         if let Some(known) = self.sum.known(&key) {
             return Ok(known);
@@ -199,10 +205,9 @@ impl PinholeStages {
             let accuracy = sum.accuracy;
             return Ok(self.sum.keep(key, Arc::new(HierarchicalOnGpu { hierarchy, accuracy, statistics })));
         }
-        sum.accuracy.error *= *self.estimate.get(estimate_key(inputs, &sum), inputs.progress, || {
-            let light = Light { cube: &sum.environment.cube, bounds: &sum.bounds };
-            estimate_irradiance(&estimate_receivers(inputs), &sum.tree, light, &sum.params)
-        });
+        sum.accuracy.error *= *self
+            .estimate
+            .get(estimate_key(inputs, &sum), inputs.progress, || sum.estimate(&estimate_receivers(inputs)));
         let key = hierarchical_key(inputs, &sum);
         if let Some(known) = self.sum.known(&key) {
             return Ok(known);
@@ -232,6 +237,7 @@ fn estimate_key(inputs: &Inputs, sum: &HierarchicalInputs) -> EstimateKey {
         size: options.size_within(ESTIMATE_SIZE),
         visibility: options.visibility,
         params: sum.params,
+        lamps: sum.lamps.clone(),
     }
 }
 
@@ -242,6 +248,20 @@ fn hierarchical_key(inputs: &Inputs, sum: &HierarchicalInputs) -> SumKey {
         environment: Id::of(&sum.environment),
         params: sum.params,
         accuracy: sum.accuracy,
+        lamps: sum.lamps.clone(),
+    }
+}
+
+impl HierarchicalInputs {
+    /// The environment, and every lamp.
+    fn lights(&self) -> impl Iterator<Item = Light<'_>> {
+        let environment = Light::Environment { cube: &self.environment.cube, bounds: &self.bounds };
+        std::iter::once(environment).chain(self.lamps.iter().map(Light::Lamp))
+    }
+
+    /// The mean irradiance, to which the tolerance is relative.
+    fn estimate(&self, receivers: &Receivers) -> f32 {
+        self.lights().map(|light| estimate_irradiance(receivers, &self.tree, light, &self.params)).sum()
     }
 }
 
@@ -299,13 +319,13 @@ impl TechniqueStages for PinholeStages {
         let params = options.params(filter, inputs.light.rotation_rad);
         let environment = inputs.light.environment.clone();
         let accuracy = Accuracy { error: tolerance, split_near: true };
-        let mut sum = HierarchicalInputs { tree, environment, bounds, params, accuracy };
-        let light = Light { cube: &sum.environment.cube, bounds: &sum.bounds };
-        sum.accuracy.error *= *self.estimate.get(estimate_key(inputs, &sum), progress, || {
-            estimate_irradiance(&estimate_receivers(inputs), &sum.tree, light, &sum.params)
-        });
+        let lamps = inputs.light.lamps.clone();
+        let mut sum = HierarchicalInputs { tree, environment, bounds, params, accuracy, lamps };
+        sum.accuracy.error *=
+            *self.estimate.get(estimate_key(inputs, &sum), progress, || sum.estimate(&estimate_receivers(inputs)));
         let receiver = (place.position, place.normal, place.object);
-        Ok(Some(cells_taken(receiver, &sum.tree, light, &sum.params, sum.accuracy)))
+        let taken = |light| cells_taken(receiver, &sum.tree, light, &sum.params, sum.accuracy);
+        Ok(Some(sum.lights().flat_map(taken).collect()))
     }
 
     fn count(&self, counts: &mut StageCounts) {

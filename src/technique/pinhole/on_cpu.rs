@@ -2,9 +2,14 @@
 
 use super::{FlatInputs, HierarchicalInputs};
 use crate::pinhole::Receivers;
-use crate::pinhole::cpu::{Light, gather, gather_hierarchical};
-use crate::progress::Progress;
+use crate::pinhole::cpu::{gather, gather_hierarchical, gather_lamp};
+use crate::progress::{Progress, Uncounted};
 use crate::technique::{Pending, Statistics, Sum};
+
+/// Adds irradiance and fetches.
+fn add(sums: &mut [[f32; 4]], more: &[[f32; 4]]) {
+    sums.as_flattened_mut().iter_mut().zip(more.as_flattened()).for_each(|(sum, more)| *sum += more);
+}
 
 /// The flat sum: every sample is evaluated at every receiver.
 #[derive(Debug)]
@@ -15,8 +20,13 @@ pub(super) struct FlatOnCpu {
 
 impl Sum for FlatOnCpu {
     fn irradiance<'a>(&'a self, receivers: &'a Receivers, progress: &'a dyn Progress) -> Pending<'a, Vec<[f32; 4]>> {
-        let FlatInputs { pinholes, environment, params } = &self.sum;
-        let sums = gather(receivers, pinholes, &environment.cube, params, progress);
+        let FlatInputs { pinholes, environment, params, lamps } = &self.sum;
+        let mut sums = gather(receivers, pinholes, &environment.cube, params, progress);
+        if let Ok(sums) = &mut sums {
+            for lamp in lamps.iter() {
+                add(sums, &gather_lamp(receivers, pinholes, lamp, params, &Uncounted(progress)));
+            }
+        }
         Box::pin(std::future::ready(sums.map_err(Into::into)))
     }
 
@@ -34,9 +44,13 @@ pub(super) struct HierarchicalOnCpu {
 
 impl Sum for HierarchicalOnCpu {
     fn irradiance<'a>(&'a self, receivers: &'a Receivers, progress: &'a dyn Progress) -> Pending<'a, Vec<[f32; 4]>> {
-        let HierarchicalInputs { tree, environment, bounds, params, accuracy } = &self.sum;
-        let light = Light { cube: &environment.cube, bounds };
-        let sums = gather_hierarchical(receivers, tree, light, params, *accuracy, progress);
+        let HierarchicalInputs { tree, params, accuracy, .. } = &self.sum;
+        let mut sums = vec![[0.0; 4]; receivers.positions.len()];
+        for (k, light) in self.sum.lights().enumerate() {
+            let uncounted = Uncounted(progress);
+            let progress = if k == 0 { progress } else { &uncounted };
+            add(&mut sums, &gather_hierarchical(receivers, tree, light, params, *accuracy, progress));
+        }
         Box::pin(std::future::ready(Ok(sums)))
     }
 

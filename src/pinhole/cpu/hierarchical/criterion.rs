@@ -5,6 +5,7 @@
 
 use glam::Vec3;
 
+use super::super::lamp::{BLURRED_REACH, LampLight};
 use super::blocks::{Block, Kind};
 use crate::environment::{Bound, LightBounds};
 use crate::lanes::{F, Simd, SimdBase, SimdFloat};
@@ -41,11 +42,18 @@ pub struct Accepted {
     pub allows_partial_sky: bool,
 }
 
+/// What bounds the light of a sum.
+#[derive(Clone, Copy, Debug)]
+pub enum SourceBounds<'a> {
+    Environment(&'a LightBounds),
+    Lamp(LampLight<'a>),
+}
+
 /// What does not change from pair to pair.
 #[derive(Clone, Copy, Debug)]
 pub struct RefinementCriterion<'a> {
     pub uniforms: &'a GatherUniforms,
-    pub light: &'a LightBounds,
+    pub light: SourceBounds<'a>,
     /// Error that a pair may have, W/m².
     pub error_budget: f32,
     /// Cells that contribute less than this, by their area, are dropped, W/m⁴.
@@ -251,6 +259,22 @@ impl RefinementCriterion<'_> {
         taps.max(1.0).min(self.uniforms.taps as f32)
     }
 
+    /// Bounds of the radiance that arrives at a cell in a cone of directions.
+    fn light_within(&self, cone: &Cone, cell: &Cell) -> Bound {
+        match &self.light {
+            SourceBounds::Environment(bounds) => {
+                bounds.within(self.light_from_world(cone.direction), cone.radius, cell.blur)
+            }
+            SourceBounds::Lamp(lamp) => {
+                let apart = cone.direction.distance(lamp.seen_from(cell.sample.position).towards);
+                // A chord is shorter than its arc.
+                let is_met = apart <= BLURRED_REACH * (cone.radius + lamp.spread(&cell.sample, cell.radius));
+                let max = if is_met { lamp.max_radiance } else { 0.0 };
+                Bound { max, contrast: max }
+            }
+        }
+    }
+
     /// A world direction in the space of the light's bounds.
     fn light_from_world(&self, d: Vec3) -> Vec3 {
         let (cos, sin) = (self.uniforms.rotation_cos, self.uniforms.rotation_sin);
@@ -286,8 +310,7 @@ impl RefinementCriterion<'_> {
             return refined(cell.radius >= block.radius);
         }
         let cone = pair.light_cone(cell);
-        let direction = self.light_from_world(cone.direction);
-        let Bound { max, contrast } = self.light.within(direction, cone.radius, cell.blur);
+        let Bound { max, contrast } = self.light_within(&cone, cell);
         let max_weight = self.max_weight(cell, &pair);
         let (max_contribution, contribution_range) = (max_weight * max, max_weight * contrast);
         // Glossy receivers weight it one by one.

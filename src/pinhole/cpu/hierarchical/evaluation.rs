@@ -2,11 +2,11 @@
 
 use glam::Vec4;
 
-use super::super::Gather;
 use super::super::filters::{FootprintSides, add_lobe_part, mean_over_footprint, smooth_light, through_lobe};
 use super::super::pair::ReceiverCellPair;
 use super::super::receiver::Receiver;
 use super::super::visibility::{Occlusion, Unoccluded, VisibilityMap};
+use super::super::{CubeLookup, Gather, Source};
 use crate::lanes::{F, LANES, Simd, SimdBase};
 use crate::pinhole::PinholeParts;
 use crate::pinhole::constants::{FILTER_ANISOTROPIC, FOOTPRINT_RADIUS, LOBE_TAIL};
@@ -54,7 +54,7 @@ impl Gather<'_> {
         }
     }
 
-    /// The same under a part of the environment.
+    /// The same under a part of the environment; what of a lamp is occluded is for [`TileGather::add_of_lamp`] to say.
     #[inline(always)]
     pub fn add_cell_under<S: Simd, O: Occlusion>(
         &self,
@@ -65,55 +65,21 @@ impl Gather<'_> {
         lit: u32,
         sum: &mut [Vec4; LANES],
     ) {
+        let environment = match &self.source {
+            Source::Environment(environment) => environment,
+            Source::Lamp(lamp) => {
+                let radiance = lamp.mean_radiance(simd, cell.sample, cell.pair, lit);
+                self.add(cell.sample, cell.pair, cell.receiver, (cell.weight, &radiance, lit), sum);
+                return;
+            }
+        };
         let radiance = if !O::IS_UNOCCLUDED && cell.sample.is_wide_lobe(self.map_texel_rad()) {
-            let of_sky = |lit| self.cell_radiance(simd, cell, &Unoccluded, taps, lit);
+            let of_sky = |lit| cell_radiance(simd, environment, cell, &Unoccluded, taps, lit);
             through_lobe(simd, (cell.pair.r, cell.sample.lobe), sky, lit, of_sky)
         } else {
-            self.cell_radiance(simd, cell, sky, taps, lit)
+            cell_radiance(simd, environment, cell, sky, taps, lit)
         };
         self.add(cell.sample, cell.pair, cell.receiver, (cell.weight, &radiance, lit), sum);
-    }
-
-    /// Mean radiance over a cell's footprint; w = fetches.
-    fn cell_radiance<S: Simd>(
-        &self,
-        simd: S,
-        cell: &CellAtReceivers<S>,
-        occlusion: &impl Occlusion,
-        taps: Option<F<S>>,
-        lit: u32,
-    ) -> [Vec4; LANES] {
-        simd.vectorize(
-            #[inline(always)]
-            || {
-                if !cell.sample.is_mostly_lobe() {
-                    return self.footprint_radiance(simd, cell, cell.footprint, occlusion, taps, lit);
-                }
-                let mut sum = [Vec4::ZERO; LANES];
-                for part in cell.pair.lobe_parts(simd, cell.sample) {
-                    add_lobe_part(&mut sum, self.footprint_radiance(simd, cell, &part, occlusion, taps, lit));
-                }
-                sum
-            },
-        )
-    }
-
-    /// Mean radiance over a footprint of a cell, or over a part of its lobe; w = fetches.
-    #[inline(always)]
-    fn footprint_radiance<S: Simd>(
-        &self,
-        simd: S,
-        cell: &CellAtReceivers<S>,
-        footprint: &FootprintSides<S>,
-        occlusion: &impl Occlusion,
-        taps: Option<F<S>>,
-        lit: u32,
-    ) -> [Vec4; LANES] {
-        let environment = &self.environment;
-        let Some(taps) = taps else {
-            return smooth_light(simd, environment, footprint, cell.sample.lobe > 0.0, occlusion, lit);
-        };
-        mean_over_footprint::<S, FILTER_ANISOTROPIC>(simd, environment, footprint, occlusion, taps, lit)
     }
 
     /// Upper bound of 1/l² for a cell.
@@ -130,4 +96,44 @@ impl Gather<'_> {
     pub fn map_texel_rad(&self) -> f32 {
         std::f32::consts::TAU.sqrt() / self.uniforms.map_resolution.max(1) as f32
     }
+}
+
+/// Mean radiance over a cell's footprint; w = fetches.
+fn cell_radiance<S: Simd>(
+    simd: S,
+    environment: &CubeLookup,
+    cell: &CellAtReceivers<S>,
+    occlusion: &impl Occlusion,
+    taps: Option<F<S>>,
+    lit: u32,
+) -> [Vec4; LANES] {
+    simd.vectorize(
+        #[inline(always)]
+        || {
+            if !cell.sample.is_mostly_lobe() {
+                return footprint_radiance(simd, environment, (cell, cell.footprint), occlusion, taps, lit);
+            }
+            let mut sum = [Vec4::ZERO; LANES];
+            for part in cell.pair.lobe_parts(simd, cell.sample) {
+                add_lobe_part(&mut sum, footprint_radiance(simd, environment, (cell, &part), occlusion, taps, lit));
+            }
+            sum
+        },
+    )
+}
+
+/// Mean radiance over a footprint of a cell, or over a part of its lobe; w = fetches.
+#[inline(always)]
+fn footprint_radiance<S: Simd>(
+    simd: S,
+    environment: &CubeLookup,
+    (cell, footprint): (&CellAtReceivers<S>, &FootprintSides<S>),
+    occlusion: &impl Occlusion,
+    taps: Option<F<S>>,
+    lit: u32,
+) -> [Vec4; LANES] {
+    let Some(taps) = taps else {
+        return smooth_light(simd, environment, footprint, cell.sample.lobe > 0.0, occlusion, lit);
+    };
+    mean_over_footprint::<S, FILTER_ANISOTROPIC>(simd, environment, footprint, occlusion, taps, lit)
 }

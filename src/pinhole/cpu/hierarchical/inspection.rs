@@ -84,7 +84,7 @@ mod tests {
         pinholes.trace_visibility_and_doubts(&scene, tracer, &crate::NoProgress);
         let cube = CubeMap::from_radiance(64, None, |d| Vec3::new(1.0 + d.x, 1.5 + d.y, 2.0 - d.z));
         let bounds = LightBounds::new(&cube);
-        let light = Light { cube: &cube, bounds: &bounds };
+        let light = Light::Environment { cube: &cube, bounds: &bounds };
         let params = Params::default();
         let counts = [1e-4, 1e-2].map(|error| {
             let receiver = (Vec3::new(0.4, 0.0, 0.2), Vec3::Y, 1);

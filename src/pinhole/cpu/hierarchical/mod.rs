@@ -25,23 +25,31 @@ use glam::Vec4;
 use rayon::prelude::*;
 
 use self::blocks::{ReceiverTile, Weights};
+use self::criterion::SourceBounds;
 use self::tile::TileGather;
+use super::lamp::LampLight;
 use super::receiver::{ReceiverGroup, load_at};
-use super::{CubeLookup, Gather, GatherUniforms};
+use super::{CubeLookup, Gather, GatherUniforms, Source};
 use crate::brdf::Materials;
 use crate::environment::{CubeMap, LightBounds};
 use crate::lanes::{LANES, dispatch, level};
 use crate::pinhole::constants::{ESTIMATE_MAX_RECEIVERS, ESTIMATE_MAX_SAMPLE_NODES, ESTIMATE_RMS_SHARE};
 use crate::pinhole::{Params, PinholeTree, Receivers};
 use crate::progress::Progress;
+use crate::scene::Lamp;
 
 /// The light of a hierarchical gather.
 #[derive(Clone, Copy, Debug)]
-pub struct Light<'a> {
+pub enum Light<'a> {
     /// The environment.
-    pub cube: &'a CubeMap,
-    /// Its bounds.
-    pub bounds: &'a LightBounds,
+    Environment {
+        /// Its radiance.
+        cube: &'a CubeMap,
+        /// Bounds of that.
+        bounds: &'a LightBounds,
+    },
+    /// A lamp.
+    Lamp(&'a Lamp),
 }
 
 /// Accuracy of a hierarchical gather.
@@ -119,16 +127,26 @@ fn gather_tiles(
 struct TraversalContext<'a> {
     pinholes: &'a PinholeTree,
     gather: Gather<'a>,
-    bounds: &'a LightBounds,
+    bounds: SourceBounds<'a>,
     weights: [Weights; blocks::LEVELS],
 }
 
 impl<'a> TraversalContext<'a> {
     fn new(pinholes: &'a PinholeTree, light: Light<'a>, params: &Params, materials: Option<&'a Materials>) -> Self {
-        let uniforms = GatherUniforms::for_cube(params, &pinholes.sample_nodes, light.cube);
-        let environment = CubeLookup::rotated(light.cube, &uniforms);
-        let gather = Gather { pinholes: &pinholes.sample_nodes, materials, uniforms, environment };
-        Self { pinholes, gather, bounds: light.bounds, weights: std::array::from_fn(Weights::new) }
+        let nodes = &pinholes.sample_nodes;
+        let (uniforms, source, bounds) = match light {
+            Light::Environment { cube, bounds } => {
+                let uniforms = GatherUniforms::for_cube(params, nodes, cube);
+                let source = Source::Environment(CubeLookup::rotated(cube, &uniforms));
+                (uniforms, source, SourceBounds::Environment(bounds))
+            }
+            Light::Lamp(lamp) => {
+                let lamp = LampLight::new(lamp);
+                (GatherUniforms::for_lamp(params, nodes), Source::Lamp(lamp), SourceBounds::Lamp(lamp))
+            }
+        };
+        let gather = Gather { pinholes: nodes, materials, uniforms, source };
+        Self { pinholes, gather, bounds, weights: std::array::from_fn(Weights::new) }
     }
 
     /// See [`estimate_irradiance`].

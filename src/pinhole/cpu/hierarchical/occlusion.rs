@@ -1,7 +1,8 @@
 //! Occlusion by maps and rays: what the samples' maps leave in doubt, and what counts, is traced.
 
-use glam::Vec3;
+use glam::{Vec3, Vec4};
 
+use super::super::lamp::LampLight;
 use super::super::pair::ReceiverCellPair;
 use super::super::receiver::Receiver;
 use super::super::visibility::{Coverage, Occlusion, VisibilityMap, sky_behind};
@@ -118,6 +119,34 @@ impl Occlusion for TracedSky<'_> {
 }
 
 impl TileGather<'_> {
+    /// Adds what a lamp contributes by way of a cell, in lit lanes. `map` is that of what the cell sees on the lamp's side, if anything is
+    /// occluded; what it leaves in doubt is traced from the middle of the cell.
+    #[inline(always)]
+    #[expect(clippy::too_many_arguments, reason = "as for the environment, and the lamp")]
+    pub fn add_of_lamp<S: Simd>(
+        &self,
+        simd: S,
+        lamp: &LampLight,
+        cell: &CellAtReceivers<S>,
+        map: Option<&VisibilityMap>,
+        max_contribution: F<S>,
+        lit: u32,
+        sum: &mut [Vec4; LANES],
+    ) {
+        let gather = &self.context.gather;
+        let radiance = lamp.mean_radiance(simd, cell.sample, cell.pair, lit);
+        let lit = set_bits(lit).filter(|lane| radiance[*lane].truncate() != Vec3::ZERO).fold(0, |lit, k| lit | 1 << k);
+        let mut weight = cell.weight;
+        if let Some(map) = map.filter(|_| lit != 0) {
+            let to = splat3(simd, lamp.offset_from(cell.sample.position));
+            let (fraction, doubtful) = map.visible_fraction(simd, to, None, lit);
+            let behind = sky_behind(cell.sample.interface, cell.pair.dn);
+            let found = (lanes(simd, fraction), doubtful & lit);
+            weight *= self.traced_fraction(simd, (cell.sample, behind), to, found, max_contribution);
+        }
+        gather.add(cell.sample, cell.pair, cell.receiver, (weight, &radiance, lit), sum);
+    }
+
     /// The lanes in which a contribution of up to `max` is worth a ray from one of these.
     #[inline(always)]
     fn worth_tracing<S: Simd>(&self, simd: S, max: F<S>, share: f32) -> u32 {
@@ -149,10 +178,26 @@ impl TileGather<'_> {
         (fraction, doubtful): (F<S>, u32),
         max_contribution: F<S>,
     ) -> F<S> {
+        let behind = bits(pair.dn.simd_gt(0.0));
+        let towards = pair.d * splat(simd, -1.0);
+        self.traced_fraction(simd, (cell, behind), towards, (fraction, doubtful), max_contribution)
+    }
+
+    /// The visible fraction of points that lie `towards` these from the middle of a cell; those in doubt that contribute enough are
+    /// traced. `behind` are the lanes that concern the cell's back.
+    #[inline(always)]
+    fn traced_fraction<S: Simd>(
+        &self,
+        simd: S,
+        (cell, behind): (&PinholeParts, u32),
+        towards: V3<S>,
+        (fraction, doubtful): (F<S>, u32),
+        max_contribution: F<S>,
+    ) -> F<S> {
         let traced = doubtful & self.worth_tracing(simd, max_contribution, MIN_TRACED_SHARE);
         let Some(occluders) = self.context.pinholes.occluders.as_ref().filter(|_| traced != 0) else { return fraction };
-        let (directions, distances) = directions_and_lengths(simd, pair.d * splat(simd, -1.0));
-        let open = occluders.unoccluded_lanes(cell, bits(pair.dn.simd_gt(0.0)), (&directions, &distances), traced);
+        let (directions, distances) = directions_and_lengths(simd, towards);
+        let open = occluders.unoccluded_lanes(cell, behind, (&directions, &distances), traced);
         let mut fraction = fraction.to_array();
         set_bits(traced).for_each(|lane| fraction[lane] = (open >> lane & 1) as f32);
         lanes(simd, fraction)

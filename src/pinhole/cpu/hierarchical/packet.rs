@@ -4,13 +4,14 @@ use std::f32::consts::PI;
 
 use glam::{Vec3, Vec4};
 
+use super::super::Source;
 use super::super::crossing::CrossingBounds;
 use super::super::cube::{OnCube, on_cube};
 use super::super::filters::FootprintSides;
 use super::super::pair::{ReceiverCellPair, facing};
 use super::super::receiver::{Receiver, ReceiverGroup};
 use super::super::visibility::{Coverage, VisibilityMap};
-use super::criterion::unevenness;
+use super::criterion::{SourceBounds, unevenness};
 use super::evaluation::CellAtReceivers;
 use super::occlusion::VisibleReceivers;
 use super::tile::{FULLY_VISIBLE, TileGather};
@@ -21,8 +22,8 @@ use crate::lanes::{
 use crate::pinhole::PinholeParts;
 use crate::pinhole::cell::Cell;
 use crate::pinhole::constants::{
-    CENTRAL_VISIBILITY_SHARE, CONTRAST_ERROR_SCALE, FOOTPRINT_BEND, FOOTPRINT_RADIUS, MAX_PIECE_SIZE, MAX_QUARTERINGS,
-    MAX_RELATIVE_SIZE, MIN_DISTANCE_RATIO, WEIGHT_ERROR_SCALE,
+    CENTRAL_VISIBILITY_SHARE, CONTRAST_ERROR_SCALE, FOOTPRINT_BEND, FOOTPRINT_RADIUS, MAX_LAMP_QUARTERINGS,
+    MAX_PIECE_SIZE, MAX_QUARTERINGS, MAX_RELATIVE_SIZE, MIN_DISTANCE_RATIO, WEIGHT_ERROR_SCALE,
 };
 use crate::pinhole::tree::NODE_MASK;
 
@@ -238,7 +239,17 @@ impl TileGather<'_> {
             (cone_axis, cone_radius) = crossed_light(simd, cell, pair, footprint, turned, crossing);
             size *= crossing.per_cosine;
         }
-        let (max_radiance, contrast) = self.light_within(simd, cone_axis, (cone_radius, cell.blur), max_weight.facing);
+        size = self.size_for_light(size, &cell.sample, cell.radius);
+        let (mut max_radiance, mut contrast) =
+            self.light_within(simd, cell, (cone_axis, cone_radius), max_weight.facing);
+        if let Source::Lamp(lamp) = &self.context.gather.source
+            && cell.is_leaf()
+        {
+            // Where it is near, parts of it fill much less of the directions than all of it does to first order.
+            let part = lamp.max_part(simd, &cell.sample, footprint);
+            max_radiance *= size.simd_lt(MAX_PIECE_SIZE).select(part, splat(simd, 1.0));
+            contrast = max_radiance;
+        }
         let mut weight = max_weight.value * cell.max_reflectance;
         let mut gloss_error = splat(simd, 0.0);
         if receiver.view.is_some() {
@@ -261,7 +272,9 @@ impl TileGather<'_> {
     /// The lanes within which the weight of a cell of this relative size differs too much.
     #[inline(always)]
     fn uneven_lanes<S: Simd>(&self, simd: S, max_contribution: F<S>, size: F<S>) -> u32 {
-        let error = max_contribution * size * size * WEIGHT_ERROR_SCALE;
+        // A lamp's light comes from anywhere on the cell, that of the environment from all of it.
+        let of_size = if matches!(self.context.gather.source, Source::Lamp(_)) { size } else { size * size };
+        let error = max_contribution * of_size * WEIGHT_ERROR_SCALE;
         bits(error.simd_gt(splat(simd, self.criterion.error_budget)))
     }
 
@@ -299,6 +312,10 @@ impl TileGather<'_> {
         sum: &mut [Vec4; LANES],
     ) {
         let gather = &self.context.gather;
+        if let Source::Lamp(lamp) = &gather.source {
+            self.add_of_lamp(simd, lamp, cell, map.as_ref(), bounds.max, lit, sum);
+            return;
+        }
         let contribution_range = bounds.range;
         if let Some(sky) = &map {
             match sky.sky_coverage(simd, cell.pair.r, cell.footprint.max_radius(cell.sample.lobe), lit) {
@@ -336,13 +353,25 @@ impl TileGather<'_> {
         let gather = &self.context.gather;
         let taps = Some(splat(simd, gather.uniforms.taps as f32));
         let mut pieces: Vec<(PinholeParts, u32, u32)> = leaf.sample.quarters().map(|q| (q, near, 1)).to_vec();
+        let max_depth = match &gather.source {
+            Source::Lamp(_) => MAX_LAMP_QUARTERINGS,
+            Source::Environment(_) => MAX_QUARTERINGS,
+        };
         while let Some((piece, lanes, depth)) = pieces.pop() {
             let pair = ReceiverCellPair::new(simd, &piece, receiver);
-            let size = pair.inverse_l * (0.5 * (piece.sides[0].length() + piece.sides[1].length()));
+            let lanes = match &gather.source {
+                Source::Lamp(lamp) => lanes & lamp.lanes_lit_by_piece(simd, &piece, &pair),
+                Source::Environment(_) => lanes,
+            };
+            if lanes == 0 {
+                continue;
+            }
+            let extent = 0.5 * (piece.sides[0].length() + piece.sides[1].length());
+            let size = self.size_for_light(pair.inverse_l * extent, &piece, extent);
             let weight = gather.weight(simd, &piece, &pair, receiver);
             let is_large = bits(size.simd_gt(MAX_RELATIVE_SIZE))
                 | bits(size.simd_gt(MAX_PIECE_SIZE)) & self.uneven_lanes(simd, weight * max_light, size);
-            let refined = if depth < MAX_QUARTERINGS { lanes & is_large } else { 0 };
+            let refined = if depth < max_depth { lanes & is_large } else { 0 };
             if refined != 0 {
                 pieces.extend(piece.quarters().map(|q| (q, refined, depth + 1)));
             }
@@ -353,8 +382,12 @@ impl TileGather<'_> {
             let weight = weight * visible_fraction;
             let footprint = &pair.footprint(simd, &piece);
             let map = self.sky_map(leaf, pair.dn);
+            let max = weight * max_light;
             let piece = CellAtReceivers { sample: &piece, receiver, pair: &pair, footprint, weight };
-            gather.add_cell(simd, &piece, map.as_ref(), taps, lit, sum);
+            match &gather.source {
+                Source::Lamp(lamp) => self.add_of_lamp(simd, lamp, &piece, map.as_ref(), max, lit, sum),
+                Source::Environment(_) => gather.add_cell(simd, &piece, map.as_ref(), taps, lit, sum),
+            }
         }
     }
 
@@ -387,19 +420,34 @@ impl TileGather<'_> {
         (lanes(simd, max), lanes(simd, difference) * CONTRAST_ERROR_SCALE)
     }
 
-    /// Bounds of the light, blurred over a width, within cones around sixteen directions: the maximum and the contrast of its
-    /// radiance.
+    /// The relative size of a cell for receivers and, if that is larger, for a lamp.
+    #[inline(always)]
+    fn size_for_light<S: Simd>(&self, size: F<S>, cell: &PinholeParts, extent: f32) -> F<S> {
+        match &self.context.gather.source {
+            Source::Lamp(lamp) => size.max(lamp.relative_size(cell, extent)),
+            Source::Environment(_) => size,
+        }
+    }
+
+    /// Bounds of the light that arrives at a cell, blurred as its look-ups are, within cones around sixteen directions: the maximum and
+    /// the contrast of its radiance.
     #[inline(always)]
     fn light_within<S: Simd>(
         &self,
         simd: S,
-        direction: V3<S>,
-        (radius, blur): (F<S>, f32),
+        cell: &Cell,
+        (direction, radius): (V3<S>, F<S>),
         active: u32,
     ) -> (F<S>, F<S>) {
-        let light = self.criterion.light;
-        let pyramid = light.pyramid(blur);
-        let OnCube { face, s, t } = on_cube(simd, self.context.gather.environment.light_from_world(direction));
+        let (light, environment) = match (&self.criterion.light, &self.context.gather.source) {
+            (SourceBounds::Environment(light), Source::Environment(environment)) => (light, environment),
+            (SourceBounds::Lamp(lamp), _) | (_, Source::Lamp(lamp)) => {
+                let max = lamp.max_within(simd, (&cell.sample, cell.radius), direction, radius);
+                return (max, max);
+            }
+        };
+        let pyramid = light.pyramid(cell.blur);
+        let OnCube { face, s, t } = on_cube(simd, environment.light_from_world(direction));
         let (a, b) = (s - 1.0, t - 1.0);
         let reach = radius * (a * a + b * b + 1.0) * light.half_size() + LightBounds::texel_width(pyramid);
         let texels = light.texels_at(simd, [face, s, t, reach], pyramid);

@@ -2,6 +2,7 @@
 
 use glam::Vec4;
 
+use super::super::Source;
 use super::super::pair::ReceiverCellPair;
 use super::super::receiver::{Receiver, ReceiverGroup, load_at};
 use super::super::visibility::{Coverage, Occlusion, VisibilityMap};
@@ -61,7 +62,7 @@ impl<'a> TileGather<'a> {
             light: context.bounds,
             error_budget: 0.0,
             negligible: 0.0,
-            texel_rad: context.gather.environment.texel_rad(),
+            texel_rad: context.gather.uniforms.texel_rad,
             map_texel_rad: context.gather.map_texel_rad(),
             has_view_directions: receivers.receivers().view_directions.is_some(),
         };
@@ -258,6 +259,11 @@ impl<'a> TileGather<'a> {
                 }
             }
             let map = VisibilityMap::of_sky(maps, node, pair.dn);
+            if let Source::Lamp(lamp) = &gather.source {
+                let cell = CellAtReceivers { sample, receiver: &receiver, pair: &pair, footprint: &footprint, weight };
+                self.add_of_lamp(simd, lamp, &cell, Some(&map), splat(simd, accepted.max_contribution), lit, sum);
+                return true;
+            }
             match map.sky_coverage(simd, pair.r, footprint.max_radius(sample.lobe), lit) {
                 Coverage::Full => {}
                 Coverage::None => return true,

@@ -1,0 +1,156 @@
+//! Lamps on surfaces and before the camera: direct light with soft shadows, and the lamps themselves where paths meet them.
+
+use std::f32::consts::TAU;
+use std::ops::{AddAssign, Mul};
+
+use glam::{Vec2, Vec3};
+use rayon::prelude::*;
+
+use super::paths::EndPoint;
+use crate::brdf::Materials;
+use crate::lanes::{ALL, LANES};
+use crate::pinhole::{chord_of_sphere, solid_angle_of};
+use crate::scene::Lamp;
+use crate::tracing::{Hit, Tracer};
+
+/// Shadow rays towards a lamp: first so many,
+const FIRST_RAYS: usize = LANES;
+/// and where some of them are blocked and others not, so many in all.
+const RAYS: usize = 4 * LANES;
+
+/// The direct light of lamps.
+#[derive(Debug)]
+pub(super) struct LampLight<'a> {
+    lamps: &'a [Lamp],
+    /// What throws shadows, if anything does.
+    tracer: Option<&'a Tracer>,
+}
+
+/// A lamp above a receiver.
+struct Seen<'a> {
+    lamp: &'a Lamp,
+    towards: Vec3,
+    chord: f32,
+}
+
+/// Means over the directions of a lamp.
+#[derive(Clone, Copy, Debug, Default)]
+struct Means<T> {
+    /// Over all of them,
+    all: T,
+    /// and with zero for those in which the lamp is hidden.
+    open: T,
+}
+
+impl<'a> LampLight<'a> {
+    pub fn new(lamps: &'a [Lamp], tracer: Option<&'a Tracer>) -> Self {
+        Self { lamps, tracer }
+    }
+
+    pub fn is_dark(&self) -> bool {
+        self.lamps.is_empty()
+    }
+
+    /// Irradiance, W/m².
+    pub fn irradiance(&self, point: &Hit) -> Vec3 {
+        let of_lamp = |seen: Seen| {
+            let Means { all, open } = self.means(&seen, point, |direction| direction.dot(point.normal).max(0.0));
+            if seen.is_whole(point) && all > 0.0 {
+                // What arrives without shadows is known exactly.
+                let cosine = seen.towards.dot(point.normal);
+                return open / all * cosine * seen.lamp.irradiance_at(point.position);
+            }
+            open * solid_angle_of(seen.chord) * seen.lamp.radiance_at(point.position)
+        };
+        self.above(point).map(of_lamp).sum()
+    }
+
+    /// Radiance that glossy receivers reflect towards their viewers, W/(m²·sr).
+    pub fn reflected(&self, materials: &Materials, points: &[&EndPoint]) -> Vec<Vec3> {
+        points.par_iter().map(|point| self.reflected_at(materials, point)).collect()
+    }
+
+    fn reflected_at(&self, materials: &Materials, point: &EndPoint) -> Vec3 {
+        let EndPoint { hit, view, .. } = point;
+        let of_lamp = |seen: Seen| {
+            let radiance = seen.lamp.radiance_at(hit.position) * solid_angle_of(seen.chord);
+            let reflected = |direction: Vec3| {
+                let cosine = direction.dot(hit.normal).max(0.0);
+                cosine * materials.value(hit.object, hit.normal, direction, *view, 0.0)
+            };
+            radiance * self.means(&seen, hit, reflected).open
+        };
+        self.above(hit).map(of_lamp).sum()
+    }
+
+    /// The lamps of which any part is above a receiver.
+    fn above(&self, point: &Hit) -> impl Iterator<Item = Seen<'a>> {
+        let (position, normal) = (point.position, point.normal);
+        self.lamps.iter().filter_map(move |lamp| {
+            let to = lamp.position - position;
+            let distance = to.length();
+            let is_above = to.dot(normal) > -lamp.radius && distance > lamp.radius;
+            is_above.then(|| Seen { lamp, towards: to / distance, chord: chord_of_sphere(lamp.radius / distance) })
+        })
+    }
+
+    /// The means of a factor over a lamp's directions.
+    fn means<T>(&self, seen: &Seen, point: &Hit, factor: impl Fn(Vec3) -> T) -> Means<T>
+    where
+        T: Default + AddAssign + Mul<f32, Output = T> + Copy,
+    {
+        let frame = seen.towards.any_orthonormal_pair();
+        let packet = |means: &mut Means<T>, first: usize, count: usize| {
+            let directions = std::array::from_fn(|lane| seen.direction(frame, first + lane, count));
+            let open = self.open_lanes(seen, point, &directions);
+            means.add(directions.map(|direction| factor(direction) * (1.0 / count as f32)), open);
+            open
+        };
+        let mut few = Means::default();
+        let open = packet(&mut few, 0, FIRST_RAYS);
+        if open == ALL || open == 0 {
+            return few;
+        }
+        let mut more = Means::default();
+        for first in (0..RAYS).step_by(LANES) {
+            packet(&mut more, first, RAYS);
+        }
+        more
+    }
+
+    /// The directions in which nothing lies before the lamp.
+    fn open_lanes(&self, seen: &Seen, point: &Hit, directions: &[Vec3; LANES]) -> u32 {
+        let Some(tracer) = self.tracer else { return ALL };
+        let distance = seen.lamp.position.distance(point.position);
+        ALL & !tracer.hidden_lanes(point.position, directions, distance)
+    }
+}
+
+impl<T: AddAssign + Copy> Means<T> {
+    fn add(&mut self, values: [T; LANES], open: u32) {
+        for (lane, value) in values.into_iter().enumerate() {
+            self.all += value;
+            if open >> lane & 1 != 0 {
+                self.open += value;
+            }
+        }
+    }
+}
+
+impl Seen<'_> {
+    /// Whether all of it is above a receiver.
+    fn is_whole(&self, point: &Hit) -> bool {
+        (self.lamp.position - point.position).dot(point.normal) >= self.lamp.radius
+    }
+
+    /// One of so many directions that are spread evenly over the disc, along Vogel's spiral.
+    fn direction(&self, (across, around): (Vec3, Vec3), k: usize, count: usize) -> Vec3 {
+        const GOLDEN_TURN: f32 = 0.381_966;
+        let chord = self.chord * ((k as f32 + 0.5) / count as f32).sqrt();
+        let turn = TAU * (k as f32 * GOLDEN_TURN).fract();
+        // Lambert's projection, backwards.
+        let from_axis = chord * (1.0 - 0.25 * chord * chord).sqrt();
+        let place = from_axis * Vec2::from_angle(turn);
+        (1.0 - 0.5 * chord * chord) * self.towards + place.x * across + place.y * around
+    }
+}

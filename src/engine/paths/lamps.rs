@@ -1,0 +1,103 @@
+//! Lamps that paths meet on their way from surface to surface, and how much of each the paths of a pixel see: a disc is smooth at its
+//! edge, and in a mirror that shows it smaller than a pixel.
+
+use glam::Vec3;
+
+use super::{PixelPaths, Source};
+use crate::engine::escapes::{Escape, footprints};
+use crate::pinhole::{chord_of_sphere, filled_part};
+use crate::scene::{Lamp, Ray};
+use crate::tracing::Hit;
+
+/// Paths that pass a lamp at a larger angle, radians, see nothing of it.
+const MAX_ANGLE: f32 = 0.25;
+/// Full width of what one of a rough mirror's sampled microfacets stands for, radians, for a GGX surface of width 1.
+const FACET_BLUR: f32 = 1.5;
+
+/// A path that comes near a lamp.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Passing {
+    /// Which of the pixel's points it belongs to.
+    pub point: u16,
+    /// Hash of what it met, and of the lamp.
+    key: u64,
+    direction: Vec3,
+    towards: Vec3,
+    chord: f32,
+    /// Of the lamp, times the path's throughput.
+    radiance: Vec3,
+    is_background: bool,
+    /// The sides of its footprint, if they are known already.
+    sides: Option<[Vec3; 2]>,
+}
+
+/// A ray along a path.
+pub(super) struct Segment<'a> {
+    pub point: u16,
+    pub key: u64,
+    pub ray: Ray,
+    /// Those of the neighbouring points, horizontally and vertically, for rays from the camera.
+    pub beside: Option<[Ray; 2]>,
+    /// What it meets.
+    pub hit: Option<&'a Hit>,
+    pub throughput: Vec3,
+    /// GGX width of the roughest mirror so far.
+    pub alpha: f32,
+}
+
+/// The lamps that a part of a path passes.
+pub(super) fn passed<'a>(lamps: &'a [Lamp], segment: &'a Segment<'a>) -> impl Iterator<Item = Passing> + 'a {
+    lamps.iter().zip(1..).filter_map(move |(lamp, number)| {
+        let Segment { point, key, ray, beside, hit, throughput, alpha } = segment;
+        let direction = ray.direction.normalize();
+        let to = lamp.position - ray.origin;
+        let distance = to.length();
+        if distance <= lamp.radius || hit.is_some_and(|hit| hit.distance * ray.direction.length() < distance) {
+            return None;
+        }
+        let (towards, chord) = (to / distance, chord_of_sphere(lamp.radius / distance));
+        let off = direction - towards;
+        if off.length_squared() > (chord + MAX_ANGLE + FACET_BLUR * alpha).powi(2) {
+            return None;
+        }
+        let sides = if *alpha > 0.0 {
+            let (a, b) = direction.any_orthonormal_pair();
+            Some([a, b].map(|side| FACET_BLUR * alpha * side))
+        } else {
+            let side = |other: Ray| {
+                let change = other.direction.normalize() - (lamp.position - other.origin).normalize() - off;
+                change - change.dot(direction) * direction
+            };
+            beside.map(|beside| beside.map(side))
+        };
+        Some(Passing {
+            point: *point,
+            key: key.wrapping_mul(1_000_003) ^ number,
+            direction,
+            towards,
+            chord,
+            radiance: *throughput * lamp.radiance_at(ray.origin),
+            is_background: *key == 0,
+            sides,
+        })
+    })
+}
+
+impl PixelPaths {
+    /// Adds the lamps that its paths see; the points of the pixel are `columns` a row.
+    pub(super) fn add_lamps(&mut self, passing: &[Passing], columns: u32) {
+        let mut by_point = vec![Vec::new(); usize::from(self.points)];
+        for (term, lamp) in passing.iter().enumerate() {
+            let escape = Escape { term, key: lamp.key, direction: lamp.direction - lamp.towards };
+            by_point[usize::from(lamp.point)].push(escape);
+        }
+        for (index, by_neighbours) in footprints(&by_point, columns as usize) {
+            let lamp = &passing[index];
+            let sides = lamp.sides.unwrap_or(by_neighbours);
+            let part = filled_part(lamp.direction, sides, lamp.towards, lamp.chord);
+            if part > 0.0 {
+                self.add(lamp.point, part * lamp.radiance, Source::Emitter(Vec3::ONE), lamp.is_background);
+            }
+        }
+    }
+}

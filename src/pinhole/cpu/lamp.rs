@@ -1,0 +1,180 @@
+//! What a lamp adds to a sum: the part of a cell's footprint that its disc fills, instead of a look-up in the environment.
+
+use std::f32::consts::{FRAC_PI_2, PI};
+
+use glam::{Vec3, Vec4};
+
+use super::filters::FootprintSides;
+use super::pair::ReceiverCellPair;
+use crate::lanes::{F, LANES, Select, Simd, SimdBase, SimdFloat, V3, bits, set_bits, splat, splat3};
+use crate::pinhole::PinholeParts;
+use crate::pinhole::constants::{FOOTPRINT_RADIUS, LAMP_BLUR};
+use crate::pinhole::disc::{chord_of_sphere, filled_part, solid_angle_of};
+use crate::scene::Lamp;
+
+/// How much farther than a footprint its blur reaches.
+pub(super) const BLURRED_REACH: f32 = 1.0 + LAMP_BLUR / FOOTPRINT_RADIUS;
+
+/// A lamp, as sums see it.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct LampLight<'a> {
+    lamp: &'a Lamp,
+    /// The largest radiance of any channel from anywhere.
+    pub max_radiance: f32,
+}
+
+/// A lamp, seen from a point.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Seen {
+    /// Unit vector.
+    pub towards: Vec3,
+    pub distance: f32,
+    /// As in [`filled_part`].
+    pub chord: f32,
+}
+
+impl<'a> LampLight<'a> {
+    pub fn new(lamp: &'a Lamp) -> Self {
+        Self { lamp, max_radiance: lamp.max_radiance() }
+    }
+
+    /// From a point to the lamp, metres.
+    pub fn offset_from(&self, point: Vec3) -> Vec3 {
+        self.lamp.position - point
+    }
+
+    /// The lamp, seen from a point.
+    #[inline]
+    pub fn seen_from(&self, point: Vec3) -> Seen {
+        let to = self.offset_from(point);
+        let distance = to.length().max(f32::MIN_POSITIVE);
+        let chord = chord_of_sphere((self.lamp.radius / distance).min(1.0));
+        Seen { towards: to / distance, distance, chord }
+    }
+
+    /// Directions from any point of a cell to any point of the lamp are at most this far from that of the centres, radians.
+    #[inline]
+    pub fn spread(&self, cell: &PinholeParts, radius: f32) -> f32 {
+        let distance = self.offset_from(cell.position).length();
+        let nearest = distance - radius;
+        let sine = (radius + self.lamp.radius) / nearest;
+        // An arc is at most this much longer than its sine.
+        if nearest > 0.0 && sine < 1.0 { sine * FRAC_PI_2 } else { PI }
+    }
+
+    /// How large a cell is for the lamp: its extent over their distance.
+    pub fn relative_size(&self, cell: &PinholeParts, extent: f32) -> f32 {
+        extent / self.offset_from(cell.position).length().max(f32::MIN_POSITIVE)
+    }
+
+    /// The sides of a footprint of directions to points at the lamp's distance: what is reflected turns along a cell, and the lamp is
+    /// seen from another place.
+    #[inline(always)]
+    fn sides<S: Simd>(simd: S, sample: &PinholeParts, footprint: &FootprintSides<S>, seen: &Seen) -> [V3<S>; 2] {
+        let inverse = 1.0 / seen.distance;
+        let side = |side: Vec3, change: V3<S>| {
+            let side = splat3(simd, side * inverse);
+            change + side.plus(footprint.r, -side.dot(footprint.r))
+        };
+        [side(sample.sides[0], footprint.v1), side(sample.sides[1], footprint.v2)]
+    }
+
+    /// At most the part of a cell's footprint that the lamp fills.
+    #[inline(always)]
+    pub fn max_part<S: Simd>(&self, simd: S, sample: &PinholeParts, footprint: &FootprintSides<S>) -> F<S> {
+        let seen = self.seen_from(sample.position);
+        let [a, b] = Self::sides(simd, sample, footprint, &seen);
+        let across = a.cross(b);
+        let area = across.dot(across).sqrt().max(f32::MIN_POSITIVE);
+        (splat(simd, solid_angle_of(seen.chord)) / area).min(1.0)
+    }
+
+    /// The lanes in which directions within a radius around these may lead to the lamp from some point of a cell.
+    #[inline(always)]
+    pub fn max_within<S: Simd>(&self, simd: S, cell: (&PinholeParts, f32), direction: V3<S>, radius: F<S>) -> F<S> {
+        let seen = self.seen_from(cell.0.position);
+        let apart = direction - splat3(simd, seen.towards);
+        let chord = apart.dot(apart).sqrt();
+        // A chord is shorter than its arc.
+        let is_met = chord.simd_le((radius + self.spread(cell.0, cell.1)) * BLURRED_REACH);
+        is_met.select(splat(simd, self.max_radiance), splat(simd, 0.0))
+    }
+
+    /// The lanes in which a piece of a cell, however near, may send light of the lamp to receivers.
+    #[inline(always)]
+    pub fn lanes_lit_by_piece<S: Simd>(&self, simd: S, piece: &PinholeParts, pair: &ReceiverCellPair<S>) -> u32 {
+        let half = |[a, b]: [Vec3; 2]| 0.5 * (a.length() + b.length());
+        let (radius, turn) = (half(piece.sides), 2.0 * half(piece.changes) + 0.5 * piece.lobe);
+        // An arc is at most a right angle longer than its sine; nearer than that, light may come from anywhere.
+        let spread = pair.inverse_l * (radius * FRAC_PI_2);
+        let spread = spread.simd_lt(1.0).select(spread, splat(simd, PI)) + turn;
+        // Refracted light turns without bound next to total reflection.
+        let spread = if piece.interface.is_none() { spread } else { splat(simd, PI) };
+        bits(self.max_within(simd, (piece, radius), pair.r, spread).simd_gt(0.0))
+    }
+
+    /// Mean radiance over a cell's footprint, or over both parts of its lobe; w = 1, a fetch.
+    #[inline(always)]
+    pub fn mean_radiance<S: Simd>(
+        &self,
+        simd: S,
+        sample: &PinholeParts,
+        pair: &ReceiverCellPair<S>,
+        lit: u32,
+    ) -> [Vec4; LANES] {
+        let mut sum = [Vec4::ZERO; LANES];
+        if sample.is_mostly_lobe() {
+            for part in pair.lobe_parts(simd, sample) {
+                self.add_mean(simd, sample, &part, (lit, 0.5), &mut sum);
+            }
+        } else {
+            self.add_mean(simd, sample, &pair.footprint(simd, sample), (lit, 1.0), &mut sum);
+        }
+        sum
+    }
+
+    #[inline(always)]
+    fn add_mean<S: Simd>(
+        &self,
+        simd: S,
+        sample: &PinholeParts,
+        footprint: &FootprintSides<S>,
+        (lit, weight): (u32, f32),
+        sum: &mut [Vec4; LANES],
+    ) {
+        let seen = self.seen_from(sample.position);
+        let [a, b] = Self::sides(simd, sample, footprint, &seen).map(V3::to_arrays);
+        let r = footprint.r.to_arrays();
+        for lane in set_bits(lit) {
+            let vector = |v: &[[f32; LANES]; 3]| Vec3::new(v[0][lane], v[1][lane], v[2][lane]);
+            let (direction, sides) = (vector(&r), [vector(&a), vector(&b)]);
+            // What is blurred must not reach below the horizon.
+            if direction.dot(sample.normal) * seen.towards.dot(sample.normal) <= 0.0 {
+                sum[lane].w += 1.0;
+                continue;
+            }
+            // Of a wider disc that sends as much light: cells are no exact parallelograms, between which small lamps would flicker.
+            let squares = sides[0].length_squared() + sides[1].length_squared();
+            let (own, wide) = (seen.chord * seen.chord, seen.chord * seen.chord + LAMP_BLUR * LAMP_BLUR * squares);
+            let part = own / wide * filled_part(direction, sides, seen.towards, wide.sqrt());
+            let mut mean = Vec3::ZERO;
+            if part > 0.0 {
+                mean = weight * part * self.lamp.radiance_at(self.lit_place(sample, direction, sides, seen.towards));
+            }
+            sum[lane] += mean.extend(1.0);
+        }
+    }
+
+    /// The place on a cell from which light goes to the receiver.
+    fn lit_place(&self, sample: &PinholeParts, direction: Vec3, [a, b]: [Vec3; 2], towards: Vec3) -> Vec3 {
+        if self.lamp.beam.is_none() {
+            return sample.position;
+        }
+        let off = towards - direction;
+        let (aa, ab, bb) = (a.length_squared(), a.dot(b), b.length_squared());
+        let determinant = (aa * bb - ab * ab).max(f32::MIN_POSITIVE);
+        let x = (off.dot(a) * bb - off.dot(b) * ab) / determinant;
+        let y = (off.dot(b) * aa - off.dot(a) * ab) / determinant;
+        sample.position + x.clamp(-0.5, 0.5) * sample.sides[0] + y.clamp(-0.5, 0.5) * sample.sides[1]
+    }
+}
