@@ -75,14 +75,14 @@ pub mod pinhole {
     pub use crate::pinhole::{
         BATCH_SIZE, CURVE_POINTS, Epsilon, Filter, Footprint, GatherUniforms, MAX_TAPS, NO_RECEIVER, Params,
         PinholeParts, PinholeSample, PinholeTree, Pinholes, Probe, ReceiverLayout, Receivers, ReflectanceCurve,
-        ViewDirections, VisibilityMaps, pinholes,
+        SurroundingView, Surroundings, ViewDirections, VisibilityMaps, pinholes,
     };
 
     /// On the CPU.
     pub mod cpu {
         pub use crate::pinhole::cpu::{
             Accuracy, CachedGather, CachedSums, CubeLookup, HardwareFilterError, Lanes16, Light, contributions,
-            estimate_irradiance, gather, gather_hierarchical, gather_lamp, probe,
+            estimate_irradiance, gather, gather_hierarchical, gather_lamp, gather_surroundings, probe,
         };
     }
 

@@ -23,6 +23,8 @@ pub enum Stage {
     Light,
     /// Emitters, as they are seen from the mirrors.
     LightGeometry,
+    /// What mirrors see of surfaces in the light of lamps.
+    Surroundings,
     /// The cube map with emitters drawn into it.
     LitEnvironment,
     /// Bounds of the environment's radiance, for hierarchical sums.
@@ -67,7 +69,7 @@ pub enum Stage {
 
 impl Stage {
     /// The stages of a picture, in the order of the data flow.
-    pub const ENGINE: [Self; 23] = [
+    pub const ENGINE: [Self; 24] = [
         Self::Geometry,
         Self::Bvh,
         Self::Surface,
@@ -82,6 +84,7 @@ impl Stage {
         Self::Differentials,
         Self::Tree,
         Self::Visibility,
+        Self::Surroundings,
         Self::Upload,
         Self::Estimate,
         Self::Rays,
@@ -111,6 +114,7 @@ impl Stage {
             Self::Differentials => "differentials",
             Self::Tree => "tree",
             Self::Visibility => "visibility",
+            Self::Surroundings => "surroundings",
             Self::Upload => "upload",
             Self::Estimate => "estimate",
             Self::Rays => "rays",
@@ -140,6 +144,7 @@ impl Stage {
             Self::Points | Self::Differentials => "sampling the reflectors",
             Self::Tree => "building the tree",
             Self::Visibility => "tracing visibility maps",
+            Self::Surroundings => "rendering what mirrors see",
             Self::Upload => "uploading",
             Self::Estimate => "estimating the irradiance",
             Self::Rays | Self::Paths => "tracing camera rays",

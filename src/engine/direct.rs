@@ -10,7 +10,6 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use super::every_other::{AdaptiveLight, PixelGrid, STEP};
-use super::lamps::LampLight;
 use super::ray_batches::RayBatches;
 #[cfg(feature = "gpu")]
 use super::shadows::LightDirection;
@@ -19,7 +18,7 @@ use crate::Error;
 use crate::environment::CubeMap;
 use crate::progress::Progress;
 use crate::scene::Visibility;
-use crate::stages::{CameraRays, LightStages, PreparedLight};
+use crate::stages::{CameraRays, LampLight, LightStages, PreparedLight};
 use crate::tracing::{Hit, Tracer};
 
 /// Camera rays, approximately, that tell how enclosed the place is that the picture shows.

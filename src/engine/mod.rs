@@ -20,7 +20,6 @@ mod gloss;
 mod glossy;
 mod inspection;
 mod interpolation;
-mod lamps;
 mod overlay;
 mod paths;
 mod preview;

@@ -7,7 +7,7 @@ use glam::{Vec2, Vec3};
 /// Footprints are at least this part of their length wide.
 const MIN_SLENDERNESS: f32 = 1e-3;
 /// Footprints shorter than this, in radii of the disc, are points.
-const MIN_LENGTH: f32 = 1e-3;
+const MIN_LENGTH: f32 = 5e-3;
 
 /// The part of a footprint around a unit direction that a disc fills: from 0 to 1. The disc lies in the unit direction `towards`, `chord` is
 /// twice the sine of half its angular radius, and `sides` are the footprint's full sides, perpendicular to its own direction, radians.
@@ -22,9 +22,13 @@ pub fn filled_part(direction: Vec3, sides: [Vec3; 2], towards: Vec3, chord: f32)
 
 /// The part of a parallelogram around the origin that a unit disc fills.
 fn part_in_unit_disc(disc: Vec2, [mut a, mut b]: [Vec2; 2]) -> f32 {
+    let (distance, reach) = (disc.length(), 0.5 * (a.length() + b.length()));
     let longest = a.length_squared().max(b.length_squared());
-    if longest < MIN_LENGTH * MIN_LENGTH {
-        return if disc.length_squared() < 1.0 { 1.0 } else { 0.0 };
+    if distance >= 1.0 + reach {
+        return 0.0;
+    }
+    if distance + reach <= 1.0 || longest < MIN_LENGTH * MIN_LENGTH {
+        return if distance < 1.0 { 1.0 } else { 0.0 };
     }
     if a.perp_dot(b).abs() < MIN_SLENDERNESS * longest {
         let (long, short) = if a.length_squared() >= b.length_squared() { (a, &mut b) } else { (b, &mut a) };

@@ -21,6 +21,7 @@ pub mod gpu;
 mod interface;
 mod layout;
 mod receivers;
+mod surroundings;
 mod tree;
 mod visibility;
 
@@ -30,6 +31,7 @@ pub(crate) use disc::{chord_of_sphere, filled_part, solid_angle_of};
 pub use interface::Interface;
 pub use layout::{BATCH_SIZE, CURVE_POINTS, GatherUniforms, PinholeParts, PinholeSample, Pinholes, ReflectanceCurve};
 pub use receivers::{NO_RECEIVER, ReceiverLayout, Receivers, ViewDirections};
+pub use surroundings::{SurroundingView, Surroundings};
 pub use tree::PinholeTree;
 pub(crate) use visibility::Edges;
 pub use visibility::{SampleView, VisibilityMaps};

@@ -79,6 +79,11 @@ impl Geometry {
 
     /// The nearest point along a ray on an object that `sees` accepts.
     pub fn first_hit(&self, origin: DVec3, direction: DVec3, sees: impl Fn(u32) -> bool) -> Option<Hit> {
+        self.first_hit_of(origin, direction, |id| sees(self.triangles[id as usize].object))
+    }
+
+    /// The same on a triangle that `sees` accepts.
+    pub fn first_hit_of(&self, origin: DVec3, direction: DVec3, sees: impl Fn(u32) -> bool) -> Option<Hit> {
         if self.triangles.is_empty() {
             return None;
         }
@@ -86,7 +91,7 @@ impl Geometry {
         self.bvh.ray_traverse(box_ray(origin, direction, f64::INFINITY), &mut RayHit::none(), |_, index| {
             let id = self.bvh.primitive_indices[index];
             let triangle = &self.triangles[id as usize];
-            if sees(triangle.object)
+            if sees(id)
                 && let Some((t, barycentric)) = intersect(&triangle.corners, origin, direction)
                 && t < nearest.0
             {

@@ -31,7 +31,7 @@ pub(super) struct Sample {
     /// The solid angle of the whole lamp, sr.
     pub solid_angle: f64,
     pub radiance: DVec3,
-    /// The lamp's centre.
+    /// A place in the lamp in that direction.
     pub position: DVec3,
 }
 
@@ -48,13 +48,13 @@ impl Lamps {
         &self.0
     }
 
-    /// The lamps that a ray from a point meets: their centres and radiances.
+    /// The lamps that a ray from a point meets: where, about, and their radiances.
     pub fn met(&self, from: DVec3, direction: DVec3) -> impl Iterator<Item = (DVec3, DVec3)> {
         let lamp = move |lamp: &Source| {
             let to = lamp.position - from;
             let sine = lamp.radius / to.length();
             (sine < 1.0 && angle(direction, to.normalize()) <= sine.asin())
-                .then(|| (lamp.position, lamp.radiance_at(from)))
+                .then(|| (from + to.length() * direction, lamp.radiance_at(from)))
         };
         self.0.iter().filter_map(lamp)
     }
@@ -76,7 +76,8 @@ impl Lamps {
             let turn = TAU * v;
             let direction = (1.0 - drop) * axis + from_axis * (turn.cos() * across + turn.sin() * around);
             let radiance = lamp.radiance_at(from);
-            Some(Sample { direction, solid_angle: TAU * depth, radiance, position: lamp.position })
+            let position = from + to.length() * direction;
+            Some(Sample { direction, solid_angle: TAU * depth, radiance, position })
         })
     }
 
@@ -120,6 +121,11 @@ impl Source {
         };
         let brightest = radiance.element_sum() * brightest;
         Self { position: lamp.position.as_dvec3(), radius, radiance, brightest, beam, reach }
+    }
+
+    /// The largest sum of the channels' irradiances at a distance or beyond, W/m².
+    pub fn most_irradiance(&self, distance: f64) -> f64 {
+        self.brightest * PI * (self.radius / distance.max(self.radius)).powi(2)
     }
 
     /// Its radiance, seen from a point, W/(m²·sr).

@@ -17,6 +17,7 @@ mod geometry;
 mod gloss;
 mod lamps;
 mod light;
+mod lit_surfaces;
 mod map;
 mod maxima;
 mod passes;

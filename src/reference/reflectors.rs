@@ -15,6 +15,7 @@ use super::geometry::{Geometry, Triangle};
 use super::gloss;
 use super::lamps::Lamps;
 use super::light::Light;
+use super::lit_surfaces::LitSurfaces;
 use super::reflectance::Reflectance;
 use super::refraction::{Interface, Refracted, refract};
 use super::seen::{Corner, Seen};
@@ -37,6 +38,8 @@ pub(super) struct Reflectors<'a> {
     visibility: Visibility,
     attenuation: bool,
     chains: Chains,
+    /// What mirrors show of surfaces in the light of lamps.
+    surfaces: LitSurfaces<'a>,
     /// By object, where what they reflect to the camera is in question.
     viewed: Option<Vec<Option<Surface>>>,
     materials: Vec<Option<Material>>,
@@ -108,6 +111,7 @@ impl<'a> Reflectors<'a> {
             geometry,
             light,
             lamps,
+            surfaces: LitSurfaces::new(scene, geometry, lamps, options.visibility),
             visibility: options.visibility,
             attenuation: options.attenuation,
             chains,
@@ -176,7 +180,7 @@ impl<'a> Reflectors<'a> {
                 } else {
                     // What the tails of a lobe reach; no bound, but enough that nothing is left out.
                     let likely = self.light.bound(&cone).max(TAILS * mirror.alpha * self.brightest);
-                    likely + self.blurred_lamps(mirror.alpha, facing, bounds, &cone)
+                    likely + self.surfaces.brightest + self.blurred_lamps(mirror.alpha, facing, bounds, &cone)
                 }
             }
         };
@@ -238,7 +242,7 @@ impl<'a> Reflectors<'a> {
     /// At least the largest sum of the channels that arrives at any point of a region in a cone of directions.
     fn light_within(&self, bounds: &Bounds, cone: &Cone) -> f64 {
         let lamps = if self.lamps.is_empty() { 0.0 } else { self.lamps.bound((bounds.centre, bounds.radius), cone) };
-        self.light.bound(cone) + lamps
+        self.light.bound(cone) + lamps + self.surfaces.bound((bounds.centre, bounds.radius), cone)
     }
 
     /// What lamps add to that for a rough mirror whose cosine towards the receiver is at most `facing`, and whose lobe lies in a cone.
@@ -354,7 +358,8 @@ impl Domain for Reflectors<'_> {
     }
 
     fn is_mean(&self) -> bool {
-        self.materials.iter().flatten().any(|m| matches!(m.surface, Kind::Mirror(mirror) if mirror.alpha > 0.0))
+        let is_rough = |m: &Material| matches!(m.surface, Kind::Mirror(mirror) if mirror.alpha > 0.0);
+        self.surfaces.brightest > 0.0 || self.materials.iter().flatten().any(is_rough)
     }
 
     fn integrand(&self, region: &Region, [mut choice, u, v, facet_u, facet_v]: [f64; 5], receiver: &Receiver) -> DVec3 {
@@ -390,7 +395,7 @@ impl Reflectors<'_> {
     }
 
     /// The integrand at a point of a triangle.
-    fn at(&self, id: u32, barycentric: [f64; 3], receiver: &Receiver, facet: [f64; 2]) -> DVec3 {
+    fn at(&self, id: u32, barycentric: [f64; 3], receiver: &Receiver, numbers: [f64; 2]) -> DVec3 {
         let triangle = &self.geometry.triangles[id as usize];
         let material = self.material(triangle.object);
         let (x, n) = (triangle.position(barycentric), material.side * triangle.normal(barycentric));
@@ -408,8 +413,8 @@ impl Reflectors<'_> {
         }
         let point = Point { id, position: x, normal: n, towards, cosine };
         let light = match material.surface {
-            Kind::Mirror(mirror) => self.light_mirrored_at(&mirror, &point, facet),
-            Kind::Interface(interface) => self.light_through(&interface, &point),
+            Kind::Mirror(mirror) => self.light_mirrored_at(&mirror, &point, numbers),
+            Kind::Interface(interface) => self.light_through(&interface, &point, numbers),
         };
         let seen = match &self.viewed {
             None => DVec3::ONE,
@@ -420,14 +425,14 @@ impl Reflectors<'_> {
     }
 
     /// What a point of a mirror reflects to a receiver, W/(m²·sr).
-    fn light_mirrored_at(&self, mirror: &Mirror, point: &Point, facet: [f64; 2]) -> DVec3 {
+    fn light_mirrored_at(&self, mirror: &Mirror, point: &Point, numbers: [f64; 2]) -> DVec3 {
         let Point { normal, towards, cosine, .. } = *point;
         let reflectance = &self.reflectances[mirror.reflectance];
         if mirror.alpha == 0.0 {
-            return reflectance.at(cosine.abs()) * self.light_from(point, reflect(towards, normal));
+            return reflectance.at(cosine.abs()) * self.light_from(point, reflect(towards, normal), numbers);
         }
         let seen_side = if cosine > 0.0 { -normal } else { normal };
-        let lamps = self.lamps.samples(point.position, facet).map(|lamp| {
+        let lamps = self.lamps.samples(point.position, numbers).map(|lamp| {
             let Some(facets) = gloss::facets_towards(seen_side, -towards, mirror.alpha, lamp.direction) else {
                 return DVec3::ZERO;
             };
@@ -437,25 +442,27 @@ impl Reflectors<'_> {
             facets.weight * lamp.solid_angle * reflectance.at(facets.cosine) * lamp.radiance
         });
         let lamps: DVec3 = lamps.sum();
-        let Some(facet) = gloss::facet(seen_side, -towards, mirror.alpha, facet) else { return lamps };
-        lamps + facet.weight * reflectance.at(facet.cosine) * self.environment_from(point, facet.towards_light)
+        let Some(facet) = gloss::facet(seen_side, -towards, mirror.alpha, numbers) else { return lamps };
+        let light = self.environment_from(point, facet.towards_light)
+            + self.surfaces.radiance((point.position, point.id), facet.towards_light, numbers);
+        lamps + facet.weight * reflectance.at(facet.cosine) * light
     }
 
     /// What a point of an interface reflects to a receiver in front of it, or refracts to one behind it, W/(m²·sr).
-    fn light_through(&self, interface: &Interface, point: &Point) -> DVec3 {
+    fn light_through(&self, interface: &Interface, point: &Point, numbers: [f64; 2]) -> DVec3 {
         let Point { normal, towards, cosine, .. } = *point;
         if cosine < 0.0 {
             if !self.chains.reflected || !interface.reflects() {
                 return DVec3::ZERO;
             }
-            return interface.reflectance(-cosine) * self.light_from(point, reflect(towards, normal));
+            return interface.reflectance(-cosine) * self.light_from(point, reflect(towards, normal), numbers);
         }
         if !self.chains.refracted {
             return DVec3::ZERO;
         }
         let refracted = |eta: f64| match interface.factor(cosine, eta) {
             0.0 => DVec3::ZERO,
-            factor => factor * self.light_from(point, refract(towards, normal, eta)),
+            factor => factor * self.light_from(point, refract(towards, normal, eta), numbers),
         };
         match interface.indices() {
             [eta] => refracted(*eta),
@@ -464,9 +471,11 @@ impl Reflectors<'_> {
     }
 
     /// What arrives at a point from a direction, W/(m²·sr).
-    fn light_from(&self, point: &Point, direction: DVec3) -> DVec3 {
+    fn light_from(&self, point: &Point, direction: DVec3, numbers: [f64; 2]) -> DVec3 {
         let lamps = self.lamps.met(point.position, direction).filter(|(position, _)| !self.is_hidden(point, *position));
-        lamps.map(|(_, radiance)| radiance).sum::<DVec3>() + self.environment_from(point, direction)
+        lamps.map(|(_, radiance)| radiance).sum::<DVec3>()
+            + self.surfaces.radiance((point.position, point.id), direction, numbers)
+            + self.environment_from(point, direction)
     }
 
     /// Whether a lamp at a position is hidden from a point.

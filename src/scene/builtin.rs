@@ -32,6 +32,7 @@ pub const BUILT_IN: &[BuiltIn] = built_in! {
     "sheet": "a waving sheet of copper throws bands of sunlight on a wall",
     "pool": "waves on a tiled pool throw caustics through the water and up the wall",
     "candle": "a candle flickers inside a silver ring: light from near",
+    "colours": "a mirror ball throws the colours of lit walls into its own shadow",
     "dynamic": "bright balls, a gold ring and a floor, all of which move (Figure 7c)",
     "columns": "balls and columns between the light, a brass ring and the table shadow each other",
     "gloss": "rings of silver, polished, brushed and blasted",

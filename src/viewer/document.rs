@@ -108,6 +108,12 @@ impl Document {
         if scene.environment.intensity != old.environment.intensity {
             new.environment.intensity = scene.environment.intensity;
         }
+        for (edited, original) in scene.lamps.iter().zip(&old.lamps) {
+            let same = new.lamps.iter_mut().find(|lamp| lamp.name == edited.name);
+            if let Some(lamp) = same.filter(|_| edited != original) {
+                (lamp.position, lamp.intensity) = (edited.position, edited.intensity);
+            }
+        }
         for (edited, original) in scene.objects.iter().zip(&old.objects) {
             let same = new.objects.iter_mut().find(|object| object.name == edited.name);
             if let Some(object) = same.filter(|_| edited.placement != original.placement) {
@@ -254,6 +260,7 @@ impl Document {
         let mut document = self.document()?;
         write_camera(&mut document, &self.original.scene.camera, &self.state.scene.camera);
         self.write_environment(&mut document);
+        self.write_lamps(&mut document);
         write_options(&mut document, &self.original.options, &self.state.options);
         self.write_objects(&mut document);
         Ok(document.to_string())
@@ -299,6 +306,12 @@ impl Document {
                 whole(receiver.and_then(|table| table.get_mut("table")));
             }
         }
+        if let Some(lights) = document.get_mut("light").and_then(Item::as_array_of_tables_mut) {
+            for light in lights.iter_mut() {
+                let spot = light.get_mut("spot").and_then(Item::as_table_like_mut);
+                whole(spot.and_then(|table| table.get_mut("slide")));
+            }
+        }
         Ok(document.to_string())
     }
 
@@ -316,6 +329,21 @@ impl Document {
         }
         if new.intensity != old.intensity {
             table.insert("intensity", value(number(new.intensity)));
+        }
+    }
+
+    /// Positions and brightness.
+    fn write_lamps(&self, document: &mut DocumentMut) {
+        let Some(tables) = document.get_mut("light").and_then(Item::as_array_of_tables_mut) else { return };
+        let lamps = self.original.scene.lamps.iter().zip(&self.state.scene.lamps);
+        for ((old, new), table) in lamps.zip(tables.iter_mut()) {
+            if new.position != old.position {
+                table["position"] = vector(new.position);
+            }
+            if new.intensity != old.intensity {
+                table.remove("radiance");
+                table["intensity"] = vector(new.intensity);
+            }
         }
     }
 
@@ -373,6 +401,20 @@ mod tests {
         assert!(again.state.scene.camera.position.abs_diff_eq(document.state.scene.camera.position, 1e-6));
         assert!(again.state.scene.camera.forward.abs_diff_eq(document.state.scene.camera.forward, 1e-5));
         assert_eq!(again.state.scene.objects[0].placement, document.state.scene.objects[0].placement);
+    }
+
+    #[test]
+    fn lamps_are_edited() {
+        let dir = tempfile::tempdir().unwrap();
+        let mut document = Document::open("colours").unwrap();
+        document.state.scene.lamps[0].position.x = 0.75;
+        document.state.scene.lamps[0].intensity *= 2.0;
+        let path = dir.path().join("mine.toml");
+        document.save(&path).unwrap();
+        let again = Document::open(path.to_str().unwrap()).unwrap();
+        let (expected, found) = (&document.state.scene.lamps[0], &again.state.scene.lamps[0]);
+        assert!(found.position.abs_diff_eq(expected.position, 1e-6));
+        assert!(found.intensity.abs_diff_eq(expected.intensity, 1e-5));
     }
 
     #[test]

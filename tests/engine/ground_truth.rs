@@ -185,11 +185,12 @@ fn importance_sampling_agrees_with_brute_force() {
     }
 }
 
-/// Brute force never meets small suns, and does not know that it misses them: maps give way to the studio, spots and emitters grow.
+/// Brute force never meets small suns, and does not know that it misses them: maps give way to the studio; spots, emitters and lamps grow.
 fn with_findable_light(mut scene: Scene) -> Scene {
     for object in scene.objects.iter_mut().filter(|object| object.emitter.is_some()) {
         object.placement.scale *= 12.0;
     }
+    scene.lamps.iter_mut().for_each(|lamp| lamp.radius = 0.15);
     match &mut scene.environment.light {
         Light::BuiltInMap(name) => "studio".clone_into(name),
         Light::Spot { sigma_rad, .. } => *sigma_rad = 0.1,

@@ -16,7 +16,8 @@ fn above(height: f32) -> String {
     )
 }
 
-const FLOOR: &str = "[[object]]\nname = \"floor\"\nshape = { plane = { size = [8, 8] } }\nreceiver = {}\n";
+const FLOOR: &str =
+    "[[object]]\nname = \"floor\"\nshape = { plane = { size = [8, 8] } }\nreceiver = { albedo = [0, 0, 0] }\n";
 
 fn lamp(position: [f32; 3], radius: f32) -> String {
     format!("[[light]]\nposition = {position:?}\nradius = {radius}\nintensity = [1, 2, 3]\n")
@@ -190,4 +191,24 @@ fn lamps_shine_whatever_the_environment_does() {
     for intensity in [0.0, 1e-6, 30.0] {
         assert!(rel_l2(&lit(intensity), &expected, None) < 1e-3, "{intensity}");
     }
+}
+
+/// A ball sees a red and a blue wall in the light of a lamp: what it throws into its own shadow.
+#[test]
+fn mirrors_show_what_lamps_light() {
+    let scene = || {
+        let mut scene = pinspot::load("colours").unwrap().0;
+        scene.environment.light = pinspot::scene::Light::Constant(Vec3::ZERO);
+        scene
+    };
+    let expected = truth(scene(), Quantity::Caustic, 48, 0.015);
+    let rendered = layer(scene(), Aov::Caustic, 48);
+    let error = rel_l2(&rendered, &expected, None);
+    println!("{error:.4}");
+    assert!(error < 0.065, "{error}");
+    // Without the light of surfaces there is next to nothing.
+    let mut dark = scene();
+    dark.objects.iter_mut().filter_map(|o| o.receiver.as_mut()).for_each(|receiver| receiver.albedo = Vec3::ZERO);
+    let (dark, lit) = (layer(dark, Aov::Caustic, 48).mean(), rendered.mean());
+    assert!(dark.x < 0.8 * lit.x, "{dark} {lit}");
 }

@@ -188,8 +188,10 @@ fn a_new_engine_makes_only_what_its_options_use() {
         let mut engine = Engine::new(scene, options(defaults), Backend::cpu());
         render(&mut engine);
         let made = engine.stage_counts().made_since(&StageCounts::default());
-        // The scene has no emitters, and no GPU renders it.
-        let is_of_others = |stage: &Stage| matches!(stage, Upload | Stage::LightGeometry | Stage::LitEnvironment);
+        // The scene has neither emitters nor lamps, and no GPU renders it.
+        let is_of_others = |stage: &Stage| {
+            matches!(stage, Upload | Stage::LightGeometry | Stage::LitEnvironment | Stage::Surroundings)
+        };
         Stage::ENGINE.into_iter().filter(|s| !made.contains(s) && !is_of_others(s)).collect::<Vec<_>>()
     };
     assert_eq!(unused(|options| options), [Differentials]);

@@ -29,7 +29,7 @@ impl std::fmt::Debug for RgbImage {
 #[non_exhaustive]
 pub enum DecodeError {
     /// Not an image, or damaged.
-    #[error("environment map '{name}' is damaged or not an .exr or .hdr image: {reason}; export it again")]
+    #[error("image '{name}' is damaged or not an .exr or .hdr image: {reason}; export it again")]
     Damaged {
         /// File.
         name: String,
@@ -37,7 +37,7 @@ pub enum DecodeError {
         reason: String,
     },
     /// An unsupported kind of image.
-    #[error("environment map '{name}' {reason}")]
+    #[error("image '{name}' {reason}")]
     Unsupported {
         /// File.
         name: String,
@@ -45,7 +45,7 @@ pub enum DecodeError {
         reason: String,
     },
     /// Neither .exr nor .hdr.
-    #[error("environment map '{name}' has the extension '{extension}'; convert it to .exr or .hdr")]
+    #[error("image '{name}' has the extension '{extension}'; convert it to .exr or .hdr")]
     Format {
         /// File.
         name: String,
@@ -53,7 +53,7 @@ pub enum DecodeError {
         extension: String,
     },
     /// No pixels.
-    #[error("environment map '{name}' has no pixels ({width}×{height}); export it again")]
+    #[error("image '{name}' has no pixels ({width}×{height}); export it again")]
     NoPixels {
         /// File.
         name: String,
@@ -63,7 +63,7 @@ pub enum DecodeError {
         height: usize,
     },
     /// A NaN, an infinity, or a number too large for later arithmetic.
-    #[error("environment map '{name}': pixel ({x}, {y}) {what}; repair the image")]
+    #[error("image '{name}': pixel ({x}, {y}) {what}; repair the image")]
     Pixel {
         /// File.
         name: String,

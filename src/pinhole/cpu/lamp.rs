@@ -114,8 +114,22 @@ impl<'a> LampLight<'a> {
     }
 
     /// Mean radiance over a cell's footprint, or over both parts of its lobe; w = 1, a fetch.
-    #[inline(always)]
+    // Not inlined into every sum.
     pub fn mean_radiance<S: Simd>(
+        &self,
+        simd: S,
+        sample: &PinholeParts,
+        pair: &ReceiverCellPair<S>,
+        lit: u32,
+    ) -> [Vec4; LANES] {
+        simd.vectorize(
+            #[inline(always)]
+            || self.mean_in_lanes(simd, sample, pair, lit),
+        )
+    }
+
+    #[inline(always)]
+    fn mean_in_lanes<S: Simd>(
         &self,
         simd: S,
         sample: &PinholeParts,

@@ -13,6 +13,7 @@ mod lamp;
 mod pair;
 mod receiver;
 mod sky_texels;
+mod surroundings;
 mod visibility;
 
 pub use cube::{CubeLookup, Lanes16};
@@ -29,10 +30,12 @@ use self::filters::{CpuFilter, add_lobe_part, mean_over_footprint, single_fetch,
 use self::lamp::LampLight;
 use self::pair::ReceiverCellPair;
 use self::receiver::{NO_OBJECT, Receiver, ReceiverGroup, load_receivers};
+use self::surroundings::SurroundingLight;
 use self::visibility::{Occlusion, Unoccluded, VisibilityMap};
 use super::constants::{FILTER_ANISOTROPIC, FILTER_EWA, FILTER_ISOTROPIC, FILTER_NONE};
 use super::{
     BATCH_SIZE, CURVE_POINTS, Filter, GatherUniforms, Params, PinholeParts, PinholeSample, Pinholes, Receivers,
+    Surroundings,
 };
 use crate::brdf::Materials;
 use crate::environment::CubeMap;
@@ -71,6 +74,19 @@ pub fn gather_lamp(
 ) -> Vec<[f32; 4]> {
     let uniforms = GatherUniforms::for_lamp(params, pinholes);
     let source = Source::Lamp(LampLight::new(lamp));
+    gather_from(receivers, (pinholes, source, uniforms), Filter::None, progress).unwrap_or_default()
+}
+
+/// The same for the light of surfaces.
+pub fn gather_surroundings(
+    receivers: &Receivers,
+    pinholes: &Pinholes,
+    surroundings: &Surroundings,
+    params: &Params,
+    progress: &dyn Progress,
+) -> Vec<[f32; 4]> {
+    let uniforms = GatherUniforms::for_lamp(params, pinholes);
+    let source = Source::Surroundings(SurroundingLight(surroundings));
     gather_from(receivers, (pinholes, source, uniforms), Filter::None, progress).unwrap_or_default()
 }
 
@@ -131,6 +147,7 @@ struct Gather<'a> {
 enum Source<'a> {
     Environment(CubeLookup<'a>),
     Lamp(LampLight<'a>),
+    Surroundings(SurroundingLight<'a>),
 }
 
 #[inline(always)]
@@ -238,8 +255,13 @@ impl Gather<'_> {
             return;
         }
         let weight = self.weight(simd, sample, &pair, receiver);
+        let Source::Environment(environment) = &self.source else {
+            self.add_near_light(simd, packed, (&pair, receiver), (weight, lit), sum);
+            return;
+        };
+        let arriving = (environment, sample, &pair);
         let (weight, lit, radiance) = match &self.pinholes.visibility {
-            None => (weight, lit, self.arriving::<S, _, FILTER>(simd, sample, &pair, &Unoccluded, lit)),
+            None => (weight, lit, self.arriving::<S, _, FILTER>(simd, arriving, &Unoccluded, lit)),
             Some(maps) => {
                 let towards = VisibilityMap::of_receivers(maps, packed, pair.dn);
                 let l = receiver.position - splat3(simd, sample.position);
@@ -249,12 +271,7 @@ impl Gather<'_> {
                     return;
                 }
                 let map = VisibilityMap::of_sky(maps, packed, pair.dn);
-                let mut weight = weight * visible;
-                if let Source::Lamp(lamp) = &self.source {
-                    let to = splat3(simd, lamp.offset_from(sample.position));
-                    weight *= lanes(simd, map.visible_fraction(simd, to, None, lit).0);
-                }
-                (weight, lit, self.arriving::<S, _, FILTER>(simd, sample, &pair, &map, lit))
+                (weight * visible, lit, self.arriving::<S, _, FILTER>(simd, arriving, &map, lit))
             }
         };
         self.add(sample, &pair, receiver, (weight, &radiance, lit), sum);
@@ -322,20 +339,64 @@ impl Gather<'_> {
         1.0 / (l2 + (u.epsilon_scale * sample.area + u.epsilon)).max(min_l2)
     }
 
-    /// Mean radiance over the sample's footprint around r, of a lamp without regard to occlusion; w = fetches.
+    /// Adds what one sample contributes of light that is not infinitely far away.
+    // Not inlined into the sums of every filter.
+    fn add_near_light<S: Simd>(
+        &self,
+        simd: S,
+        packed: &PinholeSample,
+        (pair, receiver): (&ReceiverCellPair<S>, &Receiver<S>),
+        (weight, lit): (F<S>, u32),
+        sum: &mut [Vec4; LANES],
+    ) {
+        simd.vectorize(
+            #[inline(always)]
+            || {
+                let sample = &PinholeParts::from(packed);
+                let taps = F::splat(simd, self.uniforms.taps as f32);
+                let Some((radiance, to_light)) = self.near_light(simd, (sample, pair), taps, lit) else { return };
+                let mut weight = weight;
+                if let Some(maps) = &self.pinholes.visibility {
+                    let l = receiver.position - splat3(simd, sample.position);
+                    let of_receivers = VisibilityMap::of_receivers(maps, packed, pair.dn);
+                    weight *= lanes(simd, of_receivers.visible_fraction(simd, l, None, lit).0);
+                    let of_light = VisibilityMap::of_sky(maps, packed, pair.dn);
+                    weight *= lanes(simd, of_light.visible_fraction(simd, to_light, None, lit).0);
+                }
+                self.add(sample, pair, receiver, (weight, &radiance, lit), sum);
+            },
+        );
+    }
+
+    /// Mean radiance over a sample's footprint of light that is not infinitely far away, w = fetches, and the places from which it comes,
+    /// relative to the sample; `None` for the environment.
+    #[inline(always)]
+    fn near_light<S: Simd>(
+        &self,
+        simd: S,
+        (sample, pair): (&PinholeParts, &ReceiverCellPair<S>),
+        taps: F<S>,
+        lit: u32,
+    ) -> Option<([Vec4; LANES], V3<S>)> {
+        match &self.source {
+            Source::Environment(_) => None,
+            Source::Lamp(lamp) => {
+                let to_light = splat3(simd, lamp.offset_from(sample.position));
+                Some((lamp.mean_radiance(simd, sample, pair, lit), to_light))
+            }
+            Source::Surroundings(surfaces) => Some(surfaces.arriving(simd, (sample, pair), taps, lit)),
+        }
+    }
+
+    /// Mean radiance of the environment over the sample's footprint around r; w = fetches.
     #[inline(always)]
     fn arriving<S: Simd, O: Occlusion, const FILTER: u32>(
         &self,
         simd: S,
-        sample: &PinholeParts,
-        pair: &ReceiverCellPair<S>,
+        (environment, sample, pair): (&CubeLookup, &PinholeParts, &ReceiverCellPair<S>),
         occlusion: &O,
         lit: u32,
     ) -> [Vec4; LANES] {
-        let environment = match &self.source {
-            Source::Environment(environment) => environment,
-            Source::Lamp(lamp) => return lamp.mean_radiance(simd, sample, pair, lit),
-        };
         if FILTER == FILTER_NONE {
             return single_fetch(simd, environment, pair.r, occlusion, lit);
         }

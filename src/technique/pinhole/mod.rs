@@ -6,25 +6,29 @@ mod on_cpu;
 #[cfg(feature = "gpu")]
 mod on_gpu;
 mod samples;
+mod surroundings;
 
 use std::sync::Arc;
+
+use glam::Vec3;
 
 pub use self::density::place_samples;
 use self::on_cpu::{FlatOnCpu, HierarchicalOnCpu};
 #[cfg(feature = "gpu")]
 use self::on_gpu::{GpuStages, HierarchicalOnGpu};
 use self::samples::{OccluderKey, SampleStages, occluder};
+use self::surroundings::surroundings;
 use super::{Inputs, Inspected, Pending, Statistics, Sum, TechniqueStages};
-use crate::Error;
 use crate::differential::DifferentialSample;
 use crate::environment::{Environment, LightBounds};
 use crate::options::Evaluation;
 use crate::pinhole::cpu::{Accuracy, Light, TakenCell, cells_taken, contributions_to, estimate_irradiance};
-use crate::pinhole::{Filter, Params, PinholeTree, Pinholes, Receivers};
+use crate::pinhole::{Filter, Params, PinholeTree, Pinholes, Receivers, Surroundings};
 use crate::progress::{Progress, Stage};
 use crate::scene::{Camera, Lamp, Visibility};
-use crate::stages::{Id, LightStages, Memo, StageCounts, visible_receivers};
+use crate::stages::{Id, LightStages, Memo, StageCounts, SurfaceMaterials, visible_receivers};
 use crate::tracing::{Hit, Tracer};
+use crate::{Error, NoProgress};
 
 /// The longer side of the picture at whose receivers the mean irradiance is estimated, pixels.
 const ESTIMATE_SIZE: u32 = 64;
@@ -39,7 +43,22 @@ struct FlatInputs {
     pinholes: Arc<Pinholes>,
     environment: Arc<Environment>,
     params: Params,
+    near: NearLight,
+}
+
+/// Light that is not infinitely far away.
+#[derive(Clone, Debug, Default)]
+struct NearLight {
     lamps: Arc<[Lamp]>,
+    /// What the lamps light.
+    surroundings: Option<Arc<Surroundings>>,
+}
+
+impl PartialEq for NearLight {
+    fn eq(&self, other: &Self) -> bool {
+        let surroundings = |light: &Self| light.surroundings.as_ref().map(Id::of);
+        self.lamps == other.lamps && surroundings(self) == surroundings(other)
+    }
 }
 
 /// The inputs of a hierarchical sum.
@@ -50,7 +69,7 @@ struct HierarchicalInputs {
     bounds: Arc<LightBounds>,
     params: Params,
     accuracy: Accuracy,
-    lamps: Arc<[Lamp]>,
+    near: NearLight,
 }
 
 /// The inputs of a sum; equal if none of them was made again.
@@ -61,7 +80,7 @@ enum SumKey {
         occluder: OccluderKey,
         environment: Id<Environment>,
         params: Params,
-        lamps: Arc<[Lamp]>,
+        near: NearLight,
     },
     Hierarchical {
         tree: Id<PinholeTree>,
@@ -69,7 +88,7 @@ enum SumKey {
         environment: Id<Environment>,
         params: Params,
         accuracy: Accuracy,
-        lamps: Arc<[Lamp]>,
+        near: NearLight,
     },
 }
 
@@ -84,6 +103,16 @@ struct EstimateKey {
     size: [u32; 2],
     visibility: Visibility,
     params: Params,
+    near: NearLight,
+}
+
+/// What surroundings are made from: the samples, the scene, and the lamps.
+#[derive(PartialEq)]
+struct SurroundingsKey {
+    points: Id<Vec<Vec3>>,
+    tracer: Id<Tracer>,
+    materials: Id<SurfaceMaterials>,
+    visibility: Visibility,
     lamps: Arc<[Lamp]>,
 }
 
@@ -92,6 +121,9 @@ struct EstimateKey {
 pub(super) struct PinholeStages {
     samples: SampleStages,
     estimate: Memo<EstimateKey, f32>,
+    surroundings: Memo<SurroundingsKey, Option<Arc<Surroundings>>>,
+    /// Of the samples of previews.
+    positions: Memo<Id<Vec<DifferentialSample>>, Vec<Vec3>>,
     #[cfg(feature = "gpu")]
     gpu: GpuStages,
     sum: LastSum,
@@ -112,6 +144,8 @@ impl PinholeStages {
         Self {
             samples: SampleStages::new(),
             estimate: Memo::new(Stage::Estimate),
+            surroundings: Memo::new(Stage::Surroundings),
+            positions: Memo::new(Stage::Points),
             #[cfg(feature = "gpu")]
             gpu: GpuStages::new(),
             sum: LastSum::default(),
@@ -124,7 +158,7 @@ impl PinholeStages {
         let evaluation = options.resolved_evaluation(filter, backend.is_gpu())?;
         let softening = if inputs.is_preview { PREVIEW_SOFTENING } else { 0.0 };
         let params = Params { softening, ..options.params(filter, inputs.light.rotation_rad) };
-        let (environment, lamps) = (inputs.light.environment.clone(), inputs.light.lamps.clone());
+        let environment = inputs.light.environment.clone();
         let statistics = |samples, positions| Statistics { samples, positions, evaluation, filter, warning };
         match evaluation {
             Evaluation::Flat { leaves: 1 } if inputs.is_preview => {
@@ -132,28 +166,52 @@ impl PinholeStages {
                 check_wanted(progress)?;
                 let pinholes = self.samples.pinholes_of_frame(&inputs, &samples);
                 check_wanted(progress)?;
-                let positions = Arc::new(samples.iter().map(|sample| sample.position).collect());
+                let positions = self.positions.get(Id::of(&samples), &NoProgress, || {
+                    samples.iter().map(|sample| sample.position).collect::<Vec<Vec3>>()
+                });
+                let near = self.near_light(&inputs, &positions, &pinholes);
                 let statistics = statistics(pinholes.samples.len(), positions);
-                self.flat(FlatInputs { pinholes, environment, params, lamps }, statistics, &inputs).await
+                self.flat(FlatInputs { pinholes, environment, params, near }, statistics, &inputs).await
             }
             Evaluation::Flat { leaves } => {
                 let points = self.samples.points(&inputs)?;
                 let pinholes = self.samples.pinholes(&inputs, &points, leaves);
                 check_wanted(progress)?;
+                let near = self.near_light(&inputs, &points.positions, &pinholes);
                 let statistics = statistics(pinholes.samples.len(), points.positions.clone());
-                self.flat(FlatInputs { pinholes, environment, params, lamps }, statistics, &inputs).await
+                self.flat(FlatInputs { pinholes, environment, params, near }, statistics, &inputs).await
             }
             Evaluation::Hierarchical { leaves, tolerance } => {
                 let points = self.samples.points(&inputs)?;
                 let tree = self.samples.tree(&inputs, &points, leaves);
                 check_wanted(progress)?;
                 let bounds = light.bounds(inputs.light, progress);
+                let near = self.near_light(&inputs, &points.positions, tree.sample_nodes());
                 let statistics = statistics(tree.sample_nodes().samples.len(), points.positions.clone());
                 let accuracy = Accuracy { error: tolerance, split_near: true };
-                let sum = HierarchicalInputs { tree, environment, bounds, params, accuracy, lamps };
+                let sum = HierarchicalInputs { tree, environment, bounds, params, accuracy, near };
                 self.hierarchical(sum, statistics, &inputs).await
             }
         }
+    }
+
+    /// The lamps, and what samples at these positions see in their light.
+    fn near_light(&mut self, inputs: &Inputs, positions: &Arc<Vec<Vec3>>, samples: &Pinholes) -> NearLight {
+        let Inputs { prepared, light, options, progress, .. } = *inputs;
+        let lamps = light.lamps.clone();
+        if lamps.is_empty() {
+            return NearLight::default();
+        }
+        let key = SurroundingsKey {
+            points: Id::of(positions),
+            tracer: Id::of(&prepared.tracer),
+            materials: Id::of(&prepared.materials),
+            visibility: options.visibility,
+            lamps: lamps.clone(),
+        };
+        let make = || surroundings(inputs, &samples.samples).map(Arc::new);
+        let surroundings = self.surroundings.get(key, progress, make);
+        NearLight { lamps, surroundings: (*surroundings).clone() }
     }
 
     #[cfg_attr(not(feature = "gpu"), expect(clippy::unused_async, reason = "as with the feature `gpu`"))]
@@ -168,7 +226,7 @@ impl PinholeStages {
             occluder: occluder(inputs),
             environment: Id::of(&sum.environment),
             params: sum.params,
-            lamps: sum.lamps.clone(),
+            near: sum.near.clone(),
         };
         if let Some(known) = self.sum.known(&key) {
             return Ok(known);
@@ -237,7 +295,7 @@ fn estimate_key(inputs: &Inputs, sum: &HierarchicalInputs) -> EstimateKey {
         size: options.size_within(ESTIMATE_SIZE),
         visibility: options.visibility,
         params: sum.params,
-        lamps: sum.lamps.clone(),
+        near: sum.near.clone(),
     }
 }
 
@@ -248,15 +306,16 @@ fn hierarchical_key(inputs: &Inputs, sum: &HierarchicalInputs) -> SumKey {
         environment: Id::of(&sum.environment),
         params: sum.params,
         accuracy: sum.accuracy,
-        lamps: sum.lamps.clone(),
+        near: sum.near.clone(),
     }
 }
 
 impl HierarchicalInputs {
-    /// The environment, and every lamp.
+    /// The environment, every lamp, and what these light.
     fn lights(&self) -> impl Iterator<Item = Light<'_>> {
         let environment = Light::Environment { cube: &self.environment.cube, bounds: &self.bounds };
-        std::iter::once(environment).chain(self.lamps.iter().map(Light::Lamp))
+        let surroundings = self.near.surroundings.as_deref().map(Light::Surroundings);
+        std::iter::once(environment).chain(self.near.lamps.iter().map(Light::Lamp)).chain(surroundings)
     }
 
     /// The mean irradiance, to which the tolerance is relative.
@@ -319,8 +378,8 @@ impl TechniqueStages for PinholeStages {
         let params = options.params(filter, inputs.light.rotation_rad);
         let environment = inputs.light.environment.clone();
         let accuracy = Accuracy { error: tolerance, split_near: true };
-        let lamps = inputs.light.lamps.clone();
-        let mut sum = HierarchicalInputs { tree, environment, bounds, params, accuracy, lamps };
+        let near = self.near_light(inputs, &points.positions, tree.sample_nodes());
+        let mut sum = HierarchicalInputs { tree, environment, bounds, params, accuracy, near };
         sum.accuracy.error *=
             *self.estimate.get(estimate_key(inputs, &sum), progress, || sum.estimate(&estimate_receivers(inputs)));
         let receiver = (place.position, place.normal, place.object);
@@ -331,6 +390,7 @@ impl TechniqueStages for PinholeStages {
     fn count(&self, counts: &mut StageCounts) {
         self.samples.count(counts);
         counts.add_memo(&self.estimate);
+        counts.add_memo(&self.surroundings);
         #[cfg(feature = "gpu")]
         self.gpu.count(counts);
     }

@@ -2,7 +2,7 @@
 
 use super::{FlatInputs, HierarchicalInputs};
 use crate::pinhole::Receivers;
-use crate::pinhole::cpu::{gather, gather_hierarchical, gather_lamp};
+use crate::pinhole::cpu::{gather, gather_hierarchical, gather_lamp, gather_surroundings};
 use crate::progress::{Progress, Uncounted};
 use crate::technique::{Pending, Statistics, Sum};
 
@@ -20,11 +20,15 @@ pub(super) struct FlatOnCpu {
 
 impl Sum for FlatOnCpu {
     fn irradiance<'a>(&'a self, receivers: &'a Receivers, progress: &'a dyn Progress) -> Pending<'a, Vec<[f32; 4]>> {
-        let FlatInputs { pinholes, environment, params, lamps } = &self.sum;
+        let FlatInputs { pinholes, environment, params, near } = &self.sum;
         let mut sums = gather(receivers, pinholes, &environment.cube, params, progress);
         if let Ok(sums) = &mut sums {
-            for lamp in lamps.iter() {
-                add(sums, &gather_lamp(receivers, pinholes, lamp, params, &Uncounted(progress)));
+            let uncounted = Uncounted(progress);
+            for lamp in near.lamps.iter() {
+                add(sums, &gather_lamp(receivers, pinholes, lamp, params, &uncounted));
+            }
+            if let Some(surroundings) = &near.surroundings {
+                add(sums, &gather_surroundings(receivers, pinholes, surroundings, params, &uncounted));
             }
         }
         Box::pin(std::future::ready(sums.map_err(Into::into)))

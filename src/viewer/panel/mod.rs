@@ -78,6 +78,9 @@ impl Viewer {
                 egui::CollapsingHeader::new(name).default_open(is_open).show(ui, |ui| show(ui));
             };
             section(ui, "Light", true, &mut |ui| is_edited |= self.light_section(ui));
+            if !self.document.state.scene.lamps.is_empty() {
+                section(ui, "Lamps", true, &mut |ui| is_edited |= self.lamps_section(ui));
+            }
             section(ui, "Display", true, &mut |ui| is_edited |= self.display_section(ui));
             section(ui, "Caustic", true, &mut |ui| is_edited |= self.caustic_section(ui));
             section(ui, "Objects", false, &mut |ui| is_edited |= self.objects_section(ui));

@@ -1,10 +1,10 @@
-//! The section of the objects: which one is selected, and where it is.
+//! The section of the objects: which one is selected, and where it is. And that of the lamps.
 
 use eframe::egui;
 use glam::Vec3;
 
-use super::fields::{named, reset, typed_number};
-use crate::scene::Transform;
+use super::fields::{named, number, reset, typed_number};
+use crate::scene::{Animation, Transform};
 use crate::viewer::Viewer;
 
 impl Viewer {
@@ -52,6 +52,31 @@ impl Viewer {
         }
         self.document.place(index, *placement);
         true
+    }
+}
+
+impl Viewer {
+    /// Where each lamp is, and how bright.
+    pub(super) fn lamps_section(&mut self, ui: &mut egui::Ui) -> bool {
+        let state = &mut self.document.state;
+        let mut is_edited = false;
+        for (index, lamp) in state.scene.lamps.iter_mut().enumerate() {
+            let Some(original) = self.document.original.scene.lamps.get(index) else { continue };
+            ui.strong(lamp.name.clone());
+            let moves = |animation: &Animation| matches!(animation, Animation::Lamp(motion) if motion.lamp == index);
+            if state.is_animated && state.scene.animations.iter().any(moves) {
+                ui.weak("Its animation sets this lamp; switch \u{201c}Animate\u{201d} off to change it.");
+                continue;
+            }
+            is_edited |= vector(ui, &format!("{} m", lamp.name), &mut lamp.position, original.position, 0.01);
+            let full = original.intensity.max_element();
+            let mut factor = lamp.intensity.max_element() / full;
+            if number(ui, &format!("{} brightness", lamp.name), &mut factor, 1.0, (0.01..=100.0, true)) {
+                lamp.intensity = factor * original.intensity;
+                is_edited = true;
+            }
+        }
+        is_edited
     }
 }
 

@@ -15,7 +15,7 @@ use crate::pinhole::constants::{
     NEAR_FIELD_SIZES, NEGLIGIBLE_SHARE, PAIR_ERROR_SHARE, POINT_SPACING, TAPS_PER_ERROR_BUDGET, WEIGHT_ERROR_SCALE,
 };
 use crate::pinhole::interface::CrossingBounds;
-use crate::pinhole::{GatherUniforms, Interface};
+use crate::pinhole::{GatherUniforms, Interface, Surroundings};
 use crate::scene::Sides;
 
 /// What to do with a pair.
@@ -47,6 +47,7 @@ pub struct Accepted {
 pub enum SourceBounds<'a> {
     Environment(&'a LightBounds),
     Lamp(LampLight<'a>),
+    Surroundings(&'a Surroundings),
 }
 
 /// What does not change from pair to pair.
@@ -264,6 +265,11 @@ impl RefinementCriterion<'_> {
         match &self.light {
             SourceBounds::Environment(bounds) => {
                 bounds.within(self.light_from_world(cone.direction), cone.radius, cell.blur)
+            }
+            SourceBounds::Surroundings(surfaces) => {
+                let view = surfaces.nearest(cell.sample.position);
+                let radius = cone.radius + view.spread(cell.sample.position, cell.radius);
+                view.bounds.within(cone.direction, radius, cell.blur)
             }
             SourceBounds::Lamp(lamp) => {
                 let apart = cone.direction.distance(lamp.seen_from(cell.sample.position).towards);

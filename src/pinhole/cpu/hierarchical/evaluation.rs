@@ -54,7 +54,7 @@ impl Gather<'_> {
         }
     }
 
-    /// The same under a part of the environment; what of a lamp is occluded is for [`TileGather::add_of_lamp`] to say.
+    /// The same under a part of the environment. Light that is nearer is for [`TileGather::add_near_light`](super::tile::TileGather).
     #[inline(always)]
     pub fn add_cell_under<S: Simd, O: Occlusion>(
         &self,
@@ -65,14 +65,7 @@ impl Gather<'_> {
         lit: u32,
         sum: &mut [Vec4; LANES],
     ) {
-        let environment = match &self.source {
-            Source::Environment(environment) => environment,
-            Source::Lamp(lamp) => {
-                let radiance = lamp.mean_radiance(simd, cell.sample, cell.pair, lit);
-                self.add(cell.sample, cell.pair, cell.receiver, (cell.weight, &radiance, lit), sum);
-                return;
-            }
-        };
+        let Source::Environment(environment) = &self.source else { return };
         let radiance = if !O::IS_UNOCCLUDED && cell.sample.is_wide_lobe(self.map_texel_rad()) {
             let of_sky = |lit| cell_radiance(simd, environment, cell, &Unoccluded, taps, lit);
             through_lobe(simd, (cell.pair.r, cell.sample.lobe), sky, lit, of_sky)

@@ -29,12 +29,13 @@ use self::criterion::SourceBounds;
 use self::tile::TileGather;
 use super::lamp::LampLight;
 use super::receiver::{ReceiverGroup, load_at};
+use super::surroundings::SurroundingLight;
 use super::{CubeLookup, Gather, GatherUniforms, Source};
 use crate::brdf::Materials;
 use crate::environment::{CubeMap, LightBounds};
 use crate::lanes::{LANES, dispatch, level};
 use crate::pinhole::constants::{ESTIMATE_MAX_RECEIVERS, ESTIMATE_MAX_SAMPLE_NODES, ESTIMATE_RMS_SHARE};
-use crate::pinhole::{Params, PinholeTree, Receivers};
+use crate::pinhole::{Params, PinholeTree, Receivers, Surroundings};
 use crate::progress::Progress;
 use crate::scene::Lamp;
 
@@ -50,6 +51,8 @@ pub enum Light<'a> {
     },
     /// A lamp.
     Lamp(&'a Lamp),
+    /// Lit surfaces.
+    Surroundings(&'a Surroundings),
 }
 
 /// Accuracy of a hierarchical gather.
@@ -143,6 +146,11 @@ impl<'a> TraversalContext<'a> {
             Light::Lamp(lamp) => {
                 let lamp = LampLight::new(lamp);
                 (GatherUniforms::for_lamp(params, nodes), Source::Lamp(lamp), SourceBounds::Lamp(lamp))
+            }
+            Light::Surroundings(surfaces) => {
+                let uniforms = GatherUniforms::for_lamp(params, nodes);
+                let source = Source::Surroundings(SurroundingLight(surfaces));
+                (uniforms, source, SourceBounds::Surroundings(surfaces))
             }
         };
         let gather = Gather { pinholes: nodes, materials, uniforms, source };

@@ -2,7 +2,6 @@
 
 use glam::{Vec3, Vec4};
 
-use super::super::lamp::LampLight;
 use super::super::pair::ReceiverCellPair;
 use super::super::receiver::Receiver;
 use super::super::visibility::{Coverage, Occlusion, VisibilityMap, sky_behind};
@@ -119,30 +118,43 @@ impl Occlusion for TracedSky<'_> {
 }
 
 impl TileGather<'_> {
-    /// Adds what a lamp contributes by way of a cell, in lit lanes. `map` is that of what the cell sees on the lamp's side, if anything is
-    /// occluded; what it leaves in doubt is traced from the middle of the cell.
-    #[inline(always)]
-    #[expect(clippy::too_many_arguments, reason = "as for the environment, and the lamp")]
-    pub fn add_of_lamp<S: Simd>(
+    /// Adds what a lamp or lit surfaces contribute by way of a cell, in lit lanes. `map` is that of what the cell sees on the light's side,
+    /// if anything is occluded; what it leaves in doubt is traced from the middle of the cell.
+    pub fn add_near_light<S: Simd>(
         &self,
         simd: S,
-        lamp: &LampLight,
         cell: &CellAtReceivers<S>,
         map: Option<&VisibilityMap>,
-        max_contribution: F<S>,
+        (taps, max_contribution): (Option<F<S>>, F<S>),
+        lit: u32,
+        sum: &mut [Vec4; LANES],
+    ) {
+        simd.vectorize(
+            #[inline(always)]
+            || self.add_near_light_in_lanes(simd, cell, map, (taps, max_contribution), lit, sum),
+        );
+    }
+
+    #[inline(always)]
+    fn add_near_light_in_lanes<S: Simd>(
+        &self,
+        simd: S,
+        cell: &CellAtReceivers<S>,
+        map: Option<&VisibilityMap>,
+        (taps, max_contribution): (Option<F<S>>, F<S>),
         lit: u32,
         sum: &mut [Vec4; LANES],
     ) {
         let gather = &self.context.gather;
-        let radiance = lamp.mean_radiance(simd, cell.sample, cell.pair, lit);
+        let taps = taps.unwrap_or_else(|| splat(simd, 1.0));
+        let Some((radiance, towards)) = gather.near_light(simd, (cell.sample, cell.pair), taps, lit) else { return };
         let lit = set_bits(lit).filter(|lane| radiance[*lane].truncate() != Vec3::ZERO).fold(0, |lit, k| lit | 1 << k);
         let mut weight = cell.weight;
         if let Some(map) = map.filter(|_| lit != 0) {
-            let to = splat3(simd, lamp.offset_from(cell.sample.position));
-            let (fraction, doubtful) = map.visible_fraction(simd, to, None, lit);
+            let (fraction, doubtful) = map.visible_fraction(simd, towards, None, lit);
             let behind = sky_behind(cell.sample.interface, cell.pair.dn);
             let found = (lanes(simd, fraction), doubtful & lit);
-            weight *= self.traced_fraction(simd, (cell.sample, behind), to, found, max_contribution);
+            weight *= self.traced_fraction(simd, (cell.sample, behind), towards, found, max_contribution);
         }
         gather.add(cell.sample, cell.pair, cell.receiver, (weight, &radiance, lit), sum);
     }

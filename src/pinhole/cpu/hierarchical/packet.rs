@@ -10,6 +10,7 @@ use super::super::cube::{OnCube, on_cube};
 use super::super::filters::FootprintSides;
 use super::super::pair::{ReceiverCellPair, facing};
 use super::super::receiver::{Receiver, ReceiverGroup};
+use super::super::surroundings::SurroundingLight;
 use super::super::visibility::{Coverage, VisibilityMap};
 use super::criterion::{SourceBounds, unevenness};
 use super::evaluation::CellAtReceivers;
@@ -312,11 +313,12 @@ impl TileGather<'_> {
         sum: &mut [Vec4; LANES],
     ) {
         let gather = &self.context.gather;
-        if let Source::Lamp(lamp) = &gather.source {
-            self.add_of_lamp(simd, lamp, cell, map.as_ref(), bounds.max, lit, sum);
+        let contribution_range = bounds.range;
+        if !matches!(gather.source, Source::Environment(_)) {
+            let taps = Some(self.criterion.taps(contribution_range));
+            self.add_near_light(simd, cell, map.as_ref(), (taps, bounds.max), lit, sum);
             return;
         }
-        let contribution_range = bounds.range;
         if let Some(sky) = &map {
             match sky.sky_coverage(simd, cell.pair.r, cell.footprint.max_radius(cell.sample.lobe), lit) {
                 Coverage::Full => map = None,
@@ -355,13 +357,13 @@ impl TileGather<'_> {
         let mut pieces: Vec<(PinholeParts, u32, u32)> = leaf.sample.quarters().map(|q| (q, near, 1)).to_vec();
         let max_depth = match &gather.source {
             Source::Lamp(_) => MAX_LAMP_QUARTERINGS,
-            Source::Environment(_) => MAX_QUARTERINGS,
+            _ => MAX_QUARTERINGS,
         };
         while let Some((piece, lanes, depth)) = pieces.pop() {
             let pair = ReceiverCellPair::new(simd, &piece, receiver);
             let lanes = match &gather.source {
                 Source::Lamp(lamp) => lanes & lamp.lanes_lit_by_piece(simd, &piece, &pair),
-                Source::Environment(_) => lanes,
+                _ => lanes,
             };
             if lanes == 0 {
                 continue;
@@ -385,8 +387,8 @@ impl TileGather<'_> {
             let max = weight * max_light;
             let piece = CellAtReceivers { sample: &piece, receiver, pair: &pair, footprint, weight };
             match &gather.source {
-                Source::Lamp(lamp) => self.add_of_lamp(simd, lamp, &piece, map.as_ref(), max, lit, sum),
                 Source::Environment(_) => gather.add_cell(simd, &piece, map.as_ref(), taps, lit, sum),
+                _ => self.add_near_light(simd, &piece, map.as_ref(), (taps, max), lit, sum),
             }
         }
     }
@@ -425,7 +427,7 @@ impl TileGather<'_> {
     fn size_for_light<S: Simd>(&self, size: F<S>, cell: &PinholeParts, extent: f32) -> F<S> {
         match &self.context.gather.source {
             Source::Lamp(lamp) => size.max(lamp.relative_size(cell, extent)),
-            Source::Environment(_) => size,
+            _ => size,
         }
     }
 
@@ -439,15 +441,21 @@ impl TileGather<'_> {
         (direction, radius): (V3<S>, F<S>),
         active: u32,
     ) -> (F<S>, F<S>) {
-        let (light, environment) = match (&self.criterion.light, &self.context.gather.source) {
-            (SourceBounds::Environment(light), Source::Environment(environment)) => (light, environment),
+        let (light, direction, radius) = match (&self.criterion.light, &self.context.gather.source) {
+            (SourceBounds::Environment(light), Source::Environment(environment)) => {
+                (*light, environment.light_from_world(direction), radius)
+            }
+            (SourceBounds::Surroundings(surfaces), _) | (_, Source::Surroundings(SurroundingLight(surfaces))) => {
+                let view = surfaces.nearest(cell.sample.position);
+                (&view.bounds, direction, radius + view.spread(cell.sample.position, cell.radius))
+            }
             (SourceBounds::Lamp(lamp), _) | (_, Source::Lamp(lamp)) => {
                 let max = lamp.max_within(simd, (&cell.sample, cell.radius), direction, radius);
                 return (max, max);
             }
         };
         let pyramid = light.pyramid(cell.blur);
-        let OnCube { face, s, t } = on_cube(simd, environment.light_from_world(direction));
+        let OnCube { face, s, t } = on_cube(simd, direction);
         let (a, b) = (s - 1.0, t - 1.0);
         let reach = radius * (a * a + b * b + 1.0) * light.half_size() + LightBounds::texel_width(pyramid);
         let texels = light.texels_at(simd, [face, s, t, reach], pyramid);

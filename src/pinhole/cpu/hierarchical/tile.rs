@@ -259,9 +259,17 @@ impl<'a> TileGather<'a> {
                 }
             }
             let map = VisibilityMap::of_sky(maps, node, pair.dn);
-            if let Source::Lamp(lamp) = &gather.source {
+            if !matches!(gather.source, Source::Environment(_)) {
                 let cell = CellAtReceivers { sample, receiver: &receiver, pair: &pair, footprint: &footprint, weight };
-                self.add_of_lamp(simd, lamp, &cell, Some(&map), splat(simd, accepted.max_contribution), lit, sum);
+                let taps = splat(simd, gather.uniforms.taps as f32);
+                self.add_near_light(
+                    simd,
+                    &cell,
+                    Some(&map),
+                    (Some(taps), splat(simd, accepted.max_contribution)),
+                    lit,
+                    sum,
+                );
                 return true;
             }
             match map.sky_coverage(simd, pair.r, footprint.max_radius(sample.lobe), lit) {
@@ -279,6 +287,12 @@ impl<'a> TileGather<'a> {
                 }
                 Coverage::Partial => return false,
             }
+        }
+        if !matches!(gather.source, Source::Environment(_)) {
+            let cell = CellAtReceivers { sample, receiver: &receiver, pair: &pair, footprint: &footprint, weight };
+            let taps = splat(simd, gather.uniforms.taps as f32);
+            self.add_near_light(simd, &cell, None, (Some(taps), splat(simd, accepted.max_contribution)), lit, sum);
+            return true;
         }
         let is_uneven = accepted.contribution_range >= error_budget;
         let taps = is_uneven.then(|| self.criterion.taps(splat(simd, accepted.contribution_range)));

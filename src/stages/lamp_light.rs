@@ -1,12 +1,10 @@
-//! Lamps on surfaces and before the camera: direct light with soft shadows, and the lamps themselves where paths meet them.
+//! The direct light of lamps on surfaces, with soft shadows.
 
 use std::f32::consts::TAU;
 use std::ops::{AddAssign, Mul};
 
 use glam::{Vec2, Vec3};
-use rayon::prelude::*;
 
-use super::paths::EndPoint;
 use crate::brdf::Materials;
 use crate::lanes::{ALL, LANES};
 use crate::pinhole::{chord_of_sphere, solid_angle_of};
@@ -20,7 +18,7 @@ const RAYS: usize = 4 * LANES;
 
 /// The direct light of lamps.
 #[derive(Debug)]
-pub(super) struct LampLight<'a> {
+pub(crate) struct LampLight<'a> {
     lamps: &'a [Lamp],
     /// What throws shadows, if anything does.
     tracer: Option<&'a Tracer>,
@@ -65,18 +63,13 @@ impl<'a> LampLight<'a> {
         self.above(point).map(of_lamp).sum()
     }
 
-    /// Radiance that glossy receivers reflect towards their viewers, W/(m²·sr).
-    pub fn reflected(&self, materials: &Materials, points: &[&EndPoint]) -> Vec<Vec3> {
-        points.par_iter().map(|point| self.reflected_at(materials, point)).collect()
-    }
-
-    fn reflected_at(&self, materials: &Materials, point: &EndPoint) -> Vec3 {
-        let EndPoint { hit, view, .. } = point;
+    /// Radiance that a glossy receiver reflects in a unit direction, W/(m²·sr).
+    pub fn reflected(&self, materials: &Materials, hit: &Hit, view: Vec3) -> Vec3 {
         let of_lamp = |seen: Seen| {
             let radiance = seen.lamp.radiance_at(hit.position) * solid_angle_of(seen.chord);
             let reflected = |direction: Vec3| {
                 let cosine = direction.dot(hit.normal).max(0.0);
-                cosine * materials.value(hit.object, hit.normal, direction, *view, 0.0)
+                cosine * materials.value(hit.object, hit.normal, direction, view, 0.0)
             };
             radiance * self.means(&seen, hit, reflected).open
         };

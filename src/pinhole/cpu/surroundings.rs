@@ -1,0 +1,129 @@
+//! What lit surfaces add to a sum, by way of the views around groups of cells.
+
+use glam::{Vec3, Vec4};
+
+use super::cube::CubeLookup;
+use super::filters::{FootprintSides, add_lobe_part, mean_over_footprint};
+use super::pair::ReceiverCellPair;
+use super::visibility::Unoccluded;
+use crate::lanes::{F, LANES, Simd, SimdBase, SimdFloat, V3, splat, splat3};
+use crate::pinhole::PinholeParts;
+use crate::pinhole::constants::FILTER_ANISOTROPIC;
+use crate::pinhole::surroundings::{SurroundingView, Surroundings};
+
+/// Steps towards the surface that a cell sees in a direction.
+const STEPS: usize = 2;
+/// What is farther than this many metres is taken to be that far away.
+const FARTHEST: f32 = 1e4;
+/// And what is nearer than this, that near.
+const NEAREST: f32 = 1e-6;
+/// What is seen at a distance is visible if nothing lies before this part of it: planes are interpolated at edges.
+const BEFORE_SURFACE: f32 = 0.9;
+
+/// Lit surfaces, as sums see them.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct SurroundingLight<'a>(pub &'a Surroundings);
+
+/// Surfaces in sixteen directions, seen from a cell.
+pub(super) struct SeenSurfaces<'a, S: Simd> {
+    view: &'a SurroundingView,
+    /// The footprint, as it is seen from the view's middle.
+    sides: FootprintSides<S>,
+    /// From the cell to shortly before the surfaces.
+    pub towards: V3<S>,
+}
+
+impl<'a> SurroundingLight<'a> {
+    /// Mean radiance over a cell's footprint, or over both parts of its lobe, w = fetches; and the places from which it comes, or shortly
+    /// before those, relative to the cell.
+    // Not inlined into every sum: it is large.
+    pub fn arriving<S: Simd>(
+        &self,
+        simd: S,
+        (cell, pair): (&PinholeParts, &ReceiverCellPair<S>),
+        taps: F<S>,
+        lit: u32,
+    ) -> ([Vec4; LANES], V3<S>) {
+        simd.vectorize(
+            #[inline(always)]
+            || {
+                let footprint = pair.footprint(simd, cell);
+                let seen = self.seen(simd, cell, &footprint, lit);
+                let towards = seen.towards;
+                if !cell.is_mostly_lobe() {
+                    return (seen.mean_radiance(simd, taps, lit), towards);
+                }
+                let mut sum = [Vec4::ZERO; LANES];
+                for part in pair.lobe_parts(simd, cell) {
+                    add_lobe_part(&mut sum, self.seen(simd, cell, &part, lit).mean_radiance(simd, taps, lit));
+                }
+                (sum, towards)
+            },
+        )
+    }
+
+    /// What lies in the directions of a footprint of a cell.
+    fn seen<S: Simd>(
+        &self,
+        simd: S,
+        cell: &PinholeParts,
+        footprint: &FootprintSides<S>,
+        active: u32,
+    ) -> SeenSurfaces<'a, S> {
+        simd.vectorize(
+            #[inline(always)]
+            || self.seen_in_lanes(simd, cell, footprint, active),
+        )
+    }
+
+    #[inline(always)]
+    fn seen_in_lanes<S: Simd>(
+        &self,
+        simd: S,
+        cell: &PinholeParts,
+        footprint: &FootprintSides<S>,
+        active: u32,
+    ) -> SeenSurfaces<'a, S> {
+        let view = self.0.nearest(cell.position);
+        let planes = CubeLookup::new(&view.planes);
+        let shift = splat3(simd, cell.position - view.middle);
+        let r = footprint.r;
+        // To the plane that is seen from the middle in a direction.
+        let distance_to = |direction: V3<S>| {
+            let mut plane = [[0.0; LANES]; 3];
+            planes.fetch(simd, direction, splat(simd, 0.0), active, |lane, texel| {
+                (plane[0][lane], plane[1][lane], plane[2][lane]) = (texel.x, texel.y, texel.z);
+            });
+            let plane = V3::load(simd, &plane);
+            let before = 1.0 - plane.dot(shift);
+            let approach = plane.dot(r).max(1.0 / FARTHEST);
+            (before / approach).max(NEAREST).min(FARTHEST)
+        };
+        let mut distance = distance_to(r);
+        for _ in 0..STEPS {
+            distance = distance_to(shift.plus(r, distance));
+        }
+        let place = shift.plus(r, distance);
+        let inverse = 1.0 / place.dot(place).sqrt().max(f32::MIN_POSITIVE);
+        let direction = place * inverse;
+        let side = |side: Vec3, change: V3<S>| {
+            let moved = splat3(simd, side).plus(change, distance);
+            moved.plus(direction, -direction.dot(moved)) * inverse
+        };
+        let (v1, v2) = (side(cell.sides[0], footprint.v1), side(cell.sides[1], footprint.v2));
+        let sides = FootprintSides { r: direction, v1, v2 };
+        SeenSurfaces { view, sides, towards: r * (distance * BEFORE_SURFACE) }
+    }
+}
+
+impl<S: Simd> SeenSurfaces<'_, S> {
+    fn mean_radiance(&self, simd: S, taps: F<S>, lit: u32) -> [Vec4; LANES] {
+        simd.vectorize(
+            #[inline(always)]
+            || {
+                let lookup = CubeLookup::new(&self.view.radiance);
+                mean_over_footprint::<S, FILTER_ANISOTROPIC>(simd, &lookup, &self.sides, &Unoccluded, taps, lit)
+            },
+        )
+    }
+}

@@ -1,0 +1,136 @@
+//! Surfaces in the light of lamps, as mirrors show them: radiance = albedo / π × irradiance, one point of each lamp at a time.
+
+use std::f64::consts::{FRAC_1_PI, TAU};
+
+use glam::DVec3;
+
+use super::cone::{Cone, angle};
+use super::geometry::{Geometry, Triangle};
+use super::lamps::{Lamps, Source};
+use crate::scene::{Scene, Visibility};
+
+/// All surfaces that receive light.
+pub(super) struct LitSurfaces<'a> {
+    geometry: &'a Geometry,
+    lamps: &'a Lamps,
+    visibility: Visibility,
+    /// By object; zero where nothing is received.
+    albedos: Vec<DVec3>,
+    objects: Vec<LitObject>,
+    /// At least the largest sum of the channels of any radiance.
+    pub brightest: f64,
+}
+
+/// An object, as bounds see it.
+struct LitObject {
+    centre: DVec3,
+    radius: f64,
+    /// At least the largest sum of the channels of its radiance.
+    brightest: f64,
+}
+
+impl<'a> LitSurfaces<'a> {
+    pub fn new(scene: &Scene, geometry: &'a Geometry, lamps: &'a Lamps, visibility: Visibility) -> Self {
+        let albedo =
+            |object: &crate::scene::Object| object.receiver.as_ref().map_or(DVec3::ZERO, |r| r.albedo.as_dvec3());
+        let albedos: Vec<DVec3> = scene.objects.iter().map(albedo).collect();
+        let lit = |object: u32| -> Vec<&Triangle> {
+            geometry.triangles.iter().filter(|triangle| triangle.object == object).collect()
+        };
+        let objects: Vec<LitObject> = (0u32..)
+            .zip(&albedos)
+            .filter(|(_, albedo)| **albedo != DVec3::ZERO)
+            .filter_map(|(object, albedo)| LitObject::new(&lit(object), *albedo, lamps))
+            .collect();
+        let brightest = objects.iter().map(|object| object.brightest).fold(0.0, f64::max);
+        Self { geometry, lamps, visibility, albedos, objects, brightest }
+    }
+
+    /// At least the largest sum of the channels of the radiance that arrives at any point of a sphere in a cone of directions.
+    pub fn bound(&self, (centre, radius): (DVec3, f64), cone: &Cone) -> f64 {
+        let is_met = |object: &&LitObject| {
+            let to = object.centre - centre;
+            let sine = (object.radius + radius) / to.length();
+            sine >= 1.0 || angle(cone.axis, to.normalize()) <= cone.half_angle + sine.asin()
+        };
+        self.objects.iter().filter(is_met).map(|object| object.brightest).fold(0.0, f64::max)
+    }
+
+    /// Radiance that arrives at a point of a triangle from a unit direction, W/(m²·sr); its mean, if the two numbers are uniform in [0, 1).
+    pub fn radiance(&self, (from, triangle): (DVec3, u32), direction: DVec3, numbers: [f64; 2]) -> DVec3 {
+        if self.brightest == 0.0 {
+            return DVec3::ZERO;
+        }
+        let sees = |id: u32| id != triangle;
+        let Some(hit) = self.geometry.first_hit_of(from, direction, sees) else { return DVec3::ZERO };
+        let surface = &self.geometry.triangles[hit.triangle as usize];
+        let albedo = self.albedos[surface.object as usize];
+        if albedo == DVec3::ZERO {
+            return DVec3::ZERO;
+        }
+        let (place, normal) = (surface.position(hit.barycentric), surface.normal(hit.barycentric));
+        let normal = if normal.dot(direction) > 0.0 { -normal } else { normal };
+        let arriving = |lamp: super::lamps::Sample| {
+            let cosine = lamp.direction.dot(normal);
+            let is_hidden = cosine <= 0.0
+                || self.visibility == Visibility::Full
+                    && self.geometry.blocks_segment(place, lamp.position, [hit.triangle; 2]);
+            if is_hidden { DVec3::ZERO } else { lamp.radiance * lamp.solid_angle.min(TAU) * cosine }
+        };
+        let irradiance: DVec3 = self.lamps.samples(place, numbers).map(arriving).sum();
+        albedo * FRAC_1_PI * irradiance
+    }
+}
+
+impl LitObject {
+    fn new(triangles: &[&Triangle], albedo: DVec3, lamps: &Lamps) -> Option<Self> {
+        let corners = triangles.iter().flat_map(|triangle| triangle.corners);
+        let around = |(low, high): (DVec3, DVec3), p: DVec3| (low.min(p), high.max(p));
+        let (low, high) = corners.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), around);
+        let irradiance = |lamp: &Source| {
+            let distance = triangles.iter().map(|t| distance(t, lamp.position)).fold(f64::INFINITY, f64::min);
+            lamp.most_irradiance(distance)
+        };
+        let irradiance: f64 = lamps.sources().iter().map(irradiance).sum();
+        let brightest = albedo.max_element() * FRAC_1_PI * irradiance;
+        (low.x <= high.x && brightest > 0.0).then(|| Self {
+            centre: 0.5 * (low + high),
+            radius: 0.5 * low.distance(high),
+            brightest,
+        })
+    }
+}
+
+/// From a point to the nearest one of a triangle.
+fn distance(triangle: &Triangle, point: DVec3) -> f64 {
+    let [a, b, c] = triangle.corners.map(|corner| corner - point);
+    let normal = (b - a).cross(c - a);
+    let to_edge = |from: DVec3, to: DVec3| {
+        let edge = to - from;
+        let along = (-from.dot(edge) / edge.length_squared()).clamp(0.0, 1.0);
+        (from + along * edge).length()
+    };
+    let is_inside = [(a, b), (b, c), (c, a)].into_iter().all(|(from, to)| normal.cross(to - from).dot(from) <= 0.0);
+    let edges = to_edge(a, b).min(to_edge(b, c)).min(to_edge(c, a));
+    if is_inside { a.dot(normal).abs() / normal.length() } else { edges }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn distances_are_those_of_the_nearest_points() {
+        let corners = [DVec3::ZERO, DVec3::X, DVec3::Z];
+        let triangle = Triangle { corners, normals: [DVec3::Y; 3], object: 0 };
+        let cases = [
+            (DVec3::new(0.2, 0.5, 0.2), 0.5),
+            (DVec3::new(-1.0, 0.0, 0.5), 1.0),
+            (DVec3::new(0.5, 0.0, -2.0), 2.0),
+            (DVec3::new(1.0, 0.0, 1.0), 0.5f64.sqrt()),
+        ];
+        for (point, expected) in cases {
+            assert!((distance(&triangle, point) - expected).abs() < 1e-12, "{point}");
+        }
+    }
+}

@@ -1,0 +1,120 @@
+//! Renders what mirrors see of surfaces in the light of lamps: views from the middles of groups of samples, as many as keep the
+//! samples near to their middles, for the distances of what these see.
+
+use glam::Vec3;
+use rayon::prelude::*;
+
+use crate::environment::{CubeMap, FACES, face_direction};
+use crate::pinhole::{PinholeSample, SurroundingView, Surroundings};
+use crate::scene::{Mesh, Ray, Scene, Visibility};
+use crate::stages::{LampLight, PreparedLight, PreparedScene};
+use crate::technique::Inputs;
+use crate::tracing::{Hit, SeenBy, Tracer};
+
+/// Texels along the edge of a view's faces, and the most views. Measured in `colours` with 1, 4, 16 and 64 views: errors of .119, .061,
+/// .048 and .045. A view has 1 MB.
+const OF_PICTURE: (u32, usize) = (64, 16);
+/// The same in previews.
+const OF_PREVIEW: (u32, usize) = (32, 4);
+/// A group of samples is small enough if no sample is farther from its middle than this part of the distance to the nearest surface.
+const NEAR_ENOUGH: f32 = 0.1;
+/// Middles lie this far before the mirror, as a part of the scene's extent, so that they do not see the surface that they lie on.
+const OFFSET: f32 = 1e-4;
+
+/// Cosines at which planes are met, at least.
+const MIN_COSINE: f32 = 1e-3;
+
+/// What is seen in a direction; zero if that is nothing.
+#[derive(Clone, Copy, Debug, Default)]
+struct Seen {
+    radiance: Vec3,
+    /// As in [`SurroundingView`].
+    plane: Vec3,
+    /// One over the distance.
+    nearness: f32,
+}
+
+/// The scene as it is seen by mirrors.
+struct Viewer<'a> {
+    scene: &'a Scene,
+    light: LampLight<'a>,
+    /// What receives light: mirrors alone show none of their own.
+    surfaces: Tracer,
+    size: u32,
+}
+
+/// What the samples see in the light of lamps; `None` if that is nothing.
+pub(super) fn surroundings(inputs: &Inputs, samples: &[PinholeSample]) -> Option<Surroundings> {
+    let Inputs { scene, prepared, light, options, .. } = *inputs;
+    let is_lit = scene.objects.iter().any(|o| o.receiver.as_ref().is_some_and(|r| r.albedo != Vec3::ZERO));
+    if light.lamps.is_empty() || samples.is_empty() || !is_lit {
+        return None;
+    }
+    let (size, max_views) = if inputs.is_preview { OF_PREVIEW } else { OF_PICTURE };
+    let viewer = Viewer::new(scene, prepared, light, (options.visibility, size));
+    let extent = samples.iter().map(|s| s.position().distance(samples[0].position())).fold(0.0, f32::max);
+    let middle = |sample: &PinholeSample| sample.position() + OFFSET * extent * sample.normal();
+    // The sample that is farthest from all middles gets the next one.
+    let mut distances = vec![f32::INFINITY; samples.len()];
+    let mut next = 0;
+    let mut views: Vec<SurroundingView> = Vec::new();
+    loop {
+        views.push(viewer.view(middle(&samples[next])));
+        let new = samples[next].position();
+        distances.iter_mut().zip(samples).for_each(|(d, sample)| *d = d.min(sample.position().distance(new)));
+        next = (0..samples.len()).max_by(|a, b| distances[*a].total_cmp(&distances[*b]))?;
+        let max_nearness = views.iter().map(|view| view.max_nearness).fold(0.0, f32::max);
+        if views.len() == max_views || distances[next] * max_nearness <= NEAR_ENOUGH {
+            return Some(Surroundings { views });
+        }
+    }
+}
+
+impl<'a> Viewer<'a> {
+    fn new(
+        scene: &'a Scene,
+        prepared: &'a PreparedScene,
+        light: &'a PreparedLight,
+        (visibility, size): (Visibility, u32),
+    ) -> Self {
+        let meshes: Vec<(Mesh, SeenBy)> = scene
+            .objects
+            .iter()
+            .map(|o| (o.mesh_in_world(), SeenBy { camera: false, light: o.receiver.is_some() }))
+            .collect();
+        let surfaces = Tracer::of_meshes(meshes.iter().map(|(mesh, seen_by)| (mesh, *seen_by)));
+        let light = LampLight::new(&light.lamps, (visibility == Visibility::Full).then_some(&*prepared.tracer));
+        Self { scene, light, surfaces, size }
+    }
+
+    fn view(&self, middle: Vec3) -> SurroundingView {
+        let texels: Vec<Vec3> = (0..FACES).flat_map(|face| self.directions(face)).collect();
+        let seen: Vec<Seen> = texels.par_iter().map(|direction| self.seen(middle, *direction)).collect();
+        let cube =
+            |of: fn(&Seen) -> Vec3| CubeMap::from_texels(self.size, &seen.iter().map(of).collect::<Vec<_>>(), true);
+        let max_nearness = seen.iter().map(|seen| seen.nearness).fold(0.0, f32::max);
+        SurroundingView::new(middle, cube(|seen| seen.radiance), cube(|seen| seen.plane), max_nearness)
+    }
+
+    /// The unit directions of the middles of a face's texels, row by row.
+    fn directions(&self, face: usize) -> impl Iterator<Item = Vec3> + use<> {
+        let size = self.size;
+        let at = move |k: u32| (2 * k + 1) as f32 / size as f32 - 1.0;
+        let direction = move |k: u32| face_direction(face, at(k % size), at(k / size)).normalize();
+        (0..size * size).map(direction)
+    }
+
+    /// What is seen from a point in a unit direction.
+    fn seen(&self, from: Vec3, direction: Vec3) -> Seen {
+        let Some(hit) = self.surfaces.secondary_hit(Ray { origin: from, direction }) else { return Seen::default() };
+        let nearness = 1.0 / hit.distance;
+        // At grazing angles a plane passes the point too closely to say where others see it.
+        let approach = (-hit.face_normal.dot(direction)).max(MIN_COSINE);
+        Seen { radiance: self.radiance(&hit), plane: -hit.face_normal * (nearness / approach), nearness }
+    }
+
+    fn radiance(&self, hit: &Hit) -> Vec3 {
+        let albedo = self.scene.objects[hit.object as usize].receiver.as_ref().map_or(Vec3::ZERO, |r| r.albedo);
+        albedo * std::f32::consts::FRAC_1_PI * self.light.irradiance(hit)
+    }
+}
