@@ -31,8 +31,6 @@ pub const BUILT_IN: &[BuiltIn] = built_in! {
     "cup-point-light": "the cup under a small light from above (Figure 7b)",
     "sheet": "a waving sheet of copper throws bands of sunlight on a wall",
     "pool": "waves on a tiled pool throw caustics through the water and up the wall",
-    "candle": "a candle flickers inside a silver ring: light from near",
-    "colours": "a mirror ball throws the colours of lit walls into its own shadow",
     "dynamic": "bright balls, a gold ring and a floor, all of which move (Figure 7c)",
     "columns": "balls and columns between the light, a brass ring and the table shadow each other",
     "gloss": "rings of silver, polished, brushed and blasted",
@@ -41,6 +39,8 @@ pub const BUILT_IN: &[BuiltIn] = built_in! {
     "mirror-sphere": "a mirror sphere above a table in a studio",
     "disco-ball": "a ball of flat mirror tiles throws images of the sun around a room (Section 3)",
     "dance-floor": "a mirror ball scatters the light of moving coloured lamps over a room where balls dance",
+    "candle": "a candle flickers inside a silver ring: light from near",
+    "colours": "a mirror ball throws the colours of lit walls into its own shadow",
 };
 
 #[cfg(test)]

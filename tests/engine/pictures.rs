@@ -17,8 +17,8 @@ const STRAY: u8 = 16;
 
 /// How many times smaller large pictures are compared than they are stored,
 const REDUCTION: u32 = 3;
-/// and by how many levels they may differ then: on average,
-const MEAN_OF_SMALL: f64 = 1.5;
+/// and by how many levels they may differ then: on average (the waves of `pool` are finer than its pixels),
+const MEAN_OF_SMALL: f64 = 2.2;
 /// and in all but 5 % of the channels. Edges are anti-aliased by another filter.
 const MOST_OF_SMALL: u8 = 8;
 
