@@ -45,6 +45,11 @@ impl SurroundingView {
 }
 
 impl Surroundings {
+    /// Width of the views' texels at a face's centre, radians.
+    pub fn texel_rad(&self) -> f32 {
+        2.0 / self.views.first().map_or(1, |view| view.radiance.size()) as f32
+    }
+
     /// The view for a cell.
     pub fn nearest(&self, position: Vec3) -> &SurroundingView {
         let distance = |view: &&SurroundingView| view.middle.distance_squared(position);

@@ -16,6 +16,8 @@ pub(super) struct LitSurfaces<'a> {
     visibility: Visibility,
     /// By object; zero where nothing is received.
     albedos: Vec<DVec3>,
+    /// By object: whether it receives light. Without occlusion nothing else is in the way.
+    receives: Vec<bool>,
     objects: Vec<LitObject>,
     /// At least the largest sum of the channels of any radiance.
     pub brightest: f64,
@@ -43,7 +45,8 @@ impl<'a> LitSurfaces<'a> {
             .filter_map(|(object, albedo)| LitObject::new(&lit(object), *albedo, lamps))
             .collect();
         let brightest = objects.iter().map(|object| object.brightest).fold(0.0, f64::max);
-        Self { geometry, lamps, visibility, albedos, objects, brightest }
+        let receives = scene.objects.iter().map(|object| object.receiver.is_some()).collect();
+        Self { geometry, lamps, visibility, albedos, receives, objects, brightest }
     }
 
     /// At least the largest sum of the channels of the radiance that arrives at any point of a sphere in a cone of directions.
@@ -61,7 +64,8 @@ impl<'a> LitSurfaces<'a> {
         if self.brightest == 0.0 {
             return DVec3::ZERO;
         }
-        let sees = |id: u32| id != triangle;
+        let is_in_the_way = |object: u32| self.visibility == Visibility::Full || self.receives[object as usize];
+        let sees = |id: u32| id != triangle && is_in_the_way(self.geometry.triangles[id as usize].object);
         let Some(hit) = self.geometry.first_hit_of(from, direction, sees) else { return DVec3::ZERO };
         let surface = &self.geometry.triangles[hit.triangle as usize];
         let albedo = self.albedos[surface.object as usize];

@@ -103,7 +103,7 @@ pub fn parse<R: DeserializeOwned + Default>(
     }
     let environment = builder.environment(tables.environment, &mut notes)?;
     let camera = builder.camera(&tables.camera)?;
-    let lamps = builder.lamps(&tables.light, &objects)?;
+    let lamps = builder.lamps(&tables.light, &objects, &mut notes)?;
     let animations = builder.animations(&tables.animation, (&animated, &lamps), &tables.camera)?;
     let scene = Scene { name, environment, lamps, camera, objects, animations, notes };
     let objects_of_tables = animated.into_iter().map(|table| table.objects).collect();

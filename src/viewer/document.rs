@@ -110,8 +110,12 @@ impl Document {
         }
         for (edited, original) in scene.lamps.iter().zip(&old.lamps) {
             let same = new.lamps.iter_mut().find(|lamp| lamp.name == edited.name);
-            if let Some(lamp) = same.filter(|_| edited != original) {
-                (lamp.position, lamp.intensity) = (edited.position, edited.intensity);
+            let Some(lamp) = same else { continue };
+            if edited.position != original.position {
+                lamp.position = edited.position;
+            }
+            if edited.intensity != original.intensity {
+                lamp.intensity = edited.intensity;
             }
         }
         for (edited, original) in scene.objects.iter().zip(&old.objects) {
@@ -339,6 +343,12 @@ impl Document {
         for ((old, new), table) in lamps.zip(tables.iter_mut()) {
             if new.position != old.position {
                 table["position"] = vector(new.position);
+                // A beam keeps its direction.
+                if let Some(spot) = table.get_mut("spot").and_then(Item::as_table_like_mut)
+                    && let Some(beam) = &new.beam
+                {
+                    spot.insert("target", vector(new.position + beam.direction));
+                }
             }
             if new.intensity != old.intensity {
                 table.remove("radiance");

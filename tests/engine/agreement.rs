@@ -29,10 +29,12 @@ fn render(engine: &mut Engine, filter: FilterChoice) -> Rendered {
 #[test]
 fn back_ends_agree_on_every_built_in_scene() {
     let mut failures = Vec::new();
-    for (scene, other) in BUILT_IN.iter().zip([FilterChoice::None, FilterChoice::Isotropic].iter().cycle()) {
+    // Other filters on some scenes only, in turn.
+    let others = [Some(FilterChoice::None), None, Some(FilterChoice::Isotropic), None];
+    for (scene, other) in BUILT_IN.iter().zip(others.into_iter().cycle()) {
         let mut engines =
             [BackendChoice::Gpu(None), BackendChoice::Cpu].map(|b| engine(scene.name, &b, &[Aov::Caustic]));
-        for filter in [*other, FilterChoice::Anisotropic] {
+        for filter in other.into_iter().chain([FilterChoice::Anisotropic]) {
             let [on_gpu, on_cpu] = engines.each_mut().map(|engine| render(engine, filter));
             assert!(matches!(on_gpu.report.backend, BackendReport::Gpu { .. }));
             let [gpu, cpu] = [&on_gpu, &on_cpu].map(|r| r.layer(Aov::Caustic).unwrap());

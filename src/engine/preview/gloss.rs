@@ -1,4 +1,4 @@
-//! What glossy receivers reflect of the environment in previews: from sixteen microfacets at each node, with shadows. GPU twin:
+//! What glossy receivers reflect of the environment and of lamps in previews: from sixteen microfacets at each node, with shadows. GPU twin:
 //! `shaders/shared/preview_gloss.wgsl`. Lobes of caustics, and of what mirrors show, are left to whole pictures.
 
 use glam::Vec3;
@@ -8,7 +8,7 @@ use crate::brdf::Materials;
 use crate::engine::gloss::{blurred_radiance, likely_facet};
 use crate::lanes::LANES;
 use crate::scene::{Camera, Projection, Ray};
-use crate::stages::{PreparedLight, PreparedScene};
+use crate::stages::{LampLight, PreparedLight, PreparedScene};
 use crate::tracing::Hit;
 
 /// Microfacets along both coordinates of a lobe.
@@ -19,6 +19,7 @@ pub(super) struct GlossyReceivers<'a> {
     pub camera: &'a Camera,
     pub prepared: &'a PreparedScene,
     pub light: &'a PreparedLight,
+    pub lamps: &'a LampLight<'a>,
     pub is_shadowed: bool,
 }
 
@@ -32,7 +33,13 @@ impl GlossyReceivers<'_> {
         let hit = &point.hit;
         let view = self.view(hit);
         let diffuse = self.materials().mean_diffuse(hit.object, hit.normal.dot(view));
-        diffuse * irradiance + self.of_environment(hit, view)
+        // Of lamps' light, the irradiance has the diffuse part.
+        let lobe = if self.lamps.is_dark() {
+            Vec3::ZERO
+        } else {
+            (self.lamps.reflected(self.materials(), hit, view) - diffuse * self.lamps.irradiance(hit)).max(Vec3::ZERO)
+        };
+        diffuse * irradiance + self.of_environment(hit, view) + lobe
     }
 
     fn view(&self, hit: &Hit) -> Vec3 {

@@ -358,6 +358,7 @@ impl Frame<'_> {
             camera: &self.scene.camera,
             prepared: self.prepared,
             light: self.light,
+            lamps: self.direct.lamps(),
             is_shadowed: self.options.visibility == Visibility::Full,
         };
         let mut open = grid.nodes();

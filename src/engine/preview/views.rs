@@ -310,17 +310,19 @@ impl ViewTracer<'_> {
         true
     }
 
-    /// The radiance of a lamp that a ray meets first.
+    /// The radiance of lamps that a ray meets first; `None` if there is nothing to be seen of any.
     fn lamp_met(&self, ray: &Ray, hit: Option<&Hit>) -> Option<Vec3> {
         let direction = ray.direction.normalize();
         let met = |lamp: &&Lamp| {
             let to = lamp.position - ray.origin;
             let along = to.dot(direction);
             along > 0.0
+                && to.length() > lamp.radius
                 && to.length_squared() - along * along < lamp.radius * lamp.radius
                 && hit.is_none_or(|hit| along < hit.distance * ray.direction.length())
         };
-        self.lamps.iter().find(met).map(|lamp| lamp.radiance_at(ray.origin))
+        let radiance: Vec3 = self.lamps.iter().filter(met).map(|lamp| lamp.radiance_at(ray.origin)).sum();
+        (radiance != Vec3::ZERO).then_some(radiance)
     }
 
     /// Sends a ray on through an interface, or back from it where all is reflected.

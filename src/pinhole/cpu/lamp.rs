@@ -8,12 +8,15 @@ use super::filters::FootprintSides;
 use super::pair::ReceiverCellPair;
 use crate::lanes::{F, LANES, Select, Simd, SimdBase, SimdFloat, V3, bits, set_bits, splat, splat3};
 use crate::pinhole::PinholeParts;
-use crate::pinhole::constants::{FOOTPRINT_RADIUS, LAMP_BLUR};
+use crate::pinhole::constants::{FOOTPRINT_RADIUS, LAMP_BLUR, LOBE_TAIL_WIDTH};
 use crate::pinhole::disc::{chord_of_sphere, filled_part, solid_angle_of};
 use crate::scene::Lamp;
 
 /// How much farther than a footprint its blur reaches.
 pub(super) const BLURRED_REACH: f32 = 1.0 + LAMP_BLUR / FOOTPRINT_RADIUS;
+
+/// Widths of a rough mirror's lobe within which lamps are seen in it.
+const TAIL_REACH: f32 = 0.75 * LOBE_TAIL_WIDTH;
 
 /// A lamp, as sums see it.
 #[derive(Clone, Copy, Debug)]
@@ -89,7 +92,7 @@ impl<'a> LampLight<'a> {
         (splat(simd, solid_angle_of(seen.chord)) / area).min(1.0)
     }
 
-    /// The lanes in which directions within a radius around these may lead to the lamp from some point of a cell.
+    /// The largest radiance within a radius around directions from any point of a cell: that of the lamp, or nothing.
     #[inline(always)]
     pub fn max_within<S: Simd>(&self, simd: S, cell: (&PinholeParts, f32), direction: V3<S>, radius: F<S>) -> F<S> {
         let seen = self.seen_from(cell.0.position);
@@ -104,7 +107,7 @@ impl<'a> LampLight<'a> {
     #[inline(always)]
     pub fn lanes_lit_by_piece<S: Simd>(&self, simd: S, piece: &PinholeParts, pair: &ReceiverCellPair<S>) -> u32 {
         let half = |[a, b]: [Vec3; 2]| 0.5 * (a.length() + b.length());
-        let (radius, turn) = (half(piece.sides), 2.0 * half(piece.changes) + 0.5 * piece.lobe);
+        let (radius, turn) = (half(piece.sides), 2.0 * half(piece.changes) + TAIL_REACH * piece.lobe);
         // An arc is at most a right angle longer than its sine; nearer than that, light may come from anywhere.
         let spread = pair.inverse_l * (radius * FRAC_PI_2);
         let spread = spread.simd_lt(1.0).select(spread, splat(simd, PI)) + turn;

@@ -72,7 +72,7 @@ pub fn gather_lamp(
     params: &Params,
     progress: &dyn Progress,
 ) -> Vec<[f32; 4]> {
-    let uniforms = GatherUniforms::for_lamp(params, pinholes);
+    let uniforms = GatherUniforms::for_near_light(params, pinholes, 0.0);
     let source = Source::Lamp(LampLight::new(lamp));
     gather_from(receivers, (pinholes, source, uniforms), Filter::None, progress).unwrap_or_default()
 }
@@ -85,7 +85,7 @@ pub fn gather_surroundings(
     params: &Params,
     progress: &dyn Progress,
 ) -> Vec<[f32; 4]> {
-    let uniforms = GatherUniforms::for_lamp(params, pinholes);
+    let uniforms = GatherUniforms::for_near_light(params, pinholes, surroundings.texel_rad());
     let source = Source::Surroundings(SurroundingLight(surroundings));
     gather_from(receivers, (pinholes, source, uniforms), Filter::None, progress).unwrap_or_default()
 }

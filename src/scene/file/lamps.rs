@@ -46,24 +46,35 @@ fn softness() -> f32 {
 }
 
 impl Builder<'_> {
-    pub(super) fn lamps(&self, tables: &[LampTable], objects: &[Object]) -> Result<Vec<Lamp>, SceneError> {
-        tables.iter().enumerate().map(|(index, table)| self.lamp(index, table, objects)).collect()
+    pub(super) fn lamps(
+        &self,
+        tables: &[LampTable],
+        objects: &[Object],
+        notes: &mut Vec<String>,
+    ) -> Result<Vec<Lamp>, SceneError> {
+        tables.iter().enumerate().map(|(index, table)| self.lamp(index, table, objects, notes)).collect()
     }
 
-    fn lamp(&self, index: usize, table: &LampTable, objects: &[Object]) -> Result<Lamp, SceneError> {
+    fn lamp(
+        &self,
+        index: usize,
+        table: &LampTable,
+        objects: &[Object],
+        notes: &mut Vec<String>,
+    ) -> Result<Lamp, SceneError> {
         let name = table.name.as_ref().map_or_else(|| format!("light {}", index + 1), |name| escaped(name));
         let key = |k: &str| Key { shown: format!("light '{name}'.{k}"), path: format!("light.{index}.{k}") };
         let position = self.place(key("position"), table.position)?;
-        if !(0.0..=Mesh::MAX_COORDINATE).contains(&table.radius) {
-            return Err(self.error(key("radius"), format!("is {}, but must be from 0 to 1e9 m", table.radius)));
+        if table.radius != 0.0 && !(Lamp::MIN_RADIUS..=Mesh::MAX_COORDINATE).contains(&table.radius) {
+            let message = format!("is {}, but must be 0, for a point, or from 0.0001 to 1e9 m", table.radius);
+            return Err(self.error(key("radius"), message));
         }
         let radius = table.radius.max(Lamp::MIN_RADIUS);
         let disc = PI * radius * radius;
         let (intensity, given) = match (table.intensity, table.radiance) {
-            (Some(intensity), None) => (
-                self.colour(key("intensity"), intensity, Lamp::MAX_RADIANCE * disc.min(1.0 / Lamp::MIN_RADIUS))?,
-                "intensity",
-            ),
+            (Some(intensity), None) => {
+                (self.colour(key("intensity"), intensity, Lamp::MAX_RADIANCE * disc.min(1.0))?, "intensity")
+            }
             (None, Some(_)) if table.radius == 0.0 => {
                 let message = "is that of a sphere; give its radius, or the intensity of a point light";
                 return Err(self.error(key("radiance"), message));
@@ -79,7 +90,7 @@ impl Builder<'_> {
         }
         let beam = match &table.spot {
             None => None,
-            Some(beam) => Some(self.beam(beam, position, &key)?),
+            Some(beam) => Some(self.beam(beam, position, &key, notes)?),
         };
         let lamp = Lamp { name: name.clone(), position, radius, intensity, beam };
         if lamp.max_radiance() > Lamp::MAX_RADIANCE {
@@ -95,7 +106,13 @@ impl Builder<'_> {
         Ok(lamp)
     }
 
-    fn beam(&self, table: &BeamTable, position: Vec3, key: &dyn Fn(&str) -> Key) -> Result<Beam, SceneError> {
+    fn beam(
+        &self,
+        table: &BeamTable,
+        position: Vec3,
+        key: &dyn Fn(&str) -> Key,
+        notes: &mut Vec<String>,
+    ) -> Result<Beam, SceneError> {
         let target = self.place(key("spot.target"), table.target)?;
         let direction = direction_of(target - position)
             .ok_or_else(|| self.error(key("spot.target"), "must differ from the light's position"))?;
@@ -110,7 +127,7 @@ impl Builder<'_> {
         let across = direction_of(up - up.dot(direction) * direction);
         let slide = match &table.slide {
             None => None,
-            Some(file) => Some(self.slide(file).map_err(|message| self.error(key("spot.slide"), message))?),
+            Some(file) => Some(self.slide(file, notes).map_err(|message| self.error(key("spot.slide"), message))?),
         };
         let up = match (across, &slide) {
             (Some(up), _) => up,
@@ -124,12 +141,13 @@ impl Builder<'_> {
     }
 
     /// The image of a slide, or why there is none.
-    fn slide(&self, file: &str) -> Result<Slide, String> {
+    fn slide(&self, file: &str, notes: &mut Vec<String>) -> Result<Slide, String> {
         let name = readable_name(self.assets, Path::new(file));
         RgbImage::check_format(&name).map_err(|error| error.to_string())?;
         let bytes = self.assets.read(Path::new(file));
         let bytes = bytes.map_err(|error| format!("cannot read '{name}': {error}; check the path"))?;
-        let (image, _) = RgbImage::decode(&name, &bytes).map_err(|error| error.to_string())?;
+        let (image, repaired) = RgbImage::decode(&name, &bytes).map_err(|error| error.to_string())?;
+        notes.extend(repaired);
         Ok(Slide(Arc::new(image)))
     }
 }

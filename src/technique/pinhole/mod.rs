@@ -17,7 +17,7 @@ use self::on_cpu::{FlatOnCpu, HierarchicalOnCpu};
 #[cfg(feature = "gpu")]
 use self::on_gpu::{GpuStages, HierarchicalOnGpu};
 use self::samples::{OccluderKey, SampleStages, occluder};
-use self::surroundings::surroundings;
+use self::surroundings::{lit_surfaces, surroundings};
 use super::{Inputs, Inspected, Pending, Statistics, Sum, TechniqueStages};
 use crate::differential::DifferentialSample;
 use crate::environment::{Environment, LightBounds};
@@ -122,6 +122,8 @@ pub(super) struct PinholeStages {
     samples: SampleStages,
     estimate: Memo<EstimateKey, f32>,
     surroundings: Memo<SurroundingsKey, Option<Arc<Surroundings>>>,
+    /// What mirrors show.
+    surfaces: Memo<(Id<Tracer>, Id<SurfaceMaterials>), Tracer>,
     /// Of the samples of previews.
     positions: Memo<Id<Vec<DifferentialSample>>, Vec<Vec3>>,
     #[cfg(feature = "gpu")]
@@ -145,6 +147,7 @@ impl PinholeStages {
             samples: SampleStages::new(),
             estimate: Memo::new(Stage::Estimate),
             surroundings: Memo::new(Stage::Surroundings),
+            surfaces: Memo::new(Stage::Surroundings),
             positions: Memo::new(Stage::Points),
             #[cfg(feature = "gpu")]
             gpu: GpuStages::new(),
@@ -209,7 +212,9 @@ impl PinholeStages {
             visibility: options.visibility,
             lamps: lamps.clone(),
         };
-        let make = || surroundings(inputs, &samples.samples).map(Arc::new);
+        let of_surfaces = (Id::of(&prepared.tracer), Id::of(&prepared.materials));
+        let surfaces = self.surfaces.get(of_surfaces, progress, || lit_surfaces(inputs.scene));
+        let make = || surroundings(inputs, &surfaces, &samples.samples).map(Arc::new);
         let surroundings = self.surroundings.get(key, progress, make);
         NearLight { lamps, surroundings: (*surroundings).clone() }
     }
@@ -384,7 +389,15 @@ impl TechniqueStages for PinholeStages {
             *self.estimate.get(estimate_key(inputs, &sum), progress, || sum.estimate(&estimate_receivers(inputs)));
         let receiver = (place.position, place.normal, place.object);
         let taken = |light| cells_taken(receiver, &sum.tree, light, &sum.params, sum.accuracy);
-        Ok(Some(sum.lights().flat_map(taken).collect()))
+        let mut cells: Vec<TakenCell> = Vec::new();
+        for cell in sum.lights().flat_map(taken) {
+            // A cell may be taken for several lights.
+            match cells.iter_mut().find(|known| known.centroid == cell.centroid && known.sides == cell.sides) {
+                Some(known) => known.irradiance += cell.irradiance,
+                None => cells.push(cell),
+            }
+        }
+        Ok(Some(cells))
     }
 
     fn count(&self, counts: &mut StageCounts) {

@@ -6,8 +6,8 @@ use rayon::prelude::*;
 
 use crate::environment::{CubeMap, FACES, face_direction};
 use crate::pinhole::{PinholeSample, SurroundingView, Surroundings};
-use crate::scene::{Mesh, Ray, Scene, Visibility};
-use crate::stages::{LampLight, PreparedLight, PreparedScene};
+use crate::scene::{Mesh, Object, Ray, Scene, Sides, Visibility};
+use crate::stages::LampLight;
 use crate::technique::Inputs;
 use crate::tracing::{Hit, SeenBy, Tracer};
 
@@ -18,7 +18,7 @@ const OF_PICTURE: (u32, usize) = (64, 16);
 const OF_PREVIEW: (u32, usize) = (32, 4);
 /// A group of samples is small enough if no sample is farther from its middle than this part of the distance to the nearest surface.
 const NEAR_ENOUGH: f32 = 0.1;
-/// Middles lie this far before the mirror, as a part of the scene's extent, so that they do not see the surface that they lie on.
+/// Middles lie this far before the mirror, as a part of the extent of all samples, so that they do not see the surface that they lie on.
 const OFFSET: f32 = 1e-4;
 
 /// Cosines at which planes are met, at least.
@@ -39,19 +39,33 @@ struct Viewer<'a> {
     scene: &'a Scene,
     light: LampLight<'a>,
     /// What receives light: mirrors alone show none of their own.
-    surfaces: Tracer,
+    surfaces: &'a Tracer,
     size: u32,
 }
 
+/// What mirrors can show: everything that receives light, but for mirrors on both sides, whose back would show the light on their front.
+pub(super) fn lit_surfaces(scene: &Scene) -> Tracer {
+    let is_shown = |object: &Object| {
+        object.receiver.is_some() && object.reflector.is_none_or(|reflector| reflector.sides != Sides::Both)
+    };
+    let meshes: Vec<(Mesh, SeenBy)> = scene
+        .objects
+        .iter()
+        .map(|object| (object.mesh_in_world(), SeenBy { camera: false, light: is_shown(object) }))
+        .collect();
+    Tracer::of_meshes(meshes.iter().map(|(mesh, seen_by)| (mesh, *seen_by)))
+}
+
 /// What the samples see in the light of lamps; `None` if that is nothing.
-pub(super) fn surroundings(inputs: &Inputs, samples: &[PinholeSample]) -> Option<Surroundings> {
+pub(super) fn surroundings(inputs: &Inputs, surfaces: &Tracer, samples: &[PinholeSample]) -> Option<Surroundings> {
     let Inputs { scene, prepared, light, options, .. } = *inputs;
     let is_lit = scene.objects.iter().any(|o| o.receiver.as_ref().is_some_and(|r| r.albedo != Vec3::ZERO));
     if light.lamps.is_empty() || samples.is_empty() || !is_lit {
         return None;
     }
     let (size, max_views) = if inputs.is_preview { OF_PREVIEW } else { OF_PICTURE };
-    let viewer = Viewer::new(scene, prepared, light, (options.visibility, size));
+    let occluder = (options.visibility == Visibility::Full).then_some(&*prepared.tracer);
+    let viewer = Viewer { scene, light: LampLight::new(&light.lamps, occluder), surfaces, size };
     let extent = samples.iter().map(|s| s.position().distance(samples[0].position())).fold(0.0, f32::max);
     let middle = |sample: &PinholeSample| sample.position() + OFFSET * extent * sample.normal();
     // The sample that is farthest from all middles gets the next one.
@@ -70,30 +84,15 @@ pub(super) fn surroundings(inputs: &Inputs, samples: &[PinholeSample]) -> Option
     }
 }
 
-impl<'a> Viewer<'a> {
-    fn new(
-        scene: &'a Scene,
-        prepared: &'a PreparedScene,
-        light: &'a PreparedLight,
-        (visibility, size): (Visibility, u32),
-    ) -> Self {
-        let meshes: Vec<(Mesh, SeenBy)> = scene
-            .objects
-            .iter()
-            .map(|o| (o.mesh_in_world(), SeenBy { camera: false, light: o.receiver.is_some() }))
-            .collect();
-        let surfaces = Tracer::of_meshes(meshes.iter().map(|(mesh, seen_by)| (mesh, *seen_by)));
-        let light = LampLight::new(&light.lamps, (visibility == Visibility::Full).then_some(&*prepared.tracer));
-        Self { scene, light, surfaces, size }
-    }
-
+impl Viewer<'_> {
     fn view(&self, middle: Vec3) -> SurroundingView {
         let texels: Vec<Vec3> = (0..FACES).flat_map(|face| self.directions(face)).collect();
         let seen: Vec<Seen> = texels.par_iter().map(|direction| self.seen(middle, *direction)).collect();
-        let cube =
-            |of: fn(&Seen) -> Vec3| CubeMap::from_texels(self.size, &seen.iter().map(of).collect::<Vec<_>>(), true);
+        let cube = |of: fn(&Seen) -> Vec3, mips: bool| {
+            CubeMap::from_texels(self.size, &seen.iter().map(of).collect::<Vec<_>>(), mips)
+        };
         let max_nearness = seen.iter().map(|seen| seen.nearness).fold(0.0, f32::max);
-        SurroundingView::new(middle, cube(|seen| seen.radiance), cube(|seen| seen.plane), max_nearness)
+        SurroundingView::new(middle, cube(|seen| seen.radiance, true), cube(|seen| seen.plane, false), max_nearness)
     }
 
     /// The unit directions of the middles of a face's texels, row by row.

@@ -73,6 +73,13 @@ impl Viewer {
             let mut factor = lamp.intensity.max_element() / full;
             if number(ui, &format!("{} brightness", lamp.name), &mut factor, 1.0, (0.01..=100.0, true)) {
                 lamp.intensity = factor * original.intensity;
+                for animation in &mut state.scene.animations {
+                    if let Animation::Lamp(motion) = animation
+                        && motion.lamp == index
+                    {
+                        motion.full_intensity = lamp.intensity;
+                    }
+                }
                 is_edited = true;
             }
         }

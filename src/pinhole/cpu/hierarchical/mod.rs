@@ -145,10 +145,10 @@ impl<'a> TraversalContext<'a> {
             }
             Light::Lamp(lamp) => {
                 let lamp = LampLight::new(lamp);
-                (GatherUniforms::for_lamp(params, nodes), Source::Lamp(lamp), SourceBounds::Lamp(lamp))
+                (GatherUniforms::for_near_light(params, nodes, 0.0), Source::Lamp(lamp), SourceBounds::Lamp(lamp))
             }
             Light::Surroundings(surfaces) => {
-                let uniforms = GatherUniforms::for_lamp(params, nodes);
+                let uniforms = GatherUniforms::for_near_light(params, nodes, surfaces.texel_rad());
                 let source = Source::Surroundings(SurroundingLight(surfaces));
                 (uniforms, source, SourceBounds::Surroundings(surfaces))
             }
