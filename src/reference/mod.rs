@@ -23,6 +23,7 @@ mod maxima;
 mod passes;
 mod receivers;
 mod reflectance;
+mod reflector_bounds;
 mod reflectors;
 mod refraction;
 mod replicates;

@@ -10,6 +10,7 @@ mod footprint;
 mod hierarchical;
 mod inspection;
 mod lamp;
+mod near_light;
 mod pair;
 mod receiver;
 mod sky_texels;
@@ -22,6 +23,7 @@ pub use hierarchical::{
     Accuracy, CachedGather, CachedSums, Light, TakenCell, cells_taken, estimate_irradiance, gather_hierarchical,
 };
 pub use inspection::{Contribution, contributions_to};
+pub use near_light::{gather_lamp, gather_surroundings};
 
 use glam::{Vec3, Vec4};
 use rayon::prelude::*;
@@ -35,13 +37,11 @@ use self::visibility::{Occlusion, Unoccluded, VisibilityMap};
 use super::constants::{FILTER_ANISOTROPIC, FILTER_EWA, FILTER_ISOTROPIC, FILTER_NONE};
 use super::{
     BATCH_SIZE, CURVE_POINTS, Filter, GatherUniforms, Params, PinholeParts, PinholeSample, Pinholes, Receivers,
-    Surroundings,
 };
 use crate::brdf::Materials;
 use crate::environment::CubeMap;
 use crate::lanes::{F, LANES, Simd, SimdBase, V3, bits, dispatch, lanes, level, set_bits, splat3};
 use crate::progress::Progress;
-use crate::scene::Lamp;
 
 /// Groups of lanes between two reports of progress.
 const GROUPS_PER_TASK: usize = 32;
@@ -62,32 +62,6 @@ pub fn gather(
     let uniforms = GatherUniforms::for_cube(params, pinholes, environment);
     let source = Source::Environment(CubeLookup::rotated(environment, &uniforms));
     gather_from(receivers, (pinholes, source, uniforms), params.filter, progress)
-}
-
-/// The same for the light of a lamp, which takes no filter: the part of a footprint that the lamp fills is exact.
-pub fn gather_lamp(
-    receivers: &Receivers,
-    pinholes: &Pinholes,
-    lamp: &Lamp,
-    params: &Params,
-    progress: &dyn Progress,
-) -> Vec<[f32; 4]> {
-    let uniforms = GatherUniforms::for_near_light(params, pinholes, 0.0);
-    let source = Source::Lamp(LampLight::new(lamp));
-    gather_from(receivers, (pinholes, source, uniforms), Filter::None, progress).unwrap_or_default()
-}
-
-/// The same for the light of surfaces.
-pub fn gather_surroundings(
-    receivers: &Receivers,
-    pinholes: &Pinholes,
-    surroundings: &Surroundings,
-    params: &Params,
-    progress: &dyn Progress,
-) -> Vec<[f32; 4]> {
-    let uniforms = GatherUniforms::for_near_light(params, pinholes, surroundings.texel_rad());
-    let source = Source::Surroundings(SurroundingLight(surroundings));
-    gather_from(receivers, (pinholes, source, uniforms), Filter::None, progress).unwrap_or_default()
 }
 
 fn gather_from(
@@ -337,55 +311,6 @@ impl Gather<'_> {
         let min_l2 = u.own_scale * sample.area;
         let min_l2 = lanes(simd, std::array::from_fn(|lane| if objects[lane] == sample.object { min_l2 } else { 0.0 }));
         1.0 / (l2 + (u.epsilon_scale * sample.area + u.epsilon)).max(min_l2)
-    }
-
-    /// Adds what one sample contributes of light that is not infinitely far away.
-    // Not inlined into the sums of every filter.
-    fn add_near_light<S: Simd>(
-        &self,
-        simd: S,
-        packed: &PinholeSample,
-        (pair, receiver): (&ReceiverCellPair<S>, &Receiver<S>),
-        (weight, lit): (F<S>, u32),
-        sum: &mut [Vec4; LANES],
-    ) {
-        simd.vectorize(
-            #[inline(always)]
-            || {
-                let sample = &PinholeParts::from(packed);
-                let taps = F::splat(simd, self.uniforms.taps as f32);
-                let Some((radiance, to_light)) = self.near_light(simd, (sample, pair), taps, lit) else { return };
-                let mut weight = weight;
-                if let Some(maps) = &self.pinholes.visibility {
-                    let l = receiver.position - splat3(simd, sample.position);
-                    let of_receivers = VisibilityMap::of_receivers(maps, packed, pair.dn);
-                    weight *= lanes(simd, of_receivers.visible_fraction(simd, l, None, lit).0);
-                    let of_light = VisibilityMap::of_sky(maps, packed, pair.dn);
-                    weight *= lanes(simd, of_light.visible_fraction(simd, to_light, None, lit).0);
-                }
-                self.add(sample, pair, receiver, (weight, &radiance, lit), sum);
-            },
-        );
-    }
-
-    /// Mean radiance over a sample's footprint of light that is not infinitely far away, w = fetches, and the places from which it comes,
-    /// relative to the sample; `None` for the environment.
-    #[inline(always)]
-    fn near_light<S: Simd>(
-        &self,
-        simd: S,
-        (sample, pair): (&PinholeParts, &ReceiverCellPair<S>),
-        taps: F<S>,
-        lit: u32,
-    ) -> Option<([Vec4; LANES], V3<S>)> {
-        match &self.source {
-            Source::Environment(_) => None,
-            Source::Lamp(lamp) => {
-                let to_light = splat3(simd, lamp.offset_from(sample.position));
-                Some((lamp.mean_radiance(simd, sample, pair, lit), to_light))
-            }
-            Source::Surroundings(surfaces) => Some(surfaces.arriving(simd, (sample, pair), taps, lit)),
-        }
     }
 
     /// Mean radiance of the environment over the sample's footprint around r; w = fetches.

@@ -4,8 +4,8 @@
 //! A pair is dropped, accepted (evaluated at sixteen points of the block and interpolated between them) or refined on the side
 //! with the larger error. In blocks of 4×4 every receiver refines for itself, all sixteen in lockstep.
 //!
-//! `blocks` knows receivers only; `criterion` bounds the error of a pair; `tile` and `packet` traverse; `evaluation` evaluates, and
-//! `occlusion` traces what visibility maps leave in doubt;
+//! `blocks` knows receivers only; `criterion` bounds the error of a pair; `tile` and `packet` traverse; `evaluation` evaluates,
+//! `quarters` divides leaves that are near, and `occlusion` traces what visibility maps leave in doubt;
 //! `inspection` tells which cells were taken.
 
 mod blocks;
@@ -16,6 +16,7 @@ mod evaluation;
 mod inspection;
 mod occlusion;
 mod packet;
+mod quarters;
 mod tile;
 
 pub use cached::{CachedGather, CachedSums};

@@ -20,11 +20,10 @@ use crate::environment::LightBounds;
 use crate::lanes::{
     ALL, F, LANES, Mask, Select, Simd, SimdBase, SimdFloat, SimdMask, V3, bits, lanes, set_bits, splat,
 };
-use crate::pinhole::PinholeParts;
 use crate::pinhole::cell::Cell;
 use crate::pinhole::constants::{
-    CENTRAL_VISIBILITY_SHARE, CONTRAST_ERROR_SCALE, FOOTPRINT_BEND, FOOTPRINT_RADIUS, MAX_LAMP_QUARTERINGS,
-    MAX_PIECE_SIZE, MAX_QUARTERINGS, MAX_RELATIVE_SIZE, MIN_DISTANCE_RATIO, WEIGHT_ERROR_SCALE,
+    CENTRAL_VISIBILITY_SHARE, CONTRAST_ERROR_SCALE, FOOTPRINT_BEND, FOOTPRINT_RADIUS, MAX_PIECE_SIZE,
+    MAX_RELATIVE_SIZE, MIN_DISTANCE_RATIO, WEIGHT_ERROR_SCALE,
 };
 use crate::pinhole::tree::NODE_MASK;
 
@@ -119,7 +118,7 @@ impl TileGather<'_> {
                 self.seen_lanes(simd, (cell, is_cluster), (&pair, receiver), bounds.max, visible, lanes);
         }
         if cell.is_leaf() {
-            let near = self.near_lanes(simd, &bounds, accepted);
+            let near = self.near_lanes(simd, bounds.max, bounds.size, accepted);
             if near != 0 {
                 // The most that reaches the receivers per weight.
                 let light = bounds.max / max_weight.value;
@@ -175,7 +174,7 @@ impl TileGather<'_> {
 
     /// The map of what a cell sees of the environment, if there are maps; `dn` as in [`VisibilityMap::of_sky`].
     #[inline(always)]
-    fn sky_map<S: Simd>(&self, cell: &Cell, dn: F<S>) -> Option<VisibilityMap<'_>> {
+    pub(super) fn sky_map<S: Simd>(&self, cell: &Cell, dn: F<S>) -> Option<VisibilityMap<'_>> {
         let pinholes = self.context.gather.pinholes;
         let maps = pinholes.visibility.as_ref()?;
         Some(VisibilityMap::of_sky(maps, &pinholes.samples[cell.sample_node as usize], dn))
@@ -261,24 +260,6 @@ impl TileGather<'_> {
         ContributionBounds { size, turned, max: weight * max_radiance, range: weight * contrast, gloss_error }
     }
 
-    /// The lanes so near to a leaf that it is not one sample for them.
-    #[inline(always)]
-    fn near_lanes<S: Simd>(&self, simd: S, bounds: &ContributionBounds<S>, active: u32) -> u32 {
-        if !self.accuracy.split_near {
-            return 0;
-        }
-        active & self.uneven_lanes(simd, bounds.max, bounds.size)
-    }
-
-    /// The lanes within which the weight of a cell of this relative size differs too much.
-    #[inline(always)]
-    fn uneven_lanes<S: Simd>(&self, simd: S, max_contribution: F<S>, size: F<S>) -> u32 {
-        // A lamp's light comes from anywhere on the cell, that of the environment from all of it.
-        let of_size = if matches!(self.context.gather.source, Source::Lamp(_)) { size } else { size * size };
-        let error = max_contribution * of_size * WEIGHT_ERROR_SCALE;
-        bits(error.simd_gt(splat(simd, self.criterion.error_budget)))
-    }
-
     /// The lanes for which a cell may be taken as one sample.
     #[inline(always)]
     fn accepted_lanes<S: Simd>(
@@ -340,59 +321,6 @@ impl TileGather<'_> {
         }
     }
 
-    /// Adds what a leaf contributes to receivers so near to it that it is not one sample for them: its parallelogram is quartered
-    /// until each piece is, or is too small to matter.
-    #[inline(always)]
-    fn add_quarters<S: Simd>(
-        &self,
-        simd: S,
-        leaf: &Cell,
-        (near, max_light): (u32, F<S>),
-        receiver: &Receiver<S>,
-        visible_fraction: F<S>,
-        sum: &mut [Vec4; LANES],
-    ) {
-        let gather = &self.context.gather;
-        let taps = Some(splat(simd, gather.uniforms.taps as f32));
-        let mut pieces: Vec<(PinholeParts, u32, u32)> = leaf.sample.quarters().map(|q| (q, near, 1)).to_vec();
-        let max_depth = match &gather.source {
-            Source::Lamp(_) => MAX_LAMP_QUARTERINGS,
-            _ => MAX_QUARTERINGS,
-        };
-        while let Some((piece, lanes, depth)) = pieces.pop() {
-            let pair = ReceiverCellPair::new(simd, &piece, receiver);
-            let lanes = match &gather.source {
-                Source::Lamp(lamp) => lanes & lamp.lanes_lit_by_piece(simd, &piece, &pair),
-                _ => lanes,
-            };
-            if lanes == 0 {
-                continue;
-            }
-            let extent = 0.5 * (piece.sides[0].length() + piece.sides[1].length());
-            let size = self.size_for_light(pair.inverse_l * extent, &piece, extent);
-            let weight = gather.weight(simd, &piece, &pair, receiver);
-            let is_large = bits(size.simd_gt(MAX_RELATIVE_SIZE))
-                | bits(size.simd_gt(MAX_PIECE_SIZE)) & self.uneven_lanes(simd, weight * max_light, size);
-            let refined = if depth < max_depth { lanes & is_large } else { 0 };
-            if refined != 0 {
-                pieces.extend(piece.quarters().map(|q| (q, refined, depth + 1)));
-            }
-            let lit = lanes & pair.lit() & !refined;
-            if lit == 0 {
-                continue;
-            }
-            let weight = weight * visible_fraction;
-            let footprint = &pair.footprint(simd, &piece);
-            let map = self.sky_map(leaf, pair.dn);
-            let max = weight * max_light;
-            let piece = CellAtReceivers { sample: &piece, receiver, pair: &pair, footprint, weight };
-            match &gather.source {
-                Source::Environment(_) => gather.add_cell(simd, &piece, map.as_ref(), taps, lit, sum),
-                _ => self.add_near_light(simd, &piece, map.as_ref(), (taps, max), lit, sum),
-            }
-        }
-    }
-
     /// Upper bound of π times the receivers' BRDFs, for light from a cell of this relative size; and the part of it by which they
     /// differ within the cell, scaled as an error.
     #[inline(always)]
@@ -420,15 +348,6 @@ impl TileGather<'_> {
             difference[lane] = (nearest - at_centre).abs() / max[lane].max(f32::MIN_POSITIVE);
         }
         (lanes(simd, max), lanes(simd, difference) * CONTRAST_ERROR_SCALE)
-    }
-
-    /// The relative size of a cell for receivers and, if that is larger, for a lamp.
-    #[inline(always)]
-    fn size_for_light<S: Simd>(&self, size: F<S>, cell: &PinholeParts, extent: f32) -> F<S> {
-        match &self.context.gather.source {
-            Source::Lamp(lamp) => size.max(lamp.relative_size(cell, extent)),
-            _ => size,
-        }
     }
 
     /// Bounds of the light that arrives at a cell, blurred as its look-ups are, within cones around sixteen directions: the maximum and
