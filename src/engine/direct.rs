@@ -18,7 +18,7 @@ use crate::Error;
 use crate::environment::CubeMap;
 use crate::progress::Progress;
 use crate::scene::Visibility;
-use crate::stages::{CameraRays, LampLight, LightStages, PreparedLight};
+use crate::stages::{CameraRays, DirectLamps, LightStages, PreparedLight};
 use crate::tracing::{Hit, Tracer};
 
 /// Camera rays, approximately, that tell how enclosed the place is that the picture shows.
@@ -32,7 +32,7 @@ const MIN_BLOCKS: usize = 4;
 pub(super) struct DirectLight<'a> {
     light: &'a PreparedLight,
     irradiance: Arc<CubeMap>,
-    lamps: LampLight<'a>,
+    lamps: DirectLamps<'a>,
     /// Where receivers may be occluded.
     shadows: Option<Shadows<'a>>,
     /// Where shadow rays are traced in batches.
@@ -64,7 +64,7 @@ impl<'a> DirectLight<'a> {
             }
             shadows = Some(usual);
         }
-        let lamps = LampLight::new(&light.lamps, (visibility == Visibility::Full).then_some(tracer));
+        let lamps = DirectLamps::new(&light.lamps, (visibility == Visibility::Full).then_some(tracer));
         Ok(Self { light, irradiance: stages.irradiance(light, progress), lamps, shadows, batches, progress })
     }
 
@@ -77,7 +77,7 @@ impl<'a> DirectLight<'a> {
         progress: &'a dyn Progress,
     ) -> Self {
         let shadows = directions.map(|count| Shadows::of_few(light, &stages.sampler(light, progress), tracer, count));
-        let lamps = LampLight::new(&light.lamps, shadows.is_some().then_some(tracer));
+        let lamps = DirectLamps::new(&light.lamps, shadows.is_some().then_some(tracer));
         Self { light, irradiance: stages.irradiance(light, progress), lamps, shadows, batches: None, progress }
     }
 
@@ -111,7 +111,7 @@ impl<'a> DirectLight<'a> {
     }
 
     /// The light of lamps alone.
-    pub fn lamps(&self) -> &LampLight<'a> {
+    pub fn lamps(&self) -> &DirectLamps<'a> {
         &self.lamps
     }
 

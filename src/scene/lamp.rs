@@ -94,7 +94,7 @@ impl Lamp {
                     Sides::Both => return false,
                 },
             };
-            outward * turns_around(&object.mesh_in_world(), self.position) > 0.99
+            outward * winding_number(&object.mesh_in_world(), self.position) > 0.99
         };
         objects.iter().find(encloses)
     }
@@ -139,8 +139,9 @@ impl Slide {
     }
 }
 
-/// How often a mesh encloses a point (van Oosterom and Strackee 1983): 1 inside a closed one whose normals point outwards.
-fn turns_around(mesh: &Mesh, point: Vec3) -> f64 {
+/// The winding number of a mesh around a point, from solid angles (van Oosterom and Strackee 1983): 1 inside a closed mesh whose normals
+/// point outwards.
+fn winding_number(mesh: &Mesh, point: Vec3) -> f64 {
     let solid_angle = |triangle: usize| {
         let [a, b, c] = mesh.corners(triangle).map(|corner| (corner - point).as_dvec3());
         let (la, lb, lc) = (a.length(), b.length(), c.length());
@@ -190,10 +191,10 @@ mod tests {
     #[test]
     fn meshes_enclose_what_is_inside() {
         let ball = Shape::Sphere(Sphere::of_radius(0.5)).mesh().unwrap();
-        assert!((turns_around(&ball, Vec3::new(0.1, 0.3, 0.0)) - 1.0).abs() < 1e-5);
-        assert!(turns_around(&ball, Vec3::X).abs() < 1e-5);
+        assert!((winding_number(&ball, Vec3::new(0.1, 0.3, 0.0)) - 1.0).abs() < 1e-5);
+        assert!(winding_number(&ball, Vec3::X).abs() < 1e-5);
         // The ring is open, and its normals point inwards.
         let ring = Shape::Ring(Ring::default()).mesh().unwrap();
-        assert!(turns_around(&ring, Vec3::ZERO) < 0.0);
+        assert!(winding_number(&ring, Vec3::ZERO) < 0.0);
     }
 }

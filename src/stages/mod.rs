@@ -3,13 +3,13 @@
 //! Each stage keeps its result together with the inputs that it was made from (`memo`), and is made again only when one
 //! of them changes. Data flows [`scene`](self::scene), `light` → `view`. This module must not know techniques.
 
-mod lamp_light;
+mod direct_lamps;
 mod light;
 mod memo;
 mod scene;
 mod view;
 
-pub(crate) use lamp_light::LampLight;
+pub(crate) use direct_lamps::DirectLamps;
 pub(crate) use light::{LightStages, PreparedLight};
 pub(crate) use memo::{Id, Memo};
 pub(crate) use scene::{LazySurface, PreparedScene, SceneStages, SurfaceMaterials};

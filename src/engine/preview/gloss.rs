@@ -8,7 +8,7 @@ use crate::brdf::Materials;
 use crate::engine::gloss::{blurred_radiance, likely_facet};
 use crate::lanes::LANES;
 use crate::scene::{Camera, Projection, Ray};
-use crate::stages::{LampLight, PreparedLight, PreparedScene};
+use crate::stages::{DirectLamps, PreparedLight, PreparedScene};
 use crate::tracing::Hit;
 
 /// Microfacets along both coordinates of a lobe.
@@ -19,7 +19,7 @@ pub(super) struct GlossyReceivers<'a> {
     pub camera: &'a Camera,
     pub prepared: &'a PreparedScene,
     pub light: &'a PreparedLight,
-    pub lamps: &'a LampLight<'a>,
+    pub lamps: &'a DirectLamps<'a>,
     pub is_shadowed: bool,
 }
 

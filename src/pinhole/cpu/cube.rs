@@ -18,6 +18,20 @@ fn texel_width<S: Simd>(direction: V3<S>, texel_rad: f32) -> F<S> {
     m * m.sqrt() * texel_rad
 }
 
+impl GatherUniforms {
+    /// World directions in the frame of the environment. Without rotation they keep their bits.
+    #[inline(always)]
+    pub(super) fn light_from_world<S: Simd>(&self, direction: V3<S>) -> V3<S> {
+        turned_back(direction, (self.rotation_cos, self.rotation_sin))
+    }
+}
+
+/// Directions turned clockwise about +Y by an angle of this cosine and sine.
+#[inline(always)]
+fn turned_back<S: Simd>(V3([x, y, z]): V3<S>, (cos, sin): (f32, f32)) -> V3<S> {
+    V3([x.mul_add(cos, z * -sin), y, z.mul_add(cos, x * sin)])
+}
+
 /// The level whose texels are `width` wide.
 #[inline(always)]
 pub(super) fn level_of<S: Simd>(width: F<S>, texel: F<S>) -> F<S> {
@@ -98,9 +112,8 @@ impl<'a> CubeLookup<'a> {
 
     /// A world direction in the space of the cube. Without rotation it keeps its bits.
     #[inline(always)]
-    pub(super) fn light_from_world<S: Simd>(&self, V3([x, y, z]): V3<S>) -> V3<S> {
-        let Rotation { cos, sin } = self.rotation;
-        V3([x.mul_add(cos, z * -sin), y, z.mul_add(cos, x * sin)])
+    pub(super) fn light_from_world<S: Simd>(&self, direction: V3<S>) -> V3<S> {
+        turned_back(direction, (self.rotation.cos, self.rotation.sin))
     }
 
     /// Width of a texel of level 0 around a unit direction in the world, radians.

@@ -61,7 +61,7 @@ impl<'a> LampLight<'a> {
         let distance = self.offset_from(cell.position).length();
         let nearest = distance - radius;
         let sine = (radius + self.lamp.radius) / nearest;
-        // An arc is at most this much longer than its sine.
+        // An arc is at most π/2 times its sine.
         if nearest > 0.0 && sine < 1.0 { sine * FRAC_PI_2 } else { PI }
     }
 
@@ -108,7 +108,7 @@ impl<'a> LampLight<'a> {
     pub fn lanes_lit_by_piece<S: Simd>(&self, simd: S, piece: &PinholeParts, pair: &ReceiverCellPair<S>) -> u32 {
         let half = |[a, b]: [Vec3; 2]| 0.5 * (a.length() + b.length());
         let (radius, turn) = (half(piece.sides), 2.0 * half(piece.changes) + TAIL_REACH * piece.lobe);
-        // An arc is at most a right angle longer than its sine; nearer than that, light may come from anywhere.
+        // An arc is at most π/2 times its sine; where there is no sine, light may come from anywhere.
         let spread = pair.inverse_l * (radius * FRAC_PI_2);
         let spread = spread.simd_lt(1.0).select(spread, splat(simd, PI)) + turn;
         // Refracted light turns without bound next to total reflection.
@@ -127,27 +127,18 @@ impl<'a> LampLight<'a> {
     ) -> [Vec4; LANES] {
         simd.vectorize(
             #[inline(always)]
-            || self.mean_in_lanes(simd, sample, pair, lit),
+            || {
+                let mut sum = [Vec4::ZERO; LANES];
+                if sample.is_mostly_lobe() {
+                    for part in pair.lobe_parts(simd, sample) {
+                        self.add_mean(simd, sample, &part, (lit, 0.5), &mut sum);
+                    }
+                } else {
+                    self.add_mean(simd, sample, &pair.footprint(simd, sample), (lit, 1.0), &mut sum);
+                }
+                sum
+            },
         )
-    }
-
-    #[inline(always)]
-    fn mean_in_lanes<S: Simd>(
-        &self,
-        simd: S,
-        sample: &PinholeParts,
-        pair: &ReceiverCellPair<S>,
-        lit: u32,
-    ) -> [Vec4; LANES] {
-        let mut sum = [Vec4::ZERO; LANES];
-        if sample.is_mostly_lobe() {
-            for part in pair.lobe_parts(simd, sample) {
-                self.add_mean(simd, sample, &part, (lit, 0.5), &mut sum);
-            }
-        } else {
-            self.add_mean(simd, sample, &pair.footprint(simd, sample), (lit, 1.0), &mut sum);
-        }
-        sum
     }
 
     #[inline(always)]
@@ -170,7 +161,7 @@ impl<'a> LampLight<'a> {
                 sum[lane].w += 1.0;
                 continue;
             }
-            // Of a wider disc that sends as much light: cells are no exact parallelograms, between which small lamps would flicker.
+            // A wider disc of the same flux: cells are not exact parallelograms, and small lamps would show the gaps between them.
             let squares = sides[0].length_squared() + sides[1].length_squared();
             let (own, wide) = (seen.chord * seen.chord, seen.chord * seen.chord + LAMP_BLUR * LAMP_BLUR * squares);
             let part = own / wide * filled_part(direction, sides, seen.towards, wide.sqrt());

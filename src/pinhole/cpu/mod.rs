@@ -35,9 +35,7 @@ use self::receiver::{NO_OBJECT, Receiver, ReceiverGroup, load_receivers};
 use self::surroundings::SurroundingLight;
 use self::visibility::{Occlusion, Unoccluded, VisibilityMap};
 use super::constants::{FILTER_ANISOTROPIC, FILTER_EWA, FILTER_ISOTROPIC, FILTER_NONE};
-use super::{
-    BATCH_SIZE, CURVE_POINTS, Filter, GatherUniforms, Params, PinholeParts, PinholeSample, Pinholes, Receivers,
-};
+use super::{BATCH_SIZE, CURVE_POINTS, GatherUniforms, Params, PinholeParts, PinholeSample, Pinholes, Receivers};
 use crate::brdf::Materials;
 use crate::environment::CubeMap;
 use crate::lanes::{F, LANES, Simd, SimdBase, V3, bits, dispatch, lanes, level, set_bits, splat3};
@@ -61,18 +59,19 @@ pub fn gather(
 ) -> Result<Vec<[f32; 4]>, HardwareFilterError> {
     let uniforms = GatherUniforms::for_cube(params, pinholes, environment);
     let source = Source::Environment(CubeLookup::rotated(environment, &uniforms));
-    gather_from(receivers, (pinholes, source, uniforms), params.filter, progress)
+    let filter = CpuFilter::try_from(params.filter)?;
+    Ok(gather_from(receivers, (pinholes, source, uniforms), filter, progress))
 }
 
 fn gather_from(
     receivers: &Receivers,
     (pinholes, source, uniforms): (&Pinholes, Source, GatherUniforms),
-    filter: Filter,
+    filter: CpuFilter,
     progress: &dyn Progress,
-) -> Result<Vec<[f32; 4]>, HardwareFilterError> {
+) -> Vec<[f32; 4]> {
     let materials = receivers.view_directions.as_ref().map(|view| &*view.materials);
     let gather = Gather { pinholes, materials, uniforms, source };
-    let task: fn(&Gather, &Receivers, usize, &mut [[f32; 4]]) = match CpuFilter::try_from(filter)? {
+    let task: fn(&Gather, &Receivers, usize, &mut [[f32; 4]]) = match filter {
         CpuFilter::None => {
             |g, r, first, sums| dispatch!(level(), simd => task::<_, FILTER_NONE>(simd, g, r, first, sums))
         }
@@ -93,7 +92,7 @@ fn gather_from(
         }
         progress.advance(sums.len() as u64);
     });
-    Ok(sums)
+    sums
 }
 
 /// Contribution of each sample to the receivers, per area: the root of the sum of the squares of what it adds, over its area.
@@ -122,6 +121,13 @@ enum Source<'a> {
     Environment(CubeLookup<'a>),
     Lamp(LampLight<'a>),
     Surroundings(SurroundingLight<'a>),
+}
+
+impl Source<'_> {
+    /// Whether it is infinitely far away.
+    fn is_environment(&self) -> bool {
+        matches!(self, Self::Environment(_))
+    }
 }
 
 #[inline(always)]

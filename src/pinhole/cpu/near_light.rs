@@ -2,6 +2,7 @@
 
 use glam::Vec4;
 
+use super::filters::CpuFilter;
 use super::lamp::LampLight;
 use super::pair::ReceiverCellPair;
 use super::receiver::Receiver;
@@ -9,7 +10,7 @@ use super::surroundings::SurroundingLight;
 use super::visibility::VisibilityMap;
 use super::{Gather, Source, gather_from};
 use crate::lanes::{F, LANES, Simd, SimdBase, V3, lanes, splat3};
-use crate::pinhole::{Filter, GatherUniforms, Params, PinholeParts, PinholeSample, Pinholes, Receivers, Surroundings};
+use crate::pinhole::{GatherUniforms, Params, PinholeParts, PinholeSample, Pinholes, Receivers, Surroundings};
 use crate::progress::Progress;
 use crate::scene::Lamp;
 
@@ -23,7 +24,7 @@ pub fn gather_lamp(
 ) -> Vec<[f32; 4]> {
     let uniforms = GatherUniforms::for_near_light(params, pinholes, 0.0);
     let source = Source::Lamp(LampLight::new(lamp));
-    gather_from(receivers, (pinholes, source, uniforms), Filter::None, progress).unwrap_or_default()
+    gather_from(receivers, (pinholes, source, uniforms), CpuFilter::None, progress)
 }
 
 /// The same for the light of surfaces.
@@ -36,7 +37,7 @@ pub fn gather_surroundings(
 ) -> Vec<[f32; 4]> {
     let uniforms = GatherUniforms::for_near_light(params, pinholes, surroundings.texel_rad());
     let source = Source::Surroundings(SurroundingLight(surroundings));
-    gather_from(receivers, (pinholes, source, uniforms), Filter::None, progress).unwrap_or_default()
+    gather_from(receivers, (pinholes, source, uniforms), CpuFilter::None, progress)
 }
 
 impl Gather<'_> {

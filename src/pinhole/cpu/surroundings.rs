@@ -1,4 +1,4 @@
-//! What lit surfaces add to a sum, by way of the views around groups of cells.
+//! What lit surfaces add to a sum: look-ups in the views from viewpoints near the cells.
 
 use glam::{Vec3, Vec4};
 
@@ -27,7 +27,7 @@ pub(super) struct SurroundingLight<'a>(pub &'a Surroundings);
 /// Surfaces in sixteen directions, seen from a cell.
 pub(super) struct SeenSurfaces<'a, S: Simd> {
     view: &'a SurroundingView,
-    /// The footprint, as it is seen from the view's middle.
+    /// The footprint, as it is seen from the viewpoint.
     sides: FootprintSides<S>,
     /// From the cell to shortly before the surfaces.
     pub towards: V3<S>,
@@ -72,47 +72,38 @@ impl<'a> SurroundingLight<'a> {
     ) -> SeenSurfaces<'a, S> {
         simd.vectorize(
             #[inline(always)]
-            || self.seen_in_lanes(simd, cell, footprint, active),
+            || {
+                let view = self.0.nearest(cell.position);
+                let planes = CubeLookup::new(&view.planes);
+                let shift = splat3(simd, cell.position - view.viewpoint);
+                let r = footprint.r;
+                // To the plane that is seen from the viewpoint in a direction.
+                let distance_to = |direction: V3<S>| {
+                    let mut plane = [[0.0; LANES]; 3];
+                    planes.fetch(simd, direction, splat(simd, 0.0), active, |lane, texel| {
+                        (plane[0][lane], plane[1][lane], plane[2][lane]) = (texel.x, texel.y, texel.z);
+                    });
+                    let plane = V3::load(simd, &plane);
+                    let before = 1.0 - plane.dot(shift);
+                    let approach = plane.dot(r).max(1.0 / FARTHEST);
+                    (before / approach).max(NEAREST).min(FARTHEST)
+                };
+                let mut distance = distance_to(r);
+                for _ in 0..STEPS {
+                    distance = distance_to(shift.plus(r, distance));
+                }
+                let place = shift.plus(r, distance);
+                let inverse = 1.0 / place.dot(place).sqrt().max(f32::MIN_POSITIVE);
+                let direction = place * inverse;
+                let side = |side: Vec3, change: V3<S>| {
+                    let moved = splat3(simd, side).plus(change, distance);
+                    moved.plus(direction, -direction.dot(moved)) * inverse
+                };
+                let (v1, v2) = (side(cell.sides[0], footprint.v1), side(cell.sides[1], footprint.v2));
+                let sides = FootprintSides { r: direction, v1, v2 };
+                SeenSurfaces { view, sides, towards: r * (distance * BEFORE_SURFACE) }
+            },
         )
-    }
-
-    #[inline(always)]
-    fn seen_in_lanes<S: Simd>(
-        &self,
-        simd: S,
-        cell: &PinholeParts,
-        footprint: &FootprintSides<S>,
-        active: u32,
-    ) -> SeenSurfaces<'a, S> {
-        let view = self.0.nearest(cell.position);
-        let planes = CubeLookup::new(&view.planes);
-        let shift = splat3(simd, cell.position - view.middle);
-        let r = footprint.r;
-        // To the plane that is seen from the middle in a direction.
-        let distance_to = |direction: V3<S>| {
-            let mut plane = [[0.0; LANES]; 3];
-            planes.fetch(simd, direction, splat(simd, 0.0), active, |lane, texel| {
-                (plane[0][lane], plane[1][lane], plane[2][lane]) = (texel.x, texel.y, texel.z);
-            });
-            let plane = V3::load(simd, &plane);
-            let before = 1.0 - plane.dot(shift);
-            let approach = plane.dot(r).max(1.0 / FARTHEST);
-            (before / approach).max(NEAREST).min(FARTHEST)
-        };
-        let mut distance = distance_to(r);
-        for _ in 0..STEPS {
-            distance = distance_to(shift.plus(r, distance));
-        }
-        let place = shift.plus(r, distance);
-        let inverse = 1.0 / place.dot(place).sqrt().max(f32::MIN_POSITIVE);
-        let direction = place * inverse;
-        let side = |side: Vec3, change: V3<S>| {
-            let moved = splat3(simd, side).plus(change, distance);
-            moved.plus(direction, -direction.dot(moved)) * inverse
-        };
-        let (v1, v2) = (side(cell.sides[0], footprint.v1), side(cell.sides[1], footprint.v2));
-        let sides = FootprintSides { r: direction, v1, v2 };
-        SeenSurfaces { view, sides, towards: r * (distance * BEFORE_SURFACE) }
     }
 }
 

@@ -1,5 +1,5 @@
-//! Renders what mirrors see of surfaces in the light of lamps: views from the middles of groups of samples, as many as keep the
-//! samples near to their middles, for the distances of what these see.
+//! Renders what mirrors see of surfaces in the light of lamps: views from some of the samples, as many as keep every sample near to a
+//! viewpoint, compared with the distance of the nearest surface.
 
 use glam::Vec3;
 use rayon::prelude::*;
@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use crate::environment::{CubeMap, FACES, face_direction};
 use crate::pinhole::{PinholeSample, SurroundingView, Surroundings};
 use crate::scene::{Mesh, Object, Ray, Scene, Sides, Visibility};
-use crate::stages::LampLight;
+use crate::stages::DirectLamps;
 use crate::technique::Inputs;
 use crate::tracing::{Hit, SeenBy, Tracer};
 
@@ -16,9 +16,9 @@ use crate::tracing::{Hit, SeenBy, Tracer};
 const OF_PICTURE: (u32, usize) = (64, 16);
 /// The same in previews.
 const OF_PREVIEW: (u32, usize) = (32, 4);
-/// A group of samples is small enough if no sample is farther from its middle than this part of the distance to the nearest surface.
+/// There are viewpoints enough if no sample is farther from one than this part of the distance to the nearest surface.
 const NEAR_ENOUGH: f32 = 0.1;
-/// Middles lie this far before the mirror, as a part of the extent of all samples, so that they do not see the surface that they lie on.
+/// Viewpoints lie this far before the mirror, as a part of the extent of all samples, so that they do not see the surface that they lie on.
 const OFFSET: f32 = 1e-4;
 
 /// Cosines at which planes are met, at least.
@@ -37,7 +37,7 @@ struct Seen {
 /// The scene as it is seen by mirrors.
 struct Viewer<'a> {
     scene: &'a Scene,
-    light: LampLight<'a>,
+    light: DirectLamps<'a>,
     /// What receives light: mirrors alone show none of their own.
     surfaces: &'a Tracer,
     size: u32,
@@ -65,15 +65,15 @@ pub(super) fn surroundings(inputs: &Inputs, surfaces: &Tracer, samples: &[Pinhol
     }
     let (size, max_views) = if inputs.is_preview { OF_PREVIEW } else { OF_PICTURE };
     let occluder = (options.visibility == Visibility::Full).then_some(&*prepared.tracer);
-    let viewer = Viewer { scene, light: LampLight::new(&light.lamps, occluder), surfaces, size };
+    let viewer = Viewer { scene, light: DirectLamps::new(&light.lamps, occluder), surfaces, size };
     let extent = samples.iter().map(|s| s.position().distance(samples[0].position())).fold(0.0, f32::max);
-    let middle = |sample: &PinholeSample| sample.position() + OFFSET * extent * sample.normal();
-    // The sample that is farthest from all middles gets the next one.
+    let viewpoint = |sample: &PinholeSample| sample.position() + OFFSET * extent * sample.normal();
+    // The sample that is farthest from all viewpoints gets the next one.
     let mut distances = vec![f32::INFINITY; samples.len()];
     let mut next = 0;
     let mut views: Vec<SurroundingView> = Vec::new();
     loop {
-        views.push(viewer.view(middle(&samples[next])));
+        views.push(viewer.view(viewpoint(&samples[next])));
         let new = samples[next].position();
         distances.iter_mut().zip(samples).for_each(|(d, sample)| *d = d.min(sample.position().distance(new)));
         next = (0..samples.len()).max_by(|a, b| distances[*a].total_cmp(&distances[*b]))?;
@@ -85,14 +85,14 @@ pub(super) fn surroundings(inputs: &Inputs, surfaces: &Tracer, samples: &[Pinhol
 }
 
 impl Viewer<'_> {
-    fn view(&self, middle: Vec3) -> SurroundingView {
+    fn view(&self, viewpoint: Vec3) -> SurroundingView {
         let texels: Vec<Vec3> = (0..FACES).flat_map(|face| self.directions(face)).collect();
-        let seen: Vec<Seen> = texels.par_iter().map(|direction| self.seen(middle, *direction)).collect();
+        let seen: Vec<Seen> = texels.par_iter().map(|direction| self.seen(viewpoint, *direction)).collect();
         let cube = |of: fn(&Seen) -> Vec3, mips: bool| {
             CubeMap::from_texels(self.size, &seen.iter().map(of).collect::<Vec<_>>(), mips)
         };
         let max_nearness = seen.iter().map(|seen| seen.nearness).fold(0.0, f32::max);
-        SurroundingView::new(middle, cube(|seen| seen.radiance, true), cube(|seen| seen.plane, false), max_nearness)
+        SurroundingView::new(viewpoint, cube(|seen| seen.radiance, true), cube(|seen| seen.plane, false), max_nearness)
     }
 
     /// The unit directions of the middles of a face's texels, row by row.

@@ -125,38 +125,30 @@ impl TileGather<'_> {
         simd: S,
         cell: &CellAtReceivers<S>,
         map: Option<&VisibilityMap>,
-        (taps, max_contribution): (Option<F<S>>, F<S>),
+        (taps, max_contribution): (F<S>, F<S>),
         lit: u32,
         sum: &mut [Vec4; LANES],
     ) {
         simd.vectorize(
             #[inline(always)]
-            || self.add_near_light_in_lanes(simd, cell, map, (taps, max_contribution), lit, sum),
+            || {
+                let gather = &self.context.gather;
+                let Some((radiance, towards)) = gather.near_light(simd, (cell.sample, cell.pair), taps, lit) else {
+                    return;
+                };
+                let lit = set_bits(lit)
+                    .filter(|lane| radiance[*lane].truncate() != Vec3::ZERO)
+                    .fold(0, |lit, k| lit | 1 << k);
+                let mut weight = cell.weight;
+                if let Some(map) = map.filter(|_| lit != 0) {
+                    let (fraction, doubtful) = map.visible_fraction(simd, towards, None, lit);
+                    let behind = sky_behind(cell.sample.interface, cell.pair.dn);
+                    let found = (lanes(simd, fraction), doubtful & lit);
+                    weight *= self.traced_fraction(simd, (cell.sample, behind), towards, found, max_contribution);
+                }
+                gather.add(cell.sample, cell.pair, cell.receiver, (weight, &radiance, lit), sum);
+            },
         );
-    }
-
-    #[inline(always)]
-    fn add_near_light_in_lanes<S: Simd>(
-        &self,
-        simd: S,
-        cell: &CellAtReceivers<S>,
-        map: Option<&VisibilityMap>,
-        (taps, max_contribution): (Option<F<S>>, F<S>),
-        lit: u32,
-        sum: &mut [Vec4; LANES],
-    ) {
-        let gather = &self.context.gather;
-        let taps = taps.unwrap_or_else(|| splat(simd, 1.0));
-        let Some((radiance, towards)) = gather.near_light(simd, (cell.sample, cell.pair), taps, lit) else { return };
-        let lit = set_bits(lit).filter(|lane| radiance[*lane].truncate() != Vec3::ZERO).fold(0, |lit, k| lit | 1 << k);
-        let mut weight = cell.weight;
-        if let Some(map) = map.filter(|_| lit != 0) {
-            let (fraction, doubtful) = map.visible_fraction(simd, towards, None, lit);
-            let behind = sky_behind(cell.sample.interface, cell.pair.dn);
-            let found = (lanes(simd, fraction), doubtful & lit);
-            weight *= self.traced_fraction(simd, (cell.sample, behind), towards, found, max_contribution);
-        }
-        gather.add(cell.sample, cell.pair, cell.receiver, (weight, &radiance, lit), sum);
     }
 
     /// The lanes in which a contribution of up to `max` is worth a ray from one of these.

@@ -10,7 +10,6 @@ use super::super::cube::{OnCube, on_cube};
 use super::super::filters::FootprintSides;
 use super::super::pair::{ReceiverCellPair, facing};
 use super::super::receiver::{Receiver, ReceiverGroup};
-use super::super::surroundings::SurroundingLight;
 use super::super::visibility::{Coverage, VisibilityMap};
 use super::criterion::{SourceBounds, unevenness};
 use super::evaluation::CellAtReceivers;
@@ -295,8 +294,8 @@ impl TileGather<'_> {
     ) {
         let gather = &self.context.gather;
         let contribution_range = bounds.range;
-        if !matches!(gather.source, Source::Environment(_)) {
-            let taps = Some(self.criterion.taps(contribution_range));
+        if !gather.source.is_environment() {
+            let taps = self.criterion.taps(contribution_range);
             self.add_near_light(simd, cell, map.as_ref(), (taps, bounds.max), lit, sum);
             return;
         }
@@ -360,15 +359,15 @@ impl TileGather<'_> {
         (direction, radius): (V3<S>, F<S>),
         active: u32,
     ) -> (F<S>, F<S>) {
-        let (light, direction, radius) = match (&self.criterion.light, &self.context.gather.source) {
-            (SourceBounds::Environment(light), Source::Environment(environment)) => {
-                (*light, environment.light_from_world(direction), radius)
+        let (light, direction, radius) = match &self.criterion.light {
+            SourceBounds::Environment(light) => {
+                (*light, self.context.gather.uniforms.light_from_world(direction), radius)
             }
-            (SourceBounds::Surroundings(surfaces), _) | (_, Source::Surroundings(SurroundingLight(surfaces))) => {
+            SourceBounds::Surroundings(surfaces) => {
                 let view = surfaces.nearest(cell.sample.position);
                 (&view.bounds, direction, radius + view.spread(cell.sample.position, cell.radius))
             }
-            (SourceBounds::Lamp(lamp), _) | (_, Source::Lamp(lamp)) => {
+            SourceBounds::Lamp(lamp) => {
                 let max = lamp.max_within(simd, (&cell.sample, cell.radius), direction, radius);
                 return (max, max);
             }

@@ -46,7 +46,7 @@ impl TileGather<'_> {
         sum: &mut [Vec4; LANES],
     ) {
         let gather = &self.context.gather;
-        let taps = Some(splat(simd, gather.uniforms.taps as f32));
+        let taps = splat(simd, gather.uniforms.taps as f32);
         let mut pieces: Vec<(PinholeParts, u32, u32)> = leaf.sample.quarters().map(|q| (q, near, 1)).to_vec();
         let max_depth = match &gather.source {
             Source::Lamp(_) => MAX_LAMP_QUARTERINGS,
@@ -80,7 +80,7 @@ impl TileGather<'_> {
             let max = weight * max_light;
             let piece = CellAtReceivers { sample: &piece, receiver, pair: &pair, footprint, weight };
             match &gather.source {
-                Source::Environment(_) => gather.add_cell(simd, &piece, map.as_ref(), taps, lit, sum),
+                Source::Environment(_) => gather.add_cell(simd, &piece, map.as_ref(), Some(taps), lit, sum),
                 _ => self.add_near_light(simd, &piece, map.as_ref(), (taps, max), lit, sum),
             }
         }

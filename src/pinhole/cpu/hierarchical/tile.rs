@@ -2,7 +2,6 @@
 
 use glam::Vec4;
 
-use super::super::Source;
 use super::super::pair::ReceiverCellPair;
 use super::super::receiver::{Receiver, ReceiverGroup, load_at};
 use super::super::visibility::{Coverage, Occlusion, VisibilityMap};
@@ -259,20 +258,9 @@ impl<'a> TileGather<'a> {
                 }
             }
             let map = VisibilityMap::of_sky(maps, node, pair.dn);
-            if !matches!(gather.source, Source::Environment(_)) {
-                let cell = CellAtReceivers { sample, receiver: &receiver, pair: &pair, footprint: &footprint, weight };
-                let taps = splat(simd, gather.uniforms.taps as f32);
-                self.add_near_light(
-                    simd,
-                    &cell,
-                    Some(&map),
-                    (Some(taps), splat(simd, accepted.max_contribution)),
-                    lit,
-                    sum,
-                );
-                return true;
-            }
-            match map.sky_coverage(simd, pair.r, footprint.max_radius(sample.lobe), lit) {
+            let sky = map.sky_coverage(simd, pair.r, footprint.max_radius(sample.lobe), lit);
+            match sky {
+                _ if !gather.source.is_environment() => occlusion = Some(map),
                 Coverage::Full => {}
                 Coverage::None => return true,
                 Coverage::Partial if accepted.allows_partial_sky || is_small => occlusion = Some(map),
@@ -288,15 +276,15 @@ impl<'a> TileGather<'a> {
                 Coverage::Partial => return false,
             }
         }
-        if !matches!(gather.source, Source::Environment(_)) {
-            let cell = CellAtReceivers { sample, receiver: &receiver, pair: &pair, footprint: &footprint, weight };
+        let cell = CellAtReceivers { sample, receiver: &receiver, pair: &pair, footprint: &footprint, weight };
+        if !gather.source.is_environment() {
             let taps = splat(simd, gather.uniforms.taps as f32);
-            self.add_near_light(simd, &cell, None, (Some(taps), splat(simd, accepted.max_contribution)), lit, sum);
+            let max = splat(simd, accepted.max_contribution);
+            self.add_near_light(simd, &cell, occlusion.as_ref(), (taps, max), lit, sum);
             return true;
         }
         let is_uneven = accepted.contribution_range >= error_budget;
         let taps = is_uneven.then(|| self.criterion.taps(splat(simd, accepted.contribution_range)));
-        let cell = CellAtReceivers { sample, receiver: &receiver, pair: &pair, footprint: &footprint, weight };
         gather.add_cell(simd, &cell, occlusion.as_ref(), taps, lit, sum);
         true
     }

@@ -18,7 +18,7 @@ const RAYS: usize = 4 * LANES;
 
 /// The direct light of lamps.
 #[derive(Debug)]
-pub(crate) struct LampLight<'a> {
+pub(crate) struct DirectLamps<'a> {
     lamps: &'a [Lamp],
     /// What throws shadows, if anything does.
     tracer: Option<&'a Tracer>,
@@ -40,7 +40,7 @@ struct Means<T> {
     open: T,
 }
 
-impl<'a> LampLight<'a> {
+impl<'a> DirectLamps<'a> {
     pub fn new(lamps: &'a [Lamp], tracer: Option<&'a Tracer>) -> Self {
         Self { lamps, tracer }
     }
