@@ -7,6 +7,7 @@ mod camera;
 mod document;
 mod environment;
 mod lamps;
+mod medium;
 mod objects;
 
 use std::ops::Range;
@@ -21,6 +22,7 @@ use self::camera::CameraTable;
 use self::document::{Fault, KeyLines, Problem};
 use self::environment::EnvironmentTable;
 use self::lamps::LampTable;
+use self::medium::MediumTable;
 use self::objects::ObjectTable;
 
 use super::{Assets, BUILT_IN, Scene, SceneError};
@@ -104,8 +106,9 @@ pub fn parse<R: DeserializeOwned + Default>(
     let environment = builder.environment(tables.environment, &mut notes)?;
     let camera = builder.camera(&tables.camera)?;
     let lamps = builder.lamps(&tables.light, &objects, &mut notes)?;
+    let medium = tables.medium.map(|table| builder.medium(&table)).transpose()?;
     let animations = builder.animations(&tables.animation, (&animated, &lamps), &tables.camera)?;
-    let scene = Scene { name, environment, lamps, camera, objects, animations, notes };
+    let scene = Scene { name, environment, lamps, medium, camera, objects, animations, notes };
     let objects_of_tables = animated.into_iter().map(|table| table.objects).collect();
     Ok(Loaded { scene, render: tables.render, file, lines, objects_of_tables })
 }
@@ -146,6 +149,7 @@ struct SceneTable<R> {
     object: Vec<ObjectTable>,
     #[serde(default)]
     light: Vec<LampTable>,
+    medium: Option<MediumTable>,
     #[serde(default)]
     animation: Vec<AnimationTable>,
 }
@@ -286,6 +290,29 @@ receiver = { albedo = [0.5, 0.5, 0.5] }
             ("eta = 1.5 }\nreceiver = {", "refractor: is neither reflector nor receiver"),
         ] {
             let message = refractor(keys).unwrap_err().to_string();
+            assert!(message.starts_with("scene.toml:") && message.contains(expected), "{keys}: {message}");
+        }
+    }
+
+    #[test]
+    fn media_absorb_and_scatter() {
+        let medium = |keys: &str| {
+            let text = format!("{GOOD}[medium]\n{keys}");
+            parse::<Render>("scene.toml", &text, Path::new(".")).map(|loaded| loaded.scene)
+        };
+        let haze = medium("sigma_s = 0.1\nsigma_a = [0.3, 0.2, 0.1]\ng = 0.5").unwrap();
+        let expected = crate::scene::Medium { sigma_s: Vec3::splat(0.1), sigma_a: Vec3::new(0.3, 0.2, 0.1), g: 0.5 };
+        assert_eq!(haze.medium, Some(expected));
+        assert_ne!(haze.fingerprint(""), medium("sigma_s = 0.1").unwrap().fingerprint(""));
+        for (keys, expected) in [
+            ("sigma_s = -0.1", "medium.sigma_s: is [-0.1, -0.1, -0.1], but must be three numbers from 0"),
+            ("sigma_a = [0.1, nan, 0]", "medium.sigma_a: is [0.1, NaN"),
+            ("sigma_a = [0.1]", "medium.sigma_a: "),
+            ("sigma_s = 0.1\ng = 1", "medium.g: is 1, but must be from -0.99"),
+            ("sigma_s = 0", "medium: is a medium that does nothing"),
+            ("sigma = 0.1", "unknown key 'sigma'; did you mean 'sigma_s'?"),
+        ] {
+            let message = medium(keys).unwrap_err().to_string();
             assert!(message.starts_with("scene.toml:") && message.contains(expected), "{keys}: {message}");
         }
     }

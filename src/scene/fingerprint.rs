@@ -5,7 +5,7 @@
 
 use glam::{DVec3, Vec3};
 
-use super::{Camera, Lamp, Light, MapLayout, Object, Projection, Receiver, Reflector, Refractor, Scene, Sides};
+use super::{Camera, Lamp, Light, MapLayout, Medium, Object, Projection, Receiver, Reflector, Refractor, Scene, Sides};
 use crate::brdf::Gloss;
 
 impl Scene {
@@ -21,6 +21,7 @@ impl Scene {
         hash.float(self.environment.intensity);
         hash.light(&self.environment.light);
         self.lamps.iter().for_each(|lamp| hash.lamp(lamp));
+        self.medium.iter().for_each(|medium| hash.medium(medium));
         hash.0.finalize().to_hex()[..32].to_owned()
     }
 }
@@ -99,6 +100,13 @@ impl Hash {
                 self.bytes(bytemuck::cast_slice(&slide.0.pixels));
             }
         }
+    }
+
+    fn medium(&mut self, medium: &Medium) {
+        let Medium { sigma_s, sigma_a, g } = *medium;
+        self.vector(sigma_s);
+        self.vector(sigma_a);
+        self.float(g);
     }
 
     fn refractor(&mut self, refractor: &Refractor) {

@@ -13,6 +13,7 @@ mod fingerprint;
 mod lamp;
 mod light;
 mod material;
+mod medium;
 mod mesh;
 mod normals;
 pub mod shapes;
@@ -37,6 +38,7 @@ pub use file::{Loaded, load, parse};
 pub use lamp::{Beam, Lamp, Slide};
 pub use light::{EnvironmentMap, EnvironmentSource, Light, MAX_RADIANCE, MapError, MapLayout};
 pub use material::{Emitter, Receiver, Reflector, Refractor, Sides, Specular};
+pub use medium::Medium;
 pub use mesh::{Mesh, MeshError};
 pub use transform::Transform;
 pub use visibility::Visibility;
@@ -69,6 +71,7 @@ use crate::words::escaped;
 ///     name: "ring".to_owned(),
 ///     environment: EnvironmentSource { light, rotation_rad: 0.0, intensity: 1.0 },
 ///     lamps: Vec::new(),
+///     medium: None,
 ///     camera,
 ///     objects: vec![ring, table],
 ///     animations: Vec::new(),
@@ -89,6 +92,8 @@ pub struct Scene {
     pub environment: EnvironmentSource,
     /// The lights at a finite distance.
     pub lamps: Vec<Lamp>,
+    /// What fills the space between objects; `None`: nothing that light meets.
+    pub medium: Option<Medium>,
     /// The camera.
     pub camera: Camera,
     /// All objects.
