@@ -51,6 +51,8 @@ pub enum Stage {
     Caustic,
     /// Direct light: irradiance from the environment without a mirror.
     Direct,
+    /// Light that the medium scatters towards the camera.
+    Scattering,
     /// Paths from the camera via the mirrors that it sees.
     Paths,
     /// The light at the end points of these paths.
@@ -69,7 +71,7 @@ pub enum Stage {
 
 impl Stage {
     /// The stages of a picture, in the order of the data flow.
-    pub const ENGINE: [Self; 24] = [
+    pub const ENGINE: [Self; 25] = [
         Self::Geometry,
         Self::Bvh,
         Self::Surface,
@@ -90,6 +92,7 @@ impl Stage {
         Self::Rays,
         Self::Caustic,
         Self::Direct,
+        Self::Scattering,
         Self::Paths,
         Self::PathEnds,
         Self::Shading,
@@ -120,6 +123,7 @@ impl Stage {
             Self::Rays => "rays",
             Self::Caustic => "caustic",
             Self::Direct => "direct",
+            Self::Scattering => "scattering",
             Self::Paths => "paths",
             Self::PathEnds => "path-ends",
             Self::Shading => "shading",
@@ -150,6 +154,7 @@ impl Stage {
             Self::Rays | Self::Paths => "tracing camera rays",
             Self::Caustic => "summing the caustic",
             Self::Direct => "direct light",
+            Self::Scattering => "scattering",
             Self::PathEnds => "summing reflections",
             Self::Shading => "shading",
             Self::Display => "tone mapping",

@@ -55,6 +55,9 @@ pub struct SceneOptions {
     /// Maximum number of look-ups along a footprint's major axis [default: 16]
     #[arg(long, value_name = "N")]
     pub taps: Option<u32>,
+    /// Parts of each camera ray in a medium, by which scattered light is summed [default: 32]
+    #[arg(long, value_name = "N")]
+    pub medium_steps: Option<u32>,
     /// Attenuation by the squared distance, 1/l²: on or off [default: on]
     #[arg(long, value_parser = parse_switch, value_name = "on|off")]
     pub attenuation: Option<bool>,
@@ -173,6 +176,7 @@ impl SceneOptions {
         Settings {
             size: self.size,
             taps: self.taps,
+            medium_steps: self.medium_steps,
             attenuation: self.attenuation,
             epsilon: self.epsilon,
             cube_size: self.cube_size,

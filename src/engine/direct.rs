@@ -64,7 +64,7 @@ impl<'a> DirectLight<'a> {
             }
             shadows = Some(usual);
         }
-        let lamps = DirectLamps::new(&light.lamps, (visibility == Visibility::Full).then_some(tracer));
+        let lamps = DirectLamps::new(light, (visibility == Visibility::Full).then_some(tracer));
         Ok(Self { light, irradiance: stages.irradiance(light, progress), lamps, shadows, batches, progress })
     }
 
@@ -77,7 +77,7 @@ impl<'a> DirectLight<'a> {
         progress: &'a dyn Progress,
     ) -> Self {
         let shadows = directions.map(|count| Shadows::of_few(light, &stages.sampler(light, progress), tracer, count));
-        let lamps = DirectLamps::new(&light.lamps, shadows.is_some().then_some(tracer));
+        let lamps = DirectLamps::new(light, shadows.is_some().then_some(tracer));
         Self { light, irradiance: stages.irradiance(light, progress), lamps, shadows, batches: None, progress }
     }
 
@@ -191,7 +191,7 @@ mod tests {
         let view = View { camera: scene.camera, size: [128, 128], pixel_samples: 1, first_row: 0, rows: 128 };
         let rays = CameraRays::trace(|ray| tracer.camera_hit(ray), view);
         let mut stages = LightStages::new();
-        let light = stages.prepare((&scene.environment, &scene.lamps), None, CubeSize::default(), &NoProgress).unwrap();
+        let light = stages.prepare(&scene, None, CubeSize::default(), &NoProgress).unwrap();
         let made = DirectLight::new(&light, &mut stages, (&tracer, None), (Visibility::Full, &rays), &NoProgress);
         let direct = ready(made).unwrap();
         let together = ready(direct.at_hits(&rays, |_| true)).unwrap();

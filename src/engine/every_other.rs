@@ -57,7 +57,13 @@ pub(super) trait PixelGrid: Sync {
     }
 
     /// The light at a point from the sixteen around it, if they are all known, lie on the same smooth surface and are lit smoothly.
-    fn interpolate_at(&self, index: usize, light: impl Fn(usize) -> Option<Vec3>, beside: Vec3) -> Option<Vec3> {
+    /// `leniency`: how many times as far as on surfaces light may bend.
+    fn interpolate_at(
+        &self,
+        index: usize,
+        light: impl Fn(usize) -> Option<Vec3>,
+        (beside, leniency): (Vec3, f32),
+    ) -> Option<Vec3> {
         let own = self.hit(index)?;
         let (x, y) = self.pixel(index);
         let first = (x / STEP * STEP).checked_sub(STEP).zip((y / STEP * STEP).checked_sub(STEP))?;
@@ -78,7 +84,7 @@ pub(super) trait PixelGrid: Sync {
         let spacing = inner[0].distance(inner[1]).min(inner[0].distance(inner[2]));
         let is_near = bilinear(inner, part).distance(own.position) <= MAX_DEVIATION * spacing;
         let corners = [around[1][1], around[1][2], around[2][1], around[2][2]];
-        (is_near && is_smooth(&around, beside)).then(|| bilinear(corners, part))
+        (is_near && is_smooth(&around, beside, leniency)).then(|| bilinear(corners, part))
     }
 }
 
@@ -89,6 +95,8 @@ pub(super) struct AdaptiveLight<'g, G> {
     grid: &'g G,
     /// Other light at the points, which hides differences.
     beside: &'g [Vec3],
+    /// How many times as much as on surfaces light between points may be wrong.
+    leniency: f32,
     /// By point: the light, and the number of fetches. Zero where nothing is known.
     light: Vec<Vec4>,
     is_computed: Vec<bool>,
@@ -107,7 +115,12 @@ impl<'g, G: PixelGrid> AdaptiveLight<'g, G> {
             column % STEP == 0 && row % STEP == 0
         });
         let (light, is_computed) = (vec![Vec4::ZERO; count], vec![false; count]);
-        Self { grid, beside, light, is_computed, nodes, others, interpolated: Vec::new() }
+        Self { grid, beside, leniency: 1.0, light, is_computed, nodes, others, interpolated: Vec::new() }
+    }
+
+    /// The same for light that may be so many times as wrong between points.
+    pub fn leniently(self, leniency: f32) -> Self {
+        Self { leniency, ..self }
     }
 
     /// The points that are to be computed next, in ascending order; `None` once all light is known.
@@ -154,7 +167,7 @@ impl<'g, G: PixelGrid> AdaptiveLight<'g, G> {
     fn interpolate(&mut self) -> Vec<usize> {
         let others = std::mem::take(&mut self.others);
         let known = |index: usize| self.is_computed[index].then(|| self.light[index].truncate());
-        let between = |&index: &usize| self.grid.interpolate_at(index, known, self.beside(index));
+        let between = |&index: &usize| self.grid.interpolate_at(index, known, (self.beside(index), self.leniency));
         let values: Vec<Option<Vec3>> = others.par_iter().map(between).collect();
         let mut open = Vec::new();
         for (index, value) in others.into_iter().zip(values) {
@@ -181,7 +194,8 @@ impl<'g, G: PixelGrid> AdaptiveLight<'g, G> {
 
     fn differ(&self, index: usize, other: usize) -> bool {
         let (own, there) = (self.light[index].truncate(), self.light[other].truncate());
-        (own - there).abs().max_element() > MAX_STEP * (own.max(there) + self.beside(index)).max_element()
+        (own - there).abs().max_element()
+            > self.leniency * MAX_STEP * (own.max(there) + self.beside(index)).max_element()
     }
 }
 
@@ -260,15 +274,20 @@ mod tests {
         let light = |index: usize| Some(Vec3::splat(20.0 + (index % 10) as f32 - 0.5 * (index / 10) as f32));
         let plane = ends(|_, _| 0.0);
         let grid = EndGrid::new(&plane, 10);
-        let interpolated = |light: &dyn Fn(usize) -> Option<Vec3>, index| grid.interpolate_at(index, light, Vec3::ZERO);
+        let interpolated =
+            |light: &dyn Fn(usize) -> Option<Vec3>, index| grid.interpolate_at(index, light, (Vec3::ZERO, 1.0));
         assert_eq!(interpolated(&light, 55), light(55));
         assert_eq!(interpolated(&light, 1), None, "nodes would lie outside");
         assert_eq!(interpolated(&|index| light(index).filter(|_| index != 44), 55), None, "a node is not known");
         let ridge = |index: usize| Some(Vec3::splat(if index % 10 == 4 { 2.0 } else { 1.0 }));
         assert_eq!(interpolated(&ridge, 55), None);
-        assert!(grid.interpolate_at(55, ridge, Vec3::splat(100.0)).is_some(), "not seen beside more light");
+        assert!(grid.interpolate_at(55, ridge, (Vec3::splat(100.0), 1.0)).is_some(), "not seen beside more light");
         let step = ends(|x, z| if x == 5.0 && z == 5.0 { 3.0 } else { 0.0 });
-        assert_eq!(EndGrid::new(&step, 10).interpolate_at(55, light, Vec3::ZERO), None, "off its neighbours' surface");
+        assert_eq!(
+            EndGrid::new(&step, 10).interpolate_at(55, light, (Vec3::ZERO, 1.0)),
+            None,
+            "off its neighbours' surface"
+        );
     }
 
     /// A line of light one pixel wide, of which the nodes show every other pixel only.

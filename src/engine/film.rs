@@ -91,23 +91,29 @@ fn mean_of_pixel(inputs: &FrameInputs, band: &Band, aov: Aov, pixel: u32) -> Vec
 }
 
 fn value(inputs: &FrameInputs, band: &Band, aov: Aov, index: usize) -> Vec3 {
+    let intensity = inputs.light.intensity;
+    match aov {
+        Aov::Scattered => return intensity * band.scattered.caustic_at(index),
+        Aov::ScatteredDirect => return intensity * band.scattered.direct_at(index),
+        _ => {}
+    }
     let Some(hit) = &band.rays.hits[index] else {
         return if aov == Aov::Depth { Vec3::NEG_ONE } else { Vec3::ZERO };
     };
     let receiver = inputs.scene.objects[hit.object as usize].receiver.as_ref();
     let camera = &inputs.scene.camera;
     match aov {
-        Aov::Caustic => inputs.light.intensity * band.light.caustic_at(index),
+        Aov::Caustic => intensity * band.light.caustic_at(index),
         Aov::CausticR | Aov::CausticT => {
             let own = band.of_chains.iter().find(|(chain, _)| aov.chain() == Some(*chain));
-            own.map_or(Vec3::ZERO, |(_, caustic)| inputs.light.intensity * Vec3::from_slice(&caustic.sums[index]))
+            own.map_or(Vec3::ZERO, |(_, caustic)| intensity * Vec3::from_slice(&caustic.sums[index]))
         }
-        Aov::Direct => receiver.map_or(Vec3::ZERO, |_| inputs.light.intensity * band.light.direct_at(index)),
+        Aov::Direct => receiver.map_or(Vec3::ZERO, |_| intensity * band.light.direct_at(index)),
         Aov::Albedo => receiver.map_or(Vec3::ZERO, |r| r.albedo),
         Aov::Normal => hit.normal,
         Aov::Position => hit.position,
         Aov::Depth => Vec3::splat((hit.position - camera.position).dot(camera.forward)),
-        // Beauty is the mean over points of its own.
-        Aov::Beauty => Vec3::ZERO,
+        // Beauty is the mean over points of its own; scattered light needs no surface.
+        Aov::Beauty | Aov::Scattered | Aov::ScatteredDirect => Vec3::ZERO,
     }
 }

@@ -1,6 +1,7 @@
 //! The stages of a band of the picture: camera rays → light where they hit → paths via mirrors → radiance → display. A
 //! picture of up to [`KEPT_POINTS`] points is one band, which is kept; larger ones are rendered band by band.
 
+use std::f32::consts::PI;
 use std::sync::Arc;
 
 use glam::Vec3;
@@ -11,13 +12,14 @@ use super::edges::{Caustic, Direct};
 use super::ends::{EndLight, caustic_at, direct_light};
 use super::paths::{PathTracer, Paths};
 use super::ray_batches::RayBatches;
+use super::scattering::{DirectScattering, MediumRays, Scattered, contains, scattered_caustic, scattered_direct};
 use super::shading::{Displayed, Shaded, Shader, SurfaceLight};
 use crate::Error;
 use crate::environment::Environment;
 use crate::image::Aov;
 use crate::options::{DisplaySettings, Options};
 use crate::progress::{Progress, Stage};
-use crate::scene::{Chain, Emitter, Lamp, Ray, Refractor, Scene, Sides, Visibility};
+use crate::scene::{Chain, Emitter, Lamp, Medium, Ray, Refractor, Scene, Sides, Visibility};
 use crate::stages::{
     CameraRays, Id, LightStages, Memo, PreparedLight, PreparedScene, StageCounts, SurfaceMaterials, View,
 };
@@ -51,6 +53,7 @@ struct LightKey {
     rotation_rad: f32,
     visibility: Visibility,
     lamps: Arc<[Lamp]>,
+    medium: Option<Medium>,
 }
 
 #[derive(PartialEq)]
@@ -79,7 +82,20 @@ struct PathsKey {
     refractors: Vec<Option<Refractor>>,
     emitters: Vec<Option<Emitter>>,
     lamps: Arc<[Lamp]>,
+    medium: Option<Medium>,
     is_plain: bool,
+}
+
+/// The inputs of light that the medium scatters; direct light has no sum.
+#[derive(PartialEq)]
+struct ScatteringKey {
+    rays: Id<CameraRays>,
+    sum: Option<Id<dyn Sum>>,
+    light: LightKey,
+    steps: u32,
+    tolerance: f32,
+    /// Light from surfaces, which hides differences.
+    beside: Option<LightId>,
 }
 
 /// The inputs of the light at the ends of paths.
@@ -100,6 +116,7 @@ struct ShadingKey {
     rotation_rad: f32,
     intensity: f32,
     caustic_gain: f32,
+    scattered: [Option<Id<Vec<[f32; 4]>>>; 2],
 }
 
 /// The sum, and the direct light at the ends of paths.
@@ -165,7 +182,9 @@ impl<'a> FrameInputs<'a> {
     }
 
     pub(super) fn path_tracer<'r>(&'r self, rays: &'r CameraRays) -> PathTracer<'r> {
-        PathTracer { inputs: self, rays, is_plain: self.options.plain_diffuse }
+        let FrameInputs { scene, prepared, options, .. } = self;
+        let starts_in_medium = scene.medium.is_some() && contains(scene, &prepared.tracer, scene.camera.position);
+        PathTracer { inputs: self, rays, starts_in_medium, is_plain: options.plain_diffuse }
     }
 
     fn objects(&self) -> std::ops::Range<u32> {
@@ -179,6 +198,7 @@ impl<'a> FrameInputs<'a> {
             rotation_rad: self.light.rotation_rad,
             visibility: self.options.visibility,
             lamps: self.light.lamps.clone(),
+            medium: self.light.medium,
         }
     }
 }
@@ -190,6 +210,8 @@ pub(super) struct Band {
     pub light: SurfaceLight,
     /// The irradiance by way of chains that are shown alone, where camera rays hit.
     pub of_chains: Vec<(Chain, Arc<Caustic>)>,
+    /// What a medium scatters towards the camera.
+    pub scattered: Scattered,
     pub beauty: Option<Beauty>,
     /// Number of fetches of the environment.
     pub fetches: f64,
@@ -209,6 +231,8 @@ pub(super) struct BandStages {
     caustic: Memo<CausticKey, Caustic>,
     of_chains: Vec<(Chain, Memo<CausticKey, Caustic>)>,
     direct: Memo<DirectKey, Direct>,
+    scattered_caustic: Memo<ScatteringKey, Vec<[f32; 4]>>,
+    scattered_direct: Memo<ScatteringKey, Vec<[f32; 4]>>,
     paths: Memo<PathsKey, Paths>,
     ends_caustic: Memo<EndsKey<EndsSource>, Caustic>,
     ends_direct: Memo<EndsKey<LightKey>, Direct>,
@@ -223,6 +247,8 @@ impl BandStages {
             caustic: Memo::new(Stage::Caustic),
             of_chains: Chain::ALL.map(|chain| (chain, Memo::new(Stage::Caustic))).into(),
             direct: Memo::new(Stage::Direct),
+            scattered_caustic: Memo::new(Stage::Scattering),
+            scattered_direct: Memo::new(Stage::Scattering),
             paths: Memo::new(Stage::Paths),
             ends_caustic: Memo::new(Stage::PathEnds),
             ends_direct: Memo::new(Stage::PathEnds),
@@ -250,17 +276,19 @@ impl BandStages {
         let mut fetches = fetches_of(caustic.as_deref());
         fetches += of_chains.iter().map(|(_, caustic)| fetches_of(Some(caustic))).sum::<f64>();
         let surfaces = SurfaceLight { direct, caustic };
+        let scattered = self.scattered(inputs, light, &rays, &surfaces).await?;
+        fetches += scattered.fetches();
         let mut beauty = None;
         if aovs.contains(&Aov::Beauty) {
             let paths = self.paths(inputs, &rays).await?;
             let ends = self.ends(inputs, light, &paths, &rays, &surfaces).await?;
             fetches += fetches_of(ends.caustic.as_deref());
-            beauty = Some(self.beauty(inputs, &paths, &surfaces, &ends));
+            beauty = Some(self.beauty(inputs, &paths, [&surfaces, &ends], &scattered));
         }
         if inputs.progress.is_cancelled() {
             return Err(Error::Cancelled);
         }
-        Ok(Band { rays, light: surfaces, of_chains, beauty, fetches })
+        Ok(Band { rays, light: surfaces, of_chains, scattered, beauty, fetches })
     }
 
     /// The caustic's irradiance where camera rays hit receivers.
@@ -322,6 +350,62 @@ impl BandStages {
         self.direct.wait_for(key, (1, inputs.progress), make).await
     }
 
+    /// What the medium scatters along camera rays.
+    async fn scattered(
+        &mut self,
+        inputs: &FrameInputs<'_>,
+        light: &mut LightStages,
+        camera_rays: &Arc<CameraRays>,
+        surfaces: &SurfaceLight,
+    ) -> Result<Scattered, Error> {
+        let FrameInputs { scene, prepared, options, progress, .. } = *inputs;
+        let shows = |aov| options.aovs.iter().any(|shown| [aov, Aov::Beauty].contains(shown));
+        let is_seen = shows(Aov::Scattered) || shows(Aov::ScatteredDirect);
+        let Some(medium) = scene.medium.filter(|medium| is_seen && medium.scatters() && !options.plain_diffuse) else {
+            return Ok(Scattered::default());
+        };
+        let rays = MediumRays::new(scene, medium, &prepared.tracer, camera_rays, options.medium_steps as usize);
+        let is_layer = |aov| options.aovs.contains(&aov);
+        let beside = (!is_layer(Aov::Scattered) && !is_layer(Aov::ScatteredDirect)).then(|| id_of(surfaces));
+        let hiding = if beside.is_some() { self.seen_radiance(inputs, &rays, surfaces) } else { Vec::new() };
+        let key = |sum: Option<&Arc<dyn Sum>>| ScatteringKey {
+            rays: Id::of(camera_rays),
+            sum: sum.map(Id::of),
+            light: inputs.light_key(),
+            steps: options.medium_steps,
+            tolerance: options.tolerance,
+            beside: beside.clone(),
+        };
+        let mut scattered = Scattered { lengths: rays.lengths(), ..Scattered::default() };
+        if shows(Aov::ScatteredDirect) {
+            let tracer = (options.visibility == Visibility::Full).then_some(&*prepared.tracer);
+            let sampler = light.sampler(inputs.light, progress);
+            let make = || {
+                let direct = DirectScattering::new(inputs.light, medium, &sampler, tracer, rays.parts_per_ray());
+                scattered_direct(inputs, &direct, &rays, &hiding)
+            };
+            scattered.direct = Some(self.scattered_direct.get(key(None), progress, make));
+        }
+        if let Some(sum) = inputs.sum.filter(|_| shows(Aov::Scattered)) {
+            let make = async || scattered_caustic(inputs, sum, &rays, &hiding).await;
+            let steps = (camera_rays.hits.len() as u64, progress);
+            scattered.caustic = Some(self.scattered_caustic.wait_for(key(Some(sum)), steps, make).await?);
+        }
+        Ok(scattered)
+    }
+
+    /// What surfaces send through the medium to the camera, as far as it is known.
+    fn seen_radiance(&self, inputs: &FrameInputs, rays: &MediumRays, light: &SurfaceLight) -> Vec<Vec3> {
+        let radiance = |index: usize| {
+            let Some(hit) = rays.camera_rays().hits[index] else { return Vec3::ZERO };
+            let receiver = inputs.scene.objects[hit.object as usize].receiver.as_ref();
+            let albedo = receiver.map_or(Vec3::ZERO, |receiver| receiver.albedo);
+            let arriving = light.direct_at(index) + light.caustic_at(index);
+            rays.medium().transmittance(rays.length(index)) * albedo * arriving / PI
+        };
+        (0..rays.len()).into_par_iter().map(radiance).collect()
+    }
+
     async fn paths(&mut self, inputs: &FrameInputs<'_>, rays: &Arc<CameraRays>) -> Result<Arc<Paths>, Error> {
         let FrameInputs { scene, prepared, options, progress, .. } = *inputs;
         let key = PathsKey {
@@ -332,6 +416,7 @@ impl BandStages {
             refractors: scene.objects.iter().map(|o| o.refractor).collect(),
             emitters: scene.objects.iter().map(|o| o.emitter).collect(),
             lamps: inputs.light.lamps.clone(),
+            medium: scene.medium,
             is_plain: options.plain_diffuse,
         };
         self.paths.wait_for(key, (1, progress), async || inputs.path_tracer(rays).trace().await).await
@@ -367,7 +452,13 @@ impl BandStages {
         Ok(SurfaceLight { direct: Some(direct), caustic })
     }
 
-    fn beauty(&mut self, inputs: &FrameInputs, paths: &Arc<Paths>, own: &SurfaceLight, ends: &SurfaceLight) -> Beauty {
+    fn beauty(
+        &mut self,
+        inputs: &FrameInputs,
+        paths: &Arc<Paths>,
+        [own, ends]: [&SurfaceLight; 2],
+        scattered: &Scattered,
+    ) -> Beauty {
         let FrameInputs { light, options, display, progress, .. } = *inputs;
         let key = ShadingKey {
             paths: Id::of(paths),
@@ -377,8 +468,10 @@ impl BandStages {
             rotation_rad: light.rotation_rad,
             intensity: light.intensity,
             caustic_gain: options.caustic_gain,
+            scattered: [&scattered.direct, &scattered.caustic].map(|light| light.as_ref().map(Id::of)),
         };
-        let shader = Shader { light, own, ends, caustic_gain: options.caustic_gain };
+        let width = (options.size[0] * options.pixel_samples) as usize;
+        let shader = Shader { light, own, ends, scattered, width, caustic_gain: options.caustic_gain };
         let shaded = self.shading.get(key, progress, || shader.shade(paths));
         let displayed = self.display.get((Id::of(&shaded), display), progress, || shaded.displayed(&display));
         Beauty { radiance: shaded.radiance(), displayed }
@@ -389,6 +482,8 @@ impl BandStages {
         counts.add_memo(&self.caustic);
         self.of_chains.iter().for_each(|(_, memo)| counts.add_memo(memo));
         counts.add_memo(&self.direct);
+        counts.add_memo(&self.scattered_caustic);
+        counts.add_memo(&self.scattered_direct);
         counts.add_memo(&self.paths);
         counts.add_memo(&self.ends_caustic);
         counts.add_memo(&self.ends_direct);

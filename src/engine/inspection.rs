@@ -117,12 +117,7 @@ impl Engine {
         }
         let PreviewStages { technique: (_, technique), light: stages, .. } = &mut self.inspection;
         let geometry = scene.geometry_drawn_for_frame(false);
-        let light = stages.prepare(
-            (&self.scene.environment, &self.scene.lamps),
-            geometry.as_ref(),
-            options.cube_size,
-            progress,
-        )?;
+        let light = stages.prepare(&self.scene, geometry.as_ref(), options.cube_size, progress)?;
         let inputs = Inputs {
             scene: &self.scene,
             prepared: &scene,
@@ -145,12 +140,7 @@ impl Engine {
         self.options.check()?;
         let scene = self.scene_stages.prepare_for_frame(&self.scene, progress)?;
         let (geometry, cube_size) = (scene.geometry_drawn_for_frame(false), self.options.cube_size);
-        let light = self.inspection.light.prepare(
-            (&self.scene.environment, &self.scene.lamps),
-            geometry.as_ref(),
-            cube_size,
-            progress,
-        )?;
+        let light = self.inspection.light.prepare(&self.scene, geometry.as_ref(), cube_size, progress)?;
         let radiance = |pixel: u32| {
             let at =
                 Vec2::new((pixel % (2 * height)) as f32 + 0.5, (pixel / (2 * height)) as f32 + 0.5) / height as f32;

@@ -9,10 +9,10 @@ pub(super) const MAX_DEVIATION: f32 = 0.3;
 const MAX_CURVATURE: f32 = 0.01;
 
 /// Whether linear interpolation is good enough between the inner four places: along the inner rows and columns the light hardly bends
-/// on either side, in proportion to itself and other light `beside` it.
-pub(super) fn is_smooth(light: &[[Vec3; 4]; 4], beside: Vec3) -> bool {
+/// on either side, in proportion to itself and other light `beside` it; `leniency` times as much as on surfaces.
+pub(super) fn is_smooth(light: &[[Vec3; 4]; 4], beside: Vec3, leniency: f32) -> bool {
     let linear = 0.25 * (light[1][1] + light[1][2] + light[2][1] + light[2][2]);
-    let most = 16.0 * MAX_CURVATURE * (linear + beside).max_element();
+    let most = leniency * 16.0 * MAX_CURVATURE * (linear + beside).max_element();
     // Cubic interpolation differs from linear by a sixteenth of the sum of the second differences. At a step halfway between places these
     // cancel, so their magnitudes are summed.
     let bends =
@@ -36,12 +36,12 @@ mod tests {
             let place = |k: usize| k as f32 - 1.5;
             std::array::from_fn(|j| std::array::from_fn(|i| Vec3::splat(light(place(i), place(j)))))
         };
-        assert!(is_smooth(&grid(|_, _| 0.0), Vec3::ZERO));
-        assert!(is_smooth(&grid(|x, y| 5.0 + x - 2.0 * y), Vec3::ZERO));
-        assert!(!is_smooth(&grid(|x, _| 5.0 - x * x), Vec3::ZERO));
-        assert!(!is_smooth(&grid(|_, y| if y > 1.0 { 2.0 } else { 1.0 }), Vec3::ZERO));
-        assert!(!is_smooth(&grid(|x, _| if x > 0.0 { 2.0 } else { 1.0 }), Vec3::ZERO));
-        assert!(is_smooth(&grid(|x, _| 5.0 - x * x), Vec3::splat(100.0)), "not seen beside more light");
+        assert!(is_smooth(&grid(|_, _| 0.0), Vec3::ZERO, 1.0));
+        assert!(is_smooth(&grid(|x, y| 5.0 + x - 2.0 * y), Vec3::ZERO, 1.0));
+        assert!(!is_smooth(&grid(|x, _| 5.0 - x * x), Vec3::ZERO, 1.0));
+        assert!(!is_smooth(&grid(|_, y| if y > 1.0 { 2.0 } else { 1.0 }), Vec3::ZERO, 1.0));
+        assert!(!is_smooth(&grid(|x, _| if x > 0.0 { 2.0 } else { 1.0 }), Vec3::ZERO, 1.0));
+        assert!(is_smooth(&grid(|x, _| 5.0 - x * x), Vec3::splat(100.0), 1.0), "not seen beside more light");
         let corners = [0.0, 1.0, 2.0, 5.0].map(Vec3::splat);
         assert_eq!(bilinear(corners, Vec2::new(0.5, 0.25)), Vec3::splat(0.75 * 0.5 + 0.25 * 3.5));
     }

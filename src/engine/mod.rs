@@ -27,6 +27,7 @@ mod ray_batches;
 mod refraction;
 mod report;
 mod reprojection;
+mod scattering;
 mod shading;
 mod shadows;
 
@@ -285,8 +286,8 @@ impl Engine {
             scene.on_gpu = on_gpu_if_needed(uploaded, self.options.visibility)?;
         }
         let light = {
-            let (source, geometry) = ((&self.scene.environment, &self.scene.lamps[..]), scene.drawn_geometry());
-            self.light_stages.prepare(source, geometry.as_ref(), self.options.cube_size, progress)?
+            let geometry = scene.drawn_geometry();
+            self.light_stages.prepare(&self.scene, geometry.as_ref(), self.options.cube_size, progress)?
         };
         if self.technique.0 != self.options.technique {
             self.technique.1.count(&mut self.counted_before);
@@ -327,9 +328,10 @@ impl Engine {
         Ok(Prepared { scene, light, sum, of_chains })
     }
 
-    /// The back end of sums: where there are lamps, it is the CPU.
+    /// The back end of sums: where there are lamps or a medium, it is the CPU.
     fn summing_backend(&self) -> Backend {
-        if self.scene.lamps.is_empty() { self.backend.clone() } else { Backend::cpu() }
+        let is_on_cpu = !self.scene.lamps.is_empty() || self.scene.medium.is_some();
+        if is_on_cpu { Backend::cpu() } else { self.backend.clone() }
     }
 
     fn marks_of(&mut self, prepared: &Prepared, progress: &dyn Progress) -> Result<Vec<Mark>, Error> {

@@ -107,6 +107,8 @@ pub(super) struct PixelPaths {
     candidates: Vec<Vec<EndPoint>>,
     /// Index of the pixel.
     pixel: u32,
+    /// In a medium, for each point: its pixel's camera ray, and how far it is to what the point's ray meets, metres.
+    first_legs: Vec<(u32, f32)>,
 }
 
 impl PixelPaths {
@@ -138,6 +140,18 @@ impl PixelPaths {
                 *sides = footprint;
             }
         }
+    }
+
+    /// The camera ray whose light from the medium a point takes: of those next to its own, the one that ends most nearly as far away.
+    /// `lengths` are those of all rays, `width` in a row.
+    pub fn medium_ray(&self, point: usize, lengths: &[f32], width: usize) -> usize {
+        let (own, length) = self.first_legs[point];
+        let own = own as usize;
+        let column = own % width;
+        let beside = |index: &usize| *index < lengths.len() && (index % width).abs_diff(column) <= 1;
+        let around = [own, own.wrapping_sub(1), own + 1, own.wrapping_sub(width), own + width];
+        let off = |index: usize| (lengths[index] - length).abs();
+        around.into_iter().filter(beside).min_by(|a, b| off(*a).total_cmp(&off(*b))).unwrap_or(own)
     }
 
     fn add(&mut self, point: u16, factor: Vec3, source: Source, is_background: bool) {

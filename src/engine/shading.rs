@@ -8,6 +8,7 @@ use rayon::prelude::*;
 use super::edges::{Caustic, Direct, NEAREST_PARTS, PARTS, Parts};
 use super::gloss::blurred_radiance;
 use super::paths::{Paths, PixelPaths, Source, Term};
+use super::scattering::Scattered;
 use crate::image::{exposed, metered_ev};
 use crate::options::{DisplaySettings, Exposures};
 use crate::pinhole::{Filter, Probe, cpu};
@@ -84,6 +85,10 @@ pub(super) struct Shader<'a> {
     pub own: &'a SurfaceLight,
     /// Light at the end points of paths.
     pub ends: &'a SurfaceLight,
+    /// What a medium scatters towards the camera before its rays hit.
+    pub scattered: &'a Scattered,
+    /// Camera rays in a row.
+    pub width: usize,
     pub caustic_gain: f32,
 }
 
@@ -114,6 +119,13 @@ impl Shader<'_> {
                 let radiance = self.light.intensity * term.factor * light;
                 let point = &mut points[point];
                 if term.is_background { point.background += radiance } else { point.surfaces += radiance }
+            }
+        }
+        if !self.scattered.is_dark() {
+            for (k, point) in points.iter_mut().enumerate() {
+                let ray = pixel.medium_ray(k / parts, &self.scattered.lengths, self.width);
+                let light = self.scattered.direct_at(ray) + self.caustic_gain * self.scattered.caustic_at(ray);
+                point.surfaces += self.light.intensity * light;
             }
         }
         points

@@ -20,6 +20,11 @@ pub enum Aov {
     CausticT,
     /// Direct light: irradiance of the receiver from the environment, W/m², before albedo.
     Direct,
+    /// Light of caustics that the medium scatters once towards the camera, before it reaches a surface: radiance, W/(m²·sr).
+    Scattered,
+    /// The same of direct light.
+    #[serde(rename = "scattered.direct")]
+    ScatteredDirect,
     /// Diffuse albedo of the receiver.
     Albedo,
     /// World-space normal, facing the camera.
@@ -48,6 +53,8 @@ impl Aov {
             Self::CausticR => "caustic.R",
             Self::CausticT => "caustic.T",
             Self::Direct => "direct",
+            Self::Scattered => "scattered",
+            Self::ScatteredDirect => "scattered.direct",
             Self::Albedo => "albedo",
             Self::Normal => "normal",
             Self::Position => "position",

@@ -273,6 +273,8 @@ options! {
     leaves / with_leaves: Option<u32> = None,
     /// Allowed error of a hierarchical sum, relative to the mean irradiance; from 1e-5 to 1. See docs/scenes.md.
     tolerance / with_tolerance: f32 = 0.01,
+    /// Parts of each camera ray in a medium, by which the light is summed that is scattered there; from 1 to [`MAX_MEDIUM_STEPS`].
+    medium_steps / with_medium_steps: u32 = 32,
     /// Resolution of the environment's cube map.
     cube_size / with_cube_size: CubeSize = CubeSize::default(),
     /// Which occlusion is taken into account.
@@ -287,6 +289,8 @@ options! {
     overlay / with_overlay: Overlay = Overlay::None,
 }
 
+/// Upper limit of [`Options::medium_steps`].
+pub const MAX_MEDIUM_STEPS: u32 = 256;
 /// The longest edge of a picture, pixels.
 const MAX_SIZE: u32 = 16384;
 /// The largest number of leaves in a hierarchy, or of samples in a flat sum.
@@ -325,6 +329,7 @@ impl Options {
         in_range("pixel_samples", self.pixel_samples, 1, 16)?;
         in_range("samples", self.samples, 1, MAX_SAMPLES)?;
         in_range("taps", self.taps, 1, MAX_TAPS)?;
+        in_range("medium_steps", self.medium_steps, 1, MAX_MEDIUM_STEPS)?;
         in_range("tolerance", self.tolerance, 1e-5, 1.0)?;
         if let Exposure::Stops(stops) = self.display.exposure {
             in_range("exposure_ev", stops, -64.0, 64.0)?;
@@ -339,7 +344,8 @@ impl Options {
     }
 
     fn check_pictures(&self) -> Result<(), OptionError> {
-        let expected = "one or more of beauty, caustic, direct, albedo, normal, position, depth, each once".to_owned();
+        let expected =
+            "one or more of beauty, caustic, direct, scattered, albedo, normal, position, depth, each once".to_owned();
         let repeated = (1..self.aovs.len()).find(|&i| self.aovs[..i].contains(&self.aovs[i]));
         match repeated {
             Some(i) => {
@@ -430,12 +436,13 @@ impl Options {
     /// The parameters of a sum with this filter and rotation of the environment.
     pub(crate) fn params(&self, filter: Filter, environment_rotation_rad: f32) -> Params {
         let Self { taps, attenuation, epsilon, .. } = *self;
-        Params { filter, taps, attenuation, epsilon, softening: 0.0, environment_rotation_rad }
+        Params { filter, taps, attenuation, epsilon, softening: 0.0, environment_rotation_rad, ..Params::default() }
     }
 
     /// Whether any requested picture shows caustics.
     pub(crate) fn shows_caustic(&self) -> bool {
-        self.aovs.contains(&Aov::Caustic) || self.aovs.contains(&Aov::Beauty) && !self.plain_diffuse
+        self.aovs.iter().any(|aov| matches!(aov, Aov::Caustic | Aov::Scattered))
+            || self.aovs.contains(&Aov::Beauty) && !self.plain_diffuse
     }
 }
 

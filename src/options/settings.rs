@@ -38,6 +38,8 @@ pub struct Settings {
     pub leaves: Option<u32>,
     /// Allowed error of a hierarchical sum, relative to the mean irradiance.
     pub tolerance: Option<f32>,
+    /// Parts of each camera ray in a medium.
+    pub medium_steps: Option<u32>,
     /// `false` drops the factor 1/l² (the result is then a pattern, not an irradiance).
     pub attenuation: Option<bool>,
     /// The term that keeps 1/l² finite.
@@ -75,6 +77,7 @@ impl Settings {
             footprint: over.footprint.or(self.footprint),
             filter: over.filter.or(self.filter),
             taps: over.taps.or(self.taps),
+            medium_steps: over.medium_steps.or(self.medium_steps),
             evaluation: over.evaluation.or(self.evaluation),
             leaves: over.leaves.or(self.leaves),
             tolerance: over.tolerance.or(self.tolerance),
@@ -104,6 +107,7 @@ impl Settings {
             footprint: self.footprint.unwrap_or_default(),
             filter: self.filter.unwrap_or_default(),
             taps: self.taps.unwrap_or(defaults.taps),
+            medium_steps: self.medium_steps.unwrap_or(defaults.medium_steps),
             attenuation: self.attenuation.unwrap_or(defaults.attenuation),
             epsilon: self.epsilon.unwrap_or_default(),
             evaluation: self.evaluation.unwrap_or_default(),

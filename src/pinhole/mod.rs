@@ -43,7 +43,7 @@ use self::constants::{BEND_BLUR, MIN_BEND_BLUR};
 use crate::differential::DifferentialSample;
 use crate::progress::Progress;
 use crate::reflectance::{Curve, Finish};
-use crate::scene::{Chains, Object, Reflector, Refractor, Scene, Sides, Specular};
+use crate::scene::{Chains, Medium, Object, Reflector, Refractor, Scene, Sides, Specular};
 use crate::tracing::{Hit, Tracer};
 use crate::words::NumberOrWord;
 
@@ -136,6 +136,10 @@ pub struct Params {
     /// Counter-clockwise rotation of the environment about +Y, radians: a direction d in the world is looked up in the
     /// cube map as R(−rotation)·d.
     pub environment_rotation_rad: f32,
+    /// What fills the space between mirrors and receivers, and behind interfaces.
+    pub medium: Option<Medium>,
+    /// Whether the medium also fills the space between lamps and mirrors.
+    pub lamps_in_medium: bool,
 }
 
 /// Upper limit of [`Params::taps`].
@@ -150,6 +154,8 @@ impl Default for Params {
             epsilon: Epsilon::Auto,
             softening: 0.0,
             environment_rotation_rad: 0.0,
+            medium: None,
+            lamps_in_medium: false,
         }
     }
 }

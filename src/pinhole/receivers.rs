@@ -9,6 +9,9 @@ use crate::brdf::Materials;
 /// The `w` of a position without a receiver.
 pub const NO_RECEIVER: f32 = -1.0;
 
+/// Stands for the index of an object where a receiver is a point of a medium: the largest that 32-bit floats tell apart.
+const MEDIUM_OBJECT: u32 = (1 << 24) - 1;
+
 /// Points along an edge of a receiver tile, the unit of work of a hierarchical gather.
 pub(super) const TILE: usize = super::constants::TILE_SIZE as usize;
 
@@ -29,11 +32,15 @@ pub struct Receivers {
     pub layout: ReceiverLayout,
     /// World position; `w` is the object's index in the scene, or [`NO_RECEIVER`].
     pub positions: Vec<[f32; 4]>,
-    /// Unit normal on the side that receives; `w` is the error that may be made here beyond the accuracy of a hierarchical sum, W/m²,
+    /// Unit normal on the side that receives, or for parts of rays the unit direction towards the viewer; `w` is the error that may be made here beyond the accuracy of a hierarchical sum, W/m²,
     /// as other light hides it.
     pub normals: Vec<[f32; 4]>,
     /// `None`: the gather computes irradiance. Otherwise it computes the radiance reflected towards the viewer.
     pub view_directions: Option<ViewDirections>,
+    /// `Some`: the receivers are parts of rays through a medium, of these lengths, metres, around their positions. The gather computes
+    /// the light that the medium scatters towards the viewer there: the mean over the part of ∫ L 4π p dω, W/m², where p is the phase
+    /// function, which is the fluence rate where the medium scatters evenly. With `view_directions` it has no meaning.
+    pub lengths: Option<Vec<f32>>,
 }
 
 /// How neighbouring receivers relate.
@@ -66,6 +73,7 @@ impl Receivers {
             positions: vec![[0.0, 0.0, 0.0, NO_RECEIVER]; count],
             normals: vec![[0.0; 4]; count],
             view_directions: None,
+            lengths: None,
         }
     }
 
@@ -77,6 +85,20 @@ impl Receivers {
             grid.set(index, *position, *normal, *object);
         }
         grid
+    }
+
+    /// A list of parts of rays, in rows of `width`, still without any.
+    pub fn of_rays(width: u32, height: u32) -> Self {
+        let empty = Self { layout: ReceiverLayout::Unordered, ..Self::empty(width, height) };
+        Self { lengths: Some(vec![0.0; empty.positions.len()]), ..empty }
+    }
+
+    /// Sets the part of a ray at `index`: its middle, the unit direction towards the viewer, and its length, metres.
+    pub fn set_part(&mut self, index: usize, middle: Vec3, towards_viewer: Vec3, length: f32) {
+        self.set(index, middle, towards_viewer, MEDIUM_OBJECT);
+        if let Some(lengths) = &mut self.lengths {
+            lengths[index] = length;
+        }
     }
 
     /// Sets the receiver at `index`.
@@ -110,6 +132,7 @@ impl Receivers {
         for (place, index) in chosen.into_iter().enumerate() {
             (some.positions[place], some.normals[place]) = (self.positions[index], self.normals[index]);
         }
+        some.lengths = self.lengths.as_ref().map(|_| vec![0.0; some.positions.len()]);
         some
     }
 

@@ -41,6 +41,8 @@ pub const BUILT_IN: &[BuiltIn] = built_in! {
     "dance-floor": "a mirror ball scatters the light of moving coloured lamps over a room where balls dance",
     "candle": "a candle flickers inside a silver ring: light from near",
     "colours": "a mirror ball throws the colours of lit walls into its own shadow",
+    "haze": "a mirror ball throws shafts of a spotlight's light through a smoky room",
+    "underwater": "the sun's shafts and bright lines below the waves of a lagoon",
 };
 
 #[cfg(test)]

@@ -113,6 +113,11 @@ impl Scene {
         self.objects.iter().try_for_each(|object| object.checked_mesh_in_world().map(drop))
     }
 
+    /// Whether a medium fills all space, not only what lies behind refractors.
+    pub fn has_medium_everywhere(&self) -> bool {
+        self.medium.is_some() && self.objects.iter().all(|object| object.refractor.is_none())
+    }
+
     /// Where the light of emitters is taken from: the centre of the box around what casts caustics or, without that, around everything
     /// that does not shine.
     pub fn light_centre(&self) -> Vec3 {

@@ -5,10 +5,12 @@ use std::ops::{AddAssign, Mul};
 
 use glam::{Vec2, Vec3};
 
+use super::PreparedLight;
 use crate::brdf::Materials;
 use crate::lanes::{ALL, LANES};
 use crate::pinhole::{chord_of_sphere, solid_angle_of};
-use crate::scene::Lamp;
+
+use crate::scene::{Lamp, Medium};
 use crate::tracing::{Hit, Tracer};
 
 /// Shadow rays towards a lamp: first so many,
@@ -20,6 +22,7 @@ const RAYS: usize = 4 * LANES;
 #[derive(Debug)]
 pub(crate) struct DirectLamps<'a> {
     lamps: &'a [Lamp],
+    medium: Option<Medium>,
     /// What throws shadows, if anything does.
     tracer: Option<&'a Tracer>,
 }
@@ -41,8 +44,8 @@ struct Means<T> {
 }
 
 impl<'a> DirectLamps<'a> {
-    pub fn new(lamps: &'a [Lamp], tracer: Option<&'a Tracer>) -> Self {
-        Self { lamps, tracer }
+    pub fn new(light: &'a PreparedLight, tracer: Option<&'a Tracer>) -> Self {
+        Self { lamps: &light.lamps, medium: light.medium, tracer }
     }
 
     pub fn is_dark(&self) -> bool {
@@ -56,9 +59,9 @@ impl<'a> DirectLamps<'a> {
             if seen.is_whole(point) && all > 0.0 {
                 // What arrives without shadows is known exactly.
                 let cosine = seen.towards.dot(point.normal);
-                return open / all * cosine * seen.lamp.irradiance_at(point.position);
+                return open / all * cosine * self.passed(&seen, point) * seen.lamp.irradiance_at(point.position);
             }
-            open * solid_angle_of(seen.chord) * seen.lamp.radiance_at(point.position)
+            open * solid_angle_of(seen.chord) * self.passed(&seen, point) * seen.lamp.radiance_at(point.position)
         };
         self.above(point).map(of_lamp).sum()
     }
@@ -66,7 +69,7 @@ impl<'a> DirectLamps<'a> {
     /// Radiance that a glossy receiver reflects in a unit direction, W/(m²·sr).
     pub fn reflected(&self, materials: &Materials, hit: &Hit, view: Vec3) -> Vec3 {
         let of_lamp = |seen: Seen| {
-            let radiance = seen.lamp.radiance_at(hit.position) * solid_angle_of(seen.chord);
+            let radiance = self.passed(&seen, hit) * seen.lamp.radiance_at(hit.position) * solid_angle_of(seen.chord);
             let reflected = |direction: Vec3| {
                 let cosine = direction.dot(hit.normal).max(0.0);
                 cosine * materials.value(hit.object, hit.normal, direction, view, 0.0)
@@ -74,6 +77,11 @@ impl<'a> DirectLamps<'a> {
             radiance * self.means(&seen, hit, reflected).open
         };
         self.above(hit).map(of_lamp).sum()
+    }
+
+    /// The part of a lamp's light that comes through the medium.
+    fn passed(&self, seen: &Seen, point: &Hit) -> Vec3 {
+        self.medium.map_or(Vec3::ONE, |medium| medium.transmittance(seen.lamp.position.distance(point.position)))
     }
 
     /// The lamps of which any part is above a receiver.

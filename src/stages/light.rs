@@ -14,7 +14,7 @@ use crate::environment::{
 #[cfg(feature = "gpu")]
 use crate::pinhole::gpu::EnvironmentCube;
 use crate::progress::{Progress, Stage};
-use crate::scene::{EnvironmentSource, Lamp, Light};
+use crate::scene::{EnvironmentSource, Lamp, Light, Medium, Scene};
 
 /// Face size of the cube map that the CPU derives irradiance and directions from in frames, see `irradiance_map_of_frame`.
 const COARSE_SIZE: u32 = 128;
@@ -35,6 +35,8 @@ pub(crate) struct PreparedLight {
     pub intensity: f32,
     /// The lamps, for an intensity of 1, as sums and direct light are computed before they are scaled.
     pub lamps: Arc<[Lamp]>,
+    /// What is between lamps and surfaces.
+    pub medium: Option<Medium>,
 }
 
 /// Environments fainter than this are black beside lamps: what lamps are divided by must not be zero.
@@ -99,11 +101,13 @@ impl LightStages {
 
     pub fn prepare(
         &mut self,
-        (source, lamps): (&EnvironmentSource, &[Lamp]),
+        scene: &Scene,
         light_geometry: Option<&DrawnGeometry>,
         cube_size: CubeSize,
         progress: &dyn Progress,
     ) -> Result<PreparedLight, EnvironmentError> {
+        let Scene { environment: source, lamps, medium, .. } = scene;
+        let medium = *medium;
         let black = EnvironmentSource { light: Light::Constant(Vec3::ZERO), intensity: 1.0, ..*source };
         let source = if source.intensity < MIN_INTENSITY && !lamps.is_empty() { &black } else { source };
         let least = light_geometry.map_or(0, |drawn| drawn.cube_size);
@@ -125,6 +129,7 @@ impl LightStages {
                     .iter()
                     .map(|lamp| Lamp { intensity: lamp.intensity / intensity, ..lamp.clone() })
                     .collect(),
+                medium,
             });
         };
         let behind = if *is_on_gpu {
@@ -146,7 +151,8 @@ impl LightStages {
             on_gpu: None,
             rotation_rad,
             intensity: 1.0,
-            lamps: lamps.into(),
+            lamps: lamps.as_slice().into(),
+            medium,
         })
     }
 

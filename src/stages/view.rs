@@ -34,7 +34,8 @@ impl View {
         self.width() * self.rows * self.pixel_samples
     }
 
-    fn ray(&self, k: u32) -> Ray {
+    /// A camera ray by its index; perspective ones have directions of any length.
+    pub fn ray(&self, k: u32) -> Ray {
         let (width, per_edge) = (self.width(), self.pixel_samples);
         let point = Vec2::new((k % width) as f32, (k / width + self.first_row * per_edge) as f32) + 0.5;
         self.camera.ray(point / per_edge as f32, UVec2::from_array(self.size).as_vec2())

@@ -183,12 +183,14 @@ impl Tracer {
         lanes & !dispatch!(level(), simd => any_hit(simd, tree, &packet, self.offset, &itself))
     }
 
-    /// The lanes in which anything lies on rays that leave surfaces; they have no ends.
+    /// The lanes in which anything lies on rays that leave surfaces, in unit directions up to their ends, metres.
     pub(crate) fn occluded_lanes(&self, rays: &RayPacket) -> u32 {
         if self.corners.is_empty() {
             return 0;
         }
-        let scaled = RayPacket { origins: rays.origins.map(|axis| axis.map(|x| self.scale * x)), ..*rays };
+        let origins = rays.origins.map(|axis| axis.map(|x| self.scale * x));
+        let ends = rays.ends.map(|distance| self.scale * distance * (1.0 - END_SLACK) - self.offset);
+        let scaled = RayPacket { origins, ends, ..*rays };
         let tree = (&self.bvh, &self.corners[..]);
         dispatch!(level(), simd => any_hit(simd, tree, &scaled, self.offset, &NoFilter))
     }

@@ -34,7 +34,7 @@ pub fn write_camera(document: &mut DocumentMut, old: &Camera, new: &Camera) {
 fn changed_keys(old: &Options, new: &Options) -> Vec<(&'static str, Option<Item>)> {
     let aovs = |options: &Options| options.aovs.iter().map(|aov| aov.name()).collect::<Array>();
     let background = new.display.background_exposure_ev;
-    let all: [(bool, &'static str, Option<Item>); 19] = [
+    let all: [(bool, &'static str, Option<Item>); 20] = [
         (old.samples != new.samples, "samples", Some(value(i64::from(new.samples)))),
         (old.strategy != new.strategy, "strategy", Some(value(new.strategy.name()))),
         (old.density != new.density, "density", Some(value(new.density.name()))),
@@ -42,6 +42,7 @@ fn changed_keys(old: &Options, new: &Options) -> Vec<(&'static str, Option<Item>
         (old.footprint != new.footprint, "footprint", Some(value(new.footprint.name()))),
         (old.filter != new.filter, "filter", Some(value(new.filter.name()))),
         (old.taps != new.taps, "taps", Some(value(i64::from(new.taps)))),
+        (old.medium_steps != new.medium_steps, "medium_steps", Some(value(i64::from(new.medium_steps)))),
         (old.attenuation != new.attenuation, "attenuation", Some(value(new.attenuation))),
         (old.evaluation != new.evaluation, "evaluation", Some(value(new.evaluation.name()))),
         (old.leaves != new.leaves, "leaves", new.leaves.map(|leaves| value(i64::from(leaves)))),

@@ -21,6 +21,7 @@ mod hierarchy;
 mod hierarchy_gpu;
 mod independence;
 mod lamps;
+mod media;
 mod metals;
 mod pictures;
 mod previews;

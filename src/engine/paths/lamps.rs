@@ -6,7 +6,7 @@ use glam::Vec3;
 use super::{PixelPaths, Source};
 use crate::engine::escapes::{Escape, footprints};
 use crate::pinhole::{chord_of_sphere, filled_part};
-use crate::scene::{Lamp, Ray};
+use crate::scene::{Lamp, Medium, Ray};
 use crate::tracing::Hit;
 
 /// Paths that pass a lamp at a larger angle, radians, see nothing of it.
@@ -43,12 +43,14 @@ pub(super) struct Segment<'a> {
     pub throughput: Vec3,
     /// GGX width of the roughest mirror so far.
     pub alpha: f32,
+    /// Through which it runs.
+    pub medium: Option<Medium>,
 }
 
 /// The lamps that a part of a path passes.
 pub(super) fn passed<'a>(lamps: &'a [Lamp], segment: &'a Segment<'a>) -> impl Iterator<Item = Passing> + 'a {
     lamps.iter().zip(1..).filter_map(move |(lamp, number)| {
-        let Segment { point, key, ray, beside, hit, throughput, alpha } = segment;
+        let Segment { point, key, ray, beside, hit, throughput, alpha, medium } = segment;
         let direction = ray.direction.normalize();
         let to = lamp.position - ray.origin;
         let distance = to.length();
@@ -70,13 +72,14 @@ pub(super) fn passed<'a>(lamps: &'a [Lamp], segment: &'a Segment<'a>) -> impl It
             };
             beside.map(|beside| beside.map(side))
         };
+        let passed = medium.map_or(Vec3::ONE, |medium| medium.transmittance(distance));
         Some(Passing {
             point: *point,
             key: key.wrapping_mul(1_000_003) ^ number,
             direction,
             towards,
             chord,
-            radiance: *throughput * lamp.radiance_at(ray.origin),
+            radiance: passed * *throughput * lamp.radiance_at(ray.origin),
             is_background: *key == 0,
             sides,
         })

@@ -15,7 +15,7 @@ use crate::engine::frame::FrameInputs;
 use crate::engine::gloss::likely_facet;
 use crate::engine::ray_batches::RayBatches;
 use crate::engine::refraction::{Refracted, colours, divided};
-use crate::scene::{Object, Ray, Refractor};
+use crate::scene::{Medium, Object, Ray, Refractor};
 use crate::stages::{CameraRays, PreparedScene};
 use crate::tracing::Hit;
 
@@ -32,6 +32,8 @@ const LEAST_THROUGHPUT: f32 = 1e-3;
 pub(in crate::engine) struct PathTracer<'a> {
     pub inputs: &'a FrameInputs<'a>,
     pub rays: &'a CameraRays,
+    /// Whether the camera is in the scene's medium.
+    pub starts_in_medium: bool,
     /// Treats everything as diffuse, without mirrors.
     pub is_plain: bool,
 }
@@ -205,7 +207,8 @@ impl PathTracer<'_> {
     /// The lamps that a path passes on its way to what it meets.
     fn lamps_passed(&self, walk: &Walk, hit: Option<&Hit>) -> Vec<Passing> {
         let Walk { point, key, ray, beside, throughput, alpha, .. } = *walk;
-        passed(&self.inputs.light.lamps, &Segment { point, key, ray, beside, hit, throughput, alpha }).collect()
+        let medium = self.inputs.scene.medium.filter(|_| walk.is_in_medium && !self.is_plain);
+        passed(&self.inputs.light.lamps, &Segment { point, key, ray, beside, hit, throughput, alpha, medium }).collect()
     }
 
     /// What a path becomes at an interface: what is reflected there and, colour by colour if it is dispersive, what is refracted.
@@ -221,6 +224,8 @@ impl PathTracer<'_> {
                 // Colours that part do not meet again in one end point.
                 part.meet_surface(found, Some(if refractor.is_dispersive() { eta.to_bits() } else { 1 }));
                 part.ray = Ray { origin: found.position, direction };
+                // Behind interfaces there is the medium, in front of them none.
+                part.is_in_medium = found.front;
                 parts.push(part);
             }
         }
@@ -324,6 +329,7 @@ impl PixelOnTheWay {
             key: 0,
             alpha: 0.0,
             bounce: 0,
+            is_in_medium: tracer.starts_in_medium,
         };
         Self {
             paths: PixelPaths { pixel: *pixel, points: points.len() as u16, ..PixelPaths::default() },
@@ -339,6 +345,15 @@ impl PixelOnTheWay {
         let Self { paths, walks, escapes, lamps, .. } = self;
         if !tracer.inputs.light.lamps.is_empty() {
             lamps.extend(walks.iter().zip(hits).flat_map(|(walk, hit)| tracer.lamps_passed(walk, hit.as_ref())));
+        }
+        if let Some(medium) = tracer.inputs.scene.medium.filter(|_| !tracer.is_plain) {
+            for (walk, hit) in walks.iter_mut().zip(hits) {
+                if walk.bounce == 0 {
+                    let length = hit.map_or(medium.sight(), |hit| hit.position.distance(walk.ray.origin));
+                    paths.first_legs.push((walk.own as u32, length));
+                }
+                walk.pass_medium(&medium, hit.as_ref());
+            }
         }
         let mut hits = hits.iter();
         let mut branches = Vec::new();
@@ -385,9 +400,19 @@ struct Walk {
     /// GGX width of the roughest mirror so far.
     alpha: f32,
     bounce: u32,
+    /// Whether its ray runs through the scene's medium.
+    is_in_medium: bool,
 }
 
 impl Walk {
+    /// Loses the light that the medium takes on the way to a surface, or to nowhere.
+    fn pass_medium(&mut self, medium: &Medium, hit: Option<&Hit>) {
+        if self.is_in_medium {
+            let distance = hit.map_or(medium.sight(), |hit| hit.position.distance(self.ray.origin));
+            self.throughput *= medium.transmittance(distance);
+        }
+    }
+
     /// Notes that the path met a surface.
     fn note_surface(&mut self, found: &Hit) {
         self.key = self.key.wrapping_mul(1_000_003) + 2 * u64::from(found.object) + u64::from(found.front) + 1;

@@ -199,8 +199,7 @@ mod tests {
             assert!(differ * 500 < secondary.len(), "{name}: {differ} of {}", secondary.len());
 
             let mut stages = LightStages::new();
-            let light =
-                stages.prepare((&scene.environment, &scene.lamps), None, CubeSize::default(), &NoProgress).unwrap();
+            let light = stages.prepare(&scene, None, CubeSize::default(), &NoProgress).unwrap();
             let shadows = Shadows::new(&light, &stages.sampler(&light, &NoProgress), &prepared.tracer);
             let some: Vec<&Hit> = hits.iter().step_by(7).copied().collect();
             let found = wait(backend.device(), rays.unoccluded_fractions(&some, shadows.directions())).unwrap();

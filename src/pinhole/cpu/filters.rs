@@ -14,6 +14,7 @@ use crate::pinhole::constants::{
 use crate::pinhole::{Filter, Probe};
 
 /// A footprint: the unit direction of its centre, and its sides.
+#[derive(Clone, Copy)]
 pub(super) struct FootprintSides<S: Simd> {
     pub r: V3<S>,
     pub v1: V3<S>,

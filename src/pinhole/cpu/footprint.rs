@@ -24,15 +24,14 @@ pub(super) fn reflected_side<S: Simd>(
     v.plus(r, -r.dot(v)) * inverse_l
 }
 
-/// A footprint convolved with a lobe: a parallelogram with the sum of their second moments. The lobe around r has one width in the plane
-/// of incidence and another one across it.
+/// A footprint convolved with a lobe and, if there is one, with a third side: a parallelogram with the sum of their second moments. The lobe
+/// around r has one width in the plane of incidence and another one across it.
 #[inline(always)]
-pub(super) fn blurred<S: Simd>(
+pub(super) fn widened<S: Simd>(
     simd: S,
-    v1: V3<S>,
-    v2: V3<S>,
-    r: V3<S>,
-    n: V3<S>,
+    [v1, v2]: [V3<S>; 2],
+    third: Option<V3<S>>,
+    (r, n): (V3<S>, V3<S>),
     (along, across): (F<S>, F<S>),
 ) -> (V3<S>, V3<S>) {
     let in_plane = n - r * n.dot(r);
@@ -46,12 +45,27 @@ pub(super) fn blurred<S: Simd>(
     let e1 = in_plane * (1.0 / in_plane.dot(in_plane).sqrt());
     let e2 = r.cross(e1);
     let (a1x, a1y, a2x, a2y) = (v1.dot(e1), v1.dot(e2), v2.dot(e1), v2.dot(e2));
-    let m11 = a1x * a1x + a2x * a2x + along * along;
-    let m12 = a1x * a1y + a2x * a2y;
-    let m22 = a1y * a1y + a2y * a2y + across * across;
+    let mut m11 = a1x * a1x + a2x * a2x + along * along;
+    let mut m12 = a1x * a1y + a2x * a2y;
+    let mut m22 = a1y * a1y + a2y * a2y + across * across;
+    if let Some(third) = third {
+        let (x, y) = (third.dot(e1), third.dot(e2));
+        m11 += x * x;
+        m12 += x * y;
+        m22 += y * y;
+        // One side along the third one, which is often the longest, and one across it: sides with these moments.
+        let length = (x * x + y * y).sqrt().max(f32::MIN_POSITIVE);
+        let (x, y) = (x / length, y / length);
+        let (along_x, along_y) = (m11 * x + m12 * y, m12 * x + m22 * y);
+        let scale = 1.0 / (along_x * x + along_y * y).sqrt().max(f32::MIN_POSITIVE);
+        let (along_x, along_y) = (along_x * scale, along_y * scale);
+        let (off, across) = (along_y * x - along_x * y, m11 * y * y - m12 * (x * y * 2.0) + m22 * x * x);
+        let across = (across - off * off).max(0.0).sqrt();
+        return (e1 * along_x + e2 * along_y, e2 * (x * across) - e1 * (y * across));
+    }
     // Cholesky's factor: sides with these moments.
     let l11 = m11.sqrt();
-    let l21 = m12 / l11;
+    let l21 = m12 / l11.max(f32::MIN_POSITIVE);
     (e1 * l11 + e2 * l21, e2 * (m22 - l21 * l21).max(0.0).sqrt())
 }
 

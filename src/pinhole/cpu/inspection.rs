@@ -32,7 +32,8 @@ pub fn contributions_to(
 ) -> Vec<Contribution> {
     let uniforms = GatherUniforms::for_cube(params, pinholes, environment);
     let source = Source::Environment(CubeLookup::rotated(environment, &uniforms));
-    let gather = Gather { pinholes, materials: None, uniforms, source };
+    let Params { medium, lamps_in_medium, .. } = *params;
+    let gather = Gather { pinholes, materials: None, uniforms, source, medium, lamps_in_medium };
     let group = load_receivers(&Receivers::from_points(&[receiver], 1), 0, 1);
     let part = |sample: &PinholeSample| dispatch!(level(), simd => contribution(simd, &gather, sample, &group));
     pinholes.samples.iter().filter_map(part).collect()

@@ -70,26 +70,55 @@ impl<'a> LampLight<'a> {
         extent / self.offset_from(cell.position).length().max(f32::MIN_POSITIVE)
     }
 
-    /// The sides of a footprint of directions to points at the lamp's distance: what is reflected turns along a cell, and the lamp is
-    /// seen from another place.
+    /// The footprint of directions to points at the lamp's distance, without a lobe: what is reflected turns along a cell, and the lamp
+    /// is seen from another place.
     #[inline(always)]
-    fn sides<S: Simd>(simd: S, sample: &PinholeParts, footprint: &FootprintSides<S>, seen: &Seen) -> [V3<S>; 2] {
+    fn sharp_footprint<S: Simd>(
+        simd: S,
+        sample: &PinholeParts,
+        pair: &ReceiverCellPair<S>,
+        seen: &Seen,
+    ) -> FootprintSides<S> {
         let inverse = 1.0 / seen.distance;
+        let sharp = pair.sharp_footprint(simd, sample);
         let side = |side: Vec3, change: V3<S>| {
             let side = splat3(simd, side * inverse);
-            change + side.plus(footprint.r, -side.dot(footprint.r))
+            change + side.plus(sharp.r, -side.dot(sharp.r))
         };
-        [side(sample.sides[0], footprint.v1), side(sample.sides[1], footprint.v2)]
+        FootprintSides { r: sharp.r, v1: side(sample.sides[0], sharp.v1), v2: side(sample.sides[1], sharp.v2) }
+    }
+
+    /// The same with the bend of the surface, and along parts of rays.
+    #[inline(always)]
+    fn footprint<S: Simd>(
+        simd: S,
+        sample: &PinholeParts,
+        pair: &ReceiverCellPair<S>,
+        seen: &Seen,
+    ) -> FootprintSides<S> {
+        let sharp = Self::sharp_footprint(simd, sample, pair, seen);
+        pair.widened(simd, sharp, pair.turn_along_segment(simd), sample.lobe)
     }
 
     /// At most the part of a cell's footprint that the lamp fills.
     #[inline(always)]
-    pub fn max_part<S: Simd>(&self, simd: S, sample: &PinholeParts, footprint: &FootprintSides<S>) -> F<S> {
+    pub fn max_part<S: Simd>(&self, simd: S, sample: &PinholeParts, pair: &ReceiverCellPair<S>) -> F<S> {
         let seen = self.seen_from(sample.position);
-        let [a, b] = Self::sides(simd, sample, footprint, &seen);
+        let FootprintSides { v1: a, v2: b, .. } = Self::footprint(simd, sample, pair, &seen);
         let across = a.cross(b);
         let area = across.dot(across).sqrt().max(f32::MIN_POSITIVE);
         (splat(simd, solid_angle_of(seen.chord)) / area).min(1.0)
+    }
+
+    /// At most the part of a segment of a ray from which any point of a cell mirrors the lamp; 1 at one place.
+    #[inline(always)]
+    pub fn max_part_of_segment<S: Simd>(&self, simd: S, sample: &PinholeParts, pair: &ReceiverCellPair<S>) -> F<S> {
+        let Some(turn) = pair.turn_along_segment(simd) else { return splat(simd, 1.0) };
+        let seen = self.seen_from(sample.position);
+        let sharp = Self::sharp_footprint(simd, sample, pair, &seen);
+        // Its disc is blurred by the cell's own footprint.
+        let width = (sharp.squares().sqrt() * LAMP_BLUR + seen.chord) * 2.0;
+        (width / turn.dot(turn).sqrt().max(f32::MIN_POSITIVE)).min(1.0)
     }
 
     /// The largest radiance within a radius around directions from any point of a cell: that of the lamp, or nothing.
@@ -110,7 +139,8 @@ impl<'a> LampLight<'a> {
         let (radius, turn) = (half(piece.sides), 2.0 * half(piece.changes) + TAIL_REACH * piece.lobe);
         // An arc is at most π/2 times its sine; where there is no sine, light may come from anywhere.
         let spread = pair.inverse_l * (radius * FRAC_PI_2);
-        let spread = spread.simd_lt(1.0).select(spread, splat(simd, PI)) + turn;
+        let along = pair.turn_along_segment(simd).map_or(splat(simd, 0.0), |turn| turn.dot(turn).sqrt() * 0.5);
+        let spread = spread.simd_lt(1.0).select(spread, splat(simd, PI)) + along + turn;
         // Refracted light turns without bound next to total reflection.
         let spread = if piece.interface.is_none() { spread } else { splat(simd, PI) };
         bits(self.max_within(simd, (piece, radius), pair.r, spread).simd_gt(0.0))
@@ -129,12 +159,17 @@ impl<'a> LampLight<'a> {
             #[inline(always)]
             || {
                 let mut sum = [Vec4::ZERO; LANES];
+                let seen = self.seen_from(sample.position);
+                // Segments of rays lie end to end exactly, and blur nothing.
+                let along = pair.turn_along_segment(simd).map_or(splat(simd, 0.0), |turn| turn.dot(turn));
                 if sample.is_mostly_lobe() {
-                    for part in pair.lobe_parts(simd, sample) {
-                        self.add_mean(simd, sample, &part, (lit, 0.5), &mut sum);
+                    let sharp = Self::sharp_footprint(simd, sample, pair, &seen);
+                    for part in pair.parts_of(simd, sample, &sharp, pair.turn_along_segment(simd)) {
+                        self.add_mean((sample, &seen), (&part, along), (lit, 0.5), &mut sum);
                     }
                 } else {
-                    self.add_mean(simd, sample, &pair.footprint(simd, sample), (lit, 1.0), &mut sum);
+                    let footprint = Self::footprint(simd, sample, pair, &seen);
+                    self.add_mean((sample, &seen), (&footprint, along), (lit, 1.0), &mut sum);
                 }
                 sum
             },
@@ -144,14 +179,13 @@ impl<'a> LampLight<'a> {
     #[inline(always)]
     fn add_mean<S: Simd>(
         &self,
-        simd: S,
-        sample: &PinholeParts,
-        footprint: &FootprintSides<S>,
+        (sample, seen): (&PinholeParts, &Seen),
+        (footprint, along): (&FootprintSides<S>, F<S>),
         (lit, weight): (u32, f32),
         sum: &mut [Vec4; LANES],
     ) {
-        let seen = self.seen_from(sample.position);
-        let [a, b] = Self::sides(simd, sample, footprint, &seen).map(V3::to_arrays);
+        let squares = (footprint.squares() - along).max(0.0).to_array();
+        let [a, b] = [footprint.v1, footprint.v2].map(V3::to_arrays);
         let r = footprint.r.to_arrays();
         for lane in set_bits(lit) {
             let vector = |v: &[[f32; LANES]; 3]| Vec3::new(v[0][lane], v[1][lane], v[2][lane]);
@@ -162,8 +196,8 @@ impl<'a> LampLight<'a> {
                 continue;
             }
             // A wider disc of the same flux: cells are not exact parallelograms, and small lamps would show the gaps between them.
-            let squares = sides[0].length_squared() + sides[1].length_squared();
-            let (own, wide) = (seen.chord * seen.chord, seen.chord * seen.chord + LAMP_BLUR * LAMP_BLUR * squares);
+            let own = seen.chord * seen.chord;
+            let wide = own + LAMP_BLUR * LAMP_BLUR * squares[lane];
             let part = own / wide * filled_part(direction, sides, seen.towards, wide.sqrt());
             let mut mean = Vec3::ZERO;
             if part > 0.0 {

@@ -10,6 +10,7 @@ mod footprint;
 mod hierarchical;
 mod inspection;
 mod lamp;
+mod medium;
 mod near_light;
 mod pair;
 mod receiver;
@@ -40,6 +41,7 @@ use crate::brdf::Materials;
 use crate::environment::CubeMap;
 use crate::lanes::{F, LANES, Simd, SimdBase, V3, bits, dispatch, lanes, level, set_bits, splat3};
 use crate::progress::Progress;
+use crate::scene::Medium;
 
 /// Groups of lanes between two reports of progress.
 const GROUPS_PER_TASK: usize = 32;
@@ -60,17 +62,18 @@ pub fn gather(
     let uniforms = GatherUniforms::for_cube(params, pinholes, environment);
     let source = Source::Environment(CubeLookup::rotated(environment, &uniforms));
     let filter = CpuFilter::try_from(params.filter)?;
-    Ok(gather_from(receivers, (pinholes, source, uniforms), filter, progress))
+    Ok(gather_from(receivers, (pinholes, source, uniforms, params), filter, progress))
 }
 
 fn gather_from(
     receivers: &Receivers,
-    (pinholes, source, uniforms): (&Pinholes, Source, GatherUniforms),
+    (pinholes, source, uniforms, params): (&Pinholes, Source, GatherUniforms, &Params),
     filter: CpuFilter,
     progress: &dyn Progress,
 ) -> Vec<[f32; 4]> {
     let materials = receivers.view_directions.as_ref().map(|view| &*view.materials);
-    let gather = Gather { pinholes, materials, uniforms, source };
+    let Params { medium, lamps_in_medium, .. } = *params;
+    let gather = Gather { pinholes, materials, uniforms, source, medium, lamps_in_medium };
     let task: fn(&Gather, &Receivers, usize, &mut [[f32; 4]]) = match filter {
         CpuFilter::None => {
             |g, r, first, sums| dispatch!(level(), simd => task::<_, FILTER_NONE>(simd, g, r, first, sums))
@@ -100,7 +103,8 @@ fn gather_from(
 pub fn contributions(receivers: &Receivers, pinholes: &Pinholes, environment: &CubeMap, params: &Params) -> Vec<f32> {
     let uniforms = GatherUniforms::for_cube(params, pinholes, environment);
     let source = Source::Environment(CubeLookup::rotated(environment, &uniforms));
-    let gather = Gather { pinholes, materials: None, uniforms, source };
+    let Params { medium, lamps_in_medium, .. } = *params;
+    let gather = Gather { pinholes, materials: None, uniforms, source, medium, lamps_in_medium };
     let count = receivers.positions.len();
     let groups: Vec<ReceiverGroup> =
         (0..count).step_by(LANES).map(|start| load_receivers(receivers, start, LANES.min(count - start))).collect();
@@ -114,6 +118,8 @@ struct Gather<'a> {
     materials: Option<&'a Materials>,
     uniforms: GatherUniforms,
     source: Source<'a>,
+    medium: Option<Medium>,
+    lamps_in_medium: bool,
 }
 
 /// The light of a sum.
@@ -284,6 +290,9 @@ impl Gather<'_> {
         if let (Some(materials), Some(views)) = (self.materials, receiver.view) {
             let solid_angle = cos_at_sample * inverse_l * inverse_l * sample.area;
             reflect_to_viewers(materials, receiver, views, (d * inverse_l, solid_angle), lit, &mut reflectance);
+        }
+        if let Some(medium) = &self.medium {
+            self.pass_medium(medium, (sample, pair), receiver, lit, &mut reflectance);
         }
         let weight = weight.to_array();
         for lane in set_bits(lit) {

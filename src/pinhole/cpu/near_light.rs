@@ -24,7 +24,7 @@ pub fn gather_lamp(
 ) -> Vec<[f32; 4]> {
     let uniforms = GatherUniforms::for_near_light(params, pinholes, 0.0);
     let source = Source::Lamp(LampLight::new(lamp));
-    gather_from(receivers, (pinholes, source, uniforms), CpuFilter::None, progress)
+    gather_from(receivers, (pinholes, source, uniforms, params), CpuFilter::None, progress)
 }
 
 /// The same for the light of surfaces.
@@ -37,7 +37,7 @@ pub fn gather_surroundings(
 ) -> Vec<[f32; 4]> {
     let uniforms = GatherUniforms::for_near_light(params, pinholes, surroundings.texel_rad());
     let source = Source::Surroundings(SurroundingLight(surroundings));
-    gather_from(receivers, (pinholes, source, uniforms), CpuFilter::None, progress)
+    gather_from(receivers, (pinholes, source, uniforms, params), CpuFilter::None, progress)
 }
 
 impl Gather<'_> {
@@ -83,8 +83,13 @@ impl Gather<'_> {
         match &self.source {
             Source::Environment(_) => None,
             Source::Lamp(lamp) => {
-                let to_light = splat3(simd, lamp.offset_from(sample.position));
-                Some((lamp.mean_radiance(simd, sample, pair, lit), to_light))
+                let to_light = lamp.offset_from(sample.position);
+                let mut radiance = lamp.mean_radiance(simd, sample, pair, lit);
+                if self.lamps_in_medium {
+                    let passed = self.from_lamp(sample, to_light.length()).extend(1.0);
+                    radiance.iter_mut().for_each(|radiance| *radiance *= passed);
+                }
+                Some((radiance, splat3(simd, to_light)))
             }
             Source::Surroundings(surfaces) => Some(surfaces.arriving(simd, (sample, pair), taps, lit)),
         }

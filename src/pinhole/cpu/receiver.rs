@@ -2,7 +2,7 @@
 
 use glam::Vec3;
 
-use crate::lanes::{LANES, Simd, V3};
+use crate::lanes::{F, LANES, Simd, V3, lanes};
 use crate::pinhole::Receivers;
 
 /// The object of a lane without a receiver.
@@ -15,6 +15,8 @@ pub(super) struct ReceiverGroup {
     pub object: [u32; LANES],
     /// Towards the viewer, where there is one.
     pub view: Option<[Vec3; LANES]>,
+    /// Of parts of rays, metres.
+    pub length: Option<[f32; LANES]>,
 }
 
 /// The same in registers.
@@ -23,6 +25,8 @@ pub(super) struct Receiver<'a, S: Simd> {
     pub normal: V3<S>,
     pub object: &'a [u32; LANES],
     pub view: Option<&'a [Vec3; LANES]>,
+    /// Where receivers are parts of rays, metres; their normals are the directions towards the viewer.
+    pub length: Option<F<S>>,
 }
 
 impl ReceiverGroup {
@@ -33,11 +37,18 @@ impl ReceiverGroup {
             normal: V3::load(simd, &self.normal),
             object: &self.object,
             view: self.view.as_ref(),
+            length: self.length.map(|length| lanes(simd, length)),
         }
     }
 }
 
 impl<S: Simd> Receiver<'_, S> {
+    /// Where receivers are parts of rays: from one end to the other, metres.
+    #[inline(always)]
+    pub fn segment(&self) -> Option<V3<S>> {
+        self.length.map(|length| self.normal * length)
+    }
+
     /// The lanes that have a receiver.
     #[inline(always)]
     pub fn occupied(&self) -> u32 {
@@ -57,6 +68,7 @@ pub(super) fn load_at(receivers: &Receivers, index: impl Fn(usize) -> Option<usi
         normal: [[0.0; LANES]; 3],
         object: [NO_OBJECT; LANES],
         view: receivers.view_directions.as_ref().map(|_| [Vec3::ZERO; LANES]),
+        length: receivers.lengths.as_ref().map(|_| [0.0; LANES]),
     };
     for lane in 0..LANES {
         let Some(index) = index(lane) else { continue };
@@ -69,6 +81,9 @@ pub(super) fn load_at(receivers: &Receivers, index: impl Fn(usize) -> Option<usi
         }
         if let (Some(views), Some(view)) = (&mut group.view, &receivers.view_directions) {
             views[lane] = Vec3::from_slice(&view.directions[index]);
+        }
+        if let (Some(lengths), Some(of_receivers)) = (&mut group.length, &receivers.lengths) {
+            lengths[lane] = of_receivers[index];
         }
     }
     group

@@ -27,8 +27,9 @@ pub(super) struct SurroundingLight<'a>(pub &'a Surroundings);
 /// Surfaces in sixteen directions, seen from a cell.
 pub(super) struct SeenSurfaces<'a, S: Simd> {
     view: &'a SurroundingView,
-    /// The footprint, as it is seen from the viewpoint.
+    /// The footprint without a lobe and along a part of a ray, as they are seen from the viewpoint.
     sides: FootprintSides<S>,
+    third: Option<V3<S>>,
     /// From the cell to shortly before the surfaces.
     pub towards: V3<S>,
 }
@@ -47,15 +48,17 @@ impl<'a> SurroundingLight<'a> {
         simd.vectorize(
             #[inline(always)]
             || {
-                let footprint = pair.footprint(simd, cell);
-                let seen = self.seen(simd, cell, &footprint, lit);
+                let sharp = pair.sharp_footprint(simd, cell);
+                let third = pair.turn_along_segment(simd);
+                let seen = self.seen(simd, cell, &sharp, third, lit);
                 let towards = seen.towards;
                 if !cell.is_mostly_lobe() {
-                    return (seen.mean_radiance(simd, taps, lit), towards);
+                    let sides = pair.widened(simd, seen.sides, seen.third, cell.lobe);
+                    return (seen.mean_radiance(simd, &sides, taps, lit), towards);
                 }
                 let mut sum = [Vec4::ZERO; LANES];
-                for part in pair.lobe_parts(simd, cell) {
-                    add_lobe_part(&mut sum, self.seen(simd, cell, &part, lit).mean_radiance(simd, taps, lit));
+                for part in pair.parts_of(simd, cell, &seen.sides, seen.third) {
+                    add_lobe_part(&mut sum, seen.mean_radiance(simd, &part, taps, lit));
                 }
                 (sum, towards)
             },
@@ -68,6 +71,7 @@ impl<'a> SurroundingLight<'a> {
         simd: S,
         cell: &PinholeParts,
         footprint: &FootprintSides<S>,
+        third: Option<V3<S>>,
         active: u32,
     ) -> SeenSurfaces<'a, S> {
         simd.vectorize(
@@ -99,21 +103,23 @@ impl<'a> SurroundingLight<'a> {
                     let moved = splat3(simd, side).plus(change, distance);
                     moved.plus(direction, -direction.dot(moved)) * inverse
                 };
+                let third = third.map(|change| side(Vec3::ZERO, change));
                 let (v1, v2) = (side(cell.sides[0], footprint.v1), side(cell.sides[1], footprint.v2));
                 let sides = FootprintSides { r: direction, v1, v2 };
-                SeenSurfaces { view, sides, towards: r * (distance * BEFORE_SURFACE) }
+                SeenSurfaces { view, sides, third, towards: r * (distance * BEFORE_SURFACE) }
             },
         )
     }
 }
 
 impl<S: Simd> SeenSurfaces<'_, S> {
-    fn mean_radiance(&self, simd: S, taps: F<S>, lit: u32) -> [Vec4; LANES] {
+    /// Over a footprint as it is seen from the viewpoint.
+    fn mean_radiance(&self, simd: S, sides: &FootprintSides<S>, taps: F<S>, lit: u32) -> [Vec4; LANES] {
         simd.vectorize(
             #[inline(always)]
             || {
                 let lookup = CubeLookup::new(&self.view.radiance);
-                mean_over_footprint::<S, FILTER_ANISOTROPIC>(simd, &lookup, &self.sides, &Unoccluded, taps, lit)
+                mean_over_footprint::<S, FILTER_ANISOTROPIC>(simd, &lookup, sides, &Unoccluded, taps, lit)
             },
         )
     }

@@ -57,8 +57,8 @@ pub fn place_samples(scene: &Scene, options: &Options) -> Result<PointSet, Error
         return Ok(sample(&Surface::of_scene(scene), &options.sampling())?);
     }
     let prepared = SceneStages::new().prepare(scene, &NoProgress)?;
-    let (source, geometry) = ((&scene.environment, &scene.lamps[..]), prepared.drawn_geometry());
-    let light = LightStages::new().prepare(source, geometry.as_ref(), options.cube_size, &NoProgress)?;
+    let geometry = prepared.drawn_geometry();
+    let light = LightStages::new().prepare(scene, geometry.as_ref(), options.cube_size, &NoProgress)?;
     let inputs = DensityInputs {
         scene,
         surface: &prepared.surface,

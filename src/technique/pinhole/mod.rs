@@ -25,7 +25,7 @@ use crate::options::Evaluation;
 use crate::pinhole::cpu::{Accuracy, Light, TakenCell, cells_taken, contributions_to, estimate_irradiance};
 use crate::pinhole::{Filter, Params, PinholeTree, Pinholes, Receivers, Surroundings};
 use crate::progress::{Progress, Stage};
-use crate::scene::{Camera, Lamp, Visibility};
+use crate::scene::{Camera, Lamp, Medium, Visibility};
 use crate::stages::{Id, LightStages, Memo, StageCounts, SurfaceMaterials, visible_receivers};
 use crate::tracing::{Hit, Tracer};
 use crate::{Error, NoProgress};
@@ -114,6 +114,7 @@ struct SurroundingsKey {
     materials: Id<SurfaceMaterials>,
     visibility: Visibility,
     lamps: Arc<[Lamp]>,
+    medium: Option<Medium>,
 }
 
 /// The stages of the pinhole technique.
@@ -160,7 +161,7 @@ impl PinholeStages {
         let (filter, warning) = backend.resolve_filter(options.filter).await?;
         let evaluation = options.resolved_evaluation(filter, backend.is_gpu())?;
         let softening = if inputs.is_preview { PREVIEW_SOFTENING } else { 0.0 };
-        let params = Params { softening, ..options.params(filter, inputs.light.rotation_rad) };
+        let params = Params { softening, ..params(&inputs, filter) };
         let environment = inputs.light.environment.clone();
         let statistics = |samples, positions| Statistics { samples, positions, evaluation, filter, warning };
         match evaluation {
@@ -211,6 +212,7 @@ impl PinholeStages {
             materials: Id::of(&prepared.materials),
             visibility: options.visibility,
             lamps: lamps.clone(),
+            medium: inputs.scene.medium,
         };
         let of_surfaces = (Id::of(&prepared.tracer), Id::of(&prepared.materials));
         let surfaces = self.surfaces.get(of_surfaces, progress, || lit_surfaces(inputs.scene));
@@ -277,6 +279,13 @@ impl PinholeStages {
         }
         Ok(self.sum.keep(key, Arc::new(HierarchicalOnCpu { sum, statistics })))
     }
+}
+
+/// The parameters of a sum.
+fn params(inputs: &Inputs, filter: Filter) -> Params {
+    let scene = inputs.scene;
+    let params = inputs.options.params(filter, inputs.light.rotation_rad);
+    Params { medium: scene.medium, lamps_in_medium: scene.has_medium_everywhere(), ..params }
 }
 
 /// Ends what nobody waits for, before incomplete results are used.
@@ -358,7 +367,7 @@ impl TechniqueStages for PinholeStages {
     fn inspect(&mut self, inputs: &Inputs, place: &Hit) -> Result<Inspected, Error> {
         let points = self.samples.points(inputs)?;
         let pinholes = self.samples.pinholes(inputs, &points, 1);
-        let params = inputs.options.params(Filter::Anisotropic, inputs.light.rotation_rad);
+        let params = params(inputs, Filter::Anisotropic);
         let receiver = (place.position, place.normal, place.object);
         let contributions = contributions_to(receiver, &pinholes, &inputs.light.environment.cube, &params);
         Ok(Inspected { contributions, view: pinholes.view_from(place) })
@@ -380,7 +389,7 @@ impl TechniqueStages for PinholeStages {
         let points = self.samples.points(inputs)?;
         let tree = self.samples.tree(inputs, &points, leaves);
         let bounds = light.bounds(inputs.light, progress);
-        let params = options.params(filter, inputs.light.rotation_rad);
+        let params = params(inputs, filter);
         let environment = inputs.light.environment.clone();
         let accuracy = Accuracy { error: tolerance, split_near: true };
         let near = self.near_light(inputs, &points.positions, tree.sample_nodes());

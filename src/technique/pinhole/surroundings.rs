@@ -6,7 +6,7 @@ use rayon::prelude::*;
 
 use crate::environment::{CubeMap, FACES, face_direction};
 use crate::pinhole::{PinholeSample, SurroundingView, Surroundings};
-use crate::scene::{Mesh, Object, Ray, Scene, Sides, Visibility};
+use crate::scene::{Medium, Mesh, Object, Ray, Scene, Sides, Visibility};
 use crate::stages::DirectLamps;
 use crate::technique::Inputs;
 use crate::tracing::{Hit, SeenBy, Tracer};
@@ -40,6 +40,8 @@ struct Viewer<'a> {
     light: DirectLamps<'a>,
     /// What receives light: mirrors alone show none of their own.
     surfaces: &'a Tracer,
+    /// Between surfaces and mirrors.
+    medium: Option<Medium>,
     size: u32,
 }
 
@@ -65,7 +67,8 @@ pub(super) fn surroundings(inputs: &Inputs, surfaces: &Tracer, samples: &[Pinhol
     }
     let (size, max_views) = if inputs.is_preview { OF_PREVIEW } else { OF_PICTURE };
     let occluder = (options.visibility == Visibility::Full).then_some(&*prepared.tracer);
-    let viewer = Viewer { scene, light: DirectLamps::new(&light.lamps, occluder), surfaces, size };
+    let medium = scene.medium.filter(|_| scene.has_medium_everywhere());
+    let viewer = Viewer { scene, light: DirectLamps::new(light, occluder), surfaces, medium, size };
     let extent = samples.iter().map(|s| s.position().distance(samples[0].position())).fold(0.0, f32::max);
     let viewpoint = |sample: &PinholeSample| sample.position() + OFFSET * extent * sample.normal();
     // The sample that is farthest from all viewpoints gets the next one.
@@ -109,7 +112,8 @@ impl Viewer<'_> {
         let nearness = 1.0 / hit.distance;
         // At grazing angles a plane passes the point too closely to say where others see it.
         let approach = (-hit.face_normal.dot(direction)).max(MIN_COSINE);
-        Seen { radiance: self.radiance(&hit), plane: -hit.face_normal * (nearness / approach), nearness }
+        let passed = self.medium.map_or(Vec3::ONE, |medium| medium.transmittance(hit.distance));
+        Seen { radiance: passed * self.radiance(&hit), plane: -hit.face_normal * (nearness / approach), nearness }
     }
 
     fn radiance(&self, hit: &Hit) -> Vec3 {

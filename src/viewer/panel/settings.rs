@@ -44,6 +44,8 @@ const PICTURES: &[(Aov, &str)] = &[
     (Aov::CausticR, "reflected caustic"),
     (Aov::CausticT, "refracted caustic"),
     (Aov::Direct, "direct"),
+    (Aov::Scattered, "scattered caustic"),
+    (Aov::ScatteredDirect, "scattered direct light"),
     (Aov::Albedo, "albedo"),
     (Aov::Normal, "normal"),
     (Aov::Position, "position"),
@@ -146,6 +148,9 @@ impl Viewer {
         is_edited |= number(ui, "Tolerance", &mut options.tolerance, original.tolerance, (1e-3..=1.0, true));
         is_edited |= choice(ui, "Filter", &mut options.filter, original.filter, FILTERS);
         is_edited |= number(ui, "Taps", &mut options.taps, original.taps, (1..=crate::pinhole::MAX_TAPS, true));
+        let most = crate::options::MAX_MEDIUM_STEPS;
+        let steps = (&mut options.medium_steps, original.medium_steps);
+        is_edited |= number(ui, "Medium steps", steps.0, steps.1, (1..=most, true));
         let footprints = [(Footprint::Cells, "cells"), (Footprint::Curvature, "curvature")];
         if choice(ui, "Footprint", &mut options.footprint, original.footprint, &footprints) {
             options.leaves = options.leaves.filter(|_| options.footprint == Footprint::Cells);

@@ -191,11 +191,17 @@ impl<'a> ReceiverTile<'a> {
         Vec3::from_slice(&self.receivers.normals[index])
     }
 
+    /// From the middle of a part of a ray to its end.
+    fn half_part(&self, index: usize) -> Vec3 {
+        let lengths = self.receivers.lengths.as_ref();
+        lengths.map_or(Vec3::ZERO, |lengths| 0.5 * lengths[index] * self.normal(index))
+    }
+
     fn finest_block(&self, x: usize, y: usize) -> (Block, Extent) {
         let indices = (0..16).filter_map(|k| self.index(4 * x + k % 4, 4 * y + k / 4));
         let extent = indices.clone().fold(NOWHERE, |extent, k| {
-            let p = self.position(k);
-            extent.join(Extent { low: p, high: p, normal: self.normal(k) })
+            let (p, half) = (self.position(k), self.half_part(k).abs());
+            extent.join(Extent { low: p - half, high: p + half, normal: self.normal(k) })
         });
         let Some(first) = indices.clone().next() else { return (Block::default(), extent) };
         let normal = extent.normal.try_normalize().unwrap_or(Vec3::Y);

@@ -3,9 +3,12 @@
 //! The bounds are estimates: they hold to first order in the sizes of block and cell over their distance. How often they
 //! are exceeded is measured (`tests/engine/hierarchy.rs`).
 
+use std::f32::consts::FRAC_PI_2;
+
 use glam::Vec3;
 
 use super::super::lamp::{BLURRED_REACH, LampLight};
+use super::super::medium::{max_relative_phase, phase_slope};
 use super::blocks::{Block, Kind};
 use crate::environment::{Bound, LightBounds};
 use crate::lanes::{F, Simd, SimdBase, SimdFloat};
@@ -16,7 +19,7 @@ use crate::pinhole::constants::{
 };
 use crate::pinhole::interface::CrossingBounds;
 use crate::pinhole::{GatherUniforms, Interface, Surroundings};
-use crate::scene::Sides;
+use crate::scene::{Medium, Sides};
 
 /// What to do with a pair.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -65,6 +68,10 @@ pub struct RefinementCriterion<'a> {
     pub map_texel_rad: f32,
     /// Whether receivers reflect towards viewers.
     pub has_view_directions: bool,
+    /// What is between cells and receivers.
+    pub medium: Option<&'a Medium>,
+    /// Whether receivers are parts of rays.
+    pub along_rays: bool,
 }
 
 /// A block and a cell.
@@ -89,6 +96,9 @@ struct BlockPair {
     /// twice as far.
     turned_block: f32,
     turned_cell: f32,
+    /// Of what a medium does on the way: an upper bound, and how much faster than directions it changes.
+    passed: f32,
+    phase_slope: f32,
 }
 
 /// The cone of light that a cell reflects or refracts to a block.
@@ -107,7 +117,7 @@ pub fn unevenness(cell: &Cell) -> f32 {
 }
 
 impl BlockPair {
-    fn new(block: &Block, cell: &Cell) -> Self {
+    fn new(block: &Block, cell: &Cell, criterion: &RefinementCriterion) -> Self {
         let d = cell.sample.position - block.centre;
         let l = d.length();
         let sizes = block.radius + cell.radius;
@@ -117,9 +127,18 @@ impl BlockPair {
             Sides::Back => dn,
             Sides::Both => dn.abs(),
         };
-        let at_receiver = d.dot(block.normal);
         let sample_slack = sizes + cell.normal_radius * l;
-        let receiver_slack = sizes + block.normal_radius * l;
+        let (at_receiver, receiver_slack) =
+            if criterion.along_rays { (l, 0.0) } else { (d.dot(block.normal), sizes + block.normal_radius * l) };
+        let (passed, phase_slope) = criterion.medium.map_or((1.0, 1.0), |medium| {
+            let passed = (-medium.extinction().min_element() * (l - sizes).max(0.0)).exp();
+            let passed = if cell.sample.interface.is_some_and(|_| dn <= sample_slack) { 1.0 } else { passed };
+            if !criterion.along_rays {
+                return (passed, 1.0);
+            }
+            let spread = sizes / l * FRAC_PI_2 + block.normal_radius;
+            (passed * max_relative_phase(medium, -d.dot(block.normal) / l, spread), phase_slope(medium))
+        });
         let crossing = cell.sample.interface.map(|interface| {
             let (cosine, slack) = (dn / l, sizes / l + cell.normal_radius);
             interface.bounds((cosine - slack).max(-1.0), (cosine + slack).min(1.0))
@@ -143,6 +162,8 @@ impl BlockPair {
             cell_size,
             turned_block,
             turned_cell,
+            passed,
+            phase_slope,
         }
     }
 
@@ -154,16 +175,16 @@ impl BlockPair {
 
     /// The largest factor on the radiance beside the cell's reflectance.
     fn max_factor(&self) -> f32 {
-        self.crossing.map_or(1.0, |crossing| crossing.factor)
+        self.crossing.map_or(1.0, |crossing| crossing.factor) * self.passed
     }
 
     fn is_unbounded(&self) -> bool {
         self.crossing.is_some_and(|crossing| crossing.is_unbounded)
     }
 
-    /// How much faster than the cosines at the interface its factor changes.
+    /// How much faster than the cosines at the interface its factor changes, or the phase function.
     fn per_cosine(&self) -> f32 {
-        self.crossing.map_or(1.0, |crossing| crossing.per_cosine)
+        self.crossing.map_or(1.0, |crossing| crossing.per_cosine).max(self.phase_slope)
     }
 
     fn light_cone(&self, cell: &Cell) -> Cone {
@@ -305,7 +326,7 @@ impl RefinementCriterion<'_> {
 
     /// Decides about a pair of a cell and a block, which can be refined.
     pub fn decide(&self, block: &Block, cell: &Cell) -> Decision {
-        let pair = BlockPair::new(block, cell);
+        let pair = BlockPair::new(block, cell, self);
         if pair.is_below_horizon() {
             return Decision::Drop;
         }

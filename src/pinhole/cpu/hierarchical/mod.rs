@@ -154,7 +154,8 @@ impl<'a> TraversalContext<'a> {
                 (uniforms, source, SourceBounds::Surroundings(surfaces))
             }
         };
-        let gather = Gather { pinholes: nodes, materials, uniforms, source };
+        let Params { medium, lamps_in_medium, .. } = *params;
+        let gather = Gather { pinholes: nodes, materials, uniforms, source, medium, lamps_in_medium };
         Self { pinholes, gather, bounds, weights: std::array::from_fn(Weights::new) }
     }
 

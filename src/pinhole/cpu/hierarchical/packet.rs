@@ -191,13 +191,13 @@ impl TileGather<'_> {
         let gather = &self.context.gather;
         if cell.is_leaf() {
             let value = gather.weight(simd, &cell.sample, pair, receiver);
-            let crossing = crossing_bounds(simd, cell, pair);
+            let crossing = crossing_bounds(simd, cell, pair, receiver);
             return MaxWeight { value, facing: lanes & pair.lit(), straddling_horizon: 0, crossing };
         }
         // Cosines times l.
         let at_sample = facing(cell.sample.lights, pair.dn);
-        let at_receiver = pair.d.dot(receiver.normal);
         let l = pair.l2 * pair.inverse_l;
+        let at_receiver = if receiver.length.is_some() { l } else { pair.d.dot(receiver.normal) };
         let slack = l * cell.normal_radius + cell.radius;
         let mut straddling_horizon = bits(at_sample.simd_lt(slack) | at_receiver.simd_lt(cell.radius));
         let (at_sample, at_receiver) = (at_sample + slack, at_receiver + cell.radius);
@@ -206,7 +206,7 @@ impl TileGather<'_> {
         let nearest2 = nearest * nearest;
         let cosines = at_sample.min(l) * at_receiver.min(l) / nearest2;
         let mut value = cosines * cell.sample.area * gather.max_attenuation(simd, nearest2, cell.sample.area);
-        let crossing = crossing_bounds(simd, cell, pair);
+        let crossing = crossing_bounds(simd, cell, pair, receiver);
         if let Some(crossing) = &crossing {
             value *= crossing.factor;
             facing &= bits(crossing.factor.simd_gt(0.0));
@@ -227,7 +227,8 @@ impl TileGather<'_> {
     ) -> ContributionBounds<S> {
         let mut size = pair.inverse_l * cell.radius + cell.normal_radius;
         let mut cone_radius = if cell.is_creased {
-            size + (cell.normal_radius + cell.sample.lobe)
+            let along = receiver.length.map_or(splat(simd, 0.0), |length| pair.inverse_l * length * FOOTPRINT_RADIUS);
+            size + along + (cell.normal_radius + cell.sample.lobe)
         } else {
             footprint.squares().sqrt() * FOOTPRINT_RADIUS + (size * size * FOOTPRINT_BEND + unevenness(cell))
         };
@@ -235,17 +236,23 @@ impl TileGather<'_> {
         if let Some(crossing) = &max_weight.crossing {
             turned = crossing.per_direction * pair.inverse_l * cell.radius
                 + crossing.per_normal * (0.5 * cell.normal_radius);
-            (cone_axis, cone_radius) = crossed_light(simd, cell, pair, footprint, turned, crossing);
+            (cone_axis, cone_radius) = crossed_light(simd, cell, (pair, receiver), footprint, turned, crossing);
             size *= crossing.per_cosine;
         }
         size = self.size_for_light(size, &cell.sample, cell.radius);
         let (mut max_radiance, mut contrast) =
             self.light_within(simd, cell, (cone_axis, cone_radius), max_weight.facing);
         if let Source::Lamp(lamp) = &self.context.gather.source
+            && receiver.length.is_some()
+        {
+            max_radiance *= lamp.max_part_of_segment(simd, &cell.sample, pair);
+            contrast = max_radiance;
+        }
+        if let Source::Lamp(lamp) = &self.context.gather.source
             && cell.is_leaf()
         {
             // Where it is near, parts of it fill much less of the directions than all of it does to first order.
-            let part = lamp.max_part(simd, &cell.sample, footprint);
+            let part = lamp.max_part(simd, &cell.sample, pair);
             max_radiance *= size.simd_lt(MAX_PIECE_SIZE).select(part, splat(simd, 1.0));
             contrast = max_radiance;
         }
@@ -255,6 +262,12 @@ impl TileGather<'_> {
             let (max_gloss, error) = self.gloss_within(simd, pair, receiver, size, max_weight.facing);
             weight *= max_gloss;
             gloss_error = error;
+        }
+        if receiver.length.is_some() {
+            let (max_scattered, error) =
+                self.context.gather.scattered_within(simd, pair, receiver, size, max_weight.facing);
+            weight *= max_scattered;
+            gloss_error = error * CONTRAST_ERROR_SCALE;
         }
         ContributionBounds { size, turned, max: weight * max_radiance, range: weight * contrast, gloss_error }
     }
@@ -391,13 +404,14 @@ impl TileGather<'_> {
 fn crossed_light<S: Simd>(
     simd: S,
     cell: &Cell,
-    pair: &ReceiverCellPair<S>,
+    (pair, receiver): (&ReceiverCellPair<S>, &Receiver<S>),
     footprint: &FootprintSides<S>,
     turned: F<S>,
     crossing: &CrossingBounds<S>,
 ) -> (V3<S>, F<S>) {
     let frame = (pair.d * pair.inverse_l, pair.n);
-    let (axis, most) = crossing.cones(simd, pair.r, frame, pair.inverse_l * cell.radius, cell.normal_radius);
+    let directions = pair.inverse_l * extent(simd, cell, receiver);
+    let (axis, most) = crossing.cones(simd, pair.r, frame, directions, cell.normal_radius);
     let curved = footprint.squares().sqrt() * FOOTPRINT_RADIUS
         + (turned * turned * FOOTPRINT_BEND + crossing.per_normal * (0.5 * unevenness(cell)));
     let may_curve = if cell.is_creased { 0 } else { ALL & !crossing.unbounded };
@@ -405,11 +419,23 @@ fn crossed_light<S: Simd>(
     (V3::select(is_curved, pair.r, axis), is_curved.select(curved, most))
 }
 
+/// The radius of a cell and, where receivers are parts of rays, half their length, metres.
+#[inline(always)]
+fn extent<S: Simd>(simd: S, cell: &Cell, receiver: &Receiver<S>) -> F<S> {
+    splat(simd, cell.radius) + receiver.length.map_or(splat(simd, 0.0), |length| length * 0.5)
+}
+
 /// What a cell of an interface does at most with the light.
 #[inline(always)]
-fn crossing_bounds<S: Simd>(simd: S, cell: &Cell, pair: &ReceiverCellPair<S>) -> Option<CrossingBounds<S>> {
+fn crossing_bounds<S: Simd>(
+    simd: S,
+    cell: &Cell,
+    pair: &ReceiverCellPair<S>,
+    receiver: &Receiver<S>,
+) -> Option<CrossingBounds<S>> {
     let interface = cell.sample.interface?;
-    let (cosine, slack) = (pair.dn * pair.inverse_l, pair.inverse_l * cell.radius + cell.normal_radius);
+    let slack = pair.inverse_l * extent(simd, cell, receiver) + cell.normal_radius;
+    let cosine = pair.dn * pair.inverse_l;
     Some(CrossingBounds::new(simd, interface, (cosine - slack).max(-1.0), (cosine + slack).min(1.0)))
 }
 

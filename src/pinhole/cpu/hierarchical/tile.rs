@@ -64,6 +64,8 @@ impl<'a> TileGather<'a> {
             texel_rad: context.gather.uniforms.texel_rad,
             map_texel_rad: context.gather.map_texel_rad(),
             has_view_directions: receivers.receivers().view_directions.is_some(),
+            medium: context.gather.medium.as_ref(),
+            along_rays: receivers.receivers().lengths.is_some(),
         };
         Self {
             context,

@@ -31,6 +31,7 @@ pub(super) fn strips(receivers: &Receivers, max_texture: u32, most: usize) -> Ve
             positions: receivers.positions[part.clone()].to_vec(),
             normals: receivers.normals[part].to_vec(),
             view_directions,
+            lengths: None,
         }
     };
     (0..count).step_by(per_strip).map(strip).collect()

@@ -1,0 +1,182 @@
+//! Light that the medium scatters once towards the camera, along every camera ray: that of caustics, gathered at parts of the ray by the
+//! same sums as on surfaces, and direct light with its shafts.
+//!
+//! A part of a ray is a receiver with a length: what crosses it comes from a strip of the environment, so that even long parts miss no
+//! beam. Along rays parts grow with their distance from the mirrors; over the picture every other ray is computed, and those between
+//! where the light changes from one to the next.
+
+mod direct;
+mod rays;
+
+use std::f32::consts::PI;
+use std::sync::Arc;
+
+use glam::{Vec3, Vec4};
+
+pub(super) use self::direct::DirectScattering;
+pub(super) use self::rays::{MediumRays, contains};
+use super::every_other::{AdaptiveLight, PixelGrid};
+use super::frame::FrameInputs;
+use crate::Error;
+use crate::lanes::LANES;
+use crate::pinhole::Receivers;
+use crate::progress::Uncounted;
+use crate::stages::CameraRays;
+use crate::technique::Sum;
+
+/// Errors that a part's light may have beyond the sum's tolerance, in tolerances of the mean along all rays: those of a ray's parts
+/// average out.
+const MORE_TOLERANCES: f32 = 50.0;
+/// How many times as much as on surfaces light between rays may be wrong: what rays gather along their way is blurred.
+const LENIENCY: f32 = 16.0;
+/// Rays that tell this mean, at least, one of so many.
+const COARSE_STEP: usize = 16;
+
+/// Scattered light by camera ray, W/(m²·sr), for an intensity of 1.
+#[derive(Debug, Default)]
+pub(super) struct Scattered {
+    /// Of caustics, with the number of fetches in w; `None` if none are shown.
+    pub caustic: Option<Arc<Vec<[f32; 4]>>>,
+    /// Direct light; `None` if none is shown.
+    pub direct: Option<Arc<Vec<[f32; 4]>>>,
+    /// The way through the medium, metres.
+    pub lengths: Vec<f32>,
+}
+
+impl Scattered {
+    /// Light of caustics along a camera ray.
+    pub fn caustic_at(&self, index: usize) -> Vec3 {
+        self.caustic.as_ref().map_or(Vec3::ZERO, |light| Vec3::from_slice(&light[index]))
+    }
+
+    /// Direct light along a camera ray.
+    pub fn direct_at(&self, index: usize) -> Vec3 {
+        self.direct.as_ref().map_or(Vec3::ZERO, |light| Vec3::from_slice(&light[index]))
+    }
+
+    /// Whether there is nothing.
+    pub fn is_dark(&self) -> bool {
+        self.caustic.is_none() && self.direct.is_none()
+    }
+
+    /// Number of fetches of the environment.
+    pub fn fetches(&self) -> f64 {
+        self.caustic.iter().flat_map(|light| light.iter()).map(|light| f64::from(light[3])).sum()
+    }
+}
+
+/// Light of caustics along all camera rays, with the number of fetches in w. `beside` is other light from there, which hides
+/// differences.
+pub(super) async fn scattered_caustic(
+    inputs: &FrameInputs<'_>,
+    sum: &Arc<dyn Sum>,
+    rays: &MediumRays<'_>,
+    beside: &[Vec3],
+) -> Result<Vec<[f32; 4]>, Error> {
+    let all: Vec<usize> = rays.within().collect();
+    let few: Vec<usize> = all.iter().copied().step_by(COARSE_STEP * COARSE_STEP).collect();
+    let gather = RayGather { inputs, sum, rays };
+    let mean = mean_of_parts(&gather.parts(&few, 0.0).await?, rays, &few);
+    let error = MORE_TOLERANCES * inputs.options.tolerance * mean;
+    let mut light = AdaptiveLight::new(rays, rays.len(), all.into_iter(), beside).leniently(LENIENCY);
+    while let Some(mut open) = light.next_open() {
+        open.sort_by_cached_key(|&index| rays.place_on_curve(index));
+        let parts = gather.parts(&open, error).await?;
+        light.set(open.iter().copied().zip(rays.scattered(&open, &parts)));
+    }
+    inputs.progress.advance(light.interpolated_count() as u64);
+    Ok(light.finish())
+}
+
+/// Direct light along all camera rays.
+pub(super) fn scattered_direct(
+    inputs: &FrameInputs<'_>,
+    direct: &DirectScattering,
+    rays: &MediumRays<'_>,
+    beside: &[Vec3],
+) -> Vec<[f32; 4]> {
+    let mut light = AdaptiveLight::new(rays, rays.len(), rays.within(), beside).leniently(LENIENCY);
+    while let Some(open) = light.next_open() {
+        let found = direct.along(rays, &open, inputs.progress);
+        light.set(open.into_iter().zip(found.into_iter().map(|light| light.extend(0.0))));
+    }
+    light.finish()
+}
+
+/// The mean over the parts of some rays, as far as they are seen through the medium, W/m².
+fn mean_of_parts(parts: &[[f32; 4]], rays: &MediumRays, which: &[usize]) -> f32 {
+    let (mut sum, mut weights) = (0.0, 0.0);
+    for (place, &index) in which.iter().enumerate() {
+        for (part, weight) in rays.weights(index).enumerate() {
+            let light = Vec3::from_slice(&parts[place_in_list(place, part, rays.parts_per_ray())]);
+            sum += weight.element_sum() / 3.0 * light.element_sum() / 3.0;
+            weights += weight.element_sum() / 3.0;
+        }
+    }
+    if weights > 0.0 { sum / weights } else { 0.0 }
+}
+
+/// Where in a list of receivers a part of a ray is: packets of sixteen rays, part by part.
+fn place_in_list(ray: usize, part: usize, parts_per_ray: usize) -> usize {
+    (ray / LANES * parts_per_ray + part) * LANES + ray % LANES
+}
+
+/// Sums along rays.
+struct RayGather<'a> {
+    inputs: &'a FrameInputs<'a>,
+    sum: &'a Arc<dyn Sum>,
+    rays: &'a MediumRays<'a>,
+}
+
+impl RayGather<'_> {
+    /// The light at the parts of some rays, W/m², in a list of receivers; it may be wrong by so much more than the sum's tolerance.
+    async fn parts(&self, which: &[usize], error: f32) -> Result<Vec<[f32; 4]>, Error> {
+        let Self { inputs, sum, rays } = *self;
+        let per_ray = rays.parts_per_ray();
+        let mut receivers = Receivers::of_rays(LANES as u32, (which.len().div_ceil(LANES) * per_ray) as u32);
+        for (place, &index) in which.iter().enumerate() {
+            let ray = rays.ray(index);
+            for (part, [start, end]) in rays.parts(index).enumerate() {
+                let at = place_in_list(place, part, per_ray);
+                receivers.set_part(at, ray.origin + 0.5 * (start + end) * ray.direction, -ray.direction, end - start);
+                receivers.tolerate(at, error);
+            }
+        }
+        inputs.progress.advance(which.len() as u64);
+        let uncounted = Uncounted(inputs.progress);
+        sum.irradiance(&receivers, &uncounted).await
+    }
+}
+
+impl MediumRays<'_> {
+    /// What the medium scatters along some rays, from the light at their parts.
+    fn scattered(&self, which: &[usize], parts: &[[f32; 4]]) -> Vec<Vec4> {
+        let of_ray = |(place, &index): (usize, &usize)| {
+            let light = self.weights(index).enumerate().map(|(part, weight)| {
+                let light = Vec4::from(parts[place_in_list(place, part, self.parts_per_ray())]);
+                weight.extend(1.0) * light
+            });
+            let sum: Vec4 = light.sum();
+            (self.medium().sigma_s / (4.0 * PI)).extend(1.0) * sum
+        };
+        which.iter().enumerate().map(of_ray).collect()
+    }
+}
+
+impl PixelGrid for MediumRays<'_> {
+    fn width(&self) -> usize {
+        self.camera_rays().width as usize
+    }
+
+    fn pixel(&self, index: usize) -> (usize, usize) {
+        PixelGrid::pixel(self.camera_rays(), index)
+    }
+
+    fn counterpart(&self, index: usize, column: usize, row: usize) -> Option<usize> {
+        CameraRays::counterpart(self.camera_rays(), index, column, row)
+    }
+
+    fn hit(&self, index: usize) -> Option<&crate::tracing::Hit> {
+        self.end(index)
+    }
+}

@@ -1,0 +1,134 @@
+//! Light that a medium scatters and absorbs, against closed forms and the ground truth.
+
+use glam::Vec3;
+use pinspot::image::{Aov, Image};
+use pinspot::scene::{Medium, Scene, parse};
+use pinspot::{BackendChoice, Options};
+
+use crate::support::render;
+
+const HAZE: Medium = Medium { sigma_s: Vec3::new(0.2, 0.3, 0.4), sigma_a: Vec3::new(0.1, 0.0, 0.3), g: 0.0 };
+
+/// A perspective camera that looks along −z from here, through one narrow pixel or many.
+fn camera(position: [f32; 3], fov_y_deg: f32) -> String {
+    let [x, y, z] = position;
+    format!(
+        "[camera]\nposition = {position:?}\ntarget = [{x}, {y}, {}]\nperspective = {{ fov_y_deg = {fov_y_deg} }}\n",
+        z - 1.0
+    )
+}
+
+fn parsed(environment: &str, camera: &str, medium: Medium, rest: &str) -> Scene {
+    let text = format!("environment = {{ {environment} }}\n{camera}{rest}");
+    let mut scene = parse::<toml::Table>("media.toml", &text, std::path::Path::new(".")).unwrap().scene;
+    scene.medium = Some(medium);
+    scene
+}
+
+fn layer(scene: Scene, aov: Aov, size: u32) -> Image {
+    let options = Options::default().with_size([size; 2]).with_aovs(vec![aov]);
+    render(scene, options, &BackendChoice::Cpu).unwrap().layers.remove(0).1
+}
+
+/// What is scattered between two distances along a ray, per light that is scattered evenly there, m/(4π sr).
+fn scattered(medium: &Medium, [start, end]: [f32; 2]) -> Vec3 {
+    let extinction = medium.extinction();
+    let attenuated = |distance: f32| (-distance * extinction).map(f32::exp);
+    medium.sigma_s / (4.0 * std::f32::consts::PI) * (attenuated(start) - attenuated(end)) / extinction
+}
+
+fn assert_close(what: &str, got: Vec3, expected: Vec3, tolerance: f32) {
+    let error = (got - expected).abs() / expected;
+    println!("{what}: {got} for {expected}, off by {:.4}", error.max_element());
+    assert!(error.max_element() < tolerance, "{what}: {got}, expected {expected}");
+}
+
+/// A beam of directional light, let through by an interface that does nothing, and seen from the side.
+#[test]
+fn a_beam_is_as_bright_as_the_closed_form_says() {
+    let (sigma, radiance) = (0.01f32, Vec3::new(3e3, 2e3, 1e3));
+    let environment =
+        format!("spot = {{ direction = [0, 1, 0], sigma_rad = {sigma}, radiance = {:?} }}", radiance.to_array());
+    let window = "[[object]]\nshape = { plane = { size = [1.6, 1.0] } }\nrefractor = { eta = 1, fresnel = false }\n\
+                  [[object]]\nshape = { plane = { size = [9, 9] } }\ntranslate = [0, -4, 0]\nreceiver = {}\n";
+    let irradiance = 2.0 * std::f32::consts::PI * sigma * sigma * radiance;
+    for g in [0.0, 0.7] {
+        let medium = Medium { g, ..HAZE };
+        let below = 0.4;
+        let scene = parsed(&environment, &camera([0.0, -below, 2.0], 0.5), medium, window);
+        let image = layer(scene, Aov::Scattered, 4);
+        // Light is turned by a right angle, and comes through the medium from the window.
+        let turned = 4.0 * std::f32::consts::PI * medium.phase(0.0);
+        let expected = turned * irradiance * medium.transmittance(below) * scattered(&medium, [1.5, 2.5]);
+        assert_close(&format!("beam, g = {g}"), image.mean().as_vec3(), expected, 0.01);
+    }
+}
+
+/// An even environment without shadows is scattered as evenly, whatever the phase function.
+#[test]
+fn even_light_is_scattered_evenly() {
+    let wall = "[[object]]\nshape = { plane = { size = [90, 90] } }\nrotate_deg = [90, 0, 0]\ntranslate = [0, 0, -3]\n\
+                receiver = {}\n[[object]]\nshape = { sphere = { radius = 0.01 } }\ntranslate = [0, 0, 50]\nreflector = {}\n";
+    for g in [0.0, -0.5, 0.8] {
+        let medium = Medium { g, ..HAZE };
+        let scene = parsed("constant = [1, 2, 3]", &camera([0.0, 0.0, 0.0], 1.0), medium, wall);
+        let options = Options::default()
+            .with_size([4; 2])
+            .with_aovs(vec![Aov::ScatteredDirect])
+            .with_visibility(pinspot::scene::Visibility::None);
+        let image = render(scene, options, &BackendChoice::Cpu).unwrap().layers.remove(0).1;
+        let expected = 4.0 * std::f32::consts::PI * Vec3::new(1.0, 2.0, 3.0) * scattered(&medium, [0.0, 3.0]);
+        assert_close(&format!("even light, g = {g}"), image.mean().as_vec3(), expected, 0.01);
+    }
+}
+
+/// A point light beside a ray, against a quadrature along it.
+#[test]
+fn a_lamp_glows_in_the_medium() {
+    let rest = "[[light]]\nposition = [0.5, 0.2, -2]\nintensity = [1, 2, 3]\n\
+                [[object]]\nshape = { plane = { size = [9, 9] } }\nrotate_deg = [90, 0, 0]\ntranslate = [0, 0, -5]\nreceiver = {}\n\
+                [[object]]\nshape = { sphere = { radius = 0.01 } }\ntranslate = [0, 0, 50]\nreflector = {}\n";
+    for g in [0.0, 0.5] {
+        let medium = Medium { g, ..HAZE };
+        let image =
+            layer(parsed("constant = [0, 0, 0]", &camera([0.0, 0.0, 0.0], 0.1), medium, rest), Aov::ScatteredDirect, 2);
+        let (lamp, steps) = (Vec3::new(0.5, 0.2, -2.0), 20_000);
+        let step = 5.0 / steps as f32;
+        let expected: Vec3 = (0..steps)
+            .map(|k| {
+                let distance = (k as f32 + 0.5) * step;
+                let from_lamp = distance * Vec3::NEG_Z - lamp;
+                let phase = medium.phase(from_lamp.normalize().dot(Vec3::Z));
+                let passed = medium.transmittance(distance + from_lamp.length());
+                step * phase * medium.sigma_s * passed * Vec3::new(1.0, 2.0, 3.0) / from_lamp.length_squared()
+            })
+            .sum();
+        assert_close(&format!("lamp, g = {g}"), image.mean().as_vec3(), expected, 0.01);
+    }
+}
+
+/// Surfaces are seen through the medium, and lit through it.
+#[test]
+fn light_is_absorbed_on_its_way() {
+    let murky = Medium { sigma_s: Vec3::ZERO, sigma_a: Vec3::new(0.1, 0.2, 0.4), g: 0.0 };
+    let rest = "[[light]]\nposition = [0, 0, 1]\nintensity = [1, 1, 1]\n\
+                [[object]]\nshape = { plane = { size = [9, 9] } }\nrotate_deg = [90, 0, 0]\ntranslate = [0, 0, -3]\nreceiver = {}\n\
+                [[object]]\nshape = { plane = { size = [1, 1] } }\nrotate_deg = [-90, 0, 0]\ntranslate = [0, 0, 2]\nreflector = {}\n";
+    let seen = |medium: Option<Medium>, aov: Aov| {
+        let mut scene = parsed("constant = [0, 0, 0]", &camera([0.0, 0.0, 0.0], 0.5), murky, rest);
+        scene.medium = medium;
+        layer(scene, aov, 8).mean().as_vec3()
+    };
+    for (aov, way) in [(Aov::Direct, 4.0), (Aov::Caustic, 6.0), (Aov::Beauty, f32::NAN)] {
+        let (clear, through) = (seen(None, aov), seen(Some(murky), aov));
+        // Beauty shows both, after another three metres.
+        let expected = if way.is_nan() {
+            let [direct, caustic] = [Aov::Direct, Aov::Caustic].map(|aov| seen(None, aov));
+            let passed = murky.transmittance(4.0) * direct + murky.transmittance(6.0) * caustic;
+            clear * murky.transmittance(3.0) * passed / (direct + caustic)
+        } else {
+            clear * murky.transmittance(way)
+        };
+        assert_close(aov.name(), through, expected, 0.01);
+    }
+}
