@@ -30,9 +30,6 @@ pub(super) struct Depth {
     pub negligible: f64,
 }
 
-/// Twice the splits pay if they bring the total mass, and so the variance of a point, below this part of what it was.
-const WORTHWHILE: f64 = 0.3;
-
 struct Weighted<R> {
     region: R,
     bound: f64,
@@ -79,7 +76,7 @@ impl<R: Copy> Cut<R> {
             self.split(domain, receiver, more);
             wanted += more;
             let before = std::mem::replace(&mut mass, self.regions.iter().map(|r| r.mass).sum());
-            pays = mass < WORTHWHILE * before && mass > depth.negligible;
+            pays = mass < D::WORTHWHILE * before && mass > depth.negligible;
             if wanted >= depth.least && !pays {
                 break;
             }

@@ -24,6 +24,9 @@ pub(super) enum Place {
     Medium { phase: Phase, half_length: f64 },
 }
 
+/// [`Domain::WORTHWHILE`] in two dimensions.
+pub(super) const WORTHWHILE_ON_SURFACES: f64 = 0.3;
+
 /// No triangle's index.
 const NONE: u32 = u32::MAX;
 
@@ -76,6 +79,10 @@ impl Receiver {
 pub(super) trait Domain: Sync {
     /// A part of the set.
     type Region: Copy + Send;
+
+    /// Twice the splits of a cut pay if they bring the total of measure × bound, and so the variance of a point, below this part of
+    /// what it was.
+    const WORTHWHILE: f64;
 
     /// What the integral is for: a point, or a line of sight.
     type Receiver: Copy + Sync;

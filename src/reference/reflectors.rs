@@ -9,7 +9,7 @@
 use glam::DVec3;
 
 use super::cone::Cone;
-use super::domain::{Domain, Lighting, Place, Receiver};
+use super::domain::{Domain, Lighting, Place, Receiver, WORTHWHILE_ON_SURFACES};
 use super::geometry::{Geometry, Triangle};
 use super::gloss;
 use super::lamps::Lamps;
@@ -190,6 +190,8 @@ impl Mirror {
 impl Domain for Reflectors<'_> {
     type Region = Region;
     type Receiver = Receiver;
+
+    const WORTHWHILE: f64 = WORTHWHILE_ON_SURFACES;
 
     fn roots(&self, visit: &mut dyn FnMut(Region)) {
         for &node in &self.tree.roots {

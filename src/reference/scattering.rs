@@ -58,6 +58,9 @@ impl<D: Lighting> Domain for Scattering<'_, D> {
     type Region = Region<D::Region>;
     type Receiver = Sight;
 
+    /// In three dimensions cuts take more splits to become fine, and the points converge more slowly.
+    const WORTHWHILE: f64 = 0.6;
+
     fn roots(&self, visit: &mut dyn FnMut(Self::Region)) {
         let mut roots = 0u64;
         self.light.roots(&mut |lit_by| {
@@ -247,9 +250,9 @@ mod tests {
         {
             let of_density = |density, error| {
                 let options = Options { size: [4, 3], quantity, density, ..Default::default() };
-                solved(scene.clone(), options, &StoppingCriterion::new(error).with_max_points(5e5))
+                solved(scene.clone(), options, &StoppingCriterion::new(error).with_max_points(3e5))
             };
-            let (bounded, uniform) = (of_density(Density::Bounded, 0.01), of_density(Density::Uniform, 0.05));
+            let (bounded, uniform) = (of_density(Density::Bounded, 0.02), of_density(Density::Uniform, 0.05));
             assert!(bounded.irradiance.pixels.iter().all(|p| *p != Vec3::ZERO));
             println!("{quantity:?}: {:.4} {:.4}", bounded.rel_error(), uniform.rel_error());
             assert!(uniform.rel_error() < 0.15);
@@ -269,15 +272,15 @@ mod tests {
     /// References with other seeds scatter as their standard errors say.
     #[test]
     fn standard_errors_are_honest() {
-        for (scene, quantity) in scenes().into_iter().zip([Quantity::Scattered, Quantity::Scattered]) {
+        for (scene, quantity) in scenes().into_iter().zip([Quantity::Scattered, Quantity::ScatteredDirect]) {
             let of_seed = |seed| {
-                let options = Options { size: [4, 3], quantity, seed, ..Default::default() };
-                solved(scene.clone(), options, &StoppingCriterion::new(1e-6).with_max_points(1.0))
+                let options = Options { size: [3, 2], quantity, seed, ..Default::default() };
+                solved(scene.clone(), options, &StoppingCriterion::new(0.05))
             };
             let estimates: Vec<Estimate> = (0..12).map(of_seed).collect();
             let count = estimates.len() as f64;
             let (mut scatter, mut claimed) = (0.0, 0.0);
-            for pixel in 0..12 {
+            for pixel in 0..6 {
                 let means = estimates.iter().map(|e| e.irradiance.pixels[pixel].as_dvec3());
                 let mean = means.clone().sum::<DVec3>() / count;
                 let size = mean.length_squared();
@@ -286,7 +289,7 @@ mod tests {
                 claimed += errors.sum::<f64>() / count / size;
             }
             let ratio = (scatter / claimed).sqrt();
-            println!("scatter {:.5}, over the standard error {ratio:.3}", (scatter / 12.0).sqrt());
+            println!("scatter {:.5}, over the standard error {ratio:.3}", (scatter / 6.0).sqrt());
             assert!((0.75..1.3).contains(&ratio), "{ratio}");
         }
     }
@@ -298,52 +301,6 @@ mod tests {
             let options = Options { quantity: Quantity::ScatteredDirect, ..Default::default() };
             let message = Reference::new(scene, options).unwrap_err().to_string();
             assert!(message.contains("medium") && message.contains("sigma_s"), "{message}");
-        }
-    }
-
-    #[test]
-    #[ignore = "measures"]
-    fn measure() {
-        let haze = parsed(
-            "environment = { map = \"forest\" }\nmedium = { sigma_s = 0.1, sigma_a = 0.02, g = 0.4 }\n\
-             camera = { position = [0, 1, 4], target = [0, 0.3, 0], perspective = { fov_y_deg = 35 } }\n\
-             [[object]]\nshape = { sphere = { radius = 0.5, divisions = 24 } }\nreflector = {}\n[[object]]\nshape = { plane = { size = [6, 6] } }\ntranslate = [0, -0.6, 0]\nreceiver = {}\n",
-        );
-        let sun = parsed(
-            "environment.spot = { direction = [0.3, 1, 0.2], sigma_rad = 0.01, radiance = [1000, 1000, 1000] }\nmedium = { sigma_s = 0.4, sigma_a = 0.1, g = 0.4 }\n\
-             camera = { position = [0, -0.9, 1.5], target = [0, -0.5, 0], perspective = { fov_y_deg = 50 } }\n\
-             [[object]]\nshape = { sheet = { size = [2, 2], amplitude = 0.03 } }\nrefractor = { eta = 1.333 }\n[[object]]\nshape = { plane = { size = [6, 6] } }\ntranslate = [0, -1.6, 0]\nreceiver = {}\n",
-        );
-        let [ball, waves] = scenes();
-        let _ = ball;
-        for (name, scene) in [("haze", haze), ("sun", sun), ("waves", waves)] {
-            for quantity in [Quantity::Scattered] {
-                let options = Options { size: [32, 24], quantity, ..Default::default() };
-                let start = std::time::Instant::now();
-                let stops = || start.elapsed().as_secs_f64() > 50.0;
-                let reference = Reference::new(scene.clone(), options).unwrap();
-                let criterion = StoppingCriterion::new(0.002);
-                let criterion = criterion.with_should_stop(&stops);
-                println!("{name} {quantity:?}");
-                let e = reference
-                    .solve(&criterion, None, &NoProgress, &mut |e| {
-                        println!(
-                            "   {:.2} s: {:.5}, level {} fine {} {:?}",
-                            start.elapsed().as_secs_f64(),
-                            e.rel_error(),
-                            e.level,
-                            e.is_fine.iter().filter(|f| **f).count(),
-                            e.statistics
-                        );
-                        Ok(())
-                    })
-                    .unwrap();
-                let mut worst: Vec<_> = (0..768)
-                    .map(|k| (e.standard_error.pixels[k].length(), k % 32, k / 32, e.irradiance.pixels[k].length()))
-                    .collect();
-                worst.sort_by(|a, b| b.0.total_cmp(&a.0));
-                println!("   worst {:?} {:?} median {:?}", worst[0], worst[1], worst[384]);
-            }
         }
     }
 }

@@ -107,6 +107,6 @@ mod tests {
                      [[object]]\nshape = { plane = { size = [3.0, 3.0] } }\ntranslate = [0.0, -1.0, 0.0]\nreceiver = {}\n";
         assert_eq!(lengths(&sights(&format!("{}{water}", camera(0.5)))), [None; 2]);
         let [left, right] = lengths(&sights(&format!("{}{water}", camera(-0.5))));
-        assert!((left.unwrap() - 0.5).abs() < 1e-9 && right == left, "{left:?} {right:?}");
+        assert!((left.unwrap() - 0.5).abs() < 1e-9 && (right.unwrap() - 0.5).abs() < 1e-9, "{left:?} {right:?}");
     }
 }
