@@ -26,6 +26,7 @@ mod passes;
 mod receivers;
 mod reflectance;
 mod reflector_bounds;
+mod reflector_light;
 mod reflectors;
 mod refraction;
 mod replicates;

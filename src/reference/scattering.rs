@@ -250,7 +250,7 @@ mod tests {
         {
             let of_density = |density, error| {
                 let options = Options { size: [4, 3], quantity, density, ..Default::default() };
-                solved(scene.clone(), options, &StoppingCriterion::new(error).with_max_points(3e5))
+                solved(scene.clone(), options, &StoppingCriterion::new(error).with_max_points(5e5))
             };
             let (bounded, uniform) = (of_density(Density::Bounded, 0.02), of_density(Density::Uniform, 0.05));
             assert!(bounded.irradiance.pixels.iter().all(|p| *p != Vec3::ZERO));
