@@ -7,7 +7,7 @@ use std::collections::BinaryHeap;
 
 use glam::DVec3;
 
-use super::domain::{Domain, Receiver};
+use super::domain::Domain;
 
 /// A tiling of a domain, fine where much light may come from.
 pub(super) struct Cut<R> {
@@ -29,9 +29,6 @@ pub(super) struct Depth {
     /// and not once the integral can be no more than this.
     pub negligible: f64,
 }
-
-/// Twice the splits pay if they bring the total mass, and so the variance of a point, below this part of what it was.
-const WORTHWHILE: f64 = 0.3;
 
 struct Weighted<R> {
     region: R,
@@ -66,7 +63,7 @@ impl<R: Copy> Cut<R> {
 
     /// Makes the cut for a receiver: splits the region of the largest mass, again and again. Returns whether more splits than
     /// are allowed would have paid.
-    pub fn refine<D: Domain<Region = R>>(&mut self, domain: &D, receiver: &Receiver, depth: &Depth) -> bool {
+    pub fn refine<D: Domain<Region = R>>(&mut self, domain: &D, receiver: &D::Receiver, depth: &Depth) -> bool {
         self.regions.clear();
         self.queue.clear();
         domain.roots(&mut |root| self.add(domain, receiver, root, None));
@@ -79,7 +76,7 @@ impl<R: Copy> Cut<R> {
             self.split(domain, receiver, more);
             wanted += more;
             let before = std::mem::replace(&mut mass, self.regions.iter().map(|r| r.mass).sum());
-            pays = mass < WORTHWHILE * before && mass > depth.negligible;
+            pays = mass < D::WORTHWHILE * before && mass > depth.negligible;
             if wanted >= depth.least && !pays {
                 break;
             }
@@ -100,18 +97,18 @@ impl<R: Copy> Cut<R> {
     }
 
     /// Splits so many times, or until there is nothing left to split.
-    fn split<D: Domain<Region = R>>(&mut self, domain: &D, receiver: &Receiver, times: u32) {
+    fn split<D: Domain<Region = R>>(&mut self, domain: &D, receiver: &D::Receiver, times: u32) {
         for _ in 0..times {
             let Some(Entry(_, index)) = self.queue.pop() else { return };
             let region = self.regions[index].region;
             // The first part takes the whole's place.
             let mut place = Some(index);
-            domain.split(&region, &mut |part| self.add(domain, receiver, part, place.take()));
+            domain.split(&region, receiver, &mut |part| self.add(domain, receiver, part, place.take()));
         }
         self.splits += u64::from(times);
     }
 
-    fn add<D: Domain<Region = R>>(&mut self, domain: &D, receiver: &Receiver, region: R, place: Option<usize>) {
+    fn add<D: Domain<Region = R>>(&mut self, domain: &D, receiver: &D::Receiver, region: R, place: Option<usize>) {
         let bound = domain.bound(&region, receiver);
         let mass = domain.measure(&region) * bound;
         let weighted = Weighted { region, bound, mass, order: 0 };
@@ -147,12 +144,12 @@ impl<R: Copy> Cut<R> {
         self.cumulative.last().copied().unwrap_or(0.0)
     }
 
-    /// One point's estimate of the integral, for `u` uniform in [0, 1)⁶.
-    pub fn estimate<D: Domain<Region = R>>(&self, domain: &D, receiver: &Receiver, u: [f64; 6]) -> DVec3 {
+    /// One point's estimate of the integral, for `u` uniform in [0, 1)⁷.
+    pub fn estimate<D: Domain<Region = R>>(&self, domain: &D, receiver: &D::Receiver, u: [f64; 7]) -> DVec3 {
         let total = self.total();
         let index = self.cumulative.partition_point(|c| *c <= u[0] * total).min(self.regions.len() - 1);
         let Weighted { region, bound, .. } = &self.regions[index];
         // Density = (mass / total) / measure = bound / total.
-        domain.integrand(region, [u[1], u[2], u[3], u[4], u[5]], receiver) * (total / bound)
+        domain.integrand(region, [u[1], u[2], u[3], u[4], u[5], u[6]], receiver) * (total / bound)
     }
 }

@@ -6,8 +6,7 @@ use std::f64::consts::{PI, TAU};
 
 use glam::DVec3;
 
-use super::cone::Cone;
-use super::domain::{Domain, Receiver};
+use super::domain::{Domain, Lighting, Place, Receiver, WORTHWHILE_ON_SURFACES};
 use super::lamps::{Lamps, Source};
 use super::sky::{self, Sky};
 use crate::scene::Visibility;
@@ -75,24 +74,27 @@ impl Direct<'_> {
         let point = to - lamp.radius * sine * axis + radius * (turn.cos() * across + turn.sin() * around);
         let squared = point.length_squared();
         let direction = point / squared.sqrt();
-        let cosine = direction.dot(receiver.normal);
-        if cosine <= 0.0
+        let received = receiver.received(direction);
+        if received <= 0.0
             || self.sky.visibility == Visibility::Full
                 && self.sky.geometry.blocks_segment(
                     receiver.position,
                     receiver.position + point,
-                    [receiver.triangle; 2],
+                    [receiver.triangle(); 2],
                 )
         {
             return DVec3::ZERO;
         }
-        let per_measure = cosine * direction.dot(axis) * disc_radius * disc_radius / squared;
+        let per_measure = received * direction.dot(axis) * disc_radius * disc_radius / squared;
         lamp.radiance_at(receiver.position) * per_measure
     }
 }
 
 impl Domain for Direct<'_> {
     type Region = Region;
+    type Receiver = Receiver;
+
+    const WORTHWHILE: f64 = WORTHWHILE_ON_SURFACES;
 
     fn roots(&self, visit: &mut dyn FnMut(Region)) {
         self.sky.roots(&mut |root| visit(Region::Sky(root)));
@@ -114,20 +116,29 @@ impl Domain for Direct<'_> {
             Region::Lamp(part) => part,
         };
         let lamp = self.lamp(part);
-        let point = (receiver.position, 0.0);
-        let Cone { axis, half_angle } = lamp.seen_from(point);
-        let cosine = Cone { axis, half_angle }.largest_cosine(receiver.normal, 0.0);
-        let sine = lamp.radius / lamp.position.distance(receiver.position);
+        let points = (receiver.position, receiver.half_length());
+        let received = receiver.most_received(&lamp.seen_from(points));
+        let (brightest, nearest) = match receiver.place {
+            Place::Surface { .. } => {
+                (lamp.radiance_at(receiver.position).element_sum(), lamp.position.distance(receiver.position))
+            }
+            // Some points of a piece may lie in the lamp; next to it the disc is too near for any bound.
+            Place::Medium { half_length, .. } => {
+                let least = lamp.radius + 0.25 * half_length.min(lamp.radius);
+                (lamp.brightest_at(points), receiver.distance(lamp.position).max(least * (1.0 + 1e-9)))
+            }
+        };
+        let sine = lamp.radius / nearest;
         if sine >= 1.0 {
             return 0.0;
         }
         // The nearest point of the disc is its middle.
-        cosine * lamp.radiance_at(receiver.position).element_sum() * sine * sine / (1.0 - sine * sine)
+        received * brightest * sine * sine / (1.0 - sine * sine)
     }
 
-    fn split(&self, region: &Region, visit: &mut dyn FnMut(Region)) {
+    fn split(&self, region: &Region, receiver: &Receiver, visit: &mut dyn FnMut(Region)) {
         match region {
-            Region::Sky(region) => self.sky.split(region, &mut |part| visit(Region::Sky(part))),
+            Region::Sky(region) => self.sky.split(region, receiver, &mut |part| visit(Region::Sky(part))),
             Region::Lamp(part) if part.depth < MAX_DEPTH => {
                 part.halves().into_iter().for_each(|half| visit(Region::Lamp(half)));
             }
@@ -142,14 +153,26 @@ impl Domain for Direct<'_> {
         }
     }
 
-    fn is_mean(&self) -> bool {
+    fn needs_all_numbers(&self) -> bool {
         false
     }
 
-    fn integrand(&self, region: &Region, u: [f64; 5], receiver: &Receiver) -> DVec3 {
+    fn integrand(&self, region: &Region, u: [f64; 6], receiver: &Receiver) -> DVec3 {
         match region {
             Region::Sky(region) => self.sky.integrand(region, u, receiver),
             Region::Lamp(part) => self.arriving_from(part, [u[1], u[2]], receiver),
         }
+    }
+}
+
+impl Lighting for Direct<'_> {
+    fn angles(&self, region: &Region, piece: &Receiver) -> [f64; 2] {
+        let part = match region {
+            Region::Sky(region) => return self.sky.angles(region, piece),
+            Region::Lamp(part) => part,
+        };
+        let lamp = self.lamp(part);
+        let distance = piece.distance(lamp.position).max(lamp.radius);
+        [0.5 * lamp.radius * part.measure().sqrt() / distance, piece.half_length() / distance]
     }
 }

@@ -117,16 +117,17 @@ impl Geometry {
     fn blocks(&self, from: DVec3, direction: DVec3, to: f64, except: [u32; 2]) -> bool {
         // Corners are exact in f32 and the rest is f64: what touches does so to about 1e-15 of the scene's extent.
         const TOUCHING: f64 = 1e-9;
-        !self.bvh.ray_traverse_miss(box_ray(from, direction, to), |_, index| {
-            let id = self.bvh.primitive_indices[index];
-            if except.contains(&id) {
-                return f32::INFINITY;
-            }
-            match intersect(&self.triangles[id as usize].corners, from, direction) {
-                Some((t, _)) if t > TOUCHING && t < to * (1.0 - TOUCHING) => 0.0,
-                _ => f32::INFINITY,
-            }
-        })
+        !self.triangles.is_empty()
+            && !self.bvh.ray_traverse_miss(box_ray(from, direction, to), |_, index| {
+                let id = self.bvh.primitive_indices[index];
+                if except.contains(&id) {
+                    return f32::INFINITY;
+                }
+                match intersect(&self.triangles[id as usize].corners, from, direction) {
+                    Some((t, _)) if t > TOUCHING && t < to * (1.0 - TOUCHING) => 0.0,
+                    _ => f32::INFINITY,
+                }
+            })
     }
 }
 

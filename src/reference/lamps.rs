@@ -5,6 +5,7 @@ use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use glam::DVec3;
 
 use super::cone::{Cone, angle};
+use super::medium::transmittance;
 use crate::scene::{Beam, Lamp, Scene, Slide};
 
 /// All lamps of a scene.
@@ -20,6 +21,8 @@ pub(super) struct Source {
     radiance: DVec3,
     brightest: f64,
     beam: Option<Beam>,
+    /// Of what its light passes through, 1/m.
+    extinction: DVec3,
     /// Nothing leaves it farther from its beam's axis, radians.
     reach: f64,
 }
@@ -36,8 +39,9 @@ pub(super) struct Sample {
 }
 
 impl Lamps {
-    pub fn of_scene(scene: &Scene) -> Self {
-        Self(scene.lamps.iter().map(Source::new).collect())
+    /// In a medium of this extinction, 1/m.
+    pub fn of_scene(scene: &Scene, extinction: DVec3) -> Self {
+        Self(scene.lamps.iter().map(|lamp| Source::new(lamp, extinction)).collect())
     }
 
     pub fn is_empty(&self) -> bool {
@@ -105,7 +109,7 @@ impl Lamps {
 }
 
 impl Source {
-    fn new(lamp: &Lamp) -> Self {
+    fn new(lamp: &Lamp, extinction: DVec3) -> Self {
         let radius = f64::from(lamp.radius);
         let radiance = lamp.intensity.as_dvec3() / (PI * radius * radius);
         let beam = lamp.beam.clone();
@@ -120,7 +124,7 @@ impl Source {
             Some(beam) => (f64::from(beam.half_angle_rad), 1.0),
         };
         let brightest = radiance.element_sum() * brightest;
-        Self { position: lamp.position.as_dvec3(), radius, radiance, brightest, beam, reach }
+        Self { position: lamp.position.as_dvec3(), radius, radiance, brightest, beam, extinction, reach }
     }
 
     /// The largest sum of the channels' irradiances at a distance or beyond, W/m².
@@ -128,8 +132,12 @@ impl Source {
         self.brightest * PI * (self.radius / distance.max(self.radius)).powi(2)
     }
 
-    /// Its radiance, seen from a point, W/(m²·sr).
+    /// Its radiance, seen from a point, W/(m²·sr); the medium dims it by the distance of its centre.
     pub fn radiance_at(&self, point: DVec3) -> DVec3 {
+        self.radiance_towards(point) * transmittance(self.extinction, point.distance(self.position))
+    }
+
+    fn radiance_towards(&self, point: DVec3) -> DVec3 {
         let Some(beam) = &self.beam else { return self.radiance };
         let axis = beam.direction.as_dvec3();
         let away = (point - self.position).normalize_or_zero();
@@ -172,12 +180,14 @@ impl Source {
     }
 
     /// The largest sum of its radiances, seen from any point of a sphere.
-    fn brightest_at(&self, (centre, radius): (DVec3, f64)) -> f64 {
-        let Some(beam) = &self.beam else { return self.brightest };
+    pub fn brightest_at(&self, (centre, radius): (DVec3, f64)) -> f64 {
+        let nearest = (centre.distance(self.position) - radius).max(0.0);
+        let brightest = self.brightest * (-self.extinction.min_element() * nearest).exp();
+        let Some(beam) = &self.beam else { return brightest };
         let away = centre - self.position;
         let spread = (radius / away.length()).min(1.0).asin();
         let off_axis = angle(beam.direction.as_dvec3(), away.normalize_or_zero());
-        if radius < away.length() && off_axis > self.reach + spread { 0.0 } else { self.brightest }
+        if radius < away.length() && off_axis > self.reach + spread { 0.0 } else { brightest }
     }
 
     /// The directions in which any part of it lies from any point of a sphere.
@@ -231,7 +241,7 @@ mod tests {
     fn radiance_is_that_of_the_scenes_description() {
         let mut rng = rand::rngs::ChaCha8Rng::seed_from_u64(2);
         for lamp in lamps() {
-            let source = Source::new(&lamp);
+            let source = Source::new(&lamp, DVec3::ZERO);
             let mut lit = 0;
             for _ in 0..2000 {
                 let point = source.position + in_ball(&mut rng);
@@ -248,7 +258,7 @@ mod tests {
     fn bounds_hold_and_samples_meet() {
         let mut rng = rand::rngs::ChaCha8Rng::seed_from_u64(3);
         for lamp in lamps() {
-            let lamps = Lamps(vec![Source::new(&lamp)]);
+            let lamps = Lamps(vec![Source::new(&lamp, DVec3::ZERO)]);
             let mut met = 0;
             for _ in 0..20_000 {
                 let sphere = (2.0 * in_ball(&mut rng), 10f64.powf(rng.random_range(-3.0..0.0)));

@@ -7,6 +7,7 @@ use glam::DVec3;
 use super::cone::{Cone, angle};
 use super::geometry::{Geometry, Triangle};
 use super::lamps::{Lamps, Source};
+use super::medium::{Medium, transmittance};
 use crate::scene::{Scene, Visibility};
 
 /// All surfaces that receive light.
@@ -14,6 +15,8 @@ pub(super) struct LitSurfaces<'a> {
     geometry: &'a Geometry,
     lamps: &'a Lamps,
     visibility: Visibility,
+    /// Between surfaces and mirrors, 1/m.
+    extinction: DVec3,
     /// By object; zero where nothing is received.
     albedos: Vec<DVec3>,
     /// By object: whether it receives light. Without occlusion nothing else is in the way.
@@ -33,6 +36,7 @@ struct LitObject {
 
 impl<'a> LitSurfaces<'a> {
     pub fn new(scene: &Scene, geometry: &'a Geometry, lamps: &'a Lamps, visibility: Visibility) -> Self {
+        let extinction = Medium::of_scene(scene).map_or(DVec3::ZERO, |medium| medium.extinction_before_surfaces());
         let albedo =
             |object: &crate::scene::Object| object.receiver.as_ref().map_or(DVec3::ZERO, |r| r.albedo.as_dvec3());
         let albedos: Vec<DVec3> = scene.objects.iter().map(albedo).collect();
@@ -46,7 +50,7 @@ impl<'a> LitSurfaces<'a> {
             .collect();
         let brightest = objects.iter().map(|object| object.brightest).fold(0.0, f64::max);
         let receives = scene.objects.iter().map(|object| object.receiver.is_some()).collect();
-        Self { geometry, lamps, visibility, albedos, receives, objects, brightest }
+        Self { geometry, lamps, visibility, extinction, albedos, receives, objects, brightest }
     }
 
     /// At least the largest sum of the channels of the radiance that arrives at any point of a sphere in a cone of directions.
@@ -82,7 +86,7 @@ impl<'a> LitSurfaces<'a> {
             if is_hidden { DVec3::ZERO } else { lamp.radiance * lamp.solid_angle.min(TAU) * cosine }
         };
         let irradiance: DVec3 = self.lamps.samples(place, numbers).map(arriving).sum();
-        albedo * FRAC_1_PI * irradiance
+        albedo * FRAC_1_PI * irradiance * transmittance(self.extinction, place.distance(from))
     }
 }
 

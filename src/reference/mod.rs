@@ -1,9 +1,10 @@
-//! Ground truth: an unbiased estimate of the irradiance that the techniques approximate, and its standard error.
+//! Ground truth: an unbiased estimate of the light that the techniques approximate, and its standard error.
 //!
 //! It shares the scene's description, file decoding, errors and progress with what it judges, and nothing else: a test pins its
 //! imports. Data flows scene → `geometry` (f64 triangles) and
 //! `light` (radiance from the original image) → a `domain` to integrate over (`reflectors`, or the `sky` for direct light) →
-//! a `cut` per receiver point (the density) → replicates of quasi-random points, in
+//! for light in the medium, `scattering` over the lines of sight, too →
+//! a `cut` per receiver point or line of sight (the density) → replicates of quasi-random points, in
 //! `passes` over the image → [`Estimate`].
 //! This module must not know samples, cells, cube maps, back ends or wgpu.
 
@@ -20,14 +21,18 @@ mod light;
 mod lit_surfaces;
 mod map;
 mod maxima;
+mod medium;
 mod passes;
 mod receivers;
 mod reflectance;
 mod reflector_bounds;
+mod reflector_light;
 mod reflectors;
 mod refraction;
 mod replicates;
+mod scattering;
 mod seen;
+mod sights;
 mod sky;
 mod store;
 mod tree;
@@ -37,14 +42,19 @@ pub use self::store::Stored;
 
 use std::path::PathBuf;
 
+use glam::DVec3;
+
 use self::direct::Direct;
-use self::domain::Domain;
+use self::domain::{Domain, Lighting, Receiver};
 use self::geometry::Geometry;
 use self::lamps::Lamps;
 use self::light::Light;
-use self::passes::Passes;
+use self::medium::Medium;
+use self::passes::{Checkpoint, Passes};
 use self::receivers::Receivers;
 use self::reflectors::Reflectors;
+use self::scattering::Scattering;
+use self::sights::Sight;
 use self::sky::Sky;
 use crate::scene::{Chain, Chains, Object, Scene, Visibility};
 use crate::{Error, OptionError, Progress};
@@ -60,6 +70,23 @@ pub enum Quantity {
     Reflected,
     /// Irradiance from the environment without reflection or refraction, W/m², before albedo.
     Direct,
+    /// What the medium scatters to the camera, once, of light by one reflection or refraction, W/(m²·sr).
+    Scattered,
+    /// What it scatters of light from the environment and lamps without reflection or refraction, W/(m²·sr).
+    #[serde(rename = "scattered.direct")]
+    ScatteredDirect,
+}
+
+impl Quantity {
+    /// Whether it is light that the medium scatters.
+    fn is_scattered(self) -> bool {
+        matches!(self, Self::Scattered | Self::ScatteredDirect)
+    }
+
+    /// Whether its light comes by mirrors or interfaces.
+    fn is_caustic(self) -> bool {
+        !matches!(self, Self::Direct | Self::ScatteredDirect)
+    }
 }
 
 /// How points on the mirrors are chosen.
@@ -192,6 +219,23 @@ fn check_chains(scene: &Scene, chains: Chains) -> Result<(), OptionError> {
     Err(OptionError::invalid("chains", message))
 }
 
+/// What there is to scatter light, or says that nothing does.
+fn check_medium(scene: &Scene) -> Result<Medium, OptionError> {
+    let message = "is missing, or scatters nothing: give the scene `medium = { sigma_s = 0.1 }`";
+    let scatters = scene.medium.is_some_and(|medium| medium.scatters());
+    let medium = Medium::of_scene(scene).filter(|_| scatters);
+    medium.ok_or_else(|| OptionError::invalid("medium", message))
+}
+
+/// What the picture is of.
+#[derive(Debug)]
+enum Picture {
+    /// Light on surfaces.
+    Surfaces(Receivers<Receiver>),
+    /// Light in the medium.
+    Medium(Medium, Receivers<Sight>),
+}
+
 /// A scene, prepared for ground truth.
 ///
 /// ```
@@ -213,7 +257,7 @@ pub struct Reference {
     geometry: Geometry,
     light: Light,
     lamps: Lamps,
-    receivers: Receivers,
+    picture: Picture,
     fingerprint: String,
     /// What was repaired while loading.
     pub notes: Vec<String>,
@@ -232,17 +276,23 @@ impl Reference {
         if !(16..=1024).contains(&options.replicates) {
             return fail("replicates", "must be from 16 to 1024");
         }
-        if options.quantity != Quantity::Direct {
+        if options.quantity.is_caustic() {
             check_chains(&scene, options.chains)?;
         }
-        let (light, lamps) = (Light::of_scene(&scene)?, Lamps::of_scene(&scene));
+        let scattering = options.quantity.is_scattered().then(|| check_medium(&scene)).transpose()?;
+        let (light, lamps) =
+            (Light::of_scene(&scene)?, Lamps::of_scene(&scene, before_lamps(&scene, options.quantity)));
         let notes = scene.notes.clone();
         scene.check_placements()?;
         let geometry = Geometry::new(&scene);
-        let receivers = Receivers::find(&scene, &geometry, options.size, options.pixel_samples);
+        let Options { size, pixel_samples, .. } = options;
+        let picture = match scattering {
+            None => Picture::Surfaces(Receivers::find(&scene, &geometry, size, pixel_samples)),
+            Some(medium) => Picture::Medium(medium, Receivers::through(&medium, &scene, size, pixel_samples)),
+        };
         let described = serde_json::to_string(&options).expect("options are plain data");
         let fingerprint = scene.fingerprint(&described);
-        Ok(Self { scene, options, geometry, light, lamps, receivers, fingerprint, notes })
+        Ok(Self { scene, options, geometry, light, lamps, picture, fingerprint, notes })
     }
 
     /// What is computed, and how.
@@ -269,22 +319,52 @@ impl Reference {
             let message = format!("is {rel_error}, but must be a number greater than 0");
             return Err(OptionError::invalid("rel_error", message).into());
         }
-        match self.options.quantity {
-            Quantity::Caustic | Quantity::Reflected => {
-                let light = (&self.light, &self.lamps);
-                let domain = Reflectors::new(&self.scene, &self.geometry, light, &self.options);
-                self.passes(&domain, progress).solve(criterion, known, checkpoint)
-            }
-            Quantity::Direct => {
-                let Self { geometry, light, lamps, .. } = self;
-                let sky = Sky { geometry, light, visibility: self.options.visibility };
-                let domain = Direct { sky, lamps };
-                self.passes(&domain, progress).solve(criterion, known, checkpoint)
-            }
+        let Self { geometry, light, lamps, options, .. } = self;
+        let passes = Work { options, criterion, progress };
+        if options.quantity.is_caustic() {
+            let domain = Reflectors::new(&self.scene, geometry, (light, lamps), options);
+            self.solve_for(domain, &passes, known, checkpoint)
+        } else {
+            let sky = Sky { geometry, light, visibility: options.visibility };
+            self.solve_for(Direct { sky, lamps }, &passes, known, checkpoint)
         }
     }
 
-    fn passes<'a, D: Domain>(&'a self, domain: &'a D, progress: &'a dyn Progress) -> Passes<'a, D> {
-        Passes { domain, receivers: &self.receivers, options: &self.options, progress }
+    fn solve_for<D: Lighting>(
+        &self,
+        light: D,
+        work: &Work,
+        known: Option<Estimate>,
+        checkpoint: &mut Checkpoint,
+    ) -> Result<Estimate, Error> {
+        match &self.picture {
+            Picture::Surfaces(receivers) => work.passes(&light, receivers).solve(work.criterion, known, checkpoint),
+            Picture::Medium(medium, sights) => {
+                let domain = Scattering { medium, light };
+                work.passes(&domain, sights).solve(work.criterion, known, checkpoint)
+            }
+        }
+    }
+}
+
+/// What all passes of a solution have in common.
+struct Work<'a> {
+    options: &'a Options,
+    criterion: &'a StoppingCriterion<'a>,
+    progress: &'a dyn Progress,
+}
+
+impl<'a> Work<'a> {
+    fn passes<D: Domain>(&self, domain: &'a D, receivers: &'a Receivers<D::Receiver>) -> Passes<'a, D> {
+        Passes { domain, receivers, options: self.options, progress: self.progress }
+    }
+}
+
+/// The extinction, 1/m, between lamps and what their light falls on first.
+fn before_lamps(scene: &Scene, quantity: Quantity) -> DVec3 {
+    let Some(medium) = Medium::of_scene(scene) else { return DVec3::ZERO };
+    match quantity {
+        Quantity::ScatteredDirect => medium.extinction(),
+        _ => medium.extinction_before_surfaces(),
     }
 }

@@ -28,9 +28,9 @@ const NEGLIGIBLE: f64 = 0.1;
 const PIXELS_PER_CHUNK: usize = 4096;
 
 /// The work on one reference.
-pub(super) struct Passes<'a, D> {
+pub(super) struct Passes<'a, D: Domain> {
     pub domain: &'a D,
-    pub receivers: &'a Receivers,
+    pub receivers: &'a Receivers<D::Receiver>,
     pub options: &'a Options,
     pub progress: &'a dyn Progress,
 }
@@ -144,7 +144,12 @@ impl<D: Domain> Passes<'_, D> {
     }
 
     /// `None` for those that were not begun any more.
-    fn some_pixels(&self, pixels: &[usize], work: &Work, stops: &(dyn Fn() -> bool + Sync)) -> Vec<Option<Moments>> {
+    fn some_pixels(
+        &self,
+        pixels: &[usize],
+        work: &Work<D::Receiver>,
+        stops: &(dyn Fn() -> bool + Sync),
+    ) -> Vec<Option<Moments>> {
         let pixel = |cut: &mut _, pixel: &usize| {
             if stops() {
                 return None;
@@ -155,7 +160,7 @@ impl<D: Domain> Passes<'_, D> {
         pixels.par_iter().with_min_len(16).map_init(Cut::new, pixel).collect()
     }
 
-    fn work<'b>(&'b self, plan: &'b Plan, pass: u64, tally: &'b Tally) -> Work<'b> {
+    fn work<'b>(&'b self, plan: &'b Plan, pass: u64, tally: &'b Tally) -> Work<'b, D::Receiver> {
         let Self { receivers, options, .. } = self;
         let negligible = NEGLIGIBLE * plan.typical_irradiance;
         let most_splits = SPLIT_LIMITS[plan.level];

@@ -3,26 +3,21 @@
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::domain::Receiver;
+use super::domain::{Place, Receiver};
 use super::geometry::Geometry;
 use crate::scene::{Camera, Projection, Scene};
 
-/// The receiver points of a picture.
+/// The receivers of a picture: points, or lines of sight.
 #[derive(Debug)]
-pub(super) struct Receivers {
+pub(super) struct Receivers<R> {
     per_edge: usize,
-    points: Vec<Option<Receiver>>,
+    points: Vec<Option<R>>,
 }
 
-impl Receivers {
-    pub fn find(scene: &Scene, geometry: &Geometry, [width, height]: [u32; 2], per_edge: u32) -> Self {
-        let size = [f64::from(width), f64::from(height)];
-        let point = |index: u64| {
-            let (pixel, sub) = (index / u64::from(per_edge * per_edge), index % u64::from(per_edge * per_edge));
-            let within = |k: u64| ((k % u64::from(per_edge)) as f64 + 0.5) / f64::from(per_edge);
-            let x = (pixel % u64::from(width)) as f64 + within(sub);
-            let y = (pixel / u64::from(width)) as f64 + within(sub / u64::from(per_edge));
-            let (origin, direction) = ray(&scene.camera, [x, y], size);
+impl Receivers<Receiver> {
+    /// The points that the camera sees.
+    pub fn find(scene: &Scene, geometry: &Geometry, size: [u32; 2], per_edge: u32) -> Self {
+        Self::at_all_points(&scene.camera, size, per_edge, |(origin, direction)| {
             let hit = geometry.first_hit(origin, direction, |o| scene.objects[o as usize].camera_visible)?;
             let triangle = &geometry.triangles[hit.triangle as usize];
             scene.objects[triangle.object as usize].receiver.as_ref()?;
@@ -31,19 +26,40 @@ impl Receivers {
             let face = (b - a).cross(c - a);
             // The side of the facet decides, not the interpolated normal.
             let seen_from_front = face.dot(direction) * face.dot(normal) <= 0.0;
+            let normal = if seen_from_front { normal } else { -normal };
             Some(Receiver {
                 position: triangle.position(hit.barycentric),
-                normal: if seen_from_front { normal } else { -normal },
                 view: -direction,
-                triangle: hit.triangle,
+                place: Place::Surface { normal, triangle: hit.triangle },
             })
+        })
+    }
+}
+
+impl<R: Send> Receivers<R> {
+    /// What there is on the rays through all points of all pixels: a point and a unit direction each.
+    pub fn at_all_points(
+        camera: &Camera,
+        [width, height]: [u32; 2],
+        per_edge: u32,
+        receiver: impl Fn((DVec3, DVec3)) -> Option<R> + Sync,
+    ) -> Self {
+        let size = [f64::from(width), f64::from(height)];
+        let point = |index: u64| {
+            let (pixel, sub) = (index / u64::from(per_edge * per_edge), index % u64::from(per_edge * per_edge));
+            let within = |k: u64| ((k % u64::from(per_edge)) as f64 + 0.5) / f64::from(per_edge);
+            let x = (pixel % u64::from(width)) as f64 + within(sub);
+            let y = (pixel / u64::from(width)) as f64 + within(sub / u64::from(per_edge));
+            receiver(ray(camera, [x, y], size))
         };
         let count = u64::from(width) * u64::from(height) * u64::from(per_edge * per_edge);
         Self { per_edge: per_edge as usize, points: (0..count).into_par_iter().map(point).collect() }
     }
+}
 
-    /// The points of a pixel; `None` where nothing receives.
-    pub fn of_pixel(&self, pixel: usize) -> &[Option<Receiver>] {
+impl<R> Receivers<R> {
+    /// Those of a pixel; `None` where nothing receives.
+    pub fn of_pixel(&self, pixel: usize) -> &[Option<R>] {
         let count = self.per_edge * self.per_edge;
         &self.points[pixel * count..(pixel + 1) * count]
     }

@@ -39,7 +39,7 @@ impl Reflectors<'_> {
             // To first order the mirrored directions fill the triangle between those at the corners.
             Some(corners) if turn < 0.4 && mirror.alpha == 0.0 => {
                 let directions = corners.map(|c| reflect(c.offset.normalize(), c.normal));
-                self.light_over(bounds, directions, 1.5 * turn * turn, 2)
+                self.light_over(bounds, directions, 1.5 * turn * turn + seen.swing, 2)
             }
             _ => {
                 let lobe = 2.0 * (LOBES * mirror.alpha).atan();
@@ -81,18 +81,18 @@ impl Reflectors<'_> {
             return 0.0;
         }
         let light = |eta: &f64| {
-            let Refracted { cone, bend, factor } = interface.refracted(towards, &bounds.normals, *eta);
+            let Refracted { cone, bend, stretch, factor } = interface.refracted(towards, &bounds.normals, *eta);
             let light = match &seen.corners {
                 _ if factor == 0.0 => 0.0,
-                Some(corners) if cone.half_angle < 0.4 && bend < cone.half_angle => {
+                Some(corners) if cone.half_angle < 0.4 && bend + stretch * seen.swing < cone.half_angle => {
                     let directions = corners.map(|c| refract(c.offset.normalize(), c.normal, *eta));
-                    self.light_over(bounds, directions, bend, 2)
+                    self.light_over(bounds, directions, bend + stretch * seen.swing, 2)
                 }
                 _ => self.light_within(bounds, &cone),
             };
             light * factor
         };
-        cosines * interface.indices().iter().map(light).sum::<f64>()
+        cosines * interface.indices().iter().map(light).sum::<f64>() * self.most_transmittance(seen)
     }
 
     /// At least the largest radiance over a triangle of directions and `margin` around it; long triangles are cut in two.

@@ -1,45 +1,48 @@
 //! Light by one mirror or interface: the integral over all of them (Wand & Straßer, Equation 1), with or without occlusion.
 //!
 //! For a receiver at p with normal n_p and a mirror point x with normal n, d = x − p and r = d − 2(d·n)n, the integrand is
-//! ρ · L(r̂) · ⟨n, −d̂⟩⁺ · ⟨n_p, d̂⟩⁺ / |d|², per m² of mirror. For a receiver behind an interface r̂ is the refracted direction, ⟨n, d̂⟩⁺
+//! ρ · L(r̂) · ⟨n, −d̂⟩⁺ · ⟨n_p, d̂⟩⁺ / |d|², per m² of mirror. In a medium the transmittance of |d| is a further factor, and for a point of
+//! it the phase function stands instead of ⟨n_p, d̂⟩⁺. For a receiver behind an interface r̂ is the refracted direction, ⟨n, d̂⟩⁺
 //! the cosine, and the factor that of `refraction`. Regions are nodes of a hierarchy over each object's triangles,
 //! and below them parts of a triangle, with bounds from a sphere around their points and a cone around their normals.
-
-use std::f64::consts::PI;
 
 use glam::DVec3;
 
 use super::cone::Cone;
-use super::domain::{Domain, Receiver};
+use super::domain::{Domain, Lighting, Place, Receiver, WORTHWHILE_ON_SURFACES};
 use super::geometry::{Geometry, Triangle};
-use super::gloss;
 use super::lamps::Lamps;
 use super::light::Light;
 use super::lit_surfaces::LitSurfaces;
+use super::medium::Medium;
 use super::reflectance::Reflectance;
-use super::refraction::{Interface, refract};
-use super::seen::{Corner, Seen};
+use super::reflector_light::Point;
+use super::refraction::Interface;
+use super::seen::{Corner, Seen, sine_to_line};
 use super::tree::{Bounds, Content, Part, Tree, WHOLE};
 use super::{Options, Quantity, brdf};
 use crate::scene::{Chains, Object, Receiver as Surface, Reflector, Scene, Sides, Specular, Visibility};
 
 /// Triangles are halved at most this many times.
 const MAX_DEPTH: u8 = 32;
+/// The radians that e times the distance counts for where either a piece of a line of sight or a region is to be split.
+const NEARER: f64 = 0.25;
 
 /// All that mirrors or refracts, as a tree.
 pub(super) struct Reflectors<'a> {
-    geometry: &'a Geometry,
+    pub(super) geometry: &'a Geometry,
     pub(super) light: &'a Light,
     pub(super) lamps: &'a Lamps,
-    visibility: Visibility,
+    pub(super) visibility: Visibility,
     attenuation: bool,
+    pub(super) medium: Option<Medium>,
     pub(super) chains: Chains,
     /// What mirrors show of surfaces in the light of lamps.
     pub(super) surfaces: LitSurfaces<'a>,
     /// By object, where what they reflect to the camera is in question.
     viewed: Option<Vec<Option<Surface>>>,
     materials: Vec<Option<Material>>,
-    reflectances: Vec<Reflectance>,
+    pub(super) reflectances: Vec<Reflectance>,
     tree: Tree,
     /// The brightest light.
     pub(super) brightest: f64,
@@ -110,6 +113,7 @@ impl<'a> Reflectors<'a> {
             surfaces: LitSurfaces::new(scene, geometry, lamps, options.visibility),
             visibility: options.visibility,
             attenuation: options.attenuation,
+            medium: Medium::of_scene(scene),
             chains,
             viewed: (options.quantity == Quantity::Reflected)
                 .then(|| scene.objects.iter().map(|o| o.receiver.clone()).collect()),
@@ -143,6 +147,20 @@ impl<'a> Reflectors<'a> {
             .map(|b| Corner { offset: triangle.position(b) - receiver.position, normal: side * triangle.normal(b) })
     }
 
+    /// Of the way from a point of a surface to a receiver at whose direction the normal has this cosine: the medium is behind interfaces.
+    fn transmittance(&self, material: &Material, cosine: f64, distance: f64) -> DVec3 {
+        match (&self.medium, material.surface) {
+            (Some(_), Kind::Interface(_)) if cosine < 0.0 => DVec3::ONE,
+            (Some(medium), _) => medium.transmittance(distance),
+            (None, _) => DVec3::ONE,
+        }
+    }
+
+    /// The largest one of the ways through the medium from a region.
+    pub(super) fn most_transmittance(&self, seen: &Seen) -> f64 {
+        self.medium.as_ref().map_or(1.0, |medium| medium.most_transmittance(seen.gap()))
+    }
+
     fn distance_factor(&self, squared_distance: f64) -> f64 {
         if self.attenuation { 1.0 / squared_distance } else { 1.0 }
     }
@@ -171,6 +189,9 @@ impl Mirror {
 
 impl Domain for Reflectors<'_> {
     type Region = Region;
+    type Receiver = Receiver;
+
+    const WORTHWHILE: f64 = WORTHWHILE_ON_SURFACES;
 
     fn roots(&self, visit: &mut dyn FnMut(Region)) {
         for &node in &self.tree.roots {
@@ -183,31 +204,24 @@ impl Domain for Reflectors<'_> {
     }
 
     fn bound(&self, region: &Region, receiver: &Receiver) -> f64 {
-        let bounds = self.bounds(region);
-        let to_centre = bounds.centre - receiver.position;
-        let distance = to_centre.length();
-        // Within its own sphere a region has no direction; further out the distance is at least this.
-        let nearest = (distance - bounds.radius).max(0.25 * bounds.radius);
-        let inside = distance <= bounds.radius;
-        let axis = if inside { receiver.normal } else { to_centre / distance };
-        let towards = Cone { axis, half_angle: if inside { PI } else { (bounds.radius / distance).asin() } };
-        let received = towards.largest_cosine(receiver.normal, 0.0);
-        if received == 0.0 {
+        let seen = Seen::new(self.bounds(region), receiver);
+        if seen.received == 0.0 {
             return 0.0;
         }
         let corners = match self.tree.nodes[region.node as usize].content {
             Content::Triangle(id) => Some(self.corners(&self.geometry.triangles[id as usize], region, receiver)),
             Content::Inner { .. } => None,
         };
-        let seen = Seen { bounds, towards, received, nearest, distance, corners };
-        let light = match self.material(bounds.object).surface {
-            Kind::Mirror(mirror) => self.mirrored(&mirror, &seen, receiver),
+        let seen = Seen { corners, ..seen };
+        let nearest = seen.nearest;
+        let light = match self.material(seen.bounds.object).surface {
+            Kind::Mirror(mirror) => self.mirrored(&mirror, &seen, receiver) * self.most_transmittance(&seen),
             Kind::Interface(interface) => self.through(&interface, &seen, receiver),
         };
         light * self.distance_factor(nearest * nearest)
     }
 
-    fn split(&self, region: &Region, visit: &mut dyn FnMut(Region)) {
+    fn split(&self, region: &Region, _: &Receiver, visit: &mut dyn FnMut(Region)) {
         match self.tree.nodes[region.node as usize].content {
             Content::Inner { second } => {
                 visit(Region { node: region.node + 1, ..*region });
@@ -236,12 +250,13 @@ impl Domain for Reflectors<'_> {
         u64::from(region.node) << 32 | u64::from(region.path) << (MAX_DEPTH - region.depth)
     }
 
-    fn is_mean(&self) -> bool {
+    fn needs_all_numbers(&self) -> bool {
         let is_rough = |m: &Material| matches!(m.surface, Kind::Mirror(mirror) if mirror.alpha > 0.0);
         self.surfaces.brightest > 0.0 || self.materials.iter().flatten().any(is_rough)
     }
 
-    fn integrand(&self, region: &Region, [mut choice, u, v, facet_u, facet_v]: [f64; 5], receiver: &Receiver) -> DVec3 {
+    fn integrand(&self, region: &Region, u: [f64; 6], receiver: &Receiver) -> DVec3 {
+        let [mut choice, u, v, facet_u, facet_v, _] = u;
         let mut node = region.node;
         let id = loop {
             match self.tree.nodes[node as usize].content {
@@ -265,12 +280,27 @@ impl Domain for Reflectors<'_> {
     }
 }
 
+impl Lighting for Reflectors<'_> {
+    fn angles(&self, region: &Region, piece: &Receiver) -> [f64; 2] {
+        let bounds = self.bounds(region);
+        let turn = match self.material(bounds.object).surface {
+            Kind::Mirror(_) => 2.0 * bounds.normals.half_angle,
+            Kind::Interface(_) => bounds.normals.half_angle,
+        };
+        let distance = piece.distance(bounds.centre).max(0.25 * bounds.radius);
+        // Along the line of sight directions stay, but distances and cosines do not.
+        let across = sine_to_line(bounds.centre - piece.position, bounds.radius, piece.view).max(NEARER);
+        [bounds.radius / distance + turn, across * piece.half_length() / distance]
+    }
+}
+
 impl Reflectors<'_> {
     /// What a receiver reflects to the camera of light from a direction, 1/sr.
     fn seen_part(&self, surfaces: &[Option<Surface>], receiver: &Receiver, from: DVec3) -> DVec3 {
-        let object = self.geometry.triangles[receiver.triangle as usize].object;
+        let Place::Surface { normal, triangle } = receiver.place else { return DVec3::ONE };
+        let object = self.geometry.triangles[triangle as usize].object;
         let surface = surfaces[object as usize].as_ref();
-        surface.map_or(DVec3::ZERO, |surface| brdf::value(surface, receiver.normal, from, receiver.view))
+        surface.map_or(DVec3::ZERO, |surface| brdf::value(surface, normal, from, receiver.view))
     }
 
     /// The integrand at a point of a triangle.
@@ -279,14 +309,14 @@ impl Reflectors<'_> {
         let material = self.material(triangle.object);
         let (x, n) = (triangle.position(barycentric), material.side * triangle.normal(barycentric));
         let d = x - receiver.position;
-        let (distance, received) = (d.length(), d.dot(receiver.normal));
+        let (distance, received) = (d.length(), receiver.received(d));
         let towards = d / distance;
         let cosine = towards.dot(n);
         if received <= 0.0 || !material.surface.lights(cosine) {
             return DVec3::ZERO;
         }
         if self.visibility == Visibility::Full
-            && self.geometry.blocks_segment(receiver.position, x, [receiver.triangle, id])
+            && self.geometry.blocks_segment(receiver.position, x, [receiver.triangle(), id])
         {
             return DVec3::ZERO;
         }
@@ -300,73 +330,8 @@ impl Reflectors<'_> {
             Some(surfaces) => self.seen_part(surfaces, receiver, towards),
         };
         let squared = distance * distance;
-        seen * light * (cosine.abs() * received / distance * self.distance_factor(squared))
-    }
-
-    /// What a point of a mirror reflects to a receiver, W/(m²·sr).
-    fn light_mirrored_at(&self, mirror: &Mirror, point: &Point, numbers: [f64; 2]) -> DVec3 {
-        let Point { normal, towards, cosine, .. } = *point;
-        let reflectance = &self.reflectances[mirror.reflectance];
-        if mirror.alpha == 0.0 {
-            return reflectance.at(cosine.abs()) * self.light_from(point, reflect(towards, normal), numbers);
-        }
-        let seen_side = if cosine > 0.0 { -normal } else { normal };
-        let lamps = self.lamps.samples(point.position, numbers).map(|lamp| {
-            let Some(facets) = gloss::facets_towards(seen_side, -towards, mirror.alpha, lamp.direction) else {
-                return DVec3::ZERO;
-            };
-            if self.is_hidden(point, lamp.position) {
-                return DVec3::ZERO;
-            }
-            facets.weight * lamp.solid_angle * reflectance.at(facets.cosine) * lamp.radiance
-        });
-        let lamps: DVec3 = lamps.sum();
-        let Some(facet) = gloss::facet(seen_side, -towards, mirror.alpha, numbers) else { return lamps };
-        let light = self.environment_from(point, facet.towards_light)
-            + self.surfaces.radiance((point.position, point.id), facet.towards_light, numbers);
-        lamps + facet.weight * reflectance.at(facet.cosine) * light
-    }
-
-    /// What a point of an interface reflects to a receiver in front of it, or refracts to one behind it, W/(m²·sr).
-    fn light_through(&self, interface: &Interface, point: &Point, numbers: [f64; 2]) -> DVec3 {
-        let Point { normal, towards, cosine, .. } = *point;
-        if cosine < 0.0 {
-            if !self.chains.reflected || !interface.reflects() {
-                return DVec3::ZERO;
-            }
-            return interface.reflectance(-cosine) * self.light_from(point, reflect(towards, normal), numbers);
-        }
-        if !self.chains.refracted {
-            return DVec3::ZERO;
-        }
-        let refracted = |eta: f64| match interface.factor(cosine, eta) {
-            0.0 => DVec3::ZERO,
-            factor => factor * self.light_from(point, refract(towards, normal, eta), numbers),
-        };
-        match interface.indices() {
-            [eta] => refracted(*eta),
-            indices => DVec3::from_array([0, 1, 2].map(|channel| refracted(indices[channel])[channel])),
-        }
-    }
-
-    /// What arrives at a point from a direction, W/(m²·sr).
-    fn light_from(&self, point: &Point, direction: DVec3, numbers: [f64; 2]) -> DVec3 {
-        let lamps = self.lamps.met(point.position, direction).filter(|(position, _)| !self.is_hidden(point, *position));
-        lamps.map(|(_, radiance)| radiance).sum::<DVec3>()
-            + self.surfaces.radiance((point.position, point.id), direction, numbers)
-            + self.environment_from(point, direction)
-    }
-
-    /// Whether a lamp at a position is hidden from a point.
-    fn is_hidden(&self, point: &Point, position: DVec3) -> bool {
-        self.visibility == Visibility::Full && self.geometry.blocks_segment(point.position, position, [point.id; 2])
-    }
-
-    fn environment_from(&self, point: &Point, direction: DVec3) -> DVec3 {
-        if self.visibility == Visibility::Full && self.geometry.blocks_ray(point.position, direction, point.id) {
-            return DVec3::ZERO;
-        }
-        self.light.radiance(direction)
+        let dimmed = self.transmittance(&material, cosine, distance);
+        seen * dimmed * light * (cosine.abs() * received / distance * self.distance_factor(squared))
     }
 }
 
@@ -386,21 +351,11 @@ impl Kind {
     }
 }
 
-/// A point of a mirror or an interface.
-struct Point {
-    /// Its triangle.
-    id: u32,
-    position: DVec3,
-    normal: DVec3,
-    /// The unit direction from the receiver, and its cosine to the normal.
-    towards: DVec3,
-    cosine: f64,
-}
-
 #[cfg(test)]
 mod tests {
     use super::super::receivers::Receivers;
     use super::*;
+    use glam::Vec3;
     use rand::{RngExt, SeedableRng};
 
     /// Walks down from a random root by random splits and checks the integrand at random points on the way: it must not
@@ -416,13 +371,45 @@ mod tests {
         for (name, scene) in scenes.into_iter().chain(waters) {
             let geometry = Geometry::new(&scene);
             let light = Light::new(&scene.environment).unwrap();
-            let lamps = Lamps::of_scene(&scene);
+            let lamps = Lamps::of_scene(&scene, DVec3::ZERO);
             let domain = Reflectors::new(&scene, &geometry, (&light, &lamps), &options);
             let receivers = Receivers::find(&scene, &geometry, [24, 16], 1);
             for pixel in 0..24 * 16 {
                 let Some(receiver) = receivers.of_pixel(pixel)[0] else { continue };
                 for _ in 0..20 {
                     check_one_path(name, &domain, &receiver, &mut rng);
+                }
+            }
+        }
+    }
+
+    /// The same for pieces of lines of sight through a medium.
+    #[test]
+    fn nothing_in_the_medium_exceeds_its_bound() {
+        let mut rng = rand::rngs::ChaCha8Rng::seed_from_u64(4);
+        let options = Options { visibility: Visibility::None, ..Default::default() };
+        let built_in = |name| (name, crate::scene::load::<toml::Table>(name).unwrap().scene);
+        let waters = ["eta = 1.333", "eta = [1.3, 1.5, 1.7], fresnel = false", "eta = 0.7"];
+        let waters = waters.map(|water| ("water", waves(water)));
+        for (name, mut scene) in ["ring", "cup", "disco-ball"].map(built_in).into_iter().chain(waters) {
+            let g = rng.random_range(-0.9..0.9);
+            let sigma_s = Vec3::new(0.3, 0.1, 2.0);
+            scene.medium = Some(crate::scene::Medium { sigma_s, sigma_a: Vec3::splat(0.1), g });
+            let geometry = Geometry::new(&scene);
+            let light = Light::new(&scene.environment).unwrap();
+            let medium = Medium::of_scene(&scene).unwrap();
+            let lamps = Lamps::of_scene(&scene, medium.extinction_before_surfaces());
+            let domain = Reflectors::new(&scene, &geometry, (&light, &lamps), &options);
+            let mut everywhere = medium;
+            everywhere.is_behind_interfaces = false;
+            let sights = Receivers::through(&everywhere, &scene, [24, 16], 1);
+            for pixel in 0..24 * 16 {
+                let Some(sight) = sights.of_pixel(pixel)[0] else { continue };
+                let length = 10f64.powf(rng.random_range(-4.0..0.0));
+                let from = rng.random_range(0.0..1.0 - length);
+                let piece = sight.piece([from, from + length], medium.phase);
+                for _ in 0..20 {
+                    check_one_path(name, &domain, &piece, &mut rng);
                 }
             }
         }
@@ -449,10 +436,12 @@ mod tests {
             }
             let region = parts[rng.random_range(0..parts.len())];
             let bounds = domain.bounds(&region);
-            let distance = bounds.centre.distance(receiver.position);
+            let distance = receiver.distance(bounds.centre);
             let bound = domain.bound(&region, receiver);
             for _ in 0..4 {
-                let got = domain.integrand(&region, [(); 5].map(|()| rng.random()), receiver).element_sum();
+                let off = receiver.half_length() * rng.random_range(-1.0..=1.0);
+                let point = Receiver { position: receiver.position + off * receiver.view, ..*receiver };
+                let got = domain.integrand(&region, [(); 6].map(|()| rng.random()), &point).element_sum();
                 assert!(
                     got <= bound * (1.0 + 1e-6) + 1e-12 || distance < 1.25 * bounds.radius,
                     "{name}: {got} > {bound} at distance {distance}, radius {}, normals {}, depth {}",
@@ -462,7 +451,7 @@ mod tests {
                 );
             }
             parts.clear();
-            domain.split(&region, &mut |part| parts.push(part));
+            domain.split(&region, receiver, &mut |part| parts.push(part));
         }
     }
 }

@@ -21,6 +21,8 @@ pub(super) struct Refracted {
     pub cone: Cone,
     /// How much more than linearly directions may spread within the cone, radians.
     pub bend: f64,
+    /// By how much the refracted direction turns with the other one, at most.
+    pub stretch: f64,
     pub factor: f64,
 }
 
@@ -69,7 +71,7 @@ impl Interface {
             [steepest, flattest].map(|angle| transmitted_cosine(angle.min(FRAC_PI_2).cos(), eta).acos()),
         );
         if flattest >= FRAC_PI_2 || grazing <= 0.0 {
-            return Refracted { cone: of_angles, bend: f64::INFINITY, factor };
+            return Refracted { cone: of_angles, bend: f64::INFINITY, stretch: f64::INFINITY, factor };
         }
         // By how much the refracted direction turns with the direction, in the plane of incidence and across it, and with the normal.
         let turns = |incidence: f64| {
@@ -83,9 +85,10 @@ impl Interface {
         let tangent = (1.0 - grazing * grazing).sqrt() / grazing;
         let bend = 1.5 * (1.0 + of_direction * of_direction * (1.0 + tangent)) * slack * slack;
         if turn > of_angles.half_angle {
-            return Refracted { cone: of_angles, bend, factor };
+            return Refracted { cone: of_angles, bend, stretch: of_direction, factor };
         }
-        Refracted { cone: Cone { axis: refract(towards.axis, normals.axis, eta), half_angle: turn }, bend, factor }
+        let cone = Cone { axis: refract(towards.axis, normals.axis, eta), half_angle: turn };
+        Refracted { cone, bend, stretch: of_direction, factor }
     }
 }
 

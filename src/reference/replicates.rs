@@ -8,7 +8,7 @@ use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use glam::{DVec3, Vec3};
 
 use super::cut::{Cut, Depth};
-use super::domain::{Domain, Receiver};
+use super::domain::Domain;
 use super::receivers::Receivers;
 use super::{Density, Estimate, Options};
 
@@ -29,8 +29,8 @@ pub(super) struct Moments {
 }
 
 /// What all pixels of a pass share.
-pub(super) struct Work<'a> {
-    pub receivers: &'a Receivers,
+pub(super) struct Work<'a, R> {
+    pub receivers: &'a Receivers<R>,
     pub options: &'a Options,
     /// Points per replicate, for each pixel: at least.
     pub counts: &'a [u32],
@@ -93,7 +93,12 @@ pub(super) fn points_per_pixel(points: f64, known: &Estimate) -> Vec<u32> {
 }
 
 /// Integrates for the points of one pixel.
-pub(super) fn pixel<D: Domain>(domain: &D, work: &Work, pixel: usize, cut: &mut Cut<D::Region>) -> Moments {
+pub(super) fn pixel<D: Domain>(
+    domain: &D,
+    work: &Work<D::Receiver>,
+    pixel: usize,
+    cut: &mut Cut<D::Region>,
+) -> Moments {
     let points = work.receivers.of_pixel(pixel);
     let mut means = vec![DVec3::ZERO; work.options.replicates as usize];
     let mut is_fine = true;
@@ -122,8 +127,8 @@ pub(super) fn pixel<D: Domain>(domain: &D, work: &Work, pixel: usize, cut: &mut 
 
 fn add_replicates<D: Domain>(
     domain: &D,
-    work: &Work,
-    receiver: &Receiver,
+    work: &Work<D::Receiver>,
+    receiver: &D::Receiver,
     cut: &Cut<D::Region>,
     stream: u64,
     count: u32,
@@ -133,18 +138,18 @@ fn add_replicates<D: Domain>(
         let seed = hash([work.options.seed, work.pass, stream, replicate as u64]);
         let numbers = |i| {
             let [a, b, c, d] = sobol_burley::sample_4d(i, 0, seed).map(f64::from);
-            let [e, f] = if domain.is_mean() { more(i, seed) } else { [0.0; 2] };
-            [a, b, c, d, e, f]
+            let [e, f, g] = if domain.needs_all_numbers() { more(i, seed) } else { [0.0; 3] };
+            [a, b, c, d, e, f, g]
         };
         let sum: DVec3 = (0..count).map(|i| cut.estimate(domain, receiver, numbers(i))).sum();
         *mean += sum / f64::from(count);
     }
 }
 
-/// Two more dimensions.
-fn more(i: u32, seed: u32) -> [f64; 2] {
-    let [a, b, ..] = sobol_burley::sample_4d(i, 1, seed).map(f64::from);
-    [a, b]
+/// Three more dimensions.
+fn more(i: u32, seed: u32) -> [f64; 3] {
+    let [a, b, c, _] = sobol_burley::sample_4d(i, 1, seed).map(f64::from);
+    [a, b, c]
 }
 
 fn moments(means: &[DVec3], points: usize) -> Moments {

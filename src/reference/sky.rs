@@ -1,4 +1,5 @@
-//! Light without a mirror: the integral of radiance × cosine over the directions above a receiver.
+//! Light without a mirror: the integral of radiance × cosine, or of radiance × phase function, over the directions around a
+//! receiver.
 //!
 //! Regions are boxes of azimuth and height about +Y, on which equal areas are equal solid angles (Archimedes).
 
@@ -7,7 +8,7 @@ use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use glam::DVec3;
 
 use super::cone::Cone;
-use super::domain::{Domain, Receiver};
+use super::domain::{Domain, Lighting, Receiver, WORTHWHILE_ON_SURFACES};
 use super::geometry::Geometry;
 use super::light::Light;
 use crate::scene::Visibility;
@@ -50,6 +51,9 @@ impl Region {
 
 impl Domain for Sky<'_> {
     type Region = Region;
+    type Receiver = Receiver;
+
+    const WORTHWHILE: f64 = WORTHWHILE_ON_SURFACES;
 
     fn roots(&self, visit: &mut dyn FnMut(Region)) {
         visit(Region { azimuth: [0.0, TAU], height: [-1.0, 1.0], depth: 0, path: 0 });
@@ -61,11 +65,11 @@ impl Domain for Sky<'_> {
 
     fn bound(&self, region: &Region, receiver: &Receiver) -> f64 {
         let cone = region.cone();
-        let cosine = cone.largest_cosine(receiver.normal, 0.0);
-        if cosine == 0.0 { 0.0 } else { cosine * self.light.bound(&cone) }
+        let received = receiver.most_received(&cone);
+        if received == 0.0 { 0.0 } else { received * self.light.bound(&cone) }
     }
 
-    fn split(&self, region: &Region, visit: &mut dyn FnMut(Region)) {
+    fn split(&self, region: &Region, _: &Receiver, visit: &mut dyn FnMut(Region)) {
         if region.depth == MAX_DEPTH {
             return;
         }
@@ -85,20 +89,27 @@ impl Domain for Sky<'_> {
         region.path << (2 * (MAX_DEPTH - region.depth))
     }
 
-    fn is_mean(&self) -> bool {
+    fn needs_all_numbers(&self) -> bool {
         false
     }
 
-    fn integrand(&self, region: &Region, [_, u, v, ..]: [f64; 5], receiver: &Receiver) -> DVec3 {
+    fn integrand(&self, region: &Region, [_, u, v, ..]: [f64; 6], receiver: &Receiver) -> DVec3 {
         let between = |[a, b]: [f64; 2], t: f64| a + (b - a) * t;
         let towards = direction(between(region.azimuth, u), between(region.height, v));
-        let cosine = towards.dot(receiver.normal);
-        if cosine <= 0.0
+        let received = receiver.received(towards);
+        if received <= 0.0
             || self.visibility == Visibility::Full
-                && self.geometry.blocks_ray(receiver.position, towards, receiver.triangle)
+                && self.geometry.blocks_ray(receiver.position, towards, receiver.triangle())
         {
             return DVec3::ZERO;
         }
-        cosine * self.light.radiance(towards)
+        received * self.light.radiance(towards)
+    }
+}
+
+impl Lighting for Sky<'_> {
+    /// It is infinitely far away.
+    fn angles(&self, region: &Region, _: &Receiver) -> [f64; 2] {
+        [region.cone().half_angle, 0.0]
     }
 }

@@ -32,6 +32,7 @@ const DESCRIPTIONS: [(&str, &[&str]); 2] = [
             "Lamp",
             "Light",
             "MapLayout",
+            "Medium",
             "Object",
             "Projection",
             "Receiver",

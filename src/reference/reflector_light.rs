@@ -1,0 +1,88 @@
+//! What a point of a mirror or an interface sends to a receiver: reflected or refracted light of the environment, of lamps and of surfaces
+//! in their light.
+
+use glam::DVec3;
+
+use super::gloss;
+use super::reflectors::{Mirror, Reflectors, reflect};
+use super::refraction::{Interface, refract};
+use crate::scene::Visibility;
+
+/// A point of a mirror or an interface.
+pub(super) struct Point {
+    /// Its triangle.
+    pub id: u32,
+    pub position: DVec3,
+    pub normal: DVec3,
+    /// The unit direction from the receiver, and its cosine to the normal.
+    pub towards: DVec3,
+    pub cosine: f64,
+}
+
+impl Reflectors<'_> {
+    /// What a point of a mirror reflects to a receiver, W/(m²·sr).
+    pub(super) fn light_mirrored_at(&self, mirror: &Mirror, point: &Point, numbers: [f64; 2]) -> DVec3 {
+        let Point { normal, towards, cosine, .. } = *point;
+        let reflectance = &self.reflectances[mirror.reflectance];
+        if mirror.alpha == 0.0 {
+            return reflectance.at(cosine.abs()) * self.light_from(point, reflect(towards, normal), numbers);
+        }
+        let seen_side = if cosine > 0.0 { -normal } else { normal };
+        let lamps = self.lamps.samples(point.position, numbers).map(|lamp| {
+            let Some(facets) = gloss::facets_towards(seen_side, -towards, mirror.alpha, lamp.direction) else {
+                return DVec3::ZERO;
+            };
+            if self.is_hidden(point, lamp.position) {
+                return DVec3::ZERO;
+            }
+            facets.weight * lamp.solid_angle * reflectance.at(facets.cosine) * lamp.radiance
+        });
+        let lamps: DVec3 = lamps.sum();
+        let Some(facet) = gloss::facet(seen_side, -towards, mirror.alpha, numbers) else { return lamps };
+        let light = self.environment_from(point, facet.towards_light)
+            + self.surfaces.radiance((point.position, point.id), facet.towards_light, numbers);
+        lamps + facet.weight * reflectance.at(facet.cosine) * light
+    }
+
+    /// What a point of an interface reflects to a receiver in front of it, or refracts to one behind it, W/(m²·sr).
+    pub(super) fn light_through(&self, interface: &Interface, point: &Point, numbers: [f64; 2]) -> DVec3 {
+        let Point { normal, towards, cosine, .. } = *point;
+        if cosine < 0.0 {
+            if !self.chains.reflected || !interface.reflects() {
+                return DVec3::ZERO;
+            }
+            return interface.reflectance(-cosine) * self.light_from(point, reflect(towards, normal), numbers);
+        }
+        if !self.chains.refracted {
+            return DVec3::ZERO;
+        }
+        let refracted = |eta: f64| match interface.factor(cosine, eta) {
+            0.0 => DVec3::ZERO,
+            factor => factor * self.light_from(point, refract(towards, normal, eta), numbers),
+        };
+        match interface.indices() {
+            [eta] => refracted(*eta),
+            indices => DVec3::from_array([0, 1, 2].map(|channel| refracted(indices[channel])[channel])),
+        }
+    }
+
+    /// What arrives at a point from a direction, W/(m²·sr).
+    fn light_from(&self, point: &Point, direction: DVec3, numbers: [f64; 2]) -> DVec3 {
+        let lamps = self.lamps.met(point.position, direction).filter(|(position, _)| !self.is_hidden(point, *position));
+        lamps.map(|(_, radiance)| radiance).sum::<DVec3>()
+            + self.surfaces.radiance((point.position, point.id), direction, numbers)
+            + self.environment_from(point, direction)
+    }
+
+    /// Whether a lamp at a position is hidden from a point.
+    fn is_hidden(&self, point: &Point, position: DVec3) -> bool {
+        self.visibility == Visibility::Full && self.geometry.blocks_segment(point.position, position, [point.id; 2])
+    }
+
+    fn environment_from(&self, point: &Point, direction: DVec3) -> DVec3 {
+        if self.visibility == Visibility::Full && self.geometry.blocks_ray(point.position, direction, point.id) {
+            return DVec3::ZERO;
+        }
+        self.light.radiance(direction)
+    }
+}
