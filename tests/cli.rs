@@ -233,6 +233,7 @@ fn every_option_of_render_changes_what_it_writes() {
         &["--leaves", "4"],
         &["--tolerance", "1"],
         &["--taps", "1"],
+        &["--medium-steps", "4"],
         &["--attenuation", "off"],
         &["--epsilon", "paper"],
         &["--epsilon", "0.5"],
@@ -446,6 +447,8 @@ fn every_option_of_compare_arrives() {
         "--size",
         "8x6",
         "--taps",
+        "4",
+        "--medium-steps",
         "4",
         "--attenuation",
         "off",
@@ -955,7 +958,7 @@ fn the_reference_refuses_what_it_cannot_do() {
     let place = Workplace::new();
     let base = ["reference", "scene.toml", "-o", "out.exr"];
     for (more, parts) in [
-        (["--aov", "beauty"], ["aov is beauty", "caustic or direct"]),
+        (["--aov", "beauty"], ["aov is beauty", "caustic, direct, scattered"]),
         (["--size", "0x4"], ["size", "1×1"]),
         (["--env", "nowhere.exr"], ["nowhere.exr", "check the path"]),
     ] {

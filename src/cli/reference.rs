@@ -28,7 +28,7 @@ pub struct ReferenceArgs {
     /// Stop after this many seconds, even if the error is larger; run the same command again to continue
     #[arg(long, value_name = "S", value_parser = parse_positive)]
     seconds: Option<f64>,
-    /// Picture to compute: caustic or direct
+    /// Picture to compute: caustic, direct, scattered or scattered.direct
     #[arg(long, value_parser = word::<Aov>, value_name = "NAME", default_value = "caustic")]
     aov: Aov,
     /// Occlusion: full (by all objects, before and after the mirror or interface), or none [default: the scene's, else full]
@@ -109,9 +109,11 @@ fn options(args: &ReferenceArgs, render: &Settings) -> Result<Options, String> {
     let quantity = match args.aov {
         Aov::Caustic => Quantity::Caustic,
         Aov::Direct => Quantity::Direct,
+        Aov::Scattered => Quantity::Scattered,
+        Aov::ScatteredDirect => Quantity::ScatteredDirect,
         other => {
             return Err(format!(
-                "aov is {}, but the reference computes caustic or direct; give one of them",
+                "aov is {}, but the reference computes caustic, direct, scattered or scattered.direct; give one of them",
                 other.name()
             ));
         }

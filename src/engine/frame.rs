@@ -367,7 +367,7 @@ impl BandStages {
         let rays = MediumRays::new(scene, medium, &prepared.tracer, camera_rays, options.medium_steps as usize);
         let is_layer = |aov| options.aovs.contains(&aov);
         let beside = (!is_layer(Aov::Scattered) && !is_layer(Aov::ScatteredDirect)).then(|| id_of(surfaces));
-        let hiding = if beside.is_some() { self.seen_radiance(inputs, &rays, surfaces) } else { Vec::new() };
+        let hiding = if beside.is_some() { seen_radiance(inputs, &rays, surfaces) } else { Vec::new() };
         let key = |sum: Option<&Arc<dyn Sum>>| ScatteringKey {
             rays: Id::of(camera_rays),
             sum: sum.map(Id::of),
@@ -392,18 +392,6 @@ impl BandStages {
             scattered.caustic = Some(self.scattered_caustic.wait_for(key(Some(sum)), steps, make).await?);
         }
         Ok(scattered)
-    }
-
-    /// What surfaces send through the medium to the camera, as far as it is known.
-    fn seen_radiance(&self, inputs: &FrameInputs, rays: &MediumRays, light: &SurfaceLight) -> Vec<Vec3> {
-        let radiance = |index: usize| {
-            let Some(hit) = rays.camera_rays().hits[index] else { return Vec3::ZERO };
-            let receiver = inputs.scene.objects[hit.object as usize].receiver.as_ref();
-            let albedo = receiver.map_or(Vec3::ZERO, |receiver| receiver.albedo);
-            let arriving = light.direct_at(index) + light.caustic_at(index);
-            rays.medium().transmittance(rays.length(index)) * albedo * arriving / PI
-        };
-        (0..rays.len()).into_par_iter().map(radiance).collect()
     }
 
     async fn paths(&mut self, inputs: &FrameInputs<'_>, rays: &Arc<CameraRays>) -> Result<Arc<Paths>, Error> {
@@ -490,6 +478,18 @@ impl BandStages {
         counts.add_memo(&self.shading);
         counts.add_memo(&self.display);
     }
+}
+
+/// What surfaces send through the medium to the camera, as far as it is known.
+fn seen_radiance(inputs: &FrameInputs, rays: &MediumRays, light: &SurfaceLight) -> Vec<Vec3> {
+    let radiance = |index: usize| {
+        let Some(hit) = rays.camera_rays().hits[index] else { return Vec3::ZERO };
+        let receiver = inputs.scene.objects[hit.object as usize].receiver.as_ref();
+        let albedo = receiver.map_or(Vec3::ZERO, |receiver| receiver.albedo);
+        let arriving = light.direct_at(index) + light.caustic_at(index);
+        rays.medium().transmittance(rays.length(index)) * albedo * arriving / PI
+    };
+    (0..rays.len()).into_par_iter().map(radiance).collect()
 }
 
 async fn camera_rays(inputs: &FrameInputs<'_>, view: View) -> Result<CameraRays, Error> {

@@ -9,6 +9,7 @@ use rayon::prelude::*;
 
 use super::FIRST_BOUNDED_MIP;
 use super::cube::{CubeMap, FACES, face_of_direction, fill_borders, fill_rows, padded_len, rows};
+use super::strips::ArcBounds;
 
 /// What is known of the radiance from a set of directions, W/(m²·sr).
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -26,6 +27,8 @@ pub struct LightBounds {
     pyramids: Vec<Vec<Level>>,
     /// Of all levels; the last is that of all directions.
     texels: Vec<Bound>,
+    /// Of means along arcs.
+    along_arcs: ArcBounds,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -73,7 +76,7 @@ impl LightBounds {
             (level, size) = (downsample(&level, size), size / 2);
         }
         let first_mip = cube.size().ilog2() - size.ilog2();
-        let mut bounds = Self { pyramids: Vec::new(), texels: Vec::new() };
+        let mut bounds = Self { pyramids: Vec::new(), texels: Vec::new(), along_arcs: ArcBounds::new(cube) };
         let everywhere = bounds.add_pyramid(level, size).bound();
         for mip in first_mip + FIRST_BOUNDED_MIP..cube.level_count() {
             bounds.add_pyramid(extremes_of(cube, mip), cube.size() >> mip);
@@ -95,6 +98,12 @@ impl LightBounds {
         }
         self.pyramids.push(levels);
         rows(&level, size).flatten().copied().reduce(Extremes::join).expect("six faces")
+    }
+
+    /// No mean along an arc of such a length, radians, is brighter in any channel.
+    #[inline]
+    pub(crate) fn along_arc(&self, length: f32) -> f32 {
+        self.along_arcs.at(length)
     }
 
     /// Texels along an edge of the finest level.

@@ -13,6 +13,7 @@ mod irradiance;
 mod layout;
 mod light_geometry;
 mod rasterization;
+mod strips;
 
 /// The first mip whose bounds are kept beside those of the light itself; those of all coarser ones are, too.
 pub(crate) const FIRST_BOUNDED_MIP: u32 = 2;

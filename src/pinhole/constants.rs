@@ -47,6 +47,11 @@ pub const MAX_LAMP_QUARTERINGS: u32 = 14;
 /// Relative size from which a piece of such a leaf that matters is quartered again. With .7, a table has 30 % too little light in the
 /// last five millimetres before the ring's wall; with .3, 3 % (`ring-above`).
 pub const MAX_PIECE_SIZE: f32 = 0.3;
+/// Samples are not divided further for a part of a ray along which they leave no more than this part of the light's differences within
+/// them: those along the part average out.
+pub const MAX_LEFT_ALONG_RAY: f32 = 0.3;
+/// Nor are samples over which directions and normals turn less than this, radians.
+pub const MAX_TURN_ALONG_RAY: f32 = 0.15;
 /// Lamps are seen blurred by this part of a footprint's size. Measured with a lamp of 1 cm in the ring at 64 leaves: .072 with 0, .066
 /// with .25, .081 with .35; and with a point in front of a flat mirror: .27, .056, .043.
 pub const LAMP_BLUR: f32 = 0.25;

@@ -35,7 +35,7 @@ pub(crate) struct PreparedLight {
     pub intensity: f32,
     /// The lamps, for an intensity of 1, as sums and direct light are computed before they are scaled.
     pub lamps: Arc<[Lamp]>,
-    /// What is between lamps and surfaces.
+    /// What is between lamps and surfaces: a medium that fills all space.
     pub medium: Option<Medium>,
 }
 
@@ -107,7 +107,7 @@ impl LightStages {
         progress: &dyn Progress,
     ) -> Result<PreparedLight, EnvironmentError> {
         let Scene { environment: source, lamps, medium, .. } = scene;
-        let medium = *medium;
+        let medium = medium.filter(|_| scene.has_medium_everywhere());
         let black = EnvironmentSource { light: Light::Constant(Vec3::ZERO), intensity: 1.0, ..*source };
         let source = if source.intensity < MIN_INTENSITY && !lamps.is_empty() { &black } else { source };
         let least = light_geometry.map_or(0, |drawn| drawn.cube_size);

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use toml_edit::{DocumentMut, InlineTable, Item, Table, value};
 
 use super::history::History;
-use super::scene_text::{number, vector, write_camera, write_options};
+use super::scene_text::{number, vector, write_camera, write_medium, write_options};
 use crate::Error;
 use crate::image::write_atomically;
 use crate::options::{Exposure, Options, Settings};
@@ -117,6 +117,9 @@ impl Document {
             if edited.intensity != original.intensity {
                 lamp.intensity = edited.intensity;
             }
+        }
+        if scene.medium != old.medium {
+            new.medium = scene.medium;
         }
         for (edited, original) in scene.objects.iter().zip(&old.objects) {
             let same = new.objects.iter_mut().find(|object| object.name == edited.name);
@@ -265,6 +268,7 @@ impl Document {
         write_camera(&mut document, &self.original.scene.camera, &self.state.scene.camera);
         self.write_environment(&mut document);
         self.write_lamps(&mut document);
+        write_medium(&mut document, self.original.scene.medium, self.state.scene.medium);
         write_options(&mut document, &self.original.options, &self.state.options);
         self.write_objects(&mut document);
         Ok(document.to_string())
@@ -425,6 +429,19 @@ mod tests {
         let (expected, found) = (&document.state.scene.lamps[0], &again.state.scene.lamps[0]);
         assert!(found.position.abs_diff_eq(expected.position, 1e-6));
         assert!(found.intensity.abs_diff_eq(expected.intensity, 1e-5));
+    }
+
+    #[test]
+    fn media_are_edited() {
+        let dir = tempfile::tempdir().unwrap();
+        let mut document = Document::open("underwater").unwrap();
+        let medium = document.state.scene.medium.as_mut().unwrap();
+        (medium.sigma_s, medium.g) = (0.5 * medium.sigma_s, 0.25);
+        let path = dir.path().join("mine.toml");
+        document.save(&path).unwrap();
+        let again = Document::open(path.to_str().unwrap()).unwrap();
+        assert_eq!(again.state.scene.medium, document.state.scene.medium);
+        assert!(!again.is_edited());
     }
 
     #[test]

@@ -5,7 +5,7 @@ use toml_edit::{Array, DocumentMut, InlineTable, Item, Table, Value, value};
 
 use crate::Epsilon;
 use crate::options::{Exposure, Options};
-use crate::scene::{Camera, Projection};
+use crate::scene::{Camera, Medium, Projection};
 
 /// A number with as many digits as tell it from others, as people would write it.
 pub fn number(value: f32) -> f64 {
@@ -27,6 +27,18 @@ pub fn write_camera(document: &mut DocumentMut, old: &Camera, new: &Camera) {
         let mut orthographic = InlineTable::new();
         orthographic.insert("height", number(height).into());
         table.insert("orthographic", value(orthographic));
+    }
+}
+
+pub fn write_medium(document: &mut DocumentMut, old: Option<Medium>, new: Option<Medium>) {
+    let table = document.get_mut("medium").and_then(Item::as_table_like_mut);
+    let (Some(table), Some(old), Some(new)) = (table, old, new) else { return };
+    let coefficients = [("sigma_s", old.sigma_s, new.sigma_s), ("sigma_a", old.sigma_a, new.sigma_a)];
+    for (key, _, new) in coefficients.into_iter().filter(|(_, old, new)| old != new) {
+        table.insert(key, vector(new));
+    }
+    if old.g != new.g {
+        table.insert("g", value(number(new.g)));
     }
 }
 

@@ -39,7 +39,7 @@ fn the_readmes_pictures_are_what_its_commands_render() {
         }
         assert!(size.is_none_or(|size| size == "--size 256x256"), "another command than this test renders: {rest}");
         let stored = root.join("examples/pictures").join(file);
-        let is_slow = scene == "pool";
+        let is_slow = ["pool", "underwater"].contains(&scene);
         failures.extend(if size.is_some() && !is_slow {
             compare(scene, [256; 2], &stored)
         } else {
@@ -47,7 +47,7 @@ fn the_readmes_pictures_are_what_its_commands_render() {
         });
         compared += 1;
     }
-    assert_eq!(compared, 12, "twelve pictures with their commands");
+    assert_eq!(compared, 14, "fourteen pictures with their commands");
     assert!(failures.is_empty(), "{}\nif a change is meant, render the pictures again", failures.join("\n"));
 }
 

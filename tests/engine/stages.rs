@@ -188,9 +188,12 @@ fn a_new_engine_makes_only_what_its_options_use() {
         let mut engine = Engine::new(scene, options(defaults), Backend::cpu());
         render(&mut engine);
         let made = engine.stage_counts().made_since(&StageCounts::default());
-        // The scene has neither emitters nor lamps, and no GPU renders it.
+        // The scene has neither emitters nor lamps nor a medium, and no GPU renders it.
         let is_of_others = |stage: &Stage| {
-            matches!(stage, Upload | Stage::LightGeometry | Stage::LitEnvironment | Stage::Surroundings)
+            matches!(
+                stage,
+                Upload | Stage::LightGeometry | Stage::LitEnvironment | Stage::Surroundings | Stage::Scattering
+            )
         };
         Stage::ENGINE.into_iter().filter(|s| !made.contains(s) && !is_of_others(s)).collect::<Vec<_>>()
     };

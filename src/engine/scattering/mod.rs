@@ -26,7 +26,7 @@ use crate::technique::Sum;
 
 /// Errors that a part's light may have beyond the sum's tolerance, in tolerances of the mean along all rays: those of a ray's parts
 /// average out.
-const MORE_TOLERANCES: f32 = 50.0;
+const MORE_TOLERANCES: f32 = 200.0;
 /// How many times as much as on surfaces light between rays may be wrong: what rays gather along their way is blurred.
 const LENIENCY: f32 = 16.0;
 /// Rays that tell this mean, at least, one of so many.
@@ -136,10 +136,13 @@ impl RayGather<'_> {
         let mut receivers = Receivers::of_rays(LANES as u32, (which.len().div_ceil(LANES) * per_ray) as u32);
         for (place, &index) in which.iter().enumerate() {
             let ray = rays.ray(index);
+            let weights: Vec<f32> = rays.weights(index).map(Vec3::max_element).collect();
+            let mean_weight = weights.iter().sum::<f32>() / per_ray as f32;
             for (part, [start, end]) in rays.parts(index).enumerate() {
                 let at = place_in_list(place, part, per_ray);
                 receivers.set_part(at, ray.origin + 0.5 * (start + end) * ray.direction, -ray.direction, end - start);
-                receivers.tolerate(at, error);
+                // Errors of all parts weigh the same in the picture.
+                receivers.tolerate(at, error * mean_weight / weights[part].max(f32::MIN_POSITIVE));
             }
         }
         inputs.progress.advance(which.len() as u64);

@@ -3,7 +3,7 @@
 use glam::Vec3;
 use rayon::prelude::*;
 
-use crate::scene::{Medium, Ray, Scene};
+use crate::scene::{Medium, Object, Ray, Scene};
 use crate::stages::CameraRays;
 use crate::tracing::{Hit, Tracer};
 
@@ -141,7 +141,7 @@ pub(in crate::engine) fn contains(scene: &Scene, tracer: &Tracer, point: Vec3) -
 
 /// The middle of what casts caustics, and how far it reaches, metres.
 fn casters(scene: &Scene) -> (Vec3, f32) {
-    let meshes = scene.objects.iter().filter(|object| object.specular().is_some()).map(|object| object.mesh_in_world());
+    let meshes = scene.objects.iter().filter(|object| object.specular().is_some()).map(Object::mesh_in_world);
     let (mut low, mut high) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
     for mesh in meshes {
         mesh.positions().iter().for_each(|p| (low, high) = (low.min(*p), high.max(*p)));

@@ -36,32 +36,8 @@ pub(super) fn phase_slope(medium: &Medium) -> f32 {
 }
 
 impl Gather<'_> {
-    /// Multiplies by the part of the light that comes through the medium and, for parts of rays, by that which is scattered.
-    #[cold]
-    pub(super) fn pass_medium<S: Simd>(
-        &self,
-        medium: &Medium,
-        (sample, pair): (&PinholeParts, &ReceiverCellPair<S>),
-        receiver: &Receiver<S>,
-        lit: u32,
-        factors: &mut [Vec4; LANES],
-    ) {
-        let (l, dn) = ((pair.l2 * pair.inverse_l).to_array(), pair.dn.to_array());
-        let turned = (pair.d.dot(receiver.normal) * pair.inverse_l).to_array();
-        let is_even = medium.g == 0.0 || receiver.length.is_none();
-        for lane in set_bits(lit) {
-            // In front of an interface there is no medium.
-            if sample.interface.is_none() || dn[lane] > 0.0 {
-                factors[lane] *= medium.transmittance(l[lane]).extend(1.0);
-            }
-            if !is_even {
-                factors[lane] *= relative_phase(medium, -turned[lane]);
-            }
-        }
-    }
-
     /// The part of a lamp's light that comes through the medium to a cell at a distance, metres.
-    pub(super) fn from_lamp(&self, sample: &PinholeParts, distance: f32) -> Vec3 {
+    pub(super) fn passed_from_lamp(&self, sample: &PinholeParts, distance: f32) -> Vec3 {
         let medium = self.medium.as_ref().filter(|_| self.lamps_in_medium && sample.interface.is_none());
         medium.map_or(Vec3::ONE, |medium| medium.transmittance(distance))
     }
@@ -90,5 +66,28 @@ impl Gather<'_> {
             difference[lane] = (max[lane] - at_centre) / max[lane];
         }
         (lanes(simd, max), lanes(simd, difference))
+    }
+}
+
+/// Multiplies by the part of the light that comes through the medium and, for parts of rays, by that which is scattered.
+#[cold]
+pub(super) fn pass_medium<S: Simd>(
+    medium: &Medium,
+    (sample, pair): (&PinholeParts, &ReceiverCellPair<S>),
+    receiver: &Receiver<S>,
+    lit: u32,
+    factors: &mut [Vec4; LANES],
+) {
+    let (l, dn) = ((pair.l2 * pair.inverse_l).to_array(), pair.dn.to_array());
+    let turned = (pair.d.dot(receiver.normal) * pair.inverse_l).to_array();
+    let is_even = medium.g == 0.0 || receiver.length.is_none();
+    for lane in set_bits(lit) {
+        // In front of an interface there is no medium.
+        if sample.interface.is_none() || dn[lane] > 0.0 {
+            factors[lane] *= medium.transmittance(l[lane]).extend(1.0);
+        }
+        if !is_even {
+            factors[lane] *= relative_phase(medium, -turned[lane]);
+        }
     }
 }

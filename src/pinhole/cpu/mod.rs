@@ -31,6 +31,7 @@ use rayon::prelude::*;
 
 use self::filters::{CpuFilter, add_lobe_part, mean_over_footprint, single_fetch, through_lobe};
 use self::lamp::LampLight;
+use self::medium::pass_medium;
 use self::pair::ReceiverCellPair;
 use self::receiver::{NO_OBJECT, Receiver, ReceiverGroup, load_receivers};
 use self::surroundings::SurroundingLight;
@@ -292,7 +293,7 @@ impl Gather<'_> {
             reflect_to_viewers(materials, receiver, views, (d * inverse_l, solid_angle), lit, &mut reflectance);
         }
         if let Some(medium) = &self.medium {
-            self.pass_medium(medium, (sample, pair), receiver, lit, &mut reflectance);
+            pass_medium(medium, (sample, pair), receiver, lit, &mut reflectance);
         }
         let weight = weight.to_array();
         for lane in set_bits(lit) {

@@ -86,8 +86,10 @@ impl Gather<'_> {
                 let to_light = lamp.offset_from(sample.position);
                 let mut radiance = lamp.mean_radiance(simd, sample, pair, lit);
                 if self.lamps_in_medium {
-                    let passed = self.from_lamp(sample, to_light.length()).extend(1.0);
-                    radiance.iter_mut().for_each(|radiance| *radiance *= passed);
+                    let passed = self.passed_from_lamp(sample, to_light.length()).extend(1.0);
+                    for radiance in &mut radiance {
+                        *radiance *= passed;
+                    }
                 }
                 Some((radiance, splat3(simd, to_light)))
             }

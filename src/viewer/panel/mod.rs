@@ -81,6 +81,9 @@ impl Viewer {
             if !self.document.state.scene.lamps.is_empty() {
                 section(ui, "Lamps", true, &mut |ui| is_edited |= self.lamps_section(ui));
             }
+            if self.document.state.scene.medium.is_some() {
+                section(ui, "Medium", true, &mut |ui| is_edited |= self.medium_section(ui));
+            }
             section(ui, "Display", true, &mut |ui| is_edited |= self.display_section(ui));
             section(ui, "Caustic", true, &mut |ui| is_edited |= self.caustic_section(ui));
             section(ui, "Objects", false, &mut |ui| is_edited |= self.objects_section(ui));

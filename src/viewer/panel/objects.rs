@@ -1,10 +1,10 @@
-//! The section of the objects: which one is selected, and where it is. And that of the lamps.
+//! The section of the objects: which one is selected, and where it is. And those of the lamps and of the medium.
 
 use eframe::egui;
 use glam::Vec3;
 
 use super::fields::{named, number, reset, typed_number};
-use crate::scene::{Animation, Transform};
+use crate::scene::{Animation, Medium, Transform};
 use crate::viewer::Viewer;
 
 impl Viewer {
@@ -83,6 +83,29 @@ impl Viewer {
                 is_edited = true;
             }
         }
+        is_edited
+    }
+}
+
+impl Viewer {
+    /// How dense the medium is, and which way it scatters. Colours stay.
+    pub(super) fn medium_section(&mut self, ui: &mut egui::Ui) -> bool {
+        let mut is_edited = false;
+        let original = self.document.original.scene.medium;
+        let Some((medium, original)) = self.document.state.scene.medium.as_mut().zip(original) else { return false };
+        let mut coefficient = |ui: &mut egui::Ui, name: &str, value: &mut Vec3, full: Vec3| {
+            if full == Vec3::ZERO {
+                return;
+            }
+            let mut largest = value.max_element();
+            if number(ui, name, &mut largest, full.max_element(), (1e-3..=100.0, true)) {
+                *value = largest / full.max_element() * full;
+                is_edited = true;
+            }
+        };
+        coefficient(ui, "Scattering 1/m", &mut medium.sigma_s, original.sigma_s);
+        coefficient(ui, "Absorption 1/m", &mut medium.sigma_a, original.sigma_a);
+        is_edited |= number(ui, "Forwards g", &mut medium.g, original.g, (-Medium::MAX_G..=Medium::MAX_G, false));
         is_edited
     }
 }

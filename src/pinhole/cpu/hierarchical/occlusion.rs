@@ -217,7 +217,7 @@ impl TileGather<'_> {
         map: &'s VisibilityMap<'s>,
         max_contribution: F<S>,
     ) -> Option<(TracedSky<'s>, u32)> {
-        let occluders = self.context.pinholes.occluders.as_ref()?;
+        let occluders = self.context.pinholes.occluders.as_ref().filter(|_| cell.receiver.length.is_none())?;
         let texel = self.criterion.map_texel_rad;
         let [v1, v2] = [cell.footprint.v1, cell.footprint.v2];
         let is_narrow = bits(v1.dot(v1).min(v2.dot(v2)).simd_lt(splat(simd, texel * texel)));

@@ -21,8 +21,8 @@ use crate::lanes::{
 };
 use crate::pinhole::cell::Cell;
 use crate::pinhole::constants::{
-    CENTRAL_VISIBILITY_SHARE, CONTRAST_ERROR_SCALE, FOOTPRINT_BEND, FOOTPRINT_RADIUS, MAX_PIECE_SIZE,
-    MAX_RELATIVE_SIZE, MIN_DISTANCE_RATIO, WEIGHT_ERROR_SCALE,
+    CENTRAL_VISIBILITY_SHARE, CONTRAST_ERROR_SCALE, FOOTPRINT_BEND, FOOTPRINT_RADIUS, MAX_LEFT_ALONG_RAY,
+    MAX_PIECE_SIZE, MAX_RELATIVE_SIZE, MAX_TURN_ALONG_RAY, MIN_DISTANCE_RATIO, WEIGHT_ERROR_SCALE,
 };
 use crate::pinhole::tree::NODE_MASK;
 
@@ -49,6 +49,8 @@ struct ContributionBounds<S: Simd> {
     range: F<S>,
     /// Error of the receivers' BRDFs, relative to `max`.
     gloss_error: F<S>,
+    /// How much of the light's differences within the cell is left in the mean along a part of a ray.
+    left_along_ray: F<S>,
 }
 
 impl TileGather<'_> {
@@ -105,6 +107,13 @@ impl TileGather<'_> {
             return (facing, 0);
         }
         let mut accepted = active & self.accepted_lanes(cell, is_cluster, &bounds, max_weight.straddling_horizon);
+        if receiver.length.is_some() && !pinholes.tree.is_cluster(item & NODE_MASK) {
+            let is_blurred = bounds.left_along_ray.simd_lt(MAX_LEFT_ALONG_RAY);
+            // Next to total reflection light turns without bound; samples are small enough there, too.
+            let normals = if cell.sample.interface.is_none() { cell.normal_radius } else { 0.0 };
+            let turned = pair.inverse_l * cell.radius + normals;
+            accepted |= active & bits(is_blurred | turned.simd_lt(MAX_TURN_ALONG_RAY));
+        }
         let mut refined = active & !accepted;
         let mut fraction = splat(simd, 1.0);
         if let Some(maps) = maps.filter(|_| accepted != 0 || !is_cluster) {
@@ -161,7 +170,7 @@ impl TileGather<'_> {
         accepted &= visible.lanes;
         // Of a cluster, other samples may see what its central one does not.
         refined &= if is_cluster { ALL } else { visible.lanes };
-        if !cell.is_leaf() {
+        if !cell.is_leaf() && receiver.length.is_none() {
             // What is large and in doubt is taken leaf by leaf.
             let in_parts = accepted & visible.doubtful & large;
             (accepted, refined) = (accepted & !in_parts, refined | in_parts);
@@ -269,7 +278,22 @@ impl TileGather<'_> {
             weight *= max_scattered;
             gloss_error = error * CONTRAST_ERROR_SCALE;
         }
-        ContributionBounds { size, turned, max: weight * max_radiance, range: weight * contrast, gloss_error }
+        if let (SourceBounds::Environment(light), Some(turn)) = (&self.criterion.light, pair.turn_along_segment(simd)) {
+            let mean = lanes(simd, turn.dot(turn).sqrt().to_array().map(|turn| light.along_arc(turn)));
+            (max_radiance, contrast) = (max_radiance.min(mean), contrast.min(mean));
+        }
+        let left_along_ray = pair.turn_along_segment(simd).map_or(splat(simd, 1.0), |turn| {
+            let turn = turn.dot(turn).sqrt();
+            turned / (turned + turn).max(f32::MIN_POSITIVE)
+        });
+        ContributionBounds {
+            left_along_ray,
+            size,
+            turned,
+            max: weight * max_radiance,
+            range: weight * contrast,
+            gloss_error,
+        }
     }
 
     /// The lanes for which a cell may be taken as one sample.
@@ -284,10 +308,10 @@ impl TileGather<'_> {
         if cell.is_leaf() {
             return ALL;
         }
-        let ContributionBounds { size, turned, max, range, gloss_error } = *bounds;
+        let ContributionBounds { size, turned, max, range, gloss_error, left_along_ray } = *bounds;
         let budget = self.criterion.error_budget;
         let weight_error = size * size * WEIGHT_ERROR_SCALE + gloss_error;
-        let error = range * (turned * CONTRAST_ERROR_SCALE).min(1.0) + max * weight_error;
+        let error = range * (turned * CONTRAST_ERROR_SCALE).min(1.0) * left_along_ray + max * weight_error;
         let is_small = bits(error.simd_lt(budget) & size.simd_lt(MAX_RELATIVE_SIZE));
         // Where the pair straddles a horizon, the cell's centroid is not representative.
         let accepted = is_small & !straddling_horizon | bits(max.simd_lt(budget)) & straddling_horizon;
@@ -319,8 +343,12 @@ impl TileGather<'_> {
                 Coverage::Partial => {}
             }
         }
-        let uneven = lit & bits(contribution_range.simd_ge(self.criterion.error_budget));
-        let taps = self.criterion.taps(contribution_range);
+        let mut uneven = lit & bits(contribution_range.simd_ge(self.criterion.error_budget));
+        let mut taps = self.criterion.taps(contribution_range);
+        if cell.receiver.length.is_some() {
+            // Along a part of a ray a sun is easily missed.
+            (uneven, taps) = (lit, splat(simd, gather.uniforms.taps as f32));
+        }
         let by_rays = map.as_ref().and_then(|map| self.traced_sky(simd, cell, map, bounds.max));
         for (lit, taps) in [(lit & !uneven, None), (uneven, Some(taps))] {
             let traced = by_rays.as_ref().map_or(0, |(_, traced)| lit & traced);
