@@ -120,7 +120,8 @@ pub struct CommonOptions {
     #[command(flatten)]
     pub scene: SceneOptions,
     /// Pictures to render, separated by commas: beauty, caustic, caustic.R and caustic.T (what is
-    /// reflected or refracted once), direct, albedo, normal, position, depth [default:
+    /// reflected or refracted once), direct, scattered and scattered.direct (what a medium scatters),
+    /// albedo, normal, position, depth [default:
     /// beauty]
     #[arg(long, value_parser = word::<Aov>, value_delimiter = ',', value_name = "NAMES")]
     pub aov: Option<Vec<Aov>>,

@@ -1,7 +1,6 @@
 //! The stages of a band of the picture: camera rays → light where they hit → paths via mirrors → radiance → display. A
 //! picture of up to [`KEPT_POINTS`] points is one band, which is kept; larger ones are rendered band by band.
 
-use std::f32::consts::PI;
 use std::sync::Arc;
 
 use glam::Vec3;
@@ -12,7 +11,7 @@ use super::edges::{Caustic, Direct};
 use super::ends::{EndLight, caustic_at, direct_light};
 use super::paths::{PathTracer, Paths};
 use super::ray_batches::RayBatches;
-use super::scattering::{DirectScattering, MediumRays, Scattered, contains, scattered_caustic, scattered_direct};
+use super::scattering::{Scattered, ScatteringStages, contains};
 use super::shading::{Displayed, Shaded, Shader, SurfaceLight};
 use crate::Error;
 use crate::environment::Environment;
@@ -47,7 +46,7 @@ pub(super) fn rows_per_band(options: &Options) -> u32 {
 
 /// The inputs of direct light on surfaces.
 #[derive(Clone, PartialEq)]
-struct LightKey {
+pub(super) struct LightKey {
     tracer: Id<Tracer>,
     environment: Id<Environment>,
     rotation_rad: f32,
@@ -86,18 +85,6 @@ struct PathsKey {
     is_plain: bool,
 }
 
-/// The inputs of light that the medium scatters; direct light has no sum.
-#[derive(PartialEq)]
-struct ScatteringKey {
-    rays: Id<CameraRays>,
-    sum: Option<Id<dyn Sum>>,
-    light: LightKey,
-    steps: u32,
-    tolerance: f32,
-    /// Light from surfaces, which hides differences.
-    beside: Option<LightId>,
-}
-
 /// The inputs of the light at the ends of paths.
 #[derive(PartialEq)]
 struct EndsKey<T> {
@@ -123,9 +110,9 @@ struct ShadingKey {
 type EndsSource = (Id<dyn Sum>, Id<Direct>);
 
 /// The identity of the light on surfaces.
-type LightId = (Option<Id<Direct>>, Option<Id<Caustic>>);
+pub(super) type LightId = (Option<Id<Direct>>, Option<Id<Caustic>>);
 
-fn id_of(light: &SurfaceLight) -> LightId {
+pub(super) fn id_of(light: &SurfaceLight) -> LightId {
     (light.direct.as_ref().map(Id::of), light.caustic.as_ref().map(Id::of))
 }
 
@@ -191,7 +178,7 @@ impl<'a> FrameInputs<'a> {
         0..self.scene.objects.len() as u32
     }
 
-    fn light_key(&self) -> LightKey {
+    pub(super) fn light_key(&self) -> LightKey {
         LightKey {
             tracer: Id::of(&self.prepared.tracer),
             environment: Id::of(&self.light.environment),
@@ -231,8 +218,7 @@ pub(super) struct BandStages {
     caustic: Memo<CausticKey, Caustic>,
     of_chains: Vec<(Chain, Memo<CausticKey, Caustic>)>,
     direct: Memo<DirectKey, Direct>,
-    scattered_caustic: Memo<ScatteringKey, Vec<[f32; 4]>>,
-    scattered_direct: Memo<ScatteringKey, Vec<[f32; 4]>>,
+    scattering: ScatteringStages,
     paths: Memo<PathsKey, Paths>,
     ends_caustic: Memo<EndsKey<EndsSource>, Caustic>,
     ends_direct: Memo<EndsKey<LightKey>, Direct>,
@@ -247,8 +233,7 @@ impl BandStages {
             caustic: Memo::new(Stage::Caustic),
             of_chains: Chain::ALL.map(|chain| (chain, Memo::new(Stage::Caustic))).into(),
             direct: Memo::new(Stage::Direct),
-            scattered_caustic: Memo::new(Stage::Scattering),
-            scattered_direct: Memo::new(Stage::Scattering),
+            scattering: ScatteringStages::new(),
             paths: Memo::new(Stage::Paths),
             ends_caustic: Memo::new(Stage::PathEnds),
             ends_direct: Memo::new(Stage::PathEnds),
@@ -276,7 +261,7 @@ impl BandStages {
         let mut fetches = fetches_of(caustic.as_deref());
         fetches += of_chains.iter().map(|(_, caustic)| fetches_of(Some(caustic))).sum::<f64>();
         let surfaces = SurfaceLight { direct, caustic };
-        let scattered = self.scattered(inputs, light, &rays, &surfaces).await?;
+        let scattered = self.scattering.make(inputs, light, &rays, &surfaces).await?;
         fetches += scattered.fetches();
         let mut beauty = None;
         if aovs.contains(&Aov::Beauty) {
@@ -348,50 +333,6 @@ impl BandStages {
             Ok(direct.at_hits(rays, |object| wanted[object as usize]).await?.into())
         };
         self.direct.wait_for(key, (1, inputs.progress), make).await
-    }
-
-    /// What the medium scatters along camera rays.
-    async fn scattered(
-        &mut self,
-        inputs: &FrameInputs<'_>,
-        light: &mut LightStages,
-        camera_rays: &Arc<CameraRays>,
-        surfaces: &SurfaceLight,
-    ) -> Result<Scattered, Error> {
-        let FrameInputs { scene, prepared, options, progress, .. } = *inputs;
-        let shows = |aov| options.aovs.iter().any(|shown| [aov, Aov::Beauty].contains(shown));
-        let is_seen = shows(Aov::Scattered) || shows(Aov::ScatteredDirect);
-        let Some(medium) = scene.medium.filter(|medium| is_seen && medium.scatters() && !options.plain_diffuse) else {
-            return Ok(Scattered::default());
-        };
-        let rays = MediumRays::new(scene, medium, &prepared.tracer, camera_rays, options.medium_steps as usize);
-        let is_layer = |aov| options.aovs.contains(&aov);
-        let beside = (!is_layer(Aov::Scattered) && !is_layer(Aov::ScatteredDirect)).then(|| id_of(surfaces));
-        let hiding = if beside.is_some() { seen_radiance(inputs, &rays, surfaces) } else { Vec::new() };
-        let key = |sum: Option<&Arc<dyn Sum>>| ScatteringKey {
-            rays: Id::of(camera_rays),
-            sum: sum.map(Id::of),
-            light: inputs.light_key(),
-            steps: options.medium_steps,
-            tolerance: options.tolerance,
-            beside: beside.clone(),
-        };
-        let mut scattered = Scattered { lengths: rays.lengths(), ..Scattered::default() };
-        if shows(Aov::ScatteredDirect) {
-            let tracer = (options.visibility == Visibility::Full).then_some(&*prepared.tracer);
-            let sampler = light.sampler(inputs.light, progress);
-            let make = || {
-                let direct = DirectScattering::new(inputs.light, medium, &sampler, tracer, rays.parts_per_ray());
-                scattered_direct(inputs, &direct, &rays, &hiding)
-            };
-            scattered.direct = Some(self.scattered_direct.get(key(None), progress, make));
-        }
-        if let Some(sum) = inputs.sum.filter(|_| shows(Aov::Scattered)) {
-            let make = async || scattered_caustic(inputs, sum, &rays, &hiding).await;
-            let steps = (camera_rays.hits.len() as u64, progress);
-            scattered.caustic = Some(self.scattered_caustic.wait_for(key(Some(sum)), steps, make).await?);
-        }
-        Ok(scattered)
     }
 
     async fn paths(&mut self, inputs: &FrameInputs<'_>, rays: &Arc<CameraRays>) -> Result<Arc<Paths>, Error> {
@@ -470,26 +411,13 @@ impl BandStages {
         counts.add_memo(&self.caustic);
         self.of_chains.iter().for_each(|(_, memo)| counts.add_memo(memo));
         counts.add_memo(&self.direct);
-        counts.add_memo(&self.scattered_caustic);
-        counts.add_memo(&self.scattered_direct);
+        self.scattering.count(counts);
         counts.add_memo(&self.paths);
         counts.add_memo(&self.ends_caustic);
         counts.add_memo(&self.ends_direct);
         counts.add_memo(&self.shading);
         counts.add_memo(&self.display);
     }
-}
-
-/// What surfaces send through the medium to the camera, as far as it is known.
-fn seen_radiance(inputs: &FrameInputs, rays: &MediumRays, light: &SurfaceLight) -> Vec<Vec3> {
-    let radiance = |index: usize| {
-        let Some(hit) = rays.camera_rays().hits[index] else { return Vec3::ZERO };
-        let receiver = inputs.scene.objects[hit.object as usize].receiver.as_ref();
-        let albedo = receiver.map_or(Vec3::ZERO, |receiver| receiver.albedo);
-        let arriving = light.direct_at(index) + light.caustic_at(index);
-        rays.medium().transmittance(rays.length(index)) * albedo * arriving / PI
-    };
-    (0..rays.len()).into_par_iter().map(radiance).collect()
 }
 
 async fn camera_rays(inputs: &FrameInputs<'_>, view: View) -> Result<CameraRays, Error> {

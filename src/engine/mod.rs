@@ -52,7 +52,6 @@ use self::overlay::Marker;
 use self::preview::PreviewStages;
 #[cfg(feature = "gpu")]
 use self::ray_batches::{RayBatches, on_gpu::RaysOnGpu};
-use crate::Error;
 use crate::backend::Backend;
 use crate::image::Aov;
 use crate::options::{Exposure, Exposures, Options, Overlay};
@@ -62,6 +61,7 @@ use crate::scene::Visibility;
 use crate::scene::{Chain, Chains, Scene};
 use crate::stages::{LightStages, PreparedLight, PreparedScene, SceneStages, StageCounts};
 use crate::technique::{Inputs, Sum, Technique, TechniqueStages};
+use crate::{Error, OptionError};
 #[cfg(feature = "gpu")]
 use crate::{gpu::GpuError, pinhole::gpu::Geometry};
 
@@ -276,6 +276,7 @@ impl Engine {
 
     async fn prepare(&mut self, progress: &dyn Progress) -> Result<Prepared, Error> {
         self.options.check()?;
+        self.check_medium()?;
         #[cfg(feature = "gpu")]
         self.backend.check()?;
         #[cfg_attr(not(feature = "gpu"), expect(unused_mut, reason = "only a GPU has copies"))]
@@ -326,6 +327,18 @@ impl Engine {
             return Err(Error::Cancelled);
         }
         Ok(Prepared { scene, light, sum, of_chains })
+    }
+
+    /// Pictures of scattered light need a medium.
+    fn check_medium(&self) -> Result<(), OptionError> {
+        let is_shown = |aov: &&Aov| matches!(aov, Aov::Scattered | Aov::ScatteredDirect);
+        let Some(aov) = self.options.aovs.iter().find(is_shown) else { return Ok(()) };
+        if self.scene.medium.is_some_and(|medium| medium.scatters()) {
+            return Ok(());
+        }
+        let message =
+            format!("is {}, but nothing in the scene scatters light: give it a [medium] with sigma_s", aov.name());
+        Err(OptionError::invalid("aov", message))
     }
 
     /// The back end of sums: where there are lamps or a medium, it is the CPU.

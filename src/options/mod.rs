@@ -273,7 +273,7 @@ options! {
     leaves / with_leaves: Option<u32> = None,
     /// Allowed error of a hierarchical sum, relative to the mean irradiance; from 1e-5 to 1. See docs/scenes.md.
     tolerance / with_tolerance: f32 = 0.01,
-    /// Parts of each camera ray in a medium, by which the light is summed that is scattered there; from 1 to [`MAX_MEDIUM_STEPS`].
+    /// Parts of each camera ray in a medium, by which the light is summed that is scattered there; from 1 to 256.
     medium_steps / with_medium_steps: u32 = 16,
     /// Resolution of the environment's cube map.
     cube_size / with_cube_size: CubeSize = CubeSize::default(),
@@ -290,7 +290,7 @@ options! {
 }
 
 /// Upper limit of [`Options::medium_steps`].
-pub const MAX_MEDIUM_STEPS: u32 = 256;
+pub(crate) const MAX_MEDIUM_STEPS: u32 = 256;
 /// The longest edge of a picture, pixels.
 const MAX_SIZE: u32 = 16384;
 /// The largest number of leaves in a hierarchy, or of samples in a flat sum.

@@ -120,6 +120,9 @@ impl<'a> DirectScattering<'a> {
                 let away = from / distance.max(f32::MIN_POSITIVE);
                 let scattered = self.medium.phase(-away.dot(ray.direction)) * lamp.intensity_towards(away);
                 let [start, end] = parts[lane];
+                if end <= start {
+                    continue;
+                }
                 let passed =
                     self.medium.transmittance(distance) * seen_length(&self.medium, parts[lane]) / (end - start);
                 light[lane] += nearness(lamp, ray, parts[lane]) / RAYS_PER_PART as f32 * passed * scattered;
@@ -174,7 +177,7 @@ fn unoccluded(environment: &CubeMap, medium: &Medium) -> CubeMap {
         .collect();
     debug_assert!(texels.len() <= FACES * (size * size) as usize);
     let narrow = MAP_SIZES.iter().find(|(g, _)| medium.g.abs() <= *g).map_or(32, |(_, size)| *size);
-    CubeMap::without_mips(narrow, |towards_viewer| {
+    CubeMap::from_radiance(narrow, None, |towards_viewer| {
         texels.iter().map(|(direction, power)| medium.phase(-direction.dot(towards_viewer)) * *power).sum()
     })
 }

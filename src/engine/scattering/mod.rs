@@ -7,14 +7,17 @@
 
 mod direct;
 mod rays;
+mod stages;
 
 use std::f32::consts::PI;
 use std::sync::Arc;
 
 use glam::{Vec3, Vec4};
 
-pub(super) use self::direct::DirectScattering;
-pub(super) use self::rays::{MediumRays, contains};
+use self::direct::DirectScattering;
+use self::rays::MediumRays;
+pub(super) use self::rays::contains;
+pub(super) use self::stages::ScatteringStages;
 use super::every_other::{AdaptiveLight, PixelGrid};
 use super::frame::FrameInputs;
 use crate::Error;
@@ -29,6 +32,8 @@ use crate::technique::Sum;
 const MORE_TOLERANCES: f32 = 200.0;
 /// How many times as much as on surfaces light between rays may be wrong: what rays gather along their way is blurred.
 const LENIENCY: f32 = 16.0;
+/// Parts of rays that are gathered together: as many as fit into 50 MB.
+const PARTS_AT_ONCE: usize = 1 << 20;
 /// Rays that tell this mean, at least, one of so many.
 const COARSE_STEP: usize = 16;
 
@@ -73,16 +78,18 @@ pub(super) async fn scattered_caustic(
     rays: &MediumRays<'_>,
     beside: &[Vec3],
 ) -> Result<Vec<[f32; 4]>, Error> {
-    let all: Vec<usize> = rays.within().collect();
-    let few: Vec<usize> = all.iter().copied().step_by(COARSE_STEP * COARSE_STEP).collect();
+    let few: Vec<usize> = rays.within().step_by(COARSE_STEP * COARSE_STEP).collect();
     let gather = RayGather { inputs, sum, rays };
     let mean = mean_of_parts(&gather.parts(&few, 0.0).await?, rays, &few);
     let error = MORE_TOLERANCES * inputs.options.tolerance * mean;
-    let mut light = AdaptiveLight::new(rays, rays.len(), all.into_iter(), beside).leniently(LENIENCY);
+    let mut light = AdaptiveLight::new(rays, rays.len(), rays.within(), beside).leniently(LENIENCY);
     while let Some(mut open) = light.next_open() {
         open.sort_by_cached_key(|&index| rays.place_on_curve(index));
-        let parts = gather.parts(&open, error).await?;
-        light.set(open.iter().copied().zip(rays.scattered(&open, &parts)));
+        for some in open.chunks((PARTS_AT_ONCE / rays.parts_per_ray()).next_multiple_of(LANES)) {
+            let parts = gather.parts(some, error).await?;
+            light.set(some.iter().copied().zip(rays.scattered(some, &parts)));
+            inputs.progress.advance(some.len() as u64);
+        }
     }
     inputs.progress.advance(light.interpolated_count() as u64);
     Ok(light.finish())
@@ -145,7 +152,6 @@ impl RayGather<'_> {
                 receivers.tolerate(at, error * mean_weight / weights[part].max(f32::MIN_POSITIVE));
             }
         }
-        inputs.progress.advance(which.len() as u64);
         let uncounted = Uncounted(inputs.progress);
         sum.irradiance(&receivers, &uncounted).await
     }

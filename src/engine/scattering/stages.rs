@@ -1,0 +1,115 @@
+//! The stages of scattered light, which are made again when one of their inputs changes.
+
+use std::f32::consts::PI;
+use std::sync::Arc;
+
+use glam::Vec3;
+use rayon::prelude::*;
+
+use super::{DirectScattering, MediumRays, Scattered, scattered_caustic, scattered_direct};
+use crate::Error;
+use crate::engine::frame::{FrameInputs, LightId, LightKey, id_of};
+use crate::engine::shading::SurfaceLight;
+use crate::image::Aov;
+use crate::options::Options;
+use crate::progress::Stage;
+use crate::scene::{Medium, Visibility};
+use crate::stages::{CameraRays, Id, LightStages, Memo, StageCounts};
+use crate::technique::Sum;
+
+/// What scattered light is made from; direct light has no sum.
+#[derive(Clone, PartialEq)]
+struct ScatteringKey {
+    rays: Id<CameraRays>,
+    sum: Option<Id<dyn Sum>>,
+    light: LightKey,
+    medium: Medium,
+    steps: u32,
+    tolerance: f32,
+    /// Light from surfaces, which hides differences.
+    beside: Option<LightId>,
+}
+
+/// What a medium scatters along the camera rays of a band.
+#[derive(Debug)]
+pub(in crate::engine) struct ScatteringStages {
+    caustic: Memo<ScatteringKey, Vec<[f32; 4]>>,
+    direct: Memo<ScatteringKey, Vec<[f32; 4]>>,
+}
+
+impl ScatteringStages {
+    pub fn new() -> Self {
+        Self { caustic: Memo::new(Stage::Scattering), direct: Memo::new(Stage::Scattering) }
+    }
+
+    /// Makes again what changed; nothing where no picture shows it. `surfaces` is the light where camera rays hit.
+    pub async fn make(
+        &mut self,
+        inputs: &FrameInputs<'_>,
+        light: &mut LightStages,
+        camera_rays: &Arc<CameraRays>,
+        surfaces: &SurfaceLight,
+    ) -> Result<Scattered, Error> {
+        let FrameInputs { scene, prepared, options, progress, .. } = *inputs;
+        let Some(medium) = scene.medium.filter(|medium| medium.scatters() && shows_any(options)) else {
+            return Ok(Scattered::default());
+        };
+        let rays = MediumRays::new(scene, medium, &prepared.tracer, camera_rays, options.medium_steps as usize);
+        let is_layer = [Aov::Scattered, Aov::ScatteredDirect].iter().any(|aov| options.aovs.contains(aov));
+        let beside = (!is_layer).then(|| id_of(surfaces));
+        let hiding = if is_layer { Vec::new() } else { seen_radiance(inputs, &rays, surfaces) };
+        let of_direct = ScatteringKey {
+            rays: Id::of(camera_rays),
+            sum: None,
+            light: inputs.light_key(),
+            medium,
+            steps: options.medium_steps,
+            tolerance: options.tolerance,
+            beside,
+        };
+        let mut scattered = Scattered { lengths: rays.lengths(), ..Scattered::default() };
+        if shows(options, Aov::Scattered)
+            && let Some(sum) = inputs.sum
+        {
+            let key = ScatteringKey { sum: Some(Id::of(sum)), ..of_direct.clone() };
+            let make = async || scattered_caustic(inputs, sum, &rays, &hiding).await;
+            scattered.caustic = Some(self.caustic.wait_for(key, (rays.len() as u64, progress), make).await?);
+        }
+        if shows(options, Aov::ScatteredDirect) {
+            let tracer = (options.visibility == Visibility::Full).then_some(&*prepared.tracer);
+            let sampler = light.sampler(inputs.light, progress);
+            let make = || {
+                let direct = DirectScattering::new(inputs.light, medium, &sampler, tracer, rays.parts_per_ray());
+                scattered_direct(inputs, &direct, &rays, &hiding)
+            };
+            scattered.direct = Some(self.direct.get(of_direct, progress, make));
+        }
+        Ok(scattered)
+    }
+
+    pub fn count(&self, counts: &mut StageCounts) {
+        counts.add_memo(&self.caustic);
+        counts.add_memo(&self.direct);
+    }
+}
+
+/// Whether a picture shows a kind of scattered light.
+fn shows(options: &Options, aov: Aov) -> bool {
+    options.aovs.iter().any(|shown| *shown == aov || *shown == Aov::Beauty && !options.plain_diffuse)
+}
+
+fn shows_any(options: &Options) -> bool {
+    shows(options, Aov::Scattered) || shows(options, Aov::ScatteredDirect)
+}
+
+/// What surfaces send through the medium to the camera, as far as it is known.
+fn seen_radiance(inputs: &FrameInputs, rays: &MediumRays, light: &SurfaceLight) -> Vec<Vec3> {
+    let radiance = |index: usize| {
+        let Some(hit) = rays.camera_rays().hits[index] else { return Vec3::ZERO };
+        let receiver = inputs.scene.objects[hit.object as usize].receiver.as_ref();
+        let albedo = receiver.map_or(Vec3::ZERO, |receiver| receiver.albedo);
+        let arriving = light.direct_at(index) + light.caustic_at(index);
+        rays.medium().transmittance(rays.length(index)) * albedo * arriving / PI
+    };
+    (0..rays.len()).into_par_iter().map(radiance).collect()
+}
