@@ -268,7 +268,9 @@ impl BandStages {
             let paths = self.paths(inputs, &rays).await?;
             let ends = self.ends(inputs, light, &paths, &rays, &surfaces).await?;
             fetches += fetches_of(ends.caustic.as_deref());
-            beauty = Some(self.beauty(inputs, &paths, [&surfaces, &ends], &scattered));
+            let nothing = Scattered::default();
+            let seen = if inputs.options.plain_diffuse { &nothing } else { &scattered };
+            beauty = Some(self.beauty(inputs, &paths, [&surfaces, &ends], seen));
         }
         if inputs.progress.is_cancelled() {
             return Err(Error::Cancelled);

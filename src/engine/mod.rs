@@ -310,7 +310,8 @@ impl Engine {
             progress,
         };
         let shows_chains = self.options.aovs.iter().any(|aov| aov.chain().is_some());
-        let sum = if self.options.shows_caustic() || shows_chains {
+        let is_scattered = self.options.aovs.contains(&Aov::Scattered);
+        let sum = if self.options.shows_caustic() || is_scattered || shows_chains {
             Some(self.technique.1.prepare(inputs, &mut self.light_stages).await?)
         } else {
             None
@@ -331,6 +332,9 @@ impl Engine {
 
     /// Pictures of scattered light need a medium.
     fn check_medium(&self) -> Result<(), OptionError> {
+        if let Some(medium) = &self.scene.medium {
+            medium.check()?;
+        }
         let is_shown = |aov: &&Aov| matches!(aov, Aov::Scattered | Aov::ScatteredDirect);
         let Some(aov) = self.options.aovs.iter().find(is_shown) else { return Ok(()) };
         if self.scene.medium.is_some_and(|medium| medium.scatters()) {

@@ -210,7 +210,7 @@ impl Shaded {
         Displayed { exposures, pixels: self.pixels().map(mean).collect() }
     }
 
-    /// Metered on the pixels that show surfaces or, where there are hardly any, on all.
+    /// Metered on the pixels that show surfaces, or light from a medium, or, where there are hardly any, on all.
     fn metered_ev(&self) -> f32 {
         let mean =
             |points: &[ShadedPoint]| points.iter().map(|p| p.surfaces).sum::<Vec3>() / points.len().max(1) as f32;

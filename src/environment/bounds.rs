@@ -100,7 +100,7 @@ impl LightBounds {
         rows(&level, size).flatten().copied().reduce(Extremes::join).expect("six faces")
     }
 
-    /// No mean along an arc of such a length, radians, is brighter in any channel.
+    /// How bright the mean along an arc of such a length, radians, is at most in any channel, if bright sets of directions are round.
     #[inline]
     pub(crate) fn along_arc(&self, length: f32) -> f32 {
         self.along_arcs.at(length)

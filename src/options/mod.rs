@@ -345,7 +345,7 @@ impl Options {
 
     fn check_pictures(&self) -> Result<(), OptionError> {
         let expected =
-            "one or more of beauty, caustic, direct, scattered, albedo, normal, position, depth, each once".to_owned();
+            "one or more of beauty, caustic, caustic.R, caustic.T, direct, scattered, scattered.direct, albedo, normal, position, depth, each once".to_owned();
         let repeated = (1..self.aovs.len()).find(|&i| self.aovs[..i].contains(&self.aovs[i]));
         match repeated {
             Some(i) => {
@@ -441,8 +441,7 @@ impl Options {
 
     /// Whether any requested picture shows caustics.
     pub(crate) fn shows_caustic(&self) -> bool {
-        self.aovs.iter().any(|aov| matches!(aov, Aov::Caustic | Aov::Scattered))
-            || self.aovs.contains(&Aov::Beauty) && !self.plain_diffuse
+        self.aovs.contains(&Aov::Caustic) || self.aovs.contains(&Aov::Beauty) && !self.plain_diffuse
     }
 }
 

@@ -136,7 +136,7 @@ pub struct Params {
     /// Counter-clockwise rotation of the environment about +Y, radians: a direction d in the world is looked up in the
     /// cube map as R(−rotation)·d.
     pub environment_rotation_rad: f32,
-    /// What fills the space between mirrors and receivers, and behind interfaces.
+    /// What fills the space between mirrors and receivers, and behind interfaces. Only sums on the CPU know it.
     pub medium: Option<Medium>,
     /// Whether the medium also fills the space between lamps and mirrors.
     pub lamps_in_medium: bool,

@@ -10,7 +10,7 @@ use crate::brdf::Materials;
 pub const NO_RECEIVER: f32 = -1.0;
 
 /// Stands for the index of an object where a receiver is a point of a medium: the largest that 32-bit floats tell apart.
-const MEDIUM_OBJECT: u32 = (1 << 24) - 1;
+const MEDIUM_OBJECT: u32 = (1 << 23) - 1;
 
 /// Points along an edge of a receiver tile, the unit of work of a hierarchical gather.
 pub(super) const TILE: usize = super::constants::TILE_SIZE as usize;
@@ -39,7 +39,8 @@ pub struct Receivers {
     pub view_directions: Option<ViewDirections>,
     /// `Some`: the receivers are parts of rays through a medium, of these lengths, metres, around their positions. The gather computes
     /// the light that the medium scatters towards the viewer there: the mean over the part of ∫ L 4π p dω, W/m², where p is the phase
-    /// function, which is the fluence rate where the medium scatters evenly. With `view_directions` it has no meaning.
+    /// function, which is the fluence rate where the medium scatters evenly. Only sums on the CPU know them, and only
+    /// without `view_directions`.
     pub lengths: Option<Vec<f32>>,
 }
 
@@ -129,10 +130,10 @@ impl Receivers {
             chosen = (0..most).map(|k| chosen[place(k)]).collect();
         }
         let mut some = Self { layout: ReceiverLayout::Unordered, ..Self::empty(chosen.len() as u32, 1) };
+        some.lengths = self.lengths.as_ref().map(|lengths| chosen.iter().map(|&index| lengths[index]).collect());
         for (place, index) in chosen.into_iter().enumerate() {
             (some.positions[place], some.normals[place]) = (self.positions[index], self.normals[index]);
         }
-        some.lengths = self.lengths.as_ref().map(|_| vec![0.0; some.positions.len()]);
         some
     }
 

@@ -310,7 +310,7 @@ receiver = { albedo = [0.5, 0.5, 0.5] }
             ("sigma_a = [0.1]", "medium.sigma_a: "),
             ("sigma_s = 0.1\ng = 1", "medium.g: is 1, but must be from -0.99"),
             ("sigma_s = 0", "medium: is a medium that does nothing"),
-            ("sigma = 0.1", "unknown key 'sigma'; did you mean 'sigma_s'?"),
+            ("sigma = 0.1", "unknown key 'sigma'; did you mean 'sigma_a'?"),
         ] {
             let message = medium(keys).unwrap_err().to_string();
             assert!(message.starts_with("scene.toml:") && message.contains(expected), "{keys}: {message}");

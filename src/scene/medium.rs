@@ -4,6 +4,8 @@ use std::f32::consts::PI;
 
 use glam::Vec3;
 
+use crate::OptionError;
+
 /// A homogeneous medium. It fills all space or, where the scene has refractors, what lies behind these: the water of a pool.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Medium {
@@ -48,9 +50,24 @@ impl Medium {
         (1.0 - g * g) / (4.0 * PI * squared * squared.sqrt())
     }
 
-    /// The distance beyond which nothing is seen through the medium, metres.
+    /// The distance beyond which nothing is seen that the medium scatters, metres.
     pub fn sight(&self) -> f32 {
-        -Self::MIN_TRANSMITTANCE.ln() / self.extinction().min_element().max(1e-9)
+        let extinction = self.extinction();
+        let scattering = (0..3).filter(|&channel| self.sigma_s[channel] > 0.0 || !self.scatters());
+        let least = scattering.map(|channel| extinction[channel]).fold(f32::INFINITY, f32::min);
+        -Self::MIN_TRANSMITTANCE.ln() / least.max(1e-9)
+    }
+
+    /// What is out of its range, if anything is: a coefficient, or g.
+    pub(crate) fn check(&self) -> Result<(), OptionError> {
+        let is_coefficient = |sigma: f32| (0.0..=Self::MAX_SIGMA).contains(&sigma);
+        let sigmas = [self.sigma_s, self.sigma_a].map(|sigma| sigma.to_array());
+        let is_valid = sigmas.as_flattened().iter().all(|sigma| is_coefficient(*sigma));
+        if is_valid && (-Self::MAX_G..=Self::MAX_G).contains(&self.g) {
+            return Ok(());
+        }
+        let message = "needs sigma_s and sigma_a from 0 to 1e6 per metre, and g from -0.99 to 0.99";
+        Err(OptionError::invalid("medium", message))
     }
 
     /// Whether it scatters any light.

@@ -34,7 +34,7 @@ impl View {
         self.width() * self.rows * self.pixel_samples
     }
 
-    /// A camera ray by its index; perspective ones have directions of any length.
+    /// A camera ray by its index.
     pub fn ray(&self, k: u32) -> Ray {
         let (width, per_edge) = (self.width(), self.pixel_samples);
         let point = Vec2::new((k % width) as f32, (k / width + self.first_row * per_edge) as f32) + 0.5;

@@ -407,7 +407,8 @@ struct Walk {
 impl Walk {
     /// Loses the light that the medium takes on the way to a surface, or to nowhere.
     fn pass_medium(&mut self, medium: &Medium, hit: Option<&Hit>) {
-        if self.is_in_medium {
+        // What mirrors show of the environment is as bright as what they cast of it.
+        if self.is_in_medium && (hit.is_some() || self.bounce == 0) {
             let distance = hit.map_or(medium.sight(), |hit| hit.position.distance(self.ray.origin));
             self.throughput *= medium.transmittance(distance);
         }

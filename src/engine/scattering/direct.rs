@@ -10,7 +10,7 @@ use sobol_burley::sample_4d;
 use std::f32::consts::TAU;
 
 use super::rays::{MediumRays, seen_length};
-use crate::environment::{CubeMap, FACES, LightSampler, face_direction, texel_solid_angle_sr};
+use crate::environment::{CubeMap, LightSampler, face_direction, texel_solid_angle_sr};
 use crate::lanes::LANES;
 use crate::progress::Progress;
 use crate::scene::{Lamp, Medium, Ray};
@@ -163,7 +163,7 @@ fn nearness(lamp: &Lamp, ray: &Ray, [start, end]: [f32; 2]) -> f32 {
 fn unoccluded(environment: &CubeMap, medium: &Medium) -> CubeMap {
     let level = (0..environment.level_count()).find(|l| environment.size() >> l <= SUMMED_SIZE).unwrap_or(0);
     let size = environment.size() >> level;
-    let texels: Vec<(Vec3, Vec3)> = environment
+    let texels: Vec<(Vec3, f32, Vec3)> = environment
         .rows(level)
         .enumerate()
         .flat_map(|(row, texels)| texels.iter().enumerate().map(move |(x, texel)| (row, x, texel)))
@@ -171,14 +171,18 @@ fn unoccluded(environment: &CubeMap, medium: &Medium) -> CubeMap {
             let (face, y) = (row / size as usize, row as u32 % size);
             let place = |k: u32| (2 * k + 1) as f32 / size as f32 - 1.0;
             let solid_angle = texel_solid_angle_sr(size, x as u32, y) as f32;
-            (face_direction(face, place(x as u32), place(y)).normalize(), solid_angle * texel.truncate())
+            (face_direction(face, place(x as u32), place(y)).normalize(), solid_angle, texel.truncate())
         })
-        .filter(|(_, power)| *power != Vec3::ZERO)
         .collect();
-    debug_assert!(texels.len() <= FACES * (size * size) as usize);
     let narrow = MAP_SIZES.iter().find(|(g, _)| medium.g.abs() <= *g).map_or(32, |(_, size)| *size);
     CubeMap::from_radiance(narrow, None, |towards_viewer| {
-        texels.iter().map(|(direction, power)| medium.phase(-direction.dot(towards_viewer)) * *power).sum()
+        // Normalised, as a narrow phase function falls between texels.
+        let (mut light, mut weights) = (Vec3::ZERO, 0.0);
+        for (direction, solid_angle, radiance) in &texels {
+            let weight = solid_angle * medium.phase(-direction.dot(towards_viewer));
+            (light, weights) = (light + weight * *radiance, weights + weight);
+        }
+        light / weights
     })
 }
 
@@ -190,7 +194,7 @@ mod tests {
     #[test]
     fn even_light_is_scattered_evenly() {
         let cube = CubeMap::from_radiance(16, None, |_| Vec3::new(1.0, 2.0, 3.0));
-        for g in [0.0, -0.4, 0.5, 0.8] {
+        for g in [0.0, -0.4, 0.5, 0.8, 0.99] {
             let medium = Medium { sigma_s: Vec3::ONE, sigma_a: Vec3::ZERO, g };
             let map = unoccluded(&cube, &medium);
             for view in [Vec3::X, Vec3::NEG_Y, Vec3::new(0.6, 0.0, 0.8), Vec3::ONE.normalize()] {

@@ -34,8 +34,8 @@ const MORE_TOLERANCES: f32 = 200.0;
 const LENIENCY: f32 = 16.0;
 /// Parts of rays that are gathered together: as many as fit into 50 MB.
 const PARTS_AT_ONCE: usize = 1 << 20;
-/// Rays that tell this mean, at least, one of so many.
-const COARSE_STEP: usize = 16;
+/// Rays that tell this mean.
+const RAYS_OF_MEAN: usize = 1024;
 
 /// Scattered light by camera ray, W/(m²·sr), for an intensity of 1.
 #[derive(Debug, Default)]
@@ -78,7 +78,7 @@ pub(super) async fn scattered_caustic(
     rays: &MediumRays<'_>,
     beside: &[Vec3],
 ) -> Result<Vec<[f32; 4]>, Error> {
-    let few: Vec<usize> = rays.within().step_by(COARSE_STEP * COARSE_STEP).collect();
+    let few = some_of(&rays.within().collect::<Vec<_>>());
     let gather = RayGather { inputs, sum, rays };
     let mean = mean_of_parts(&gather.parts(&few, 0.0).await?, rays, &few);
     let error = MORE_TOLERANCES * inputs.options.tolerance * mean;
@@ -108,6 +108,12 @@ pub(super) fn scattered_direct(
         light.set(open.into_iter().zip(found.into_iter().map(|light| light.extend(0.0))));
     }
     light.finish()
+}
+
+/// Some of the rays, from all over the picture: even steps could coincide with its columns, golden-ratio steps do not.
+fn some_of(rays: &[usize]) -> Vec<usize> {
+    let place = |k: usize| ((k as f64 * 0.618_033_988_749_894_9).fract() * rays.len() as f64) as usize;
+    (0..RAYS_OF_MEAN.min(rays.len())).map(|k| rays[place(k)]).collect()
 }
 
 /// The mean over the parts of some rays, as far as they are seen through the medium, W/m².

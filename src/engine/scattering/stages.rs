@@ -13,8 +13,8 @@ use crate::engine::shading::SurfaceLight;
 use crate::image::Aov;
 use crate::options::Options;
 use crate::progress::Stage;
-use crate::scene::{Medium, Visibility};
-use crate::stages::{CameraRays, Id, LightStages, Memo, StageCounts};
+use crate::scene::{Medium, Object, Specular, Visibility};
+use crate::stages::{CameraRays, Id, LightStages, Memo, StageCounts, SurfaceMaterials};
 use crate::technique::Sum;
 
 /// What scattered light is made from; direct light has no sum.
@@ -24,10 +24,12 @@ struct ScatteringKey {
     sum: Option<Id<dyn Sum>>,
     light: LightKey,
     medium: Medium,
+    /// Of each object: they tell where the medium is, and where parts of rays lie.
+    speculars: Vec<Option<Specular>>,
     steps: u32,
     tolerance: f32,
-    /// Light from surfaces, which hides differences.
-    beside: Option<LightId>,
+    /// Light from surfaces, which hides differences, and what they reflect of it.
+    beside: Option<(LightId, Id<SurfaceMaterials>)>,
 }
 
 /// What a medium scatters along the camera rays of a band.
@@ -56,13 +58,14 @@ impl ScatteringStages {
         };
         let rays = MediumRays::new(scene, medium, &prepared.tracer, camera_rays, options.medium_steps as usize);
         let is_layer = [Aov::Scattered, Aov::ScatteredDirect].iter().any(|aov| options.aovs.contains(aov));
-        let beside = (!is_layer).then(|| id_of(surfaces));
-        let hiding = if is_layer { Vec::new() } else { seen_radiance(inputs, &rays, surfaces) };
+        let beside = (!is_layer).then(|| (id_of(surfaces), Id::of(&prepared.materials)));
+        let hiding = || if is_layer { Vec::new() } else { seen_radiance(inputs, &rays, surfaces) };
         let of_direct = ScatteringKey {
             rays: Id::of(camera_rays),
             sum: None,
             light: inputs.light_key(),
             medium,
+            speculars: scene.objects.iter().map(Object::specular).collect(),
             steps: options.medium_steps,
             tolerance: options.tolerance,
             beside,
@@ -72,7 +75,7 @@ impl ScatteringStages {
             && let Some(sum) = inputs.sum
         {
             let key = ScatteringKey { sum: Some(Id::of(sum)), ..of_direct.clone() };
-            let make = async || scattered_caustic(inputs, sum, &rays, &hiding).await;
+            let make = async || scattered_caustic(inputs, sum, &rays, &hiding()).await;
             scattered.caustic = Some(self.caustic.wait_for(key, (rays.len() as u64, progress), make).await?);
         }
         if shows(options, Aov::ScatteredDirect) {
@@ -80,7 +83,7 @@ impl ScatteringStages {
             let sampler = light.sampler(inputs.light, progress);
             let make = || {
                 let direct = DirectScattering::new(inputs.light, medium, &sampler, tracer, rays.parts_per_ray());
-                scattered_direct(inputs, &direct, &rays, &hiding)
+                scattered_direct(inputs, &direct, &rays, &hiding())
             };
             scattered.direct = Some(self.direct.get(of_direct, progress, make));
         }

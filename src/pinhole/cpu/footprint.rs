@@ -54,8 +54,10 @@ pub(super) fn widened<S: Simd>(
         m12 += x * y;
         m22 += y * y;
         // One side along the third one, which is often the longest, and one across it: sides with these moments.
-        let length = (x * x + y * y).sqrt().max(f32::MIN_POSITIVE);
-        let (x, y) = (x / length, y / length);
+        let (squared, one, zero) = (x * x + y * y, splat(simd, 1.0), splat(simd, 0.0));
+        let is_short = squared.simd_le(m11 * 1e-10 + m22 * 1e-10);
+        let length = squared.sqrt().max(f32::MIN_POSITIVE);
+        let (x, y) = (is_short.select(one, x / length), is_short.select(zero, y / length));
         let (along_x, along_y) = (m11 * x + m12 * y, m12 * x + m22 * y);
         let scale = 1.0 / (along_x * x + along_y * y).sqrt().max(f32::MIN_POSITIVE);
         let (along_x, along_y) = (along_x * scale, along_y * scale);

@@ -91,7 +91,10 @@ impl Viewer {
         let (options, original) = (&mut self.document.state.options, &self.document.original.options);
         let mut is_edited = false;
         let mut picture = options.aovs.first().copied().unwrap_or(Aov::Beauty);
-        if choice(ui, "Picture", &mut picture, Aov::Beauty, PICTURES) {
+        let has_medium = self.document.state.scene.medium.is_some();
+        let is_possible = |aov: Aov| has_medium || !matches!(aov, Aov::Scattered | Aov::ScatteredDirect);
+        let pictures: Vec<_> = PICTURES.iter().copied().filter(|(aov, _)| is_possible(*aov)).collect();
+        if choice(ui, "Picture", &mut picture, Aov::Beauty, &pictures) {
             options.aovs = vec![picture];
             is_edited = true;
         }
@@ -148,9 +151,10 @@ impl Viewer {
         is_edited |= number(ui, "Tolerance", &mut options.tolerance, original.tolerance, (1e-3..=1.0, true));
         is_edited |= choice(ui, "Filter", &mut options.filter, original.filter, FILTERS);
         is_edited |= number(ui, "Taps", &mut options.taps, original.taps, (1..=crate::pinhole::MAX_TAPS, true));
-        let most = crate::options::MAX_MEDIUM_STEPS;
-        let steps = (&mut options.medium_steps, original.medium_steps);
-        is_edited |= number(ui, "Medium steps", steps.0, steps.1, (1..=most, true));
+        if self.document.state.scene.medium.is_some() {
+            let (steps, most) = (&mut options.medium_steps, crate::options::MAX_MEDIUM_STEPS);
+            is_edited |= number(ui, "Medium steps", steps, original.medium_steps, (1..=most, true));
+        }
         let footprints = [(Footprint::Cells, "cells"), (Footprint::Curvature, "curvature")];
         if choice(ui, "Footprint", &mut options.footprint, original.footprint, &footprints) {
             options.leaves = options.leaves.filter(|_| options.footprint == Footprint::Cells);

@@ -130,13 +130,12 @@ fn a_preview_comes_first_and_is_refined_to_the_scenes_own_settings() {
 fn every_setting_is_operated_and_undone() {
     let (_folder, _, mut window) = opened();
     window.step();
-    let numbers: [(&str, Value<f64>); 8] = [
+    let numbers: [(&str, Value<f64>); 7] = [
         ("Rotation \u{b0}", |v| v.document.state.scene.environment.rotation_rad.into()),
         ("Intensity", |v| v.document.state.scene.environment.intensity.into()),
         ("Samples", |v| v.document.state.options.samples.into()),
         ("Tolerance", |v| v.document.state.options.tolerance.into()),
         ("Taps", |v| v.document.state.options.taps.into()),
-        ("Medium steps", |v| v.document.state.options.medium_steps.into()),
         ("Gain", |v| v.document.state.options.caustic_gain.into()),
         ("Seed", |v| v.document.state.options.seed as f64),
     ];
