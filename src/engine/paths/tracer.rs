@@ -347,12 +347,13 @@ impl PixelOnTheWay {
             lamps.extend(walks.iter().zip(hits).flat_map(|(walk, hit)| tracer.lamps_passed(walk, hit.as_ref())));
         }
         if let Some(medium) = tracer.inputs.scene.medium.filter(|_| !tracer.is_plain) {
+            let is_everywhere = tracer.inputs.scene.has_medium_everywhere();
             for (walk, hit) in walks.iter_mut().zip(hits) {
                 if walk.bounce == 0 {
                     let length = hit.map_or(medium.sight(), |hit| hit.position.distance(walk.ray.origin));
                     paths.first_legs.push((walk.own as u32, length));
                 }
-                walk.pass_medium(&medium, hit.as_ref());
+                walk.pass_medium(&medium, is_everywhere, hit.as_ref());
             }
         }
         let mut hits = hits.iter();
@@ -406,9 +407,10 @@ struct Walk {
 
 impl Walk {
     /// Loses the light that the medium takes on the way to a surface, or to nowhere.
-    fn pass_medium(&mut self, medium: &Medium, hit: Option<&Hit>) {
+    fn pass_medium(&mut self, medium: &Medium, is_everywhere: bool, hit: Option<&Hit>) {
         // What mirrors show of the environment is as bright as what they cast of it.
-        if self.is_in_medium && (hit.is_some() || self.bounce == 0) {
+        let is_cast = is_everywhere && self.bounce > 0 && hit.is_none();
+        if self.is_in_medium && !is_cast {
             let distance = hit.map_or(medium.sight(), |hit| hit.position.distance(self.ray.origin));
             self.throughput *= medium.transmittance(distance);
         }
