@@ -233,7 +233,6 @@ fn every_option_of_render_changes_what_it_writes() {
         &["--leaves", "4"],
         &["--tolerance", "1"],
         &["--taps", "1"],
-        &["--medium-steps", "4"],
         &["--attenuation", "off"],
         &["--epsilon", "paper"],
         &["--epsilon", "0.5"],
@@ -263,10 +262,17 @@ fn every_option_of_render_changes_what_it_writes() {
     for more in changes {
         assert_ne!(written(more), plain, "{more:?} changes nothing");
     }
-    // There is one technique, so that naming it changes nothing.
+    // There is one technique, so that naming it changes nothing, and no medium.
     assert_eq!(written(&["--technique", "pinhole"]), plain);
+    assert_eq!(written(&["--medium-steps", "4"]), plain);
+    let mut scene = std::fs::read_to_string(place.path("scene.toml")).unwrap();
+    scene.push_str("[medium]\nsigma_s = 0.2\n");
+    std::fs::write(place.path("scene.toml"), scene).unwrap();
+    let hazy = written(&[]);
+    assert_ne!(hazy, plain);
+    assert_ne!(written(&["--medium-steps", "4"]), hazy);
     // Those of animations have a test of their own.
-    let others = ["--technique", "--frames", "--fps"];
+    let others = ["--technique", "--medium-steps", "--frames", "--fps"];
     assert_all_named(&place, "render", changes.concat().into_iter().chain(others));
 }
 
