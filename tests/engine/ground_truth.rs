@@ -190,7 +190,8 @@ fn with_findable_light(mut scene: Scene) -> Scene {
     for object in scene.objects.iter_mut().filter(|object| object.emitter.is_some()) {
         object.placement.scale *= 12.0;
     }
-    scene.lamps.iter_mut().for_each(|lamp| lamp.radius = 0.15);
+    // Flat tiles of a ball seldom show a spotlight on the other side of the room.
+    scene.lamps.iter_mut().for_each(|lamp| lamp.radius = if lamp.beam.is_some() { 0.5 } else { 0.15 });
     match &mut scene.environment.light {
         Light::BuiltInMap(name) => "studio".clone_into(name),
         Light::Spot { sigma_rad, .. } => *sigma_rad = 0.1,

@@ -113,7 +113,7 @@ fn it_sums_what_its_leaves_do() {
             // Under a light that is the same everywhere, the largest cells do, and their errors have one sign.
             let is_even = *map == own.0 && matches!(work.scene.environment.light, scene::Light::Constant(_));
             let off = if is_even {
-                0.01
+                0.012
             } else if *map == "city" {
                 0.006
             } else {
