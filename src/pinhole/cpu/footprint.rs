@@ -1,4 +1,4 @@
-//! Twin of `shaders/shared/footprint.wgsl`.
+//! Twin of `shaders/shared/footprint.wgsl`, which has no third sides: parts of rays are summed on the CPU.
 
 use crate::lanes::{F, Select, Simd, SimdBase, SimdFloat, V3, splat};
 

@@ -110,15 +110,20 @@ impl<'a> LampLight<'a> {
         (splat(simd, solid_angle_of(seen.chord)) / area).min(1.0)
     }
 
-    /// At most the part of a segment of a ray from which any point of a cell mirrors the lamp; 1 at one place.
+    /// At most the part of a segment of a ray, along which the light turns so far, from which any point of a cell mirrors the lamp.
     #[inline(always)]
-    pub fn max_part_of_segment<S: Simd>(&self, simd: S, sample: &PinholeParts, pair: &ReceiverCellPair<S>) -> F<S> {
-        let Some(turn) = pair.turn_along_segment(simd) else { return splat(simd, 1.0) };
+    pub fn max_part_of_segment<S: Simd>(
+        &self,
+        simd: S,
+        sample: &PinholeParts,
+        pair: &ReceiverCellPair<S>,
+        turn: F<S>,
+    ) -> F<S> {
         let seen = self.seen_from(sample.position);
         let sharp = Self::sharp_footprint(simd, sample, pair, &seen);
         // Its disc is blurred by the cell's own footprint.
         let width = (sharp.squares().sqrt() * LAMP_BLUR + seen.chord) * 2.0;
-        (width / turn.dot(turn).sqrt().max(f32::MIN_POSITIVE)).min(1.0)
+        (width / turn.max(f32::MIN_POSITIVE)).min(1.0)
     }
 
     /// The largest radiance within a radius around directions from any point of a cell: that of the lamp, or nothing.

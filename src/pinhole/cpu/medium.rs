@@ -53,9 +53,8 @@ impl Gather<'_> {
         size: F<S>,
         active: u32,
     ) -> (F<S>, F<S>) {
-        let nothing = (splat(simd, 1.0), splat(simd, 0.0));
-        let Some(medium) = self.medium.as_ref().filter(|medium| medium.g != 0.0 && receiver.length.is_some()) else {
-            return nothing;
+        let Some(medium) = self.medium.as_ref().filter(|medium| medium.g != 0.0) else {
+            return (splat(simd, 1.0), splat(simd, 0.0));
         };
         let turned = (pair.d.dot(receiver.normal) * pair.inverse_l).to_array();
         let size = size.to_array();

@@ -251,11 +251,11 @@ impl TileGather<'_> {
         size = self.size_for_light(size, &cell.sample, cell.radius);
         let (mut max_radiance, mut contrast) =
             self.light_within(simd, cell, (cone_axis, cone_radius), max_weight.facing);
-        if let Source::Lamp(lamp) = &self.context.gather.source
-            && receiver.length.is_some()
-        {
-            max_radiance *= lamp.max_part_of_segment(simd, &cell.sample, pair);
-            contrast = max_radiance;
+        // How far the light's direction turns along a part of a ray.
+        let turn = pair.turn_along_segment(simd).map(|turn| turn.dot(turn).sqrt());
+        if let Some(turn) = turn {
+            let most = self.light_along_ray(simd, cell, pair, turn, max_radiance);
+            (max_radiance, contrast) = (most, contrast.min(most));
         }
         if let Source::Lamp(lamp) = &self.context.gather.source
             && cell.is_leaf()
@@ -278,14 +278,8 @@ impl TileGather<'_> {
             weight *= max_scattered;
             gloss_error = error * CONTRAST_ERROR_SCALE;
         }
-        if let (SourceBounds::Environment(light), Some(turn)) = (&self.criterion.light, pair.turn_along_segment(simd)) {
-            let mean = lanes(simd, turn.dot(turn).sqrt().to_array().map(|turn| light.along_arc(turn)));
-            (max_radiance, contrast) = (max_radiance.min(mean), contrast.min(mean));
-        }
-        let left_along_ray = pair.turn_along_segment(simd).map_or(splat(simd, 1.0), |turn| {
-            let turn = turn.dot(turn).sqrt();
-            turned / (turned + turn).max(f32::MIN_POSITIVE)
-        });
+        let nothing_averages_out = splat(simd, 1.0);
+        let left_along_ray = turn.map_or(nothing_averages_out, |turn| turned / (turned + turn).max(f32::MIN_POSITIVE));
         ContributionBounds {
             left_along_ray,
             size,
@@ -293,6 +287,26 @@ impl TileGather<'_> {
             max: weight * max_radiance,
             range: weight * contrast,
             gloss_error,
+        }
+    }
+
+    /// Upper bound of the mean radiance along parts of rays over which the light's direction turns so far, of which none is brighter than
+    /// `max`.
+    #[inline(always)]
+    fn light_along_ray<S: Simd>(
+        &self,
+        simd: S,
+        cell: &Cell,
+        pair: &ReceiverCellPair<S>,
+        turn: F<S>,
+        max: F<S>,
+    ) -> F<S> {
+        match (&self.context.gather.source, &self.criterion.light) {
+            (Source::Lamp(lamp), _) => max * lamp.max_part_of_segment(simd, &cell.sample, pair, turn),
+            (_, SourceBounds::Environment(light)) => {
+                max.min(lanes(simd, turn.to_array().map(|turn| light.along_arc(turn))))
+            }
+            _ => max,
         }
     }
 
