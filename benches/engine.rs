@@ -19,7 +19,7 @@ use pinspot::low_level::differential::differentials;
 use pinspot::low_level::environment::Environment;
 use pinspot::low_level::gpu::Gpu;
 use pinspot::low_level::pinhole::cpu::gather;
-use pinspot::low_level::pinhole::gpu::{Engine, EnvironmentCube, FrameInputs, GatherOptions};
+use pinspot::low_level::pinhole::gpu::{Engine, EnvironmentCube, FrameInputs, FrameLight, GatherOptions};
 use pinspot::low_level::pinhole::{Filter, Footprint, Params, Pinholes, Receivers, pinholes};
 use pinspot::low_level::sampling::{self, Strategy, Surface, sample};
 use pinspot::low_level::tracing::Tracer;
@@ -127,7 +127,7 @@ fn gather_on_gpu(c: &mut Criterion) {
             size,
             pinholes: &work.pinholes,
             maps: None,
-            environment: &environment,
+            light: FrameLight::Environment(&environment),
             params,
         };
         group.bench_function(name, |b| b.iter(|| run_frame(&gpu, &engine, &inputs)));
@@ -195,7 +195,7 @@ fn visibility(c: &mut Criterion) {
             size,
             pinholes: &work.pinholes,
             maps: None,
-            environment: &environment,
+            light: FrameLight::Environment(&environment),
             params,
         };
         group.bench_function(format!("{}, {name}", gpu.adapter.name), |b| {

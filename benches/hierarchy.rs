@@ -21,7 +21,7 @@ use pinspot::low_level::gpu::Gpu;
 use pinspot::low_level::pinhole::cpu::{Accuracy, Light, estimate_irradiance, gather, gather_hierarchical};
 use pinspot::low_level::pinhole::gpu::{
     CellTreeBuffers, EnvironmentCube, HierarchicalEngine, HierarchicalInputs, HierarchicalOptions, LightBoundsTexture,
-    Tolerance,
+    LightKind, Tolerance, TreeLight,
 };
 use pinspot::low_level::pinhole::{Params, PinholeTree, Receivers};
 use pinspot::low_level::sampling::{self, Strategy, Surface, sample};
@@ -215,7 +215,12 @@ fn look_ups(name: &'static str) {
 fn frame_on_gpu(gpu: &Gpu, work: &Work, tree: &PinholeTree) -> (f64, f64) {
     let (device, size) = (&gpu.device, [work.receivers.width, work.receivers.height]);
     let params = Params::default();
-    let options = HierarchicalOptions { filter: params.filter, visibility: false, refraction: false };
+    let options = HierarchicalOptions {
+        filter: params.filter,
+        light: LightKind::Environment,
+        visibility: false,
+        refraction: false,
+    };
     let engine = HierarchicalEngine::new(device, &options);
     let environment = EnvironmentCube::upload(device, &gpu.queue, &work.environment.cube).expect("it fits");
     let inputs = HierarchicalInputs {
@@ -225,8 +230,10 @@ fn frame_on_gpu(gpu: &Gpu, work: &Work, tree: &PinholeTree) -> (f64, f64) {
         size,
         is_grid: true,
         tree: &CellTreeBuffers::upload(device, tree).expect("it fits"),
-        environment: &environment,
-        bounds: &LightBoundsTexture::upload(device, &gpu.queue, &work.bounds),
+        light: TreeLight::Environment {
+            cube: &environment,
+            bounds: &LightBoundsTexture::upload(device, &gpu.queue, &work.bounds),
+        },
         params,
         tolerance: Tolerance::Relative(0.01),
         has_tolerances: false,

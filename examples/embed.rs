@@ -13,7 +13,7 @@ use pinspot::low_level::cell_tree::{CellTree, TreeOptions};
 use pinspot::low_level::environment::{Environment, LightBounds};
 use pinspot::low_level::pinhole::gpu::{
     CellTreeBuffers, EnvironmentCube, HierarchicalEngine, HierarchicalFrame, HierarchicalInputs, HierarchicalOptions,
-    LightBoundsTexture, Tolerance,
+    LightBoundsTexture, LightKind, Tolerance, TreeLight,
 };
 use pinspot::low_level::pinhole::{Params, PinholeTree};
 use pinspot::low_level::sampling::{self, Surface, sample};
@@ -64,7 +64,12 @@ impl Caustics {
     /// Once, and again for another light.
     fn new(device: &wgpu::Device, queue: &wgpu::Queue, scene: &Scene) -> Result<Self, Failure> {
         let light = Environment::new(&scene.environment.light, Default::default())?;
-        let options = HierarchicalOptions { filter: Filter::Anisotropic, visibility: true, refraction: false };
+        let options = HierarchicalOptions {
+            filter: Filter::Anisotropic,
+            light: LightKind::Environment,
+            visibility: true,
+            refraction: false,
+        };
         Ok(Self {
             engine: HierarchicalEngine::new(device, &options),
             environment: EnvironmentCube::upload(device, queue, &light.cube)?,
@@ -87,8 +92,7 @@ impl Caustics {
             size: SIZE,
             is_grid: true,
             tree: cells,
-            environment: &self.environment,
-            bounds: &self.bounds,
+            light: TreeLight::Environment { cube: &self.environment, bounds: &self.bounds },
             params: Params::default(),
             tolerance: Tolerance::Relative(TOLERANCE),
             has_tolerances: false,

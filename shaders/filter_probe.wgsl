@@ -11,7 +11,7 @@ struct Probe {
     side_2: vec3f,
 }
 
-@group(0) @binding(7) var<storage, read> probes: array<Probe>;
+@group(0) @binding(10) var<storage, read> probes: array<Probe>;
 
 @vertex
 fn full_screen(@builtin(vertex_index) vertex: u32) -> @builtin(position) vec4f {

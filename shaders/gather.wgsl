@@ -11,6 +11,7 @@
 #import filters
 #import brdf
 #import interface
+#import near_light
 
 struct PinholeSample {
     position: vec3f,
@@ -35,7 +36,7 @@ struct PinholeSample {
 
 // One batch: a window on the buffer of all samples. A uniform binding, because its loads are broadcast: a storage binding
 // costs lavapipe half as much again (every lane loads for itself).
-@group(0) @binding(7) var<uniform> samples: array<PinholeSample, BATCH_SIZE>;
+@group(0) @binding(10) var<uniform> samples: array<PinholeSample, BATCH_SIZE>;
 @group(2) @binding(0) var previous: texture_2d<f32>;
 
 struct Varyings {
@@ -111,7 +112,7 @@ fn sample_irradiance(i: u32, receiver: Receiver) -> vec4f {
         }
     }
     let is_wide = !is_interface(flags) && is_wide_lobe(samples[i].lobe, samples[i].change_1, samples[i].change_2);
-    if VISIBILITY && FILTER != FILTER_NONE && is_wide {
+    if VISIBILITY && LIGHT == LIGHT_ENVIRONMENT && FILTER != FILTER_NONE && is_wide {
         weight *= lobe_fraction(r, samples[i].lobe, map);
         map.index = UNOCCLUDED;
         if weight == 0.0 {
@@ -133,32 +134,44 @@ fn sample_irradiance(i: u32, receiver: Receiver) -> vec4f {
 fn filtered_radiance(
     i: u32, d: vec3f, n: vec3f, dn: f32, inverse_l: f32, r: vec3f, crossing: Crossing, map: VisibilityMap,
 ) -> vec4f {
-    if FILTER == FILTER_NONE {
+    if LIGHT == LIGHT_ENVIRONMENT && FILTER == FILTER_NONE {
         return visible_light(r, light_from_world(r), 0.0, 0.0, 1.0, map);
     }
-    if is_interface(samples[i].object_flags) {
-        let towards = d * inverse_l;
-        let side_1 = crossed_side(crossing, samples[i].side_1, samples[i].change_1, towards, n, inverse_l);
-        let side_2 = crossed_side(crossing, samples[i].side_2, samples[i].change_2, towards, n, inverse_l);
-        var crossed = FootprintSides(side_1, side_2);
-        if samples[i].lobe > 0.0 {
-            crossed = blurred(crossed, r, n, crossed_blur(crossing, samples[i].lobe));
-        }
-        return mean_over_footprint(r, crossed, f32(uniforms.taps), map);
-    }
-    let v1 = reflected_side(samples[i].side_1, samples[i].change_1, d, n, dn, inverse_l, r);
-    let v2 = reflected_side(samples[i].side_2, samples[i].change_2, d, n, dn, inverse_l, r);
-    var sides = FootprintSides(v1, v2);
-    // The same for all lanes.
     let lobe = samples[i].lobe;
     let cosine = abs(dn) * inverse_l;
-    if is_mostly_lobe(lobe, samples[i].change_1, samples[i].change_2) {
-        let parts = lobe_parts(r, n, cosine, sides, lobe);
-        let core = mean_over_footprint(parts.r, parts.core, f32(uniforms.taps), map);
-        return mean_of_parts(core, mean_over_footprint(parts.r, parts.tail, f32(uniforms.taps), map));
+    let surface = FootprintSides(samples[i].side_1, samples[i].side_2);
+    var widths = mirrored_blur(lobe, cosine);
+    var reflected: FootprintSides;
+    if is_interface(samples[i].object_flags) {
+        let towards = d * inverse_l;
+        reflected.v1 = crossed_side(crossing, surface.v1, samples[i].change_1, towards, n, inverse_l);
+        reflected.v2 = crossed_side(crossing, surface.v2, samples[i].change_2, towards, n, inverse_l);
+        widths = crossed_blur(crossing, lobe);
+    } else {
+        reflected.v1 = reflected_side(surface.v1, samples[i].change_1, d, n, dn, inverse_l, r);
+        reflected.v2 = reflected_side(surface.v2, samples[i].change_2, d, n, dn, inverse_l, r);
     }
+    let light = footprint_on_light(samples[i].position, surface, r, reflected);
+    var seen = 1.0;
+    if VISIBILITY && LIGHT != LIGHT_ENVIRONMENT {
+        seen = visible_fraction(light.towards, map);
+    }
+    // The same for all lanes.
+    if !is_interface(samples[i].object_flags) && is_mostly_lobe(lobe, samples[i].change_1, samples[i].change_2) {
+        let parts = lobe_parts(light.r, n, cosine, light.sides, lobe);
+        let core = mean_radiance(i, light, parts.r, parts.core, map);
+        return vec4f(vec3f(seen), 1.0) * mean_of_parts(core, mean_radiance(i, light, parts.r, parts.tail, map));
+    }
+    var sides = light.sides;
     if lobe > 0.0 {
-        sides = blurred(sides, r, n, mirrored_blur(lobe, cosine));
+        sides = blurred(sides, light.r, n, widths);
     }
-    return mean_over_footprint(r, sides, f32(uniforms.taps), map);
+    return vec4f(vec3f(seen), 1.0) * mean_radiance(i, light, light.r, sides, map);
+}
+
+// Mean radiance over a footprint of a sample; a = fetches.
+fn mean_radiance(i: u32, light: LightFootprint, r: vec3f, sides: FootprintSides, map: VisibilityMap) -> vec4f {
+    let surface = FootprintSides(samples[i].side_1, samples[i].side_2);
+    let taps = f32(uniforms.taps);
+    return mean_of_light(samples[i].position, samples[i].normal, surface, light, r, sides, taps, map);
 }

@@ -4,6 +4,7 @@
 
 #import no_rays
 #import cell_tree
+#import near_light_cells
 
 // Sums over a workgroup's receivers: irradiance, its square, how many there are.
 @group(2) @binding(0) var<storage, read_write> partial_sums: array<vec4f, ESTIMATE_WORKGROUPS>;
@@ -64,6 +65,13 @@ fn sample_contribution(sample: u32, receiver: Receiver) -> vec3f {
 
 // Mean unoccluded radiance over a cell's footprint.
 fn radiance_of(cell: Cell, pair: Pair, map: VisibilityMap) -> vec3f {
+    if LIGHT != LIGHT_ENVIRONMENT {
+        let light = near_light_at(cell, pair, f32(uniforms.taps));
+        if VISIBILITY {
+            return light.radiance.rgb * visible_fraction(light.towards, map);
+        }
+        return light.radiance.rgb;
+    }
     if !is_lobe_of_mirror(cell) {
         return isotropic_radiance(pair.r, footprint_of(cell, pair), map);
     }

@@ -7,6 +7,9 @@
 
 #import no_rays
 #import block_coverage
+#import block_pairs
+#import near_light_cells
+#import point_visibility
 #import tile_batch
 
 // Nodes that the stack holds.
@@ -208,6 +211,14 @@ fn action_with_occlusion(cell: Cell, block: Block, decision: Decision, is_seen: 
     let d = cell.centroid - block.centre;
     let dn = dot(d, cell.normal);
     let map = map_of_sample(cell.sample, sky_side(cell.flags, dn));
+    if LIGHT == LIGHT_LAMP {
+        let seen = visibility_of_point(uniforms.lamp.position - cell.centroid, map, -1);
+        let is_settled = !seen.is_doubtful && (seen.fraction == 0.0 || seen.fraction == 1.0);
+        return select(SPLIT_BLOCK, select(DROP, ADD, seen.fraction == 1.0), is_settled);
+    }
+    if LIGHT == LIGHT_SURROUNDINGS {
+        return SPLIT_BLOCK;
+    }
     // Lobes see more of the sky than bounds of their light cover.
     let lobe_radius = block.radius / length(d) + FOOTPRINT_RADIUS * LOBE_TAIL * cell.lobe;
     let radius = max(decision.cone_radius + select(0.0, cell.lobe, cell.creased), lobe_radius);
@@ -268,8 +279,15 @@ fn contribution(index: u32, contribution_range: f32, receiver: Receiver, block: 
     // Only pairs whose light is wholly unoccluded are added.
     var map: VisibilityMap;
     map.index = UNOCCLUDED;
-    let error_budget = error_budget_of(block);
-    let radiance = cell_radiance(cell, pair, footprint_of(cell, pair), contribution_range, error_budget, map);
+    var radiance: vec4f;
+    if LIGHT != LIGHT_ENVIRONMENT {
+        radiance = near_light_at(cell, pair, f32(uniforms.taps)).radiance;
+        if all(radiance.rgb == vec3f(0.0)) {
+            return vec4f(0.0);
+        }
+    } else {
+        radiance = cell_radiance(cell, pair, footprint_of(cell, pair), contribution_range, error_budget_of(block), map);
+    }
     return vec4f(weight_of(cell, pair, receiver) * reflected_scale(cell, pair) * radiance.rgb, radiance.a);
 }
 
@@ -294,46 +312,6 @@ fn store_sums(at: BlockPlace, progress: Progress, own_sum: vec4f, lane: u32) {
     textureStore(interpolated_part, texel, vec4f(sum, select(-fetches, fetches, progress.added > 0u)));
 }
 
-// A block and a cell.
-struct BlockPair {
-    // From the middle of the block to the cell's centroid, and how far.
-    d: vec3f,
-    l: f32,
-    // Radii of both together.
-    sizes: f32,
-    // d·n
-    dn: f32,
-    // The largest cosines at any point of the cell and of the block, times l.
-    max_cos_at_sample_l: f32,
-    max_cos_at_receiver_l: f32,
-    // Only some points of the cell and the block face each other, or light is totally reflected between some of them.
-    straddles_horizon: bool,
-    // What an interface does at most with the light.
-    crossing: CrossingBounds,
-}
-
-fn block_pair(block: Block, cell: Cell) -> BlockPair {
-    let d = cell.centroid - block.centre;
-    let l = sqrt(dot(d, d));
-    let sizes = block.radius + cell.radius;
-    let dn = dot(d, cell.normal);
-    let at_sample = facing(cell.flags, dn);
-    let at_receiver = dot(d, block.normal);
-    let sample_slack = sizes + cell.normal_radius * l;
-    let receiver_slack = sizes + block.normal_radius * l;
-    var crossing = CrossingBounds(1.0, 2.0, 1.0, 1.0, false, false, 1.0, 1.0);
-    if is_interface(cell.flags) {
-        let cosine = dn / l;
-        let slack = sizes / l + cell.normal_radius;
-        let is_fresnel = (cell.flags & IS_FRESNEL) != 0u;
-        crossing = crossing_bounds(cell.eta, is_fresnel, max(cosine - slack, -1.0), min(cosine + slack, 1.0));
-    }
-    let straddles = at_sample < sample_slack || at_receiver < receiver_slack || crossing.is_unbounded;
-    return BlockPair(
-        d, l, sizes, dn, at_sample + sample_slack, at_receiver + receiver_slack, straddles, crossing,
-    );
-}
-
 // The error that a pair may add at the points of a block, W/m².
 fn error_budget_of(block: Block) -> f32 {
     return PAIR_ERROR_SHARE * (tolerance.error + block.tolerated);
@@ -351,7 +329,7 @@ fn decide(block: Block, level: u32, cell: Cell) -> Decision {
     let block_size = block.radius / pair.l;
     let cell_size = cell.radius / pair.l + cell.normal_radius;
     let cone = light_cone(cell, pair, block_size, cell_size);
-    let light = light_within(cone.direction, cone.radius, cell.blur);
+    let light = light_within(cell, cone.direction, cone.radius);
     let max_weight = max_weight_of(cell, pair);
     let max_contribution = max_weight * light.x;
     let contribution_range = max_weight * light.y;
@@ -383,73 +361,4 @@ fn decide(block: Block, level: u32, cell: Cell) -> Decision {
     // Next to total reflection both errors are unknown, and the larger of the two is refined.
     let prefers_cell = select(cell_error >= block_error, cell_size >= block_size, pair.crossing.is_unbounded);
     return Decision(select(SPLIT_BLOCK, SPLIT_CELL, !is_leaf(cell) && prefers_cell), 0.0, 0.0, vec3f(0.0), 0.0);
-}
-
-// The greatest weight of any point of the cell at any point of the block.
-fn max_weight_of(cell: Cell, pair: BlockPair) -> f32 {
-    let nearest = pair.l - pair.sizes;
-    let farthest = pair.l + pair.sizes;
-    return cell.area * min(pair.max_cos_at_sample_l, farthest) * min(pair.max_cos_at_receiver_l, farthest)
-        / (nearest * nearest) * max_attenuation(nearest * nearest, cell.area) * cell.max_reflectance * pair.crossing.factor;
-}
-
-// The directions in which a cell's light comes that is reflected or refracted to a block.
-struct Cone {
-    direction: vec3f,
-    radius: f32,
-    // The squared minor axis of a footprint.
-    minor2: f32,
-}
-
-fn light_cone(cell: Cell, pair: BlockPair, block_size: f32, cell_size: f32) -> Cone {
-    if is_interface(cell.flags) {
-        return refracted_cone(cell, pair, block_size);
-    }
-    return reflected_cone(cell, pair, block_size, cell_size);
-}
-
-fn reflected_cone(cell: Cell, pair: BlockPair, block_size: f32, cell_size: f32) -> Cone {
-    let r = (pair.d - 2.0 * pair.dn * cell.normal) / pair.l;
-    let v1 = reflected_side(cell.side_1, cell.change_1, pair.d, cell.normal, pair.dn, 1.0 / pair.l, r);
-    let v2 = reflected_side(cell.side_2, cell.change_2, pair.d, cell.normal, pair.dn, 1.0 / pair.l, r);
-    let cone = footprint_cone(r, v1, v2, cell.lobe);
-    let footprint = select(
-        cone.radius + FOOTPRINT_BEND * cell_size * (block_size + cell_size) + unevenness(cell),
-        cell.radius / pair.l + 2.0 * cell.normal_radius,
-        cell.creased,
-    );
-    return Cone(r, block_size + footprint, cone.minor2);
-}
-
-fn refracted_cone(cell: Cell, pair: BlockPair, block_size: f32) -> Cone {
-    let towards = pair.d / pair.l;
-    let crossing = crossing_of(cell.eta, (cell.flags & IS_FRESNEL) != 0u, pair.dn / pair.l);
-    let r = crossed_direction(crossing, towards, cell.normal);
-    let v1 = crossed_side(crossing, cell.side_1, cell.change_1, towards, cell.normal, 1.0 / pair.l);
-    let v2 = crossed_side(crossing, cell.side_2, cell.change_2, towards, cell.normal, 1.0 / pair.l);
-    let cone = footprint_cone(r, v1, v2, crossed_blur(crossing, cell.lobe).x);
-    let most = crossed_cone(pair.crossing, r, towards, cell.normal, block_size + cell.radius / pair.l, cell.normal_radius);
-    let turned_block = pair.crossing.per_direction * block_size;
-    let turned_cell = turned_cell_of(cell, pair);
-    let curved = turned_block + cone.radius + FOOTPRINT_BEND * turned_cell * (turned_block + turned_cell)
-        + 0.5 * pair.crossing.per_normal * unevenness(cell);
-    if !cell.creased && !pair.crossing.is_unbounded && curved < most.radius {
-        return Cone(r, curved, cone.minor2);
-    }
-    return Cone(most.axis, most.radius, cone.minor2);
-}
-
-// How far the light's direction turns over a cell, or half as far as normals turn that of a mirror.
-fn turned_cell_of(cell: Cell, pair: BlockPair) -> f32 {
-    return pair.crossing.per_direction * cell.radius / pair.l + 0.5 * pair.crossing.per_normal * cell.normal_radius;
-}
-
-// The cone that holds a footprint, blurred by a lobe, to first order.
-fn footprint_cone(direction: vec3f, v1: vec3f, v2: vec3f, lobe: f32) -> Cone {
-    let g11 = dot(v1, v1) + lobe * lobe;
-    let g12 = dot(v1, v2);
-    let g22 = dot(v2, v2) + lobe * lobe;
-    let spread = sqrt((g11 - g22) * (g11 - g22) + 4.0 * g12 * g12);
-    let minor2 = max(0.5 * (g11 + g22 - spread), (g11 + g22) * MIN_MINOR_SHARE);
-    return Cone(direction, FOOTPRINT_RADIUS * sqrt(g11 + g22), minor2);
 }

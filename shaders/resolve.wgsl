@@ -7,9 +7,10 @@
 #import cell_tree
 #import cell_quarters
 #import gloss_bounds
+#import near_light_cells
 #import receiver_tiles
 #import rays
-#import doubts
+#import traversal
 
 // See tile_batch.wgsl.
 @group(2) @binding(0) var<uniform> tile_pass: TilePass;
@@ -22,7 +23,6 @@
 
 // The range of a contribution of which nothing is known.
 const UNBOUNDED: f32 = 3e38;
-const NO_SAMPLE: u32 = 0xffffffffu;
 // A pass other than the last stops after about this many iterations of loops: eight lanes in lockstep stay below 65,535.
 const WORK_PER_PASS: u32 = 4000u;
 // Where loops were cut short, so that there are at least this many passes, a leaf is quartered no further after this much work:
@@ -50,18 +50,6 @@ fn tile_corner(@builtin(vertex_index) vertex: u32, @builtin(instance_index) tile
 fn corner_of(tile: u32) -> vec2u {
     let number = tile_pass.first_tile + tile;
     return TILE_SIZE * vec2u(number % tree.tiles_across, number / tree.tiles_across);
-}
-
-// What one pixel carries from cell to cell.
-struct Traversal {
-    // The sample whose visible fraction of the receiver is known, and that fraction.
-    sample: u32,
-    visible_fraction: f32,
-    // The map is not certain about it; and rays from all over the sample have not settled it.
-    is_doubtful: bool,
-    is_probed: bool,
-    // No loop was cut short.
-    is_complete: bool,
 }
 
 // Where a pixel's walk through its list of cells, and down from each, is.
@@ -229,7 +217,12 @@ fn visit_cell(
         cone = crossed_light(cell, pair, sides, turned, crossing);
         size *= crossing.per_cosine;
     }
-    let light = light_within(cone.axis, cone.radius, cell.blur);
+    size = size_for_light(size, cell, cell.radius);
+    var light = light_within(cell, cone.axis, cone.radius);
+    if LIGHT == LIGHT_LAMP && is_leaf(cell) && size < MAX_PIECE_SIZE {
+        // Where it is near, parts of it fill much less of the directions than all of it does to first order.
+        light *= max_part_of_lamp(cell, pair);
+    }
     var gloss = vec2f(1.0, 0.0);
     if SHADING {
         gloss = gloss_within(pair, receiver, size);
@@ -287,6 +280,10 @@ fn visit_cell(
     }
     if !(pair.cosine_product > 0.0) {
         return Visit(looked_up, false);
+    }
+    if LIGHT != LIGHT_ENVIRONMENT {
+        let taps = taps_for(contribution_range, error_budget);
+        return Visit(near_contribution(cell, pair, receiver, seen, taps, max_contribution) + looked_up, false);
     }
     let v1 = dot(sides.v1, sides.v1);
     let v2 = dot(sides.v2, sides.v2);
@@ -375,76 +372,46 @@ fn contribution(
         }
     }
     let radiance = cell_radiance(cell, pair, sides, contribution_range, PAIR_ERROR_SHARE * allowed_error(receiver), map);
-    var factor = weight_of(cell, pair, receiver) * seen * reflected_scale(cell, pair);
+    return vec4f(seen * factor_on_radiance(cell, pair, receiver) * radiance.rgb, radiance.a);
+}
+
+// The same under near light, which comes from one point as far as occlusion goes.
+fn near_contribution(
+    cell: Cell, pair: Pair, receiver: Receiver, visible_fraction: f32, taps: f32, max_contribution: f32,
+) -> vec4f {
+    let light = near_light_at(cell, pair, taps);
+    if all(light.radiance.rgb == vec3f(0.0)) {
+        return vec4f(0.0);
+    }
+    var seen = visible_fraction;
+    if VISIBILITY {
+        let side = sky_side(cell.flags, pair.dn);
+        let source = visibility_of_point(light.towards, map_of_sample(cell.sample, side), -1);
+        var fraction = source.fraction;
+        if source.is_doubtful && max_contribution >= MIN_TRACED_SHARE * PAIR_ERROR_SHARE * allowed_error(receiver) {
+            let l = length(light.towards);
+            fraction = select(1.0, 0.0, is_occluded(ray_origin_of(cell, side), light.towards / l, l));
+        }
+        seen *= fraction;
+    }
+    return vec4f(seen * factor_on_radiance(cell, pair, receiver) * light.radiance.rgb, light.radiance.a);
+}
+
+// What the radiance that arrives at a cell is multiplied by.
+fn factor_on_radiance(cell: Cell, pair: Pair, receiver: Receiver) -> vec3f {
+    let factor = weight_of(cell, pair, receiver) * reflected_scale(cell, pair);
     if SHADING {
         let solid_angle = cell.area * pair.cos_at_sample_l * pair.inverse_l * pair.inverse_l * pair.inverse_l;
-        factor *= brdf(u32(receiver.object), receiver.normal, pair.d * pair.inverse_l, receiver.view, solid_angle);
+        return factor * brdf(u32(receiver.object), receiver.normal, pair.d * pair.inverse_l, receiver.view, solid_angle);
     }
-    return vec4f(factor * radiance.rgb, radiance.a);
-}
-
-// Finds the fraction of the receiver that a sample sees; it holds for all cells of the sample.
-fn find_visible_fraction(sample: u32, receiver: Receiver, traversal: ptr<function, Traversal>) {
-    let l = receiver.position - sample_nodes[sample].position;
-    let dn = -dot(l, sample_nodes[sample].normal);
-    let map = map_of_sample(sample, receiver_side(sample_nodes[sample].object_flags, dn));
-    let local = l * map.axes;
-    let place = map_place(local, map);
-    let texels = texels_at(place, map);
-    let corners = in_front(texels, local);
-    (*traversal).sample = sample;
-    (*traversal).visible_fraction = between(texels, corners, place.part);
-    (*traversal).is_probed = false;
-    (*traversal).is_doubtful = tree.traces_rays != 0u
-        && (any(corners != vec4f(corners.x)) || is_any_in_doubt(texels, corners, local, place, map, receiver.object));
-}
-
-// Whether any of the four texels that a point lies in front of leaves that in doubt.
-fn is_any_in_doubt(
-    texels: mat4x4f, corners: vec4f, local: vec3f, place: MapPlace, map: VisibilityMap, object: i32,
-) -> bool {
-    let n = uniforms.map_resolution;
-    let first = (map.index * n + place.texel.y) * n + place.texel.x;
-    let depths = vec4f(local, 0.0) * texels;
-    let l2 = dot(local, local);
-    return (corners.x > 0.0 && is_in_doubt(first, depths.x, l2, object))
-        || (corners.y > 0.0 && is_in_doubt(first + 1u, depths.y, l2, object))
-        || (corners.z > 0.0 && is_in_doubt(first + n, depths.z, l2, object))
-        || (corners.w > 0.0 && is_in_doubt(first + n + 1u, depths.w, l2, object));
-}
-
-// Whether it is certain that the sample does not see the receiver.
-fn is_unseen(traversal: ptr<function, Traversal>) -> bool {
-    return (*traversal).visible_fraction == 0.0 && !(*traversal).is_doubtful;
-}
-
-// Traces rays from the four quarters of a sample: where these agree, it is settled for all of its cells.
-fn probe(sample: u32, receiver: Receiver, traversal: ptr<function, Traversal>) {
-    let whole = load_cell(sample_nodes[sample].node);
-    var open = 0u;
-    for (var k = 0u; k < 4u; k++) {
-        let quarter = quarter_of(whole, k);
-        let d = quarter.centroid - receiver.position;
-        let l = length(d);
-        let leaving = ray_origin_of(quarter, receiver_side(quarter.flags, dot(d, quarter.normal)));
-        open += select(1u, 0u, is_occluded(leaving, -d / l, l));
-    }
-    (*traversal).is_probed = true;
-    if open == 0u || open == 4u {
-        (*traversal).is_doubtful = false;
-        (*traversal).visible_fraction = f32(open) / 4.0;
-    }
-}
-
-// The piece of a surface that a cell is, looking to a side (1 or -1) of it.
-fn ray_origin_of(cell: Cell, side: f32) -> RayOrigin {
-    let face = sample_nodes[cell.sample].face * side;
-    return RayOrigin(cell.centroid, u32(cell.object), face, max(length(cell.side_1), length(cell.side_2)));
+    return factor;
 }
 
 // Whether the weight of a cell of this relative size differs too much within it.
 fn is_uneven(max_contribution: f32, size: f32, error_budget: f32) -> bool {
-    return max_contribution * size * size * WEIGHT_ERROR_SCALE > error_budget;
+    // A lamp's light comes from anywhere on the cell, that of the environment from all of it.
+    let of_size = select(size * size, size, LIGHT == LIGHT_LAMP);
+    return max_contribution * of_size * WEIGHT_ERROR_SCALE > error_budget;
 }
 
 // What a leaf contributes to a receiver so near to it that it is not one sample for it: its parallelogram is quartered until each
@@ -461,15 +428,21 @@ fn contribution_of_quarters(
         filter_work += 1u;
         let piece = piece_of(leaf, path, depth);
         let pair = pair_of(piece, receiver);
-        let size = pair.inverse_l * 0.5 * (length(piece.side_1) + length(piece.side_2));
+        let extent = 0.5 * (length(piece.side_1) + length(piece.side_2));
+        let size = size_for_light(pair.inverse_l * extent, piece, extent);
+        let may_matter = LIGHT != LIGHT_LAMP || may_mirror_lamp(piece, pair);
         let is_large = size > MAX_RELATIVE_SIZE
             || (size > MAX_PIECE_SIZE && is_uneven(max_light * weight_of(piece, pair, receiver), size, error_budget));
-        if depth < MAX_QUARTERINGS && is_large && (filter_work < MAX_WORK_PER_LEAF || tile_pass.split_count < MANY_PASSES) {
+        let most = select(MAX_QUARTERINGS, MAX_LAMP_QUARTERINGS, LIGHT == LIGHT_LAMP);
+        if may_matter && depth < most && is_large && (filter_work < MAX_WORK_PER_LEAF || tile_pass.split_count < MANY_PASSES) {
             path <<= 2u;
             depth += 1u;
             continue;
         }
-        if pair.cosine_product > 0.0 {
+        if may_matter && pair.cosine_product > 0.0 && LIGHT != LIGHT_ENVIRONMENT {
+            let max = max_light * weight_of(piece, pair, receiver);
+            sum += near_contribution(piece, pair, receiver, visible_fraction, f32(uniforms.taps), max);
+        } else if may_matter && pair.cosine_product > 0.0 {
             let sides = footprint_of(piece, pair);
             sum += contribution(piece, pair, receiver, sides, UNBOUNDED, visible_fraction, false);
         }

@@ -90,10 +90,11 @@ pub mod pinhole {
     #[cfg(feature = "gpu")]
     pub mod gpu {
         pub use crate::pinhole::gpu::{
-            CellTreeBuffers, Engine, EnvironmentCube, Frame, FrameInputs, FrameViewers, GatherOptions, Geometry,
-            HardwareVerdict, HierarchicalEngine, HierarchicalFrame, HierarchicalInputs, HierarchicalOptions,
-            LightBoundsBuilder, LightBoundsTexture, MapTracer, MapTracing, MapUse, TARGET_FORMAT, Tolerance,
-            VisibilityMapBuffers, automatic_filter, check_hardware_filter, probe,
+            CellTreeBuffers, Engine, EnvironmentCube, Frame, FrameInputs, FrameLight, FrameViewers, GatherOptions,
+            Geometry, HardwareVerdict, HierarchicalEngine, HierarchicalFrame, HierarchicalInputs, HierarchicalOptions,
+            LampBuffers, LightBoundsBuilder, LightBoundsTexture, LightKind, MapTracer, MapTracing, MapUse,
+            SurroundingBuffers, TARGET_FORMAT, Tolerance, TreeLight, VisibilityMapBuffers, automatic_filter,
+            check_hardware_filter, probe,
         };
     }
 }

@@ -3,10 +3,13 @@
 
 #import cell_tree
 
-// A quarter of a quarter, and so on, up to MAX_QUARTERINGS times.
+// A quarter of a quarter, and so on, up to MAX_LAMP_QUARTERINGS times.
 fn piece_of(leaf: Cell, path: u32, depth: u32) -> Cell {
     var piece = leaf;
-    // No loop: adapters may limit their iterations.
+    for (var level = depth; level > 7u; level--) {
+        piece = quarter_of(piece, (path >> (2u * (level - 1u))) & 3u);
+    }
+    // No loop for what is frequent: adapters may limit their iterations.
     if depth > 6u {
         piece = quarter_of(piece, (path >> 12u) & 3u);
     }

@@ -73,13 +73,13 @@ struct Tolerance {
     relative_error: f32,
 }
 
-@group(0) @binding(7) var<uniform> tree: TreeUniforms;
+@group(0) @binding(10) var<uniform> tree: TreeUniforms;
 // Bounds of the radiance itself: x = its maximum, y = its contrast.
-@group(0) @binding(8) var bounds: texture_2d_array<f32>;
+@group(0) @binding(11) var bounds: texture_2d_array<f32>;
 // The same of the environment's mips from FIRST_BOUNDED_MIP on: six layers each.
-@group(0) @binding(11) var mip_bounds: texture_2d_array<f32>;
-@group(0) @binding(9) var<storage, read> nodes: array<CellNode>;
-@group(0) @binding(10) var<storage, read> sample_nodes: array<SampleNode>;
+@group(0) @binding(14) var mip_bounds: texture_2d_array<f32>;
+@group(0) @binding(12) var<storage, read> nodes: array<CellNode>;
+@group(0) @binding(13) var<storage, read> sample_nodes: array<SampleNode>;
 
 // The error that may be made at a receiver beyond that of all others, W/m².
 fn tolerated_error(receiver: Receiver) -> f32 {
@@ -236,12 +236,16 @@ fn weight_of(cell: Cell, pair: Pair, receiver: Receiver) -> f32 {
 
 // The cell's footprint around the direction of its light.
 fn footprint_of(cell: Cell, pair: Pair) -> FootprintSides {
-    let sides = sharp_footprint_of(cell, pair);
+    return blurred_footprint_of(cell, pair, pair.r, sharp_footprint_of(cell, pair));
+}
+
+// A footprint around r with the blur of the cell's lobe.
+fn blurred_footprint_of(cell: Cell, pair: Pair, r: vec3f, sides: FootprintSides) -> FootprintSides {
     if cell.lobe > 0.0 {
         if is_interface(cell.flags) {
-            return blurred(sides, pair.r, cell.normal, crossed_blur(pair.crossing, cell.lobe));
+            return blurred(sides, r, cell.normal, crossed_blur(pair.crossing, cell.lobe));
         }
-        return blurred(sides, pair.r, cell.normal, mirrored_blur(cell.lobe, abs(pair.dn) * pair.inverse_l));
+        return blurred(sides, r, cell.normal, mirrored_blur(cell.lobe, abs(pair.dn) * pair.inverse_l));
     }
     return sides;
 }
@@ -260,13 +264,18 @@ fn sharp_footprint_of(cell: Cell, pair: Pair) -> FootprintSides {
     return FootprintSides(v1, v2);
 }
 
+// Taps for a pair whose contribution ranges over this much: the fewer, the coarser they are.
+fn taps_for(contribution_range: f32, error_budget: f32) -> f32 {
+    return min(max(ceil(contribution_range * (TAPS_PER_ERROR_BUDGET / error_budget)), 1.0), f32(uniforms.taps));
+}
+
 // Mean radiance over a cell's footprint, as the texture has it: from one look-up where the pair's contribution ranges over less than
 // its error budget, else from the fewer, the smaller that range is. a = fetches.
 fn cell_radiance(
     cell: Cell, pair: Pair, sides: FootprintSides, contribution_range: f32, error_budget: f32, map: VisibilityMap,
 ) -> vec4f {
     let is_even = contribution_range < error_budget;
-    let taps = min(max(ceil(contribution_range * (TAPS_PER_ERROR_BUDGET / error_budget)), 1.0), f32(uniforms.taps));
+    let taps = taps_for(contribution_range, error_budget);
     if is_lobe_of_mirror(cell) {
         let cosine = abs(pair.dn) * pair.inverse_l;
         let parts = lobe_parts(pair.r, cell.normal, cosine, sharp_footprint_of(cell, pair), cell.lobe);
@@ -323,8 +332,9 @@ fn mip_of_blur(blur: f32) -> i32 {
     return max(min(exponent, last) + 1 - i32(FIRST_BOUNDED_MIP), 0);
 }
 
-// Bounds of the radiance within a cone around a world direction, blurred over a width: x = its maximum, y = its contrast.
-fn light_within(direction: vec3f, radius: f32, blur: f32) -> vec2f {
+// Bounds of the radiance within a cone around a world direction, blurred over a width, in the cube that begins with a layer of the
+// bounds: x = its maximum, y = its contrast.
+fn bounds_within(direction: vec3f, radius: f32, blur: f32, first_layer: i32) -> vec2f {
     let on = on_cube(light_from_world(direction));
     let size = f32(textureDimensions(bounds).x);
     let mip = mip_of_blur(blur);
@@ -335,13 +345,14 @@ fn light_within(direction: vec3f, radius: f32, blur: f32) -> vec2f {
     let last = i32(textureNumLevels(bounds)) - 1;
     if level > last {
         // Each of the last level's texels knows all faces but the opposite one.
-        let maximum = max(textureLoad(bounds, vec2u(0u), 0u, last).x, textureLoad(bounds, vec2u(0u), 1u, last).x);
+        let maximum = max(textureLoad(bounds, vec2i(0), first_layer, last).x, textureLoad(bounds, vec2i(0), first_layer + 1, last).x);
         return vec2f(maximum);
     }
     let edge = max(i32(size) >> u32(level), 1);
     let texel = min(vec2i((0.5 * on.st + 0.5) * f32(edge)), vec2i(edge - 1));
-    if mip > 0 {
+    // Of surroundings there are bounds of the radiance itself only, which hold for what is blurred within their reach.
+    if mip > 0 && LIGHT == LIGHT_ENVIRONMENT {
         return textureLoad(mip_bounds, texel, i32(on.face) + 6 * (mip - 1), level - i32(FIRST_BOUNDED_MIP)).xy;
     }
-    return textureLoad(bounds, texel, on.face, level).xy;
+    return textureLoad(bounds, texel, first_layer + i32(on.face), level).xy;
 }

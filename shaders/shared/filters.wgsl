@@ -7,6 +7,9 @@
 
 override FILTER: u32 = FILTER_ANISOTROPIC;
 
+// The view of surroundings that is looked up.
+var<private> looked_up_view: u32;
+
 // Iterations of the loops of all look-ups of this invocation.
 var<private> filter_work: u32;
 
@@ -122,5 +125,8 @@ fn mean_over_ellipse(r: vec3f, light_r: vec3f, axes: FootprintAxes, texel: f32, 
 
 // A look-up in the environment's own frame.
 fn fetch(light_direction: vec3f, level: f32) -> vec3f {
+    if LIGHT == LIGHT_SURROUNDINGS {
+        return textureSampleLevel(view_radiance, trilinear, light_direction, looked_up_view, level).rgb;
+    }
     return textureSampleLevel(environment, trilinear, light_direction, level).rgb;
 }

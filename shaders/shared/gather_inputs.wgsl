@@ -1,7 +1,35 @@
-// What every gather reads: its parameters, the environment and what samples see and reflect. CPU twin: src/pinhole/cpu/mod.rs;
+// What every gather reads: its parameters, the light and what samples see and reflect. CPU twin: src/pinhole/cpu/mod.rs;
 // Rust layout: src/pinhole/layout.rs.
 
 #import constants
+
+// A lamp; see src/scene/lamp.rs.
+struct Lamp {
+    position: vec3f,
+    radius: f32,
+    // Of its disc where its beam is brightest, W/(m²·sr).
+    radiance: vec3f,
+    // No channel has more from anywhere.
+    max_radiance: f32,
+    // Along the axis of its beam, away from it; unit length.
+    direction: vec3f,
+    // From there to the edge of the beam, radians.
+    half_angle: f32,
+    // Up in its slide.
+    up: vec3f,
+    softness: f32,
+    // BEAM_NONE and so on.
+    beam: u32,
+}
+
+// From where surroundings are seen.
+struct Viewpoints {
+    count: u32,
+    // What planes are to be multiplied by.
+    plane_scale: f32,
+    // w = one over the distance of the nearest surface, 1/m.
+    places: array<vec4f, MAX_VIEWPOINTS>,
+}
 
 struct GatherUniforms {
     sample_count: u32,
@@ -16,7 +44,13 @@ struct GatherUniforms {
     // Of the environment's rotation about +Y.
     rotation_cos: f32,
     rotation_sin: f32,
+    // Never read where it is not the light.
+    lamp: Lamp,
+    viewpoints: Viewpoints,
 }
+
+// What the light is: LIGHT_ENVIRONMENT and so on.
+override LIGHT: u32 = LIGHT_ENVIRONMENT;
 
 @group(0) @binding(0) var<uniform> uniforms: GatherUniforms;
 @group(0) @binding(1) var environment: texture_cube<f32>;
@@ -27,6 +61,12 @@ struct GatherUniforms {
 // The samples' visibility maps; never read without VISIBILITY.
 @group(0) @binding(5) var<storage, read> planes: array<vec4f>;
 @group(0) @binding(6) var<storage, read> sky_masks: array<u32>;
+// The slide of a lamp's beam.
+@group(0) @binding(7) var slide: texture_2d<f32>;
+// The views of surroundings.
+@group(0) @binding(8) var view_radiance: texture_cube_array<f32>;
+// The planes of what is seen, 1/m: unit normals, away from the viewpoint, over the planes' distances.
+@group(0) @binding(9) var view_planes: texture_cube_array<f32>;
 
 // A world direction in the environment's own frame: R_y(-rotation). The cube and its bounds are looked up there; what a sample
 // sees of the sky stays in world space.

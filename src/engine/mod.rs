@@ -298,7 +298,7 @@ impl Engine {
         if progress.is_cancelled() {
             return Err(Error::Cancelled);
         }
-        let backend = self.summing_backend();
+        let backend = self.picture_backend();
         let inputs = Inputs {
             scene: &self.scene,
             prepared: &scene,
@@ -345,10 +345,14 @@ impl Engine {
         Err(OptionError::invalid("aov", message))
     }
 
-    /// The back end of sums: where there are lamps or a medium, it is the CPU.
-    fn summing_backend(&self) -> Backend {
-        let is_on_cpu = !self.scene.lamps.is_empty() || self.scene.medium.is_some();
-        if is_on_cpu { Backend::cpu() } else { self.backend.clone() }
+    /// The back end of whole pictures' sums: where there is a medium, it is the CPU.
+    fn picture_backend(&self) -> Backend {
+        if self.scene.medium.is_some() { Backend::cpu() } else { self.backend.clone() }
+    }
+
+    /// The back end of previews: where there are lamps, too, it is the CPU.
+    fn preview_backend(&self) -> Backend {
+        if self.scene.lamps.is_empty() { self.picture_backend() } else { Backend::cpu() }
     }
 
     fn marks_of(&mut self, prepared: &Prepared, progress: &dyn Progress) -> Result<Vec<Mark>, Error> {

@@ -80,6 +80,22 @@ pub enum GpuError {
         /// The parameters' filter.
         params: &'static str,
     },
+    /// So is what the light is.
+    #[error("the engine was made for {engine}, but the light is {inputs}; make an engine for each")]
+    OtherLight {
+        /// The engine's light.
+        engine: &'static str,
+        /// That of the inputs.
+        inputs: &'static str,
+    },
+    /// Surroundings that are seen from too many places.
+    #[error("surroundings with {viewpoints} views, where {limit} is the limit; make fewer")]
+    TooManyViewpoints {
+        /// Number of views.
+        viewpoints: usize,
+        /// The limit.
+        limit: usize,
+    },
     /// Visibility is compiled into an engine, too.
     #[error("the engine was made {} maps of visibility, but the samples are the other way; make an engine for each", if *.engine { "for samples with" } else { "for samples without" })]
     OtherVisibility {

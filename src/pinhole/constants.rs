@@ -116,6 +116,30 @@ pub const FILTER_ANISOTROPIC: u32 = 2;
 #[cfg(feature = "gpu")]
 pub const FILTER_HARDWARE: u32 = 3;
 pub const FILTER_EWA: u32 = 4;
+
+/// Numbers of the kinds of light that are compiled into a gather.
+#[cfg(feature = "gpu")]
+pub const LIGHT_ENVIRONMENT: u32 = 0;
+#[cfg(feature = "gpu")]
+pub const LIGHT_LAMP: u32 = 1;
+#[cfg(feature = "gpu")]
+pub const LIGHT_SURROUNDINGS: u32 = 2;
+/// Views of surroundings, at most.
+pub const MAX_VIEWPOINTS: u32 = 16;
+
+/// Numbers of the beams of lamps: none, a cone, a slide.
+#[cfg(feature = "gpu")]
+pub const BEAM_NONE: u32 = 0;
+#[cfg(feature = "gpu")]
+pub const BEAM_CONE: u32 = 1;
+#[cfg(feature = "gpu")]
+pub const BEAM_SLIDE: u32 = 2;
+
+/// What discs of light fill of footprints: these are at least this part of their length wide,
+pub const MIN_SLENDERNESS: f32 = 1e-3;
+/// and shorter than this, in radii of the disc, they are points.
+pub const MIN_DISC_LENGTH: f32 = 5e-3;
+
 /// What visibility maps leave in doubt is traced where it contributes more than this part of the error budget of a pair.
 pub const MIN_TRACED_SHARE: f32 = 0.1;
 /// The same for the environment, where the sum of several look-ups is less in doubt.

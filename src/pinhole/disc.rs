@@ -4,10 +4,7 @@ use std::f32::consts::PI;
 
 use glam::{Vec2, Vec3};
 
-/// Footprints are at least this part of their length wide.
-const MIN_SLENDERNESS: f32 = 1e-3;
-/// Footprints shorter than this, in radii of the disc, are points.
-const MIN_LENGTH: f32 = 5e-3;
+use super::constants::{MIN_DISC_LENGTH, MIN_SLENDERNESS};
 
 /// The part of a footprint around a unit direction that a disc fills: from 0 to 1. The disc lies in the unit direction `towards`, `chord` is
 /// twice the sine of half its angular radius, and `sides` are the footprint's full sides, perpendicular to its own direction, radians.
@@ -27,7 +24,7 @@ fn part_in_unit_disc(disc: Vec2, [mut a, mut b]: [Vec2; 2]) -> f32 {
     if distance >= 1.0 + reach {
         return 0.0;
     }
-    if distance + reach <= 1.0 || longest < MIN_LENGTH * MIN_LENGTH {
+    if distance + reach <= 1.0 || longest < MIN_DISC_LENGTH * MIN_DISC_LENGTH {
         return if distance < 1.0 { 1.0 } else { 0.0 };
     }
     if a.perp_dot(b).abs() < MIN_SLENDERNESS * longest {

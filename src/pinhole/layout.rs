@@ -309,7 +309,8 @@ impl GatherUniforms {
 
     /// The uniforms of a sum of light that is not infinitely far away, and is looked up in texels of this width, radians; 0 for none.
     pub fn for_near_light(params: &Params, pinholes: &Pinholes, texel_rad: f32) -> Self {
-        Self { texel_rad, ..Self::new(params, pinholes, 1, 1.0) }
+        // Only the environment turns.
+        Self { texel_rad, rotation_cos: 1.0, rotation_sin: 0.0, ..Self::new(params, pinholes, 1, 1.0) }
     }
 
     /// The uniforms for the CPU twin, whose texels are never scaled.

@@ -68,6 +68,12 @@ impl Lamp {
         self.intensity_towards((point - self.position).normalize_or_zero()) / (PI * self.radius * self.radius)
     }
 
+    /// The same where its beam is brightest, before the slide.
+    #[cfg(feature = "gpu")]
+    pub(crate) fn max_radiance_of_disc(&self) -> Vec3 {
+        self.intensity / (PI * self.radius * self.radius)
+    }
+
     /// Irradiance on a surface that faces it, at a point, W/m².
     pub fn irradiance_at(&self, point: Vec3) -> Vec3 {
         let away = point - self.position;

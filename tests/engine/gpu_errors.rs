@@ -4,7 +4,9 @@ use glam::Vec3;
 use pinspot::blocking::wait;
 use pinspot::low_level::environment::CubeMap;
 use pinspot::low_level::gpu::{Gpu, GpuError};
-use pinspot::low_level::pinhole::gpu::{Engine, EnvironmentCube, FrameInputs, GatherOptions, LightBoundsBuilder};
+use pinspot::low_level::pinhole::gpu::{
+    Engine, EnvironmentCube, FrameInputs, FrameLight, GatherOptions, LightBoundsBuilder,
+};
 use pinspot::low_level::pinhole::{Footprint, Params, PinholeSample, Pinholes};
 use pinspot::low_level::sampling::Strategy;
 use pinspot::wgpu;
@@ -25,7 +27,7 @@ fn inputs<'a>(
         size,
         pinholes,
         maps: None,
-        environment,
+        light: FrameLight::Environment(environment),
         params: Params::default(),
     }
 }

@@ -2,7 +2,7 @@
 
 use glam::Vec3;
 use pinspot::low_level::environment::CubeMap;
-use pinspot::low_level::pinhole::gpu::{Engine, EnvironmentCube, FrameInputs, GatherOptions};
+use pinspot::low_level::pinhole::gpu::{Engine, EnvironmentCube, FrameInputs, FrameLight, GatherOptions};
 use pinspot::low_level::pinhole::{Footprint, Params};
 use pinspot::low_level::sampling::Strategy;
 use pinspot::wgpu;
@@ -37,7 +37,7 @@ fn a_sun_beyond_half_floats_survives_on_a_plain_device() {
         size: [16, 16],
         pinholes: &pinholes,
         maps: None,
-        environment: &environment,
+        light: FrameLight::Environment(&environment),
         params,
     };
     let mut frame = engine.frame(&device, &inputs).unwrap();

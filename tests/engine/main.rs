@@ -23,6 +23,7 @@ mod independence;
 mod lamps;
 mod media;
 mod metals;
+mod near_light_gpu;
 mod pictures;
 mod previews;
 mod receivers;

@@ -8,7 +8,7 @@ use pinspot::image::{Aov, Image};
 use pinspot::low_level::differential::differentials;
 use pinspot::low_level::environment::CubeMap;
 use pinspot::low_level::gpu::Gpu;
-use pinspot::low_level::pinhole::gpu::{Engine, EnvironmentCube, FrameInputs, FrameViewers, GatherOptions};
+use pinspot::low_level::pinhole::gpu::{Engine, EnvironmentCube, FrameInputs, FrameLight, FrameViewers, GatherOptions};
 use pinspot::low_level::pinhole::{Params, Pinholes, Receivers, cpu, pinholes};
 use pinspot::low_level::sampling::{self, Surface, sample};
 use pinspot::reference::{self, Quantity, Reference, StoppingCriterion};
@@ -104,7 +104,7 @@ pub fn on_gpu_with(
         size,
         pinholes,
         maps: None,
-        environment: &environment,
+        light: FrameLight::Environment(&environment),
         params: *params,
     };
     let mut frame = engine.frame(&gpu.device, &inputs).unwrap();

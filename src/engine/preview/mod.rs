@@ -162,7 +162,7 @@ impl Engine {
         detail: &Detail,
         progress: &dyn Progress,
     ) -> Result<Option<Preview<wgpu::TextureView>>, Error> {
-        if self.summing_backend().device().is_none_or(|device| !on_gpu::fits(device, detail.size)) {
+        if self.preview_backend().device().is_none_or(|device| !on_gpu::fits(device, detail.size)) {
             return Ok(None);
         }
         let preview = self.preview_as(Wanted::OnDevice, detail, progress).await?;
@@ -181,7 +181,7 @@ impl Engine {
         options.check()?;
         #[cfg(feature = "gpu")]
         self.backend.check()?;
-        let backend = self.summing_backend();
+        let backend = self.preview_backend();
         #[cfg_attr(not(feature = "gpu"), expect(unused_mut, reason = "only a GPU has copies"))]
         let mut scene = self.scene_stages.prepare_for_frame(&self.scene, progress)?;
         #[cfg(feature = "gpu")]

@@ -9,7 +9,7 @@ use super::receiver::Receiver;
 use super::surroundings::SurroundingLight;
 use super::visibility::VisibilityMap;
 use super::{Gather, Source, gather_from};
-use crate::lanes::{F, LANES, Simd, SimdBase, V3, lanes, splat3};
+use crate::lanes::{F, LANES, Simd, SimdBase, V3, bits, lanes, splat3};
 use crate::pinhole::{GatherUniforms, Params, PinholeParts, PinholeSample, Pinholes, Receivers, Surroundings};
 use crate::progress::Progress;
 use crate::scene::Lamp;
@@ -56,12 +56,18 @@ impl Gather<'_> {
             || {
                 let sample = &PinholeParts::from(packed);
                 let taps = F::splat(simd, self.uniforms.taps as f32);
-                let Some((radiance, to_light)) = self.near_light(simd, (sample, pair), taps, lit) else { return };
-                let mut weight = weight;
+                let (mut weight, mut lit) = (weight, lit);
                 if let Some(maps) = &self.pinholes.visibility {
                     let l = receiver.position - splat3(simd, sample.position);
                     let of_receivers = VisibilityMap::of_receivers(maps, packed, pair.dn);
                     weight *= lanes(simd, of_receivers.visible_fraction(simd, l, None, lit).0);
+                    lit &= bits(weight.simd_gt(0.0));
+                }
+                if lit == 0 {
+                    return;
+                }
+                let Some((radiance, to_light)) = self.near_light(simd, (sample, pair), taps, lit) else { return };
+                if let Some(maps) = &self.pinholes.visibility {
                     let of_light = VisibilityMap::of_sky(maps, packed, pair.dn);
                     weight *= lanes(simd, of_light.visible_fraction(simd, to_light, None, lit).0);
                 }

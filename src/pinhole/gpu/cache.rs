@@ -3,8 +3,8 @@
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 use super::{
-    Engine, GatherOptions, HierarchicalEngine, HierarchicalOptions, LitPipelines, MapTracer, PreviewPipelines,
-    RayBatchPipelines,
+    Engine, GatherOptions, HierarchicalEngine, HierarchicalOptions, LightKind, LitPipelines, MapTracer,
+    PreviewPipelines, RayBatchPipelines,
 };
 use crate::pinhole::Filter;
 
@@ -12,6 +12,7 @@ use crate::pinhole::Filter;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct PipelineKey {
     pub filter: Filter,
+    pub light: LightKind,
     /// Whether samples have visibility maps.
     pub visibility: bool,
     /// Whether any is on an interface between two media.
@@ -41,15 +42,15 @@ impl<T> Default for Compiled<T> {
 impl PipelineCache {
     /// The pipelines of flat sums. It is always the same device.
     pub fn flat(&self, device: &wgpu::Device, key: PipelineKey) -> Arc<Engine> {
-        let PipelineKey { filter, visibility, refraction } = key;
-        let options = GatherOptions { filter, visibility, refraction, ..Default::default() };
+        let PipelineKey { filter, light, visibility, refraction } = key;
+        let options = GatherOptions { filter, light, visibility, refraction, ..Default::default() };
         self.flat.get(key, || Engine::new(device, &options))
     }
 
     /// The pipelines of hierarchical sums.
     pub fn hierarchical(&self, device: &wgpu::Device, key: PipelineKey) -> Arc<HierarchicalEngine> {
-        let PipelineKey { filter, visibility, refraction } = key;
-        let options = HierarchicalOptions { filter, visibility, refraction };
+        let PipelineKey { filter, light, visibility, refraction } = key;
+        let options = HierarchicalOptions { filter, light, visibility, refraction };
         self.hierarchical.get(key, || HierarchicalEngine::new(device, &options))
     }
 

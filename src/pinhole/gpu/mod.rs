@@ -11,14 +11,17 @@ mod environment;
 mod geometry;
 mod hardware_check;
 mod hierarchical;
+mod lamp;
 mod lit_environment;
 mod maps;
+mod near_light;
 pub(crate) mod pipeline;
 mod preview_pipelines;
 mod probe;
 pub(crate) mod ray_batch;
 pub(crate) mod shaders;
 mod sources;
+mod surroundings;
 
 pub(crate) use cache::{PipelineCache, PipelineKey};
 pub use environment::EnvironmentCube;
@@ -27,13 +30,17 @@ pub(crate) use geometry::MovingGeometry;
 pub use hardware_check::{HardwareVerdict, automatic_filter, check_hardware_filter};
 pub use hierarchical::{
     CellTreeBuffers, HierarchicalEngine, HierarchicalFrame, HierarchicalInputs, HierarchicalOptions,
-    LightBoundsBuilder, LightBoundsTexture, Tolerance,
+    LightBoundsBuilder, LightBoundsTexture, Tolerance, TreeLight,
 };
+pub use lamp::LampBuffers;
 pub(crate) use lit_environment::{CubeView, LitEnvironment, LitPipelines, PlacedEmitter};
 pub use maps::{MapTracer, MapTracing, MapUse, VisibilityMapBuffers};
+pub use near_light::{FrameLight, LightKind};
 pub(crate) use preview_pipelines::PreviewPipelines;
 pub use probe::probe;
 pub(crate) use ray_batch::RayBatchPipelines;
+
+pub use surroundings::SurroundingBuffers;
 
 use std::ops::Range;
 
@@ -51,6 +58,8 @@ pub const TARGET_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba32Float;
 pub struct GatherOptions {
     /// The filter; it is compiled into the shader.
     pub filter: Filter,
+    /// What the light is; a lamp takes no filter.
+    pub light: LightKind,
     /// Whether the samples' visibility maps count; that, too, is compiled in.
     pub visibility: bool,
     /// Whether samples may be on interfaces between two media; without, the shader is faster.
@@ -61,7 +70,13 @@ pub struct GatherOptions {
 
 impl Default for GatherOptions {
     fn default() -> Self {
-        Self { filter: Filter::Anisotropic, visibility: false, refraction: false, force_ping_pong: false }
+        Self {
+            filter: Filter::Anisotropic,
+            light: LightKind::Environment,
+            visibility: false,
+            refraction: false,
+            force_ping_pong: false,
+        }
     }
 }
 
@@ -88,8 +103,8 @@ pub struct FrameInputs<'a> {
     pub pinholes: &'a Pinholes,
     /// Visibility maps that were traced on the GPU, whose numbers the samples carry; `None`: those of the samples, if they have any.
     pub maps: Option<&'a VisibilityMapBuffers>,
-    /// The environment.
-    pub environment: &'a EnvironmentCube,
+    /// The light, of the engine's kind.
+    pub light: FrameLight<'a>,
     /// Parameters; the filter must be the engine's.
     pub params: Params,
 }
@@ -142,7 +157,7 @@ impl Engine {
             (None, Some(maps)) => VisibilityMapBuffers::upload(device, maps)?,
             (None, None) => VisibilityMapBuffers::none(device),
         };
-        let sources = Sources::new(device, inputs, &maps);
+        let sources = Sources::new(device, inputs, &maps, &self.pipelines.no_light);
         Ok(Frame {
             inputs: self.pipelines.bind_inputs(device, &sources),
             sources,
@@ -173,7 +188,7 @@ impl Engine {
         if frame.pipeline != *self.pipeline(inputs) || inputs.pinholes.visibility.is_some() {
             return Ok(false);
         }
-        let Some(sources) = frame.sources.updated(queue, inputs) else { return Ok(false) };
+        let Some(sources) = frame.sources.updated(queue, inputs, &self.pipelines.no_light) else { return Ok(false) };
         if sources != frame.sources {
             frame.inputs = self.pipelines.bind_inputs(device, &sources);
             frame.sources = sources;
@@ -187,16 +202,15 @@ impl Engine {
     }
 
     fn check(&self, device: &wgpu::Device, inputs: &FrameInputs) -> Result<(), GpuError> {
-        if inputs.params.filter != self.pipelines.filter {
-            return Err(GpuError::OtherFilter {
-                engine: self.pipelines.filter.name(),
-                params: inputs.params.filter.name(),
-            });
+        let GatherOptions { filter, light, visibility, refraction, .. } = self.pipelines.options;
+        if inputs.params.filter != filter {
+            return Err(GpuError::OtherFilter { engine: filter.name(), params: inputs.params.filter.name() });
         }
-        if (inputs.maps.is_some() || inputs.pinholes.visibility.is_some()) != self.pipelines.visibility {
-            return Err(GpuError::OtherVisibility { engine: self.pipelines.visibility });
+        inputs.light.kind().check(light)?;
+        if (inputs.maps.is_some() || inputs.pinholes.visibility.is_some()) != visibility {
+            return Err(GpuError::OtherVisibility { engine: visibility });
         }
-        if inputs.pinholes.refracts() && !self.pipelines.refraction {
+        if inputs.pinholes.refracts() && !refraction {
             return Err(GpuError::NoRefraction);
         }
         check_limits(&device.limits(), inputs)

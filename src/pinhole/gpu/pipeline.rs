@@ -2,6 +2,7 @@
 
 use wgpu::{BindGroupLayoutEntry, BindingType, ShaderStages, TextureSampleType, TextureViewDimension};
 
+use super::near_light::NoLight;
 use super::shaders::{GATHER, Shader};
 use super::sources::Sources;
 use super::{GatherOptions, TARGET_FORMAT};
@@ -16,9 +17,8 @@ pub(crate) struct Pipelines {
     pub gather: wgpu::RenderPipeline,
     /// The same towards viewers.
     pub reflect: wgpu::RenderPipeline,
-    pub filter: Filter,
-    pub visibility: bool,
-    pub refraction: bool,
+    pub options: GatherOptions,
+    pub no_light: NoLight,
     inputs: wgpu::BindGroupLayout,
     pub receivers: wgpu::BindGroupLayout,
     previous: wgpu::BindGroupLayout,
@@ -28,11 +28,11 @@ pub(crate) struct Pipelines {
 
 impl Pipelines {
     pub fn new(device: &wgpu::Device, options: &GatherOptions, blends: bool) -> Self {
-        let GatherOptions { filter, visibility, refraction, .. } = *options;
+        let GatherOptions { filter, light, visibility, refraction, .. } = *options;
         let inputs = layout(device, "gather inputs", &[&gather_inputs()[..], &[window(GATHER_INPUTS)]].concat());
         let receivers = layout(device, "receivers", &[texture(0), texture(1), texture(2), storage(3), storage(4)]);
         let previous = layout(device, "previous target", &[texture(0)]);
-        let module = GATHER.module(device);
+        let module = GATHER.module_under(device, light);
         let groups = [Some(&inputs), Some(&receivers), Some(&previous)];
         let pipeline_layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
             label: Some("gather"),
@@ -47,6 +47,7 @@ impl Pipelines {
         let pipeline = |shading: bool| {
             let constants = [
                 ("FILTER", f64::from(filter_constant(filter))),
+                ("LIGHT", f64::from(light.constant())),
                 ("VISIBILITY", f64::from(u8::from(visibility))),
                 ("SHADING", f64::from(u8::from(shading))),
                 ("REFRACTION", f64::from(u8::from(refraction))),
@@ -68,9 +69,8 @@ impl Pipelines {
         Self {
             gather,
             reflect,
-            filter,
-            visibility,
-            refraction,
+            options: *options,
+            no_light: NoLight::new(device),
             inputs,
             receivers,
             previous,
@@ -80,24 +80,21 @@ impl Pipelines {
     }
 
     pub(super) fn bind_inputs(&self, device: &wgpu::Device, sources: &Sources) -> wgpu::BindGroup {
-        bind(
-            device,
-            &self.inputs,
-            &[
-                sources.uniforms.as_entire_binding(),
-                wgpu::BindingResource::TextureView(&sources.environment),
-                wgpu::BindingResource::Sampler(&self.trilinear),
-                wgpu::BindingResource::Sampler(&self.anisotropic),
-                sources.curves.as_entire_binding(),
-                sources.planes.as_entire_binding(),
-                sources.sky_masks.as_entire_binding(),
-                wgpu::BindingResource::Buffer(wgpu::BufferBinding {
-                    buffer: &sources.samples,
-                    offset: 0,
-                    size: std::num::NonZero::new(BATCH_BYTES),
-                }),
-            ],
-        )
+        let samples = wgpu::BindingResource::Buffer(wgpu::BufferBinding {
+            buffer: &sources.samples,
+            offset: 0,
+            size: std::num::NonZero::new(BATCH_BYTES),
+        });
+        let common = [
+            sources.uniforms.as_entire_binding(),
+            sources.light.environment(),
+            wgpu::BindingResource::Sampler(&self.trilinear),
+            wgpu::BindingResource::Sampler(&self.anisotropic),
+            sources.curves.as_entire_binding(),
+            sources.planes.as_entire_binding(),
+            sources.sky_masks.as_entire_binding(),
+        ];
+        bind(device, &self.inputs, &[&common[..], &sources.light.near(), &[samples]].concat())
     }
 
     pub fn bind_previous(&self, device: &wgpu::Device, target: &wgpu::TextureView) -> wgpu::BindGroup {
@@ -194,10 +191,21 @@ pub(crate) fn filter_constant(filter: Filter) -> u32 {
 }
 
 /// Bindings of `shaders/shared/gather_inputs.wgsl`.
-pub(crate) const GATHER_INPUTS: u32 = 7;
+pub(crate) const GATHER_INPUTS: u32 = 10;
 
 pub(crate) fn gather_inputs() -> [BindGroupLayoutEntry; GATHER_INPUTS as usize] {
-    [uniform(0), cube(1), sampler(2), sampler(3), storage(4), storage(5), storage(6)]
+    [
+        uniform(0),
+        cube(1),
+        sampler(2),
+        sampler(3),
+        storage(4),
+        storage(5),
+        storage(6),
+        texture(7),
+        cube_array(8),
+        cube_array(9),
+    ]
 }
 
 pub(crate) fn linear_sampler(device: &wgpu::Device, anisotropy_clamp: u16) -> wgpu::Sampler {
@@ -268,6 +276,17 @@ pub(crate) fn cube(binding: u32) -> BindGroupLayoutEntry {
         BindingType::Texture {
             sample_type: TextureSampleType::Float { filterable: true },
             view_dimension: TextureViewDimension::Cube,
+            multisampled: false,
+        },
+    )
+}
+
+fn cube_array(binding: u32) -> BindGroupLayoutEntry {
+    entry(
+        binding,
+        BindingType::Texture {
+            sample_type: TextureSampleType::Float { filterable: true },
+            view_dimension: TextureViewDimension::CubeArray,
             multisampled: false,
         },
     )

@@ -1,5 +1,6 @@
 //! Asks a filter for the mean over given footprints, on the device, through the gather's own shader code.
 
+use super::near_light::NoLight;
 use super::pipeline::{
     GATHER_INPUTS, bind, filter_constant, gather_inputs, layout, linear_sampler, render_pipeline, storage,
 };
@@ -7,8 +8,8 @@ use super::shaders::FILTER_PROBE;
 use super::storage_buffer;
 use crate::environment::CubeMap;
 use crate::gpu::{Gpu, GpuError, buffer_with};
-use crate::pinhole::gpu::{EnvironmentCube, TARGET_FORMAT};
-use crate::pinhole::{Filter, GatherUniforms, Params, Probe};
+use crate::pinhole::gpu::{EnvironmentCube, FrameLight, TARGET_FORMAT};
+use crate::pinhole::{Filter, Params, Probe};
 
 /// Probes in a row of the target.
 pub(super) const PROBES_PER_ROW: u32 = 256;
@@ -94,28 +95,31 @@ fn bind_probes(
     params: &Params,
     probes: &[Probe],
 ) -> wgpu::BindGroup {
+    // What the texels are to be multiplied by, the caller does.
+    let scaled = EnvironmentCube::from_view(environment.view().clone(), environment.size(), 1.0);
+    let light = FrameLight::Environment(&scaled);
     let uniforms = buffer_with(
         device,
         "gather uniforms",
-        bytemuck::bytes_of(&GatherUniforms::new(params, &Default::default(), environment.size(), 1.0)),
+        bytemuck::bytes_of(&light.uniforms(params, &Default::default(), 0)),
         wgpu::BufferUsages::UNIFORM,
     );
     let packed: Vec<GpuProbe> = probes.iter().map(GpuProbe::from).collect();
     let probes = storage_buffer(device, "probes", bytemuck::cast_slice(&packed));
+    let textures = NoLight::new(device).beside(light);
     // There are no curves and no visibility maps.
     let nothing = storage_buffer(device, "nothing", &[]);
     let (trilinear, anisotropic) = (linear_sampler(device, 1), linear_sampler(device, 16));
-    let resources = [
+    let common = [
         uniforms.as_entire_binding(),
-        wgpu::BindingResource::TextureView(environment.view()),
+        textures.environment(),
         wgpu::BindingResource::Sampler(&trilinear),
         wgpu::BindingResource::Sampler(&anisotropic),
         nothing.as_entire_binding(),
         nothing.as_entire_binding(),
         nothing.as_entire_binding(),
-        probes.as_entire_binding(),
     ];
-    bind(device, group_layout, &resources)
+    bind(device, group_layout, &[&common[..], &textures.near(), &[probes.as_entire_binding()]].concat())
 }
 
 fn pipeline(device: &wgpu::Device, group_layout: &wgpu::BindGroupLayout, filter: Filter) -> wgpu::RenderPipeline {

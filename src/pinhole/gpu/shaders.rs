@@ -1,9 +1,11 @@
 //! The shaders. A line `#import name` is replaced by `shaders/shared/name.wgsl`, once per shader; `#import constants` by the numbers
 //! that Rust and the shaders share, of which Rust has the only copy; `#import ray_traversal`, on devices that have ray queries, by
-//! `ray_queries.wgsl`.
+//! `ray_queries.wgsl`; `#import near_light` and `#import near_light_cells`, where the light is the environment, by `no_near_light.wgsl` and
+//! `no_near_light_cells.wgsl`.
 
 use std::fmt::Write;
 
+use super::LightKind;
 use super::acceleration::has_ray_queries;
 use super::geometry::GEOMETRY_ROW;
 use super::hierarchical::layout::{
@@ -21,14 +23,16 @@ use crate::pinhole::constants::{
     MIN_SAME_COSINE, MIN_SEEN_COSINE, MIN_WEIGHT, PART_OF_FACETS, WHOLE_SPHERE_RAD,
 };
 use crate::pinhole::constants::{
-    BEND_BLUR, CENTRAL_VISIBILITY_SHARE, CONTRAST_ERROR_SCALE, ESTIMATE_MAX_SAMPLE_NODES, ESTIMATE_RMS_SHARE,
-    EVEN_LIGHT_SHARPNESS, EWA_MAX_COLUMNS, EWA_RADIUS, EWA_TEXEL, FILTER_ANISOTROPIC, FILTER_EWA, FILTER_HARDWARE,
-    FILTER_ISOTROPIC, FILTER_NONE, FOOTPRINT_BEND, FOOTPRINT_RADIUS, INTERPOLATION_ERROR_SCALE, INTERPOLATION_POINTS,
+    BEAM_CONE, BEAM_NONE, BEAM_SLIDE, BEND_BLUR, CENTRAL_VISIBILITY_SHARE, CONTRAST_ERROR_SCALE,
+    ESTIMATE_MAX_SAMPLE_NODES, ESTIMATE_RMS_SHARE, EVEN_LIGHT_SHARPNESS, EWA_MAX_COLUMNS, EWA_RADIUS, EWA_TEXEL,
+    FILTER_ANISOTROPIC, FILTER_EWA, FILTER_HARDWARE, FILTER_ISOTROPIC, FILTER_NONE, FOOTPRINT_BEND, FOOTPRINT_RADIUS,
+    INTERPOLATION_ERROR_SCALE, INTERPOLATION_POINTS, LAMP_BLUR, LIGHT_ENVIRONMENT, LIGHT_LAMP, LIGHT_SURROUNDINGS,
     LOBE_BLUR, LOBE_CORE, LOBE_CORE_WIDTH, LOBE_SHIFT, LOBE_TAIL, LOBE_TAIL_SHARE, LOBE_TAIL_WIDTH, LOBE_TILT,
-    LOBE_TILT_GROWTH, MAX_INTERPOLATED_WIDTH, MAX_PIECE_SIZE, MAX_QUARTERINGS, MAX_RELATIVE_SIZE, MIN_BEND_BLUR,
-    MIN_DISTANCE_RATIO, MIN_MINOR_SHARE, MIN_TRACED_SHARE, MIN_TRACED_SKY_SHARE, NEAR_FIELD_SIZES, NEGLIGIBLE_SHARE,
-    PAIR_ERROR_SHARE, POINT_SPACING, SMOOTH_NORMAL_TOLERANCE, SMOOTH_POSITION_TOLERANCE, TAP_SHARPNESS,
-    TAPS_PER_ERROR_BUDGET, TILE_SIZE, WEIGHT_ERROR_SCALE,
+    LOBE_TILT_GROWTH, MAX_INTERPOLATED_WIDTH, MAX_LAMP_QUARTERINGS, MAX_PIECE_SIZE, MAX_QUARTERINGS, MAX_RELATIVE_SIZE,
+    MAX_VIEWPOINTS, MIN_BEND_BLUR, MIN_DISC_LENGTH, MIN_DISTANCE_RATIO, MIN_MINOR_SHARE, MIN_SLENDERNESS,
+    MIN_TRACED_SHARE, MIN_TRACED_SKY_SHARE, NEAR_FIELD_SIZES, NEGLIGIBLE_SHARE, PAIR_ERROR_SHARE, POINT_SPACING,
+    SMOOTH_NORMAL_TOLERANCE, SMOOTH_POSITION_TOLERANCE, TAP_SHARPNESS, TAPS_PER_ERROR_BUDGET, TILE_SIZE,
+    WEIGHT_ERROR_SCALE,
 };
 use crate::pinhole::layout::{
     BATCH_SIZE, CURVE_POINTS, IS_FRESNEL, IS_INTERFACE, LIGHTS_BACK, LIGHTS_FRONT, NO_CURVE, OBJECT_SCALE,
@@ -75,6 +79,7 @@ pub(crate) const TRACE_SHADOWS: Shader = shader!("trace_shadows");
 
 const SHARED: &[Shader] = &[
     shader!("shared/block_coverage"),
+    shader!("shared/block_pairs"),
     shader!("shared/brdf"),
     shader!("shared/cell_quarters"),
     shader!("shared/cell_tree"),
@@ -87,9 +92,15 @@ const SHARED: &[Shader] = &[
     shader!("shared/gloss_bounds"),
     shader!("shared/hits"),
     shader!("shared/interface"),
+    shader!("shared/lamp"),
     shader!("shared/light_direction"),
     shader!("shared/microfacets"),
+    shader!("shared/near_light"),
+    shader!("shared/near_light_cells"),
+    shader!("shared/no_near_light"),
+    shader!("shared/no_near_light_cells"),
     shader!("shared/no_rays"),
+    shader!("shared/point_visibility"),
     shader!("shared/preview"),
     shader!("shared/preview_gloss"),
     shader!("shared/ray_batch"),
@@ -99,7 +110,9 @@ const SHARED: &[Shader] = &[
     shader!("shared/rays"),
     shader!("shared/receiver_tiles"),
     shader!("shared/receivers"),
+    shader!("shared/surroundings"),
     shader!("shared/tile_batch"),
+    shader!("shared/traversal"),
     shader!("shared/visibility"),
 ];
 
@@ -112,6 +125,13 @@ pub(crate) enum RayMethod {
     Queries,
 }
 
+/// What a shader is resolved for.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Variant {
+    pub rays: RayMethod,
+    pub light: LightKind,
+}
+
 impl RayMethod {
     fn of_device(device: &wgpu::Device) -> Self {
         if has_ray_queries(device) { Self::Queries } else { Self::Traversal }
@@ -120,8 +140,8 @@ impl RayMethod {
 
 impl Shader {
     /// Its source with the imports in place.
-    pub fn resolve(self, rays: RayMethod) -> String {
-        let mut resolved = Resolved { source: String::new(), imported: Vec::new(), rays };
+    pub fn resolve(self, variant: Variant) -> String {
+        let mut resolved = Resolved { source: String::new(), imported: Vec::new(), variant };
         resolved.add(self.source);
         let has_queries = resolved.imported.contains(&RAY_QUERIES);
         if has_queries { format!("enable wgpu_ray_query;\n{}", resolved.source) } else { resolved.source }
@@ -129,12 +149,17 @@ impl Shader {
 
     /// Its module on a device.
     pub fn module(self, device: &wgpu::Device) -> wgpu::ShaderModule {
-        self.module_of(device, self.resolve(RayMethod::of_device(device)))
+        self.module_under(device, LightKind::Environment)
+    }
+
+    /// The same for a kind of light.
+    pub fn module_under(self, device: &wgpu::Device, light: LightKind) -> wgpu::ShaderModule {
+        self.module_of(device, self.resolve(Variant { rays: RayMethod::of_device(device), light }))
     }
 
     /// The same, writing storage textures of 32-bit floats or of halves: WGSL has no parameters for formats.
     pub fn module_writing(self, device: &wgpu::Device, format: wgpu::TextureFormat) -> wgpu::ShaderModule {
-        let source = self.resolve(RayMethod::of_device(device));
+        let source = self.resolve(Variant { rays: RayMethod::of_device(device), light: LightKind::Environment });
         let is_half = format == wgpu::TextureFormat::Rgba16Float;
         self.module_of(device, if is_half { source.replace("rgba32float", "rgba16float") } else { source })
     }
@@ -153,7 +178,7 @@ const RAY_QUERIES: &str = "ray_queries";
 struct Resolved {
     source: String,
     imported: Vec<&'static str>,
-    rays: RayMethod,
+    variant: Variant,
 }
 
 impl Resolved {
@@ -169,7 +194,13 @@ impl Resolved {
     }
 
     fn import(&mut self, name: &'static str) {
-        let name = if name == RAY_TRAVERSAL && self.rays == RayMethod::Queries { RAY_QUERIES } else { name };
+        let is_far = self.variant.light == LightKind::Environment;
+        let name = match name {
+            RAY_TRAVERSAL if self.variant.rays == RayMethod::Queries => RAY_QUERIES,
+            "near_light" if is_far => "no_near_light",
+            "near_light_cells" if is_far => "no_near_light_cells",
+            name => name,
+        };
         if self.imported.contains(&name) {
             return;
         }
@@ -220,7 +251,7 @@ fn constants() -> String {
     declare!(TILE_SIZE, INTERPOLATION_POINTS, BLOCK_LEVELS, BLOCKS_PER_TILE);
     declare!(WORKGROUP_SIZE, BOUNDS_WORKGROUP_EDGE, ESTIMATE_WORKGROUPS, PROBES_PER_ROW);
     declare(&mut source, "CURVE_POINTS", CURVE_POINTS as u32);
-    declare!(BATCH_SIZE, NO_CURVE, MAX_CHILDREN, MAX_TREE_DEPTH, MAX_QUARTERINGS);
+    declare!(BATCH_SIZE, NO_CURVE, MAX_CHILDREN, MAX_TREE_DEPTH, MAX_QUARTERINGS, MAX_LAMP_QUARTERINGS);
     declare!(SMOOTH_POSITION_TOLERANCE, SMOOTH_NORMAL_TOLERANCE, POINT_SPACING, MIN_MINOR_SHARE, MIN_DISTANCE_RATIO);
     declare!(
         PAIR_ERROR_SHARE,
@@ -248,6 +279,8 @@ fn constants() -> String {
     declare!(MIN_REFRACTED_COSINE, MAX_REFRACTED_BLUR, WHOLE_SPHERE_RAD);
     declare!(HALF_ANGLE_PER_CHORD, MAX_AZIMUTH_SINE, AZIMUTH_PER_SINE, CONE_PER_AXES);
     declare!(FILTER_NONE, FILTER_ISOTROPIC, FILTER_ANISOTROPIC, FILTER_HARDWARE, FILTER_EWA);
+    declare!(LIGHT_ENVIRONMENT, LIGHT_LAMP, LIGHT_SURROUNDINGS, MAX_VIEWPOINTS, BEAM_NONE, BEAM_CONE, BEAM_SLIDE);
+    declare!(LAMP_BLUR, MIN_SLENDERNESS, MIN_DISC_LENGTH);
     declare!(MATERIAL_PHONG, MATERIAL_GGX, MATERIAL_TABLE, PART_OF_FACETS);
     let [theta_half, theta_diff, phi_diff] = TABLE_STEPS.map(|steps| steps as u32);
     declare(&mut source, "TABLE_THETA_HALF_STEPS", theta_half);

@@ -1,8 +1,9 @@
 //! What the gather reads beside receivers: light, samples and parameters, in buffers that can be written anew from frame to frame.
 
+use super::near_light::{LightTextures, LightUniforms, NoLight};
 use super::{FrameInputs, VisibilityMapBuffers, filled_storage};
 use crate::gpu::buffer_with;
-use crate::pinhole::{BATCH_SIZE, GatherUniforms, PinholeSample};
+use crate::pinhole::{BATCH_SIZE, PinholeSample};
 
 /// Light and samples as shaders read them.
 #[derive(Debug, PartialEq)]
@@ -12,23 +13,20 @@ pub(super) struct Sources {
     pub curves: wgpu::Buffer,
     pub planes: wgpu::Buffer,
     pub sky_masks: wgpu::Buffer,
-    pub environment: wgpu::TextureView,
+    pub light: LightTextures,
 }
 
 /// The contents of the buffers of [`Sources`].
 struct Contents<'a> {
-    uniforms: GatherUniforms,
+    uniforms: LightUniforms,
     samples: Vec<PinholeSample>,
     curves: &'a [u8],
 }
 
 impl<'a> Contents<'a> {
     fn new(inputs: &FrameInputs<'a>, map_resolution: u32) -> Self {
-        let cube = inputs.environment;
-        let uniforms = GatherUniforms {
-            map_resolution,
-            ..GatherUniforms::new(&inputs.params, inputs.pinholes, cube.size(), cube.radiance_scale())
-        };
+        let FrameInputs { params, pinholes, .. } = inputs;
+        let uniforms = inputs.light.uniforms(params, pinholes, map_resolution);
         // Whole batches, one at least; the shader reads `sample_count` samples only.
         let batches = inputs.pinholes.samples.len().div_ceil(BATCH_SIZE as usize).max(1);
         let mut samples = inputs.pinholes.samples.clone();
@@ -43,7 +41,7 @@ impl<'a> Contents<'a> {
 }
 
 impl Sources {
-    pub fn new(device: &wgpu::Device, inputs: &FrameInputs, maps: &VisibilityMapBuffers) -> Self {
+    pub fn new(device: &wgpu::Device, inputs: &FrameInputs, maps: &VisibilityMapBuffers, no_light: &NoLight) -> Self {
         let contents = Contents::new(inputs, maps.resolution);
         let [uniforms, samples, curves] = contents.bytes();
         let usage = wgpu::BufferUsages::COPY_DST;
@@ -53,12 +51,12 @@ impl Sources {
             curves: buffer_with(device, "reflectance curves", curves, usage | wgpu::BufferUsages::STORAGE),
             planes: maps.planes.clone(),
             sky_masks: maps.sky_masks.clone(),
-            environment: inputs.environment.view().clone(),
+            light: no_light.beside(inputs.light),
         }
     }
 
     /// The same buffers with other contents, and the visibility maps of the inputs; `None` if the contents have other sizes.
-    pub fn updated(&self, queue: &wgpu::Queue, inputs: &FrameInputs) -> Option<Self> {
+    pub fn updated(&self, queue: &wgpu::Queue, inputs: &FrameInputs, no_light: &NoLight) -> Option<Self> {
         let contents = Contents::new(inputs, inputs.maps.map_or(0, |maps| maps.resolution));
         let buffers = [&self.uniforms, &self.samples, &self.curves];
         if !buffers.iter().zip(contents.bytes()).all(|(buffer, bytes)| buffer.size() == bytes.len() as u64) {
@@ -69,6 +67,6 @@ impl Sources {
         // Without visibility, what is bound in place of maps stays.
         let maps = inputs.maps.map_or([&self.planes, &self.sky_masks], |maps| [&maps.planes, &maps.sky_masks]);
         let [planes, sky_masks] = maps.map(Clone::clone);
-        Some(Self { uniforms, samples, curves, planes, sky_masks, environment: inputs.environment.view().clone() })
+        Some(Self { uniforms, samples, curves, planes, sky_masks, light: no_light.beside(inputs.light) })
     }
 }

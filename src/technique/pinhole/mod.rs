@@ -257,8 +257,7 @@ impl PinholeStages {
     ) -> Result<Arc<dyn Sum>, Error> {
         #[cfg(feature = "gpu")]
         if let Some(shared) = inputs.backend.shared_gpu() {
-            let light = (&sum.environment, &sum.bounds);
-            let hierarchy = self.gpu.hierarchy(shared, &sum.tree, light, sum.params, inputs).await?;
+            let hierarchy = self.gpu.hierarchy(shared, &sum, inputs).await?;
             check_wanted(inputs.progress)?;
             let estimate = async || hierarchy.estimate(&estimate_receivers(inputs)).await;
             let key = estimate_key(inputs, &sum);
@@ -279,6 +278,11 @@ impl PinholeStages {
         }
         Ok(self.sum.keep(key, Arc::new(HierarchicalOnCpu { sum, statistics })))
     }
+}
+
+/// Adds the irradiance and fetches of one more light.
+fn add(sums: &mut [[f32; 4]], more: &[[f32; 4]]) {
+    sums.as_flattened_mut().iter_mut().zip(more.as_flattened()).for_each(|(sum, more)| *sum += more);
 }
 
 /// The parameters of a sum.

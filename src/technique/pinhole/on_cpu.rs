@@ -1,15 +1,10 @@
 //! Sums on the CPU.
 
-use super::{FlatInputs, HierarchicalInputs};
+use super::{FlatInputs, HierarchicalInputs, add};
 use crate::pinhole::Receivers;
 use crate::pinhole::cpu::{gather, gather_hierarchical, gather_lamp, gather_surroundings};
 use crate::progress::{Progress, Uncounted};
 use crate::technique::{Pending, Statistics, Sum};
-
-/// Adds irradiance and fetches.
-fn add(sums: &mut [[f32; 4]], more: &[[f32; 4]]) {
-    sums.as_flattened_mut().iter_mut().zip(more.as_flattened()).for_each(|(sum, more)| *sum += more);
-}
 
 /// The flat sum: every sample is evaluated at every receiver.
 #[derive(Debug)]

@@ -5,6 +5,7 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use crate::environment::{CubeMap, FACES, face_direction};
+use crate::pinhole::constants::MAX_VIEWPOINTS;
 use crate::pinhole::{PinholeSample, SurroundingView, Surroundings};
 use crate::scene::{Medium, Mesh, Object, Ray, Scene, Sides, Visibility};
 use crate::stages::DirectLamps;
@@ -13,7 +14,7 @@ use crate::tracing::{Hit, SeenBy, Tracer};
 
 /// Texels along the edge of a view's faces, and the most views. Measured in `colours` with 1, 4, 16 and 64 views: errors of .119, .061,
 /// .048 and .045. A view has 1 MB.
-const OF_PICTURE: (u32, usize) = (64, 16);
+const OF_PICTURE: (u32, usize) = (64, MAX_VIEWPOINTS as usize);
 /// The same in previews.
 const OF_PREVIEW: (u32, usize) = (32, 4);
 /// There are viewpoints enough if no sample is farther from one than this part of the distance to the nearest surface.

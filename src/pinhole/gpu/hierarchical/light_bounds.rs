@@ -8,6 +8,7 @@ use super::layout::BOUNDS_WORKGROUP_EDGE;
 use super::{DYNAMIC_OFFSET, uniform_buffer};
 use crate::environment::{Bound, FACES, FINEST_BOUNDS, FIRST_BOUNDED_MIP, LightBounds, mip_of_pyramid};
 use crate::gpu::GpuError;
+use crate::pinhole::SurroundingView;
 
 /// Bounds of an environment's radiance and of that of its mips, as textures: each texel holds the maximum and the
 /// contrast around it.
@@ -36,6 +37,28 @@ impl LightBoundsTexture {
             light: BoundsTexture::new(device, size, FACES as u32, usage),
             mips: BoundsTexture::new(device, (size >> FIRST_BOUNDED_MIP).max(1), FACES as u32 * mips, usage),
         }
+    }
+
+    /// What is bound where the light is no environment.
+    pub(in crate::pinhole::gpu) fn none(device: &wgpu::Device) -> Self {
+        Self::new(device, 1, wgpu::TextureUsages::TEXTURE_BINDING)
+    }
+
+    /// Uploads bounds of the views of surroundings: six layers each. Their mips have none of their own.
+    pub(in crate::pinhole::gpu) fn of_views(
+        device: &wgpu::Device,
+        queue: &wgpu::Queue,
+        views: &[SurroundingView],
+    ) -> Self {
+        let usage = wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST;
+        let size = views.first().map_or(1, |view| view.bounds.size());
+        let light = BoundsTexture::new(device, size, (FACES * views.len()) as u32, usage);
+        for (k, view) in views.iter().enumerate() {
+            for (level, (edge, texels)) in (0..).zip(view.bounds.pyramids().next().into_iter().flatten()) {
+                light.write(queue, (level, (FACES * k) as u32), edge, texels);
+            }
+        }
+        Self { light, mips: BoundsTexture::new(device, 1, FACES as u32, usage) }
     }
 
     /// Uploads bounds that the CPU made.

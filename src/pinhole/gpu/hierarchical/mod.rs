@@ -25,10 +25,13 @@ use self::pipelines::Pipelines;
 use self::tile_batch::TileBatch;
 use super::maps::{RayInputs, VisibilityMapBuffers};
 use super::pipeline::{bind, bind_numbered};
-use super::{EnvironmentCube, FrameViewers, TARGET_FORMAT, bind_receivers, target};
+use super::{
+    EnvironmentCube, FrameLight, FrameViewers, LampBuffers, LightKind, SurroundingBuffers, TARGET_FORMAT,
+    bind_receivers, target,
+};
 use crate::gpu::{GpuError, buffer_with};
 use crate::pinhole::constants::TILE_SIZE;
-use crate::pinhole::{Filter, GatherUniforms, Params};
+use crate::pinhole::{Filter, Params};
 
 /// The hierarchical gather's pipelines on one device. It needs nothing beyond what every WebGPU device has.
 #[derive(Debug)]
@@ -42,6 +45,8 @@ pub struct HierarchicalEngine {
 pub struct HierarchicalOptions {
     /// [`Filter::Anisotropic`] or [`Filter::Hardware`]; it is compiled into the shaders.
     pub filter: Filter,
+    /// What the light is; a lamp takes no filter.
+    pub light: LightKind,
     /// Whether the samples' visibility maps count.
     pub visibility: bool,
     /// Whether cells may be on interfaces between two media; without, the shaders are faster.
@@ -63,10 +68,8 @@ pub struct HierarchicalInputs<'a> {
     pub is_grid: bool,
     /// The cells; with visibility maps if, and only if, the engine was made for them.
     pub tree: &'a CellTreeBuffers,
-    /// The environment,
-    pub environment: &'a EnvironmentCube,
-    /// and its bounds.
-    pub bounds: &'a LightBoundsTexture,
+    /// The light, of the engine's kind.
+    pub light: TreeLight<'a>,
     /// Parameters; the filter must be the engine's.
     pub params: Params,
     /// How right the sum is to be.
@@ -78,6 +81,45 @@ pub struct HierarchicalInputs<'a> {
     /// Passes that the pixels' own work is split into, from 1 to 4096: all but the last do a bounded part of it. More where an adapter
     /// limits loops (see [`HierarchicalFrame::caustic`]) or the time of a draw.
     pub split_passes: u32,
+}
+
+/// The light of one hierarchical gather; several lights are several gathers.
+#[derive(Clone, Copy, Debug)]
+pub enum TreeLight<'a> {
+    /// An environment, and bounds of its radiance.
+    Environment {
+        /// Its radiance.
+        cube: &'a EnvironmentCube,
+        /// Bounds of that.
+        bounds: &'a LightBoundsTexture,
+    },
+    /// A lamp.
+    Lamp(&'a LampBuffers),
+    /// Lit surfaces.
+    Surroundings(&'a SurroundingBuffers),
+}
+
+impl<'a> TreeLight<'a> {
+    /// What it is.
+    pub fn kind(&self) -> LightKind {
+        self.without_bounds().kind()
+    }
+
+    fn without_bounds(&self) -> FrameLight<'a> {
+        match *self {
+            Self::Environment { cube, .. } => FrameLight::Environment(cube),
+            Self::Lamp(lamp) => FrameLight::Lamp(lamp),
+            Self::Surroundings(surfaces) => FrameLight::Surroundings(surfaces),
+        }
+    }
+
+    fn bounds(&self) -> Option<&'a LightBoundsTexture> {
+        match *self {
+            Self::Environment { bounds, .. } => Some(bounds),
+            Self::Lamp(_) => None,
+            Self::Surroundings(surfaces) => Some(&surfaces.bounds),
+        }
+    }
 }
 
 /// The error that is allowed.
@@ -227,10 +269,11 @@ impl HierarchicalEngine {
     }
 
     fn check(&self, device: &wgpu::Device, inputs: &HierarchicalInputs) -> Result<(), GpuError> {
-        let HierarchicalOptions { filter, visibility, refraction } = self.options;
+        let HierarchicalOptions { filter, light, visibility, refraction } = self.options;
         if inputs.params.filter != filter {
             return Err(GpuError::OtherFilter { engine: filter.name(), params: inputs.params.filter.name() });
         }
+        inputs.light.kind().check(light)?;
         if inputs.tree.maps.is_some() != visibility {
             return Err(GpuError::OtherVisibility { engine: visibility });
         }
@@ -247,12 +290,10 @@ impl HierarchicalEngine {
     }
 
     fn bind_scene(&self, device: &wgpu::Device, inputs: &HierarchicalInputs, tiling: &Tiling) -> wgpu::BindGroup {
-        let (cube, tree) = (inputs.environment, inputs.tree);
+        let (tree, light) = (inputs.tree, inputs.light.without_bounds());
+        let bounds = inputs.light.bounds().unwrap_or(&self.pipelines.no_light.bounds);
         let maps = tree.maps.clone().unwrap_or_else(|| VisibilityMapBuffers::none(device));
-        let gather = GatherUniforms {
-            map_resolution: maps.resolution,
-            ..GatherUniforms::new(&inputs.params, &Default::default(), cube.size(), cube.radiance_scale())
-        };
+        let gather = light.uniforms(&inputs.params, &Default::default(), maps.resolution);
         let gather = uniform_buffer(device, "gather uniforms", bytemuck::bytes_of(&gather));
         let uniforms = TreeUniforms {
             size: inputs.size,
@@ -270,21 +311,24 @@ impl HierarchicalEngine {
             padding: 0,
         };
         let uniforms = uniform_buffer(device, "tree uniforms", bytemuck::bytes_of(&uniforms));
-        let resources = [
+        let light = self.pipelines.no_light.beside(light);
+        let common = [
             gather.as_entire_binding(),
-            wgpu::BindingResource::TextureView(cube.view()),
+            light.environment(),
             wgpu::BindingResource::Sampler(&self.pipelines.trilinear),
             wgpu::BindingResource::Sampler(&self.pipelines.anisotropic),
             tree.curves.as_entire_binding(),
             maps.planes.as_entire_binding(),
             maps.sky_masks.as_entire_binding(),
+        ];
+        let of_cells = [
             uniforms.as_entire_binding(),
-            wgpu::BindingResource::TextureView(inputs.bounds.light.view()),
+            wgpu::BindingResource::TextureView(bounds.light.view()),
             tree.nodes.as_entire_binding(),
             tree.sample_nodes.as_entire_binding(),
-            wgpu::BindingResource::TextureView(inputs.bounds.mips.view()),
+            wgpu::BindingResource::TextureView(bounds.mips.view()),
         ];
-        bind(device, &self.pipelines.layouts.scene, &resources)
+        bind(device, &self.pipelines.layouts.scene, &[&common[..], &light.near(), &of_cells].concat())
     }
 }
 

@@ -4,6 +4,7 @@ use wgpu::{BindGroupLayout, BindGroupLayoutEntry, BindingType, ShaderStages, Tex
 
 use super::super::TARGET_FORMAT;
 use super::super::geometry::{integers, ray_entries};
+use super::super::near_light::NoLight;
 use super::super::pipeline::{
     GATHER_INPUTS, compute_pipeline, entry, filter_constant, gather_inputs, layout, linear_sampler, render_pipeline,
     seen_by, storage, texture, uniform, window, writable, written,
@@ -27,6 +28,7 @@ pub(super) struct Pipelines {
     /// The last pass towards viewers.
     resolve_towards_viewers: wgpu::RenderPipeline,
     pub layouts: Layouts,
+    pub no_light: NoLight,
     pub trilinear: wgpu::Sampler,
     pub anisotropic: wgpu::Sampler,
 }
@@ -56,7 +58,13 @@ const COMPUTE: ShaderStages = ShaderStages::COMPUTE;
 impl Layouts {
     fn new(device: &wgpu::Device) -> Self {
         let tree = seen_by(BOTH | ShaderStages::VERTEX, uniform(GATHER_INPUTS));
-        let cells = [bounds_texture(8), storage(9), storage(10), bounds_texture(11)].map(|entry| seen_by(BOTH, entry));
+        let cells = [
+            bounds_texture(GATHER_INPUTS + 1),
+            storage(GATHER_INPUTS + 2),
+            storage(GATHER_INPUTS + 3),
+            bounds_texture(GATHER_INPUTS + 4),
+        ]
+        .map(|entry| seen_by(BOTH, entry));
         let scene = [&gather_inputs().map(|entry| seen_by(BOTH, entry))[..], &[tree], &cells].concat();
         let of_points = [texture(0), texture(1)].map(|entry| seen_by(BOTH, entry));
         let receivers = [&of_points[..], &[texture(2), storage(3), storage(4)]].concat();
@@ -90,7 +98,7 @@ impl Layouts {
 
 impl Pipelines {
     pub fn new(device: &wgpu::Device, options: &HierarchicalOptions) -> Self {
-        let HierarchicalOptions { filter, visibility, refraction } = *options;
+        let HierarchicalOptions { filter, light, visibility, refraction } = *options;
         let layouts = Layouts::new(device);
         let with_groups = |more: &[&BindGroupLayout]| {
             let groups = [&[&layouts.scene, &layouts.receivers], more].concat();
@@ -103,12 +111,14 @@ impl Pipelines {
         let switch = |is_on: bool| f64::from(u8::from(is_on));
         let constants = [
             ("FILTER", f64::from(filter_constant(filter))),
+            ("LIGHT", f64::from(light.constant())),
             ("VISIBILITY", switch(visibility)),
             ("REFRACTION", switch(refraction)),
         ];
         let (work, estimate) = (with_groups(&[&layouts.work, &layouts.rays]), with_groups(&[&layouts.estimate]));
         let result = with_groups(&[&layouts.result, &layouts.rays]);
-        let (of_estimate, of_resolve) = (IRRADIANCE_ESTIMATE.module(device), RESOLVE.module(device));
+        let (of_estimate, of_resolve) =
+            (IRRADIANCE_ESTIMATE.module_under(device, light), RESOLVE.module_under(device, light));
         let resolve = |shading: bool| {
             let constants = [&constants[..], &[("SHADING", switch(shading))]].concat();
             let targets = [TARGET_FORMAT, WALK_FORMAT].map(|format| Some(format.into()));
@@ -120,13 +130,14 @@ impl Pipelines {
         Self {
             passes: Passes {
                 receiver_blocks: compute(&work, &RECEIVER_BLOCKS.module(device), "make_block", &[]),
-                refine: compute(&work, &REFINE.module(device), "refine", &constants),
+                refine: compute(&work, &REFINE.module_under(device, light), "refine", &constants),
                 estimate: compute(&estimate, &of_estimate, "estimate", &constants[1..]),
                 set_tolerance: compute(&estimate, &of_estimate, "set_tolerance", &[]),
                 resolve: resolve(false),
             },
             resolve_towards_viewers: resolve(true),
             layouts,
+            no_light: NoLight::new(device),
             trilinear: linear_sampler(device, 1),
             anisotropic: linear_sampler(device, 16),
         }

@@ -13,10 +13,13 @@ use crate::engine::preview_layout::{PIXEL_BYTES, PreviewGrid, PreviewObject, Pre
 use crate::pinhole::gpu::geometry::RayUniforms;
 use crate::pinhole::gpu::hierarchical::layout::{BLOCK_BYTES, SampleNode, TilePass, Tolerance, TreeUniforms};
 use crate::pinhole::gpu::hierarchical::light_bounds::BoundsUniforms;
+use crate::pinhole::gpu::lamp::LampUniforms;
 use crate::pinhole::gpu::lit_environment::{EmitterUniforms, LitFace};
 use crate::pinhole::gpu::maps::{MapUniforms, PackedHemisphere};
+use crate::pinhole::gpu::near_light::LightUniforms;
 use crate::pinhole::gpu::probe::GpuProbe;
 use crate::pinhole::gpu::ray_batch::{ArrivingLight, BatchHit, BatchRay, BatchUniforms, PackedDirection};
+use crate::pinhole::gpu::surroundings::Viewpoints;
 use crate::pinhole::{GatherUniforms, PinholeSample};
 
 const ALL: [Shader; 17] = [
@@ -39,15 +42,20 @@ const ALL: [Shader; 17] = [
     TRACE_SHADOWS,
 ];
 
+/// What every WebGPU device has: halves packed in words, and arrays of cubes.
+const EVERYWHERE: Capabilities = Capabilities::SHADER_FLOAT16_IN_FLOAT32.union(Capabilities::CUBE_ARRAY_TEXTURES);
+
+const PLAIN: Variant = Variant { rays: RayMethod::Traversal, light: LightKind::Environment };
+
 fn parse(shader: Shader) -> Result<Module, String> {
-    parse_with(shader, RayMethod::Traversal, Capabilities::empty())
+    parse_with(shader, PLAIN, Capabilities::empty())
 }
 
-fn parse_with(shader: Shader, rays: RayMethod, more: Capabilities) -> Result<Module, String> {
-    let (name, source) = (shader.name, shader.resolve(rays));
+fn parse_with(shader: Shader, variant: Variant, more: Capabilities) -> Result<Module, String> {
+    let (name, source) = (shader.name, shader.resolve(variant));
     let module = naga::front::wgsl::parse_str(&source).map_err(|e| format!("{name}: {}", e.emit_to_string(&source)))?;
-    // Halves packed in words: every WebGPU device reads them.
-    Validator::new(ValidationFlags::all(), Capabilities::SHADER_FLOAT16_IN_FLOAT32 | more)
+
+    Validator::new(ValidationFlags::all(), EVERYWHERE | more)
         .validate(&module)
         .map_err(|e| format!("{name}: {}", e.emit_to_string(&source)))?;
     Ok(module)
@@ -59,10 +67,12 @@ fn every_shader_is_valid() {
     let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("target/shaders");
     std::fs::create_dir_all(&folder).unwrap();
     for shader in ALL {
-        std::fs::write(folder.join(shader.name).with_extension("wgsl"), shader.resolve(RayMethod::Traversal)).unwrap();
+        std::fs::write(folder.join(shader.name).with_extension("wgsl"), shader.resolve(PLAIN)).unwrap();
     }
-    let with_queries = |shader| parse_with(shader, RayMethod::Queries, Capabilities::RAY_QUERY);
-    let parsed = ALL.into_iter().flat_map(|shader| [parse(shader), with_queries(shader)]);
+    let with_queries =
+        |shader| parse_with(shader, Variant { rays: RayMethod::Queries, ..PLAIN }, Capabilities::RAY_QUERY);
+    let under_lamps = |shader| parse_with(shader, Variant { light: LightKind::Lamp, ..PLAIN }, Capabilities::empty());
+    let parsed = ALL.into_iter().flat_map(|shader| [parse(shader), with_queries(shader), under_lamps(shader)]);
     let failures: Vec<String> = parsed.filter_map(Result::err).collect();
     assert!(failures.is_empty(), "{}", failures.join("\n"));
 }
@@ -140,6 +150,20 @@ fn rust_structs() -> BTreeMap<&'static str, Layout> {
         ("EmitterUniforms", layout!(EmitterUniforms { clip_from_mesh, number })),
         ("GatherUniforms", gather_uniforms()),
         ("Hemisphere", layout!(PackedHemisphere { position, extent, normal, object_sides, texel_jitter })),
+        (
+            "Lamp",
+            layout!(LampUniforms {
+                position,
+                radius,
+                radiance,
+                max_radiance,
+                direction,
+                half_angle,
+                up,
+                softness,
+                beam
+            }),
+        ),
         ("LitFace", layout!(LitFace { face, points, background_factor })),
         ("MapUniforms", layout!(MapUniforms { first_map, resolution, bisections })),
         ("Material", layout!(Material { albedo, kind, specular, width, table })),
@@ -157,11 +181,12 @@ fn rust_structs() -> BTreeMap<&'static str, Layout> {
         ("TilePass", layout!(TilePass { first_tile, level, split, split_count })),
         ("Tolerance", layout!(Tolerance { error, relative_error })),
         ("TreeUniforms", tree_uniforms()),
+        ("Viewpoints", layout!(Viewpoints { count, plane_scale, places })),
     ])
 }
 
 fn gather_uniforms() -> Layout {
-    layout!(GatherUniforms {
+    let mut layout = layout!(GatherUniforms {
         sample_count,
         taps,
         attenuation,
@@ -173,7 +198,10 @@ fn gather_uniforms() -> Layout {
         map_resolution,
         rotation_cos,
         rotation_sin,
-    })
+    });
+    layout.members.push(("lamp".into(), offset_of!(LightUniforms, lamp) as u32));
+    layout.members.push(("viewpoints".into(), offset_of!(LightUniforms, viewpoints) as u32));
+    Layout { size: size_of::<LightUniforms>() as u32, ..layout }
 }
 
 fn preview_uniforms() -> Layout {

@@ -1,0 +1,204 @@
+// A lamp as the light of a gather: the part of a footprint that its disc fills, in place of a look-up in the environment.
+// CPU twins: src/pinhole/cpu/uniforms.lamp.rs, src/pinhole/disc.rs and src/scene/uniforms.lamp.rs.
+
+#import frame
+#import footprint
+#import gather_inputs
+
+// How much farther than a footprint its blur reaches.
+const BLURRED_REACH: f32 = 1.0 + LAMP_BLUR / FOOTPRINT_RADIUS;
+// Widths of a rough mirror's lobe within which lamps are seen in it.
+const TAIL_REACH: f32 = 0.75 * LOBE_TAIL_WIDTH;
+const HALF_PI: f32 = 1.57079633;
+
+// The lamp, seen from a point.
+struct SeenLamp {
+    // Unit vector.
+    towards: vec3f,
+    distance: f32,
+    // Twice the sine of half its angular radius.
+    chord: f32,
+}
+
+fn lamp_seen_from(point: vec3f) -> SeenLamp {
+    let to = uniforms.lamp.position - point;
+    let distance = max(length(to), 1.2e-38);
+    return SeenLamp(to / distance, distance, chord_of_sphere(min(uniforms.lamp.radius / distance, 1.0)));
+}
+
+fn chord_of_sphere(sine: f32) -> f32 {
+    let cosine = sqrt(max(1.0 - sine * sine, 0.0));
+    return sine * sqrt(2.0 / (1.0 + cosine));
+}
+
+// Directions from any point within a radius to any point of the lamp are at most this far from that of the centres, radians.
+fn lamp_spread(point: vec3f, radius: f32) -> f32 {
+    let nearest = length(uniforms.lamp.position - point) - radius;
+    let sine = (radius + uniforms.lamp.radius) / nearest;
+    // An arc is at most π/2 times its sine.
+    return select(WHOLE_SPHERE_RAD, sine * HALF_PI, nearest > 0.0 && sine < 1.0);
+}
+
+// Whether a cone of directions from any point within a radius meets the lamp.
+fn meets_lamp(point: vec3f, radius: f32, direction: vec3f, cone_radius: f32) -> bool {
+    // A chord is shorter than its arc.
+    let apart = distance(direction, lamp_seen_from(point).towards);
+    return apart <= BLURRED_REACH * (cone_radius + lamp_spread(point, radius));
+}
+
+// A footprint, without a lobe, of directions to points at the lamp's distance: the lamp is seen from another place along the sides of the
+// surface.
+fn footprint_towards_lamp(
+    seen: SeenLamp, surface: FootprintSides, r: vec3f, reflected: FootprintSides,
+) -> FootprintSides {
+    let side_1 = surface.v1 / seen.distance;
+    let side_2 = surface.v2 / seen.distance;
+    return FootprintSides(reflected.v1 + side_1 - dot(side_1, r) * r, reflected.v2 + side_2 - dot(side_2, r) * r);
+}
+
+// Mean radiance over a footprint around the unit direction r, seen from a piece of a surface; a = 1, a fetch.
+fn mean_of_lamp(
+    place: vec3f, n: vec3f, surface: FootprintSides, seen: SeenLamp, r: vec3f, footprint: FootprintSides,
+) -> vec4f {
+    let nothing = vec4f(0.0, 0.0, 0.0, 1.0);
+    // What is blurred must not reach below the horizon.
+    if dot(r, n) * dot(seen.towards, n) <= 0.0 {
+        return nothing;
+    }
+    // A wider disc of the same flux: cells are not exact parallelograms, and small lamps would show the gaps between them.
+    let own = seen.chord * seen.chord;
+    let wide = own + LAMP_BLUR * LAMP_BLUR * (dot(footprint.v1, footprint.v1) + dot(footprint.v2, footprint.v2));
+    let part = own / wide * filled_part(r, footprint, seen.towards, sqrt(wide));
+    if !(part > 0.0) {
+        return nothing;
+    }
+    return vec4f(part * lamp_radiance_at(lit_place(place, surface, r, footprint, seen)), 1.0);
+}
+
+// The place on a piece of a surface from which light goes to the receiver.
+fn lit_place(place: vec3f, surface: FootprintSides, r: vec3f, footprint: FootprintSides, seen: SeenLamp) -> vec3f {
+    let a = footprint.v1;
+    let b = footprint.v2;
+    let off = seen.towards - r;
+    let aa = dot(a, a);
+    let ab = dot(a, b);
+    let bb = dot(b, b);
+    let determinant = max(aa * bb - ab * ab, 1.2e-38);
+    let x = (dot(off, a) * bb - dot(off, b) * ab) / determinant;
+    let y = (dot(off, b) * aa - dot(off, a) * ab) / determinant;
+    return place + clamp(x, -0.5, 0.5) * surface.v1 + clamp(y, -0.5, 0.5) * surface.v2;
+}
+
+// Radiance of the lamp's disc as it is seen from a point, W/(m²·sr).
+fn lamp_radiance_at(point: vec3f) -> vec3f {
+    if uniforms.lamp.beam == BEAM_NONE {
+        return uniforms.lamp.radiance;
+    }
+    let direction = normalize(point - uniforms.lamp.position);
+    let along = dot(direction, uniforms.lamp.direction);
+    if along <= 0.0 {
+        return vec3f(0.0);
+    }
+    if uniforms.lamp.beam == BEAM_CONE {
+        let angle = atan2(length(cross(direction, uniforms.lamp.direction)), along);
+        let t = saturate((uniforms.lamp.half_angle - angle) / max(uniforms.lamp.softness * uniforms.lamp.half_angle, 1e-6));
+        return t * t * (3.0 - 2.0 * t) * uniforms.lamp.radiance;
+    }
+    let right = cross(uniforms.lamp.direction, uniforms.lamp.up);
+    let scale = 1.0 / (along * tan(uniforms.lamp.half_angle));
+    return uniforms.lamp.radiance * slide_at(scale * vec2f(dot(direction, right), dot(direction, uniforms.lamp.up)));
+}
+
+// The slide at a place, bilinear: the upper edge is at y = 1, the right one at x = width / height. Black outside.
+fn slide_at(place: vec2f) -> vec3f {
+    let size = vec2f(textureDimensions(slide));
+    let at = vec2f(0.5 * (place.x * size.y + size.x), 0.5 * (1.0 - place.y) * size.y);
+    if !(all(at >= vec2f(0.0)) && all(at <= size)) {
+        return vec3f(0.0);
+    }
+    let inside = max(at - 0.5, vec2f(0.0));
+    let low = vec2u(inside);
+    let part = inside - vec2f(low);
+    let high = min(low + 1u, vec2u(size) - 1u);
+    let upper = mix(slide_pixel(low.x, low.y), slide_pixel(high.x, low.y), part.x);
+    let lower = mix(slide_pixel(low.x, high.y), slide_pixel(high.x, high.y), part.x);
+    return mix(upper, lower, part.y);
+}
+
+fn slide_pixel(x: u32, y: u32) -> vec3f {
+    return textureLoad(slide, vec2u(x, y), 0).rgb;
+}
+
+// The part of a footprint around a unit direction that a disc fills: from 0 to 1.
+fn filled_part(direction: vec3f, sides: FootprintSides, towards: vec3f, chord: f32) -> f32 {
+    let frame = tangent_frame(direction);
+    let stretch = sqrt(2.0 / max(1.0 + dot(direction, towards), 1e-6)) / chord;
+    let disc = stretch * vec2f(dot(towards, frame.u), dot(towards, frame.v));
+    let a = vec2f(dot(sides.v1, frame.u), dot(sides.v1, frame.v)) / chord;
+    let b = vec2f(dot(sides.v2, frame.u), dot(sides.v2, frame.v)) / chord;
+    return part_in_unit_disc(disc, a, b);
+}
+
+// The part of a parallelogram around the origin that a unit disc fills.
+fn part_in_unit_disc(disc: vec2f, full_a: vec2f, full_b: vec2f) -> f32 {
+    var a = full_a;
+    var b = full_b;
+    let off = length(disc);
+    let reach = 0.5 * (length(a) + length(b));
+    let longest = max(dot(a, a), dot(b, b));
+    if off >= 1.0 + reach {
+        return 0.0;
+    }
+    if off + reach <= 1.0 || longest < MIN_DISC_LENGTH * MIN_DISC_LENGTH {
+        return select(0.0, 1.0, off < 1.0);
+    }
+    if abs(cross_2d(a, b)) < MIN_SLENDERNESS * longest {
+        if dot(a, a) >= dot(b, b) {
+            b += MIN_SLENDERNESS * vec2f(-a.y, a.x);
+        } else {
+            a += MIN_SLENDERNESS * vec2f(-b.y, b.x);
+        }
+    }
+    let sum = 0.5 * (a + b);
+    let difference = 0.5 * (a - b);
+    let area = area_in_unit_disc(sum - disc, -difference - disc) + area_in_unit_disc(-difference - disc, -sum - disc)
+        + area_in_unit_disc(-sum - disc, difference - disc) + area_in_unit_disc(difference - disc, sum - disc);
+    return saturate(area / cross_2d(a, b));
+}
+
+fn cross_2d(a: vec2f, b: vec2f) -> f32 {
+    return a.x * b.y - a.y * b.x;
+}
+
+fn sector(a: vec2f, b: vec2f) -> f32 {
+    return 0.5 * atan2(cross_2d(a, b), dot(a, b));
+}
+
+// The area, positive counter-clockwise, that the unit disc around the origin shares with the triangle from there to an edge.
+fn area_in_unit_disc(from_corner: vec2f, to_corner: vec2f) -> f32 {
+    let edge = to_corner - from_corner;
+    let squared = dot(edge, edge);
+    if squared == 0.0 {
+        return 0.0;
+    }
+    // Where the edge is inside, from one part of its length to another.
+    let middle = -dot(from_corner, edge) / squared;
+    let off = cross_2d(from_corner, edge);
+    let distance2 = off * off / squared;
+    let half = sqrt(max(1.0 - distance2, 0.0) / squared);
+    let first = max(middle - half, 0.0);
+    let last = min(middle + half, 1.0);
+    if distance2 >= 1.0 || first >= last {
+        return sector(from_corner, to_corner);
+    }
+    let enters = from_corner + first * edge;
+    let leaves = from_corner + last * edge;
+    var area = 0.5 * cross_2d(enters, leaves);
+    if first > 0.0 {
+        area += sector(from_corner, enters);
+    }
+    if last < 1.0 {
+        area += sector(leaves, to_corner);
+    }
+    return area;
+}

@@ -1,0 +1,42 @@
+// Footprints on light that is not infinitely far away, and its mean over them. Where the light is the environment,
+// no_near_light.wgsl is imported in its place. CPU twin: src/pinhole/cpu/near_light.rs.
+
+#import filters
+#import lamp
+#import surroundings
+
+// What a piece of a surface sees of the light around a direction, without a lobe.
+struct LightFootprint {
+    // Unit direction: of surroundings, as they are seen from the viewpoint.
+    r: vec3f,
+    sides: FootprintSides,
+    // To what is seen or shortly before it, m.
+    towards: vec3f,
+    // The view of surroundings.
+    view: u32,
+}
+
+// `reflected`: the footprint of light from infinitely far away around r.
+fn footprint_on_light(place: vec3f, surface: FootprintSides, r: vec3f, reflected: FootprintSides) -> LightFootprint {
+    if LIGHT == LIGHT_LAMP {
+        let seen = lamp_seen_from(place);
+        return LightFootprint(r, footprint_towards_lamp(seen, surface, r, reflected), uniforms.lamp.position - place, 0u);
+    }
+    let view = nearest_view(place);
+    let seen = surfaces_seen(view, place, surface, r, reflected);
+    return LightFootprint(seen.r, seen.sides, seen.towards, view);
+}
+
+// Mean radiance over a footprint, seen from a piece of a surface; a = fetches. Without regard to occlusion.
+fn mean_of_light(
+    place: vec3f, n: vec3f, surface: FootprintSides, light: LightFootprint, r: vec3f, sides: FootprintSides, taps: f32,
+    map: VisibilityMap,
+) -> vec4f {
+    if LIGHT == LIGHT_LAMP {
+        return mean_of_lamp(place, n, surface, lamp_seen_from(place), r, sides);
+    }
+    looked_up_view = light.view;
+    var unoccluded = map;
+    unoccluded.index = UNOCCLUDED;
+    return mean_over_footprint(r, sides, taps, unoccluded);
+}

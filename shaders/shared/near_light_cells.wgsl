@@ -1,0 +1,70 @@
+// Near light that arrives at cells: bounds, and what they mirror or refract. Where the light is the environment,
+// no_near_light_cells.wgsl is imported in its place. CPU twins: src/pinhole/cpu/near_light.rs, and `light_within` in src/pinhole/cpu/hierarchical/packet.rs.
+
+#import cell_tree
+#import near_light
+
+// Near light that arrives at a cell.
+struct NearLight {
+    // Mean radiance over the cell's footprint, unoccluded; a = fetches.
+    radiance: vec4f,
+    // From where it comes, as in LightFootprint.
+    towards: vec3f,
+}
+
+// Bounds of the radiance that arrives at a cell within a cone of directions: x = its maximum, y = its contrast.
+fn light_within(cell: Cell, direction: vec3f, radius: f32) -> vec2f {
+    if LIGHT == LIGHT_LAMP {
+        return vec2f(select(0.0, uniforms.lamp.max_radiance, meets_lamp(cell.centroid, cell.radius, direction, radius)));
+    }
+    let view = nearest_view(cell.centroid);
+    return bounds_within(direction, radius + view_spread(view, cell.centroid, cell.radius), cell.blur, 6 * i32(view));
+}
+
+// The relative size of a cell for receivers and, if that is larger, for a lamp.
+fn size_for_light(size: f32, cell: Cell, extent: f32) -> f32 {
+    if LIGHT == LIGHT_LAMP {
+        return max(size, extent / max(distance(uniforms.lamp.position, cell.centroid), 1.2e-38));
+    }
+    return size;
+}
+
+// At most the part of a cell's footprint that a lamp fills.
+fn max_part_of_lamp(cell: Cell, pair: Pair) -> f32 {
+    let seen = lamp_seen_from(cell.centroid);
+    let surface = FootprintSides(cell.side_1, cell.side_2);
+    let sharp = footprint_towards_lamp(seen, surface, pair.r, sharp_footprint_of(cell, pair));
+    let sides = blurred_footprint_of(cell, pair, pair.r, sharp);
+    let area = max(length(cross(sides.v1, sides.v2)), 1.2e-38);
+    return min(2.0 * HALF_PI * seen.chord * seen.chord / area, 1.0);
+}
+
+// Whether a piece of a cell, however near, may send light of the lamp to the receiver.
+fn may_mirror_lamp(piece: Cell, pair: Pair) -> bool {
+    // Refracted light turns without bound next to total reflection.
+    if is_interface(piece.flags) {
+        return true;
+    }
+    let radius = 0.5 * (length(piece.side_1) + length(piece.side_2));
+    let turn = length(piece.change_1) + length(piece.change_2) + TAIL_REACH * piece.lobe;
+    // An arc is at most π/2 times its sine; where there is no sine, light may come from anywhere.
+    let spread = pair.inverse_l * radius * HALF_PI;
+    return meets_lamp(piece.centroid, radius, pair.r, select(WHOLE_SPHERE_RAD, spread, spread < 1.0) + turn);
+}
+
+// Near light over a cell's footprint, from so many taps.
+fn near_light_at(cell: Cell, pair: Pair, taps: f32) -> NearLight {
+    let surface = FootprintSides(cell.side_1, cell.side_2);
+    let light = footprint_on_light(cell.centroid, surface, pair.r, sharp_footprint_of(cell, pair));
+    var map: VisibilityMap;
+    map.index = UNOCCLUDED;
+    if is_lobe_of_mirror(cell) {
+        let parts = lobe_parts(light.r, cell.normal, abs(pair.dn) * pair.inverse_l, light.sides, cell.lobe);
+        let core = mean_of_light(cell.centroid, cell.normal, surface, light, parts.r, parts.core, taps, map);
+        let tail = mean_of_light(cell.centroid, cell.normal, surface, light, parts.r, parts.tail, taps, map);
+        return NearLight(mean_of_parts(core, tail), light.towards);
+    }
+    let sides = blurred_footprint_of(cell, pair, light.r, light.sides);
+    let mean = mean_of_light(cell.centroid, cell.normal, surface, light, light.r, sides, taps, map);
+    return NearLight(mean, light.towards);
+}

@@ -1,0 +1,20 @@
+// The interface of near_light.wgsl where the light is the environment: drivers need not compile the rest.
+
+#import filters
+
+struct LightFootprint {
+    r: vec3f,
+    sides: FootprintSides,
+    towards: vec3f,
+}
+
+fn footprint_on_light(place: vec3f, surface: FootprintSides, r: vec3f, reflected: FootprintSides) -> LightFootprint {
+    return LightFootprint(r, reflected, vec3f(0.0));
+}
+
+fn mean_of_light(
+    place: vec3f, n: vec3f, surface: FootprintSides, light: LightFootprint, r: vec3f, sides: FootprintSides, taps: f32,
+    map: VisibilityMap,
+) -> vec4f {
+    return mean_over_footprint(r, sides, taps, map);
+}

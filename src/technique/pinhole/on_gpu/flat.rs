@@ -1,0 +1,131 @@
+//! Flat sums: every sample is evaluated at every receiver, light by light.
+
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
+
+use super::near_light::{NearLightOnGpu, params_for};
+use super::receivers::{Uploaded, strips};
+use super::submission::{Submission, pairs_per_submit};
+use super::{NumberedMaps, add};
+use crate::backend::SharedGpu;
+use crate::gpu::{Gpu, GpuError};
+use crate::pinhole::gpu::{self, Engine, EnvironmentCube, FrameInputs, FrameLight, FrameViewers};
+use crate::pinhole::{BATCH_SIZE, Receivers};
+use crate::progress::{Progress, Uncounted};
+use crate::technique::pinhole::FlatInputs;
+use crate::technique::{Pending, Statistics, Sum, SumOnGpu};
+
+/// The flat sum: every sample is evaluated at every receiver.
+#[derive(Debug)]
+pub(super) struct FlatOnGpu {
+    pub shared: Arc<SharedGpu>,
+    /// For each light, the environment first.
+    pub engines: Vec<Arc<Engine>>,
+    pub environment: Arc<EnvironmentCube>,
+    pub near: Arc<NearLightOnGpu>,
+    pub sum: FlatInputs,
+    /// The samples with the numbers of their maps, and the maps, if they count.
+    pub maps: Option<Arc<NumberedMaps>>,
+    pub statistics: Statistics,
+}
+
+impl Sum for FlatOnGpu {
+    fn irradiance<'a>(&'a self, receivers: &'a Receivers, progress: &'a dyn Progress) -> Pending<'a, Vec<[f32; 4]>> {
+        Box::pin(async move {
+            let gpu = &self.shared.gpu;
+            if let Some(maps) = &self.maps {
+                maps.trace_now(gpu, progress).await?;
+            }
+            let most = (pairs_per_submit(gpu) / u64::from(BATCH_SIZE)) as usize;
+            let mut sums = Vec::with_capacity(receivers.positions.len());
+            for strip in strips(receivers, gpu.adapter.max_texture, most) {
+                sums.extend(self.strip(&strip, progress).await?);
+                if progress.is_cancelled() {
+                    break;
+                }
+            }
+            sums.resize(receivers.positions.len(), [0.0; 4]);
+            Ok(sums)
+        })
+    }
+
+    fn statistics(&self) -> &Statistics {
+        &self.statistics
+    }
+
+    fn on_gpu(&self) -> Option<&dyn SumOnGpu> {
+        Some(self)
+    }
+}
+
+impl SumOnGpu for FlatOnGpu {
+    fn frame(&self, [positions, normals]: [&wgpu::TextureView; 2], size: [u32; 2]) -> Result<gpu::Frame, GpuError> {
+        let light = FrameLight::Environment(&self.environment);
+        self.engines[0].frame(&self.shared.gpu.device, &self.inputs([positions, normals], None, size, light))
+    }
+
+    fn update(
+        &self,
+        frame: &mut gpu::Frame,
+        receivers: [&wgpu::TextureView; 2],
+        size: [u32; 2],
+    ) -> Result<bool, GpuError> {
+        let Gpu { device, queue, .. } = &self.shared.gpu;
+        let light = FrameLight::Environment(&self.environment);
+        self.engines[0].update((device, queue), frame, &self.inputs(receivers, None, size, light))
+    }
+
+    fn record_maps(&self, encoder: &mut wgpu::CommandEncoder) -> Option<&wgpu::Buffer> {
+        let later = self.maps.as_ref()?.later.as_ref()?;
+        if !later.is_recorded.swap(true, Ordering::Relaxed) {
+            later.tracing.record(encoder, 0..later.tracing.dispatch_count());
+        }
+        Some(later.tracing.unfinished())
+    }
+
+    fn environment(&self) -> &Arc<EnvironmentCube> {
+        &self.environment
+    }
+}
+
+impl FlatOnGpu {
+    fn inputs<'a>(
+        &'a self,
+        [positions, normals]: [&'a wgpu::TextureView; 2],
+        viewers: Option<FrameViewers<'a>>,
+        size: [u32; 2],
+        light: FrameLight<'a>,
+    ) -> FrameInputs<'a> {
+        FrameInputs {
+            positions,
+            normals,
+            viewers,
+            size,
+            pinholes: self.maps.as_ref().map_or(&self.sum.pinholes, |traced| &traced.pinholes),
+            maps: self.maps.as_ref().map(|traced| &traced.maps),
+            light,
+            params: params_for(light.kind(), self.sum.params),
+        }
+    }
+
+    async fn strip(&self, receivers: &Receivers, progress: &dyn Progress) -> Result<Vec<[f32; 4]>, GpuError> {
+        let gpu = &self.shared.gpu;
+        let uploaded = Uploaded::new(gpu, receivers);
+        let textures = [&uploaded.positions, &uploaded.normals];
+        let points = receivers.positions.len() as u64;
+        let pairs = pairs_per_submit(gpu);
+        let step = (pairs / (points * u64::from(BATCH_SIZE)).max(1)).clamp(1, u64::from(u32::MAX)) as u32;
+        let lights = std::iter::once(FrameLight::Environment(&self.environment)).chain(self.near.frame_lights());
+        let mut sums = Vec::new();
+        for (k, (engine, light)) in self.engines.iter().zip(lights).enumerate() {
+            let inputs = self.inputs(textures, uploaded.viewers(), uploaded.size(), light);
+            let mut frame = engine.frame(&gpu.device, &inputs)?;
+            let uncounted = Uncounted(progress);
+            let progress = if k == 0 { progress } else { &uncounted };
+            let submission = Submission { gpu, points, pieces: frame.batch_count(), step, progress };
+            submission.run(|encoder, batches| frame.record(encoder, batches)).await?;
+            add(&mut sums, gpu.read_texture(frame.caustic()).await?);
+        }
+        Ok(sums)
+    }
+}

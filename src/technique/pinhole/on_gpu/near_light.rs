@@ -1,0 +1,50 @@
+//! Lamps and what they light, on the device.
+
+use std::sync::Arc;
+
+use crate::gpu::{Gpu, GpuError};
+use crate::pinhole::gpu::{FrameLight, LampBuffers, LightKind, PipelineKey, SurroundingBuffers, TreeLight};
+use crate::pinhole::{Filter, Params, Surroundings};
+use crate::technique::pinhole::NearLight;
+
+/// Every lamp, and the surfaces in their light.
+#[derive(Debug)]
+pub(in crate::technique::pinhole) struct NearLightOnGpu {
+    lamps: Vec<LampBuffers>,
+    surroundings: Option<SurroundingBuffers>,
+}
+
+impl NearLightOnGpu {
+    pub fn upload(Gpu { device, queue, .. }: &Gpu, near: &NearLight) -> Result<Self, GpuError> {
+        let lamps = near.lamps.iter().map(|lamp| LampBuffers::upload(device, queue, lamp)).collect::<Result<_, _>>()?;
+        let upload = |surfaces: &Arc<Surroundings>| SurroundingBuffers::upload(device, queue, surfaces);
+        Ok(Self { lamps, surroundings: near.surroundings.as_ref().map(upload).transpose()? })
+    }
+
+    /// What each light is.
+    pub fn kinds(&self) -> impl Iterator<Item = LightKind> {
+        self.frame_lights().map(|light| light.kind())
+    }
+
+    pub fn frame_lights(&self) -> impl Iterator<Item = FrameLight<'_>> {
+        self.lamps.iter().map(FrameLight::Lamp).chain(self.surroundings.iter().map(FrameLight::Surroundings))
+    }
+
+    pub fn tree_lights(&self) -> impl Iterator<Item = TreeLight<'_>> {
+        self.lamps.iter().map(TreeLight::Lamp).chain(self.surroundings.iter().map(TreeLight::Surroundings))
+    }
+}
+
+/// The pipelines for a kind of light: near light takes no filter, so that all filters share them.
+pub(super) fn key_for(light: LightKind, key: PipelineKey) -> PipelineKey {
+    PipelineKey { light, filter: filter_for(light, key.filter), ..key }
+}
+
+/// The parameters of a sum of such light.
+pub(super) fn params_for(light: LightKind, params: Params) -> Params {
+    Params { filter: filter_for(light, params.filter), ..params }
+}
+
+fn filter_for(light: LightKind, filter: Filter) -> Filter {
+    if light == LightKind::Environment { filter } else { Filter::Anisotropic }
+}
