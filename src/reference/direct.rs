@@ -95,6 +95,9 @@ impl Domain for Direct<'_> {
     type Receiver = Receiver;
 
     const WORTHWHILE: f64 = WORTHWHILE_ON_SURFACES;
+    const REFINED_ABOVE: f64 = 50.0;
+    const FEWER_WHERE_LIMITED: u64 = 4;
+    const LEAST_SPLITS: u32 = 1;
 
     fn roots(&self, visit: &mut dyn FnMut(Region)) {
         self.sky.roots(&mut |root| visit(Region::Sky(root)));

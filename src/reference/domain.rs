@@ -84,6 +84,15 @@ pub(super) trait Domain: Sync {
     /// what it was.
     const WORTHWHILE: f64;
 
+    /// Cuts are refined at any rate while their bound is above this many times the typical irradiance of the picture.
+    const REFINED_ABOVE: f64;
+
+    /// Where a finer cut would pay, so many times fewer points: the next pass brings more.
+    const FEWER_WHERE_LIMITED: u64;
+
+    /// A cut of fewer splits is never as fine as pays.
+    const LEAST_SPLITS: u32;
+
     /// What the integral is for: a point, or a line of sight.
     type Receiver: Copy + Sync;
 

@@ -8,6 +8,7 @@
 //! `passes` over the image → [`Estimate`].
 //! This module must not know samples, cells, cube maps, back ends or wgpu.
 
+mod allocation;
 mod brdf;
 mod cone;
 mod cut;
@@ -31,6 +32,7 @@ mod reflectors;
 mod refraction;
 mod replicates;
 mod scattering;
+mod schedule;
 mod seen;
 mod sights;
 mod sky;
@@ -150,6 +152,8 @@ pub struct StoppingCriterion<'a> {
     pub max_points: Option<f64>,
     /// Asked before every pixel, from any thread: whether to begin nothing more.
     pub should_stop: &'a (dyn Fn() -> bool + Sync),
+    /// The seconds that are left, by any clock, asked like `should_stop`; passes are planned to fit in them.
+    pub seconds_left: Option<&'a (dyn Fn() -> f64 + Sync)>,
 }
 
 impl<'a> StoppingCriterion<'a> {
@@ -158,7 +162,7 @@ impl<'a> StoppingCriterion<'a> {
         const fn never() -> bool {
             false
         }
-        Self { rel_error, max_points: None, should_stop: &never }
+        Self { rel_error, max_points: None, should_stop: &never, seconds_left: None }
     }
 
     /// The same with a limit to the points per pixel.
@@ -167,13 +171,31 @@ impl<'a> StoppingCriterion<'a> {
         Self { max_points: Some(max_points), ..self }
     }
 
-    /// The same with an end that the caller decides on: a time limit, a key, a closed window.
+    /// The same with an end that the caller decides on: a key, a closed window.
     #[must_use]
     pub const fn with_should_stop<'b>(self, should_stop: &'b (dyn Fn() -> bool + Sync)) -> StoppingCriterion<'b>
     where
         'a: 'b,
     {
         StoppingCriterion { should_stop, ..self }
+    }
+
+    /// The same with a limit to the time, given as the seconds that are left at any moment.
+    #[must_use]
+    pub const fn with_seconds_left<'b>(self, seconds_left: &'b (dyn Fn() -> f64 + Sync)) -> StoppingCriterion<'b>
+    where
+        'a: 'b,
+    {
+        StoppingCriterion { seconds_left: Some(seconds_left), ..self }
+    }
+
+    /// Infinite where there is no limit.
+    fn seconds_left(&self) -> f64 {
+        self.seconds_left.map_or(f64::INFINITY, |left| left())
+    }
+
+    fn is_over(&self) -> bool {
+        self.seconds_left() <= 0.0 || (self.should_stop)()
     }
 }
 

@@ -192,6 +192,9 @@ impl Domain for Reflectors<'_> {
     type Receiver = Receiver;
 
     const WORTHWHILE: f64 = WORTHWHILE_ON_SURFACES;
+    const REFINED_ABOVE: f64 = 50.0;
+    const FEWER_WHERE_LIMITED: u64 = 4;
+    const LEAST_SPLITS: u32 = 1;
 
     fn roots(&self, visit: &mut dyn FnMut(Region)) {
         for &node in &self.tree.roots {

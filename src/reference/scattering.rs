@@ -60,6 +60,10 @@ impl<D: Lighting> Domain for Scattering<'_, D> {
 
     /// In three dimensions cuts take more splits to become fine, and the points converge more slowly.
     const WORTHWHILE: f64 = 0.6;
+    // Cuts in three dimensions stay coarse for long.
+    const REFINED_ABOVE: f64 = f64::MAX;
+    const FEWER_WHERE_LIMITED: u64 = 1;
+    const LEAST_SPLITS: u32 = 512;
 
     fn roots(&self, visit: &mut dyn FnMut(Self::Region)) {
         let mut roots = 0u64;

@@ -54,6 +54,9 @@ impl Domain for Sky<'_> {
     type Receiver = Receiver;
 
     const WORTHWHILE: f64 = WORTHWHILE_ON_SURFACES;
+    const REFINED_ABOVE: f64 = 50.0;
+    const FEWER_WHERE_LIMITED: u64 = 4;
+    const LEAST_SPLITS: u32 = 1;
 
     fn roots(&self, visit: &mut dyn FnMut(Region)) {
         visit(Region { azimuth: [0.0, TAU], height: [-1.0, 1.0], depth: 0, path: 0 });

@@ -7,7 +7,7 @@ use glam::Vec3;
 use serde::{Deserialize, Serialize};
 
 use super::estimate::Statistics;
-use super::passes::SPLIT_LIMITS;
+use super::schedule::SPLIT_LIMITS;
 use super::{Estimate, Reference, ReferenceError, StoppingCriterion};
 use crate::image::{Image, read_exr, read_exr_text, write_exr_with_text};
 use crate::{Error, Progress};
@@ -42,8 +42,8 @@ struct Text {
 }
 
 impl Reference {
-    /// Goes on from `known` (or starts) until the criterion is met, and keeps the state in a file: about once a minute by
-    /// `clock` (seconds from any start), and in the end.
+    /// Goes on from `known` (or starts) until the criterion is met, and keeps the state in a file: after every pass, about once
+    /// a minute by `clock` (seconds from any start), and in the end.
     pub fn solve_in_file(
         &self,
         path: &Path,
@@ -57,7 +57,7 @@ impl Reference {
         let seconds = || before + (clock() - started).max(0.0);
         let mut written = started;
         let checkpoint = &mut |estimate: &Estimate| {
-            if clock() - written < SECONDS_BETWEEN_WRITES {
+            if !estimate.ends_pass && clock() - written < SECONDS_BETWEEN_WRITES {
                 return Ok(());
             }
             written = clock();
@@ -132,7 +132,7 @@ impl Reference {
         if !known || !irradiance.pixels.iter().all(|p| is_known(*p)) {
             return Err("a pixel is");
         }
-        let estimate = Estimate { irradiance, standard_error, statistics, weights, is_fine, level };
+        let estimate = Estimate { irradiance, standard_error, statistics, weights, is_fine, level, ends_pass: false };
         Ok(Stored { estimate, seconds })
     }
 }

@@ -40,10 +40,9 @@ fn render(name: &str, aov: Aov, visibility: Visibility, size: [u32; 2], backend:
 #[test]
 fn back_ends_agree() {
     let limit = |name: &str| match name {
-        // Next to total reflection directions turn without bound, and rounding decides what is refined.
-        "pool" => 6e-4,
-        // Of views of lit surfaces the GPU has bounds without blur only, and refines more.
-        "colours" => 6e-4,
+        // Next to total reflection directions turn without bound, and rounding decides what is refined. Of views of lit surfaces the GPU
+        // has bounds without blur only, and refines more.
+        "pool" | "colours" => 6e-4,
         _ => 1e-4,
     };
     let caustics = BUILT_IN.iter().map(|s| (s.name, Aov::Caustic, Visibility::None, [40, 32], limit(s.name)));
