@@ -213,8 +213,10 @@ fn action_with_occlusion(cell: Cell, block: Block, decision: Decision, is_seen: 
     let map = map_of_sample(cell.sample, sky_side(cell.flags, dn));
     if LIGHT == LIGHT_LAMP {
         let seen = visibility_of_point(uniforms.lamp.position - cell.centroid, map, -1);
-        let is_settled = !seen.is_doubtful && (seen.fraction == 0.0 || seen.fraction == 1.0);
-        return select(SPLIT_BLOCK, select(DROP, ADD, seen.fraction == 1.0), is_settled);
+        // Interpolation may round.
+        let is_seen = seen.fraction > 0.9999;
+        let is_settled = !seen.is_doubtful && (seen.fraction == 0.0 || is_seen);
+        return select(SPLIT_BLOCK, select(DROP, ADD, is_seen), is_settled);
     }
     if LIGHT == LIGHT_SURROUNDINGS {
         return SPLIT_BLOCK;

@@ -425,7 +425,7 @@ fn contribution_of_quarters(
     var depth = 1u;
     var sum = vec4f(0.0);
     while depth > 0u {
-        filter_work += 1u;
+        filter_work += 1u + max(depth, 7u) - 7u;
         let piece = piece_of(leaf, path, depth);
         let pair = pair_of(piece, receiver);
         let extent = 0.5 * (length(piece.side_1) + length(piece.side_2));

@@ -1,5 +1,5 @@
 // What every gather reads: its parameters, the light and what samples see and reflect. CPU twin: src/pinhole/cpu/mod.rs;
-// Rust layout: src/pinhole/layout.rs.
+// Rust layouts: src/pinhole/layout.rs, src/pinhole/gpu/near_light.rs.
 
 #import constants
 

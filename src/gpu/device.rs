@@ -165,6 +165,10 @@ impl Gpu {
         required_features: wgpu::Features,
         required_limits: wgpu::Limits,
     ) -> Result<Self, GpuError> {
+        if !adapter.get_downlevel_capabilities().flags.contains(wgpu::DownlevelFlags::CUBE_ARRAY_TEXTURES) {
+            let reason = "it has no arrays of cube maps, which every WebGPU device has".to_owned();
+            return Err(GpuError::NoDevice { adapter: adapter.get_info().name, reason });
+        }
         let (device, queue) = adapter
             .request_device(&descriptor(required_features, required_limits))
             .await

@@ -88,12 +88,12 @@ pub enum GpuError {
         /// That of the inputs.
         inputs: &'static str,
     },
-    /// Surroundings that are seen from too many places.
-    #[error("surroundings with {viewpoints} views, where {limit} is the limit; make fewer")]
-    TooManyViewpoints {
+    /// Views of surroundings that a gather cannot bind.
+    #[error("surroundings have {views} views; give from 1 to {limit}, all of one size")]
+    OddViews {
         /// Number of views.
-        viewpoints: usize,
-        /// The limit.
+        views: usize,
+        /// The most that there may be.
         limit: usize,
     },
     /// Visibility is compiled into an engine, too.

@@ -1,7 +1,7 @@
 //! How the points of a pass are shared out among pixels: by what is known of their neighbours.
 //!
-//! A pixel's own value decides nothing about its points, which its weight comes from: else pixels that happen to have found little would
-//! count for too much. What is left of that is the mean over the image, of which one pixel is a small part.
+//! A pixel's own value does not decide about its points, which the weights of its passes come from: else passes that happen to have found
+//! little would count for too much. It has a part in the mean over the image, and in what its neighbours' later points find.
 
 use super::estimate::Estimate;
 use super::replicates::MAX_POINTS;
@@ -12,16 +12,19 @@ const MOST: f64 = 64.0;
 
 /// Points of a pass for each pixel, around a mean: powers of two in proportion to the deviation of a point's estimate, as far as the
 /// pixel's neighbours know.
-pub(super) fn points_per_pixel(mean: f64, size: [u32; 2], known: &Estimate) -> Vec<u32> {
+pub(super) fn points_per_pixel(mean: f64, size: [u32; 2], (known, receives): (&Estimate, &[bool])) -> Vec<u32> {
     let errors = known.standard_error.pixels.iter().map(|error| f64::from(error.element_sum()).powi(2));
     let variances: Vec<f64> = errors.zip(known.points()).map(|(square, points)| square * points).collect();
     let deviations = of_neighbours(&variances, size);
-    let typical = (deviations.iter().sum::<f64>() / deviations.len() as f64).max(f64::MIN_POSITIVE);
+    let of_receiving =
+        || deviations.iter().zip(receives).filter(|(_, receives)| **receives).map(|(deviation, _)| *deviation);
+    let typical = of_receiving().sum::<f64>() / of_receiving().count().max(1) as f64;
     let points = |deviation: f64| {
-        let wanted = mean * (deviation / typical).clamp(FEWEST, MOST);
-        wanted.clamp(1.0, f64::from(MAX_POINTS)).log2().round().exp2() as u32
+        // Where nothing differs, all get alike.
+        let share = if typical > 0.0 { (deviation / typical).clamp(FEWEST, MOST) } else { 1.0 };
+        (mean * share).clamp(1.0, f64::from(MAX_POINTS)).log2().round().exp2() as u32
     };
-    deviations.into_iter().map(points).collect()
+    deviations.iter().copied().map(points).collect()
 }
 
 /// The root of the mean over the pixels around each one, without itself.
@@ -46,9 +49,9 @@ mod tests {
         let mut known = Estimate::unknown([5, 5]);
         known.weights.fill(1.0);
         known.standard_error.pixels.fill(glam::Vec3::ONE);
-        let before = points_per_pixel(64.0, [5, 5], &known);
+        let before = points_per_pixel(64.0, [5, 5], (&known, &[true; 25]));
         known.standard_error.pixels[12] = glam::Vec3::splat(30.0);
-        let after = points_per_pixel(64.0, [5, 5], &known);
+        let after = points_per_pixel(64.0, [5, 5], (&known, &[true; 25]));
         assert!(after[12] <= before[12] && after[11] > before[11], "{before:?} {after:?}");
     }
 }

@@ -78,7 +78,7 @@ impl<R: Copy> Cut<R> {
             self.split(domain, receiver, more);
             wanted += more;
             let before = std::mem::replace(&mut mass, self.regions.iter().map(|r| r.mass).sum());
-            pays = mass > depth.negligible && (mass < D::WORTHWHILE * before || mass > depth.refined_above);
+            pays = mass > depth.negligible && (mass < D::FINENESS.worthwhile * before || mass > depth.refined_above);
             if wanted >= depth.least && !pays {
                 break;
             }

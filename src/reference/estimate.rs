@@ -21,8 +21,6 @@ pub struct Estimate {
     pub(super) is_fine: Vec<bool>,
     /// How fine cuts may be in the next pass: an index of [`super::schedule::SPLIT_LIMITS`].
     pub(super) level: usize,
-    /// Whether this is what a whole pass has left, to be kept.
-    pub(super) ends_pass: bool,
 }
 
 /// How an estimate came about.
@@ -44,7 +42,6 @@ impl Estimate {
             irradiance: black,
             statistics: Statistics::default(),
             level: 0,
-            ends_pass: false,
         }
     }
 

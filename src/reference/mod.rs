@@ -339,6 +339,17 @@ impl Reference {
         progress: &dyn Progress,
         checkpoint: &mut dyn FnMut(&Estimate) -> Result<(), Error>,
     ) -> Result<Estimate, Error> {
+        self.solve_in_passes(criterion, known, progress, &mut |estimate, _| checkpoint(estimate))
+    }
+
+    /// The same, telling the checkpoint where passes end.
+    fn solve_in_passes(
+        &self,
+        criterion: &StoppingCriterion,
+        known: Option<Estimate>,
+        progress: &dyn Progress,
+        checkpoint: &mut Checkpoint,
+    ) -> Result<Estimate, Error> {
         let rel_error = criterion.rel_error;
         if !(rel_error > 0.0 && rel_error.is_finite()) {
             let message = format!("is {rel_error}, but must be a number greater than 0");

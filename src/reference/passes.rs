@@ -20,8 +20,7 @@ use crate::{Error, Progress, Stage};
 
 /// Where no more than this part of the typical irradiance can arrive, no finer cut is needed.
 const NEGLIGIBLE: f64 = 0.1;
-
-/// Before cuts have been as fine as those of this level may be, standard errors are not to be relied on.
+/// Standard errors are not to be relied on before the passes of so many levels, unless cuts are as fine as pays.
 const TRUSTED_LEVEL: usize = 2;
 
 /// The work on one reference.
@@ -32,8 +31,8 @@ pub(super) struct Passes<'a, D: Domain> {
     pub progress: &'a dyn Progress,
 }
 
-/// Told of the estimate between chunks.
-pub(super) type Checkpoint<'a> = dyn FnMut(&Estimate) -> Result<(), Error> + 'a;
+/// Told of the estimate between chunks, and whether a pass has ended.
+pub(super) type Checkpoint<'a> = dyn FnMut(&Estimate, bool) -> Result<(), Error> + 'a;
 
 impl<D: Domain> Passes<'_, D> {
     /// Adds passes to `known` (or starts) until the criterion is met, and shows what it has in between to `checkpoint`.
@@ -44,9 +43,10 @@ impl<D: Domain> Passes<'_, D> {
         checkpoint: &mut Checkpoint,
     ) -> Result<Estimate, Error> {
         let mut estimate = known.unwrap_or_else(|| Estimate::unknown(self.options.size));
+        let receives = self.receiving_pixels();
         let mut pace = None;
         while estimate.rel_error() > criterion.rel_error || is_known_too_little(&estimate) {
-            let Some(plan) = next_plan(self.options, criterion, &estimate, pace) else { break };
+            let Some(plan) = next_plan((self.options, criterion), (&estimate, &receives), pace) else { break };
             let left = criterion.seconds_left();
             let tally = Tally::default();
             let (next, is_complete) = self.pass(&plan, &estimate, criterion, (&tally, checkpoint))?;
@@ -55,12 +55,16 @@ impl<D: Domain> Passes<'_, D> {
                 break;
             }
             let seconds = left - criterion.seconds_left();
-            pace = Some(Pace { work_per_second: tally.work(self.options) / seconds, most_splits: plan.most_splits });
-            estimate.ends_pass = true;
-            checkpoint(&estimate)?;
-            estimate.ends_pass = false;
+            let work_per_second = tally.work(self.options) / seconds;
+            pace = Some(Pace { work_per_second, most_splits: plan.most_splits });
+            checkpoint(&estimate, true)?;
         }
         Ok(estimate)
+    }
+
+    /// Which pixels see a surface that receives, or have a line of sight through the medium.
+    fn receiving_pixels(&self) -> Vec<bool> {
+        (0..self.pixels()).map(|pixel| self.receivers.of_pixel(pixel).iter().any(Option::is_some)).collect()
     }
 
     fn pixels(&self) -> usize {
@@ -104,7 +108,7 @@ impl<D: Domain> Passes<'_, D> {
                 return Ok((estimate, false));
             }
             if index + 1 < plan.chunks.len() {
-                checkpoint(&estimate)?;
+                checkpoint(&estimate, false)?;
             }
         }
         estimate.level = schedule::level_after(plan, &estimate);
@@ -132,7 +136,9 @@ impl<D: Domain> Passes<'_, D> {
         let Self { receivers, options, .. } = self;
         let negligible = NEGLIGIBLE * plan.typical_irradiance;
         let Plan { counts, most_splits, typical_irradiance, .. } = plan;
-        let refined_above = D::REFINED_ABOVE * typical_irradiance;
+        // Where nothing is typical, bounds tell nothing.
+        let above = D::FINENESS.refined_above.filter(|_| *typical_irradiance > 0.0);
+        let refined_above = above.map_or(f64::INFINITY, |above| above * typical_irradiance);
         Work { receivers, options, counts, most_splits: *most_splits, negligible, refined_above, pass, tally }
     }
 

@@ -9,7 +9,7 @@
 use glam::DVec3;
 
 use super::cone::Cone;
-use super::domain::{Domain, Lighting, Place, Receiver, WORTHWHILE_ON_SURFACES};
+use super::domain::{Domain, Fineness, Lighting, ON_SURFACES, Place, Receiver};
 use super::geometry::{Geometry, Triangle};
 use super::lamps::Lamps;
 use super::light::Light;
@@ -191,10 +191,7 @@ impl Domain for Reflectors<'_> {
     type Region = Region;
     type Receiver = Receiver;
 
-    const WORTHWHILE: f64 = WORTHWHILE_ON_SURFACES;
-    const REFINED_ABOVE: f64 = 50.0;
-    const FEWER_WHERE_LIMITED: u64 = 4;
-    const LEAST_SPLITS: u32 = 1;
+    const FINENESS: Fineness = ON_SURFACES;
 
     fn roots(&self, visit: &mut dyn FnMut(Region)) {
         for &node in &self.tree.roots {

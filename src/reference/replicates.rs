@@ -22,7 +22,7 @@ pub(super) const MAX_POINTS: u32 = 1 << 16;
 pub(super) struct Moments {
     pub mean: DVec3,
     pub standard_error: DVec3,
-    /// Points of a replicate, the mean over the pixel's receivers.
+    /// Points of a replicate, the mean over the pixel's receivers; 1 if it has none.
     pub points: f64,
     /// Whether all cuts were as fine as pays.
     pub is_fine: bool,
@@ -74,7 +74,7 @@ const POINTS_PER_SPLIT: u32 = 4;
 
 /// The fewest splits for a pixel of so many points per replicate.
 fn least_splits<D: Domain>(points: u32, options: &Options) -> u32 {
-    (points.saturating_mul(options.replicates) / POINTS_PER_SPLIT).clamp(D::LEAST_SPLITS, MOST_SPLITS)
+    (points.saturating_mul(options.replicates) / POINTS_PER_SPLIT).clamp(D::FINENESS.least_splits, MOST_SPLITS)
 }
 
 /// The points that take as long as so many splits.
@@ -101,7 +101,7 @@ pub(super) fn pixel<D: Domain>(
     let least = least_splits::<D>(work.counts[pixel], work.options);
     let Work { most_splits: most, negligible, refined_above, .. } = *work;
     let depth = Depth { least: least.min(most), most, negligible, refined_above };
-    let mut all_points = 0.0;
+    let (mut all_points, mut receiving) = (0.0, 0.0);
     for (k, receiver) in points.iter().enumerate() {
         let Some(receiver) = receiver else { continue };
         let splits = cut.splits;
@@ -114,7 +114,8 @@ pub(super) fn pixel<D: Domain>(
         }
         let splits = cut.splits - splits;
         is_fine &= !is_limited;
-        let worth = affordable_points(if is_limited { splits / D::FEWER_WHERE_LIMITED } else { splits }, work.options);
+        let worth =
+            affordable_points(if is_limited { splits / D::FINENESS.fewer_points } else { splits }, work.options);
         let count = work.counts[pixel].max(worth);
         if cut.total() > 0.0 {
             let stream = (pixel * points.len() + k) as u64;
@@ -122,8 +123,9 @@ pub(super) fn pixel<D: Domain>(
         }
         work.tally.add(count, splits);
         all_points += f64::from(count);
+        receiving += 1.0;
     }
-    let points_of_one = (all_points / points.len() as f64).max(1.0);
+    let points_of_one = f64::max(all_points / f64::max(receiving, 1.0), 1.0);
     Moments { is_fine, points: points_of_one, ..moments(&means, points.len()) }
 }
 

@@ -6,8 +6,8 @@ use super::estimate::Estimate;
 use super::replicates::{self, MAX_POINTS, MOST_SPLITS};
 use super::{Options, StoppingCriterion};
 
-/// The most splits of a cut, pass by pass: the first is over soon, whatever the scene. Each of the next ones is about the
-/// pixels only whose cuts the one before left too coarse, so all of them together cost little more than the last.
+/// The most splits of a cut, pass by pass, or less where time is short: the first pass is over soon, whatever the scene. Each of the next
+/// ones is about the pixels only whose cuts the one before left too coarse, so all of them together cost little more than the last.
 pub(super) const SPLIT_LIMITS: [u32; 5] = [8, 64, 512, 4096, MOST_SPLITS];
 /// Points per replicate while cuts are not as fine as pays: few, because finer cuts are worth more.
 const PILOT_POINTS: u32 = 1;
@@ -15,8 +15,7 @@ const PILOT_POINTS: u32 = 1;
 const PIXELS_PER_CHUNK: usize = 4096;
 /// The part of the time left that a pass is planned to take: what passes over pixels cost is known roughly.
 const PLANNED: f64 = 0.7;
-
-/// A pixel that gets fewer points than this part of those that it has had would hardly be better for them.
+/// Pixels whose new points would be fewer than this part of those that they have had are left out.
 const LEAST_GAIN: f64 = 0.4;
 
 /// What a pass is to do.
@@ -38,60 +37,98 @@ pub(super) struct Pace {
     pub most_splits: u32,
 }
 
-/// `None` if there are points enough. `pace`: of the pass before, if there was one.
+/// What is known, and how much work there is time for.
+struct Situation<'a> {
+    options: &'a Options,
+    criterion: &'a StoppingCriterion<'a>,
+    known: &'a Estimate,
+    /// Which pixels have anything to compute.
+    receives: &'a [bool],
+    pace: Option<Pace>,
+    /// Points per pixel, all replicates together.
+    affordable: f64,
+    typical_irradiance: f64,
+}
+
+/// `None` if there are points enough. `receives`: which pixels have anything to compute. `pace`: of the pass before, if there was one.
 pub(super) fn next_plan(
-    options: &Options,
-    criterion: &StoppingCriterion,
-    known: &Estimate,
+    (options, criterion): (&Options, &StoppingCriterion),
+    (known, receives): (&Estimate, &[bool]),
     pace: Option<Pace>,
 ) -> Option<Plan> {
-    let most_splits = SPLIT_LIMITS[known.level];
-    let pilot = || vec![PILOT_POINTS; known.weights.len()];
     if known.coverage() < 1.0 {
         let chunks = chunks(options.size, |pixel| known.weights[pixel] == 0.0);
-        return Some(Plan { counts: pilot(), most_splits, typical_irradiance: 0.0, chunks });
+        let most_splits = SPLIT_LIMITS[known.level];
+        return Some(Plan { counts: pilot_points(known), most_splits, typical_irradiance: 0.0, chunks });
     }
-    let typical_irradiance = typical_irradiance(known);
-    let pixels = known.weights.len() as f64;
-    // Points per pixel that there is time for, all replicates together.
     let affordable = match pace {
         Some(Pace { work_per_second, .. }) if work_per_second > 0.0 => {
-            PLANNED * criterion.seconds_left() * work_per_second / pixels
+            PLANNED * criterion.seconds_left() * work_per_second / count(receives)
         }
         _ => f64::INFINITY,
     };
-    if known.is_fine.contains(&false) {
+    let typical_irradiance = typical_irradiance(known);
+    let situation = Situation { options, criterion, known, receives, pace, affordable, typical_irradiance };
+    if known.is_fine.contains(&false) { Some(situation.finer_cuts()) } else { situation.more_points() }
+}
+
+/// How many of the pixels receive, at least 1.
+fn count(receives: &[bool]) -> f64 {
+    receives.iter().filter(|receives| **receives).count().max(1) as f64
+}
+
+fn pilot_points(known: &Estimate) -> Vec<u32> {
+    vec![PILOT_POINTS; known.weights.len()]
+}
+
+impl Situation<'_> {
+    /// Finer cuts where they are not fine enough.
+    fn finer_cuts(&self) -> Plan {
+        let Self { options, known, pace, affordable, typical_irradiance, .. } = *self;
         let chunks = chunks(options.size, |pixel| !known.is_fine[pixel]);
-        let part = chunks.iter().map(Vec::len).sum::<usize>() as f64 / pixels;
+        let part = chunks.iter().map(Vec::len).sum::<usize>() as f64 / count(self.receives);
         // Better all pixels with coarser cuts than some with finer ones.
-        let least = pace.map_or(most_splits, |pace| pace.most_splits.saturating_mul(2)).min(most_splits);
+        let most = SPLIT_LIMITS[known.level];
+        let least = pace.map_or(most, |pace| pace.most_splits.saturating_mul(2)).min(most);
         let is_cheap = |splits: &u32| part * replicates::work_of_splits((*splits).into()) <= affordable;
-        let limits = std::iter::successors(Some(most_splits), |splits| Some(splits / 2));
+        let limits = std::iter::successors(Some(most), |splits| Some(splits / 2));
         let most_splits = limits.take_while(|splits| *splits > least).find(is_cheap).unwrap_or(least);
-        return Some(Plan { counts: pilot(), most_splits, typical_irradiance, chunks });
+        Plan { counts: pilot_points(known), most_splits, typical_irradiance, chunks }
     }
-    let used = known.statistics.points_per_pixel;
-    let allowed = criterion.max_points.map_or(f64::INFINITY, |most| most - used);
-    if allowed <= 0.1 * used {
-        return None;
+
+    /// Points where they are missed; `None` if no more are allowed.
+    fn more_points(&self) -> Option<Plan> {
+        let Self { options, criterion, known, receives, affordable, typical_irradiance, .. } = *self;
+        let used = known.statistics.points_per_pixel;
+        let allowed = criterion.max_points.map_or(f64::INFINITY, |most| most - used);
+        if allowed <= 0.1 * used {
+            return None;
+        }
+        // Few pixels may have had far more points than the others.
+        let logarithms = known.points().zip(receives).filter(|(_, receives)| **receives).map(|(points, _)| points.ln());
+        let typical = (logarithms.sum::<f64>() / count(receives)).exp();
+        let wanted = typical * growth(known.rel_error(), criterion.rel_error);
+        let replicates = f64::from(options.replicates);
+        // Cuts take about as long as points.
+        let points = in_time(wanted, 0.5 * affordable / replicates).min(allowed / replicates).max(2.0);
+        let counts = allocation::points_per_pixel(points, options.size, (known, receives));
+        let chunks =
+            most_missed_first((known, receives), &counts).chunks(PIXELS_PER_CHUNK).map(<[usize]>::to_vec).collect();
+        Some(Plan { counts, most_splits: SPLIT_LIMITS[known.level], typical_irradiance, chunks })
     }
-    // Few pixels may have had far more points than the others.
-    let typical = (known.points().map(f64::ln).sum::<f64>() / pixels).exp();
-    let wanted = typical * growth(known.rel_error(), criterion.rel_error);
-    let replicates = f64::from(options.replicates);
-    // Cuts take about as long as points.
-    let points = in_time(wanted, 0.5 * affordable / replicates).min(allowed / replicates).max(2.0);
-    let counts = allocation::points_per_pixel(points, options.size, known);
-    let gain: Vec<f64> = known.points().zip(&counts).map(|(had, gets)| f64::from(*gets) / had).collect();
-    let is_most = |pixel: usize| counts[pixel] >= MAX_POINTS;
-    let mut pixels: Vec<usize> = (0..gain.len()).filter(|pixel| gain[*pixel] > LEAST_GAIN || is_most(*pixel)).collect();
+}
+
+/// The pixels that would be better for so many points: if time is over before the pass is, it has been where points are missed most.
+fn most_missed_first((known, receives): (&Estimate, &[bool]), counts: &[u32]) -> Vec<usize> {
+    let gain: Vec<f64> = known.points().zip(counts).map(|(had, gets)| f64::from(*gets) / had).collect();
+    let is_better = |pixel: &usize| gain[*pixel] > LEAST_GAIN || counts[*pixel] >= MAX_POINTS;
+    let receiving = || (0..gain.len()).filter(|pixel| receives[*pixel]);
+    let mut pixels: Vec<usize> = receiving().filter(is_better).collect();
     if pixels.is_empty() {
-        pixels = (0..gain.len()).collect();
+        pixels = receiving().collect();
     }
-    // If time is over before the pass is, it has been where points are missed most.
     pixels.sort_by(|a, b| gain[*b].total_cmp(&gain[*a]));
-    let chunks = pixels.chunks(PIXELS_PER_CHUNK).map(<[usize]>::to_vec).collect();
-    Some(Plan { counts, most_splits, typical_irradiance, chunks })
+    pixels
 }
 
 /// The level of the next pass after a whole one.
@@ -120,12 +157,14 @@ fn chunks([width, height]: [u32; 2], wanted: impl Fn(usize) -> bool) -> Vec<Vec<
     (0..count).map(chunk).filter(|chunk: &Vec<usize>| !chunk.is_empty()).collect()
 }
 
-/// Root mean square over the image without its brightest hundredth, where a few points may have found far too much.
+/// Root mean square over the image, in which a few points may have found far too much: its brightest hundredth counts as the next pixel.
 fn typical_irradiance(known: &Estimate) -> f64 {
     let mut sums: Vec<f32> = known.irradiance.pixels.iter().map(|p| p.element_sum()).collect();
     sums.sort_unstable_by(f32::total_cmp);
-    let usual = &sums[..sums.len() - sums.len() / 100];
-    (usual.iter().map(|sum| f64::from(*sum).powi(2)).sum::<f64>() / usual.len() as f64).sqrt()
+    let brightest = sums[sums.len() - 1 - sums.len() / 100];
+    // Where nearly all of it is black, what shines is what is left.
+    let most = if brightest > 0.0 { brightest } else { f32::MAX };
+    (sums.iter().map(|sum| f64::from(sum.min(most)).powi(2)).sum::<f64>() / sums.len() as f64).sqrt()
 }
 
 /// By which factor the points must grow to bring an error down, if quasi-random points converge as n^-¾.
@@ -152,7 +191,8 @@ mod tests {
         let left = || 1.0 / PLANNED;
         let criterion = StoppingCriterion::new(1e-3).with_seconds_left(&left);
         let pace = Pace { work_per_second: work_in_time, most_splits: SPLIT_LIMITS[1] };
-        next_plan(&Options { size: [8, 8], ..Options::default() }, &criterion, known, Some(pace)).unwrap()
+        next_plan((&Options { size: [8, 8], ..Options::default() }, &criterion), (known, &[true; 64]), Some(pace))
+            .unwrap()
     }
 
     #[test]

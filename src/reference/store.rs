@@ -56,15 +56,15 @@ impl Reference {
         let before = known.as_ref().map_or(0.0, |k| k.seconds);
         let seconds = || before + (clock() - started).max(0.0);
         let mut written = started;
-        let checkpoint = &mut |estimate: &Estimate| {
-            if !estimate.ends_pass && clock() - written < SECONDS_BETWEEN_WRITES {
+        let checkpoint = &mut |estimate: &Estimate, ends_pass: bool| {
+            if !ends_pass && clock() - written < SECONDS_BETWEEN_WRITES {
                 return Ok(());
             }
             written = clock();
             self.write(path, estimate, seconds())
         };
         let had = known.as_ref().map_or_else(Statistics::default, |k| k.estimate.statistics);
-        let estimate = self.solve(criterion, known.map(|k| k.estimate), progress, checkpoint)?;
+        let estimate = self.solve_in_passes(criterion, known.map(|k| k.estimate), progress, checkpoint)?;
         if had != estimate.statistics {
             self.write(path, &estimate, seconds())?;
         }
@@ -132,7 +132,7 @@ impl Reference {
         if !known || !irradiance.pixels.iter().all(|p| is_known(*p)) {
             return Err("a pixel is");
         }
-        let estimate = Estimate { irradiance, standard_error, statistics, weights, is_fine, level, ends_pass: false };
+        let estimate = Estimate { irradiance, standard_error, statistics, weights, is_fine, level };
         Ok(Stored { estimate, seconds })
     }
 }

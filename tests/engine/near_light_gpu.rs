@@ -5,13 +5,13 @@ use std::path::Path;
 
 use glam::Vec3;
 use pinspot::image::{Aov, Image, rel_l2, write_exr};
-
 use pinspot::scene::{Scene, Visibility, parse};
 use pinspot::{BackendChoice, EvaluationChoice, Options};
 
 use crate::support::render;
 
-/// A rough ball under a cone, and water under a slide; nothing else shines, and nothing shows the lamps' light.
+/// A rough ball under a cone, with a bar in the way of the lamp, and water under a slide. Receivers are black, so that mirrors see the lamps
+/// alone.
 fn scene(folder: &Path) -> Scene {
     let at = |k: u32| Vec3::new((k % 3) as f32, (k / 3) as f32, 1.0);
     let slide = Image { width: 3, height: 2, pixels: (0..6).map(at).collect() };
@@ -25,6 +25,7 @@ fn scene(folder: &Path) -> Scene {
         [[object]]\nshape = { sphere = { radius = 0.4 } }\ntranslate = [-1, 0.4, 0]\nreflector = { roughness = 0.4 }\n\
         [[object]]\nshape = { plane = { size = [1, 1] } }\ntranslate = [1, 0.5, 0]\n\
         refractor = { eta = 1.333, fresnel = true }\n\
+        [[object]]\nshape = { sphere = { radius = 0.07 } }\ntranslate = [-1, 1.2, 0.5]\n\
         [[object]]\nshape = { plane = { size = [6, 6] } }\nreceiver = { albedo = [0, 0, 0] }\n";
     parse::<toml::Table>("spots.toml", text, folder).unwrap().scene
 }
@@ -44,6 +45,7 @@ fn beams_are_those_of_the_cpu() {
     };
     for (evaluation, visibility, limit) in [
         (EvaluationChoice::Flat, Visibility::None, 1e-4),
+        (EvaluationChoice::Flat, Visibility::Full, 1e-4),
         (EvaluationChoice::Hierarchical, Visibility::None, 1e-3),
         (EvaluationChoice::Hierarchical, Visibility::Full, 5e-3),
     ] {

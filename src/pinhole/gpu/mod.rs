@@ -58,7 +58,7 @@ pub const TARGET_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba32Float;
 pub struct GatherOptions {
     /// The filter; it is compiled into the shader.
     pub filter: Filter,
-    /// What the light is; a lamp takes no filter.
+    /// What the light is; only an environment takes other filters than the anisotropic one.
     pub light: LightKind,
     /// Whether the samples' visibility maps count; that, too, is compiled in.
     pub visibility: bool,
@@ -203,7 +203,7 @@ impl Engine {
 
     fn check(&self, device: &wgpu::Device, inputs: &FrameInputs) -> Result<(), GpuError> {
         let GatherOptions { filter, light, visibility, refraction, .. } = self.pipelines.options;
-        if inputs.params.filter != filter {
+        if light == LightKind::Environment && inputs.params.filter != filter {
             return Err(GpuError::OtherFilter { engine: filter.name(), params: inputs.params.filter.name() });
         }
         inputs.light.kind().check(light)?;

@@ -9,7 +9,7 @@ use super::surroundings::{Viewpoints, cube_array};
 use super::{EnvironmentCube, LampBuffers, SurroundingBuffers};
 use crate::gpu::GpuError;
 use crate::pinhole::constants::{LIGHT_ENVIRONMENT, LIGHT_LAMP, LIGHT_SURROUNDINGS};
-use crate::pinhole::{GatherUniforms, Params, Pinholes};
+use crate::pinhole::{Filter, GatherUniforms, Params, Pinholes};
 
 /// What a gather's light is.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -31,6 +31,11 @@ impl LightKind {
             Self::Lamp => LIGHT_LAMP,
             Self::Surroundings => LIGHT_SURROUNDINGS,
         }
+    }
+
+    /// The filter of its look-ups: a lamp needs none, and lit surfaces are always filtered anisotropically.
+    pub(crate) fn filter(self, wanted: Filter) -> Filter {
+        if self == Self::Environment { wanted } else { Filter::Anisotropic }
     }
 
     /// An error if an engine was made for other light.

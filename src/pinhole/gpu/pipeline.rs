@@ -46,7 +46,7 @@ impl Pipelines {
         };
         let pipeline = |shading: bool| {
             let constants = [
-                ("FILTER", f64::from(filter_constant(filter))),
+                ("FILTER", f64::from(filter_constant(light.filter(filter)))),
                 ("LIGHT", f64::from(light.constant())),
                 ("VISIBILITY", f64::from(u8::from(visibility))),
                 ("SHADING", f64::from(u8::from(shading))),

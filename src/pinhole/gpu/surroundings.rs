@@ -6,8 +6,8 @@ use super::environment::upload_cubes;
 use super::hierarchical::LightBoundsTexture;
 use crate::environment::CubeMap;
 use crate::gpu::GpuError;
-use crate::pinhole::Surroundings;
 use crate::pinhole::constants::MAX_VIEWPOINTS;
+use crate::pinhole::{SurroundingView, Surroundings};
 
 /// The views of surroundings: their radiance, the planes of what they see, and bounds of the radiance. They serve any number of images.
 #[derive(Clone, Debug)]
@@ -36,11 +36,13 @@ pub(super) struct Viewpoints {
 }
 
 impl SurroundingBuffers {
-    /// Uploads all views, of which there must be no more than sixteen.
+    /// Uploads all views: from one to sixteen, of one size.
     pub fn upload(device: &wgpu::Device, queue: &wgpu::Queue, surroundings: &Surroundings) -> Result<Self, GpuError> {
         let views = &surroundings.views;
-        if views.len() > MAX_VIEWPOINTS as usize {
-            return Err(GpuError::TooManyViewpoints { viewpoints: views.len(), limit: MAX_VIEWPOINTS as usize });
+        let sizes = |view: &SurroundingView| [view.radiance.size(), view.planes.size(), view.bounds.size()];
+        let are_alike = views.iter().all(|view| sizes(view) == sizes(&views[0]));
+        if views.is_empty() || views.len() > MAX_VIEWPOINTS as usize || !are_alike {
+            return Err(GpuError::OddViews { views: views.len(), limit: MAX_VIEWPOINTS as usize });
         }
         let radiance: Vec<&CubeMap> = views.iter().map(|view| &view.radiance).collect();
         let planes: Vec<&CubeMap> = views.iter().map(|view| &view.planes).collect();

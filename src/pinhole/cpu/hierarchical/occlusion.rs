@@ -3,7 +3,7 @@
 use glam::{Vec3, Vec4};
 
 use super::super::pair::ReceiverCellPair;
-use super::super::receiver::Receiver;
+use super::super::receiver::{NO_OBJECT, Receiver};
 use super::super::visibility::{Coverage, Occlusion, VisibilityMap, sky_behind};
 use super::evaluation::CellAtReceivers;
 use super::tile::{TileGather, map_towards};
@@ -141,7 +141,8 @@ impl TileGather<'_> {
                     .fold(0, |lit, k| lit | 1 << k);
                 let mut weight = cell.weight;
                 if let Some(map) = map.filter(|_| lit != 0) {
-                    let (fraction, doubtful) = map.visible_fraction(simd, towards, None, lit);
+                    let on_no_object = self.context.pinholes.occluders.as_ref().map(|_| &[NO_OBJECT; LANES]);
+                    let (fraction, doubtful) = map.visible_fraction(simd, towards, on_no_object, lit);
                     let behind = sky_behind(cell.sample.interface, cell.pair.dn);
                     let found = (lanes(simd, fraction), doubtful & lit);
                     weight *= self.traced_fraction(simd, (cell.sample, behind), towards, found, max_contribution);

@@ -45,7 +45,7 @@ pub struct HierarchicalEngine {
 pub struct HierarchicalOptions {
     /// [`Filter::Anisotropic`] or [`Filter::Hardware`]; it is compiled into the shaders.
     pub filter: Filter,
-    /// What the light is; a lamp takes no filter.
+    /// What the light is; only an environment takes other filters than the anisotropic one.
     pub light: LightKind,
     /// Whether the samples' visibility maps count.
     pub visibility: bool,
@@ -270,7 +270,7 @@ impl HierarchicalEngine {
 
     fn check(&self, device: &wgpu::Device, inputs: &HierarchicalInputs) -> Result<(), GpuError> {
         let HierarchicalOptions { filter, light, visibility, refraction } = self.options;
-        if inputs.params.filter != filter {
+        if light == LightKind::Environment && inputs.params.filter != filter {
             return Err(GpuError::OtherFilter { engine: filter.name(), params: inputs.params.filter.name() });
         }
         inputs.light.kind().check(light)?;

@@ -110,7 +110,7 @@ impl Pipelines {
         };
         let switch = |is_on: bool| f64::from(u8::from(is_on));
         let constants = [
-            ("FILTER", f64::from(filter_constant(filter))),
+            ("FILTER", f64::from(filter_constant(light.filter(filter)))),
             ("LIGHT", f64::from(light.constant())),
             ("VISIBILITY", switch(visibility)),
             ("REFRACTION", switch(refraction)),

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
-use super::near_light::{NearLightOnGpu, params_for};
+use super::near_light::NearLightOnGpu;
 use super::receivers::{Uploaded, strips};
 use super::submission::{Submission, pairs_per_submit};
 use super::{NumberedMaps, add};
@@ -104,7 +104,7 @@ impl FlatOnGpu {
             pinholes: self.maps.as_ref().map_or(&self.sum.pinholes, |traced| &traced.pinholes),
             maps: self.maps.as_ref().map(|traced| &traced.maps),
             light,
-            params: params_for(light.kind(), self.sum.params),
+            params: self.sum.params,
         }
     }
 

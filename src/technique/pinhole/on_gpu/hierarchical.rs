@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use super::add;
-use super::near_light::{NearLightOnGpu, params_for};
+use super::near_light::NearLightOnGpu;
 use super::receivers::{Tiled, Uploaded, strips};
 use super::submission::Submission;
 use crate::backend::SharedGpu;
@@ -121,7 +121,7 @@ impl HierarchyOnGpu {
             is_grid: receivers.receivers.layout == ReceiverLayout::Grid,
             tree: &self.tree,
             light,
-            params: params_for(light.kind(), self.params),
+            params: self.params,
             tolerance: Tolerance::Absolute(0.0),
             has_tolerances: true,
             split_near: false,

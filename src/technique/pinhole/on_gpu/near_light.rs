@@ -3,8 +3,8 @@
 use std::sync::Arc;
 
 use crate::gpu::{Gpu, GpuError};
+use crate::pinhole::Surroundings;
 use crate::pinhole::gpu::{FrameLight, LampBuffers, LightKind, PipelineKey, SurroundingBuffers, TreeLight};
-use crate::pinhole::{Filter, Params, Surroundings};
 use crate::technique::pinhole::NearLight;
 
 /// Every lamp, and the surfaces in their light.
@@ -35,16 +35,7 @@ impl NearLightOnGpu {
     }
 }
 
-/// The pipelines for a kind of light: near light takes no filter, so that all filters share them.
+/// The pipelines for a kind of light; all filters share those of near light.
 pub(super) fn key_for(light: LightKind, key: PipelineKey) -> PipelineKey {
-    PipelineKey { light, filter: filter_for(light, key.filter), ..key }
-}
-
-/// The parameters of a sum of such light.
-pub(super) fn params_for(light: LightKind, params: Params) -> Params {
-    Params { filter: filter_for(light, params.filter), ..params }
-}
-
-fn filter_for(light: LightKind, filter: Filter) -> Filter {
-    if light == LightKind::Environment { filter } else { Filter::Anisotropic }
+    PipelineKey { light, filter: light.filter(key.filter), ..key }
 }
