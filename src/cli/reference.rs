@@ -133,8 +133,8 @@ fn options(args: &ReferenceArgs, render: &Settings) -> Result<Options, String> {
 /// The estimate, with notes on what was repaired while loading.
 fn solve(args: &ReferenceArgs, scene: Scene, options: &Options, watch: &Watch) -> Result<(Stored, Vec<String>), Error> {
     let clock = || watch.elapsed();
-    let seconds_left = || args.seconds.map_or(f64::INFINITY, |most| most - clock());
-    let criterion = StoppingCriterion::new(args.rel_error).with_seconds_left(&seconds_left);
+    let should_stop = || args.seconds.is_some_and(|most| clock() >= most);
+    let criterion = StoppingCriterion::new(args.rel_error).with_should_stop(&should_stop);
     let reference = Reference::new(scene, options.clone())?;
     let known = if args.force { None } else { reference.read(&args.output)? };
     let stored = reference.solve_in_file(&args.output, known, &criterion, &clock, watch)?;

@@ -8,7 +8,6 @@
 //! `passes` over the image → [`Estimate`].
 //! This module must not know samples, cells, cube maps, back ends or wgpu.
 
-mod allocation;
 mod brdf;
 mod cone;
 mod cut;
@@ -32,7 +31,6 @@ mod reflectors;
 mod refraction;
 mod replicates;
 mod scattering;
-mod schedule;
 mod seen;
 mod sights;
 mod sky;
@@ -152,8 +150,6 @@ pub struct StoppingCriterion<'a> {
     pub max_points: Option<f64>,
     /// Asked before every pixel, from any thread: whether to begin nothing more.
     pub should_stop: &'a (dyn Fn() -> bool + Sync),
-    /// The seconds that are left, by any clock, asked like `should_stop`; passes are planned to fit in them.
-    pub seconds_left: Option<&'a (dyn Fn() -> f64 + Sync)>,
 }
 
 impl<'a> StoppingCriterion<'a> {
@@ -162,7 +158,7 @@ impl<'a> StoppingCriterion<'a> {
         const fn never() -> bool {
             false
         }
-        Self { rel_error, max_points: None, should_stop: &never, seconds_left: None }
+        Self { rel_error, max_points: None, should_stop: &never }
     }
 
     /// The same with a limit to the points per pixel.
@@ -171,31 +167,13 @@ impl<'a> StoppingCriterion<'a> {
         Self { max_points: Some(max_points), ..self }
     }
 
-    /// The same with an end that the caller decides on: a key, a closed window.
+    /// The same with an end that the caller decides on: a time limit, a key, a closed window.
     #[must_use]
     pub const fn with_should_stop<'b>(self, should_stop: &'b (dyn Fn() -> bool + Sync)) -> StoppingCriterion<'b>
     where
         'a: 'b,
     {
         StoppingCriterion { should_stop, ..self }
-    }
-
-    /// The same with a limit to the time, given as the seconds that are left at any moment.
-    #[must_use]
-    pub const fn with_seconds_left<'b>(self, seconds_left: &'b (dyn Fn() -> f64 + Sync)) -> StoppingCriterion<'b>
-    where
-        'a: 'b,
-    {
-        StoppingCriterion { seconds_left: Some(seconds_left), ..self }
-    }
-
-    /// Infinite where there is no limit.
-    fn seconds_left(&self) -> f64 {
-        self.seconds_left.map_or(f64::INFINITY, |left| left())
-    }
-
-    fn is_over(&self) -> bool {
-        self.seconds_left() <= 0.0 || (self.should_stop)()
     }
 }
 
@@ -338,17 +316,6 @@ impl Reference {
         known: Option<Estimate>,
         progress: &dyn Progress,
         checkpoint: &mut dyn FnMut(&Estimate) -> Result<(), Error>,
-    ) -> Result<Estimate, Error> {
-        self.solve_in_passes(criterion, known, progress, &mut |estimate, _| checkpoint(estimate))
-    }
-
-    /// The same, telling the checkpoint where passes end.
-    fn solve_in_passes(
-        &self,
-        criterion: &StoppingCriterion,
-        known: Option<Estimate>,
-        progress: &dyn Progress,
-        checkpoint: &mut Checkpoint,
     ) -> Result<Estimate, Error> {
         let rel_error = criterion.rel_error;
         if !(rel_error > 0.0 && rel_error.is_finite()) {

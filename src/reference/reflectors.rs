@@ -9,7 +9,7 @@
 use glam::DVec3;
 
 use super::cone::Cone;
-use super::domain::{Domain, Fineness, Lighting, ON_SURFACES, Place, Receiver};
+use super::domain::{Domain, Lighting, Place, Receiver, WORTHWHILE_ON_SURFACES};
 use super::geometry::{Geometry, Triangle};
 use super::lamps::Lamps;
 use super::light::Light;
@@ -191,7 +191,7 @@ impl Domain for Reflectors<'_> {
     type Region = Region;
     type Receiver = Receiver;
 
-    const FINENESS: Fineness = ON_SURFACES;
+    const WORTHWHILE: f64 = WORTHWHILE_ON_SURFACES;
 
     fn roots(&self, visit: &mut dyn FnMut(Region)) {
         for &node in &self.tree.roots {

@@ -8,7 +8,7 @@ use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use glam::DVec3;
 
 use super::cone::Cone;
-use super::domain::{Domain, Fineness, Lighting, ON_SURFACES, Receiver};
+use super::domain::{Domain, Lighting, Receiver, WORTHWHILE_ON_SURFACES};
 use super::geometry::Geometry;
 use super::light::Light;
 use crate::scene::Visibility;
@@ -53,7 +53,7 @@ impl Domain for Sky<'_> {
     type Region = Region;
     type Receiver = Receiver;
 
-    const FINENESS: Fineness = ON_SURFACES;
+    const WORTHWHILE: f64 = WORTHWHILE_ON_SURFACES;
 
     fn roots(&self, visit: &mut dyn FnMut(Region)) {
         visit(Region { azimuth: [0.0, TAU], height: [-1.0, 1.0], depth: 0, path: 0 });

@@ -343,6 +343,5 @@ fn checkpoints_come_while_a_pass_goes_on_and_hold_what_is_known() {
         Ok(())
     };
     reference.solve(&criterion, None, &NoProgress, checkpoint).unwrap();
-    assert_eq!(coverages[..3], [1.0 / 3.0, 2.0 / 3.0, 1.0], "three chunks of 4,096 pixels");
-    assert!(coverages[3..].iter().all(|coverage| *coverage == 1.0), "{coverages:?}");
+    assert_eq!(coverages, [1.0 / 3.0, 2.0 / 3.0, 1.0], "three chunks of 4,096 pixels");
 }
