@@ -92,8 +92,8 @@ pub mod pinhole {
         pub use crate::pinhole::gpu::{
             CellTreeBuffers, Engine, EnvironmentCube, Frame, FrameInputs, FrameLight, FrameViewers, GatherOptions,
             Geometry, HardwareVerdict, HierarchicalEngine, HierarchicalFrame, HierarchicalInputs, HierarchicalOptions,
-            LampBuffers, LightBoundsBuilder, LightBoundsTexture, LightKind, MapTracer, MapTracing, MapUse,
-            SurroundingBuffers, TARGET_FORMAT, Tolerance, TreeLight, VisibilityMapBuffers, automatic_filter,
+            LightBoundsBuilder, LightBoundsTexture, LightKind, MapTracer, MapTracing, MapUse, TARGET_FORMAT, Tolerance,
+            TreeLight, UploadedLamp, UploadedSurroundings, VisibilityMapBuffers, automatic_filter,
             check_hardware_filter, probe,
         };
     }

@@ -9,7 +9,7 @@ use crate::scene::{Beam, Lamp, Slide};
 
 /// A lamp as shaders read it: what it is, and the slide of its beam. It serves any number of images.
 #[derive(Clone, Debug)]
-pub struct LampBuffers {
+pub struct UploadedLamp {
     pub(super) uniforms: LampUniforms,
     pub(super) slide: wgpu::TextureView,
 }
@@ -61,7 +61,7 @@ impl From<&Lamp> for LampUniforms {
     }
 }
 
-impl LampBuffers {
+impl UploadedLamp {
     /// Uploads a lamp. A slide must be no larger than the device's textures.
     pub fn upload(device: &wgpu::Device, queue: &wgpu::Queue, lamp: &Lamp) -> Result<Self, GpuError> {
         let slide = match lamp.beam.as_ref().and_then(|beam| beam.slide.as_ref()) {

@@ -32,7 +32,7 @@ pub use hierarchical::{
     CellTreeBuffers, HierarchicalEngine, HierarchicalFrame, HierarchicalInputs, HierarchicalOptions,
     LightBoundsBuilder, LightBoundsTexture, Tolerance, TreeLight,
 };
-pub use lamp::LampBuffers;
+pub use lamp::UploadedLamp;
 pub(crate) use lit_environment::{CubeView, LitEnvironment, LitPipelines, PlacedEmitter};
 pub use maps::{MapTracer, MapTracing, MapUse, VisibilityMapBuffers};
 pub use near_light::{FrameLight, LightKind};
@@ -40,7 +40,7 @@ pub(crate) use preview_pipelines::PreviewPipelines;
 pub use probe::probe;
 pub(crate) use ray_batch::RayBatchPipelines;
 
-pub use surroundings::SurroundingBuffers;
+pub use surroundings::UploadedSurroundings;
 
 use std::ops::Range;
 
@@ -157,7 +157,7 @@ impl Engine {
             (None, Some(maps)) => VisibilityMapBuffers::upload(device, maps)?,
             (None, None) => VisibilityMapBuffers::none(device),
         };
-        let sources = Sources::new(device, inputs, &maps, &self.pipelines.no_light);
+        let sources = Sources::new(device, inputs, &maps, &self.pipelines.placeholders);
         Ok(Frame {
             inputs: self.pipelines.bind_inputs(device, &sources),
             sources,
@@ -188,7 +188,9 @@ impl Engine {
         if frame.pipeline != *self.pipeline(inputs) || inputs.pinholes.visibility.is_some() {
             return Ok(false);
         }
-        let Some(sources) = frame.sources.updated(queue, inputs, &self.pipelines.no_light) else { return Ok(false) };
+        let Some(sources) = frame.sources.updated(queue, inputs, &self.pipelines.placeholders) else {
+            return Ok(false);
+        };
         if sources != frame.sources {
             frame.inputs = self.pipelines.bind_inputs(device, &sources);
             frame.sources = sources;

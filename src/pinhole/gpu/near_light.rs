@@ -6,7 +6,7 @@ use super::environment::black_cube;
 use super::hierarchical::LightBoundsTexture;
 use super::lamp::{LampUniforms, no_slide};
 use super::surroundings::{Viewpoints, cube_array};
-use super::{EnvironmentCube, LampBuffers, SurroundingBuffers};
+use super::{EnvironmentCube, UploadedLamp, UploadedSurroundings};
 use crate::gpu::GpuError;
 use crate::pinhole::constants::{LIGHT_ENVIRONMENT, LIGHT_LAMP, LIGHT_SURROUNDINGS};
 use crate::pinhole::{Filter, GatherUniforms, Params, Pinholes};
@@ -58,9 +58,9 @@ pub enum FrameLight<'a> {
     /// An environment.
     Environment(&'a EnvironmentCube),
     /// A lamp.
-    Lamp(&'a LampBuffers),
+    Lamp(&'a UploadedLamp),
     /// Lit surfaces.
-    Surroundings(&'a SurroundingBuffers),
+    Surroundings(&'a UploadedSurroundings),
 }
 
 impl FrameLight<'_> {
@@ -128,12 +128,12 @@ impl LightTextures {
 
 /// What is bound in place of light that there is not.
 #[derive(Debug)]
-pub(crate) struct NoLight {
+pub(crate) struct LightPlaceholders {
     textures: LightTextures,
     pub(super) bounds: LightBoundsTexture,
 }
 
-impl NoLight {
+impl LightPlaceholders {
     pub fn new(device: &wgpu::Device) -> Self {
         let black = black_cube(device);
         let environment = EnvironmentCube::of_texture(&black, 1, 1.0).view().clone();
@@ -142,13 +142,13 @@ impl NoLight {
         Self { textures: LightTextures { environment, near }, bounds: LightBoundsTexture::none(device) }
     }
 
-    /// The light of a gather, and nothing in place of all other light.
-    pub(super) fn beside(&self, light: FrameLight) -> LightTextures {
+    /// The textures of a gather's light, with placeholders for all other light.
+    pub(super) fn with(&self, light: FrameLight) -> LightTextures {
         let mut textures = self.textures.clone();
         match light {
             FrameLight::Environment(cube) => textures.environment = cube.view().clone(),
             FrameLight::Lamp(lamp) => textures.near[0] = lamp.slide.clone(),
-            FrameLight::Surroundings(SurroundingBuffers { radiance, planes, .. }) => {
+            FrameLight::Surroundings(UploadedSurroundings { radiance, planes, .. }) => {
                 textures.near[1..].clone_from_slice(&[radiance.clone(), planes.clone()]);
             }
         }

@@ -2,7 +2,7 @@
 
 use wgpu::{BindGroupLayoutEntry, BindingType, ShaderStages, TextureSampleType, TextureViewDimension};
 
-use super::near_light::NoLight;
+use super::near_light::LightPlaceholders;
 use super::shaders::{GATHER, Shader};
 use super::sources::Sources;
 use super::{GatherOptions, TARGET_FORMAT};
@@ -18,7 +18,7 @@ pub(crate) struct Pipelines {
     /// The same towards viewers.
     pub reflect: wgpu::RenderPipeline,
     pub options: GatherOptions,
-    pub no_light: NoLight,
+    pub placeholders: LightPlaceholders,
     inputs: wgpu::BindGroupLayout,
     pub receivers: wgpu::BindGroupLayout,
     previous: wgpu::BindGroupLayout,
@@ -70,7 +70,7 @@ impl Pipelines {
             gather,
             reflect,
             options: *options,
-            no_light: NoLight::new(device),
+            placeholders: LightPlaceholders::new(device),
             inputs,
             receivers,
             previous,

@@ -1,6 +1,6 @@
 //! Asks a filter for the mean over given footprints, on the device, through the gather's own shader code.
 
-use super::near_light::NoLight;
+use super::near_light::LightPlaceholders;
 use super::pipeline::{
     GATHER_INPUTS, bind, filter_constant, gather_inputs, layout, linear_sampler, render_pipeline, storage,
 };
@@ -106,7 +106,7 @@ fn bind_probes(
     );
     let packed: Vec<GpuProbe> = probes.iter().map(GpuProbe::from).collect();
     let probes = storage_buffer(device, "probes", bytemuck::cast_slice(&packed));
-    let textures = NoLight::new(device).beside(light);
+    let textures = LightPlaceholders::new(device).with(light);
     // There are no curves and no visibility maps.
     let nothing = storage_buffer(device, "nothing", &[]);
     let (trilinear, anisotropic) = (linear_sampler(device, 1), linear_sampler(device, 16));

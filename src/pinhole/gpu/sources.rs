@@ -1,6 +1,6 @@
 //! What the gather reads beside receivers: light, samples and parameters, in buffers that can be written anew from frame to frame.
 
-use super::near_light::{LightTextures, LightUniforms, NoLight};
+use super::near_light::{LightPlaceholders, LightTextures, LightUniforms};
 use super::{FrameInputs, VisibilityMapBuffers, filled_storage};
 use crate::gpu::buffer_with;
 use crate::pinhole::{BATCH_SIZE, PinholeSample};
@@ -41,7 +41,12 @@ impl<'a> Contents<'a> {
 }
 
 impl Sources {
-    pub fn new(device: &wgpu::Device, inputs: &FrameInputs, maps: &VisibilityMapBuffers, no_light: &NoLight) -> Self {
+    pub fn new(
+        device: &wgpu::Device,
+        inputs: &FrameInputs,
+        maps: &VisibilityMapBuffers,
+        placeholders: &LightPlaceholders,
+    ) -> Self {
         let contents = Contents::new(inputs, maps.resolution);
         let [uniforms, samples, curves] = contents.bytes();
         let usage = wgpu::BufferUsages::COPY_DST;
@@ -51,12 +56,12 @@ impl Sources {
             curves: buffer_with(device, "reflectance curves", curves, usage | wgpu::BufferUsages::STORAGE),
             planes: maps.planes.clone(),
             sky_masks: maps.sky_masks.clone(),
-            light: no_light.beside(inputs.light),
+            light: placeholders.with(inputs.light),
         }
     }
 
     /// The same buffers with other contents, and the visibility maps of the inputs; `None` if the contents have other sizes.
-    pub fn updated(&self, queue: &wgpu::Queue, inputs: &FrameInputs, no_light: &NoLight) -> Option<Self> {
+    pub fn updated(&self, queue: &wgpu::Queue, inputs: &FrameInputs, placeholders: &LightPlaceholders) -> Option<Self> {
         let contents = Contents::new(inputs, inputs.maps.map_or(0, |maps| maps.resolution));
         let buffers = [&self.uniforms, &self.samples, &self.curves];
         if !buffers.iter().zip(contents.bytes()).all(|(buffer, bytes)| buffer.size() == bytes.len() as u64) {
@@ -67,6 +72,6 @@ impl Sources {
         // Without visibility, what is bound in place of maps stays.
         let maps = inputs.maps.map_or([&self.planes, &self.sky_masks], |maps| [&maps.planes, &maps.sky_masks]);
         let [planes, sky_masks] = maps.map(Clone::clone);
-        Some(Self { uniforms, samples, curves, planes, sky_masks, light: no_light.beside(inputs.light) })
+        Some(Self { uniforms, samples, curves, planes, sky_masks, light: placeholders.with(inputs.light) })
     }
 }

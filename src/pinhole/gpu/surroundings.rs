@@ -11,7 +11,7 @@ use crate::pinhole::{SurroundingView, Surroundings};
 
 /// The views of surroundings: their radiance, the planes of what they see, and bounds of the radiance. They serve any number of images.
 #[derive(Clone, Debug)]
-pub struct SurroundingBuffers {
+pub struct UploadedSurroundings {
     pub(super) viewpoints: Viewpoints,
     pub(super) radiance: wgpu::TextureView,
     pub(super) planes: wgpu::TextureView,
@@ -35,7 +35,7 @@ pub(super) struct Viewpoints {
     pub places: [[f32; 4]; MAX_VIEWPOINTS as usize],
 }
 
-impl SurroundingBuffers {
+impl UploadedSurroundings {
     /// Uploads all views: from one to sixteen, of one size.
     pub fn upload(device: &wgpu::Device, queue: &wgpu::Queue, surroundings: &Surroundings) -> Result<Self, GpuError> {
         let views = &surroundings.views;

@@ -26,7 +26,7 @@ use self::tile_batch::TileBatch;
 use super::maps::{RayInputs, VisibilityMapBuffers};
 use super::pipeline::{bind, bind_numbered};
 use super::{
-    EnvironmentCube, FrameLight, FrameViewers, LampBuffers, LightKind, SurroundingBuffers, TARGET_FORMAT,
+    EnvironmentCube, FrameLight, FrameViewers, LightKind, TARGET_FORMAT, UploadedLamp, UploadedSurroundings,
     bind_receivers, target,
 };
 use crate::gpu::{GpuError, buffer_with};
@@ -94,9 +94,9 @@ pub enum TreeLight<'a> {
         bounds: &'a LightBoundsTexture,
     },
     /// A lamp.
-    Lamp(&'a LampBuffers),
+    Lamp(&'a UploadedLamp),
     /// Lit surfaces.
-    Surroundings(&'a SurroundingBuffers),
+    Surroundings(&'a UploadedSurroundings),
 }
 
 impl<'a> TreeLight<'a> {
@@ -291,7 +291,7 @@ impl HierarchicalEngine {
 
     fn bind_scene(&self, device: &wgpu::Device, inputs: &HierarchicalInputs, tiling: &Tiling) -> wgpu::BindGroup {
         let (tree, light) = (inputs.tree, inputs.light.without_bounds());
-        let bounds = inputs.light.bounds().unwrap_or(&self.pipelines.no_light.bounds);
+        let bounds = inputs.light.bounds().unwrap_or(&self.pipelines.placeholders.bounds);
         let maps = tree.maps.clone().unwrap_or_else(|| VisibilityMapBuffers::none(device));
         let gather = light.uniforms(&inputs.params, &Default::default(), maps.resolution);
         let gather = uniform_buffer(device, "gather uniforms", bytemuck::bytes_of(&gather));
@@ -311,7 +311,7 @@ impl HierarchicalEngine {
             padding: 0,
         };
         let uniforms = uniform_buffer(device, "tree uniforms", bytemuck::bytes_of(&uniforms));
-        let light = self.pipelines.no_light.beside(light);
+        let light = self.pipelines.placeholders.with(light);
         let common = [
             gather.as_entire_binding(),
             light.environment(),

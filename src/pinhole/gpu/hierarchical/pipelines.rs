@@ -4,7 +4,7 @@ use wgpu::{BindGroupLayout, BindGroupLayoutEntry, BindingType, ShaderStages, Tex
 
 use super::super::TARGET_FORMAT;
 use super::super::geometry::{integers, ray_entries};
-use super::super::near_light::NoLight;
+use super::super::near_light::LightPlaceholders;
 use super::super::pipeline::{
     GATHER_INPUTS, compute_pipeline, entry, filter_constant, gather_inputs, layout, linear_sampler, render_pipeline,
     seen_by, storage, texture, uniform, window, writable, written,
@@ -28,7 +28,7 @@ pub(super) struct Pipelines {
     /// The last pass towards viewers.
     resolve_towards_viewers: wgpu::RenderPipeline,
     pub layouts: Layouts,
-    pub no_light: NoLight,
+    pub placeholders: LightPlaceholders,
     pub trilinear: wgpu::Sampler,
     pub anisotropic: wgpu::Sampler,
 }
@@ -137,7 +137,7 @@ impl Pipelines {
             },
             resolve_towards_viewers: resolve(true),
             layouts,
-            no_light: NoLight::new(device),
+            placeholders: LightPlaceholders::new(device),
             trilinear: linear_sampler(device, 1),
             anisotropic: linear_sampler(device, 16),
         }

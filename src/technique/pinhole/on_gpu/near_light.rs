@@ -4,20 +4,21 @@ use std::sync::Arc;
 
 use crate::gpu::{Gpu, GpuError};
 use crate::pinhole::Surroundings;
-use crate::pinhole::gpu::{FrameLight, LampBuffers, LightKind, PipelineKey, SurroundingBuffers, TreeLight};
+use crate::pinhole::gpu::{FrameLight, LightKind, PipelineKey, TreeLight, UploadedLamp, UploadedSurroundings};
 use crate::technique::pinhole::NearLight;
 
 /// Every lamp, and the surfaces in their light.
 #[derive(Debug)]
 pub(in crate::technique::pinhole) struct NearLightOnGpu {
-    lamps: Vec<LampBuffers>,
-    surroundings: Option<SurroundingBuffers>,
+    lamps: Vec<UploadedLamp>,
+    surroundings: Option<UploadedSurroundings>,
 }
 
 impl NearLightOnGpu {
     pub fn upload(Gpu { device, queue, .. }: &Gpu, near: &NearLight) -> Result<Self, GpuError> {
-        let lamps = near.lamps.iter().map(|lamp| LampBuffers::upload(device, queue, lamp)).collect::<Result<_, _>>()?;
-        let upload = |surfaces: &Arc<Surroundings>| SurroundingBuffers::upload(device, queue, surfaces);
+        let lamps =
+            near.lamps.iter().map(|lamp| UploadedLamp::upload(device, queue, lamp)).collect::<Result<_, _>>()?;
+        let upload = |surfaces: &Arc<Surroundings>| UploadedSurroundings::upload(device, queue, surfaces);
         Ok(Self { lamps, surroundings: near.surroundings.as_ref().map(upload).transpose()? })
     }
 
