@@ -10,7 +10,7 @@ use pinspot::{BackendChoice, EvaluationChoice, Options};
 
 use crate::support::render;
 
-/// A rough ball under a cone, with a bar in the way of the lamp, and water under a slide. Receivers are black, so that mirrors see the lamps
+/// A rough ball under a cone, with a small one in the way of the lamp, and water under a slide. Receivers are black, so that mirrors see the lamps
 /// alone.
 fn scene(folder: &Path) -> Scene {
     let at = |k: u32| Vec3::new((k % 3) as f32, (k / 3) as f32, 1.0);
@@ -25,7 +25,7 @@ fn scene(folder: &Path) -> Scene {
         [[object]]\nshape = { sphere = { radius = 0.4 } }\ntranslate = [-1, 0.4, 0]\nreflector = { roughness = 0.4 }\n\
         [[object]]\nshape = { plane = { size = [1, 1] } }\ntranslate = [1, 0.5, 0]\n\
         refractor = { eta = 1.333, fresnel = true }\n\
-        [[object]]\nshape = { sphere = { radius = 0.07 } }\ntranslate = [-1, 1.2, 0.5]\n\
+        [[object]]\nshape = { sphere = { radius = 0.2 } }\ntranslate = [-0.8, 1.2, 0.5]\n\
         [[object]]\nshape = { plane = { size = [6, 6] } }\nreceiver = { albedo = [0, 0, 0] }\n";
     parse::<toml::Table>("spots.toml", text, folder).unwrap().scene
 }
@@ -43,6 +43,7 @@ fn beams_are_those_of_the_cpu() {
             .with_aovs(vec![Aov::Caustic]);
         render(scene.clone(), options, &choice).unwrap().layers.remove(0).1
     };
+    let mut unoccluded = Vec3::ZERO;
     for (evaluation, visibility, limit) in [
         (EvaluationChoice::Flat, Visibility::None, 1e-4),
         (EvaluationChoice::Flat, Visibility::Full, 1e-4),
@@ -54,6 +55,11 @@ fn beams_are_those_of_the_cpu() {
         // Both lamps are seen.
         let [left, right] = [0, 1].map(|half| (0..30).map(|y| cpu.pixels[y * 40 + 20 * half + 10].x).sum::<f32>());
         assert!(left > 0.0 && right > 0.0, "{left} {right}");
+        if visibility == Visibility::None {
+            unoccluded = cpu.mean();
+        } else {
+            assert!(cpu.mean().x < 0.99 * unoccluded.x, "the small ball throws no shadow");
+        }
         let error = rel_l2(&gpu, &cpu, None);
         println!("{evaluation:?}, visibility {visibility:?}: {error:.1e}");
         assert!(error < limit, "{evaluation:?}, visibility {visibility:?}: {error}");
