@@ -220,6 +220,7 @@ fn frame_on_gpu(gpu: &Gpu, work: &Work, tree: &PinholeTree) -> (f64, f64) {
         light: LightKind::Environment,
         visibility: false,
         refraction: false,
+        medium: false,
     };
     let engine = HierarchicalEngine::new(device, &options);
     let environment = EnvironmentCube::upload(device, &gpu.queue, &work.environment.cube).expect("it fits");

@@ -69,6 +69,7 @@ impl Caustics {
             light: LightKind::Environment,
             visibility: true,
             refraction: false,
+            medium: false,
         };
         Ok(Self {
             engine: HierarchicalEngine::new(device, &options),

@@ -11,6 +11,8 @@
 #import filters
 #import brdf
 #import interface
+#import lobe
+#import medium
 #import near_light
 
 struct PinholeSample {
@@ -62,7 +64,7 @@ fn gather_onto_previous(in: Varyings) -> @location(0) vec4f {
 }
 
 fn gather_batch(pixel: vec2u, batch: u32) -> vec4f {
-    var receiver = load_receiver(pixel);
+    var receiver = with_length(load_receiver(pixel));
     if receiver.object < 0 {
         return vec4f(0.0);
     }
@@ -86,7 +88,8 @@ fn sample_irradiance(i: u32, receiver: Receiver) -> vec4f {
     // The cosine at the sample, times l.
     let cos_at_sample_l = max(facing(flags, dn), 0.0);
     let inverse_l = inverseSqrt(l2);
-    var cosine_product = cos_at_sample_l * max(dot(d, receiver.normal), 0.0) * inverse_l * inverse_l;
+    let at_receiver = cos_at_receiver_l(d, l2 * inverse_l, receiver);
+    var cosine_product = cos_at_sample_l * max(at_receiver, 0.0) * inverse_l * inverse_l;
     var r = (d - 2.0 * dn * n) * inverse_l;
     var crossing: Crossing;
     if is_interface(flags) {
@@ -119,10 +122,12 @@ fn sample_irradiance(i: u32, receiver: Receiver) -> vec4f {
             return vec4f(0.0);
         }
     }
-    let radiance = filtered_radiance(i, d, n, dn, inverse_l, r, crossing, map);
+    let third = turn_along_part(receiver, d, n, inverse_l, r, crossing, is_interface(flags));
+    let radiance = filtered_radiance(i, d, n, dn, inverse_l, r, crossing, third, map);
     let cosine = cos_at_sample_l * inverse_l;
     var factor = weight * uniforms.radiance_scale *
-        reflectance(samples[i].reflectance, select(samples[i].curve, NO_CURVE, is_interface(flags)), cosine);
+        reflectance(samples[i].reflectance, select(samples[i].curve, NO_CURVE, is_interface(flags)), cosine) *
+        passed_medium(d, l2 * inverse_l, dn, is_interface(flags), receiver);
     if SHADING {
         let solid_angle = area * cosine * inverse_l * inverse_l;
         factor *= brdf(u32(receiver.object), receiver.normal, d * inverse_l, receiver.view, solid_angle);
@@ -130,9 +135,9 @@ fn sample_irradiance(i: u32, receiver: Receiver) -> vec4f {
     return vec4f(factor * radiance.rgb, radiance.a);
 }
 
-// Mean radiance over the sample's footprint around the direction r of its light; a = fetches.
+// Mean radiance over the sample's footprint around the direction r of its light; a = fetches. `third`: its side along a part of a ray.
 fn filtered_radiance(
-    i: u32, d: vec3f, n: vec3f, dn: f32, inverse_l: f32, r: vec3f, crossing: Crossing, map: VisibilityMap,
+    i: u32, d: vec3f, n: vec3f, dn: f32, inverse_l: f32, r: vec3f, crossing: Crossing, third: vec3f, map: VisibilityMap,
 ) -> vec4f {
     if LIGHT == LIGHT_ENVIRONMENT && FILTER == FILTER_NONE {
         return visible_light(r, light_from_world(r), 0.0, 0.0, 1.0, map);
@@ -151,22 +156,25 @@ fn filtered_radiance(
         reflected.v1 = reflected_side(surface.v1, samples[i].change_1, d, n, dn, inverse_l, r);
         reflected.v2 = reflected_side(surface.v2, samples[i].change_2, d, n, dn, inverse_l, r);
     }
-    let light = footprint_on_light(samples[i].position, surface, r, reflected);
-    var seen = 1.0;
+    let light = footprint_on_light(samples[i].position, surface, r, reflected, third);
+    var seen = vec3f(1.0);
+    if LIGHT == LIGHT_LAMP {
+        seen = passed_from_lamp(length(light.towards), is_interface(samples[i].object_flags));
+    }
     if VISIBILITY && LIGHT != LIGHT_ENVIRONMENT {
-        seen = visible_fraction(light.towards, map);
+        seen *= visible_fraction(light.towards, map);
     }
     // The same for all lanes.
     if !is_interface(samples[i].object_flags) && is_mostly_lobe(lobe, samples[i].change_1, samples[i].change_2) {
-        let parts = lobe_parts(light.r, n, cosine, light.sides, lobe);
+        let parts = lobe_parts(light.r, n, cosine, light.sides, lobe, light.third);
         let core = mean_radiance(i, light, parts.r, parts.core, map);
-        return vec4f(vec3f(seen), 1.0) * mean_of_parts(core, mean_radiance(i, light, parts.r, parts.tail, map));
+        return vec4f(seen, 1.0) * mean_of_parts(core, mean_radiance(i, light, parts.r, parts.tail, map));
     }
     var sides = light.sides;
-    if lobe > 0.0 {
-        sides = blurred(sides, light.r, n, widths);
+    if lobe > 0.0 || has_side(light.third) {
+        sides = widened(sides, light.r, n, widths, light.third);
     }
-    return vec4f(vec3f(seen), 1.0) * mean_radiance(i, light, light.r, sides, map);
+    return vec4f(seen, 1.0) * mean_radiance(i, light, light.r, sides, map);
 }
 
 // Mean radiance over a footprint of a sample; a = fetches.

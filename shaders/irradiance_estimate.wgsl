@@ -60,7 +60,7 @@ fn sample_contribution(sample: u32, receiver: Receiver) -> vec3f {
         weight *= visible_fraction(-pair.d, map_of_sample(sample, receiver_side(cell.flags, pair.dn)));
     }
     let map = map_of_sample(sample, sky_side(cell.flags, pair.dn));
-    return weight * reflected_scale(cell, pair) * radiance_of(cell, pair, map);
+    return weight * reflected_scale(cell, pair, receiver) * radiance_of(cell, pair, map);
 }
 
 // Mean unoccluded radiance over a cell's footprint.
@@ -76,7 +76,7 @@ fn radiance_of(cell: Cell, pair: Pair, map: VisibilityMap) -> vec3f {
         return isotropic_radiance(pair.r, footprint_of(cell, pair), map);
     }
     let cosine = abs(pair.dn) * pair.inverse_l;
-    let parts = lobe_parts(pair.r, cell.normal, cosine, sharp_footprint_of(cell, pair), cell.lobe);
+    let parts = lobe_parts(pair.r, cell.normal, cosine, sharp_footprint_of(cell, pair), cell.lobe, pair.third);
     var seen = 1.0;
     var part_map = map;
     if VISIBILITY && is_wide_lobe(cell.lobe, cell.change_1, cell.change_2) {

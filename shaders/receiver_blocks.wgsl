@@ -59,7 +59,7 @@ fn make_block(@builtin(workgroup_id) workgroup: vec3u, @builtin(local_invocation
     if all.count == 0u {
         kind = EMPTY;
     }
-    blocks[at.index] = Block(centre, radius, mean, normal_radii[0], kind, all.tolerated);
+    blocks[at.index] = Block(centre, radius, mean, normal_radii[0], kind, all.tolerated, all.max_object);
 }
 
 // A lane's share of a block are the points of one of 8×8 squares; this is the k-th of them.
@@ -79,7 +79,9 @@ fn extent_of_block(at: BlockPlace, lane: u32) -> Extent {
         let receiver = point_of_share(at, lane, k);
         if receiver.object >= 0 {
             let p = receiver.position;
-            extent = join(extent, Extent(p, receiver.object, p, receiver.object, receiver.normal, 1u, tolerated_error(receiver)));
+            let half = abs(half_part(receiver));
+            let tolerated = tolerated_error(receiver);
+            extent = join(extent, Extent(p - half, receiver.object, p + half, receiver.object, receiver.normal, 1u, tolerated));
         }
     }
     extents[lane] = extent;

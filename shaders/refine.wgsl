@@ -290,7 +290,7 @@ fn contribution(index: u32, contribution_range: f32, receiver: Receiver, block: 
     } else {
         radiance = cell_radiance(cell, pair, footprint_of(cell, pair), contribution_range, error_budget_of(block), map);
     }
-    return vec4f(weight_of(cell, pair, receiver) * reflected_scale(cell, pair) * radiance.rgb, radiance.a);
+    return vec4f(weight_of(cell, pair, receiver) * reflected_scale(cell, pair, receiver) * radiance.rgb, radiance.a);
 }
 
 // Adds up the lanes of each point.
@@ -345,8 +345,9 @@ fn decide(block: Block, level: u32, cell: Cell) -> Decision {
     }
     // The points' distance over the width of what is interpolated.
     let step = POINT_SPACING * pair.crossing.per_direction * block_size / max(sqrt(cone.minor2), uniforms.texel_rad);
-    let crossed_block = pair.crossing.per_cosine * block_size;
-    let crossed_cell = pair.crossing.per_cosine * cell_size;
+    let per_cosine = max(pair.crossing.per_cosine, pair.phase_slope);
+    let crossed_block = per_cosine * block_size;
+    let crossed_cell = per_cosine * cell_size;
     let block_weight_error =
         select(WEIGHT_ERROR_SCALE * crossed_block * crossed_block * crossed_block, 1.0, pair.straddles_horizon);
     let block_error = contribution_range * min(INTERPOLATION_ERROR_SCALE * step * step * step * step, 1.0)

@@ -6,7 +6,7 @@
 
 #import cell_tree
 #import cell_quarters
-#import gloss_bounds
+#import contribution_bounds
 #import near_light_cells
 #import receiver_tiles
 #import rays
@@ -208,28 +208,9 @@ fn visit_cell(
         return Visit(vec4f(0.0), false);
     }
     let sides = footprint_of(cell, pair);
-    var size = pair.inverse_l * cell.radius + cell.normal_radius;
-    var turned = size;
-    var cone = LightCone(pair.r, cone_radius(cell, sides, size));
-    if is_interface(cell.flags) {
-        let crossing = weight.crossing;
-        turned = crossing.per_direction * pair.inverse_l * cell.radius + 0.5 * crossing.per_normal * cell.normal_radius;
-        cone = crossed_light(cell, pair, sides, turned, crossing);
-        size *= crossing.per_cosine;
-    }
-    size = size_for_light(size, cell, cell.radius);
-    var light = light_within(cell, cone.axis, cone.radius);
-    if LIGHT == LIGHT_LAMP && is_leaf(cell) && size < MAX_PIECE_SIZE {
-        // Where it is near, parts of it fill much less of the directions than all of it does to first order.
-        light *= max_part_of_lamp(cell, pair);
-    }
-    var gloss = vec2f(1.0, 0.0);
-    if SHADING {
-        gloss = gloss_within(pair, receiver, size);
-    }
-    let max_weight = weight.value * cell.max_reflectance * gloss.x;
-    let max_contribution = max_weight * light.x;
-    let contribution_range = max_weight * light.y;
+    let bounds = contribution_bounds(cell, pair, receiver, sides, weight);
+    let max_contribution = bounds.maximum;
+    let size = bounds.size;
     let looked_up = vec4f(0.0, 0.0, 0.0, 1.0);
     if !(max_contribution > NEGLIGIBLE_SHARE * allowed_error(receiver) / tree.area * cell.area) {
         return Visit(looked_up, false);
@@ -237,11 +218,17 @@ fn visit_cell(
     let error_budget = PAIR_ERROR_SHARE * allowed_error(receiver);
     var is_one_sample = true;
     if !is_leaf(cell) {
-        let error = contribution_range * min(turned * CONTRAST_ERROR_SCALE, 1.0)
-            + max_contribution * (size * size * WEIGHT_ERROR_SCALE + gloss.y);
+        let error = bounds.range * min(bounds.turned * CONTRAST_ERROR_SCALE, 1.0) * bounds.left_along_part
+            + max_contribution * (size * size * WEIGHT_ERROR_SCALE + bounds.receiver_error);
         // Where the pair straddles a horizon, the cell's centroid is not representative.
         is_one_sample =
             select(error < error_budget && size < MAX_RELATIVE_SIZE, max_contribution < error_budget, weight.straddles_horizon);
+        if is_part_of_ray(receiver.object) && !is_cluster(index, cell) {
+            // Next to total reflection light turns without bound; samples are small enough there, too.
+            let normals = select(cell.normal_radius, 0.0, is_interface(cell.flags));
+            let is_even = pair.inverse_l * cell.radius + normals < MAX_TURN_ALONG_RAY;
+            is_one_sample = is_one_sample || bounds.left_along_part < MAX_LEFT_ALONG_RAY || is_even;
+        }
         if is_occluded_cluster && !(is_one_sample && max_contribution < CENTRAL_VISIBILITY_SHARE * error_budget) {
             return Visit(looked_up, true);
         }
@@ -259,7 +246,8 @@ fn visit_cell(
             return Visit(looked_up, false);
         }
         // What is large and in doubt is taken leaf by leaf.
-        is_one_sample = is_one_sample && (is_leaf(cell) || !is_large || !(*traversal).is_doubtful);
+        let in_leaves = is_large && (*traversal).is_doubtful && !is_part_of_ray(receiver.object);
+        is_one_sample = is_one_sample && (is_leaf(cell) || !in_leaves);
         seen = (*traversal).visible_fraction;
         if is_one_sample && (*traversal).is_doubtful && max_contribution >= MIN_TRACED_SHARE * error_budget {
             let leaving = ray_origin_of(cell, receiver_side(cell.flags, pair.dn));
@@ -282,76 +270,23 @@ fn visit_cell(
         return Visit(looked_up, false);
     }
     if LIGHT != LIGHT_ENVIRONMENT {
-        let taps = taps_for(contribution_range, error_budget);
+        let taps = taps_for(bounds.range, error_budget);
         return Visit(near_contribution(cell, pair, receiver, seen, taps, max_contribution) + looked_up, false);
     }
     let v1 = dot(sides.v1, sides.v1);
     let v2 = dot(sides.v2, sides.v2);
     let texel2 = 6.2831853 / f32(uniforms.map_resolution * uniforms.map_resolution);
-    let is_traced = tree.traces_rays != 0u && min(v1, v2) < texel2 && max_contribution >= MIN_TRACED_SKY_SHARE * error_budget;
-    return Visit(contribution(cell, pair, receiver, sides, contribution_range, seen, is_traced) + looked_up, false);
+    let is_worth_rays = tree.traces_rays != 0u && max_contribution >= MIN_TRACED_SKY_SHARE * error_budget;
+    let along_ray = is_part_of_ray(receiver.object);
+    let is_traced = is_worth_rays && min(v1, v2) < texel2 && !along_ray;
+    // Along a part of a ray a sun is easily missed.
+    let range = select(bounds.range, UNBOUNDED, along_ray);
+    return Visit(contribution(cell, pair, receiver, sides, range, seen, is_traced) + looked_up, false);
 }
 
 // W/m².
 fn allowed_error(receiver: Receiver) -> f32 {
     return tolerance.error + tolerated_error(receiver);
-}
-
-// The greatest weight of any point of a cell.
-struct MaxWeight {
-    value: f32,
-    // Only some points of the cell face the receiver, or light from some is totally reflected.
-    straddles_horizon: bool,
-    // What an interface does at most with the light.
-    crossing: CrossingBounds,
-}
-
-fn max_weight_of(cell: Cell, pair: Pair, receiver: Receiver) -> MaxWeight {
-    var crossing = CrossingBounds(1.0, 2.0, 1.0, 1.0, false, false, 1.0, 1.0);
-    if is_interface(cell.flags) {
-        let cosine = pair.dn * pair.inverse_l;
-        let slack = pair.inverse_l * cell.radius + cell.normal_radius;
-        let is_fresnel = (cell.flags & IS_FRESNEL) != 0u;
-        crossing = crossing_bounds(cell.eta, is_fresnel, max(cosine - slack, -1.0), min(cosine + slack, 1.0));
-    }
-    if is_leaf(cell) {
-        return MaxWeight(select(0.0, weight_of(cell, pair, receiver), pair.cosine_product > 0.0), false, crossing);
-    }
-    let l = pair.l2 * pair.inverse_l;
-    let slack = l * cell.normal_radius + cell.radius;
-    let at_sample = facing(cell.flags, pair.dn);
-    let at_receiver = dot(pair.d, receiver.normal);
-    if at_sample + slack <= 0.0 || at_receiver + cell.radius <= 0.0 {
-        return MaxWeight(0.0, false, crossing);
-    }
-    let nearest = max(l - cell.radius, MIN_DISTANCE_RATIO * l);
-    let nearest2 = nearest * nearest;
-    let cosine_product = min(at_sample + slack, l) * min(at_receiver + cell.radius, l) / nearest2;
-    let weight = cosine_product * cell.area * max_attenuation(nearest2, cell.area) * crossing.factor;
-    return MaxWeight(weight, at_sample < slack || at_receiver < cell.radius || crossing.is_unbounded, crossing);
-}
-
-// Radius of the cone in which the light comes that a cell of this relative size reflects to a receiver.
-fn cone_radius(cell: Cell, sides: FootprintSides, size: f32) -> f32 {
-    let squares = dot(sides.v1, sides.v1) + dot(sides.v2, sides.v2);
-    return select(
-        FOOTPRINT_RADIUS * sqrt(squares) + FOOTPRINT_BEND * size * size + unevenness(cell),
-        size + cell.normal_radius + cell.lobe,
-        cell.creased,
-    );
-}
-
-// The cone in which the light comes that a cell of an interface sends to a receiver.
-fn crossed_light(cell: Cell, pair: Pair, sides: FootprintSides, turned: f32, crossing: CrossingBounds) -> LightCone {
-    let towards = pair.d * pair.inverse_l;
-    let most = crossed_cone(crossing, pair.r, towards, cell.normal, pair.inverse_l * cell.radius, cell.normal_radius);
-    let squares = dot(sides.v1, sides.v1) + dot(sides.v2, sides.v2);
-    let curved = FOOTPRINT_RADIUS * sqrt(squares) + FOOTPRINT_BEND * turned * turned
-        + 0.5 * crossing.per_normal * unevenness(cell);
-    if !cell.creased && !crossing.is_unbounded && curved < most.radius {
-        return LightCone(pair.r, curved);
-    }
-    return most;
 }
 
 // What a cell, taken for one sample, contributes.
@@ -399,7 +334,7 @@ fn near_contribution(
 
 // What the radiance that arrives at a cell is multiplied by.
 fn factor_on_radiance(cell: Cell, pair: Pair, receiver: Receiver) -> vec3f {
-    let factor = weight_of(cell, pair, receiver) * reflected_scale(cell, pair);
+    let factor = weight_of(cell, pair, receiver) * reflected_scale(cell, pair, receiver);
     if SHADING {
         let solid_angle = cell.area * pair.cos_at_sample_l * pair.inverse_l * pair.inverse_l * pair.inverse_l;
         return factor * brdf(u32(receiver.object), receiver.normal, pair.d * pair.inverse_l, receiver.view, solid_angle);

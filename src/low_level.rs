@@ -73,8 +73,8 @@ pub mod gpu {
 /// Sums over pinhole samples, on the CPU and on GPUs.
 pub mod pinhole {
     pub use crate::pinhole::{
-        BATCH_SIZE, CURVE_POINTS, Epsilon, Filter, Footprint, GatherUniforms, MAX_TAPS, NO_RECEIVER, Params,
-        PinholeParts, PinholeSample, PinholeTree, Pinholes, Probe, ReceiverLayout, Receivers, ReflectanceCurve,
+        BATCH_SIZE, CURVE_POINTS, Epsilon, Filter, Footprint, GatherUniforms, MAX_TAPS, MEDIUM_OBJECT, NO_RECEIVER,
+        Params, PinholeParts, PinholeSample, PinholeTree, Pinholes, Probe, ReceiverLayout, Receivers, ReflectanceCurve,
         SurroundingView, Surroundings, ViewDirections, VisibilityMaps, pinholes,
     };
 

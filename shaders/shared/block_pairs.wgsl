@@ -20,6 +20,9 @@ struct BlockPair {
     straddles_horizon: bool,
     // What an interface does at most with the light.
     crossing: CrossingBounds,
+    // Upper bound of what a medium does with it, and how much faster than directions that changes.
+    passed: f32,
+    phase_slope: f32,
 }
 
 fn block_pair(block: Block, cell: Cell) -> BlockPair {
@@ -28,9 +31,18 @@ fn block_pair(block: Block, cell: Cell) -> BlockPair {
     let sizes = block.radius + cell.radius;
     let dn = dot(d, cell.normal);
     let at_sample = facing(cell.flags, dn);
-    let at_receiver = dot(d, block.normal);
+    let along_rays = is_part_of_ray(block.object);
+    let at_receiver = select(dot(d, block.normal), l, along_rays);
     let sample_slack = sizes + cell.normal_radius * l;
-    let receiver_slack = sizes + block.normal_radius * l;
+    let receiver_slack = select(sizes + block.normal_radius * l, 0.0, along_rays);
+    // In front of an interface there is no medium.
+    var passed = select(max_transmittance(l - sizes), 1.0, is_interface(cell.flags) && dn <= sample_slack);
+    var slope = 1.0;
+    if along_rays {
+        let spread = sizes / l * (0.5 * WHOLE_SPHERE_RAD) + block.normal_radius;
+        passed *= max_relative_phase(-dot(d, block.normal) / l, spread);
+        slope = phase_slope();
+    }
     var crossing = CrossingBounds(1.0, 2.0, 1.0, 1.0, false, false, 1.0, 1.0);
     if is_interface(cell.flags) {
         let cosine = dn / l;
@@ -40,7 +52,7 @@ fn block_pair(block: Block, cell: Cell) -> BlockPair {
     }
     let straddles = at_sample < sample_slack || at_receiver < receiver_slack || crossing.is_unbounded;
     return BlockPair(
-        d, l, sizes, dn, at_sample + sample_slack, at_receiver + receiver_slack, straddles, crossing,
+        d, l, sizes, dn, at_sample + sample_slack, at_receiver + receiver_slack, straddles, crossing, passed, slope,
     );
 }
 
@@ -49,7 +61,7 @@ fn max_weight_of(cell: Cell, pair: BlockPair) -> f32 {
     let nearest = pair.l - pair.sizes;
     let farthest = pair.l + pair.sizes;
     return cell.area * min(pair.max_cos_at_sample_l, farthest) * min(pair.max_cos_at_receiver_l, farthest)
-        / (nearest * nearest) * max_attenuation(nearest * nearest, cell.area) * cell.max_reflectance * pair.crossing.factor;
+        / (nearest * nearest) * max_attenuation(nearest * nearest, cell.area) * cell.max_reflectance * pair.crossing.factor * pair.passed;
 }
 
 // The directions in which a cell's light comes that is reflected or refracted to a block.

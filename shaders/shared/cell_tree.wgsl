@@ -8,6 +8,8 @@
 #import cube
 #import footprint
 #import filters
+#import lobe
+#import medium
 #import visibility
 #import interface
 
@@ -99,9 +101,9 @@ const CHANNEL_BITS: u32 = 3u << CHANNEL_SHIFT;
 
 fn receiver_at(place: vec2u) -> Receiver {
     if any(place >= tree.size) {
-        return Receiver(vec3f(0.0), -1, vec3f(0.0), vec3f(0.0), 0.0);
+        return Receiver(vec3f(0.0), -1, vec3f(0.0), vec3f(0.0), 0.0, 0.0);
     }
-    return load_receiver(place);
+    return with_length(load_receiver(place));
 }
 
 // A cell in world space.
@@ -211,6 +213,8 @@ struct Pair {
     cosine_product: f32,
     // At an interface.
     crossing: Crossing,
+    // How far the direction of the light turns along a part of a ray.
+    third: vec3f,
 }
 
 fn pair_of(cell: Cell, receiver: Receiver) -> Pair {
@@ -219,14 +223,17 @@ fn pair_of(cell: Cell, receiver: Receiver) -> Pair {
     let dn = dot(d, cell.normal);
     let cos_at_sample_l = max(facing(cell.flags, dn), 0.0);
     let inverse_l = inverseSqrt(l2);
-    let cosine_product = cos_at_sample_l * max(dot(d, receiver.normal), 0.0) * inverse_l * inverse_l;
+    let at_receiver = cos_at_receiver_l(d, l2 * inverse_l, receiver);
+    let cosine_product = cos_at_sample_l * max(at_receiver, 0.0) * inverse_l * inverse_l;
     if is_interface(cell.flags) {
         let crossing = crossing_of(cell.eta, (cell.flags & IS_FRESNEL) != 0u, dn * inverse_l);
         let r = crossed_direction(crossing, d * inverse_l, cell.normal);
-        return Pair(d, l2, r, inverse_l, dn, cos_at_sample_l, cosine_product * crossing.factor, crossing);
+        let third = turn_along_part(receiver, d, cell.normal, inverse_l, r, crossing, true);
+        return Pair(d, l2, r, inverse_l, dn, cos_at_sample_l, cosine_product * crossing.factor, crossing, third);
     }
     let r = (d - 2.0 * dn * cell.normal) * inverse_l;
-    return Pair(d, l2, r, inverse_l, dn, cos_at_sample_l, cosine_product, Crossing());
+    let third = turn_along_part(receiver, d, cell.normal, inverse_l, r, Crossing(), false);
+    return Pair(d, l2, r, inverse_l, dn, cos_at_sample_l, cosine_product, Crossing(), third);
 }
 
 // The geometry term, times the cell's area.
@@ -236,21 +243,21 @@ fn weight_of(cell: Cell, pair: Pair, receiver: Receiver) -> f32 {
 
 // The cell's footprint around the direction of its light.
 fn footprint_of(cell: Cell, pair: Pair) -> FootprintSides {
-    return blurred_footprint_of(cell, pair, pair.r, sharp_footprint_of(cell, pair));
+    return widened_footprint_of(cell, pair, pair.r, sharp_footprint_of(cell, pair), pair.third);
 }
 
-// A footprint around r with the blur of the cell's lobe.
-fn blurred_footprint_of(cell: Cell, pair: Pair, r: vec3f, sides: FootprintSides) -> FootprintSides {
-    if cell.lobe > 0.0 {
+// A footprint around r with the blur of the cell's lobe, and with a third side.
+fn widened_footprint_of(cell: Cell, pair: Pair, r: vec3f, sides: FootprintSides, third: vec3f) -> FootprintSides {
+    if cell.lobe > 0.0 || has_side(third) {
         if is_interface(cell.flags) {
-            return blurred(sides, r, cell.normal, crossed_blur(pair.crossing, cell.lobe));
+            return widened(sides, r, cell.normal, crossed_blur(pair.crossing, cell.lobe), third);
         }
-        return blurred(sides, r, cell.normal, mirrored_blur(cell.lobe, abs(pair.dn) * pair.inverse_l));
+        return widened(sides, r, cell.normal, mirrored_blur(cell.lobe, abs(pair.dn) * pair.inverse_l), third);
     }
     return sides;
 }
 
-// The same without the lobe's blur.
+// The same without the lobe's blur, and at one place of a part of a ray.
 fn sharp_footprint_of(cell: Cell, pair: Pair) -> FootprintSides {
     if is_interface(cell.flags) {
         let towards = pair.d * pair.inverse_l;
@@ -278,7 +285,7 @@ fn cell_radiance(
     let taps = taps_for(contribution_range, error_budget);
     if is_lobe_of_mirror(cell) {
         let cosine = abs(pair.dn) * pair.inverse_l;
-        let parts = lobe_parts(pair.r, cell.normal, cosine, sharp_footprint_of(cell, pair), cell.lobe);
+        let parts = lobe_parts(pair.r, cell.normal, cosine, sharp_footprint_of(cell, pair), cell.lobe, pair.third);
         let core = footprint_radiance(cell, parts.r, parts.core, is_even, taps, map);
         return mean_of_parts(core, footprint_radiance(cell, parts.r, parts.tail, is_even, taps, map));
     }
@@ -302,14 +309,15 @@ fn footprint_radiance(cell: Cell, r: vec3f, sides: FootprintSides, is_even: bool
 }
 
 // What the radiance is multiplied by beside a cell's weight.
-fn reflected_scale(cell: Cell, pair: Pair) -> vec3f {
+fn reflected_scale(cell: Cell, pair: Pair, receiver: Receiver) -> vec3f {
     let sample = cell.sample;
+    let passed = passed_medium(pair.d, pair.l2 * pair.inverse_l, pair.dn, is_interface(cell.flags), receiver);
     if is_interface(cell.flags) {
         let channels = vec3f(select(vec3u(0u), vec3u(1u), vec3u(cell.channel) == vec3u(1u, 2u, 3u)));
-        return uniforms.radiance_scale * select(channels, vec3f(1.0), cell.channel == 0u);
+        return uniforms.radiance_scale * select(channels, vec3f(1.0), cell.channel == 0u) * passed;
     }
     let cosine = pair.cos_at_sample_l * pair.inverse_l;
-    return uniforms.radiance_scale * reflectance(sample_nodes[sample].reflectance, sample_nodes[sample].curve, cosine);
+    return uniforms.radiance_scale * reflectance(sample_nodes[sample].reflectance, sample_nodes[sample].curve, cosine) * passed;
 }
 
 // What a sample sees on one side (1 or -1).

@@ -51,29 +51,6 @@ fn mean_over_footprint(r: vec3f, sides: FootprintSides, max_taps: f32, map: Visi
     return vec4f(sum.rgb / taps, sum.a);
 }
 
-// What two look-ups in a rough mirror's lobe cover: one narrower, one wider.
-struct LobeParts {
-    // The unit direction of their centre.
-    r: vec3f,
-    core: FootprintSides,
-    tail: FootprintSides,
-}
-
-// The parts of the lobe around r, a little nearer to the normal n. `sides` are the footprint's without the lobe.
-fn lobe_parts(r: vec3f, n: vec3f, cosine: f32, sides: FootprintSides, lobe: f32) -> LobeParts {
-    let tilt = lobe * (LOBE_TILT + LOBE_TILT_GROWTH * lobe);
-    return LobeParts(
-        normalize(r + select(tilt, -tilt, dot(r, n) < 0.0) * n),
-        blurred(sides, r, n, mirrored_blur(LOBE_CORE_WIDTH * lobe, cosine)),
-        blurred(sides, r, n, mirrored_blur(LOBE_TAIL_WIDTH * lobe, cosine)),
-    );
-}
-
-// The mean over a lobe from those over its parts; a = fetches.
-fn mean_of_parts(core: vec4f, tail: vec4f) -> vec4f {
-    return vec4f(0.5 * (core.rgb + tail.rgb), core.a + tail.a);
-}
-
 // The part of the sky that is visible, from four places in a footprint.
 fn sky_fraction_of_footprint(r: vec3f, sides: FootprintSides, map: VisibilityMap) -> f32 {
     let a = 0.25 * (sides.v1 + sides.v2);

@@ -19,9 +19,17 @@ fn reflected_side(side: vec3f, change: vec3f, d: vec3f, n: vec3f, dn: f32, inver
     return (v - r * dot(r, v)) * inverse_l;
 }
 
-// A footprint blurred by a lobe: a parallelogram with the second moments of both together. The lobe around r has one width in the plane
-// of incidence and another one across it.
-fn blurred(sides: FootprintSides, r: vec3f, n: vec3f, widths: vec2f) -> FootprintSides {
+// Second moments in a frame around a direction: e1 is in the plane of incidence, e2 across it.
+struct FootprintMoments {
+    e1: vec3f,
+    e2: vec3f,
+    m11: f32,
+    m12: f32,
+    m22: f32,
+}
+
+// Of a footprint and a lobe together. The lobe around r has one width in the plane of incidence and another one across it.
+fn blurred_moments(sides: FootprintSides, r: vec3f, n: vec3f, widths: vec2f) -> FootprintMoments {
     var in_plane = n - r * dot(n, r);
     // At perpendicular incidence the plane is undefined: any will do.
     if dot(in_plane, in_plane) < 1e-6 {
@@ -34,10 +42,16 @@ fn blurred(sides: FootprintSides, r: vec3f, n: vec3f, widths: vec2f) -> Footprin
     let m11 = a1.x * a1.x + a2.x * a2.x + widths.x * widths.x;
     let m12 = a1.x * a1.y + a2.x * a2.y;
     let m22 = a1.y * a1.y + a2.y * a2.y + widths.y * widths.y;
+    return FootprintMoments(e1, e2, m11, m12, m22);
+}
+
+// A footprint blurred by a lobe: a parallelogram with the second moments of both together.
+fn blurred(sides: FootprintSides, r: vec3f, n: vec3f, widths: vec2f) -> FootprintSides {
+    let m = blurred_moments(sides, r, n, widths);
     // Cholesky's factor: sides with these moments.
-    let l11 = sqrt(m11);
-    let l21 = m12 / l11;
-    return FootprintSides(e1 * l11 + e2 * l21, e2 * sqrt(max(m22 - l21 * l21, 0.0)));
+    let l11 = sqrt(m.m11);
+    let l21 = m.m12 / l11;
+    return FootprintSides(m.e1 * l11 + m.e2 * l21, m.e2 * sqrt(max(m.m22 - l21 * l21, 0.0)));
 }
 
 // The widths of a mirror's lobe: across the plane of incidence normals turn the light less, by the cosine.

@@ -1,5 +1,5 @@
 // What every gather reads: its parameters, the light and what samples see and reflect. CPU twin: src/pinhole/cpu/mod.rs;
-// Rust layouts: src/pinhole/layout.rs, src/pinhole/gpu/near_light.rs.
+// Rust layouts: src/pinhole/layout.rs, src/pinhole/gpu/near_light.rs, src/pinhole/gpu/medium.rs.
 
 #import constants
 
@@ -31,6 +31,18 @@ struct Viewpoints {
     places: array<vec4f, MAX_VIEWPOINTS>,
 }
 
+// What lies between cells and receivers; see src/scene/medium.rs.
+struct Medium {
+    // 1/m
+    extinction: vec3f,
+    // Mean cosine of the angle by which light is scattered.
+    g: f32,
+    // 1: it also lies between lamps and mirrors.
+    lamps_in_medium: u32,
+    // Bounds of the environment's mean along arcs, by powers of two of their lengths up to 1 radian.
+    max_along_arcs: array<vec4f, ARC_STEP_VECTORS>,
+}
+
 struct GatherUniforms {
     sample_count: u32,
     taps: u32,
@@ -47,6 +59,8 @@ struct GatherUniforms {
     // Never read where it is not the light.
     lamp: Lamp,
     viewpoints: Viewpoints,
+    // Never read where there is none.
+    medium: Medium,
 }
 
 // What the light is: LIGHT_ENVIRONMENT and so on.

@@ -56,18 +56,21 @@ fn footprint_towards_lamp(
     return FootprintSides(reflected.v1 + side_1 - dot(side_1, r) * r, reflected.v2 + side_2 - dot(side_2, r) * r);
 }
 
-// Mean radiance over a footprint around the unit direction r, seen from a piece of a surface; a = 1, a fetch.
+// Mean radiance over a footprint around the unit direction r, seen from a piece of a surface; a = 1, a fetch. `third` is the side of the
+// footprint along a part of a ray.
 fn mean_of_lamp(
-    place: vec3f, n: vec3f, surface: FootprintSides, seen: SeenLamp, r: vec3f, footprint: FootprintSides,
+    place: vec3f, n: vec3f, surface: FootprintSides, seen: SeenLamp, r: vec3f, footprint: FootprintSides, third: vec3f,
 ) -> vec4f {
     let nothing = vec4f(0.0, 0.0, 0.0, 1.0);
     // What is blurred must not reach below the horizon.
     if dot(r, n) * dot(seen.towards, n) <= 0.0 {
         return nothing;
     }
-    // A wider disc of the same flux: cells are not exact parallelograms, and small lamps would show the gaps between them.
+    // A wider disc of the same flux: cells are not exact parallelograms, and small lamps would show the gaps between them. Parts of rays
+    // lie end to end exactly, and blur nothing.
     let own = seen.chord * seen.chord;
-    let wide = own + LAMP_BLUR * LAMP_BLUR * (dot(footprint.v1, footprint.v1) + dot(footprint.v2, footprint.v2));
+    let squares = dot(footprint.v1, footprint.v1) + dot(footprint.v2, footprint.v2) - dot(third, third);
+    let wide = own + LAMP_BLUR * LAMP_BLUR * max(squares, 0.0);
     let part = own / wide * filled_part(r, footprint, seen.towards, sqrt(wide));
     if !(part > 0.0) {
         return nothing;

@@ -14,17 +14,21 @@ struct LightFootprint {
     towards: vec3f,
     // The view of surroundings.
     view: u32,
+    // How far the direction turns along a part of a ray.
+    third: vec3f,
 }
 
-// `reflected`: the footprint of light from infinitely far away around r.
-fn footprint_on_light(place: vec3f, surface: FootprintSides, r: vec3f, reflected: FootprintSides) -> LightFootprint {
+// `reflected`: the footprint of light from infinitely far away around r, and `third` its side along a part of a ray.
+fn footprint_on_light(
+    place: vec3f, surface: FootprintSides, r: vec3f, reflected: FootprintSides, third: vec3f,
+) -> LightFootprint {
     if LIGHT == LIGHT_LAMP {
-        let seen = lamp_seen_from(place);
-        return LightFootprint(r, footprint_towards_lamp(seen, surface, r, reflected), uniforms.lamp.position - place, 0u);
+        let sides = footprint_towards_lamp(lamp_seen_from(place), surface, r, reflected);
+        return LightFootprint(r, sides, uniforms.lamp.position - place, 0u, third);
     }
     let view = nearest_view(place);
-    let seen = surfaces_seen(view, place, surface, r, reflected);
-    return LightFootprint(seen.r, seen.sides, seen.towards, view);
+    let seen = surfaces_seen(view, place, surface, r, reflected, third);
+    return LightFootprint(seen.r, seen.sides, seen.towards, view, seen.third);
 }
 
 // Mean radiance over a footprint, seen from a piece of a surface; a = fetches. Without regard to occlusion.
@@ -33,7 +37,7 @@ fn mean_of_light(
     map: VisibilityMap,
 ) -> vec4f {
     if LIGHT == LIGHT_LAMP {
-        return mean_of_lamp(place, n, surface, lamp_seen_from(place), r, sides);
+        return mean_of_lamp(place, n, surface, lamp_seen_from(place), r, sides, light.third);
     }
     looked_up_view = light.view;
     var unoccluded = map;

@@ -35,9 +35,23 @@ fn max_part_of_lamp(cell: Cell, pair: Pair) -> f32 {
     let seen = lamp_seen_from(cell.centroid);
     let surface = FootprintSides(cell.side_1, cell.side_2);
     let sharp = footprint_towards_lamp(seen, surface, pair.r, sharp_footprint_of(cell, pair));
-    let sides = blurred_footprint_of(cell, pair, pair.r, sharp);
+    let sides = widened_footprint_of(cell, pair, pair.r, sharp, pair.third);
     let area = max(length(cross(sides.v1, sides.v2)), 1.2e-38);
     return min(2.0 * HALF_PI * seen.chord * seen.chord / area, 1.0);
+}
+
+// Upper bound of the mean radiance along a part of a ray over which the light's direction turns so far, of which none is brighter than
+// `maximum`.
+fn max_along_part(cell: Cell, pair: Pair, turn: f32, maximum: f32) -> f32 {
+    if LIGHT == LIGHT_SURROUNDINGS {
+        return maximum;
+    }
+    let seen = lamp_seen_from(cell.centroid);
+    let surface = FootprintSides(cell.side_1, cell.side_2);
+    let sharp = footprint_towards_lamp(seen, surface, pair.r, sharp_footprint_of(cell, pair));
+    // The lamp's disc is blurred by the cell's own footprint.
+    let width = 2.0 * (LAMP_BLUR * sqrt(dot(sharp.v1, sharp.v1) + dot(sharp.v2, sharp.v2)) + seen.chord);
+    return maximum * min(width / max(turn, 1.2e-38), 1.0);
 }
 
 // Whether a piece of a cell, however near, may send light of the lamp to the receiver.
@@ -47,7 +61,7 @@ fn may_mirror_lamp(piece: Cell, pair: Pair) -> bool {
         return true;
     }
     let radius = 0.5 * (length(piece.side_1) + length(piece.side_2));
-    let turn = length(piece.change_1) + length(piece.change_2) + TAIL_REACH * piece.lobe;
+    let turn = length(piece.change_1) + length(piece.change_2) + TAIL_REACH * piece.lobe + 0.5 * length(pair.third);
     // An arc is at most π/2 times its sine; where there is no sine, light may come from anywhere.
     let spread = pair.inverse_l * radius * HALF_PI;
     return meets_lamp(piece.centroid, radius, pair.r, select(WHOLE_SPHERE_RAD, spread, spread < 1.0) + turn);
@@ -56,16 +70,22 @@ fn may_mirror_lamp(piece: Cell, pair: Pair) -> bool {
 // Near light over a cell's footprint, from so many taps.
 fn near_light_at(cell: Cell, pair: Pair, taps: f32) -> NearLight {
     let surface = FootprintSides(cell.side_1, cell.side_2);
-    let light = footprint_on_light(cell.centroid, surface, pair.r, sharp_footprint_of(cell, pair));
+    let light = footprint_on_light(cell.centroid, surface, pair.r, sharp_footprint_of(cell, pair), pair.third);
+    var mean: vec4f;
     var map: VisibilityMap;
     map.index = UNOCCLUDED;
     if is_lobe_of_mirror(cell) {
-        let parts = lobe_parts(light.r, cell.normal, abs(pair.dn) * pair.inverse_l, light.sides, cell.lobe);
+        let cosine = abs(pair.dn) * pair.inverse_l;
+        let parts = lobe_parts(light.r, cell.normal, cosine, light.sides, cell.lobe, light.third);
         let core = mean_of_light(cell.centroid, cell.normal, surface, light, parts.r, parts.core, taps, map);
         let tail = mean_of_light(cell.centroid, cell.normal, surface, light, parts.r, parts.tail, taps, map);
-        return NearLight(mean_of_parts(core, tail), light.towards);
+        mean = mean_of_parts(core, tail);
+    } else {
+        let sides = widened_footprint_of(cell, pair, light.r, light.sides, light.third);
+        mean = mean_of_light(cell.centroid, cell.normal, surface, light, light.r, sides, taps, map);
     }
-    let sides = blurred_footprint_of(cell, pair, light.r, light.sides);
-    let mean = mean_of_light(cell.centroid, cell.normal, surface, light, light.r, sides, taps, map);
+    if LIGHT == LIGHT_LAMP {
+        mean *= vec4f(passed_from_lamp(length(light.towards), is_interface(cell.flags)), 1.0);
+    }
     return NearLight(mean, light.towards);
 }

@@ -6,10 +6,13 @@ struct LightFootprint {
     r: vec3f,
     sides: FootprintSides,
     towards: vec3f,
+    third: vec3f,
 }
 
-fn footprint_on_light(place: vec3f, surface: FootprintSides, r: vec3f, reflected: FootprintSides) -> LightFootprint {
-    return LightFootprint(r, reflected, vec3f(0.0));
+fn footprint_on_light(
+    place: vec3f, surface: FootprintSides, r: vec3f, reflected: FootprintSides, third: vec3f,
+) -> LightFootprint {
+    return LightFootprint(r, reflected, vec3f(0.0), third);
 }
 
 fn mean_of_light(

@@ -19,6 +19,10 @@ fn max_part_of_lamp(cell: Cell, pair: Pair) -> f32 {
     return 1.0;
 }
 
+fn max_along_part(cell: Cell, pair: Pair, turn: f32, maximum: f32) -> f32 {
+    return min(maximum, max_along_arc(turn));
+}
+
 fn may_mirror_lamp(piece: Cell, pair: Pair) -> bool {
     return true;
 }

@@ -14,6 +14,8 @@ struct Receiver {
     view: vec3f,
     // The fourth component of the normal.
     normal_w: f32,
+    // Of a part of a ray through a medium, metres, whose normal is the unit direction towards the viewer; else 0.
+    length: f32,
 }
 
 fn load_receiver(pixel: vec2u) -> Receiver {
@@ -21,5 +23,5 @@ fn load_receiver(pixel: vec2u) -> Receiver {
     // Rounded: a rasteriser's interpolation may leave 0.9999999.
     let object = select(i32(position.w + 0.5), -1, position.w < 0.0);
     let normal = textureLoad(receiver_normal, pixel, 0);
-    return Receiver(position.xyz, object, normal.xyz, vec3f(0.0), normal.w);
+    return Receiver(position.xyz, object, normal.xyz, vec3f(0.0), normal.w, 0.0);
 }

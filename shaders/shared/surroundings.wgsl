@@ -20,6 +20,8 @@ struct SeenSurfaces {
     sides: FootprintSides,
     // From the place to shortly before them.
     towards: vec3f,
+    // The footprint's side along a part of a ray.
+    third: vec3f,
 }
 
 // The view from the nearest viewpoint.
@@ -45,7 +47,7 @@ fn view_spread(view: u32, place: vec3f, radius: f32) -> f32 {
 
 // What lies in the directions of a footprint around the unit direction r of a piece of a surface.
 fn surfaces_seen(
-    view: u32, place: vec3f, surface: FootprintSides, r: vec3f, reflected: FootprintSides,
+    view: u32, place: vec3f, surface: FootprintSides, r: vec3f, reflected: FootprintSides, third: vec3f,
 ) -> SeenSurfaces {
     let shift = place - uniforms.viewpoints.places[view].xyz;
     var distance = distance_to_plane(view, shift, r, r);
@@ -61,7 +63,9 @@ fn surfaces_seen(
         (side_1 - dot(side_1, direction) * direction) * inverse,
         (side_2 - dot(side_2, direction) * direction) * inverse,
     );
-    return SeenSurfaces(direction, sides, BEFORE_SURFACE * distance * r);
+    let side_3 = distance * third;
+    let seen_third = (side_3 - dot(side_3, direction) * direction) * inverse;
+    return SeenSurfaces(direction, sides, BEFORE_SURFACE * distance * r, seen_third);
 }
 
 // From a place that is shifted from the viewpoint, along r, to the plane that is seen from the viewpoint in a direction.

@@ -13,6 +13,8 @@ struct Block {
     kind: u32,
     // The error that may be made at any of its points beyond that of all others, W/m².
     tolerated: f32,
+    // That of its points, if they are on one only.
+    object: i32,
 }
 
 // A block has no receivers; they are not one smooth piece of one object; they are.

@@ -298,13 +298,12 @@ impl Engine {
         if progress.is_cancelled() {
             return Err(Error::Cancelled);
         }
-        let backend = self.picture_backend();
         let inputs = Inputs {
             scene: &self.scene,
             prepared: &scene,
             light: &light,
             options: &self.options,
-            backend: &backend,
+            backend: &self.backend,
             chains: Chains::ALL,
             is_preview: false,
             progress,
@@ -345,14 +344,10 @@ impl Engine {
         Err(OptionError::invalid("aov", message))
     }
 
-    /// The back end of whole pictures' sums: where there is a medium, it is the CPU.
-    fn picture_backend(&self) -> Backend {
-        if self.scene.medium.is_some() { Backend::cpu() } else { self.backend.clone() }
-    }
-
-    /// The back end of previews: where there are lamps, too, it is the CPU.
+    /// The back end of previews: where there are lamps or a medium, it is the CPU.
     fn preview_backend(&self) -> Backend {
-        if self.scene.lamps.is_empty() { self.picture_backend() } else { Backend::cpu() }
+        let is_plain = self.scene.lamps.is_empty() && self.scene.medium.is_none();
+        if is_plain { self.backend.clone() } else { Backend::cpu() }
     }
 
     fn marks_of(&mut self, prepared: &Prepared, progress: &dyn Progress) -> Result<Vec<Mark>, Error> {

@@ -106,6 +106,12 @@ impl LightBounds {
         self.along_arcs.at(length)
     }
 
+    /// These bounds for arcs of 2⁻¹² radians, twice that and so on up to 1.
+    #[cfg(feature = "gpu")]
+    pub(crate) fn along_arcs(&self) -> &[f32] {
+        self.along_arcs.steps()
+    }
+
     /// Texels along an edge of the finest level.
     #[cfg(feature = "gpu")]
     pub(crate) fn size(&self) -> u32 {

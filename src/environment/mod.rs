@@ -30,6 +30,8 @@ pub use irradiance::{irradiance_map, irradiance_map_of_frame};
 pub use light_geometry::{LightGeometry, LitBy};
 #[cfg(feature = "gpu")]
 pub(crate) use rasterization::FaceAxes;
+#[cfg(feature = "gpu")]
+pub(crate) use strips::ARC_STEPS;
 
 use serde::Deserialize;
 

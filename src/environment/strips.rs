@@ -4,7 +4,9 @@ use super::cube::{CubeMap, face_solid_angles_sr};
 use std::f32::consts::PI;
 
 /// Lengths of arcs, from 2^-12 to 1 radian.
-const STEPS: usize = 13;
+pub(crate) const ARC_STEPS: u32 = 13;
+
+const STEPS: usize = ARC_STEPS as usize;
 
 /// Faces are resolved into at most this many texels along an edge.
 const FINEST: u32 = 256;
@@ -38,6 +40,12 @@ impl ArcBounds {
             }
         }
         Self(bounds.map(|bound| bound as f32))
+    }
+
+    /// All bounds, those of the shortest arcs first.
+    #[cfg(feature = "gpu")]
+    pub fn steps(&self) -> &[f32] {
+        &self.0
     }
 
     /// The bound for arcs of a length, radians, or of longer ones.

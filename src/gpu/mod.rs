@@ -107,6 +107,9 @@ pub enum GpuError {
         "the engine was made for mirrors alone, but some samples are on surfaces that refract; make one with refraction"
     )]
     NoRefraction,
+    /// And so are media.
+    #[error("the engine was made for scenes without a medium, but there is one; make one with a medium")]
+    NoMedium,
     /// The samples' maps of visibility are too large.
     #[error("what the samples see takes {bytes} bytes, but this adapter's buffers end at {limit}")]
     MapsTooLarge {

@@ -30,7 +30,7 @@ pub(crate) use constants::ESTIMATE_MAX_RECEIVERS;
 pub(crate) use disc::{chord_of_sphere, filled_part, solid_angle_of};
 pub use interface::Interface;
 pub use layout::{BATCH_SIZE, CURVE_POINTS, GatherUniforms, PinholeParts, PinholeSample, Pinholes, ReflectanceCurve};
-pub use receivers::{NO_RECEIVER, ReceiverLayout, Receivers, ViewDirections};
+pub use receivers::{MEDIUM_OBJECT, NO_RECEIVER, ReceiverLayout, Receivers, ViewDirections};
 pub use surroundings::{SurroundingView, Surroundings};
 pub use tree::PinholeTree;
 pub(crate) use visibility::Edges;
@@ -136,7 +136,7 @@ pub struct Params {
     /// Counter-clockwise rotation of the environment about +Y, radians: a direction d in the world is looked up in the
     /// cube map as R(−rotation)·d.
     pub environment_rotation_rad: f32,
-    /// What fills the space between mirrors and receivers, and behind interfaces. Only sums on the CPU know it.
+    /// What fills the space between mirrors and receivers, and behind interfaces.
     pub medium: Option<Medium>,
     /// Whether the medium also fills the space between lamps and mirrors.
     pub lamps_in_medium: bool,

@@ -10,7 +10,7 @@ use crate::brdf::Materials;
 pub const NO_RECEIVER: f32 = -1.0;
 
 /// Stands for the index of an object where a receiver is a point of a medium: the largest that 32-bit floats tell apart.
-const MEDIUM_OBJECT: u32 = (1 << 23) - 1;
+pub const MEDIUM_OBJECT: u32 = (1 << 23) - 1;
 
 /// Points along an edge of a receiver tile, the unit of work of a hierarchical gather.
 pub(super) const TILE: usize = super::constants::TILE_SIZE as usize;
@@ -39,8 +39,7 @@ pub struct Receivers {
     pub view_directions: Option<ViewDirections>,
     /// `Some`: the receivers are parts of rays through a medium, of these lengths, metres, around their positions. The gather computes
     /// the light that the medium scatters towards the viewer there: the mean over the part of ∫ L 4π p dω, W/m², where p is the phase
-    /// function, which is the fluence rate where the medium scatters evenly. Only sums on the CPU know them, and only
-    /// without `view_directions`.
+    /// function, which is the fluence rate where the medium scatters evenly. They are without `view_directions`.
     pub lengths: Option<Vec<f32>>,
 }
 
@@ -154,11 +153,15 @@ impl Receivers {
         let mut tiled = Self::empty(width as u32, (tiles.div_ceil(across) * TILE) as u32);
         tiled.layout = ReceiverLayout::Unordered;
         let mut directions = self.view_directions.as_ref().map(|_| vec![[0.0; 4]; tiled.positions.len()]);
+        tiled.lengths = self.lengths.as_ref().map(|_| vec![0.0; tiled.positions.len()]);
         for (k, &place) in places.iter().enumerate() {
             tiled.positions[place] = self.positions[k];
             tiled.normals[place] = self.normals[k];
             if let (Some(directions), Some(view)) = (&mut directions, &self.view_directions) {
                 directions[place] = view.directions[k];
+            }
+            if let (Some(in_tiles), Some(lengths)) = (&mut tiled.lengths, &self.lengths) {
+                in_tiles[place] = lengths[k];
             }
         }
         let materials = self.view_directions.as_ref().map(|view| view.materials.clone());

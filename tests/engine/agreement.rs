@@ -6,7 +6,6 @@ use pinspot::low_level::environment::CubeMap;
 use pinspot::low_level::pinhole::gpu::GatherOptions;
 use pinspot::low_level::pinhole::{BATCH_SIZE, Filter, Footprint, Params, PinholeSample, Pinholes, Receivers};
 use pinspot::low_level::sampling::Strategy;
-use pinspot::scene::BUILT_IN;
 use pinspot::{BackendChoice, BackendReport, DisplaySettings, Engine, EvaluationChoice, FilterChoice, Rendered};
 
 use crate::support::{self, floor, gpu, on_cpu, on_gpu, on_gpu_with, pinholes_of, rel_l2, rotated_light, scene};
@@ -31,23 +30,22 @@ fn back_ends_agree_on_every_built_in_scene() {
     let mut failures = Vec::new();
     // Other filters on some scenes only, in turn.
     let others = [Some(FilterChoice::None), None, Some(FilterChoice::Isotropic), None];
-    for (scene, other) in BUILT_IN.iter().zip(others.into_iter().cycle()) {
-        let mut engines =
-            [BackendChoice::Gpu(None), BackendChoice::Cpu].map(|b| engine(scene.name, &b, &[Aov::Caustic]));
+    for (scene, other) in support::clear_scenes().zip(others.into_iter().cycle()) {
+        let mut engines = [BackendChoice::Gpu(None), BackendChoice::Cpu].map(|b| engine(scene, &b, &[Aov::Caustic]));
         for filter in other.into_iter().chain([FilterChoice::Anisotropic]) {
             let [on_gpu, on_cpu] = engines.each_mut().map(|engine| render(engine, filter));
             assert!(matches!(on_gpu.report.backend, BackendReport::Gpu { .. }));
             let [gpu, cpu] = [&on_gpu, &on_cpu].map(|r| r.layer(Aov::Caustic).unwrap());
-            assert!(cpu.mean().x > 0.0, "{}: no caustic at all", scene.name);
+            assert!(cpu.mean().x > 0.0, "{scene}: no caustic at all");
             let error = pinspot::image::rel_l2(gpu, cpu, None);
-            println!("{:16} {filter:?}: {error:.2e}", scene.name);
+            println!("{scene:16} {filter:?}: {error:.2e}");
             // Rays of the visibility maps that pass an edge closely may meet it on one back end only; emitters have sharp edges, too.
             let has_emitters = engines[1].scene().objects.iter().any(|object| object.emitter.is_some());
             if error > if has_emitters { 5e-3 } else { 3e-3 } {
-                failures.push(format!("{} {filter:?}: {error}", scene.name));
+                failures.push(format!("{scene} {filter:?}: {error}"));
             }
             let fetches = (on_gpu.report.lookups, on_cpu.report.lookups);
-            assert!((fetches.0 / fetches.1 - 1.0).abs() < 1e-2, "{}: fetches {fetches:?}", scene.name);
+            assert!((fetches.0 / fetches.1 - 1.0).abs() < 1e-2, "{scene}: fetches {fetches:?}");
         }
     }
     assert!(failures.is_empty(), "{failures:#?}");
@@ -58,9 +56,9 @@ fn back_ends_agree_on_every_built_in_scene() {
 #[test]
 fn back_ends_agree_on_beauty() {
     let mut failures = Vec::new();
-    for scene in BUILT_IN {
+    for scene in support::clear_scenes() {
         let [gpu, cpu] = [BackendChoice::Gpu(None), BackendChoice::Cpu].map(|backend| {
-            let mut engine = engine(scene.name, &backend, &[Aov::Beauty]);
+            let mut engine = engine(scene, &backend, &[Aov::Beauty]);
             engine.options_mut().size = [40, 30];
             let display = engine.options().display;
             render(&mut engine, FilterChoice::Anisotropic).displayed(&display)
@@ -68,9 +66,9 @@ fn back_ends_agree_on_beauty() {
         let differences = gpu.pixels.iter().zip(&cpu.pixels).map(|(a, b)| (*a - *b).abs().max_element());
         let mean = differences.clone().sum::<f32>() / cpu.pixels.len() as f32;
         let off = differences.filter(|difference| *difference > 0.05).count();
-        println!("{:16} {mean:.1e} on average, {off} pixels differ", scene.name);
+        println!("{scene:16} {mean:.1e} on average, {off} pixels differ");
         if mean > 1e-3 || off * 200 > cpu.pixels.len() {
-            failures.push(format!("{}: {mean} on average, {off} pixels", scene.name));
+            failures.push(format!("{scene}: {mean} on average, {off} pixels"));
         }
     }
     assert!(failures.is_empty(), "{failures:#?}");

@@ -9,6 +9,7 @@ use pinspot::low_level::pinhole::gpu::{
 };
 use pinspot::low_level::pinhole::{Footprint, Params, PinholeSample, Pinholes};
 use pinspot::low_level::sampling::Strategy;
+use pinspot::scene::Medium;
 use pinspot::wgpu;
 
 use crate::support::{floor, gpu, pinholes_of, scene};
@@ -82,9 +83,9 @@ fn too_large_a_texture_is_an_error() {
     assert!(message.contains(&too_wide.to_string()) && message.contains("the image"), "{message}");
 }
 
-/// A shader that was compiled for mirrors alone would take water for one.
+/// A shader that was compiled for mirrors alone would take water for one, and one for clear air see through fog.
 #[test]
-fn samples_that_refract_need_an_engine_that_does() {
+fn samples_that_refract_and_media_need_an_engine_for_them() {
     let gpu = gpu();
     let cube = CubeMap::from_radiance(16, None, |_| Vec3::ONE);
     let environment = EnvironmentCube::upload(&gpu.device, &gpu.queue, &cube).unwrap();
@@ -92,9 +93,13 @@ fn samples_that_refract_need_an_engine_that_does() {
     let water = scene("[[object]]\nshape = { plane = {} }\nrefractor = { eta = 1.333 }\n");
     let pinholes = pinholes_of(&water, 10, Strategy::Neighbourhood, Footprint::Cells, 1);
     let inputs = inputs(&view, [2, 2], &pinholes, &environment);
-    let frame = |options: &GatherOptions| Engine::new(&gpu.device, options).frame(&gpu.device, &inputs).map(drop);
-    assert!(matches!(frame(&GatherOptions::default()), Err(GpuError::NoRefraction)));
-    assert!(frame(&GatherOptions { refraction: true, ..Default::default() }).is_ok());
+    let for_mirrors = Engine::new(&gpu.device, &GatherOptions::default());
+    assert!(matches!(for_mirrors.frame(&gpu.device, &inputs), Err(GpuError::NoRefraction)));
+    let for_water = Engine::new(&gpu.device, &GatherOptions { refraction: true, ..Default::default() });
+    assert!(for_water.frame(&gpu.device, &inputs).is_ok());
+    let fog = Medium { sigma_s: Vec3::ONE, sigma_a: Vec3::ZERO, g: 0.0 };
+    let params = Params { medium: Some(fog), ..inputs.params };
+    assert!(matches!(for_water.frame(&gpu.device, &FrameInputs { params, ..inputs }), Err(GpuError::NoMedium)));
 }
 
 /// What would be refused by the device, or worse, is refused before.

@@ -2,6 +2,7 @@
 
 use std::sync::{Arc, Mutex};
 
+use glam::Vec3;
 use pinspot::blocking::wait;
 use pinspot::image::Aov;
 use pinspot::low_level::brdf::Materials;
@@ -11,13 +12,13 @@ use pinspot::low_level::gpu::Gpu;
 use pinspot::low_level::pinhole::cpu::{Accuracy, Light, estimate_irradiance, gather_hierarchical};
 use pinspot::low_level::pinhole::gpu::{
     CellTreeBuffers, EnvironmentCube, FrameViewers, HierarchicalEngine, HierarchicalInputs, HierarchicalOptions,
-    LightBoundsBuilder, LightKind, Tolerance, TreeLight,
+    LightBoundsBuilder, LightBoundsTexture, LightKind, Tolerance, TreeLight,
 };
 use pinspot::low_level::pinhole::{Params, PinholeTree, ReceiverLayout, Receivers, ViewDirections};
 use pinspot::low_level::sampling::{self, Strategy, Surface, sample};
 use pinspot::low_level::tracing::Tracer;
 use pinspot::low_level::visible_receivers;
-use pinspot::scene::{BUILT_IN, Scene, Visibility, load};
+use pinspot::scene::{Medium, Scene, Visibility, load};
 use pinspot::{BackendChoice, EvaluationChoice, FilterChoice, Rendered, Settings};
 
 use crate::support::{self, gpu, rel_l2, rotated_light};
@@ -45,7 +46,7 @@ fn back_ends_agree() {
         "pool" | "colours" => 6e-4,
         _ => 1e-4,
     };
-    let caustics = BUILT_IN.iter().map(|s| (s.name, Aov::Caustic, Visibility::None, [40, 32], limit(s.name)));
+    let caustics = support::clear_scenes().map(|name| (name, Aov::Caustic, Visibility::None, [40, 32], limit(name)));
     // Rays that pass an edge closely may meet it on one back end only. In a whole picture, what is interpolated may then differ, too.
     let others = [
         ("columns", Aov::Caustic, Visibility::Full, [40, 32], 5e-4),
@@ -120,11 +121,13 @@ struct How {
     split_passes: u32,
     split_near: bool,
     environment_rotation_rad: f32,
+    medium: Option<Medium>,
 }
 
 impl How {
     fn params(&self) -> Params {
-        Params { environment_rotation_rad: self.environment_rotation_rad, ..Params::default() }
+        let Self { environment_rotation_rad, medium, .. } = *self;
+        Params { environment_rotation_rad, medium, ..Params::default() }
     }
 }
 
@@ -154,7 +157,14 @@ impl Work {
 
     fn how(&self, tolerance: f32) -> How {
         let tolerance = Tolerance::Absolute(tolerance * self.typical());
-        How { tolerance, split_passes: 16, split_near: false, environment_rotation_rad: 0.0 }
+        How { tolerance, split_passes: 16, split_near: false, environment_rotation_rad: 0.0, medium: None }
+    }
+
+    /// As the device wants them: parts of rays come as the ways from one end to the other.
+    fn normals(&self) -> Vec<[f32; 4]> {
+        let Some(lengths) = &self.receivers.lengths else { return self.receivers.normals.clone() };
+        let way = |([x, y, z, w], length): (&[f32; 4], &f32)| [x * length, y * length, z * length, *w];
+        self.receivers.normals.iter().zip(lengths).map(way).collect()
     }
 
     fn on_cpu(&self, how: &How) -> Vec<[f32; 4]> {
@@ -171,6 +181,9 @@ impl Work {
         let (device, size) = (&gpu.device, [self.receivers.width, self.receivers.height]);
         let environment = EnvironmentCube::upload(device, &gpu.queue, &self.cube).unwrap();
         let builder = LightBoundsBuilder::new(device, &environment).unwrap();
+        // Those of means along parts of rays are found on the CPU only.
+        let uploaded = how.medium.map(|_| LightBoundsTexture::upload(device, &gpu.queue, &self.bounds));
+        let bounds = uploaded.as_ref().unwrap_or(builder.bounds());
         let params = how.params();
         let visibility = self.tree.sample_nodes().visibility.is_some();
         let engine = engine(
@@ -180,6 +193,7 @@ impl Work {
                 light: LightKind::Environment,
                 visibility,
                 refraction: self.tree.refracts(),
+                medium: how.medium.is_some(),
             },
         );
         let viewers = self.receivers.view_directions.as_ref();
@@ -187,12 +201,12 @@ impl Work {
         let viewers = directions.as_ref().zip(viewers);
         let inputs = HierarchicalInputs {
             positions: &gpu.upload_texture(size, &self.receivers.positions),
-            normals: &gpu.upload_texture(size, &self.receivers.normals),
+            normals: &gpu.upload_texture(size, &self.normals()),
             viewers: viewers.map(|(directions, v)| FrameViewers { directions, materials: &v.materials }),
             size,
             is_grid: self.receivers.layout == ReceiverLayout::Grid,
             tree: &CellTreeBuffers::upload(device, &self.tree).unwrap(),
-            light: TreeLight::Environment { cube: &environment, bounds: builder.bounds() },
+            light: TreeLight::Environment { cube: &environment, bounds },
             params,
             tolerance: how.tolerance,
             has_tolerances: false,
@@ -208,6 +222,33 @@ impl Work {
         gpu.check().unwrap();
         sums
     }
+}
+
+/// What a medium scatters along camera rays, in four parts of each. In pictures, parts are allowed errors of their own beside.
+#[test]
+fn parts_of_rays_are_those_of_the_cpu() {
+    let mut work = Work::new("ring-natural", [16, 12], 100, 16, Visibility::None);
+    let camera = work.scene.camera.position;
+    let ends: Vec<Vec3> =
+        work.receivers.positions.iter().filter(|p| p[3] >= 0.0).map(|p| Vec3::from_slice(p)).collect();
+    let mut parts = Receivers::of_rays(16, (4 * ends.len()).div_ceil(16) as u32);
+    for (k, end) in ends.iter().enumerate() {
+        let way = (camera - end) / 4.0;
+        (0..4).for_each(|j| parts.set_part(4 * k + j, end + (j as f32 + 0.5) * way, way.normalize(), way.length()));
+    }
+    let fog = Medium { sigma_s: Vec3::new(0.1, 0.2, 0.3), sigma_a: Vec3::splat(0.1), g: 0.6 };
+    let how = How { split_near: true, medium: Some(fog), ..work.how(0.01) };
+    work.receivers = parts;
+    let on_cpu = work.on_cpu(&how);
+    let (in_tiles, places) = work.receivers.in_tiles();
+    work.receivers = in_tiles;
+    let on_gpu = work.on_gpu(gpu(), &how);
+    let on_gpu: Vec<[f32; 4]> = places.iter().map(|&place| on_gpu[place]).collect();
+    let error = rel_l2(&on_gpu, &on_cpu);
+    let [gpu, cpu] = [&on_gpu, &on_cpu].map(|sums| sums.iter().map(|sum| sum[3]).sum::<f32>());
+    println!("{error:.1e}, fetches {}", gpu / cpu);
+    assert!(error < 1e-4, "{error}");
+    assert!((gpu / cpu - 1.0).abs() < 0.01, "{gpu} {cpu}");
 }
 
 /// Half floats for the light, 128 MiB a binding, eight storage buffers a stage: what browsers have.

@@ -22,6 +22,7 @@ mod hierarchy_gpu;
 mod independence;
 mod lamps;
 mod media;
+mod media_gpu;
 mod metals;
 mod near_light_gpu;
 mod pictures;

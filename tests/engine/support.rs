@@ -12,7 +12,7 @@ use pinspot::low_level::pinhole::gpu::{Engine, EnvironmentCube, FrameInputs, Fra
 use pinspot::low_level::pinhole::{Params, Pinholes, Receivers, cpu, pinholes};
 use pinspot::low_level::sampling::{self, Surface, sample};
 use pinspot::reference::{self, Quantity, Reference, StoppingCriterion};
-use pinspot::scene::{Scene, Visibility, load, parse};
+use pinspot::scene::{BUILT_IN, Scene, Visibility, load, parse};
 use pinspot::{Backend, BackendChoice, Error, EvaluationChoice, Footprint, NoProgress, Rendered, Settings, Strategy};
 
 const NEEDS_ADAPTER: &str = "GPU tests need an adapter; run them by tests/run";
@@ -28,6 +28,12 @@ pub fn gpu_backend() -> Backend {
     static SHARED: OnceLock<Backend> = OnceLock::new();
     let open = || Backend::gpu(wait(None, Gpu::open(None)).unwrap_or_else(|e| panic!("{NEEDS_ADAPTER}: {e}")));
     SHARED.get_or_init(open).clone()
+}
+
+/// The names of the built-in scenes without a medium: for the others back ends are compared in `media_gpu.rs`, as their shaders take long to
+/// compile.
+pub fn clear_scenes() -> impl Iterator<Item = &'static str> {
+    BUILT_IN.iter().map(|scene| scene.name).filter(|name| load::<Settings>(name).unwrap().scene.medium.is_none())
 }
 
 /// A scene from the text of its objects; the light and the camera are of no importance.

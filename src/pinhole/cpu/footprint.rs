@@ -1,4 +1,4 @@
-//! Twin of `shaders/shared/footprint.wgsl`, which has no third sides: parts of rays are summed on the CPU.
+//! Twin of `shaders/shared/footprint.wgsl` and, where footprints have a third side, of `widened` in `medium.wgsl`.
 
 use crate::lanes::{F, Select, Simd, SimdBase, SimdFloat, V3, splat};
 

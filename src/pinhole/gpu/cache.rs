@@ -17,6 +17,8 @@ pub(crate) struct PipelineKey {
     pub visibility: bool,
     /// Whether any is on an interface between two media.
     pub refraction: bool,
+    /// Whether there is a medium.
+    pub medium: bool,
 }
 
 /// The pipelines of one device. There are few keys, so that none is ever dropped.
@@ -42,15 +44,15 @@ impl<T> Default for Compiled<T> {
 impl PipelineCache {
     /// The pipelines of flat sums. It is always the same device.
     pub fn flat(&self, device: &wgpu::Device, key: PipelineKey) -> Arc<Engine> {
-        let PipelineKey { filter, light, visibility, refraction } = key;
-        let options = GatherOptions { filter, light, visibility, refraction, ..Default::default() };
+        let PipelineKey { filter, light, visibility, refraction, medium } = key;
+        let options = GatherOptions { filter, light, visibility, refraction, medium, ..Default::default() };
         self.flat.get(key, || Engine::new(device, &options))
     }
 
     /// The pipelines of hierarchical sums.
     pub fn hierarchical(&self, device: &wgpu::Device, key: PipelineKey) -> Arc<HierarchicalEngine> {
-        let PipelineKey { filter, light, visibility, refraction } = key;
-        let options = HierarchicalOptions { filter, light, visibility, refraction };
+        let PipelineKey { filter, light, visibility, refraction, medium } = key;
+        let options = HierarchicalOptions { filter, light, visibility, refraction, medium };
         self.hierarchical.get(key, || HierarchicalEngine::new(device, &options))
     }
 

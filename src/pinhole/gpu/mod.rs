@@ -14,6 +14,7 @@ mod hierarchical;
 mod lamp;
 mod lit_environment;
 mod maps;
+mod medium;
 mod near_light;
 pub(crate) mod pipeline;
 mod preview_pipelines;
@@ -55,6 +56,7 @@ pub const TARGET_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba32Float;
 
 /// What is fixed when an engine is made.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[expect(clippy::struct_excessive_bools, reason = "they are independent of each other")]
 pub struct GatherOptions {
     /// The filter; it is compiled into the shader.
     pub filter: Filter,
@@ -64,6 +66,8 @@ pub struct GatherOptions {
     pub visibility: bool,
     /// Whether samples may be on interfaces between two media; without, the shader is faster.
     pub refraction: bool,
+    /// Whether there may be a medium, and receivers that are parts of rays through it; likewise.
+    pub medium: bool,
     /// Accumulate by ping-pong between two textures even where 32-bit targets blend.
     pub force_ping_pong: bool,
 }
@@ -75,6 +79,7 @@ impl Default for GatherOptions {
             light: LightKind::Environment,
             visibility: false,
             refraction: false,
+            medium: false,
             force_ping_pong: false,
         }
     }
@@ -93,7 +98,8 @@ pub struct Engine {
 pub struct FrameInputs<'a> {
     /// World positions; `w` is the object's index in the scene, or negative where there is no receiver. Any float format.
     pub positions: &'a wgpu::TextureView,
-    /// Unit normals on the side that receives. Any float format.
+    /// Unit normals on the side that receives; of parts of rays, whose object is [`MEDIUM_OBJECT`](crate::pinhole::MEDIUM_OBJECT), the
+    /// way from one end to the other, towards the viewer, metres. Any float format.
     pub normals: &'a wgpu::TextureView,
     /// `None`: irradiance is gathered. Else the radiance that receivers reflect to their viewers.
     pub viewers: Option<FrameViewers<'a>>,
@@ -135,7 +141,7 @@ pub struct Frame {
 }
 
 impl Engine {
-    /// Compiles the shader.
+    /// Compiles the shader; towards viewers when a frame first has some.
     pub fn new(device: &wgpu::Device, options: &GatherOptions) -> Self {
         let blends = device.features().contains(wgpu::Features::FLOAT32_BLENDABLE) && !options.force_ping_pong;
         Self { pipelines: Pipelines::new(device, options, blends), blends }
@@ -168,7 +174,7 @@ impl Engine {
                 inputs.viewers,
             ),
             previous,
-            pipeline: self.pipeline(inputs).clone(),
+            pipeline: self.pipelines.pipeline(device, inputs.viewers.is_some()).clone(),
             batches: (inputs.pinholes.samples.len() as u32).div_ceil(BATCH_SIZE),
             targets,
             views,
@@ -185,7 +191,9 @@ impl Engine {
         inputs: &FrameInputs,
     ) -> Result<bool, GpuError> {
         self.check(device, inputs)?;
-        if frame.pipeline != *self.pipeline(inputs) || inputs.pinholes.visibility.is_some() {
+        if frame.pipeline != *self.pipelines.pipeline(device, inputs.viewers.is_some())
+            || inputs.pinholes.visibility.is_some()
+        {
             return Ok(false);
         }
         let Some(sources) = frame.sources.updated(queue, inputs, &self.pipelines.placeholders) else {
@@ -199,12 +207,8 @@ impl Engine {
         Ok(true)
     }
 
-    fn pipeline(&self, inputs: &FrameInputs) -> &wgpu::RenderPipeline {
-        if inputs.viewers.is_some() { &self.pipelines.reflect } else { &self.pipelines.gather }
-    }
-
     fn check(&self, device: &wgpu::Device, inputs: &FrameInputs) -> Result<(), GpuError> {
-        let GatherOptions { filter, light, visibility, refraction, .. } = self.pipelines.options;
+        let GatherOptions { filter, light, visibility, refraction, medium, .. } = *self.pipelines.options();
         if light == LightKind::Environment && inputs.params.filter != filter {
             return Err(GpuError::OtherFilter { engine: filter.name(), params: inputs.params.filter.name() });
         }
@@ -214,6 +218,9 @@ impl Engine {
         }
         if inputs.pinholes.refracts() && !refraction {
             return Err(GpuError::NoRefraction);
+        }
+        if inputs.params.medium.is_some() && !medium {
+            return Err(GpuError::NoMedium);
         }
         check_limits(&device.limits(), inputs)
     }

@@ -5,6 +5,7 @@ use bytemuck::{Pod, Zeroable};
 use super::environment::black_cube;
 use super::hierarchical::LightBoundsTexture;
 use super::lamp::{LampUniforms, no_slide};
+use super::medium::MediumUniforms;
 use super::surroundings::{Viewpoints, cube_array};
 use super::{EnvironmentCube, UploadedLamp, UploadedSurroundings};
 use crate::gpu::GpuError;
@@ -75,7 +76,7 @@ impl FrameLight<'_> {
 
     /// The parameters of a gather of it.
     pub(super) fn uniforms(&self, params: &Params, pinholes: &Pinholes, map_resolution: u32) -> LightUniforms {
-        let none = LightUniforms::zeroed();
+        let none = LightUniforms { medium: params.into(), ..LightUniforms::zeroed() };
         let uniforms = match self {
             Self::Environment(cube) => LightUniforms {
                 gather: GatherUniforms::new(params, pinholes, cube.size(), cube.radiance_scale()),
@@ -96,7 +97,7 @@ impl FrameLight<'_> {
     }
 }
 
-/// What shaders call `GatherUniforms`: the parameters, and what is known of near light, 400 bytes.
+/// What shaders call `GatherUniforms`: the parameters, and what is known of near light and of a medium, 496 bytes.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 pub(super) struct LightUniforms {
@@ -104,6 +105,7 @@ pub(super) struct LightUniforms {
     padding: u32,
     pub lamp: LampUniforms,
     pub viewpoints: Viewpoints,
+    pub medium: MediumUniforms,
 }
 
 /// The textures of light, whatever it is.

@@ -1,5 +1,7 @@
 //! Layouts, samplers and pipelines of the gather.
 
+use std::sync::OnceLock;
+
 use wgpu::{BindGroupLayoutEntry, BindingType, ShaderStages, TextureSampleType, TextureViewDimension};
 
 use super::near_light::LightPlaceholders;
@@ -14,10 +16,10 @@ pub(crate) const BATCH_BYTES: u64 = BATCH_SIZE as u64 * size_of::<PinholeSample>
 
 #[derive(Debug)]
 pub(crate) struct Pipelines {
-    pub gather: wgpu::RenderPipeline,
-    /// The same towards viewers.
-    pub reflect: wgpu::RenderPipeline,
-    pub options: GatherOptions,
+    gather: wgpu::RenderPipeline,
+    /// The same towards viewers, compiled when it is first needed.
+    reflect: OnceLock<wgpu::RenderPipeline>,
+    source: PipelineSource,
     pub placeholders: LightPlaceholders,
     inputs: wgpu::BindGroupLayout,
     pub receivers: wgpu::BindGroupLayout,
@@ -26,50 +28,32 @@ pub(crate) struct Pipelines {
     anisotropic: wgpu::Sampler,
 }
 
+/// What the pipelines of a gather are compiled from.
+#[derive(Debug)]
+struct PipelineSource {
+    module: wgpu::ShaderModule,
+    layout: wgpu::PipelineLayout,
+    options: GatherOptions,
+    blends: bool,
+}
+
 impl Pipelines {
     pub fn new(device: &wgpu::Device, options: &GatherOptions, blends: bool) -> Self {
-        let GatherOptions { filter, light, visibility, refraction, .. } = *options;
         let inputs = layout(device, "gather inputs", &[&gather_inputs()[..], &[window(GATHER_INPUTS)]].concat());
         let receivers = layout(device, "receivers", &[texture(0), texture(1), texture(2), storage(3), storage(4)]);
         let previous = layout(device, "previous target", &[texture(0)]);
-        let module = GATHER.module_under(device, light);
         let groups = [Some(&inputs), Some(&receivers), Some(&previous)];
-        let pipeline_layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+        let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
             label: Some("gather"),
             bind_group_layouts: if blends { &groups[..2] } else { &groups },
             immediate_size: 0,
         });
-        let add = wgpu::BlendComponent {
-            src_factor: wgpu::BlendFactor::One,
-            dst_factor: wgpu::BlendFactor::One,
-            operation: wgpu::BlendOperation::Add,
-        };
-        let pipeline = |shading: bool| {
-            let constants = [
-                ("FILTER", f64::from(filter_constant(light.filter(filter)))),
-                ("LIGHT", f64::from(light.constant())),
-                ("VISIBILITY", f64::from(u8::from(visibility))),
-                ("SHADING", f64::from(u8::from(shading))),
-                ("REFRACTION", f64::from(u8::from(refraction))),
-            ];
-            render_pipeline(
-                device,
-                &pipeline_layout,
-                &module,
-                ["full_screen", if blends { "gather" } else { "gather_onto_previous" }],
-                &constants,
-                &[Some(wgpu::ColorTargetState {
-                    format: TARGET_FORMAT,
-                    blend: blends.then_some(wgpu::BlendState { color: add, alpha: add }),
-                    write_mask: wgpu::ColorWrites::ALL,
-                })],
-            )
-        };
-        let (gather, reflect) = (pipeline(false), pipeline(true));
+        let module = GATHER.module_in(device, options.light, options.medium);
+        let source = PipelineSource { module, layout, options: *options, blends };
         Self {
-            gather,
-            reflect,
-            options: *options,
+            gather: source.compile(device, false),
+            reflect: OnceLock::new(),
+            source,
             placeholders: LightPlaceholders::new(device),
             inputs,
             receivers,
@@ -77,6 +61,15 @@ impl Pipelines {
             trilinear: linear_sampler(device, 1),
             anisotropic: linear_sampler(device, 16),
         }
+    }
+
+    pub fn options(&self) -> &GatherOptions {
+        &self.source.options
+    }
+
+    /// The pipeline for receivers with or without viewers.
+    pub fn pipeline(&self, device: &wgpu::Device, has_viewers: bool) -> &wgpu::RenderPipeline {
+        if has_viewers { self.reflect.get_or_init(|| self.source.compile(device, true)) } else { &self.gather }
     }
 
     pub(super) fn bind_inputs(&self, device: &wgpu::Device, sources: &Sources) -> wgpu::BindGroup {
@@ -99,6 +92,37 @@ impl Pipelines {
 
     pub fn bind_previous(&self, device: &wgpu::Device, target: &wgpu::TextureView) -> wgpu::BindGroup {
         bind(device, &self.previous, &[wgpu::BindingResource::TextureView(target)])
+    }
+}
+
+impl PipelineSource {
+    fn compile(&self, device: &wgpu::Device, shading: bool) -> wgpu::RenderPipeline {
+        let Self { module, layout, options, blends } = self;
+        let GatherOptions { filter, light, visibility, refraction, .. } = *options;
+        let add = wgpu::BlendComponent {
+            src_factor: wgpu::BlendFactor::One,
+            dst_factor: wgpu::BlendFactor::One,
+            operation: wgpu::BlendOperation::Add,
+        };
+        let constants = [
+            ("FILTER", f64::from(filter_constant(light.filter(filter)))),
+            ("LIGHT", f64::from(light.constant())),
+            ("VISIBILITY", f64::from(u8::from(visibility))),
+            ("SHADING", f64::from(u8::from(shading))),
+            ("REFRACTION", f64::from(u8::from(refraction))),
+        ];
+        render_pipeline(
+            device,
+            layout,
+            module,
+            ["full_screen", if *blends { "gather" } else { "gather_onto_previous" }],
+            &constants,
+            &[Some(wgpu::ColorTargetState {
+                format: TARGET_FORMAT,
+                blend: blends.then_some(wgpu::BlendState { color: add, alpha: add }),
+                write_mask: wgpu::ColorWrites::ALL,
+            })],
+        )
     }
 }
 

@@ -1,7 +1,7 @@
 //! The shaders. A line `#import name` is replaced by `shaders/shared/name.wgsl`, once per shader; `#import constants` by the numbers
 //! that Rust and the shaders share, of which Rust has the only copy; `#import ray_traversal`, on devices that have ray queries, by
 //! `ray_queries.wgsl`; `#import near_light` and `#import near_light_cells`, where the light is the environment, by `no_near_light.wgsl` and
-//! `no_near_light_cells.wgsl`.
+//! `no_near_light_cells.wgsl`; `#import medium`, where there is none, by `no_medium.wgsl`.
 
 use std::fmt::Write;
 
@@ -12,11 +12,13 @@ use super::hierarchical::layout::{
     BLOCK_LEVELS, BLOCKS_PER_TILE, BOUNDS_WORKGROUP_EDGE, ESTIMATE_WORKGROUPS, MAX_TREE_DEPTH, WORKGROUP_SIZE,
 };
 use super::maps::{DOUBTS_ROW, MAP_WORKGROUP_SIZE};
+use super::medium::ARC_STEP_VECTORS;
 use super::probe::PROBES_PER_ROW;
 use crate::brdf::{MATERIAL_GGX, MATERIAL_PHONG, MATERIAL_TABLE, TABLE_STEPS};
 use crate::cell_tree::MAX_CHILDREN;
-use crate::environment::FIRST_BOUNDED_MIP;
+use crate::environment::{ARC_STEPS, FIRST_BOUNDED_MIP};
 use crate::image::{HIGHLIGHT, MIDDLE_GREY};
+use crate::pinhole::MEDIUM_OBJECT;
 use crate::pinhole::constants::{
     AZIMUTH_PER_SINE, CONE_PER_AXES, HALF_ANGLE_PER_CHORD, MAX_AZIMUTH_SINE, MAX_CONTRAST, MAX_MIRRORS, MAX_OFF_PLANE,
     MAX_PIXELS_APART, MAX_REFRACTED_BLUR, MIN_EVEN_COSINE, MIN_HEIGHT, MIN_NORMAL_COSINE, MIN_REFRACTED_COSINE,
@@ -28,11 +30,11 @@ use crate::pinhole::constants::{
     FILTER_ANISOTROPIC, FILTER_EWA, FILTER_HARDWARE, FILTER_ISOTROPIC, FILTER_NONE, FOOTPRINT_BEND, FOOTPRINT_RADIUS,
     INTERPOLATION_ERROR_SCALE, INTERPOLATION_POINTS, LAMP_BLUR, LIGHT_ENVIRONMENT, LIGHT_LAMP, LIGHT_SURROUNDINGS,
     LOBE_BLUR, LOBE_CORE, LOBE_CORE_WIDTH, LOBE_SHIFT, LOBE_TAIL, LOBE_TAIL_SHARE, LOBE_TAIL_WIDTH, LOBE_TILT,
-    LOBE_TILT_GROWTH, MAX_INTERPOLATED_WIDTH, MAX_LAMP_QUARTERINGS, MAX_PIECE_SIZE, MAX_QUARTERINGS, MAX_RELATIVE_SIZE,
-    MAX_VIEWPOINTS, MIN_BEND_BLUR, MIN_DISC_LENGTH, MIN_DISTANCE_RATIO, MIN_MINOR_SHARE, MIN_SLENDERNESS,
-    MIN_TRACED_SHARE, MIN_TRACED_SKY_SHARE, NEAR_FIELD_SIZES, NEGLIGIBLE_SHARE, PAIR_ERROR_SHARE, POINT_SPACING,
-    SMOOTH_NORMAL_TOLERANCE, SMOOTH_POSITION_TOLERANCE, TAP_SHARPNESS, TAPS_PER_ERROR_BUDGET, TILE_SIZE,
-    WEIGHT_ERROR_SCALE,
+    LOBE_TILT_GROWTH, MAX_INTERPOLATED_WIDTH, MAX_LAMP_QUARTERINGS, MAX_LEFT_ALONG_RAY, MAX_PIECE_SIZE,
+    MAX_QUARTERINGS, MAX_RELATIVE_SIZE, MAX_TURN_ALONG_RAY, MAX_VIEWPOINTS, MIN_BEND_BLUR, MIN_DISC_LENGTH,
+    MIN_DISTANCE_RATIO, MIN_MINOR_SHARE, MIN_SLENDERNESS, MIN_TRACED_SHARE, MIN_TRACED_SKY_SHARE, NEAR_FIELD_SIZES,
+    NEGLIGIBLE_SHARE, PAIR_ERROR_SHARE, POINT_SPACING, SMOOTH_NORMAL_TOLERANCE, SMOOTH_POSITION_TOLERANCE,
+    TAP_SHARPNESS, TAPS_PER_ERROR_BUDGET, TILE_SIZE, WEIGHT_ERROR_SCALE,
 };
 use crate::pinhole::layout::{
     BATCH_SIZE, CURVE_POINTS, IS_FRESNEL, IS_INTERFACE, LIGHTS_BACK, LIGHTS_FRONT, NO_CURVE, OBJECT_SCALE,
@@ -83,6 +85,7 @@ const SHARED: &[Shader] = &[
     shader!("shared/brdf"),
     shader!("shared/cell_quarters"),
     shader!("shared/cell_tree"),
+    shader!("shared/contribution_bounds"),
     shader!("shared/cube"),
     shader!("shared/doubts"),
     shader!("shared/filters"),
@@ -94,9 +97,12 @@ const SHARED: &[Shader] = &[
     shader!("shared/interface"),
     shader!("shared/lamp"),
     shader!("shared/light_direction"),
+    shader!("shared/lobe"),
+    shader!("shared/medium"),
     shader!("shared/microfacets"),
     shader!("shared/near_light"),
     shader!("shared/near_light_cells"),
+    shader!("shared/no_medium"),
     shader!("shared/no_near_light"),
     shader!("shared/no_near_light_cells"),
     shader!("shared/no_rays"),
@@ -130,6 +136,8 @@ pub(crate) enum RayMethod {
 pub(crate) struct Variant {
     pub rays: RayMethod,
     pub light: LightKind,
+    /// Whether there is a medium.
+    pub medium: bool,
 }
 
 impl RayMethod {
@@ -149,17 +157,18 @@ impl Shader {
 
     /// Its module on a device.
     pub fn module(self, device: &wgpu::Device) -> wgpu::ShaderModule {
-        self.module_under(device, LightKind::Environment)
+        self.module_in(device, LightKind::Environment, false)
     }
 
-    /// The same for a kind of light.
-    pub fn module_under(self, device: &wgpu::Device, light: LightKind) -> wgpu::ShaderModule {
-        self.module_of(device, self.resolve(Variant { rays: RayMethod::of_device(device), light }))
+    /// The same for a kind of light, in scenes with or without a medium.
+    pub fn module_in(self, device: &wgpu::Device, light: LightKind, medium: bool) -> wgpu::ShaderModule {
+        self.module_of(device, self.resolve(Variant { rays: RayMethod::of_device(device), light, medium }))
     }
 
     /// The same, writing storage textures of 32-bit floats or of halves: WGSL has no parameters for formats.
     pub fn module_writing(self, device: &wgpu::Device, format: wgpu::TextureFormat) -> wgpu::ShaderModule {
-        let source = self.resolve(Variant { rays: RayMethod::of_device(device), light: LightKind::Environment });
+        let rays = RayMethod::of_device(device);
+        let source = self.resolve(Variant { rays, light: LightKind::Environment, medium: false });
         let is_half = format == wgpu::TextureFormat::Rgba16Float;
         self.module_of(device, if is_half { source.replace("rgba32float", "rgba16float") } else { source })
     }
@@ -199,6 +208,7 @@ impl Resolved {
             RAY_TRAVERSAL if self.variant.rays == RayMethod::Queries => RAY_QUERIES,
             "near_light" if is_far => "no_near_light",
             "near_light_cells" if is_far => "no_near_light_cells",
+            "medium" if !self.variant.medium => "no_medium",
             name => name,
         };
         if self.imported.contains(&name) {
@@ -281,6 +291,7 @@ fn constants() -> String {
     declare!(FILTER_NONE, FILTER_ISOTROPIC, FILTER_ANISOTROPIC, FILTER_HARDWARE, FILTER_EWA);
     declare!(LIGHT_ENVIRONMENT, LIGHT_LAMP, LIGHT_SURROUNDINGS, MAX_VIEWPOINTS, BEAM_NONE, BEAM_CONE, BEAM_SLIDE);
     declare!(LAMP_BLUR, MIN_SLENDERNESS, MIN_DISC_LENGTH);
+    declare!(MEDIUM_OBJECT, ARC_STEPS, ARC_STEP_VECTORS, MAX_LEFT_ALONG_RAY, MAX_TURN_ALONG_RAY);
     declare!(MATERIAL_PHONG, MATERIAL_GGX, MATERIAL_TABLE, PART_OF_FACETS);
     let [theta_half, theta_diff, phi_diff] = TABLE_STEPS.map(|steps| steps as u32);
     declare(&mut source, "TABLE_THETA_HALF_STEPS", theta_half);

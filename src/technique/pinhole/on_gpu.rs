@@ -88,6 +88,7 @@ impl GpuStages {
             light: LightKind::Environment,
             visibility: geometry.is_some(),
             refraction: sum.pinholes.refracts(),
+            medium: sum.params.medium.is_some(),
         };
         let environment = self.environment(shared, &sum.environment, inputs)?;
         let near = self.near(shared, &sum.near, inputs)?;
@@ -119,7 +120,8 @@ impl GpuStages {
         let Gpu { device, queue, .. } = &shared.gpu;
         let HierarchicalInputs { tree, environment, bounds, params, near, .. } = sum;
         let (visibility, refraction) = (occluding(inputs).is_some(), tree.refracts());
-        let key = PipelineKey { filter: params.filter, light: LightKind::Environment, visibility, refraction };
+        let (filter, medium) = (params.filter, params.medium.is_some());
+        let key = PipelineKey { filter, light: LightKind::Environment, visibility, refraction, medium };
         let environment = self.environment(shared, environment, inputs)?;
         let near = self.near(shared, near, inputs)?;
         let engine = |light| shared.pipelines.hierarchical(device, key_for(light, key));

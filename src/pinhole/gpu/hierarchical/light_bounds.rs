@@ -1,6 +1,7 @@
 //! Bounds of the light, as a texture: uploaded, or made on the GPU for light that changes.
 
 use super::super::EnvironmentCube;
+use super::super::medium::{MaxAlongArcs, UNBOUNDED_ARCS};
 use super::super::pipeline::{bind, compute_pipeline, cube, entry, layout, sampler, seen_by, window, writable};
 use super::super::shaders::LIGHT_BOUNDS;
 use super::layout::BOUNDS_WORKGROUP_EDGE;
@@ -19,6 +20,8 @@ pub struct LightBoundsTexture {
     /// The bounds of the environment's mips from [`FIRST_BOUNDED_MIP`] on: six layers each. The finest level has as many texels as the first
     /// of them.
     pub(super) mips: BoundsTexture,
+    /// The largest means along arcs, as far as they are known.
+    pub(super) along_arcs: MaxAlongArcs,
 }
 
 /// A texture of bounds.
@@ -36,6 +39,7 @@ impl LightBoundsTexture {
         Self {
             light: BoundsTexture::new(device, size, FACES as u32, usage),
             mips: BoundsTexture::new(device, (size >> FIRST_BOUNDED_MIP).max(1), FACES as u32 * mips, usage),
+            along_arcs: UNBOUNDED_ARCS,
         }
     }
 
@@ -58,13 +62,14 @@ impl LightBoundsTexture {
                 light.write(queue, (level, (FACES * k) as u32), edge, texels);
             }
         }
-        Self { light, mips: BoundsTexture::new(device, 1, FACES as u32, usage) }
+        Self { light, mips: BoundsTexture::new(device, 1, FACES as u32, usage), along_arcs: UNBOUNDED_ARCS }
     }
 
     /// Uploads bounds that the CPU made.
     pub fn upload(device: &wgpu::Device, queue: &wgpu::Queue, bounds: &LightBounds) -> Self {
         let usage = wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST;
-        let textures = Self::new(device, bounds.size(), usage);
+        let mut textures = Self::new(device, bounds.size(), usage);
+        textures.along_arcs.iter_mut().zip(bounds.along_arcs()).for_each(|(bound, known)| *bound = *known);
         for (pyramid, levels) in bounds.pyramids().enumerate() {
             let (texture, first_level, first_layer) = textures.place(pyramid as u32);
             for (level, (edge, texels)) in (first_level..).zip(levels) {

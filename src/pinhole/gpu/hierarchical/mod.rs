@@ -51,6 +51,8 @@ pub struct HierarchicalOptions {
     pub visibility: bool,
     /// Whether cells may be on interfaces between two media; without, the shaders are faster.
     pub refraction: bool,
+    /// Whether there may be a medium, and receivers that are parts of rays through it; likewise.
+    pub medium: bool,
 }
 
 /// What one image is gathered from.
@@ -58,7 +60,8 @@ pub struct HierarchicalOptions {
 pub struct HierarchicalInputs<'a> {
     /// World positions; `w` is the object's index in the scene, or negative where there is no receiver. Any float format.
     pub positions: &'a wgpu::TextureView,
-    /// Unit normals on the side that receives. Any float format.
+    /// Unit normals on the side that receives; of parts of rays, whose object is [`MEDIUM_OBJECT`](crate::pinhole::MEDIUM_OBJECT), the
+    /// way from one end to the other, towards the viewer, metres. Any float format.
     pub normals: &'a wgpu::TextureView,
     /// `None`: irradiance is gathered. Else the radiance that receivers reflect to their viewers.
     pub viewers: Option<FrameViewers<'a>>,
@@ -183,7 +186,7 @@ impl Tiling {
 }
 
 impl HierarchicalEngine {
-    /// Compiles the shaders.
+    /// Compiles the shaders; towards viewers when a frame first has some.
     pub fn new(device: &wgpu::Device, options: &HierarchicalOptions) -> Self {
         Self { pipelines: Pipelines::new(device, options), options: *options }
     }
@@ -217,7 +220,7 @@ impl HierarchicalEngine {
             targets,
             views,
             estimate,
-            passes: self.pipelines.passes(inputs.viewers.is_some()),
+            passes: self.pipelines.passes(device, inputs.viewers.is_some()),
             tiling,
             roots: inputs.tree.roots.clone(),
             lists: batch.lists,
@@ -269,7 +272,7 @@ impl HierarchicalEngine {
     }
 
     fn check(&self, device: &wgpu::Device, inputs: &HierarchicalInputs) -> Result<(), GpuError> {
-        let HierarchicalOptions { filter, light, visibility, refraction } = self.options;
+        let HierarchicalOptions { filter, light, visibility, refraction, medium } = self.options;
         if light == LightKind::Environment && inputs.params.filter != filter {
             return Err(GpuError::OtherFilter { engine: filter.name(), params: inputs.params.filter.name() });
         }
@@ -279,6 +282,9 @@ impl HierarchicalEngine {
         }
         if inputs.tree.refracts && !refraction {
             return Err(GpuError::NoRefraction);
+        }
+        if inputs.params.medium.is_some() && !medium {
+            return Err(GpuError::NoMedium);
         }
         super::check_image(&device.limits(), inputs.size)?;
         let limit = device.limits().max_storage_buffer_binding_size.min(device.limits().max_buffer_size);
@@ -293,7 +299,8 @@ impl HierarchicalEngine {
         let (tree, light) = (inputs.tree, inputs.light.without_bounds());
         let bounds = inputs.light.bounds().unwrap_or(&self.pipelines.placeholders.bounds);
         let maps = tree.maps.clone().unwrap_or_else(|| VisibilityMapBuffers::none(device));
-        let gather = light.uniforms(&inputs.params, &Default::default(), maps.resolution);
+        let mut gather = light.uniforms(&inputs.params, &Default::default(), maps.resolution);
+        gather.medium.max_along_arcs = bounds.along_arcs;
         let gather = uniform_buffer(device, "gather uniforms", bytemuck::bytes_of(&gather));
         let uniforms = TreeUniforms {
             size: inputs.size,

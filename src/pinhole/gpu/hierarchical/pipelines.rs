@@ -1,5 +1,7 @@
 //! Layouts and pipelines of the hierarchical gather.
 
+use std::sync::OnceLock;
+
 use wgpu::{BindGroupLayout, BindGroupLayoutEntry, BindingType, ShaderStages, TextureFormat, TextureViewDimension};
 
 use super::super::TARGET_FORMAT;
@@ -9,7 +11,7 @@ use super::super::pipeline::{
     GATHER_INPUTS, compute_pipeline, entry, filter_constant, gather_inputs, layout, linear_sampler, render_pipeline,
     seen_by, storage, texture, uniform, window, writable, written,
 };
-use super::super::shaders::{IRRADIANCE_ESTIMATE, RECEIVER_BLOCKS, REFINE, RESOLVE};
+use super::super::shaders::{IRRADIANCE_ESTIMATE, RECEIVER_BLOCKS, REFINE, RESOLVE, Shader};
 use super::{HierarchicalOptions, WALK_FORMAT};
 
 /// The pipelines of an image's passes.
@@ -25,13 +27,25 @@ pub(super) struct Passes {
 #[derive(Debug)]
 pub(super) struct Pipelines {
     passes: Passes,
-    /// The last pass towards viewers.
-    resolve_towards_viewers: wgpu::RenderPipeline,
+    /// The last pass towards viewers, compiled when it is first needed.
+    resolve_towards_viewers: OnceLock<wgpu::RenderPipeline>,
+    resolve: ResolveSource,
     pub layouts: Layouts,
     pub placeholders: LightPlaceholders,
     pub trilinear: wgpu::Sampler,
     pub anisotropic: wgpu::Sampler,
 }
+
+/// What the last pass is compiled from.
+#[derive(Debug)]
+struct ResolveSource {
+    module: wgpu::ShaderModule,
+    layout: wgpu::PipelineLayout,
+    constants: Constants,
+}
+
+/// By name.
+type Constants = [(&'static str, f64); 4];
 
 /// Layouts of the bind groups.
 #[derive(Debug)]
@@ -98,7 +112,7 @@ impl Layouts {
 
 impl Pipelines {
     pub fn new(device: &wgpu::Device, options: &HierarchicalOptions) -> Self {
-        let HierarchicalOptions { filter, light, visibility, refraction } = *options;
+        let HierarchicalOptions { filter, light, visibility, refraction, medium } = *options;
         let layouts = Layouts::new(device);
         let with_groups = |more: &[&BindGroupLayout]| {
             let groups = [&[&layouts.scene, &layouts.receivers], more].concat();
@@ -109,33 +123,30 @@ impl Pipelines {
             })
         };
         let switch = |is_on: bool| f64::from(u8::from(is_on));
-        let constants = [
+        let constants: Constants = [
             ("FILTER", f64::from(filter_constant(light.filter(filter)))),
             ("LIGHT", f64::from(light.constant())),
             ("VISIBILITY", switch(visibility)),
             ("REFRACTION", switch(refraction)),
         ];
         let (work, estimate) = (with_groups(&[&layouts.work, &layouts.rays]), with_groups(&[&layouts.estimate]));
-        let result = with_groups(&[&layouts.result, &layouts.rays]);
-        let (of_estimate, of_resolve) =
-            (IRRADIANCE_ESTIMATE.module_under(device, light), RESOLVE.module_under(device, light));
-        let resolve = |shading: bool| {
-            let constants = [&constants[..], &[("SHADING", switch(shading))]].concat();
-            let targets = [TARGET_FORMAT, WALK_FORMAT].map(|format| Some(format.into()));
-            render_pipeline(device, &result, &of_resolve, ["tile_corner", "resolve"], &constants, &targets)
-        };
+        let module = |shader: Shader| shader.module_in(device, light, medium);
+        let of_estimate = module(IRRADIANCE_ESTIMATE);
+        let layout = with_groups(&[&layouts.result, &layouts.rays]);
+        let resolve = ResolveSource { module: module(RESOLVE), layout, constants };
         let compute = |layout, module: &wgpu::ShaderModule, entry, constants: &[(&str, f64)]| {
             compute_pipeline(device, layout, module, entry, constants)
         };
         Self {
             passes: Passes {
-                receiver_blocks: compute(&work, &RECEIVER_BLOCKS.module(device), "make_block", &[]),
-                refine: compute(&work, &REFINE.module_under(device, light), "refine", &constants),
+                receiver_blocks: compute(&work, &module(RECEIVER_BLOCKS), "make_block", &[]),
+                refine: compute(&work, &module(REFINE), "refine", &constants),
                 estimate: compute(&estimate, &of_estimate, "estimate", &constants[1..]),
                 set_tolerance: compute(&estimate, &of_estimate, "set_tolerance", &[]),
-                resolve: resolve(false),
+                resolve: resolve.compile(device, false),
             },
-            resolve_towards_viewers: resolve(true),
+            resolve_towards_viewers: OnceLock::new(),
+            resolve,
             layouts,
             placeholders: LightPlaceholders::new(device),
             trilinear: linear_sampler(device, 1),
@@ -144,12 +155,20 @@ impl Pipelines {
     }
 
     /// The passes of an image with, or without, viewers.
-    pub fn passes(&self, has_viewers: bool) -> Passes {
+    pub fn passes(&self, device: &wgpu::Device, has_viewers: bool) -> Passes {
         let mut passes = self.passes.clone();
         if has_viewers {
-            passes.resolve = self.resolve_towards_viewers.clone();
+            passes.resolve = self.resolve_towards_viewers.get_or_init(|| self.resolve.compile(device, true)).clone();
         }
         passes
+    }
+}
+
+impl ResolveSource {
+    fn compile(&self, device: &wgpu::Device, shading: bool) -> wgpu::RenderPipeline {
+        let constants = [&self.constants[..], &[("SHADING", f64::from(u8::from(shading)))]].concat();
+        let targets = [TARGET_FORMAT, WALK_FORMAT].map(|format| Some(format.into()));
+        render_pipeline(device, &self.layout, &self.module, ["tile_corner", "resolve"], &constants, &targets)
     }
 }
 

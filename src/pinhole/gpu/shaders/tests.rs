@@ -16,6 +16,7 @@ use crate::pinhole::gpu::hierarchical::light_bounds::BoundsUniforms;
 use crate::pinhole::gpu::lamp::LampUniforms;
 use crate::pinhole::gpu::lit_environment::{EmitterUniforms, LitFace};
 use crate::pinhole::gpu::maps::{MapUniforms, PackedHemisphere};
+use crate::pinhole::gpu::medium::MediumUniforms;
 use crate::pinhole::gpu::near_light::LightUniforms;
 use crate::pinhole::gpu::probe::GpuProbe;
 use crate::pinhole::gpu::ray_batch::{ArrivingLight, BatchHit, BatchRay, BatchUniforms, PackedDirection};
@@ -45,7 +46,7 @@ const ALL: [Shader; 17] = [
 /// What every WebGPU device has: halves packed in words, and arrays of cubes.
 const EVERYWHERE: Capabilities = Capabilities::SHADER_FLOAT16_IN_FLOAT32.union(Capabilities::CUBE_ARRAY_TEXTURES);
 
-const PLAIN: Variant = Variant { rays: RayMethod::Traversal, light: LightKind::Environment };
+const PLAIN: Variant = Variant { rays: RayMethod::Traversal, light: LightKind::Environment, medium: false };
 
 fn parse(shader: Shader) -> Result<Module, String> {
     parse_with(shader, PLAIN, Capabilities::empty())
@@ -72,7 +73,13 @@ fn every_shader_is_valid() {
     let with_queries =
         |shader| parse_with(shader, Variant { rays: RayMethod::Queries, ..PLAIN }, Capabilities::RAY_QUERY);
     let under_lamps = |shader| parse_with(shader, Variant { light: LightKind::Lamp, ..PLAIN }, Capabilities::empty());
+    let of_sums = [GATHER, IRRADIANCE_ESTIMATE, RECEIVER_BLOCKS, REFINE, RESOLVE];
+    let in_medium = of_sums.into_iter().flat_map(|shader| {
+        [LightKind::Environment, LightKind::Lamp]
+            .map(|light| parse_with(shader, Variant { light, medium: true, ..PLAIN }, Capabilities::empty()))
+    });
     let parsed = ALL.into_iter().flat_map(|shader| [parse(shader), with_queries(shader), under_lamps(shader)]);
+    let parsed = parsed.chain(in_medium);
     let failures: Vec<String> = parsed.filter_map(Result::err).collect();
     assert!(failures.is_empty(), "{}", failures.join("\n"));
 }
@@ -165,6 +172,7 @@ fn rust_structs() -> BTreeMap<&'static str, Layout> {
             }),
         ),
         ("LitFace", layout!(LitFace { face, points, background_factor })),
+        ("Medium", layout!(MediumUniforms { extinction, g, lamps_in_medium, max_along_arcs })),
         ("MapUniforms", layout!(MapUniforms { first_map, resolution, bisections })),
         ("Material", layout!(Material { albedo, kind, specular, width, table })),
         ("PinholeSample", pinhole_sample()),
@@ -201,6 +209,7 @@ fn gather_uniforms() -> Layout {
     });
     layout.members.push(("lamp".into(), offset_of!(LightUniforms, lamp) as u32));
     layout.members.push(("viewpoints".into(), offset_of!(LightUniforms, viewpoints) as u32));
+    layout.members.push(("medium".into(), offset_of!(LightUniforms, medium) as u32));
     Layout { size: size_of::<LightUniforms>() as u32, ..layout }
 }
 

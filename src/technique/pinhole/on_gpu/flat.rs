@@ -4,7 +4,7 @@ use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
 use super::near_light::NearLightOnGpu;
-use super::receivers::{Uploaded, strips};
+use super::receivers::{Uploaded, in_strips};
 use super::submission::{Submission, pairs_per_submit};
 use super::{NumberedMaps, add};
 use crate::backend::SharedGpu;
@@ -37,15 +37,8 @@ impl Sum for FlatOnGpu {
                 maps.trace_now(gpu, progress).await?;
             }
             let most = (pairs_per_submit(gpu) / u64::from(BATCH_SIZE)) as usize;
-            let mut sums = Vec::with_capacity(receivers.positions.len());
-            for strip in strips(receivers, gpu.adapter.max_texture, most) {
-                sums.extend(self.strip(&strip, progress).await?);
-                if progress.is_cancelled() {
-                    break;
-                }
-            }
-            sums.resize(receivers.positions.len(), [0.0; 4]);
-            Ok(sums)
+            let strip = async |strip: &Receivers| self.strip(strip, progress).await;
+            Ok(in_strips(receivers, (gpu.adapter.max_texture, most), progress, strip).await?)
         })
     }
 

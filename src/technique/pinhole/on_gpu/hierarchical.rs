@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use super::add;
 use super::near_light::NearLightOnGpu;
-use super::receivers::{Tiled, Uploaded, strips};
+use super::receivers::{Tiled, Uploaded, in_strips};
 use super::submission::Submission;
 use crate::backend::SharedGpu;
 use crate::gpu::GpuError;
@@ -43,17 +43,12 @@ pub(in crate::technique::pinhole) struct HierarchicalOnGpu {
 impl Sum for HierarchicalOnGpu {
     fn irradiance<'a>(&'a self, receivers: &'a Receivers, progress: &'a dyn Progress) -> Pending<'a, Vec<[f32; 4]>> {
         Box::pin(async move {
-            let mut sums = Vec::with_capacity(receivers.positions.len());
-            for strip in strips(receivers, self.hierarchy.shared.gpu.adapter.max_texture, usize::MAX) {
-                let tiled = Tiled::new(&strip);
-                let in_tiles = self.strip(&tiled.receivers, progress).await?;
-                sums.extend(tiled.in_order(in_tiles));
-                if progress.is_cancelled() {
-                    break;
-                }
-            }
-            sums.resize(receivers.positions.len(), [0.0; 4]);
-            Ok(sums)
+            let strip = async |strip: &Receivers| {
+                let tiled = Tiled::new(strip);
+                Ok(tiled.in_order(self.strip(&tiled.receivers, progress).await?))
+            };
+            let most = (self.hierarchy.shared.gpu.adapter.max_texture, usize::MAX);
+            Ok(in_strips(receivers, most, progress, strip).await?)
         })
     }
 

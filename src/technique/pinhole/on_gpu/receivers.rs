@@ -2,13 +2,32 @@
 
 use std::borrow::Cow;
 
-use crate::gpu::Gpu;
+use crate::gpu::{Gpu, GpuError};
 use crate::pinhole::gpu::FrameViewers;
 use crate::pinhole::{NO_RECEIVER, ReceiverLayout, Receivers, ViewDirections};
+use crate::progress::Progress;
+
+/// Sums over receivers, strip by strip: see [`strips`]. What is cancelled stays dark.
+pub(super) async fn in_strips(
+    receivers: &Receivers,
+    (max_texture, most): (u32, usize),
+    progress: &dyn Progress,
+    sum: impl AsyncFn(&Receivers) -> Result<Vec<[f32; 4]>, GpuError>,
+) -> Result<Vec<[f32; 4]>, GpuError> {
+    let mut sums = Vec::with_capacity(receivers.positions.len());
+    for strip in strips(receivers, max_texture, most) {
+        sums.extend(sum(&strip).await?);
+        if progress.is_cancelled() {
+            break;
+        }
+    }
+    sums.resize(receivers.positions.len(), [0.0; 4]);
+    Ok(sums)
+}
 
 /// Divides receivers into strips of whole rows that fit into the adapter's textures and, except for single rows, have
 /// at most `most` points, so that the submission of one batch of samples has a bounded duration.
-pub(super) fn strips(receivers: &Receivers, max_texture: u32, most: usize) -> Vec<Receivers> {
+fn strips(receivers: &Receivers, max_texture: u32, most: usize) -> Vec<Receivers> {
     let width = receivers.width;
     if width > max_texture {
         // Too wide for a texture: the points become an unordered list.
@@ -29,9 +48,9 @@ pub(super) fn strips(receivers: &Receivers, max_texture: u32, most: usize) -> Ve
             layout: receivers.layout,
             height: (part.len() as u32).div_ceil(width),
             positions: receivers.positions[part.clone()].to_vec(),
+            lengths: receivers.lengths.as_ref().map(|lengths| lengths[part.clone()].to_vec()),
             normals: receivers.normals[part].to_vec(),
             view_directions,
-            lengths: None,
         }
     };
     (0..count).step_by(per_strip).map(strip).collect()
@@ -45,6 +64,9 @@ fn pad_rows(mut receivers: Receivers) -> Receivers {
     receivers.normals.resize(count, [0.0; 4]);
     if let Some(viewers) = &mut receivers.view_directions {
         viewers.directions.resize(count, [0.0; 4]);
+    }
+    if let Some(lengths) = &mut receivers.lengths {
+        lengths.resize(count, 0.0);
     }
     receivers
 }
@@ -62,7 +84,7 @@ impl<'a> Uploaded<'a> {
         let size = [receivers.width, receivers.height];
         Self {
             positions: gpu.upload_texture(size, &receivers.positions),
-            normals: gpu.upload_texture(size, &receivers.normals),
+            normals: gpu.upload_texture(size, &normals(receivers)),
             directions: receivers.view_directions.as_ref().map(|viewers| gpu.upload_texture(size, &viewers.directions)),
             receivers,
         }
@@ -76,6 +98,13 @@ impl<'a> Uploaded<'a> {
         let viewers = self.directions.as_ref().zip(self.receivers.view_directions.as_ref());
         viewers.map(|(directions, viewers)| FrameViewers { directions, materials: &viewers.materials })
     }
+}
+
+/// Normals or, of parts of rays, the ways from one end to the other.
+fn normals(receivers: &Receivers) -> Cow<'_, [[f32; 4]]> {
+    let Some(lengths) = &receivers.lengths else { return Cow::Borrowed(&receivers.normals) };
+    let along = |(&[x, y, z, w], length): (&[f32; 4], &f32)| [length * x, length * y, length * z, w];
+    receivers.normals.iter().zip(lengths).map(along).collect()
 }
 
 /// Receivers arranged in tiles for a hierarchical gather: an unordered list becomes a grid whose tiles are consecutive
