@@ -20,7 +20,7 @@ use crate::options::{DisplaySettings, Options};
 use crate::progress::{Progress, Stage};
 use crate::scene::{Chain, Emitter, Lamp, Medium, Ray, Refractor, Scene, Sides, Visibility};
 use crate::stages::{
-    CameraRays, Id, LightStages, Memo, PreparedLight, PreparedScene, StageCounts, SurfaceMaterials, View,
+    CameraRays, Id, LightStages, Memo, NearEmitters, PreparedLight, PreparedScene, StageCounts, SurfaceMaterials, View,
 };
 use crate::technique::Sum;
 use crate::tracing::{CameraTracer, Hit, Tracer};
@@ -52,6 +52,7 @@ pub(super) struct LightKey {
     rotation_rad: f32,
     visibility: Visibility,
     lamps: Arc<[Lamp]>,
+    near_emitters: Option<(Id<NearEmitters>, f32)>,
     medium: Option<Medium>,
 }
 
@@ -185,6 +186,7 @@ impl<'a> FrameInputs<'a> {
             rotation_rad: self.light.rotation_rad,
             visibility: self.options.visibility,
             lamps: self.light.lamps.clone(),
+            near_emitters: self.light.near_key(),
             medium: self.light.medium,
         }
     }

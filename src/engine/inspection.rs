@@ -118,6 +118,7 @@ impl Engine {
         let PreviewStages { technique: (_, technique), light: stages, .. } = &mut self.inspection;
         let geometry = scene.geometry_drawn_for_frame(false);
         let light = stages.prepare(&self.scene, geometry.as_ref(), options.cube_size, progress)?;
+        let light = light.with_near(scene.near_emitters.as_ref());
         let inputs = Inputs {
             scene: &self.scene,
             prepared: &scene,

@@ -58,7 +58,7 @@ use crate::options::{Exposure, Exposures, Options, Overlay};
 use crate::progress::Progress;
 #[cfg(feature = "gpu")]
 use crate::scene::Visibility;
-use crate::scene::{Chain, Chains, Scene};
+use crate::scene::{Chain, Chains, Object, Scene};
 use crate::stages::{LightStages, PreparedLight, PreparedScene, SceneStages, StageCounts};
 use crate::technique::{Inputs, Sum, Technique, TechniqueStages};
 use crate::{Error, OptionError};
@@ -288,7 +288,8 @@ impl Engine {
         }
         let light = {
             let geometry = scene.drawn_geometry();
-            self.light_stages.prepare(&self.scene, geometry.as_ref(), self.options.cube_size, progress)?
+            let light = self.light_stages.prepare(&self.scene, geometry.as_ref(), self.options.cube_size, progress)?;
+            light.with_near(scene.near_emitters.as_ref())
         };
         if self.technique.0 != self.options.technique {
             self.technique.1.count(&mut self.counted_before);
@@ -344,10 +345,10 @@ impl Engine {
         Err(OptionError::invalid("aov", message))
     }
 
-    /// The back end of previews: where there are lamps or a medium, it is the CPU.
+    /// The back end of previews: where there are lamps, near emitters or a medium, it is the CPU.
     fn preview_backend(&self) -> Backend {
-        let is_plain = self.scene.lamps.is_empty() && self.scene.medium.is_none();
-        if is_plain { self.backend.clone() } else { Backend::cpu() }
+        let has_near_light = !self.scene.lamps.is_empty() || self.scene.objects.iter().any(Object::is_near_light);
+        if has_near_light || self.scene.medium.is_some() { Backend::cpu() } else { self.backend.clone() }
     }
 
     fn marks_of(&mut self, prepared: &Prepared, progress: &dyn Progress) -> Result<Vec<Mark>, Error> {

@@ -180,7 +180,7 @@ mod tests {
         let surface = Surface::of_scene(&scene);
         let options = Options { samples: 200, strategy: Strategy::Neighbourhood, seed: 1 };
         let samples = differentials(&sample(&surface, &options).unwrap());
-        let tracer = CameraTracer::new(Arc::new(Tracer::new(&scene)), None);
+        let tracer = CameraTracer::new(Arc::new(Tracer::new(&scene)), None, None);
         let marker = Marker { scene: &scene, tracer: &tracer, size: Vec2::splat(200.0) };
         let mirror = scene.objects.iter().find(|object| object.reflector.is_some()).unwrap();
         let (centre, _) = scene.camera.project(mirror.placement.translate, marker.size);

@@ -54,6 +54,7 @@ pub(super) fn colours(refractor: &Refractor, throughput: Vec3) -> impl Iterator<
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::scene::Interfaces;
 
     fn hit(front: bool) -> Hit {
         Hit { object: 0, position: Vec3::ZERO, distance: 1.0, normal: Vec3::Y, face_normal: Vec3::Y, front }
@@ -62,7 +63,7 @@ mod tests {
     /// A ray into water and back out of it along the same way: its factors cancel but for what is reflected.
     #[test]
     fn rays_come_back_the_way_that_they_went() {
-        let water = Refractor { eta: DVec3::splat(1.333), fresnel: true };
+        let water = Refractor { eta: DVec3::splat(1.333), fresnel: true, interfaces: Interfaces::One };
         let direction = Vec3::new(0.6, -0.8, 0.0);
         let (reflected, refracted) = divided(&water, 1.333, (&hit(true), &Ray { origin: Vec3::Y, direction }));
         let Refracted { direction: within, factor } = refracted.unwrap();
@@ -77,7 +78,7 @@ mod tests {
 
     #[test]
     fn beyond_the_critical_angle_all_is_reflected() {
-        let water = Refractor { eta: DVec3::splat(1.333), fresnel: false };
+        let water = Refractor { eta: DVec3::splat(1.333), fresnel: false, interfaces: Interfaces::One };
         let ray = |direction: Vec3| Ray { origin: Vec3::Y, direction };
         assert!(divided(&water, 1.333, (&hit(false), &ray(Vec3::new(0.8, -0.6, 0.0)))).1.is_none());
         let (reflected, refracted) = divided(&water, 1.333, (&hit(false), &ray(Vec3::new(0.6, -0.8, 0.0))));

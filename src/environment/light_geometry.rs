@@ -40,20 +40,7 @@ impl LightGeometry {
     /// Objects' numbers and their meshes in world space with their radiance, W/(m²·sr), seen from a point. The tracer knows no other
     /// objects.
     pub fn new(emitters: &[(u32, &Mesh, Vec3)], tracer: Arc<Tracer>, centre: Vec3) -> Self {
-        let bounds = |mesh: &Mesh| {
-            let positions = mesh.positions().iter();
-            positions.fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(l, h), p| (l.min(*p), h.max(*p)))
-        };
-        let shining = |&(_, mesh, radiance): &(u32, &Mesh, Vec3)| {
-            let (low, high) = bounds(mesh);
-            let corners = |t: usize| mesh.corners(t).map(|p| p - centre);
-            ShiningMesh {
-                triangles: (0..mesh.triangles().len()).map(corners).collect(),
-                radiance,
-                centre: 0.5 * (low + high) - centre,
-                radius: 0.5 * low.distance(high),
-            }
-        };
+        let shining = |&(_, mesh, radiance): &(u32, &Mesh, Vec3)| ShiningMesh::new(mesh, radiance, centre);
         let radius = |(_, mesh, _): &(u32, &Mesh, Vec3)| {
             let (low, high) = bounds(mesh);
             let distance = (0.5 * (low + high)).distance(centre);
@@ -104,6 +91,34 @@ impl LightGeometry {
         let hit = self.tracer.secondary_hit(Ray { origin: self.centre, direction: direction_in_world })?;
         Some(self.radiance[hit.object as usize])
     }
+}
+
+impl ShiningMesh {
+    /// As it is seen from a point.
+    fn new(mesh: &Mesh, radiance: Vec3, from: Vec3) -> Self {
+        let (low, high) = bounds(mesh);
+        let corners = |t: usize| mesh.corners(t).map(|p| p - from);
+        Self {
+            triangles: (0..mesh.triangles().len()).map(corners).collect(),
+            radiance,
+            centre: 0.5 * (low + high) - from,
+            radius: 0.5 * low.distance(high),
+        }
+    }
+}
+
+fn bounds(mesh: &Mesh) -> (Vec3, Vec3) {
+    let positions = mesh.positions().iter();
+    positions.fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(l, h), p| (l.min(*p), h.max(*p)))
+}
+
+/// A cube map of an emitter alone, as it is seen from a point, in the world's axes; its edges are anti-aliased.
+pub(crate) fn emitter_from(mesh: &Mesh, radiance: Vec3, viewpoint: Vec3, size: u32) -> CubeMap {
+    let shining = [ShiningMesh::new(mesh, radiance, viewpoint)];
+    let faces: Vec<FaceImage> =
+        (0..FACES).into_par_iter().map(|face| FaceImage::draw(face, size, Mat3::IDENTITY, &shining)).collect();
+    let black = CubeMap::from_texels(size, &vec![Vec3::ZERO; FACES * (size * size) as usize], true);
+    black.with_base(|face, y, row| faces[face].blend(y, row))
 }
 
 /// Light geometry in front of an environment.

@@ -27,6 +27,7 @@ pub use cube::{CubeMap, FACES, face_direction, face_of_direction, texel_solid_an
 pub use field::EnvironmentRadiance;
 pub use importance::LightSampler;
 pub use irradiance::{irradiance_map, irradiance_map_of_frame};
+pub(crate) use light_geometry::emitter_from;
 pub use light_geometry::{LightGeometry, LitBy};
 #[cfg(feature = "gpu")]
 pub(crate) use rasterization::FaceAxes;

@@ -43,7 +43,7 @@ use self::constants::{BEND_BLUR, MIN_BEND_BLUR};
 use crate::differential::DifferentialSample;
 use crate::progress::Progress;
 use crate::reflectance::{Curve, Finish};
-use crate::scene::{Chains, Medium, Object, Reflector, Refractor, Scene, Sides, Specular};
+use crate::scene::{Chains, Interfaces, Medium, Object, Reflector, Refractor, Scene, Sides, Specular};
 use crate::tracing::{Hit, Tracer};
 use crate::words::NumberOrWord;
 
@@ -295,7 +295,8 @@ impl Caster {
 
     /// An interface whose light arrives by these chains; `None` if it lights nothing.
     fn interface(refractor: Refractor, chains: Chains) -> Option<Self> {
-        let lights = match (chains.reflected && refractor.fresnel, chains.refracted) {
+        let refracts = chains.refracted && refractor.interfaces == Interfaces::One;
+        let lights = match (chains.reflected && refractor.fresnel, refracts) {
             (true, true) => Sides::Both,
             (true, false) => Sides::Front,
             (false, true) => Sides::Back,

@@ -127,6 +127,7 @@ fn combinations(request: &Request) -> Result<(Options, Vec<Options>), Error> {
 fn reference(request: &Request, options: &Options) -> Result<Reference, Error> {
     let wanted = reference::Options {
         size: options.size,
+        chains: options.technique.chains(&request.scene),
         pixel_samples: options.pixel_samples,
         visibility: options.visibility,
         attenuation: options.attenuation,

@@ -10,17 +10,20 @@ pub enum Chain {
     R,
     /// One refraction, by an interface between two media.
     T,
+    /// Two refractions: into a closed object and out of it.
+    TT,
 }
 
 impl Chain {
     /// All of them.
-    pub const ALL: [Self; 2] = [Self::R, Self::T];
+    pub const ALL: [Self; 3] = [Self::R, Self::T, Self::TT];
 
     /// Its name on the command line and in layers.
     pub fn name(self) -> &'static str {
         match self {
             Self::R => "R",
             Self::T => "T",
+            Self::TT => "TT",
         }
     }
 }
@@ -33,17 +36,22 @@ pub struct Chains {
     pub reflected: bool,
     /// Whether [`Chain::T`] counts.
     pub refracted: bool,
+    /// Whether [`Chain::TT`] counts.
+    pub refracted_twice: bool,
 }
 
 impl Chains {
     /// All chains.
-    pub const ALL: Self = Self { reflected: true, refracted: true };
+    pub const ALL: Self = Self { reflected: true, refracted: true, refracted_twice: true };
+    /// Those of one reflection or refraction.
+    pub const SINGLE: Self = Self { refracted_twice: false, ..Self::ALL };
 
     /// Whether a chain counts.
     pub fn contains(self, chain: Chain) -> bool {
         match chain {
             Chain::R => self.reflected,
             Chain::T => self.refracted,
+            Chain::TT => self.refracted_twice,
         }
     }
 
@@ -61,7 +69,8 @@ impl Default for Chains {
 impl FromIterator<Chain> for Chains {
     fn from_iter<I: IntoIterator<Item = Chain>>(chains: I) -> Self {
         let chains: Vec<Chain> = chains.into_iter().collect();
-        Self { reflected: chains.contains(&Chain::R), refracted: chains.contains(&Chain::T) }
+        let [reflected, refracted, refracted_twice] = Chain::ALL.map(|chain| chains.contains(&chain));
+        Self { reflected, refracted, refracted_twice }
     }
 }
 

@@ -25,7 +25,8 @@ use self::lamps::LampTable;
 use self::medium::MediumTable;
 use self::objects::ObjectTable;
 
-use super::{Assets, BUILT_IN, Scene, SceneError};
+use super::emitters::decide_near;
+use super::{Assets, BUILT_IN, Interfaces, Scene, SceneError};
 use crate::words::escaped;
 
 /// A scene, and the `[render]` table of its file.
@@ -98,16 +99,23 @@ pub fn parse<R: DeserializeOwned + Default>(
     let mut notes = Vec::new();
     let mut objects = Vec::with_capacity(tables.object.len());
     let mut animated = Vec::with_capacity(tables.object.len());
+    let mut is_open = Vec::with_capacity(tables.object.len());
     for (index, table) in tables.object.into_iter().enumerate() {
         let first = objects.len();
         objects.extend(builder.objects(index, &table, &mut notes)?);
+        is_open.resize(objects.len(), table.leaves_nearness_open());
         animated.push(table.animated(first..objects.len()));
     }
+    decide_near(&mut objects, &is_open);
     let environment = builder.environment(tables.environment, &mut notes)?;
     let camera = builder.camera(&tables.camera)?;
     let lamps = builder.lamps(&tables.light, &objects, &mut notes)?;
     let medium = tables.medium.map(|table| builder.medium(&table)).transpose()?;
     let animations = builder.animations(&tables.animation, (&animated, &lamps), &tables.camera)?;
+    if medium.is_some() && objects.iter().any(|object| object.has_interfaces(Interfaces::Two)) {
+        let message = "cannot fill a scene with closed refractors yet: remove it, or give these interfaces = 1";
+        return Err(builder.error("medium", message));
+    }
     let scene = Scene { name, environment, lamps, medium, camera, objects, animations, notes };
     let objects_of_tables = animated.into_iter().map(|table| table.objects).collect();
     Ok(Loaded { scene, render: tables.render, file, lines, objects_of_tables })
@@ -285,7 +293,8 @@ receiver = { albedo = [0.5, 0.5, 0.5] }
             ("cauchy = [1.5, -3]", "refractor.cauchy: gives a refractive index of"),
             ("eta = 1.3, cauchy = [1.5, 0.004]", "give either eta"),
             ("", "give either eta"),
-            ("eta = 1.5, interfaces = 2", "refractor.interfaces: must be 1"),
+            ("eta = 1.5, interfaces = 3", "refractor.interfaces: must be 1"),
+            ("eta = 1.5, interfaces = 2", "refractor.interfaces: is 2, but the mesh is not closed: the edge from"),
             ("eta = 1.5, etas = 2", "unknown key 'etas'; did you mean 'eta'?"),
             ("eta = 1.5 }\nreceiver = {", "refractor: is neither reflector nor receiver"),
         ] {

@@ -5,7 +5,10 @@
 
 use glam::{DVec3, Vec3};
 
-use super::{Camera, Lamp, Light, MapLayout, Medium, Object, Projection, Receiver, Reflector, Refractor, Scene, Sides};
+use super::{
+    Camera, Interfaces, Lamp, Light, MapLayout, Medium, Object, Projection, Receiver, Reflector, Refractor, Scene,
+    Sides,
+};
 use crate::brdf::Gloss;
 
 impl Scene {
@@ -78,8 +81,12 @@ impl Hash {
         object.reflector.iter().for_each(|reflector| self.reflector(reflector));
         self.number(u64::from(object.receiver.is_some()));
         object.receiver.iter().for_each(|receiver| self.receiver(receiver));
-        self.number(u64::from(object.emitter.is_some()));
+        // 2: where it is; 1 stood for its light from infinitely far away.
+        self.number(if object.emitter.is_some() { 2 } else { 0 });
         object.emitter.iter().for_each(|emitter| self.vector(emitter.radiance));
+        if object.is_near_light() {
+            self.number(1);
+        }
         object.refractor.iter().for_each(|refractor| self.refractor(refractor));
     }
 
@@ -110,9 +117,12 @@ impl Hash {
     }
 
     fn refractor(&mut self, refractor: &Refractor) {
-        let Refractor { eta, fresnel } = *refractor;
+        let Refractor { eta, fresnel, interfaces } = *refractor;
         eta.to_array().into_iter().for_each(|index| self.double(index));
-        self.number(u64::from(fresnel));
+        self.number(match (interfaces, fresnel) {
+            (Interfaces::One, fresnel) => u64::from(fresnel),
+            (Interfaces::Two, fresnel) => 2 + u64::from(fresnel),
+        });
     }
 
     fn reflector(&mut self, reflector: &Reflector) {

@@ -29,7 +29,7 @@ pub struct Reflector {
 
 /// A smooth interface between two media, such as the surface of water or one face of a lens. Light from in front of it, where its
 /// normals point to, is refracted to receivers behind it and reflected to receivers in front of it. It has no thickness: what lies
-/// behind it is within the other medium.
+/// behind it is within the other medium. A closed one has two [`Interfaces`] on the way of the light.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Refractor {
     /// The refractive index behind the surface over that in front of it, per channel, in [`Refractor::INDICES`]; water below air has
@@ -37,6 +37,19 @@ pub struct Refractor {
     pub eta: DVec3,
     /// Whether light is divided by the Fresnel equations. Otherwise all of it is refracted, except where it is totally reflected.
     pub fresnel: bool,
+    /// How many of them light passes.
+    pub interfaces: Interfaces,
+}
+
+/// How many interfaces light passes on its way by a refractor.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Interfaces {
+    /// One, to receivers that lie behind it: the surface of water, the first face of a lens.
+    #[default]
+    One,
+    /// Two: into a closed object, whose normals point outwards, and out of it again. Receivers lie outside. Only
+    /// [`reference`](crate::reference) computes light that passes both; sums reflect at the first one.
+    Two,
 }
 
 impl Refractor {
@@ -85,11 +98,14 @@ pub struct Receiver {
     pub gloss: Gloss,
 }
 
-/// A surface that shines: light geometry, which is part of the environment (Wand and Straßer 2003, Section 3.1). Its light arrives
-/// everywhere as it does at [`Scene::light_centre`](super::Scene::light_centre), so that it should be several times as far away as
-/// mirrors and receivers are large. The camera sees it where it is.
+/// A surface that shines. A distant one is light geometry, which is part of the environment (Wand and Straßer 2003, Section 3.1): its
+/// light arrives everywhere as it does at [`Scene::light_centre`](super::Scene::light_centre), and it throws no shadows. A near one is an
+/// object like all others. The camera sees both where they are.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Emitter {
     /// Radiance of both sides in all directions, W/(m²·sr).
     pub radiance: Vec3,
+    /// Whether its light comes from where it is. Scene files may leave it open: then it is so unless the emitter is farther away than three
+    /// radii of the mirrors and 1.5 radii of everything else.
+    pub is_near: bool,
 }

@@ -6,7 +6,7 @@ use glam::Vec3;
 
 use crate::OptionError;
 
-/// A homogeneous medium. It fills all space or, where the scene has refractors, what lies behind these: the water of a pool.
+/// A homogeneous medium. It fills all space or, where the scene has refractors of one interface, what lies behind these: the water of a pool.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Medium {
     /// Scattering coefficient, 1/m, channel by channel.

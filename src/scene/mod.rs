@@ -8,6 +8,8 @@ mod assets;
 mod builtin;
 mod camera;
 mod chains;
+mod closed;
+mod emitters;
 mod file;
 mod fingerprint;
 mod lamp;
@@ -34,10 +36,12 @@ pub use assets::Assets;
 pub use builtin::{BUILT_IN, BuiltIn};
 pub use camera::{Camera, Projection, Ray};
 pub use chains::{Chain, Chains};
+pub(crate) use closed::is_closed;
+pub(crate) use emitters::EmitterDistances;
 pub use file::{Loaded, load, parse};
 pub use lamp::{Beam, Lamp, Slide};
 pub use light::{EnvironmentMap, EnvironmentSource, Light, MAX_RADIANCE, MapError, MapLayout};
-pub use material::{Emitter, Receiver, Reflector, Refractor, Sides, Specular};
+pub use material::{Emitter, Interfaces, Receiver, Reflector, Refractor, Sides, Specular};
 pub use medium::Medium;
 pub use mesh::{Mesh, MeshError};
 pub use transform::Transform;
@@ -115,7 +119,7 @@ impl Scene {
 
     /// Whether a medium fills all space, not only what lies behind refractors.
     pub fn has_medium_everywhere(&self) -> bool {
-        self.medium.is_some() && self.objects.iter().all(|object| object.refractor.is_none())
+        self.medium.is_some() && !self.objects.iter().any(|object| object.has_interfaces(Interfaces::One))
     }
 
     /// Where the light of emitters is taken from: the centre of the box around what casts caustics or, without that, around everything
@@ -158,7 +162,7 @@ pub struct Object {
     pub refractor: Option<Refractor>,
     /// `Some`: it receives caustics and direct light.
     pub receiver: Option<Receiver>,
-    /// `Some`: it is light geometry, neither reflector nor receiver, and casts no shadow.
+    /// `Some`: it shines, and is neither reflector nor receiver.
     pub emitter: Option<Emitter>,
     /// `false`: invisible to camera rays, though not to light.
     pub camera_visible: bool,
@@ -183,8 +187,24 @@ impl Object {
     pub fn casts(&self, chain: Chain) -> bool {
         match chain {
             Chain::R => self.reflector.is_some() || self.refractor.is_some_and(|refractor| refractor.fresnel),
-            Chain::T => self.refractor.is_some(),
+            Chain::T => self.has_interfaces(Interfaces::One),
+            Chain::TT => self.has_interfaces(Interfaces::Two),
         }
+    }
+
+    /// Whether it is part of the environment.
+    pub fn is_distant_light(&self) -> bool {
+        self.emitter.is_some_and(|emitter| !emitter.is_near)
+    }
+
+    /// Whether it shines from where it is.
+    pub fn is_near_light(&self) -> bool {
+        self.emitter.is_some_and(|emitter| emitter.is_near)
+    }
+
+    /// Whether it is a refractor of so many interfaces.
+    pub fn has_interfaces(&self, interfaces: Interfaces) -> bool {
+        self.refractor.is_some_and(|refractor| refractor.interfaces == interfaces)
     }
 
     /// What makes it cast caustics, if it does.

@@ -1,4 +1,4 @@
-//! The direct light of lamps on surfaces, with soft shadows.
+//! The direct light of lamps and of near emitters on surfaces, with soft shadows.
 
 use std::f32::consts::TAU;
 use std::ops::{AddAssign, Mul};
@@ -6,22 +6,27 @@ use std::ops::{AddAssign, Mul};
 use glam::{Vec2, Vec3};
 
 use super::PreparedLight;
+use super::near_emitters::{EmitterPart, NearEmitter, NearEmitters};
 use crate::brdf::Materials;
-use crate::lanes::{ALL, LANES};
+use crate::lanes::{ALL, LANES, set_bits};
 use crate::pinhole::{chord_of_sphere, solid_angle_of};
 
 use crate::scene::{Lamp, Medium};
-use crate::tracing::{Hit, Tracer};
+use crate::tracing::{Hit, RayPacket, Tracer};
 
 /// Shadow rays towards a lamp: first so many,
 const FIRST_RAYS: usize = LANES;
 /// and where some of them are blocked and others not, so many in all.
 const RAYS: usize = 4 * LANES;
 
-/// The direct light of lamps.
+/// The direct light of lamps and near emitters.
 #[derive(Debug)]
 pub(crate) struct DirectLamps<'a> {
     lamps: &'a [Lamp],
+    /// With the factor on their radiance.
+    emitters: Option<(&'a NearEmitters, f32)>,
+    /// Whether emitters are divided into few parts.
+    is_coarse: bool,
     medium: Option<Medium>,
     /// What throws shadows, if anything does.
     tracer: Option<&'a Tracer>,
@@ -45,11 +50,17 @@ struct Means<T> {
 
 impl<'a> DirectLamps<'a> {
     pub fn new(light: &'a PreparedLight, tracer: Option<&'a Tracer>) -> Self {
-        Self { lamps: &light.lamps, medium: light.medium, tracer }
+        let emitters = light.near_emitters.as_ref().map(|(emitters, factor)| (&**emitters, *factor));
+        Self { lamps: &light.lamps, emitters, is_coarse: false, medium: light.medium, tracer }
+    }
+
+    /// The same from fewer parts of emitters, for what is seen in mirrors.
+    pub fn coarse(light: &'a PreparedLight, tracer: Option<&'a Tracer>) -> Self {
+        Self { is_coarse: true, ..Self::new(light, tracer) }
     }
 
     pub fn is_dark(&self) -> bool {
-        self.lamps.is_empty()
+        self.lamps.is_empty() && self.emitters.is_none()
     }
 
     /// Irradiance, W/m².
@@ -63,7 +74,8 @@ impl<'a> DirectLamps<'a> {
             }
             open * solid_angle_of(seen.chord) * self.passed(&seen, point) * seen.lamp.radiance_at(point.position)
         };
-        self.above(point).map(of_lamp).sum()
+        let of_lamps: Vec3 = self.above(point).map(of_lamp).sum();
+        of_lamps + self.of_emitters(point, |direction| Vec3::splat(direction.dot(point.normal).max(0.0)))
     }
 
     /// Radiance that a glossy receiver reflects in a unit direction, W/(m²·sr).
@@ -76,7 +88,51 @@ impl<'a> DirectLamps<'a> {
             };
             radiance * self.means(&seen, hit, reflected).open
         };
-        self.above(hit).map(of_lamp).sum()
+        let of_lamps: Vec3 = self.above(hit).map(of_lamp).sum();
+        let reflected = |direction: Vec3| {
+            let cosine = direction.dot(hit.normal).max(0.0);
+            if cosine > 0.0 {
+                cosine * materials.value(hit.object, hit.normal, direction, view, 0.0)
+            } else {
+                Vec3::ZERO
+            }
+        };
+        of_lamps + self.of_emitters(hit, reflected)
+    }
+
+    /// The sum over the parts of all near emitters of radiance × solid angle × a factor by direction.
+    fn of_emitters(&self, point: &Hit, factor: impl Fn(Vec3) -> Vec3) -> Vec3 {
+        let Some((near, brightness)) = self.emitters else { return Vec3::ZERO };
+        let of_emitter =
+            |emitter: &NearEmitter| brightness * emitter.radiance * self.of_emitter(emitter, point, &factor);
+        near.emitters.iter().map(of_emitter).sum()
+    }
+
+    fn of_emitter(&self, emitter: &NearEmitter, point: &Hit, factor: impl Fn(Vec3) -> Vec3) -> Vec3 {
+        let lit = emitter.parts_from(point.position, self.is_coarse).filter_map(|part| {
+            let value = part.solid_angle * factor(part.direction);
+            (value != Vec3::ZERO).then_some((part, value))
+        });
+        let lit: Vec<(EmitterPart, Vec3)> = lit.collect();
+        let of_packet = |packet: &[(EmitterPart, Vec3)]| -> Vec3 {
+            let passed = |lane: usize| {
+                let (part, value) = packet[lane];
+                value * self.medium.map_or(Vec3::ONE, |medium| medium.transmittance(part.distance))
+            };
+            set_bits(self.open_parts(packet, point)).map(passed).sum()
+        };
+        lit.chunks(LANES).map(of_packet).sum()
+    }
+
+    /// The lanes, of up to sixteen, in which nothing lies before a part of an emitter.
+    fn open_parts(&self, parts: &[(EmitterPart, Vec3)], point: &Hit) -> u32 {
+        let lanes = u32::MAX >> (32 - parts.len());
+        let Some(tracer) = self.tracer else { return lanes };
+        let part = |lane: usize| parts[lane.min(parts.len() - 1)].0;
+        let origins = point.position.to_array().map(|x| [x; LANES]);
+        let directions = [0, 1, 2].map(|axis| std::array::from_fn(|lane| part(lane).direction[axis]));
+        let ends = std::array::from_fn(|lane| part(lane).distance);
+        lanes & !tracer.occluded_lanes(&RayPacket { origins, directions, ends, lanes })
     }
 
     /// The part of a lamp's light that comes through the medium.

@@ -7,6 +7,7 @@ use glam::{Mat3, Vec3};
 
 use super::StageCounts;
 use super::memo::{Id, Memo};
+use super::near_emitters::NearEmitters;
 use crate::environment::{
     CubeMap, CubeSize, Environment, EnvironmentError, LightBounds, LightGeometry, LightSampler, LitBy, irradiance_map,
     irradiance_map_of_frame,
@@ -14,7 +15,7 @@ use crate::environment::{
 #[cfg(feature = "gpu")]
 use crate::pinhole::gpu::EnvironmentCube;
 use crate::progress::{Progress, Stage};
-use crate::scene::{EnvironmentSource, Lamp, Light, Medium, Scene};
+use crate::scene::{EnvironmentSource, Lamp, Light, Medium, Object, Scene};
 
 /// Face size of the cube map that the CPU derives irradiance and directions from in frames, see `irradiance_map_of_frame`.
 const COARSE_SIZE: u32 = 128;
@@ -35,6 +36,8 @@ pub(crate) struct PreparedLight {
     pub intensity: f32,
     /// The lamps, for an intensity of 1, as sums and direct light are computed before they are scaled.
     pub lamps: Arc<[Lamp]>,
+    /// Emitters that are near, and the factor on their radiance for the same reason.
+    pub near_emitters: Option<(Arc<NearEmitters>, f32)>,
     /// What is between lamps and surfaces: a medium that fills all space.
     pub medium: Option<Medium>,
 }
@@ -43,6 +46,22 @@ pub(crate) struct PreparedLight {
 const MIN_INTENSITY: f32 = 1e-12;
 
 impl PreparedLight {
+    /// The same with emitters that are near.
+    pub fn with_near(self, emitters: Option<&Arc<NearEmitters>>) -> Self {
+        let near_emitters = emitters.map(|emitters| (emitters.clone(), 1.0 / self.intensity));
+        Self { near_emitters, ..self }
+    }
+
+    /// Whether any light is near: lamps or emitters.
+    pub fn has_near_light(&self) -> bool {
+        !self.lamps.is_empty() || self.near_emitters.is_some()
+    }
+
+    /// Names the near emitters and their brightness.
+    pub fn near_key(&self) -> Option<(Id<NearEmitters>, f32)> {
+        self.near_emitters.as_ref().map(|(emitters, factor)| (Id::of(emitters), *factor))
+    }
+
     /// The rotation from the environment's frame to the world's.
     pub fn world_from_light(&self) -> Mat3 {
         Mat3::from_rotation_y(self.rotation_rad)
@@ -109,7 +128,8 @@ impl LightStages {
         let Scene { environment: source, lamps, medium, .. } = scene;
         let medium = medium.filter(|_| scene.has_medium_everywhere());
         let black = EnvironmentSource { light: Light::Constant(Vec3::ZERO), intensity: 1.0, ..*source };
-        let source = if source.intensity < MIN_INTENSITY && !lamps.is_empty() { &black } else { source };
+        let has_near_light = !lamps.is_empty() || scene.objects.iter().any(Object::is_near_light);
+        let source = if source.intensity < MIN_INTENSITY && has_near_light { &black } else { source };
         let least = light_geometry.map_or(0, |drawn| drawn.cube_size);
         let environment = self.environment.try_get((source.light.clone(), cube_size, least), progress, || {
             Environment::at_least(&source.light, cube_size, least)
@@ -129,6 +149,7 @@ impl LightStages {
                     .iter()
                     .map(|lamp| Lamp { intensity: lamp.intensity / intensity, ..lamp.clone() })
                     .collect(),
+                near_emitters: None,
                 medium,
             });
         };
@@ -152,6 +173,7 @@ impl LightStages {
             rotation_rad,
             intensity: 1.0,
             lamps: lamps.as_slice().into(),
+            near_emitters: None,
             medium,
         })
     }

@@ -4,14 +4,17 @@
 //! of them changes. Data flows [`scene`](self::scene), `light` → `view`. This module must not know techniques.
 
 mod direct_lamps;
+mod emitter_parts;
 mod light;
 mod memo;
+mod near_emitters;
 mod scene;
 mod view;
 
 pub(crate) use direct_lamps::DirectLamps;
 pub(crate) use light::{LightStages, PreparedLight};
 pub(crate) use memo::{Id, Memo};
+pub(crate) use near_emitters::{EmitterPart, NearEmitter, NearEmitters};
 pub(crate) use scene::{LazySurface, PreparedScene, SceneStages, SurfaceMaterials};
 pub use view::visible_receivers;
 pub(crate) use view::{CameraRays, View};

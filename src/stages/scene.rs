@@ -9,6 +9,7 @@ use glam::Vec3;
 use super::StageCounts;
 use super::light::DrawnGeometry;
 use super::memo::{Id, Memo};
+use super::near_emitters::NearEmitters;
 use crate::brdf::Materials;
 use crate::environment::LightGeometry;
 #[cfg(feature = "gpu")]
@@ -19,7 +20,9 @@ use crate::pinhole::reflectance_curves;
 use crate::progress::{Progress, Stage};
 use crate::reflectance::{Curve, Finish};
 use crate::sampling::Surface;
-use crate::scene::{Emitter, Mesh, MeshError, Object, Receiver, Scene, Sides, Transform, light_centre};
+use crate::scene::{
+    Chain, Emitter, EmitterDistances, Mesh, MeshError, Object, Receiver, Scene, Sides, Transform, light_centre,
+};
 use crate::tracing::{CameraTracer, SeenBy, Tracer};
 
 /// A scene, ready for sampling and ray tracing.
@@ -31,7 +34,9 @@ pub(crate) struct PreparedScene {
     pub camera: Arc<CameraTracer>,
     pub surface: Arc<LazySurface>,
     pub materials: Arc<SurfaceMaterials>,
-    /// `None` where nothing shines but the environment.
+    /// `None` where none is near.
+    pub near_emitters: Option<Arc<NearEmitters>>,
+    /// `None` without distant emitters.
     pub light_geometry: Option<Arc<LightGeometry>>,
     /// What light and the camera meet, on the GPU; `None` unless rays are traced there.
     #[cfg(feature = "gpu")]
@@ -92,9 +97,12 @@ pub(crate) struct SceneStages {
     /// For previews, while there is no other for the same meshes.
     tracer_of_frame: Memo<TracerKey, Tracer>,
     emitters: Memo<TracerKey, Tracer>,
-    camera: Memo<(Id<Tracer>, Option<Id<Tracer>>), CameraTracer>,
+    camera: Memo<CameraKey, CameraTracer>,
     surface: Memo<SurfaceKey, LazySurface>,
     materials: Memo<MaterialsKey, SurfaceMaterials>,
+    near_emitters: Memo<EmittersKey, NearEmitters>,
+    /// Where there are near emitters, too.
+    distant_emitters: Memo<EmittersKey, Tracer>,
     light_geometry: Memo<LightGeometryKey, LightGeometry>,
     #[cfg(feature = "gpu")]
     moving: MovingGeometry,
@@ -110,8 +118,14 @@ type PlacedObject = (Id<Mesh>, Transform, SeenBy);
 /// Objects' meshes, and which rays meet them.
 type TracerKey = Vec<(Id<Mesh>, SeenBy)>;
 
-/// The mesh of each object that shines, and the point from which they are seen.
-type LightGeometryKey = (Vec<(Id<Mesh>, Emitter)>, Vec3);
+/// What light meets, all emitters, and the near ones.
+type CameraKey = (Id<Tracer>, Option<Id<Tracer>>, Option<Id<NearEmitters>>);
+
+/// The numbers of some objects that shine, their meshes and radiance.
+type EmittersKey = Vec<(u32, Id<Mesh>, Emitter)>;
+
+/// Distant emitters, and the point from which they are seen.
+type LightGeometryKey = (EmittersKey, Vec3);
 
 /// The mesh of each object that mirrors, and on which sides.
 type SurfaceKey = Vec<Option<(Id<Mesh>, Sides)>>;
@@ -130,6 +144,8 @@ impl SceneStages {
             camera: Memo::new(Stage::Bvh),
             surface: Memo::new(Stage::Surface),
             materials: Memo::new(Stage::Materials),
+            near_emitters: Memo::new(Stage::LightGeometry),
+            distant_emitters: Memo::new(Stage::Bvh),
             light_geometry: Memo::new(Stage::LightGeometry),
             #[cfg(feature = "gpu")]
             moving: MovingGeometry::default(),
@@ -145,8 +161,9 @@ impl SceneStages {
         // It may be that of a frame.
         LazyLock::force(&prepared.surface);
         if prepared.light_geometry.is_some() {
-            prepared.notes.extend(near_emitter(&self.place_meshes(scene, progress)?, scene));
+            prepared.notes.extend(misplaced_emitter(&self.place_meshes(scene, progress)?, scene));
         }
+        prepared.notes.extend(light_through_solids(scene));
         Ok(prepared)
     }
 
@@ -173,18 +190,22 @@ impl SceneStages {
         tracer: impl FnOnce(&mut Self, TracerKey, &[Arc<Mesh>]) -> Arc<Tracer>,
     ) -> Result<PreparedScene, MeshError> {
         let meshes = self.place_meshes(scene, progress)?;
-        let dark = meshes.iter().zip(&scene.objects).filter(|(_, o)| o.emitter.is_none());
-        let notes: Vec<String> = check_extent(dark.map(|(mesh, _)| &**mesh))?.into_iter().collect();
+        let near = meshes.iter().zip(&scene.objects).filter(|(_, o)| !o.is_distant_light());
+        let notes: Vec<String> = check_extent(near.map(|(mesh, _)| &**mesh))?.into_iter().collect();
         let key = |is_wanted: fn(&Object) -> bool| -> TracerKey {
             let objects = meshes.iter().zip(&scene.objects).filter(|(_, o)| is_wanted(o));
             objects.map(|(mesh, o)| (Id::of(mesh), SeenBy::of(o))).collect()
         };
         let tracer = tracer(self, key(|o| o.emitter.is_none()), &meshes);
         let shining = key(|o| o.emitter.is_some());
+        let near_emitters = self.near_emitters(&meshes, scene, progress);
         let update = |before: Option<Arc<Tracer>>| Tracer::of_emitters(before.as_deref(), seen(&meshes, scene));
         let emitters = (!shining.is_empty()).then(|| self.emitters.get_by_update(shining, progress, update));
-        let camera_key = (Id::of(&tracer), emitters.as_ref().map(Id::of));
-        let camera = self.camera.get(camera_key, progress, || CameraTracer::new(tracer.clone(), emitters.clone()));
+        let camera_key = (Id::of(&tracer), emitters.as_ref().map(Id::of), near_emitters.as_ref().map(Id::of));
+        let camera = self.camera.get(camera_key, progress, || {
+            let near = near_emitters.as_ref().map(|near| near.tracer.clone());
+            CameraTracer::new(tracer.clone(), emitters.clone(), near)
+        });
         let mirrors = |(mesh, o): (&Arc<Mesh>, &Object)| Some((Id::of(mesh), o.specular()?.sides()));
         let mirrors = meshes.iter().zip(&scene.objects).map(mirrors).collect();
         let surface = self.surface.get(mirrors, progress, || {
@@ -196,12 +217,16 @@ impl SceneStages {
         });
         let materials = scene.objects.iter().map(|o| (o.receiver.clone(), o.reflector.map(|r| r.finish))).collect();
         let materials = self.materials.get(materials, progress, || SurfaceMaterials::of_scene(scene));
+        let emitters = emitters
+            .filter(|_| scene.objects.iter().any(Object::is_distant_light))
+            .map(|all| if near_emitters.is_none() { all } else { self.distant_emitters(&meshes, scene, progress) });
         let light_geometry = emitters.map(|emitters| self.light_geometry(&meshes, scene, emitters, progress));
         Ok(PreparedScene {
             tracer,
             camera,
             surface,
             materials,
+            near_emitters,
             light_geometry,
             #[cfg(feature = "gpu")]
             on_gpu: None,
@@ -225,6 +250,24 @@ impl SceneStages {
         self.on_gpu.try_get(key, progress, || moving.update(&gpu.device, &gpu.queue, &scene.objects, for_one_frame))
     }
 
+    fn near_emitters(
+        &mut self,
+        meshes: &[Arc<Mesh>],
+        scene: &Scene,
+        progress: &dyn Progress,
+    ) -> Option<Arc<NearEmitters>> {
+        let key = emitters_key(meshes, scene, Object::is_near_light);
+        (!key.is_empty()).then(|| self.near_emitters.get(key, progress, || NearEmitters::new(meshes, &scene.objects)))
+    }
+
+    /// What rays meet of distant emitters alone.
+    fn distant_emitters(&mut self, meshes: &[Arc<Mesh>], scene: &Scene, progress: &dyn Progress) -> Arc<Tracer> {
+        let key = emitters_key(meshes, scene, Object::is_distant_light);
+        let seen_by = |object: &Object| SeenBy { camera: false, light: object.is_distant_light() };
+        let seen = || meshes.iter().zip(&scene.objects).map(|(mesh, object)| (&**mesh, seen_by(object)));
+        self.distant_emitters.get(key, progress, || Tracer::of_meshes(seen()))
+    }
+
     fn light_geometry(
         &mut self,
         meshes: &[Arc<Mesh>],
@@ -233,10 +276,12 @@ impl SceneStages {
         progress: &dyn Progress,
     ) -> Arc<LightGeometry> {
         let objects = (0..).zip(meshes).zip(&scene.objects);
-        let emitters: Vec<_> =
-            objects.filter_map(|((index, mesh), object)| Some((index, mesh, object.emitter?))).collect();
+        let emitters: Vec<_> = objects
+            .filter(|(_, object)| object.is_distant_light())
+            .filter_map(|((index, mesh), object)| Some((index, mesh, object.emitter?)))
+            .collect();
         let centre = light_centre(&meshes.iter().map(|mesh| &**mesh).collect::<Vec<_>>(), &scene.objects);
-        let key = (emitters.iter().map(|(_, mesh, emitter)| (Id::of(*mesh), *emitter)).collect(), centre);
+        let key = (emitters_key(meshes, scene, Object::is_distant_light), centre);
         let shining: Vec<_> = emitters.iter().map(|(index, mesh, e)| (*index, &***mesh, e.radiance)).collect();
         self.light_geometry.get(key, progress, || LightGeometry::new(&shining, tracer, centre))
     }
@@ -267,32 +312,36 @@ impl SceneStages {
     }
 }
 
+fn emitters_key(meshes: &[Arc<Mesh>], scene: &Scene, is_wanted: fn(&Object) -> bool) -> EmittersKey {
+    let objects = (0u32..).zip(meshes).zip(&scene.objects).filter(|(_, object)| is_wanted(object));
+    objects.filter_map(|((index, mesh), object)| Some((index, Id::of(mesh), object.emitter?))).collect()
+}
+
 /// The objects' meshes, and which rays meet them.
 fn seen<'a>(meshes: &'a [Arc<Mesh>], scene: &'a Scene) -> impl Iterator<Item = (&'a Mesh, SeenBy)> {
     meshes.iter().zip(&scene.objects).map(|(mesh, object)| (&**mesh, SeenBy::of(object)))
 }
 
-/// An emitter is far away from this many radii of the mirrors on, and of everything together.
-const FAR_FROM_MIRRORS: f32 = 3.0;
-const FAR_FROM_ALL: f32 = 1.5;
+/// Says where light is missing that is refracted twice.
+fn light_through_solids(scene: &Scene) -> Option<String> {
+    let solid = scene.objects.iter().find(|object| object.casts(Chain::TT))?;
+    Some(format!(
+        "caustics of light that passes through '{}' are not computed, only those of what its surface reflects; the ground truth knows both \
+         (pinspot reference --chains TT)",
+        solid.name
+    ))
+}
 
 /// Says which emitter is too near for its light to be that of the environment.
-fn near_emitter(meshes: &[Arc<Mesh>], scene: &Scene) -> Option<String> {
-    let objects = || meshes.iter().zip(&scene.objects);
-    let centre = light_centre(&meshes.iter().map(|mesh| &**mesh).collect::<Vec<_>>(), &scene.objects);
-    let distances = |mesh: &Arc<Mesh>| mesh.positions().iter().map(|p| p.distance(centre)).collect::<Vec<_>>();
-    let radius = |is_of: fn(&Object) -> bool| {
-        objects().filter(|(_, o)| is_of(o)).flat_map(|(mesh, _)| distances(mesh)).fold(0.0, f32::max)
-    };
-    let (mirrors, all) = (radius(|o| o.specular().is_some()), radius(|o| o.emitter.is_none()));
-    let least = (FAR_FROM_MIRRORS * mirrors).max(FAR_FROM_ALL * all);
-    let emitters = objects().filter(|(_, object)| object.emitter.is_some());
-    let nearest = emitters.map(|(mesh, object)| (distances(mesh).into_iter().fold(f32::INFINITY, f32::min), object));
-    let (distance, object) = nearest.min_by(|(one, _), (other, _)| one.total_cmp(other))?;
-    (distance < least).then(|| {
+fn misplaced_emitter(meshes: &[Arc<Mesh>], scene: &Scene) -> Option<String> {
+    let meshes: Vec<&Mesh> = meshes.iter().map(|mesh| &**mesh).collect();
+    let EmitterDistances { distances, far } = EmitterDistances::new(&meshes, &scene.objects);
+    let distant = scene.objects.iter().zip(distances).filter(|(object, _)| object.is_distant_light());
+    let (object, distance) = distant.min_by(|(_, one), (_, other)| one.total_cmp(other))?;
+    (distance < far).then(|| {
         format!(
             "emitter '{}' is {distance:.3} m from the centre of the mirrors; its light arrives everywhere as it does there, which is \
-             accurate for mirrors and receivers of this size from about {least:.3} m on",
+             accurate for mirrors and receivers of this size from about {far:.3} m on: give it near = true",
             object.name
         )
     })

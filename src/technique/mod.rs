@@ -25,7 +25,7 @@ use crate::pinhole::cpu::{Contribution, TakenCell};
 use crate::pinhole::gpu::{EnvironmentCube, Frame};
 use crate::pinhole::{Filter, Receivers, SampleView};
 use crate::progress::Progress;
-use crate::scene::{Chains, Scene};
+use crate::scene::{Chain, Chains, Scene};
 use crate::stages::{LightStages, PreparedLight, PreparedScene, StageCounts};
 use crate::tracing::Hit;
 
@@ -44,6 +44,14 @@ impl Technique {
     pub fn name(self) -> &'static str {
         match self {
             Self::Pinhole => "pinhole",
+        }
+    }
+
+    /// The chains of a scene that it computes: all of them but light through closed objects.
+    pub fn chains(self, scene: &Scene) -> Chains {
+        match self {
+            Self::Pinhole if scene.objects.iter().any(|object| object.casts(Chain::TT)) => Chains::SINGLE,
+            Self::Pinhole => Chains::ALL,
         }
     }
 

@@ -56,7 +56,7 @@ pub struct Piece {
 pub struct SeenBy {
     /// Those of the camera.
     pub camera: bool,
-    /// All others. Light passes through emitters, which are part of the environment.
+    /// All others. Light passes through emitters.
     pub light: bool,
 }
 

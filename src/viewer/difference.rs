@@ -102,6 +102,7 @@ impl Comparer {
     fn compare(&self, scene: Scene, options: Options) -> Result<(), Error> {
         let asked = reference::Options {
             size: options.size,
+            chains: options.technique.chains(&scene),
             visibility: options.visibility,
             attenuation: options.attenuation,
             ..reference::Options::default()

@@ -16,7 +16,7 @@ use crate::engine::gloss::likely_facet;
 use crate::engine::ray_batches::RayBatches;
 use crate::engine::refraction::{Refracted, colours, divided};
 use crate::scene::{Medium, Object, Ray, Refractor};
-use crate::stages::{CameraRays, PreparedScene};
+use crate::stages::CameraRays;
 use crate::tracing::Hit;
 
 /// Points along the side of a pixel at edges and on mirrors.
@@ -181,8 +181,8 @@ impl PathTracer<'_> {
 
     /// What a path meets next, if its rays are traced one by one.
     fn hit(&self, walk: &Walk) -> Option<Hit> {
-        let PreparedScene { camera, tracer, .. } = self.inputs.prepared;
-        if walk.bounce == 0 { camera.hit(walk.ray) } else { tracer.secondary_hit(walk.ray) }
+        let camera = &self.inputs.prepared.camera;
+        if walk.bounce == 0 { camera.hit(walk.ray) } else { camera.secondary_hit(walk.ray) }
     }
 
     /// Takes a path beyond what it met, if it goes on. At an interface it may go on as several ones: the others are added to `branches`.

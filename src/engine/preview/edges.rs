@@ -121,7 +121,7 @@ mod tests {
         let camera =
             Camera::look_at(Vec3::Y, Vec3::ZERO, Vec3::NEG_Z, Projection::Orthographic { height: 2.0 }).unwrap();
         let meshes = || [(&mesh, SeenBy::ALL)].into_iter();
-        let tracer = CameraTracer::new(Arc::new(Tracer::of_meshes(meshes())), None);
+        let tracer = CameraTracer::new(Arc::new(Tracer::of_meshes(meshes())), None, None);
         let size = Vec2::splat(40.0);
         let first: Vec<FirstSurface> = (0..1600u32)
             .map(|k| {

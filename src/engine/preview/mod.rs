@@ -195,7 +195,9 @@ impl Engine {
         let geometry = scene.geometry_drawn_for_frame(backend.is_gpu());
         let light_stages = if geometry.is_some() { &mut self.preview.light } else { &mut self.light_stages };
         #[cfg_attr(not(feature = "gpu"), expect(unused_mut, reason = "only a GPU has copies"))]
-        let mut light = light_stages.prepare(&self.scene, geometry.as_ref(), options.cube_size, progress)?;
+        let mut light = light_stages
+            .prepare(&self.scene, geometry.as_ref(), options.cube_size, progress)?
+            .with_near(scene.near_emitters.as_ref());
         #[cfg(feature = "gpu")]
         if let Some(shared) = backend.shared_gpu() {
             light.on_gpu = self.preview.lit.prepare(shared, (&self.scene, &scene), &light, progress)?;

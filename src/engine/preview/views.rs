@@ -265,7 +265,7 @@ impl ViewTracer<'_> {
             if lanes == 0 || mirror == MAX_MIRRORS {
                 break;
             }
-            hits = self.prepared.tracer.secondary_hits(&walks.map(|walk| walk.ray), lanes);
+            hits = self.prepared.camera.secondary_hits(&walks.map(|walk| walk.ray), lanes);
         }
         views
     }

@@ -86,7 +86,10 @@ impl RayBatches for RaysOnGpu<'_> {
     }
 
     fn secondary_hits<'a>(&'a self, rays: &'a [Ray]) -> Pending<'a, Vec<Option<Hit>>> {
-        Box::pin(self.hits(rays, RayKind::Secondary, |ray| self.prepared.tracer.secondary_hit(ray)))
+        Box::pin(async move {
+            let hits = self.hits(rays, RayKind::Secondary, |ray| self.prepared.tracer.secondary_hit(ray)).await?;
+            Ok(rays.iter().zip(hits).map(|(ray, hit)| self.prepared.camera.or_emitter(*ray, hit)).collect())
+        })
     }
 
     fn blocked<'a>(&'a self, rays: &'a [Ray]) -> Pending<'a, Vec<bool>> {

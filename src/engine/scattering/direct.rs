@@ -14,11 +14,13 @@ use crate::environment::{CubeMap, LightSampler, face_direction, texel_solid_angl
 use crate::lanes::LANES;
 use crate::progress::Progress;
 use crate::scene::{Lamp, Medium, Ray};
-use crate::stages::PreparedLight;
+use crate::stages::{EmitterPart, NearEmitter, PreparedLight};
 use crate::tracing::{RayPacket, Tracer};
 
 /// Shadow rays from each part of a ray, to the environment and to each lamp.
 const RAYS_PER_PART: usize = 4;
+/// The next part of an emitter that a ray goes to is so many parts on; prime to their number.
+const FAR_PART: usize = 23;
 /// Scrambles the sequence of directions.
 const SEED: u32 = 0x27D4_EB2F;
 /// The environment is summed in texels of faces of this size at most.
@@ -77,6 +79,11 @@ impl<'a> DirectScattering<'a> {
             for lamp in self.light.lamps.iter() {
                 self.add_lamp(lamp, &of_rays, &of_part, &mut light);
             }
+            if let Some((near, factor)) = &self.light.near_emitters {
+                for emitter in &near.emitters {
+                    self.add_emitter((emitter, *factor), part, (&of_rays, &of_part), &mut light);
+                }
+            }
         }
         light.into_iter().map(|light| self.medium.sigma_s * light).collect()
     }
@@ -126,6 +133,35 @@ impl<'a> DirectScattering<'a> {
                 let passed =
                     self.medium.transmittance(distance) * seen_length(&self.medium, parts[lane]) / (end - start);
                 light[lane] += nearness(lamp, ray, parts[lane]) / RAYS_PER_PART as f32 * passed * scattered;
+            }
+        }
+    }
+
+    /// Each ray that is traced goes to another part of the emitter, from another place.
+    fn add_emitter(
+        &self,
+        (emitter, factor): (&NearEmitter, f32),
+        part: usize,
+        (rays, parts): (&[Ray], &[[f32; 2]]),
+        light: &mut [Vec3],
+    ) {
+        for k in 0..RAYS_PER_PART {
+            let along = (k as f32 + 0.5) / RAYS_PER_PART as f32;
+            let origin = |lane: usize| at(&rays[lane], parts[lane], along);
+            // Parts far from each other.
+            let index = (part * RAYS_PER_PART + k) * FAR_PART;
+            let seen = (0..rays.len()).map_while(|lane| emitter.part_from(origin(lane), index));
+            let seen: Vec<EmitterPart> = seen.collect();
+            if seen.is_empty() {
+                return;
+            }
+            let hidden = self.hidden(rays.len(), origin, |lane| (seen[lane].direction, seen[lane].distance));
+            for (lane, ray) in rays.iter().enumerate().filter(|(lane, _)| hidden >> lane & 1 == 0) {
+                let EmitterPart { direction, distance, solid_angle } = seen[lane];
+                let passed = self.medium.transmittance(distance) * seen_length(&self.medium, parts[lane]);
+                let all = emitter.part_count() as f32 / RAYS_PER_PART as f32;
+                let scattered = self.medium.phase(direction.dot(ray.direction)) * solid_angle * all;
+                light[lane] += factor * scattered * passed * emitter.radiance;
             }
         }
     }

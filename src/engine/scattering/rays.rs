@@ -3,7 +3,7 @@
 use glam::Vec3;
 use rayon::prelude::*;
 
-use crate::scene::{Medium, Object, Ray, Scene};
+use crate::scene::{Interfaces, Medium, Object, Ray, Scene};
 use crate::stages::CameraRays;
 use crate::tracing::{Hit, Tracer};
 
@@ -121,7 +121,7 @@ pub fn seen_length(medium: &Medium, [start, end]: [f32; 2]) -> Vec3 {
 /// Whether a point lies in the medium: anywhere in a scene without refractors, else behind the one that is met on the way to their
 /// middle.
 pub(in crate::engine) fn contains(scene: &Scene, tracer: &Tracer, point: Vec3) -> bool {
-    let largest = scene.objects.iter().filter(|object| object.refractor.is_some()).filter_map(|object| {
+    let largest = scene.objects.iter().filter(|object| object.has_interfaces(Interfaces::One)).filter_map(|object| {
         let mesh = object.mesh_in_world();
         let corners = |triangle: &[u32; 3]| triangle.map(|k| mesh.positions()[k as usize]);
         let area = |[a, b, c]: [Vec3; 3]| (b - a).cross(c - a).length();
@@ -131,7 +131,7 @@ pub(in crate::engine) fn contains(scene: &Scene, tracer: &Tracer, point: Vec3) -
     let Some((_, [a, b, c])) = largest.max_by(|(a, _), (b, _)| a.total_cmp(b)) else { return true };
     let mut ray = Ray { origin: point, direction: ((a + b + c) / 3.0 - point).normalize_or(Vec3::Y) };
     while let Some(hit) = tracer.secondary_hit(ray) {
-        if scene.objects[hit.object as usize].refractor.is_some() {
+        if scene.objects[hit.object as usize].has_interfaces(Interfaces::One) {
             return !hit.front;
         }
         ray.origin = hit.position;

@@ -11,9 +11,12 @@ use super::{Builder, Key, one};
 use crate::brdf::{BrdfTable, Gloss, LEAST_ROUGHNESS, TableError};
 use crate::reflectance::{Finish, Metal};
 use crate::scene::assets::readable_name;
+use crate::scene::closed::check_closed;
 use crate::scene::shapes::Shape;
 use crate::scene::wavefront::{ObjPart, ObjParts, Surface, load_obj, load_obj_by_material};
-use crate::scene::{Emitter, MAX_RADIANCE, Mesh, Object, Receiver, Reflector, Refractor, SceneError, Sides, Transform};
+use crate::scene::{
+    Emitter, Interfaces, MAX_RADIANCE, Mesh, Object, Receiver, Reflector, Refractor, SceneError, Sides, Transform,
+};
 use crate::words::escaped;
 
 #[derive(Deserialize)]
@@ -50,6 +53,11 @@ pub(super) struct Animated {
 impl ObjectTable {
     pub fn animated(&self, objects: Range<usize>) -> Animated {
         Animated { name: self.name.clone(), objects, shape: self.shape }
+    }
+
+    /// Whether it is an emitter of which it does not say whether it is near.
+    pub fn leaves_nearness_open(&self) -> bool {
+        self.emitter.as_ref().is_some_and(|emitter| emitter.near.is_none())
     }
 }
 
@@ -98,6 +106,7 @@ struct ReceiverTable {
 #[serde(deny_unknown_fields)]
 struct EmitterTable {
     radiance: [f32; 3],
+    near: Option<bool>,
 }
 
 #[derive(Deserialize)]
@@ -183,10 +192,13 @@ impl Builder<'_> {
         let emitter = match &table.emitter {
             None => None,
             Some(_) if reflector.is_some() || refractor.is_some() || receiver.is_some() => {
-                let message = "is neither reflector, refractor nor receiver: its light comes from afar; give the light an object of its own";
+                let message = "is neither reflector, refractor nor receiver: give the light an object of its own";
                 return Err(self.error(key("emitter"), message));
             }
-            Some(e) => Some(Emitter { radiance: self.colour(key("emitter.radiance"), e.radiance, MAX_RADIANCE)? }),
+            Some(e) => {
+                let radiance = self.colour(key("emitter.radiance"), e.radiance, MAX_RADIANCE)?;
+                Some(Emitter { radiance, is_near: e.near.unwrap_or(false) })
+            }
         };
         let camera_visible = table.camera_visible;
         let has_material = reflector.is_some() || refractor.is_some() || receiver.is_some() || emitter.is_some();
@@ -215,8 +227,14 @@ impl Builder<'_> {
         }
         let (mesh, dropped) = self.mesh(table, &key)?;
         let mesh = Arc::new(mesh);
-        let object = Object { name, mesh, placement, reflector, refractor, receiver, emitter, camera_visible };
-        let lost = object.checked_mesh_in_world()?.1;
+        let object =
+            Object { name: name.clone(), mesh, placement, reflector, refractor, receiver, emitter, camera_visible };
+        let (placed, lost) = object.checked_mesh_in_world()?;
+        if object.has_interfaces(Interfaces::Two) {
+            let refuse =
+                |reason| format!("is 2, but the mesh is not closed: {reason}; close it, or give interfaces = 1");
+            check_closed(&placed).map_err(|reason| self.error(key("refractor.interfaces"), refuse(reason)))?;
+        }
         note_dropped(table.mesh.as_deref().unwrap_or(&object.name), dropped + lost, notes);
         Ok(vec![object])
     }
@@ -264,10 +282,15 @@ impl Builder<'_> {
     }
 
     fn refractor(&self, table: &RefractorTable, key: &dyn Fn(&str) -> Key) -> Result<Refractor, SceneError> {
-        if table.interfaces.is_some_and(|count| count != 1) {
-            let message = "must be 1: light that is refracted twice, as by a glass ball, is not computed yet";
-            return Err(self.error(key("refractor.interfaces"), message));
-        }
+        let interfaces = match table.interfaces {
+            None | Some(1) => Interfaces::One,
+            Some(2) => Interfaces::Two,
+            Some(_) => {
+                let message =
+                    "must be 1, for the surface of water or one face of a lens, or 2, for a closed object of glass";
+                return Err(self.error(key("refractor.interfaces"), message));
+            }
+        };
         let (eta, given) = match (table.eta, table.cauchy) {
             (Some(Indices::One(eta)), None) => (DVec3::splat(eta), "eta"),
             (Some(Indices::PerChannel(eta)), None) => (eta.into(), "eta"),
@@ -284,7 +307,7 @@ impl Builder<'_> {
             );
             return Err(self.error(key(&format!("refractor.{given}")), message));
         }
-        Ok(Refractor { eta, fresnel: table.fresnel })
+        Ok(Refractor { eta, fresnel: table.fresnel, interfaces })
     }
 
     /// An object's mesh, and the number of dropped degenerate triangles.

@@ -17,7 +17,7 @@ use self::on_cpu::{FlatOnCpu, HierarchicalOnCpu};
 #[cfg(feature = "gpu")]
 use self::on_gpu::{GpuStages, HierarchicalOnGpu};
 use self::samples::{OccluderKey, SampleStages, occluder};
-use self::surroundings::{lit_surfaces, surroundings};
+use self::surroundings::{lit_surfaces, surroundings, views_of_emitter};
 use super::{Inputs, Inspected, Pending, Statistics, Sum, TechniqueStages};
 use crate::differential::DifferentialSample;
 use crate::environment::{Environment, LightBounds};
@@ -26,7 +26,7 @@ use crate::pinhole::cpu::{Accuracy, Light, TakenCell, cells_taken, contributions
 use crate::pinhole::{Filter, Params, PinholeTree, Pinholes, Receivers, Surroundings};
 use crate::progress::{Progress, Stage};
 use crate::scene::{Camera, Lamp, Medium, Visibility};
-use crate::stages::{Id, LightStages, Memo, StageCounts, SurfaceMaterials, visible_receivers};
+use crate::stages::{Id, LightStages, Memo, NearEmitters, StageCounts, SurfaceMaterials, visible_receivers};
 use crate::tracing::{Hit, Tracer};
 use crate::{Error, NoProgress};
 
@@ -50,13 +50,13 @@ struct FlatInputs {
 #[derive(Clone, Debug, Default)]
 struct NearLight {
     lamps: Arc<[Lamp]>,
-    /// What the lamps light.
-    surroundings: Option<Arc<Surroundings>>,
+    /// Each near emitter, and what these and the lamps light.
+    surroundings: Vec<Arc<Surroundings>>,
 }
 
 impl PartialEq for NearLight {
     fn eq(&self, other: &Self) -> bool {
-        let surroundings = |light: &Self| light.surroundings.as_ref().map(Id::of);
+        let surroundings = |light: &Self| light.surroundings.iter().map(Id::of).collect::<Vec<_>>();
         self.lamps == other.lamps && surroundings(self) == surroundings(other)
     }
 }
@@ -106,7 +106,7 @@ struct EstimateKey {
     near: NearLight,
 }
 
-/// What surroundings are made from: the samples, the scene, and the lamps.
+/// What surroundings are made from: the samples, the scene, and the lights in it.
 #[derive(PartialEq)]
 struct SurroundingsKey {
     points: Id<Vec<Vec3>>,
@@ -114,6 +114,7 @@ struct SurroundingsKey {
     materials: Id<SurfaceMaterials>,
     visibility: Visibility,
     lamps: Arc<[Lamp]>,
+    near_emitters: Option<(Id<NearEmitters>, f32)>,
     medium: Option<Medium>,
 }
 
@@ -122,7 +123,7 @@ struct SurroundingsKey {
 pub(super) struct PinholeStages {
     samples: SampleStages,
     estimate: Memo<EstimateKey, f32>,
-    surroundings: Memo<SurroundingsKey, Option<Arc<Surroundings>>>,
+    surroundings: Memo<SurroundingsKey, Vec<Arc<Surroundings>>>,
     /// What mirrors show.
     surfaces: Memo<(Id<Tracer>, Id<SurfaceMaterials>), Tracer>,
     /// Of the samples of previews.
@@ -199,11 +200,11 @@ impl PinholeStages {
         }
     }
 
-    /// The lamps, and what samples at these positions see in their light.
+    /// The lamps, and what samples at these positions see of emitters and in the light of both.
     fn near_light(&mut self, inputs: &Inputs, positions: &Arc<Vec<Vec3>>, samples: &Pinholes) -> NearLight {
         let Inputs { prepared, light, options, progress, .. } = *inputs;
         let lamps = light.lamps.clone();
-        if lamps.is_empty() {
+        if !light.has_near_light() {
             return NearLight::default();
         }
         let key = SurroundingsKey {
@@ -212,11 +213,18 @@ impl PinholeStages {
             materials: Id::of(&prepared.materials),
             visibility: options.visibility,
             lamps: lamps.clone(),
+            near_emitters: light.near_key(),
             medium: inputs.scene.medium,
         };
         let of_surfaces = (Id::of(&prepared.tracer), Id::of(&prepared.materials));
         let surfaces = self.surfaces.get(of_surfaces, progress, || lit_surfaces(inputs.scene));
-        let make = || surroundings(inputs, &surfaces, &samples.samples).map(Arc::new);
+        let make = || {
+            let near = light.near_emitters.iter();
+            let emitters = near.flat_map(|(near, factor)| near.emitters.iter().map(|emitter| (emitter, *factor)));
+            let seen = emitters.filter(|_| !samples.samples.is_empty());
+            let of_emitters = seen.map(|emitter| views_of_emitter(inputs, emitter, &samples.samples));
+            of_emitters.chain(surroundings(inputs, &surfaces, &samples.samples)).map(Arc::new).collect()
+        };
         let surroundings = self.surroundings.get(key, progress, make);
         NearLight { lamps, surroundings: (*surroundings).clone() }
     }
@@ -332,7 +340,7 @@ impl HierarchicalInputs {
     /// The environment, every lamp, and what these light.
     fn lights(&self) -> impl Iterator<Item = Light<'_>> {
         let environment = Light::Environment { cube: &self.environment.cube, bounds: &self.bounds };
-        let surroundings = self.near.surroundings.as_deref().map(Light::Surroundings);
+        let surroundings = self.near.surroundings.iter().map(|seen| Light::Surroundings(seen));
         std::iter::once(environment).chain(self.near.lamps.iter().map(Light::Lamp)).chain(surroundings)
     }
 

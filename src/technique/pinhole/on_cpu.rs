@@ -22,7 +22,7 @@ impl Sum for FlatOnCpu {
             for lamp in near.lamps.iter() {
                 add(sums, &gather_lamp(receivers, pinholes, lamp, params, &uncounted));
             }
-            if let Some(surroundings) = &near.surroundings {
+            for surroundings in &near.surroundings {
                 add(sums, &gather_surroundings(receivers, pinholes, surroundings, params, &uncounted));
             }
         }

@@ -1,14 +1,14 @@
-//! Renders what mirrors see of surfaces in the light of lamps: views from some of the samples, as many as keep every sample near to a
+//! Renders what mirrors see of surfaces in the light of lamps and near emitters: views from some of the samples, as many as keep every sample near to a
 //! viewpoint, compared with the distance of the nearest surface.
 
 use glam::Vec3;
 use rayon::prelude::*;
 
-use crate::environment::{CubeMap, FACES, face_direction};
+use crate::environment::{CubeMap, FACES, emitter_from, face_direction};
 use crate::pinhole::constants::MAX_VIEWPOINTS;
 use crate::pinhole::{PinholeSample, SurroundingView, Surroundings};
 use crate::scene::{Medium, Mesh, Object, Ray, Scene, Sides, Visibility};
-use crate::stages::DirectLamps;
+use crate::stages::{DirectLamps, NearEmitter};
 use crate::technique::Inputs;
 use crate::tracing::{Hit, SeenBy, Tracer};
 
@@ -59,17 +59,26 @@ pub(super) fn lit_surfaces(scene: &Scene) -> Tracer {
     Tracer::of_meshes(meshes.iter().map(|(mesh, seen_by)| (mesh, *seen_by)))
 }
 
-/// What the samples see in the light of lamps; `None` if that is nothing.
+/// What the samples see in the light of lamps and near emitters; `None` if that is nothing.
 pub(super) fn surroundings(inputs: &Inputs, surfaces: &Tracer, samples: &[PinholeSample]) -> Option<Surroundings> {
     let Inputs { scene, prepared, light, options, .. } = *inputs;
     let is_lit = scene.objects.iter().any(|o| o.receiver.as_ref().is_some_and(|r| r.albedo != Vec3::ZERO));
-    if light.lamps.is_empty() || samples.is_empty() || !is_lit {
+    if samples.is_empty() || !light.has_near_light() || !is_lit {
         return None;
     }
     let (size, max_views) = if inputs.is_preview { OF_PREVIEW } else { OF_PICTURE };
     let occluder = (options.visibility == Visibility::Full).then_some(&*prepared.tracer);
     let medium = scene.medium.filter(|_| scene.has_medium_everywhere());
-    let viewer = Viewer { scene, light: DirectLamps::new(light, occluder), surfaces, medium, size };
+    let viewer = Viewer { scene, light: DirectLamps::coarse(light, occluder), surfaces, medium, size };
+    Some(from_viewpoints(samples, max_views, |viewpoint| viewer.view(viewpoint)))
+}
+
+/// Views from so many viewpoints as keep every sample near to one, compared with the distance of the nearest surface that is seen.
+pub(super) fn from_viewpoints(
+    samples: &[PinholeSample],
+    max_views: usize,
+    view: impl Fn(Vec3) -> SurroundingView,
+) -> Surroundings {
     let extent = samples.iter().map(|s| s.position().distance(samples[0].position())).fold(0.0, f32::max);
     let viewpoint = |sample: &PinholeSample| sample.position() + OFFSET * extent * sample.normal();
     // The sample that is farthest from all viewpoints gets the next one.
@@ -77,15 +86,33 @@ pub(super) fn surroundings(inputs: &Inputs, surfaces: &Tracer, samples: &[Pinhol
     let mut next = 0;
     let mut views: Vec<SurroundingView> = Vec::new();
     loop {
-        views.push(viewer.view(viewpoint(&samples[next])));
+        views.push(view(viewpoint(&samples[next])));
         let new = samples[next].position();
         distances.iter_mut().zip(samples).for_each(|(d, sample)| *d = d.min(sample.position().distance(new)));
-        next = (0..samples.len()).max_by(|a, b| distances[*a].total_cmp(&distances[*b]))?;
+        next = (0..samples.len()).max_by(|a, b| distances[*a].total_cmp(&distances[*b])).unwrap_or(0);
         let max_nearness = views.iter().map(|view| view.max_nearness).fold(0.0, f32::max);
         if views.len() == max_views || distances[next] * max_nearness <= NEAR_ENOUGH {
-            return Some(Surroundings { views });
+            return Surroundings { views };
         }
     }
+}
+
+/// What the samples see of a near emitter, whose radiance is scaled by a factor.
+pub(super) fn views_of_emitter(
+    inputs: &Inputs,
+    (emitter, factor): (&NearEmitter, f32),
+    samples: &[PinholeSample],
+) -> Surroundings {
+    let (size, max_views) = if inputs.is_preview { OF_PREVIEW } else { OF_PICTURE };
+    let medium = inputs.scene.medium.filter(|_| inputs.scene.has_medium_everywhere());
+    let view = |viewpoint: Vec3| {
+        let (plane, nearest) = (emitter.plane_from(viewpoint), emitter.distance_from(viewpoint));
+        let passed = medium.map_or(Vec3::ONE, |medium| medium.transmittance(nearest));
+        let radiance = emitter_from(&emitter.mesh, factor * passed * emitter.radiance, viewpoint, size);
+        let planes = CubeMap::from_texels(size, &vec![plane; FACES * (size * size) as usize], false);
+        SurroundingView::new(viewpoint, radiance, planes, 1.0 / nearest)
+    };
+    from_viewpoints(samples, max_views, view)
 }
 
 impl Viewer<'_> {

@@ -78,5 +78,5 @@ fn emitters(scene: &Scene) -> Vec<PlacedEmitter> {
             radiance: object.emitter?.radiance,
         })
     };
-    scene.objects.iter().filter_map(emitter).collect()
+    scene.objects.iter().filter(|object| object.is_distant_light()).filter_map(emitter).collect()
 }

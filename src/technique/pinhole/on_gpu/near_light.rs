@@ -7,11 +7,11 @@ use crate::pinhole::Surroundings;
 use crate::pinhole::gpu::{FrameLight, LightKind, PipelineKey, TreeLight, UploadedLamp, UploadedSurroundings};
 use crate::technique::pinhole::NearLight;
 
-/// Every lamp, and the surfaces in their light.
+/// Every lamp and near emitter, and the surfaces in their light.
 #[derive(Debug)]
 pub(in crate::technique::pinhole) struct NearLightOnGpu {
     lamps: Vec<UploadedLamp>,
-    surroundings: Option<UploadedSurroundings>,
+    surroundings: Vec<UploadedSurroundings>,
 }
 
 impl NearLightOnGpu {
@@ -19,7 +19,7 @@ impl NearLightOnGpu {
         let lamps =
             near.lamps.iter().map(|lamp| UploadedLamp::upload(device, queue, lamp)).collect::<Result<_, _>>()?;
         let upload = |surfaces: &Arc<Surroundings>| UploadedSurroundings::upload(device, queue, surfaces);
-        Ok(Self { lamps, surroundings: near.surroundings.as_ref().map(upload).transpose()? })
+        Ok(Self { lamps, surroundings: near.surroundings.iter().map(upload).collect::<Result<_, _>>()? })
     }
 
     /// What each light is.

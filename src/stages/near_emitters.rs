@@ -1,0 +1,126 @@
+//! Emitters that are too near for their light to be the environment's: parts of them, from which receivers get their direct light, and what
+//! rays meet of them.
+
+use std::f32::consts::FRAC_1_PI;
+use std::sync::Arc;
+
+use glam::Vec3;
+
+use super::emitter_parts::{MeshPart, divide};
+use crate::scene::{Mesh, Object, is_closed};
+use crate::tracing::{SeenBy, Tracer};
+
+/// Parts of an emitter, for direct light and for what is seen in mirrors.
+const PARTS: usize = 64;
+const FEW_PARTS: usize = 16;
+/// Normals of a flat emitter have this cosine at least.
+const FLAT_COSINE: f32 = 0.9999;
+/// The cosine at which the plane of a flat emitter is met, at least.
+const MIN_COSINE: f32 = 0.1;
+/// Emitters that are nearer to mirrors than this, metres, are taken to be that near.
+const MIN_DISTANCE: f32 = 1e-4;
+
+/// All near emitters of a scene.
+#[derive(Debug)]
+pub(crate) struct NearEmitters {
+    /// In the order of the objects.
+    pub emitters: Vec<NearEmitter>,
+    /// What rays meet of them.
+    pub tracer: Arc<Tracer>,
+}
+
+/// A near emitter.
+#[derive(Debug)]
+pub(crate) struct NearEmitter {
+    /// W/(m²·sr).
+    pub radiance: Vec3,
+    /// In world space.
+    pub mesh: Arc<Mesh>,
+    /// The mean of its parts.
+    middle: Vec3,
+    /// The normal, if it is flat.
+    flat_normal: Option<Vec3>,
+    /// Whether only its front is seen.
+    is_closed: bool,
+    parts: Vec<MeshPart>,
+    few_parts: Vec<MeshPart>,
+}
+
+/// A part of an emitter, as it is seen from a point.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct EmitterPart {
+    /// Unit direction towards it.
+    pub direction: Vec3,
+    /// Metres.
+    pub distance: f32,
+    /// Of a disc of its area, sr.
+    pub solid_angle: f32,
+}
+
+impl NearEmitters {
+    /// From all objects, and their meshes in world space.
+    pub fn new(meshes: &[Arc<Mesh>], objects: &[Object]) -> Self {
+        let is_near = |object: &Object| object.emitter.filter(|emitter| emitter.is_near);
+        let emitters = meshes.iter().zip(objects).filter_map(|(mesh, object)| {
+            let radiance = is_near(object)?.radiance;
+            let (parts, few_parts) = (divide(mesh, PARTS), divide(mesh, FEW_PARTS));
+            let middle = parts.iter().map(|part| part.position).sum::<Vec3>() / parts.len().max(1) as f32;
+            let normals = || parts.iter().map(|part| part.area.normalize_or_zero());
+            let flat_normal = normals().next().filter(|n| normals().all(|other| n.dot(other).abs() > FLAT_COSINE));
+            let is_closed = is_closed(mesh);
+            Some(NearEmitter { radiance, mesh: mesh.clone(), middle, flat_normal, is_closed, parts, few_parts })
+        });
+        let seen_by = |object: &Object| SeenBy { camera: false, light: object.is_near_light() };
+        let seen = meshes.iter().zip(objects).map(|(mesh, object)| (&**mesh, seen_by(object)));
+        Self { emitters: emitters.collect(), tracer: Arc::new(Tracer::of_meshes(seen)) }
+    }
+}
+
+impl NearEmitter {
+    /// All its parts, as they are seen from a point; or fewer and larger ones.
+    pub fn parts_from(&self, from: Vec3, few: bool) -> impl Iterator<Item = EmitterPart> {
+        let parts = if few { &self.few_parts } else { &self.parts };
+        parts.iter().map(move |part| self.seen(part, from))
+    }
+
+    /// One of them, by any number.
+    pub fn part_from(&self, from: Vec3, index: usize) -> Option<EmitterPart> {
+        let part = self.parts.get(index % self.parts.len().max(1))?;
+        Some(self.seen(part, from))
+    }
+
+    /// How many they are.
+    pub fn part_count(&self) -> usize {
+        self.parts.len()
+    }
+
+    /// The plane in which others see it, relative to a viewpoint, as the unit normal over the distance, 1/m: its own one if it is flat, else
+    /// through its middle towards the viewpoint.
+    pub fn plane_from(&self, viewpoint: Vec3) -> Vec3 {
+        let to = self.middle - viewpoint;
+        let squared = to.length_squared().max(f32::MIN_POSITIVE);
+        let height = self.flat_normal.map_or(0.0, |normal| normal.dot(to));
+        match self.flat_normal {
+            // At grazing angles a plane passes too closely.
+            Some(normal) if height * height > MIN_COSINE * MIN_COSINE * squared => normal / height,
+            _ => to / squared,
+        }
+    }
+
+    /// From a point to the nearest of its vertices or points, metres.
+    pub fn distance_from(&self, from: Vec3) -> f32 {
+        let places = self.mesh.positions().iter().chain(self.parts.iter().map(|part| &part.position));
+        places.map(|place| place.distance(from)).fold(f32::INFINITY, f32::min).max(MIN_DISTANCE)
+    }
+
+    fn seen(&self, part: &MeshPart, from: Vec3) -> EmitterPart {
+        let to = part.position - from;
+        let distance = to.length();
+        let direction = to / distance.max(f32::MIN_POSITIVE);
+        let facing = -part.area.dot(direction);
+        let facing = if self.is_closed { facing.max(0.0) } else { facing.abs() };
+        // Close by as that of a disc seen from its axis, which stays finite.
+        let solid_angle = facing / (distance * distance + FRAC_1_PI * part.area.length());
+        EmitterPart { direction, distance, solid_angle }
+    }
+}
