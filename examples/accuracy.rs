@@ -67,8 +67,8 @@ fn compare_scene(name: &str, seconds: f64) -> Result<Comparison, Error> {
     };
     let started = Instant::now();
     let clock = || started.elapsed().as_secs_f64();
-    let should_stop = || clock() > seconds;
-    let criterion = StoppingCriterion::new(REL_ERROR).with_should_stop(&should_stop);
+    let seconds_left = || seconds - clock();
+    let criterion = StoppingCriterion::new(REL_ERROR).with_seconds_left(&seconds_left);
     wait(None, compare(&request, &criterion, &clock, &NoProgress))
 }
 

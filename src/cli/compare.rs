@@ -95,8 +95,8 @@ pub fn run(args: &CompareArgs) -> Result<(), String> {
         command: command_line(),
     };
     let clock = || watch.elapsed();
-    let should_stop = || args.seconds.is_some_and(|most| clock() >= most);
-    let criterion = StoppingCriterion::new(args.rel_error).with_should_stop(&should_stop);
+    let seconds_left = || args.seconds.map_or(f64::INFINITY, |most| most - clock());
+    let criterion = StoppingCriterion::new(args.rel_error).with_seconds_left(&seconds_left);
     let compared = wait(request.backend.device(), compare(&request, &criterion, &clock, &watch));
     watch.finish();
     let comparison = compared.map_err(|e| message(&e))?;

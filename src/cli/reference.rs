@@ -34,7 +34,7 @@ pub struct ReferenceArgs {
     /// Occlusion: full (by all objects, before and after the mirror or interface), or none [default: the scene's, else full]
     #[arg(long, value_parser = word::<Visibility>, value_name = "none|full")]
     visibility: Option<Visibility>,
-    /// Caustics to add up: R (one reflection), T (one refraction), or both [default: R,T]
+    /// Caustics to add up: R (one reflection), T (one refraction), TT (two refractions, through a closed object) [default: all]
     #[arg(long, value_parser = word::<Chain>, value_delimiter = ',', value_name = "CHAINS")]
     chains: Option<Vec<Chain>>,
     /// Image size in pixels [default: the scene's, else 512x512]
@@ -133,8 +133,8 @@ fn options(args: &ReferenceArgs, render: &Settings) -> Result<Options, String> {
 /// The estimate, with notes on what was repaired while loading.
 fn solve(args: &ReferenceArgs, scene: Scene, options: &Options, watch: &Watch) -> Result<(Stored, Vec<String>), Error> {
     let clock = || watch.elapsed();
-    let should_stop = || args.seconds.is_some_and(|most| clock() >= most);
-    let criterion = StoppingCriterion::new(args.rel_error).with_should_stop(&should_stop);
+    let seconds_left = || args.seconds.map_or(f64::INFINITY, |most| most - clock());
+    let criterion = StoppingCriterion::new(args.rel_error).with_seconds_left(&seconds_left);
     let reference = Reference::new(scene, options.clone())?;
     let known = if args.force { None } else { reference.read(&args.output)? };
     let stored = reference.solve_in_file(&args.output, known, &criterion, &clock, watch)?;

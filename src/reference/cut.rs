@@ -26,8 +26,10 @@ pub(super) struct Depth {
     pub least: u32,
     /// but at most so often,
     pub most: u32,
-    /// and not once the integral can be no more than this.
+    /// and not once the integral can be no more than this,
     pub negligible: f64,
+    /// but certainly while it could be more than this.
+    pub refined_above: f64,
 }
 
 struct Weighted<R> {
@@ -67,7 +69,7 @@ impl<R: Copy> Cut<R> {
         self.regions.clear();
         self.queue.clear();
         domain.roots(&mut |root| self.add(domain, receiver, root, None));
-        let mut wanted = depth.least / 2;
+        let mut wanted = (depth.least / 2).max(1);
         let mut mass = f64::INFINITY;
         let mut pays = true;
         self.split(domain, receiver, wanted);
@@ -76,7 +78,8 @@ impl<R: Copy> Cut<R> {
             self.split(domain, receiver, more);
             wanted += more;
             let before = std::mem::replace(&mut mass, self.regions.iter().map(|r| r.mass).sum());
-            pays = mass < D::WORTHWHILE * before && mass > depth.negligible;
+            pays =
+                mass > depth.negligible && (mass < domain.fineness().worthwhile * before || mass > depth.refined_above);
             if wanted >= depth.least && !pays {
                 break;
             }

@@ -6,7 +6,7 @@ use std::f64::consts::{PI, TAU};
 
 use glam::DVec3;
 
-use super::domain::{Domain, Lighting, Place, Receiver, WORTHWHILE_ON_SURFACES};
+use super::domain::{Domain, Fineness, Lighting, ON_SURFACES, Place, Receiver};
 use super::lamps::{Lamps, Source};
 use super::sky::{self, Sky};
 use crate::scene::Visibility;
@@ -94,7 +94,9 @@ impl Domain for Direct<'_> {
     type Region = Region;
     type Receiver = Receiver;
 
-    const WORTHWHILE: f64 = WORTHWHILE_ON_SURFACES;
+    fn fineness(&self) -> Fineness {
+        ON_SURFACES
+    }
 
     fn roots(&self, visit: &mut dyn FnMut(Region)) {
         self.sky.roots(&mut |root| visit(Region::Sky(root)));

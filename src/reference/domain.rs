@@ -24,8 +24,23 @@ pub(super) enum Place {
     Medium { phase: Phase, half_length: f64 },
 }
 
-/// [`Domain::WORTHWHILE`] in two dimensions.
-pub(super) const WORTHWHILE_ON_SURFACES: f64 = 0.3;
+/// How fine the cuts of a domain are made.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Fineness {
+    /// Twice the splits of a cut pay if they bring the total of measure × bound, and so the variance of a point, below this part of
+    /// what it was,
+    pub worthwhile: f64,
+    /// or while that is above this many times the typical irradiance of the picture.
+    pub refined_above: Option<f64>,
+    /// A cut of fewer splits is never as fine as pays.
+    pub least_splits: u32,
+    /// Where a finer cut would pay, so many times fewer points: the next pass brings more.
+    pub fewer_points: u64,
+}
+
+/// In two dimensions.
+pub(super) const ON_SURFACES: Fineness =
+    Fineness { worthwhile: 0.3, refined_above: Some(50.0), least_splits: 64, fewer_points: 4 };
 
 /// No triangle's index.
 const NONE: u32 = u32::MAX;
@@ -80,9 +95,8 @@ pub(super) trait Domain: Sync {
     /// A part of the set.
     type Region: Copy + Send;
 
-    /// Twice the splits of a cut pay if they bring the total of measure × bound, and so the variance of a point, below this part of
-    /// what it was.
-    const WORTHWHILE: f64;
+    /// How fine its cuts are made.
+    fn fineness(&self) -> Fineness;
 
     /// What the integral is for: a point, or a line of sight.
     type Receiver: Copy + Sync;

@@ -19,7 +19,7 @@ pub struct Estimate {
     pub(super) weights: Vec<f32>,
     /// Whether the cuts for each pixel have been as fine as pays.
     pub(super) is_fine: Vec<bool>,
-    /// How fine cuts may be in the next pass: an index of [`super::passes::SPLIT_LIMITS`].
+    /// How fine cuts may be in the next pass: an index of [`super::schedule::SPLIT_LIMITS`].
     pub(super) level: usize,
 }
 
@@ -55,6 +55,11 @@ impl Estimate {
     /// The part of the pixels that anything is known of.
     pub fn coverage(&self) -> f64 {
         self.weights.iter().filter(|w| **w > 0.0).count() as f64 / self.weights.len() as f64
+    }
+
+    /// About the points per replicate that each pixel's value comes from: weights are squares of points.
+    pub(super) fn points(&self) -> impl Iterator<Item = f64> {
+        self.weights.iter().map(|weight| f64::from(*weight).sqrt())
     }
 
     /// An error that says how far the work came, unless every pixel is known.

@@ -1,30 +1,19 @@
-//! The light as the ground truth sees it: radiance by direction from the original image or the analytic spot, in f64, and
+//! The environment as the ground truth sees it: radiance by direction from the original image or the analytic spot, in f64, and
 //! upper bounds of it over cones of directions. Its own look-ups: of `environment` it uses the file readers alone.
 
 use glam::{DMat3, DVec3};
 
 use super::cone::{Cone, angle};
-use super::geometry::Geometry;
 use super::map::Map;
 use crate::environment::{EnvironmentError, built_in_map};
-use crate::scene::{EnvironmentSource, Light as Source, Scene};
+use crate::scene::{EnvironmentSource, Light as Source};
 
-/// A light around the scene.
+/// The environment.
 #[derive(Debug)]
 pub(super) struct Light {
     kind: Kind,
     local_from_world: DMat3,
     intensity: f64,
-    emitters: Option<Emitters>,
-}
-
-/// Surfaces that shine, seen from one point.
-#[derive(Debug)]
-struct Emitters {
-    geometry: Geometry,
-    centre: DVec3,
-    /// By object: its radiance, and a cone of directions that holds it.
-    of_objects: Vec<Option<(DVec3, Cone)>>,
 }
 
 #[derive(Debug)]
@@ -35,7 +24,7 @@ enum Kind {
 }
 
 impl Light {
-    /// The light that a scene describes.
+    /// The one that a scene describes.
     pub fn new(source: &EnvironmentSource) -> Result<Self, EnvironmentError> {
         let kind = match &source.light {
             Source::Constant(radiance) => Kind::Constant(radiance.as_dvec3()),
@@ -48,19 +37,11 @@ impl Light {
             Source::Map(map) => Kind::Map(Box::new(Map::new(map))),
         };
         let local_from_world = DMat3::from_rotation_y(-f64::from(source.rotation_rad));
-        Ok(Self { kind, local_from_world, intensity: f64::from(source.intensity), emitters: None })
-    }
-
-    /// The light of a scene: its environment behind its emitters.
-    pub fn of_scene(scene: &Scene) -> Result<Self, EnvironmentError> {
-        Ok(Self { emitters: Emitters::of_scene(scene), ..Self::new(&scene.environment)? })
+        Ok(Self { kind, local_from_world, intensity: f64::from(source.intensity) })
     }
 
     /// Radiance that arrives from a unit direction, W/(m²·sr).
     pub fn radiance(&self, direction_in_world: DVec3) -> DVec3 {
-        if let Some(emitted) = self.emitters.as_ref().and_then(|emitters| emitters.radiance(direction_in_world)) {
-            return emitted;
-        }
         let d = self.local_from_world * direction_in_world;
         self.intensity
             * match &self.kind {
@@ -72,11 +53,6 @@ impl Light {
 
     /// At least the largest sum of the three channels over a cone of directions.
     pub fn bound(&self, cone: &Cone) -> f64 {
-        let emitted = self.emitters.as_ref().map_or(0.0, |emitters| emitters.bound(cone));
-        emitted.max(self.bound_of_environment(cone))
-    }
-
-    fn bound_of_environment(&self, cone: &Cone) -> f64 {
         let Cone { axis, half_angle } = *cone;
         let axis = self.local_from_world * axis;
         self.intensity
@@ -89,41 +65,6 @@ impl Light {
                 }
             }
     }
-}
-
-impl Emitters {
-    fn of_scene(scene: &Scene) -> Option<Self> {
-        let geometry = Geometry::of_objects(scene, |object| object.emitter.is_some());
-        let centre = scene.light_centre().as_dvec3();
-        let of_objects = (0u32..).zip(&scene.objects).map(|(index, object)| {
-            let own = geometry.triangles.iter().filter(|triangle| triangle.object == index);
-            let towards: Vec<DVec3> = own.flat_map(|triangle| triangle.corners).map(|p| p - centre).collect();
-            Some((object.emitter?.radiance.as_dvec3(), cone_around(&towards)))
-        });
-        let of_objects: Vec<_> = of_objects.collect();
-        (!geometry.triangles.is_empty()).then_some(Self { geometry, centre, of_objects })
-    }
-
-    fn radiance(&self, direction: DVec3) -> Option<DVec3> {
-        let hit = self.geometry.first_hit(self.centre, direction, |_| true)?;
-        let object = self.geometry.triangles[hit.triangle as usize].object;
-        self.of_objects[object as usize].map(|(radiance, _)| radiance)
-    }
-
-    fn bound(&self, cone: &Cone) -> f64 {
-        let is_met = |around: &Cone| angle(cone.axis, around.axis) <= cone.half_angle + around.half_angle;
-        let met = self.of_objects.iter().flatten().filter(|(_, around)| is_met(around));
-        met.map(|(radiance, _)| radiance.element_sum()).fold(0.0, f64::max)
-    }
-}
-
-/// A cone that holds a surface, by its corners relative to the apex: everything, unless all of it lies well on one side.
-fn cone_around(corners: &[DVec3]) -> Cone {
-    let (low, high) = corners.iter().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(l, h), p| (l.min(*p), h.max(*p)));
-    let Some(axis) = (low + high).try_normalize() else { return Cone::everything() };
-    let half_angle = corners.iter().map(|p| angle(axis, p.normalize_or(-axis))).fold(0.0, f64::max);
-    // Narrower than a half-space, the cone is convex, so that it holds the triangles between its corners.
-    if half_angle < 1.5 { Cone { axis, half_angle: half_angle + 1e-9 } } else { Cone::everything() }
 }
 
 fn gaussian(angle: f64, sigma: f64) -> f64 {
@@ -162,9 +103,7 @@ mod tests {
         ];
         let mut rng = rand::rngs::ChaCha8Rng::seed_from_u64(3);
         let of_source = |light| Light::new(&EnvironmentSource { light, rotation_rad: 0.7, intensity: 2.0 });
-        let with_emitters = crate::scene::load::<toml::Table>("dance-floor").unwrap().scene;
-        let lights = lights.into_iter().map(of_source).chain([Light::of_scene(&with_emitters)]);
-        for light in lights {
+        for light in lights.into_iter().map(of_source) {
             let light = light.expect("it loads");
             for _ in 0..20_000 {
                 let cone =

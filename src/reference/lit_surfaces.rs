@@ -1,10 +1,12 @@
-//! Surfaces in the light of lamps, as mirrors show them: radiance = albedo / π × irradiance, one point of each lamp at a time.
+//! Surfaces in the light of lamps and near emitters, as mirrors show them: radiance = albedo / π × irradiance, one point of each lamp, and one
+//! of all emitters, at a time.
 
-use std::f64::consts::{FRAC_1_PI, TAU};
+use std::f64::consts::{FRAC_1_PI, PI, TAU};
 
 use glam::DVec3;
 
 use super::cone::{Cone, angle};
+use super::emitters::Emitters;
 use super::geometry::{Geometry, Triangle};
 use super::lamps::{Lamps, Source};
 use super::medium::{Medium, transmittance};
@@ -14,6 +16,7 @@ use crate::scene::{Scene, Visibility};
 pub(super) struct LitSurfaces<'a> {
     geometry: &'a Geometry,
     lamps: &'a Lamps,
+    emitters: &'a Emitters,
     visibility: Visibility,
     /// Between surfaces and mirrors, 1/m.
     extinction: DVec3,
@@ -35,7 +38,12 @@ struct LitObject {
 }
 
 impl<'a> LitSurfaces<'a> {
-    pub fn new(scene: &Scene, geometry: &'a Geometry, lamps: &'a Lamps, visibility: Visibility) -> Self {
+    pub fn new(
+        scene: &Scene,
+        geometry: &'a Geometry,
+        (lamps, emitters): (&'a Lamps, &'a Emitters),
+        visibility: Visibility,
+    ) -> Self {
         let extinction = Medium::of_scene(scene).map_or(DVec3::ZERO, |medium| medium.extinction_before_surfaces());
         let albedo =
             |object: &crate::scene::Object| object.receiver.as_ref().map_or(DVec3::ZERO, |r| r.albedo.as_dvec3());
@@ -46,11 +54,11 @@ impl<'a> LitSurfaces<'a> {
         let objects: Vec<LitObject> = (0u32..)
             .zip(&albedos)
             .filter(|(_, albedo)| **albedo != DVec3::ZERO)
-            .filter_map(|(object, albedo)| LitObject::new(&lit(object), *albedo, lamps))
+            .filter_map(|(object, albedo)| LitObject::new(&lit(object), *albedo, (lamps, emitters)))
             .collect();
         let brightest = objects.iter().map(|object| object.brightest).fold(0.0, f64::max);
         let receives = scene.objects.iter().map(|object| object.receiver.is_some()).collect();
-        Self { geometry, lamps, visibility, extinction, albedos, receives, objects, brightest }
+        Self { geometry, lamps, emitters, visibility, extinction, albedos, receives, objects, brightest }
     }
 
     /// At least the largest sum of the channels of the radiance that arrives at any point of a sphere in a cone of directions.
@@ -85,13 +93,22 @@ impl<'a> LitSurfaces<'a> {
                     && self.geometry.blocks_segment(place, lamp.position, [hit.triangle; 2]);
             if is_hidden { DVec3::ZERO } else { lamp.radiance * lamp.solid_angle.min(TAU) * cosine }
         };
-        let irradiance: DVec3 = self.lamps.samples(place, numbers).map(arriving).sum();
+        let of_lamps: DVec3 = self.lamps.samples(place, numbers).map(arriving).sum();
+        let of_emitters = self.emitters.sample(place, numbers).map_or(DVec3::ZERO, |point| {
+            let cosine = point.direction.dot(normal);
+            let is_hidden = cosine <= 0.0
+                || !self.emitters.shows(place, &point)
+                || self.visibility == Visibility::Full
+                    && self.geometry.blocks_segment(place, point.position, [hit.triangle; 2]);
+            if is_hidden { DVec3::ZERO } else { point.irradiance * cosine }
+        });
+        let irradiance = of_lamps + of_emitters;
         albedo * FRAC_1_PI * irradiance * transmittance(self.extinction, place.distance(from))
     }
 }
 
 impl LitObject {
-    fn new(triangles: &[&Triangle], albedo: DVec3, lamps: &Lamps) -> Option<Self> {
+    fn new(triangles: &[&Triangle], albedo: DVec3, (lamps, emitters): (&Lamps, &Emitters)) -> Option<Self> {
         let corners = triangles.iter().flat_map(|triangle| triangle.corners);
         let around = |(low, high): (DVec3, DVec3), p: DVec3| (low.min(p), high.max(p));
         let (low, high) = corners.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), around);
@@ -99,7 +116,9 @@ impl LitObject {
             let distance = triangles.iter().map(|t| distance(t, lamp.position)).fold(f64::INFINITY, f64::min);
             lamp.most_irradiance(distance)
         };
-        let irradiance: f64 = lamps.sources().iter().map(irradiance).sum();
+        let of_lamps: f64 = lamps.sources().iter().map(irradiance).sum();
+        // As if they were all around; single points may bring more where a surface is next to an emitter.
+        let irradiance = of_lamps + PI * emitters.brightest_near();
         let brightest = albedo.max_element() * FRAC_1_PI * irradiance;
         (low.x <= high.x && brightest > 0.0).then(|| Self {
             centre: 0.5 * (low + high),

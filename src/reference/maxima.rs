@@ -5,6 +5,10 @@ use std::f64::consts::{PI, TAU};
 use super::cone::AngleBox;
 use crate::image::RgbImage;
 
+/// Ranges of values are as wide as about two cells of the level that they are first read from. So many levels below, their edges are known
+/// to a tenth of that; exact ones would take most of the time of wide ranges.
+const FINER: usize = 2;
+
 /// Upper bounds of the radiance over boxes of azimuth and polar angle: a grid of values and, above it, maxima over 2×2.
 #[derive(Debug, Default)]
 pub(super) struct Maxima {
@@ -81,22 +85,24 @@ impl Maxima {
         f64::from(self.largest(level, columns, rows))
     }
 
-    /// The largest value in a range of cells, from cells of a level and, where those reach beyond the range, of the levels below.
+    /// At least the largest value in a range of cells, from cells of a level and, where those reach beyond the range, of the
+    /// [`FINER`] levels below.
     fn largest(&self, level: usize, columns: [i64; 2], rows: [i64; 2]) -> f32 {
         let base_width = self.levels[0].width as i64;
         let (first, last) = (columns[0].rem_euclid(base_width), columns[1].rem_euclid(base_width));
         let mut largest = 0.0;
+        let levels = [level.saturating_sub(FINER), level];
         if first <= last {
-            self.raise(&mut largest, level, [first, last], rows);
+            self.raise(&mut largest, levels, [first, last], rows);
         } else {
-            self.raise(&mut largest, level, [first, base_width - 1], rows);
-            self.raise(&mut largest, level, [0, last], rows);
+            self.raise(&mut largest, levels, [first, base_width - 1], rows);
+            self.raise(&mut largest, levels, [0, last], rows);
         }
         largest
     }
 
-    /// Raises a value to the largest of a range that does not wrap.
-    fn raise(&self, largest: &mut f32, level: usize, columns: [i64; 2], rows: [i64; 2]) {
+    /// Raises a value to the largest of a range that does not wrap; `finest` is the lowest level that is read.
+    fn raise(&self, largest: &mut f32, [finest, level]: [usize; 2], columns: [i64; 2], rows: [i64; 2]) {
         let grid = &self.levels[level];
         for j in rows[0] >> level..=rows[1] >> level {
             for i in columns[0] >> level..=columns[1] >> level {
@@ -109,10 +115,10 @@ impl Maxima {
                 };
                 let (inner_columns, inner_rows) = (part(i, columns), part(j, rows));
                 let whole = |[first, last]: [i64; 2]| last - first + 1 == 1 << level;
-                if level == 0 || whole(inner_columns) && whole(inner_rows) {
+                if level == finest || whole(inner_columns) && whole(inner_rows) {
                     *largest = value;
                 } else {
-                    self.raise(largest, level - 1, inner_columns, inner_rows);
+                    self.raise(largest, [finest, level - 1], inner_columns, inner_rows);
                 }
             }
         }

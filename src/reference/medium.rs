@@ -5,7 +5,7 @@ use std::f64::consts::PI;
 use glam::DVec3;
 
 use super::cone::{Cone, angle};
-use crate::scene::{Medium as Described, Scene};
+use crate::scene::{Interfaces, Medium as Described, Scene};
 
 /// A homogeneous medium.
 #[derive(Clone, Copy, Debug)]
@@ -26,7 +26,7 @@ impl Medium {
     pub fn of_scene(scene: &Scene) -> Option<Self> {
         let Described { sigma_s, sigma_a, g } = scene.medium?;
         let (scattering, absorption) = (sigma_s.as_dvec3(), sigma_a.as_dvec3());
-        let is_behind_interfaces = scene.objects.iter().any(|object| object.refractor.is_some());
+        let is_behind_interfaces = scene.objects.iter().any(|object| object.has_interfaces(Interfaces::One));
         Some(Self { scattering, extinction: scattering + absorption, phase: Phase(g.into()), is_behind_interfaces })
     }
 

@@ -2,17 +2,19 @@
 //!
 //! It shares the scene's description, file decoding, errors and progress with what it judges, and nothing else: a test pins its
 //! imports. Data flows scene → `geometry` (f64 triangles) and
-//! `light` (radiance from the original image) → a `domain` to integrate over (`reflectors`, or the `sky` for direct light) →
+//! `light` (radiance from the original image), `lamps` and `emitters` → a `domain` to integrate over (`reflectors`, or the `sky` for direct light) →
 //! for light in the medium, `scattering` over the lines of sight, too →
 //! a `cut` per receiver point or line of sight (the density) → replicates of quasi-random points, in
 //! `passes` over the image → [`Estimate`].
 //! This module must not know samples, cells, cube maps, back ends or wgpu.
 
+mod allocation;
 mod brdf;
 mod cone;
 mod cut;
 mod direct;
 mod domain;
+mod emitters;
 mod estimate;
 mod geometry;
 mod gloss;
@@ -31,9 +33,11 @@ mod reflectors;
 mod refraction;
 mod replicates;
 mod scattering;
+mod schedule;
 mod seen;
 mod sights;
 mod sky;
+mod solids;
 mod store;
 mod tree;
 
@@ -46,6 +50,7 @@ use glam::DVec3;
 
 use self::direct::Direct;
 use self::domain::{Domain, Lighting, Receiver};
+use self::emitters::Emitters;
 use self::geometry::Geometry;
 use self::lamps::Lamps;
 use self::light::Light;
@@ -150,6 +155,8 @@ pub struct StoppingCriterion<'a> {
     pub max_points: Option<f64>,
     /// Asked before every pixel, from any thread: whether to begin nothing more.
     pub should_stop: &'a (dyn Fn() -> bool + Sync),
+    /// The seconds that are left, by any clock, asked like `should_stop`; passes are planned to fit in them.
+    pub seconds_left: Option<&'a (dyn Fn() -> f64 + Sync)>,
 }
 
 impl<'a> StoppingCriterion<'a> {
@@ -158,7 +165,7 @@ impl<'a> StoppingCriterion<'a> {
         const fn never() -> bool {
             false
         }
-        Self { rel_error, max_points: None, should_stop: &never }
+        Self { rel_error, max_points: None, should_stop: &never, seconds_left: None }
     }
 
     /// The same with a limit to the points per pixel.
@@ -167,13 +174,31 @@ impl<'a> StoppingCriterion<'a> {
         Self { max_points: Some(max_points), ..self }
     }
 
-    /// The same with an end that the caller decides on: a time limit, a key, a closed window.
+    /// The same with an end that the caller decides on: a key, a closed window.
     #[must_use]
     pub const fn with_should_stop<'b>(self, should_stop: &'b (dyn Fn() -> bool + Sync)) -> StoppingCriterion<'b>
     where
         'a: 'b,
     {
         StoppingCriterion { should_stop, ..self }
+    }
+
+    /// The same with a limit to the time, given as the seconds that are left at any moment.
+    #[must_use]
+    pub const fn with_seconds_left<'b>(self, seconds_left: &'b (dyn Fn() -> f64 + Sync)) -> StoppingCriterion<'b>
+    where
+        'a: 'b,
+    {
+        StoppingCriterion { seconds_left: Some(seconds_left), ..self }
+    }
+
+    /// Infinite where there is no limit.
+    fn seconds_left(&self) -> f64 {
+        self.seconds_left.map_or(f64::INFINITY, |left| left())
+    }
+
+    fn is_over(&self) -> bool {
+        self.seconds_left() <= 0.0 || (self.should_stop)()
     }
 }
 
@@ -214,7 +239,7 @@ fn check_chains(scene: &Scene, chains: Chains) -> Result<(), OptionError> {
         return Err(OptionError::invalid("reflector", message));
     }
     let message = format!(
-        "is {chains}, but no object casts such a caustic: R needs a reflector or a refractor with fresnel, T a refractor"
+        "is {chains}, but no object casts such a caustic: R needs a reflector or a refractor with fresnel, T a refractor, TT a closed one with interfaces = 2"
     );
     Err(OptionError::invalid("chains", message))
 }
@@ -257,6 +282,7 @@ pub struct Reference {
     geometry: Geometry,
     light: Light,
     lamps: Lamps,
+    emitters: Emitters,
     picture: Picture,
     fingerprint: String,
     /// What was repaired while loading.
@@ -283,19 +309,20 @@ impl Reference {
             check_chains(&scene, options.chains)?;
         }
         let scattering = options.quantity.is_scattered().then(|| check_medium(&scene)).transpose()?;
-        let (light, lamps) =
-            (Light::of_scene(&scene)?, Lamps::of_scene(&scene, before_lamps(&scene, options.quantity)));
+        let light = Light::new(&scene.environment)?;
+        let extinction = before_lamps(&scene, options.quantity);
+        let (lamps, emitters) = (Lamps::of_scene(&scene, extinction), Emitters::of_scene(&scene, extinction));
         let notes = scene.notes.clone();
         scene.check_placements()?;
         let geometry = Geometry::new(&scene);
         let Options { size, pixel_samples, .. } = options;
         let picture = match scattering {
-            None => Picture::Surfaces(Receivers::find(&scene, &geometry, size, pixel_samples)),
+            None => Picture::Surfaces(Receivers::find(&scene, (&geometry, &emitters), size, pixel_samples)),
             Some(medium) => Picture::Medium(medium, Receivers::through(&medium, &scene, size, pixel_samples)),
         };
         let described = serde_json::to_string(&options).expect("options are plain data");
         let fingerprint = scene.fingerprint(&described);
-        Ok(Self { scene, options, geometry, light, lamps, picture, fingerprint, notes })
+        Ok(Self { scene, options, geometry, light, lamps, emitters, picture, fingerprint, notes })
     }
 
     /// What is computed, and how.
@@ -317,18 +344,29 @@ impl Reference {
         progress: &dyn Progress,
         checkpoint: &mut dyn FnMut(&Estimate) -> Result<(), Error>,
     ) -> Result<Estimate, Error> {
+        self.solve_in_passes(criterion, known, progress, &mut |estimate, _| checkpoint(estimate))
+    }
+
+    /// The same, telling the checkpoint where passes end.
+    fn solve_in_passes(
+        &self,
+        criterion: &StoppingCriterion,
+        known: Option<Estimate>,
+        progress: &dyn Progress,
+        checkpoint: &mut Checkpoint,
+    ) -> Result<Estimate, Error> {
         let rel_error = criterion.rel_error;
         if !(rel_error > 0.0 && rel_error.is_finite()) {
             let message = format!("is {rel_error}, but must be a number greater than 0");
             return Err(OptionError::invalid("rel_error", message).into());
         }
-        let Self { geometry, light, lamps, options, .. } = self;
+        let Self { geometry, light, lamps, emitters, options, .. } = self;
         let passes = Work { options, criterion, progress };
         if options.quantity.is_caustic() {
-            let domain = Reflectors::new(&self.scene, geometry, (light, lamps), options);
+            let domain = Reflectors::new(&self.scene, geometry, (light, lamps, emitters), options);
             self.solve_for(domain, &passes, known, checkpoint)
         } else {
-            let sky = Sky { geometry, light, visibility: options.visibility };
+            let sky = Sky { geometry, light, emitters, visibility: options.visibility };
             self.solve_for(Direct { sky, lamps }, &passes, known, checkpoint)
         }
     }
@@ -363,7 +401,7 @@ impl<'a> Work<'a> {
     }
 }
 
-/// The extinction, 1/m, between lamps and what their light falls on first.
+/// The extinction, 1/m, between lamps or emitters and what their light falls on first.
 fn before_lamps(scene: &Scene, quantity: Quantity) -> DVec3 {
     let Some(medium) = Medium::of_scene(scene) else { return DVec3::ZERO };
     match quantity {

@@ -1,4 +1,4 @@
-//! Passes over the image until a stopping criterion is met: how many points each takes, and their combination.
+//! Passes over the image until a stopping criterion is met, and their combination. What each is to do, `schedule` says.
 //!
 //! A pass can end after any pixel. Each pixel keeps the weight of the passes that reached it, so its mean stays unbiased and
 //! its standard error honest: whether a pass reaches a pixel depends on the time that others took, not on its own value.
@@ -13,19 +13,15 @@ use super::domain::Domain;
 use super::estimate::Estimate;
 use super::receivers::Receivers;
 use super::replicates::{self, MOST_SPLITS, Moments, Tally, Work};
+use super::schedule::{self, Pace, Plan, SPLIT_LIMITS, next_plan};
 use super::{Options, StoppingCriterion};
 use crate::image::Image;
 use crate::{Error, Progress, Stage};
 
-/// The most splits of a cut, pass by pass: the first is over soon, whatever the scene. Each of the next ones is about the
-/// pixels only whose cuts the one before left too coarse, so all of them together cost little more than the last.
-pub(super) const SPLIT_LIMITS: [u32; 5] = [32, 256, 2048, 16_384, MOST_SPLITS];
-/// Points per replicate, at least, until cuts are as fine as they get.
-const PILOT_POINTS: f64 = 8.0;
 /// Where no more than this part of the typical irradiance can arrive, no finer cut is needed.
 const NEGLIGIBLE: f64 = 0.1;
-/// Pixels that are computed between two checkpoints.
-const PIXELS_PER_CHUNK: usize = 4096;
+/// Standard errors are not to be relied on before the passes of so many levels, unless cuts are as fine as pays.
+const TRUSTED_LEVEL: usize = 2;
 
 /// The work on one reference.
 pub(super) struct Passes<'a, D: Domain> {
@@ -35,19 +31,8 @@ pub(super) struct Passes<'a, D: Domain> {
     pub progress: &'a dyn Progress,
 }
 
-/// What a pass is to do.
-struct Plan {
-    /// Points per replicate, for each pixel: at least.
-    counts: Vec<u32>,
-    /// In [`SPLIT_LIMITS`].
-    level: usize,
-    typical_irradiance: f64,
-    /// The pixels, in the order in which they are computed, in parts that are spread over the image.
-    chunks: Vec<Vec<usize>>,
-}
-
-/// Told of the estimate between chunks.
-pub(super) type Checkpoint<'a> = dyn FnMut(&Estimate) -> Result<(), Error> + 'a;
+/// Told of the estimate between chunks, and whether a pass has ended.
+pub(super) type Checkpoint<'a> = dyn FnMut(&Estimate, bool) -> Result<(), Error> + 'a;
 
 impl<D: Domain> Passes<'_, D> {
     /// Adds passes to `known` (or starts) until the criterion is met, and shows what it has in between to `checkpoint`.
@@ -58,46 +43,32 @@ impl<D: Domain> Passes<'_, D> {
         checkpoint: &mut Checkpoint,
     ) -> Result<Estimate, Error> {
         let mut estimate = known.unwrap_or_else(|| Estimate::unknown(self.options.size));
-        while estimate.rel_error() > criterion.rel_error || may_have_missed_all(&estimate) {
-            let Some(plan) = self.next_plan(criterion, &estimate) else { break };
-            let (next, is_complete) = self.pass(&plan, &estimate, criterion, checkpoint)?;
+        let receives = self.receiving_pixels();
+        let mut pace = None;
+        while estimate.rel_error() > criterion.rel_error || is_known_too_little(&estimate) {
+            let Some(plan) = next_plan((self.options, criterion), (&estimate, &receives), pace) else { break };
+            let left = criterion.seconds_left();
+            let tally = Tally::default();
+            let (next, is_complete) = self.pass(&plan, &estimate, criterion, (&tally, checkpoint))?;
             estimate = next;
             if !is_complete {
                 break;
             }
+            let seconds = left - criterion.seconds_left();
+            let work_per_second = tally.work(self.options) / seconds;
+            pace = Some(Pace { work_per_second, most_splits: plan.most_splits });
+            checkpoint(&estimate, true)?;
         }
         Ok(estimate)
     }
 
-    fn pixels(&self) -> usize {
-        self.options.size.iter().map(|s| *s as usize).product()
+    /// Which pixels see a surface that receives, or have a line of sight through the medium.
+    fn receiving_pixels(&self) -> Vec<bool> {
+        (0..self.pixels()).map(|pixel| self.receivers.of_pixel(pixel).iter().any(Option::is_some)).collect()
     }
 
-    /// `None` if there are points enough.
-    fn next_plan(&self, criterion: &StoppingCriterion, known: &Estimate) -> Option<Plan> {
-        let level = known.level;
-        if known.coverage() < 1.0 {
-            let counts = vec![PILOT_POINTS as u32; self.pixels()];
-            let chunks = chunks(self.options.size, |pixel| known.weights[pixel] == 0.0);
-            return Some(Plan { counts, level, typical_irradiance: 0.0, chunks });
-        }
-        let typical_irradiance = typical_irradiance(known);
-        if known.is_fine.contains(&false) {
-            let counts = replicates::points_per_pixel(PILOT_POINTS, known);
-            let chunks = chunks(self.options.size, |pixel| !known.is_fine[pixel]);
-            return Some(Plan { counts, level, typical_irradiance, chunks });
-        }
-        let used = known.statistics.points_per_pixel;
-        let allowed = criterion.max_points.map_or(f64::INFINITY, |most| most - used);
-        if allowed <= 0.1 * used {
-            return None;
-        }
-        // Weights of fine pixels are squares of points.
-        let typical = known.weights.iter().map(|w| f64::from(*w).sqrt()).sum::<f64>() / known.weights.len() as f64;
-        let wanted = typical * growth(known.rel_error(), criterion.rel_error);
-        let points = wanted.min(allowed / f64::from(self.options.replicates)).max(2.0);
-        let counts = replicates::points_per_pixel(points, known);
-        Some(Plan { counts, level, typical_irradiance, chunks: chunks(self.options.size, |_| true) })
+    fn pixels(&self) -> usize {
+        self.options.size.iter().map(|s| *s as usize).product()
     }
 
     /// One independent pass added to what is known, and whether it reached all of its pixels.
@@ -106,10 +77,10 @@ impl<D: Domain> Passes<'_, D> {
         plan: &Plan,
         known: &Estimate,
         criterion: &StoppingCriterion,
-        checkpoint: &mut Checkpoint,
+        (tally, checkpoint): (&Tally, &mut Checkpoint),
     ) -> Result<(Estimate, bool), Error> {
         self.progress.begin(Stage::Reference, plan.chunks.iter().map(|c| c.len() as u64).sum());
-        let passed = self.pass_over_chunks(plan, known, criterion, checkpoint);
+        let passed = self.pass_over_chunks(plan, known, criterion, (tally, checkpoint));
         self.progress.end(Stage::Reference);
         passed
     }
@@ -119,27 +90,28 @@ impl<D: Domain> Passes<'_, D> {
         plan: &Plan,
         known: &Estimate,
         criterion: &StoppingCriterion,
-        checkpoint: &mut Checkpoint,
+        (tally, checkpoint): (&Tally, &mut Checkpoint),
     ) -> Result<(Estimate, bool), Error> {
-        let tally = Tally::default();
-        let work = self.work(plan, u64::from(known.statistics.passes), &tally);
+        let work = self.work(plan, u64::from(known.statistics.passes), tally);
         let is_stopped = AtomicBool::new(false);
         let mut found: Vec<Option<Moments>> = vec![None; self.pixels()];
         let mut estimate = known.clone();
-        for chunk in &plan.chunks {
+        for (index, chunk) in plan.chunks.iter().enumerate() {
             let moments = self.some_pixels(chunk, &work, &|| {
-                is_stopped.fetch_or((criterion.should_stop)(), Relaxed) || is_stopped.load(Relaxed)
+                is_stopped.fetch_or(criterion.is_over(), Relaxed) || is_stopped.load(Relaxed)
             });
             chunk.iter().zip(moments).for_each(|(pixel, moments)| found[*pixel] = moments);
             if found.iter().any(Option::is_some) {
-                estimate = self.combined(known, &found, plan.level, &tally);
+                estimate = self.combined(known, &found, plan, tally);
             }
             if is_stopped.load(Relaxed) {
                 return Ok((estimate, false));
             }
-            checkpoint(&estimate)?;
+            if index + 1 < plan.chunks.len() {
+                checkpoint(&estimate, false)?;
+            }
         }
-        estimate.level = if estimate.is_fine.contains(&false) { plan.level + 1 } else { SPLIT_LIMITS.len() - 1 };
+        estimate.level = schedule::level_after(plan, &estimate);
         Ok((estimate, true))
     }
 
@@ -163,18 +135,17 @@ impl<D: Domain> Passes<'_, D> {
     fn work<'b>(&'b self, plan: &'b Plan, pass: u64, tally: &'b Tally) -> Work<'b, D::Receiver> {
         let Self { receivers, options, .. } = self;
         let negligible = NEGLIGIBLE * plan.typical_irradiance;
-        let most_splits = SPLIT_LIMITS[plan.level];
-        Work { receivers, options, counts: &plan.counts, most_splits, negligible, pass, tally }
+        let Plan { counts, most_splits, typical_irradiance, .. } = plan;
+        // Where nothing is typical, bounds tell nothing.
+        let above = self.domain.fineness().refined_above.filter(|_| *typical_irradiance > 0.0);
+        let refined_above = above.map_or(f64::INFINITY, |above| above * typical_irradiance);
+        Work { receivers, options, counts, most_splits: *most_splits, negligible, refined_above, pass, tally }
     }
 
     /// What was known, and what a pass has found so far.
-    fn combined(&self, known: &Estimate, found: &[Option<Moments>], level: usize, tally: &Tally) -> Estimate {
+    fn combined(&self, known: &Estimate, found: &[Option<Moments>], plan: &Plan, tally: &Tally) -> Estimate {
         let mut estimate = known.clone();
-        estimate.add(
-            found,
-            tally.points_per_receiver().max(1.0),
-            f64::from(SPLIT_LIMITS[level]) / f64::from(MOST_SPLITS),
-        );
+        estimate.add(found, f64::from(plan.most_splits) / f64::from(MOST_SPLITS));
         estimate.statistics.passes += 1;
         estimate.statistics.points_per_pixel +=
             tally.points() * f64::from(self.options.replicates) / self.pixels() as f64;
@@ -182,48 +153,24 @@ impl<D: Domain> Passes<'_, D> {
     }
 }
 
-/// Whether coarse cuts found no light, which may be too small for them.
-fn may_have_missed_all(estimate: &Estimate) -> bool {
-    estimate.rel_error() == 0.0 && estimate.is_fine.contains(&false) && estimate.level + 1 < SPLIT_LIMITS.len()
-}
-
-/// The pixels that are `wanted`, in runs of rows from all over the image, so that an interrupted pass has been everywhere.
-fn chunks([width, height]: [u32; 2], wanted: impl Fn(usize) -> bool) -> Vec<Vec<usize>> {
-    let (width, height) = (width as usize, height as usize);
-    let count = (width * height).div_ceil(PIXELS_PER_CHUNK).clamp(1, height);
-    let chunk = |first: usize| {
-        let rows = (first..height).step_by(count);
-        rows.flat_map(|j| j * width..(j + 1) * width).filter(|pixel| wanted(*pixel)).collect()
-    };
-    (0..count).map(chunk).filter(|chunk: &Vec<usize>| !chunk.is_empty()).collect()
-}
-
-/// Root mean square over the image, less what noise adds to it.
-fn typical_irradiance(known: &Estimate) -> f64 {
-    let sums = |image: &Image| image.pixels.iter().map(|p| p.as_dvec3().element_sum()).collect::<Vec<f64>>();
-    let (means, errors) = (sums(&known.irradiance), sums(&known.standard_error));
-    let count = means.len() as f64;
-    let mean = means.iter().sum::<f64>() / count;
-    let squares = means.iter().zip(&errors).map(|(mean, error)| mean * mean - error * error).sum::<f64>() / count;
-    squares.max(mean * mean).sqrt()
-}
-
-/// By which factor the points must grow to bring an error down, if quasi-random points converge as n^-¾.
-fn growth(error: f64, goal: f64) -> f64 {
-    (1.1 * error / goal).powf(4.0 / 3.0).clamp(2.0, 8.0)
+/// Whether cuts are still so coarse that they may have missed much of the light, or all of it.
+fn is_known_too_little(estimate: &Estimate) -> bool {
+    let limits_left = SPLIT_LIMITS.len() - 1 - estimate.level;
+    estimate.is_fine.contains(&false)
+        && (estimate.level < TRUSTED_LEVEL || estimate.rel_error() == 0.0 && limits_left > 0)
 }
 
 impl Estimate {
-    /// Adds what an independent pass of so many points found; pixels that it did not reach stay as they are. `fineness`: the
+    /// Adds what an independent pass found; pixels that it did not reach stay as they are. `fineness`: the
     /// part of the finest cuts' splits that it was allowed.
     ///
     /// Passes weigh as the square of their points: better than as their number, because the error of quasi-random points falls
-    /// faster than 1/√n. Cuts that are too coarse are far worse than their points say. Weights that depend on no value keep the
-    /// mean unbiased.
-    fn add(&mut self, found: &[Option<Moments>], points: f64, fineness: f64) {
+    /// faster than 1/√n. Cuts that are too coarse are far worse than their points say. Weights that do not depend on a pixel's own
+    /// values keep its mean unbiased.
+    fn add(&mut self, found: &[Option<Moments>], fineness: f64) {
         for (pixel, moments) in found.iter().enumerate() {
-            let Some(Moments { mean, standard_error, is_fine }) = *moments else { continue };
-            let weight = (if is_fine { points } else { points * fineness }).powi(2);
+            let Some(Moments { mean, standard_error, points, is_fine }) = *moments else { continue };
+            let weight = (if is_fine { points } else { fineness * points }).powi(2);
             let before = f64::from(self.weights[pixel]);
             let (a, b) = (before / (before + weight), weight / (before + weight));
             let known = |image: &Image| if before > 0.0 { image.pixels[pixel].as_dvec3() } else { DVec3::ZERO };

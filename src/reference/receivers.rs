@@ -4,6 +4,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use super::domain::{Place, Receiver};
+use super::emitters::Emitters;
 use super::geometry::Geometry;
 use crate::scene::{Camera, Projection, Scene};
 
@@ -15,8 +16,8 @@ pub(super) struct Receivers<R> {
 }
 
 impl Receivers<Receiver> {
-    /// The points that the camera sees.
-    pub fn find(scene: &Scene, geometry: &Geometry, size: [u32; 2], per_edge: u32) -> Self {
+    /// The points that the camera sees, none where an emitter is before them.
+    pub fn find(scene: &Scene, (geometry, emitters): (&Geometry, &Emitters), size: [u32; 2], per_edge: u32) -> Self {
         Self::at_all_points(&scene.camera, size, per_edge, |(origin, direction)| {
             let hit = geometry.first_hit(origin, direction, |o| scene.objects[o as usize].camera_visible)?;
             let triangle = &geometry.triangles[hit.triangle as usize];
@@ -27,11 +28,11 @@ impl Receivers<Receiver> {
             // The side of the facet decides, not the interpolated normal.
             let seen_from_front = face.dot(direction) * face.dot(normal) <= 0.0;
             let normal = if seen_from_front { normal } else { -normal };
-            Some(Receiver {
-                position: triangle.position(hit.barycentric),
-                view: -direction,
-                place: Place::Surface { normal, triangle: hit.triangle },
-            })
+            let position = triangle.position(hit.barycentric);
+            if emitters.hide((origin, direction), position.distance(origin)) {
+                return None;
+            }
+            Some(Receiver { position, view: -direction, place: Place::Surface { normal, triangle: hit.triangle } })
         })
     }
 }

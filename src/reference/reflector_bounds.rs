@@ -49,7 +49,8 @@ impl Reflectors<'_> {
                     self.light_within(bounds, &cone)
                 } else {
                     // What the tails of a lobe reach; no bound, but enough that nothing is left out.
-                    let likely = self.light.bound(&cone).max(TAILS * mirror.alpha * self.brightest);
+                    let emitted = self.emitters.bound((bounds.centre, bounds.radius), &cone);
+                    let likely = self.light.bound(&cone).max(emitted).max(TAILS * mirror.alpha * self.brightest);
                     likely + self.surfaces.brightest + self.blurred_lamps(mirror.alpha, facing, bounds, &cone)
                 }
             }
@@ -62,6 +63,9 @@ impl Reflectors<'_> {
     pub(super) fn through(&self, interface: &Interface, seen: &Seen, receiver: &Receiver) -> f64 {
         let reflected =
             if self.chains.reflected && interface.reflects() { self.reflected(interface, seen, receiver) } else { 0.0 };
+        if interface.is_closed {
+            return reflected + self.bound_through_solid(interface, seen, receiver);
+        }
         let refracted = if self.chains.refracted { self.refracted(interface, seen, receiver) } else { 0.0 };
         reflected.max(refracted)
     }
@@ -110,9 +114,10 @@ impl Reflectors<'_> {
     }
 
     /// At least the largest sum of the channels that arrives at any point of a region in a cone of directions.
-    fn light_within(&self, bounds: &Bounds, cone: &Cone) -> f64 {
+    pub(super) fn light_within(&self, bounds: &Bounds, cone: &Cone) -> f64 {
         let lamps = if self.lamps.is_empty() { 0.0 } else { self.lamps.bound((bounds.centre, bounds.radius), cone) };
-        self.light.bound(cone) + lamps + self.surfaces.bound((bounds.centre, bounds.radius), cone)
+        let emitted = self.emitters.bound((bounds.centre, bounds.radius), cone);
+        self.light.bound(cone).max(emitted) + lamps + self.surfaces.bound((bounds.centre, bounds.radius), cone)
     }
 
     /// What lamps add to that for a rough mirror whose cosine towards the receiver is at most `facing`, and whose lobe lies in a cone.

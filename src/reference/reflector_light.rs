@@ -44,16 +44,20 @@ impl Reflectors<'_> {
         lamps + facet.weight * reflectance.at(facet.cosine) * light
     }
 
-    /// What a point of an interface reflects to a receiver in front of it, or refracts to one behind it, W/(m²·sr).
+    /// What a point of an interface reflects to a receiver in front of it, or refracts to one behind it or, through a closed object, in front
+    /// of it, W/(m²·sr).
     pub(super) fn light_through(&self, interface: &Interface, point: &Point, numbers: [f64; 2]) -> DVec3 {
         let Point { normal, towards, cosine, .. } = *point;
         if cosine < 0.0 {
+            let through =
+                if interface.is_closed { self.light_through_solid(interface, point, numbers) } else { DVec3::ZERO };
             if !self.chains.reflected || !interface.reflects() {
-                return DVec3::ZERO;
+                return through;
             }
-            return interface.reflectance(-cosine) * self.light_from(point, reflect(towards, normal), numbers);
+            return through
+                + interface.reflectance(-cosine) * self.light_from(point, reflect(towards, normal), numbers);
         }
-        if !self.chains.refracted {
+        if !self.chains.refracted || interface.is_closed {
             return DVec3::ZERO;
         }
         let refracted = |eta: f64| match interface.factor(cosine, eta) {
@@ -67,19 +71,23 @@ impl Reflectors<'_> {
     }
 
     /// What arrives at a point from a direction, W/(m²·sr).
-    fn light_from(&self, point: &Point, direction: DVec3, numbers: [f64; 2]) -> DVec3 {
+    pub(super) fn light_from(&self, point: &Point, direction: DVec3, numbers: [f64; 2]) -> DVec3 {
         let lamps = self.lamps.met(point.position, direction).filter(|(position, _)| !self.is_hidden(point, *position));
         lamps.map(|(_, radiance)| radiance).sum::<DVec3>()
             + self.surfaces.radiance((point.position, point.id), direction, numbers)
             + self.environment_from(point, direction)
     }
 
-    /// Whether a lamp at a position is hidden from a point.
+    /// Whether a lamp or an emitter at a position is hidden from a point.
     fn is_hidden(&self, point: &Point, position: DVec3) -> bool {
         self.visibility == Visibility::Full && self.geometry.blocks_segment(point.position, position, [point.id; 2])
     }
 
+    /// What arrives of emitters or, behind these, of the environment.
     fn environment_from(&self, point: &Point, direction: DVec3) -> DVec3 {
+        if let Some(met) = self.emitters.met(point.position, direction) {
+            return if self.is_hidden(point, met.position) { DVec3::ZERO } else { met.radiance };
+        }
         if self.visibility == Visibility::Full && self.geometry.blocks_ray(point.position, direction, point.id) {
             return DVec3::ZERO;
         }

@@ -9,7 +9,8 @@
 use glam::DVec3;
 
 use super::cone::Cone;
-use super::domain::{Domain, Lighting, Place, Receiver, WORTHWHILE_ON_SURFACES};
+use super::domain::{Domain, Fineness, Lighting, ON_SURFACES, Place, Receiver};
+use super::emitters::Emitters;
 use super::geometry::{Geometry, Triangle};
 use super::lamps::Lamps;
 use super::light::Light;
@@ -33,6 +34,7 @@ pub(super) struct Reflectors<'a> {
     pub(super) geometry: &'a Geometry,
     pub(super) light: &'a Light,
     pub(super) lamps: &'a Lamps,
+    pub(super) emitters: &'a Emitters,
     pub(super) visibility: Visibility,
     attenuation: bool,
     pub(super) medium: Option<Medium>,
@@ -86,7 +88,7 @@ impl<'a> Reflectors<'a> {
     pub fn new(
         scene: &Scene,
         geometry: &'a Geometry,
-        (light, lamps): (&'a Light, &'a Lamps),
+        (light, lamps, emitters): (&'a Light, &'a Lamps, &'a Emitters),
         options: &Options,
     ) -> Self {
         let mut reflectances = Vec::new();
@@ -110,7 +112,8 @@ impl<'a> Reflectors<'a> {
             geometry,
             light,
             lamps,
-            surfaces: LitSurfaces::new(scene, geometry, lamps, options.visibility),
+            emitters,
+            surfaces: LitSurfaces::new(scene, geometry, (lamps, emitters), options.visibility),
             visibility: options.visibility,
             attenuation: options.attenuation,
             medium: Medium::of_scene(scene),
@@ -120,7 +123,7 @@ impl<'a> Reflectors<'a> {
             materials,
             reflectances,
             tree,
-            brightest: light.bound(&Cone::everything()),
+            brightest: light.bound(&Cone::everything()).max(emitters.brightest()),
         }
     }
 
@@ -147,10 +150,11 @@ impl<'a> Reflectors<'a> {
             .map(|b| Corner { offset: triangle.position(b) - receiver.position, normal: side * triangle.normal(b) })
     }
 
-    /// Of the way from a point of a surface to a receiver at whose direction the normal has this cosine: the medium is behind interfaces.
+    /// Of the way from a point of a surface to a receiver at whose direction the normal has this cosine: the medium is behind interfaces,
+    /// unless these enclose an object.
     fn transmittance(&self, material: &Material, cosine: f64, distance: f64) -> DVec3 {
         match (&self.medium, material.surface) {
-            (Some(_), Kind::Interface(_)) if cosine < 0.0 => DVec3::ONE,
+            (Some(_), Kind::Interface(interface)) if cosine < 0.0 && !interface.is_closed => DVec3::ONE,
             (Some(medium), _) => medium.transmittance(distance),
             (None, _) => DVec3::ONE,
         }
@@ -191,7 +195,14 @@ impl Domain for Reflectors<'_> {
     type Region = Region;
     type Receiver = Receiver;
 
-    const WORTHWHILE: f64 = WORTHWHILE_ON_SURFACES;
+    fn fineness(&self) -> Fineness {
+        let is_closed = |m: &Material| matches!(m.surface, Kind::Interface(interface) if interface.is_closed);
+        if self.chains.refracted_twice && self.materials.iter().flatten().any(is_closed) {
+            // What comes through is known for small regions only.
+            return Fineness { worthwhile: 0.8, least_splits: 512, ..ON_SURFACES };
+        }
+        ON_SURFACES
+    }
 
     fn roots(&self, visit: &mut dyn FnMut(Region)) {
         for &node in &self.tree.roots {
@@ -208,11 +219,12 @@ impl Domain for Reflectors<'_> {
         if seen.received == 0.0 {
             return 0.0;
         }
-        let corners = match self.tree.nodes[region.node as usize].content {
-            Content::Triangle(id) => Some(self.corners(&self.geometry.triangles[id as usize], region, receiver)),
+        let triangle = match self.tree.nodes[region.node as usize].content {
+            Content::Triangle(id) => Some(id),
             Content::Inner { .. } => None,
         };
-        let seen = Seen { corners, ..seen };
+        let corners = triangle.map(|id| self.corners(&self.geometry.triangles[id as usize], region, receiver));
+        let seen = Seen { triangle, corners, ..seen };
         let nearest = seen.nearest;
         let light = match self.material(seen.bounds.object).surface {
             Kind::Mirror(mirror) => self.mirrored(&mirror, &seen, receiver) * self.most_transmittance(&seen),
@@ -365,15 +377,16 @@ mod tests {
         let mut rng = rand::rngs::ChaCha8Rng::seed_from_u64(1);
         let options = Options { visibility: Visibility::None, ..Default::default() };
         let built_in = |name| (name, crate::scene::load::<toml::Table>(name).unwrap().scene);
-        let scenes = ["ring", "ring-solid", "cup", "spoon", "disco-ball"].map(built_in);
+        let scenes = ["ring", "ring-solid", "cup", "spoon", "disco-ball", "dynamic"].map(built_in);
         let waters =
             ["eta = 1.333", "eta = [1.3, 1.5, 1.7], fresnel = false", "eta = 0.7"].map(|water| ("water", waves(water)));
         for (name, scene) in scenes.into_iter().chain(waters) {
             let geometry = Geometry::new(&scene);
             let light = Light::new(&scene.environment).unwrap();
             let lamps = Lamps::of_scene(&scene, DVec3::ZERO);
-            let domain = Reflectors::new(&scene, &geometry, (&light, &lamps), &options);
-            let receivers = Receivers::find(&scene, &geometry, [24, 16], 1);
+            let emitters = Emitters::of_scene(&scene, DVec3::ZERO);
+            let domain = Reflectors::new(&scene, &geometry, (&light, &lamps, &emitters), &options);
+            let receivers = Receivers::find(&scene, (&geometry, &emitters), [24, 16], 1);
             for pixel in 0..24 * 16 {
                 let Some(receiver) = receivers.of_pixel(pixel)[0] else { continue };
                 for _ in 0..20 {
@@ -391,15 +404,17 @@ mod tests {
         let built_in = |name| (name, crate::scene::load::<toml::Table>(name).unwrap().scene);
         let waters = ["eta = 1.333", "eta = [1.3, 1.5, 1.7], fresnel = false", "eta = 0.7"];
         let waters = waters.map(|water| ("water", waves(water)));
-        for (name, mut scene) in ["ring", "cup", "disco-ball"].map(built_in).into_iter().chain(waters) {
+        for (name, mut scene) in ["ring", "cup", "disco-ball", "dynamic"].map(built_in).into_iter().chain(waters) {
             let g = rng.random_range(-0.9..0.9);
             let sigma_s = Vec3::new(0.3, 0.1, 2.0);
             scene.medium = Some(crate::scene::Medium { sigma_s, sigma_a: Vec3::splat(0.1), g });
             let geometry = Geometry::new(&scene);
             let light = Light::new(&scene.environment).unwrap();
             let medium = Medium::of_scene(&scene).unwrap();
-            let lamps = Lamps::of_scene(&scene, medium.extinction_before_surfaces());
-            let domain = Reflectors::new(&scene, &geometry, (&light, &lamps), &options);
+            let extinction = medium.extinction_before_surfaces();
+            let lamps = Lamps::of_scene(&scene, extinction);
+            let emitters = Emitters::of_scene(&scene, extinction);
+            let domain = Reflectors::new(&scene, &geometry, (&light, &lamps, &emitters), &options);
             let mut everywhere = medium;
             everywhere.is_behind_interfaces = false;
             let sights = Receivers::through(&everywhere, &scene, [24, 16], 1);

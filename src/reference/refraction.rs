@@ -6,13 +6,15 @@ use std::f64::consts::{FRAC_PI_2, PI};
 use glam::DVec3;
 
 use super::cone::{Cone, angle};
-use crate::scene::Refractor;
+use crate::scene::{Interfaces, Refractor};
 
 /// An interface. Receivers behind it are within the medium of the index `eta`, relative to the one in front.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Interface {
     eta: DVec3,
     fresnel: bool,
+    /// Whether it is that of a closed object, which light leaves again.
+    pub(super) is_closed: bool,
 }
 
 /// Bounds of what a region of an interface refracts to a receiver, for one index: a cone that holds the directions to the light, and at
@@ -28,7 +30,8 @@ pub(super) struct Refracted {
 
 impl Interface {
     pub fn new(refractor: &Refractor) -> Self {
-        Self { eta: refractor.eta, fresnel: refractor.fresnel }
+        let is_closed = refractor.interfaces == Interfaces::Two;
+        Self { eta: refractor.eta, fresnel: refractor.fresnel, is_closed }
     }
 
     /// Whether it reflects at all.
@@ -44,6 +47,15 @@ impl Interface {
     /// The reflectance for light from the front, by the cosine of the angle of incidence.
     pub fn reflectance(&self, cosine: f64) -> DVec3 {
         self.eta.map(|eta| fresnel(cosine, transmitted_cosine(cosine, 1.0 / eta), eta))
+    }
+
+    /// The part of the light from the front, at an angle of this cosine, that is not reflected. Zero beyond the critical angle.
+    pub fn passed_from_front(&self, cosine: f64, eta: f64) -> f64 {
+        let behind = transmitted_cosine(cosine, 1.0 / eta);
+        match behind > 0.0 {
+            true if self.fresnel => 1.0 - fresnel(cosine, behind, eta),
+            passes => f64::from(u8::from(passes)),
+        }
     }
 
     /// The factor on the radiance that arrives behind the interface at an angle of this cosine: what is not reflected, over a smaller
@@ -134,7 +146,7 @@ mod tests {
     use rand::{RngExt, SeedableRng};
 
     fn interface(eta: f64, fresnel: bool) -> Interface {
-        Interface { eta: DVec3::splat(eta), fresnel }
+        Interface { eta: DVec3::splat(eta), fresnel, is_closed: false }
     }
 
     #[test]

@@ -5,25 +5,25 @@
 
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
-use glam::{DVec3, Vec3};
+use glam::DVec3;
 
 use super::cut::{Cut, Depth};
 use super::domain::Domain;
 use super::receivers::Receivers;
-use super::{Density, Estimate, Options};
+use super::{Density, Options};
 
-/// Where there are few points and little to find, a cut this fine still pays.
-const LEAST_SPLITS: u32 = 512;
 /// More would not fit into a core's cache.
 pub(super) const MOST_SPLITS: u32 = 1 << 16;
 /// The most points that `sobol_burley` has.
-const MAX_POINTS: u32 = 1 << 16;
+pub(super) const MAX_POINTS: u32 = 1 << 16;
 
 /// Mean and its standard error.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Moments {
     pub mean: DVec3,
     pub standard_error: DVec3,
+    /// Points of a replicate, the mean over the pixel's receivers; 1 if it has none.
+    pub points: f64,
     /// Whether all cuts were as fine as pays.
     pub is_fine: bool,
 }
@@ -38,6 +38,8 @@ pub(super) struct Work<'a, R> {
     pub most_splits: u32,
     /// Where no more than this can arrive, W/m², no finer cut is needed.
     pub negligible: f64,
+    /// Where more could arrive, W/m², a finer cut is.
+    pub refined_above: f64,
     pub pass: u64,
     pub tally: &'a Tally,
 }
@@ -46,23 +48,23 @@ pub(super) struct Work<'a, R> {
 #[derive(Default)]
 pub(super) struct Tally {
     points: AtomicU64,
-    receivers: AtomicU64,
+    splits: AtomicU64,
 }
 
 impl Tally {
-    fn add(&self, points: u32) {
+    fn add(&self, points: u32, splits: u64) {
         self.points.fetch_add(u64::from(points), Relaxed);
-        self.receivers.fetch_add(1, Relaxed);
+        self.splits.fetch_add(splits, Relaxed);
+    }
+
+    /// What has been done, as the number of points that takes as long.
+    pub fn work(&self, options: &Options) -> f64 {
+        self.points() * f64::from(options.replicates) + work_of_splits(self.splits.load(Relaxed) as f64)
     }
 
     /// Points of all receivers, per replicate.
     pub fn points(&self) -> f64 {
         self.points.load(Relaxed) as f64
-    }
-
-    /// Mean points of a receiver, per replicate.
-    pub fn points_per_receiver(&self) -> f64 {
-        self.points() / (self.receivers.load(Relaxed) as f64).max(1.0)
     }
 }
 
@@ -71,25 +73,19 @@ impl Tally {
 const POINTS_PER_SPLIT: u32 = 4;
 
 /// The fewest splits for a pixel of so many points per replicate.
-fn least_splits(points: u32, options: &Options) -> u32 {
-    (points.saturating_mul(options.replicates) / POINTS_PER_SPLIT).clamp(LEAST_SPLITS, MOST_SPLITS)
+fn least_splits<D: Domain>(domain: &D, points: u32, options: &Options) -> u32 {
+    (points.saturating_mul(options.replicates) / POINTS_PER_SPLIT).clamp(domain.fineness().least_splits, MOST_SPLITS)
+}
+
+/// The points that take as long as so many splits.
+pub(super) fn work_of_splits(splits: f64) -> f64 {
+    splits * f64::from(POINTS_PER_SPLIT)
 }
 
 /// Points per replicate that a cut of so many splits is worth.
 fn affordable_points(splits: u64, options: &Options) -> u32 {
     let points = (splits * u64::from(POINTS_PER_SPLIT) / u64::from(options.replicates)).clamp(1, u64::from(MAX_POINTS));
     1 << points.ilog2()
-}
-
-/// How many points each pixel gets in a pass: powers of two in proportion to the error that is known, around `points`.
-/// A pass is unbiased whatever came before it, because its points are new ones.
-pub(super) fn points_per_pixel(points: f64, known: &Estimate) -> Vec<u32> {
-    let power = |wanted: f64| wanted.clamp(1.0, f64::from(MAX_POINTS)).log2().round().exp2() as u32;
-    let error = |p: &Vec3| f64::from(p.element_sum());
-    let errors = &known.standard_error.pixels;
-    let square = errors.iter().map(|p| error(p).powi(2)).sum::<f64>() / errors.len() as f64;
-    let typical = square.sqrt().max(f64::MIN_POSITIVE);
-    errors.iter().map(|p| power(points * (error(p) / typical).clamp(1.0 / 16.0, 256.0))).collect()
 }
 
 /// Integrates for the points of one pixel.
@@ -102,27 +98,35 @@ pub(super) fn pixel<D: Domain>(
     let points = work.receivers.of_pixel(pixel);
     let mut means = vec![DVec3::ZERO; work.options.replicates as usize];
     let mut is_fine = true;
-    let least = least_splits(work.counts[pixel], work.options);
-    let depth = Depth { least: least.min(work.most_splits), most: work.most_splits, negligible: work.negligible };
+    let least = least_splits(domain, work.counts[pixel], work.options);
+    let Work { most_splits: most, negligible, refined_above, .. } = *work;
+    let depth = Depth { least: least.min(most), most, negligible, refined_above };
+    let (mut all_points, mut receiving) = (0.0, 0.0);
     for (k, receiver) in points.iter().enumerate() {
         let Some(receiver) = receiver else { continue };
         let splits = cut.splits;
+        let mut is_limited = false;
         match work.options.density {
             Density::Bounded => {
-                let is_limited = cut.refine(domain, receiver, &depth);
-                is_fine &= work.most_splits == MOST_SPLITS || !is_limited && least <= work.most_splits;
+                is_limited = (cut.refine(domain, receiver, &depth) || least > most) && most < MOST_SPLITS;
             }
             Density::Uniform => cut.uniform(domain),
         }
         let splits = cut.splits - splits;
-        let count = work.counts[pixel].max(affordable_points(splits, work.options));
+        is_fine &= !is_limited;
+        let worth =
+            affordable_points(if is_limited { splits / domain.fineness().fewer_points } else { splits }, work.options);
+        let count = work.counts[pixel].max(worth);
         if cut.total() > 0.0 {
             let stream = (pixel * points.len() + k) as u64;
             add_replicates(domain, work, receiver, cut, stream, count, &mut means);
         }
-        work.tally.add(count);
+        work.tally.add(count, splits);
+        all_points += f64::from(count);
+        receiving += 1.0;
     }
-    Moments { is_fine, ..moments(&means, points.len()) }
+    let points_of_one = f64::max(all_points / f64::max(receiving, 1.0), 1.0);
+    Moments { is_fine, points: points_of_one, ..moments(&means, points.len()) }
 }
 
 fn add_replicates<D: Domain>(
@@ -157,7 +161,7 @@ fn moments(means: &[DVec3], points: usize) -> Moments {
     let mean = means.iter().sum::<DVec3>() / count;
     let squares: DVec3 = means.iter().map(|m| (*m - mean) * (*m - mean)).sum();
     let standard_error = (squares / (count * (count - 1.0))).map(f64::sqrt);
-    Moments { mean: mean / points as f64, standard_error: standard_error / points as f64, is_fine: true }
+    Moments { mean: mean / points as f64, standard_error: standard_error / points as f64, ..Moments::default() }
 }
 
 /// Numbers to an unrelated seed (the finaliser of SplitMix64 over each).

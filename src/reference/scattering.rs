@@ -7,7 +7,7 @@
 
 use glam::DVec3;
 
-use super::domain::{Domain, Lighting};
+use super::domain::{Domain, Fineness, Lighting};
 use super::medium::Medium;
 use super::sights::Sight;
 
@@ -59,7 +59,9 @@ impl<D: Lighting> Domain for Scattering<'_, D> {
     type Receiver = Sight;
 
     /// In three dimensions cuts take more splits to become fine, and the points converge more slowly.
-    const WORTHWHILE: f64 = 0.6;
+    fn fineness(&self) -> Fineness {
+        Fineness { worthwhile: 0.6, refined_above: None, least_splits: 512, fewer_points: 1 }
+    }
 
     fn roots(&self, visit: &mut dyn FnMut(Self::Region)) {
         let mut roots = 0u64;

@@ -34,7 +34,8 @@ pub(super) struct Seen {
     /// By how much the direction from a point of the region to a point of the receiver may differ from that to the receiver's position,
     /// radians.
     pub swing: f64,
-    /// Of a triangle, or of a part of one.
+    /// Its triangle, if it is no more than that, and the corners of what it is of it.
+    pub triangle: Option<u32>,
     pub corners: Option<[Corner; 3]>,
 }
 
@@ -65,7 +66,7 @@ impl Seen {
             _ => (around(to_centre), 0.0),
         };
         let received = receiver.most_received(&towards);
-        Self { bounds, towards, received, nearest, distance, swing, corners: None }
+        Self { bounds, towards, received, nearest, distance, swing, triangle: None, corners: None }
     }
 
     /// The least distance, m, even where that means little for directions.

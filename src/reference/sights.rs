@@ -6,7 +6,7 @@ use super::domain::{Place, Receiver};
 use super::geometry::Geometry;
 use super::medium::{Medium, Phase};
 use super::receivers::Receivers;
-use crate::scene::Scene;
+use crate::scene::{Interfaces, Scene};
 
 /// A line of sight.
 #[derive(Clone, Copy, Debug)]
@@ -51,7 +51,7 @@ impl Receivers<Sight> {
 
 /// Whether the camera is behind the scene's interfaces: by the first one on the way to the middle of their largest triangle.
 fn is_behind_interfaces(scene: &Scene, geometry: &Geometry) -> bool {
-    let is_interface = |object: u32| scene.objects[object as usize].refractor.is_some();
+    let is_interface = |object: u32| scene.objects[object as usize].has_interfaces(Interfaces::One);
     let across = |[a, b, c]: [DVec3; 3]| (b - a).cross(c - a);
     let interfaces = geometry.triangles.iter().filter(|triangle| is_interface(triangle.object));
     let area = |corners: [DVec3; 3]| across(corners).length_squared();

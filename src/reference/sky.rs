@@ -1,4 +1,4 @@
-//! Light without a mirror: the integral of radiance × cosine, or of radiance × phase function, over the directions around a
+//! Light of the environment and of emitters without a mirror: the integral of radiance × cosine, or of radiance × phase function, over the directions around a
 //! receiver.
 //!
 //! Regions are boxes of azimuth and height about +Y, on which equal areas are equal solid angles (Archimedes).
@@ -8,7 +8,8 @@ use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use glam::DVec3;
 
 use super::cone::Cone;
-use super::domain::{Domain, Lighting, Receiver, WORTHWHILE_ON_SURFACES};
+use super::domain::{Domain, Fineness, Lighting, ON_SURFACES, Receiver};
+use super::emitters::Emitters;
 use super::geometry::Geometry;
 use super::light::Light;
 use crate::scene::Visibility;
@@ -17,6 +18,7 @@ use crate::scene::Visibility;
 pub(super) struct Sky<'a> {
     pub geometry: &'a Geometry,
     pub light: &'a Light,
+    pub emitters: &'a Emitters,
     pub visibility: Visibility,
 }
 
@@ -53,7 +55,9 @@ impl Domain for Sky<'_> {
     type Region = Region;
     type Receiver = Receiver;
 
-    const WORTHWHILE: f64 = WORTHWHILE_ON_SURFACES;
+    fn fineness(&self) -> Fineness {
+        ON_SURFACES
+    }
 
     fn roots(&self, visit: &mut dyn FnMut(Region)) {
         visit(Region { azimuth: [0.0, TAU], height: [-1.0, 1.0], depth: 0, path: 0 });
@@ -66,7 +70,11 @@ impl Domain for Sky<'_> {
     fn bound(&self, region: &Region, receiver: &Receiver) -> f64 {
         let cone = region.cone();
         let received = receiver.most_received(&cone);
-        if received == 0.0 { 0.0 } else { received * self.light.bound(&cone) }
+        if received == 0.0 {
+            return 0.0;
+        }
+        let emitted = self.emitters.bound((receiver.position, receiver.half_length()), &cone);
+        received * self.light.bound(&cone).max(emitted)
     }
 
     fn split(&self, region: &Region, _: &Receiver, visit: &mut dyn FnMut(Region)) {
@@ -97,10 +105,16 @@ impl Domain for Sky<'_> {
         let between = |[a, b]: [f64; 2], t: f64| a + (b - a) * t;
         let towards = direction(between(region.azimuth, u), between(region.height, v));
         let received = receiver.received(towards);
-        if received <= 0.0
-            || self.visibility == Visibility::Full
-                && self.geometry.blocks_ray(receiver.position, towards, receiver.triangle())
-        {
+        if received <= 0.0 {
+            return DVec3::ZERO;
+        }
+        let casts_shadows = self.visibility == Visibility::Full;
+        if let Some(met) = self.emitters.met(receiver.position, towards) {
+            let between = [receiver.triangle(); 2];
+            let is_hidden = casts_shadows && self.geometry.blocks_segment(receiver.position, met.position, between);
+            return if is_hidden { DVec3::ZERO } else { received * met.radiance };
+        }
+        if casts_shadows && self.geometry.blocks_ray(receiver.position, towards, receiver.triangle()) {
             return DVec3::ZERO;
         }
         received * self.light.radiance(towards)

@@ -7,7 +7,7 @@ use glam::Vec3;
 use serde::{Deserialize, Serialize};
 
 use super::estimate::Statistics;
-use super::passes::SPLIT_LIMITS;
+use super::schedule::SPLIT_LIMITS;
 use super::{Estimate, Reference, ReferenceError, StoppingCriterion};
 use crate::image::{Image, read_exr, read_exr_text, write_exr_with_text};
 use crate::{Error, Progress};
@@ -42,8 +42,8 @@ struct Text {
 }
 
 impl Reference {
-    /// Goes on from `known` (or starts) until the criterion is met, and keeps the state in a file: about once a minute by
-    /// `clock` (seconds from any start), and in the end.
+    /// Goes on from `known` (or starts) until the criterion is met, and keeps the state in a file: after every pass, about once
+    /// a minute by `clock` (seconds from any start), and in the end.
     pub fn solve_in_file(
         &self,
         path: &Path,
@@ -56,15 +56,15 @@ impl Reference {
         let before = known.as_ref().map_or(0.0, |k| k.seconds);
         let seconds = || before + (clock() - started).max(0.0);
         let mut written = started;
-        let checkpoint = &mut |estimate: &Estimate| {
-            if clock() - written < SECONDS_BETWEEN_WRITES {
+        let checkpoint = &mut |estimate: &Estimate, ends_pass: bool| {
+            if !ends_pass && clock() - written < SECONDS_BETWEEN_WRITES {
                 return Ok(());
             }
             written = clock();
             self.write(path, estimate, seconds())
         };
         let had = known.as_ref().map_or_else(Statistics::default, |k| k.estimate.statistics);
-        let estimate = self.solve(criterion, known.map(|k| k.estimate), progress, checkpoint)?;
+        let estimate = self.solve_in_passes(criterion, known.map(|k| k.estimate), progress, checkpoint)?;
         if had != estimate.statistics {
             self.write(path, &estimate, seconds())?;
         }

@@ -49,18 +49,8 @@ fn check(backend: &Backend, (samples, leaves): (u32, Option<u32>), stages: &[Sta
 
 #[test]
 fn a_cancelled_picture_leaves_no_incomplete_stage_behind() {
-    let stages = [
-        Stage::Geometry,
-        Stage::Light,
-        Stage::Tree,
-        Stage::Visibility,
-        Stage::Estimate,
-        Stage::Direct,
-        Stage::Caustic,
-        Stage::Paths,
-        Stage::PathEnds,
-        Stage::Shading,
-    ];
+    let stages =
+        [Stage::Geometry, Stage::Tree, Stage::Visibility, Stage::Direct, Stage::Caustic, Stage::Paths, Stage::Shading];
     check(&Backend::cpu(), (60, Some(4)), &stages);
     let gpu = gpu_backend();
     check(&gpu, (60, Some(4)), &[Stage::Visibility, Stage::Caustic]);

@@ -1,9 +1,9 @@
-//! Light geometry: emitters are drawn into the environment, as they are seen from the mirrors.
+//! Emitters: distant ones are drawn into the environment, as they are seen from the mirrors; near ones shine from where they are.
 
 use std::f64::consts::PI;
 use std::path::Path;
 
-use glam::{Vec3, Vec3Swizzles};
+use glam::{DVec3, Vec3, Vec3Swizzles};
 use pinspot::blocking::wait;
 use pinspot::image::Aov;
 use pinspot::reference::{self, Quantity, Reference, StoppingCriterion};
@@ -66,12 +66,26 @@ fn an_emitter_lights_receivers() {
     }
 }
 
-/// The caustics of both back ends are those of the reference, wherever the built-in scenes' emitters have moved.
+/// Moves emitters away from the mirrors and makes them as much larger, so that the directions to them are the same from everywhere.
+fn with_distant_emitters(mut scene: Scene) -> Scene {
+    const FARTHER: f32 = 100.0;
+    let centre = scene.light_centre();
+    for object in scene.objects.iter_mut().filter(|object| object.emitter.is_some()) {
+        let placement = &mut object.placement;
+        placement.translate = centre + FARTHER * (placement.translate - centre);
+        placement.scale *= FARTHER;
+    }
+    scene
+}
+
+/// The caustics of both back ends are those of the reference, wherever the built-in scenes' emitters have moved, as long as they are far
+/// away.
 #[test]
 fn caustics_of_emitters_are_those_of_the_reference() {
     for (name, seconds, most) in [("dynamic", 1.3, 0.04), ("dance-floor", 2.2, 0.08)] {
         let (mut scene, options) = pinspot::load(name).unwrap();
         scene.pose(seconds);
+        let scene = with_distant_emitters(scene);
         let size = [24, 24];
         let goal = StoppingCriterion::new(0.01).with_max_points(60_000.0);
         let asked = reference::Options { size, visibility: Visibility::Full, ..Default::default() };
@@ -125,7 +139,8 @@ fn a_moving_emitter_is_drawn_anew() {
 #[test]
 fn the_camera_sees_emitters_where_they_are() {
     let mirror = "[[object]]\nname = \"mirror\"\nshape = { plane = { size = [0.1, 0.1] } }\ntranslate = [3.0, 0.0, 0.0]\nreflector = {}\n";
-    let scene = over_table(&format!("{mirror}{}", lamp(0.2, Vec3::new(0.0, 2.0, 0.0))));
+    let lamp = lamp(0.2, Vec3::new(0.0, 2.0, 0.0)).replace("5.0]", "5.0], near = false");
+    let scene = over_table(&format!("{mirror}{lamp}"));
     let rendered = render(&mut Engine::new(scene.clone(), pictures(&[Aov::Beauty, Aov::Depth]), Backend::cpu()));
     let (beauty, depth) = (layer(&rendered, Aov::Beauty), layer(&rendered, Aov::Depth));
     assert_eq!(beauty[4 * 9 + 4], Vec3::new(10.0, 20.0, 5.0));
@@ -137,18 +152,91 @@ fn the_camera_sees_emitters_where_they_are() {
     assert!(layer(&rendered, Aov::Beauty).iter().all(|pixel| (*pixel - beauty[0]).length() < 1e-3), "it still shines");
 }
 
-/// One image of the emitters stands for the whole scene, which a lamp close by does not bear.
+/// Scene files need not say whether emitters are near. Where they say wrongly that one is far away, a warning tells.
 #[test]
-fn a_near_emitter_is_warned_of() {
+fn emitters_are_near_unless_they_are_far_away() {
     let ring = "[[object]]\nname = \"ring\"\nshape = { ring = { radius = 0.4, height = 0.1 } }\nreflector = {}\n";
-    let warnings = |position: Vec3| {
-        let scene = over_table(&format!("{ring}{}", lamp(0.05, position)));
+    let rendered = |position: Vec3, near: &str| {
+        let lamp = lamp(0.05, position).replace("5.0]", &format!("5.0]{near}"));
+        let scene = over_table(&format!("{ring}{lamp}"));
+        let is_near = scene.objects[2].is_near_light();
         let options = pictures(&[Aov::Caustic]).with_samples(30);
-        render(&mut Engine::new(scene, options, Backend::cpu())).report.warnings.join("\n")
+        (is_near, render(&mut Engine::new(scene, options, Backend::cpu())).report.warnings.join("\n"))
     };
-    let near = warnings(Vec3::new(0.0, 0.8, 0.0));
-    assert!(near.contains("'lamp' is 0.700 m from") && near.contains("m on"), "{near}");
-    assert!(!warnings(Vec3::new(0.0, 8.0, 0.0)).contains("lamp"));
+    let (close_by, far_away) = (Vec3::new(0.0, 0.8, 0.0), Vec3::new(0.0, 8.0, 0.0));
+    let (is_near, warnings) = rendered(close_by, "");
+    assert!(is_near && !warnings.contains("lamp"), "{warnings}");
+    let (is_near, warnings) = rendered(close_by, ", near = false");
+    assert!(!is_near && warnings.contains("'lamp' is 0.700 m from") && warnings.contains("near = true"), "{warnings}");
+    let (is_near, warnings) = rendered(far_away, "");
+    assert!(!is_near && !warnings.contains("lamp"), "{warnings}");
+    assert!(rendered(far_away, ", near = true").0);
+}
+
+/// Of a near and a distant emitter each is where it belongs, in either order: the table gets the light of both, and none hides the other.
+#[test]
+fn near_and_distant_emitters_shine_together() {
+    let mean = |emitters: &[String]| {
+        let scene = over_table(&emitters.concat());
+        let rendered = render(&mut Engine::new(scene, pictures(&[Aov::Direct]), Backend::cpu()));
+        layer(&rendered, Aov::Direct).iter().map(|pixel| pixel.y).sum::<f32>() / 81.0
+    };
+    let near = lamp(0.1, Vec3::new(0.6, 0.5, 0.0)).replace("emitter", "camera_visible = false\nemitter");
+    let distant = lamp(0.8, Vec3::new(6.0, 12.0, -4.0));
+    let both = mean(&[near.clone()]) + mean(&[distant.clone()]);
+    for emitters in [[near.clone(), distant.clone()], [distant, near]] {
+        let found = mean(&emitters);
+        assert!((found / both - 1.0).abs() < 0.01, "{found}, {both}");
+    }
+}
+
+/// A ball of radius R at a distance d above the table gives E = π L (R/d)² cos θ at each place.
+#[test]
+fn an_emitter_close_by_lights_receivers() {
+    let position = DVec3::new(0.2, 0.5, -0.1);
+    let lamp = lamp(0.1, position.as_vec3()).replace("emitter", "camera_visible = false\nemitter");
+    for visibility in [Visibility::None, Visibility::Full] {
+        let options = pictures(&[Aov::Direct]).with_visibility(visibility);
+        let rendered = render(&mut Engine::new(over_table(&lamp), options, Backend::cpu()));
+        for (index, pixel) in (0u8..).zip(layer(&rendered, Aov::Direct)) {
+            let place = |k: u8| (f64::from(k) + 0.5) / 9.0 - 0.5;
+            let to = position - DVec3::new(place(index % 9), 0.0, place(index / 9));
+            let expected = PI * 20.0 * 0.01 / to.length_squared() * to.normalize().y;
+            let ratio = f64::from(pixel.y) / expected;
+            assert!((ratio - 1.0).abs() < 0.03, "{visibility:?}, {index}: {ratio}");
+        }
+    }
+}
+
+/// A mirror ball between a panel and a bulb, neither farther away than it is large: caustics of both back ends are the reference's.
+#[test]
+fn caustics_of_emitters_close_by_are_those_of_the_reference() {
+    let text = "[environment]\nconstant = [0.0, 0.0, 0.0]\n[camera]\nposition = [0.0, 1.1, 2.2]\ntarget = [0.0, 0.25, 0.0]\n\
+        perspective = { fov_y_deg = 38.0 }\n\
+        [[object]]\nshape = { sphere = { radius = 0.25 } }\ntranslate = [-0.25, 0.25, 0.0]\nreflector = {}\n\
+        [[object]]\nshape = { plane = { size = [4.0, 4.0] } }\nreceiver = { albedo = [0.0, 0.0, 0.0] }\n\
+        [[object]]\nshape = { plane = { size = [0.5, 0.3] } }\ntranslate = [0.75, 0.6, 0.0]\nrotate_deg = [0.0, 0.0, 70.0]\n\
+        emitter = { radiance = [8.0, 7.0, 5.0] }\n\
+        [[object]]\nshape = { sphere = { radius = 0.05, divisions = 16 } }\ntranslate = [-0.7, 0.3, 0.35]\n\
+        emitter = { radiance = [10.0, 20.0, 40.0] }\n";
+    let scene = parse::<toml::Table>("test.toml", text, Path::new(".")).unwrap().scene;
+    let size = [24, 18];
+    let asked = reference::Options { size, visibility: Visibility::Full, ..Default::default() };
+    let goal = StoppingCriterion::new(0.01).with_max_points(60_000.0);
+    let reference = Reference::new(scene.clone(), asked).unwrap();
+    let exact = reference.solve(&goal, None, &NoProgress, &mut |_| Ok(())).unwrap();
+    println!("the reference's own error: {:.4}", exact.rel_error());
+    let exact = exact.irradiance.pixels;
+    for backend in [Backend::cpu(), gpu_backend()] {
+        let options = pictures(&[Aov::Caustic]).with_size(size).with_visibility(Visibility::Full);
+        let rendered = render(&mut Engine::new(scene.clone(), options, backend));
+        let caustic = layer(&rendered, Aov::Caustic);
+        let off: f64 = caustic.iter().zip(&exact).map(|(a, b)| f64::from((*a - *b).length_squared())).sum();
+        let all: f64 = exact.iter().map(|b| f64::from(b.length_squared())).sum();
+        let rel_l2 = (off / all).sqrt();
+        println!("{rel_l2:.4}");
+        assert!(rel_l2 < 0.05, "{rel_l2}");
+    }
 }
 
 #[test]

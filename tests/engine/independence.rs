@@ -29,6 +29,7 @@ const DESCRIPTIONS: [(&str, &[&str]); 2] = [
             "Chains",
             "EnvironmentMap",
             "EnvironmentSource",
+            "Interfaces",
             "Lamp",
             "Light",
             "MapLayout",

@@ -29,6 +29,7 @@ mod pictures;
 mod previews;
 mod receivers;
 mod refraction;
+mod solids;
 mod speckles;
 mod stages;
 mod support;

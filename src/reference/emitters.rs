@@ -1,0 +1,188 @@
+//! Surfaces that shine, where they are: what a ray meets first of them, bounds of it, and points on those that are near, for their light on
+//! other surfaces. Of each other and of the environment they hide what is behind them, of other light nothing.
+
+use glam::DVec3;
+
+use super::cone::{Cone, angle};
+use super::geometry::{Geometry, Triangle};
+use super::medium::transmittance;
+use crate::scene::Scene;
+
+/// All objects that shine.
+#[derive(Debug)]
+pub(super) struct Emitters {
+    geometry: Geometry,
+    /// By object.
+    radiances: Vec<DVec3>,
+    camera_visible: Vec<bool>,
+    are_near: Vec<bool>,
+    bounds: Vec<Bounds>,
+    /// Of what their light passes through, 1/m.
+    extinction: DVec3,
+    /// Triangles of near emitters, and the sums of area × brightness up to and including each, m² W/(m²·sr).
+    near: Vec<(u32, f64)>,
+}
+
+/// A point on an emitter.
+pub(super) struct Sample {
+    pub position: DVec3,
+    /// Unit direction towards it.
+    pub direction: DVec3,
+    /// Radiance × solid angle over the probability, W/m².
+    pub irradiance: DVec3,
+}
+
+/// A sphere around an object, and the sum of its radiance's channels.
+#[derive(Debug)]
+struct Bounds {
+    centre: DVec3,
+    radius: f64,
+    brightness: f64,
+}
+
+/// What a ray meets.
+pub(super) struct Met {
+    pub position: DVec3,
+    /// W/(m²·sr); what a medium leaves of it.
+    pub radiance: DVec3,
+}
+
+impl Emitters {
+    /// In a medium of this extinction, 1/m.
+    pub fn of_scene(scene: &Scene, extinction: DVec3) -> Self {
+        let geometry = Geometry::of_objects(scene, |object| object.emitter.is_some());
+        let radiance = |object: &crate::scene::Object| object.emitter.map_or(DVec3::ZERO, |e| e.radiance.as_dvec3());
+        let radiances: Vec<DVec3> = scene.objects.iter().map(radiance).collect();
+        let bounds = (0u32..).zip(&radiances).filter(|(_, radiance)| **radiance != DVec3::ZERO);
+        let bounds = bounds.filter_map(|(object, radiance)| Bounds::new(&geometry, object, radiance.element_sum()));
+        let bounds = bounds.collect();
+        let triangles = (0u32..).zip(&geometry.triangles);
+        let near = triangles.filter(|(_, triangle)| scene.objects[triangle.object as usize].is_near_light());
+        let near = near.scan(0.0, |sum, (id, triangle)| {
+            *sum += area_and_normal(triangle).0 * radiances[triangle.object as usize].element_sum();
+            Some((id, *sum))
+        });
+        let camera_visible = scene.objects.iter().map(|object| object.camera_visible).collect();
+        let are_near = scene.objects.iter().map(crate::scene::Object::is_near_light).collect();
+        Self { bounds, near: near.collect(), camera_visible, are_near, radiances, geometry, extinction }
+    }
+
+    /// A point on near emitters, seen from a point: an unbiased estimate of what arrives of them, if the two numbers are uniform in [0, 1).
+    pub fn sample(&self, from: DVec3, [u, v]: [f64; 2]) -> Option<Sample> {
+        let total = self.near.last().filter(|(_, sum)| *sum > 0.0)?.1;
+        let index = self.near.partition_point(|(_, sum)| *sum <= u * total).min(self.near.len() - 1);
+        let before = if index == 0 { 0.0 } else { self.near[index - 1].1 };
+        let (id, sum) = self.near[index];
+        let triangle = &self.geometry.triangles[id as usize];
+        let root = ((u * total - before) / (sum - before)).clamp(0.0, 1.0).sqrt();
+        let position = triangle.position([1.0 - root, root * (1.0 - v), root * v]);
+        let to = position - from;
+        let direction = to.normalize();
+        let (area, normal) = area_and_normal(triangle);
+        let radiance = self.radiances[triangle.object as usize];
+        let density = (sum - before) / total / area;
+        let passed = transmittance(self.extinction, to.length());
+        let irradiance = passed * radiance * (normal.dot(direction).abs() / to.length_squared() / density);
+        Some(Sample { position, direction, irradiance })
+    }
+
+    /// Whether no emitter, nor another part of the same one, hides a point from a place.
+    pub fn shows(&self, from: DVec3, point: &Sample) -> bool {
+        let distance = point.position.distance(from);
+        self.met(from, point.direction).is_none_or(|met| met.position.distance(from) > distance * (1.0 - 1e-9))
+    }
+
+    /// The largest sum of the channels of any near emitter's radiance.
+    pub fn brightest_near(&self) -> f64 {
+        let near = self.near.iter().map(|(id, _)| self.geometry.triangles[*id as usize].object);
+        near.map(|object| self.radiances[object as usize].element_sum()).fold(0.0, f64::max)
+    }
+
+    /// The first one along a ray.
+    pub fn met(&self, from: DVec3, direction: DVec3) -> Option<Met> {
+        let hit = self.geometry.first_hit(from, direction, |_| true)?;
+        let triangle = &self.geometry.triangles[hit.triangle as usize];
+        let position = triangle.position(hit.barycentric);
+        // The light of distant ones comes from without the medium.
+        let extinction = if self.are_near[triangle.object as usize] { self.extinction } else { DVec3::ZERO };
+        let passed = transmittance(extinction, position.distance(from));
+        Some(Met { position, radiance: passed * self.radiances[triangle.object as usize] })
+    }
+
+    /// Whether the camera sees one of them before what it would see at a distance, m, from it.
+    pub fn hide(&self, (camera, direction): (DVec3, DVec3), distance: f64) -> bool {
+        let hit = self.geometry.first_hit(camera, direction, |object| self.camera_visible[object as usize]);
+        let position =
+            |hit: super::geometry::Hit| self.geometry.triangles[hit.triangle as usize].position(hit.barycentric);
+        hit.is_some_and(|hit| position(hit).distance(camera) < distance)
+    }
+
+    /// At least the largest sum of the channels of the radiance that arrives at any point of a sphere in a cone of directions.
+    pub fn bound(&self, (centre, radius): (DVec3, f64), cone: &Cone) -> f64 {
+        let is_met = |bounds: &&Bounds| {
+            let to = bounds.centre - centre;
+            let sine = (bounds.radius + radius) / to.length();
+            sine >= 1.0 || angle(cone.axis, to.normalize()) <= cone.half_angle + sine.asin()
+        };
+        self.bounds.iter().filter(is_met).map(|bounds| bounds.brightness).fold(0.0, f64::max)
+    }
+
+    /// The largest sum of the channels of any radiance.
+    pub fn brightest(&self) -> f64 {
+        self.bounds.iter().map(|bounds| bounds.brightness).fold(0.0, f64::max)
+    }
+}
+
+fn area_and_normal(triangle: &Triangle) -> (f64, DVec3) {
+    let [a, b, c] = triangle.corners;
+    let across = (b - a).cross(c - a);
+    (0.5 * across.length(), across.normalize_or_zero())
+}
+
+impl Bounds {
+    fn new(geometry: &Geometry, object: u32, brightness: f64) -> Option<Self> {
+        let own = || geometry.triangles.iter().filter(|triangle| triangle.object == object).flat_map(|t| t.corners);
+        let around = |(low, high): (DVec3, DVec3), p: DVec3| (low.min(p), high.max(p));
+        let (low, high) = own().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), around);
+        let centre = 0.5 * (low + high);
+        let radius = own().map(|p| p.distance(centre)).fold(0.0, f64::max);
+        (low.x <= high.x).then_some(Self { centre, radius: radius * (1.0 + 1e-12), brightness })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::f64::consts::PI;
+
+    use super::*;
+    use rand::{RngExt, SeedableRng};
+
+    /// No ray that begins in a sphere and lies in a cone meets anything brighter than their bound.
+    #[test]
+    fn bounds_hold() {
+        let scene = crate::scene::load::<toml::Table>("dance-floor").unwrap().scene;
+        let emitters = Emitters::of_scene(&scene, DVec3::ZERO);
+        let mut rng = rand::rngs::ChaCha8Rng::seed_from_u64(3);
+        let mut random = |most: f64| {
+            let p = DVec3::from_array([0; 3].map(|_| rng.random_range(-1.0..1.0)));
+            (most * p, rng.random_range(0.0f64..1.0))
+        };
+        let mut met = 0;
+        for _ in 0..20_000 {
+            let ((centre, size), (aside, width)) = (random(4.0), random(0.3));
+            // Towards one of them, or past it.
+            let to = emitters.bounds[(size * emitters.bounds.len() as f64) as usize].centre - centre;
+            let axis = (to.normalize() + aside).normalize();
+            let (radius, cone) = (width * width, Cone { axis, half_angle: PI * width.powi(4) });
+            let ((offset, _), (across, off)) = (random(1.0), random(1.0));
+            let from = centre + radius * offset.normalize() * off;
+            let across = across.cross(cone.axis).normalize();
+            let turn = off * cone.half_angle;
+            let direction = cone.axis * turn.cos() + across * turn.sin();
+            let Some(found) = emitters.met(from, direction) else { continue };
+            assert!(found.radiance.element_sum() <= emitters.bound((centre, radius), &cone));
+            met += 1;
+        }
+        assert!(met > 100, "{met}");
+    }
+}
