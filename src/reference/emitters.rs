@@ -6,7 +6,7 @@ use glam::DVec3;
 use super::cone::{Cone, angle};
 use super::geometry::{Geometry, Triangle};
 use super::medium::transmittance;
-use crate::scene::Scene;
+use crate::scene::{Object, Scene};
 
 /// All objects that shine.
 #[derive(Debug)]
@@ -51,7 +51,7 @@ impl Emitters {
     /// In a medium of this extinction, 1/m.
     pub fn of_scene(scene: &Scene, extinction: DVec3) -> Self {
         let geometry = Geometry::of_objects(scene, |object| object.emitter.is_some());
-        let radiance = |object: &crate::scene::Object| object.emitter.map_or(DVec3::ZERO, |e| e.radiance.as_dvec3());
+        let radiance = |object: &Object| object.emitter.map_or(DVec3::ZERO, |e| e.radiance.as_dvec3());
         let radiances: Vec<DVec3> = scene.objects.iter().map(radiance).collect();
         let bounds = (0u32..).zip(&radiances).filter(|(_, radiance)| **radiance != DVec3::ZERO);
         let bounds = bounds.filter_map(|(object, radiance)| Bounds::new(&geometry, object, radiance.element_sum()));
@@ -63,7 +63,7 @@ impl Emitters {
             Some((id, *sum))
         });
         let camera_visible = scene.objects.iter().map(|object| object.camera_visible).collect();
-        let are_near = scene.objects.iter().map(crate::scene::Object::is_near_light).collect();
+        let are_near = scene.objects.iter().map(Object::is_near_light).collect();
         Self { bounds, near: near.collect(), camera_visible, are_near, radiances, geometry, extinction }
     }
 
