@@ -183,7 +183,7 @@ fn near_and_distant_emitters_shine_together() {
     };
     let near = lamp(0.1, Vec3::new(0.6, 0.5, 0.0)).replace("emitter", "camera_visible = false\nemitter");
     let distant = lamp(0.8, Vec3::new(6.0, 12.0, -4.0));
-    let both = mean(&[near.clone()]) + mean(&[distant.clone()]);
+    let both = mean(std::slice::from_ref(&near)) + mean(std::slice::from_ref(&distant));
     for emitters in [[near.clone(), distant.clone()], [distant, near]] {
         let found = mean(&emitters);
         assert!((found / both - 1.0).abs() < 0.01, "{found}, {both}");
