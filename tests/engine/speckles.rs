@@ -21,10 +21,10 @@ fn default_caustic(name: &str) -> pinspot::image::Image {
 
 #[test]
 fn default_caustics_hold_few_speckles() {
-    // The counts that were measured, and a few more, as the reference has noise of its own. Images of the sun by the tiles of the
+    // The counts that were measured; before doubtful occlusion was traced they were 15, 42 and 9. Images of the sun by the tiles of the
     // ball are about a pixel wide here.
     for (name, most, error) in
-        [("ring", 2, 0.01), ("ring-natural", 4, 0.015), ("columns", 8, 0.02), ("disco-ball", 42, 0.02)]
+        [("ring", 2, 0.01), ("ring-natural", 4, 0.015), ("columns", 7, 0.02), ("disco-ball", 35, 0.02)]
     {
         let expected = truth(name, Quantity::Caustic, Visibility::Full, EDGE, error);
         let found = speckles(&default_caustic(name), &expected, THRESHOLD);
