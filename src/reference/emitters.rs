@@ -3,8 +3,9 @@
 
 use glam::DVec3;
 
-use super::cone::{Cone, angle};
-use super::geometry::{Geometry, Triangle};
+use super::bright_spheres::{BrightSphere, brightest, brightest_within};
+use super::cone::Cone;
+use super::geometry::{Geometry, Hit, Triangle};
 use super::medium::transmittance;
 use crate::scene::{Object, Scene};
 
@@ -16,7 +17,7 @@ pub(super) struct Emitters {
     radiances: Vec<DVec3>,
     camera_visible: Vec<bool>,
     are_near: Vec<bool>,
-    bounds: Vec<Bounds>,
+    spheres: Vec<BrightSphere>,
     /// Of what their light passes through, 1/m.
     extinction: DVec3,
     /// Triangles of near emitters, and the sums of area × brightness up to and including each, m² W/(m²·sr).
@@ -32,14 +33,6 @@ pub(super) struct Sample {
     pub irradiance: DVec3,
 }
 
-/// A sphere around an object, and the sum of its radiance's channels.
-#[derive(Debug)]
-struct Bounds {
-    centre: DVec3,
-    radius: f64,
-    brightness: f64,
-}
-
 /// What a ray meets.
 pub(super) struct Met {
     pub position: DVec3,
@@ -53,9 +46,12 @@ impl Emitters {
         let geometry = Geometry::of_objects(scene, |object| object.emitter.is_some());
         let radiance = |object: &Object| object.emitter.map_or(DVec3::ZERO, |e| e.radiance.as_dvec3());
         let radiances: Vec<DVec3> = scene.objects.iter().map(radiance).collect();
-        let bounds = (0u32..).zip(&radiances).filter(|(_, radiance)| **radiance != DVec3::ZERO);
-        let bounds = bounds.filter_map(|(object, radiance)| Bounds::new(&geometry, object, radiance.element_sum()));
-        let bounds = bounds.collect();
+        let shining = (0u32..).zip(&radiances).filter(|(_, radiance)| **radiance != DVec3::ZERO);
+        let spheres = shining.filter_map(|(object, radiance)| {
+            let own: Vec<&Triangle> = geometry.triangles.iter().filter(|triangle| triangle.object == object).collect();
+            BrightSphere::around(&own, radiance.element_sum())
+        });
+        let spheres = spheres.collect();
         let triangles = (0u32..).zip(&geometry.triangles);
         let near = triangles.filter(|(_, triangle)| scene.objects[triangle.object as usize].is_near_light());
         let near = near.scan(0.0, |sum, (id, triangle)| {
@@ -64,7 +60,7 @@ impl Emitters {
         });
         let camera_visible = scene.objects.iter().map(|object| object.camera_visible).collect();
         let are_near = scene.objects.iter().map(Object::is_near_light).collect();
-        Self { bounds, near: near.collect(), camera_visible, are_near, radiances, geometry, extinction }
+        Self { spheres, near: near.collect(), camera_visible, are_near, radiances, geometry, extinction }
     }
 
     /// A point on near emitters, seen from a point: an unbiased estimate of what arrives of them, if the two numbers are uniform in [0, 1).
@@ -112,24 +108,18 @@ impl Emitters {
     /// Whether the camera sees one of them before what it would see at a distance, m, from it.
     pub fn hide(&self, (camera, direction): (DVec3, DVec3), distance: f64) -> bool {
         let hit = self.geometry.first_hit(camera, direction, |object| self.camera_visible[object as usize]);
-        let position =
-            |hit: super::geometry::Hit| self.geometry.triangles[hit.triangle as usize].position(hit.barycentric);
+        let position = |hit: Hit| self.geometry.triangles[hit.triangle as usize].position(hit.barycentric);
         hit.is_some_and(|hit| position(hit).distance(camera) < distance)
     }
 
     /// At least the largest sum of the channels of the radiance that arrives at any point of a sphere in a cone of directions.
-    pub fn bound(&self, (centre, radius): (DVec3, f64), cone: &Cone) -> f64 {
-        let is_met = |bounds: &&Bounds| {
-            let to = bounds.centre - centre;
-            let sine = (bounds.radius + radius) / to.length();
-            sine >= 1.0 || angle(cone.axis, to.normalize()) <= cone.half_angle + sine.asin()
-        };
-        self.bounds.iter().filter(is_met).map(|bounds| bounds.brightness).fold(0.0, f64::max)
+    pub fn bound(&self, region: (DVec3, f64), cone: &Cone) -> f64 {
+        brightest_within(&self.spheres, region, cone)
     }
 
     /// The largest sum of the channels of any radiance.
     pub fn brightest(&self) -> f64 {
-        self.bounds.iter().map(|bounds| bounds.brightness).fold(0.0, f64::max)
+        brightest(&self.spheres)
     }
 }
 
@@ -137,17 +127,6 @@ fn area_and_normal(triangle: &Triangle) -> (f64, DVec3) {
     let [a, b, c] = triangle.corners;
     let across = (b - a).cross(c - a);
     (0.5 * across.length(), across.normalize_or_zero())
-}
-
-impl Bounds {
-    fn new(geometry: &Geometry, object: u32, brightness: f64) -> Option<Self> {
-        let own = || geometry.triangles.iter().filter(|triangle| triangle.object == object).flat_map(|t| t.corners);
-        let around = |(low, high): (DVec3, DVec3), p: DVec3| (low.min(p), high.max(p));
-        let (low, high) = own().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), around);
-        let centre = 0.5 * (low + high);
-        let radius = own().map(|p| p.distance(centre)).fold(0.0, f64::max);
-        (low.x <= high.x).then_some(Self { centre, radius: radius * (1.0 + 1e-12), brightness })
-    }
 }
 
 #[cfg(test)]
@@ -171,7 +150,7 @@ mod tests {
         for _ in 0..20_000 {
             let ((centre, size), (aside, width)) = (random(4.0), random(0.3));
             // Towards one of them, or past it.
-            let to = emitters.bounds[(size * emitters.bounds.len() as f64) as usize].centre - centre;
+            let to = emitters.spheres[(size * emitters.spheres.len() as f64) as usize].centre - centre;
             let axis = (to.normalize() + aside).normalize();
             let (radius, cone) = (width * width, Cone { axis, half_angle: PI * width.powi(4) });
             let ((offset, _), (across, off)) = (random(1.0), random(1.0));

@@ -5,7 +5,8 @@ use std::f64::consts::{FRAC_1_PI, PI, TAU};
 
 use glam::DVec3;
 
-use super::cone::{Cone, angle};
+use super::bright_spheres::{BrightSphere, brightest, brightest_within};
+use super::cone::Cone;
 use super::emitters::Emitters;
 use super::geometry::{Geometry, Triangle};
 use super::lamps::{Lamps, Source};
@@ -24,17 +25,9 @@ pub(super) struct LitSurfaces<'a> {
     albedos: Vec<DVec3>,
     /// By object: whether it receives light. Without occlusion nothing else is in the way.
     receives: Vec<bool>,
-    objects: Vec<LitObject>,
+    objects: Vec<BrightSphere>,
     /// At least the largest sum of the channels of any radiance.
     pub brightest: f64,
-}
-
-/// An object, as bounds see it.
-struct LitObject {
-    centre: DVec3,
-    radius: f64,
-    /// At least the largest sum of the channels of its radiance.
-    brightest: f64,
 }
 
 impl<'a> LitSurfaces<'a> {
@@ -51,24 +44,19 @@ impl<'a> LitSurfaces<'a> {
         let lit = |object: u32| -> Vec<&Triangle> {
             geometry.triangles.iter().filter(|triangle| triangle.object == object).collect()
         };
-        let objects: Vec<LitObject> = (0u32..)
+        let objects: Vec<BrightSphere> = (0u32..)
             .zip(&albedos)
             .filter(|(_, albedo)| **albedo != DVec3::ZERO)
-            .filter_map(|(object, albedo)| LitObject::new(&lit(object), *albedo, (lamps, emitters)))
+            .filter_map(|(object, albedo)| lit_object(&lit(object), *albedo, (lamps, emitters)))
             .collect();
-        let brightest = objects.iter().map(|object| object.brightest).fold(0.0, f64::max);
+        let brightest = brightest(&objects);
         let receives = scene.objects.iter().map(|object| object.receiver.is_some()).collect();
         Self { geometry, lamps, emitters, visibility, extinction, albedos, receives, objects, brightest }
     }
 
     /// At least the largest sum of the channels of the radiance that arrives at any point of a sphere in a cone of directions.
-    pub fn bound(&self, (centre, radius): (DVec3, f64), cone: &Cone) -> f64 {
-        let is_met = |object: &&LitObject| {
-            let to = object.centre - centre;
-            let sine = (object.radius + radius) / to.length();
-            sine >= 1.0 || angle(cone.axis, to.normalize()) <= cone.half_angle + sine.asin()
-        };
-        self.objects.iter().filter(is_met).map(|object| object.brightest).fold(0.0, f64::max)
+    pub fn bound(&self, region: (DVec3, f64), cone: &Cone) -> f64 {
+        brightest_within(&self.objects, region, cone)
     }
 
     /// Radiance that arrives at a point of a triangle from a unit direction, W/(m²·sr); its mean, if the two numbers are uniform in [0, 1).
@@ -107,25 +95,17 @@ impl<'a> LitSurfaces<'a> {
     }
 }
 
-impl LitObject {
-    fn new(triangles: &[&Triangle], albedo: DVec3, (lamps, emitters): (&Lamps, &Emitters)) -> Option<Self> {
-        let corners = triangles.iter().flat_map(|triangle| triangle.corners);
-        let around = |(low, high): (DVec3, DVec3), p: DVec3| (low.min(p), high.max(p));
-        let (low, high) = corners.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), around);
-        let irradiance = |lamp: &Source| {
-            let distance = triangles.iter().map(|t| distance(t, lamp.position)).fold(f64::INFINITY, f64::min);
-            lamp.most_irradiance(distance)
-        };
-        let of_lamps: f64 = lamps.sources().iter().map(irradiance).sum();
-        // As if they were all around; single points may bring more where a surface is next to an emitter.
-        let irradiance = of_lamps + PI * emitters.brightest_near();
-        let brightest = albedo.max_element() * FRAC_1_PI * irradiance;
-        (low.x <= high.x && brightest > 0.0).then(|| Self {
-            centre: 0.5 * (low + high),
-            radius: 0.5 * low.distance(high),
-            brightest,
-        })
-    }
+/// An object, as bounds see it; `None` where no light falls.
+fn lit_object(triangles: &[&Triangle], albedo: DVec3, (lamps, emitters): (&Lamps, &Emitters)) -> Option<BrightSphere> {
+    let irradiance = |lamp: &Source| {
+        let distance = triangles.iter().map(|t| distance(t, lamp.position)).fold(f64::INFINITY, f64::min);
+        lamp.most_irradiance(distance)
+    };
+    let of_lamps: f64 = lamps.sources().iter().map(irradiance).sum();
+    // As if they were all around; single points may bring more where a surface is next to an emitter.
+    let irradiance = of_lamps + PI * emitters.brightest_near();
+    let brightest = albedo.max_element() * FRAC_1_PI * irradiance;
+    BrightSphere::around(triangles, brightest).filter(|sphere| sphere.brightest > 0.0)
 }
 
 /// From a point to the nearest one of a triangle.

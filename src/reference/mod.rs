@@ -10,6 +10,7 @@
 
 mod allocation;
 mod brdf;
+mod bright_spheres;
 mod cone;
 mod cut;
 mod direct;

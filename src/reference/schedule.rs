@@ -18,7 +18,6 @@ const PIXELS_PER_CHUNK: usize = 4096;
 const PLANNED: f64 = 0.7;
 /// Pixels whose new points would be fewer than this part of those that they have had are left out.
 const LEAST_GAIN: f64 = 0.4;
-
 /// A value is certain that is so many of its standard errors.
 const CERTAIN: f64 = 2.5;
 
@@ -76,6 +75,7 @@ pub(super) fn next_plan(
     if known.is_fine.contains(&false) { Some(situation.finer_cuts()) } else { situation.more_points() }
 }
 
+/// Points that a pixel is the mean over.
 fn receivers_of_pixel(options: &Options) -> f64 {
     f64::from(options.pixel_samples).powi(2)
 }
