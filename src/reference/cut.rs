@@ -147,12 +147,12 @@ impl<R: Copy> Cut<R> {
         self.cumulative.last().copied().unwrap_or(0.0)
     }
 
-    /// One point's estimate of the integral, for `u` uniform in [0, 1)⁷.
-    pub fn estimate<D: Domain<Region = R>>(&self, domain: &D, receiver: &D::Receiver, u: [f64; 7]) -> DVec3 {
+    /// One point's estimate of the integral, for `u` uniform in [0, 1)⁹.
+    pub fn estimate<D: Domain<Region = R>>(&self, domain: &D, receiver: &D::Receiver, u: [f64; 9]) -> DVec3 {
         let total = self.total();
         let index = self.cumulative.partition_point(|c| *c <= u[0] * total).min(self.regions.len() - 1);
         let Weighted { region, bound, .. } = &self.regions[index];
         // Density = (mass / total) / measure = bound / total.
-        domain.integrand(region, [u[1], u[2], u[3], u[4], u[5], u[6]], receiver) * (total / bound)
+        domain.integrand(region, [u[1], u[2], u[3], u[4], u[5], u[6], u[7], u[8]], receiver) * (total / bound)
     }
 }

@@ -159,7 +159,7 @@ impl Domain for Direct<'_> {
         false
     }
 
-    fn integrand(&self, region: &Region, u: [f64; 6], receiver: &Receiver) -> DVec3 {
+    fn integrand(&self, region: &Region, u: [f64; 8], receiver: &Receiver) -> DVec3 {
         match region {
             Region::Sky(region) => self.sky.integrand(region, u, receiver),
             Region::Lamp(part) => self.arriving_from(part, [u[1], u[2]], receiver),

@@ -117,12 +117,13 @@ pub(super) trait Domain: Sync {
     /// Sorts regions so that neighbours in the order are neighbours in space.
     fn order(&self, region: &Self::Region) -> u64;
 
-    /// Whether the integrand depends on the last three numbers.
+    /// Whether the integrand depends on the last five numbers.
     fn needs_all_numbers(&self) -> bool;
 
-    /// The integrand at a point of the region that is uniform if the first three of `u` are uniform in [0, 1)³. Of the others two
-    /// are those of which the integrand may itself be a mean, and the last one chooses the place on a line of sight.
-    fn integrand(&self, region: &Self::Region, u: [f64; 6], receiver: &Self::Receiver) -> DVec3;
+    /// The integrand at a point of the region that is uniform if the first three of `u` are uniform in [0, 1)³. Of the next ones two choose
+    /// the microfacet, and one the place on a line of sight; the last two choose a point of what lights the surfaces that are seen. The
+    /// integrand is the mean over these.
+    fn integrand(&self, region: &Self::Region, u: [f64; 8], receiver: &Self::Receiver) -> DVec3;
 }
 
 /// What lights points: its regions may be bounded for a piece of a line of sight at once.

@@ -19,16 +19,25 @@ pub(super) struct Point {
     pub cosine: f64,
 }
 
+/// Uniform in [0, 1).
+#[derive(Clone, Copy)]
+pub(super) struct Numbers {
+    /// They choose a microfacet, and a direction to each lamp.
+    pub facet: [f64; 2],
+    /// They choose what lights a surface that is seen.
+    pub surface: [f64; 2],
+}
+
 impl Reflectors<'_> {
     /// What a point of a mirror reflects to a receiver, W/(m²·sr).
-    pub(super) fn light_mirrored_at(&self, mirror: &Mirror, point: &Point, numbers: [f64; 2]) -> DVec3 {
+    pub(super) fn light_mirrored_at(&self, mirror: &Mirror, point: &Point, numbers: Numbers) -> DVec3 {
         let Point { normal, towards, cosine, .. } = *point;
         let reflectance = &self.reflectances[mirror.reflectance];
         if mirror.alpha == 0.0 {
             return reflectance.at(cosine.abs()) * self.light_from(point, reflect(towards, normal), numbers);
         }
         let seen_side = if cosine > 0.0 { -normal } else { normal };
-        let lamps = self.lamps.samples(point.position, numbers).map(|lamp| {
+        let lamps = self.lamps.samples(point.position, numbers.facet).map(|lamp| {
             let Some(facets) = gloss::facets_towards(seen_side, -towards, mirror.alpha, lamp.direction) else {
                 return DVec3::ZERO;
             };
@@ -38,15 +47,15 @@ impl Reflectors<'_> {
             facets.weight * lamp.solid_angle * reflectance.at(facets.cosine) * lamp.radiance
         });
         let lamps: DVec3 = lamps.sum();
-        let Some(facet) = gloss::facet(seen_side, -towards, mirror.alpha, numbers) else { return lamps };
+        let Some(facet) = gloss::facet(seen_side, -towards, mirror.alpha, numbers.facet) else { return lamps };
         let light = self.environment_from(point, facet.towards_light)
-            + self.surfaces.radiance((point.position, point.id), facet.towards_light, numbers);
+            + self.surfaces.radiance((point.position, point.id), facet.towards_light, numbers.surface);
         lamps + facet.weight * reflectance.at(facet.cosine) * light
     }
 
     /// What a point of an interface reflects to a receiver in front of it, or refracts to one behind it or, through a closed object, in front
     /// of it, W/(m²·sr).
-    pub(super) fn light_through(&self, interface: &Interface, point: &Point, numbers: [f64; 2]) -> DVec3 {
+    pub(super) fn light_through(&self, interface: &Interface, point: &Point, numbers: Numbers) -> DVec3 {
         let Point { normal, towards, cosine, .. } = *point;
         if cosine < 0.0 {
             let through =
@@ -71,10 +80,10 @@ impl Reflectors<'_> {
     }
 
     /// What arrives at a point from a direction, W/(m²·sr).
-    pub(super) fn light_from(&self, point: &Point, direction: DVec3, numbers: [f64; 2]) -> DVec3 {
+    pub(super) fn light_from(&self, point: &Point, direction: DVec3, numbers: Numbers) -> DVec3 {
         let lamps = self.lamps.met(point.position, direction).filter(|(position, _)| !self.is_hidden(point, *position));
         lamps.map(|(_, radiance)| radiance).sum::<DVec3>()
-            + self.surfaces.radiance((point.position, point.id), direction, numbers)
+            + self.surfaces.radiance((point.position, point.id), direction, numbers.surface)
             + self.environment_from(point, direction)
     }
 

@@ -17,7 +17,7 @@ use super::light::Light;
 use super::lit_surfaces::LitSurfaces;
 use super::medium::Medium;
 use super::reflectance::Reflectance;
-use super::reflector_light::Point;
+use super::reflector_light::{Numbers, Point};
 use super::refraction::Interface;
 use super::seen::{Corner, Seen, sine_to_line};
 use super::tree::{Bounds, Content, Part, Tree, WHOLE};
@@ -267,8 +267,8 @@ impl Domain for Reflectors<'_> {
         self.surfaces.brightest > 0.0 || self.materials.iter().flatten().any(is_rough)
     }
 
-    fn integrand(&self, region: &Region, u: [f64; 6], receiver: &Receiver) -> DVec3 {
-        let [mut choice, u, v, facet_u, facet_v, _] = u;
+    fn integrand(&self, region: &Region, u: [f64; 8], receiver: &Receiver) -> DVec3 {
+        let [mut choice, u, v, facet_u, facet_v, _, surface_u, surface_v] = u;
         let mut node = region.node;
         let id = loop {
             match self.tree.nodes[node as usize].content {
@@ -288,7 +288,8 @@ impl Domain for Reflectors<'_> {
         let root = u.sqrt();
         let weights = [1.0 - root, root * (1.0 - v), root * v];
         let barycentric = [0, 1, 2].map(|k| weights[0] * a[k] + weights[1] * b[k] + weights[2] * c[k]);
-        self.at(id, barycentric, receiver, [facet_u, facet_v])
+        let numbers = Numbers { facet: [facet_u, facet_v], surface: [surface_u, surface_v] };
+        self.at(id, barycentric, receiver, numbers)
     }
 }
 
@@ -316,7 +317,7 @@ impl Reflectors<'_> {
     }
 
     /// The integrand at a point of a triangle.
-    fn at(&self, id: u32, barycentric: [f64; 3], receiver: &Receiver, numbers: [f64; 2]) -> DVec3 {
+    fn at(&self, id: u32, barycentric: [f64; 3], receiver: &Receiver, numbers: Numbers) -> DVec3 {
         let triangle = &self.geometry.triangles[id as usize];
         let material = self.material(triangle.object);
         let (x, n) = (triangle.position(barycentric), material.side * triangle.normal(barycentric));
@@ -456,7 +457,7 @@ mod tests {
             for _ in 0..4 {
                 let off = receiver.half_length() * rng.random_range(-1.0..=1.0);
                 let point = Receiver { position: receiver.position + off * receiver.view, ..*receiver };
-                let got = domain.integrand(&region, [(); 6].map(|()| rng.random()), &point).element_sum();
+                let got = domain.integrand(&region, [(); 8].map(|()| rng.random()), &point).element_sum();
                 assert!(
                     got <= bound * (1.0 + 1e-6) + 1e-12 || distance < 1.25 * bounds.radius,
                     "{name}: {got} > {bound} at distance {distance}, radius {}, normals {}, depth {}",

@@ -142,18 +142,19 @@ fn add_replicates<D: Domain>(
         let seed = hash([work.options.seed, work.pass, stream, replicate as u64]);
         let numbers = |i| {
             let [a, b, c, d] = sobol_burley::sample_4d(i, 0, seed).map(f64::from);
-            let [e, f, g] = if domain.needs_all_numbers() { more(i, seed) } else { [0.0; 3] };
-            [a, b, c, d, e, f, g]
+            let [e, f, g, h, j] = if domain.needs_all_numbers() { more(i, seed) } else { [0.0; 5] };
+            [a, b, c, d, e, f, g, h, j]
         };
         let sum: DVec3 = (0..count).map(|i| cut.estimate(domain, receiver, numbers(i))).sum();
         *mean += sum / f64::from(count);
     }
 }
 
-/// Three more dimensions.
-fn more(i: u32, seed: u32) -> [f64; 3] {
-    let [a, b, c, _] = sobol_burley::sample_4d(i, 1, seed).map(f64::from);
-    [a, b, c]
+/// Five more dimensions.
+fn more(i: u32, seed: u32) -> [f64; 5] {
+    let [a, b, c, d] = sobol_burley::sample_4d(i, 1, seed).map(f64::from);
+    let [e, ..] = sobol_burley::sample_4d(i, 2, seed).map(f64::from);
+    [a, b, c, d, e]
 }
 
 fn moments(means: &[DVec3], points: usize) -> Moments {

@@ -111,7 +111,7 @@ impl<D: Lighting> Domain for Scattering<'_, D> {
         true
     }
 
-    fn integrand(&self, region: &Self::Region, u: [f64; 6], sight: &Sight) -> DVec3 {
+    fn integrand(&self, region: &Self::Region, u: [f64; 8], sight: &Sight) -> DVec3 {
         let [from, to] = region.parts;
         let part = from + (to - from) * u[5];
         let point = sight.piece([part; 2], self.medium.phase);

@@ -101,7 +101,7 @@ impl Domain for Sky<'_> {
         false
     }
 
-    fn integrand(&self, region: &Region, [_, u, v, ..]: [f64; 6], receiver: &Receiver) -> DVec3 {
+    fn integrand(&self, region: &Region, [_, u, v, ..]: [f64; 8], receiver: &Receiver) -> DVec3 {
         let between = |[a, b]: [f64; 2], t: f64| a + (b - a) * t;
         let towards = direction(between(region.azimuth, u), between(region.height, v));
         let received = receiver.received(towards);

@@ -7,7 +7,7 @@ use glam::DVec3;
 
 use super::cone::Cone;
 use super::domain::Receiver;
-use super::reflector_light::Point;
+use super::reflector_light::{Numbers, Point};
 use super::reflectors::Reflectors;
 use super::refraction::{Interface, refract};
 use super::seen::{Corner, Seen};
@@ -37,7 +37,7 @@ struct Left {
 
 impl Reflectors<'_> {
     /// What a point of a closed object sends to a receiver in front of it of light that is refracted twice, W/(m²·sr).
-    pub(super) fn light_through_solid(&self, interface: &Interface, entry: &Point, numbers: [f64; 2]) -> DVec3 {
+    pub(super) fn light_through_solid(&self, interface: &Interface, entry: &Point, numbers: Numbers) -> DVec3 {
         if !self.chains.refracted_twice {
             return DVec3::ZERO;
         }
