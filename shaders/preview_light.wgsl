@@ -5,6 +5,7 @@
 #import hits
 #import light_direction
 #import preview_gloss
+#import preview_near_light
 
 @group(0) @binding(0) var<uniform> preview: PreviewUniforms;
 // Of one kind, one or none in each pixel.
@@ -18,6 +19,7 @@
 @group(0) @binding(6) var<storage, read_write> unfinished: atomic<u32>;
 @group(0) @binding(7) var<storage, read> objects: array<PreviewObject>;
 @group(0) @binding(8) var environment: texture_cube<f32>;
+@group(0) @binding(9) var<storage, read> near_light: array<vec4u>;
 
 // The other layer: for points in mirrors, what the camera sees directly, and the light there.
 @group(1) @binding(0) var<storage, read> other_points: array<SurfacePoint>;
@@ -38,7 +40,7 @@ struct PreviewGrid {
 
 const UNKNOWN: f32 = 0.0;
 const KNOWN: f32 = 1.0;
-// Direct light is known; the caustic is what the gather finds next.
+// Direct light is known; the caustic is what the gathers find next, one for each light.
 const COMPUTED: f32 = 2.0;
 
 @compute @workgroup_size(8, 8)
@@ -109,6 +111,9 @@ fn light_between(@builtin(global_invocation_id) id: vec3u) {
     let point = points[pixel];
     if point.object == NO_OBJECT || light[pixel].w != UNKNOWN {
         write_receiver(id.xy, point, false);
+        if light[pixel].w == COMPUTED {
+            light[pixel].w = KNOWN;
+        }
         return;
     }
     let found = interpolated(place, point);
@@ -120,7 +125,7 @@ fn light_between(@builtin(global_invocation_id) id: vec3u) {
     }
 }
 
-// The gather leaves nothing where there is no receiver.
+// What was gathered of one light. The gather leaves nothing where there is no receiver.
 @compute @workgroup_size(8, 8)
 fn add_caustic(@builtin(global_invocation_id) id: vec3u) {
     let place = id.xy * grid.spacing;
@@ -130,7 +135,7 @@ fn add_caustic(@builtin(global_invocation_id) id: vec3u) {
     let pixel = pixel_index(place);
     if light[pixel].w == COMPUTED {
         let gathered = preview.caustic_gain * textureLoad(caustic, id.xy, 0).rgb;
-        light[pixel] = vec4f(light[pixel].rgb + reflected(points[pixel], gathered), KNOWN);
+        light[pixel] = vec4f(light[pixel].rgb + reflected(points[pixel], gathered), COMPUTED);
     }
 }
 
@@ -141,11 +146,13 @@ fn write_receiver(texel: vec2u, point: SurfacePoint, is_open: bool) {
 }
 
 fn direct_and_gloss(point: SurfacePoint) -> vec3f {
-    let direct = reflected(point, direct_light(point));
+    let near = near_light_on(point);
+    let direct = reflected(point, direct_light(point) + near.irradiance);
     if (point.flags & IS_GLOSSY) == 0u {
         return direct;
     }
-    return direct + environment_in_lobe(point, objects[point.object]);
+    let lobe_of_near = max(near.reflected - reflected(point, near.irradiance), vec3f(0.0));
+    return direct + environment_in_lobe(point, objects[point.object]) + lobe_of_near;
 }
 
 // An irradiance or, of glossy points, what they reflect of it diffusely.
@@ -160,6 +167,9 @@ fn reflected(point: SurfacePoint, irradiance: vec3f) -> vec3f {
 fn direct_light(point: SurfacePoint) -> vec3f {
     let open = preview.irradiance_scale
         * textureSampleLevel(irradiance_cube, trilinear, environment_from_world(point.normal), 0.0).rgb;
+    if all(open == vec3f(0.0)) {
+        return open;
+    }
     var arriving = vec3f(0.0);
     var all_light = vec3f(0.0);
     for (var k = 0u; k < preview.direction_count; k++) {

@@ -1,4 +1,4 @@
-// The radiance that pixels of a preview show, and the exposure that suits it. CPU twin: src/engine/preview/mod.rs.
+// The radiance that pixels of a preview show, and the exposure that suits it. CPU twin: src/engine/preview/shading.rs.
 
 #import preview
 #import hits
@@ -19,6 +19,8 @@
 @group(0) @binding(10) var<storage, read> objects: array<PreviewObject>;
 // How many pixels have a luminance, by the first bits of its number: of surfaces, then of everything.
 @group(0) @binding(11) var<storage, read_write> histogram: array<atomic<u32>>;
+// What a medium scatters along some rays, and the lengths of their ways through it.
+@group(0) @binding(12) var scattered: texture_2d<f32>;
 
 // A whole picture takes sixteen microfacets for a lobe, a preview one look-up, which is as much wider.
 const ROUGH_WIDTH: f32 = 4.0;
@@ -41,6 +43,9 @@ fn shade(@builtin(global_invocation_id) id: vec3u) {
         surface += behind;
         behind = vec3f(0.0);
     }
+    if preview.scattering_spacing != 0u {
+        surface += scattered_at(id.xy, way_through_medium(surfaces[pixel]));
+    }
     surface *= preview.intensity;
     behind *= preview.intensity;
     shaded[2u * pixel] = vec4f(surface, 0.0);
@@ -52,6 +57,35 @@ fn shade(@builtin(global_invocation_id) id: vec3u) {
         }
         count(surface + behind, HISTOGRAM_BINS);
     }
+}
+
+// From the camera to what it sees first, or as far as anything is seen.
+fn way_through_medium(point: SurfacePoint) -> f32 {
+    if (point.flags & IS_FIRST) == 0u {
+        return preview.sight;
+    }
+    let offset = point.position - preview.camera_position;
+    let distance = select(dot(offset, preview.camera_forward), length(offset), preview.is_perspective != 0u);
+    return min(distance, preview.sight);
+}
+
+// Scattered light in a pixel whose way through the medium is so long. CPU twin: src/engine/preview/scattering.rs.
+fn scattered_at(pixel: vec2u, way: f32) -> vec3f {
+    let last = textureDimensions(scattered) - 1u;
+    let node = pixel / preview.scattering_spacing;
+    let part = vec2f(pixel % preview.scattering_spacing) / f32(preview.scattering_spacing);
+    var sum = vec3f(0.0);
+    var weights = 0.0;
+    for (var k = 0u; k < 4u; k++) {
+        let step = vec2u(k & 1u, k >> 1u);
+        let ray = textureLoad(scattered, min(node + step, last), 0);
+        let between = select(1.0 - part, part, step == vec2u(1u));
+        let ratio = max(way, ray.w) / max(min(way, ray.w), 1.2e-38);
+        let likeness = max((MAX_LENGTH_RATIO - ratio) / (MAX_LENGTH_RATIO - 1.0), MIN_RAY_WEIGHT);
+        sum += between.x * between.y * likeness * ray.rgb;
+        weights += between.x * between.y * likeness;
+    }
+    return sum / weights;
 }
 
 fn count(radiance: vec3f, first: u32) {
@@ -92,7 +126,7 @@ fn environment_at(escape: Escape, footprint_rad: f32) -> vec3f {
         return environment_level(direction, log2(footprint_rad / texel));
     }
     if preview.has_emitters != 0u {
-        let hit = trace_some(free_ray(preview.light_centre), escape.direction, 0.0, 3e38, false, MEETS_EMITTERS);
+        let hit = trace_some(free_ray(preview.light_centre), escape.direction, 0.0, 3e38, false, MEETS_DISTANT_EMITTERS);
         if hit.triangle != NO_TRIANGLE {
             return objects[load_instance(hit.instance).object].radiance;
         }

@@ -4,6 +4,7 @@
 #import preview
 #import hits
 #import interface
+#import preview_lamps
 
 const INVERSE_PI: f32 = 0.31830989;
 
@@ -17,6 +18,7 @@ const INVERSE_PI: f32 = 0.31830989;
 @group(0) @binding(6) var<storage, read_write> first: array<FirstSurface>;
 // Rays that the adapter did not let be finished.
 @group(0) @binding(7) var<storage, read_write> unfinished: atomic<u32>;
+@group(0) @binding(8) var<storage, read> near_light: array<vec4u>;
 
 @compute @workgroup_size(8, 8)
 fn trace_views(@builtin(global_invocation_id) id: vec3u) {
@@ -32,22 +34,36 @@ fn trace_views(@builtin(global_invocation_id) id: vec3u) {
     var throughput = vec3f(1.0);
     var alpha = 0.0;
     var path = 0u;
+    var in_medium = (preview.medium_flags & CAMERA_IN_MEDIUM) != 0u;
     for (var mirror = 0u; mirror <= MAX_MIRRORS; mirror++) {
         let met = trace_some(
             free_ray(ray.origin), ray.direction, select(ray_uniforms.offset, 0.0, mirror == 0u), 3e38, false,
-            select(MEETS_FOR_LIGHT, MEETS_FOR_CAMERA, mirror == 0u),
+            select(MEETS_FOR_MIRRORS, MEETS_FOR_CAMERA, mirror == 0u),
         );
         if !met.is_complete {
             atomicAdd(&unfinished, 1u);
         }
-        if met.triangle == NO_TRIANGLE {
-            escape = Escape(ray.direction, path, throughput, alpha);
+        let is_hit = met.triangle != NO_TRIANGLE;
+        let hit = hit_of(met, ray.direction);
+        if mirror == 0u && is_hit {
+            first[pixel] = FirstSurface(hit.normal, 2u * hit.object + select(0u, 1u, hit.is_front));
+            own.position = hit.position;
+            own.flags = IS_FIRST;
+        }
+        let extinction = select(vec3f(0.0), preview.extinction, in_medium);
+        let shining = lamps_met(ray, select(3e38, met.distance, is_hit), extinction);
+        if any(shining != vec3f(0.0)) {
+            escape = Escape(ray.direction, path, throughput * shining, EMITTED);
             break;
         }
-        let hit = describe(met, ray.direction);
-        if mirror == 0u {
-            first[pixel] = FirstSurface(hit.normal, 2u * hit.object + select(0u, 1u, hit.is_front));
+        if !is_hit {
+            // What mirrors show of the environment is as bright as what they cast of it.
+            let is_cast = (preview.medium_flags & FILLS_SPACE) != 0u && mirror > 0u;
+            let passed = select(exp(-preview.sight * extinction), vec3f(1.0), is_cast);
+            escape = Escape(ray.direction, path, throughput * passed, alpha);
+            break;
         }
+        throughput *= exp(-met.distance * extinction);
         let object = objects[hit.object];
         if (object.flags & IS_EMITTER) != 0u {
             escape = Escape(ray.direction, path, throughput * object.radiance, EMITTED);
@@ -57,10 +73,13 @@ fn trace_views(@builtin(global_invocation_id) id: vec3u) {
             path = path * 1000003u + hit.object + 1u;
             let view = divided(object, hit, ray.direction);
             if view.reflectance > 0.0 && view.is_refracted && escape.alpha == NO_ESCAPE {
-                escape = Escape(view.mirrored, path, view.reflectance * throughput, alpha);
+                let reflected = view.reflectance * throughput * exp(-preview.sight * extinction);
+                escape = Escape(view.mirrored, path, reflected, alpha);
             }
             throughput *= select(1.0, view.factor, view.is_refracted);
             ray = Ray(hit.position, select(view.mirrored, view.refracted, view.is_refracted));
+            // Behind interfaces there is the medium, in front of them none.
+            in_medium = select(in_medium, hit.is_front, view.is_refracted);
             continue;
         }
         let mirrors = preview.is_plain == 0u && (object.flags & select(2u, 1u, hit.is_front)) != 0u;
@@ -73,6 +92,7 @@ fn trace_views(@builtin(global_invocation_id) id: vec3u) {
             let point = SurfacePoint(hit.position, hit.object, hit.normal, path, factor, flags);
             if path == 0u {
                 own = point;
+                own.flags |= IS_FIRST;
             } else if behind.object == NO_OBJECT {
                 behind = point;
             }
@@ -88,6 +108,14 @@ fn trace_views(@builtin(global_invocation_id) id: vec3u) {
     surfaces[pixel] = own;
     mirrored[pixel] = behind;
     escapes[pixel] = escape;
+}
+
+// What a ray meets; anything where it meets nothing.
+fn hit_of(met: RayHit, direction: vec3f) -> Hit {
+    if met.triangle == NO_TRIANGLE {
+        return Hit();
+    }
+    return describe(met, direction);
 }
 
 // A ray divided by an interface. CPU twin: src/engine/refraction.rs.

@@ -11,6 +11,7 @@ struct PreviewUniforms {
     camera_forward: vec3f,
     is_perspective: u32,
     camera_right: vec3f,
+    lamp_count: u32,
     camera_up: vec3f,
     // Of shadow rays.
     direction_count: u32,
@@ -40,7 +41,22 @@ struct PreviewUniforms {
     exposure_flags: u32,
     // 0: neutral; 1: filmic; 2: linear.
     tone_map: u32,
+    // Of the medium, channel by channel, 1/m; 0 without.
+    extinction: vec3f,
+    // Parts of near emitters.
+    part_count: u32,
+    // Whether shadow rays are traced.
+    is_shadowed: u32,
+    // FILLS_SPACE, CAMERA_IN_MEDIUM.
+    medium_flags: u32,
+    // Farther than this, metres, nothing is seen through the medium.
+    sight: f32,
+    // Pixels from ray to ray along which scattered light is known; 0: there is none.
+    scattering_spacing: u32,
 }
+
+const FILLS_SPACE: u32 = 1u;
+const CAMERA_IN_MEDIUM: u32 = 2u;
 
 // An object's surface.
 struct PreviewObject {
@@ -85,7 +101,7 @@ struct SurfacePoint {
     path: u32,
     // Factor on its irradiance, 1/sr; if it is glossy, on its radiance.
     factor: vec3f,
-    // IS_FRONT, RECEIVES, IS_GLOSSY.
+    // IS_FRONT, RECEIVES, IS_GLOSSY, IS_FIRST.
     flags: u32,
 }
 
@@ -93,6 +109,8 @@ const IS_FRONT: u32 = 1u;
 const RECEIVES: u32 = 2u;
 // The camera sees it directly, and sees a lobe of its BRDF.
 const IS_GLOSSY: u32 = 4u;
+// The position is that of what the camera sees first, even if there is no lit surface.
+const IS_FIRST: u32 = 8u;
 
 // The environment at the end of a path, or an emitter.
 struct Escape {

@@ -6,6 +6,26 @@
 #import cube
 #import microfacets
 
+// The BRDF of an object with a lobe, 1/sr; n, l and v are the unit normal, towards the light and towards the viewer.
+fn brdf_with_lobe(object: PreviewObject, n: vec3f, l: vec3f, v: vec3f) -> vec3f {
+    let cos_l = dot(n, l);
+    let cos_v = dot(n, v);
+    if cos_l <= 0.0 || cos_v <= 0.0 {
+        return vec3f(0.0);
+    }
+    let diffuse = object.albedo / PI;
+    if object.kind == MATERIAL_GGX {
+        let h = normalize(l + v);
+        let lobe = distribution(dot(n, h), object.width) * masking(cos_l, cos_v, object.width);
+        let passes = (1.0 - schlick(object.specular, cos_l)) * (1.0 - schlick(object.specular, cos_v));
+        return diffuse * passes + schlick(object.specular, dot(l, h)) * lobe;
+    }
+    let mirrored = max(dot(2.0 * cos_l * n - l, v), 0.0);
+    // pow(0, 0) is implementation-defined.
+    let lobe = select(0.0, pow(max(mirrored, 1e-30), object.width), mirrored > 0.0 || object.width == 0.0);
+    return diffuse + object.specular * ((object.width + 2.0) / (2.0 * PI) * lobe);
+}
+
 // Microfacets along both coordinates of a lobe.
 const ALONG: u32 = 4u;
 
@@ -77,7 +97,7 @@ fn environment_in_lobe(point: SurfacePoint, object: PreviewObject) -> vec3f {
         if all(weight == vec3f(0.0)) {
             continue;
         }
-        if preview.direction_count > 0u {
+        if preview.is_shadowed != 0u {
             let met = trace(free_ray(point.position), direction, 3e38, true);
             if !met.is_complete {
                 atomicAdd(&unfinished, 1u);

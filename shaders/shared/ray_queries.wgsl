@@ -28,9 +28,9 @@ fn trace_some(leaving: RayOrigin, direction: vec3f, start: f32, end: f32, any_hi
     return RayHit(met.t, triangle, first, met.barycentrics, true, 1u);
 }
 
-// The bits of an instance's mask with which a ray meets it: two for the rays that see the object, then two for those that do not.
+// The bits of an instance's mask with which a ray meets it: for the rays that see the object, then for those that do not.
 fn cull_mask(meets: vec2u) -> u32 {
-    return meets.y | ((meets.x & ~meets.y) << 2u);
+    return meets.y | ((meets.x & ~meets.y) << SEEN_BY_BITS);
 }
 
 // The first texel of an object.

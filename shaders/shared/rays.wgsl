@@ -8,7 +8,7 @@
 // Texels in a row of `geometry`: nodes of two texels each (low corner of the box, and the node after those below; high corner, and of
 // a leaf eight bits for the number of its objects or triangles below the index of the first). First those over the objects, in metres,
 // and the objects of four texels each (three rows of the matrix from metres to units; the first texel of the mesh, the number of its
-// nodes, the object's number above two bits for who sees it, units per metre). Then, mesh by mesh, its nodes and its triangles of four
+// nodes, the object's number above SEEN_BY_BITS for who sees it, units per metre). Then, mesh by mesh, its nodes and its triangles of four
 // texels each (three of a corner and its normal; the sum of the normals), in units.
 @group(3) @binding(0) var geometry: texture_2d<u32>;
 @group(3) @binding(1) var<uniform> ray_uniforms: RayUniforms;
@@ -22,11 +22,12 @@ struct RayUniforms {
 
 const NO_TRIANGLE: u32 = 0xffffffffu;
 
-// Which objects a ray meets, by two bits of theirs: a mask, and what it must leave of them.
+// Which objects a ray meets, by the bits of theirs for who sees them: a mask, and what it must leave of them.
 const MEETS_FOR_LIGHT: vec2u = vec2u(2u, 2u);
 const MEETS_FOR_CAMERA: vec2u = vec2u(1u, 1u);
-// Emitters, through which light passes.
-const MEETS_EMITTERS: vec2u = vec2u(2u, 0u);
+// For the camera, by way of a mirror: what light meets, and near emitters.
+const MEETS_FOR_MIRRORS: vec2u = vec2u(4u, 4u);
+const MEETS_DISTANT_EMITTERS: vec2u = vec2u(4u, 0u);
 
 struct RayHit {
     // Metres.
@@ -71,7 +72,7 @@ fn load_instance(first: u32) -> Instance {
     let z = bitcast<vec4f>(geometry_texel(first + 2u));
     let of_mesh = geometry_texel(first + 3u);
     return Instance(
-        mat3x3f(x.xyz, y.xyz, z.xyz), vec3f(x.w, y.w, z.w), of_mesh.x, of_mesh.y, of_mesh.z >> 2u, of_mesh.z & 3u,
+        mat3x3f(x.xyz, y.xyz, z.xyz), vec3f(x.w, y.w, z.w), of_mesh.x, of_mesh.y, of_mesh.z >> SEEN_BY_BITS, extractBits(of_mesh.z, 0u, SEEN_BY_BITS),
         bitcast<f32>(of_mesh.w),
     );
 }

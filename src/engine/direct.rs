@@ -18,7 +18,7 @@ use crate::Error;
 use crate::environment::CubeMap;
 use crate::progress::Progress;
 use crate::scene::Visibility;
-use crate::stages::{CameraRays, DirectLamps, LightStages, PreparedLight};
+use crate::stages::{CameraRays, DirectNearLight, LightStages, PreparedLight};
 use crate::tracing::{Hit, Tracer};
 
 /// Camera rays, approximately, that tell how enclosed the place is that the picture shows.
@@ -28,11 +28,11 @@ const BLOCK: usize = 32;
 /// Blocks along a row of the picture, at least: in small pictures, large blocks would be much larger than what throws shadows.
 const MIN_BLOCKS: usize = 4;
 
-/// Irradiance of the environment and of lamps on receivers, at an intensity of 1.
+/// Irradiance of the environment, of lamps and of near emitters on receivers, at an intensity of 1.
 pub(super) struct DirectLight<'a> {
     light: &'a PreparedLight,
     irradiance: Arc<CubeMap>,
-    lamps: DirectLamps<'a>,
+    near_light: DirectNearLight<'a>,
     /// Where receivers may be occluded.
     shadows: Option<Shadows<'a>>,
     /// Where shadow rays are traced in batches.
@@ -64,8 +64,8 @@ impl<'a> DirectLight<'a> {
             }
             shadows = Some(usual);
         }
-        let lamps = DirectLamps::new(light, (visibility == Visibility::Full).then_some(tracer));
-        Ok(Self { light, irradiance: stages.irradiance(light, progress), lamps, shadows, batches, progress })
+        let near_light = DirectNearLight::new(light, (visibility == Visibility::Full).then_some(tracer));
+        Ok(Self { light, irradiance: stages.irradiance(light, progress), near_light, shadows, batches, progress })
     }
 
     /// With so many directions of shadow rays, for previews; without shadows if there are none.
@@ -77,8 +77,8 @@ impl<'a> DirectLight<'a> {
         progress: &'a dyn Progress,
     ) -> Self {
         let shadows = directions.map(|count| Shadows::of_few(light, &stages.sampler(light, progress), tracer, count));
-        let lamps = DirectLamps::new(light, shadows.is_some().then_some(tracer));
-        Self { light, irradiance: stages.irradiance(light, progress), lamps, shadows, batches: None, progress }
+        let near_light = DirectNearLight::new(light, shadows.is_some().then_some(tracer));
+        Self { light, irradiance: stages.irradiance(light, progress), near_light, shadows, batches: None, progress }
     }
 
     /// The unoccluded irradiance by normal, in the environment's frame.
@@ -96,23 +96,24 @@ impl<'a> DirectLight<'a> {
     /// Irradiance at points that are close to each other, W/m²; without shadows once it is cancelled.
     pub fn irradiance(&self, points: &[&Hit]) -> Vec<Vec3> {
         let mut irradiance: Vec<Vec3> = points.iter().map(|point| self.unoccluded_at(point)).collect();
-        if let Some(shadows) = self.shadows.as_ref().filter(|_| !self.progress.is_cancelled()) {
+        let is_dark = irradiance.iter().all(|irradiance| *irradiance == Vec3::ZERO);
+        if let Some(shadows) = self.shadows.as_ref().filter(|_| !is_dark && !self.progress.is_cancelled()) {
             let fractions = shadows.unoccluded_fractions(points);
             irradiance.iter_mut().zip(fractions).for_each(|(value, fraction)| *value *= fraction);
         }
-        self.add_lamps(points, &mut irradiance);
+        self.add_near_light(points, &mut irradiance);
         irradiance
     }
 
-    fn add_lamps(&self, points: &[&Hit], irradiance: &mut [Vec3]) {
-        if !self.lamps.is_dark() && !self.progress.is_cancelled() {
-            irradiance.iter_mut().zip(points).for_each(|(value, point)| *value += self.lamps.irradiance(point));
+    fn add_near_light(&self, points: &[&Hit], irradiance: &mut [Vec3]) {
+        if !self.near_light.is_dark() && !self.progress.is_cancelled() {
+            irradiance.iter_mut().zip(points).for_each(|(value, point)| *value += self.near_light.irradiance(point));
         }
     }
 
-    /// The light of lamps alone.
-    pub fn lamps(&self) -> &DirectLamps<'a> {
-        &self.lamps
+    /// The light of lamps and near emitters alone.
+    pub fn near_light(&self) -> &DirectNearLight<'a> {
+        &self.near_light
     }
 
     fn unoccluded_at(&self, point: &Hit) -> Vec3 {
@@ -128,7 +129,7 @@ impl<'a> DirectLight<'a> {
         let fractions = batches.unoccluded_fractions(&points, shadows.directions()).await?;
         let unoccluded = points.iter().map(|point| self.unoccluded_at(point));
         let mut irradiance: Vec<Vec3> = unoccluded.zip(fractions).map(|(value, fraction)| fraction * value).collect();
-        self.add_lamps(&points, &mut irradiance);
+        self.add_near_light(&points, &mut irradiance);
         Ok(irradiance)
     }
 

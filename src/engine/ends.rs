@@ -86,10 +86,11 @@ impl<'a> EndLight<'a> {
             let glossy: Vec<usize> = (0..points.len()).filter(|&k| is_glossy(self.materials, &points[k])).collect();
             let of_glossy: Vec<&EndPoint> = glossy.iter().map(|&index| &points[index]).collect();
             let reflected = light.reflected(self.materials, &of_glossy).await?;
-            let lamps = self.diffuse.lamps();
-            let of_lamps = of_glossy.par_iter().map(|point| lamps.reflected(self.materials, &point.hit, point.view));
-            let of_lamps: Vec<Vec3> = of_lamps.collect();
-            let all = reflected.into_iter().zip(of_lamps).map(|(environment, lamps)| environment + lamps);
+            let near_light = self.diffuse.near_light();
+            let of_near_light =
+                of_glossy.par_iter().map(|point| near_light.reflected(self.materials, &point.hit, point.view));
+            let of_near_light: Vec<Vec3> = of_near_light.collect();
+            let all = reflected.into_iter().zip(of_near_light).map(|(environment, near)| environment + near);
             glossy.into_iter().zip(all).for_each(|(index, radiance)| known[index] = Some(radiance));
         }
         let unknown = (0..points.len()).filter(|&index| known[index].is_none());

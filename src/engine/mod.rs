@@ -58,7 +58,7 @@ use crate::options::{Exposure, Exposures, Options, Overlay};
 use crate::progress::Progress;
 #[cfg(feature = "gpu")]
 use crate::scene::Visibility;
-use crate::scene::{Chain, Chains, Object, Scene};
+use crate::scene::{Chain, Chains, Scene};
 use crate::stages::{LightStages, PreparedLight, PreparedScene, SceneStages, StageCounts};
 use crate::technique::{Inputs, Sum, Technique, TechniqueStages};
 use crate::{Error, OptionError};
@@ -332,9 +332,7 @@ impl Engine {
 
     /// Pictures of scattered light need a medium.
     fn check_medium(&self) -> Result<(), OptionError> {
-        if let Some(medium) = &self.scene.medium {
-            medium.check()?;
-        }
+        self.scene.check_medium()?;
         let is_shown = |aov: &&Aov| matches!(aov, Aov::Scattered | Aov::ScatteredDirect);
         let Some(aov) = self.options.aovs.iter().find(is_shown) else { return Ok(()) };
         if self.scene.medium.is_some_and(|medium| medium.scatters()) {
@@ -343,12 +341,6 @@ impl Engine {
         let message =
             format!("is {}, but nothing in the scene scatters light: give it a [medium] with sigma_s", aov.name());
         Err(OptionError::invalid("aov", message))
-    }
-
-    /// The back end of previews: where there are lamps, near emitters or a medium, it is the CPU.
-    fn preview_backend(&self) -> Backend {
-        let has_near_light = !self.scene.lamps.is_empty() || self.scene.objects.iter().any(Object::is_near_light);
-        if has_near_light || self.scene.medium.is_some() { Backend::cpu() } else { self.backend.clone() }
     }
 
     fn marks_of(&mut self, prepared: &Prepared, progress: &dyn Progress) -> Result<Vec<Mark>, Error> {

@@ -171,7 +171,7 @@ mod tests {
 
     fn lit(emitters: &[(&Mesh, Vec3)], centre: Vec3, size: u32) -> Environment {
         let sky = Environment::new(&Light::Constant(Vec3::new(0.0, 0.0, 0.5)), CubeSize::Texels(size)).unwrap();
-        let seen_by = SeenBy { camera: true, light: false };
+        let seen_by = SeenBy { camera: true, light: false, mirrored: false };
         let tracer = Tracer::of_emitters(None, emitters.iter().map(|(mesh, _)| (*mesh, seen_by)));
         let numbered: Vec<_> =
             (0..).zip(emitters).map(|(object, (mesh, radiance))| (object, *mesh, *radiance)).collect();

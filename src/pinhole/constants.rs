@@ -135,6 +135,17 @@ pub const BEAM_CONE: u32 = 1;
 #[cfg(feature = "gpu")]
 pub const BEAM_SLIDE: u32 = 2;
 
+/// Between rays through a medium, light of previews is interpolated from those whose way is at most this many times as long, or as short;
+pub const MAX_LENGTH_RATIO: f32 = 1.25;
+/// others have this weight.
+pub const MIN_RAY_WEIGHT: f32 = 1e-3;
+
+/// What previews read of near light in a buffer of vectors: so many for a lamp, and for a part of an emitter.
+#[cfg(feature = "gpu")]
+pub const LAMP_TEXELS: u32 = 5;
+#[cfg(feature = "gpu")]
+pub const PART_TEXELS: u32 = 3;
+
 /// What discs of light fill of footprints: these are at least this part of their length wide,
 pub const MIN_SLENDERNESS: f32 = 1e-3;
 /// and shorter than this, in radii of the disc, they are points.

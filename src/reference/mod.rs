@@ -297,9 +297,7 @@ impl Reference {
         if options.size.iter().any(|s| !(1..=16384).contains(s)) {
             return fail("size", "must be from 1×1 to 16384×16384 pixels");
         }
-        if let Some(medium) = &scene.medium {
-            medium.check()?;
-        }
+        scene.check_medium()?;
         if !(1..=16).contains(&options.pixel_samples) {
             return fail("pixel_samples", "must be from 1 to 16");
         }

@@ -26,7 +26,7 @@ use self::medium::MediumTable;
 use self::objects::ObjectTable;
 
 use super::emitters::decide_near;
-use super::{Assets, BUILT_IN, Interfaces, Scene, SceneError};
+use super::{Assets, BUILT_IN, Medium, Scene, SceneError};
 use crate::words::escaped;
 
 /// A scene, and the `[render]` table of its file.
@@ -112,11 +112,10 @@ pub fn parse<R: DeserializeOwned + Default>(
     let lamps = builder.lamps(&tables.light, &objects, &mut notes)?;
     let medium = tables.medium.map(|table| builder.medium(&table)).transpose()?;
     let animations = builder.animations(&tables.animation, (&animated, &lamps), &tables.camera)?;
-    if medium.is_some() && objects.iter().any(|object| object.has_interfaces(Interfaces::Two)) {
-        let message = "cannot fill a scene with closed refractors yet: remove it, or give these interfaces = 1";
-        return Err(builder.error("medium", message));
-    }
     let scene = Scene { name, environment, lamps, medium, camera, objects, animations, notes };
+    if scene.has_medium_around_solids() {
+        return Err(builder.error("medium", Medium::NOT_AROUND_SOLIDS));
+    }
     let objects_of_tables = animated.into_iter().map(|table| table.objects).collect();
     Ok(Loaded { scene, render: tables.render, file, lines, objects_of_tables })
 }
@@ -310,7 +309,7 @@ receiver = { albedo = [0.5, 0.5, 0.5] }
             parse::<Render>("scene.toml", &text, Path::new(".")).map(|loaded| loaded.scene)
         };
         let haze = medium("sigma_s = 0.1\nsigma_a = [0.3, 0.2, 0.1]\ng = 0.5").unwrap();
-        let expected = crate::scene::Medium { sigma_s: Vec3::splat(0.1), sigma_a: Vec3::new(0.3, 0.2, 0.1), g: 0.5 };
+        let expected = Medium { sigma_s: Vec3::splat(0.1), sigma_a: Vec3::new(0.3, 0.2, 0.1), g: 0.5 };
         assert_eq!(haze.medium, Some(expected));
         assert_ne!(haze.fingerprint(""), medium("sigma_s = 0.1").unwrap().fingerprint(""));
         for (keys, expected) in [
@@ -320,6 +319,10 @@ receiver = { albedo = [0.5, 0.5, 0.5] }
             ("sigma_s = 0.1\ng = 1", "medium.g: is 1, but must be from -0.99"),
             ("sigma_s = 0", "medium: is a medium that does nothing"),
             ("sigma = 0.1", "unknown key 'sigma'; did you mean 'sigma_a'?"),
+            (
+                "sigma_s = 0.1\n[[object]]\nshape = { sphere = {} }\nrefractor = { eta = 1.5, interfaces = 2 }",
+                "medium: cannot fill a scene with closed refractors yet",
+            ),
         ] {
             let message = medium(keys).unwrap_err().to_string();
             assert!(message.starts_with("scene.toml:") && message.contains(expected), "{keys}: {message}");

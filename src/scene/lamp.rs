@@ -127,7 +127,7 @@ impl Beam {
 
 impl Slide {
     /// The image at a place, bilinear; the upper edge is at y = 1, the right one at x = width / height. Black outside.
-    fn at(&self, place: Vec2) -> Vec3 {
+    pub(crate) fn at(&self, place: Vec2) -> Vec3 {
         let image = &*self.0;
         let (width, height) = (image.width as f32, image.height as f32);
         let at = Vec2::new(0.5 * (place.x * height + width), 0.5 * (1.0 - place.y) * height);

@@ -23,6 +23,9 @@ impl Medium {
     pub const MAX_SIGMA: f32 = 1e6;
     /// The largest |g|.
     pub const MAX_G: f32 = 0.99;
+    /// What is wrong where there are closed refractors in it.
+    pub(crate) const NOT_AROUND_SOLIDS: &str =
+        "cannot fill a scene with closed refractors yet: remove it, or give these interfaces = 1";
     /// Farther than light that only this part of gets through, nothing is seen.
     const MIN_TRANSMITTANCE: f32 = 1e-4;
 

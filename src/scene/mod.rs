@@ -51,6 +51,7 @@ pub use wavefront::ObjReport;
 pub use crate::brdf::{BrdfTable, Gloss, TableError};
 pub use crate::reflectance::{Finish, Metal};
 
+use crate::OptionError;
 use crate::brdf::Materials;
 use crate::words::escaped;
 
@@ -120,6 +121,20 @@ impl Scene {
     /// Whether a medium fills all space, not only what lies behind refractors.
     pub fn has_medium_everywhere(&self) -> bool {
         self.medium.is_some() && !self.objects.iter().any(|object| object.has_interfaces(Interfaces::One))
+    }
+
+    /// What is wrong with the medium, if anything is.
+    pub(crate) fn check_medium(&self) -> Result<(), OptionError> {
+        let Some(medium) = &self.medium else { return Ok(()) };
+        if self.has_medium_around_solids() {
+            return Err(OptionError::invalid("medium", Medium::NOT_AROUND_SOLIDS));
+        }
+        medium.check()
+    }
+
+    /// Whether there are closed refractors in a medium, which nothing computes.
+    pub(crate) fn has_medium_around_solids(&self) -> bool {
+        self.medium.is_some() && self.objects.iter().any(|object| object.has_interfaces(Interfaces::Two))
     }
 
     /// Where the light of emitters is taken from: the centre of the box around what casts caustics or, without that, around everything

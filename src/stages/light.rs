@@ -48,13 +48,18 @@ const MIN_INTENSITY: f32 = 1e-12;
 impl PreparedLight {
     /// The same with emitters that are near.
     pub fn with_near(self, emitters: Option<&Arc<NearEmitters>>) -> Self {
-        let near_emitters = emitters.map(|emitters| (emitters.clone(), 1.0 / self.intensity));
+        let near_emitters = emitters.map(|emitters| (emitters.clone(), self.of_emitters()));
         Self { near_emitters, ..self }
     }
 
     /// Whether any light is near: lamps or emitters.
     pub fn has_near_light(&self) -> bool {
         !self.lamps.is_empty() || self.near_emitters.is_some()
+    }
+
+    /// The factor on the radiance of emitters where the sum of all light is multiplied by the intensity.
+    pub fn of_emitters(&self) -> f32 {
+        1.0 / self.intensity
     }
 
     /// Names the near emitters and their brightness.

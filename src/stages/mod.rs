@@ -3,7 +3,7 @@
 //! Each stage keeps its result together with the inputs that it was made from (`memo`), and is made again only when one
 //! of them changes. Data flows [`scene`](self::scene), `light` → `view`. This module must not know techniques.
 
-mod direct_lamps;
+mod direct_near_light;
 mod emitter_parts;
 mod light;
 mod memo;
@@ -11,7 +11,7 @@ mod near_emitters;
 mod scene;
 mod view;
 
-pub(crate) use direct_lamps::DirectLamps;
+pub(crate) use direct_near_light::DirectNearLight;
 pub(crate) use light::{LightStages, PreparedLight};
 pub(crate) use memo::{Id, Memo};
 pub(crate) use near_emitters::{EmitterPart, NearEmitter, NearEmitters};

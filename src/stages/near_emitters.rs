@@ -41,7 +41,7 @@ pub(crate) struct NearEmitter {
     /// The normal, if it is flat.
     flat_normal: Option<Vec3>,
     /// Whether only its front is seen.
-    is_closed: bool,
+    pub is_closed: bool,
     parts: Vec<MeshPart>,
     few_parts: Vec<MeshPart>,
 }
@@ -70,7 +70,7 @@ impl NearEmitters {
             let is_closed = is_closed(mesh);
             Some(NearEmitter { radiance, mesh: mesh.clone(), middle, flat_normal, is_closed, parts, few_parts })
         });
-        let seen_by = |object: &Object| SeenBy { camera: false, light: object.is_near_light() };
+        let seen_by = |object: &Object| SeenBy::all_but_camera(object.is_near_light());
         let seen = meshes.iter().zip(objects).map(|(mesh, object)| (&**mesh, seen_by(object)));
         Self { emitters: emitters.collect(), tracer: Arc::new(Tracer::of_meshes(seen)) }
     }
@@ -81,6 +81,12 @@ impl NearEmitter {
     pub fn parts_from(&self, from: Vec3, few: bool) -> impl Iterator<Item = EmitterPart> {
         let parts = if few { &self.few_parts } else { &self.parts };
         parts.iter().map(move |part| self.seen(part, from))
+    }
+
+    /// The middles of its parts, and the integral of the unit normal over each, m².
+    #[cfg(feature = "gpu")]
+    pub fn parts(&self) -> impl Iterator<Item = (Vec3, Vec3)> {
+        self.parts.iter().map(|part| (part.position, part.area))
     }
 
     /// One of them, by any number.

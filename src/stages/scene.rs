@@ -263,7 +263,7 @@ impl SceneStages {
     /// What rays meet of distant emitters alone.
     fn distant_emitters(&mut self, meshes: &[Arc<Mesh>], scene: &Scene, progress: &dyn Progress) -> Arc<Tracer> {
         let key = emitters_key(meshes, scene, Object::is_distant_light);
-        let seen_by = |object: &Object| SeenBy { camera: false, light: object.is_distant_light() };
+        let seen_by = |object: &Object| SeenBy::all_but_camera(object.is_distant_light());
         let seen = || meshes.iter().zip(&scene.objects).map(|(mesh, object)| (&**mesh, seen_by(object)));
         self.distant_emitters.get(key, progress, || Tracer::of_meshes(seen()))
     }

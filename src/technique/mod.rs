@@ -139,12 +139,18 @@ pub(crate) trait Sum: fmt::Debug + Send + Sync {
 /// A sum whose receivers are textures on the device.
 #[cfg(feature = "gpu")]
 pub(crate) trait SumOnGpu {
-    /// The pass over receivers without viewers: positions with objects, normals, and the size of both textures.
-    fn frame(&self, receivers: [&wgpu::TextureView; 2], size: [u32; 2]) -> Result<Frame, GpuError>;
+    /// The passes over receivers without viewers, one for each light, whose results are added: positions with objects, normals, and the
+    /// size of both textures.
+    fn frames(&self, receivers: [&wgpu::TextureView; 2], size: [u32; 2]) -> Result<Vec<Frame>, GpuError>;
 
-    /// Turns a pass of an earlier sum over these receivers into one of this sum. Returns whether that is possible: otherwise a new one is
-    /// needed.
-    fn update(&self, frame: &mut Frame, receivers: [&wgpu::TextureView; 2], size: [u32; 2]) -> Result<bool, GpuError>;
+    /// Turns the passes of an earlier sum over these receivers into those of this sum. Returns whether that is possible: otherwise new
+    /// ones are needed.
+    fn update(
+        &self,
+        frames: &mut [Frame],
+        receivers: [&wgpu::TextureView; 2],
+        size: [u32; 2],
+    ) -> Result<bool, GpuError>;
 
     /// Records the tracing of visibility maps that has not been done yet; what is recorded has to be submitted. Returns the buffer whose
     /// first word counts the rays that the adapter did not let be finished: if there are any, the sum is wrong.

@@ -58,21 +58,33 @@ pub struct SeenBy {
     pub camera: bool,
     /// All others. Light passes through emitters.
     pub light: bool,
+    /// Those that mirrors show to the camera: they meet near emitters, too.
+    pub mirrored: bool,
 }
 
 impl SeenBy {
     /// All rays.
-    pub const ALL: Self = Self { camera: true, light: true };
+    pub const ALL: Self = Self { camera: true, light: true, mirrored: true };
 
-    /// One bit for the camera, above it one for light.
+    /// All rays but those of the camera, or none.
+    pub fn all_but_camera(is_met: bool) -> Self {
+        Self { camera: false, light: is_met, mirrored: is_met }
+    }
+
+    /// How many bits these are.
+    #[cfg(feature = "gpu")]
+    pub const BITS: u32 = 3;
+
+    /// One bit for the camera, above it one for light, then one for mirrors.
     #[cfg(feature = "gpu")]
     pub fn bits(self) -> u32 {
-        u32::from(self.camera) | u32::from(self.light) << 1
+        u32::from(self.camera) | u32::from(self.light) << 1 | u32::from(self.mirrored) << 2
     }
 
     /// Which rays meet an object of a scene.
     pub fn of(object: &Object) -> Self {
-        Self { camera: object.camera_visible, light: object.emitter.is_none() }
+        let light = object.emitter.is_none();
+        Self { camera: object.camera_visible, light, mirrored: light || object.is_near_light() }
     }
 }
 
@@ -454,7 +466,7 @@ mod tests {
     fn packets_of_rays_find_what_single_rays_do() {
         let near = Shape::Sphere(Sphere::of_radius(0.4)).mesh().unwrap();
         let far = Shape::Sphere(Sphere::of_radius(1.0)).mesh().unwrap();
-        let hidden = SeenBy { camera: false, light: true };
+        let hidden = SeenBy::all_but_camera(true);
         let tracer = Tracer::of_meshes([(&near, hidden), (&far, SeenBy::ALL)].into_iter());
         let rays: [Ray; LANES] = std::array::from_fn(|lane| {
             let origin = Vec3::new(0.15 * lane as f32 - 1.1, 0.1, 3.0);

@@ -38,7 +38,7 @@ pub(crate) struct Instance<'a> {
 #[derive(Clone, Debug)]
 pub(crate) struct TopLevel {
     /// An object: three rows of the matrix from metres to its mesh's units; then the mesh's first texel, the number of its nodes, the
-    /// object's number above two bits for [`SeenBy`], and units per metre.
+    /// object's number above the bits of [`SeenBy`], and units per metre.
     pub texels: Vec<[u32; 4]>,
     pub node_count: u32,
     /// The number of each, in the order of the texels.
@@ -132,7 +132,12 @@ impl Instance<'_> {
             a,
             b,
             c,
-            [self.first_texel, self.mesh.node_count, object << 2 | self.seen_by.bits(), units_per_metre.to_bits()],
+            [
+                self.first_texel,
+                self.mesh.node_count,
+                object << SeenBy::BITS | self.seen_by.bits(),
+                units_per_metre.to_bits(),
+            ],
         ]
     }
 }
@@ -282,8 +287,11 @@ mod tests {
         let top = TopLevel::new(&objects);
         let first_object = 2 * top.node_count as usize;
         for (instance, texels) in top.texels[first_object..].chunks_exact(4).enumerate() {
-            assert_eq!((texels[3][0], texels[3][1], texels[3][2] & 3), (7, list.node_count, 3));
-            let placement = placements[(texels[3][2] >> 2) as usize];
+            assert_eq!(
+                (texels[3][0], texels[3][1], texels[3][2] & SeenBy::ALL.bits()),
+                (7, list.node_count, SeenBy::ALL.bits())
+            );
+            let placement = placements[(texels[3][2] >> SeenBy::BITS) as usize];
             let in_units = list.bounds[1];
             let in_world = placement.point_in_world(in_units / list.tracer.scale);
             let back = [0, 1, 2].map(|row| vector(texels[row]).dot(in_world) + f32::from_bits(texels[row][3]));

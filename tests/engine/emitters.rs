@@ -5,10 +5,10 @@ use std::path::Path;
 
 use glam::{DVec3, Vec3, Vec3Swizzles};
 use pinspot::blocking::wait;
-use pinspot::image::Aov;
+use pinspot::image::{Aov, ToneMap};
 use pinspot::reference::{self, Quantity, Reference, StoppingCriterion};
 use pinspot::scene::{Scene, Visibility, parse};
-use pinspot::{Backend, Engine, NoProgress, Options, Rendered, Settings, Stage};
+use pinspot::{Backend, Detail, Engine, Exposure, NoProgress, Options, Rendered, Settings, Stage};
 
 use crate::support::gpu_backend;
 
@@ -150,6 +150,31 @@ fn the_camera_sees_emitters_where_they_are() {
     hidden.objects[2].camera_visible = false;
     let rendered = render(&mut Engine::new(hidden, pictures(&[Aov::Beauty, Aov::Depth]), Backend::cpu()));
     assert!(layer(&rendered, Aov::Beauty).iter().all(|pixel| (*pixel - beauty[0]).length() < 1e-3), "it still shines");
+}
+
+/// Near or distant, emitters are as bright as their scene says, whatever the intensity of the environment behind them.
+#[test]
+fn environments_do_not_scale_emitters() {
+    for near in ["", ", near = false"] {
+        let lamp = lamp(0.2, Vec3::new(0.0, 2.0, 0.0)).replace("5.0]", &format!("5.0]{near}"));
+        let mirror = "[[object]]\nname = \"mirror\"\nshape = { plane = { size = [0.1, 0.1] } }\nreflector = {}\n";
+        let mut scene = over_table(&format!("{mirror}{lamp}"));
+        scene.environment.intensity = 0.3;
+        let mut engine = Engine::new(scene, pictures(&[Aov::Beauty]), Backend::cpu());
+        assert!(
+            layer(&render(&mut engine), Aov::Beauty)[4 * 9 + 4].abs_diff_eq(Vec3::new(10.0, 20.0, 5.0), 1e-4),
+            "{near}"
+        );
+        engine.options_mut().display.exposure = Exposure::Stops(-5.0);
+        engine.options_mut().display.tone_map = ToneMap::Linear;
+        let detail = Detail { size: [9, 9], samples: 20, taps: 4, spacing: 1, shadow_directions: 8 };
+        for backend in [Backend::cpu(), gpu_backend()] {
+            let mut engine = Engine::new(engine.scene().clone(), engine.options().clone(), backend.clone());
+            let preview = wait(backend.device(), engine.preview(&detail, &NoProgress)).unwrap();
+            let shown = 32.0 * preview.image.pixels[4 * 9 + 4];
+            assert!(shown.abs_diff_eq(Vec3::new(10.0, 20.0, 5.0), 1e-2), "{near} in previews: {shown}");
+        }
+    }
 }
 
 /// Scene files need not say whether emitters are near. Where they say wrongly that one is far away, a warning tells.

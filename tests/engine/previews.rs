@@ -68,6 +68,10 @@ fn previews_look_like_the_whole_picture() {
         ("spoon", 1.8),
         ("sheet", 1.2),
         ("varnish", 10.0),
+        ("candle", 4.0),
+        ("colours", 4.0),
+        ("haze", 6.0),
+        ("underwater", 6.0),
     ] {
         let mut engine = engine(scene);
         let whole = whole(&mut engine);
@@ -163,8 +167,15 @@ fn both_back_ends_render_the_same_previews() {
         println!("{name}: {mean:.5} on average at spacing {spacing}, {off} pixels differ, {:?}", gpu.exposures);
         let [cpu_ev, gpu_ev] = [&cpu, &gpu].map(|preview| preview.exposures.exposure_ev);
         assert!((cpu_ev - gpu_ev).abs() < 0.01, "{name}: {cpu_ev} {gpu_ev}");
-        // The median's pixel may be another one.
-        assert!(mean < if is_metered { 2e-3 } else { 1e-3 }, "{name}: {mean}");
+        // The median's pixel may be another one. A GPU's visibility maps are finer, which shows where something stands close to a mirror.
+        let most = if name == "candle" {
+            6e-3
+        } else if is_metered {
+            2e-3
+        } else {
+            1e-3
+        };
+        assert!(mean < most, "{name}: {mean}");
         // Edges of shadows and of what mirrors show, by rays that graze them.
         assert!(off * 200 < cpu.image.pixels.len(), "{name}: {off}");
         assert!(gpu.passes.iter().all(|pass| (0.0..10.0).contains(&pass.seconds)), "{name}: {:?}", gpu.passes);

@@ -241,7 +241,8 @@ impl PathTracer<'_> {
     fn meet(&self, found: &Hit, walk: &mut Walk, paths: &mut PixelPaths) -> Option<Vec3> {
         let object = &self.inputs.scene.objects[found.object as usize];
         if let Some(emitter) = object.emitter {
-            paths.add(walk.point, walk.throughput, Source::Emitter(emitter.radiance), true);
+            let radiance = self.inputs.light.of_emitters() * emitter.radiance;
+            paths.add(walk.point, walk.throughput, Source::Emitter(radiance), true);
             return None;
         }
         walk.note_surface(found);

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use crate::image::Image;
 use crate::lanes::{ALL, LANES};
 use crate::pinhole::constants::{MIN_EVEN_COSINE, MIN_SAME_COSINE};
-use crate::scene::Camera;
+use crate::scene::{Camera, Ray};
 use crate::tracing::{CameraTracer, Hit};
 
 /// Points of a pixel, from its centre: no two in one row or column.
@@ -22,13 +22,17 @@ pub struct FirstSurface {
     /// The object and which of its sides; `None` where nothing is.
     side: Option<(u32, bool)>,
     normal: Vec3,
+    /// From the camera, metres; infinite where nothing is.
+    pub distance: f32,
 }
 
 impl FirstSurface {
-    pub fn of(hit: Option<&Hit>) -> Self {
-        hit.map_or(Self { side: None, normal: Vec3::ZERO }, |hit| Self {
+    /// What a ray hit.
+    pub fn of(ray: &Ray, hit: Option<&Hit>) -> Self {
+        hit.map_or(Self { side: None, normal: Vec3::ZERO, distance: f32::INFINITY }, |hit| Self {
             side: Some((hit.object, hit.front)),
             normal: hit.normal,
+            distance: hit.position.distance(ray.origin),
         })
     }
 
@@ -50,7 +54,8 @@ pub fn smooth_edges(image: &mut Image, camera: &Camera, tracer: &CameraTracer, f
         let mut colours = [Vec3::ZERO; PIXELS];
         for (lane, hit) in hits.iter().enumerate() {
             let pixel = of_lane(lane);
-            let like = grid.pixel_with(pixel, POINTS[lane % POINTS.len()], &FirstSurface::of(hit.as_ref()));
+            let like =
+                grid.pixel_with(pixel, POINTS[lane % POINTS.len()], &FirstSurface::of(&rays[lane], hit.as_ref()));
             colours[lane / POINTS.len()] += image.pixels[like.unwrap_or(pixel)] / POINTS.len() as f32;
         }
         colours
@@ -126,7 +131,8 @@ mod tests {
         let first: Vec<FirstSurface> = (0..1600u32)
             .map(|k| {
                 let at = Vec2::new((k % 40) as f32, (k / 40) as f32) + 0.5;
-                FirstSurface::of(tracer.hit(camera.ray(at, size)).as_ref())
+                let ray = camera.ray(at, size);
+                FirstSurface::of(&ray, tracer.hit(ray).as_ref())
             })
             .collect();
         let pixels: Vec<Vec3> = first.iter().map(|f| if f.side.is_some() { Vec3::ONE } else { Vec3::ZERO }).collect();

@@ -1,4 +1,4 @@
-//! What glossy receivers reflect of the environment and of lamps in previews: from sixteen microfacets at each node, with shadows. GPU twin:
+//! What glossy receivers reflect of the environment and of near light in previews: from sixteen microfacets at each node, with shadows. GPU twin:
 //! `shaders/shared/preview_gloss.wgsl`. Lobes of caustics, and of what mirrors show, are left to whole pictures.
 
 use glam::Vec3;
@@ -8,7 +8,7 @@ use crate::brdf::Materials;
 use crate::engine::gloss::{blurred_radiance, likely_facet};
 use crate::lanes::LANES;
 use crate::scene::{Camera, Projection, Ray};
-use crate::stages::{DirectLamps, PreparedLight, PreparedScene};
+use crate::stages::{DirectNearLight, PreparedLight, PreparedScene};
 use crate::tracing::Hit;
 
 /// Microfacets along both coordinates of a lobe.
@@ -19,7 +19,7 @@ pub(super) struct GlossyReceivers<'a> {
     pub camera: &'a Camera,
     pub prepared: &'a PreparedScene,
     pub light: &'a PreparedLight,
-    pub lamps: &'a DirectLamps<'a>,
+    pub near_light: &'a DirectNearLight<'a>,
     pub is_shadowed: bool,
 }
 
@@ -33,11 +33,12 @@ impl GlossyReceivers<'_> {
         let hit = &point.hit;
         let view = self.view(hit);
         let diffuse = self.materials().mean_diffuse(hit.object, hit.normal.dot(view));
-        // Of lamps' light, the irradiance has the diffuse part.
-        let lobe = if self.lamps.is_dark() {
+        // Of near light, the irradiance has the diffuse part.
+        let lobe = if self.near_light.is_dark() {
             Vec3::ZERO
         } else {
-            (self.lamps.reflected(self.materials(), hit, view) - diffuse * self.lamps.irradiance(hit)).max(Vec3::ZERO)
+            (self.near_light.reflected(self.materials(), hit, view) - diffuse * self.near_light.irradiance(hit))
+                .max(Vec3::ZERO)
         };
         diffuse * irradiance + self.of_environment(hit, view) + lobe
     }

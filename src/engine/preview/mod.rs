@@ -3,6 +3,7 @@
 //!
 //! ```text
 //! scene, light, few samples ─► views (one ray a pixel, via mirrors) ─► light at nodes ─► light at all pixels ─► display
+//!                          └─► light that a medium scatters, along a ray for every few pixels ─────────────────────┘
 //! ```
 
 mod budget;
@@ -11,6 +12,7 @@ mod gloss;
 mod nodes;
 #[cfg(feature = "gpu")]
 pub(crate) mod on_gpu;
+mod scattering;
 mod shading;
 mod views;
 
@@ -26,6 +28,7 @@ use self::gloss::GlossyReceivers;
 use self::nodes::NodeGrid;
 #[cfg(feature = "gpu")]
 pub use self::on_gpu::PassTime;
+use self::scattering::{ScatteredGrid, ScatteredLight, SeenMedium, UnoccludedStage};
 use self::views::{Layer, SurfacePoint, Views};
 use super::Engine;
 use super::direct::DirectLight;
@@ -41,7 +44,7 @@ use crate::options::{Evaluation, EvaluationChoice, Exposures, Options, Overlay};
 use crate::pinhole::Receivers;
 use crate::progress::{Progress, Stage};
 use crate::scene::{Chains, Scene, Visibility};
-use crate::stages::{LightStages, PreparedLight, PreparedScene};
+use crate::stages::{LightStages, Memo, PreparedLight, PreparedScene};
 use crate::technique::{Inputs, Sum, Technique, TechniqueStages};
 
 /// Edge of the blocks of nodes whose shadows are found together, nodes.
@@ -103,6 +106,7 @@ pub(super) struct PreviewStages {
     pub technique: (Technique, Box<dyn TechniqueStages>),
     /// For scenes with emitters, which are drawn less finely; others share the light.
     pub light: LightStages,
+    unoccluded: UnoccludedStage,
     /// The passes, once there was a preview on a GPU.
     #[cfg(feature = "gpu")]
     on_gpu: Option<on_gpu::PreviewOnGpu>,
@@ -115,6 +119,7 @@ impl PreviewStages {
         Self {
             technique: (technique, technique.stages()),
             light: LightStages::for_frames(),
+            unoccluded: Memo::new(Stage::Scattering),
             #[cfg(feature = "gpu")]
             on_gpu: None,
             #[cfg(feature = "gpu")]
@@ -162,7 +167,7 @@ impl Engine {
         detail: &Detail,
         progress: &dyn Progress,
     ) -> Result<Option<Preview<wgpu::TextureView>>, Error> {
-        if self.preview_backend().device().is_none_or(|device| !on_gpu::fits(device, detail.size)) {
+        if self.backend.device().is_none_or(|device| !on_gpu::fits(device, detail.size)) {
             return Ok(None);
         }
         let preview = self.preview_as(Wanted::OnDevice, detail, progress).await?;
@@ -181,7 +186,7 @@ impl Engine {
         options.check()?;
         #[cfg(feature = "gpu")]
         self.backend.check()?;
-        let backend = self.preview_backend();
+        let backend = self.backend.clone();
         #[cfg_attr(not(feature = "gpu"), expect(unused_mut, reason = "only a GPU has copies"))]
         let mut scene = self.scene_stages.prepare_for_frame(&self.scene, progress)?;
         #[cfg(feature = "gpu")]
@@ -220,23 +225,38 @@ impl Engine {
         let is_shadowed = options.visibility == Visibility::Full;
         let directions = is_shadowed.then_some(detail.shadow_directions as usize);
         let direct = DirectLight::of_few(&light, light_stages, &scene.tracer, directions, progress);
-        let frame =
-            Frame { scene: &self.scene, prepared: &scene, options: &options, light: &light, detail, direct, progress };
+        let medium = SeenMedium::new(&self.scene, &scene, options.plain_diffuse);
+        let scattered_light = medium.filter(|seen| seen.medium.scatters()).map(|seen| {
+            let sampler = light_stages.sampler(&light, progress);
+            ScatteredLight::new(&mut self.preview.unoccluded, &light, seen.medium, sampler, progress)
+        });
+        let frame = Frame {
+            scene: &self.scene,
+            prepared: &scene,
+            options: &options,
+            light: &light,
+            detail,
+            direct,
+            medium,
+            scattered_light,
+            progress,
+        };
+        let scattered = frame.scattered(sum.as_deref()).await?;
         #[cfg(feature = "gpu")]
         let passes = (&mut self.preview.on_gpu, &mut self.preview.lit);
         #[cfg(feature = "gpu")]
         let (image, exposures, passes) =
-            if let Some(on_gpu) = frame.on_gpu(wanted, &backend, passes, sum.as_ref()).await? {
+            if let Some(on_gpu) = frame.on_gpu(wanted, &backend, passes, (sum.as_ref(), scattered.as_ref())).await? {
                 (on_gpu.rendered, on_gpu.exposures, on_gpu.passes)
             } else {
                 if let Some(shared) = backend.shared_gpu() {
                     self.preview.lit.submit(shared);
                 }
-                let (image, exposures) = frame.on_cpu(sum.as_deref()).await?;
+                let (image, exposures) = frame.on_cpu(sum.as_deref(), scattered.as_ref()).await?;
                 (image, exposures, Vec::new())
             };
         #[cfg(not(feature = "gpu"))]
-        let (Wanted::InMemory, (image, exposures)) = (wanted, frame.on_cpu(sum.as_deref()).await?);
+        let (Wanted::InMemory, (image, exposures)) = (wanted, frame.on_cpu(sum.as_deref(), scattered.as_ref()).await?);
         if progress.is_cancelled() {
             return Err(Error::Cancelled);
         }
@@ -283,6 +303,9 @@ struct Frame<'a> {
     light: &'a PreparedLight,
     detail: &'a Detail,
     direct: DirectLight<'a>,
+    medium: Option<SeenMedium>,
+    /// If the medium scatters.
+    scattered_light: Option<ScatteredLight>,
     progress: &'a dyn Progress,
 }
 
@@ -294,7 +317,7 @@ impl Frame<'_> {
         wanted: Wanted,
         backend: &Backend,
         (passes, lit): (&mut Option<on_gpu::PreviewOnGpu>, &mut on_gpu::LitStages),
-        sum: Option<&Arc<dyn Sum>>,
+        (sum, scattered): (Option<&Arc<dyn Sum>>, Option<&ScatteredGrid>),
     ) -> Result<Option<on_gpu::OnGpu>, Error> {
         let (Some(shared), Some(geometry)) = (backend.shared_gpu(), self.prepared.on_gpu.as_deref()) else {
             return Ok(None);
@@ -311,6 +334,8 @@ impl Frame<'_> {
             light: self.light,
             direct: &self.direct,
             sum,
+            medium: self.medium,
+            scattered,
             spacing: self.detail.spacing(),
             progress: self.progress,
         };
@@ -322,17 +347,22 @@ impl Frame<'_> {
     }
 
     /// The picture and its exposures.
-    async fn on_cpu(&self, sum: Option<&dyn Sum>) -> Result<(Rendered, Exposures), Error> {
+    async fn on_cpu(
+        &self,
+        sum: Option<&dyn Sum>,
+        scattered: Option<&ScatteredGrid>,
+    ) -> Result<(Rendered, Exposures), Error> {
         let (options, progress, camera) = (self.options, self.progress, &self.scene.camera);
         progress.begin(Stage::Rays, 1);
-        let views = Views::trace((self.scene, &self.light.lamps), self.prepared, options.size, options.plain_diffuse);
+        let views =
+            Views::trace((self.scene, self.light, self.medium), self.prepared, options.size, options.plain_diffuse);
         progress.end(Stage::Rays);
         let own = self.light(&views.surfaces, sum, |_| None).await?;
         let pixel_of = views.pixels_of(camera);
         let seen = |point: &SurfacePoint| Some(own[pixel_of(&point.hit)?]);
         let mirrored = self.light(&views.mirrored, sum, seen).await?;
         progress.begin(Stage::Shading, 1);
-        let (mut image, exposures) = self.shade(&views, &own, &mirrored);
+        let (mut image, exposures) = self.shade(&views, &own, &mirrored, scattered);
         smooth_edges(&mut image, camera, &self.prepared.camera, &views.first);
         progress.end(Stage::Shading);
         Ok((Rendered::Image(image), exposures))
@@ -355,7 +385,7 @@ impl Frame<'_> {
             camera: &self.scene.camera,
             prepared: self.prepared,
             light: self.light,
-            lamps: self.direct.lamps(),
+            near_light: self.direct.near_light(),
             is_shadowed: self.options.visibility == Visibility::Full,
         };
         let mut open = grid.nodes();

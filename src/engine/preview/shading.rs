@@ -3,6 +3,8 @@
 use glam::Vec3;
 use rayon::prelude::*;
 
+use super::edges::FirstSurface;
+use super::scattering::ScatteredGrid;
 use super::views::{Escape, SurfacePoint, Views};
 use super::{Frame, filled};
 use crate::engine::gloss::blurred_radiance;
@@ -13,11 +15,22 @@ use crate::options::Exposures;
 const PREVIEW_BLUR: f32 = 4.0;
 
 impl Frame<'_> {
-    pub(super) fn shade(&self, views: &Views, own: &[Vec3], mirrored: &[Vec3]) -> (Image, Exposures) {
+    pub(super) fn shade(
+        &self,
+        views: &Views,
+        own: &[Vec3],
+        mirrored: &[Vec3],
+        scattered: Option<&ScatteredGrid>,
+    ) -> (Image, Exposures) {
         let [width, height] = self.options.size;
         let mut shaded = filled([Vec3::ZERO; 2], own.len());
         let rows = shaded.par_chunks_mut(width as usize).enumerate();
-        rows.for_each(|(y, row)| self.shade_row(views, y * width as usize, own, mirrored, row));
+        rows.for_each(|(y, row)| {
+            self.shade_row(views, y * width as usize, own, mirrored, row);
+            if let Some(scattered) = scattered {
+                self.add_scattered(scattered, &views.first[y * width as usize..], y, row);
+            }
+        });
         let exposures = self.options.display.exposures(|| {
             let surfaces: Vec<Vec3> = shaded.iter().map(|[s, _]| *s).filter(|s| *s != Vec3::ZERO).collect();
             let is_mostly_background = 10 * surfaces.len() < shaded.len();
@@ -59,6 +72,14 @@ impl Frame<'_> {
             [intensity * (surfaces + escaped), Vec3::ZERO]
         };
         row.iter_mut().zip(pixels.map(of_pixel)).for_each(|(radiance, found)| *radiance = found);
+    }
+
+    /// Adds what the medium scatters before the first surfaces of a row.
+    fn add_scattered(&self, scattered: &ScatteredGrid, first: &[FirstSurface], y: usize, row: &mut [[Vec3; 2]]) {
+        let sight = self.medium.map_or(f32::INFINITY, |seen| seen.medium.sight());
+        for (x, ([surface, _], first)) in row.iter_mut().zip(first).enumerate() {
+            *surface += self.light.intensity * scattered.at([x, y], first.distance.min(sight));
+        }
     }
 
     /// The environment at the end of a path via mirrors, in a direction of its own: filtered over the path's footprint, radians, where a

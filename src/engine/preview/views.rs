@@ -8,12 +8,13 @@ use rayon::prelude::*;
 
 use super::edges::FirstSurface;
 use super::filled;
+use super::scattering::SeenMedium;
 use crate::engine::paths::{mirrored_direction, surface_albedo, visible_reflectance};
 use crate::engine::refraction::{Refracted, divided};
 use crate::lanes::{LANES, set_bits};
 use crate::pinhole::constants::{MAX_MIRRORS, MAX_PIXELS_APART, MIN_SEEN_COSINE};
 use crate::scene::{Camera, Lamp, Ray, Refractor, Scene};
-use crate::stages::PreparedScene;
+use crate::stages::{PreparedLight, PreparedScene};
 use crate::tracing::Hit;
 
 /// Edge of a packet of rays, pixels: squares are more coherent than rows.
@@ -150,11 +151,17 @@ struct PixelView {
 
 impl Views {
     /// Traces a picture of so many pixels; `is_plain` treats everything as diffuse.
-    pub fn trace((scene, lamps): (&Scene, &[Lamp]), prepared: &PreparedScene, size: [u32; 2], is_plain: bool) -> Self {
-        let tracer = ViewTracer { scene, lamps, prepared, is_plain };
+    pub fn trace(
+        (scene, light, medium): (&Scene, &PreparedLight, Option<SeenMedium>),
+        prepared: &PreparedScene,
+        size: [u32; 2],
+        is_plain: bool,
+    ) -> Self {
+        let tracer = ViewTracer { scene, light, medium, prepared, is_plain };
         let rays = scene.camera.rays(UVec2::from_array(size).as_vec2());
         let [width, height] = size.map(|edge| edge as usize);
-        let mut first = filled(FirstSurface::of(None), width * height);
+        let nothing = FirstSurface::of(&rays(Vec2::ZERO), None);
+        let mut first = filled(nothing, width * height);
         let bands = first.par_chunks_mut(PACKET * width).enumerate();
         let bands: Vec<BandViews> =
             bands.map(|(band, first)| tracer.band((width, PACKET * band), &rays, first)).collect();
@@ -206,7 +213,8 @@ impl Views {
 
 struct ViewTracer<'a> {
     scene: &'a Scene,
-    lamps: &'a [Lamp],
+    light: &'a PreparedLight,
+    medium: Option<SeenMedium>,
     prepared: &'a PreparedScene,
     is_plain: bool,
 }
@@ -218,6 +226,7 @@ struct Walk {
     throughput: Vec3,
     alpha: f32,
     path: u64,
+    is_in_medium: bool,
 }
 
 impl ViewTracer<'_> {
@@ -244,7 +253,7 @@ impl ViewTracer<'_> {
                 of_band.surfaces.set(pixel, view.surface);
                 of_band.mirrored.set(pixel, view.mirrored);
                 of_band.escapes.set(pixel, view.escape);
-                first[pixel] = FirstSurface::of(view.first.as_ref());
+                first[pixel] = FirstSurface::of(&rays[lane], view.first.as_ref());
             }
         }
         of_band
@@ -253,7 +262,8 @@ impl ViewTracer<'_> {
     /// Follows a packet of rays via mirrors to their ends. Of the lit surfaces behind the first one, the first counts.
     fn follow(&self, rays: &[Ray; LANES], mut lanes: u32) -> [PixelView; LANES] {
         let mut views: [PixelView; LANES] = std::array::from_fn(|_| PixelView::default());
-        let mut walks = rays.map(|ray| Walk { ray, throughput: Vec3::ONE, alpha: 0.0, path: 0 });
+        let is_in_medium = self.medium.is_some_and(|seen| seen.starts_within);
+        let mut walks = rays.map(|ray| Walk { ray, throughput: Vec3::ONE, alpha: 0.0, path: 0, is_in_medium });
         let mut hits = self.prepared.camera.hits(rays, lanes);
         views.iter_mut().zip(&hits).for_each(|(view, hit)| view.first = *hit);
         for mirror in 0..=MAX_MIRRORS {
@@ -272,24 +282,26 @@ impl ViewTracer<'_> {
 
     /// What a ray meets. Returns whether a mirror sends it on.
     fn meet(&self, hit: Option<Hit>, walk: &mut Walk, view: &mut PixelView) -> bool {
-        let Walk { ray, throughput, alpha, path } = *walk;
-        if let Some(radiance) = self.lamp_met(&ray, hit.as_ref()) {
+        if let Some(radiance) = self.lamp_met(walk, hit.as_ref()) {
+            let Walk { ray, throughput, alpha, path, .. } = *walk;
             let emitted = Some(radiance);
             view.escape = Some(Escape { direction: ray.direction, factor: throughput, alpha, path, emitted });
             return false;
         }
+        walk.throughput *= self.passed(walk, hit.as_ref());
+        let Walk { ray, throughput, alpha, path, .. } = *walk;
         let Some(found) = hit else {
             view.escape = Some(Escape { direction: ray.direction, factor: throughput, alpha, path, emitted: None });
             return false;
         };
         let object = &self.scene.objects[found.object as usize];
         if let Some(emitter) = object.emitter {
-            let emitted = Some(emitter.radiance);
+            let emitted = Some(self.light.of_emitters() * emitter.radiance);
             view.escape = Some(Escape { direction: ray.direction, factor: throughput, alpha, path, emitted });
             return false;
         }
         if let Some(refractor) = object.refractor.as_ref().filter(|_| !self.is_plain) {
-            Self::cross(&found, refractor, walk, view);
+            self.cross(&found, refractor, walk, view);
             return true;
         }
         let reflectance = visible_reflectance(self.prepared, self.is_plain, (&found, object), &ray);
@@ -310,8 +322,20 @@ impl ViewTracer<'_> {
         true
     }
 
+    /// The part of light that the medium leaves on the way to a surface, or to nowhere.
+    fn passed(&self, walk: &Walk, hit: Option<&Hit>) -> Vec3 {
+        let Some(seen) = self.medium.filter(|_| walk.is_in_medium) else { return Vec3::ONE };
+        match hit {
+            Some(hit) => seen.medium.transmittance(hit.position.distance(walk.ray.origin)),
+            None if seen.is_everywhere && walk.path != 0 => Vec3::ONE,
+            None => seen.medium.transmittance(seen.medium.sight()),
+        }
+    }
+
     /// The radiance of lamps that a ray meets first; `None` if there is nothing to be seen of any.
-    fn lamp_met(&self, ray: &Ray, hit: Option<&Hit>) -> Option<Vec3> {
+    fn lamp_met(&self, walk: &Walk, hit: Option<&Hit>) -> Option<Vec3> {
+        let ray = &walk.ray;
+        let medium = self.medium.filter(|_| walk.is_in_medium);
         let direction = ray.direction.normalize();
         let met = |lamp: &&Lamp| {
             let to = lamp.position - ray.origin;
@@ -321,12 +345,16 @@ impl ViewTracer<'_> {
                 && to.length_squared() - along * along < lamp.radius * lamp.radius
                 && hit.is_none_or(|hit| along < hit.distance * ray.direction.length())
         };
-        let radiance: Vec3 = self.lamps.iter().filter(met).map(|lamp| lamp.radiance_at(ray.origin)).sum();
+        let radiance = |lamp: &Lamp| {
+            let passed = medium.map_or(Vec3::ONE, |seen| seen.medium.transmittance(lamp.position.distance(ray.origin)));
+            passed * lamp.radiance_at(ray.origin)
+        };
+        let radiance: Vec3 = self.light.lamps.iter().filter(met).map(radiance).sum();
         (radiance != Vec3::ZERO).then_some(radiance)
     }
 
     /// Sends a ray on through an interface, or back from it where all is reflected.
-    fn cross(found: &Hit, refractor: &Refractor, walk: &mut Walk, view: &mut PixelView) {
+    fn cross(&self, found: &Hit, refractor: &Refractor, walk: &mut Walk, view: &mut PixelView) {
         let eta = refractor.eta.element_sum() / 3.0;
         let (reflectance, refracted) = divided(refractor, eta, (found, &walk.ray));
         let mirrored = mirrored_direction(found, &walk.ray, found.normal);
@@ -337,11 +365,13 @@ impl ViewTracer<'_> {
         };
         if reflectance > 0.0 {
             let Walk { throughput, alpha, path, .. } = *walk;
-            let factor = reflectance * throughput;
+            let factor = reflectance * throughput * self.passed(walk, None);
             view.escape.get_or_insert(Escape { direction: mirrored, factor, alpha, path, emitted: None });
         }
         walk.throughput *= factor;
         walk.ray = Ray { origin: found.position, direction };
+        // Behind interfaces there is the medium, in front of them none.
+        walk.is_in_medium = self.medium.is_some() && found.front;
     }
 }
 

@@ -8,6 +8,7 @@ use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 use sobol_burley::sample_4d;
 use std::f32::consts::TAU;
+use std::sync::Arc;
 
 use super::rays::{MediumRays, seen_length};
 use crate::environment::{CubeMap, LightSampler, face_direction, texel_solid_angle_sr};
@@ -32,8 +33,8 @@ const MAP_SIZES: [(f32, u32); 3] = [(0.0, 1), (0.6, 16), (1.0, 32)];
 pub(in crate::engine) struct DirectScattering<'a> {
     light: &'a PreparedLight,
     medium: Medium,
-    /// ∫ L p dω by the direction towards the viewer, in the environment's frame, W/(m²·sr): what is scattered per metre and σ_s.
-    unoccluded: CubeMap,
+    /// As [`unoccluded`].
+    unoccluded: Arc<CubeMap>,
     /// Unit directions to the environment in the world, and radiance over their density.
     directions: Vec<(Vec3, f32)>,
     /// What throws shadows, if anything does.
@@ -41,10 +42,10 @@ pub(in crate::engine) struct DirectScattering<'a> {
 }
 
 impl<'a> DirectScattering<'a> {
-    /// For rays of so many parts.
+    /// For rays of so many parts. The map is that of the light and the medium, see [`unoccluded`].
     pub fn new(
         light: &'a PreparedLight,
-        medium: Medium,
+        (medium, unoccluded): (Medium, Arc<CubeMap>),
         sampler: &LightSampler,
         tracer: Option<&'a Tracer>,
         parts_per_ray: usize,
@@ -57,7 +58,7 @@ impl<'a> DirectScattering<'a> {
             (world_from_light * in_light, radiance.element_sum())
         };
         let directions = (0..parts_per_ray * RAYS_PER_PART).map(direction).collect();
-        Self { light, medium, unoccluded: unoccluded(&light.environment.cube, &medium), directions, tracer }
+        Self { light, medium, unoccluded, directions, tracer }
     }
 
     /// Light along some rays, W/(m²·sr); black once it is cancelled.
@@ -195,8 +196,9 @@ fn nearness(lamp: &Lamp, ray: &Ray, [start, end]: [f32; 2]) -> f32 {
     (((end - nearest) / off).atan() - ((start - nearest) / off).atan()) / off
 }
 
-/// The light of an environment that a medium scatters, by the direction towards the viewer.
-fn unoccluded(environment: &CubeMap, medium: &Medium) -> CubeMap {
+/// The light of an environment that a medium scatters per metre and σ_s where nothing hides it: ∫ L p dω by the direction towards the
+/// viewer, in the environment's frame, W/(m²·sr).
+pub(in crate::engine) fn unoccluded(environment: &CubeMap, medium: &Medium) -> CubeMap {
     let level = (0..environment.level_count()).find(|l| environment.size() >> l <= SUMMED_SIZE).unwrap_or(0);
     let size = environment.size() >> level;
     let texels: Vec<(Vec3, f32, Vec3)> = environment

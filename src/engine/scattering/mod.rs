@@ -14,16 +14,15 @@ use std::sync::Arc;
 
 use glam::{Vec3, Vec4};
 
-use self::direct::DirectScattering;
-use self::rays::MediumRays;
-pub(super) use self::rays::contains;
+pub(super) use self::direct::{DirectScattering, unoccluded};
+pub(super) use self::rays::{MediumRays, contains};
 pub(super) use self::stages::ScatteringStages;
 use super::every_other::{AdaptiveLight, PixelGrid};
 use super::frame::FrameInputs;
 use crate::Error;
 use crate::lanes::LANES;
 use crate::pinhole::Receivers;
-use crate::progress::Uncounted;
+use crate::progress::{Progress, Uncounted};
 use crate::stages::CameraRays;
 use crate::technique::Sum;
 
@@ -72,19 +71,20 @@ impl Scattered {
 
 /// Light of caustics along all camera rays, with the number of fetches in w. `beside` is other light from there, which hides
 /// differences.
-pub(super) async fn scattered_caustic(
+async fn scattered_caustic(
     inputs: &FrameInputs<'_>,
     sum: &Arc<dyn Sum>,
-    rays: &MediumRays<'_>,
+    picture: &PictureRays<'_>,
     beside: &[Vec3],
 ) -> Result<Vec<[f32; 4]>, Error> {
+    let rays = &picture.rays;
     let few = some_of(&rays.within().collect::<Vec<_>>());
-    let gather = RayGather { inputs, sum, rays };
+    let gather = RayGather { sum: &**sum, rays, progress: inputs.progress };
     let mean = mean_of_parts(&gather.parts(&few, 0.0).await?, rays, &few);
     let error = MORE_TOLERANCES * inputs.options.tolerance * mean;
-    let mut light = AdaptiveLight::new(rays, rays.len(), rays.within(), beside).leniently(LENIENCY);
+    let mut light = AdaptiveLight::new(picture, rays.len(), rays.within(), beside).leniently(LENIENCY);
     while let Some(mut open) = light.next_open() {
-        open.sort_by_cached_key(|&index| rays.place_on_curve(index));
+        open.sort_by_cached_key(|&index| picture.place_on_curve(index));
         for some in open.chunks((PARTS_AT_ONCE / rays.parts_per_ray()).next_multiple_of(LANES)) {
             let parts = gather.parts(some, error).await?;
             light.set(some.iter().copied().zip(rays.scattered(some, &parts)));
@@ -96,13 +96,14 @@ pub(super) async fn scattered_caustic(
 }
 
 /// Direct light along all camera rays.
-pub(super) fn scattered_direct(
+fn scattered_direct(
     inputs: &FrameInputs<'_>,
     direct: &DirectScattering,
-    rays: &MediumRays<'_>,
+    picture: &PictureRays<'_>,
     beside: &[Vec3],
 ) -> Vec<[f32; 4]> {
-    let mut light = AdaptiveLight::new(rays, rays.len(), rays.within(), beside).leniently(LENIENCY);
+    let rays = &picture.rays;
+    let mut light = AdaptiveLight::new(picture, rays.len(), rays.within(), beside).leniently(LENIENCY);
     while let Some(open) = light.next_open() {
         let found = direct.along(rays, &open, inputs.progress);
         light.set(open.into_iter().zip(found.into_iter().map(|light| light.extend(0.0))));
@@ -136,15 +137,15 @@ fn place_in_list(ray: usize, part: usize, parts_per_ray: usize) -> usize {
 
 /// Sums along rays.
 struct RayGather<'a> {
-    inputs: &'a FrameInputs<'a>,
-    sum: &'a Arc<dyn Sum>,
-    rays: &'a MediumRays<'a>,
+    sum: &'a dyn Sum,
+    rays: &'a MediumRays,
+    progress: &'a dyn Progress,
 }
 
 impl RayGather<'_> {
     /// The light at the parts of some rays, W/m², in a list of receivers; it may be wrong by so much more than the sum's tolerance.
     async fn parts(&self, which: &[usize], error: f32) -> Result<Vec<[f32; 4]>, Error> {
-        let Self { inputs, sum, rays } = *self;
+        let Self { sum, rays, progress } = *self;
         let per_ray = rays.parts_per_ray();
         let mut receivers = Receivers::of_rays(LANES as u32, (which.len().div_ceil(LANES) * per_ray) as u32);
         for (place, &index) in which.iter().enumerate() {
@@ -158,12 +159,12 @@ impl RayGather<'_> {
                 receivers.tolerate(at, error * mean_weight / weights[part].max(f32::MIN_POSITIVE));
             }
         }
-        let uncounted = Uncounted(inputs.progress);
+        let uncounted = Uncounted(progress);
         sum.irradiance(&receivers, &uncounted).await
     }
 }
 
-impl MediumRays<'_> {
+impl MediumRays {
     /// What the medium scatters along some rays, from the light at their parts.
     fn scattered(&self, which: &[usize], parts: &[[f32; 4]]) -> Vec<Vec4> {
         let of_ray = |(place, &index): (usize, &usize)| {
@@ -178,20 +179,50 @@ impl MediumRays<'_> {
     }
 }
 
-impl PixelGrid for MediumRays<'_> {
+/// All camera rays of a picture.
+struct PictureRays<'a> {
+    camera_rays: &'a CameraRays,
+    rays: MediumRays,
+}
+
+impl PixelGrid for PictureRays<'_> {
     fn width(&self) -> usize {
-        self.camera_rays().width as usize
+        self.camera_rays.width as usize
     }
 
     fn pixel(&self, index: usize) -> (usize, usize) {
-        PixelGrid::pixel(self.camera_rays(), index)
+        PixelGrid::pixel(self.camera_rays, index)
     }
 
     fn counterpart(&self, index: usize, column: usize, row: usize) -> Option<usize> {
-        CameraRays::counterpart(self.camera_rays(), index, column, row)
+        CameraRays::counterpart(self.camera_rays, index, column, row)
     }
 
     fn hit(&self, index: usize) -> Option<&crate::tracing::Hit> {
-        self.end(index)
+        self.rays.end(index)
     }
+}
+
+/// What is scattered along a few camera rays, without differences between neighbours: light of caustics, without any if there is no sum,
+/// and direct light, W/(m²·sr).
+pub(super) async fn scattered_along(
+    rays: &MediumRays,
+    sum: Option<&dyn Sum>,
+    direct: &DirectScattering<'_>,
+    progress: &dyn Progress,
+) -> Result<[Vec<Vec3>; 2], Error> {
+    let within: Vec<usize> = rays.within().collect();
+    let mut caustic = vec![Vec3::ZERO; rays.len()];
+    if let Some(sum) = sum {
+        let gather = RayGather { sum, rays, progress };
+        for some in within.chunks((PARTS_AT_ONCE / rays.parts_per_ray()).next_multiple_of(LANES)) {
+            let parts = gather.parts(some, 0.0).await?;
+            let scattered = rays.scattered(some, &parts);
+            some.iter().zip(scattered).for_each(|(&index, light)| caustic[index] = light.truncate());
+        }
+    }
+    let mut of_direct = vec![Vec3::ZERO; rays.len()];
+    let found = direct.along(rays, &within, progress);
+    within.iter().zip(found).for_each(|(&index, light)| of_direct[index] = light);
+    Ok([caustic, of_direct])
 }

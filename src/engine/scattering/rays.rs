@@ -13,8 +13,9 @@ const NO_OBJECT: u32 = u32::MAX;
 const LEAST_DISTANCE: f32 = 0.5;
 
 /// Camera rays in a medium.
-pub(in crate::engine) struct MediumRays<'a> {
-    rays: &'a CameraRays,
+pub(in crate::engine) struct MediumRays {
+    /// With unit directions.
+    rays: Vec<Ray>,
     medium: Medium,
     parts_per_ray: usize,
     /// The middle of what casts caustics, metres, and the distance from it within which parts are equally small.
@@ -23,23 +24,42 @@ pub(in crate::engine) struct MediumRays<'a> {
     ends: Vec<Option<Hit>>,
 }
 
-impl<'a> MediumRays<'a> {
-    /// The camera rays of a scene whose medium this is; each has so many parts.
-    pub fn new(scene: &Scene, medium: Medium, tracer: &Tracer, rays: &'a CameraRays, parts_per_ray: usize) -> Self {
-        let is_within = contains(scene, tracer, scene.camera.position);
-        let end = |(index, hit): (usize, &Option<Hit>)| {
+impl MediumRays {
+    /// Camera rays with what they hit; each has so many parts. They are in the medium if the camera is.
+    pub fn new(
+        (scene, medium): (&Scene, Medium),
+        is_within: bool,
+        rays: Vec<Ray>,
+        hits: &[Option<Hit>],
+        parts_per_ray: usize,
+    ) -> Self {
+        let end = |(ray, hit): (&Ray, &Option<Hit>)| {
             let beyond = || {
-                let Ray { origin, direction } = rays.view.ray(index as u32);
-                let direction = direction.normalize();
-                let position = origin + medium.sight() * direction;
-                let (distance, normal) = (medium.sight(), -direction);
+                let position = ray.origin + medium.sight() * ray.direction;
+                let (distance, normal) = (medium.sight(), -ray.direction);
                 Hit { object: NO_OBJECT, position, distance, normal, face_normal: normal, front: true }
             };
             let hit = hit.filter(|hit| hit.distance < medium.sight());
             is_within.then(|| hit.unwrap_or_else(beyond))
         };
-        let ends = rays.hits.par_iter().enumerate().map(|(index, hit)| end((index, hit))).collect();
+        let ends = rays.par_iter().zip(hits).map(end).collect();
         Self { rays, medium, parts_per_ray, centre: casters(scene), ends }
+    }
+
+    /// Those of a picture.
+    pub fn of_picture(
+        (scene, medium): (&Scene, Medium),
+        tracer: &Tracer,
+        rays: &CameraRays,
+        parts_per_ray: usize,
+    ) -> Self {
+        let is_within = contains(scene, tracer, scene.camera.position);
+        let ray = |k: u32| {
+            let Ray { origin, direction } = rays.view.ray(k);
+            Ray { origin, direction: direction.normalize() }
+        };
+        let all = (0..rays.hits.len() as u32).into_par_iter().map(ray).collect();
+        Self::new((scene, medium), is_within, all, &rays.hits, parts_per_ray)
     }
 
     /// Number of camera rays.
@@ -52,10 +72,6 @@ impl<'a> MediumRays<'a> {
         (0..self.len()).filter(|&index| self.ends[index].is_some())
     }
 
-    pub fn camera_rays(&self) -> &CameraRays {
-        self.rays
-    }
-
     pub fn medium(&self) -> &Medium {
         &self.medium
     }
@@ -66,8 +82,7 @@ impl<'a> MediumRays<'a> {
 
     /// A ray, with a unit direction.
     pub fn ray(&self, index: usize) -> Ray {
-        let Ray { origin, direction } = self.rays.view.ray(index as u32);
-        Ray { origin, direction: direction.normalize() }
+        self.rays[index]
     }
 
     /// Where a ray ends.

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use glam::Vec3;
 use rayon::prelude::*;
 
-use super::{DirectScattering, MediumRays, Scattered, scattered_caustic, scattered_direct};
+use super::{DirectScattering, MediumRays, PictureRays, Scattered, scattered_caustic, scattered_direct, unoccluded};
 use crate::Error;
 use crate::engine::frame::{FrameInputs, LightId, LightKey, id_of};
 use crate::engine::shading::SurfaceLight;
@@ -56,10 +56,13 @@ impl ScatteringStages {
         let Some(medium) = scene.medium.filter(|medium| medium.scatters() && shows_any(options)) else {
             return Ok(Scattered::default());
         };
-        let rays = MediumRays::new(scene, medium, &prepared.tracer, camera_rays, options.medium_steps as usize);
+        let steps = options.medium_steps as usize;
+        let rays = MediumRays::of_picture((scene, medium), &prepared.tracer, camera_rays, steps);
+        let picture = PictureRays { camera_rays, rays };
+        let rays = &picture.rays;
         let is_layer = [Aov::Scattered, Aov::ScatteredDirect].iter().any(|aov| options.aovs.contains(aov));
         let beside = (!is_layer).then(|| (id_of(surfaces), Id::of(&prepared.materials)));
-        let hiding = || if is_layer { Vec::new() } else { seen_radiance(inputs, &rays, surfaces) };
+        let hiding = || if is_layer { Vec::new() } else { seen_radiance(inputs, &picture, surfaces) };
         let of_direct = ScatteringKey {
             rays: Id::of(camera_rays),
             sum: None,
@@ -75,15 +78,16 @@ impl ScatteringStages {
             && let Some(sum) = inputs.sum
         {
             let key = ScatteringKey { sum: Some(Id::of(sum)), ..of_direct.clone() };
-            let make = async || scattered_caustic(inputs, sum, &rays, &hiding()).await;
+            let make = async || scattered_caustic(inputs, sum, &picture, &hiding()).await;
             scattered.caustic = Some(self.caustic.wait_for(key, (rays.len() as u64, progress), make).await?);
         }
         if shows(options, Aov::ScatteredDirect) {
             let tracer = (options.visibility == Visibility::Full).then_some(&*prepared.tracer);
             let sampler = light.sampler(inputs.light, progress);
             let make = || {
-                let direct = DirectScattering::new(inputs.light, medium, &sampler, tracer, rays.parts_per_ray());
-                scattered_direct(inputs, &direct, &rays, &hiding())
+                let unoccluded = Arc::new(unoccluded(&inputs.light.environment.cube, &medium));
+                let direct = DirectScattering::new(inputs.light, (medium, unoccluded), &sampler, tracer, steps);
+                scattered_direct(inputs, &direct, &picture, &hiding())
             };
             scattered.direct = Some(self.direct.get(of_direct, progress, make));
         }
@@ -106,9 +110,10 @@ fn shows_any(options: &Options) -> bool {
 }
 
 /// What surfaces send through the medium to the camera, as far as it is known.
-fn seen_radiance(inputs: &FrameInputs, rays: &MediumRays, light: &SurfaceLight) -> Vec<Vec3> {
+fn seen_radiance(inputs: &FrameInputs, picture: &PictureRays, light: &SurfaceLight) -> Vec<Vec3> {
+    let rays = &picture.rays;
     let radiance = |index: usize| {
-        let Some(hit) = rays.camera_rays().hits[index] else { return Vec3::ZERO };
+        let Some(hit) = picture.camera_rays.hits[index] else { return Vec3::ZERO };
         let receiver = inputs.scene.objects[hit.object as usize].receiver.as_ref();
         let albedo = receiver.map_or(Vec3::ZERO, |receiver| receiver.albedo);
         let arriving = light.direct_at(index) + light.caustic_at(index);

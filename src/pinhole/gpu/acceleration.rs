@@ -124,7 +124,8 @@ impl SceneStructure {
     }
 }
 
-/// An instance's mask: two bits for the rays that see the object, then two for those that do not. See `cull_mask` in `ray_queries.wgsl`.
+/// An instance's mask: bits for the rays that see the object, then for those that do not. See `cull_mask` in `ray_queries.wgsl`.
 fn mask(seen_by: SeenBy) -> u8 {
-    (seen_by.bits() | (!seen_by.bits() & 3) << 2) as u8
+    let all = (1 << SeenBy::BITS) - 1;
+    (seen_by.bits() | (!seen_by.bits() & all) << SeenBy::BITS) as u8
 }

@@ -48,7 +48,17 @@ impl PreviewLayouts {
         Self {
             views: of(
                 "views",
-                &[uniform(0), storage(1), storage(2), writable(3), writable(4), writable(5), writable(6), writable(7)],
+                &[
+                    uniform(0),
+                    storage(1),
+                    storage(2),
+                    writable(3),
+                    writable(4),
+                    writable(5),
+                    writable(6),
+                    writable(7),
+                    storage(8),
+                ],
             ),
             light: of(
                 "light",
@@ -62,6 +72,7 @@ impl PreviewLayouts {
                     writable(6),
                     storage(7),
                     cube(8),
+                    storage(9),
                 ],
             ),
             other: of("other layer", &[storage(0), storage(1)]),
@@ -81,6 +92,7 @@ impl PreviewLayouts {
                     sampler(9),
                     storage(10),
                     writable(11),
+                    texture(12),
                 ],
             ),
             display: of(

@@ -44,20 +44,44 @@ struct FlatInputs {
     environment: Arc<Environment>,
     params: Params,
     near: NearLight,
+    is_preview: bool,
+}
+
+impl FlatInputs {
+    /// Lit surfaces do not count for these receivers: in previews, that mirrors cast their light into a medium takes longer than all else, and
+    /// is hardly seen.
+    fn omits_surfaces(&self, receivers: &Receivers) -> bool {
+        self.is_preview && receivers.lengths.is_some()
+    }
 }
 
 /// Light that is not infinitely far away.
 #[derive(Clone, Debug, Default)]
 struct NearLight {
     lamps: Arc<[Lamp]>,
-    /// Each near emitter, and what these and the lamps light.
-    surroundings: Vec<Arc<Surroundings>>,
+    seen: SeenNearby,
+}
+
+/// What mirrors see that is not infinitely far away.
+#[derive(Clone, Debug, Default)]
+struct SeenNearby {
+    /// Of near emitters.
+    emitters: Vec<Arc<Surroundings>>,
+    /// The surfaces that emitters and lamps light.
+    surfaces: Option<Arc<Surroundings>>,
 }
 
 impl PartialEq for NearLight {
     fn eq(&self, other: &Self) -> bool {
-        let surroundings = |light: &Self| light.surroundings.iter().map(Id::of).collect::<Vec<_>>();
-        self.lamps == other.lamps && surroundings(self) == surroundings(other)
+        let seen = |light: &Self| light.seen.all().map(Id::of).collect::<Vec<_>>();
+        self.lamps == other.lamps && seen(self) == seen(other)
+    }
+}
+
+impl SeenNearby {
+    /// The lit surfaces come last.
+    fn all(&self) -> impl Iterator<Item = &Arc<Surroundings>> {
+        self.emitters.iter().chain(&self.surfaces)
     }
 }
 
@@ -123,7 +147,7 @@ struct SurroundingsKey {
 pub(super) struct PinholeStages {
     samples: SampleStages,
     estimate: Memo<EstimateKey, f32>,
-    surroundings: Memo<SurroundingsKey, Vec<Arc<Surroundings>>>,
+    surroundings: Memo<SurroundingsKey, SeenNearby>,
     /// What mirrors show.
     surfaces: Memo<(Id<Tracer>, Id<SurfaceMaterials>), Tracer>,
     /// Of the samples of previews.
@@ -176,7 +200,8 @@ impl PinholeStages {
                 });
                 let near = self.near_light(&inputs, &positions, &pinholes);
                 let statistics = statistics(pinholes.samples.len(), positions);
-                self.flat(FlatInputs { pinholes, environment, params, near }, statistics, &inputs).await
+                let sum = FlatInputs { pinholes, environment, params, near, is_preview: inputs.is_preview };
+                self.flat(sum, statistics, &inputs).await
             }
             Evaluation::Flat { leaves } => {
                 let points = self.samples.points(&inputs)?;
@@ -184,7 +209,8 @@ impl PinholeStages {
                 check_wanted(progress)?;
                 let near = self.near_light(&inputs, &points.positions, &pinholes);
                 let statistics = statistics(pinholes.samples.len(), points.positions.clone());
-                self.flat(FlatInputs { pinholes, environment, params, near }, statistics, &inputs).await
+                let sum = FlatInputs { pinholes, environment, params, near, is_preview: inputs.is_preview };
+                self.flat(sum, statistics, &inputs).await
             }
             Evaluation::Hierarchical { leaves, tolerance } => {
                 let points = self.samples.points(&inputs)?;
@@ -223,10 +249,13 @@ impl PinholeStages {
             let emitters = near.flat_map(|(near, factor)| near.emitters.iter().map(|emitter| (emitter, *factor)));
             let seen = emitters.filter(|_| !samples.samples.is_empty());
             let of_emitters = seen.map(|emitter| views_of_emitter(inputs, emitter, &samples.samples));
-            of_emitters.chain(surroundings(inputs, &surfaces, &samples.samples)).map(Arc::new).collect()
+            SeenNearby {
+                emitters: of_emitters.map(Arc::new).collect(),
+                surfaces: surroundings(inputs, &surfaces, &samples.samples).map(Arc::new),
+            }
         };
-        let surroundings = self.surroundings.get(key, progress, make);
-        NearLight { lamps, surroundings: (*surroundings).clone() }
+        let seen = self.surroundings.get(key, progress, make);
+        NearLight { lamps, seen: (*seen).clone() }
     }
 
     #[cfg_attr(not(feature = "gpu"), expect(clippy::unused_async, reason = "as with the feature `gpu`"))]
@@ -340,7 +369,7 @@ impl HierarchicalInputs {
     /// The environment, every lamp, and what these light.
     fn lights(&self) -> impl Iterator<Item = Light<'_>> {
         let environment = Light::Environment { cube: &self.environment.cube, bounds: &self.bounds };
-        let surroundings = self.near.surroundings.iter().map(|seen| Light::Surroundings(seen));
+        let surroundings = self.near.seen.all().map(|seen| Light::Surroundings(seen));
         std::iter::once(environment).chain(self.near.lamps.iter().map(Light::Lamp)).chain(surroundings)
     }
 

@@ -15,14 +15,15 @@ pub(super) struct FlatOnCpu {
 
 impl Sum for FlatOnCpu {
     fn irradiance<'a>(&'a self, receivers: &'a Receivers, progress: &'a dyn Progress) -> Pending<'a, Vec<[f32; 4]>> {
-        let FlatInputs { pinholes, environment, params, near } = &self.sum;
+        let FlatInputs { pinholes, environment, params, near, .. } = &self.sum;
         let mut sums = gather(receivers, pinholes, &environment.cube, params, progress);
         if let Ok(sums) = &mut sums {
             let uncounted = Uncounted(progress);
             for lamp in near.lamps.iter() {
                 add(sums, &gather_lamp(receivers, pinholes, lamp, params, &uncounted));
             }
-            for surroundings in &near.surroundings {
+            let surfaces = near.seen.surfaces.iter().filter(|_| !self.sum.omits_surfaces(receivers));
+            for surroundings in near.seen.emitters.iter().chain(surfaces) {
                 add(sums, &gather_surroundings(receivers, pinholes, surroundings, params, &uncounted));
             }
         }

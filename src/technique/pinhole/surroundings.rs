@@ -8,7 +8,7 @@ use crate::environment::{CubeMap, FACES, emitter_from, face_direction};
 use crate::pinhole::constants::MAX_VIEWPOINTS;
 use crate::pinhole::{PinholeSample, SurroundingView, Surroundings};
 use crate::scene::{Medium, Mesh, Object, Ray, Scene, Sides, Visibility};
-use crate::stages::{DirectLamps, NearEmitter};
+use crate::stages::{DirectNearLight, NearEmitter};
 use crate::technique::Inputs;
 use crate::tracing::{Hit, SeenBy, Tracer};
 
@@ -38,7 +38,7 @@ struct Seen {
 /// The scene as it is seen by mirrors.
 struct Viewer<'a> {
     scene: &'a Scene,
-    light: DirectLamps<'a>,
+    light: DirectNearLight<'a>,
     /// What receives light: mirrors alone show none of their own.
     surfaces: &'a Tracer,
     /// Between surfaces and mirrors.
@@ -51,11 +51,8 @@ pub(super) fn lit_surfaces(scene: &Scene) -> Tracer {
     let is_shown = |object: &Object| {
         object.receiver.is_some() && object.reflector.is_none_or(|reflector| reflector.sides != Sides::Both)
     };
-    let meshes: Vec<(Mesh, SeenBy)> = scene
-        .objects
-        .iter()
-        .map(|object| (object.mesh_in_world(), SeenBy { camera: false, light: is_shown(object) }))
-        .collect();
+    let meshes: Vec<(Mesh, SeenBy)> =
+        scene.objects.iter().map(|object| (object.mesh_in_world(), SeenBy::all_but_camera(is_shown(object)))).collect();
     Tracer::of_meshes(meshes.iter().map(|(mesh, seen_by)| (mesh, *seen_by)))
 }
 
@@ -69,12 +66,12 @@ pub(super) fn surroundings(inputs: &Inputs, surfaces: &Tracer, samples: &[Pinhol
     let (size, max_views) = if inputs.is_preview { OF_PREVIEW } else { OF_PICTURE };
     let occluder = (options.visibility == Visibility::Full).then_some(&*prepared.tracer);
     let medium = scene.medium.filter(|_| scene.has_medium_everywhere());
-    let viewer = Viewer { scene, light: DirectLamps::coarse(light, occluder), surfaces, medium, size };
+    let viewer = Viewer { scene, light: DirectNearLight::coarse(light, occluder), surfaces, medium, size };
     Some(from_viewpoints(samples, max_views, |viewpoint| viewer.view(viewpoint)))
 }
 
 /// Views from so many viewpoints as keep every sample near to one, compared with the distance of the nearest surface that is seen.
-pub(super) fn from_viewpoints(
+fn from_viewpoints(
     samples: &[PinholeSample],
     max_views: usize,
     view: impl Fn(Vec3) -> SurroundingView,

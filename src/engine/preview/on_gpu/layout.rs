@@ -3,13 +3,16 @@
 use bytemuck::{Pod, Zeroable};
 use glam::Vec3;
 
+use super::PreviewInputs;
+use super::near_light::PackedNearLight;
 use crate::brdf::Material;
 use crate::engine::paths::surface_albedo;
+use crate::engine::preview::scattering::SeenMedium;
 use crate::environment::CubeMap;
-use crate::options::{DisplaySettings, Exposure, Options};
+use crate::options::{DisplaySettings, Exposure};
 use crate::pinhole::CURVE_POINTS;
 use crate::pinhole::gpu::EnvironmentCube;
-use crate::scene::{Camera, Object, Projection, Scene, Sides};
+use crate::scene::{Camera, Object, Projection, Sides, Visibility};
 use crate::stages::{PreparedLight, SurfaceMaterials};
 
 /// What pixels see, in bytes: a point of a surface, an escape, and what the camera sees first.
@@ -24,7 +27,7 @@ pub(crate) struct PreviewUniforms {
     pub camera_forward: [f32; 3],
     pub is_perspective: u32,
     pub camera_right: [f32; 3],
-    padding: u32,
+    pub lamp_count: u32,
     pub camera_up: [f32; 3],
     pub direction_count: u32,
     pub light_centre: [f32; 3],
@@ -43,6 +46,12 @@ pub(crate) struct PreviewUniforms {
     pub background_exposure: f32,
     pub exposure_flags: u32,
     pub tone_map: u32,
+    pub extinction: [f32; 3],
+    pub part_count: u32,
+    pub is_shadowed: u32,
+    pub medium_flags: u32,
+    pub sight: f32,
+    pub scattering_spacing: u32,
 }
 
 const IS_METERED: u32 = 1;
@@ -58,13 +67,14 @@ pub(super) struct Cubes<'a> {
 
 impl PreviewUniforms {
     pub(super) fn new(
-        scene: &Scene,
-        options: &Options,
-        light: &PreparedLight,
-        light_centre: Option<Vec3>,
+        inputs: &PreviewInputs,
         cubes: Cubes,
         direction_count: usize,
+        near_light: &PackedNearLight,
     ) -> Self {
+        let PreviewInputs { scene, prepared, options, light, .. } = inputs;
+        let light_centre = prepared.light_geometry.as_ref().map(|geometry| geometry.centre());
+        let medium = MediumUniforms::new(inputs);
         let Camera { position, forward, right, up, projection } = scene.camera;
         let (half_height, is_perspective) = match projection {
             Projection::Perspective { fov_y_rad } => ((0.5 * fov_y_rad).tan(), 1),
@@ -83,7 +93,7 @@ impl PreviewUniforms {
             camera_forward: forward.to_array(),
             is_perspective,
             camera_right: right.to_array(),
-            padding: 0,
+            lamp_count: near_light.lamp_count,
             camera_up: up.to_array(),
             direction_count: direction_count as u32,
             light_centre: light_centre.unwrap_or(Vec3::ZERO).to_array(),
@@ -102,7 +112,36 @@ impl PreviewUniforms {
             background_exposure: background_exposure_ev.unwrap_or(0.0),
             exposure_flags: is_metered | is_shared,
             tone_map: tone_map as u32,
+            extinction: medium.extinction.to_array(),
+            part_count: near_light.part_count,
+            is_shadowed: u32::from(options.visibility == Visibility::Full),
+            medium_flags: medium.flags,
+            sight: medium.sight,
+            scattering_spacing: medium.scattering_spacing,
         }
+    }
+}
+
+/// What the passes know of the medium.
+struct MediumUniforms {
+    extinction: Vec3,
+    flags: u32,
+    sight: f32,
+    scattering_spacing: u32,
+}
+
+const FILLS_SPACE: u32 = 1;
+const CAMERA_IN_MEDIUM: u32 = 2;
+
+impl MediumUniforms {
+    fn new(inputs: &PreviewInputs) -> Self {
+        let scattering_spacing = inputs.scattered.map_or(0, |grid| grid.spacing);
+        let Some(SeenMedium { medium, starts_within, is_everywhere }) = inputs.medium else {
+            return Self { extinction: Vec3::ZERO, flags: 0, sight: f32::MAX, scattering_spacing };
+        };
+        let flag = |is_set: bool, flag: u32| if is_set { flag } else { 0 };
+        let flags = flag(is_everywhere, FILLS_SPACE) | flag(starts_within, CAMERA_IN_MEDIUM);
+        Self { extinction: medium.extinction(), flags, sight: medium.sight(), scattering_spacing }
     }
 }
 
@@ -136,7 +175,8 @@ pub(crate) struct PreviewObject {
 }
 
 impl PreviewObject {
-    pub(super) fn new(object: &Object, material: &Material, is_plain: bool) -> Self {
+    /// `brightness` is a factor on what it emits.
+    pub(super) fn new(object: &Object, material: &Material, is_plain: bool, brightness: f32) -> Self {
         let sides = match object.reflector.map(|reflector| reflector.sides) {
             None => 0,
             Some(Sides::Front) => 1,
@@ -154,7 +194,7 @@ impl PreviewObject {
             flags,
             mirror_albedo: surface_albedo(object, is_plain, true).to_array(),
             alpha: object.reflector.map_or(0.0, |reflector| reflector.finish.alpha() as f32),
-            radiance: object.emitter.map_or(Vec3::ZERO, |emitter| emitter.radiance).to_array(),
+            radiance: object.emitter.map_or(Vec3::ZERO, |emitter| brightness * emitter.radiance).to_array(),
             width: refractor.map_or(material.width, |refractor| (refractor.eta.element_sum() / 3.0) as f32),
             specular: material.specular,
             kind: material.kind,

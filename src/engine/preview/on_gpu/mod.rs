@@ -8,6 +8,7 @@
 
 pub(crate) mod layout;
 mod lit;
+mod near_light;
 mod targets;
 mod timer;
 
@@ -19,10 +20,12 @@ use wgpu::{BindingResource, BufferUsages};
 
 use self::layout::{Cubes, PreviewObject, PreviewUniforms, background_cube, reflectance_curves};
 pub(super) use self::lit::LitStages;
-use self::targets::Targets;
+use self::near_light::PackedNearLight;
 pub(super) use self::targets::fits;
+use self::targets::{ScatteredTexture, Targets};
 pub use self::timer::PassTime;
 use self::timer::{CAUSTIC, MAX_PASSES, Timer};
+use super::scattering::{ScatteredGrid, SeenMedium};
 use super::{Rendered, Wanted};
 use crate::backend::SharedGpu;
 use crate::engine::direct::DirectLight;
@@ -61,6 +64,8 @@ pub(super) struct PreviewInputs<'a> {
     pub light: &'a PreparedLight,
     pub direct: &'a DirectLight<'a>,
     pub sum: Option<&'a Arc<dyn Sum>>,
+    pub medium: Option<SeenMedium>,
+    pub scattered: Option<&'a ScatteredGrid>,
     /// Pixels from node to node.
     pub spacing: u32,
     pub progress: &'a dyn Progress,
@@ -77,12 +82,14 @@ pub(super) struct PreviewOnGpu {
     objects: KeptBuffer,
     curves: KeptBuffer,
     directions: KeptBuffer,
+    near_light: KeptBuffer,
+    scattered: ScatteredTexture,
     timer: Option<Timer>,
     /// Exposures, unfinished rays and timestamps of a preview, copied to be read.
     report: Option<wgpu::Buffer>,
     targets: Option<Targets>,
-    /// Of the sum that was used last, for the receivers of these targets.
-    gather: Option<(Id<dyn Sum>, Vec<Frame>)>,
+    /// Of the sum that was used last, for the receivers of these targets: one of each light.
+    gather: Option<(Id<dyn Sum>, Vec<Vec<Frame>>)>,
 }
 
 impl fmt::Debug for PreviewOnGpu {
@@ -104,6 +111,8 @@ impl PreviewOnGpu {
             objects: storage("objects"),
             curves: storage("reflectance"),
             directions: storage("shadow rays"),
+            near_light: storage("near light"),
+            scattered: ScatteredTexture::default(),
             timer: Timer::new(&shared.gpu.device),
             report: None,
             targets: None,
@@ -126,7 +135,9 @@ impl PreviewOnGpu {
         // If nobody waited for the last preview, its report is lost.
         let report = self.report.take().unwrap_or_else(|| gpu.read_back_buffer(REPORT_BYTES));
         let Some(targets) = &self.targets else { return Ok(None) };
+        let scattered = self.scattered.with(&gpu.device, &gpu.queue, inputs.scattered);
         let passes = Passes {
+            scattered,
             device: &gpu.device,
             pipelines: &self.pipelines,
             targets,
@@ -198,10 +209,10 @@ impl PreviewOnGpu {
         for receivers in &targets.receivers {
             let textures = [&receivers.positions, &receivers.normals];
             let updated = match kept.next() {
-                Some(mut frame) => on_gpu.update(&mut frame, textures, receivers.size)?.then_some(frame),
+                Some(mut frames) => on_gpu.update(&mut frames, textures, receivers.size)?.then_some(frames),
                 None => None,
             };
-            frames.push(if let Some(frame) = updated { frame } else { on_gpu.frame(textures, receivers.size)? });
+            frames.push(if let Some(frames) = updated { frames } else { on_gpu.frames(textures, receivers.size)? });
         }
         self.gather = Some((Id::of(sum), frames));
         Ok(())
@@ -230,10 +241,11 @@ impl PreviewOnGpu {
         let (device, queue) = (&self.shared.gpu.device, &self.shared.gpu.queue);
         let PreviewInputs { scene, prepared, options, light, .. } = inputs;
         let directions = packed_directions(inputs.direct.shadow_directions());
-        let centre = prepared.light_geometry.as_ref().map(|geometry| geometry.centre());
-        let uniforms = PreviewUniforms::new(scene, options, light, centre, cubes, directions.len());
+        let near_light = PackedNearLight::new(light);
+        let uniforms = PreviewUniforms::new(inputs, cubes, directions.len(), &near_light);
         let materials = prepared.materials.receivers.of_object.iter();
-        let object = |(object, material)| PreviewObject::new(object, material, options.plain_diffuse);
+        let object =
+            |(object, material)| PreviewObject::new(object, material, options.plain_diffuse, light.of_emitters());
         let objects: Vec<_> = scene.objects.iter().zip(materials).map(object).collect();
         let curves = reflectance_curves(&prepared.materials);
         Buffers {
@@ -241,6 +253,7 @@ impl PreviewOnGpu {
             objects: self.objects.with(device, queue, bytemuck::cast_slice(&objects)),
             curves: self.curves.with(device, queue, bytemuck::cast_slice(&curves)),
             directions: self.directions.with(device, queue, bytemuck::cast_slice(&directions)),
+            near_light: self.near_light.with(device, queue, bytemuck::cast_slice(&near_light.texels)),
         }
     }
 }
@@ -251,6 +264,7 @@ struct Buffers {
     objects: wgpu::Buffer,
     curves: wgpu::Buffer,
     directions: wgpu::Buffer,
+    near_light: wgpu::Buffer,
 }
 
 /// The passes of one preview.
@@ -260,6 +274,7 @@ struct Passes<'a> {
     targets: &'a Targets,
     cubes: Cubes<'a>,
     buffers: Buffers,
+    scattered: wgpu::TextureView,
     rays: wgpu::BindGroup,
     timer: Option<&'a Timer>,
 }
@@ -272,7 +287,7 @@ enum Layer {
 }
 
 impl Passes<'_> {
-    fn record(&self, encoder: &mut wgpu::CommandEncoder, frames: &mut [Frame]) {
+    fn record(&self, encoder: &mut wgpu::CommandEncoder, frames: &mut [Vec<Frame>]) {
         if let Some(timer) = self.timer {
             timer.restart();
         }
@@ -290,24 +305,25 @@ impl Passes<'_> {
     }
 
     /// The light on the points of a layer.
-    fn light(&self, encoder: &mut wgpu::CommandEncoder, layer: Layer, frames: &mut [Frame]) {
+    fn light(&self, encoder: &mut wgpu::CommandEncoder, layer: Layer, frames: &mut [Vec<Frame>]) {
         let PreviewPipelines { begin, begin_behind_mirrors, light_nodes, light_between, add_caustic, .. } =
             self.pipelines;
         let begin = if layer == Layer::Own { begin } else { begin_behind_mirrors };
         let (light, other) = (self.bind_light(layer), self.bind_other(layer));
         for (grid, receivers) in self.targets.receivers.iter().enumerate() {
-            let mut frame = frames.get_mut(grid);
-            let gather = self.bind_gather(receivers, frame.as_deref());
-            let groups = [&light, &other, &gather];
+            let of_lights = frames.get_mut(grid).map_or(&mut [][..], |frames| &mut frames[..]);
+            let no_caustic = self.bind_gather(receivers, None);
+            let groups = [&light, &other, &no_caustic];
             if grid == 0 {
                 self.pass(encoder, "direct light", &[begin], self.targets.size, groups);
             }
             let direct = if grid == 0 { light_nodes } else { light_between };
             self.pass(encoder, "direct light", &[direct], receivers.size, groups);
-            if let Some(frame) = &mut frame {
+            for frame in of_lights {
                 frame.restart(encoder);
                 frame.record(encoder, 0..frame.batch_count());
-                self.pass(encoder, CAUSTIC, &[add_caustic], receivers.size, groups);
+                let gathered = self.bind_gather(receivers, Some(frame));
+                self.pass(encoder, CAUSTIC, &[add_caustic], receivers.size, [&light, &other, &gathered]);
             }
         }
     }
@@ -335,11 +351,11 @@ impl Passes<'_> {
     }
 
     fn bind_views(&self) -> wgpu::BindGroup {
-        let (Buffers { uniforms, objects, curves, .. }, targets) = (&self.buffers, self.targets);
+        let (Buffers { uniforms, objects, curves, near_light, .. }, targets) = (&self.buffers, self.targets);
         let Targets { surfaces, mirrored, escapes, first, unfinished, .. } = targets;
         self.bind_buffers(
             &self.pipelines.layouts.views,
-            &[uniforms, objects, curves, surfaces, mirrored, escapes, first, unfinished],
+            &[uniforms, objects, curves, surfaces, mirrored, escapes, first, unfinished, near_light],
         )
     }
 
@@ -355,6 +371,7 @@ impl Passes<'_> {
             self.targets.unfinished.as_entire_binding(),
             self.buffers.objects.as_entire_binding(),
             BindingResource::TextureView(self.cubes.environment.view()),
+            self.buffers.near_light.as_entire_binding(),
         ];
         bind(self.device, &self.pipelines.layouts.light, &resources)
     }
@@ -374,7 +391,7 @@ impl Passes<'_> {
 
     fn bind_gather(&self, receivers: &targets::ReceiverTextures, frame: Option<&Frame>) -> wgpu::BindGroup {
         let targets::ReceiverTextures { positions, normals, grid, .. } = receivers;
-        // Without caustics, what is bound in their place is not read.
+        // Where there is no caustic, what is bound in its place is not read.
         let unused = self.targets.picture.create_view(&Default::default());
         let caustic = frame.map_or(&unused, Frame::complete);
         let [positions, normals, caustic] = [positions, normals, caustic].map(BindingResource::TextureView);
@@ -392,6 +409,7 @@ impl Passes<'_> {
             BindingResource::Sampler(&self.pipelines.trilinear),
             self.buffers.objects.as_entire_binding(),
             histogram.as_entire_binding(),
+            BindingResource::TextureView(&self.scattered),
         ]);
         bind(self.device, &self.pipelines.layouts.shading, &resources)
     }

@@ -4,6 +4,7 @@ use wgpu::TextureFormat;
 
 use super::layout::{PIXEL_BYTES, PreviewGrid};
 use crate::engine::preview::nodes::finer_spacing;
+use crate::engine::preview::scattering::ScatteredGrid;
 use crate::gpu::buffer_with;
 use crate::pinhole::gpu::shaders::HISTOGRAM_BINS;
 
@@ -57,6 +58,44 @@ impl ReceiverTextures {
         let grid = buffer_with(device, "grid", bytemuck::bytes_of(&grid), wgpu::BufferUsages::UNIFORM);
         let view = || texture(device, size, TextureFormat::Rgba32Float).create_view(&Default::default());
         Self { size, grid, positions: view(), normals: view() }
+    }
+}
+
+/// Scattered light along some rays, which the CPU writes.
+#[derive(Debug, Default)]
+pub(super) struct ScatteredTexture(Option<wgpu::Texture>);
+
+impl ScatteredTexture {
+    /// The texture of a grid of rays; one that is not read if there is none.
+    pub fn with(
+        &mut self,
+        device: &wgpu::Device,
+        queue: &wgpu::Queue,
+        grid: Option<&ScatteredGrid>,
+    ) -> wgpu::TextureView {
+        let [width, height] = grid.map_or([1; 2], |grid| grid.size);
+        let known = self.0.take().filter(|texture| [texture.width(), texture.height()] == [width, height]);
+        let texture = known.unwrap_or_else(|| {
+            device.create_texture(&wgpu::TextureDescriptor {
+                label: Some("scattered light"),
+                size: wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
+                mip_level_count: 1,
+                sample_count: 1,
+                dimension: wgpu::TextureDimension::D2,
+                format: TextureFormat::Rgba32Float,
+                usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST,
+                view_formats: &[],
+            })
+        });
+        if let Some(grid) = grid {
+            let texels: Vec<[f32; 4]> = grid.light.iter().map(|light| light.to_array()).collect();
+            let layout =
+                wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(16 * width), rows_per_image: None };
+            queue.write_texture(texture.as_image_copy(), bytemuck::cast_slice(&texels), layout, texture.size());
+        }
+        let view = texture.create_view(&Default::default());
+        self.0 = Some(texture);
+        view
     }
 }
 

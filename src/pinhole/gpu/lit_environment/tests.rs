@@ -70,7 +70,7 @@ fn both_back_ends_draw_the_same_emitters() {
 
 fn on_cpu(sky: &Environment, emitters: &[PlacedEmitter], view: CubeView) -> Environment {
     let meshes: Vec<Mesh> = emitters.iter().map(|e| e.mesh.placed(&e.placement, "emitter").unwrap().0).collect();
-    let seen_by = SeenBy { camera: true, light: false };
+    let seen_by = SeenBy { camera: true, light: false, mirrored: false };
     let tracer = Tracer::of_emitters(None, meshes.iter().map(|mesh| (mesh, seen_by)));
     let shining = (0..).zip(&meshes).zip(emitters).map(|((object, mesh), e)| (object, mesh, e.radiance));
     let geometry = LightGeometry::new(&shining.collect::<Vec<_>>(), Arc::new(tracer), view.centre);

@@ -220,6 +220,7 @@ fn preview_uniforms() -> Layout {
         camera_forward,
         is_perspective,
         camera_right,
+        lamp_count,
         camera_up,
         direction_count,
         light_centre,
@@ -238,6 +239,12 @@ fn preview_uniforms() -> Layout {
         background_exposure,
         exposure_flags,
         tone_map,
+        extinction,
+        part_count,
+        is_shadowed,
+        medium_flags,
+        sight,
+        scattering_spacing,
     })
 }
 

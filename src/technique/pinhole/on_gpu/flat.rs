@@ -52,20 +52,29 @@ impl Sum for FlatOnGpu {
 }
 
 impl SumOnGpu for FlatOnGpu {
-    fn frame(&self, [positions, normals]: [&wgpu::TextureView; 2], size: [u32; 2]) -> Result<gpu::Frame, GpuError> {
-        let light = FrameLight::Environment(&self.environment);
-        self.engines[0].frame(&self.shared.gpu.device, &self.inputs([positions, normals], None, size, light))
+    fn frames(&self, receivers: [&wgpu::TextureView; 2], size: [u32; 2]) -> Result<Vec<gpu::Frame>, GpuError> {
+        let frame = |(engine, light): (&Arc<Engine>, FrameLight)| {
+            engine.frame(&self.shared.gpu.device, &self.inputs(receivers, None, size, light))
+        };
+        self.engines.iter().zip(self.lights()).map(frame).collect()
     }
 
     fn update(
         &self,
-        frame: &mut gpu::Frame,
+        frames: &mut [gpu::Frame],
         receivers: [&wgpu::TextureView; 2],
         size: [u32; 2],
     ) -> Result<bool, GpuError> {
         let Gpu { device, queue, .. } = &self.shared.gpu;
-        let light = FrameLight::Environment(&self.environment);
-        self.engines[0].update((device, queue), frame, &self.inputs(receivers, None, size, light))
+        if frames.len() != self.engines.len() {
+            return Ok(false);
+        }
+        for ((frame, engine), light) in frames.iter_mut().zip(&self.engines).zip(self.lights()) {
+            if !engine.update((device, queue), frame, &self.inputs(receivers, None, size, light))? {
+                return Ok(false);
+            }
+        }
+        Ok(true)
     }
 
     fn record_maps(&self, encoder: &mut wgpu::CommandEncoder) -> Option<&wgpu::Buffer> {
@@ -82,6 +91,11 @@ impl SumOnGpu for FlatOnGpu {
 }
 
 impl FlatOnGpu {
+    /// In the order of the engines.
+    fn lights(&self) -> impl Iterator<Item = FrameLight<'_>> {
+        std::iter::once(FrameLight::Environment(&self.environment)).chain(self.near.frame_lights())
+    }
+
     fn inputs<'a>(
         &'a self,
         [positions, normals]: [&'a wgpu::TextureView; 2],
@@ -108,9 +122,11 @@ impl FlatOnGpu {
         let points = receivers.positions.len() as u64;
         let pairs = pairs_per_submit(gpu);
         let step = (pairs / (points * u64::from(BATCH_SIZE)).max(1)).clamp(1, u64::from(u32::MAX)) as u32;
-        let lights = std::iter::once(FrameLight::Environment(&self.environment)).chain(self.near.frame_lights());
+        let omitted = self.sum.near.seen.surfaces.iter().filter(|_| self.sum.omits_surfaces(receivers)).count();
         let mut sums = Vec::new();
-        for (k, (engine, light)) in self.engines.iter().zip(lights).enumerate() {
+        for (k, (engine, light)) in
+            self.engines.iter().zip(self.lights()).enumerate().take(self.engines.len() - omitted)
+        {
             let inputs = self.inputs(textures, uploaded.viewers(), uploaded.size(), light);
             let mut frame = engine.frame(&gpu.device, &inputs)?;
             let uncounted = Uncounted(progress);

@@ -7,7 +7,7 @@ use crate::pinhole::Surroundings;
 use crate::pinhole::gpu::{FrameLight, LightKind, PipelineKey, TreeLight, UploadedLamp, UploadedSurroundings};
 use crate::technique::pinhole::NearLight;
 
-/// Every lamp and near emitter, and the surfaces in their light.
+/// Every lamp and near emitter, and the surfaces in their light, which come last.
 #[derive(Debug)]
 pub(in crate::technique::pinhole) struct NearLightOnGpu {
     lamps: Vec<UploadedLamp>,
@@ -19,7 +19,7 @@ impl NearLightOnGpu {
         let lamps =
             near.lamps.iter().map(|lamp| UploadedLamp::upload(device, queue, lamp)).collect::<Result<_, _>>()?;
         let upload = |surfaces: &Arc<Surroundings>| UploadedSurroundings::upload(device, queue, surfaces);
-        Ok(Self { lamps, surroundings: near.surroundings.iter().map(upload).collect::<Result<_, _>>()? })
+        Ok(Self { lamps, surroundings: near.seen.all().map(upload).collect::<Result<_, _>>()? })
     }
 
     /// What each light is.

@@ -21,7 +21,7 @@ const RAYS: usize = 4 * LANES;
 
 /// The direct light of lamps and near emitters.
 #[derive(Debug)]
-pub(crate) struct DirectLamps<'a> {
+pub(crate) struct DirectNearLight<'a> {
     lamps: &'a [Lamp],
     /// With the factor on their radiance.
     emitters: Option<(&'a NearEmitters, f32)>,
@@ -48,7 +48,7 @@ struct Means<T> {
     open: T,
 }
 
-impl<'a> DirectLamps<'a> {
+impl<'a> DirectNearLight<'a> {
     pub fn new(light: &'a PreparedLight, tracer: Option<&'a Tracer>) -> Self {
         let emitters = light.near_emitters.as_ref().map(|(emitters, factor)| (&**emitters, *factor));
         Self { lamps: &light.lamps, emitters, is_coarse: false, medium: light.medium, tracer }
