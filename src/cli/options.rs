@@ -55,7 +55,7 @@ pub struct SceneOptions {
     /// Maximum number of look-ups along a footprint's major axis [default: 16]
     #[arg(long, value_name = "N")]
     pub taps: Option<u32>,
-    /// Parts of each camera ray in a medium, by which scattered light is summed [default: 16]
+    /// Parts of each camera ray in a medium, by which scattered light is summed [default: 32]
     #[arg(long, value_name = "N")]
     pub medium_steps: Option<u32>,
     /// Attenuation by the squared distance, 1/l²: on or off [default: on]

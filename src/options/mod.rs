@@ -274,7 +274,7 @@ options! {
     /// Allowed error of a hierarchical sum, relative to the mean irradiance; from 1e-5 to 1. See docs/scenes.md.
     tolerance / with_tolerance: f32 = 0.01,
     /// Parts of each camera ray in a medium, by which the light is summed that is scattered there; from 1 to 256.
-    medium_steps / with_medium_steps: u32 = 16,
+    medium_steps / with_medium_steps: u32 = 32,
     /// Resolution of the environment's cube map.
     cube_size / with_cube_size: CubeSize = CubeSize::default(),
     /// Which occlusion is taken into account.

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use toml_edit::{DocumentMut, InlineTable, Item, Table, value};
 
 use super::history::History;
-use super::scene_text::{number, vector, write_camera, write_medium, write_options};
+use super::scene_text::{number, write_camera, write_lamps, write_medium, write_objects, write_options};
 use crate::Error;
 use crate::image::write_atomically;
 use crate::options::{Exposure, Options, Settings};
@@ -123,8 +123,15 @@ impl Document {
         }
         for (edited, original) in scene.objects.iter().zip(&old.objects) {
             let same = new.objects.iter_mut().find(|object| object.name == edited.name);
-            if let Some(object) = same.filter(|_| edited.placement != original.placement) {
+            let Some(object) = same else { continue };
+            if edited.placement != original.placement {
                 object.placement = edited.placement;
+            }
+            if edited.emitter != original.emitter && object.emitter.is_some() {
+                object.emitter = edited.emitter;
+            }
+            if edited.refractor != original.refractor && object.refractor.is_some() {
+                object.refractor.clone_from(&edited.refractor);
             }
         }
         opened.state.kept.clone_from(kept);
@@ -267,10 +274,10 @@ impl Document {
         let mut document = self.document()?;
         write_camera(&mut document, &self.original.scene.camera, &self.state.scene.camera);
         self.write_environment(&mut document);
-        self.write_lamps(&mut document);
+        write_lamps(&mut document, &self.original.scene.lamps, &self.state.scene.lamps);
         write_medium(&mut document, self.original.scene.medium, self.state.scene.medium);
         write_options(&mut document, &self.original.options, &self.state.options);
-        self.write_objects(&mut document);
+        write_objects(&mut document, &self.objects_of_tables, &self.original.scene.objects, &self.state.scene.objects);
         Ok(document.to_string())
     }
 
@@ -339,46 +346,6 @@ impl Document {
             table.insert("intensity", value(number(new.intensity)));
         }
     }
-
-    /// Positions and brightness.
-    fn write_lamps(&self, document: &mut DocumentMut) {
-        let Some(tables) = document.get_mut("light").and_then(Item::as_array_of_tables_mut) else { return };
-        let lamps = self.original.scene.lamps.iter().zip(&self.state.scene.lamps);
-        for ((old, new), table) in lamps.zip(tables.iter_mut()) {
-            if new.position != old.position {
-                table["position"] = vector(new.position);
-                // A beam keeps its direction.
-                if let Some(spot) = table.get_mut("spot").and_then(Item::as_table_like_mut)
-                    && let Some(beam) = &new.beam
-                {
-                    spot.insert("target", vector(new.position + beam.direction));
-                }
-            }
-            if new.intensity != old.intensity {
-                table.remove("radiance");
-                table["intensity"] = vector(new.intensity);
-            }
-        }
-    }
-
-    /// Placements. The parts of a mesh of several materials have one table, and are moved together.
-    fn write_objects(&self, document: &mut DocumentMut) {
-        let Some(tables) = document.get_mut("object").and_then(Item::as_array_of_tables_mut) else { return };
-        let (old, new) = (&self.original.scene.objects, &self.state.scene.objects);
-        for (objects, table) in self.objects_of_tables.iter().zip(tables.iter_mut()) {
-            let (Some(old), Some(new)) = (old.get(objects.start), new.get(objects.start)) else { continue };
-            if new.placement.translate != old.placement.translate {
-                table["translate"] = vector(new.placement.translate);
-            }
-            if new.placement.rotate_rad != old.placement.rotate_rad {
-                let degrees = new.placement.rotate_rad.to_array().map(f32::to_degrees);
-                table["rotate_deg"] = vector(degrees.into());
-            }
-            if new.placement.scale != old.placement.scale {
-                table["scale"] = value(number(new.placement.scale));
-            }
-        }
-    }
 }
 
 /// The absolute form of a path, which need not exist.
@@ -429,6 +396,31 @@ mod tests {
         let (expected, found) = (&document.state.scene.lamps[0], &again.state.scene.lamps[0]);
         assert!(found.position.abs_diff_eq(expected.position, 1e-6));
         assert!(found.intensity.abs_diff_eq(expected.intensity, 1e-5));
+    }
+
+    #[test]
+    fn emitters_and_refractors_are_edited() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("mine.toml");
+        for name in ["dynamic", "pool"] {
+            let mut document = Document::open(name).unwrap();
+            for object in &mut document.state.scene.objects {
+                if let Some(emitter) = &mut object.emitter {
+                    (emitter.radiance, emitter.is_near) = (0.5 * emitter.radiance, !emitter.is_near);
+                }
+                if let Some(refractor) = &mut object.refractor {
+                    refractor.eta += 0.125;
+                }
+            }
+            document.save(&path).unwrap();
+            let again = Document::open(path.to_str().unwrap()).unwrap();
+            for (found, expected) in again.state.scene.objects.iter().zip(&document.state.scene.objects) {
+                assert_eq!(found.emitter, expected.emitter, "{name}");
+                let eta = |object: &crate::scene::Object| object.refractor.as_ref().map(|r| r.eta.as_vec3());
+                assert_eq!(eta(found), eta(expected), "{name}");
+            }
+            assert!(!again.is_edited(), "{name}");
+        }
     }
 
     #[test]

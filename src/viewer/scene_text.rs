@@ -1,11 +1,13 @@
 //! Settings as the text of a scene file. Knows nothing of documents.
 
+use std::ops::Range;
+
 use glam::Vec3;
 use toml_edit::{Array, DocumentMut, InlineTable, Item, Table, Value, value};
 
 use crate::Epsilon;
 use crate::options::{Exposure, Options};
-use crate::scene::{Camera, Medium, Projection};
+use crate::scene::{Camera, Emitter, Lamp, Medium, Object, Projection, Refractor};
 
 /// A number with as many digits as tell it from others, as people would write it.
 pub fn number(value: f32) -> f64 {
@@ -39,6 +41,67 @@ pub fn write_medium(document: &mut DocumentMut, old: Option<Medium>, new: Option
     }
     if old.g != new.g {
         table.insert("g", value(number(new.g)));
+    }
+}
+
+/// Positions and brightness.
+pub fn write_lamps(document: &mut DocumentMut, old: &[Lamp], new: &[Lamp]) {
+    let Some(tables) = document.get_mut("light").and_then(Item::as_array_of_tables_mut) else { return };
+    for ((old, new), table) in old.iter().zip(new).zip(tables.iter_mut()) {
+        if new.position != old.position {
+            table["position"] = vector(new.position);
+            // A beam keeps its direction.
+            if let Some(spot) = table.get_mut("spot").and_then(Item::as_table_like_mut)
+                && let Some(beam) = &new.beam
+            {
+                spot.insert("target", vector(new.position + beam.direction));
+            }
+        }
+        if new.intensity != old.intensity {
+            table.remove("radiance");
+            table["intensity"] = vector(new.intensity);
+        }
+    }
+}
+
+/// Placements, emitters and refractive indices. The parts of a mesh of several materials have one table, and are moved together.
+pub fn write_objects(document: &mut DocumentMut, of_tables: &[Range<usize>], old: &[Object], new: &[Object]) {
+    let Some(tables) = document.get_mut("object").and_then(Item::as_array_of_tables_mut) else { return };
+    for (objects, table) in of_tables.iter().zip(tables.iter_mut()) {
+        let (Some(old), Some(new)) = (old.get(objects.start), new.get(objects.start)) else { continue };
+        if new.placement.translate != old.placement.translate {
+            table["translate"] = vector(new.placement.translate);
+        }
+        if new.placement.rotate_rad != old.placement.rotate_rad {
+            let degrees = new.placement.rotate_rad.to_array().map(f32::to_degrees);
+            table["rotate_deg"] = vector(degrees.into());
+        }
+        if new.placement.scale != old.placement.scale {
+            table["scale"] = value(number(new.placement.scale));
+        }
+        write_emitter(table, old.emitter, new.emitter);
+        write_refractor(table, old.refractor.as_ref(), new.refractor.as_ref());
+    }
+}
+
+fn write_emitter(object: &mut Table, old: Option<Emitter>, new: Option<Emitter>) {
+    let table = object.get_mut("emitter").and_then(Item::as_table_like_mut);
+    let (Some(table), Some(old), Some(new)) = (table, old, new) else { return };
+    if new.radiance != old.radiance {
+        table.insert("radiance", vector(new.radiance));
+    }
+    if new.is_near != old.is_near {
+        table.insert("near", value(new.is_near));
+    }
+}
+
+fn write_refractor(object: &mut Table, old: Option<&Refractor>, new: Option<&Refractor>) {
+    let table = object.get_mut("refractor").and_then(Item::as_table_like_mut);
+    let (Some(table), Some(old), Some(new)) = (table, old, new) else { return };
+    if new.eta != old.eta {
+        table.remove("cauchy");
+        let eta = new.eta.as_vec3();
+        table.insert("eta", if new.is_dispersive() { vector(eta) } else { value(number(eta.x)) });
     }
 }
 

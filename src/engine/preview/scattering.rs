@@ -18,8 +18,9 @@ use crate::stages::{Id, Memo, PreparedLight, PreparedScene};
 use crate::technique::Sum;
 use crate::tracing::Hit;
 
-/// Parts of a ray, at most: half as many as in whole pictures.
+/// Parts of a ray, at most: a quarter of those in whole pictures; and shadow rays from each.
 const MOST_PARTS: usize = 8;
+const RAYS_PER_PART: usize = 4;
 
 /// The medium as camera rays find it.
 #[derive(Clone, Copy, Debug)]
@@ -128,7 +129,7 @@ impl Frame<'_> {
         let rays = MediumRays::new((self.scene, medium), true, rays, &hits, parts);
         let tracer = (self.options.visibility == Visibility::Full).then_some(&*self.prepared.tracer);
         let of_light = (medium, direct.unoccluded.clone());
-        let direct = DirectScattering::new(self.light, of_light, &direct.sampler, tracer, parts);
+        let direct = DirectScattering::new(self.light, of_light, &direct.sampler, tracer, [parts, RAYS_PER_PART]);
         let [caustic, direct] = scattered_along(&rays, sum, &direct, self.progress).await?;
         let light = caustic.into_iter().zip(direct).zip(rays.lengths());
         let light =

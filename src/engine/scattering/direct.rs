@@ -18,8 +18,6 @@ use crate::scene::{Lamp, Medium, Ray};
 use crate::stages::{EmitterPart, NearEmitter, PreparedLight};
 use crate::tracing::{RayPacket, Tracer};
 
-/// Shadow rays from each part of a ray, to the environment and to each lamp.
-const RAYS_PER_PART: usize = 4;
 /// The next part of an emitter that a ray goes to is so many parts on; prime to their number.
 const FAR_PART: usize = 23;
 /// Scrambles the sequence of directions.
@@ -37,18 +35,20 @@ pub(in crate::engine) struct DirectScattering<'a> {
     unoccluded: Arc<CubeMap>,
     /// Unit directions to the environment in the world, and radiance over their density.
     directions: Vec<(Vec3, f32)>,
+    /// Shadow rays from each part of a ray, to the environment and to each light.
+    rays_per_part: usize,
     /// What throws shadows, if anything does.
     tracer: Option<&'a Tracer>,
 }
 
 impl<'a> DirectScattering<'a> {
-    /// For rays of so many parts. The map is that of the light and the medium, see [`unoccluded`].
+    /// For rays of so many parts, from each of which so many shadow rays go to the environment and to each light. The map is that of the light and the medium, see [`unoccluded`].
     pub fn new(
         light: &'a PreparedLight,
         (medium, unoccluded): (Medium, Arc<CubeMap>),
         sampler: &LightSampler,
         tracer: Option<&'a Tracer>,
-        parts_per_ray: usize,
+        [parts_per_ray, rays_per_part]: [usize; 2],
     ) -> Self {
         let world_from_light = light.world_from_light();
         let direction = |k: usize| {
@@ -57,8 +57,8 @@ impl<'a> DirectScattering<'a> {
             let radiance = light.environment.radiance.radiance(in_light) / density;
             (world_from_light * in_light, radiance.element_sum())
         };
-        let directions = (0..parts_per_ray * RAYS_PER_PART).map(direction).collect();
-        Self { light, medium, unoccluded, directions, tracer }
+        let directions = (0..parts_per_ray * rays_per_part).map(direction).collect();
+        Self { light, medium, unoccluded, directions, rays_per_part, tracer }
     }
 
     /// Light along some rays, W/(m²·sr); black once it is cancelled.
@@ -91,9 +91,9 @@ impl<'a> DirectScattering<'a> {
 
     fn add_environment(&self, rays: &[Ray], parts: &[[f32; 2]], part: usize, light: &mut [Vec3]) {
         let (mut open, mut all) = ([0.0; LANES], [0.0; LANES]);
-        for k in 0..RAYS_PER_PART {
-            let (direction, power) = self.directions[part * RAYS_PER_PART + k];
-            let along = (k as f32 + 0.5) / RAYS_PER_PART as f32;
+        for k in 0..self.rays_per_part {
+            let (direction, power) = self.directions[part * self.rays_per_part + k];
+            let along = (k as f32 + 0.5) / self.rays_per_part as f32;
             let origins = |lane: usize| at(&rays[lane], parts[lane], along);
             let hidden = self.hidden(rays.len(), origins, |_| (direction, f32::INFINITY));
             for (lane, ray) in rays.iter().enumerate() {
@@ -109,8 +109,8 @@ impl<'a> DirectScattering<'a> {
     }
 
     fn add_lamp(&self, lamp: &Lamp, rays: &[Ray], parts: &[[f32; 2]], light: &mut [Vec3]) {
-        for k in 0..RAYS_PER_PART {
-            let along = (k as f32 + 0.5) / RAYS_PER_PART as f32;
+        for k in 0..self.rays_per_part {
+            let along = (k as f32 + 0.5) / self.rays_per_part as f32;
             let origin = |lane: usize| at(&rays[lane], parts[lane], along);
             let towards = |lane: usize| {
                 let to = lamp.position - origin(lane);
@@ -133,7 +133,7 @@ impl<'a> DirectScattering<'a> {
                 }
                 let passed =
                     self.medium.transmittance(distance) * seen_length(&self.medium, parts[lane]) / (end - start);
-                light[lane] += nearness(lamp, ray, parts[lane]) / RAYS_PER_PART as f32 * passed * scattered;
+                light[lane] += nearness(lamp, ray, parts[lane]) / self.rays_per_part as f32 * passed * scattered;
             }
         }
     }
@@ -146,11 +146,11 @@ impl<'a> DirectScattering<'a> {
         (rays, parts): (&[Ray], &[[f32; 2]]),
         light: &mut [Vec3],
     ) {
-        for k in 0..RAYS_PER_PART {
-            let along = (k as f32 + 0.5) / RAYS_PER_PART as f32;
+        for k in 0..self.rays_per_part {
+            let along = (k as f32 + 0.5) / self.rays_per_part as f32;
             let origin = |lane: usize| at(&rays[lane], parts[lane], along);
             // Parts far from each other.
-            let index = (part * RAYS_PER_PART + k) * FAR_PART;
+            let index = (part * self.rays_per_part + k) * FAR_PART;
             let seen = (0..rays.len()).map_while(|lane| emitter.part_from(origin(lane), index));
             let seen: Vec<EmitterPart> = seen.collect();
             if seen.is_empty() {
@@ -160,7 +160,7 @@ impl<'a> DirectScattering<'a> {
             for (lane, ray) in rays.iter().enumerate().filter(|(lane, _)| hidden >> lane & 1 == 0) {
                 let EmitterPart { direction, distance, solid_angle } = seen[lane];
                 let passed = self.medium.transmittance(distance) * seen_length(&self.medium, parts[lane]);
-                let all = emitter.part_count() as f32 / RAYS_PER_PART as f32;
+                let all = emitter.part_count() as f32 / self.rays_per_part as f32;
                 let scattered = self.medium.phase(direction.dot(ray.direction)) * solid_angle * all;
                 light[lane] += factor * scattered * passed * emitter.radiance;
             }

@@ -17,6 +17,9 @@ use crate::scene::{Medium, Object, Specular, Visibility};
 use crate::stages::{CameraRays, Id, LightStages, Memo, StageCounts, SurfaceMaterials};
 use crate::technique::Sum;
 
+/// Shadow rays from each part of a camera ray.
+const RAYS_PER_PART: usize = 2;
+
 /// What scattered light is made from; direct light has no sum.
 #[derive(Clone, PartialEq)]
 struct ScatteringKey {
@@ -86,7 +89,8 @@ impl ScatteringStages {
             let sampler = light.sampler(inputs.light, progress);
             let make = || {
                 let unoccluded = Arc::new(unoccluded(&inputs.light.environment.cube, &medium));
-                let direct = DirectScattering::new(inputs.light, (medium, unoccluded), &sampler, tracer, steps);
+                let direct =
+                    DirectScattering::new(inputs.light, (medium, unoccluded), &sampler, tracer, [steps, RAYS_PER_PART]);
                 scattered_direct(inputs, &direct, &picture, &hiding())
             };
             scattered.direct = Some(self.direct.get(of_direct, progress, make));

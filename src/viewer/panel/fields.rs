@@ -4,6 +4,7 @@ use std::ops::RangeInclusive;
 
 use eframe::egui;
 use egui::emath::Numeric;
+use glam::Vec3;
 
 /// A number in a range, as a slider whose value can be typed. Returns whether it was changed.
 pub fn number<T: Numeric>(
@@ -22,6 +23,21 @@ pub fn number<T: Numeric>(
         is_changed |= reset(ui, name, value, original);
     });
     is_changed
+}
+
+/// Three numbers. Returns whether any was changed.
+pub fn vector(ui: &mut egui::Ui, name: &str, value: &mut Vec3, original: Vec3, speed: f64) -> bool {
+    let before = *value;
+    ui.horizontal(|ui| {
+        for (axis, letter) in ["x", "y", "z"].into_iter().enumerate() {
+            let drag =
+                ui.add(egui::DragValue::new(&mut value[axis]).speed(speed).max_decimals(3).custom_parser(typed_number));
+            named(&drag, egui::Role::SpinButton, &format!("{name} {letter}"));
+        }
+        ui.label(name);
+        reset(ui, name, value, original);
+    });
+    *value != before
 }
 
 /// A number that was typed; "nan" and "inf" are none.

@@ -3,6 +3,7 @@
 mod difference;
 mod fields;
 mod inspection;
+mod lights;
 mod objects;
 mod output;
 mod settings;
@@ -80,6 +81,15 @@ impl Viewer {
             section(ui, "Light", true, &mut |ui| is_edited |= self.light_section(ui));
             if !self.document.state.scene.lamps.is_empty() {
                 section(ui, "Lamps", true, &mut |ui| is_edited |= self.lamps_section(ui));
+            }
+            let objects = &self.document.state.scene.objects;
+            let has_emitters = objects.iter().any(|object| object.emitter.is_some());
+            let has_refractors = objects.iter().any(|object| object.refractor.is_some());
+            if has_emitters {
+                section(ui, "Emitters", true, &mut |ui| is_edited |= self.emitters_section(ui));
+            }
+            if has_refractors {
+                section(ui, "Refraction", true, &mut |ui| is_edited |= self.refraction_section(ui));
             }
             if self.document.state.scene.medium.is_some() {
                 section(ui, "Medium", true, &mut |ui| is_edited |= self.medium_section(ui));

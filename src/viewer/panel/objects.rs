@@ -1,10 +1,10 @@
-//! The section of the objects: which one is selected, and where it is. And those of the lamps and of the medium.
+//! The section of the objects: which one is selected, and where it is.
 
 use eframe::egui;
 use glam::Vec3;
 
-use super::fields::{named, number, reset, typed_number};
-use crate::scene::{Animation, Medium, Transform};
+use super::fields::{named, reset, typed_number, vector};
+use crate::scene::Transform;
 use crate::viewer::Viewer;
 
 impl Viewer {
@@ -53,74 +53,4 @@ impl Viewer {
         self.document.place(index, *placement);
         true
     }
-}
-
-impl Viewer {
-    /// Where each lamp is, and how bright.
-    pub(super) fn lamps_section(&mut self, ui: &mut egui::Ui) -> bool {
-        let state = &mut self.document.state;
-        let mut is_edited = false;
-        for (index, lamp) in state.scene.lamps.iter_mut().enumerate() {
-            let Some(original) = self.document.original.scene.lamps.get(index) else { continue };
-            ui.strong(lamp.name.clone());
-            let moves = |animation: &Animation| matches!(animation, Animation::Lamp(motion) if motion.lamp == index);
-            if state.is_animated && state.scene.animations.iter().any(moves) {
-                ui.weak("Its animation sets this lamp; switch \u{201c}Animate\u{201d} off to change it.");
-                continue;
-            }
-            is_edited |= vector(ui, &format!("{} m", lamp.name), &mut lamp.position, original.position, 0.01);
-            let full = original.intensity.max_element();
-            let mut factor = lamp.intensity.max_element() / full;
-            if number(ui, &format!("{} brightness", lamp.name), &mut factor, 1.0, (0.01..=100.0, true)) {
-                lamp.intensity = factor * original.intensity;
-                for animation in &mut state.scene.animations {
-                    if let Animation::Lamp(motion) = animation
-                        && motion.lamp == index
-                    {
-                        motion.full_intensity = lamp.intensity;
-                    }
-                }
-                is_edited = true;
-            }
-        }
-        is_edited
-    }
-}
-
-impl Viewer {
-    /// How dense the medium is, and which way it scatters. Colours stay.
-    pub(super) fn medium_section(&mut self, ui: &mut egui::Ui) -> bool {
-        let mut is_edited = false;
-        let original = self.document.original.scene.medium;
-        let Some((medium, original)) = self.document.state.scene.medium.as_mut().zip(original) else { return false };
-        let mut coefficient = |ui: &mut egui::Ui, name: &str, value: &mut Vec3, full: Vec3| {
-            if full == Vec3::ZERO {
-                return;
-            }
-            let mut largest = value.max_element();
-            if number(ui, name, &mut largest, full.max_element(), (1e-3..=100.0, true)) {
-                *value = largest / full.max_element() * full;
-                is_edited = true;
-            }
-        };
-        coefficient(ui, "Scattering 1/m", &mut medium.sigma_s, original.sigma_s);
-        coefficient(ui, "Absorption 1/m", &mut medium.sigma_a, original.sigma_a);
-        is_edited |= number(ui, "Forwards g", &mut medium.g, original.g, (-Medium::MAX_G..=Medium::MAX_G, false));
-        is_edited
-    }
-}
-
-/// Three numbers. Returns whether any was changed.
-fn vector(ui: &mut egui::Ui, name: &str, value: &mut Vec3, original: Vec3, speed: f64) -> bool {
-    let before = *value;
-    ui.horizontal(|ui| {
-        for (axis, letter) in ["x", "y", "z"].into_iter().enumerate() {
-            let drag =
-                ui.add(egui::DragValue::new(&mut value[axis]).speed(speed).max_decimals(3).custom_parser(typed_number));
-            named(&drag, egui::Role::SpinButton, &format!("{name} {letter}"));
-        }
-        ui.label(name);
-        reset(ui, name, value, original);
-    });
-    *value != before
 }

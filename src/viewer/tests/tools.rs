@@ -6,7 +6,7 @@ use eframe::egui;
 use egui::{Key, Modifiers, Role};
 use egui_kittest::kittest::Queryable;
 
-use super::{opened, press, run_until};
+use super::{Window, open, opened, press, run_until};
 use crate::viewer::Viewer;
 use crate::viewer::gizmo::Handle;
 
@@ -103,4 +103,31 @@ fn the_picture_is_compared_with_the_reference() {
     window.step();
     assert!(!is_current(window.state()));
     run_until(&mut window, "another difference", is_current);
+}
+
+/// What shines and what refracts has controls of its own in scenes that have any.
+#[test]
+fn emitters_and_interfaces_are_edited() {
+    let mut window = open("dynamic", [760.0, 1500.0]);
+    window.step();
+    let emitter = |window: &Window| window.state().document.state.scene.objects[2].emitter.unwrap();
+    let before = emitter(&window);
+    window.get_by_role_and_label(Role::CheckBox, "warm light is near").click();
+    window.step();
+    assert_eq!(emitter(&window).is_near, !before.is_near);
+    window.get_by_role_and_label(Role::Slider, "warm light brightness").focus();
+    window.step();
+    press(&mut window, Modifiers::NONE, Key::ArrowRight);
+    window.step();
+    assert!(emitter(&window).radiance.x > before.radiance.x);
+    run_until(&mut window, "a preview of the edited scene", |viewer| viewer.picture.is_some());
+    let mut window = open("pool", [760.0, 1500.0]);
+    window.step();
+    let index = |window: &Window| window.state().document.state.scene.objects[0].refractor.as_ref().unwrap().eta.x;
+    let before = index(&window);
+    window.get_by_role_and_label(Role::Slider, "water index").focus();
+    window.step();
+    press(&mut window, Modifiers::NONE, Key::ArrowRight);
+    window.step();
+    assert!(index(&window) > before);
 }
