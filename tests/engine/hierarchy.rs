@@ -98,7 +98,7 @@ fn it_sums_what_its_leaves_do() {
     let mut failures = Vec::new();
     let maps = ["forest", "clear-sky", "studio", "city"].map(|name| (name, PreparedLight::of_map(name)));
     for (number, built_in) in BUILT_IN.iter().enumerate() {
-        let mut work = Work::new(built_in.name, 28);
+        let mut work = Work::new(built_in.name, 24);
         let tree = work.tree(400, 16);
         let own = ("its own light", work.light.clone());
         // One of the maps each.

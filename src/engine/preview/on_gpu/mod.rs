@@ -55,6 +55,9 @@ pub(super) struct OnGpu {
 /// Edge of the workgroups of all passes over pixels.
 const WORKGROUP_EDGE: u32 = 8;
 
+/// The gathers of all lights over the same receivers.
+type Gathers = Vec<Frame>;
+
 /// What a preview is rendered from.
 pub(super) struct PreviewInputs<'a> {
     pub scene: &'a Scene,
@@ -88,8 +91,8 @@ pub(super) struct PreviewOnGpu {
     /// Exposures, unfinished rays and timestamps of a preview, copied to be read.
     report: Option<wgpu::Buffer>,
     targets: Option<Targets>,
-    /// Of the sum that was used last, for the receivers of these targets: one of each light.
-    gather: Option<(Id<dyn Sum>, Vec<Vec<Frame>>)>,
+    /// Of the sum that was used last, for the receivers of these targets.
+    gather: Option<(Id<dyn Sum>, Vec<Gathers>)>,
 }
 
 impl fmt::Debug for PreviewOnGpu {
@@ -287,7 +290,7 @@ enum Layer {
 }
 
 impl Passes<'_> {
-    fn record(&self, encoder: &mut wgpu::CommandEncoder, frames: &mut [Vec<Frame>]) {
+    fn record(&self, encoder: &mut wgpu::CommandEncoder, frames: &mut [Gathers]) {
         if let Some(timer) = self.timer {
             timer.restart();
         }
@@ -305,7 +308,7 @@ impl Passes<'_> {
     }
 
     /// The light on the points of a layer.
-    fn light(&self, encoder: &mut wgpu::CommandEncoder, layer: Layer, frames: &mut [Vec<Frame>]) {
+    fn light(&self, encoder: &mut wgpu::CommandEncoder, layer: Layer, frames: &mut [Gathers]) {
         let PreviewPipelines { begin, begin_behind_mirrors, light_nodes, light_between, add_caustic, .. } =
             self.pipelines;
         let begin = if layer == Layer::Own { begin } else { begin_behind_mirrors };

@@ -1,5 +1,6 @@
 //! What the passes of a preview write, for one size of the picture.
 
+use glam::Vec4;
 use wgpu::TextureFormat;
 
 use super::layout::{PIXEL_BYTES, PreviewGrid};
@@ -88,7 +89,7 @@ impl ScatteredTexture {
             })
         });
         if let Some(grid) = grid {
-            let texels: Vec<[f32; 4]> = grid.light.iter().map(|light| light.to_array()).collect();
+            let texels: Vec<[f32; 4]> = grid.light.iter().map(Vec4::to_array).collect();
             let layout =
                 wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(16 * width), rows_per_image: None };
             queue.write_texture(texture.as_image_copy(), bytemuck::cast_slice(&texels), layout, texture.size());
