@@ -73,7 +73,9 @@ impl Viewer {
             ui.strong(object.name.clone());
             let full = original.radiance.max_element();
             let mut factor = emitter.radiance.max_element() / full;
-            if number(ui, &format!("{} brightness", object.name), &mut factor, 1.0, (0.01..=100.0, true)) {
+            // Black ones stay black.
+            if full > 0.0 && number(ui, &format!("{} brightness", object.name), &mut factor, 1.0, (0.01..=100.0, true))
+            {
                 emitter.radiance = factor * original.radiance;
                 is_edited = true;
             }
