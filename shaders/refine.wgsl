@@ -8,6 +8,7 @@
 #import no_rays
 #import block_coverage
 #import block_pairs
+#import frame
 #import near_light_cells
 #import point_visibility
 #import tile_batch
@@ -199,6 +200,26 @@ fn process(at: BlockPlace, block: Block, progress: ptr<function, Progress>, lane
     return own_sum;
 }
 
+// The same for a lamp: its centre and four places at its edge are all seen, or none of them.
+fn action_under_lamp(cell: Cell, map: VisibilityMap) -> u32 {
+    let to = uniforms.lamp.position - cell.centroid;
+    let centre = visibility_of_point(to, map, -1);
+    // Interpolation may round.
+    let is_seen = centre.fraction > 0.9999;
+    if centre.is_doubtful || !(is_seen || centre.fraction == 0.0) {
+        return SPLIT_BLOCK;
+    }
+    let frame = tangent_frame(normalize(to));
+    for (var k = 0u; k < 4u; k++) {
+        let side = select(frame.u, frame.v, k > 1u) * select(1.0, -1.0, (k & 1u) == 0u);
+        let edge = visibility_of_point(to + uniforms.lamp.radius * side, map, -1);
+        if edge.is_doubtful || abs(edge.fraction - centre.fraction) > 1e-4 {
+            return SPLIT_BLOCK;
+        }
+    }
+    return select(DROP, ADD, is_seen);
+}
+
 // Turns ADD into what occlusion allows.
 fn action_with_occlusion(cell: Cell, block: Block, decision: Decision, is_seen: bool, is_cluster: bool) -> u32 {
     if is_cluster {
@@ -212,11 +233,7 @@ fn action_with_occlusion(cell: Cell, block: Block, decision: Decision, is_seen: 
     let dn = dot(d, cell.normal);
     let map = map_of_sample(cell.sample, sky_side(cell.flags, dn));
     if LIGHT == LIGHT_LAMP {
-        let seen = visibility_of_point(uniforms.lamp.position - cell.centroid, map, -1);
-        // Interpolation may round.
-        let is_seen = seen.fraction > 0.9999;
-        let is_settled = !seen.is_doubtful && (seen.fraction == 0.0 || is_seen);
-        return select(SPLIT_BLOCK, select(DROP, ADD, is_seen), is_settled);
+        return action_under_lamp(cell, map);
     }
     if LIGHT == LIGHT_SURROUNDINGS {
         return SPLIT_BLOCK;

@@ -81,7 +81,7 @@ pub mod pinhole {
     /// On the CPU.
     pub mod cpu {
         pub use crate::pinhole::cpu::{
-            Accuracy, CachedGather, CachedSums, CubeLookup, HardwareFilterError, Lanes16, Light, contributions,
+            Accuracy, CachedGather, CachedSums, CubeLookup, HardwareFilterError, Lanes16, Light, Lights, contributions,
             estimate_irradiance, gather, gather_hierarchical, gather_lamp, gather_surroundings, probe,
         };
     }

@@ -56,6 +56,20 @@ fn footprint_towards_lamp(
     return FootprintSides(reflected.v1 + side_1 - dot(side_1, r) * r, reflected.v2 + side_2 - dot(side_2, r) * r);
 }
 
+// Where the light comes from, relative to a piece of a surface: the middle of what a footprint and the lamp's disc share, as if both were
+// normal distributions of their variances. A wide footprint gets the lamp's light from its centre, a narrow one from where it points.
+fn middle_of_shared(seen: SeenLamp, r: vec3f, footprint: FootprintSides, lobe: f32) -> vec3f {
+    let squares = dot(footprint.v1, footprint.v1) + dot(footprint.v2, footprint.v2);
+    // Of both directions together.
+    let of_footprint = squares / 12.0 + 2.0 * lobe * lobe;
+    let of_disc = max(0.5 * seen.chord * seen.chord, 1.2e-38);
+    let off = r - seen.towards;
+    let apart = max(length(off), 1.2e-38);
+    // Not beyond the disc.
+    let part = min(of_disc / (of_footprint + of_disc), seen.chord / apart);
+    return seen.distance * normalize(seen.towards + part * off);
+}
+
 // Mean radiance over a footprint around the unit direction r, seen from a piece of a surface; a = 1, a fetch. `third` is the side of the
 // footprint along a part of a ray.
 fn mean_of_lamp(

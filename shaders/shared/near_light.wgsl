@@ -18,13 +18,15 @@ struct LightFootprint {
     third: vec3f,
 }
 
-// `reflected`: the footprint of light from infinitely far away around r, and `third` its side along a part of a ray.
+// `reflected`: the footprint of light from infinitely far away around r, without the lobe of this width, and `third` its side along a part
+// of a ray.
 fn footprint_on_light(
-    place: vec3f, surface: FootprintSides, r: vec3f, reflected: FootprintSides, third: vec3f,
+    place: vec3f, surface: FootprintSides, r: vec3f, reflected: FootprintSides, lobe: f32, third: vec3f,
 ) -> LightFootprint {
     if LIGHT == LIGHT_LAMP {
-        let sides = footprint_towards_lamp(lamp_seen_from(place), surface, r, reflected);
-        return LightFootprint(r, sides, uniforms.lamp.position - place, 0u, third);
+        let seen = lamp_seen_from(place);
+        let sides = footprint_towards_lamp(seen, surface, r, reflected);
+        return LightFootprint(r, sides, middle_of_shared(seen, r, sides, lobe), 0u, third);
     }
     let view = nearest_view(place);
     let seen = surfaces_seen(view, place, surface, r, reflected, third);

@@ -70,7 +70,7 @@ fn may_mirror_lamp(piece: Cell, pair: Pair) -> bool {
 // Near light over a cell's footprint, from so many taps.
 fn near_light_at(cell: Cell, pair: Pair, taps: f32) -> NearLight {
     let surface = FootprintSides(cell.side_1, cell.side_2);
-    let light = footprint_on_light(cell.centroid, surface, pair.r, sharp_footprint_of(cell, pair), pair.third);
+    let light = footprint_on_light(cell.centroid, surface, pair.r, sharp_footprint_of(cell, pair), cell.lobe, pair.third);
     var mean: vec4f;
     var map: VisibilityMap;
     map.index = UNOCCLUDED;

@@ -2,9 +2,10 @@
 
 use super::{Mesh, Object, light_centre};
 
-/// An emitter is far away from this many radii of the mirrors on, and of everything together.
-const FAR_FROM_MIRRORS: f32 = 3.0;
-const FAR_FROM_ALL: f32 = 1.5;
+/// An emitter is far away from this many radii of the mirrors on, from which its direction changes by no more than the sun is wide,
+const FAR_FROM_MIRRORS: f32 = 100.0;
+/// and from this many radii of everything together, which gets its direct light.
+const FAR_FROM_ALL: f32 = 20.0;
 
 /// How far away emitters are from the centre of the mirrors.
 pub(crate) struct EmitterDistances {

@@ -105,7 +105,7 @@ pub struct Receiver {
 pub struct Emitter {
     /// Radiance of both sides in all directions, W/(m²·sr).
     pub radiance: Vec3,
-    /// Whether its light comes from where it is. Scene files may leave it open: then it is so unless the emitter is farther away than three
-    /// radii of the mirrors and 1.5 radii of everything else.
+    /// Whether its light comes from where it is. Scene files may leave it open: then it is so unless the emitter is farther away than 100
+    /// radii of the mirrors and 20 radii of everything else.
     pub is_near: bool,
 }

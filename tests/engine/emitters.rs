@@ -30,6 +30,11 @@ fn lamp(radius: f32, position: Vec3) -> String {
     )
 }
 
+/// The same as a part of the environment.
+fn distant(lamp: String) -> String {
+    lamp.replace("5.0]", "5.0], near = false")
+}
+
 fn render(engine: &mut Engine) -> Rendered {
     wait(None, engine.render(&NoProgress)).unwrap()
 }
@@ -49,7 +54,7 @@ fn an_emitter_lights_receivers() {
     let position = Vec3::new(3.0, 6.0, -2.0);
     let expected = PI * 20.0 * (0.64 / f64::from(position.length_squared())) * f64::from(position.normalize().y);
     for visibility in [Visibility::None, Visibility::Full] {
-        let scene = over_table(&lamp(0.8, position));
+        let scene = over_table(&distant(lamp(0.8, position)));
         let options = pictures(&[Aov::Direct]).with_visibility(visibility);
         let rendered = render(&mut Engine::new(scene.clone(), options, Backend::cpu()));
         for pixel in layer(&rendered, Aov::Direct) {
@@ -75,22 +80,35 @@ fn with_distant_emitters(mut scene: Scene) -> Scene {
         placement.translate = centre + FARTHER * (placement.translate - centre);
         placement.scale *= FARTHER;
     }
+    drawn_into_environment(scene)
+}
+
+fn drawn_into_environment(mut scene: Scene) -> Scene {
+    scene.objects.iter_mut().filter_map(|object| object.emitter.as_mut()).for_each(|emitter| emitter.is_near = false);
     scene
 }
 
-/// The caustics of both back ends are those of the reference, wherever the built-in scenes' emitters have moved, as long as they are far
-/// away.
+/// The caustics of both back ends are those of the reference, wherever the built-in scenes' emitters have moved, near and far away.
 #[test]
 fn caustics_of_emitters_are_those_of_the_reference() {
-    for (name, seconds, most) in [("dynamic", 1.3, 0.04), ("dance-floor", 2.2, 0.08)] {
+    for (name, seconds, is_distant, most) in [
+        ("dynamic", 1.3, false, 0.04),
+        ("dynamic", 1.3, true, 0.04),
+        ("dance-floor", 2.2, false, 0.08),
+        ("dance-floor", 2.2, true, 0.08),
+    ] {
         let (mut scene, options) = pinspot::load(name).unwrap();
         scene.pose(seconds);
-        let scene = with_distant_emitters(scene);
+        // What mirrors see of lit surfaces is another test's: the reference takes minutes for it.
+        scene.objects.iter_mut().filter_map(|o| o.receiver.as_mut()).for_each(|receiver| receiver.albedo = Vec3::ZERO);
+        let scene = if is_distant { with_distant_emitters(scene) } else { scene };
         let size = [24, 24];
         let goal = StoppingCriterion::new(0.01).with_max_points(60_000.0);
         let asked = reference::Options { size, visibility: Visibility::Full, ..Default::default() };
         let reference = Reference::new(scene.clone(), asked).unwrap();
-        let exact = reference.solve(&goal, None, &NoProgress, &mut |_| Ok(())).unwrap().irradiance.pixels;
+        let exact = reference.solve(&goal, None, &NoProgress, &mut |_| Ok(())).unwrap();
+        println!("the reference's own error: {:.4}", exact.rel_error());
+        let exact = exact.irradiance.pixels;
         let options = options.with_size(size).with_aovs(vec![Aov::Caustic]);
         for backend in [Backend::cpu(), gpu_backend()] {
             let options = if backend.device().is_some() { options.clone().with_samples(600) } else { options.clone() };
@@ -100,7 +118,7 @@ fn caustics_of_emitters_are_those_of_the_reference() {
             let off: f64 = caustic.iter().zip(&exact).map(|(a, b)| f64::from((*a - *b).length_squared())).sum();
             let all: f64 = exact.iter().map(|b| f64::from(b.length_squared())).sum();
             let rel_l2 = (off / all).sqrt();
-            println!("{name} at {seconds} s: rel_l2 {rel_l2:.4}");
+            println!("{name} at {seconds} s, distant: {is_distant}: rel_l2 {rel_l2:.4}");
             assert!(rel_l2 < most, "{name}: {rel_l2}");
         }
     }
@@ -111,7 +129,7 @@ fn caustics_of_emitters_are_those_of_the_reference() {
 fn a_moving_emitter_is_drawn_anew() {
     let (scene, options) = pinspot::load("dynamic").unwrap();
     let options = options.with_size([32, 32]).with_samples(60);
-    let mut engine = Engine::new(scene, options.clone(), Backend::cpu());
+    let mut engine = Engine::new(drawn_into_environment(scene), options.clone(), Backend::cpu());
     render(&mut engine);
     let before = engine.stage_counts();
     for object in engine.scene_mut().objects.iter_mut().filter(|object| object.emitter.is_some()) {
@@ -139,7 +157,7 @@ fn a_moving_emitter_is_drawn_anew() {
 #[test]
 fn the_camera_sees_emitters_where_they_are() {
     let mirror = "[[object]]\nname = \"mirror\"\nshape = { plane = { size = [0.1, 0.1] } }\ntranslate = [3.0, 0.0, 0.0]\nreflector = {}\n";
-    let lamp = lamp(0.2, Vec3::new(0.0, 2.0, 0.0)).replace("5.0]", "5.0], near = false");
+    let lamp = distant(lamp(0.2, Vec3::new(0.0, 2.0, 0.0)));
     let scene = over_table(&format!("{mirror}{lamp}"));
     let rendered = render(&mut Engine::new(scene.clone(), pictures(&[Aov::Beauty, Aov::Depth]), Backend::cpu()));
     let (beauty, depth) = (layer(&rendered, Aov::Beauty), layer(&rendered, Aov::Depth));
@@ -188,7 +206,7 @@ fn emitters_are_near_unless_they_are_far_away() {
         let options = pictures(&[Aov::Caustic]).with_samples(30);
         (is_near, render(&mut Engine::new(scene, options, Backend::cpu())).report.warnings.join("\n"))
     };
-    let (close_by, far_away) = (Vec3::new(0.0, 0.8, 0.0), Vec3::new(0.0, 8.0, 0.0));
+    let (close_by, far_away) = (Vec3::new(0.0, 0.8, 0.0), Vec3::new(0.0, 50.0, 0.0));
     let (is_near, warnings) = rendered(close_by, "");
     assert!(is_near && !warnings.contains("lamp"), "{warnings}");
     let (is_near, warnings) = rendered(close_by, ", near = false");
@@ -207,7 +225,7 @@ fn near_and_distant_emitters_shine_together() {
         layer(&rendered, Aov::Direct).iter().map(|pixel| pixel.y).sum::<f32>() / 81.0
     };
     let near = lamp(0.1, Vec3::new(0.6, 0.5, 0.0)).replace("emitter", "camera_visible = false\nemitter");
-    let distant = lamp(0.8, Vec3::new(6.0, 12.0, -4.0));
+    let distant = distant(lamp(0.8, Vec3::new(6.0, 12.0, -4.0)));
     let both = mean(std::slice::from_ref(&near)) + mean(std::slice::from_ref(&distant));
     for emitters in [[near.clone(), distant.clone()], [distant, near]] {
         let found = mean(&emitters);

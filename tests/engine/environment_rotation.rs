@@ -141,7 +141,7 @@ fn contributions_and_estimates_rotate_the_environment() {
     let (samples, tree) = (work.samples(false), work.tree(false));
     for cubes in Cubes::both() {
         let [rotated, still] = cubes.params(Filter::Isotropic);
-        let of = |cube, params| cpu::contributions(&work.receivers, &samples, cube, params);
+        let of = |cube, params| cpu::contributions(&work.receivers, &samples, &cpu::Lights::environment(cube), params);
         let in_one = |values: Vec<f32>| values.into_iter().map(|v| [v, 0.0, 0.0, 0.0]).collect::<Vec<_>>();
         let (at_look_up, baked) = (in_one(of(&cubes.still, &rotated)), in_one(of(&cubes.rotated, &still)));
         let difference = rel_l2(&at_look_up, &baked);

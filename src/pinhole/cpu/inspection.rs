@@ -1,15 +1,13 @@
-//! The sum at one receiver taken apart: what each sample adds to it, and from which part of the environment.
+//! The sum at one receiver taken apart: what each sample adds to it, and from which directions.
 
-use glam::{Vec3, Vec4};
+use glam::Vec3;
 
 use super::pair::ReceiverCellPair;
 use super::receiver::load_receivers;
-use super::{Gather, ReceiverGroup, Source};
-use crate::environment::CubeMap;
-use crate::lanes::{LANES, Simd, V3, dispatch, level};
+use super::{Gather, Lights, ReceiverGroup, irradiance_of};
+use crate::lanes::{Simd, V3, dispatch, level};
 use crate::pinhole::constants::FILTER_ANISOTROPIC;
-use crate::pinhole::cpu::CubeLookup;
-use crate::pinhole::{GatherUniforms, Params, PinholeParts, PinholeSample, Pinholes, Receivers};
+use crate::pinhole::{Params, PinholeParts, PinholeSample, Pinholes, Receivers};
 
 /// What a sample adds to the irradiance of a receiver.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -22,27 +20,24 @@ pub struct Contribution {
     pub sides: [Vec3; 2],
 }
 
-/// What each sample that faces it adds to a receiver, given by its position, unit normal and object. The parts add up to what
-/// [`gather`](super::gather) returns with the anisotropic filter.
+/// What each sample that faces it adds to a receiver of all lights, given by its position, unit normal and object. The parts add up to what
+/// the sums of [`gather`](super::gather) and of near light return with the anisotropic filter.
 pub fn contributions_to(
     receiver: (Vec3, Vec3, u32),
     pinholes: &Pinholes,
-    environment: &CubeMap,
+    lights: &Lights,
     params: &Params,
 ) -> Vec<Contribution> {
-    let uniforms = GatherUniforms::for_cube(params, pinholes, environment);
-    let source = Source::Environment(CubeLookup::rotated(environment, &uniforms));
-    let Params { medium, lamps_in_medium, .. } = *params;
-    let gather = Gather { pinholes, materials: None, uniforms, source, medium, lamps_in_medium };
+    let gathers = lights.gathers(pinholes, params);
     let group = load_receivers(&Receivers::from_points(&[receiver], 1), 0, 1);
-    let part = |sample: &PinholeSample| dispatch!(level(), simd => contribution(simd, &gather, sample, &group));
+    let part = |sample: &PinholeSample| dispatch!(level(), simd => contribution(simd, &gathers, sample, &group));
     pinholes.samples.iter().filter_map(part).collect()
 }
 
 #[inline(always)]
 fn contribution<S: Simd>(
     simd: S,
-    gather: &Gather,
+    gathers: &[Gather],
     sample: &PinholeSample,
     group: &ReceiverGroup,
 ) -> Option<Contribution> {
@@ -52,8 +47,7 @@ fn contribution<S: Simd>(
     if pair.lit() & 1 == 0 {
         return None;
     }
-    let mut sum = [Vec4::ZERO; LANES];
-    gather.sample_irradiance::<S, FILTER_ANISOTROPIC>(simd, sample, &receiver, &mut sum);
+    let sum = irradiance_of::<S, FILTER_ANISOTROPIC>(simd, gathers, sample, &receiver);
     let footprint = pair.footprint(simd, &parts);
     let first = |v: V3<S>| Vec3::from(v.to_arrays().map(|lanes| lanes[0]));
     Some(Contribution {
@@ -65,9 +59,12 @@ fn contribution<S: Simd>(
 
 #[cfg(test)]
 mod tests {
+    use glam::Vec4;
+
     use super::*;
     use crate::NoProgress;
     use crate::differential::differentials;
+    use crate::environment::CubeMap;
     use crate::pinhole::{Filter, Footprint, cpu, pinholes};
     use crate::sampling::{Options, Strategy, Surface, sample};
 
@@ -82,7 +79,7 @@ mod tests {
         let params = Params { filter: Filter::Anisotropic, environment_rotation_rad: 0.4, ..Params::default() };
         for x in [0.0, 0.5, -1.4] {
             let receiver = (Vec3::new(x, 0.0, 0.2), Vec3::Y, 1);
-            let parts = contributions_to(receiver, &pinholes, &cube, &params);
+            let parts = contributions_to(receiver, &pinholes, &Lights::environment(&cube), &params);
             let receivers = Receivers::from_points(&[receiver], 1);
             let whole = cpu::gather(&receivers, &pinholes, &cube, &params, &NoProgress).unwrap()[0];
             let sum: Vec3 = parts.iter().map(|part| part.irradiance).sum();

@@ -151,6 +151,24 @@ impl<'a> LampLight<'a> {
         bits(self.max_within(simd, (piece, radius), pair.r, spread).simd_gt(0.0))
     }
 
+    /// Where the light comes from, relative to the cell: the middle of what a footprint and the lamp's disc share, as if both were normal
+    /// distributions of their variances. A wide footprint gets the lamp's light from its centre, a narrow one from where it points.
+    #[inline(always)]
+    pub fn middle_of_shared<S: Simd>(&self, simd: S, sample: &PinholeParts, pair: &ReceiverCellPair<S>) -> V3<S> {
+        let seen = self.seen_from(sample.position);
+        let squares = Self::sharp_footprint(simd, sample, pair, &seen).squares();
+        // Of both directions together.
+        let of_footprint = squares * (1.0 / 12.0) + 2.0 * sample.lobe * sample.lobe;
+        let of_disc = (0.5 * seen.chord * seen.chord).max(f32::MIN_POSITIVE);
+        let centre = splat3(simd, seen.towards);
+        let off = pair.r - centre;
+        let apart = off.dot(off).sqrt().max(f32::MIN_POSITIVE);
+        // Not beyond the disc.
+        let part = (splat(simd, of_disc) / (of_footprint + of_disc)).min(splat(simd, seen.chord) / apart);
+        let middle = centre.plus(off, part);
+        middle * (splat(simd, seen.distance) / middle.dot(middle).sqrt())
+    }
+
     /// Mean radiance over a cell's footprint, or over both parts of its lobe; w = 1, a fetch.
     // Not inlined into every sum.
     pub fn mean_radiance<S: Simd>(

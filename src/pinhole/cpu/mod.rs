@@ -26,6 +26,8 @@ pub use hierarchical::{
 pub use inspection::{Contribution, contributions_to};
 pub use near_light::{gather_lamp, gather_surroundings};
 
+use std::sync::Arc;
+
 use glam::{Vec3, Vec4};
 use rayon::prelude::*;
 
@@ -37,12 +39,14 @@ use self::receiver::{NO_OBJECT, Receiver, ReceiverGroup, load_receivers};
 use self::surroundings::SurroundingLight;
 use self::visibility::{Occlusion, Unoccluded, VisibilityMap};
 use super::constants::{FILTER_ANISOTROPIC, FILTER_EWA, FILTER_ISOTROPIC, FILTER_NONE};
-use super::{BATCH_SIZE, CURVE_POINTS, GatherUniforms, Params, PinholeParts, PinholeSample, Pinholes, Receivers};
+use super::{
+    BATCH_SIZE, CURVE_POINTS, GatherUniforms, Params, PinholeParts, PinholeSample, Pinholes, Receivers, Surroundings,
+};
 use crate::brdf::Materials;
 use crate::environment::CubeMap;
 use crate::lanes::{F, LANES, Simd, SimdBase, V3, bits, dispatch, lanes, level, set_bits, splat3};
 use crate::progress::Progress;
-use crate::scene::Medium;
+use crate::scene::{Lamp, Medium};
 
 /// Groups of lanes between two reports of progress.
 const GROUPS_PER_TASK: usize = 32;
@@ -101,16 +105,71 @@ fn gather_from(
 
 /// Contribution of each sample to the receivers, per area: the root of the sum of the squares of what it adds, over its area.
 /// Densities of samples are made from it.
-pub fn contributions(receivers: &Receivers, pinholes: &Pinholes, environment: &CubeMap, params: &Params) -> Vec<f32> {
-    let uniforms = GatherUniforms::for_cube(params, pinholes, environment);
-    let source = Source::Environment(CubeLookup::rotated(environment, &uniforms));
-    let Params { medium, lamps_in_medium, .. } = *params;
-    let gather = Gather { pinholes, materials: None, uniforms, source, medium, lamps_in_medium };
+pub fn contributions(receivers: &Receivers, pinholes: &Pinholes, lights: &Lights, params: &Params) -> Vec<f32> {
+    let gathers = lights.gathers(pinholes, params);
     let count = receivers.positions.len();
     let groups: Vec<ReceiverGroup> =
         (0..count).step_by(LANES).map(|start| load_receivers(receivers, start, LANES.min(count - start))).collect();
-    let contribution = |sample| dispatch!(level(), simd => gather.contribution(simd, sample, &groups));
+    let contribution = |sample| dispatch!(level(), simd => contribution(simd, &gathers, sample, &groups));
     pinholes.samples.par_iter().map(contribution).collect()
+}
+
+#[inline(always)]
+fn contribution<S: Simd>(simd: S, gathers: &[Gather], sample: &PinholeSample, groups: &[ReceiverGroup]) -> f32 {
+    let mut squares = 0.0f32;
+    for group in groups {
+        let sum = irradiance_of::<S, FILTER_ISOTROPIC>(simd, gathers, sample, &group.in_lanes(simd));
+        squares += sum.iter().map(|s| s.truncate().length_squared()).sum::<f32>();
+    }
+    squares.sqrt() / sample.area()
+}
+
+/// What a sample adds of all lights.
+#[inline(always)]
+fn irradiance_of<S: Simd, const FILTER: u32>(
+    simd: S,
+    gathers: &[Gather],
+    sample: &PinholeSample,
+    receiver: &Receiver<S>,
+) -> [Vec4; LANES] {
+    let mut sum = [Vec4::ZERO; LANES];
+    for gather in gathers {
+        gather.sample_irradiance::<S, FILTER>(simd, sample, receiver, &mut sum);
+    }
+    sum
+}
+
+/// All lights of a scene.
+#[derive(Clone, Copy, Debug)]
+pub struct Lights<'a> {
+    /// Radiance of what is infinitely far away.
+    pub environment: &'a CubeMap,
+    /// Lamps.
+    pub lamps: &'a [Lamp],
+    /// What mirrors see nearby.
+    pub surroundings: &'a [Arc<Surroundings>],
+}
+
+impl<'a> Lights<'a> {
+    /// An environment alone.
+    pub fn environment(environment: &'a CubeMap) -> Self {
+        Self { environment, lamps: &[], surroundings: &[] }
+    }
+
+    fn gathers(&self, pinholes: &'a Pinholes, params: &Params) -> Vec<Gather<'a>> {
+        let Params { medium, lamps_in_medium, .. } = *params;
+        let gather = |source, uniforms| Gather { pinholes, materials: None, uniforms, source, medium, lamps_in_medium };
+        let uniforms = GatherUniforms::for_cube(params, pinholes, self.environment);
+        let environment = gather(Source::Environment(CubeLookup::rotated(self.environment, &uniforms)), uniforms);
+        let lamp =
+            |lamp| gather(Source::Lamp(LampLight::new(lamp)), GatherUniforms::for_near_light(params, pinholes, 0.0));
+        let surroundings = |seen: &'a Arc<Surroundings>| {
+            let uniforms = GatherUniforms::for_near_light(params, pinholes, seen.texel_rad());
+            gather(Source::Surroundings(SurroundingLight(seen)), uniforms)
+        };
+        let near = self.lamps.iter().map(lamp).chain(self.surroundings.iter().map(surroundings));
+        std::iter::once(environment).chain(near).collect()
+    }
 }
 
 struct Gather<'a> {
@@ -213,17 +272,6 @@ impl Gather<'_> {
             self.sample_irradiance::<S, FILTER_ISOTROPIC>(simd, sample, &receiver, &mut sum);
         }
         sum
-    }
-
-    #[inline(always)]
-    fn contribution<S: Simd>(&self, simd: S, sample: &PinholeSample, groups: &[ReceiverGroup]) -> f32 {
-        let mut squares = 0.0f32;
-        for group in groups {
-            let mut sum = [Vec4::ZERO; LANES];
-            self.sample_irradiance::<S, FILTER_ISOTROPIC>(simd, sample, &group.in_lanes(simd), &mut sum);
-            squares += sum.iter().map(|s| s.truncate().length_squared()).sum::<f32>();
-        }
-        squares.sqrt() / sample.area()
     }
 
     /// Adds what one sample contributes: rgb = irradiance, w = fetches.

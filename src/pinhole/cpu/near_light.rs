@@ -89,15 +89,15 @@ impl Gather<'_> {
         match &self.source {
             Source::Environment(_) => None,
             Source::Lamp(lamp) => {
-                let to_light = lamp.offset_from(sample.position);
+                let to_light = lamp.middle_of_shared(simd, sample, pair);
                 let mut radiance = lamp.mean_radiance(simd, sample, pair, lit);
                 if self.lamps_in_medium {
-                    let passed = self.passed_from_lamp(sample, to_light.length()).extend(1.0);
+                    let passed = self.passed_from_lamp(sample, lamp.offset_from(sample.position).length()).extend(1.0);
                     for radiance in &mut radiance {
                         *radiance *= passed;
                     }
                 }
-                Some((radiance, splat3(simd, to_light)))
+                Some((radiance, to_light))
             }
             Source::Surroundings(surfaces) => Some(surfaces.arriving(simd, (sample, pair), taps, lit)),
         }

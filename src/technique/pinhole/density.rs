@@ -4,15 +4,17 @@
 
 use glam::Vec3;
 
+use super::surroundings::emitters_seen;
 use crate::differential::differentials;
 use crate::environment::CubeMap;
 use crate::options::Options;
-use crate::pinhole::{Epsilon, Filter, Footprint, Params, cpu, pinholes};
+use crate::pinhole::cpu::{self, Lights};
+use crate::pinhole::{Epsilon, Filter, Footprint, Params, pinholes};
 use crate::sampling::{
     self, Density, PointSet, PointTree, SamplingError, Strategy, Surface, SurfacePoint, sample, sample_by,
 };
 use crate::scene::{Scene, Visibility};
-use crate::stages::{LightStages, SceneStages, visible_receivers};
+use crate::stages::{LightStages, PreparedLight, SceneStages, visible_receivers};
 use crate::tracing::Tracer;
 use crate::{Error, NoProgress};
 
@@ -34,9 +36,7 @@ pub(super) struct DensityInputs<'a> {
     pub scene: &'a Scene,
     pub surface: &'a Surface,
     pub tracer: &'a Tracer,
-    pub cube: &'a CubeMap,
-    /// Rotation of the environment about +Y.
-    pub rotation_rad: f32,
+    pub light: &'a PreparedLight,
 }
 
 /// Places a scene's samples. The light is prepared only if their density depends on it.
@@ -63,8 +63,7 @@ pub fn place_samples(scene: &Scene, options: &Options) -> Result<PointSet, Error
         scene,
         surface: &prepared.surface,
         tracer: &prepared.tracer,
-        cube: &light.environment.cube,
-        rotation_rad: scene.environment.rotation_rad,
+        light: &light.with_near(prepared.near_emitters.as_ref()),
     };
     Ok(place(&inputs, options)?)
 }
@@ -107,10 +106,17 @@ impl Importance {
             let size = options.size.map(|edge| (edge * RECEIVERS / longest).max(1));
             let receivers = visible_receivers(inputs.scene, inputs.tracer, size);
             let even = CubeMap::from_radiance(16, None, |_| Vec3::ONE);
-            let light = if options.density == Density::Contribution { inputs.cube } else { &even };
+            let (mut lamps, emitters) = emitters_seen(inputs.scene, inputs.light, &pinholes.samples, true);
+            lamps.extend_from_slice(&inputs.light.lamps);
+            let environment = &inputs.light.environment.cube;
+            let lights = if options.density == Density::Contribution {
+                Lights { environment, lamps: &lamps, surroundings: &emitters }
+            } else {
+                Lights::environment(&even)
+            };
             // The paper's ε limits contributions near receivers, where a few pixels would attract all samples.
-            let params = Params { epsilon: Epsilon::Paper, ..options.params(FILTER, inputs.rotation_rad) };
-            cpu::contributions(&receivers, &pinholes, light, &params)
+            let params = Params { epsilon: Epsilon::Paper, ..options.params(FILTER, inputs.light.rotation_rad) };
+            cpu::contributions(&receivers, &pinholes, &lights, &params)
         };
         let tree = PointTree::new(&set.points);
         Ok(Self { of_points: densities(importance), tree, points: set.points })

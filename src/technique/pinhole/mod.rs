@@ -17,12 +17,12 @@ use self::on_cpu::{FlatOnCpu, HierarchicalOnCpu};
 #[cfg(feature = "gpu")]
 use self::on_gpu::{GpuStages, HierarchicalOnGpu};
 use self::samples::{OccluderKey, SampleStages, occluder};
-use self::surroundings::{lit_surfaces, surroundings, views_of_emitter};
+use self::surroundings::{emitters_seen, lit_surfaces, surroundings};
 use super::{Inputs, Inspected, Pending, Statistics, Sum, TechniqueStages};
 use crate::differential::DifferentialSample;
 use crate::environment::{Environment, LightBounds};
 use crate::options::Evaluation;
-use crate::pinhole::cpu::{Accuracy, Light, TakenCell, cells_taken, contributions_to, estimate_irradiance};
+use crate::pinhole::cpu::{Accuracy, Light, Lights, TakenCell, cells_taken, contributions_to, estimate_irradiance};
 use crate::pinhole::{Filter, Params, PinholeTree, Pinholes, Receivers, Surroundings};
 use crate::progress::{Progress, Stage};
 use crate::scene::{Camera, Lamp, Medium, Visibility};
@@ -58,6 +58,7 @@ impl FlatInputs {
 /// Light that is not infinitely far away.
 #[derive(Clone, Debug, Default)]
 struct NearLight {
+    /// Lamps, and near emitters that shine like them.
     lamps: Arc<[Lamp]>,
     seen: SeenNearby,
 }
@@ -65,7 +66,9 @@ struct NearLight {
 /// What mirrors see that is not infinitely far away.
 #[derive(Clone, Debug, Default)]
 struct SeenNearby {
-    /// Of near emitters.
+    /// Near emitters that shine like lamps.
+    lamps: Vec<Lamp>,
+    /// Of the other ones.
     emitters: Vec<Arc<Surroundings>>,
     /// The surfaces that emitters and lamps light.
     surfaces: Option<Arc<Surroundings>>,
@@ -245,16 +248,12 @@ impl PinholeStages {
         let of_surfaces = (Id::of(&prepared.tracer), Id::of(&prepared.materials));
         let surfaces = self.surfaces.get(of_surfaces, progress, || lit_surfaces(inputs.scene));
         let make = || {
-            let near = light.near_emitters.iter();
-            let emitters = near.flat_map(|(near, factor)| near.emitters.iter().map(|emitter| (emitter, *factor)));
-            let seen = emitters.filter(|_| !samples.samples.is_empty());
-            let of_emitters = seen.map(|emitter| views_of_emitter(inputs, emitter, &samples.samples));
-            SeenNearby {
-                emitters: of_emitters.map(Arc::new).collect(),
-                surfaces: surroundings(inputs, &surfaces, &samples.samples).map(Arc::new),
-            }
+            let samples = &samples.samples;
+            let (lamps, emitters) = emitters_seen(inputs.scene, light, samples, inputs.is_preview);
+            SeenNearby { lamps, emitters, surfaces: surroundings(inputs, &surfaces, samples).map(Arc::new) }
         };
         let seen = self.surroundings.get(key, progress, make);
+        let lamps = lamps.iter().chain(&seen.lamps).cloned().collect();
         NearLight { lamps, seen: (*seen).clone() }
     }
 
@@ -410,7 +409,11 @@ impl TechniqueStages for PinholeStages {
         let pinholes = self.samples.pinholes(inputs, &points, 1);
         let params = params(inputs, Filter::Anisotropic);
         let receiver = (place.position, place.normal, place.object);
-        let contributions = contributions_to(receiver, &pinholes, &inputs.light.environment.cube, &params);
+        let NearLight { lamps, seen } = self.near_light(inputs, &points.positions, &pinholes);
+        let surroundings: Vec<Arc<Surroundings>> = seen.all().cloned().collect();
+        let environment = &inputs.light.environment.cube;
+        let lights = Lights { environment, lamps: &lamps, surroundings: &surroundings };
+        let contributions = contributions_to(receiver, &pinholes, &lights, &params);
         Ok(Inspected { contributions, view: pinholes.view_from(place) })
     }
 

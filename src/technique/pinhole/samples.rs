@@ -13,8 +13,8 @@ use crate::environment::Environment;
 use crate::pinhole::{Edges, Footprint, Params, PinholeTree, Pinholes, pinholes_with};
 use crate::progress::Stage;
 use crate::sampling::{Density, PointSet, SamplingError, Strategy};
-use crate::scene::{Camera, Chains, Mesh, Object, Scene, Sides, Specular, Transform, Visibility};
-use crate::stages::{Id, LazySurface, Memo, StageCounts};
+use crate::scene::{Camera, Chains, Lamp, Medium, Mesh, Object, Scene, Sides, Specular, Transform, Visibility};
+use crate::stages::{Id, LazySurface, Memo, NearEmitters, StageCounts};
 use crate::technique::Inputs;
 use crate::tracing::Tracer;
 
@@ -41,6 +41,9 @@ struct DensityKey {
     density: Density,
     tracer: Id<Tracer>,
     environment: Id<Environment>,
+    lamps: Arc<[Lamp]>,
+    near_emitters: Option<(Id<NearEmitters>, f32)>,
+    medium: Option<Medium>,
     specular: Vec<Option<Specular>>,
     receives: Vec<bool>,
     camera: Camera,
@@ -124,13 +127,7 @@ impl SampleStages {
         };
         let made = self.points.try_get(key, *progress, || {
             let set = density::place(
-                &DensityInputs {
-                    scene: inputs.scene,
-                    surface: &prepared.surface,
-                    tracer: &prepared.tracer,
-                    cube: &light.environment.cube,
-                    rotation_rad: light.rotation_rad,
-                },
+                &DensityInputs { scene: inputs.scene, surface: &prepared.surface, tracer: &prepared.tracer, light },
                 options,
             )?;
             let positions = set.points.iter().map(|p| p.position).collect();
@@ -291,6 +288,9 @@ fn density_key(inputs: &Inputs) -> DensityKey {
         density: options.density,
         tracer: Id::of(&prepared.tracer),
         environment: Id::of(&light.environment),
+        lamps: light.lamps.clone(),
+        near_emitters: light.near_key(),
+        medium: scene.medium,
         specular: specular(scene),
         receives: scene.objects.iter().map(|o| o.receiver.is_some()).collect(),
         camera: scene.camera,

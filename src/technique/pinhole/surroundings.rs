@@ -1,22 +1,26 @@
 //! Renders what mirrors see of surfaces in the light of lamps and near emitters: views from some of the samples, as many as keep every sample near to a
 //! viewpoint, compared with the distance of the nearest surface.
 
+use std::sync::Arc;
+
 use glam::Vec3;
 use rayon::prelude::*;
 
 use crate::environment::{CubeMap, FACES, emitter_from, face_direction};
 use crate::pinhole::constants::MAX_VIEWPOINTS;
 use crate::pinhole::{PinholeSample, SurroundingView, Surroundings};
-use crate::scene::{Medium, Mesh, Object, Ray, Scene, Sides, Visibility};
-use crate::stages::{DirectNearLight, NearEmitter};
+use crate::scene::{Lamp, Medium, Mesh, Object, Ray, Scene, Sides, Visibility};
+use crate::stages::{DirectNearLight, NearEmitter, PreparedLight};
 use crate::technique::Inputs;
 use crate::tracing::{Hit, SeenBy, Tracer};
 
 /// Texels along the edge of a view's faces, and the most views. Measured in `colours` with 1, 4, 16 and 64 views: errors of .119, .061,
 /// .048 and .045. A view has 1 MB.
-const OF_PICTURE: (u32, usize) = (64, MAX_VIEWPOINTS as usize);
+const OF_PICTURE: Budget = Budget { size: 64, max_views: MAX_VIEWPOINTS as usize, largest: 512 };
 /// The same in previews.
-const OF_PREVIEW: (u32, usize) = (32, 4);
+const OF_PREVIEW: Budget = Budget { size: 32, max_views: 4, largest: 128 };
+/// Texels across a small emitter, if the budget allows for it.
+const ACROSS_EMITTER: f32 = 16.0;
 /// There are viewpoints enough if no sample is farther from one than this part of the distance to the nearest surface.
 const NEAR_ENOUGH: f32 = 0.1;
 /// Viewpoints lie this far before the mirror, as a part of the extent of all samples, so that they do not see the surface that they lie on.
@@ -24,6 +28,37 @@ const OFFSET: f32 = 1e-4;
 
 /// Cosines at which planes are met, at least.
 const MIN_COSINE: f32 = 1e-3;
+
+/// How large views may be, and how many.
+#[derive(Clone, Copy)]
+struct Budget {
+    /// Texels along the edge of the faces.
+    size: u32,
+    max_views: usize,
+    /// Texels along the edge of the faces of views of small emitters.
+    largest: u32,
+}
+
+impl Budget {
+    fn of(is_preview: bool) -> Self {
+        if is_preview { OF_PREVIEW } else { OF_PICTURE }
+    }
+
+    /// The size of so many views of something whose angular radius has this sine: larger than usual if it is small and views are few.
+    fn size_for(&self, views: usize, sine: f32) -> u32 {
+        let mut size = self.size;
+        let has_room = |size: u32| size < self.largest && views * (size * size) as usize * 4 <= self.texels();
+        while has_room(size) && sine * (size as f32) < ACROSS_EMITTER {
+            size *= 2;
+        }
+        size
+    }
+
+    /// Texels of a face of all views together.
+    fn texels(&self) -> usize {
+        (self.max_views * (self.size * self.size) as usize).max((self.largest * self.largest) as usize)
+    }
+}
 
 /// What is seen in a direction; zero if that is nothing.
 #[derive(Clone, Copy, Debug, Default)]
@@ -63,53 +98,82 @@ pub(super) fn surroundings(inputs: &Inputs, surfaces: &Tracer, samples: &[Pinhol
     if samples.is_empty() || !light.has_near_light() || !is_lit {
         return None;
     }
-    let (size, max_views) = if inputs.is_preview { OF_PREVIEW } else { OF_PICTURE };
+    let Budget { size, max_views, .. } = Budget::of(inputs.is_preview);
     let occluder = (options.visibility == Visibility::Full).then_some(&*prepared.tracer);
     let medium = scene.medium.filter(|_| scene.has_medium_everywhere());
     let viewer = Viewer { scene, light: DirectNearLight::coarse(light, occluder), surfaces, medium, size };
-    Some(from_viewpoints(samples, max_views, |viewpoint| viewer.view(viewpoint)))
+    let views = from_viewpoints(samples, max_views, |viewpoint| {
+        let view = viewer.view(viewpoint);
+        (view.max_nearness, view)
+    });
+    Some(Surroundings { views })
 }
 
-/// Views from so many viewpoints as keep every sample near to one, compared with the distance of the nearest surface that is seen.
-fn from_viewpoints(
-    samples: &[PinholeSample],
-    max_views: usize,
-    view: impl Fn(Vec3) -> SurroundingView,
-) -> Surroundings {
+/// What is seen from so many viewpoints as keep every sample near to one, compared with the distance of the nearest surface. `see` says what
+/// that is, after one over this distance.
+fn from_viewpoints<T>(samples: &[PinholeSample], max_views: usize, see: impl Fn(Vec3) -> (f32, T)) -> Vec<T> {
     let extent = samples.iter().map(|s| s.position().distance(samples[0].position())).fold(0.0, f32::max);
     let viewpoint = |sample: &PinholeSample| sample.position() + OFFSET * extent * sample.normal();
     // The sample that is farthest from all viewpoints gets the next one.
     let mut distances = vec![f32::INFINITY; samples.len()];
-    let mut next = 0;
-    let mut views: Vec<SurroundingView> = Vec::new();
+    let (mut next, mut max_nearness) = (0, 0.0f32);
+    let mut all = Vec::new();
     loop {
-        views.push(view(viewpoint(&samples[next])));
+        let (nearness, seen) = see(viewpoint(&samples[next]));
+        max_nearness = max_nearness.max(nearness);
+        all.push(seen);
         let new = samples[next].position();
         distances.iter_mut().zip(samples).for_each(|(d, sample)| *d = d.min(sample.position().distance(new)));
         next = (0..samples.len()).max_by(|a, b| distances[*a].total_cmp(&distances[*b])).unwrap_or(0);
-        let max_nearness = views.iter().map(|view| view.max_nearness).fold(0.0, f32::max);
-        if views.len() == max_views || distances[next] * max_nearness <= NEAR_ENOUGH {
-            return Surroundings { views };
+        if all.len() == max_views || distances[next] * max_nearness <= NEAR_ENOUGH {
+            return all;
         }
     }
 }
 
-/// What the samples see of a near emitter, whose radiance is scaled by a factor.
-pub(super) fn views_of_emitter(
-    inputs: &Inputs,
+/// What samples see of near emitters: lamps in place of those that look alike, and views of the other ones.
+pub(super) fn emitters_seen(
+    scene: &Scene,
+    light: &PreparedLight,
+    samples: &[PinholeSample],
+    is_preview: bool,
+) -> (Vec<Lamp>, Vec<Arc<Surroundings>>) {
+    let positions: Vec<Vec3> = samples.iter().map(PinholeSample::position).collect();
+    let (mut lamps, mut views) = (Vec::new(), Vec::new());
+    for (near, factor) in light.near_emitters.iter().filter(|_| !samples.is_empty()) {
+        for emitter in &near.emitters {
+            match emitter.as_lamp(*factor, &positions) {
+                Some(lamp) => lamps.push(lamp),
+                None => views.push(Arc::new(views_of_emitter(scene, (emitter, *factor), samples, is_preview))),
+            }
+        }
+    }
+    (lamps, views)
+}
+
+/// What the samples see of an emitter, whose radiance is scaled by a factor.
+fn views_of_emitter(
+    scene: &Scene,
     (emitter, factor): (&NearEmitter, f32),
     samples: &[PinholeSample],
+    is_preview: bool,
 ) -> Surroundings {
-    let (size, max_views) = if inputs.is_preview { OF_PREVIEW } else { OF_PICTURE };
-    let medium = inputs.scene.medium.filter(|_| inputs.scene.has_medium_everywhere());
-    let view = |viewpoint: Vec3| {
-        let (plane, nearest) = (emitter.plane_from(viewpoint), emitter.distance_from(viewpoint));
-        let passed = medium.map_or(Vec3::ONE, |medium| medium.transmittance(nearest));
+    let budget = Budget::of(is_preview);
+    let viewpoints = from_viewpoints(samples, budget.max_views, |viewpoint| {
+        let nearness = 1.0 / emitter.distance_from(viewpoint);
+        (nearness, (viewpoint, nearness))
+    });
+    let sine = viewpoints.iter().map(|(viewpoint, _)| emitter.angular_sine(*viewpoint)).fold(f32::INFINITY, f32::min);
+    let size = budget.size_for(viewpoints.len(), sine);
+    let medium = scene.medium.filter(|_| scene.has_medium_everywhere());
+    let view = |(viewpoint, nearness): (Vec3, f32)| {
+        let passed = medium.map_or(Vec3::ONE, |medium| medium.transmittance(1.0 / nearness));
         let radiance = emitter_from(&emitter.mesh, factor * passed * emitter.radiance, viewpoint, size);
-        let planes = CubeMap::from_texels(size, &vec![plane; FACES * (size * size) as usize], false);
-        SurroundingView::new(viewpoint, radiance, planes, 1.0 / nearest)
+        // One texel a face is enough for a plane that is the same in all directions.
+        let planes = CubeMap::from_texels(1, &[emitter.plane_from(viewpoint); FACES], false);
+        SurroundingView::new(viewpoint, radiance, planes, nearness)
     };
-    from_viewpoints(samples, max_views, view)
+    Surroundings { views: viewpoints.into_iter().map(view).collect() }
 }
 
 impl Viewer<'_> {
