@@ -31,7 +31,7 @@ fn lamp(radius: f32, position: Vec3) -> String {
 }
 
 /// The same as a part of the environment.
-fn distant(lamp: String) -> String {
+fn distant(lamp: &str) -> String {
     lamp.replace("5.0]", "5.0], near = false")
 }
 
@@ -54,7 +54,7 @@ fn an_emitter_lights_receivers() {
     let position = Vec3::new(3.0, 6.0, -2.0);
     let expected = PI * 20.0 * (0.64 / f64::from(position.length_squared())) * f64::from(position.normalize().y);
     for visibility in [Visibility::None, Visibility::Full] {
-        let scene = over_table(&distant(lamp(0.8, position)));
+        let scene = over_table(&distant(&lamp(0.8, position)));
         let options = pictures(&[Aov::Direct]).with_visibility(visibility);
         let rendered = render(&mut Engine::new(scene.clone(), options, Backend::cpu()));
         for pixel in layer(&rendered, Aov::Direct) {
@@ -157,7 +157,7 @@ fn a_moving_emitter_is_drawn_anew() {
 #[test]
 fn the_camera_sees_emitters_where_they_are() {
     let mirror = "[[object]]\nname = \"mirror\"\nshape = { plane = { size = [0.1, 0.1] } }\ntranslate = [3.0, 0.0, 0.0]\nreflector = {}\n";
-    let lamp = distant(lamp(0.2, Vec3::new(0.0, 2.0, 0.0)));
+    let lamp = distant(&lamp(0.2, Vec3::new(0.0, 2.0, 0.0)));
     let scene = over_table(&format!("{mirror}{lamp}"));
     let rendered = render(&mut Engine::new(scene.clone(), pictures(&[Aov::Beauty, Aov::Depth]), Backend::cpu()));
     let (beauty, depth) = (layer(&rendered, Aov::Beauty), layer(&rendered, Aov::Depth));
@@ -225,7 +225,7 @@ fn near_and_distant_emitters_shine_together() {
         layer(&rendered, Aov::Direct).iter().map(|pixel| pixel.y).sum::<f32>() / 81.0
     };
     let near = lamp(0.1, Vec3::new(0.6, 0.5, 0.0)).replace("emitter", "camera_visible = false\nemitter");
-    let distant = distant(lamp(0.8, Vec3::new(6.0, 12.0, -4.0)));
+    let distant = distant(&lamp(0.8, Vec3::new(6.0, 12.0, -4.0)));
     let both = mean(std::slice::from_ref(&near)) + mean(std::slice::from_ref(&distant));
     for emitters in [[near.clone(), distant.clone()], [distant, near]] {
         let found = mean(&emitters);

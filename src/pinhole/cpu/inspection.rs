@@ -77,13 +77,25 @@ mod tests {
         pinholes.trace_visibility(&scene, &crate::tracing::Tracer::new(&scene), &NoProgress);
         let cube = CubeMap::from_radiance(64, None, |d| Vec3::new(1.0 + d.x, 1.5 + d.y, 2.0 - d.z));
         let params = Params { filter: Filter::Anisotropic, environment_rotation_rad: 0.4, ..Params::default() };
+        let lamp = crate::scene::Lamp {
+            name: String::new(),
+            position: Vec3::new(0.3, 0.5, 0.1),
+            radius: 0.1,
+            intensity: Vec3::new(1.0, 2.0, 3.0),
+            beam: None,
+        };
+        let lights = Lights { lamps: std::slice::from_ref(&lamp), ..Lights::environment(&cube) };
         for x in [0.0, 0.5, -1.4] {
             let receiver = (Vec3::new(x, 0.0, 0.2), Vec3::Y, 1);
-            let parts = contributions_to(receiver, &pinholes, &Lights::environment(&cube), &params);
+            let parts = contributions_to(receiver, &pinholes, &lights, &params);
             let receivers = Receivers::from_points(&[receiver], 1);
-            let whole = cpu::gather(&receivers, &pinholes, &cube, &params, &NoProgress).unwrap()[0];
+            let of_environment = cpu::gather(&receivers, &pinholes, &cube, &params, &NoProgress).unwrap()[0];
+            let of_lamp =
+                Vec4::from(cpu::gather_lamp(&receivers, &pinholes, &lamp, &params, &NoProgress)[0]).truncate();
+            assert!(x < -1.0 || of_lamp.min_element() > 0.0, "{of_lamp}");
+            let whole = Vec4::from(of_environment).truncate() + of_lamp;
             let sum: Vec3 = parts.iter().map(|part| part.irradiance).sum();
-            assert!(sum.abs_diff_eq(Vec4::from(whole).truncate(), 1e-4 * (1.0 + sum.x)), "{sum} {whole:?}");
+            assert!(sum.abs_diff_eq(whole, 1e-4 * (1.0 + sum.x)), "{sum} {whole}");
             assert!(parts.iter().all(|part| part.direction.is_normalized() && part.irradiance.min_element() >= 0.0));
         }
     }

@@ -188,11 +188,11 @@ impl<'a> LampLight<'a> {
                 if sample.is_mostly_lobe() {
                     let sharp = Self::sharp_footprint(simd, sample, pair, &seen);
                     for part in pair.parts_of(simd, sample, &sharp, pair.turn_along_segment(simd)) {
-                        self.add_mean((sample, &seen), (&part, along), (lit, 0.5), &mut sum);
+                        self.add_mean(simd, (sample, &seen), (&part, along), (lit, 0.5), &mut sum);
                     }
                 } else {
                     let footprint = Self::footprint(simd, sample, pair, &seen);
-                    self.add_mean((sample, &seen), (&footprint, along), (lit, 1.0), &mut sum);
+                    self.add_mean(simd, (sample, &seen), (&footprint, along), (lit, 1.0), &mut sum);
                 }
                 sum
             },
@@ -202,15 +202,27 @@ impl<'a> LampLight<'a> {
     #[inline(always)]
     fn add_mean<S: Simd>(
         &self,
+        simd: S,
         (sample, seen): (&PinholeParts, &Seen),
         (footprint, along): (&FootprintSides<S>, F<S>),
         (lit, weight): (u32, f32),
         sum: &mut [Vec4; LANES],
     ) {
-        let squares = (footprint.squares() - along).max(0.0).to_array();
+        // A wider disc of the same flux: cells are not exact parallelograms, and small lamps would show the gaps between them.
+        let squares = (footprint.squares() - along).max(0.0);
+        let own = seen.chord * seen.chord;
+        let wide = (squares * (LAMP_BLUR * LAMP_BLUR) + own).sqrt();
+        let [half_1, half_2] = [footprint.v1, footprint.v2].map(|side| side.dot(side).sqrt() * 0.5);
+        let off = footprint.r - splat3(simd, seen.towards);
+        let met = lit & bits(off.dot(off).sqrt().simd_lt(wide + half_1 + half_2));
+        set_bits(lit & !met).for_each(|lane| sum[lane].w += 1.0);
+        if met == 0 {
+            return;
+        }
+        let wide = wide.to_array();
         let [a, b] = [footprint.v1, footprint.v2].map(V3::to_arrays);
         let r = footprint.r.to_arrays();
-        for lane in set_bits(lit) {
+        for lane in set_bits(met) {
             let vector = |v: &[[f32; LANES]; 3]| Vec3::new(v[0][lane], v[1][lane], v[2][lane]);
             let (direction, sides) = (vector(&r), [vector(&a), vector(&b)]);
             // What is blurred must not reach below the horizon.
@@ -218,10 +230,7 @@ impl<'a> LampLight<'a> {
                 sum[lane].w += 1.0;
                 continue;
             }
-            // A wider disc of the same flux: cells are not exact parallelograms, and small lamps would show the gaps between them.
-            let own = seen.chord * seen.chord;
-            let wide = own + LAMP_BLUR * LAMP_BLUR * squares[lane];
-            let part = own / wide * filled_part(direction, sides, seen.towards, wide.sqrt());
+            let part = own / (wide[lane] * wide[lane]) * filled_part(direction, sides, seen.towards, wide[lane]);
             let mut mean = Vec3::ZERO;
             if part > 0.0 {
                 mean = weight * part * self.lamp.radiance_at(self.lit_place(sample, direction, sides, seen.towards));
