@@ -164,7 +164,7 @@ mod tests {
 
     const SIZE: [u32; 2] = [48, 36];
 
-    /// What rays meet on the GPU is what they meet on the CPU, up to those that graze an edge; emitters are seen by the camera alone. Rays
+    /// What rays meet on the GPU is what they meet on the CPU, up to those that graze an edge; emitters are seen by the camera and in mirrors. Rays
     /// are traced by ray queries, if the adapter has them, and by shaders.
     #[test]
     fn both_back_ends_find_the_same() {
@@ -196,7 +196,7 @@ mod tests {
             };
             let secondary: Vec<Ray> = hits.iter().map(mirrored).collect();
             let met = wait(backend.device(), rays.secondary_hits(&secondary)).unwrap();
-            assert_alike(name, &met, &secondary, |ray| prepared.tracer.secondary_hit(ray));
+            assert_alike(name, &met, &secondary, |ray| prepared.camera.secondary_hit(ray));
             let blocked = wait(backend.device(), rays.blocked(&secondary)).unwrap();
             let differ = secondary.iter().zip(&blocked).filter(|(r, b)| prepared.tracer.is_blocked(**r) != **b).count();
             assert!(differ * 500 < secondary.len(), "{name}: {differ} of {}", secondary.len());
