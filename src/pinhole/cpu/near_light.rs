@@ -1,6 +1,6 @@
 //! Flat sums of light that is not infinitely far away: of lamps, and of surfaces in their light.
 
-use glam::{Vec3, Vec4};
+use glam::Vec4;
 
 use super::filters::CpuFilter;
 use super::lamp::LampLight;
@@ -9,7 +9,7 @@ use super::receiver::Receiver;
 use super::surroundings::SurroundingLight;
 use super::visibility::VisibilityMap;
 use super::{Gather, Source, gather_from};
-use crate::lanes::{F, LANES, Simd, SimdBase, V3, bits, lanes, set_bits, splat3};
+use crate::lanes::{F, LANES, Simd, SimdBase, V3, bits, lanes, splat3};
 use crate::pinhole::{GatherUniforms, Params, PinholeParts, PinholeSample, Pinholes, Receivers, Surroundings};
 use crate::progress::Progress;
 use crate::scene::Lamp;
@@ -56,23 +56,22 @@ impl Gather<'_> {
             || {
                 let sample = &PinholeParts::from(packed);
                 let taps = F::splat(simd, self.uniforms.taps as f32);
-                let Some((radiance, to_light)) = self.near_light(simd, (sample, pair), taps, lit) else { return };
-                // Most samples mirror nothing of a small light.
-                let arriving = set_bits(lit).filter(|lane| radiance[*lane].truncate() != Vec3::ZERO);
-                let mut arriving = arriving.fold(0, |lanes, lane| lanes | 1 << lane);
-                let mut weight = weight;
-                if let Some(maps) = self.pinholes.visibility.as_ref().filter(|_| arriving != 0) {
+                let (mut weight, mut lit) = (weight, lit);
+                if let Some(maps) = &self.pinholes.visibility {
                     let l = receiver.position - splat3(simd, sample.position);
                     let of_receivers = VisibilityMap::of_receivers(maps, packed, pair.dn);
-                    weight *= lanes(simd, of_receivers.visible_fraction(simd, l, None, arriving).0);
-                    arriving &= bits(weight.simd_gt(0.0));
+                    weight *= lanes(simd, of_receivers.visible_fraction(simd, l, None, lit).0);
+                    lit &= bits(weight.simd_gt(0.0));
+                }
+                if lit == 0 {
+                    return;
+                }
+                let Some((radiance, to_light)) = self.near_light(simd, (sample, pair), taps, lit) else { return };
+                if let Some(maps) = &self.pinholes.visibility {
                     let of_light = VisibilityMap::of_sky(maps, packed, pair.dn);
-                    weight *= lanes(simd, of_light.visible_fraction(simd, to_light, None, arriving).0);
+                    weight *= lanes(simd, of_light.visible_fraction(simd, to_light, None, lit).0);
                 }
-                set_bits(lit & !arriving).for_each(|lane| sum[lane].w += radiance[lane].w);
-                if arriving != 0 {
-                    self.add(sample, pair, receiver, (weight, &radiance, arriving), sum);
-                }
+                self.add(sample, pair, receiver, (weight, &radiance, lit), sum);
             },
         );
     }
