@@ -200,7 +200,8 @@ fn process(at: BlockPlace, block: Block, progress: ptr<function, Progress>, lane
     return own_sum;
 }
 
-// The same for a lamp: its centre and four places at its edge are all seen, or none of them.
+// What occlusion allows under a lamp: to add the cell if it sees the lamp's centre and four places at its edge, to drop it if it sees none
+// of them.
 fn action_under_lamp(cell: Cell, map: VisibilityMap) -> u32 {
     let to = uniforms.lamp.position - cell.centroid;
     let centre = visibility_of_point(to, map, -1);

@@ -21,7 +21,7 @@ const MIN_COSINE: f32 = 0.1;
 const MAX_LAMP_SINE: f32 = 0.25;
 /// Emitters that are nearer to mirrors than this, metres, are taken to be that near.
 const MIN_DISTANCE: f32 = 1e-4;
-/// The vertices of a sphere lie in its middle to within this part of its radius, and its faces at the same distance on average.
+/// A mesh is a sphere if the distances of its vertices from the middle differ from the radius of a sphere of its area by this part at most.
 const ROUNDNESS: f32 = 0.03;
 
 /// All near emitters of a scene.

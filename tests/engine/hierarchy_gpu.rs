@@ -44,7 +44,7 @@ fn back_ends_agree() {
         // Next to total reflection directions turn without bound, and rounding decides what is refined. Of views of lit surfaces the GPU
         // has bounds without blur only, and refines more.
         "pool" | "colours" => 6e-4,
-        // Six lamps in flat tiles: the two refine other cells at the edges of what the tiles show.
+        // Six emitters, summed as lamps, in flat tiles. Flat sums agree; that hierarchical ones differ more than elsewhere is not explained.
         "dance-floor" => 1.5e-3,
         _ => 1e-4,
     };

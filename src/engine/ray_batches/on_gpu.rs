@@ -164,8 +164,8 @@ mod tests {
 
     const SIZE: [u32; 2] = [48, 36];
 
-    /// What rays meet on the GPU is what they meet on the CPU, up to those that graze an edge; emitters are seen by the camera and in mirrors. Rays
-    /// are traced by ray queries, if the adapter has them, and by shaders.
+    /// What rays meet on the GPU is what they meet on the CPU, up to those that graze an edge. Emitters are seen by the
+    /// camera and in mirrors. Rays are traced by ray queries, if the adapter has them, and by shaders.
     #[test]
     fn both_back_ends_find_the_same() {
         for gpu in [wait(None, Gpu::open(None)), wait(None, Gpu::open_minimal())] {
