@@ -19,12 +19,21 @@ use pinspot::low_level::sampling::{self, Strategy, Surface, sample};
 use pinspot::low_level::tracing::Tracer;
 use pinspot::low_level::visible_receivers;
 use pinspot::scene::{Medium, Scene, Visibility, load};
-use pinspot::{BackendChoice, EvaluationChoice, FilterChoice, Rendered, Settings};
+use pinspot::{BackendChoice, EvaluationChoice, FilterChoice, Options, Rendered, Settings};
 
 use crate::support::{self, gpu, rel_l2, rotated_light};
 
 fn render(name: &str, aov: Aov, visibility: Visibility, size: [u32; 2], backend: &BackendChoice) -> Rendered {
-    let (mut scene, mut options) = pinspot::load(name).unwrap();
+    render_scene(pinspot::load(name).unwrap(), aov, visibility, size, backend)
+}
+
+fn render_scene(
+    (mut scene, mut options): (Scene, Options),
+    aov: Aov,
+    visibility: Visibility,
+    size: [u32; 2],
+    backend: &BackendChoice,
+) -> Rendered {
     // By an angle at which no texel meets another: both back ends rotate their look-ups.
     scene.environment.rotation_rad += 0.7;
     options.size = size;
@@ -80,6 +89,20 @@ fn back_ends_agree() {
         }
     }
     assert!(failures.is_empty(), "{failures:#?}");
+}
+
+/// The emitters of `dance-floor` as a part of the environment.
+#[test]
+fn back_ends_agree_on_distant_emitters() {
+    let pictures = [BackendChoice::Cpu, BackendChoice::Gpu(None)].map(|backend| {
+        let (mut scene, options) = pinspot::load("dance-floor").unwrap();
+        scene.objects.iter_mut().filter_map(|o| o.emitter.as_mut()).for_each(|emitter| emitter.is_near = false);
+        render_scene((scene, options), Aov::Caustic, Visibility::None, [40, 32], &backend)
+    });
+    let [cpu, gpu] = pictures.each_ref().map(|rendered| rendered.layer(Aov::Caustic).unwrap());
+    let error = pinspot::image::rel_l2(gpu, cpu, None);
+    let fetches = pictures[1].report.lookups / pictures[0].report.lookups;
+    assert!(error < 1e-4 && (0.99..1.01).contains(&fetches), "{error:.1e}, fetches {fetches:.3}");
 }
 
 /// By maps alone, both look visibility up the same way.
