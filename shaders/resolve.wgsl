@@ -226,8 +226,9 @@ fn visit_cell(
         if is_part_of_ray(receiver.object) && !is_cluster(index, cell) {
             // Next to total reflection light turns without bound; samples are small enough there, too.
             let normals = select(cell.normal_radius, 0.0, is_interface(cell.flags));
-            let is_even = pair.inverse_l * cell.radius + normals < MAX_TURN_ALONG_RAY;
-            is_one_sample = is_one_sample || bounds.left_along_part < MAX_LEFT_ALONG_RAY || is_even;
+            let relative_size = pair.inverse_l * cell.radius;
+            let is_blurred = bounds.left_along_part < MAX_LEFT_ALONG_RAY && relative_size < MAX_RELATIVE_SIZE;
+            is_one_sample = is_one_sample || is_blurred || relative_size + normals < MAX_TURN_ALONG_RAY;
         }
         if is_occluded_cluster && !(is_one_sample && max_contribution < CENTRAL_VISIBILITY_SHARE * error_budget) {
             return Visit(looked_up, true);

@@ -65,9 +65,7 @@ impl CausticAtHits<'_> {
         let fine =
             self.on_grid((STEP, inputs.progress), |index| inputs.hidden_error(direct[index] + least(index))).await?;
         let mut caustic = AdaptiveLight::new(rays, rays.hits.len(), wanted, direct);
-        if let Some(nodes) = caustic.next_open() {
-            caustic.set(nodes.into_iter().map(|index| (index, Vec4::from_array(fine[index]))));
-        }
+        caustic.set_nodes(|index| Vec4::from_array(fine[index]));
         while let Some(open) = caustic.next_open() {
             let sums = self.at(&open, |index| inputs.hidden_error(direct[index] + caustic.least(index))).await?;
             caustic.set(sums);

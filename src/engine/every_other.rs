@@ -56,6 +56,15 @@ pub(super) trait PixelGrid: Sync {
             .is_some_and(|(own, there)| own.object == there.object && own.normal.dot(there.normal) >= MIN_NORMAL_COSINE)
     }
 
+    /// Whether a point lies where the four around it, the upper ones first, lead one to expect it.
+    fn lies_between(&self, index: usize, corners: [usize; 4], part: Vec2) -> bool {
+        let position = |index: usize| self.hit(index).map(|hit| hit.position);
+        let Some(own) = position(index) else { return false };
+        let [Some(a), Some(b), Some(c), Some(d)] = corners.map(position) else { return false };
+        let spacing = a.distance(b).min(a.distance(c));
+        bilinear([a, b, c, d], part).distance(own) <= MAX_DEVIATION * spacing
+    }
+
     /// The light at a point from the sixteen around it, if they are all known, lie on the same smooth surface and are lit smoothly.
     /// `leniency`: how many times as far as on surfaces light may bend.
     fn interpolate_at(
@@ -64,27 +73,55 @@ pub(super) trait PixelGrid: Sync {
         light: impl Fn(usize) -> Option<Vec3>,
         (beside, leniency): (Vec3, f32),
     ) -> Option<Vec3> {
-        let own = self.hit(index)?;
         let (x, y) = self.pixel(index);
         let first = (x / STEP * STEP).checked_sub(STEP).zip((y / STEP * STEP).checked_sub(STEP))?;
         if first.0 + 3 * STEP >= self.width() {
             return None;
         }
-        let (mut around, mut inner) = ([[Vec3::ZERO; 4]; 4], [Vec3::ZERO; 4]);
+        let (mut around, mut inner) = ([[Vec3::ZERO; 4]; 4], [0; 4]);
         for (k, value) in around.iter_mut().flatten().enumerate() {
             let (i, j) = (k % 4, k / 4);
             let node = self.counterpart(index, first.0 + i * STEP, first.1 + j * STEP)?;
-            *value = light(node)?;
-            let hit = self.hit(node).filter(|_| self.is_same_surface(index, node))?;
+            *value = light(node).filter(|_| self.is_same_surface(index, node))?;
             if (1..3).contains(&i) && (1..3).contains(&j) {
-                inner[2 * (j - 1) + i - 1] = hit.position;
+                inner[2 * (j - 1) + i - 1] = node;
             }
         }
         let part = Vec2::new((x % STEP) as f32, (y % STEP) as f32) / STEP as f32;
-        let spacing = inner[0].distance(inner[1]).min(inner[0].distance(inner[2]));
-        let is_near = bilinear(inner, part).distance(own.position) <= MAX_DEVIATION * spacing;
         let corners = [around[1][1], around[1][2], around[2][1], around[2][2]];
-        (is_near && is_smooth(&around, beside, leniency)).then(|| bilinear(corners, part))
+        let is_smooth = self.lies_between(index, inner, part) && is_smooth(&around, beside, leniency);
+        is_smooth.then(|| bilinear(corners, part))
+    }
+}
+
+/// Every other pixel of a grid, in columns and in rows.
+#[derive(Debug)]
+pub(super) struct CoarserGrid<'g, G>(pub &'g G);
+
+impl<G: PixelGrid> PixelGrid for CoarserGrid<'_, G> {
+    fn width(&self) -> usize {
+        self.0.width().div_ceil(STEP)
+    }
+
+    fn pixel(&self, index: usize) -> (usize, usize) {
+        let (column, row) = self.0.pixel(index);
+        (column / STEP, row / STEP)
+    }
+
+    fn counterpart(&self, index: usize, column: usize, row: usize) -> Option<usize> {
+        self.0.counterpart(index, STEP * column, STEP * row)
+    }
+
+    fn hit(&self, index: usize) -> Option<&Hit> {
+        self.0.hit(index)
+    }
+
+    fn is_same_surface(&self, index: usize, other: usize) -> bool {
+        self.0.is_same_surface(index, other)
+    }
+
+    fn lies_between(&self, index: usize, corners: [usize; 4], part: Vec2) -> bool {
+        self.0.lies_between(index, corners, part)
     }
 }
 
@@ -110,10 +147,7 @@ pub(super) struct AdaptiveLight<'g, G> {
 impl<'g, G: PixelGrid> AdaptiveLight<'g, G> {
     /// Light at some of `count` points, in ascending order; no other light is beside it where `beside` is empty.
     pub fn new(grid: &'g G, count: usize, points: impl Iterator<Item = usize>, beside: &'g [Vec3]) -> Self {
-        let (nodes, others) = points.partition(|&index| {
-            let (column, row) = grid.pixel(index);
-            column % STEP == 0 && row % STEP == 0
-        });
+        let (nodes, others) = points.partition(|&index| is_node(grid, index));
         let (light, is_computed) = (vec![Vec4::ZERO; count], vec![false; count]);
         Self { grid, beside, leniency: 1.0, light, is_computed, nodes, others, interpolated: Vec::new() }
     }
@@ -134,6 +168,12 @@ impl<'g, G: PixelGrid> AdaptiveLight<'g, G> {
             self.interpolated.retain(|index| open.binary_search(index).is_err());
         }
         (!open.is_empty()).then_some(open)
+    }
+
+    /// Sets the light in every other column and row, where it is known already.
+    pub fn set_nodes(&mut self, light: impl Fn(usize) -> Vec4) {
+        let nodes = std::mem::take(&mut self.nodes);
+        self.set(nodes.into_iter().map(|index| (index, light(index))));
     }
 
     /// Sets what was computed at points.
@@ -197,6 +237,12 @@ impl<'g, G: PixelGrid> AdaptiveLight<'g, G> {
         (own - there).abs().max_element()
             > self.leniency * MAX_STEP * (own.max(there) + self.beside(index)).max_element()
     }
+}
+
+/// Whether a point lies in every other column and row.
+pub(super) fn is_node(grid: &impl PixelGrid, index: usize) -> bool {
+    let (column, row) = grid.pixel(index);
+    column % STEP == 0 && row % STEP == 0
 }
 
 /// Ends of paths, in the order of their pixels.

@@ -24,7 +24,6 @@ mod overlay;
 mod paths;
 mod preview;
 mod ray_batches;
-mod refraction;
 mod report;
 mod reprojection;
 mod scattering;

@@ -8,6 +8,7 @@ mod emitter_parts;
 mod light;
 mod memo;
 mod near_emitters;
+mod refraction;
 mod scene;
 mod view;
 
@@ -15,9 +16,10 @@ pub(crate) use direct_near_light::DirectNearLight;
 pub(crate) use light::{LightStages, PreparedLight};
 pub(crate) use memo::{Id, Memo};
 pub(crate) use near_emitters::{EmitterPart, NearEmitter, NearEmitters};
+pub(crate) use refraction::{Refracted, colours, divided};
 pub(crate) use scene::{LazySurface, PreparedScene, SceneStages, SurfaceMaterials};
 pub use view::visible_receivers;
-pub(crate) use view::{CameraRays, View};
+pub(crate) use view::{CameraRays, View, receivers_through_interfaces};
 
 use serde::Serialize;
 

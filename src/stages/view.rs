@@ -3,9 +3,13 @@
 use glam::{UVec2, Vec2};
 use rayon::prelude::*;
 
+use super::refraction::{Refracted, divided};
 use crate::pinhole::Receivers;
 use crate::scene::{Camera, Ray, Scene};
 use crate::tracing::{Hit, Tracer};
+
+/// Interfaces that a camera ray passes at most on its way to a receiver.
+const MAX_INTERFACES: usize = 4;
 
 /// A band of rows of a picture.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -90,7 +94,25 @@ impl CameraRays {
 
 /// The receivers that the scene's camera sees at the pixels' centres.
 pub fn visible_receivers(scene: &Scene, tracer: &Tracer, size: [u32; 2]) -> Receivers {
+    receivers_at_ends(scene, size, |ray| tracer.camera_hit(ray))
+}
+
+/// The receivers that the scene's camera sees at the pixels' centres directly or through interfaces, whose reflections do not count.
+pub(crate) fn receivers_through_interfaces(scene: &Scene, tracer: &Tracer, size: [u32; 2]) -> Receivers {
+    receivers_at_ends(scene, size, |ray| {
+        let (mut ray, mut hit) = (ray, tracer.camera_hit(ray)?);
+        for _ in 0..MAX_INTERFACES {
+            let Some(refractor) = &scene.objects[hit.object as usize].refractor else { break };
+            let Refracted { direction, .. } = divided(refractor, refractor.eta.y, (&hit, &ray)).1?;
+            ray = Ray { origin: hit.position, direction };
+            hit = tracer.secondary_hit(ray)?;
+        }
+        Some(hit)
+    })
+}
+
+fn receivers_at_ends(scene: &Scene, size: [u32; 2], end: impl Fn(Ray) -> Option<Hit> + Sync) -> Receivers {
     let view = View { camera: scene.camera, size, pixel_samples: 1, first_row: 0, rows: size[1] };
-    let rays = CameraRays::trace(|ray| tracer.camera_hit(ray), view);
+    let rays = CameraRays::trace(end, view);
     rays.receivers(|object| scene.objects[object as usize].receiver.is_some())
 }

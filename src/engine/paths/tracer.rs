@@ -14,9 +14,8 @@ use crate::engine::escapes::Escape;
 use crate::engine::frame::FrameInputs;
 use crate::engine::gloss::likely_facet;
 use crate::engine::ray_batches::RayBatches;
-use crate::engine::refraction::{Refracted, colours, divided};
 use crate::scene::{Medium, Object, Ray, Refractor};
-use crate::stages::CameraRays;
+use crate::stages::{CameraRays, Refracted, colours, divided};
 use crate::tracing::Hit;
 
 /// Points along the side of a pixel at edges and on mirrors.

@@ -10,11 +10,10 @@ use super::edges::FirstSurface;
 use super::filled;
 use super::scattering::SeenMedium;
 use crate::engine::paths::{mirrored_direction, surface_albedo, visible_reflectance};
-use crate::engine::refraction::{Refracted, divided};
 use crate::lanes::{LANES, set_bits};
 use crate::pinhole::constants::{MAX_MIRRORS, MAX_PIXELS_APART, MIN_SEEN_COSINE};
 use crate::scene::{Camera, Lamp, Ray, Refractor, Scene};
-use crate::stages::{PreparedLight, PreparedScene};
+use crate::stages::{PreparedLight, PreparedScene, Refracted, divided};
 use crate::tracing::Hit;
 
 /// Edge of a packet of rays, pixels: squares are more coherent than rows.

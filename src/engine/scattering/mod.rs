@@ -12,12 +12,14 @@ mod stages;
 use std::f32::consts::PI;
 use std::sync::Arc;
 
-use glam::{Vec3, Vec4};
+use glam::{Vec2, Vec3, Vec4};
+use rayon::prelude::*;
 
 pub(super) use self::direct::{DirectScattering, unoccluded};
+use self::rays::seen_length;
 pub(super) use self::rays::{MediumRays, contains};
 pub(super) use self::stages::ScatteringStages;
-use super::every_other::{AdaptiveLight, PixelGrid};
+use super::every_other::{AdaptiveLight, CoarserGrid, PixelGrid, is_node};
 use super::frame::FrameInputs;
 use crate::Error;
 use crate::lanes::LANES;
@@ -25,16 +27,21 @@ use crate::pinhole::Receivers;
 use crate::progress::{Progress, Uncounted};
 use crate::stages::CameraRays;
 use crate::technique::Sum;
+use crate::tracing::Hit;
 
 /// Errors that a part's light may have beyond the sum's tolerance, in tolerances of the mean along all rays: those of a ray's parts
 /// average out.
-const MORE_TOLERANCES: f32 = 200.0;
+const MORE_TOLERANCES: f32 = 50.0;
 /// How many times as much as on surfaces light between rays may be wrong: what rays gather along their way is blurred.
 const LENIENCY: f32 = 16.0;
 /// Parts of rays that are gathered together: as many as fit into 50 MB.
 const PARTS_AT_ONCE: usize = 1 << 20;
 /// Rays that tell this mean.
-const RAYS_OF_MEAN: usize = 1024;
+const RAYS_OF_MEAN: usize = 128;
+/// Light is interpolated between rays along which as much of the medium is seen, up to this part, and where along a ray as much is seen as they
+/// lead one to expect, up to the other one.
+const MAX_NEIGHBOUR_DIFFERENCE: f32 = 0.5;
+const MAX_LENGTH_DIFFERENCE: f32 = 0.02;
 
 /// Scattered light by camera ray, W/(m²·sr), for an intensity of 1.
 #[derive(Debug, Default)]
@@ -82,33 +89,59 @@ async fn scattered_caustic(
     let gather = RayGather { sum: &**sum, rays, progress: inputs.progress };
     let mean = mean_of_parts(&gather.parts(&few, 0.0).await?, rays, &few);
     let error = MORE_TOLERANCES * inputs.options.tolerance * mean;
-    let mut light = AdaptiveLight::new(picture, rays.len(), rays.within(), beside).leniently(LENIENCY);
-    while let Some(mut open) = light.next_open() {
-        open.sort_by_cached_key(|&index| picture.place_on_curve(index));
-        for some in open.chunks((PARTS_AT_ONCE / rays.parts_per_ray()).next_multiple_of(LANES)) {
+    let along = async |mut which: Vec<usize>| -> Result<Vec<(usize, Vec4)>, Error> {
+        which.sort_by_cached_key(|&index| picture.place_on_curve(index));
+        let mut light = Vec::with_capacity(which.len());
+        for some in which.chunks((PARTS_AT_ONCE / rays.parts_per_ray()).next_multiple_of(LANES)) {
             let parts = gather.parts(some, error).await?;
-            light.set(some.iter().copied().zip(rays.scattered(some, &parts)));
+            light.extend(some.iter().copied().zip(rays.scattered(some, &parts)));
             inputs.progress.advance(some.len() as u64);
         }
-    }
-    inputs.progress.advance(light.interpolated_count() as u64);
-    Ok(light.finish())
+        Ok(light)
+    };
+    let (light, interpolated) = where_it_changes(picture, beside, along).await?;
+    inputs.progress.advance(interpolated as u64);
+    Ok(light)
 }
 
 /// Direct light along all camera rays.
-fn scattered_direct(
+async fn scattered_direct(
     inputs: &FrameInputs<'_>,
-    direct: &DirectScattering,
+    direct: &DirectScattering<'_>,
     picture: &PictureRays<'_>,
     beside: &[Vec3],
-) -> Vec<[f32; 4]> {
+) -> Result<Vec<[f32; 4]>, Error> {
+    let along = async |which: Vec<usize>| {
+        let found = direct.along(&picture.rays, &which, inputs.progress);
+        Ok(which.into_iter().zip(found.into_iter().map(|light| light.extend(0.0))).collect())
+    };
+    Ok(where_it_changes(picture, beside, along).await?.0)
+}
+
+/// Light along all rays of a picture: computed in every fourth column and row, in every other one where it changes between these, and in
+/// all where it still does. Returns the number of rays that were interpolated, too. `beside` is other light from there, which hides
+/// differences.
+async fn where_it_changes(
+    picture: &PictureRays<'_>,
+    beside: &[Vec3],
+    mut along: impl AsyncFnMut(Vec<usize>) -> Result<Vec<(usize, Vec4)>, Error>,
+) -> Result<(Vec<[f32; 4]>, usize), Error> {
     let rays = &picture.rays;
-    let mut light = AdaptiveLight::new(picture, rays.len(), rays.within(), beside).leniently(LENIENCY);
-    while let Some(open) = light.next_open() {
-        let found = direct.along(rays, &open, inputs.progress);
-        light.set(open.into_iter().zip(found.into_iter().map(|light| light.extend(0.0))));
+    let coarser = CoarserGrid(picture);
+    let nodes = rays.within().filter(|&index| is_node(picture, index));
+    let mut coarse = AdaptiveLight::new(&coarser, rays.len(), nodes, beside).leniently(LENIENCY);
+    while let Some(open) = coarse.next_open() {
+        coarse.set(along(open).await?);
     }
-    light.finish()
+    let interpolated = coarse.interpolated_count();
+    let coarse = coarse.finish();
+    let mut light = AdaptiveLight::new(picture, rays.len(), rays.within(), beside).leniently(LENIENCY);
+    light.set_nodes(|index| Vec4::from_array(coarse[index]));
+    while let Some(open) = light.next_open() {
+        light.set(along(open).await?);
+    }
+    let interpolated = interpolated + light.interpolated_count();
+    Ok((light.finish(), interpolated))
 }
 
 /// Some of the rays, from all over the picture: even steps could coincide with its columns, golden-ratio steps do not.
@@ -183,6 +216,16 @@ impl MediumRays {
 struct PictureRays<'a> {
     camera_rays: &'a CameraRays,
     rays: MediumRays,
+    /// By ray: how much of the medium is seen, metres, which are the fewer the less light arrives from there.
+    seen: Vec<f32>,
+}
+
+impl<'a> PictureRays<'a> {
+    fn new(camera_rays: &'a CameraRays, rays: MediumRays) -> Self {
+        let seen = |index: usize| seen_length(rays.medium(), [0.0, rays.length(index)]).max_element();
+        let seen = (0..rays.len()).into_par_iter().map(seen).collect();
+        Self { camera_rays, rays, seen }
+    }
 }
 
 impl PixelGrid for PictureRays<'_> {
@@ -198,9 +241,26 @@ impl PixelGrid for PictureRays<'_> {
         CameraRays::counterpart(self.camera_rays, index, column, row)
     }
 
-    fn hit(&self, index: usize) -> Option<&crate::tracing::Hit> {
+    fn hit(&self, index: usize) -> Option<&Hit> {
         self.rays.end(index)
     }
+
+    /// What rays end at does not matter, only how much of the medium is before it.
+    fn is_same_surface(&self, index: usize, other: usize) -> bool {
+        let are_within = [index, other].iter().all(|&index| self.hit(index).is_some());
+        are_within && are_alike((self.seen[index], self.seen[other]), MAX_NEIGHBOUR_DIFFERENCE)
+    }
+
+    fn lies_between(&self, index: usize, corners: [usize; 4], part: Vec2) -> bool {
+        let [a, b, c, d] = corners.map(|index| self.seen[index]);
+        let expected = (a + (b - a) * part.x) * (1.0 - part.y) + (c + (d - c) * part.x) * part.y;
+        are_alike((self.seen[index], expected), MAX_LENGTH_DIFFERENCE)
+    }
+}
+
+/// Whether lengths differ by no more than a part of them.
+fn are_alike((one, other): (f32, f32), part: f32) -> bool {
+    (one - other).abs() <= part * one.max(other)
 }
 
 /// What is scattered along a few camera rays, without differences between neighbours: light of caustics, without any if there is no sum,

@@ -61,7 +61,7 @@ impl ScatteringStages {
         };
         let steps = options.medium_steps as usize;
         let rays = MediumRays::of_picture((scene, medium), &prepared.tracer, camera_rays, steps);
-        let picture = PictureRays { camera_rays, rays };
+        let picture = PictureRays::new(camera_rays, rays);
         let rays = &picture.rays;
         let is_layer = [Aov::Scattered, Aov::ScatteredDirect].iter().any(|aov| options.aovs.contains(aov));
         let beside = (!is_layer).then(|| (id_of(surfaces), Id::of(&prepared.materials)));
@@ -87,13 +87,13 @@ impl ScatteringStages {
         if shows(options, Aov::ScatteredDirect) {
             let tracer = (options.visibility == Visibility::Full).then_some(&*prepared.tracer);
             let sampler = light.sampler(inputs.light, progress);
-            let make = || {
+            let make = async || {
                 let unoccluded = Arc::new(unoccluded(&inputs.light.environment.cube, &medium));
                 let direct =
                     DirectScattering::new(inputs.light, (medium, unoccluded), &sampler, tracer, [steps, RAYS_PER_PART]);
-                scattered_direct(inputs, &direct, &picture, &hiding())
+                scattered_direct(inputs, &direct, &picture, &hiding()).await
             };
-            scattered.direct = Some(self.direct.get(of_direct, progress, make));
+            scattered.direct = Some(self.direct.wait_for(of_direct, (1, progress), make).await?);
         }
         Ok(scattered)
     }

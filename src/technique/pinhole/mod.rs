@@ -21,12 +21,15 @@ use self::surroundings::{emitters_seen, lit_surfaces, surroundings};
 use super::{Inputs, Inspected, Pending, Statistics, Sum, TechniqueStages};
 use crate::differential::DifferentialSample;
 use crate::environment::{Environment, LightBounds};
+use crate::image::Aov;
 use crate::options::Evaluation;
 use crate::pinhole::cpu::{Accuracy, Light, Lights, TakenCell, cells_taken, contributions_to, estimate_irradiance};
 use crate::pinhole::{Filter, Params, PinholeTree, Pinholes, Receivers, Surroundings};
 use crate::progress::{Progress, Stage};
 use crate::scene::{Camera, Lamp, Medium, Visibility};
-use crate::stages::{Id, LightStages, Memo, NearEmitters, StageCounts, SurfaceMaterials, visible_receivers};
+use crate::stages::{
+    Id, LightStages, Memo, NearEmitters, StageCounts, SurfaceMaterials, receivers_through_interfaces, visible_receivers,
+};
 use crate::tracing::{Hit, Tracer};
 use crate::{Error, NoProgress};
 
@@ -126,6 +129,7 @@ struct EstimateKey {
     environment: Id<Environment>,
     tracer: Id<Tracer>,
     receives: Vec<bool>,
+    through_interfaces: bool,
     camera: Camera,
     size: [u32; 2],
     visibility: Visibility,
@@ -335,7 +339,13 @@ fn check_wanted(progress: &dyn Progress) -> Result<(), Error> {
 
 /// The receivers at which the mean irradiance is estimated, to which the tolerance is relative.
 fn estimate_receivers(inputs: &Inputs) -> Receivers {
-    visible_receivers(inputs.scene, &inputs.prepared.tracer, inputs.options.size_within(ESTIMATE_SIZE))
+    let find = if sees_through_interfaces(inputs) { receivers_through_interfaces } else { visible_receivers };
+    find(inputs.scene, &inputs.prepared.tracer, inputs.options.size_within(ESTIMATE_SIZE))
+}
+
+/// Whether receivers behind interfaces are seen as well: pictures of caustics show those that camera rays hit first.
+fn sees_through_interfaces(inputs: &Inputs) -> bool {
+    inputs.is_preview || !inputs.options.aovs.iter().any(|aov| *aov == Aov::Caustic || aov.chain().is_some())
 }
 
 fn estimate_key(inputs: &Inputs, sum: &HierarchicalInputs) -> EstimateKey {
@@ -345,6 +355,7 @@ fn estimate_key(inputs: &Inputs, sum: &HierarchicalInputs) -> EstimateKey {
         environment: Id::of(&light.environment),
         tracer: Id::of(&prepared.tracer),
         receives: scene.objects.iter().map(|o| o.receiver.is_some()).collect(),
+        through_interfaces: sees_through_interfaces(inputs),
         camera: scene.camera,
         size: options.size_within(ESTIMATE_SIZE),
         visibility: options.visibility,

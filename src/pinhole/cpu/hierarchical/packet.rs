@@ -108,10 +108,12 @@ impl TileGather<'_> {
         }
         let mut accepted = active & self.accepted_lanes(cell, is_cluster, &bounds, max_weight.straddling_horizon);
         if receiver.length.is_some() && !pinholes.tree.is_cluster(item & NODE_MASK) {
-            let is_blurred = bounds.left_along_ray.simd_lt(MAX_LEFT_ALONG_RAY);
+            let relative_size = pair.inverse_l * cell.radius;
+            let is_blurred =
+                bounds.left_along_ray.simd_lt(MAX_LEFT_ALONG_RAY) & relative_size.simd_lt(MAX_RELATIVE_SIZE);
             // Next to total reflection light turns without bound; samples are small enough there, too.
             let normals = if cell.sample.interface.is_none() { cell.normal_radius } else { 0.0 };
-            let turned = pair.inverse_l * cell.radius + normals;
+            let turned = relative_size + normals;
             accepted |= active & bits(is_blurred | turned.simd_lt(MAX_TURN_ALONG_RAY));
         }
         let mut refined = active & !accepted;

@@ -8,7 +8,7 @@ use crate::scene::{Ray, Refractor};
 use crate::tracing::Hit;
 
 /// The part of a ray that is refracted.
-pub(super) struct Refracted {
+pub struct Refracted {
     /// Its unit direction.
     pub direction: Vec3,
     /// The radiance that comes back along the ray, relative to that which arrives from there. Radiance changes with the square of the
@@ -18,7 +18,7 @@ pub(super) struct Refracted {
 
 /// The ray divided at a hit of an interface, for light of the relative refractive index `eta`: the reflectance, and what is refracted,
 /// unless all is reflected.
-pub(super) fn divided(refractor: &Refractor, eta: f64, (found, ray): (&Hit, &Ray)) -> (f32, Option<Refracted>) {
+pub fn divided(refractor: &Refractor, eta: f64, (found, ray): (&Hit, &Ray)) -> (f32, Option<Refracted>) {
     // The index of the medium that the ray enters over that of the one that it leaves.
     let entered = if found.front { eta } else { 1.0 / eta };
     let (direction, normal) = (ray.direction.normalize().as_dvec3(), found.normal.as_dvec3());
@@ -43,7 +43,7 @@ fn inwards(direction: DVec3, found: &Hit) -> Vec3 {
 }
 
 /// The colours of a ray that are refracted alike: factors on its channels, and their index.
-pub(super) fn colours(refractor: &Refractor, throughput: Vec3) -> impl Iterator<Item = (Vec3, f64)> {
+pub fn colours(refractor: &Refractor, throughput: Vec3) -> impl Iterator<Item = (Vec3, f64)> {
     let eta = refractor.eta;
     let count = if refractor.is_dispersive() { 3 } else { 1 };
     let of_channel =
