@@ -143,7 +143,7 @@ fn lamps_near_mirrors_are_as_the_ground_truth_says() {
     let cup = "[camera]\nposition = [0, 2.2, 1.3]\ntarget = [0, 0.2, 0]\nperspective = { fov_y_deg = 32 }\n[[object]]\n\
                name = \"cup\"\nshape = { cup = {} }\nreflector = { metal = \"silver\" }\nreceiver = { albedo = [0.3, 0.3, 0.3] }\n";
     for (name, objects, place, of_truth) in
-        [("ring", ring, [0.45, 0.3, 0.1], 0.02), ("cup", cup, [0.35, 0.95, 0.2], 0.04)]
+        [("ring", ring, [0.45, 0.3, 0.1], 0.02), ("cup", cup, [0.35, 0.95, 0.2], 0.02)]
     {
         let scene =
             || parsed(&format!("environment = {{ constant = [0, 0, 0] }}\n{objects}{FLOOR}{}", lamp(place, 0.03)));

@@ -35,7 +35,8 @@ fn media_are_those_of_the_cpu() {
     ] {
         let is_flat = evaluation == EvaluationChoice::Flat;
         let options = Options::default()
-            .with_size([12, 9])
+            // Whole packets of rays: a block counts its look-ups for all receivers that it could hold.
+            .with_size([16, 8])
             .with_samples(80)
             .with_leaves((!is_flat).then_some(16))
             .with_tolerance(1e-3)
@@ -47,7 +48,7 @@ fn media_are_those_of_the_cpu() {
             .map(|choice| render(scene.clone(), options.clone(), &choice).unwrap());
         assert!(matches!(on_gpu.report.backend, BackendReport::Gpu { .. }));
         let fetches = on_gpu.report.lookups / on_cpu.report.lookups;
-        let expected = if is_flat { 0.999..1.001 } else { 0.95..1.15 };
+        let expected = if is_flat { 0.999..1.001 } else { 0.95..1.1 };
         for (aov, limit) in [(Aov::Caustic, 1e-4), (Aov::Scattered, if is_flat { 1e-4 } else { 5e-3 })] {
             let [gpu, cpu] = [&on_gpu, &on_cpu].map(|rendered| rendered.layer(aov).unwrap());
             assert!(cpu.mean().min_element() > 0.0, "{name} {aov:?}: nothing at all");
