@@ -75,7 +75,7 @@ pub mod pinhole {
     pub use crate::pinhole::{
         BATCH_SIZE, CURVE_POINTS, Epsilon, Filter, Footprint, GatherUniforms, MAX_TAPS, MEDIUM_OBJECT, NO_RECEIVER,
         Params, PinholeParts, PinholeSample, PinholeTree, Pinholes, Probe, ReceiverLayout, Receivers, ReflectanceCurve,
-        SurroundingView, Surroundings, ViewDirections, VisibilityMaps, pinholes,
+        SurroundingView, Surroundings, ViewDirections, Viewpoint, VisibilityMaps, pinholes,
     };
 
     /// On the CPU.

@@ -29,6 +29,8 @@ struct Viewpoints {
     plane_scale: f32,
     // w = one over the distance of the nearest surface, 1/m.
     places: array<vec4f, MAX_VIEWPOINTS>,
+    // Normals of the surfaces that they lie on; zero where it does not matter.
+    normals: array<vec4f, MAX_VIEWPOINTS>,
 }
 
 // What lies between cells and receivers; see src/scene/medium.rs.

@@ -21,14 +21,14 @@ struct LightFootprint {
 // `reflected`: the footprint of light from infinitely far away around r, without the lobe of this width, and `third` its side along a part
 // of a ray.
 fn footprint_on_light(
-    place: vec3f, surface: FootprintSides, r: vec3f, reflected: FootprintSides, lobe: f32, third: vec3f,
+    place: vec3f, n: vec3f, surface: FootprintSides, r: vec3f, reflected: FootprintSides, lobe: f32, third: vec3f,
 ) -> LightFootprint {
     if LIGHT == LIGHT_LAMP {
         let seen = lamp_seen_from(place);
         let sides = footprint_towards_lamp(seen, surface, r, reflected);
         return LightFootprint(r, sides, middle_of_shared(seen, r, sides, lobe), 0u, third);
     }
-    let view = nearest_view(place);
+    let view = nearest_view(place, n);
     let seen = surfaces_seen(view, place, surface, r, reflected, third);
     return LightFootprint(seen.r, seen.sides, seen.towards, view, seen.third);
 }

@@ -18,7 +18,7 @@ fn light_within(cell: Cell, direction: vec3f, radius: f32) -> vec2f {
     if LIGHT == LIGHT_LAMP {
         return vec2f(select(0.0, uniforms.lamp.max_radiance, meets_lamp(cell.centroid, cell.radius, direction, radius)));
     }
-    let view = nearest_view(cell.centroid);
+    let view = nearest_view(cell.centroid, cell.normal);
     return bounds_within(direction, radius + view_spread(view, cell.centroid, cell.radius), cell.blur, 6 * i32(view));
 }
 
@@ -70,7 +70,8 @@ fn may_mirror_lamp(piece: Cell, pair: Pair) -> bool {
 // Near light over a cell's footprint, from so many taps.
 fn near_light_at(cell: Cell, pair: Pair, taps: f32) -> NearLight {
     let surface = FootprintSides(cell.side_1, cell.side_2);
-    let light = footprint_on_light(cell.centroid, surface, pair.r, sharp_footprint_of(cell, pair), cell.lobe, pair.third);
+    let sharp = sharp_footprint_of(cell, pair);
+    let light = footprint_on_light(cell.centroid, cell.normal, surface, pair.r, sharp, cell.lobe, pair.third);
     var mean: vec4f;
     var map: VisibilityMap;
     map.index = UNOCCLUDED;

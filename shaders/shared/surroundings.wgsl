@@ -24,13 +24,14 @@ struct SeenSurfaces {
     third: vec3f,
 }
 
-// The view from the nearest viewpoint.
-fn nearest_view(place: vec3f) -> u32 {
+// The view from the nearest viewpoint for a place on a surface with this normal.
+fn nearest_view(place: vec3f, n: vec3f) -> u32 {
     var nearest = 0u;
     var least = 3e38;
     for (var k = 0u; k < uniforms.viewpoints.count; k++) {
         let offset = uniforms.viewpoints.places[k].xyz - place;
-        let distance2 = dot(offset, offset);
+        let is_behind = dot(n, uniforms.viewpoints.normals[k].xyz) < 0.0;
+        let distance2 = dot(offset, offset) * select(1.0, OTHER_SIDE * OTHER_SIDE, is_behind);
         nearest = select(nearest, k, distance2 < least);
         least = min(least, distance2);
     }

@@ -126,6 +126,8 @@ pub const LIGHT_LAMP: u32 = 1;
 pub const LIGHT_SURROUNDINGS: u32 = 2;
 /// Views of surroundings, at most.
 pub const MAX_VIEWPOINTS: u32 = 16;
+/// Viewpoints on the other side of a surface count as so many times as far away.
+pub const OTHER_SIDE: f32 = 1000.0;
 
 /// Numbers of the beams of lamps: none, a cone, a slide.
 #[cfg(feature = "gpu")]

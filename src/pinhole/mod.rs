@@ -31,7 +31,7 @@ pub(crate) use disc::{chord_of_sphere, filled_part, solid_angle_of};
 pub use interface::Interface;
 pub use layout::{BATCH_SIZE, CURVE_POINTS, GatherUniforms, PinholeParts, PinholeSample, Pinholes, ReflectanceCurve};
 pub use receivers::{MEDIUM_OBJECT, NO_RECEIVER, ReceiverLayout, Receivers, ViewDirections};
-pub use surroundings::{SurroundingView, Surroundings};
+pub use surroundings::{SurroundingView, Surroundings, Viewpoint};
 pub use tree::PinholeTree;
 pub(crate) use visibility::Edges;
 pub use visibility::{SampleView, VisibilityMaps};

@@ -4,6 +4,7 @@
 
 use glam::Vec3;
 
+use super::constants::OTHER_SIDE;
 use crate::environment::{CubeMap, LightBounds};
 
 /// The views from all viewpoints.
@@ -13,11 +14,28 @@ pub struct Surroundings {
     pub views: Vec<SurroundingView>,
 }
 
+/// A point from where the scene is seen.
+#[derive(Clone, Copy, Debug)]
+pub struct Viewpoint {
+    /// World position, metres.
+    pub position: Vec3,
+    /// The unit normal of the surface that it lies on; zero where its side does not matter.
+    pub normal: Vec3,
+}
+
+impl Viewpoint {
+    /// The square of the distance to a place on a surface with this normal, m²; viewpoints on the other side of a thin surface count as far away.
+    pub fn distance_squared(&self, position: Vec3, normal: Vec3) -> f32 {
+        let is_behind = self.normal.dot(normal) < 0.0;
+        self.position.distance_squared(position) * if is_behind { OTHER_SIDE * OTHER_SIDE } else { 1.0 }
+    }
+}
+
 /// The scene around a point.
 #[derive(Clone, Debug)]
 pub struct SurroundingView {
-    /// The point, metres.
-    pub viewpoint: Vec3,
+    /// The point.
+    pub viewpoint: Viewpoint,
     /// Radiance of what is seen, W/(m²·sr); black where nothing is.
     pub radiance: CubeMap,
     /// Bounds of that.
@@ -31,14 +49,14 @@ pub struct SurroundingView {
 
 impl SurroundingView {
     /// From both, in world directions.
-    pub fn new(viewpoint: Vec3, radiance: CubeMap, planes: CubeMap, max_nearness: f32) -> Self {
+    pub fn new(viewpoint: Viewpoint, radiance: CubeMap, planes: CubeMap, max_nearness: f32) -> Self {
         let bounds = LightBounds::new(&radiance);
         Self { viewpoint, radiance, bounds, planes, max_nearness }
     }
 
     /// How far the direction of anything that is seen may turn from the viewpoint to the points of a cell, radians.
     pub fn spread(&self, position: Vec3, radius: f32) -> f32 {
-        let sine = (position.distance(self.viewpoint) + radius) * self.max_nearness;
+        let sine = (position.distance(self.viewpoint.position) + radius) * self.max_nearness;
         // An arc is at most π/2 times its sine.
         if sine < 1.0 { sine * std::f32::consts::FRAC_PI_2 } else { std::f32::consts::PI }
     }
@@ -50,9 +68,9 @@ impl Surroundings {
         2.0 / self.views.first().map_or(1, |view| view.radiance.size()) as f32
     }
 
-    /// The view for a cell.
-    pub fn nearest(&self, position: Vec3) -> &SurroundingView {
-        let distance = |view: &&SurroundingView| view.viewpoint.distance_squared(position);
+    /// The view for a cell of this position and normal.
+    pub fn nearest(&self, position: Vec3, normal: Vec3) -> &SurroundingView {
+        let distance = |view: &&SurroundingView| view.viewpoint.distance_squared(position, normal);
         self.views.iter().min_by(|a, b| distance(a).total_cmp(&distance(b))).expect("there is a view")
     }
 }

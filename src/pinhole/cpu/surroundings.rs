@@ -77,9 +77,9 @@ impl<'a> SurroundingLight<'a> {
         simd.vectorize(
             #[inline(always)]
             || {
-                let view = self.0.nearest(cell.position);
+                let view = self.0.nearest(cell.position, cell.normal);
                 let planes = CubeLookup::new(&view.planes);
-                let shift = splat3(simd, cell.position - view.viewpoint);
+                let shift = splat3(simd, cell.position - view.viewpoint.position);
                 let r = footprint.r;
                 // To the plane that is seen from the viewpoint in a direction.
                 let distance_to = |direction: V3<S>| {

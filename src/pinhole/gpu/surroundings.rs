@@ -33,6 +33,8 @@ pub(super) struct Viewpoints {
     padding: [u32; 2],
     /// World positions, metres, and one over the distance of the nearest surface.
     pub places: [[f32; 4]; MAX_VIEWPOINTS as usize],
+    /// Normals of the surfaces that they lie on; zero where it does not matter.
+    pub normals: [[f32; 4]; MAX_VIEWPOINTS as usize],
 }
 
 impl UploadedSurroundings {
@@ -49,8 +51,9 @@ impl UploadedSurroundings {
         let (radiance, radiance_scale) = upload_cubes(device, queue, "views of surroundings", &radiance)?;
         let (planes, plane_scale) = upload_cubes(device, queue, "planes of surroundings", &planes)?;
         let mut viewpoints = Viewpoints { count: views.len() as u32, plane_scale, ..Viewpoints::zeroed() };
-        for (place, view) in viewpoints.places.iter_mut().zip(views) {
-            *place = view.viewpoint.extend(view.max_nearness).to_array();
+        for (k, view) in views.iter().enumerate() {
+            viewpoints.places[k] = view.viewpoint.position.extend(view.max_nearness).to_array();
+            viewpoints.normals[k] = view.viewpoint.normal.extend(0.0).to_array();
         }
         Ok(Self {
             viewpoints,

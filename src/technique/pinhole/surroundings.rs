@@ -8,7 +8,7 @@ use rayon::prelude::*;
 
 use crate::environment::{CubeMap, FACES, emitter_from, face_direction};
 use crate::pinhole::constants::MAX_VIEWPOINTS;
-use crate::pinhole::{PinholeSample, SurroundingView, Surroundings};
+use crate::pinhole::{PinholeSample, SurroundingView, Surroundings, Viewpoint};
 use crate::scene::{Lamp, Medium, Mesh, Object, Ray, Scene, Sides, Visibility};
 use crate::stages::{DirectNearLight, NearEmitter, PreparedLight};
 use crate::technique::Inputs;
@@ -83,12 +83,13 @@ struct Viewer<'a> {
 
 /// What mirrors can show: everything that receives light, but for mirrors on both sides, whose back would show the light on their front.
 pub(super) fn lit_surfaces(scene: &Scene) -> Tracer {
-    let is_shown = |object: &Object| {
-        object.receiver.is_some() && object.reflector.is_none_or(|reflector| reflector.sides != Sides::Both)
-    };
     let meshes: Vec<(Mesh, SeenBy)> =
         scene.objects.iter().map(|object| (object.mesh_in_world(), SeenBy::all_but_camera(is_shown(object)))).collect();
     Tracer::of_meshes(meshes.iter().map(|(mesh, seen_by)| (mesh, *seen_by)))
+}
+
+fn is_shown(object: &Object) -> bool {
+    object.receiver.is_some() && object.reflector.is_none_or(|reflector| reflector.sides != Sides::Both)
 }
 
 /// What the samples see in the light of lamps and near emitters; `None` if that is nothing.
@@ -102,7 +103,9 @@ pub(super) fn surroundings(inputs: &Inputs, surfaces: &Tracer, samples: &[Pinhol
     let occluder = (options.visibility == Visibility::Full).then_some(&*prepared.tracer);
     let medium = scene.medium.filter(|_| scene.has_medium_everywhere());
     let viewer = Viewer { scene, light: DirectNearLight::coarse(light, occluder), surfaces, medium, size };
-    let views = from_viewpoints(samples, max_views, |viewpoint| {
+    // Mirrors that show lit mirrors may show themselves, of which each side shows something else.
+    let shows_mirrors = scene.objects.iter().any(|object| object.reflector.is_some() && is_shown(object));
+    let views = from_viewpoints(samples, (max_views, shows_mirrors), |viewpoint| {
         let view = viewer.view(viewpoint);
         (view.max_nearness, view)
     });
@@ -110,20 +113,28 @@ pub(super) fn surroundings(inputs: &Inputs, surfaces: &Tracer, samples: &[Pinhol
 }
 
 /// What is seen from so many viewpoints as keep every sample near to one, compared with the distance of the nearest surface. `see` says what
-/// that is, after one over this distance.
-fn from_viewpoints<T>(samples: &[PinholeSample], max_views: usize, see: impl Fn(Vec3) -> (f32, T)) -> Vec<T> {
+/// that is, after one over this distance. Where sides matter, samples are near only to viewpoints on their own.
+fn from_viewpoints<T>(
+    samples: &[PinholeSample],
+    (max_views, sides_matter): (usize, bool),
+    see: impl Fn(Viewpoint) -> (f32, T),
+) -> Vec<T> {
     let extent = samples.iter().map(|s| s.position().distance(samples[0].position())).fold(0.0, f32::max);
-    let viewpoint = |sample: &PinholeSample| sample.position() + OFFSET * extent * sample.normal();
+    let viewpoint = |sample: &PinholeSample| Viewpoint {
+        position: sample.position() + OFFSET * extent * sample.normal(),
+        normal: if sides_matter { sample.normal() } else { Vec3::ZERO },
+    };
     // The sample that is farthest from all viewpoints gets the next one.
     let mut distances = vec![f32::INFINITY; samples.len()];
     let (mut next, mut max_nearness) = (0, 0.0f32);
     let mut all = Vec::new();
     loop {
-        let (nearness, seen) = see(viewpoint(&samples[next]));
+        let new = viewpoint(&samples[next]);
+        let (nearness, seen) = see(new);
         max_nearness = max_nearness.max(nearness);
         all.push(seen);
-        let new = samples[next].position();
-        distances.iter_mut().zip(samples).for_each(|(d, sample)| *d = d.min(sample.position().distance(new)));
+        let distance = |sample: &PinholeSample| new.distance_squared(sample.position(), sample.normal()).sqrt();
+        distances.iter_mut().zip(samples).for_each(|(d, sample)| *d = d.min(distance(sample)));
         next = (0..samples.len()).max_by(|a, b| distances[*a].total_cmp(&distances[*b])).unwrap_or(0);
         if all.len() == max_views || distances[next] * max_nearness <= NEAR_ENOUGH {
             return all;
@@ -159,27 +170,28 @@ fn views_of_emitter(
     is_preview: bool,
 ) -> Surroundings {
     let budget = Budget::of(is_preview);
-    let viewpoints = from_viewpoints(samples, budget.max_views, |viewpoint| {
-        let nearness = 1.0 / emitter.distance_from(viewpoint);
+    let viewpoints = from_viewpoints(samples, (budget.max_views, false), |viewpoint| {
+        let nearness = 1.0 / emitter.distance_from(viewpoint.position);
         (nearness, (viewpoint, nearness))
     });
-    let sine = viewpoints.iter().map(|(viewpoint, _)| emitter.angular_sine(*viewpoint)).fold(f32::INFINITY, f32::min);
+    let sine =
+        viewpoints.iter().map(|(viewpoint, _)| emitter.angular_sine(viewpoint.position)).fold(f32::INFINITY, f32::min);
     let size = budget.size_for(viewpoints.len(), sine);
     let medium = scene.medium.filter(|_| scene.has_medium_everywhere());
-    let view = |(viewpoint, nearness): (Vec3, f32)| {
+    let view = |(viewpoint, nearness): (Viewpoint, f32)| {
         let passed = medium.map_or(Vec3::ONE, |medium| medium.transmittance(1.0 / nearness));
-        let radiance = emitter_from(&emitter.mesh, factor * passed * emitter.radiance, viewpoint, size);
+        let radiance = emitter_from(&emitter.mesh, factor * passed * emitter.radiance, viewpoint.position, size);
         // One texel a face is enough for a plane that is the same in all directions.
-        let planes = CubeMap::from_texels(1, &[emitter.plane_from(viewpoint); FACES], false);
+        let planes = CubeMap::from_texels(1, &[emitter.plane_from(viewpoint.position); FACES], false);
         SurroundingView::new(viewpoint, radiance, planes, nearness)
     };
     Surroundings { views: viewpoints.into_iter().map(view).collect() }
 }
 
 impl Viewer<'_> {
-    fn view(&self, viewpoint: Vec3) -> SurroundingView {
+    fn view(&self, viewpoint: Viewpoint) -> SurroundingView {
         let texels: Vec<Vec3> = (0..FACES).flat_map(|face| self.directions(face)).collect();
-        let seen: Vec<Seen> = texels.par_iter().map(|direction| self.seen(viewpoint, *direction)).collect();
+        let seen: Vec<Seen> = texels.par_iter().map(|direction| self.seen(viewpoint.position, *direction)).collect();
         let cube = |of: fn(&Seen) -> Vec3, mips: bool| {
             CubeMap::from_texels(self.size, &seen.iter().map(of).collect::<Vec<_>>(), mips)
         };

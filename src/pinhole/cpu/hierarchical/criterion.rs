@@ -288,7 +288,7 @@ impl RefinementCriterion<'_> {
                 bounds.within(self.light_from_world(cone.direction), cone.radius, cell.blur)
             }
             SourceBounds::Surroundings(surfaces) => {
-                let view = surfaces.nearest(cell.sample.position);
+                let view = surfaces.nearest(cell.sample.position, cell.sample.normal);
                 let radius = cone.radius + view.spread(cell.sample.position, cell.radius);
                 view.bounds.within(cone.direction, radius, cell.blur)
             }

@@ -421,7 +421,7 @@ impl TileGather<'_> {
                 (*light, self.context.gather.uniforms.light_from_world(direction), radius)
             }
             SourceBounds::Surroundings(surfaces) => {
-                let view = surfaces.nearest(cell.sample.position);
+                let view = surfaces.nearest(cell.sample.position, cell.sample.normal);
                 (&view.bounds, direction, radius + view.spread(cell.sample.position, cell.radius))
             }
             SourceBounds::Lamp(lamp) => {

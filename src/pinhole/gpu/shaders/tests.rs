@@ -189,7 +189,7 @@ fn rust_structs() -> BTreeMap<&'static str, Layout> {
         ("TilePass", layout!(TilePass { first_tile, level, split, split_count })),
         ("Tolerance", layout!(Tolerance { error, relative_error })),
         ("TreeUniforms", tree_uniforms()),
-        ("Viewpoints", layout!(Viewpoints { count, plane_scale, places })),
+        ("Viewpoints", layout!(Viewpoints { count, plane_scale, places, normals })),
     ])
 }
 
