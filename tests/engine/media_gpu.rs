@@ -20,7 +20,7 @@ fn rough_ball() -> Scene {
 }
 
 /// To rounding, but for hierarchical sums along rays, whose parts are allowed errors of their own: the CPU takes the least of sixteen, the GPU
-/// that of each.
+/// that of each. The tolerance is small, as so few cells differ much from their quarters.
 #[test]
 fn media_are_those_of_the_cpu() {
     let built_in = |name: &str| pinspot::load(name).unwrap().0;
@@ -39,7 +39,7 @@ fn media_are_those_of_the_cpu() {
             .with_size([16, 8])
             .with_samples(80)
             .with_leaves((!is_flat).then_some(16))
-            .with_tolerance(1e-3)
+            .with_tolerance(1e-5)
             .with_medium_steps(3)
             .with_evaluation(evaluation)
             .with_visibility(visibility)
@@ -49,7 +49,7 @@ fn media_are_those_of_the_cpu() {
         assert!(matches!(on_gpu.report.backend, BackendReport::Gpu { .. }));
         let fetches = on_gpu.report.lookups / on_cpu.report.lookups;
         let expected = if is_flat { 0.999..1.001 } else { 0.95..1.1 };
-        for (aov, limit) in [(Aov::Caustic, 1e-4), (Aov::Scattered, if is_flat { 1e-4 } else { 5e-3 })] {
+        for (aov, limit) in [(Aov::Caustic, 1e-4), (Aov::Scattered, if is_flat { 1e-4 } else { 2e-3 })] {
             let [gpu, cpu] = [&on_gpu, &on_cpu].map(|rendered| rendered.layer(aov).unwrap());
             assert!(cpu.mean().min_element() > 0.0, "{name} {aov:?}: nothing at all");
             let error = rel_l2(gpu, cpu, None);
