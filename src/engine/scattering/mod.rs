@@ -2,8 +2,8 @@
 //! same sums as on surfaces, and direct light with its shafts.
 //!
 //! A part of a ray is a receiver with a length: what crosses it comes from a strip of the environment, so that even long parts miss no
-//! beam. Along rays parts grow with their distance from the mirrors; over the picture every other ray is computed, and those between
-//! where the light changes from one to the next.
+//! beam. Along rays parts grow with their distance from the mirrors; over the picture every fourth column and row of rays is computed, and
+//! those between where the light changes from one to the next.
 
 mod direct;
 mod rays;
