@@ -20,7 +20,7 @@ fn rough_ball() -> Scene {
 }
 
 /// To rounding, but for hierarchical sums along rays, whose parts are allowed errors of their own: the CPU takes the least of sixteen, the GPU
-/// that of each. The tolerance is small, as so few cells differ much from their quarters.
+/// that of each. With a larger tolerance and so few samples, single decisions would change the picture.
 #[test]
 fn media_are_those_of_the_cpu() {
     let built_in = |name: &str| pinspot::load(name).unwrap().0;

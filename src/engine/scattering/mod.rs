@@ -38,9 +38,9 @@ const LENIENCY: f32 = 16.0;
 const PARTS_AT_ONCE: usize = 1 << 20;
 /// Rays that tell this mean.
 const RAYS_OF_MEAN: usize = 128;
-/// Light is interpolated between rays along which as much of the medium is seen, up to this part, and where along a ray as much is seen as they
-/// lead one to expect, up to the other one.
+/// Light is interpolated between rays along which the visible lengths of the medium differ by no more than this part.
 const MAX_NEIGHBOUR_DIFFERENCE: f32 = 0.5;
+/// The visible length along a ray differs from what is interpolated between them by no more than this part.
 const MAX_LENGTH_DIFFERENCE: f32 = 0.02;
 
 /// Scattered light by camera ray, W/(m²·sr), for an intensity of 1.
@@ -216,7 +216,7 @@ impl MediumRays {
 struct PictureRays<'a> {
     camera_rays: &'a CameraRays,
     rays: MediumRays,
-    /// By ray: how much of the medium is seen, metres, which are the fewer the less light arrives from there.
+    /// By ray: the visible length of the medium, which is the integral of the transmittance to the camera, metres.
     seen: Vec<f32>,
 }
 
@@ -245,7 +245,7 @@ impl PixelGrid for PictureRays<'_> {
         self.rays.end(index)
     }
 
-    /// What rays end at does not matter, only how much of the medium is before it.
+    /// What a ray hits does not matter, only the visible length of the medium before it.
     fn is_same_surface(&self, index: usize, other: usize) -> bool {
         let are_within = [index, other].iter().all(|&index| self.hit(index).is_some());
         are_within && are_alike((self.seen[index], self.seen[other]), MAX_NEIGHBOUR_DIFFERENCE)
