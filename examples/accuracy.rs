@@ -14,10 +14,10 @@ use std::time::Instant;
 
 use pinspot::blocking::wait;
 use pinspot::image::Aov;
-use pinspot::reference::StoppingCriterion;
+use pinspot::reference::{Estimator, StoppingCriterion};
 use pinspot::report::{Comparison, Plan, Request, Row, compare};
 use pinspot::scene::Visibility;
-use pinspot::{Backend, Density, Error, EvaluationChoice, Filter, FilterChoice, Footprint, NoProgress, Strategy};
+use pinspot::{Backend, Error, Filter, FilterChoice, Footprint, NoProgress};
 
 const SCENES: [&str; 5] = ["ring", "ring-natural", "spoon", "mirror-sphere", "cup"];
 const SAMPLES: [u32; 3] = [100, 1000, 10_000];
@@ -47,20 +47,17 @@ fn compare_scene(name: &str, seconds: f64) -> Result<Comparison, Error> {
     // The paper's integral, for its recipe's sake.
     options.visibility = Visibility::None;
     let plan = Plan {
-        strategies: vec![Strategy::Neighbourhood],
-        densities: vec![Density::Uniform],
         footprints: vec![Footprint::Curvature, Footprint::Cells],
-        evaluations: vec![EvaluationChoice::Flat],
         filters: vec![FilterChoice::None, FilterChoice::Anisotropic],
         samples: SAMPLES.to_vec(),
-        seeds: 3,
-        figure: None,
+        ..Plan::default()
     };
     let request = Request {
         scene,
         options,
         backend: Backend::cpu(),
         plan,
+        estimator: Estimator::Points,
         mask: None,
         folder: Path::new("target/accuracy").join(name),
         command: "cargo run --release --example accuracy".into(),
@@ -83,7 +80,7 @@ fn print_rows(scene: &str, comparison: &Comparison) {
     .enumerate()
     {
         let cells = SAMPLES.map(|n| {
-            let chosen = |r: &&Row| r.samples == n && r.footprint == footprint && r.filter == filter;
+            let chosen = |r: &&Row| (r.samples, r.footprint, r.filter) == (Some(n), Some(footprint), Some(filter));
             let rows: Vec<&Row> = comparison.rows.iter().filter(chosen).collect();
             let mut errors: Vec<f64> = rows.iter().filter_map(|r| r.rel_l2).collect();
             errors.sort_by(f64::total_cmp);

@@ -60,6 +60,7 @@ mod error;
 #[cfg(feature = "gpu")]
 mod gpu;
 pub mod image;
+mod image_space;
 mod lanes;
 pub mod low_level;
 mod options;
@@ -90,6 +91,7 @@ pub use engine::{
 pub use environment::CubeSize;
 pub use error::{Error, OptionError};
 pub use glam;
+pub use image_space::{ImageSpaceOptions, Ledger, Loss, MapView, Mode};
 pub use options::{
     DisplaySettings, Evaluation, EvaluationChoice, Exposure, Exposures, FilterChoice, Options, Overlay, Quality,
     Settings, load,
@@ -99,7 +101,7 @@ pub use progress::{NoProgress, Progress, Stage};
 pub use sampling::{Density, Strategy};
 pub use sequence::{Sequence, SequenceReport};
 pub use stages::StageCounts;
-pub use technique::{Technique, place_samples};
+pub use technique::{PhotonStatistics, Technique, place_samples};
 #[cfg(feature = "view")]
 pub use viewer::{ViewError, view};
 #[cfg(feature = "gpu")]

@@ -45,6 +45,8 @@ pub enum Stage {
     Upload,
     /// The estimate of the mean irradiance over the picture, to which the tolerance is relative.
     Estimate,
+    /// Photons from the lights' views, and the maps that they are added to.
+    Photons,
     /// Camera rays: the first hit for every point of the picture.
     Rays,
     /// The caustic: irradiance via mirrors.
@@ -71,7 +73,7 @@ pub enum Stage {
 
 impl Stage {
     /// The stages of a picture, in the order of the data flow.
-    pub const ENGINE: [Self; 25] = [
+    pub const ENGINE: [Self; 26] = [
         Self::Geometry,
         Self::Bvh,
         Self::Surface,
@@ -89,6 +91,7 @@ impl Stage {
         Self::Surroundings,
         Self::Upload,
         Self::Estimate,
+        Self::Photons,
         Self::Rays,
         Self::Caustic,
         Self::Direct,
@@ -120,6 +123,7 @@ impl Stage {
             Self::Surroundings => "surroundings",
             Self::Upload => "upload",
             Self::Estimate => "estimate",
+            Self::Photons => "photons",
             Self::Rays => "rays",
             Self::Caustic => "caustic",
             Self::Direct => "direct",
@@ -151,6 +155,7 @@ impl Stage {
             Self::Surroundings => "rendering what mirrors see",
             Self::Upload => "uploading",
             Self::Estimate => "estimating the irradiance",
+            Self::Photons => "sending photons",
             Self::Rays | Self::Paths => "tracing camera rays",
             Self::Caustic => "summing the caustic",
             Self::Direct => "direct light",

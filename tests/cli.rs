@@ -262,8 +262,9 @@ fn every_option_of_render_changes_what_it_writes() {
     for more in changes {
         assert_ne!(written(more), plain, "{more:?} changes nothing");
     }
-    // There is one technique, so that naming it changes nothing, and no medium.
+    // It is the default; and there is no medium.
     assert_eq!(written(&["--technique", "pinhole"]), plain);
+    let of_photons = options_of_photons_that_change(&written, &plain);
     assert_eq!(written(&["--medium-steps", "4"]), plain);
     let mut scene = std::fs::read_to_string(place.path("scene.toml")).unwrap();
     scene.push_str("[medium]\nsigma_s = 0.2\n");
@@ -273,7 +274,44 @@ fn every_option_of_render_changes_what_it_writes() {
     assert_ne!(written(&["--medium-steps", "4"]), hazy);
     // Those of animations have a test of their own.
     let others = ["--technique", "--medium-steps", "--frames", "--fps"];
-    assert_all_named(&place, "render", changes.concat().into_iter().chain(others));
+    assert_all_named(&place, "render", changes.concat().into_iter().chain(others).chain(of_photons));
+}
+
+/// The options of image-space techniques, each of which changes a picture of theirs.
+fn options_of_photons_that_change<T: PartialEq + std::fmt::Debug>(
+    written: &impl Fn(&[&str]) -> T,
+    plain: &T,
+) -> Vec<&'static str> {
+    let photons = |more: &[&str]| written(&[&["--technique", "image-space", "--lights", "6"][..], more].concat());
+    let by_photons = photons(&[]);
+    assert_ne!(by_photons, *plain);
+    for more in [&["--mode", "points"][..], &["--photons", "64"], &["--caustic-map", "light"]] {
+        assert_ne!(photons(more), by_photons, "{more:?} changes nothing");
+    }
+    assert_ne!(written(&["--technique", "image-space", "--lights", "5"]), by_photons);
+    for (with, more) in
+        [(["--caustic-map", "light"], ["--caustic-map-size", "64"]), (["--mode", "splats"], ["--splat-diameter", "9"])]
+    {
+        assert_ne!(photons(&[with, more].concat()), photons(&with), "{more:?} changes nothing");
+    }
+    // Directions are those of a light with an extent.
+    let place = Workplace::new();
+    let ring = |count: &str| {
+        let args =
+            ["render", "ring", "-o", "ring.exr", "--size", "24x24", "--technique", "image-space", "--photons", "64"];
+        assert!(place.run(&[&args[..], &["--light-directions", count, "--quiet"]].concat()).status.success());
+        std::fs::read(place.path("ring.exr")).unwrap()
+    };
+    assert_ne!(ring("2"), ring("5"));
+    vec![
+        "--mode",
+        "--photons",
+        "--caustic-map",
+        "--lights",
+        "--caustic-map-size",
+        "--splat-diameter",
+        "--light-directions",
+    ]
 }
 
 #[test]
@@ -413,8 +451,20 @@ fn every_option_of_reference_changes_what_it_writes() {
     assert_ne!(of_pool("R"), of_pool("R,T"));
     let reflecting = Workplace::new();
     reflecting.refuses(&["reference", "scene.toml", "-o", "a.exr", "--chains", "T"], &["chains is T", "refractor"]);
+    let of_ring = |estimator: &str| {
+        let args =
+            ["reference", "ring", "-o", "ring.exr", "--size", "12x12", "--rel-error", "0.2", "--estimator", estimator];
+        assert!(place.run(&[&args[..], &["--force", "--quiet"]].concat()).status.success());
+        pinspot::image::read_exr(&place.path("ring.exr"), "").unwrap()
+    };
+    assert_ne!(of_ring("points"), of_ring("beams"));
+    reflecting.refuses(&["reference", "scene.toml", "-o", "a.exr", "--estimator", "beams"], &["estimator", "spot"]);
     // That --force replaces a file is a test of its own.
-    assert_all_named(&place, "reference", changes.concat().into_iter().chain(["--force", "--visibility", "--chains"]));
+    assert_all_named(
+        &place,
+        "reference",
+        changes.concat().into_iter().chain(["--force", "--visibility", "--chains", "--estimator"]),
+    );
 }
 
 #[test]
@@ -539,8 +589,45 @@ fn every_option_of_compare_arrives() {
     let paper = ["compare", "scene.toml", "-o", "paper", "--figure", "5", "--seeds", "1", "--rel-error", "0.5"];
     let paper = report(&[&paper[..], &["--size", "6x4", "--backend", "cpu", "--json"]].concat());
     assert!(!paper["findings"].as_array().unwrap().is_empty() && paper["rows"][0]["samples"] == 2000);
-    let others = ["--adapter", "--quiet", "--figure"];
+    let others =
+        ["--adapter", "--quiet", "--figure", "--techniques", "--modes", "--photons", "--lights", "--estimator"];
     assert_all_named(&place, "compare", args.into_iter().chain(others));
+}
+
+/// Techniques are compared with each other, and those that do not know what is in a scene are named with the reason.
+#[test]
+fn techniques_are_compared() {
+    let place = Workplace::new();
+    place.replace("constant = [1.0, 1.0, 1.0]", "map = \"studio\"");
+    let compare = |more: &[&str]| {
+        let args =
+            ["--seeds", "1", "--filters", "anisotropic", "--samples", "20", "--rel-error", "0.5", "--size", "8x6"];
+        let output = place.run(&[&["compare"], more, &args, &["--backend", "cpu", "--json"]].concat());
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        serde_json::from_slice::<serde_json::Value>(&output.stdout).unwrap()
+    };
+    let photons = ["--modes", "points,splats", "--photons", "32,64", "--lights", "2,3"];
+    let both = compare(&[&["scene.toml", "-o", "both", "--techniques", "pinhole,image-space"], &photons[..]].concat());
+    let rows = both["rows"].as_array().unwrap();
+    assert_eq!(rows.len(), 1 + 2 * 2 * 2);
+    assert!(rows[0]["technique"] == "pinhole" && rows[0]["photons"].is_null() && rows[0]["samples"] == 20);
+    for row in &rows[1..] {
+        assert!(row["technique"] == "image-space" && row["strategy"].is_null() && row["rel_l2"].is_f64());
+        let lights = row["lights"].as_u64().unwrap();
+        assert!([2, 3].contains(&lights) && [32 * 32, 64 * 64].contains(&(row["photons"].as_u64().unwrap() / lights)));
+        assert!(row["flux_error"].as_f64().unwrap().abs() < 1e-3);
+    }
+    assert!(std::fs::read_to_string(place.path("both/report.csv")).unwrap().contains("flux_error"));
+    let beams = ["ring", "-o", "ring", "--techniques", "image-space", "--photons", "64", "--pixel-samples", "2"];
+    let beams = compare(&[&beams[..], &["--estimator", "beams"]].concat());
+    assert!(beams["rows"][0]["rel_l2"].as_f64().unwrap() < 0.5);
+    let cup = compare(&["gloss", "-o", "gloss", "--techniques", "pinhole,image-space"]);
+    let absent = &cup["unavailable"][0];
+    assert!(absent["technique"] == "image-space" && absent["reason"].as_str().unwrap().contains("rough mirrors"));
+    place.refuses(
+        &["compare", "haze", "-o", "haze", "--techniques", "image-space"],
+        &["nothing can be compared", "media"],
+    );
 }
 
 #[test]

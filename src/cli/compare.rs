@@ -5,9 +5,11 @@ use std::path::PathBuf;
 use clap::Args;
 
 use pinspot::blocking::wait;
-use pinspot::reference::StoppingCriterion;
+use pinspot::reference::{Estimator, StoppingCriterion};
 use pinspot::report::{Comparison, Figure, Plan, Request, compare};
-use pinspot::{Density, EvaluationChoice, FilterChoice, Footprint, Options, Quality, Settings, Strategy};
+use pinspot::{
+    Density, EvaluationChoice, Filter, FilterChoice, Footprint, Mode, Options, Quality, Settings, Strategy, Technique,
+};
 
 use super::errors::message;
 use super::options::{SceneOptions, parse_positive, word};
@@ -22,6 +24,18 @@ pub struct CompareArgs {
     /// The folder for report.html, report.json, report.csv and the pictures; finished results in it are reused
     #[arg(short, long, value_name = "DIR")]
     output: PathBuf,
+    /// Techniques, separated by commas: pinhole, image-space [default: the scene's, else pinhole]
+    #[arg(long, value_parser = word::<Technique>, value_delimiter = ',', value_name = "NAMES")]
+    techniques: Vec<Technique>,
+    /// Modes of image-space techniques, separated by commas [default: the scene's, else exact-polygons]
+    #[arg(long, value_parser = word::<Mode>, value_delimiter = ',', value_name = "NAMES")]
+    modes: Vec<Mode>,
+    /// Photons along each edge of a light's view, separated by commas [default: the scene's, else 512]
+    #[arg(long, value_delimiter = ',', value_name = "LIST")]
+    photons: Vec<u32>,
+    /// Directional lights that an environment map is divided into, separated by commas [default: the scene's, else 24]
+    #[arg(long, value_delimiter = ',', value_name = "LIST")]
+    lights: Vec<u32>,
     /// Strategies, separated by commas [default: the scene's, else neighbourhood]
     #[arg(long, value_parser = word::<Strategy>, value_delimiter = ',', value_name = "NAMES")]
     strategies: Vec<Strategy>,
@@ -47,11 +61,15 @@ pub struct CompareArgs {
     #[arg(long, value_name = "N")]
     seed: Option<u64>,
     /// Reproduce a figure of Wand and Straßer (2003): 4 (sample counts, with and without filter) or 5 (strategies)
-    #[arg(long, value_name = "4|5", value_parser = figure, conflicts_with_all = ["strategies", "densities", "footprints", "filters", "evaluations", "samples"])]
+    #[arg(long, value_name = "4|5", value_parser = figure, conflicts_with_all = ["techniques", "strategies", "densities", "footprints", "filters", "evaluations", "samples"])]
     figure: Option<Figure>,
     /// Measure errors only where this picture (.png, .exr) is not black
     #[arg(long, value_name = "FILE")]
     mask: Option<PathBuf>,
+    /// How the reference is computed: points (for each point of a pixel), or beams (means over whole pixels, for spots and lamps; give
+    /// --pixel-samples, too) [default: points]
+    #[arg(long, value_parser = word::<Estimator>, value_name = "NAME")]
+    estimator: Option<Estimator>,
     /// Relative standard error that the reference must reach: √Σse² / √ΣE²
     #[arg(long, value_name = "FRACTION", default_value_t = 0.005, value_parser = parse_positive)]
     rel_error: f64,
@@ -90,6 +108,7 @@ pub fn run(args: &CompareArgs) -> Result<(), String> {
         options,
         backend: open(&args.options.backend(), &watch).map_err(|e| message(&e))?,
         plan,
+        estimator: args.estimator.unwrap_or_default(),
         mask: args.mask.clone(),
         folder: args.output.clone(),
         command: command_line(),
@@ -102,7 +121,7 @@ pub fn run(args: &CompareArgs) -> Result<(), String> {
     let comparison = compared.map_err(|e| message(&e))?;
     comparison.write(&args.output).map_err(|e| message(&e))?;
     comparison.warnings.iter().for_each(|warning| super::warn(warning));
-    if comparison.reference.rel_error > args.rel_error {
+    if comparison.reference.rel_error > args.rel_error && request.estimator == Estimator::Points {
         super::warn(&format!(
             "the reference's time was up at a relative standard error of {:.4}; the same command goes on from here",
             comparison.reference.rel_error
@@ -130,7 +149,12 @@ fn plan(args: &CompareArgs, options: &mut Options) -> Plan {
         if given.is_empty() { default.to_vec() } else { given.to_vec() }
     }
     let filters = or(&args.filters, &[FilterChoice::None, FilterChoice::Auto]);
+    let image_space = options.image_space;
     Plan {
+        techniques: or(&args.techniques, &[options.technique]),
+        modes: or(&args.modes, &[image_space.mode]),
+        photons: or(&args.photons, &[image_space.photons]),
+        lights: or(&args.lights, &[image_space.lights]),
         strategies: or(&args.strategies, &[options.strategy]),
         densities: or(&args.densities, &[options.density]),
         footprints: or(&args.footprints, &[options.footprint]),
@@ -145,8 +169,19 @@ fn plan(args: &CompareArgs, options: &mut Options) -> Plan {
 /// The mean errors over the seeds, and where the report is.
 fn summary(args: &CompareArgs, comparison: &Comparison) -> String {
     let mut lines = vec![format!(
-        "{:15} {:12} {:10} {:12} {:12} {:>8} {:>8} {:>8} {:>7} {:>9}",
-        "strategy", "density", "footprint", "filter", "mode", "samples", "rel_l2", "mrse", "flip", "lookups"
+        "{:12} {:15} {:12} {:10} {:12} {:16} {:>8} {:>8} {:>8} {:>8} {:>7} {:>9}",
+        "technique",
+        "strategy",
+        "density",
+        "footprint",
+        "filter",
+        "mode",
+        "samples",
+        "seconds",
+        "rel_l2",
+        "mrse",
+        "flip",
+        "lookups"
     )];
     for rows in comparison.rows.chunks(args.seeds as usize) {
         let mean = |f: fn(&pinspot::report::Row) -> f64| rows.iter().map(f).sum::<f64>() / rows.len() as f64;
@@ -158,18 +193,24 @@ fn summary(args: &CompareArgs, comparison: &Comparison) -> String {
         } else {
             "-".to_owned()
         };
+        let or_dash = |word: Option<&'static str>| word.unwrap_or("-");
+        let amount = row.samples.map(u64::from).or(row.photons_used).unwrap_or(0);
         lines.push(format!(
-            "{:15} {:12} {:10} {:12} {:12} {:>8} {rel_l2:>8} {:>8.3} {:>7.4} {:>9.0}",
-            row.strategy.name(),
-            row.density.name(),
-            row.footprint.name(),
-            row.filter.name(),
+            "{:12} {:15} {:12} {:10} {:12} {:16} {amount:>8} {:>8.2} {rel_l2:>8} {:>8.3} {:>7.4} {:>9.0}",
+            row.technique.name(),
+            or_dash(row.strategy.map(Strategy::name)),
+            or_dash(row.density.map(Density::name)),
+            or_dash(row.footprint.map(Footprint::name)),
+            or_dash(row.filter.map(Filter::name)),
             row.mode,
-            row.samples,
+            mean(|r| r.seconds),
             mean(|r| r.mrse),
             mean(|r| r.flip),
             mean(|r| r.lookups)
         ));
+    }
+    for technique in &comparison.unavailable {
+        lines.push(format!("{:12} n/a: {}", technique.technique.name(), technique.reason));
     }
     for finding in &comparison.findings {
         lines.push(format!(

@@ -9,8 +9,8 @@ use serde::de::value::{Error as WordError, StrDeserializer};
 use pinspot::image::{Aov, ToneMap};
 use pinspot::scene::{Light, Loaded, MapLayout, Scene, Visibility, load};
 use pinspot::{
-    BackendChoice, CubeSize, Density, Epsilon, EvaluationChoice, Exposure, FilterChoice, Footprint, OptionError,
-    Options, Overlay, Quality, Settings, Strategy, Technique,
+    BackendChoice, CubeSize, Density, Epsilon, EvaluationChoice, Exposure, FilterChoice, Footprint, MapView, Mode,
+    OptionError, Options, Overlay, Quality, Settings, Strategy, Technique,
 };
 
 use super::errors::{message, option_message};
@@ -30,6 +30,33 @@ pub struct SamplingOptions {
     /// Random seed [default: 1]
     #[arg(long, value_name = "N")]
     pub seed: Option<u64>,
+}
+
+/// Options of image-space techniques.
+#[derive(Debug, Args)]
+pub struct PhotonOptions {
+    /// How photons become irradiance: points, gather, polygons, exact-polygons, splats, multi-resolution, thin-lens, thick-lens or
+    /// footprints [default: exact-polygons]
+    #[arg(long, value_parser = word::<Mode>, value_name = "NAME")]
+    pub mode: Option<Mode>,
+    /// Photons along each edge of a light's view [default: 512]
+    #[arg(long, value_name = "N")]
+    pub photons: Option<u32>,
+    /// Whose view caustic maps are: eye (the camera's) or light [default: eye]
+    #[arg(long, value_parser = word::<MapView>, value_name = "NAME")]
+    pub caustic_map: Option<MapView>,
+    /// Texels along each edge of a light's caustic map [default: 512]
+    #[arg(long, value_name = "N")]
+    pub caustic_map_size: Option<u32>,
+    /// Directional lights that an environment map is divided into [default: 24]
+    #[arg(long, value_name = "N")]
+    pub lights: Option<u32>,
+    /// Directions or points that extended lights are divided into, for modes with neighbouring photons [default: 24]
+    #[arg(long, value_name = "N")]
+    pub light_directions: Option<u32>,
+    /// Diameter of splats of one size, texels [default: 2.5]
+    #[arg(long, value_name = "TEXELS")]
+    pub splat_diameter: Option<f32>,
 }
 
 /// Options of the environment.
@@ -90,9 +117,11 @@ pub struct SceneOptions {
 /// Options that override the scene's `[render]` table.
 #[derive(Debug, Args)]
 pub struct CommonOptions {
-    /// Technique that computes caustics: pinhole [default: pinhole]
+    /// Technique that computes caustics: pinhole, or image-space (photons from the lights' views) [default: pinhole]
     #[arg(long, value_parser = word::<Technique>, value_name = "NAME")]
     pub technique: Option<Technique>,
+    #[command(flatten)]
+    pub image_space: PhotonOptions,
     #[command(flatten)]
     pub sampling: SamplingOptions,
     /// How footprints are derived: from cells, or from curvature (as in the paper) [default: cells]
@@ -119,8 +148,8 @@ pub struct CommonOptions {
     pub quality: Option<Quality>,
     #[command(flatten)]
     pub scene: SceneOptions,
-    /// Pictures to render, separated by commas: beauty, caustic, caustic.R and caustic.T (what is
-    /// reflected or refracted once), direct, scattered and scattered.direct (what a medium scatters),
+    /// Pictures to render, separated by commas: beauty, caustic, caustic.R, caustic.T and caustic.TT (what is
+    /// reflected or refracted once, or refracted twice by closed objects), direct, scattered and scattered.direct (what a medium scatters),
     /// albedo, normal, position, depth [default:
     /// beauty]
     #[arg(long, value_parser = word::<Aov>, value_delimiter = ',', value_name = "NAMES")]
@@ -146,6 +175,13 @@ impl CommonOptions {
     fn settings(&self) -> Settings {
         Settings {
             technique: self.technique,
+            mode: self.image_space.mode,
+            photons: self.image_space.photons,
+            caustic_map: self.image_space.caustic_map,
+            caustic_map_size: self.image_space.caustic_map_size,
+            lights: self.image_space.lights,
+            light_directions: self.image_space.light_directions,
+            splat_diameter: self.image_space.splat_diameter,
             samples: self.sampling.samples,
             strategy: self.sampling.strategy,
             density: self.sampling.density,

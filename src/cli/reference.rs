@@ -6,7 +6,9 @@ use clap::Args;
 use serde::Serialize;
 
 use pinspot::image::Aov;
-use pinspot::reference::{Options, Quantity, Reference, ReferenceError, Statistics, StoppingCriterion, Stored};
+use pinspot::reference::{
+    Estimator, Options, Quantity, Reference, ReferenceError, Statistics, StoppingCriterion, Stored,
+};
 use pinspot::scene::{Chain, Chains, Loaded, Scene, Visibility, load};
 use pinspot::{Error, Settings};
 
@@ -37,6 +39,10 @@ pub struct ReferenceArgs {
     /// Caustics to add up: R (one reflection), T (one refraction), TT (two refractions, through a closed object) [default: all]
     #[arg(long, value_parser = word::<Chain>, value_delimiter = ',', value_name = "CHAINS")]
     chains: Option<Vec<Chain>>,
+    /// How a caustic is computed: points (an integral over the mirrors, for each point of a pixel), or beams (means over whole pixels, of
+    /// spots and lamps alone, without noise) [default: points]
+    #[arg(long, value_parser = word::<Estimator>, value_name = "NAME")]
+    estimator: Option<Estimator>,
     /// Image size in pixels [default: the scene's, else 512x512]
     #[arg(long, value_parser = parse_size, value_name = "WxH")]
     size: Option<[u32; 2]>,
@@ -85,7 +91,12 @@ pub fn run(args: &ReferenceArgs) -> Result<(), String> {
     watch.finish();
     let (stored, mut warnings) = solved.map_err(|e| with_remedy(&e))?;
     let rel_error = stored.estimate.rel_error();
-    if rel_error > args.rel_error {
+    if rel_error > args.rel_error && options.estimator == Estimator::Beams {
+        warnings.push(format!(
+            "the standard error is {rel_error:.4}, not {}, and beams do not lower it; take fewer pixels, or --estimator points",
+            args.rel_error
+        ));
+    } else if rel_error > args.rel_error {
         warnings.push(format!(
             "the time is up at a relative standard error of {rel_error:.4}, not {}; the same command goes on from here",
             args.rel_error
@@ -123,6 +134,7 @@ fn options(args: &ReferenceArgs, render: &Settings) -> Result<Options, String> {
         pixel_samples: args.pixel_samples.or(render.pixel_samples).unwrap_or(defaults.pixel_samples),
         quantity,
         chains: args.chains.as_ref().map_or(Chains::ALL, |chains| chains.iter().copied().collect()),
+        estimator: args.estimator.unwrap_or_default(),
         visibility: args.visibility.or(render.visibility).unwrap_or_default(),
         attenuation: args.attenuation.or(render.attenuation).unwrap_or(true),
         seed: args.seed.or(render.seed).unwrap_or(defaults.seed),

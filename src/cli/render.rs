@@ -218,8 +218,17 @@ fn write(path: &Path, rendered: &Rendered, display: &DisplaySettings) -> Result<
     written.map_err(|e| e.to_string())
 }
 
-/// The number of samples, and how they were summed.
+/// The number of samples, and how they were summed; or of photons, and what they became.
 fn samples(report: &Report) -> String {
+    if let Some(photons) = &report.photons {
+        let lights = if photons.lights == 1 { "1 light".to_owned() } else { format!("{} lights", photons.lights) };
+        return format!(
+            "{} of {} photons from {lights} as {}",
+            photons.photons_used,
+            photons.photons,
+            photons.mode.name()
+        );
+    }
     match report.evaluation {
         None => "no samples".to_owned(),
         Some(Evaluation::Flat { leaves: 1 }) => format!("{} samples", report.samples),

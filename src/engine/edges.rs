@@ -206,7 +206,7 @@ fn is_beside_edge(grid: &impl PixelGrid, index: usize, is_edge: impl Fn(usize) -
     let rows = [y.checked_sub(1), Some(y + 1)].into_iter().flatten();
     let neighbours = columns.map(|column| (column, y)).chain(rows.map(|row| (x, row)));
     let mut others = neighbours.filter_map(|(column, row)| grid.counterpart(index, column, row));
-    others.any(|other| grid.is_same_surface(index, other) && is_edge(other))
+    others.any(|other| grid.may_interpolate(index, other) && is_edge(other))
 }
 
 /// The parts of pixels that show the same surface as their centres.

@@ -44,13 +44,13 @@ pub(super) trait PixelGrid: Sync {
             let column = if right && x > left { left + step } else { left };
             let row = if below && y > top { top + step } else { top };
             let other = self.counterpart(index, column, row).filter(|_| column < self.width())?;
-            light(other).filter(|_| self.is_same_surface(index, other))
+            light(other).filter(|_| self.may_interpolate(index, other))
         };
         let corners = [(false, false), (true, false), (false, true), (true, true)].map(|(r, b)| corner(r, b));
         corners.into_iter().try_fold(Vec3::INFINITY, |least, light| Some(least.min(light?))).unwrap_or_default()
     }
 
-    fn is_same_surface(&self, index: usize, other: usize) -> bool {
+    fn may_interpolate(&self, index: usize, other: usize) -> bool {
         self.hit(index)
             .zip(self.hit(other))
             .is_some_and(|(own, there)| own.object == there.object && own.normal.dot(there.normal) >= MIN_NORMAL_COSINE)
@@ -82,7 +82,7 @@ pub(super) trait PixelGrid: Sync {
         for (k, value) in around.iter_mut().flatten().enumerate() {
             let (i, j) = (k % 4, k / 4);
             let node = self.counterpart(index, first.0 + i * STEP, first.1 + j * STEP)?;
-            *value = light(node).filter(|_| self.is_same_surface(index, node))?;
+            *value = light(node).filter(|_| self.may_interpolate(index, node))?;
             if (1..3).contains(&i) && (1..3).contains(&j) {
                 inner[2 * (j - 1) + i - 1] = node;
             }
@@ -116,8 +116,8 @@ impl<G: PixelGrid> PixelGrid for CoarserGrid<'_, G> {
         self.0.hit(index)
     }
 
-    fn is_same_surface(&self, index: usize, other: usize) -> bool {
-        self.0.is_same_surface(index, other)
+    fn may_interpolate(&self, index: usize, other: usize) -> bool {
+        self.0.may_interpolate(index, other)
     }
 
     fn lies_between(&self, index: usize, corners: [usize; 4], part: Vec2) -> bool {
@@ -228,7 +228,7 @@ impl<'g, G: PixelGrid> AdaptiveLight<'g, G> {
         let columns = x.saturating_sub(1)..(x + 2).min(self.grid.width());
         let neighbours = (y.saturating_sub(1)..y + 2).flat_map(|row| columns.clone().map(move |column| (column, row)));
         neighbours.filter_map(|(column, row)| self.grid.counterpart(index, column, row)).any(|other| {
-            self.is_computed[other] && self.grid.is_same_surface(index, other) && self.differ(index, other)
+            self.is_computed[other] && self.grid.may_interpolate(index, other) && self.differ(index, other)
         })
     }
 

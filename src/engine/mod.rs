@@ -276,6 +276,7 @@ impl Engine {
     async fn prepare(&mut self, progress: &dyn Progress) -> Result<Prepared, Error> {
         self.options.check()?;
         self.check_medium()?;
+        self.check_chains()?;
         #[cfg(feature = "gpu")]
         self.backend.check()?;
         #[cfg_attr(not(feature = "gpu"), expect(unused_mut, reason = "only a GPU has copies"))]
@@ -327,6 +328,19 @@ impl Engine {
             return Err(Error::Cancelled);
         }
         Ok(Prepared { scene, light, sum, of_chains })
+    }
+
+    /// Pictures of a chain need a technique that computes it.
+    fn check_chains(&self) -> Result<(), OptionError> {
+        let technique = self.options.technique;
+        let chains = technique.chains(&self.scene);
+        let is_unknown = |aov: &&Aov| aov.chain().is_some_and(|chain| !chains.contains(chain));
+        let Some(aov) = self.options.aovs.iter().find(is_unknown) else { return Ok(()) };
+        let message = format!(
+            "is {}, but the technique {technique} computes {chains} only; choose image-space, which follows light through closed objects",
+            aov.name()
+        );
+        Err(OptionError::invalid("aov", message))
     }
 
     /// Pictures of scattered light need a medium.

@@ -8,7 +8,7 @@ use crate::options::{Evaluation, Exposures, Options};
 use crate::pinhole::{Filter, Footprint};
 use crate::sampling::{Density, Strategy};
 use crate::scene::Visibility;
-use crate::technique::Technique;
+use crate::technique::{PhotonStatistics, Technique};
 
 /// What was rendered, and how. The command prints it as JSON.
 #[derive(Clone, Debug, Serialize)]
@@ -36,6 +36,9 @@ pub struct Report {
     /// How the samples were summed: the `mode` (`flat` or `hierarchical`), with `leaves` and `tolerance`.
     #[serde(flatten)]
     pub evaluation: Option<Evaluation>,
+    /// What became of photons: the `mode` and the account of their flux; missing of techniques that send none.
+    #[serde(flatten)]
+    pub photons: Option<PhotonStatistics>,
     /// Which occlusion is taken into account.
     pub visibility: Visibility,
     /// Cube-map face size, texels.
@@ -61,6 +64,7 @@ impl Report {
         let environment = &prepared.light.environment;
         let mut warnings = scene.notes.clone();
         warnings.extend(prepared.scene.notes.clone());
+        warnings.extend(options.technique.missing_light(scene));
         warnings.extend(statistics.and_then(|s| s.warning.clone()));
         let Options { size, technique, samples, strategy, density, footprint, taps, visibility, seed, .. } = *options;
         Self {
@@ -72,9 +76,10 @@ impl Report {
             strategy,
             density,
             footprint,
-            filter: statistics.map(|s| s.filter),
+            filter: statistics.and_then(|s| s.filter),
             taps,
-            evaluation: statistics.map(|s| s.evaluation),
+            evaluation: statistics.and_then(|s| s.evaluation),
+            photons: statistics.and_then(|s| s.photons),
             visibility,
             cube_size: environment.cube.size(),
             seed,

@@ -18,6 +18,9 @@ pub enum Aov {
     /// The part of the caustic that is refracted once.
     #[serde(rename = "caustic.T")]
     CausticT,
+    /// The part of the caustic that is refracted twice, by closed objects.
+    #[serde(rename = "caustic.TT")]
+    CausticTT,
     /// Direct light: irradiance of the receiver from the environment, W/m², before albedo.
     Direct,
     /// Light of caustics that the medium scatters once towards the camera, before it reaches a surface: radiance, W/(m²·sr).
@@ -41,6 +44,7 @@ impl Aov {
         match self {
             Self::CausticR => Some(Chain::R),
             Self::CausticT => Some(Chain::T),
+            Self::CausticTT => Some(Chain::TT),
             _ => None,
         }
     }
@@ -52,6 +56,7 @@ impl Aov {
             Self::Caustic => "caustic",
             Self::CausticR => "caustic.R",
             Self::CausticT => "caustic.T",
+            Self::CausticTT => "caustic.TT",
             Self::Direct => "direct",
             Self::Scattered => "scattered",
             Self::ScatteredDirect => "scattered.direct",

@@ -14,6 +14,7 @@ use crate::cell_tree::MAX_LEAVES;
 use crate::environment::CubeSize;
 use crate::error::OptionError;
 use crate::image::{Aov, ToneMap};
+use crate::image_space::ImageSpaceOptions;
 use crate::pinhole::{Epsilon, Filter, Footprint, MAX_TAPS, Params};
 use crate::sampling::{self, Density, MAX_SAMPLES, Strategy};
 use crate::scene::Visibility;
@@ -248,6 +249,8 @@ options! {
     aovs / with_aovs: Vec<Aov> = vec![Aov::Beauty],
     /// How the caustic's irradiance is computed.
     technique / with_technique: Technique = Technique::default(),
+    /// What image-space techniques do.
+    image_space / with_image_space: ImageSpaceOptions = ImageSpaceOptions::default(),
     /// Requested number of samples; from 1 to [`MAX_SAMPLES`].
     samples / with_samples: u32 = 1000,
     /// How the samples are placed.
@@ -339,13 +342,14 @@ impl Options {
         if let Epsilon::Value(epsilon) = self.epsilon {
             in_range("epsilon", epsilon, 0.0, 1e30)?;
         }
+        self.image_space.check()?;
         self.check_pictures()?;
         self.check_leaves()
     }
 
     fn check_pictures(&self) -> Result<(), OptionError> {
         let expected =
-            "one or more of beauty, caustic, caustic.R, caustic.T, direct, scattered, scattered.direct, albedo, normal, position, depth, each once".to_owned();
+            "one or more of beauty, caustic, caustic.R, caustic.T, caustic.TT, direct, scattered, scattered.direct, albedo, normal, position, depth, each once".to_owned();
         let repeated = (1..self.aovs.len()).find(|&i| self.aovs[..i].contains(&self.aovs[i]));
         match repeated {
             Some(i) => {

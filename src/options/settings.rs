@@ -7,6 +7,7 @@ use crate::Error;
 use crate::environment::CubeSize;
 use crate::error::OptionError;
 use crate::image::{Aov, ToneMap};
+use crate::image_space::{ImageSpaceOptions, MapView, Mode};
 use crate::pinhole::{Epsilon, Footprint};
 use crate::sampling::{Density, Strategy};
 use crate::scene::{Loaded, Scene, Visibility};
@@ -20,6 +21,20 @@ pub struct Settings {
     pub size: Option<[u32; 2]>,
     /// How the caustic's irradiance is computed.
     pub technique: Option<Technique>,
+    /// How photons of image-space techniques become irradiance.
+    pub mode: Option<Mode>,
+    /// Photons along each edge of a light's view.
+    pub photons: Option<u32>,
+    /// Whose view the maps of image-space techniques are.
+    pub caustic_map: Option<MapView>,
+    /// Texels along each edge of a light's caustic map.
+    pub caustic_map_size: Option<u32>,
+    /// Directional lights that image-space techniques divide an environment map into.
+    pub lights: Option<u32>,
+    /// Directions or points that they divide extended lights into.
+    pub light_directions: Option<u32>,
+    /// Diameter of splats of one size, texels.
+    pub splat_diameter: Option<f32>,
     /// Requested number of samples.
     pub samples: Option<u32>,
     /// How the samples are placed.
@@ -71,6 +86,13 @@ impl Settings {
         Self {
             size: over.size.or(self.size),
             technique: over.technique.or(self.technique),
+            mode: over.mode.or(self.mode),
+            photons: over.photons.or(self.photons),
+            caustic_map: over.caustic_map.or(self.caustic_map),
+            caustic_map_size: over.caustic_map_size.or(self.caustic_map_size),
+            lights: over.lights.or(self.lights),
+            light_directions: over.light_directions.or(self.light_directions),
+            splat_diameter: over.splat_diameter.or(self.splat_diameter),
             samples: over.samples.or(self.samples),
             strategy: over.strategy.or(self.strategy),
             density: over.density.or(self.density),
@@ -95,12 +117,27 @@ impl Settings {
         }
     }
 
+    /// The options of image-space techniques.
+    fn image_space(&self) -> ImageSpaceOptions {
+        let defaults = ImageSpaceOptions::default();
+        ImageSpaceOptions {
+            mode: self.mode.unwrap_or_default(),
+            photons: self.photons.unwrap_or(defaults.photons),
+            caustic_map: self.caustic_map.unwrap_or_default(),
+            caustic_map_size: self.caustic_map_size.unwrap_or(defaults.caustic_map_size),
+            lights: self.lights.unwrap_or(defaults.lights),
+            light_directions: self.light_directions.unwrap_or(defaults.light_directions),
+            splat_diameter: self.splat_diameter.unwrap_or(defaults.splat_diameter),
+        }
+    }
+
     /// The options, with defaults for missing keys. Checks every value.
     pub fn options(self) -> Result<Options, OptionError> {
         let defaults = Options::default();
         let options = Options {
             size: self.size.unwrap_or(defaults.size),
             technique: self.technique.unwrap_or_default(),
+            image_space: self.image_space(),
             samples: self.samples.unwrap_or(defaults.samples),
             strategy: self.strategy.unwrap_or_default(),
             density: self.density.unwrap_or_default(),

@@ -114,7 +114,7 @@ impl Receivers {
 
     /// The object of the receiver at `index`, if there is a receiver.
     #[inline]
-    pub(super) fn object(&self, index: usize) -> Option<u32> {
+    pub(crate) fn object(&self, index: usize) -> Option<u32> {
         let object = self.positions[index][3];
         // Rounded, as interpolation by a rasterizer may yield 0.9999999.
         (object >= 0.0).then_some((object + 0.5) as u32)

@@ -137,6 +137,11 @@ impl Source {
         self.radiance_towards(point) * transmittance(self.extinction, point.distance(self.position))
     }
 
+    /// Its radiant intensity in the direction of a point, W/sr.
+    pub fn intensity_towards(&self, point: DVec3) -> DVec3 {
+        PI * self.radius * self.radius * self.radiance_towards(point)
+    }
+
     fn radiance_towards(&self, point: DVec3) -> DVec3 {
         let Some(beam) = &self.beam else { return self.radiance };
         let axis = beam.direction.as_dvec3();

@@ -9,6 +9,7 @@
 //! This module must not know samples, cells, cube maps, back ends or wgpu.
 
 mod allocation;
+mod beams;
 mod brdf;
 mod bright_spheres;
 mod cone;
@@ -26,6 +27,7 @@ mod map;
 mod maxima;
 mod medium;
 mod passes;
+mod picture_plane;
 mod receivers;
 mod reflectance;
 mod reflector_bounds;
@@ -49,6 +51,7 @@ use std::path::PathBuf;
 
 use glam::DVec3;
 
+use self::beams::Beams;
 use self::direct::Direct;
 use self::domain::{Domain, Lighting, Receiver};
 use self::emitters::Emitters;
@@ -63,7 +66,7 @@ use self::scattering::Scattering;
 use self::sights::Sight;
 use self::sky::Sky;
 use crate::scene::{Chain, Chains, Object, Scene, Visibility};
-use crate::{Error, OptionError, Progress};
+use crate::{Error, OptionError, Progress, Stage};
 
 /// What is computed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
@@ -92,6 +95,24 @@ impl Quantity {
     /// Whether its light comes by mirrors or interfaces.
     fn is_caustic(self) -> bool {
         !matches!(self, Self::Direct | Self::ScatteredDirect)
+    }
+}
+
+/// How a caustic is computed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Deserialize, serde::Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Estimator {
+    /// As an integral over the mirrors, for each point of a pixel: for every light.
+    #[default]
+    Points,
+    /// By beams that are spread over the pixels: means over whole pixels, of spots and lamps alone. What surfaces in the light of lamps send
+    /// to the mirrors is left out.
+    Beams,
+}
+
+impl Estimator {
+    fn is_default(&self) -> bool {
+        *self == Self::default()
     }
 }
 
@@ -124,6 +145,9 @@ pub struct Options {
     pub attenuation: bool,
     /// How points are chosen.
     pub density: Density,
+    /// How a caustic is computed.
+    #[serde(skip_serializing_if = "Estimator::is_default")]
+    pub estimator: Estimator,
     /// Independent randomisations that the standard error comes from; at least 16.
     pub replicates: u32,
     /// Random seed.
@@ -140,6 +164,7 @@ impl Default for Options {
             visibility: Visibility::default(),
             attenuation: true,
             density: Density::default(),
+            estimator: Estimator::default(),
             replicates: 16,
             seed: 1,
         }
@@ -245,6 +270,29 @@ fn check_chains(scene: &Scene, chains: Chains) -> Result<(), OptionError> {
     Err(OptionError::invalid("chains", message))
 }
 
+/// Says what beams cannot compute.
+fn check_beams(scene: &Scene, options: &Options) -> Result<(), OptionError> {
+    let has = |is_such: fn(&Object) -> bool| scene.objects.iter().any(is_such);
+    let is_spot_or_dark = match &scene.environment.light {
+        crate::scene::Light::Spot { .. } => true,
+        crate::scene::Light::Constant(radiance) => radiance.max_element() * scene.environment.intensity == 0.0,
+        _ => false,
+    };
+    let obstacles = [
+        (options.quantity != Quantity::Caustic, "compute caustics alone"),
+        (!is_spot_or_dark, "need an environment that is a spot, or dark beside lamps"),
+        (options.visibility == Visibility::None, "meet every object: choose visibility full"),
+        (!options.attenuation, "are attenuated by their width: choose attenuation on"),
+        (scene.medium.is_some(), "do not know media"),
+        (has(|o| o.emitter.is_some()), "do not know emitters"),
+        (has(|o| o.reflector.is_some_and(|r| r.finish.roughness > 0.0)), "do not know rough mirrors"),
+    ];
+    match obstacles.into_iter().find(|(stands, _)| *stands) {
+        Some((_, reason)) => Err(OptionError::invalid("estimator", format!("is beams, which {reason}"))),
+        None => Ok(()),
+    }
+}
+
 /// What there is to scatter light, or says that nothing does.
 fn check_medium(scene: &Scene) -> Result<Medium, OptionError> {
     let message = "is missing, or scatters nothing: give the scene `medium = { sigma_s = 0.1 }`";
@@ -307,6 +355,9 @@ impl Reference {
         if options.quantity.is_caustic() {
             check_chains(&scene, options.chains)?;
         }
+        if options.estimator == Estimator::Beams {
+            check_beams(&scene, &options)?;
+        }
         let scattering = options.quantity.is_scattered().then(|| check_medium(&scene)).transpose()?;
         let light = Light::new(&scene.environment)?;
         let extinction = before_lamps(&scene, options.quantity);
@@ -360,6 +411,9 @@ impl Reference {
             return Err(OptionError::invalid("rel_error", message).into());
         }
         let Self { geometry, light, lamps, emitters, options, .. } = self;
+        if options.estimator == Estimator::Beams {
+            return self.solve_by_beams(criterion, known, progress);
+        }
         let passes = Work { options, criterion, progress };
         if options.quantity.is_caustic() {
             let domain = Reflectors::new(&self.scene, geometry, (light, lamps, emitters), options);
@@ -368,6 +422,63 @@ impl Reference {
             let sky = Sky { geometry, light, emitters, visibility: options.visibility };
             self.solve_for(Direct { sky, lamps }, &passes, known, checkpoint)
         }
+    }
+
+    /// Adds up the beams of all lights. The standard error is that of the origins in extended lights and, of others, the difference to beams
+    /// of a fourth of the accuracy.
+    fn solve_by_beams(
+        &self,
+        criterion: &StoppingCriterion,
+        known: Option<Estimate>,
+        progress: &dyn Progress,
+    ) -> Result<Estimate, Error> {
+        if let Some(known) = known.filter(|known| known.coverage() == 1.0) {
+            return Ok(known);
+        }
+        let Options { size, chains, replicates, .. } = self.options;
+        let lights = beams::origins(&self.scene, &self.lamps, replicates).unwrap_or_default();
+        let beams = || Beams::new(&self.scene, (&self.geometry, &self.lamps), size, chains);
+        let (fine, coarse) = (beams(), beams().coarser(4.0));
+        let is_over = || criterion.is_over() || progress.is_cancelled();
+        let mut estimate = Estimate::unknown(size);
+        let count = estimate.irradiance.pixels.len();
+        let (mut mean, mut variance) = (vec![DVec3::ZERO; count], vec![DVec3::ZERO; count]);
+        progress.begin(Stage::Reference, lights.iter().map(Vec::len).sum::<usize>() as u64);
+        for origins in &lights {
+            let mut parts = Vec::new();
+            for origin in origins {
+                parts.push(fine.irradiance(origin, &is_over));
+                progress.advance(1);
+            }
+            let other = (origins.len() == 1).then(|| coarse.irradiance(&origins[0], &is_over));
+            for pixel in 0..count {
+                let of_light: DVec3 = parts.iter().map(|part| part[pixel]).sum();
+                mean[pixel] += of_light;
+                variance[pixel] += match &other {
+                    Some(other) => (other[pixel] - of_light).powf(2.0),
+                    None => {
+                        // Each part is an estimate of the whole by one origin.
+                        let n = origins.len() as f64;
+                        let squares = parts.iter().map(|part| (part[pixel] - of_light / n).powf(2.0)).sum::<DVec3>();
+                        squares * n / (n - 1.0)
+                    }
+                };
+            }
+        }
+        progress.end(Stage::Reference);
+        if progress.is_cancelled() {
+            return Err(Error::Cancelled);
+        }
+        if is_over() {
+            return Err(ReferenceError::Incomplete { coverage: 0.0 }.into());
+        }
+        estimate.irradiance.pixels = mean.into_iter().map(|pixel| pixel.as_vec3()).collect();
+        let root = |variance: DVec3| DVec3::from_array(variance.to_array().map(f64::sqrt)).as_vec3();
+        estimate.standard_error.pixels = variance.into_iter().map(root).collect();
+        estimate.weights.fill(1.0);
+        estimate.is_fine.fill(true);
+        estimate.statistics = Statistics { passes: 1, points_per_pixel: 0.0 };
+        Ok(estimate)
     }
 
     fn solve_for<D: Lighting>(

@@ -6,10 +6,12 @@ use std::sync::Mutex;
 use serde::{Deserialize, Serialize};
 
 use crate::image::{Aov, Image, read_exr, read_exr_text, write_exr_with_text};
-use crate::options::{EvaluationChoice, Options};
+use crate::image_space::ImageSpaceOptions;
+use crate::options::{Evaluation, EvaluationChoice, Options};
 use crate::pinhole::Filter;
 use crate::progress::Stage;
 use crate::sampling::Density;
+use crate::technique::{PhotonStatistics, Technique};
 use crate::{Engine, Error, Progress};
 
 const FINGERPRINT: &str = "pinspot.fingerprint";
@@ -27,13 +29,15 @@ pub(super) struct Cell {
 /// What is known of a cell beside its picture.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Metadata {
-    /// How the samples were summed: `flat` or `hierarchical`.
+    /// How the samples were summed, `flat` or `hierarchical`, or how photons became irradiance.
     pub mode: String,
     /// How the environment was looked up.
-    pub filter: Filter,
+    pub filter: Option<Filter>,
     pub samples_used: usize,
     /// Cells that each sample was split into at most.
-    pub leaves: u32,
+    pub leaves: Option<u32>,
+    /// What became of photons.
+    pub photons: Option<PhotonStatistics>,
     /// Placing the samples, their differentials or their tree, what they see, and the gather.
     pub seconds: f64,
     /// Mean fetches per pixel.
@@ -64,12 +68,14 @@ pub(super) async fn render_or_reuse(
     let seconds = timed.seconds();
     let dots = engine.visible_samples(timed).await?;
     let report = rendered.report;
-    let (evaluation, filter) = report.evaluation.zip(report.filter).expect("the caustic was asked for");
+    let of_photons = report.photons.map(|photons| photons.mode.name());
+    let mode = report.evaluation.map(Evaluation::mode).or(of_photons).expect("the caustic was asked for");
     let metadata = Metadata {
-        mode: evaluation.mode().to_owned(),
-        filter,
+        mode: mode.to_owned(),
+        filter: report.filter,
         samples_used: report.samples,
-        leaves: evaluation.leaves(),
+        leaves: report.evaluation.map(Evaluation::leaves),
+        photons: report.photons,
         seconds,
         lookups: report.lookups,
         backend: report.backend.to_string(),
@@ -94,6 +100,10 @@ fn read(file: &Path, fingerprint: &str) -> Option<(Image, Metadata)> {
 }
 
 fn name(options: &Options) -> String {
+    if options.technique == Technique::ImageSpace {
+        let ImageSpaceOptions { mode, photons, lights, .. } = options.image_space;
+        return format!("image-space-{}-{photons}-lights{lights}-seed{}", mode.name(), options.seed);
+    }
     let Options { strategy, density, footprint, samples, seed, .. } = options;
     let filter = options.filter.name();
     let strategy = match density {
@@ -145,8 +155,8 @@ impl Progress for Timed<'_> {
     }
 
     fn end(&self, stage: Stage) {
-        use Stage::{Caustic, Differentials, Points, Tree, Visibility};
-        if matches!(stage, Points | Differentials | Tree | Visibility | Caustic) {
+        use Stage::{Caustic, Differentials, Photons, Points, Tree, Visibility};
+        if matches!(stage, Points | Differentials | Tree | Visibility | Photons | Caustic) {
             let mut state = self.state.lock().expect("no panic holds the lock");
             state.seconds += (self.clock)() - state.began;
         }

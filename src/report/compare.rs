@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use super::ReportError;
 use super::cells::{Cell, Clock, Timed, render_or_reuse};
-use super::comparison::{Comparison, Picture, ReferenceSummary, TestSurfaceResult};
+use super::comparison::{Comparison, Picture, ReferenceSummary, TestSurfaceResult, Unavailable};
 use super::findings::findings;
 use super::page;
 use super::plan::Plan;
@@ -12,9 +12,10 @@ use super::rows::measure;
 use crate::image::{Aov, Image, ImageError, metered_ev, read_mask, write_atomically};
 use crate::options::{FilterChoice, Options};
 use crate::progress::Stage;
-use crate::reference::{self, Reference, StoppingCriterion};
+use crate::reference::{self, Estimator, Reference, StoppingCriterion};
 use crate::sampling::{Surface, TestSurface, strategy_statistics};
-use crate::scene::Scene;
+use crate::scene::{Chains, Scene};
+use crate::technique::Technique;
 use crate::{Backend, Engine, Error, Progress};
 
 /// What to compare.
@@ -28,6 +29,8 @@ pub struct Request {
     pub backend: Backend,
     /// The combinations.
     pub plan: Plan,
+    /// How the reference is computed. Beams have the means over whole pixels, so that `options.pixel_samples` should be more than 1.
+    pub estimator: Estimator,
     /// Only pixels that are not black in this picture count.
     pub mask: Option<PathBuf>,
     /// The folder that everything is written to, and that finished cells are taken from.
@@ -46,9 +49,9 @@ const SETS_PER_STRATEGY: u32 = 10;
 /// ```
 /// use std::time::Instant;
 ///
-/// use pinspot::reference::StoppingCriterion;
+/// use pinspot::reference::{Estimator, StoppingCriterion};
 /// use pinspot::report::{Plan, Request, compare};
-/// use pinspot::{Backend, Density, EvaluationChoice, FilterChoice, Footprint, NoProgress, Strategy, blocking};
+/// use pinspot::{Backend, NoProgress, Strategy, blocking};
 ///
 /// # fn main() -> Result<(), pinspot::Error> {
 /// # let folder = tempfile::tempdir().unwrap();
@@ -60,14 +63,11 @@ const SETS_PER_STRATEGY: u32 = 10;
 ///     backend: Backend::cpu(),
 ///     plan: Plan {
 ///         strategies: vec![Strategy::Random, Strategy::Neighbourhood],
-///         densities: vec![Density::Uniform],
-///         footprints: vec![Footprint::Cells],
-///         filters: vec![FilterChoice::Anisotropic],
-///         evaluations: vec![EvaluationChoice::Flat],
 ///         samples: vec![50],
 ///         seeds: 1,
-///         figure: None,
+///         ..Plan::default()
 ///     },
+///     estimator: Estimator::Points,
 ///     mask: None,
 ///     folder: folder.into(),
 ///     command: "an example".into(),
@@ -88,7 +88,7 @@ pub async fn compare(
     clock: Clock<'_>,
     progress: &dyn Progress,
 ) -> Result<Comparison, Error> {
-    let (options, combinations) = combinations(request)?;
+    let (options, combinations, unavailable) = combinations(request)?;
     let mask = request.mask.as_deref().map(|path| mask(path, options.size)).transpose()?;
     let cells_folder = request.folder.join("cells");
     std::fs::create_dir_all(&cells_folder)
@@ -96,6 +96,7 @@ pub async fn compare(
     let reference = reference(request, &options)?;
     let (summary, truth) = solve(&reference, request, criterion, clock, progress)?;
     let mut comparison = Comparison::new(request, &options, summary, truth.clone());
+    comparison.unavailable = unavailable;
     let mut engine = Engine::new(request.scene.clone(), options.clone(), request.backend.clone());
     for combination in &combinations {
         let timed = Timed::new(clock, progress);
@@ -110,27 +111,53 @@ pub async fn compare(
     Ok(comparison)
 }
 
-/// What all combinations share, and each of them; refused here where one cannot be rendered.
-fn combinations(request: &Request) -> Result<(Options, Vec<Options>), Error> {
+/// What all combinations share, and each of them; refused here where one cannot be rendered. Last come the techniques that do not know
+/// what there is in the scene.
+fn combinations(request: &Request) -> Result<(Options, Vec<Options>, Vec<Unavailable>), Error> {
     let mut options = request.options.clone();
     options.aovs = vec![Aov::Caustic];
     options.check()?;
-    let combinations = request.plan.combinations(&options)?;
+    let mut plan = request.plan.clone();
+    let chains = compared_chains(request);
+    let unavailable: Vec<Unavailable> =
+        plan.techniques.iter().filter_map(|t| unavailable(*t, request, chains)).collect();
+    plan.techniques.retain(|technique| unavailable.iter().all(|other| other.technique != *technique));
+    if plan.techniques.is_empty() {
+        return Err(ReportError::NoTechnique {
+            reason: unavailable.iter().map(ToString::to_string).collect::<Vec<_>>().join("; "),
+        }
+        .into());
+    }
+    let combinations = plan.combinations(&options)?;
     combinations.iter().try_for_each(Options::check)?;
     let hardware = combinations.iter().any(|o| o.filter == FilterChoice::Hardware);
     if hardware && !request.backend.is_gpu() {
         return Err(ReportError::NoHardwareFilter.into());
     }
-    Ok((options, combinations))
+    Ok((options, combinations, unavailable))
+}
+
+/// The chains that all techniques are compared by: what the most able one computes.
+fn compared_chains(request: &Request) -> Chains {
+    let all = request.plan.techniques.iter().map(|technique| technique.chains(&request.scene));
+    all.max_by_key(|chains| Vec::from(*chains).len()).unwrap_or_default()
+}
+
+fn unavailable(technique: Technique, request: &Request, chains: Chains) -> Option<Unavailable> {
+    let lacks_chains = technique.chains(&request.scene) != chains;
+    let through_solids = lacks_chains.then_some("light that passes through closed objects");
+    let reason = technique.unsupported(&request.scene).or(through_solids)?;
+    Some(Unavailable { technique, reason: format!("does not know {reason}") })
 }
 
 fn reference(request: &Request, options: &Options) -> Result<Reference, Error> {
     let wanted = reference::Options {
         size: options.size,
-        chains: options.technique.chains(&request.scene),
+        chains: compared_chains(request),
         pixel_samples: options.pixel_samples,
         visibility: options.visibility,
         attenuation: options.attenuation,
+        estimator: request.estimator,
         ..Default::default()
     };
     Reference::new(request.scene.clone(), wanted)
@@ -179,6 +206,7 @@ impl Comparison {
             made_with: Vec::new(),
             reference,
             rows: Vec::new(),
+            unavailable: Vec::new(),
             findings: Vec::new(),
             reflectors: Vec::new(),
             sampling: Vec::new(),
@@ -192,11 +220,8 @@ impl Comparison {
     fn add(&mut self, cell: Cell, truth: &Image, mask: Option<&[bool]>, shown: bool) {
         let (row, map) = measure(&cell, truth, mask, self.exposure_ev);
         if shown {
-            let mode = if row.mode == "flat" { String::new() } else { format!(" {}", row.mode) };
-            let (strategy, footprint, filter) = (row.strategy.name(), row.footprint.name(), row.filter.name());
-            let label = format!("{strategy} {footprint} {filter}{mode} {}", row.samples);
             self.pictures.push(Picture {
-                label,
+                label: row.label(),
                 image: cell.image,
                 flip: Some(map.values),
                 dots: Some(cell.metadata.dots.clone()),
@@ -216,7 +241,8 @@ impl Comparison {
     }
 
     fn assess_strategies(&mut self, request: &Request, progress: &dyn Progress) -> Result<(), Error> {
-        let strategies = &request.plan.strategies;
+        let has_samples = request.plan.techniques.contains(&Technique::Pinhole);
+        let strategies = if has_samples { &request.plan.strategies[..] } else { &[] };
         progress.begin(Stage::Quality, (strategies.len() * (TestSurface::ALL.len() + 1)) as u64);
         let seed = request.options.seed;
         let reflectors = Surface::of_scene(&request.scene);

@@ -1,5 +1,7 @@
 //! A finished comparison, as data.
 
+use std::fmt;
+
 use glam::Vec3;
 use serde::Serialize;
 
@@ -8,6 +10,7 @@ use super::rows::Row;
 use crate::image::Image;
 use crate::reference::Statistics;
 use crate::sampling::{Quality, Strategy, StrategyStatistics, TestSurface};
+use crate::technique::Technique;
 
 /// The reference of a comparison.
 #[derive(Clone, Debug, Serialize)]
@@ -25,6 +28,21 @@ pub struct ReferenceSummary {
     pub statistics: Statistics,
     /// Seconds of work, by the caller's clock.
     pub seconds: f64,
+}
+
+/// A technique that cannot be compared on a scene.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Unavailable {
+    /// The technique.
+    pub technique: Technique,
+    /// Why.
+    pub reason: String,
+}
+
+impl fmt::Display for Unavailable {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} is not available: it {}", self.technique, self.reason)
+    }
 }
 
 /// Figures of a strategy on a surface that unrolls.
@@ -48,6 +66,8 @@ pub struct Comparison {
     pub reference: ReferenceSummary,
     /// One entry a combination and seed.
     pub rows: Vec<Row>,
+    /// Techniques that were asked for, and cannot be compared.
+    pub unavailable: Vec<Unavailable>,
     /// What the numbers say.
     pub findings: Vec<Finding>,
     /// Figures of the strategies on the scene's own reflectors.

@@ -38,7 +38,7 @@ fn error(rows: &[Row], chosen: impl Fn(&Row) -> bool) -> f64 {
 
 fn of_samples(rows: &[Row]) -> Vec<Finding> {
     let of = |footprint: Footprint, filter: Filter, samples: u32| {
-        error(rows, |r| r.footprint == footprint && r.filter == filter && r.samples == samples)
+        error(rows, |r| (r.footprint, r.filter, r.samples) == (Some(footprint), Some(filter), Some(samples)))
     };
     let (curvature, cells) = (Footprint::Curvature, Footprint::Cells);
     let counts = [100, 1000, 10_000];
@@ -79,7 +79,7 @@ fn of_samples(rows: &[Row]) -> Vec<Finding> {
 }
 
 fn of_strategies(rows: &[Row], qualities: &[(Strategy, Quality)]) -> Vec<Finding> {
-    let of = |strategy: Strategy| error(rows, |r| r.strategy == strategy);
+    let of = |strategy: Strategy| error(rows, |r| r.strategy == Some(strategy));
     let quality = |strategy: Strategy| qualities.iter().find(|(s, _)| *s == strategy).map(|(_, q)| *q);
     let listed = [Strategy::Random, Strategy::Grid, Strategy::QuantisedGrid, Strategy::Neighbourhood];
     let errors = listed.map(|s| format!("{} {:.3}", s.name(), of(s))).join(", ");

@@ -16,7 +16,7 @@ mod rows;
 
 pub use cells::Clock;
 pub use compare::{Request, compare};
-pub use comparison::{Comparison, ReferenceSummary};
+pub use comparison::{Comparison, ReferenceSummary, Unavailable};
 pub use encode::spectrum_picture;
 pub use findings::Finding;
 pub use plan::{Figure, Plan};
@@ -46,6 +46,12 @@ pub enum ReportError {
     NoCombination {
         /// The evaluation.
         evaluation: EvaluationChoice,
+    },
+    /// A scene that none of the techniques can compute.
+    #[error("nothing can be compared on this scene: {reason}; choose other techniques")]
+    NoTechnique {
+        /// Each technique's reason.
+        reason: String,
     },
     /// A filter that the back end does not have.
     #[error("the CPU has no hardware filter; leave it out, or compare on a GPU")]

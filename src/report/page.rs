@@ -49,6 +49,7 @@ fn data(comparison: &Comparison) -> Value {
         "exposure_ev": comparison.exposure_ev,
         "images": images,
         "rows": rows,
+        "unavailable": comparison.unavailable,
         "findings": comparison.findings,
         "sampling": comparison.sampling.iter().map(sampling).collect::<Vec<_>>(),
     })

@@ -21,7 +21,7 @@ use crate::progress::{Progress, Stage};
 use crate::reflectance::{Curve, Finish};
 use crate::sampling::Surface;
 use crate::scene::{
-    Chain, Emitter, EmitterDistances, Mesh, MeshError, Object, Receiver, Scene, Sides, Transform, light_centre,
+    Emitter, EmitterDistances, Mesh, MeshError, Object, Receiver, Scene, Sides, Transform, light_centre,
 };
 use crate::tracing::{CameraTracer, SeenBy, Tracer};
 
@@ -163,7 +163,6 @@ impl SceneStages {
         if prepared.light_geometry.is_some() {
             prepared.notes.extend(misplaced_emitter(&self.place_meshes(scene, progress)?, scene));
         }
-        prepared.notes.extend(light_through_solids(scene));
         Ok(prepared)
     }
 
@@ -320,16 +319,6 @@ fn emitters_key(meshes: &[Arc<Mesh>], scene: &Scene, is_wanted: fn(&Object) -> b
 /// The objects' meshes, and which rays meet them.
 fn seen<'a>(meshes: &'a [Arc<Mesh>], scene: &'a Scene) -> impl Iterator<Item = (&'a Mesh, SeenBy)> {
     meshes.iter().zip(&scene.objects).map(|(mesh, object)| (&**mesh, SeenBy::of(object)))
-}
-
-/// Says where light is missing that is refracted twice.
-fn light_through_solids(scene: &Scene) -> Option<String> {
-    let solid = scene.objects.iter().find(|object| object.casts(Chain::TT))?;
-    Some(format!(
-        "caustics of light that passes through '{}' are not computed, only those of what its surface reflects; the ground truth knows both \
-         (pinspot reference --chains TT)",
-        solid.name
-    ))
 }
 
 /// Says which emitter is too near for its light to be that of the environment.

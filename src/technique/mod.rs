@@ -4,6 +4,7 @@
 //! returns a [`Sum`], which can be evaluated at any receivers. To add one, add a variant of [`Technique`] and a module
 //! that implements [`TechniqueStages`]. This module must not know pictures, camera paths or files.
 
+mod image_space;
 mod pinhole;
 
 use std::fmt;
@@ -19,13 +20,14 @@ use crate::backend::Backend;
 use crate::differential::DifferentialSample;
 #[cfg(feature = "gpu")]
 use crate::gpu::GpuError;
+use crate::image_space::{Ledger, MapView, Mode};
 use crate::options::{Evaluation, Options};
 use crate::pinhole::cpu::{Contribution, TakenCell};
 #[cfg(feature = "gpu")]
 use crate::pinhole::gpu::{EnvironmentCube, Frame};
 use crate::pinhole::{Filter, Receivers, SampleView};
 use crate::progress::Progress;
-use crate::scene::{Chain, Chains, Scene};
+use crate::scene::{Chain, Chains, Object, Scene};
 use crate::stages::{LightStages, PreparedLight, PreparedScene, StageCounts};
 use crate::tracing::Hit;
 
@@ -37,6 +39,8 @@ pub enum Technique {
     /// Each sample of a mirror projects the environment like a pinhole camera (Wand and Straßer 2003, Section 3).
     #[default]
     Pinhole,
+    /// Photons from the lights' views, in maps of the receivers (Wyman and Davis 2006, and what followed).
+    ImageSpace,
 }
 
 impl Technique {
@@ -44,21 +48,50 @@ impl Technique {
     pub fn name(self) -> &'static str {
         match self {
             Self::Pinhole => "pinhole",
+            Self::ImageSpace => "image-space",
         }
     }
 
-    /// The chains of a scene that it computes: all of them but light through closed objects.
+    /// All techniques.
+    pub const ALL: [Self; 2] = [Self::Pinhole, Self::ImageSpace];
+
+    /// The chains of a scene that it computes: pinholes all of them but light through closed objects.
     pub fn chains(self, scene: &Scene) -> Chains {
         match self {
             Self::Pinhole if scene.objects.iter().any(|object| object.casts(Chain::TT)) => Chains::SINGLE,
-            Self::Pinhole => Chains::ALL,
+            Self::Pinhole | Self::ImageSpace => Chains::ALL,
         }
+    }
+
+    /// What there is in a scene that the technique cannot compute, if there is anything.
+    pub fn unsupported(self, scene: &Scene) -> Option<&'static str> {
+        let has = |is_such: fn(&Object) -> bool| scene.objects.iter().any(is_such);
+        match self {
+            Self::Pinhole => None,
+            Self::ImageSpace if scene.medium.is_some() => Some("media"),
+            Self::ImageSpace if has(Object::is_near_light) => Some("emitters that are near"),
+            Self::ImageSpace if has(|o| o.reflector.is_some_and(|r| r.finish.roughness > 0.0)) => Some("rough mirrors"),
+            Self::ImageSpace => None,
+        }
+    }
+
+    /// Says which light of a scene is missing, if any is.
+    pub(crate) fn missing_light(self, scene: &Scene) -> Option<String> {
+        let solid = scene.objects.iter().find(|object| object.casts(Chain::TT))?;
+        (!self.chains(scene).contains(Chain::TT)).then(|| {
+            format!(
+                "caustics of light that passes through '{}' are not computed, only those of what its surface reflects; the technique \
+                 image-space and the ground truth know both (pinspot reference --chains TT)",
+                solid.name
+            )
+        })
     }
 
     /// Its stages, still empty.
     pub(crate) fn stages(self) -> Box<dyn TechniqueStages> {
         match self {
             Self::Pinhole => Box::new(pinhole::PinholeStages::new()),
+            Self::ImageSpace => Box::new(image_space::ImageSpaceStages::new()),
         }
     }
 }
@@ -167,10 +200,29 @@ pub(crate) struct Statistics {
     pub samples: usize,
     /// Their positions.
     pub positions: Arc<Vec<Vec3>>,
-    /// How the samples are summed.
-    pub evaluation: Evaluation,
-    /// How the environment is filtered.
-    pub filter: Filter,
+    /// How the samples are summed; `None` without samples.
+    pub evaluation: Option<Evaluation>,
+    /// How the environment is filtered; `None` where it is not looked up.
+    pub filter: Option<Filter>,
+    /// Of techniques that send photons.
+    pub photons: Option<PhotonStatistics>,
     /// A warning about the filter.
     pub warning: Option<String>,
+}
+
+/// Figures about photons and what became of them.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize)]
+pub struct PhotonStatistics {
+    /// How photons became irradiance.
+    pub mode: Mode,
+    /// Whose view the maps are.
+    pub caustic_map: MapView,
+    /// Photons that were sent.
+    pub photons: u64,
+    /// Photons that met a receiver by way of a mirror or an interface.
+    pub photons_used: u64,
+    /// Lights that sent them.
+    pub lights: usize,
+    /// The account of their flux.
+    pub flux: Ledger,
 }

@@ -135,7 +135,18 @@ fn changed_keys(old: &Options, new: &Options) -> Vec<(&'static str, Option<Item>
         (old.display.tone_map != new.display.tone_map, "tone_map", Some(value(new.display.tone_map.name()))),
         (old.aovs != new.aovs, "aov", Some(value(aovs(new)))),
     ];
-    all.into_iter().filter(|(is_changed, ..)| *is_changed).map(|(_, key, item)| (key, item)).collect()
+    let (was, is) = (&old.image_space, &new.image_space);
+    let of_photons: [(bool, &'static str, Option<Item>); 7] = [
+        (was.mode != is.mode, "mode", Some(value(is.mode.name()))),
+        (was.photons != is.photons, "photons", Some(value(i64::from(is.photons)))),
+        (was.caustic_map != is.caustic_map, "caustic_map", Some(value(is.caustic_map.name()))),
+        (was.caustic_map_size != is.caustic_map_size, "caustic_map_size", Some(value(i64::from(is.caustic_map_size)))),
+        (was.lights != is.lights, "lights", Some(value(i64::from(is.lights)))),
+        (was.light_directions != is.light_directions, "light_directions", Some(value(i64::from(is.light_directions)))),
+        (was.splat_diameter != is.splat_diameter, "splat_diameter", Some(value(number(is.splat_diameter)))),
+    ];
+    let changed = all.into_iter().chain(of_photons).filter(|(is_changed, ..)| *is_changed);
+    changed.map(|(_, key, item)| (key, item)).collect()
 }
 
 pub fn write_options(document: &mut DocumentMut, old: &Options, new: &Options) {

@@ -3,6 +3,7 @@
 //! GPU tests need an adapter; a software one will do. They fail without one: `tests/run` installs it.
 
 mod agreement;
+mod beams;
 mod cancellation;
 mod closed_forms;
 mod densities;
@@ -19,6 +20,7 @@ mod ground_truth;
 mod half_float;
 mod hierarchy;
 mod hierarchy_gpu;
+mod image_space;
 mod independence;
 mod lamps;
 mod media;

@@ -245,16 +245,19 @@ impl Engine {
         #[cfg(feature = "gpu")]
         let passes = (&mut self.preview.on_gpu, &mut self.preview.lit);
         #[cfg(feature = "gpu")]
-        let (image, exposures, passes) =
-            if let Some(on_gpu) = frame.on_gpu(wanted, &backend, passes, (sum.as_ref(), scattered.as_ref())).await? {
-                (on_gpu.rendered, on_gpu.exposures, on_gpu.passes)
-            } else {
-                if let Some(shared) = backend.shared_gpu() {
-                    self.preview.lit.submit(shared);
-                }
-                let (image, exposures) = frame.on_cpu(sum.as_deref(), scattered.as_ref()).await?;
-                (image, exposures, Vec::new())
-            };
+        let is_sum_on_cpu = sum.as_ref().is_some_and(|sum| sum.on_gpu().is_none());
+        #[cfg(feature = "gpu")]
+        let (image, exposures, passes) = if !is_sum_on_cpu
+            && let Some(on_gpu) = frame.on_gpu(wanted, &backend, passes, (sum.as_ref(), scattered.as_ref())).await?
+        {
+            (on_gpu.rendered, on_gpu.exposures, on_gpu.passes)
+        } else {
+            if let Some(shared) = backend.shared_gpu() {
+                self.preview.lit.submit(shared);
+            }
+            let (image, exposures) = frame.on_cpu(sum.as_deref(), scattered.as_ref()).await?;
+            (image, exposures, Vec::new())
+        };
         #[cfg(not(feature = "gpu"))]
         let (Wanted::InMemory, (image, exposures)) = (wanted, frame.on_cpu(sum.as_deref(), scattered.as_ref()).await?);
         if progress.is_cancelled() {
@@ -273,7 +276,7 @@ impl Engine {
             exposures,
             samples: statistics.map_or(0, |statistics| statistics.samples),
             marks,
-            evaluation: statistics.map(|statistics| statistics.evaluation),
+            evaluation: statistics.and_then(|statistics| statistics.evaluation),
             #[cfg(feature = "gpu")]
             passes,
         })

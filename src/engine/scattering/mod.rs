@@ -246,7 +246,7 @@ impl PixelGrid for PictureRays<'_> {
     }
 
     /// What a ray hits does not matter, only the visible length of the medium before it.
-    fn is_same_surface(&self, index: usize, other: usize) -> bool {
+    fn may_interpolate(&self, index: usize, other: usize) -> bool {
         let are_within = [index, other].iter().all(|&index| self.hit(index).is_some());
         are_within && are_alike((self.seen[index], self.seen[other]), MAX_NEIGHBOUR_DIFFERENCE)
     }

@@ -195,7 +195,10 @@ impl PinholeStages {
         let softening = if inputs.is_preview { PREVIEW_SOFTENING } else { 0.0 };
         let params = Params { softening, ..params(&inputs, filter) };
         let environment = inputs.light.environment.clone();
-        let statistics = |samples, positions| Statistics { samples, positions, evaluation, filter, warning };
+        let statistics = |samples, positions| {
+            let (evaluation, filter) = (Some(evaluation), Some(filter));
+            Statistics { samples, positions, evaluation, filter, photons: None, warning }
+        };
         match evaluation {
             Evaluation::Flat { leaves: 1 } if inputs.is_preview => {
                 let samples = self.samples.differentials_of_frame(&inputs)?;

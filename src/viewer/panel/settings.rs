@@ -4,6 +4,7 @@ use eframe::egui;
 
 use super::fields::{choice, number, switch};
 use crate::image::{Aov, ToneMap};
+use crate::image_space::{ImageSpaceOptions, MapView, Mode};
 use crate::options::{EvaluationChoice, Exposure, FilterChoice, Options, Overlay};
 use crate::pinhole::{Epsilon, Footprint};
 use crate::sampling::{Density, MAX_SAMPLES, Strategy};
@@ -43,6 +44,7 @@ const PICTURES: &[(Aov, &str)] = &[
     (Aov::Caustic, "caustic"),
     (Aov::CausticR, "reflected caustic"),
     (Aov::CausticT, "refracted caustic"),
+    (Aov::CausticTT, "caustic through solids"),
     (Aov::Direct, "direct"),
     (Aov::Scattered, "scattered caustic"),
     (Aov::ScatteredDirect, "scattered direct light"),
@@ -133,41 +135,70 @@ impl Viewer {
     }
 
     pub(super) fn caustic_section(&mut self, ui: &mut egui::Ui) -> bool {
+        let has_medium = self.document.state.scene.medium.is_some();
         let (options, original) = (&mut self.document.state.options, &self.document.original.options);
-        let techniques = [(Technique::Pinhole, Technique::Pinhole.name())];
+        let techniques = Technique::ALL.map(|technique| (technique, technique.name()));
         let mut is_edited = choice(ui, "Technique", &mut options.technique, original.technique, &techniques);
-        is_edited |= number(ui, "Samples", &mut options.samples, original.samples, (1..=MAX_SAMPLES, true));
-        is_edited |= choice(ui, "Strategy", &mut options.strategy, original.strategy, STRATEGIES);
-        is_edited |= choice(ui, "Density", &mut options.density, original.density, DENSITIES);
-        is_edited |= choice(ui, "Evaluation", &mut options.evaluation, original.evaluation, EVALUATIONS);
-        let mut leaves = options.leaves.unwrap_or(0);
-        // Footprints by curvature have no cells that could be split.
-        let has_leaves = options.footprint == Footprint::Cells;
-        let leaves_field = |ui: &mut egui::Ui| choice(ui, "Leaves", &mut leaves, original.leaves.unwrap_or(0), LEAVES);
-        if ui.add_enabled_ui(has_leaves, leaves_field).inner {
-            options.leaves = (leaves > 0).then_some(leaves);
-            is_edited = true;
-        }
-        is_edited |= number(ui, "Tolerance", &mut options.tolerance, original.tolerance, (1e-3..=1.0, true));
-        is_edited |= choice(ui, "Filter", &mut options.filter, original.filter, FILTERS);
-        is_edited |= number(ui, "Taps", &mut options.taps, original.taps, (1..=crate::pinhole::MAX_TAPS, true));
-        if self.document.state.scene.medium.is_some() {
-            let (steps, most) = (&mut options.medium_steps, crate::options::MAX_MEDIUM_STEPS);
-            is_edited |= number(ui, "Medium steps", steps, original.medium_steps, (1..=most, true));
-        }
-        let footprints = [(Footprint::Cells, "cells"), (Footprint::Curvature, "curvature")];
-        if choice(ui, "Footprint", &mut options.footprint, original.footprint, &footprints) {
-            options.leaves = options.leaves.filter(|_| options.footprint == Footprint::Cells);
-            is_edited = true;
-        }
-        let visibilities = [(Visibility::Full, "full"), (Visibility::None, "none")];
-        is_edited |= choice(ui, "Visibility", &mut options.visibility, original.visibility, &visibilities);
+        is_edited |= match options.technique {
+            Technique::Pinhole => sample_fields(ui, options, original, has_medium),
+            Technique::ImageSpace => photon_fields(ui, &mut options.image_space, &original.image_space),
+        };
         is_edited |= number(ui, "Gain", &mut options.caustic_gain, original.caustic_gain, (0.0..=100.0, true));
-        is_edited |= switch(ui, "Attenuation 1/l\u{b2}", &mut options.attenuation, original.attenuation);
-        is_edited |= epsilon(ui, options, original);
         is_edited |= number(ui, "Seed", &mut options.seed, original.seed, (0..=9_999, false));
         is_edited
     }
+}
+
+/// What there is to choose of samples.
+fn sample_fields(ui: &mut egui::Ui, options: &mut Options, original: &Options, has_medium: bool) -> bool {
+    let mut is_edited = number(ui, "Samples", &mut options.samples, original.samples, (1..=MAX_SAMPLES, true));
+    is_edited |= choice(ui, "Strategy", &mut options.strategy, original.strategy, STRATEGIES);
+    is_edited |= choice(ui, "Density", &mut options.density, original.density, DENSITIES);
+    is_edited |= choice(ui, "Evaluation", &mut options.evaluation, original.evaluation, EVALUATIONS);
+    let mut leaves = options.leaves.unwrap_or(0);
+    // Footprints by curvature have no cells that could be split.
+    let has_leaves = options.footprint == Footprint::Cells;
+    let leaves_field = |ui: &mut egui::Ui| choice(ui, "Leaves", &mut leaves, original.leaves.unwrap_or(0), LEAVES);
+    if ui.add_enabled_ui(has_leaves, leaves_field).inner {
+        options.leaves = (leaves > 0).then_some(leaves);
+        is_edited = true;
+    }
+    is_edited |= number(ui, "Tolerance", &mut options.tolerance, original.tolerance, (1e-3..=1.0, true));
+    is_edited |= choice(ui, "Filter", &mut options.filter, original.filter, FILTERS);
+    is_edited |= number(ui, "Taps", &mut options.taps, original.taps, (1..=crate::pinhole::MAX_TAPS, true));
+    if has_medium {
+        let (steps, most) = (&mut options.medium_steps, crate::options::MAX_MEDIUM_STEPS);
+        is_edited |= number(ui, "Medium steps", steps, original.medium_steps, (1..=most, true));
+    }
+    let footprints = [(Footprint::Cells, "cells"), (Footprint::Curvature, "curvature")];
+    if choice(ui, "Footprint", &mut options.footprint, original.footprint, &footprints) {
+        options.leaves = options.leaves.filter(|_| options.footprint == Footprint::Cells);
+        is_edited = true;
+    }
+    let visibilities = [(Visibility::Full, "full"), (Visibility::None, "none")];
+    is_edited |= choice(ui, "Visibility", &mut options.visibility, original.visibility, &visibilities);
+    is_edited |= switch(ui, "Attenuation 1/l\u{b2}", &mut options.attenuation, original.attenuation);
+    is_edited |= epsilon(ui, options, original);
+    is_edited
+}
+
+/// What there is to choose of photons.
+fn photon_fields(ui: &mut egui::Ui, options: &mut ImageSpaceOptions, original: &ImageSpaceOptions) -> bool {
+    let modes = Mode::ALL.map(|mode| (mode, mode.name()));
+    let mut is_edited = choice(ui, "Mode", &mut options.mode, original.mode, &modes);
+    is_edited |= number(ui, "Photons \u{b2}", &mut options.photons, original.photons, (16..=2048, true));
+    let maps = [MapView::Eye, MapView::Light].map(|map| (map, map.name()));
+    is_edited |= choice(ui, "Caustic map", &mut options.caustic_map, original.caustic_map, &maps);
+    let (size, reset) = (&mut options.caustic_map_size, original.caustic_map_size);
+    is_edited |= number(ui, "Map texels \u{b2}", size, reset, (16..=4096, true));
+    is_edited |= number(ui, "Lights", &mut options.lights, original.lights, (1..=256, true));
+    let (directions, reset) = (&mut options.light_directions, original.light_directions);
+    is_edited |= number(ui, "Light directions", directions, reset, (1..=256, true));
+    if options.mode == Mode::Splats {
+        let (diameter, reset) = (&mut options.splat_diameter, original.splat_diameter);
+        is_edited |= number(ui, "Splat diameter", diameter, reset, (1.0..=64.0, true));
+    }
+    is_edited
 }
 
 /// Exposures of surfaces and of the background. `used` are those of the last picture.

@@ -1,0 +1,264 @@
+//! Follows photons from a light's view by rays: to the first surface that reflects or refracts them, and on to the receivers.
+//!
+//! A ray stands for the flux in one texel of the view. Where a surface both reflects and refracts, it goes on as both. Knows neither maps nor
+//! cameras.
+
+use glam::{DVec2, Vec2, Vec3};
+use rayon::prelude::*;
+
+use super::ledger::{Ledger, Loss};
+use super::lights::LightView;
+use super::photons::{Photon, PhotonGrid, SurfacePoint, Way};
+use crate::lanes::{ALL, LANES};
+use crate::pinhole::constants::MIN_HEIGHT;
+use crate::progress::Progress;
+use crate::reflectance::Curve;
+use crate::scene::{Chain, Chains, Interfaces, Object, Ray, Refractor, Sides};
+use crate::stages::divided;
+use crate::tracing::{Hit, Tracer};
+
+/// What photons meet.
+#[derive(Clone, Copy)]
+pub struct Surroundings<'a> {
+    /// Everything that light meets.
+    pub tracer: &'a Tracer,
+    /// The scene's objects.
+    pub objects: &'a [Object],
+    /// Their specular reflectance by angle of incidence.
+    pub mirrors: &'a [Option<Curve>],
+}
+
+/// A kind of way: a chain and, where colours are refracted differently, one of them.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Kind {
+    /// The chain.
+    pub chain: Chain,
+    /// The channel of dispersed light.
+    pub channel: Option<usize>,
+}
+
+impl Kind {
+    /// All kinds of ways that the objects offer light of these chains.
+    pub fn of_scene(objects: &[Object], chains: Chains) -> Vec<Self> {
+        let is_dispersive = objects.iter().any(|o| o.refractor.is_some_and(|refractor| refractor.is_dispersive()));
+        let offered = |chain: &Chain| chains.contains(*chain) && objects.iter().any(|object| object.casts(*chain));
+        let of_chain = |chain: Chain| {
+            let is_divided = is_dispersive && chain != Chain::R;
+            let channels = if is_divided { vec![Some(0), Some(1), Some(2)] } else { vec![None] };
+            channels.into_iter().map(move |channel| Self { chain, channel })
+        };
+        Chain::ALL.into_iter().filter(offered).flat_map(of_chain).collect()
+    }
+
+    /// The index of a refractor for this light.
+    fn eta(self, refractor: &Refractor) -> f64 {
+        refractor.eta[self.channel.unwrap_or(0)]
+    }
+
+    /// The part of light that is of this kind.
+    fn filtered(self, flux: Vec3) -> Vec3 {
+        self.channel.map_or(flux, |channel| flux * Vec3::AXES[channel])
+    }
+}
+
+/// A photon on its way after a surface.
+struct Flight {
+    ray: Ray,
+    flux: Vec3,
+    caster: u32,
+    way: Way,
+}
+
+/// Photons of every kind from a light's view, with their account. `seed`: origins in extended lights are drawn by it.
+pub fn emit(
+    surroundings: &Surroundings,
+    view: &LightView,
+    kinds: &[Kind],
+    seed: u64,
+    progress: &dyn Progress,
+) -> (Vec<PhotonGrid>, Ledger) {
+    let size = view.projection.size;
+    let rows: Vec<Row> = (0..size[1])
+        .into_par_iter()
+        .map(|y| {
+            if progress.is_cancelled() {
+                return Row { photons: vec![Vec::new(); kinds.len()], ledger: Ledger::default() };
+            }
+            let row = RowEmission { surroundings, view, y, seed }.emit(kinds);
+            progress.advance(1);
+            row
+        })
+        .collect();
+    let mut ledger = Ledger::default();
+    let mut of_kinds: Vec<Vec<Vec<(u32, Photon)>>> = kinds.iter().map(|_| Vec::new()).collect();
+    for row in rows {
+        ledger += row.ledger;
+        of_kinds.iter_mut().zip(row.photons).for_each(|(rows, photons)| rows.push(photons));
+    }
+    (of_kinds.into_iter().map(|rows| PhotonGrid::new(size, rows.into_iter())).collect(), ledger)
+}
+
+/// The photons of a row, by kind.
+struct Row {
+    photons: Vec<Vec<(u32, Photon)>>,
+    ledger: Ledger,
+}
+
+struct RowEmission<'a> {
+    surroundings: &'a Surroundings<'a>,
+    view: &'a LightView,
+    y: u32,
+    seed: u64,
+}
+
+impl RowEmission<'_> {
+    fn emit(&self, kinds: &[Kind]) -> Row {
+        let mut row = Row { photons: vec![Vec::new(); kinds.len()], ledger: Ledger::default() };
+        let tracer = self.surroundings.tracer;
+        for first in (0..self.view.projection.size[0]).step_by(LANES) {
+            let emitted: [(Ray, Vec3); LANES] = std::array::from_fn(|lane| self.ray(first + lane as u32));
+            let count = (self.view.projection.size[0] - first).min(LANES as u32);
+            let hits = tracer.secondary_hits(&emitted.map(|(ray, _)| ray), ALL >> (LANES as u32 - count));
+            for (kind, photons) in kinds.iter().zip(&mut row.photons) {
+                let flights = std::array::from_fn(|lane| self.scatter(*kind, hits[lane].as_ref()?, &emitted[lane]));
+                let landed = self.follow(*kind, flights, &mut row.ledger);
+                let placed = landed.into_iter().enumerate();
+                photons.extend(placed.filter_map(|(lane, photon)| Some((first + lane as u32, photon?))));
+            }
+        }
+        row
+    }
+
+    fn ray(&self, x: u32) -> (Ray, Vec3) {
+        let place = DVec2::new(f64::from(x), f64::from(self.y)) + 0.5;
+        let index = self.y * self.view.projection.size[0] + x;
+        let [u, v, ..] = sobol_burley::sample_4d(index & 0xffff, 0, (self.seed as u32).wrapping_add(index >> 16));
+        self.view.emit(place, Vec2::new(u, v))
+    }
+
+    /// What the first surface makes of a photon; `None` if that is nothing of this kind.
+    fn scatter(&self, kind: Kind, hit: &Hit, (ray, flux): &(Ray, Vec3)) -> Option<Flight> {
+        let object = &self.surroundings.objects[hit.object as usize];
+        let (direction, factor) = match (object.reflector, &object.refractor, kind.chain) {
+            (Some(reflector), _, Chain::R) => {
+                let is_lit = match reflector.sides {
+                    Sides::Both => true,
+                    Sides::Front => hit.front,
+                    Sides::Back => !hit.front,
+                };
+                let curve = self.surroundings.mirrors[hit.object as usize].as_ref().filter(|_| is_lit)?;
+                let cosine = -ray.direction.dot(hit.normal);
+                (reflected(ray.direction, hit), curve.at(f64::from(cosine)).as_vec3())
+            }
+            (_, Some(refractor), Chain::R) if hit.front && refractor.fresnel => {
+                let reflectance = refractor.eta.to_array().map(|eta| divided(refractor, eta, (hit, ray)).0);
+                (reflected(ray.direction, hit), Vec3::from(reflectance))
+            }
+            (_, Some(refractor), chain) if hit.front && chain == chain_through(refractor) => {
+                let (reflectance, refracted) = divided(refractor, kind.eta(refractor), (hit, ray));
+                (refracted?.direction, Vec3::splat(1.0 - reflectance))
+            }
+            _ => return None,
+        };
+        // A photon without flux still is a neighbour, unless nothing would pass.
+        let passes = kind.filtered(factor) != Vec3::ZERO;
+        let flux = kind.filtered(*flux * factor);
+        let point = SurfacePoint { position: hit.position, normal: hit.normal };
+        let before = if self.view.projection.is_parallel { f32::INFINITY } else { hit.distance };
+        let way = Way { before, within: 0.0, beyond: 0.0, first: point, last: point };
+        passes.then_some(Flight { ray: Ray { origin: hit.position, direction }, flux, caster: hit.object, way })
+    }
+
+    /// Where photons land that have left the first surface.
+    fn follow(&self, kind: Kind, mut flights: [Option<Flight>; LANES], ledger: &mut Ledger) -> [Option<Photon>; LANES] {
+        ledger.cast += flights.iter().flatten().map(|flight| Ledger::sum(flight.flux)).sum::<f64>();
+        if kind.chain == Chain::TT {
+            let hits = self.next_hits(&flights);
+            for (flight, hit) in flights.iter_mut().zip(&hits) {
+                if let Some(entered) = flight.take() {
+                    *flight = self.leave(kind, entered, hit.as_ref(), ledger);
+                }
+            }
+        }
+        let hits = self.next_hits(&flights);
+        let mut landed = [None; LANES];
+        for (photon, (flight, hit)) in landed.iter_mut().zip(flights.into_iter().zip(hits)) {
+            let Some(flight) = flight else { continue };
+            *photon = self.land(&flight, hit.as_ref(), ledger);
+        }
+        landed
+    }
+
+    fn next_hits(&self, flights: &[Option<Flight>; LANES]) -> [Option<Hit>; LANES] {
+        let lanes = flights.iter().enumerate().filter(|(_, flight)| flight.is_some());
+        let lanes = lanes.fold(0, |bits, (lane, _)| bits | 1 << lane);
+        if lanes == 0 {
+            return [None; LANES];
+        }
+        let idle = Ray { origin: Vec3::ZERO, direction: Vec3::Y };
+        let rays = flights.each_ref().map(|flight| flight.as_ref().map_or(idle, |flight| flight.ray));
+        self.surroundings.tracer.secondary_hits(&rays, lanes)
+    }
+
+    /// A photon that leaves the closed object that it has entered.
+    fn leave(&self, kind: Kind, flight: Flight, hit: Option<&Hit>, ledger: &mut Ledger) -> Option<Flight> {
+        let lost = Ledger::sum(flight.flux);
+        let Some(hit) = hit else {
+            ledger[Loss::Missed] += lost;
+            return None;
+        };
+        let object = &self.surroundings.objects[hit.object as usize];
+        let Some(refractor) = object.refractor.filter(|r| r.interfaces == Interfaces::Two && !hit.front) else {
+            ledger[Loss::NoReceiver] += lost;
+            return None;
+        };
+        let (reflectance, refracted) = divided(&refractor, kind.eta(&refractor), (hit, &flight.ray));
+        let Some(refracted) = refracted else {
+            ledger[Loss::TotalReflection] += lost;
+            return None;
+        };
+        ledger[Loss::TotalReflection] += lost * f64::from(reflectance);
+        let last = SurfacePoint { position: hit.position, normal: hit.normal };
+        Some(Flight {
+            ray: Ray { origin: hit.position, direction: refracted.direction },
+            flux: flight.flux * (1.0 - reflectance),
+            way: Way { within: hit.distance, last, ..flight.way },
+            ..flight
+        })
+    }
+
+    fn land(&self, flight: &Flight, hit: Option<&Hit>, ledger: &mut Ledger) -> Option<Photon> {
+        let lost = match hit {
+            None => Loss::Missed,
+            Some(hit) if self.surroundings.objects[hit.object as usize].receiver.is_none() => Loss::NoReceiver,
+            Some(hit) => {
+                return Some(Photon {
+                    position: hit.position,
+                    normal: hit.face_normal,
+                    direction: flight.ray.direction,
+                    flux: flight.flux,
+                    object: hit.object,
+                    caster: flight.caster,
+                    way: Way { beyond: hit.distance, ..flight.way },
+                });
+            }
+        };
+        ledger[lost] += Ledger::sum(flight.flux);
+        None
+    }
+}
+
+/// The chain of light that a refractor lets pass.
+fn chain_through(refractor: &Refractor) -> Chain {
+    match refractor.interfaces {
+        Interfaces::One => Chain::T,
+        Interfaces::Two => Chain::TT,
+    }
+}
+
+/// The mirrored direction; an interpolated normal may mirror it through the triangle at grazing angles.
+fn reflected(direction: Vec3, hit: &Hit) -> Vec3 {
+    let mirrored = direction - 2.0 * direction.dot(hit.normal) * hit.normal;
+    let height = mirrored.dot(hit.face_normal);
+    (mirrored + (MIN_HEIGHT - height).max(0.0) * hit.face_normal).normalize()
+}

@@ -1,0 +1,102 @@
+//! Splats of several sizes at once: where photons are dense, the small ones count, else the large ones (Wyman and Dachsbacher 2006, Section 4.1).
+
+use std::sync::atomic::{AtomicU32, Ordering};
+
+use glam::DVec3;
+use rayon::prelude::*;
+
+use super::caustic_map::CausticMap;
+use super::ledger::{Ledger, total};
+use super::photons::PhotonGrid;
+use super::splats::of_diameter;
+
+/// Diameters of the splats, texels.
+pub const DIAMETERS: [u32; 4] = [3, 7, 11, 15];
+
+/// A size counts from this many photons on, and alone from twice as many.
+const LEAST_PHOTONS: f64 = 8.0;
+
+/// Sizes that are mixed in a texel at most.
+const MOST_SIZES: usize = 3;
+
+/// A map for each size, and how many of its splats reach each texel.
+#[derive(Debug)]
+pub struct Layers {
+    maps: Vec<CausticMap>,
+    counts: Vec<Vec<AtomicU32>>,
+}
+
+impl Layers {
+    /// Empty ones that show what a map does.
+    pub fn like(map: &CausticMap) -> Self {
+        let count = map.size()[0] as usize * map.size()[1] as usize;
+        let counts = DIAMETERS.map(|_| (0..count).map(|_| AtomicU32::new(0)).collect());
+        Self { maps: DIAMETERS.map(|_| map.emptied()).into(), counts: counts.into() }
+    }
+
+    /// Adds photons to all of them. Returns what is lost.
+    pub fn add(&self, grid: &PhotonGrid) -> Ledger {
+        let mut ledger = Ledger::default();
+        for ((diameter, map), counts) in DIAMETERS.into_iter().zip(&self.maps).zip(&self.counts) {
+            ledger = of_diameter(map, grid, f64::from(diameter));
+            grid.photons.par_iter().filter_map(|photon| map.place(photon).ok()).for_each(|(_, index)| {
+                let reach = i64::from(diameter / 2);
+                let is_reached = |[dx, dy]: [i64; 2]| 4 * (dx * dx + dy * dy) <= i64::from(diameter * diameter);
+                for (texel, _) in map.around(index, reach).filter(|(_, offset)| is_reached(*offset)) {
+                    counts[texel].fetch_add(1, Ordering::Relaxed);
+                }
+            });
+        }
+        // What arrives is known when the sizes have been chosen.
+        ledger.deposited = 0.0;
+        ledger
+    }
+
+    /// Chooses between the sizes in every texel, and adds the outcome to a map.
+    pub fn resolve(self, map: &CausticMap) -> Ledger {
+        let choose = |texel: usize| {
+            let flux = self.choose(texel);
+            map.add(texel, flux, self.maps[0].direction(texel));
+            Ledger { deposited: flux.element_sum(), ..Ledger::default() }
+        };
+        total((0..self.counts[0].len()).into_par_iter().map(choose))
+    }
+
+    /// The smallest size with enough photons, and with what is left of the weight the next ones. A size without enough of them counts only
+    /// where it is brighter than the next one.
+    fn choose(&self, texel: usize) -> DVec3 {
+        let flux = |size: usize| self.maps[size].flux(texel);
+        let (mut sum, mut left, mut used) = (DVec3::ZERO, 1.0, 0);
+        for size in 0..DIAMETERS.len() {
+            let is_last = size + 1 == DIAMETERS.len() || used + 1 == MOST_SIZES;
+            let count = f64::from(self.counts[size][texel].load(Ordering::Relaxed));
+            let weight = if is_last { 1.0 } else { weight_of(count) };
+            if weight == 0.0 || weight < 1.0 && flux(size).element_sum() < flux(size + 1).element_sum() {
+                continue;
+            }
+            sum += left * weight * flux(size);
+            left *= 1.0 - weight;
+            used += 1;
+            if left == 0.0 {
+                break;
+            }
+        }
+        sum
+    }
+}
+
+/// The weight of a size that so many photons reach a texel with.
+fn weight_of(count: f64) -> f64 {
+    let t = (count / LEAST_PHOTONS - 1.0).clamp(0.0, 1.0);
+    t * t * (3.0 - 2.0 * t)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::weight_of;
+
+    #[test]
+    fn weights_rise_from_eight_to_sixteen_photons() {
+        assert_eq!([0.0, 8.0, 12.0, 16.0, 100.0].map(weight_of), [0.0, 0.0, 0.5, 1.0, 1.0]);
+    }
+}

@@ -1,0 +1,142 @@
+//! The options of image-space techniques.
+
+use serde::{Deserialize, Serialize};
+
+use crate::error::OptionError;
+
+/// How photons become irradiance.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Deserialize, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Mode {
+    /// Every photon adds its flux to the texel that it lands in (Wyman and Davis 2006, Section 3.2).
+    Points,
+    /// The same, then a Gaussian over 7×7 texels, where these have at least three photons (Wyman and Davis, Sections 3.2.2).
+    Gather,
+    /// Neighbouring photons are the corners of triangles, which are drawn into the map (Wyman and Davis, Section 3.2.1).
+    Polygons,
+    /// The same triangles by the area of each texel that they cover.
+    #[default]
+    ExactPolygons,
+    /// Gaussian splats of one size (Wyman and Dachsbacher 2006, Section 3).
+    Splats,
+    /// Splats of 3, 7, 11 and 15 texels, chosen by the density of photons (Wyman and Dachsbacher, Section 4.1).
+    MultiResolution,
+    /// Splats whose size follows from the equation of thin lenses (Wyman and Dachsbacher, Section 4.2).
+    ThinLens,
+    /// The same for thick lenses.
+    ThickLens,
+    /// Splats that are as long and as wide as the distances to the neighbouring photons.
+    Footprints,
+}
+
+impl Mode {
+    /// All of them.
+    pub const ALL: [Self; 9] = [
+        Self::Points,
+        Self::Gather,
+        Self::Polygons,
+        Self::ExactPolygons,
+        Self::Splats,
+        Self::MultiResolution,
+        Self::ThinLens,
+        Self::ThickLens,
+        Self::Footprints,
+    ];
+
+    /// Its name in scene files and on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Points => "points",
+            Self::Gather => "gather",
+            Self::Polygons => "polygons",
+            Self::ExactPolygons => "exact-polygons",
+            Self::Splats => "splats",
+            Self::MultiResolution => "multi-resolution",
+            Self::ThinLens => "thin-lens",
+            Self::ThickLens => "thick-lens",
+            Self::Footprints => "footprints",
+        }
+    }
+
+    /// Whether photons need neighbours that come from the same point of the light.
+    pub fn needs_neighbours(self) -> bool {
+        !matches!(self, Self::Points | Self::Gather | Self::Splats | Self::MultiResolution)
+    }
+}
+
+/// Whose picture of the receivers a map is.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Deserialize, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum MapView {
+    /// The camera's: a texel is a pixel. What the camera sees by way of mirrors is taken from a light's view.
+    #[default]
+    Eye,
+    /// Each light's own, as in the papers.
+    Light,
+}
+
+impl MapView {
+    /// Its name in scene files and on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Eye => "eye",
+            Self::Light => "light",
+        }
+    }
+}
+
+/// What image-space techniques do.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct ImageSpaceOptions {
+    /// How photons become irradiance.
+    pub mode: Mode,
+    /// Photons along each edge of a light's view; from 16 to 8192.
+    pub photons: u32,
+    /// Whose view the maps are.
+    pub caustic_map: MapView,
+    /// Texels along each edge of a light's map; from 16 to 8192.
+    pub caustic_map_size: u32,
+    /// Directional lights that an environment map is divided into; from 1 to 1024.
+    pub lights: u32,
+    /// Points or directions that extended lights are divided into where neighbouring photons must come from the same one; from 1 to 1024.
+    pub light_directions: u32,
+    /// Diameter of splats of one size, texels; from 1 to 64.
+    pub splat_diameter: f32,
+}
+
+impl Default for ImageSpaceOptions {
+    fn default() -> Self {
+        Self {
+            mode: Mode::default(),
+            photons: 512,
+            caustic_map: MapView::default(),
+            caustic_map_size: 512,
+            lights: 24,
+            light_directions: 24,
+            splat_diameter: 2.5,
+        }
+    }
+}
+
+impl ImageSpaceOptions {
+    /// Checks that every value is in its range.
+    pub(crate) fn check(&self) -> Result<(), OptionError> {
+        let out_of_range = |key, value: String, expected: &str| {
+            Err(OptionError::OutOfRange { key, value, expected: expected.to_owned() })
+        };
+        for (key, value) in [("photons", self.photons), ("caustic_map_size", self.caustic_map_size)] {
+            if !(16..=8192).contains(&value) {
+                return out_of_range(key, value.to_string(), "from 16 to 8192");
+            }
+        }
+        for (key, value) in [("lights", self.lights), ("light_directions", self.light_directions)] {
+            if !(1..=1024).contains(&value) {
+                return out_of_range(key, value.to_string(), "from 1 to 1024");
+            }
+        }
+        if !(1.0..=64.0).contains(&self.splat_diameter) {
+            return out_of_range("splat_diameter", self.splat_diameter.to_string(), "from 1 to 64");
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,120 @@
+//! Photons where they land, in the grid of the light's view that they were emitted in.
+
+use std::ops::{Mul, Sub};
+
+use glam::Vec3;
+
+/// A photon on a receiver.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Photon {
+    /// Where it lands, metres.
+    pub position: Vec3,
+    /// Unit normal of the receiver's triangle, towards the photon.
+    pub normal: Vec3,
+    /// Unit direction in which it travels.
+    pub direction: Vec3,
+    /// Its flux, W.
+    pub flux: Vec3,
+    /// The receiver.
+    pub object: u32,
+    /// The object that reflected or refracted it.
+    pub caster: u32,
+    /// Its way.
+    pub way: Way,
+}
+
+/// The way of a photon from the light to a receiver.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Way {
+    /// From the light to the first surface, metres; infinite from far away.
+    pub before: f32,
+    /// Within a closed object, metres; 0 without one.
+    pub within: f32,
+    /// From the last surface to the receiver, metres.
+    pub beyond: f32,
+    /// Where it is reflected or refracted first.
+    pub first: SurfacePoint,
+    /// Where it is refracted last; the same point if there is only one.
+    pub last: SurfacePoint,
+}
+
+/// A point of a surface.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SurfacePoint {
+    /// Metres.
+    pub position: Vec3,
+    /// Unit normal, interpolated, on the side that light comes from.
+    pub normal: Vec3,
+}
+
+/// What lies between photons and their neighbours.
+const EMPTY: u32 = u32::MAX;
+
+/// Photons of one light that took the same kind of way, in the grid of its view. Places without a photon are free.
+#[derive(Clone, Debug)]
+pub struct PhotonGrid {
+    /// Columns and rows.
+    pub size: [u32; 2],
+    /// Row by row.
+    pub photons: Vec<Photon>,
+    /// The column and row of each photon.
+    pub texels: Vec<[u32; 2]>,
+    indices: Vec<u32>,
+}
+
+impl PhotonGrid {
+    /// From rows of photons with their columns.
+    pub fn new([width, height]: [u32; 2], rows: impl Iterator<Item = Vec<(u32, Photon)>>) -> Self {
+        let mut indices = vec![EMPTY; width as usize * height as usize];
+        let (mut photons, mut texels) = (Vec::new(), Vec::new());
+        for (y, row) in (0..).zip(rows) {
+            for (x, photon) in row {
+                indices[y as usize * width as usize + x as usize] = photons.len() as u32;
+                photons.push(photon);
+                texels.push([x, y]);
+            }
+        }
+        Self { size: [width, height], photons, texels, indices }
+    }
+
+    /// The photons of a kind, in their places.
+    #[must_use]
+    pub fn retained(&self, is_wanted: impl Fn(&Photon) -> bool) -> Self {
+        let mut rows = vec![Vec::new(); self.size[1] as usize];
+        for (photon, [x, y]) in self.photons.iter().zip(&self.texels).filter(|(photon, _)| is_wanted(photon)) {
+            rows[*y as usize].push((*x, *photon));
+        }
+        Self::new(self.size, rows.into_iter())
+    }
+
+    /// The index of the photon at a place, if there is one.
+    pub fn index_at(&self, x: i64, y: i64) -> Option<usize> {
+        let [width, height] = self.size.map(i64::from);
+        if !(0..width).contains(&x) || !(0..height).contains(&y) {
+            return None;
+        }
+        let index = self.indices[(y * width + x) as usize];
+        (index != EMPTY).then_some(index as usize)
+    }
+
+    /// How a value of photons changes from one column and from one row to the next at one of them: half the difference between its
+    /// neighbours or, where one of them is missing or none of its own, that to the other one. `None` without a neighbour.
+    pub fn differences<T: Copy + Sub<Output = T> + Mul<f64, Output = T>>(
+        &self,
+        index: usize,
+        is_neighbour: impl Fn(usize, usize) -> bool,
+        value: impl Fn(usize) -> T,
+    ) -> [Option<T>; 2] {
+        let [x, y] = self.texels[index].map(i64::from);
+        [(1, 0), (0, 1)].map(|(dx, dy)| {
+            let neighbour =
+                |k: i64| self.index_at(x + k * dx, y + k * dy).filter(|other| is_neighbour(index, *other)).map(&value);
+            match (neighbour(-1), neighbour(1)) {
+                (Some(before), Some(after)) => Some((after - before) * 0.5),
+                (Some(before), None) => Some(value(index) - before),
+                (None, Some(after)) => Some(after - value(index)),
+                (None, None) => None,
+            }
+        })
+    }
+}

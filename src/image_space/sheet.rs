@@ -1,0 +1,55 @@
+//! Which photons of a grid are neighbours where they land: the sheet of light that they sample, and where it is torn.
+
+use glam::DVec2;
+
+use super::caustic_map::CausticMap;
+use super::photons::PhotonGrid;
+
+/// Neighbours that lie so many times as far from each other as from those beyond them came from both sides of an edge of the caster.
+const MAX_STRETCH: f64 = 8.0;
+
+/// Photons that are nearer to each other than this, in texels, are not taken for torn.
+const LEAST_TEAR: f64 = 1.0;
+
+/// Surfaces whose normals differ more than this are not one: the cosine.
+const MIN_NORMAL_COSINE: f32 = 0.5;
+
+/// The photons of a grid, and where they are in a map.
+pub struct PhotonSheet<'a> {
+    /// The photons.
+    pub grid: &'a PhotonGrid,
+    /// Of each photon, in texels of the map.
+    pub places: Vec<DVec2>,
+}
+
+impl<'a> PhotonSheet<'a> {
+    /// Projects photons into a map. Those behind a central one are far outside of it.
+    pub fn new(map: &CausticMap, grid: &'a PhotonGrid) -> Self {
+        let place = |position| map.project(position).unwrap_or(DVec2::splat(-1e9));
+        let places = grid.photons.iter().map(|photon| place(photon.position)).collect();
+        Self { grid, places }
+    }
+
+    /// Whether light is continuous between two photons next to each other in a row or column.
+    pub fn are_connected(&self, one: usize, other: usize) -> bool {
+        if !self.are_alike(one, other) {
+            return false;
+        }
+        let [[x, y], [z, w]] = [one, other].map(|index| self.grid.texels[index].map(i64::from));
+        let (dx, dy) = (z - x, w - y);
+        let length = |a: usize, b: usize| self.places[a].distance(self.places[b]);
+        let beyond = |from: usize, x: i64, y: i64| {
+            self.grid.index_at(x, y).filter(|&index| self.are_alike(from, index)).map(|index| length(from, index))
+        };
+        let next = [beyond(one, x - dx, y - dy), beyond(other, z + dx, w + dy)];
+        let longest =
+            next.into_iter().flatten().fold(None, |most: Option<f64>, length| Some(most.unwrap_or(0.0).max(length)));
+        longest.is_none_or(|longest| length(one, other) <= MAX_STRETCH * longest + LEAST_TEAR)
+    }
+
+    /// Whether two photons came by way of one object to one surface.
+    fn are_alike(&self, one: usize, other: usize) -> bool {
+        let [one, other] = [one, other].map(|index| &self.grid.photons[index]);
+        one.caster == other.caster && one.object == other.object && one.normal.dot(other.normal) >= MIN_NORMAL_COSINE
+    }
+}

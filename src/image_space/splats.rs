@@ -1,0 +1,194 @@
+//! Photons as points and as Gaussian splats: of one size, of the size that a lens would make, or of their own footprints.
+//!
+//! The weights of a splat are normalised over the texels that it reaches on its receiver, so that it adds the photon's flux wherever it
+//! lies between texels.
+
+use glam::{DVec2, DVec3};
+use rayon::prelude::*;
+
+use super::caustic_map::CausticMap;
+use super::ledger::{Ledger, Loss};
+use super::lens::{Lens, lens_factor};
+use super::lights::LightView;
+use super::photons::{Photon, PhotonGrid};
+use super::sheet::PhotonSheet;
+
+use crate::scene::Object;
+
+/// The standard deviation of a splat in its diameters.
+const DEVIATION: f64 = 0.25;
+
+/// Splats end at this many standard deviations.
+const REACH: f64 = 2.5;
+
+/// The least and the largest diameter of splats, texels.
+const DIAMETERS: std::ops::RangeInclusive<f64> = 1.0..=64.0;
+
+/// The least standard deviation of a footprint, texels.
+const MIN_DEVIATION: f64 = 0.25;
+
+/// The size of splats of lenses, in distances between photons.
+const LENS_SPACINGS: f64 = 2.0;
+
+/// Footprints are so much wider than the part of the view that a photon stands for.
+const OVERLAP: f64 = 1.5;
+
+/// A Gaussian in texels.
+#[derive(Clone, Copy, Debug)]
+struct Splat {
+    /// The inverse of the covariance: xx, xy, yy.
+    inverse: [f64; 3],
+    /// Half the width and height of the rectangle that it is cut to.
+    reach: DVec2,
+}
+
+impl Splat {
+    /// A round one with a diameter, in a square of that size.
+    fn round(diameter: f64) -> Self {
+        let deviation = DEVIATION * diameter;
+        let inverse = 1.0 / (deviation * deviation);
+        Self { inverse: [inverse, 0.0, inverse], reach: DVec2::splat(0.5 * diameter.max(1.0)) }
+    }
+
+    /// With a covariance: xx, xy, yy.
+    fn elliptical([xx, xy, yy]: [f64; 3]) -> Self {
+        let determinant = xx * yy - xy * xy;
+        let inverse = [yy, -xy, xx].map(|entry| entry / determinant);
+        Self { inverse, reach: REACH * DVec2::new(xx.sqrt(), yy.sqrt()) + 0.5 }
+    }
+
+    fn weight(&self, offset: DVec2) -> f64 {
+        let [xx, xy, yy] = self.inverse;
+        let squared = xx * offset.x * offset.x + 2.0 * xy * offset.x * offset.y + yy * offset.y * offset.y;
+        (-0.5 * squared).exp()
+    }
+
+    /// Adds a photon at a place of a map.
+    fn add(&self, map: &CausticMap, photon: &Photon, (place, own): (DVec2, usize)) {
+        let size = DVec2::from_array(map.size().map(f64::from));
+        let low = (place - self.reach + 0.5).floor().max(DVec2::ZERO);
+        let high = (place + self.reach - 0.5).ceil().min(size);
+        let rows = low.y as usize..high.y as usize;
+        let taps = rows.flat_map(|y| (low.x as usize..high.x as usize).map(move |x| (x, y)));
+        let weighted = taps.filter_map(|(x, y)| {
+            let index = y * size.x as usize + x;
+            let weight = self.weight(DVec2::new(x as f64, y as f64) + 0.5 - place);
+            map.is_surface_of(index, photon).then_some((index, weight))
+        });
+        let total: f64 = weighted.clone().map(|(_, weight)| weight).sum();
+        let flux = photon.flux.as_dvec3();
+        if total > 1e-12 {
+            weighted.for_each(|(index, weight)| map.add(index, flux * (weight / total), photon.direction));
+        } else {
+            map.add(own, flux, photon.direction);
+        }
+    }
+}
+
+/// Adds every photon of a grid by a function of its index and its place in the map. Returns what is lost.
+pub(super) fn each(map: &CausticMap, grid: &PhotonGrid, add: impl Fn(usize, (DVec2, usize)) + Sync) -> Ledger {
+    let account = |index: usize| {
+        let mut ledger = Ledger::default();
+        let photon = &grid.photons[index];
+        match map.place(photon) {
+            Ok(place) => {
+                add(index, place);
+                ledger.deposited = Ledger::sum(photon.flux);
+            }
+            Err(loss) => ledger[loss] = Ledger::sum(photon.flux),
+        }
+        ledger
+    };
+    super::ledger::total((0..grid.photons.len()).into_par_iter().map(account))
+}
+
+/// As points: all flux goes to the texel that a photon lands in.
+pub fn points(map: &CausticMap, grid: &PhotonGrid) -> Ledger {
+    each(map, grid, |index, (_, texel)| add_point(map, texel, &grid.photons[index]))
+}
+
+fn add_point(map: &CausticMap, texel: usize, photon: &Photon) {
+    map.add(texel, photon.flux.as_dvec3(), photon.direction);
+}
+
+/// As splats of a diameter, texels.
+pub fn of_diameter(map: &CausticMap, grid: &PhotonGrid, diameter: f64) -> Ledger {
+    let splat = Splat::round(diameter);
+    each(map, grid, |index, place| splat.add(map, &grid.photons[index], place))
+}
+
+/// As splats whose size follows from the distances to the light and to the receiver by a lens equation (Wyman and Dachsbacher 2006, Section 4.2).
+pub fn of_lenses(map: &CausticMap, (grid, view): (&PhotonGrid, &LightView), objects: &[Object], lens: Lens) -> Ledger {
+    each(map, grid, |index, place| {
+        let factor = lens_factor(grid, index, objects, lens).unwrap_or(1.0);
+        let undistorted = LENS_SPACINGS * spacing(view, &grid.photons[index]) / f64::from(map.texel_edge(place.1));
+        let diameter = (undistorted * factor).clamp(*DIAMETERS.start(), *DIAMETERS.end());
+        Splat::round(diameter).add(map, &grid.photons[index], place);
+    })
+}
+
+/// The distance between photons where they would land without mirrors and interfaces, metres.
+fn spacing(view: &LightView, photon: &Photon) -> f64 {
+    let way = &photon.way;
+    let cosine = f64::from(-photon.direction.dot(photon.normal)).max(0.05);
+    let length = match view.projection.is_parallel {
+        true => 1.0,
+        false => f64::from(way.before + way.within + way.beyond),
+    };
+    length * view.projection.texel / cosine.sqrt()
+}
+
+/// As splats of their own footprints: the parallelogram between neighbours, as in ray differentials (Igehy 1999), here by finite
+/// differences.
+pub fn of_footprints(map: &CausticMap, grid: &PhotonGrid) -> Ledger {
+    let sheet = PhotonSheet::new(map, grid);
+    each(map, grid, |index, place| match footprint(&sheet, index) {
+        Some(covariance) => Splat::elliptical(covariance).add(map, &grid.photons[index], place),
+        None => add_point(map, place.1, &grid.photons[index]),
+    })
+}
+
+/// The covariance of a photon's footprint, texels²: that of a parallelogram with even density, and a little more.
+fn footprint(sheet: &PhotonSheet, index: usize) -> Option<[f64; 3]> {
+    let is_neighbour = |one: usize, other: usize| sheet.are_connected(one, other);
+    let sides = sheet.grid.differences(index, is_neighbour, |index| sheet.places[index]);
+    let [Some(u), Some(v)] = sides else { return None };
+    let scale = OVERLAP * OVERLAP / 12.0;
+    let largest = REACH * (scale * (u * u + v * v).max_element()).sqrt();
+    // Very large footprints are hardly seen: they are cut.
+    let scale = scale * (0.5 * DIAMETERS.end() / largest).min(1.0).powi(2);
+    let least = MIN_DEVIATION * MIN_DEVIATION;
+    let entry = |a: f64, b: f64, c: f64, d: f64| scale * (a * b + c * d);
+    Some([entry(u.x, u.x, v.x, v.x) + least, entry(u.x, u.y, v.x, v.y), entry(u.y, u.y, v.y, v.y) + least])
+}
+
+/// A 7×7 Gaussian over the texels of a map to which photons were added as points (Wyman and Davis 2006, Section 3.2.2). Texels with fewer
+/// than three photons around become black; what they had is culled.
+pub fn gathered(points: &CausticMap, counts: &[u32], smooth: &CausticMap) -> Ledger {
+    const REACH_OF_GATHER: i64 = 3;
+    const DEVIATION_OF_GATHER: f64 = 1.75;
+    const LEAST_PHOTONS: u32 = 3;
+    let weight = |[dx, dy]: [i64; 2]| (-((dx * dx + dy * dy) as f64) / (2.0 * DEVIATION_OF_GATHER.powi(2))).exp();
+    let is_kept =
+        |index: usize| points.around(index, REACH_OF_GATHER).map(|(k, _)| counts[k]).sum::<u32>() >= LEAST_PHOTONS;
+    let kept: Vec<bool> = (0..counts.len()).into_par_iter().map(is_kept).collect();
+    let spread = |index: usize| {
+        let mut ledger = Ledger::default();
+        let flux = points.flux(index);
+        if flux == DVec3::ZERO {
+            return ledger;
+        }
+        let total: f64 = points.around(index, REACH_OF_GATHER).map(|(_, offset)| weight(offset)).sum();
+        for (other, offset) in points.around(index, REACH_OF_GATHER) {
+            let part = flux * (weight(offset) / total);
+            if kept[other] {
+                smooth.add(other, part, points.direction(index));
+                ledger.deposited += part.element_sum();
+            } else {
+                ledger[Loss::Culled] += part.element_sum();
+            }
+        }
+        ledger
+    };
+    super::ledger::total((0..counts.len()).into_par_iter().map(spread))
+}

@@ -1,0 +1,282 @@
+//! Image-space techniques against closed forms, direct light and the ground truth.
+
+use std::f64::consts::{PI, TAU};
+use std::path::Path;
+
+use glam::Vec3;
+use pinspot::image::{Aov, Image, rel_l2};
+use pinspot::reference::{self, Reference, StoppingCriterion};
+use pinspot::scene::{Chain, Emitter, Scene, load, parse};
+use pinspot::{
+    BackendChoice, CubeSize, Error, ImageSpaceOptions, Loss, MapView, Mode, NoProgress, Options, Rendered, Settings,
+    Technique,
+};
+
+use crate::support::render;
+
+/// A floor that is seen from above, 2 m high and wide, and what else there is.
+fn scene(environment: &str, rest: &str) -> Scene {
+    let text = format!(
+        "[environment]\n{environment}\n[camera]\nposition = [0, 9, 0]\ntarget = [0, 0, 0]\nup = [0, 0, -1]\n\
+         orthographic = {{ height = 2.0 }}\n[[object]]\nname = \"floor\"\nshape = {{ plane = {{ size = [8, 8] }} }}\n\
+         receiver = {{ albedo = [0.5, 0.5, 0.5] }}\n{rest}"
+    );
+    parse::<toml::Table>("test.toml", &text, Path::new(".")).unwrap().scene
+}
+
+/// A lamp without extent above the middle.
+const LAMP: &str = "[[light]]\nposition = [0, 3, 0]\nintensity = [9, 18, 27]\n";
+const DARK: &str = "constant = [0, 0, 0]";
+/// A sun of little extent, high in the sky.
+const SUN: &str = "spot = { direction = [0.36, 0.8, 0.48], sigma_rad = 0.001, radiance = [1e6, 1e6, 1e6] }";
+
+fn options(mode: Mode, photons: u32) -> Options {
+    let image_space = ImageSpaceOptions { mode, photons, light_directions: 1, ..Default::default() };
+    Options::default()
+        .with_technique(Technique::ImageSpace)
+        .with_image_space(image_space)
+        .with_size([128, 128])
+        .with_cube_size(CubeSize::Texels(16))
+        .with_aovs(vec![Aov::Caustic])
+}
+
+fn caustic(scene: &Scene, options: Options) -> (Image, Rendered) {
+    let mut rendered = render(scene.clone(), options, &BackendChoice::Cpu).unwrap();
+    (rendered.layers.remove(0).1, rendered)
+}
+
+/// A picture of a function of the place on the floor.
+fn on_floor(size: u32, value: impl Fn(f64, f64) -> Vec3) -> Image {
+    let at = |k: u32| 2.0 * (f64::from(k) + 0.5) / f64::from(size) - 1.0;
+    let pixels = (0..size * size).map(|k| value(at(k % size), at(k / size))).collect();
+    Image { width: size, height: size, pixels }
+}
+
+/// Waves that change nothing: with the index of air and without Fresnel the caustic is the direct light, in every mode and map.
+#[test]
+fn without_refraction_the_caustic_is_the_direct_light() {
+    let waves = "[[object]]\nname = \"film\"\nshape = { plane = { size = [8, 8] } }\ntranslate = [0, 1, 0]\n\
+                 rotate_deg = [7, 0, 12]\nrefractor = { eta = 1.0, fresnel = false }\ncamera_visible = false\n";
+    let lit = scene(DARK, &format!("{LAMP}{waves}"));
+    let expected = on_floor(128, |x, z| {
+        let squared = x * x + z * z + 9.0;
+        Vec3::new(9.0, 18.0, 27.0) * (3.0 / squared.powf(1.5)) as f32
+    });
+    for mode in Mode::ALL {
+        for map in [MapView::Eye, MapView::Light] {
+            let mut options = options(mode, 1024);
+            options.image_space.caustic_map = map;
+            options.image_space.splat_diameter = 8.0;
+            let (found, rendered) = caustic(&lit, options);
+            let error = rel_l2(&found, &expected, None);
+            // Points and small splats show the grid.
+            let limit = match mode {
+                Mode::ExactPolygons => 0.002,
+                Mode::Polygons => 0.02,
+                Mode::Points => 0.6,
+                Mode::Gather => 0.08,
+                Mode::MultiResolution => 0.06,
+                _ => 0.03,
+            };
+            let flux = rendered.report.photons.unwrap().flux;
+            println!("{} {}: {error:.4}, flux {:.2e}", mode.name(), map.name(), flux.error());
+            assert!(error < limit, "{} {}: {error}", mode.name(), map.name());
+            let (sum, of_direct) = (found.mean().x, expected.mean().x);
+            assert!((sum / of_direct - 1.0).abs() < 0.012, "{} {}: {sum} of {of_direct}", mode.name(), map.name());
+        }
+    }
+}
+
+/// What is cast is in the maps or is known to be lost, to the last part in 10⁴; only several resolutions at once are biased, and polygons
+/// that cover centres have too much or too little.
+#[test]
+fn all_flux_is_accounted_for() {
+    let (ring, _) = pinspot::load("ring").unwrap();
+    for mode in Mode::ALL {
+        for map in [MapView::Eye, MapView::Light] {
+            let mut options = options(mode, 256);
+            options.image_space.light_directions = 4;
+            options.image_space.caustic_map = map;
+            let flux = caustic(&ring, options).1.report.photons.unwrap().flux;
+            let limit = match mode {
+                Mode::MultiResolution => 0.15,
+                Mode::Polygons => 0.03,
+                _ => 1e-4,
+            };
+            let lost: Vec<String> =
+                Loss::ALL.iter().map(|l| format!("{} {:.4}", l.name(), flux[*l] / flux.cast)).collect();
+            println!("{} {}: error {:.2e}, {}", mode.name(), map.name(), flux.error(), lost.join(", "));
+            assert!(flux.cast > 0.0 && flux.error().abs() < limit, "{} {}: {}", mode.name(), map.name(), flux.error());
+            assert!(flux.deposited > 0.5 * flux.cast, "{}", mode.name());
+        }
+    }
+}
+
+/// A plane mirror and a lamp: E = I cosθ′ / d′² of the virtual lamp.
+#[test]
+fn a_plane_mirror_shows_a_virtual_lamp() {
+    // In the plane x = −1.5, facing the floor's middle; the lamp's image is as far behind it.
+    let mirror = "[[object]]\nshape = { plane = { size = [6, 6] } }\nrotate_deg = [0, 0, -90]\ntranslate = [-1.5, 3, 0]\nreflector = {}\n";
+    let lit = scene(DARK, &format!("{LAMP}{mirror}"));
+    let expected = on_floor(128, |x, z| {
+        let squared = (x + 3.0).powi(2) + z * z + 9.0;
+        Vec3::new(9.0, 18.0, 27.0) * (3.0 / squared.powf(1.5)) as f32
+    });
+    for map in [MapView::Eye, MapView::Light] {
+        let mut options = options(Mode::ExactPolygons, 256);
+        options.image_space.caustic_map = map;
+        let error = rel_l2(&caustic(&lit, options).0, &expected, None);
+        println!("{}: {error:.5}", map.name());
+        assert!(error < 0.005, "{}: {error}", map.name());
+    }
+}
+
+/// What passes an interface from the front at an angle of this cosine.
+fn transmittance(cosine: f64, eta: f64) -> f64 {
+    let inside = (1.0 - (1.0 - cosine * cosine) / (eta * eta)).sqrt();
+    let s = (cosine - eta * inside) / (cosine + eta * inside);
+    let p = (eta * cosine - inside) / (eta * cosine + inside);
+    1.0 - 0.5 * (s * s + p * p)
+}
+
+/// Flat water below a lamp, on the axis: E = I T / (h + z/n)²; in the sun everywhere E₀ cosθ T.
+#[test]
+fn flat_water_has_its_closed_forms() {
+    let water = "[[object]]\nshape = { plane = { size = [8, 8] } }\ntranslate = [0, 1, 0]\nrefractor = { eta = 1.333 }\n\
+                 camera_visible = false\n";
+    let below_lamp = caustic(&scene(DARK, &format!("{LAMP}{water}")), options(Mode::ExactPolygons, 512)).0;
+    let middle = below_lamp.pixels[64 * 128 + 64].y;
+    let expected = 18.0 * transmittance(1.0, 1.333) / (2.0 + 1.0 / 1.333f64).powi(2);
+    assert!((f64::from(middle) / expected - 1.0).abs() < 0.005, "{middle} {expected}");
+    let in_the_sun = caustic(&scene(SUN, water), options(Mode::ExactPolygons, 256)).0;
+    let expected = TAU * 0.001f64.powi(2) * 1e6 * 0.8 * transmittance(0.8, 1.333);
+    let mean = f64::from(in_the_sun.mean().x);
+    assert!((mean / expected - 1.0).abs() < 0.005, "{mean} {expected}");
+    let flat = on_floor(128, |_, _| Vec3::splat(expected as f32));
+    assert!(rel_l2(&in_the_sun, &flat, None) < 0.005);
+}
+
+/// A glass ball in parallel light: a ray at b from the axis meets the ball at sin i = b/R, is refracted to sin r = sin i / n and again on its
+/// way out, turned by 2 (i − r) in all, and meets a plane D below the middle at ρ = R sin(2r − i) − (D − R cos(2r − i)) tan 2(i − r).
+#[test]
+fn a_glass_ball_has_its_closed_form() {
+    let (n, below, radius) = (1.5f64, 0.9f64, 0.5f64);
+    let sun = "spot = { direction = [0, 1, 0], sigma_rad = 0.0005, radiance = [1e6, 1e6, 1e6] }";
+    let ball = format!(
+        "[[object]]\nshape = {{ sphere = {{ radius = {radius}, divisions = 96 }} }}\ntranslate = [0, {below}, 0]\n\
+         refractor = {{ eta = {n}, interfaces = 2 }}\ncamera_visible = false\n"
+    );
+    let size = 64;
+    let mut flux = vec![0.0f64; (size * size) as usize];
+    let steps = 20_000;
+    let irradiance = TAU * 0.0005f64.powi(2) * 1e6;
+    for k in 0..steps {
+        let b = radius * (f64::from(k) + 0.5) / f64::from(steps);
+        let (i, r) = ((b / radius).asin(), (b / radius / n).asin());
+        let (turned, leaving) = (2.0 * (i - r), 2.0 * r - i);
+        if turned >= PI / 2.0 {
+            continue;
+        }
+        let place = radius * leaving.sin() - (below - radius * leaving.cos()) * turned.tan();
+        let passing = transmittance(i.cos(), n).powi(2);
+        let amount = irradiance * passing * TAU * b * radius / f64::from(steps) / 720.0;
+        for azimuth in 0..720 {
+            let angle = TAU * f64::from(azimuth) / 720.0;
+            let texel = |x: f64| ((x + 1.0) * 0.5 * f64::from(size)).floor();
+            let (x, y) = (texel(place * angle.cos()), texel(place * angle.sin()));
+            if x >= 0.0 && y >= 0.0 && x < f64::from(size) && y < f64::from(size) {
+                flux[y as usize * size as usize + x as usize] += amount;
+            }
+        }
+    }
+    let area = (2.0 / f64::from(size)).powi(2);
+    let expected =
+        Image { width: size, height: size, pixels: flux.iter().map(|f| Vec3::splat((f / area) as f32)).collect() };
+    let mut options = options(Mode::ExactPolygons, 1024);
+    options.size = [size; 2];
+    options.aovs = vec![Aov::CausticTT];
+    let (found, rendered) = caustic(&scene(sun, &ball), options);
+    let error = rel_l2(&found, &expected, None);
+    println!("ball: {error:.4}, {} of {}", found.mean().x, expected.mean().x);
+    println!("{:?}", rendered.report.photons.unwrap().flux);
+    assert!(error < 0.03, "{error}");
+}
+
+/// The mean over pixels of the built-in ring's caustic in a small sun, by every mode, beside the ground truth.
+#[test]
+fn the_ring_in_a_small_sun() {
+    let scene = load::<Settings>("ring").unwrap().scene;
+    let wanted = reference::Options { size: [128; 2], pixel_samples: 4, ..Default::default() };
+    let goal = StoppingCriterion::new(0.01);
+    let truth = Reference::new(scene.clone(), wanted).unwrap();
+    let truth = truth.solve(&goal, None, &NoProgress, &mut |_| Ok(())).unwrap().irradiance;
+    let mut errors = Vec::new();
+    for mode in Mode::ALL {
+        let mut options = options(mode, 512);
+        options.image_space.light_directions = 32;
+        let error = rel_l2(&caustic(&scene, options).0, &truth, None);
+        println!("{}: {error:.4}", mode.name());
+        errors.push((mode, error));
+    }
+    for (mode, error) in errors {
+        let limit = match mode {
+            Mode::ExactPolygons | Mode::Polygons | Mode::Footprints => 0.05,
+            Mode::Gather | Mode::MultiResolution => 0.6,
+            _ => 0.3,
+        };
+        assert!(error < limit, "{}: {error}", mode.name());
+    }
+}
+
+/// The same bits every time, whatever the number of threads.
+#[test]
+fn sums_are_the_same_bits_every_time() {
+    let (ring, _) = pinspot::load("ring").unwrap();
+    for mode in Mode::ALL {
+        let pictures = [1, 3].map(|threads| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| caustic(&ring, options(mode, 128)).0)
+        });
+        assert!(pictures[0].pixels == pictures[1].pixels, "{}", mode.name());
+    }
+}
+
+/// What the technique does not know is refused with a reason.
+#[test]
+fn scenes_that_it_does_not_know_are_refused() {
+    let refused = |name: &str, change: fn(&mut Scene, &mut Options)| {
+        let (mut scene, _) = pinspot::load(name).unwrap();
+        let mut options = options(Mode::Points, 16);
+        change(&mut scene, &mut options);
+        match render(scene, options, &BackendChoice::Cpu) {
+            Err(Error::Option(error)) => error.to_string(),
+            Err(error) => panic!("{name}: {error}"),
+            Ok(_) => panic!("{name} is not refused"),
+        }
+    };
+    assert!(refused("haze", |_, _| ()).contains("media"));
+    let shining = |scene: &mut Scene, _: &mut Options| {
+        let last = scene.objects.last_mut().unwrap();
+        last.receiver = None;
+        last.emitter = Some(Emitter { radiance: Vec3::ONE, is_near: true });
+    };
+    assert!(refused("ring", shining).contains("emitters that are near"));
+    assert!(refused("ring", |_, options| options.visibility = pinspot::scene::Visibility::None).contains("visibility"));
+    assert!(refused("ring", |_, options| options.attenuation = false).contains("attenuation"));
+    assert!(refused("ring", |scene, _| scene.objects.retain(|o| o.reflector.is_none())).contains("reflector"));
+    assert!(refused("ring", |_, options| options.image_space.photons = 7).contains("photons"));
+}
+
+/// Chains are told apart: what the ball reflects and what passes it are together what it casts.
+#[test]
+fn chains_add_up() {
+    let ball = "[[object]]\nshape = { sphere = { radius = 0.3 } }\ntranslate = [0, 0.6, 0]\n\
+                refractor = { eta = 1.5, interfaces = 2 }\ncamera_visible = false\n";
+    let lit = scene(SUN, ball);
+    assert!(lit.objects[1].casts(Chain::TT));
+    let mut all = options(Mode::Splats, 256);
+    all.aovs = vec![Aov::Caustic, Aov::CausticR];
+    let rendered = render(lit, all, &BackendChoice::Cpu).unwrap();
+    let [whole, reflected] = [0, 1].map(|k| rendered.layers[k].1.mean().x);
+    assert!(reflected > 0.0 && reflected < 0.1 * whole, "{reflected} {whole}");
+}
