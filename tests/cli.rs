@@ -305,6 +305,7 @@ fn options_of_photons_that_change<T: PartialEq + std::fmt::Debug>(
     assert_ne!(ring("2"), ring("5"));
     vec![
         "--mode",
+        "--traversal",
         "--photons",
         "--caustic-map",
         "--lights",
@@ -423,6 +424,7 @@ fn every_option_of_reference_changes_what_it_writes() {
         &["--attenuation", "off"],
         &["--pixel-samples", "2"],
         &["--seed", "9"],
+        &["--replicates", "20"],
         &["--env", "city"],
         &["--env-rotation-deg", "90"],
         &["--env-intensity", "2"],

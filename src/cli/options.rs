@@ -10,7 +10,7 @@ use pinspot::image::{Aov, ToneMap};
 use pinspot::scene::{Light, Loaded, MapLayout, Scene, Visibility, load};
 use pinspot::{
     BackendChoice, CubeSize, Density, Epsilon, EvaluationChoice, Exposure, FilterChoice, Footprint, MapView, Mode,
-    OptionError, Options, Overlay, Quality, Settings, Strategy, Technique,
+    OptionError, Options, Overlay, Quality, Settings, Strategy, Technique, Traversal,
 };
 
 use super::errors::{message, option_message};
@@ -39,6 +39,10 @@ pub struct PhotonOptions {
     /// footprints [default: exact-polygons]
     #[arg(long, value_parser = word::<Mode>, value_name = "NAME")]
     pub mode: Option<Mode>,
+    /// Which photons are followed: dense (all), maximal-level (where casters are, from coarse to fine) or texel-error (the same, and those
+    /// that land in one texel are one) [default: dense]
+    #[arg(long, value_parser = word::<Traversal>, value_name = "NAME")]
+    pub traversal: Option<Traversal>,
     /// Photons along each edge of a light's view [default: 512]
     #[arg(long, value_name = "N")]
     pub photons: Option<u32>,
@@ -176,6 +180,7 @@ impl CommonOptions {
         Settings {
             technique: self.technique,
             mode: self.image_space.mode,
+            traversal: self.image_space.traversal,
             photons: self.image_space.photons,
             caustic_map: self.image_space.caustic_map,
             caustic_map_size: self.image_space.caustic_map_size,

@@ -52,6 +52,9 @@ pub struct ReferenceArgs {
     /// Average NxN points per pixel [default: 1]
     #[arg(long, value_name = "N")]
     pixel_samples: Option<u32>,
+    /// Independent randomisations, from which the standard error comes, or for beams the directions in extended lights [default: 16]
+    #[arg(long, value_name = "N")]
+    replicates: Option<u32>,
     /// Random seed [default: 1]
     #[arg(long, value_name = "N")]
     seed: Option<u64>,
@@ -93,7 +96,7 @@ pub fn run(args: &ReferenceArgs) -> Result<(), String> {
     let rel_error = stored.estimate.rel_error();
     if rel_error > args.rel_error && options.estimator == Estimator::Beams {
         warnings.push(format!(
-            "the standard error is {rel_error:.4}, not {}, and beams do not lower it; take fewer pixels, or --estimator points",
+            "the standard error is {rel_error:.4}, not {}, and more time does not lower it; give more --replicates, or --estimator points",
             args.rel_error
         ));
     } else if rel_error > args.rel_error {
@@ -137,6 +140,7 @@ fn options(args: &ReferenceArgs, render: &Settings) -> Result<Options, String> {
         estimator: args.estimator.unwrap_or_default(),
         visibility: args.visibility.or(render.visibility).unwrap_or_default(),
         attenuation: args.attenuation.or(render.attenuation).unwrap_or(true),
+        replicates: args.replicates.unwrap_or(defaults.replicates),
         seed: args.seed.or(render.seed).unwrap_or(defaults.seed),
         ..defaults
     })

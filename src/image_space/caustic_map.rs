@@ -22,6 +22,9 @@ const STEPS: f64 = (1u64 << 52) as f64;
 /// How far off a texel's plane its surface may be, in edges of the texel.
 const MAX_HEIGHT: f32 = 0.5;
 
+/// How far a ray may miss the point that it was sent to, in edges of the texel.
+const MAX_OFFSET: f32 = 0.05;
+
 /// Surfaces whose normals differ more than this are not one: the cosine.
 const MIN_NORMAL_COSINE: f32 = 0.5;
 
@@ -98,6 +101,17 @@ impl CausticMap {
         let place = self.projection.project(photon.position).ok_or(Loss::OffMap)?;
         let index = self.projection.index(place).ok_or(Loss::OffMap)?;
         if self.shows(index, photon) { Ok((place, index)) } else { Err(Loss::Hidden) }
+    }
+
+    /// Whether something hides a photon that lands in a texel at the edge of a surface. Elsewhere the middles of texels tell.
+    pub fn is_hidden(&self, photon: &Photon, receiver: impl Fn(Ray) -> Option<Hit>) -> bool {
+        let Ok((place, index)) = self.place(photon) else { return false };
+        let own = self.around(index, 1).count();
+        if own == 9 {
+            return false;
+        }
+        let seen = receiver(self.projection.ray(place));
+        seen.is_none_or(|hit| hit.position.distance(photon.position) > MAX_OFFSET * self.texels[index].edge)
     }
 
     /// Where a point appears in the map, which may be outside of its window.

@@ -69,22 +69,36 @@ struct Flight {
     way: Way,
 }
 
-/// Photons of every kind from a light's view, with their account. `seed`: origins in extended lights are drawn by it.
-pub fn emit(
-    surroundings: &Surroundings,
-    view: &LightView,
-    kinds: &[Kind],
-    seed: u64,
-    progress: &dyn Progress,
-) -> (Vec<PhotonGrid>, Ledger) {
-    let size = view.projection.size;
+/// What became of one photon.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Traced {
+    /// On a receiver, if it met one.
+    pub photon: Option<Photon>,
+    /// The account of its flux, as far as it is not deposited.
+    pub ledger: Ledger,
+}
+
+/// Rays from a light's view.
+#[derive(Clone, Copy)]
+pub struct Emission<'a> {
+    /// What they meet.
+    pub surroundings: &'a Surroundings<'a>,
+    /// Where they start.
+    pub view: &'a LightView,
+    /// Origins in extended lights are drawn by it.
+    pub seed: u64,
+}
+
+/// Photons of every kind, one for each texel of the light's view, with their account.
+pub fn emit(emission: &Emission, kinds: &[Kind], progress: &dyn Progress) -> (Vec<PhotonGrid>, Ledger) {
+    let size = emission.view.projection.size;
     let rows: Vec<Row> = (0..size[1])
         .into_par_iter()
         .map(|y| {
             if progress.is_cancelled() {
                 return Row { photons: vec![Vec::new(); kinds.len()], ledger: Ledger::default() };
             }
-            let row = RowEmission { surroundings, view, y, seed }.emit(kinds);
+            let row = emission.row(kinds, y);
             progress.advance(1);
             row
         })
@@ -104,34 +118,41 @@ struct Row {
     ledger: Ledger,
 }
 
-struct RowEmission<'a> {
-    surroundings: &'a Surroundings<'a>,
-    view: &'a LightView,
-    y: u32,
-    seed: u64,
-}
-
-impl RowEmission<'_> {
-    fn emit(&self, kinds: &[Kind]) -> Row {
+impl Emission<'_> {
+    fn row(&self, kinds: &[Kind], y: u32) -> Row {
         let mut row = Row { photons: vec![Vec::new(); kinds.len()], ledger: Ledger::default() };
-        let tracer = self.surroundings.tracer;
-        for first in (0..self.view.projection.size[0]).step_by(LANES) {
-            let emitted: [(Ray, Vec3); LANES] = std::array::from_fn(|lane| self.ray(first + lane as u32));
-            let count = (self.view.projection.size[0] - first).min(LANES as u32);
-            let hits = tracer.secondary_hits(&emitted.map(|(ray, _)| ray), ALL >> (LANES as u32 - count));
-            for (kind, photons) in kinds.iter().zip(&mut row.photons) {
-                let flights = std::array::from_fn(|lane| self.scatter(*kind, hits[lane].as_ref()?, &emitted[lane]));
-                let landed = self.follow(*kind, flights, &mut row.ledger);
-                let placed = landed.into_iter().enumerate();
-                photons.extend(placed.filter_map(|(lane, photon)| Some((first + lane as u32, photon?))));
-            }
+        let width = self.view.projection.size[0];
+        for first in (0..width).step_by(LANES) {
+            let texels = std::array::from_fn(|lane| [first + lane as u32, y]);
+            let lanes = ALL >> (LANES as u32 - (width - first).min(LANES as u32));
+            self.trace(kinds, &texels, lanes, |kind, lane, traced| {
+                row.ledger += traced.ledger;
+                row.photons[kind].extend(traced.photon.map(|photon| (first + lane as u32, photon)));
+            });
         }
         row
     }
 
-    fn ray(&self, x: u32) -> (Ray, Vec3) {
-        let place = DVec2::new(f64::from(x), f64::from(self.y)) + 0.5;
-        let index = self.y * self.view.projection.size[0] + x;
+    /// Follows a photon from each of sixteen texels of the view, in the lanes asked for. Calls with the number of the kind and the lane.
+    pub fn trace(
+        &self,
+        kinds: &[Kind],
+        texels: &[[u32; 2]; LANES],
+        lanes: u32,
+        mut call: impl FnMut(usize, usize, Traced),
+    ) {
+        let emitted: [(Ray, Vec3); LANES] = texels.map(|texel| self.ray(texel));
+        let hits = self.surroundings.tracer.secondary_hits(&emitted.map(|(ray, _)| ray), lanes);
+        for (k, kind) in kinds.iter().enumerate() {
+            let flights = std::array::from_fn(|lane| self.scatter(*kind, hits[lane].as_ref()?, &emitted[lane]));
+            let landed = self.follow(*kind, flights);
+            landed.into_iter().enumerate().for_each(|(lane, traced)| call(k, lane, traced));
+        }
+    }
+
+    fn ray(&self, [x, y]: [u32; 2]) -> (Ray, Vec3) {
+        let place = DVec2::new(f64::from(x), f64::from(y)) + 0.5;
+        let index = y.wrapping_mul(self.view.projection.size[0]).wrapping_add(x);
         let [u, v, ..] = sobol_burley::sample_4d(index & 0xffff, 0, (self.seed as u32).wrapping_add(index >> 16));
         self.view.emit(place, Vec2::new(u, v))
     }
@@ -170,23 +191,25 @@ impl RowEmission<'_> {
     }
 
     /// Where photons land that have left the first surface.
-    fn follow(&self, kind: Kind, mut flights: [Option<Flight>; LANES], ledger: &mut Ledger) -> [Option<Photon>; LANES] {
-        ledger.cast += flights.iter().flatten().map(|flight| Ledger::sum(flight.flux)).sum::<f64>();
+    fn follow(&self, kind: Kind, mut flights: [Option<Flight>; LANES]) -> [Traced; LANES] {
+        let mut traced = [Traced::default(); LANES];
+        for (traced, flight) in traced.iter_mut().zip(&flights) {
+            traced.ledger.cast = flight.as_ref().map_or(0.0, |flight| Ledger::sum(flight.flux));
+        }
         if kind.chain == Chain::TT {
             let hits = self.next_hits(&flights);
-            for (flight, hit) in flights.iter_mut().zip(&hits) {
+            for ((flight, hit), traced) in flights.iter_mut().zip(&hits).zip(&mut traced) {
                 if let Some(entered) = flight.take() {
-                    *flight = self.leave(kind, entered, hit.as_ref(), ledger);
+                    *flight = self.leave(kind, entered, hit.as_ref(), &mut traced.ledger);
                 }
             }
         }
         let hits = self.next_hits(&flights);
-        let mut landed = [None; LANES];
-        for (photon, (flight, hit)) in landed.iter_mut().zip(flights.into_iter().zip(hits)) {
+        for (traced, (flight, hit)) in traced.iter_mut().zip(flights.into_iter().zip(hits)) {
             let Some(flight) = flight else { continue };
-            *photon = self.land(&flight, hit.as_ref(), ledger);
+            traced.photon = self.land(&flight, hit.as_ref(), &mut traced.ledger);
         }
-        landed
+        traced
     }
 
     fn next_hits(&self, flights: &[Option<Flight>; LANES]) -> [Option<Hit>; LANES] {

@@ -136,6 +136,11 @@ pub struct LightView {
 }
 
 impl LightView {
+    /// The same window with `photons`² rays.
+    pub fn resized(&self, photons: u32) -> Self {
+        Self { projection: self.projection.resized(photons), ..self.clone() }
+    }
+
     /// The ray of a photon at a place of the grid, and its flux, W. `part`: a point of the unit square, by which the origin in an extended
     /// light is chosen.
     pub fn emit(&self, place: DVec2, part: Vec2) -> (Ray, Vec3) {

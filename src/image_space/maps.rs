@@ -3,19 +3,24 @@
 use glam::{DVec2, DVec3, Vec3};
 
 use super::MapInTheMaking;
-use super::caustic_map::{CausticMap, Incident, IrradianceMap};
-use super::emission::{Kind, Surroundings, emit};
+use super::adaptive::{FIRST_GRID, Traverser};
+use super::caustic_map::{Incident, IrradianceMap};
+use super::coverage::Coverage;
+use super::emission::{Emission, Kind, Surroundings, emit};
 use super::ledger::Ledger;
 use super::lights::{LightView, PhotonLight};
-use super::options::{ImageSpaceOptions, MapView};
+use super::options::{ImageSpaceOptions, MapView, Traversal};
 use super::photons::PhotonGrid;
 use super::projection::{Bounds, Projection};
 use crate::progress::Progress;
-use crate::scene::{Camera, Ray};
+use crate::scene::{Camera, Chain, Ray};
 use crate::tracing::{Hit, Tracer};
 
 /// The part of the photons at each edge of a light's map that may lie outside of it.
 const OUTLIERS: f64 = 0.002;
+
+/// Clusters of photons that are followed together.
+const CLUSTERS_OF_BATCH: usize = 1 << 18;
 
 /// What maps are made from.
 #[derive(Clone, Copy)]
@@ -26,6 +31,8 @@ pub struct MapInputs<'a> {
     pub receivers: &'a Tracer,
     /// Vertices of what casts caustics.
     pub casters: &'a [Vec3],
+    /// Its triangles.
+    pub triangles: &'a [[Vec3; 3]],
     /// Around everything.
     pub bounds: Bounds,
     /// The lights.
@@ -42,6 +49,9 @@ pub struct MapInputs<'a> {
     pub has_directions: bool,
 }
 
+/// A light's view, and the photons from it.
+type Emitted = (LightView, Vec<PhotonGrid>);
+
 /// Finished maps.
 #[derive(Debug)]
 pub struct Maps {
@@ -51,9 +61,9 @@ pub struct Maps {
     lights: Vec<IrradianceMap>,
     /// The account of the flux: in the camera's map or, without one, in those of the lights.
     pub ledger: Ledger,
-    /// How many photons were sent.
+    /// How many photons were followed.
     pub photons: u64,
-    /// How many met a receiver.
+    /// How many were added to maps: they met a receiver, or several were one.
     pub photons_used: u64,
     /// How many lights sent them.
     pub lights_used: usize,
@@ -62,7 +72,7 @@ pub struct Maps {
 impl Maps {
     /// Sends photons and adds them to maps.
     pub fn new(inputs: &MapInputs, progress: &dyn Progress) -> Self {
-        let mut maps = Making::new(inputs);
+        let mut maps = Making::new(inputs, progress);
         for light in inputs.lights {
             if progress.is_cancelled() {
                 break;
@@ -94,72 +104,112 @@ impl Maps {
 /// Maps, and the photons so far.
 struct Making<'a> {
     inputs: &'a MapInputs<'a>,
-    eye: Option<MapInTheMaking>,
-    /// With the camera's map, one light's: of the first light that reaches receivers.
-    shared: Vec<MapInTheMaking>,
+    eye: Option<MapInTheMaking<'a>>,
+    /// With the camera's map, one for each chain, along the mean direction in which its photons travel.
+    shared: Vec<(Chain, MapInTheMaking<'a>)>,
     finished: Vec<IrradianceMap>,
     ledger: Ledger,
     photons: u64,
-    photons_used: u64,
+    used: u64,
 }
 
 impl<'a> Making<'a> {
-    fn new(inputs: &'a MapInputs<'a>) -> Self {
+    fn new(inputs: &'a MapInputs<'a>, progress: &dyn Progress) -> Self {
         let eye = (inputs.options.caustic_map == MapView::Eye).then(|| {
             let (camera, size) = &inputs.view;
             let tracer = inputs.surroundings.tracer;
             let objects = inputs.surroundings.objects;
             let receiver =
-                |ray: Ray| tracer.camera_hit(ray).filter(|hit| objects[hit.object as usize].receiver.is_some());
+                move |ray: Ray| tracer.camera_hit(ray).filter(|hit| objects[hit.object as usize].receiver.is_some());
             inputs.map(Projection::of_camera(camera, *size), receiver)
         });
-        Self {
-            inputs,
-            eye,
-            shared: Vec::new(),
-            finished: Vec::new(),
-            ledger: Ledger::default(),
-            photons: 0,
-            photons_used: 0,
-        }
+        Self { inputs, eye, shared: Vec::new(), finished: Vec::new(), ledger: Ledger::default(), photons: 0, used: 0 }
     }
 
     fn add_light(&mut self, light: &PhotonLight, progress: &dyn Progress) {
         let inputs = self.inputs;
-        let centre = inputs.bounds.centre();
         let lights = match inputs.options.mode.needs_neighbours() {
-            true => light.divided(inputs.options.light_directions, centre),
+            true => light.divided(inputs.options.light_directions, inputs.bounds.centre()),
             false => vec![light.clone()],
         };
         // The map of a light shows all of its parts.
-        let mut own: Vec<MapInTheMaking> = Vec::new();
+        let mut own: Vec<MapInTheMaking<'a>> = Vec::new();
         for light in &lights {
-            let views = light.views(inputs.casters, &inputs.bounds, inputs.options.photons);
-            let emitted: Vec<(LightView, Vec<PhotonGrid>)> =
-                views.into_iter().map(|view| self.emit(view, progress)).collect();
-            if let Some(eye) = &mut self.eye {
-                inputs.add_all(std::slice::from_mut(eye), &emitted);
+            match inputs.options.traversal {
+                Traversal::Dense => self.add_all_photons(light, &mut own, progress),
+                _ => self.add_clusters(light, &mut own, progress),
             }
-            let maps = if self.eye.is_some() { &mut self.shared } else { &mut own };
-            if maps.is_empty() {
-                maps.extend(inputs.maps_of_light(light, &emitted));
-            }
-            inputs.add_all(maps, &emitted);
         }
         self.finish_maps(own);
     }
 
-    fn emit(&mut self, view: LightView, progress: &dyn Progress) -> (LightView, Vec<PhotonGrid>) {
-        let MapInputs { surroundings, kinds, seed, .. } = self.inputs;
-        let (grids, ledger) = emit(surroundings, &view, kinds, *seed, progress);
+    fn add_all_photons(&mut self, light: &PhotonLight, own: &mut Vec<MapInTheMaking<'a>>, progress: &dyn Progress) {
+        let inputs = self.inputs;
+        let views = light.views(inputs.casters, &inputs.bounds, inputs.options.photons);
+        let emitted: Vec<Emitted> = views.into_iter().map(|view| self.emit(view, progress)).collect();
+        self.make_maps(light, own, &emitted);
+        for (view, grids) in &emitted {
+            for (kind, grid) in inputs.kinds.iter().zip(grids) {
+                self.used += grid.photons.len() as u64;
+                self.ledger += self.deposit(own, grid, (view, kind.chain));
+            }
+        }
+    }
+
+    /// Follows clusters of photons as far as the first map needs them.
+    fn add_clusters(&mut self, light: &PhotonLight, own: &mut Vec<MapInTheMaking<'a>>, progress: &dyn Progress) {
+        let inputs = self.inputs;
+        self.make_maps(light, own, &inputs.scouts(light, progress));
+        for view in light.views(inputs.casters, &inputs.bounds, inputs.options.photons) {
+            let coverage = Coverage::new(&view.projection, inputs.triangles.iter().copied());
+            for kind in inputs.kinds {
+                let Some(map) = self.eye.as_ref().or_else(|| own.first()) else { continue };
+                let traverser = Traverser {
+                    emission: inputs.emission(&view),
+                    coverage: &coverage,
+                    kind: *kind,
+                    map: map.map(),
+                    traversal: inputs.options.traversal,
+                    finest: inputs.options.photons,
+                    batch: CLUSTERS_OF_BATCH,
+                };
+                let mut deposited = Ledger::default();
+                let (cast, effort) =
+                    traverser.run(&mut |grid| deposited += self.deposit(own, grid, (&view, kind.chain)));
+                self.ledger += cast;
+                self.ledger += deposited;
+                self.photons += effort.evaluations;
+                self.used += effort.photons;
+            }
+        }
+    }
+
+    fn emit(&mut self, view: LightView, progress: &dyn Progress) -> Emitted {
+        let (grids, ledger) = emit(&self.inputs.emission(&view), self.inputs.kinds, progress);
         self.photons += view.projection.texel_count() as u64;
-        self.photons_used += grids.iter().map(|grid| grid.photons.len() as u64).sum::<u64>();
         self.ledger += ledger;
         (view, grids)
     }
 
+    /// The maps of a light that photons have been sent from, unless there are any, or a camera's.
+    fn make_maps(&self, light: &PhotonLight, own: &mut Vec<MapInTheMaking<'a>>, emitted: &[Emitted]) {
+        if self.eye.is_none() && own.is_empty() {
+            own.extend(self.inputs.maps_of_light(light, emitted));
+        }
+    }
+
+    /// Adds photons to all maps. Returns their account: that of the camera's map, if there is one.
+    fn deposit(&self, own: &[MapInTheMaking<'a>], grid: &PhotonGrid, (view, chain): (&LightView, Chain)) -> Ledger {
+        let Some(eye) = &self.eye else { return self.inputs.deposit(own, grid, view) };
+        let objects = self.inputs.surroundings.objects;
+        if let Some((_, map)) = self.shared.iter().find(|(of, _)| *of == chain) {
+            map.add(grid, view, objects);
+        }
+        eye.add(grid, view, objects)
+    }
+
     /// Finishes the maps of a light.
-    fn finish_maps(&mut self, maps: Vec<MapInTheMaking>) {
+    fn finish_maps(&mut self, maps: Vec<MapInTheMaking<'a>>) {
         for map in maps {
             let (map, ledger) = map.finish();
             self.ledger += ledger;
@@ -174,37 +224,72 @@ impl<'a> Making<'a> {
             self.ledger += ledger;
             map
         });
-        let lights: Vec<IrradianceMap> = shared.into_iter().map(|map| map.finish().0).chain(self.finished).collect();
-        let (photons, photons_used) = (self.photons, self.photons_used);
+        let lights: Vec<IrradianceMap> =
+            shared.into_iter().map(|(_, map)| map.finish().0).chain(self.finished).collect();
+        let (photons, photons_used) = (self.photons, self.used);
         let lights_used = self.inputs.lights.len();
         Maps { eye, lights, ledger: self.ledger, photons, photons_used, lights_used }
     }
 }
 
-impl MapInputs<'_> {
-    fn map(&self, projection: Projection, receiver: impl Fn(Ray) -> Option<Hit> + Sync) -> MapInTheMaking {
+impl<'a> MapInputs<'a> {
+    fn map(&self, projection: Projection, sees: impl Fn(Ray) -> Option<Hit> + Sync + 'a) -> MapInTheMaking<'a> {
         // The flux of all lights on the bounds is more than what is cast, but not by much.
         let area = self.bounds.diagonal().powi(2);
         let total: f64 = self.lights.iter().map(|light| light.power_on(area)).sum();
-        MapInTheMaking::new(CausticMap::new(projection, (total, self.has_directions), receiver), self.options)
+        MapInTheMaking::new(projection, (total, self.has_directions), Box::new(sees), self.options)
+    }
+
+    fn emission<'b>(&'b self, view: &'b LightView) -> Emission<'b> {
+        Emission { surroundings: &self.surroundings, view, seed: self.seed }
     }
 
     /// Adds photons to maps. Where these are the faces of a cube, each gets those that land on it.
-    fn add_all(&self, maps: &mut [MapInTheMaking], emitted: &[(LightView, Vec<PhotonGrid>)]) {
-        let is_cube = maps.len() > 1;
-        for (view, grid) in emitted.iter().flat_map(|(view, grids)| grids.iter().map(move |grid| (view, grid))) {
-            for map in maps.iter_mut() {
-                if is_cube {
-                    map.add(&grid.retained(|photon| map.is_in_window(photon)), view, self.surroundings.objects);
-                } else {
-                    map.add(grid, view, self.surroundings.objects);
-                }
-            }
+    fn deposit(&self, maps: &[MapInTheMaking<'a>], grid: &PhotonGrid, view: &LightView) -> Ledger {
+        let objects = self.surroundings.objects;
+        if let [map] = maps {
+            return map.add(grid, view, objects);
         }
+        let mut ledger = Ledger::default();
+        for map in maps {
+            let others: Vec<bool> = grid.photons.iter().map(|photon| !map.is_in_window(photon)).collect();
+            ledger += map.add(&grid.without(&others), view, objects);
+        }
+        ledger
+    }
+
+    /// A few photons of a light, which tell where all of them will land.
+    fn scouts(&self, light: &PhotonLight, progress: &dyn Progress) -> Vec<Emitted> {
+        let views = light.views(self.casters, &self.bounds, FIRST_GRID).into_iter();
+        let emitted = views.map(|view| {
+            let grids = emit(&self.emission(&view), self.kinds, progress).0;
+            (view, grids)
+        });
+        emitted.collect()
+    }
+
+    /// Maps for what the camera does not see: one for each chain. It looks along the mean direction of its photons, in which few receivers
+    /// hide others that they reach.
+    fn maps_of_chains(&self, progress: &dyn Progress) -> Vec<(Chain, MapInTheMaking<'a>)> {
+        let scouts: Vec<Emitted> = self.lights.iter().flat_map(|light| self.scouts(light, progress)).collect();
+        let of_chain = |chain: Chain| {
+            let kinds = self.kinds.iter().enumerate().filter(|(_, kind)| kind.chain == chain).map(|(k, _)| k);
+            let grids: Vec<&PhotonGrid> = kinds.flat_map(|k| scouts.iter().map(move |(_, grids)| &grids[k])).collect();
+            let landed = || grids.iter().flat_map(|grid| &grid.photons);
+            let mean: Vec3 = landed().map(|photon| photon.direction * photon.flux.element_sum()).sum();
+            let direction = mean.try_normalize()?;
+            let (right, down) = direction.as_dvec3().any_orthonormal_pair();
+            let kept = without_outliers(landed().map(|photon| photon.position), right, down);
+            let size = self.options.caustic_map_size;
+            let projection = Projection::parallel(direction, kept.into_iter(), &self.bounds, size);
+            let tracer = self.receivers;
+            Some((chain, self.map(projection, move |ray: Ray| tracer.secondary_hit(ray))))
+        };
+        Chain::ALL.into_iter().filter_map(of_chain).collect()
     }
 
     /// Maps from a light's point of view around where its photons land: one, or six around a lamp that they surround.
-    fn maps_of_light(&self, light: &PhotonLight, emitted: &[(LightView, Vec<PhotonGrid>)]) -> Vec<MapInTheMaking> {
+    fn maps_of_light(&self, light: &PhotonLight, emitted: &[Emitted]) -> Vec<MapInTheMaking<'a>> {
         let grids = || emitted.iter().flat_map(|(_, grids)| grids);
         let landed = || grids().flat_map(|grid| grid.photons.iter().map(|photon| photon.position));
         let Some((view, _)) = emitted.first().filter(|_| landed().next().is_some()) else { return Vec::new() };
@@ -221,7 +306,8 @@ impl MapInputs<'_> {
                 one.map_or_else(|| Projection::cube(lamp.position, size, 0).to_vec(), |view| vec![view])
             }
         };
-        let receiver = |ray: Ray| self.receivers.secondary_hit(ray);
+        let tracer = self.receivers;
+        let receiver = move |ray: Ray| tracer.secondary_hit(ray);
         projections.into_iter().map(|projection| self.map(projection, receiver)).collect()
     }
 }

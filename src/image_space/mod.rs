@@ -9,7 +9,9 @@
 //! Irradiance is flux over area. All flux is accounted for in a [`Ledger`]. Maps are sums in fixed point: the same bits every time. This module
 //! must not know pinhole samples, pictures or files.
 
+mod adaptive;
 mod caustic_map;
+mod coverage;
 mod emission;
 mod ledger;
 mod lens;
@@ -29,10 +31,13 @@ pub use self::emission::{Kind, Surroundings};
 pub use self::ledger::{Ledger, Loss};
 pub use self::lights::PhotonLight;
 pub use self::maps::{MapInputs, Maps};
-pub use self::options::{ImageSpaceOptions, MapView, Mode};
+pub use self::options::{ImageSpaceOptions, MapView, Mode, Traversal};
 
 pub use self::projection::Bounds;
 pub use self::segmentation::{Direction, segmented};
+
+use std::borrow::Cow;
+use std::sync::atomic::{AtomicU32, Ordering};
 
 use rayon::prelude::*;
 
@@ -41,30 +46,45 @@ use self::lights::LightView;
 use self::multi_resolution::Layers;
 use self::photons::{Photon, PhotonGrid};
 use self::polygons::{Coverage, polygons};
+use self::projection::Projection;
 use self::splats::{gathered, of_diameter, of_footprints, of_lenses, points};
-use crate::scene::Object;
+use crate::scene::{Object, Ray};
+use crate::tracing::Hit;
+
+/// Tells the receiver that a ray shows, if it does.
+type Sees<'a> = Box<dyn Fn(Ray) -> Option<Hit> + Sync + 'a>;
 
 /// A map on its way: photons are added to it grid by grid.
-#[derive(Debug)]
-pub struct MapInTheMaking {
+pub struct MapInTheMaking<'a> {
     map: CausticMap,
+    sees: Sees<'a>,
     mode: Mode,
     splat_diameter: f64,
     layers: Option<Layers>,
     /// Photons in each texel, for the gather.
-    counts: Vec<u32>,
-    /// The account of what was added, without what was cast.
-    pub ledger: Ledger,
+    counts: Vec<AtomicU32>,
 }
 
-impl MapInTheMaking {
-    /// Begins with an empty map.
-    pub fn new(map: CausticMap, options: &ImageSpaceOptions) -> Self {
+impl<'a> MapInTheMaking<'a> {
+    /// Begins with an empty map of a projection. `total`: about the flux that is to be added, W.
+    pub fn new(
+        projection: Projection,
+        (total, has_directions): (f64, bool),
+        sees: Sees<'a>,
+        options: &ImageSpaceOptions,
+    ) -> Self {
+        let map = CausticMap::new(projection, (total, has_directions), &sees);
         let layers = (options.mode == Mode::MultiResolution).then(|| Layers::like(&map));
         let texels = map.size()[0] as usize * map.size()[1] as usize;
-        let counts = vec![0; if options.mode == Mode::Gather { texels } else { 0 }];
+        let counted = if options.mode == Mode::Gather { texels } else { 0 };
+        let counts = (0..counted).map(|_| AtomicU32::new(0)).collect();
         let splat_diameter = f64::from(options.splat_diameter);
-        Self { map, mode: options.mode, splat_diameter, layers, counts, ledger: Ledger::default() }
+        Self { map, sees, mode: options.mode, splat_diameter, layers, counts }
+    }
+
+    /// The map so far.
+    fn map(&self) -> &CausticMap {
+        &self.map
     }
 
     /// Whether a photon lands in the map's window.
@@ -72,16 +92,22 @@ impl MapInTheMaking {
         self.map.place(photon) != Err(Loss::OffMap)
     }
 
-    /// Adds photons.
-    pub fn add(&mut self, grid: &PhotonGrid, view: &LightView, objects: &[Object]) {
+    /// Adds photons. Returns the account of their flux; where more than one photon decides what a texel gets, what is deposited is known
+    /// in the end.
+    pub fn add(&self, grid: &PhotonGrid, view: &LightView, objects: &[Object]) -> Ledger {
         let map = &self.map;
-        self.ledger += match self.mode {
+        let is_hidden = |photon: &Photon| map.is_hidden(photon, &self.sees);
+        let hidden: Vec<bool> = grid.photons.par_iter().map(is_hidden).collect();
+        let lost = grid.photons.iter().zip(&hidden).filter(|(_, is_hidden)| **is_hidden);
+        let lost = lost.map(|(photon, _)| Ledger::sum(photon.flux)).sum::<f64>();
+        let grid = &if hidden.contains(&true) { Cow::Owned(grid.without(&hidden)) } else { Cow::Borrowed(grid) };
+        let mut ledger = match self.mode {
             Mode::Points => points(map, grid),
             Mode::Gather => {
-                let texels: Vec<usize> =
-                    grid.photons.par_iter().filter_map(|photon| Some(map.place(photon).ok()?.1)).collect();
-                texels.into_iter().for_each(|texel| self.counts[texel] += 1);
-                points(map, grid)
+                grid.photons.par_iter().filter_map(|photon| map.place(photon).ok()).for_each(|(_, texel)| {
+                    self.counts[texel].fetch_add(1, Ordering::Relaxed);
+                });
+                Ledger { deposited: 0.0, ..points(map, grid) }
             }
             Mode::Splats => of_diameter(map, grid, self.splat_diameter),
             Mode::MultiResolution => self.layers.as_ref().map_or_else(Ledger::default, |layers| layers.add(grid)),
@@ -91,18 +117,21 @@ impl MapInTheMaking {
             Mode::Polygons => polygons(map, grid, Coverage::Centres),
             Mode::ExactPolygons => polygons(map, grid, Coverage::Exact),
         };
+        ledger[Loss::Hidden] += lost;
+        ledger
     }
 
-    /// The finished map, and its account.
+    /// The finished map, and what is left of the account.
     pub fn finish(self) -> (IrradianceMap, Ledger) {
-        let Self { map, mode, layers, counts, mut ledger, .. } = self;
+        let Self { map, mode, layers, counts, .. } = self;
+        let mut ledger = Ledger::default();
         if let Some(layers) = layers {
-            ledger += layers.resolve(&map);
+            ledger = layers.resolve(&map);
         }
         if mode == Mode::Gather {
             let smooth = map.emptied();
-            ledger.deposited = 0.0;
-            ledger += gathered(&map, &counts, &smooth);
+            let counts: Vec<u32> = counts.into_iter().map(AtomicU32::into_inner).collect();
+            let ledger = gathered(&map, &counts, &smooth);
             return (smooth.resolve(), ledger);
         }
         (map.resolve(), ledger)

@@ -58,9 +58,42 @@ impl Mode {
         }
     }
 
+    /// Whether it can do with photons of different sizes, which have no neighbours.
+    pub fn knows_clusters(self) -> bool {
+        matches!(self, Self::Points | Self::Gather | Self::Splats | Self::MultiResolution | Self::Footprints)
+    }
+
     /// Whether photons need neighbours that come from the same point of the light.
     pub fn needs_neighbours(self) -> bool {
         !matches!(self, Self::Points | Self::Gather | Self::Splats | Self::MultiResolution)
+    }
+}
+
+/// Which photons of a light's view are followed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Deserialize, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Traversal {
+    /// One for each texel.
+    #[default]
+    Dense,
+    /// Where casters are: from a grid of 64² on, clusters of four photons are divided in four, up to the finest grid, unless they show no
+    /// caster (Wyman and Nichols 2009, Section 3.2.1).
+    MaximalLevel,
+    /// The same, but clusters whose photons land within a texel of the map are one photon (Wyman and Nichols, Section 3.2.2).
+    TexelError,
+}
+
+impl Traversal {
+    /// All of them.
+    pub const ALL: [Self; 3] = [Self::Dense, Self::MaximalLevel, Self::TexelError];
+
+    /// Its name in scene files and on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Dense => "dense",
+            Self::MaximalLevel => "maximal-level",
+            Self::TexelError => "texel-error",
+        }
     }
 }
 
@@ -68,7 +101,7 @@ impl Mode {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Deserialize, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum MapView {
-    /// The camera's: a texel is a pixel. What the camera sees by way of mirrors is taken from a light's view.
+    /// The camera's: a texel is a pixel. What the camera sees by way of mirrors and interfaces is taken from other maps.
     #[default]
     Eye,
     /// Each light's own, as in the papers.
@@ -90,7 +123,9 @@ impl MapView {
 pub struct ImageSpaceOptions {
     /// How photons become irradiance.
     pub mode: Mode,
-    /// Photons along each edge of a light's view; from 16 to 8192.
+    /// Which photons are followed.
+    pub traversal: Traversal,
+    /// Photons along each edge of a light's view; from 16 to 8192, and a power of two from 64 on unless all are followed.
     pub photons: u32,
     /// Whose view the maps are.
     pub caustic_map: MapView,
@@ -108,6 +143,7 @@ impl Default for ImageSpaceOptions {
     fn default() -> Self {
         Self {
             mode: Mode::default(),
+            traversal: Traversal::default(),
             photons: 512,
             caustic_map: MapView::default(),
             caustic_map_size: 512,
@@ -127,6 +163,20 @@ impl ImageSpaceOptions {
         for (key, value) in [("photons", self.photons), ("caustic_map_size", self.caustic_map_size)] {
             if !(16..=8192).contains(&value) {
                 return out_of_range(key, value.to_string(), "from 16 to 8192");
+            }
+        }
+        if self.traversal != Traversal::Dense {
+            if !self.mode.knows_clusters() {
+                let reason = format!("{} needs all photons as neighbours", self.mode.name());
+                let remedies = &[("traversal", "dense"), ("mode", "footprints")];
+                return Err(OptionError::Conflict { key: "mode", reason, remedies });
+            }
+            if !self.photons.is_power_of_two() || self.photons < 64 {
+                return out_of_range(
+                    "photons",
+                    self.photons.to_string(),
+                    "a power of two from 64, as clusters are divided in four",
+                );
             }
         }
         for (key, value) in [("lights", self.lights), ("light_directions", self.light_directions)] {

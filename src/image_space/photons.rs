@@ -59,6 +59,9 @@ pub struct PhotonGrid {
     pub photons: Vec<Photon>,
     /// The column and row of each photon.
     pub texels: Vec<[u32; 2]>,
+    /// Of photons that are in no grid: how their places on the receiver change over the part of the view that each stands for, along both of
+    /// its axes, metres. Empty in grids.
+    pub sides: Vec<Option<[Vec3; 2]>>,
     indices: Vec<u32>,
 }
 
@@ -74,14 +77,27 @@ impl PhotonGrid {
                 texels.push([x, y]);
             }
         }
-        Self { size: [width, height], photons, texels, indices }
+        Self { size: [width, height], photons, texels, sides: Vec::new(), indices }
     }
 
-    /// The photons of a kind, in their places.
+    /// Photons without neighbours, each with how its place changes over the part of the view that it stands for.
+    pub fn scattered(photons: Vec<(Photon, Option<[Vec3; 2]>)>) -> Self {
+        let (photons, sides): (Vec<Photon>, Vec<_>) = photons.into_iter().unzip();
+        Self { size: [0; 2], texels: vec![[0; 2]; photons.len()], photons, sides, indices: Vec::new() }
+    }
+
+    /// The photons for which a list does not say `true`, in their places.
     #[must_use]
-    pub fn retained(&self, is_wanted: impl Fn(&Photon) -> bool) -> Self {
+    pub fn without(&self, is_left_out: &[bool]) -> Self {
+        if self.indices.is_empty() {
+            let all = self.photons.iter().zip(&self.sides).zip(is_left_out);
+            return Self::scattered(
+                all.filter(|(_, left)| !**left).map(|((photon, sides), _)| (*photon, *sides)).collect(),
+            );
+        }
         let mut rows = vec![Vec::new(); self.size[1] as usize];
-        for (photon, [x, y]) in self.photons.iter().zip(&self.texels).filter(|(photon, _)| is_wanted(photon)) {
+        for ((photon, [x, y]), _) in self.photons.iter().zip(&self.texels).zip(is_left_out).filter(|(_, left)| !**left)
+        {
             rows[*y as usize].push((*x, *photon));
         }
         Self::new(self.size, rows.into_iter())

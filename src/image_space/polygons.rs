@@ -92,7 +92,8 @@ impl Cell<'_> {
         let area = 0.5 * (b - a).perp_dot(c - a).abs();
         let least = MIN_AREA[usize::from(self.coverage == Coverage::Exact)];
         let (low, high) = (a.min(b).min(c), a.max(b).max(c));
-        if area < least || low.floor() == high.floor() {
+        let is_within_texel = self.coverage == Coverage::Exact && low.floor() == high.floor();
+        if area < least || is_within_texel {
             return self.add_point(photons[0], (a + b + c) / 3.0, flux);
         }
         match self.coverage {

@@ -140,6 +140,13 @@ impl Projection {
         Self { low: self.low - by, texel: self.texel + 2.0 * by / size, ..self }
     }
 
+    /// The same window with `size`² texels.
+    #[must_use]
+    pub fn resized(self, size: u32) -> Self {
+        let factor = f64::from(self.size[0]) / f64::from(size);
+        Self { texel: self.texel * factor, size: [size; 2], ..self }
+    }
+
     /// The number of texels.
     pub fn texel_count(&self) -> usize {
         self.size[0] as usize * self.size[1] as usize

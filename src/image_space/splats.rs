@@ -3,7 +3,7 @@
 //! The weights of a splat are normalised over the texels that it reaches on its receiver, so that it adds the photon's flux wherever it
 //! lies between texels.
 
-use glam::{DVec2, DVec3};
+use glam::{DVec2, DVec3, Vec3};
 use rayon::prelude::*;
 
 use super::caustic_map::CausticMap;
@@ -142,17 +142,29 @@ fn spacing(view: &LightView, photon: &Photon) -> f64 {
 /// differences.
 pub fn of_footprints(map: &CausticMap, grid: &PhotonGrid) -> Ledger {
     let sheet = PhotonSheet::new(map, grid);
-    each(map, grid, |index, place| match footprint(&sheet, index) {
+    each(map, grid, |index, place| match footprint(map, &sheet, index) {
         Some(covariance) => Splat::elliptical(covariance).add(map, &grid.photons[index], place),
         None => add_point(map, place.1, &grid.photons[index]),
     })
 }
 
 /// The covariance of a photon's footprint, texels²: that of a parallelogram with even density, and a little more.
-fn footprint(sheet: &PhotonSheet, index: usize) -> Option<[f64; 3]> {
-    let is_neighbour = |one: usize, other: usize| sheet.are_connected(one, other);
-    let sides = sheet.grid.differences(index, is_neighbour, |index| sheet.places[index]);
-    let [Some(u), Some(v)] = sides else { return None };
+fn footprint(map: &CausticMap, sheet: &PhotonSheet, index: usize) -> Option<[f64; 3]> {
+    let [u, v] = match sheet.grid.sides.get(index) {
+        Some(sides) => {
+            let photon = &sheet.grid.photons[index];
+            let place = |side: Vec3| map.project(photon.position + 0.5 * side);
+            let before = |side: Vec3| map.project(photon.position - 0.5 * side);
+            let [a, b] = (*sides)?;
+            [place(a)? - before(a)?, place(b)? - before(b)?]
+        }
+        None => {
+            let is_neighbour = |one: usize, other: usize| sheet.are_connected(one, other);
+            let sides = sheet.grid.differences(index, is_neighbour, |index| sheet.places[index]);
+            let [Some(u), Some(v)] = sides else { return None };
+            [u, v]
+        }
+    };
     let scale = OVERLAP * OVERLAP / 12.0;
     let largest = REACH * (scale * (u * u + v * v).max_element()).sqrt();
     // Very large footprints are hardly seen: they are cut.

@@ -12,7 +12,7 @@ use crate::image_space::{
 use crate::pinhole::Receivers;
 use crate::pinhole::cpu::TakenCell;
 use crate::progress::{Progress, Stage, Uncounted};
-use crate::scene::{Camera, Chains, Lamp, Light, Object, Visibility};
+use crate::scene::{Camera, Chains, Lamp, Light, Object, Scene, Visibility};
 use crate::stages::{Id, LightStages, Memo, PreparedScene, StageCounts, SurfaceMaterials};
 use crate::tracing::{Hit, SeenBy, Tracer};
 use crate::{Error, OptionError};
@@ -86,6 +86,7 @@ fn sum(inputs: &Inputs, lights: &[PhotonLight], receivers: &Tracer, image_space:
         meshes.flat_map(|mesh| mesh.positions().to_vec()).collect::<Vec<Vec3>>()
     };
     let casters = vertices(|object| object.specular().is_some());
+    let triangles = caster_triangles(scene);
     let bounds = Bounds::around(vertices(|object| object.emitter.is_none()).into_iter());
     let kinds = Kind::of_scene(&scene.objects, chains);
     let has_directions =
@@ -94,6 +95,7 @@ fn sum(inputs: &Inputs, lights: &[PhotonLight], receivers: &Tracer, image_space:
         surroundings: Surroundings { tracer, objects: &scene.objects, mirrors: &materials.mirrors },
         receivers,
         casters: &casters,
+        triangles: &triangles,
         bounds: bounds.unwrap_or(Bounds { corners: [Vec3::ZERO; 2] }),
         lights,
         kinds: &kinds,
@@ -110,6 +112,7 @@ fn sum(inputs: &Inputs, lights: &[PhotonLight], receivers: &Tracer, image_space:
         filter: None,
         photons: Some(super::PhotonStatistics {
             mode: image_space.mode,
+            traversal: image_space.traversal,
             caustic_map: image_space.caustic_map,
             photons: maps.photons,
             photons_used: maps.photons_used,
@@ -119,6 +122,11 @@ fn sum(inputs: &Inputs, lights: &[PhotonLight], receivers: &Tracer, image_space:
         warning: None,
     };
     ImageSpaceSum { maps, statistics }
+}
+
+fn caster_triangles(scene: &Scene) -> Vec<[Vec3; 3]> {
+    let meshes = scene.objects.iter().filter(|object| object.specular().is_some()).map(Object::mesh_in_world);
+    meshes.flat_map(|mesh| (0..mesh.triangles().len()).map(|k| mesh.corners(k)).collect::<Vec<_>>()).collect()
 }
 
 /// What of the scene the technique does not know, or options that mean nothing to it.

@@ -20,7 +20,7 @@ use crate::backend::Backend;
 use crate::differential::DifferentialSample;
 #[cfg(feature = "gpu")]
 use crate::gpu::GpuError;
-use crate::image_space::{Ledger, MapView, Mode};
+use crate::image_space::{Ledger, MapView, Mode, Traversal};
 use crate::options::{Evaluation, Options};
 use crate::pinhole::cpu::{Contribution, TakenCell};
 #[cfg(feature = "gpu")]
@@ -215,11 +215,13 @@ pub(crate) struct Statistics {
 pub struct PhotonStatistics {
     /// How photons became irradiance.
     pub mode: Mode,
+    /// Which photons were followed.
+    pub traversal: Traversal,
     /// Whose view the maps are.
     pub caustic_map: MapView,
-    /// Photons that were sent.
+    /// Photons that were followed.
     pub photons: u64,
-    /// Photons that met a receiver by way of a mirror or an interface.
+    /// Photons that met a receiver by way of a mirror or an interface; those of a cluster may be one.
     pub photons_used: u64,
     /// Lights that sent them.
     pub lights: usize,

@@ -9,7 +9,7 @@ use pinspot::reference::{self, Reference, StoppingCriterion};
 use pinspot::scene::{Chain, Emitter, Scene, load, parse};
 use pinspot::{
     BackendChoice, CubeSize, Error, ImageSpaceOptions, Loss, MapView, Mode, NoProgress, Options, Rendered, Settings,
-    Technique,
+    Technique, Traversal,
 };
 
 use crate::support::render;
@@ -64,7 +64,7 @@ fn without_refraction_the_caustic_is_the_direct_light() {
     });
     for mode in Mode::ALL {
         for map in [MapView::Eye, MapView::Light] {
-            let mut options = options(mode, 1024);
+            let mut options = options(mode, 512);
             options.image_space.caustic_map = map;
             options.image_space.splat_diameter = 8.0;
             let (found, rendered) = caustic(&lit, options);
@@ -127,7 +127,9 @@ fn a_plane_mirror_shows_a_virtual_lamp() {
         options.image_space.caustic_map = map;
         let error = rel_l2(&caustic(&lit, options).0, &expected, None);
         println!("{}: {error:.5}", map.name());
-        assert!(error < 0.005, "{}: {error}", map.name());
+        // The lamp sees the mirror by three faces of a cube, which a map of its own shows.
+        let limit = if map == MapView::Eye { 0.005 } else { 0.01 };
+        assert!(error < limit, "{}: {error}", map.name());
     }
 }
 
@@ -220,12 +222,75 @@ fn the_ring_in_a_small_sun() {
     }
     for (mode, error) in errors {
         let limit = match mode {
-            Mode::ExactPolygons | Mode::Polygons | Mode::Footprints => 0.05,
+            Mode::ExactPolygons | Mode::Polygons | Mode::Footprints | Mode::ThinLens | Mode::ThickLens => 0.07,
+            Mode::Points => 0.1,
             Mode::Gather | Mode::MultiResolution => 0.6,
             _ => 0.3,
         };
         assert!(error < limit, "{}: {error}", mode.name());
     }
+}
+
+/// A sun above a glass ball whose focus is near the floor.
+fn ball_in_the_sun() -> Scene {
+    let ball = "[[object]]\nshape = { sphere = { radius = 0.4, divisions = 96 } }\ntranslate = [0, 0.62, 0]\n\
+                refractor = { eta = 1.5, interfaces = 2 }\ncamera_visible = false\n";
+    scene(SUN, ball)
+}
+
+/// Where casters are, the traversal follows the photons that a dense grid has, and the map is the same, bit for bit.
+#[test]
+fn the_maximal_level_is_the_dense_grid() {
+    let (ring, _) = pinspot::load("ring").unwrap();
+    for (scene, mode) in [(ball_in_the_sun(), Mode::Points), (ring, Mode::Splats)] {
+        let of = |traversal| {
+            let mut options = options(mode, 512);
+            options.image_space.traversal = traversal;
+            let (picture, rendered) = caustic(&scene, options);
+            (picture, rendered.report.photons.unwrap())
+        };
+        let (dense, of_dense) = of(Traversal::Dense);
+        let (found, photons) = of(Traversal::MaximalLevel);
+        println!("{}: {} of {} rays", photons.photons_used, photons.photons, of_dense.photons);
+        assert_eq!(photons.photons_used, of_dense.photons_used);
+        assert!(found.pixels == dense.pixels);
+        assert!((photons.flux.cast / of_dense.flux.cast - 1.0).abs() < 1e-9 && photons.flux.error().abs() < 1e-4);
+    }
+}
+
+/// Photons that land in one texel are one: fewer of them have about the same picture, and the same flux.
+#[test]
+fn clusters_within_a_texel_are_one_photon() {
+    let scene = ball_in_the_sun();
+    let of = |traversal, photons| {
+        let mut options = options(Mode::Splats, photons);
+        options.image_space.traversal = traversal;
+        let (picture, rendered) = caustic(&scene, options);
+        (picture, rendered.report.photons.unwrap())
+    };
+    for (photons, most) in [(1024, 0.8), (2048, 0.6)] {
+        let (dense, of_dense) = of(Traversal::MaximalLevel, photons);
+        let (found, merged) = of(Traversal::TexelError, photons);
+        let part = merged.photons_used as f64 / of_dense.photons_used as f64;
+        let error = rel_l2(&found, &dense, None);
+        println!("{photons}: {part:.3} of the photons, {error:.4} from the dense picture");
+        assert!(part < most && error < 0.02, "{photons}: {part}, {error}");
+        assert!((merged.flux.cast / of_dense.flux.cast - 1.0).abs() < 1e-4 && merged.flux.error().abs() < 1e-6);
+    }
+}
+
+/// A wall a hundredth of a metre high is not lost between the first grid's rays.
+#[test]
+fn thin_casters_are_found() {
+    let wall = "[[object]]\nshape = { ring = { radius = 0.6, height = 0.01 } }\nreflector = { sides = \"front\" }\n";
+    let low = scene(SUN, wall);
+    let cast = |traversal| {
+        let mut options = options(Mode::Points, 1024);
+        options.image_space.traversal = traversal;
+        caustic(&low, options).1.report.photons.unwrap().flux.cast
+    };
+    let (dense, found) = (cast(Traversal::Dense), cast(Traversal::TexelError));
+    assert!(found > 0.999 * dense && dense > 0.0, "{found} of {dense}");
 }
 
 /// The same bits every time, whatever the number of threads.
@@ -265,6 +330,16 @@ fn scenes_that_it_does_not_know_are_refused() {
     assert!(refused("ring", |_, options| options.attenuation = false).contains("attenuation"));
     assert!(refused("ring", |scene, _| scene.objects.retain(|o| o.reflector.is_none())).contains("reflector"));
     assert!(refused("ring", |_, options| options.image_space.photons = 7).contains("photons"));
+    let clusters = |_: &mut Scene, options: &mut Options| {
+        options.image_space.traversal = Traversal::TexelError;
+        options.image_space.photons = 600;
+    };
+    assert!(refused("ring", clusters).contains("power of two"));
+    let polygons = |_: &mut Scene, options: &mut Options| {
+        options.image_space.traversal = Traversal::MaximalLevel;
+        options.image_space.mode = Mode::ExactPolygons;
+    };
+    assert!(refused("ring", polygons).contains("neighbours"));
 }
 
 /// Chains are told apart: what the ball reflects and what passes it are together what it casts.
