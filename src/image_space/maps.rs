@@ -123,7 +123,8 @@ impl<'a> Making<'a> {
                 move |ray: Ray| tracer.camera_hit(ray).filter(|hit| objects[hit.object as usize].receiver.is_some());
             inputs.map(Projection::of_camera(camera, *size), receiver)
         });
-        Self { inputs, eye, shared: Vec::new(), finished: Vec::new(), ledger: Ledger::default(), photons: 0, used: 0 }
+        let shared = if eye.is_some() { inputs.maps_of_chains(progress) } else { Vec::new() };
+        Self { inputs, eye, shared, finished: Vec::new(), ledger: Ledger::default(), photons: 0, used: 0 }
     }
 
     fn add_light(&mut self, light: &PhotonLight, progress: &dyn Progress) {
