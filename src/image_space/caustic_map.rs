@@ -233,7 +233,7 @@ impl IrradianceMap {
         Some(Incident { irradiance: self.irradiance[index], direction: self.direction(index) })
     }
 
-    /// The same, interpolated between the four texels around.
+    /// The same, interpolated between those of the four texels around that show it or, if none does, from the nearest one.
     pub fn bilinear(&self, point: Vec3, normal: Vec3, object: u32) -> Option<Incident> {
         let place = self.projection.project(point)? - 0.5;
         let (low, part) = (place.floor(), (place - place.floor()).as_vec2());
@@ -248,7 +248,8 @@ impl IrradianceMap {
             weights += weight;
         }
         let (irradiance, direction) = (light.irradiance / weights, light.direction.normalize_or_zero());
-        (weights > 1e-3).then_some(Incident { irradiance, direction })
+        let mean = (weights > 1e-3).then_some(Incident { irradiance, direction });
+        mean.or_else(|| self.nearest(point, normal, object))
     }
 
     fn direction(&self, index: usize) -> Vec3 {

@@ -39,6 +39,9 @@ pub struct Request {
     pub command: String,
 }
 
+/// Directions in lights with an extent, of references by beams.
+const BEAM_DIRECTIONS: u32 = 64;
+
 /// Points and sets of the strategies' spectra.
 const STUDY_POINTS: u32 = 1024;
 const SETS_PER_STRATEGY: u32 = 10;
@@ -151,6 +154,7 @@ fn unavailable(technique: Technique, request: &Request, chains: Chains) -> Optio
 }
 
 fn reference(request: &Request, options: &Options) -> Result<Reference, Error> {
+    let defaults = reference::Options::default();
     let wanted = reference::Options {
         size: options.size,
         chains: compared_chains(request),
@@ -158,7 +162,8 @@ fn reference(request: &Request, options: &Options) -> Result<Reference, Error> {
         visibility: options.visibility,
         attenuation: options.attenuation,
         estimator: request.estimator,
-        ..Default::default()
+        replicates: if request.estimator == Estimator::Beams { BEAM_DIRECTIONS } else { defaults.replicates },
+        ..defaults
     };
     Reference::new(request.scene.clone(), wanted)
 }

@@ -75,7 +75,7 @@ fn without_refraction_the_caustic_is_the_direct_light() {
                 Mode::Polygons => 0.02,
                 Mode::Points => 0.6,
                 Mode::Gather => 0.08,
-                Mode::MultiResolution => 0.06,
+                Mode::MultiResolution | Mode::Splats => 0.06,
                 _ => 0.03,
             };
             let flux = rendered.report.photons.unwrap().flux;
@@ -238,7 +238,8 @@ fn ball_in_the_sun() -> Scene {
     scene(SUN, ball)
 }
 
-/// Where casters are, the traversal follows the photons that a dense grid has, and the map is the same, bit for bit.
+/// Where casters are, the traversal follows the photons that a dense grid has, and the map is the same, but for rays that graze an edge: what
+/// they meet depends on the rays of their packet.
 #[test]
 fn the_maximal_level_is_the_dense_grid() {
     let (ring, _) = pinspot::load("ring").unwrap();
@@ -252,9 +253,10 @@ fn the_maximal_level_is_the_dense_grid() {
         let (dense, of_dense) = of(Traversal::Dense);
         let (found, photons) = of(Traversal::MaximalLevel);
         println!("{}: {} of {} rays", photons.photons_used, photons.photons, of_dense.photons);
-        assert_eq!(photons.photons_used, of_dense.photons_used);
-        assert!(found.pixels == dense.pixels);
-        assert!((photons.flux.cast / of_dense.flux.cast - 1.0).abs() < 1e-9 && photons.flux.error().abs() < 1e-4);
+        assert!(photons.photons_used.abs_diff(of_dense.photons_used) <= 4);
+        let error = rel_l2(&found, &dense, None);
+        assert!(error < 1e-4, "{error}");
+        assert!((photons.flux.cast / of_dense.flux.cast - 1.0).abs() < 1e-4 && photons.flux.error().abs() < 1e-4);
     }
 }
 
