@@ -62,6 +62,13 @@ pub struct Traverser<'a> {
     pub batch: usize,
 }
 
+/// What batches add up to, and what is done with their photons.
+struct Run<'a> {
+    add: &'a mut dyn FnMut(&PhotonGrid),
+    ledger: Ledger,
+    effort: Effort,
+}
+
 /// What a list of clusters became.
 #[derive(Default)]
 struct Outcome {
@@ -78,18 +85,13 @@ impl Traverser<'_> {
     pub fn run(&self, add: &mut dyn FnMut(&PhotonGrid)) -> (Ledger, Effort) {
         let across = FIRST_GRID / 2;
         let all: Vec<[u32; 2]> = (0..across * across).map(|k| [k % across, k / across]).collect();
-        let (mut ledger, mut effort) = (Ledger::default(), Effort::default());
-        self.run_list(&all, FIRST_GRID.min(self.finest), &mut (add, &mut ledger, &mut effort));
-        (ledger, effort)
+        let mut run = Run { add, ledger: Ledger::default(), effort: Effort::default() };
+        self.run_list(&all, FIRST_GRID.min(self.finest), &mut run);
+        (run.ledger, run.effort)
     }
 
     /// A list of clusters of a grid, in batches: each is followed to its end before the next one.
-    fn run_list(
-        &self,
-        clusters: &[[u32; 2]],
-        grid: u32,
-        state: &mut (&mut dyn FnMut(&PhotonGrid), &mut Ledger, &mut Effort),
-    ) {
+    fn run_list(&self, clusters: &[[u32; 2]], grid: u32, run: &mut Run<'_>) {
         let view = self.emission.view.resized(grid);
         for batch in clusters.chunks(self.batch.max(1)) {
             let of_packet = |clusters: &[[u32; 2]]| self.packet(&view, clusters);
@@ -97,19 +99,19 @@ impl Traverser<'_> {
             let mut divided = Vec::new();
             let mut photons = Vec::new();
             for outcome in outcomes {
-                *state.1 += outcome.ledger;
-                state.2.evaluations += outcome.effort.evaluations;
-                state.2.clusters += outcome.effort.clusters;
+                run.ledger += outcome.ledger;
+                run.effort.evaluations += outcome.effort.evaluations;
+                run.effort.clusters += outcome.effort.clusters;
                 photons.extend(outcome.photons);
                 divided.extend(outcome.divided);
             }
-            state.2.batches += 1;
-            state.2.photons += photons.len() as u64;
+            run.effort.batches += 1;
+            run.effort.photons += photons.len() as u64;
             if !photons.is_empty() {
-                (state.0)(&PhotonGrid::scattered(photons));
+                (run.add)(&PhotonGrid::scattered(photons));
             }
             if !divided.is_empty() {
-                self.run_list(&divided, 2 * grid, state);
+                self.run_list(&divided, 2 * grid, run);
             }
         }
     }
@@ -146,7 +148,9 @@ impl Traverser<'_> {
             outcome.divided.extend(PHOTONS.map(|[dx, dy]| [2 * x + dx, 2 * y + dy]));
             return;
         }
-        traced.iter().for_each(|traced| outcome.ledger += traced.ledger);
+        for traced in traced {
+            outcome.ledger += traced.ledger;
+        }
         let photons = traced.each_ref().map(|traced| traced.photon);
         let sides = sides_of(&photons);
         if let (true, [Some(a), Some(b), Some(c), Some(d)]) = (is_merged, photons) {

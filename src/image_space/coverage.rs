@@ -14,8 +14,8 @@ pub struct Coverage {
 }
 
 impl Coverage {
-    /// Draws triangles into a view; texels that they touch count.
-    pub fn new(view: &Projection, triangles: impl Iterator<Item = [Vec3; 3]>) -> Self {
+    /// Draws triangles into a view; texels that they touch count. `spread`: how far from there they may appear, in the plane's unit.
+    pub fn new(view: &Projection, spread: f64, triangles: impl Iterator<Item = [Vec3; 3]>) -> Self {
         let size = view.size[0].next_power_of_two().min(FINEST);
         let view = view.resized(size);
         let mut texels = vec![false; size as usize * size as usize];
@@ -27,7 +27,9 @@ impl Coverage {
                 _ => texels.fill(true),
             }
         }
-        let mut levels = vec![texels];
+        let reach = (spread / view.texel).ceil() as usize;
+        let mut levels =
+            vec![dilated(&dilated(&texels, size as usize, (reach, 1)), size as usize, (reach, size as usize))];
         let mut size = size as usize;
         while size > 1 {
             size /= 2;
@@ -48,6 +50,20 @@ impl Coverage {
         let shift = grid.ilog2() - level as u32;
         self.levels[level][((y >> shift) << level) as usize + (x >> shift) as usize]
     }
+}
+
+/// With all texels up to `reach` before and after each one, `stride` apart: along rows or columns.
+fn dilated(texels: &[bool], size: usize, (reach, stride): (usize, usize)) -> Vec<bool> {
+    if reach == 0 {
+        return texels.to_vec();
+    }
+    let mut wider = vec![false; texels.len()];
+    for (index, _) in texels.iter().enumerate().filter(|(_, is_covered)| **is_covered) {
+        let place = index / stride % size;
+        let (first, last) = (place.saturating_sub(reach), (place + reach).min(size - 1));
+        (first..=last).for_each(|other| wider[index + other * stride - place * stride] = true);
+    }
+    wider
 }
 
 fn draw(texels: &mut [bool], size: u32, triangle: [DVec2; 3]) {
@@ -89,12 +105,15 @@ mod tests {
         let corners = [Vec3::new(-1.0, 0.0, 0.3), Vec3::new(1.0, 0.0, 0.31), Vec3::new(-1.0, 0.001, 0.3)];
         let bounds = Bounds { corners: [Vec3::splat(-1.0), Vec3::splat(1.0)] };
         let view = Projection::parallel(Vec3::new(0.0, -0.8, -0.6), bounds.corners(), &bounds, 512);
-        let coverage = Coverage::new(&view, [corners].into_iter());
+        let coverage = Coverage::new(&view, 0.0, [corners].into_iter());
         for grid in [1, 32, 64, 512, 2048] {
             let place = view.resized(grid).project(Vec3::new(-0.5, 0.0005, 0.3025)).unwrap();
             assert!(coverage.has([place.x as u32, place.y as u32], grid), "{grid}");
         }
         let covered = coverage.levels.last().unwrap().iter().filter(|texel| **texel).count();
         assert!(covered < 3000, "{covered}");
+        let wider = Coverage::new(&view, 10.0 * view.texel, [corners].into_iter());
+        let count = wider.levels.last().unwrap().iter().filter(|texel| **texel).count();
+        assert!(count > 10 * covered && count < 40 * covered, "{count} {covered}");
     }
 }

@@ -200,7 +200,7 @@ impl Emission<'_> {
             let hits = self.next_hits(&flights);
             for ((flight, hit), traced) in flights.iter_mut().zip(&hits).zip(&mut traced) {
                 if let Some(entered) = flight.take() {
-                    *flight = self.leave(kind, entered, hit.as_ref(), &mut traced.ledger);
+                    *flight = self.leave(kind, &entered, hit.as_ref(), &mut traced.ledger);
                 }
             }
         }
@@ -224,7 +224,7 @@ impl Emission<'_> {
     }
 
     /// A photon that leaves the closed object that it has entered.
-    fn leave(&self, kind: Kind, flight: Flight, hit: Option<&Hit>, ledger: &mut Ledger) -> Option<Flight> {
+    fn leave(&self, kind: Kind, flight: &Flight, hit: Option<&Hit>, ledger: &mut Ledger) -> Option<Flight> {
         let lost = Ledger::sum(flight.flux);
         let Some(hit) = hit else {
             ledger[Loss::Missed] += lost;
@@ -246,7 +246,7 @@ impl Emission<'_> {
             ray: Ray { origin: hit.position, direction: refracted.direction },
             flux: flight.flux * (1.0 - reflectance),
             way: Way { within: hit.distance, last, ..flight.way },
-            ..flight
+            caster: flight.caster,
         })
     }
 

@@ -112,7 +112,9 @@ impl AddAssign for Ledger {
     fn add_assign(&mut self, other: Self) {
         self.cast += other.cast;
         self.deposited += other.deposited;
-        Loss::ALL.iter().for_each(|loss| self[*loss] += other[*loss]);
+        for loss in Loss::ALL {
+            self[loss] += other[loss];
+        }
     }
 }
 

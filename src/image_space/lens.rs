@@ -103,7 +103,7 @@ mod tests {
         let focus = n * radius / (2.0 * (n - 1.0)) - radius;
         assert!(double([f64::INFINITY, 2.0 * radius, focus], powers, n, Lens::Thick) < 1e-12);
         for k in 0..1_000_000u32 {
-            let [a, b, c, d] = sobol_burley::sample_4d(k & 0xffff, 0, k >> 16).map(|x| f64::from(x));
+            let [a, b, c, d] = sobol_burley::sample_4d(k & 0xffff, 0, k >> 16).map(f64::from);
             let lengths = [1e-6 + 1e3 * a * a, 10.0 * b, 1e3 * c * c];
             let powers = [100.0 * (d - 0.5), 100.0 * (a - 0.5)];
             assert!(

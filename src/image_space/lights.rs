@@ -82,24 +82,25 @@ impl PhotonLight {
         let centre = Bounds::around(casters.iter().copied()).map_or(Vec3::ZERO, |bounds| bounds.centre());
         let radius = casters.iter().map(|p| p.distance(centre)).fold(0.0, f32::max);
         let points = casters.iter().copied();
-        let (projections, pivot) = match self {
+        let (projections, pivot, spread) = match self {
             Self::Directional { towards, sigma_rad, .. } => {
                 let view = Projection::parallel(-*towards, points, scene, photons);
-                let view = view.widened(f64::from(radius * (WIDEST * sigma_rad).min(1.2).tan()));
                 let pivot = (centre.as_dvec3() - view.origin).dot(view.axes[2]);
-                (vec![view], pivot as f32)
+                let spread = f64::from(radius * (WIDEST * sigma_rad).min(1.2).tan());
+                (vec![view.widened(spread)], pivot as f32, spread)
             }
             Self::Lamp(lamp) => {
                 let pivot = lamp.position.distance(centre);
-                let one = Projection::central(lamp.position, points, photons);
                 // Where the lamp has an extent, casters are seen from all of it.
-                let wider = f64::from(lamp.radius / (pivot - radius).max(0.1 * pivot).max(lamp.radius));
-                let one = one.map(|view| if self.is_extended() { view.widened(2.0 * wider) } else { view });
-                (one.map_or_else(|| Projection::cube(lamp.position, photons, 1).to_vec(), |view| vec![view]), pivot)
+                let nearest = (pivot - radius).max(0.1 * pivot).max(lamp.radius);
+                let spread = if self.is_extended() { f64::from(2.0 * lamp.radius / nearest) } else { 0.0 };
+                let one = Projection::central(lamp.position, points, photons).map(|view| vec![view.widened(spread)]);
+                let views = one.unwrap_or_else(|| Projection::cube(lamp.position, photons, 1).to_vec());
+                (views, pivot, spread)
             }
         };
         let is_cube = projections.len() > 1;
-        let view = |projection| LightView { light: self.clone(), projection, pivot, is_cube };
+        let view = |projection| LightView { light: self.clone(), projection, pivot, spread, is_cube };
         projections.into_iter().map(view).collect()
     }
 }
@@ -131,6 +132,8 @@ pub struct LightView {
     pub projection: Projection,
     /// Rays of extended lights are turned about points at this distance along the view axis, metres, where the casters are.
     pub pivot: f32,
+    /// How far from where they would be casters may appear in an extended light, in the plane's unit.
+    pub spread: f64,
     /// It is a face of a cube. Photons in its border have no flux: they are neighbours of those at its edges.
     pub is_cube: bool,
 }

@@ -129,9 +129,10 @@ impl<'a> Making<'a> {
 
     fn add_light(&mut self, light: &PhotonLight, progress: &dyn Progress) {
         let inputs = self.inputs;
-        let lights = match inputs.options.mode.needs_neighbours() {
-            true => light.divided(inputs.options.light_directions, inputs.bounds.centre()),
-            false => vec![light.clone()],
+        let lights = if inputs.options.mode.needs_neighbours() {
+            light.divided(inputs.options.light_directions, inputs.bounds.centre())
+        } else {
+            vec![light.clone()]
         };
         // The map of a light shows all of its parts.
         let mut own: Vec<MapInTheMaking<'a>> = Vec::new();
@@ -162,7 +163,7 @@ impl<'a> Making<'a> {
         let inputs = self.inputs;
         self.make_maps(light, own, &inputs.scouts(light, progress));
         for view in light.views(inputs.casters, &inputs.bounds, inputs.options.photons) {
-            let coverage = Coverage::new(&view.projection, inputs.triangles.iter().copied());
+            let coverage = Coverage::new(&view.projection, view.spread, inputs.triangles.iter().copied());
             for kind in inputs.kinds {
                 let Some(map) = self.eye.as_ref().or_else(|| own.first()) else { continue };
                 let traverser = Traverser {

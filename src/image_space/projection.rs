@@ -177,9 +177,10 @@ impl Projection {
         let [right, down, forward] = self.axes;
         let at = self.low + self.texel * place;
         let offset = at.x * right + at.y * down;
-        let (origin, direction) = match self.is_parallel {
-            true => (self.origin + offset, forward),
-            false => (self.origin, (forward + offset).normalize()),
+        let (origin, direction) = if self.is_parallel {
+            (self.origin + offset, forward)
+        } else {
+            (self.origin, (forward + offset).normalize())
         };
         Ray { origin: origin.as_vec3(), direction: direction.as_vec3() }
     }

@@ -32,6 +32,13 @@ struct Region {
     power: f64,
 }
 
+impl Region {
+    fn can_be_split(&self) -> bool {
+        let extent = |part: &Rectangle| [0, 1].map(|axis| part.high[axis] - part.low[axis]);
+        self.parts.len() > 1 || self.parts.iter().any(|part| extent(part) != [1, 1])
+    }
+}
+
 /// At most `count` directional lights that together shine like an environment; fewer if it has no more texels that shine.
 pub fn segmented(cube: &CubeMap, count: u32) -> Vec<Direction> {
     let texels = Texels::of(cube);
@@ -39,7 +46,7 @@ pub fn segmented(cube: &CubeMap, count: u32) -> Vec<Direction> {
     let mut regions = vec![texels.region((0..FACES).map(face).collect())];
     while regions.len() < count as usize {
         let strongest = (0..regions.len())
-            .filter(|&k| regions[k].power > 0.0 && texels.can_be_split(&regions[k]))
+            .filter(|&k| regions[k].power > 0.0 && regions[k].can_be_split())
             .max_by(|&a, &b| regions[a].power.total_cmp(&regions[b].power).then(b.cmp(&a)));
         let Some(strongest) = strongest else { break };
         let halves = texels.split(&regions.swap_remove(strongest));
@@ -90,11 +97,6 @@ impl Texels {
             let place = |k: u32| (2.0 * k as f32 + 1.0) / self.size as f32 - 1.0;
             (face_direction(face, place(x), place(y)).normalize(), self.at(face, x, y))
         })
-    }
-
-    fn can_be_split(&self, region: &Region) -> bool {
-        let extent = |part: &Rectangle| [0, 1].map(|axis| part.high[axis] - part.low[axis]);
-        region.parts.len() > 1 || region.parts.iter().any(|part| extent(part) != [1, 1])
     }
 
     /// Two halves of a region: of one rectangle by the line across its longer side that divides its power most evenly, of several ones

@@ -131,10 +131,7 @@ pub fn of_lenses(map: &CausticMap, (grid, view): (&PhotonGrid, &LightView), obje
 fn spacing(view: &LightView, photon: &Photon) -> f64 {
     let way = &photon.way;
     let cosine = f64::from(-photon.direction.dot(photon.normal)).max(0.05);
-    let length = match view.projection.is_parallel {
-        true => 1.0,
-        false => f64::from(way.before + way.within + way.beyond),
-    };
+    let length = if view.projection.is_parallel { 1.0 } else { f64::from(way.before + way.within + way.beyond) };
     length * view.projection.texel / cosine.sqrt()
 }
 
@@ -148,23 +145,22 @@ pub fn of_footprints(map: &CausticMap, grid: &PhotonGrid) -> Ledger {
     })
 }
 
+/// How far a photon is from its neighbours along both axes of the view, or how large the cluster is that it stands for; texels.
+fn sides_of(map: &CausticMap, sheet: &PhotonSheet, index: usize) -> Option<[DVec2; 2]> {
+    if let Some(sides) = sheet.grid.sides.get(index) {
+        let middle = sheet.grid.photons[index].position;
+        let place = |side: Vec3| Some(map.project(middle + 0.5 * side)? - map.project(middle - 0.5 * side)?);
+        let [a, b] = (*sides)?;
+        return Some([place(a)?, place(b)?]);
+    }
+    let is_neighbour = |one: usize, other: usize| sheet.are_connected(one, other);
+    let [u, v] = sheet.grid.differences(index, is_neighbour, |index| sheet.places[index]);
+    Some([u?, v?])
+}
+
 /// The covariance of a photon's footprint, texels²: that of a parallelogram with even density, and a little more.
 fn footprint(map: &CausticMap, sheet: &PhotonSheet, index: usize) -> Option<[f64; 3]> {
-    let [u, v] = match sheet.grid.sides.get(index) {
-        Some(sides) => {
-            let photon = &sheet.grid.photons[index];
-            let place = |side: Vec3| map.project(photon.position + 0.5 * side);
-            let before = |side: Vec3| map.project(photon.position - 0.5 * side);
-            let [a, b] = (*sides)?;
-            [place(a)? - before(a)?, place(b)? - before(b)?]
-        }
-        None => {
-            let is_neighbour = |one: usize, other: usize| sheet.are_connected(one, other);
-            let sides = sheet.grid.differences(index, is_neighbour, |index| sheet.places[index]);
-            let [Some(u), Some(v)] = sides else { return None };
-            [u, v]
-        }
-    };
+    let [u, v] = sides_of(map, sheet, index)?;
     let scale = OVERLAP * OVERLAP / 12.0;
     let largest = REACH * (scale * (u * u + v * v).max_element()).sqrt();
     // Very large footprints are hardly seen: they are cut.

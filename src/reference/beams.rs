@@ -240,26 +240,23 @@ impl TriangleBeam<'_> {
             return;
         }
         let parts = [[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]];
-        match self.bend(corners, middles) {
+        match bend(corners, middles) {
             Some(bend) if bend <= self.beams.max_bend => {
-                parts.into_iter().for_each(|part| self.add_flat(part, pixels));
+                for part in parts {
+                    self.add_flat(part, pixels);
+                }
             }
             _ if depth >= MAX_DEPTH || landed > 0 && extent(&corners, &middles) < POINT => {
-                parts.into_iter().for_each(|part| self.add_point(part, pixels));
+                for part in parts {
+                    self.add_point(part, pixels);
+                }
             }
-            _ => parts.into_iter().for_each(|part| self.add(part, depth + 1, pixels)),
+            _ => {
+                for part in parts {
+                    self.add(part, depth + 1, pixels);
+                }
+            }
         }
-    }
-
-    /// How far the middles of a part's sides are from where they would be if it were mapped affinely, pixels; `None` where light is torn.
-    fn bend(&self, corners: [Corner; 3], middles: [Corner; 3]) -> Option<f64> {
-        let [a, b, c] = landings(&corners)?;
-        let among = landings(&middles)?;
-        let all = [a, b, c, among[0], among[1], among[2]];
-        let is_whole = all.iter().all(|other| other.receiver == a.receiver && other.is_seen == a.is_seen);
-        let expected = [a.place.midpoint(b.place), b.place.midpoint(c.place), c.place.midpoint(a.place)];
-        let bends = among.iter().zip(expected).map(|(found, expected)| found.place.distance(expected));
-        is_whole.then(|| bends.fold(0.0, f64::max))
     }
 
     /// Spreads a part's flux over the pixels that it covers.
@@ -415,6 +412,17 @@ struct Leaving {
     id: u32,
     position: DVec3,
     direction: DVec3,
+}
+
+/// How far the middles of a part's sides are from where they would be if it were mapped affinely, pixels; `None` where light is torn.
+fn bend(corners: [Corner; 3], middles: [Corner; 3]) -> Option<f64> {
+    let [a, b, c] = landings(&corners)?;
+    let among = landings(&middles)?;
+    let all = [a, b, c, among[0], among[1], among[2]];
+    let is_whole = all.iter().all(|other| other.receiver == a.receiver && other.is_seen == a.is_seen);
+    let expected = [a.place.midpoint(b.place), b.place.midpoint(c.place), c.place.midpoint(a.place)];
+    let bends = among.iter().zip(expected).map(|(found, expected)| found.place.distance(expected));
+    is_whole.then(|| bends.fold(0.0, f64::max))
 }
 
 fn landings(corners: &[Corner; 3]) -> Option<[Landing; 3]> {

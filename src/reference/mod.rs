@@ -65,7 +65,7 @@ use self::reflectors::Reflectors;
 use self::scattering::Scattering;
 use self::sights::Sight;
 use self::sky::Sky;
-use crate::scene::{Chain, Chains, Object, Scene, Visibility};
+use crate::scene::{Chain, Chains, Light as Source, Object, Scene, Visibility};
 use crate::{Error, OptionError, Progress, Stage};
 
 /// What is computed.
@@ -274,8 +274,8 @@ fn check_chains(scene: &Scene, chains: Chains) -> Result<(), OptionError> {
 fn check_beams(scene: &Scene, options: &Options) -> Result<(), OptionError> {
     let has = |is_such: fn(&Object) -> bool| scene.objects.iter().any(is_such);
     let is_spot_or_dark = match &scene.environment.light {
-        crate::scene::Light::Spot { .. } => true,
-        crate::scene::Light::Constant(radiance) => radiance.max_element() * scene.environment.intensity == 0.0,
+        Source::Spot { .. } => true,
+        Source::Constant(radiance) => radiance.max_element() * scene.environment.intensity == 0.0,
         _ => false,
     };
     let obstacles = [
@@ -454,14 +454,13 @@ impl Reference {
             for pixel in 0..count {
                 let of_light: DVec3 = parts.iter().map(|part| part[pixel]).sum();
                 mean[pixel] += of_light;
-                variance[pixel] += match &other {
-                    Some(other) => (other[pixel] - of_light).powf(2.0),
-                    None => {
-                        // Each part is an estimate of the whole by one origin.
-                        let n = origins.len() as f64;
-                        let squares = parts.iter().map(|part| (part[pixel] - of_light / n).powf(2.0)).sum::<DVec3>();
-                        squares * n / (n - 1.0)
-                    }
+                variance[pixel] += if let Some(other) = &other {
+                    (other[pixel] - of_light).powf(2.0)
+                } else {
+                    // Each part is an estimate of the whole by one origin.
+                    let n = origins.len() as f64;
+                    let squares = parts.iter().map(|part| (part[pixel] - of_light / n).powf(2.0)).sum::<DVec3>();
+                    squares * n / (n - 1.0)
                 };
             }
         }
@@ -472,7 +471,7 @@ impl Reference {
         if is_over() {
             return Err(ReferenceError::Incomplete { coverage: 0.0 }.into());
         }
-        estimate.irradiance.pixels = mean.into_iter().map(|pixel| pixel.as_vec3()).collect();
+        estimate.irradiance.pixels = mean.into_iter().map(DVec3::as_vec3).collect();
         let root = |variance: DVec3| DVec3::from_array(variance.to_array().map(f64::sqrt)).as_vec3();
         estimate.standard_error.pixels = variance.into_iter().map(root).collect();
         estimate.weights.fill(1.0);

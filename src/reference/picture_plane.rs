@@ -1,6 +1,6 @@
 //! The pixels of a picture in f64: where points appear, and the parts of pixels that triangles cover.
 
-use glam::{DVec2, DVec3};
+use glam::{DVec2, DVec3, Vec3};
 
 use crate::scene::{Camera, Projection};
 
@@ -39,7 +39,7 @@ impl PicturePlane {
     /// Where a point appears, in pixels from the top left corner, and how; `None` behind the camera.
     pub fn project(&self, point: DVec3) -> Option<(DVec2, View)> {
         let Camera { position, forward, right, up, projection } = self.camera;
-        let [position, forward, right, up] = [position, forward, right, up].map(|v| v.as_dvec3());
+        let [position, forward, right, up] = [position, forward, right, up].map(Vec3::as_dvec3);
         let offset = point - position;
         let (across, upwards, depth) = (offset.dot(right), offset.dot(up), offset.dot(forward));
         let (w, h) = (f64::from(self.width), f64::from(self.height));
@@ -119,7 +119,6 @@ fn polygon_area(polygon: &[DVec2]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use glam::Vec3;
 
     #[test]
     fn parts_of_a_triangle_add_up() {

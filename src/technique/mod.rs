@@ -67,11 +67,10 @@ impl Technique {
     pub fn unsupported(self, scene: &Scene) -> Option<&'static str> {
         let has = |is_such: fn(&Object) -> bool| scene.objects.iter().any(is_such);
         match self {
-            Self::Pinhole => None,
             Self::ImageSpace if scene.medium.is_some() => Some("media"),
             Self::ImageSpace if has(Object::is_near_light) => Some("emitters that are near"),
             Self::ImageSpace if has(|o| o.reflector.is_some_and(|r| r.finish.roughness > 0.0)) => Some("rough mirrors"),
-            Self::ImageSpace => None,
+            Self::Pinhole | Self::ImageSpace => None,
         }
     }
 

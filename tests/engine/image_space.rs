@@ -75,7 +75,7 @@ fn without_refraction_the_caustic_is_the_direct_light() {
                 Mode::Polygons => 0.02,
                 Mode::Points => 0.6,
                 Mode::Gather => 0.08,
-                Mode::MultiResolution | Mode::Splats => 0.06,
+                Mode::MultiResolution | Mode::Splats | Mode::ThinLens | Mode::ThickLens => 0.06,
                 _ => 0.03,
             };
             let flux = rendered.report.photons.unwrap().flux;

@@ -8,7 +8,9 @@ use pinspot::image::{Image, ToneMap, srgb8};
 use pinspot::low_level::gpu::Gpu;
 use pinspot::scene::{Camera, Scene};
 use pinspot::wgpu;
-use pinspot::{Backend, Detail, Engine, EvaluationChoice, Exposure, Mark, NoProgress, Overlay, Progress, Stage};
+use pinspot::{
+    Backend, Detail, Engine, EvaluationChoice, Exposure, Mark, NoProgress, Overlay, Progress, Stage, Technique,
+};
 
 use crate::support::gpu_backend;
 
@@ -81,6 +83,24 @@ fn previews_look_like_the_whole_picture() {
         // Beams in the air are narrow for rays so far apart.
         let most = if scene == "haze" { 8.0 } else { 1.6 };
         assert!(fourth < every + most, "{scene}: interpolation adds {every} → {fourth}");
+    }
+}
+
+/// Photons light previews, too: fewer of them, added on the CPU whatever the back end.
+#[test]
+fn previews_by_photons_look_like_the_whole_picture() {
+    for backend in [Backend::cpu(), gpu_backend()] {
+        let (scene, options) = pinspot::load("ring").unwrap();
+        let options = options.with_size(SIZE).with_technique(Technique::ImageSpace);
+        let display = options.display;
+        let mut engine = Engine::new(scene, options, backend.clone());
+        let detail =
+            Detail { size: SIZE, samples: SAMPLES, taps: 16, spacing: 1, shadow_directions: SHADOW_DIRECTIONS };
+        let preview = wait(backend.device(), engine.preview(&detail, &NoProgress)).unwrap().image;
+        let whole = wait(backend.device(), engine.render(&NoProgress)).unwrap().displayed(&display);
+        let difference = difference(&preview, &whole);
+        println!("{backend:?}: {difference:.2}");
+        assert!(difference < 3.0, "{difference}");
     }
 }
 

@@ -188,11 +188,16 @@ fn a_new_engine_makes_only_what_its_options_use() {
         let mut engine = Engine::new(scene, options(defaults), Backend::cpu());
         render(&mut engine);
         let made = engine.stage_counts().made_since(&StageCounts::default());
-        // The scene has neither emitters nor lamps nor a medium, and no GPU renders it.
+        // The scene has neither emitters nor lamps nor a medium, no GPU renders it, and pinholes send no photons.
         let is_of_others = |stage: &Stage| {
             matches!(
                 stage,
-                Upload | Stage::LightGeometry | Stage::LitEnvironment | Stage::Surroundings | Stage::Scattering
+                Upload
+                    | Stage::LightGeometry
+                    | Stage::LitEnvironment
+                    | Stage::Surroundings
+                    | Stage::Scattering
+                    | Stage::Photons
             )
         };
         Stage::ENGINE.into_iter().filter(|s| !made.contains(s) && !is_of_others(s)).collect::<Vec<_>>()
@@ -243,4 +248,26 @@ fn an_engine_is_usable_after_an_error() {
 #[test]
 fn a_choice_of_the_cpu_opens_no_device() {
     assert!(wait(None, Backend::open(&BackendChoice::Cpu)).unwrap().device().is_none());
+}
+
+/// Photons are sent again when the camera moves, whose map they are added to, or the mirror does, but not for another exposure or intensity.
+#[test]
+fn photons_are_sent_again_only_where_it_matters() {
+    let (scene, options) = pinspot::load("ring").unwrap();
+    let mut options = options.with_size([24, 24]).with_technique(pinspot::Technique::ImageSpace);
+    (options.image_space.photons, options.image_space.light_directions) = (64, 2);
+    let mut engine = Engine::new(scene, options, Backend::cpu());
+    let mut sent = |edit: fn(&mut Engine)| {
+        let before = engine.stage_counts();
+        edit(&mut engine);
+        wait(None, engine.render(&NoProgress)).unwrap();
+        engine.stage_counts().made_since(&before).contains(&Stage::Photons)
+    };
+    assert!(sent(|_| ()) && !sent(|_| ()));
+    assert!(!sent(|engine| engine.options_mut().display.exposure = Exposure::Stops(1.0)));
+    assert!(!sent(|engine| engine.scene_mut().environment.intensity = 2.0));
+    assert!(sent(|engine| engine.scene_mut().environment.rotation_rad = 0.3));
+    assert!(sent(|engine| engine.scene_mut().camera.position.y += 0.1));
+    assert!(sent(|engine| engine.scene_mut().objects[0].placement.translate.y += 0.1));
+    assert!(sent(|engine| engine.options_mut().image_space.mode = pinspot::Mode::Points));
 }
