@@ -76,7 +76,7 @@ fn without_refraction_the_caustic_is_the_direct_light() {
                 Mode::Points => 0.6,
                 Mode::Gather => 0.08,
                 Mode::MultiResolution | Mode::Splats | Mode::ThinLens | Mode::ThickLens => 0.06,
-                _ => 0.03,
+                Mode::Footprints => 0.03,
             };
             let flux = rendered.report.photons.unwrap().flux;
             println!("{} {}: {error:.4}, flux {:.2e}", mode.name(), map.name(), flux.error());
@@ -225,7 +225,7 @@ fn the_ring_in_a_small_sun() {
             Mode::ExactPolygons | Mode::Polygons | Mode::Footprints | Mode::ThinLens | Mode::ThickLens => 0.07,
             Mode::Points => 0.1,
             Mode::Gather | Mode::MultiResolution => 0.6,
-            _ => 0.3,
+            Mode::Splats => 0.3,
         };
         assert!(error < limit, "{}: {error}", mode.name());
     }
