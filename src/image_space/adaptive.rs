@@ -36,12 +36,8 @@ const CLUSTERS_OF_PACKET: usize = LANES / 4;
 pub struct Effort {
     /// Photons that were followed.
     pub evaluations: u64,
-    /// Clusters that were looked at.
-    pub clusters: u64,
     /// Photons that were added to maps.
     pub photons: u64,
-    /// Batches.
-    pub batches: u64,
 }
 
 /// A traversal of a light's view.
@@ -101,11 +97,9 @@ impl Traverser<'_> {
             for outcome in outcomes {
                 run.ledger += outcome.ledger;
                 run.effort.evaluations += outcome.effort.evaluations;
-                run.effort.clusters += outcome.effort.clusters;
                 photons.extend(outcome.photons);
                 divided.extend(outcome.divided);
             }
-            run.effort.batches += 1;
             run.effort.photons += photons.len() as u64;
             if !photons.is_empty() {
                 (run.add)(&PhotonGrid::scattered(photons));
@@ -133,7 +127,6 @@ impl Traverser<'_> {
         let mut traced = [Traced::default(); LANES];
         let emission = Emission { view, ..self.emission };
         emission.trace(&[self.kind], &texels, lanes, |_, lane, one| traced[lane] = one);
-        outcome.effort.clusters = covered.len() as u64;
         outcome.effort.evaluations = 4 * covered.len() as u64;
         for (cluster, photons) in covered.iter().zip(traced.as_chunks::<4>().0) {
             self.decide(*cluster, grid, photons, &mut outcome);

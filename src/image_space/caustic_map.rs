@@ -119,6 +119,11 @@ impl CausticMap {
         self.projection.project(point)
     }
 
+    /// The index of the texel at a place, if it is in the map.
+    pub fn texel_at(&self, place: DVec2) -> Option<usize> {
+        self.projection.index(place)
+    }
+
     /// Whether a texel shows a photon's place on the receiver, from the side that it arrives on.
     fn shows(&self, index: usize, photon: &Photon) -> bool {
         let texel = &self.texels[index];

@@ -2,7 +2,7 @@
 
 use glam::{DVec2, DVec3, Vec3};
 
-use super::MapInTheMaking;
+use super::MapBuilder;
 use super::adaptive::{FIRST_GRID, Traverser};
 use super::caustic_map::{Incident, IrradianceMap};
 use super::coverage::Coverage;
@@ -72,7 +72,7 @@ pub struct Maps {
 impl Maps {
     /// Sends photons and adds them to maps.
     pub fn new(inputs: &MapInputs, progress: &dyn Progress) -> Self {
-        let mut maps = Making::new(inputs, progress);
+        let mut maps = MapsBuilder::new(inputs, progress);
         for light in inputs.lights {
             if progress.is_cancelled() {
                 break;
@@ -102,18 +102,18 @@ impl Maps {
 }
 
 /// Maps, and the photons so far.
-struct Making<'a> {
+struct MapsBuilder<'a> {
     inputs: &'a MapInputs<'a>,
-    eye: Option<MapInTheMaking<'a>>,
+    eye: Option<MapBuilder<'a>>,
     /// With the camera's map, one for each chain, along the mean direction in which its photons travel.
-    shared: Vec<(Chain, MapInTheMaking<'a>)>,
+    shared: Vec<(Chain, MapBuilder<'a>)>,
     finished: Vec<IrradianceMap>,
     ledger: Ledger,
     photons: u64,
     used: u64,
 }
 
-impl<'a> Making<'a> {
+impl<'a> MapsBuilder<'a> {
     fn new(inputs: &'a MapInputs<'a>, progress: &dyn Progress) -> Self {
         let eye = (inputs.options.caustic_map == MapView::Eye).then(|| {
             let (camera, size) = &inputs.view;
@@ -135,7 +135,7 @@ impl<'a> Making<'a> {
             vec![light.clone()]
         };
         // The map of a light shows all of its parts.
-        let mut own: Vec<MapInTheMaking<'a>> = Vec::new();
+        let mut own: Vec<MapBuilder<'a>> = Vec::new();
         for light in &lights {
             match inputs.options.traversal {
                 Traversal::Dense => self.add_all_photons(light, &mut own, progress),
@@ -145,7 +145,7 @@ impl<'a> Making<'a> {
         self.finish_maps(own);
     }
 
-    fn add_all_photons(&mut self, light: &PhotonLight, own: &mut Vec<MapInTheMaking<'a>>, progress: &dyn Progress) {
+    fn add_all_photons(&mut self, light: &PhotonLight, own: &mut Vec<MapBuilder<'a>>, progress: &dyn Progress) {
         let inputs = self.inputs;
         let views = light.views(inputs.casters, &inputs.bounds, inputs.options.photons);
         let emitted: Vec<Emitted> = views.into_iter().map(|view| self.emit(view, progress)).collect();
@@ -159,9 +159,9 @@ impl<'a> Making<'a> {
     }
 
     /// Follows clusters of photons as far as the first map needs them.
-    fn add_clusters(&mut self, light: &PhotonLight, own: &mut Vec<MapInTheMaking<'a>>, progress: &dyn Progress) {
+    fn add_clusters(&mut self, light: &PhotonLight, own: &mut Vec<MapBuilder<'a>>, progress: &dyn Progress) {
         let inputs = self.inputs;
-        self.make_maps(light, own, &inputs.scouts(light, progress));
+        self.make_maps(light, own, &inputs.few_photons(light, progress));
         for view in light.views(inputs.casters, &inputs.bounds, inputs.options.photons) {
             let coverage = Coverage::new(&view.projection, view.spread, inputs.triangles.iter().copied());
             for kind in inputs.kinds {
@@ -194,14 +194,14 @@ impl<'a> Making<'a> {
     }
 
     /// The maps of a light that photons have been sent from, unless there are any, or a camera's.
-    fn make_maps(&self, light: &PhotonLight, own: &mut Vec<MapInTheMaking<'a>>, emitted: &[Emitted]) {
+    fn make_maps(&self, light: &PhotonLight, own: &mut Vec<MapBuilder<'a>>, emitted: &[Emitted]) {
         if self.eye.is_none() && own.is_empty() {
             own.extend(self.inputs.maps_of_light(light, emitted));
         }
     }
 
     /// Adds photons to all maps. Returns their account: that of the camera's map, if there is one.
-    fn deposit(&self, own: &[MapInTheMaking<'a>], grid: &PhotonGrid, (view, chain): (&LightView, Chain)) -> Ledger {
+    fn deposit(&self, own: &[MapBuilder<'a>], grid: &PhotonGrid, (view, chain): (&LightView, Chain)) -> Ledger {
         let Some(eye) = &self.eye else { return self.inputs.deposit(own, grid, view) };
         let objects = self.inputs.surroundings.objects;
         if let Some((_, map)) = self.shared.iter().find(|(of, _)| *of == chain) {
@@ -211,7 +211,7 @@ impl<'a> Making<'a> {
     }
 
     /// Finishes the maps of a light.
-    fn finish_maps(&mut self, maps: Vec<MapInTheMaking<'a>>) {
+    fn finish_maps(&mut self, maps: Vec<MapBuilder<'a>>) {
         for map in maps {
             let (map, ledger) = map.finish();
             self.ledger += ledger;
@@ -235,11 +235,11 @@ impl<'a> Making<'a> {
 }
 
 impl<'a> MapInputs<'a> {
-    fn map(&self, projection: Projection, sees: impl Fn(Ray) -> Option<Hit> + Sync + 'a) -> MapInTheMaking<'a> {
+    fn map(&self, projection: Projection, sees: impl Fn(Ray) -> Option<Hit> + Sync + 'a) -> MapBuilder<'a> {
         // The flux of all lights on the bounds is more than what is cast, but not by much.
         let area = self.bounds.diagonal().powi(2);
         let total: f64 = self.lights.iter().map(|light| light.power_on(area)).sum();
-        MapInTheMaking::new(projection, (total, self.has_directions), Box::new(sees), self.options)
+        MapBuilder::new(projection, (total, self.has_directions), Box::new(sees), self.options)
     }
 
     fn emission<'b>(&'b self, view: &'b LightView) -> Emission<'b> {
@@ -247,7 +247,7 @@ impl<'a> MapInputs<'a> {
     }
 
     /// Adds photons to maps. Where these are the faces of a cube, each gets those that land on it.
-    fn deposit(&self, maps: &[MapInTheMaking<'a>], grid: &PhotonGrid, view: &LightView) -> Ledger {
+    fn deposit(&self, maps: &[MapBuilder<'a>], grid: &PhotonGrid, view: &LightView) -> Ledger {
         let objects = self.surroundings.objects;
         if let [map] = maps {
             return map.add(grid, view, objects);
@@ -261,7 +261,7 @@ impl<'a> MapInputs<'a> {
     }
 
     /// A few photons of a light, which tell where all of them will land.
-    fn scouts(&self, light: &PhotonLight, progress: &dyn Progress) -> Vec<Emitted> {
+    fn few_photons(&self, light: &PhotonLight, progress: &dyn Progress) -> Vec<Emitted> {
         let views = light.views(self.casters, &self.bounds, FIRST_GRID).into_iter();
         let emitted = views.map(|view| {
             let grids = emit(&self.emission(&view), self.kinds, progress).0;
@@ -272,11 +272,11 @@ impl<'a> MapInputs<'a> {
 
     /// Maps for what the camera does not see: one for each chain. It looks along the mean direction of its photons, in which few receivers
     /// hide others that they reach.
-    fn maps_of_chains(&self, progress: &dyn Progress) -> Vec<(Chain, MapInTheMaking<'a>)> {
-        let scouts: Vec<Emitted> = self.lights.iter().flat_map(|light| self.scouts(light, progress)).collect();
+    fn maps_of_chains(&self, progress: &dyn Progress) -> Vec<(Chain, MapBuilder<'a>)> {
+        let few: Vec<Emitted> = self.lights.iter().flat_map(|light| self.few_photons(light, progress)).collect();
         let of_chain = |chain: Chain| {
             let kinds = self.kinds.iter().enumerate().filter(|(_, kind)| kind.chain == chain).map(|(k, _)| k);
-            let grids: Vec<&PhotonGrid> = kinds.flat_map(|k| scouts.iter().map(move |(_, grids)| &grids[k])).collect();
+            let grids: Vec<&PhotonGrid> = kinds.flat_map(|k| few.iter().map(move |(_, grids)| &grids[k])).collect();
             let landed = || grids.iter().flat_map(|grid| &grid.photons);
             let mean: Vec3 = landed().map(|photon| photon.direction * photon.flux.element_sum()).sum();
             let direction = mean.try_normalize()?;
@@ -291,7 +291,7 @@ impl<'a> MapInputs<'a> {
     }
 
     /// Maps from a light's point of view around where its photons land: one, or six around a lamp that they surround.
-    fn maps_of_light(&self, light: &PhotonLight, emitted: &[Emitted]) -> Vec<MapInTheMaking<'a>> {
+    fn maps_of_light(&self, light: &PhotonLight, emitted: &[Emitted]) -> Vec<MapBuilder<'a>> {
         let grids = || emitted.iter().flat_map(|(_, grids)| grids);
         let landed = || grids().flat_map(|grid| grid.photons.iter().map(|photon| photon.position));
         let Some((view, _)) = emitted.first().filter(|_| landed().next().is_some()) else { return Vec::new() };

@@ -55,7 +55,7 @@ use crate::tracing::Hit;
 type Sees<'a> = Box<dyn Fn(Ray) -> Option<Hit> + Sync + 'a>;
 
 /// A map on its way: photons are added to it grid by grid.
-pub struct MapInTheMaking<'a> {
+pub struct MapBuilder<'a> {
     map: CausticMap,
     sees: Sees<'a>,
     mode: Mode,
@@ -65,7 +65,7 @@ pub struct MapInTheMaking<'a> {
     counts: Vec<AtomicU32>,
 }
 
-impl<'a> MapInTheMaking<'a> {
+impl<'a> MapBuilder<'a> {
     /// Begins with an empty map of a projection. `total`: about the flux that is to be added, W.
     pub fn new(
         projection: Projection,

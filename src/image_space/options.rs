@@ -10,7 +10,7 @@ use crate::error::OptionError;
 pub enum Mode {
     /// Every photon adds its flux to the texel that it lands in (Wyman and Davis 2006, Section 3.2).
     Points,
-    /// The same, then a Gaussian over 7×7 texels, where these have at least three photons (Wyman and Davis, Sections 3.2.2).
+    /// The same, then a Gaussian over 7×7 texels, where these have at least three photons (Wyman and Davis, Section 3.2.2).
     Gather,
     /// Neighbouring photons are the corners of triangles, which are drawn into the map (Wyman and Davis, Section 3.2.1).
     Polygons,

@@ -72,8 +72,7 @@ impl Cell<'_> {
     fn add_point(&self, photon: &Photon, place: DVec2, flux: DVec3) -> Ledger {
         let mut ledger = Ledger::default();
         let amount = flux.element_sum();
-        let size = self.map.size();
-        match texel_index(place, size) {
+        match self.map.texel_at(place) {
             None => ledger[Loss::OffMap] = amount,
             Some(index) if self.map.is_surface_of(index, photon) => {
                 self.map.add(index, flux, photon.direction);
@@ -154,12 +153,6 @@ impl Cell<'_> {
     }
 }
 
-/// The index of the texel at a place, if it is in a map of this size.
-fn texel_index(place: DVec2, [width, height]: [u32; 2]) -> Option<usize> {
-    let is_inside = place.cmpge(DVec2::ZERO).all() && place.x < f64::from(width) && place.y < f64::from(height);
-    is_inside.then(|| place.y as usize * width as usize + place.x as usize)
-}
-
 /// Whether a triangle covers a point; of two triangles with a common edge, one covers points on it.
 fn covers(triangle: [DVec2; 3], point: DVec2) -> bool {
     let [a, b, c] = triangle;
@@ -195,7 +188,6 @@ fn for_each_texel(triangle: [DVec2; 3], [width, height]: [u32; 2], mut call: imp
         }
         y += 1.0;
     }
-    row.corners.clear();
 }
 
 /// A convex polygon in texels.

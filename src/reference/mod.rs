@@ -12,6 +12,7 @@ mod allocation;
 mod beams;
 mod brdf;
 mod bright_spheres;
+mod by_beams;
 mod cone;
 mod cut;
 mod direct;
@@ -51,7 +52,7 @@ use std::path::PathBuf;
 
 use glam::DVec3;
 
-use self::beams::Beams;
+use self::by_beams::check_beams;
 use self::direct::Direct;
 use self::domain::{Domain, Lighting, Receiver};
 use self::emitters::Emitters;
@@ -65,8 +66,8 @@ use self::reflectors::Reflectors;
 use self::scattering::Scattering;
 use self::sights::Sight;
 use self::sky::Sky;
-use crate::scene::{Chain, Chains, Light as Source, Object, Scene, Visibility};
-use crate::{Error, OptionError, Progress, Stage};
+use crate::scene::{Chain, Chains, Object, Scene, Visibility};
+use crate::{Error, OptionError, Progress};
 
 /// What is computed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
@@ -270,29 +271,6 @@ fn check_chains(scene: &Scene, chains: Chains) -> Result<(), OptionError> {
     Err(OptionError::invalid("chains", message))
 }
 
-/// Says what beams cannot compute.
-fn check_beams(scene: &Scene, options: &Options) -> Result<(), OptionError> {
-    let has = |is_such: fn(&Object) -> bool| scene.objects.iter().any(is_such);
-    let is_spot_or_dark = match &scene.environment.light {
-        Source::Spot { .. } => true,
-        Source::Constant(radiance) => radiance.max_element() * scene.environment.intensity == 0.0,
-        _ => false,
-    };
-    let obstacles = [
-        (options.quantity != Quantity::Caustic, "compute caustics alone"),
-        (!is_spot_or_dark, "need an environment that is a spot, or dark beside lamps"),
-        (options.visibility == Visibility::None, "meet every object: choose visibility full"),
-        (!options.attenuation, "are attenuated by their width: choose attenuation on"),
-        (scene.medium.is_some(), "do not know media"),
-        (has(|o| o.emitter.is_some()), "do not know emitters"),
-        (has(|o| o.reflector.is_some_and(|r| r.finish.roughness > 0.0)), "do not know rough mirrors"),
-    ];
-    match obstacles.into_iter().find(|(stands, _)| *stands) {
-        Some((_, reason)) => Err(OptionError::invalid("estimator", format!("is beams, which {reason}"))),
-        None => Ok(()),
-    }
-}
-
 /// What there is to scatter light, or says that nothing does.
 fn check_medium(scene: &Scene) -> Result<Medium, OptionError> {
     let message = "is missing, or scatters nothing: give the scene `medium = { sigma_s = 0.1 }`";
@@ -422,62 +400,6 @@ impl Reference {
             let sky = Sky { geometry, light, emitters, visibility: options.visibility };
             self.solve_for(Direct { sky, lamps }, &passes, known, checkpoint)
         }
-    }
-
-    /// Adds up the beams of all lights. The standard error is that of the origins in extended lights and, of others, the difference to beams
-    /// of a fourth of the accuracy.
-    fn solve_by_beams(
-        &self,
-        criterion: &StoppingCriterion,
-        known: Option<Estimate>,
-        progress: &dyn Progress,
-    ) -> Result<Estimate, Error> {
-        if let Some(known) = known.filter(|known| known.coverage() == 1.0) {
-            return Ok(known);
-        }
-        let Options { size, chains, replicates, .. } = self.options;
-        let lights = beams::origins(&self.scene, &self.lamps, replicates).unwrap_or_default();
-        let beams = || Beams::new(&self.scene, (&self.geometry, &self.lamps), size, chains);
-        let (fine, coarse) = (beams(), beams().coarser(4.0));
-        let is_over = || criterion.is_over() || progress.is_cancelled();
-        let mut estimate = Estimate::unknown(size);
-        let count = estimate.irradiance.pixels.len();
-        let (mut mean, mut variance) = (vec![DVec3::ZERO; count], vec![DVec3::ZERO; count]);
-        progress.begin(Stage::Reference, lights.iter().map(Vec::len).sum::<usize>() as u64);
-        for origins in &lights {
-            let mut parts = Vec::new();
-            for origin in origins {
-                parts.push(fine.irradiance(origin, &is_over));
-                progress.advance(1);
-            }
-            let other = (origins.len() == 1).then(|| coarse.irradiance(&origins[0], &is_over));
-            for pixel in 0..count {
-                let of_light: DVec3 = parts.iter().map(|part| part[pixel]).sum();
-                mean[pixel] += of_light;
-                variance[pixel] += if let Some(other) = &other {
-                    (other[pixel] - of_light).powf(2.0)
-                } else {
-                    // Each part is an estimate of the whole by one origin.
-                    let n = origins.len() as f64;
-                    let squares = parts.iter().map(|part| (part[pixel] - of_light / n).powf(2.0)).sum::<DVec3>();
-                    squares * n / (n - 1.0)
-                };
-            }
-        }
-        progress.end(Stage::Reference);
-        if progress.is_cancelled() {
-            return Err(Error::Cancelled);
-        }
-        if is_over() {
-            return Err(ReferenceError::Incomplete { coverage: 0.0 }.into());
-        }
-        estimate.irradiance.pixels = mean.into_iter().map(DVec3::as_vec3).collect();
-        let root = |variance: DVec3| DVec3::from_array(variance.to_array().map(f64::sqrt)).as_vec3();
-        estimate.standard_error.pixels = variance.into_iter().map(root).collect();
-        estimate.weights.fill(1.0);
-        estimate.is_fine.fill(true);
-        estimate.statistics = Statistics { passes: 1, points_per_pixel: 0.0 };
-        Ok(estimate)
     }
 
     fn solve_for<D: Lighting>(

@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use glam::{Mat3, Vec3};
+use rayon::prelude::*;
 
 use super::{Inputs, Inspected, Pending, Statistics, Sum, TechniqueStages};
 use crate::differential::DifferentialSample;
@@ -12,7 +13,7 @@ use crate::image_space::{
 use crate::pinhole::Receivers;
 use crate::pinhole::cpu::TakenCell;
 use crate::progress::{Progress, Stage, Uncounted};
-use crate::scene::{Camera, Chains, Lamp, Light, Object, Scene, Visibility};
+use crate::scene::{Camera, Chains, Lamp, Light, Mesh, Object, Visibility};
 use crate::stages::{Id, LightStages, Memo, PreparedScene, StageCounts, SurfaceMaterials};
 use crate::tracing::{Hit, SeenBy, Tracer};
 use crate::{Error, OptionError};
@@ -81,13 +82,15 @@ impl ImageSpaceStages {
 fn sum(inputs: &Inputs, lights: &[PhotonLight], receivers: &Tracer, image_space: &ImageSpaceOptions) -> ImageSpaceSum {
     let Inputs { scene, prepared, options, chains, progress, .. } = *inputs;
     let PreparedScene { tracer, materials, .. } = prepared;
-    let vertices = |is_wanted: fn(&Object) -> bool| {
-        let meshes = scene.objects.iter().filter(|object| is_wanted(object)).map(Object::mesh_in_world);
-        meshes.flat_map(|mesh| mesh.positions().to_vec()).collect::<Vec<Vec3>>()
+    let meshes: Vec<Mesh> = scene.objects.iter().map(Object::mesh_in_world).collect();
+    let of = |is_wanted: fn(&Object) -> bool| {
+        meshes.iter().zip(&scene.objects).filter(move |(_, object)| is_wanted(object)).map(|(mesh, _)| mesh)
     };
-    let casters = vertices(|object| object.specular().is_some());
-    let triangles = caster_triangles(scene);
-    let bounds = Bounds::around(vertices(|object| object.emitter.is_none()).into_iter());
+    let casting = || of(|object| object.specular().is_some());
+    let casters: Vec<Vec3> = casting().flat_map(Mesh::positions).copied().collect();
+    let triangles: Vec<[Vec3; 3]> =
+        casting().flat_map(|mesh| (0..mesh.triangles().len()).map(|k| mesh.corners(k))).collect();
+    let bounds = Bounds::around(of(|object| object.emitter.is_none()).flat_map(Mesh::positions).copied());
     let kinds = Kind::of_scene(&scene.objects, chains);
     let has_directions =
         (0..).zip(&scene.objects).any(|(k, o)| o.receiver.is_some() && materials.receivers.is_glossy(k));
@@ -122,11 +125,6 @@ fn sum(inputs: &Inputs, lights: &[PhotonLight], receivers: &Tracer, image_space:
         warning: None,
     };
     ImageSpaceSum { maps, statistics }
-}
-
-fn caster_triangles(scene: &Scene) -> Vec<[Vec3; 3]> {
-    let meshes = scene.objects.iter().filter(|object| object.specular().is_some()).map(Object::mesh_in_world);
-    meshes.flat_map(|mesh| (0..mesh.triangles().len()).map(|k| mesh.corners(k)).collect::<Vec<_>>()).collect()
 }
 
 /// What of the scene the technique does not know, or options that mean nothing to it.
@@ -201,7 +199,7 @@ fn receivers_alone(objects: &[Object]) -> Tracer {
 
 impl Sum for ImageSpaceSum {
     fn irradiance<'a>(&'a self, receivers: &'a Receivers, progress: &'a dyn Progress) -> Pending<'a, Vec<[f32; 4]>> {
-        let places = receivers.positions.iter().zip(&receivers.normals).enumerate();
+        let places = receivers.positions.par_iter().zip(&receivers.normals).enumerate();
         let sums = places.map(|(index, (&[x, y, z, _], &[nx, ny, nz, _]))| {
             let Some(object) = receivers.object(index).filter(|_| receivers.lengths.is_none()) else { return [0.0; 4] };
             let normal = Vec3::new(nx, ny, nz);

@@ -1,22 +1,14 @@
 //! The ground truth by beams against closed forms, and against the one by points.
 
 use std::f64::consts::TAU;
-use std::path::Path;
 
 use glam::Vec3;
 use pinspot::image::{Image, rel_l2};
 use pinspot::reference::{Estimate, Estimator, Options, Reference, StoppingCriterion};
-use pinspot::scene::{Chain, Scene, load, parse};
+use pinspot::scene::{Chain, Scene, load};
 use pinspot::{NoProgress, Settings};
 
-fn scene(environment: &str, objects: &str) -> Scene {
-    let text = format!(
-        "[environment]\n{environment}\n[camera]\nposition = [0, 9, 0]\ntarget = [0, 0, 0]\nup = [0, 0, -1]\n\
-         orthographic = {{ height = 2.0 }}\n[[object]]\nname = \"floor\"\nshape = {{ plane = {{ size = [8, 8] }} }}\n\
-         receiver = {{ albedo = [0.5, 0.5, 0.5] }}\n{objects}"
-    );
-    parse::<toml::Table>("test.toml", &text, Path::new(".")).unwrap().scene
-}
+use crate::support::above_floor as scene;
 
 fn solve(scene: Scene, size: u32, change: impl FnOnce(&mut Options)) -> Estimate {
     let mut options = Options { size: [size; 2], estimator: Estimator::Beams, ..Default::default() };

@@ -1,28 +1,17 @@
 //! Image-space techniques against closed forms, direct light and the ground truth.
 
 use std::f64::consts::{PI, TAU};
-use std::path::Path;
 
 use glam::Vec3;
 use pinspot::image::{Aov, Image, rel_l2};
 use pinspot::reference::{self, Reference, StoppingCriterion};
-use pinspot::scene::{Chain, Emitter, Scene, load, parse};
+use pinspot::scene::{Chain, Emitter, Scene, load};
 use pinspot::{
     BackendChoice, CubeSize, Error, ImageSpaceOptions, Loss, MapView, Mode, NoProgress, Options, Rendered, Settings,
     Technique, Traversal,
 };
 
-use crate::support::render;
-
-/// A floor that is seen from above, 2 m high and wide, and what else there is.
-fn scene(environment: &str, rest: &str) -> Scene {
-    let text = format!(
-        "[environment]\n{environment}\n[camera]\nposition = [0, 9, 0]\ntarget = [0, 0, 0]\nup = [0, 0, -1]\n\
-         orthographic = {{ height = 2.0 }}\n[[object]]\nname = \"floor\"\nshape = {{ plane = {{ size = [8, 8] }} }}\n\
-         receiver = {{ albedo = [0.5, 0.5, 0.5] }}\n{rest}"
-    );
-    parse::<toml::Table>("test.toml", &text, Path::new(".")).unwrap().scene
-}
+use crate::support::{above_floor as scene, render, transmittance};
 
 /// A lamp without extent above the middle.
 const LAMP: &str = "[[light]]\nposition = [0, 3, 0]\nintensity = [9, 18, 27]\n";
@@ -131,14 +120,6 @@ fn a_plane_mirror_shows_a_virtual_lamp() {
         let limit = if map == MapView::Eye { 0.005 } else { 0.01 };
         assert!(error < limit, "{}: {error}", map.name());
     }
-}
-
-/// What passes an interface from the front at an angle of this cosine.
-fn transmittance(cosine: f64, eta: f64) -> f64 {
-    let inside = (1.0 - (1.0 - cosine * cosine) / (eta * eta)).sqrt();
-    let s = (cosine - eta * inside) / (cosine + eta * inside);
-    let p = (eta * cosine - inside) / (eta * cosine + inside);
-    1.0 - 0.5 * (s * s + p * p)
 }
 
 /// Flat water below a lamp, on the axis: E = I T / (h + z/n)²; in the sun everywhere E₀ cosθ T.

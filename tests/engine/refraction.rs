@@ -11,7 +11,7 @@ use pinspot::reference::{self, Reference, StoppingCriterion};
 use pinspot::scene::{Scene, Visibility, parse};
 use pinspot::{BackendChoice, NoProgress, Options};
 
-use crate::support::{BACK_ENDS, pinholes_of, render, scene};
+use crate::support::{BACK_ENDS, pinholes_of, render, scene, transmittance};
 
 /// Light like a sun: radiance 1 at its centre, L(θ) = exp(−θ²/2σ²).
 fn sun(towards: Vec3, sigma: f32) -> CubeMap {
@@ -27,14 +27,6 @@ fn sun_irradiance(sigma: f64) -> f64 {
         2.0 * PI * angle.sin() * angle.cos() * (-0.5 * (angle / sigma).powi(2)).exp() * width
     };
     (0..steps).map(ring).sum()
-}
-
-/// What passes an interface from the front at an angle of this cosine.
-fn transmittance(cosine: f64, eta: f64) -> f64 {
-    let inside = (1.0 - (1.0 - cosine * cosine) / (eta * eta)).sqrt();
-    let s = (cosine - eta * inside) / (cosine + eta * inside);
-    let p = (eta * cosine - inside) / (eta * cosine + inside);
-    1.0 - 0.5 * (s * s + p * p)
 }
 
 /// The sun through flat water: E = E₀ cosθ T for each colour, wherever it is.

@@ -211,3 +211,21 @@ pub fn median(mut values: Vec<f64>) -> f64 {
     values.sort_by(f64::total_cmp);
     values[values.len() / 2]
 }
+
+/// What passes an interface from the front at an angle of this cosine.
+pub fn transmittance(cosine: f64, eta: f64) -> f64 {
+    let inside = (1.0 - (1.0 - cosine * cosine) / (eta * eta)).sqrt();
+    let s = (cosine - eta * inside) / (cosine + eta * inside);
+    let p = (eta * cosine - inside) / (eta * cosine + inside);
+    1.0 - 0.5 * (s * s + p * p)
+}
+
+/// A floor that is seen from above, 2 m high and wide, and what else there is.
+pub fn above_floor(environment: &str, rest: &str) -> Scene {
+    let text = format!(
+        "[environment]\n{environment}\n[camera]\nposition = [0, 9, 0]\ntarget = [0, 0, 0]\nup = [0, 0, -1]\n\
+         orthographic = {{ height = 2.0 }}\n[[object]]\nname = \"floor\"\nshape = {{ plane = {{ size = [8, 8] }} }}\n\
+         receiver = {{ albedo = [0.5, 0.5, 0.5] }}\n{rest}"
+    );
+    parse::<toml::Table>("test.toml", &text, std::path::Path::new(".")).unwrap().scene
+}

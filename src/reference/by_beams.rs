@@ -1,0 +1,89 @@
+//! References by beams: what they can be asked for, and the sum over all lights. Following beams is left to [`super::beams`].
+
+use glam::DVec3;
+
+use super::beams::{Beams, origins};
+use super::{Estimate, Options, Quantity, Reference, ReferenceError, Statistics, StoppingCriterion};
+use crate::scene::{Light as Source, Object, Scene, Visibility};
+use crate::{Error, OptionError, Progress, Stage};
+
+/// Says what beams cannot compute.
+pub(super) fn check_beams(scene: &Scene, options: &Options) -> Result<(), OptionError> {
+    let has = |is_such: fn(&Object) -> bool| scene.objects.iter().any(is_such);
+    let is_spot_or_dark = match &scene.environment.light {
+        Source::Spot { .. } => true,
+        Source::Constant(radiance) => radiance.max_element() * scene.environment.intensity == 0.0,
+        _ => false,
+    };
+    let obstacles = [
+        (options.quantity != Quantity::Caustic, "compute caustics alone"),
+        (!is_spot_or_dark, "need an environment that is a spot, or dark beside lamps"),
+        (options.visibility == Visibility::None, "meet every object: choose visibility full"),
+        (!options.attenuation, "are attenuated by their width: choose attenuation on"),
+        (scene.medium.is_some(), "do not know media"),
+        (has(|o| o.emitter.is_some()), "do not know emitters"),
+        (has(|o| o.reflector.is_some_and(|r| r.finish.roughness > 0.0)), "do not know rough mirrors"),
+    ];
+    match obstacles.into_iter().find(|(stands, _)| *stands) {
+        Some((_, reason)) => Err(OptionError::invalid("estimator", format!("is beams, which {reason}"))),
+        None => Ok(()),
+    }
+}
+
+impl Reference {
+    /// Adds up the beams of all lights. The standard error is that of the origins in extended lights and, of others, the difference to beams
+    /// of a fourth of the accuracy.
+    pub(super) fn solve_by_beams(
+        &self,
+        criterion: &StoppingCriterion,
+        known: Option<Estimate>,
+        progress: &dyn Progress,
+    ) -> Result<Estimate, Error> {
+        if let Some(known) = known.filter(|known| known.coverage() == 1.0) {
+            return Ok(known);
+        }
+        let Options { size, chains, replicates, .. } = self.options;
+        let lights = origins(&self.scene, &self.lamps, replicates).unwrap_or_default();
+        let beams = || Beams::new(&self.scene, (&self.geometry, &self.lamps), size, chains);
+        let (fine, coarse) = (beams(), beams().coarser(4.0));
+        let is_over = || criterion.is_over() || progress.is_cancelled();
+        let mut estimate = Estimate::unknown(size);
+        let count = estimate.irradiance.pixels.len();
+        let (mut mean, mut variance) = (vec![DVec3::ZERO; count], vec![DVec3::ZERO; count]);
+        progress.begin(Stage::Reference, lights.iter().map(Vec::len).sum::<usize>() as u64);
+        for origins in &lights {
+            let mut parts = Vec::new();
+            for origin in origins {
+                parts.push(fine.irradiance(origin, &is_over));
+                progress.advance(1);
+            }
+            let other = (origins.len() == 1).then(|| coarse.irradiance(&origins[0], &is_over));
+            for pixel in 0..count {
+                let of_light: DVec3 = parts.iter().map(|part| part[pixel]).sum();
+                mean[pixel] += of_light;
+                variance[pixel] += if let Some(other) = &other {
+                    (other[pixel] - of_light).powf(2.0)
+                } else {
+                    // Each part is an estimate of the whole by one origin.
+                    let n = origins.len() as f64;
+                    let squares = parts.iter().map(|part| (part[pixel] - of_light / n).powf(2.0)).sum::<DVec3>();
+                    squares * n / (n - 1.0)
+                };
+            }
+        }
+        progress.end(Stage::Reference);
+        if progress.is_cancelled() {
+            return Err(Error::Cancelled);
+        }
+        if is_over() {
+            return Err(ReferenceError::Incomplete { coverage: 0.0 }.into());
+        }
+        estimate.irradiance.pixels = mean.into_iter().map(DVec3::as_vec3).collect();
+        let root = |variance: DVec3| DVec3::from_array(variance.to_array().map(f64::sqrt)).as_vec3();
+        estimate.standard_error.pixels = variance.into_iter().map(root).collect();
+        estimate.weights.fill(1.0);
+        estimate.is_fine.fill(true);
+        estimate.statistics = Statistics { passes: 1, points_per_pixel: 0.0 };
+        Ok(estimate)
+    }
+}
