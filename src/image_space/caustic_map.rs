@@ -240,7 +240,10 @@ impl IrradianceMap {
 
     /// The same, interpolated between those of the four texels around that show it or, if none does, from the nearest one.
     pub fn bilinear(&self, point: Vec3, normal: Vec3, object: u32) -> Option<Incident> {
-        let place = self.projection.project(point)? - 0.5;
+        let place = self.projection.project(point)?;
+        // What lies beyond the edge of a cube's face belongs to another one.
+        self.projection.index(place)?;
+        let place = place - 0.5;
         let (low, part) = (place.floor(), (place - place.floor()).as_vec2());
         let (mut light, mut weights) = (Incident::default(), 0.0);
         for (dx, dy) in [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0)] {
