@@ -2,25 +2,7 @@
 // Rust layouts: src/pinhole/layout.rs, src/pinhole/gpu/near_light.rs, src/pinhole/gpu/medium.rs.
 
 #import constants
-
-// A lamp; see src/scene/lamp.rs.
-struct Lamp {
-    position: vec3f,
-    radius: f32,
-    // Of its disc where its beam is brightest, W/(m²·sr).
-    radiance: vec3f,
-    // No channel has more from anywhere.
-    max_radiance: f32,
-    // Along the axis of its beam, away from it; unit length.
-    direction: vec3f,
-    // From there to the edge of the beam, radians.
-    half_angle: f32,
-    // Up in its slide.
-    up: vec3f,
-    softness: f32,
-    // BEAM_NONE and so on.
-    beam: u32,
-}
+#import beam
 
 // From where surroundings are seen.
 struct Viewpoints {

@@ -111,39 +111,7 @@ fn lamp_radiance_at(point: vec3f) -> vec3f {
     if uniforms.lamp.beam == BEAM_NONE {
         return uniforms.lamp.radiance;
     }
-    let direction = normalize(point - uniforms.lamp.position);
-    let along = dot(direction, uniforms.lamp.direction);
-    if along <= 0.0 {
-        return vec3f(0.0);
-    }
-    if uniforms.lamp.beam == BEAM_CONE {
-        let angle = atan2(length(cross(direction, uniforms.lamp.direction)), along);
-        let t = saturate((uniforms.lamp.half_angle - angle) / max(uniforms.lamp.softness * uniforms.lamp.half_angle, 1e-6));
-        return t * t * (3.0 - 2.0 * t) * uniforms.lamp.radiance;
-    }
-    let right = cross(uniforms.lamp.direction, uniforms.lamp.up);
-    let scale = 1.0 / (along * tan(uniforms.lamp.half_angle));
-    return uniforms.lamp.radiance * slide_at(scale * vec2f(dot(direction, right), dot(direction, uniforms.lamp.up)));
-}
-
-// The slide at a place, bilinear: the upper edge is at y = 1, the right one at x = width / height. Black outside.
-fn slide_at(place: vec2f) -> vec3f {
-    let size = vec2f(textureDimensions(slide));
-    let at = vec2f(0.5 * (place.x * size.y + size.x), 0.5 * (1.0 - place.y) * size.y);
-    if !(all(at >= vec2f(0.0)) && all(at <= size)) {
-        return vec3f(0.0);
-    }
-    let inside = max(at - 0.5, vec2f(0.0));
-    let low = vec2u(inside);
-    let part = inside - vec2f(low);
-    let high = min(low + 1u, vec2u(size) - 1u);
-    let upper = mix(slide_pixel(low.x, low.y), slide_pixel(high.x, low.y), part.x);
-    let lower = mix(slide_pixel(low.x, high.y), slide_pixel(high.x, high.y), part.x);
-    return mix(upper, lower, part.y);
-}
-
-fn slide_pixel(x: u32, y: u32) -> vec3f {
-    return textureLoad(slide, vec2u(x, y), 0).rgb;
+    return uniforms.lamp.radiance * beam_transmittance(uniforms.lamp, normalize(point - uniforms.lamp.position));
 }
 
 // The part of a footprint around a unit direction that a disc fills: from 0 to 1.

@@ -4,6 +4,7 @@
 
 #import ray_origin
 #import ray_traversal
+#import unit_vectors
 
 // Texels in a row of `geometry`: nodes of two texels each (low corner of the box, and the node after those below; high corner, and of
 // a leaf eight bits for the number of its objects or triangles below the index of the first). First those over the objects, in metres,
@@ -83,17 +84,8 @@ fn load_triangle(first: u32) -> Triangle {
     let c = geometry_texel(first + 2u);
     return Triangle(
         array(bitcast<vec3f>(a.xyz), bitcast<vec3f>(b.xyz), bitcast<vec3f>(c.xyz)),
-        array(unpacked_normal(a.w), unpacked_normal(b.w), unpacked_normal(c.w)),
+        array(unpacked_unit(a.w), unpacked_unit(b.w), unpacked_unit(c.w)),
     );
-}
-
-// A unit vector from its place on an octahedron.
-fn unpacked_normal(packed: u32) -> vec3f {
-    // As unpack2x16snorm, which some drivers round differently.
-    let xy = vec2f(vec2i(extractBits(i32(packed), 0u, 16u), extractBits(i32(packed), 16u, 16u))) / 32767.0;
-    let z = 1.0 - abs(xy.x) - abs(xy.y);
-    let fold = max(-z, 0.0);
-    return normalize(vec3f(xy + select(vec2f(-fold), vec2f(fold), xy < vec2f(0.0)), z));
 }
 
 // A direction of an object's units in the world, times units per metre.

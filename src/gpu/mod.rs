@@ -118,6 +118,16 @@ pub enum GpuError {
         /// Bytes that fit.
         limit: u64,
     },
+    /// A caustic map is too large.
+    #[error("a caustic map of {}×{} texels takes {bytes} bytes, but this adapter's buffers end at {limit}; make it smaller, or choose the CPU", .size[0], .size[1])]
+    CausticMapTooLarge {
+        /// Columns and rows.
+        size: [u32; 2],
+        /// Bytes of its texels or sums.
+        bytes: u64,
+        /// Bytes that fit.
+        limit: u64,
+    },
     /// A shader's loop was ended early.
     #[error(
         "adapter '{adapter}' ends the loops of shaders before their time (Mesa's software adapter after 65,535 iterations), and this picture needs more of them"

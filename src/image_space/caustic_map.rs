@@ -6,9 +6,11 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicI64, Ordering};
 
+use bytemuck::{Pod, Zeroable};
 use glam::{DVec2, DVec3, Vec3};
 use rayon::prelude::*;
 
+use super::constants::{PHOTON_OFF_PLANE, PHOTON_OFF_RAY, SAME_SURFACE_COSINE};
 use super::ledger::Loss;
 use super::photons::Photon;
 use super::projection::Projection;
@@ -19,15 +21,6 @@ use crate::tracing::Hit;
 /// total do not overflow.
 const STEPS: f64 = (1u64 << 52) as f64;
 
-/// How far off a texel's plane its surface may be, in edges of the texel.
-const MAX_HEIGHT: f32 = 0.5;
-
-/// How far a ray may miss the point that it was sent to, in edges of the texel.
-const MAX_OFFSET: f32 = 0.05;
-
-/// Surfaces whose normals differ more than this are not one: the cosine.
-const MIN_NORMAL_COSINE: f32 = 0.5;
-
 /// From a place to itself and to the places in the texels around it.
 const AROUND: [[f64; 2]; 9] =
     [[0.0, 0.0], [-1.0, 0.0], [1.0, 0.0], [0.0, -1.0], [0.0, 1.0], [-1.0, -1.0], [1.0, -1.0], [-1.0, 1.0], [1.0, 1.0]];
@@ -36,14 +29,17 @@ const AROUND: [[f64; 2]; 9] =
 const NOTHING: u32 = u32::MAX;
 
 /// The receiver in the middle of a texel.
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct Texel {
-    position: Vec3,
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub struct Texel {
+    /// Metres.
+    pub position: Vec3,
+    /// `u32::MAX`: none.
+    pub object: u32,
     /// Of its triangle, towards the viewer; unit length.
-    normal: Vec3,
-    object: u32,
+    pub normal: Vec3,
     /// The edge of a square with the area that the texel covers on the receiver, metres.
-    edge: f32,
+    pub edge: f32,
 }
 
 /// A map that photons are added to.
@@ -66,11 +62,19 @@ impl CausticMap {
         receiver: impl Fn(Ray) -> Option<Hit> + Sync,
     ) -> Self {
         let texels = (0..projection.texel_count()).into_par_iter().map(|index| texel(&projection, index, &receiver));
-        Self::empty(
-            projection,
-            Arc::new(texels.collect()),
-            (total.max(f64::MIN_POSITIVE * STEPS) / STEPS, has_directions),
-        )
+        Self::empty(projection, Arc::new(texels.collect()), (watts_per_step(total), has_directions))
+    }
+
+    /// A map with the sums of another program: of flux and, if there are any, of directions, in steps.
+    #[cfg(feature = "gpu")]
+    pub fn of_sums(
+        projection: Projection,
+        texels: Arc<Vec<Texel>>,
+        [flux, directions]: [Vec<[i64; 3]>; 2],
+        watts_per_step: f64,
+    ) -> Self {
+        let atomic = |sums: Vec<[i64; 3]>| sums.into_iter().map(|sum| sum.map(AtomicI64::new)).collect();
+        Self { projection, texels, flux: atomic(flux), directions: atomic(directions), watts_per_step }
     }
 
     /// An empty map that shows the same.
@@ -111,7 +115,7 @@ impl CausticMap {
             return false;
         }
         let seen = receiver(self.projection.ray(place));
-        seen.is_none_or(|hit| hit.position.distance(photon.position) > MAX_OFFSET * self.texels[index].edge)
+        seen.is_none_or(|hit| hit.position.distance(photon.position) > PHOTON_OFF_RAY * self.texels[index].edge)
     }
 
     /// Where a point appears in the map, which may be outside of its window.
@@ -127,14 +131,15 @@ impl CausticMap {
     /// Whether a texel shows a photon's place on the receiver, from the side that it arrives on.
     fn shows(&self, index: usize, photon: &Photon) -> bool {
         let texel = &self.texels[index];
-        let is_on_plane = || (photon.position - texel.position).dot(texel.normal).abs() <= MAX_HEIGHT * texel.edge;
+        let is_on_plane =
+            || (photon.position - texel.position).dot(texel.normal).abs() <= PHOTON_OFF_PLANE * texel.edge;
         self.is_surface_of(index, photon) && is_on_plane()
     }
 
     /// Whether a texel shows the receiver that a photon lands on, about as it is oriented there.
     pub fn is_surface_of(&self, index: usize, photon: &Photon) -> bool {
         let texel = &self.texels[index];
-        texel.object == photon.object && texel.normal.dot(photon.normal) >= MIN_NORMAL_COSINE
+        texel.object == photon.object && texel.normal.dot(photon.normal) >= SAME_SURFACE_COSINE
     }
 
     /// The edge of a square with the area that a texel covers on its receiver, metres.
@@ -182,7 +187,7 @@ impl CausticMap {
             let is_inside = (0..width).contains(&(x + dx)) && (0..height).contains(&(y + dy));
             let other = is_inside.then(|| ((y + dy) * width + x + dx) as usize)?;
             let texel = &self.texels[other];
-            let is_same = texel.object == own.object && texel.normal.dot(own.normal) >= MIN_NORMAL_COSINE;
+            let is_same = texel.object == own.object && texel.normal.dot(own.normal) >= SAME_SURFACE_COSINE;
             (own.object != NOTHING && is_same).then_some((other, [dx, dy]))
         })
     }
@@ -197,6 +202,11 @@ impl CausticMap {
         let directions = (0..self.directions.len()).map(|index| self.direction(index)).collect();
         IrradianceMap { projection: self.projection, texels: self.texels, irradiance, directions }
     }
+}
+
+/// The step of fixed point for about so much flux, W.
+pub fn watts_per_step(total: f64) -> f64 {
+    total.max(f64::MIN_POSITIVE * STEPS) / STEPS
 }
 
 fn texel(projection: &Projection, index: usize, receiver: &impl Fn(Ray) -> Option<Hit>) -> Texel {
@@ -267,7 +277,7 @@ impl IrradianceMap {
     fn shows(&self, index: usize, point: Vec3, normal: Vec3, object: u32) -> bool {
         let texel = &self.texels[index];
         // As far off as the neighbouring texel may be.
-        let is_near = || (point - texel.position).dot(texel.normal).abs() <= 2.0 * MAX_HEIGHT * texel.edge;
+        let is_near = || (point - texel.position).dot(texel.normal).abs() <= 2.0 * PHOTON_OFF_PLANE * texel.edge;
         texel.object == object && texel.normal.dot(normal) > 0.0 && is_near()
     }
 }

@@ -153,8 +153,7 @@ impl Emission<'_> {
     fn ray(&self, [x, y]: [u32; 2]) -> (Ray, Vec3) {
         let place = DVec2::new(f64::from(x), f64::from(y)) + 0.5;
         let index = y.wrapping_mul(self.view.projection.size[0]).wrapping_add(x);
-        let [u, v, ..] = sobol_burley::sample_4d(index & 0xffff, 0, (self.seed as u32).wrapping_add(index >> 16));
-        self.view.emit(place, Vec2::new(u, v))
+        self.view.emit(place, disc_sample(index, self.seed))
     }
 
     /// What the first surface makes of a photon; `None` if that is nothing of this kind.
@@ -269,6 +268,12 @@ impl Emission<'_> {
         ledger[lost] += Ledger::sum(flight.flux);
         None
     }
+}
+
+/// A point of the unit square for each photon of a view, by which its origin in an extended light is chosen.
+pub fn disc_sample(index: u32, seed: u64) -> Vec2 {
+    let [u, v, ..] = sobol_burley::sample_4d(index & 0xffff, 0, (seed as u32).wrapping_add(index >> 16));
+    Vec2::new(u, v)
 }
 
 /// The chain of light that a refractor lets pass.

@@ -3,11 +3,9 @@
 //! In terms of vergences: a bundle from a distance d has −1/d, a surface of power P adds P, and on the way its width changes in proportion to
 //! 1 − l·V. That is Wyman and Dachsbacher 2006, Equations 2 to 7, without their poles.
 
+use super::constants::SMOOTH_LENS_COSINE;
 use super::photons::{Photon, PhotonGrid, SurfacePoint};
 use crate::scene::Object;
-
-/// Surfaces whose normals differ more than this from one photon to the next have an edge between them: the cosine.
-const MIN_NORMAL_COSINE: f32 = 0.9;
 
 /// How light through a closed object is described.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -72,7 +70,7 @@ fn undistorted(before: f64, beyond: f64) -> f64 {
 fn mean_curvature(grid: &PhotonGrid, index: usize, point: impl Fn(&Photon) -> SurfacePoint) -> Option<f64> {
     let is_neighbour = |one: usize, other: usize| {
         let [one, other] = [one, other].map(|index| &grid.photons[index]);
-        one.caster == other.caster && point(one).normal.dot(point(other).normal) > MIN_NORMAL_COSINE
+        one.caster == other.caster && point(one).normal.dot(point(other).normal) > SMOOTH_LENS_COSINE
     };
     let position = |index: usize| point(&grid.photons[index]).position.as_dvec3();
     let normal = |index: usize| point(&grid.photons[index]).normal.as_dvec3();

@@ -6,6 +6,7 @@ use std::f32::consts::TAU;
 
 use glam::{DVec2, Vec2, Vec3};
 
+use super::constants::MAX_SPREAD_RAD;
 use super::projection::{Bounds, Projection};
 use crate::scene::{Lamp, Ray};
 
@@ -86,7 +87,7 @@ impl PhotonLight {
             Self::Directional { towards, sigma_rad, .. } => {
                 let view = Projection::parallel(-*towards, points, scene, photons);
                 let pivot = (centre.as_dvec3() - view.origin).dot(view.axes[2]);
-                let spread = f64::from(radius * (WIDEST * sigma_rad).min(1.2).tan());
+                let spread = f64::from(radius * (WIDEST * sigma_rad).min(MAX_SPREAD_RAD).tan());
                 (vec![view.widened(spread)], pivot as f32, spread)
             }
             Self::Lamp(lamp) => {
@@ -110,7 +111,7 @@ impl PhotonLight {
 fn spread(towards: Vec3, sigma_rad: f32, place: Vec2) -> (Vec3, f32) {
     let (u, v) = towards.any_orthonormal_pair();
     let r = place.length().min(1.0 - 1e-6);
-    let angle = (sigma_rad * (-2.0 * (1.0 - r * r).ln()).sqrt()).min(1.2);
+    let angle = (sigma_rad * (-2.0 * (1.0 - r * r).ln()).sqrt()).min(MAX_SPREAD_RAD);
     let across = place.try_normalize().unwrap_or(Vec2::X);
     let direction = angle.cos() * towards + angle.sin() * (across.x * u + across.y * v);
     (direction.normalize(), if angle > 0.0 { angle.sin() / angle } else { 1.0 })

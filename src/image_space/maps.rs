@@ -19,6 +19,9 @@ use crate::tracing::{Hit, Tracer};
 /// The part of the photons at each edge of a light's map that may lie outside of it.
 const OUTLIERS: f64 = 0.002;
 
+/// The part of a light's map at each edge for photons between the few that tell where all of them land.
+const MARGIN: f64 = 1.0 / FIRST_GRID as f64;
+
 /// Clusters of photons that are followed together.
 const CLUSTERS_OF_BATCH: usize = 1 << 18;
 
@@ -82,6 +85,17 @@ impl Maps {
         maps.finish()
     }
 
+    /// Finished maps of the camera and of lights, the account of their flux with the numbers of photons, and the number of lights.
+    #[cfg(feature = "gpu")]
+    pub(super) fn of_parts(
+        eye: Option<IrradianceMap>,
+        lights: Vec<IrradianceMap>,
+        (ledger, photons, photons_used): (Ledger, u64, u64),
+        lights_used: usize,
+    ) -> Self {
+        Self { eye, lights, ledger, photons, photons_used, lights_used }
+    }
+
     /// The light on a point of an object, on the side of a normal.
     pub fn light_at(&self, point: Vec3, normal: Vec3, object: u32) -> Incident {
         if let Some(seen) = self.eye.as_ref().and_then(|map| map.nearest(point, normal, object)) {
@@ -129,39 +143,34 @@ impl<'a> MapsBuilder<'a> {
 
     fn add_light(&mut self, light: &PhotonLight, progress: &dyn Progress) {
         let inputs = self.inputs;
-        let lights = if inputs.options.mode.needs_neighbours() {
-            light.divided(inputs.options.light_directions, inputs.bounds.centre())
-        } else {
-            vec![light.clone()]
-        };
+        let lights = inputs.parts_of(light);
         // The map of a light shows all of its parts.
-        let mut own: Vec<MapBuilder<'a>> = Vec::new();
+        let own = if self.eye.is_some() { Vec::new() } else { inputs.maps_of_light(light, progress) };
         for light in &lights {
             match inputs.options.traversal {
-                Traversal::Dense => self.add_all_photons(light, &mut own, progress),
-                _ => self.add_clusters(light, &mut own, progress),
+                Traversal::Dense => self.add_all_photons(light, &own, progress),
+                _ => self.add_clusters(light, &own),
             }
         }
         self.finish_maps(own);
     }
 
-    fn add_all_photons(&mut self, light: &PhotonLight, own: &mut Vec<MapBuilder<'a>>, progress: &dyn Progress) {
+    fn add_all_photons(&mut self, light: &PhotonLight, own: &[MapBuilder<'a>], progress: &dyn Progress) {
         let inputs = self.inputs;
-        let views = light.views(inputs.casters, &inputs.bounds, inputs.options.photons);
-        let emitted: Vec<Emitted> = views.into_iter().map(|view| self.emit(view, progress)).collect();
-        self.make_maps(light, own, &emitted);
-        for (view, grids) in &emitted {
-            for (kind, grid) in inputs.kinds.iter().zip(grids) {
+        for view in light.views(inputs.casters, &inputs.bounds, inputs.options.photons) {
+            let (grids, ledger) = emit(&inputs.emission(&view), inputs.kinds, progress);
+            self.photons += view.projection.texel_count() as u64;
+            self.ledger += ledger;
+            for (kind, grid) in inputs.kinds.iter().zip(&grids) {
                 self.used += grid.photons.len() as u64;
-                self.ledger += self.deposit(own, grid, (view, kind.chain));
+                self.ledger += self.deposit(own, grid, (&view, kind.chain));
             }
         }
     }
 
     /// Follows clusters of photons as far as the first map needs them.
-    fn add_clusters(&mut self, light: &PhotonLight, own: &mut Vec<MapBuilder<'a>>, progress: &dyn Progress) {
+    fn add_clusters(&mut self, light: &PhotonLight, own: &[MapBuilder<'a>]) {
         let inputs = self.inputs;
-        self.make_maps(light, own, &inputs.few_photons(light, progress));
         for view in light.views(inputs.casters, &inputs.bounds, inputs.options.photons) {
             let coverage = Coverage::new(&view.projection, view.spread, inputs.triangles.iter().copied());
             for kind in inputs.kinds {
@@ -183,20 +192,6 @@ impl<'a> MapsBuilder<'a> {
                 self.photons += effort.evaluations;
                 self.used += effort.photons;
             }
-        }
-    }
-
-    fn emit(&mut self, view: LightView, progress: &dyn Progress) -> Emitted {
-        let (grids, ledger) = emit(&self.inputs.emission(&view), self.inputs.kinds, progress);
-        self.photons += view.projection.texel_count() as u64;
-        self.ledger += ledger;
-        (view, grids)
-    }
-
-    /// The maps of a light that photons have been sent from, unless there are any, or a camera's.
-    fn make_maps(&self, light: &PhotonLight, own: &mut Vec<MapBuilder<'a>>, emitted: &[Emitted]) {
-        if self.eye.is_none() && own.is_empty() {
-            own.extend(self.inputs.maps_of_light(light, emitted));
         }
     }
 
@@ -236,10 +231,22 @@ impl<'a> MapsBuilder<'a> {
 
 impl<'a> MapInputs<'a> {
     fn map(&self, projection: Projection, sees: impl Fn(Ray) -> Option<Hit> + Sync + 'a) -> MapBuilder<'a> {
-        // The flux of all lights on the bounds is more than what is cast, but not by much.
+        MapBuilder::new(projection, (self.total_watts(), self.has_directions), Box::new(sees), self.options)
+    }
+
+    /// The flux of all lights on the bounds: more than what is cast, but not by much; W.
+    pub fn total_watts(&self) -> f64 {
         let area = self.bounds.diagonal().powi(2);
-        let total: f64 = self.lights.iter().map(|light| light.power_on(area)).sum();
-        MapBuilder::new(projection, (total, self.has_directions), Box::new(sees), self.options)
+        self.lights.iter().map(|light| light.power_on(area)).sum()
+    }
+
+    /// The lights that one is divided into where photons need neighbours.
+    pub fn parts_of(&self, light: &PhotonLight) -> Vec<PhotonLight> {
+        if self.options.mode.needs_neighbours() {
+            light.divided(self.options.light_directions, self.bounds.centre())
+        } else {
+            vec![light.clone()]
+        }
     }
 
     fn emission<'b>(&'b self, view: &'b LightView) -> Emission<'b> {
@@ -270,9 +277,16 @@ impl<'a> MapInputs<'a> {
         emitted.collect()
     }
 
-    /// Maps for what the camera does not see: one for each chain. It looks along the mean direction of its photons, in which few receivers
-    /// hide others that they reach.
+    /// Maps for what the camera does not see.
     fn maps_of_chains(&self, progress: &dyn Progress) -> Vec<(Chain, MapBuilder<'a>)> {
+        let tracer = self.receivers;
+        let map = |(chain, projection)| (chain, self.map(projection, move |ray: Ray| tracer.secondary_hit(ray)));
+        self.projections_of_chains(progress).into_iter().map(map).collect()
+    }
+
+    /// Views of receivers for what the camera does not see: one for each chain, along the mean direction of its photons, in which few
+    /// receivers hide others that they reach.
+    pub fn projections_of_chains(&self, progress: &dyn Progress) -> Vec<(Chain, Projection)> {
         let few: Vec<Emitted> = self.lights.iter().flat_map(|light| self.few_photons(light, progress)).collect();
         let of_chain = |chain: Chain| {
             let kinds = self.kinds.iter().enumerate().filter(|(_, kind)| kind.chain == chain).map(|(k, _)| k);
@@ -283,35 +297,42 @@ impl<'a> MapInputs<'a> {
             let (right, down) = direction.as_dvec3().any_orthonormal_pair();
             let kept = without_outliers(landed().map(|photon| photon.position), right, down);
             let size = self.options.caustic_map_size;
-            let projection = Projection::parallel(direction, kept.into_iter(), &self.bounds, size);
-            let tracer = self.receivers;
-            Some((chain, self.map(projection, move |ray: Ray| tracer.secondary_hit(ray))))
+            Some((chain, with_margin(Projection::parallel(direction, kept.into_iter(), &self.bounds, size))))
         };
         Chain::ALL.into_iter().filter_map(of_chain).collect()
     }
 
-    /// Maps from a light's point of view around where its photons land: one, or six around a lamp that they surround.
-    fn maps_of_light(&self, light: &PhotonLight, emitted: &[Emitted]) -> Vec<MapBuilder<'a>> {
+    fn maps_of_light(&self, light: &PhotonLight, progress: &dyn Progress) -> Vec<MapBuilder<'a>> {
+        let tracer = self.receivers;
+        let map = |projection| self.map(projection, move |ray: Ray| tracer.secondary_hit(ray));
+        self.projections_of_light(light, progress).into_iter().map(map).collect()
+    }
+
+    /// Views from a light around where its photons land: one, or six around a lamp that they surround.
+    pub fn projections_of_light(&self, light: &PhotonLight, progress: &dyn Progress) -> Vec<Projection> {
+        let emitted = self.few_photons(light, progress);
         let grids = || emitted.iter().flat_map(|(_, grids)| grids);
         let landed = || grids().flat_map(|grid| grid.photons.iter().map(|photon| photon.position));
         let Some((view, _)) = emitted.first().filter(|_| landed().next().is_some()) else { return Vec::new() };
         let size = self.options.caustic_map_size;
-        let projections = match light {
+        match light {
             PhotonLight::Directional { towards, .. } => {
                 let axes = view.projection.axes;
                 let kept = without_outliers(landed(), axes[0], axes[1]);
-                vec![Projection::parallel(-*towards, kept.into_iter(), &self.bounds, size)]
+                vec![with_margin(Projection::parallel(-*towards, kept.into_iter(), &self.bounds, size))]
             }
             PhotonLight::Lamp(lamp) => {
                 let points: Vec<Vec3> = landed().collect();
                 let one = Projection::central(lamp.position, points.iter().copied(), size);
-                one.map_or_else(|| Projection::cube(lamp.position, size, 0).to_vec(), |view| vec![view])
+                one.map_or_else(|| Projection::cube(lamp.position, size, 0).to_vec(), |view| vec![with_margin(view)])
             }
-        };
-        let tracer = self.receivers;
-        let receiver = move |ray: Ray| tracer.secondary_hit(ray);
-        projections.into_iter().map(|projection| self.map(projection, receiver)).collect()
+        }
     }
+}
+
+/// A window that is as much wider as a few photons may miss of what all of them reach.
+fn with_margin(window: Projection) -> Projection {
+    window.widened(MARGIN * window.texel * f64::from(window.size[0]))
 }
 
 /// Points between whose extremes along two axes nearly all of them lie.

@@ -11,8 +11,11 @@
 
 mod adaptive;
 mod caustic_map;
+pub(crate) mod constants;
 mod coverage;
 mod emission;
+#[cfg(feature = "gpu")]
+pub(crate) mod gpu;
 mod ledger;
 mod lens;
 mod lights;
@@ -54,15 +57,20 @@ use crate::tracing::Hit;
 /// Tells the receiver that a ray shows, if it does.
 type Sees<'a> = Box<dyn Fn(Ray) -> Option<Hit> + Sync + 'a>;
 
-/// A map on its way: photons are added to it grid by grid.
-pub struct MapBuilder<'a> {
+/// Flux in the texels of a map.
+struct Deposits {
     map: CausticMap,
-    sees: Sees<'a>,
     mode: Mode,
-    splat_diameter: f64,
     layers: Option<Layers>,
     /// Photons in each texel, for the gather.
     counts: Vec<AtomicU32>,
+}
+
+/// A map on its way: photons are added to it grid by grid.
+pub struct MapBuilder<'a> {
+    deposits: Deposits,
+    sees: Sees<'a>,
+    splat_diameter: f64,
 }
 
 impl<'a> MapBuilder<'a> {
@@ -79,38 +87,38 @@ impl<'a> MapBuilder<'a> {
         let counted = if options.mode == Mode::Gather { texels } else { 0 };
         let counts = (0..counted).map(|_| AtomicU32::new(0)).collect();
         let splat_diameter = f64::from(options.splat_diameter);
-        Self { map, sees, mode: options.mode, splat_diameter, layers, counts }
+        Self { deposits: Deposits { map, mode: options.mode, layers, counts }, sees, splat_diameter }
     }
 
     /// The map so far.
     fn map(&self) -> &CausticMap {
-        &self.map
+        &self.deposits.map
     }
 
     /// Whether a photon lands in the map's window.
     fn is_in_window(&self, photon: &Photon) -> bool {
-        self.map.place(photon) != Err(Loss::OffMap)
+        self.deposits.map.place(photon) != Err(Loss::OffMap)
     }
 
     /// Adds photons. Returns the account of their flux; where more than one photon decides what a texel gets, what is deposited is known
     /// in the end.
     pub fn add(&self, grid: &PhotonGrid, view: &LightView, objects: &[Object]) -> Ledger {
-        let map = &self.map;
+        let Deposits { map, mode, layers, counts } = &self.deposits;
         let is_hidden = |photon: &Photon| map.is_hidden(photon, &self.sees);
         let hidden: Vec<bool> = grid.photons.par_iter().map(is_hidden).collect();
         let lost = grid.photons.iter().zip(&hidden).filter(|(_, is_hidden)| **is_hidden);
         let lost = lost.map(|(photon, _)| Ledger::sum(photon.flux)).sum::<f64>();
         let grid = &if hidden.contains(&true) { Cow::Owned(grid.without(&hidden)) } else { Cow::Borrowed(grid) };
-        let mut ledger = match self.mode {
+        let mut ledger = match mode {
             Mode::Points => points(map, grid),
             Mode::Gather => {
                 grid.photons.par_iter().filter_map(|photon| map.place(photon).ok()).for_each(|(_, texel)| {
-                    self.counts[texel].fetch_add(1, Ordering::Relaxed);
+                    counts[texel].fetch_add(1, Ordering::Relaxed);
                 });
                 Ledger { deposited: 0.0, ..points(map, grid) }
             }
             Mode::Splats => of_diameter(map, grid, self.splat_diameter),
-            Mode::MultiResolution => self.layers.as_ref().map_or_else(Ledger::default, |layers| layers.add(grid)),
+            Mode::MultiResolution => layers.as_ref().map_or_else(Ledger::default, |layers| layers.add(grid)),
             Mode::ThinLens => of_lenses(map, (grid, view), objects, Lens::Thin),
             Mode::ThickLens => of_lenses(map, (grid, view), objects, Lens::Thick),
             Mode::Footprints => of_footprints(map, grid),
@@ -123,7 +131,14 @@ impl<'a> MapBuilder<'a> {
 
     /// The finished map, and what is left of the account.
     pub fn finish(self) -> (IrradianceMap, Ledger) {
-        let Self { map, mode, layers, counts, .. } = self;
+        self.deposits.finish()
+    }
+}
+
+impl Deposits {
+    /// Chooses between several resolutions or smoothes points, as the mode asks for. Returns the finished map, and what is left of the account.
+    fn finish(self) -> (IrradianceMap, Ledger) {
+        let Self { map, mode, layers, counts } = self;
         let mut ledger = Ledger::default();
         if let Some(layers) = layers {
             ledger = layers.resolve(&map);

@@ -6,12 +6,21 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use super::caustic_map::CausticMap;
+use super::constants::{FIRST_LAYER_DIAMETER, LAYER_DIAMETER_STEP, LAYERS};
 use super::ledger::{Ledger, total};
 use super::photons::PhotonGrid;
 use super::splats::of_diameter;
 
 /// Diameters of the splats, texels.
-pub const DIAMETERS: [u32; 4] = [3, 7, 11, 15];
+pub const DIAMETERS: [u32; LAYERS as usize] = {
+    let mut diameters = [FIRST_LAYER_DIAMETER; LAYERS as usize];
+    let mut layer = 1;
+    while layer < diameters.len() {
+        diameters[layer] = diameters[layer - 1] + LAYER_DIAMETER_STEP;
+        layer += 1;
+    }
+    diameters
+};
 
 /// A size counts from this many photons on, and alone from twice as many.
 const LEAST_PHOTONS: f64 = 8.0;
@@ -32,6 +41,13 @@ impl Layers {
         let count = map.size()[0] as usize * map.size()[1] as usize;
         let counts = DIAMETERS.map(|_| (0..count).map(|_| AtomicU32::new(0)).collect());
         Self { maps: DIAMETERS.map(|_| map.emptied()).into(), counts: counts.into() }
+    }
+
+    /// Maps and counts that another program has made, from the smallest splats up.
+    #[cfg(feature = "gpu")]
+    pub fn of_sums(maps: Vec<CausticMap>, counts: Vec<Vec<u32>>) -> Self {
+        let atomic = |counts: Vec<u32>| counts.into_iter().map(AtomicU32::new).collect();
+        Self { maps, counts: counts.into_iter().map(atomic).collect() }
     }
 
     /// Adds photons to all of them. Returns what is lost.

@@ -7,6 +7,7 @@ use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
 use super::caustic_map::CausticMap;
+use super::constants::MIN_DRAWN_AREA;
 use super::ledger::{Ledger, Loss, total};
 use super::photons::{Photon, PhotonGrid};
 use super::sheet::PhotonSheet;
@@ -21,7 +22,7 @@ pub enum Coverage {
 }
 
 /// Triangles smaller than this, texels², are points: centres miss most of them, and exact areas are not worth the work.
-const MIN_AREA: [f64; 2] = [0.1, 1e-9];
+const MIN_AREA: [f64; 2] = [MIN_DRAWN_AREA as f64, 1e-9];
 
 /// The corners of a cell's triangles by their place in it: right + 2 · below.
 const TRIANGLES: [[usize; 3]; 2] = [[0, 1, 2], [1, 3, 2]];

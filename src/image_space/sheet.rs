@@ -3,16 +3,8 @@
 use glam::DVec2;
 
 use super::caustic_map::CausticMap;
+use super::constants::{LEAST_TEAR, SAME_SURFACE_COSINE, TEAR_STRETCH};
 use super::photons::PhotonGrid;
-
-/// Neighbours that lie so many times as far from each other as from those beyond them came from both sides of an edge of the caster.
-const MAX_STRETCH: f64 = 8.0;
-
-/// Photons that are nearer to each other than this, in texels, are not taken for torn.
-const LEAST_TEAR: f64 = 1.0;
-
-/// Surfaces whose normals differ more than this are not one: the cosine.
-const MIN_NORMAL_COSINE: f32 = 0.5;
 
 /// The photons of a grid, and where they are in a map.
 pub struct PhotonSheet<'a> {
@@ -44,12 +36,12 @@ impl<'a> PhotonSheet<'a> {
         let next = [beyond(one, x - dx, y - dy), beyond(other, z + dx, w + dy)];
         let longest =
             next.into_iter().flatten().fold(None, |most: Option<f64>, length| Some(most.unwrap_or(0.0).max(length)));
-        longest.is_none_or(|longest| length(one, other) <= MAX_STRETCH * longest + LEAST_TEAR)
+        longest.is_none_or(|longest| length(one, other) <= f64::from(TEAR_STRETCH) * longest + f64::from(LEAST_TEAR))
     }
 
     /// Whether two photons came by way of one object to one surface.
     fn are_alike(&self, one: usize, other: usize) -> bool {
         let [one, other] = [one, other].map(|index| &self.grid.photons[index]);
-        one.caster == other.caster && one.object == other.object && one.normal.dot(other.normal) >= MIN_NORMAL_COSINE
+        one.caster == other.caster && one.object == other.object && one.normal.dot(other.normal) >= SAME_SURFACE_COSINE
     }
 }

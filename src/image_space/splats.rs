@@ -7,6 +7,10 @@ use glam::{DVec2, DVec3, Vec3};
 use rayon::prelude::*;
 
 use super::caustic_map::CausticMap;
+use super::constants::{
+    FOOTPRINT_OVERLAP, LENS_SPACINGS, MAX_SPLAT_DIAMETER, MIN_FOOTPRINT_DEVIATION, MIN_SPLAT_DIAMETER, SPLAT_DEVIATION,
+    SPLAT_REACH,
+};
 use super::ledger::{Ledger, Loss};
 use super::lens::{Lens, lens_factor};
 use super::lights::LightView;
@@ -14,24 +18,6 @@ use super::photons::{Photon, PhotonGrid};
 use super::sheet::PhotonSheet;
 
 use crate::scene::Object;
-
-/// The standard deviation of a splat in its diameters.
-const DEVIATION: f64 = 0.25;
-
-/// Splats end at this many standard deviations.
-const REACH: f64 = 2.5;
-
-/// The least and the largest diameter of splats, texels.
-const DIAMETERS: std::ops::RangeInclusive<f64> = 1.0..=64.0;
-
-/// The least standard deviation of a footprint, texels.
-const MIN_DEVIATION: f64 = 0.25;
-
-/// The size of splats of lenses, in distances between photons.
-const LENS_SPACINGS: f64 = 2.0;
-
-/// Footprints are so much wider than the part of the view that a photon stands for.
-const OVERLAP: f64 = 1.5;
 
 /// A Gaussian in texels.
 #[derive(Clone, Copy, Debug)]
@@ -45,7 +31,7 @@ struct Splat {
 impl Splat {
     /// A round one with a diameter, in a square of that size.
     fn round(diameter: f64) -> Self {
-        let deviation = DEVIATION * diameter;
+        let deviation = f64::from(SPLAT_DEVIATION) * diameter;
         let inverse = 1.0 / (deviation * deviation);
         Self { inverse: [inverse, 0.0, inverse], reach: DVec2::splat(0.5 * diameter.max(1.0)) }
     }
@@ -54,7 +40,7 @@ impl Splat {
     fn elliptical([xx, xy, yy]: [f64; 3]) -> Self {
         let determinant = xx * yy - xy * xy;
         let inverse = [yy, -xy, xx].map(|entry| entry / determinant);
-        Self { inverse, reach: REACH * DVec2::new(xx.sqrt(), yy.sqrt()) + 0.5 }
+        Self { inverse, reach: f64::from(SPLAT_REACH) * DVec2::new(xx.sqrt(), yy.sqrt()) + 0.5 }
     }
 
     fn weight(&self, offset: DVec2) -> f64 {
@@ -121,8 +107,9 @@ pub fn of_diameter(map: &CausticMap, grid: &PhotonGrid, diameter: f64) -> Ledger
 pub fn of_lenses(map: &CausticMap, (grid, view): (&PhotonGrid, &LightView), objects: &[Object], lens: Lens) -> Ledger {
     each(map, grid, |index, place| {
         let factor = lens_factor(grid, index, objects, lens).unwrap_or(1.0);
-        let undistorted = LENS_SPACINGS * spacing(view, &grid.photons[index]) / f64::from(map.texel_edge(place.1));
-        let diameter = (undistorted * factor).clamp(*DIAMETERS.start(), *DIAMETERS.end());
+        let undistorted =
+            f64::from(LENS_SPACINGS) * spacing(view, &grid.photons[index]) / f64::from(map.texel_edge(place.1));
+        let diameter = (undistorted * factor).clamp(MIN_SPLAT_DIAMETER.into(), MAX_SPLAT_DIAMETER.into());
         Splat::round(diameter).add(map, &grid.photons[index], place);
     })
 }
@@ -161,11 +148,11 @@ fn sides_of(map: &CausticMap, sheet: &PhotonSheet, index: usize) -> Option<[DVec
 /// The covariance of a photon's footprint, texels²: that of a parallelogram with even density, and a little more.
 fn footprint(map: &CausticMap, sheet: &PhotonSheet, index: usize) -> Option<[f64; 3]> {
     let [u, v] = sides_of(map, sheet, index)?;
-    let scale = OVERLAP * OVERLAP / 12.0;
-    let largest = REACH * (scale * (u * u + v * v).max_element()).sqrt();
+    let scale = f64::from(FOOTPRINT_OVERLAP * FOOTPRINT_OVERLAP) / 12.0;
+    let largest = f64::from(SPLAT_REACH) * (scale * (u * u + v * v).max_element()).sqrt();
     // Very large footprints are hardly seen: they are cut.
-    let scale = scale * (0.5 * DIAMETERS.end() / largest).min(1.0).powi(2);
-    let least = MIN_DEVIATION * MIN_DEVIATION;
+    let scale = scale * (0.5 * f64::from(MAX_SPLAT_DIAMETER) / largest).min(1.0).powi(2);
+    let least = f64::from(MIN_FOOTPRINT_DEVIATION * MIN_FOOTPRINT_DEVIATION);
     let entry = |a: f64, b: f64, c: f64, d: f64| scale * (a * b + c * d);
     Some([entry(u.x, u.x, v.x, v.x) + least, entry(u.x, u.y, v.x, v.y), entry(u.y, u.y, v.y, v.y) + least])
 }

@@ -6,10 +6,13 @@ use glam::{Mat3, Vec3};
 use rayon::prelude::*;
 
 use super::{Inputs, Inspected, Pending, Statistics, Sum, TechniqueStages};
+use crate::backend::Backend;
 use crate::differential::DifferentialSample;
 use crate::image_space::{
     Bounds, Direction, ImageSpaceOptions, Kind, MapInputs, MapView, Maps, PhotonLight, Surroundings, segmented,
 };
+#[cfg(feature = "gpu")]
+use crate::image_space::{Traversal, gpu};
 use crate::pinhole::Receivers;
 use crate::pinhole::cpu::TakenCell;
 use crate::progress::{Progress, Stage, Uncounted};
@@ -57,7 +60,7 @@ impl ImageSpaceStages {
         Self { receivers: Memo::new(Stage::Bvh), maps: Memo::new(Stage::Photons) }
     }
 
-    fn make(&mut self, inputs: &Inputs) -> Result<Arc<dyn Sum>, Error> {
+    async fn make(&mut self, inputs: &Inputs<'_>) -> Result<Arc<dyn Sum>, Error> {
         check(inputs)?;
         let Inputs { scene, prepared, options, chains, progress, .. } = *inputs;
         let image_space = options_of(inputs);
@@ -75,11 +78,18 @@ impl ImageSpaceStages {
         let of_receivers = (Id::of(&prepared.tracer), receives);
         let receivers = self.receivers.get(of_receivers, progress, || receivers_alone(&scene.objects));
         let photon_lights = key.lights.clone();
-        Ok(self.maps.get(key, progress, || sum(inputs, &photon_lights, &receivers, &image_space)))
+        let make = async || sum(inputs, &photon_lights, &receivers, &image_space).await;
+        Ok(self.maps.wait_for(key, (1, progress), make).await?)
     }
 }
 
-fn sum(inputs: &Inputs, lights: &[PhotonLight], receivers: &Tracer, image_space: &ImageSpaceOptions) -> ImageSpaceSum {
+async fn sum(
+    inputs: &Inputs<'_>,
+    lights: &[PhotonLight],
+    receivers: &Tracer,
+    image_space: &ImageSpaceOptions,
+) -> Result<ImageSpaceSum, Error> {
+    let backend = inputs.backend;
     let Inputs { scene, prepared, options, chains, progress, .. } = *inputs;
     let PreparedScene { tracer, materials, .. } = prepared;
     let meshes: Vec<Mesh> = scene.objects.iter().map(Object::mesh_in_world).collect();
@@ -107,7 +117,7 @@ fn sum(inputs: &Inputs, lights: &[PhotonLight], receivers: &Tracer, image_space:
         seed: options.seed,
         has_directions,
     };
-    let maps = Maps::new(&inputs, &Uncounted(progress));
+    let maps = maps(&inputs, (backend, prepared), &Uncounted(progress)).await?;
     let statistics = Statistics {
         samples: 0,
         positions: Arc::default(),
@@ -124,7 +134,28 @@ fn sum(inputs: &Inputs, lights: &[PhotonLight], receivers: &Tracer, image_space:
         }),
         warning: None,
     };
-    ImageSpaceSum { maps, statistics }
+    Ok(ImageSpaceSum { maps, statistics })
+}
+
+/// Sends the photons: on the GPU if there is one and all are followed, else on the CPU.
+#[cfg_attr(not(feature = "gpu"), expect(clippy::unused_async, reason = "only a GPU has to be waited for"))]
+async fn maps(
+    inputs: &MapInputs<'_>,
+    #[cfg_attr(not(feature = "gpu"), expect(unused_variables, reason = "there is none"))] (backend, prepared): (
+        &Backend,
+        &PreparedScene,
+    ),
+    progress: &dyn Progress,
+) -> Result<Maps, Error> {
+    #[cfg(feature = "gpu")]
+    if let (Some(shared), Some(geometry), Traversal::Dense) =
+        (backend.shared_gpu(), &prepared.on_gpu, inputs.options.traversal)
+    {
+        let pipelines = shared.pipelines.photons(&shared.gpu.device);
+        let device = gpu::Device { gpu: &shared.gpu, pipelines: &pipelines, geometry };
+        return gpu::maps(device, inputs, progress).await;
+    }
+    Ok(Maps::new(inputs, progress))
 }
 
 /// What of the scene the technique does not know, or options that mean nothing to it.
@@ -226,9 +257,10 @@ impl Sum for ImageSpaceSum {
 
 impl TechniqueStages for ImageSpaceStages {
     fn prepare<'a>(&'a mut self, inputs: Inputs<'a>, _: &'a mut LightStages) -> Pending<'a, Arc<dyn Sum>> {
-        let made = self.make(&inputs);
-        let cancelled = inputs.progress.is_cancelled();
-        Box::pin(std::future::ready(if cancelled { Err(Error::Cancelled) } else { made }))
+        Box::pin(async move {
+            let made = self.make(&inputs).await;
+            if inputs.progress.is_cancelled() { Err(Error::Cancelled) } else { made }
+        })
     }
 
     fn surface_samples(&mut self, _: &Inputs) -> Result<Arc<Vec<DifferentialSample>>, Error> {

@@ -183,7 +183,7 @@ fn texel(vector: Vec3, number: u32) -> [u32; 4] {
 }
 
 /// A unit vector as a place on an octahedron, sixteen bits a coordinate (Cigolle et al. 2014, *A Survey of Efficient Representations for
-/// Independent Unit Vectors*); read by `unpacked_normal` in `rays.wgsl`.
+/// Independent Unit Vectors*); read by `unpacked_unit` in `unit_vectors.wgsl`.
 pub(crate) fn packed_normal(normal: Vec3) -> u32 {
     let n = normal / normal.abs().element_sum().max(f32::MIN_POSITIVE);
     let sign = |x: f32| if x < 0.0 { -1.0 } else { 1.0 };

@@ -21,6 +21,7 @@ mod half_float;
 mod hierarchy;
 mod hierarchy_gpu;
 mod image_space;
+mod image_space_gpu;
 mod independence;
 mod lamps;
 mod media;

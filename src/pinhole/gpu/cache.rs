@@ -6,6 +6,7 @@ use super::{
     Engine, GatherOptions, HierarchicalEngine, HierarchicalOptions, LightKind, LitPipelines, MapTracer,
     PreviewPipelines, RayBatchPipelines,
 };
+use crate::image_space::gpu::PhotonPipelines;
 use crate::pinhole::Filter;
 
 /// What pipelines are compiled for.
@@ -30,6 +31,7 @@ pub(crate) struct PipelineCache {
     preview: OnceLock<Arc<PreviewPipelines>>,
     lit: OnceLock<Arc<LitPipelines>>,
     ray_batches: OnceLock<Arc<RayBatchPipelines>>,
+    photons: OnceLock<Arc<PhotonPipelines>>,
 }
 
 #[derive(Debug)]
@@ -74,6 +76,11 @@ impl PipelineCache {
     /// The passes that trace rays of whole pictures.
     pub fn ray_batches(&self, device: &wgpu::Device) -> Arc<RayBatchPipelines> {
         self.ray_batches.get_or_init(|| Arc::new(RayBatchPipelines::new(device))).clone()
+    }
+
+    /// The passes over photons.
+    pub fn photons(&self, device: &wgpu::Device) -> Arc<PhotonPipelines> {
+        self.photons.get_or_init(|| Arc::new(PhotonPipelines::new(device))).clone()
     }
 }
 

@@ -10,14 +10,14 @@ use crate::scene::{Beam, Lamp, Slide};
 /// A lamp as shaders read it: what it is, and the slide of its beam. It serves any number of images.
 #[derive(Clone, Debug)]
 pub struct UploadedLamp {
-    pub(super) uniforms: LampUniforms,
-    pub(super) slide: wgpu::TextureView,
+    pub(crate) uniforms: LampUniforms,
+    pub(crate) slide: wgpu::TextureView,
 }
 
 /// A lamp, 80 bytes.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
-pub(super) struct LampUniforms {
+pub(crate) struct LampUniforms {
     /// Its centre, metres.
     pub position: [f32; 3],
     /// Metres.
@@ -86,7 +86,7 @@ fn descriptor([width, height]: [u32; 2]) -> wgpu::TextureDescriptor<'static> {
 }
 
 /// What is bound where there is no slide.
-pub(super) fn no_slide(device: &wgpu::Device) -> wgpu::TextureView {
+pub(crate) fn no_slide(device: &wgpu::Device) -> wgpu::TextureView {
     device.create_texture(&descriptor([1; 2])).create_view(&Default::default())
 }
 

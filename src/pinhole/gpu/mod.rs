@@ -27,13 +27,14 @@ mod surroundings;
 pub(crate) use cache::{PipelineCache, PipelineKey};
 pub use environment::EnvironmentCube;
 pub use geometry::Geometry;
-pub(crate) use geometry::MovingGeometry;
+pub(crate) use geometry::{MovingGeometry, ray_entries};
 pub use hardware_check::{HardwareVerdict, automatic_filter, check_hardware_filter};
 pub use hierarchical::{
     CellTreeBuffers, HierarchicalEngine, HierarchicalFrame, HierarchicalInputs, HierarchicalOptions,
     LightBoundsBuilder, LightBoundsTexture, Tolerance, TreeLight,
 };
 pub use lamp::UploadedLamp;
+pub(crate) use lamp::{LampUniforms, no_slide};
 pub(crate) use lit_environment::{CubeView, LitEnvironment, LitPipelines, PlacedEmitter};
 pub use maps::{MapTracer, MapTracing, MapUse, VisibilityMapBuffers};
 pub use near_light::{FrameLight, LightKind};
@@ -347,7 +348,7 @@ fn check_limits(limits: &wgpu::Limits, inputs: &FrameInputs) -> Result<(), GpuEr
 }
 
 /// A buffer that shaders read.
-fn storage_buffer(device: &wgpu::Device, label: &str, contents: &[u8]) -> wgpu::Buffer {
+pub(crate) fn storage_buffer(device: &wgpu::Device, label: &str, contents: &[u8]) -> wgpu::Buffer {
     buffer_with(device, label, filled_storage(contents), wgpu::BufferUsages::STORAGE)
 }
 

@@ -18,6 +18,14 @@ use crate::brdf::{MATERIAL_GGX, MATERIAL_PHONG, MATERIAL_TABLE, TABLE_STEPS};
 use crate::cell_tree::MAX_CHILDREN;
 use crate::environment::{ARC_STEPS, FIRST_BOUNDED_MIP};
 use crate::image::{HIGHLIGHT, MIDDLE_GREY};
+use crate::image_space::constants::{
+    CHAIN_R, CHAIN_T, CHAIN_TT, FIRST_LAYER_DIAMETER, FOOTPRINT_OVERLAP, IS_FRESNEL_SURFACE, IS_SOLID, IS_SURFACE,
+    LAYER_DIAMETER_STEP, LAYERS, LEAST_TEAR, LEDGER_ENTRIES, LENS_SPACINGS, MAX_SPLAT_DIAMETER, MAX_SPREAD_RAD,
+    MIN_DRAWN_AREA, MIN_FOOTPRINT_DEVIATION, MIN_SPLAT_DIAMETER, MODE_EXACT_POLYGONS, MODE_FOOTPRINTS, MODE_GATHER,
+    MODE_MULTI_RESOLUTION, MODE_POINTS, MODE_POLYGONS, MODE_SPLATS, MODE_THICK_LENS, MODE_THIN_LENS, PHOTON_OFF_PLANE,
+    PHOTON_OFF_RAY, RECEIVES, REFLECTS_BEHIND, REFLECTS_IN_FRONT, SAME_SURFACE_COSINE, SMOOTH_LENS_COSINE,
+    SPLAT_DEVIATION, SPLAT_REACH, TEAR_STRETCH,
+};
 use crate::pinhole::MEDIUM_OBJECT;
 use crate::pinhole::constants::{
     AZIMUTH_PER_SINE, CONE_PER_AXES, HALF_ANGLE_PER_CHORD, MAX_AZIMUTH_SINE, MAX_CONTRAST, MAX_MIRRORS, MAX_OFF_PLANE,
@@ -69,6 +77,10 @@ pub(crate) const GATHER: Shader = shader!("gather");
 pub(crate) const IRRADIANCE_ESTIMATE: Shader = shader!("irradiance_estimate");
 pub(crate) const LIGHT_BOUNDS: Shader = shader!("light_bounds");
 pub(crate) const LIT_ENVIRONMENT: Shader = shader!("lit_environment");
+pub(crate) const PHOTON_EMISSION: Shader = shader!("photon_emission");
+pub(crate) const PHOTON_PLACES: Shader = shader!("photon_places");
+pub(crate) const PHOTON_POLYGONS: Shader = shader!("photon_polygons");
+pub(crate) const PHOTON_SPLATS: Shader = shader!("photon_splats");
 pub(crate) const PREVIEW_DISPLAY: Shader = shader!("preview_display");
 pub(crate) const PREVIEW_LIGHT: Shader = shader!("preview_light");
 pub(crate) const PREVIEW_SHADING: Shader = shader!("preview_shading");
@@ -81,6 +93,7 @@ pub(crate) const TRACE_RAYS: Shader = shader!("trace_rays");
 pub(crate) const TRACE_SHADOWS: Shader = shader!("trace_shadows");
 
 const SHARED: &[Shader] = &[
+    shader!("shared/beam"),
     shader!("shared/block_coverage"),
     shader!("shared/block_pairs"),
     shader!("shared/brdf"),
@@ -107,6 +120,9 @@ const SHARED: &[Shader] = &[
     shader!("shared/no_near_light"),
     shader!("shared/no_near_light_cells"),
     shader!("shared/no_rays"),
+    shader!("shared/photon_map"),
+    shader!("shared/photon_sheet"),
+    shader!("shared/photons"),
     shader!("shared/point_visibility"),
     shader!("shared/preview"),
     shader!("shared/preview_gloss"),
@@ -122,6 +138,7 @@ const SHARED: &[Shader] = &[
     shader!("shared/surroundings"),
     shader!("shared/tile_batch"),
     shader!("shared/traversal"),
+    shader!("shared/unit_vectors"),
     shader!("shared/visibility"),
 ];
 
@@ -298,6 +315,14 @@ fn constants() -> String {
     declare!(OTHER_SIDE);
     declare!(LAMP_BLUR, MIN_SLENDERNESS, MIN_DISC_LENGTH);
     declare!(MEDIUM_OBJECT, ARC_STEPS, ARC_STEP_VECTORS, MAX_LEFT_ALONG_RAY, MAX_TURN_ALONG_RAY);
+    declare!(PHOTON_OFF_PLANE, PHOTON_OFF_RAY, SAME_SURFACE_COSINE, TEAR_STRETCH, LEAST_TEAR, MIN_DRAWN_AREA);
+    declare!(SPLAT_DEVIATION, SPLAT_REACH, MIN_SPLAT_DIAMETER, MAX_SPLAT_DIAMETER, MIN_FOOTPRINT_DEVIATION);
+    declare!(FOOTPRINT_OVERLAP, LENS_SPACINGS, SMOOTH_LENS_COSINE, MAX_SPREAD_RAD);
+    declare!(LAYERS, FIRST_LAYER_DIAMETER, LAYER_DIAMETER_STEP, LEDGER_ENTRIES);
+    declare!(CHAIN_R, CHAIN_T, CHAIN_TT, RECEIVES);
+    declare!(REFLECTS_IN_FRONT, REFLECTS_BEHIND, IS_SURFACE, IS_SOLID, IS_FRESNEL_SURFACE);
+    declare!(MODE_POINTS, MODE_GATHER, MODE_POLYGONS, MODE_EXACT_POLYGONS, MODE_SPLATS, MODE_MULTI_RESOLUTION);
+    declare!(MODE_THIN_LENS, MODE_THICK_LENS, MODE_FOOTPRINTS);
     declare!(MATERIAL_PHONG, MATERIAL_GGX, MATERIAL_TABLE, PART_OF_FACETS);
     let [theta_half, theta_diff, phi_diff] = TABLE_STEPS.map(|steps| steps as u32);
     declare(&mut source, "TABLE_THETA_HALF_STEPS", theta_half);

@@ -10,6 +10,10 @@ use super::*;
 use crate::brdf::Material;
 use crate::cell_tree::CellNode;
 use crate::engine::preview_layout::{PIXEL_BYTES, PreviewGrid, PreviewObject, PreviewUniforms};
+use crate::image_space::gpu::{
+    GpuPhoton, GpuPlace, GpuSurface, GpuWay, MapUniforms as PhotonMapUniforms, PlaneUniforms, Strip, Texel,
+    ViewUniforms,
+};
 use crate::pinhole::gpu::geometry::RayUniforms;
 use crate::pinhole::gpu::hierarchical::layout::{BLOCK_BYTES, SampleNode, TilePass, Tolerance, TreeUniforms};
 use crate::pinhole::gpu::hierarchical::light_bounds::BoundsUniforms;
@@ -23,7 +27,7 @@ use crate::pinhole::gpu::ray_batch::{ArrivingLight, BatchHit, BatchRay, BatchUni
 use crate::pinhole::gpu::surroundings::Viewpoints;
 use crate::pinhole::{GatherUniforms, PinholeSample};
 
-const ALL: [Shader; 17] = [
+const ALL: [Shader; 21] = [
     COARSER_LEVEL,
     EMITTERS,
     FILTER_PROBE,
@@ -31,6 +35,10 @@ const ALL: [Shader; 17] = [
     IRRADIANCE_ESTIMATE,
     LIGHT_BOUNDS,
     LIT_ENVIRONMENT,
+    PHOTON_EMISSION,
+    PHOTON_PLACES,
+    PHOTON_POLYGONS,
+    PHOTON_SPLATS,
     PREVIEW_DISPLAY,
     PREVIEW_LIGHT,
     PREVIEW_SHADING,
@@ -175,6 +183,13 @@ fn rust_structs() -> BTreeMap<&'static str, Layout> {
         ("Medium", layout!(MediumUniforms { extinction, g, lamps_in_medium, max_along_arcs })),
         ("MapUniforms", layout!(MapUniforms { first_map, resolution, bisections })),
         ("Material", layout!(Material { albedo, kind, specular, width, table })),
+        ("MapTexel", layout!(Texel { position, object, normal, edge })),
+        ("Photon", layout!(GpuPhoton { position, object, flux, caster, normal, direction, inverse_before, beyond })),
+        ("PhotonMap", photon_map()),
+        ("PhotonPlace", layout!(GpuPlace { at, texel })),
+        ("PhotonSurface", layout!(GpuSurface { eta, flags, curve })),
+        ("PhotonView", photon_view()),
+        ("PhotonWay", layout!(GpuWay { first, within, first_normal, last, last_normal })),
         ("PinholeSample", pinhole_sample()),
         ("LightDirection", layout!(PackedDirection { direction, radiance })),
         ("PreviewGrid", layout!(PreviewGrid { spacing, coarser })),
@@ -246,6 +261,39 @@ fn preview_uniforms() -> Layout {
         sight,
         scattering_spacing,
     })
+}
+
+/// A projection at the beginning of a struct.
+fn plane() -> Vec<(String, u32)> {
+    layout!(PlaneUniforms { origin, texel, right, low_x, down, low_y, forward, is_parallel }).members
+}
+
+fn photon_map() -> Layout {
+    let rest = layout!(PhotonMapUniforms {
+        size,
+        is_camera,
+        has_directions,
+        columns,
+        rows,
+        first_own_row,
+        own_rows,
+        steps_per_watt,
+        is_one_of_many,
+        mode,
+        diameter,
+        spacing,
+        is_first,
+    });
+    Layout { members: [plane(), rest.members].concat(), ..rest }
+}
+
+fn photon_view() -> Layout {
+    let before = layout!(ViewUniforms { power, extent, lamp, channels, pivot, chain, channel, is_cube, columns });
+    let first = offset_of!(ViewUniforms, strip) as u32;
+    let strip = layout!(Strip { first_row, rows, first_own_row, own_rows }).members;
+    let strip = strip.into_iter().map(|(name, offset)| (name, first + offset)).collect();
+    let after = layout!(ViewUniforms { steps_per_watt, has_ways }).members;
+    Layout { members: [plane(), before.members, strip, after].concat(), ..before }
 }
 
 fn pinhole_sample() -> Layout {

@@ -1,0 +1,189 @@
+// Adds the triangles between neighbouring photons to a caustic map. CPU twin: src/image_space/polygons.rs, whose areas come from clipped
+// polygons.
+
+#import photon_map
+#import photon_sheet
+
+// Texels along which a triangle may extend in one invocation at most: what lies beyond is culled, so that no loop is too long.
+const MAX_EXTENT: f32 = 240.0;
+// Triangles of a smaller area, texels², have their flux along their longest side: differences of coordinates say no more.
+const MIN_EXACT_AREA: f32 = 1e-3;
+
+// One invocation for each cell: that to the right of and below a photon, and those around the grid.
+@compute @workgroup_size(8, 8)
+fn add_polygons(@builtin(global_invocation_id) id: vec3u, @builtin(local_invocation_index) local_index: u32) {
+    let first_row = i32(map.first_own_row) - i32(map.is_first);
+    let row = first_row + i32(id.y);
+    if id.x <= map.columns && row < i32(map.first_own_row + map.own_rows) {
+        add_cell(i32(id.x) - 1, row);
+    }
+    close_account(local_index);
+}
+
+fn add_cell(column: i32, row: i32) {
+    let a = photon_at(column, row);
+    let b = photon_at(column + 1, row);
+    let c = photon_at(column, row + 1);
+    let d = photon_at(column + 1, row + 1);
+    if a != NOWHERE && b != NOWHERE && c != NOWHERE && d != NOWHERE
+        && are_connected(column, row, 1, 0) && are_connected(column, row + 1, 1, 0)
+        && are_connected(column, row, 0, 1) && are_connected(column + 1, row, 0, 1) {
+        add_triangle(a, b, c);
+        add_triangle(b, d, c);
+        return;
+    }
+    // What belongs to triangles that do not exist.
+    add_corner(a, 1.0 / 6.0);
+    add_corner(b, 2.0 / 6.0);
+    add_corner(c, 2.0 / 6.0);
+    add_corner(d, 1.0 / 6.0);
+}
+
+fn add_corner(index: u32, part: f32) {
+    if index != NOWHERE {
+        add_point(photons[index], places[index].at, part * photons[index].flux);
+    }
+}
+
+// Adds flux at a place of the surface that a photon lands on.
+fn add_point(photon: Photon, at: vec2f, flux: vec3f) {
+    let watts = sum_of_channels(flux);
+    if !is_in_window(at) {
+        account_for(OFF_MAP, watts, map.steps_per_watt);
+        return;
+    }
+    let texel = texel_at(at);
+    if is_surface_of(texel, photon) {
+        deposit(0u, texel, flux, photon);
+        account_for(DEPOSITED, watts, map.steps_per_watt);
+    } else {
+        account_for(HIDDEN, watts, map.steps_per_watt);
+    }
+}
+
+fn add_triangle(one: u32, other: u32, third: u32) {
+    let photon = photons[one];
+    let flux = (photon.flux + photons[other].flux + photons[third].flux) / 6.0;
+    let a = places[one].at;
+    let b = places[other].at;
+    let c = places[third].at;
+    let area = 0.5 * abs(cross_2d(b - a, c - a));
+    let low = floor(min(a, min(b, c)));
+    let high = floor(max(a, max(b, c)));
+    let is_exact = map.mode == MODE_EXACT_POLYGONS;
+    if is_exact && all(low == high) || !is_exact && area < MIN_DRAWN_AREA {
+        add_point(photon, (a + b + c) / 3.0, flux);
+    } else if is_exact && area < MIN_EXACT_AREA {
+        add_sliver(photon, a, b, c, flux);
+    } else {
+        add_texels(photon, array(a, b, c), low, high, area, flux);
+    }
+}
+
+fn cross_2d(a: vec2f, b: vec2f) -> f32 {
+    return a.x * b.y - a.y * b.x;
+}
+
+// A triangle of hardly any width, as points along its longest side.
+fn add_sliver(photon: Photon, a: vec2f, b: vec2f, c: vec2f, flux: vec3f) {
+    var start = a;
+    var end = b;
+    if distance(b, c) > distance(start, end) {
+        start = b;
+        end = c;
+    }
+    if distance(c, a) > distance(start, end) {
+        start = c;
+        end = a;
+    }
+    let count = clamp(ceil(4.0 * distance(start, end)), 1.0, 4.0 * MAX_EXTENT);
+    for (var k = 0.0; k < count; k += 1.0) {
+        add_point(photon, mix(start, end, (k + 0.5) / count), flux / count);
+    }
+}
+
+fn add_texels(photon: Photon, corners: array<vec2f, 3>, low: vec2f, high: vec2f, area: f32, flux: vec3f) {
+    let is_exact = map.mode == MODE_EXACT_POLYGONS;
+    let watts = sum_of_channels(flux);
+    let first = max(low, vec2f(0.0));
+    let last = min(min(high, vec2f(map.size) - 1.0), first + MAX_EXTENT);
+    let turn = sign(cross_2d(corners[1] - corners[0], corners[2] - corners[0]));
+    var deposited = 0.0;
+    var hidden = 0.0;
+    for (var y = first.y; y <= last.y; y += 1.0) {
+        for (var x = first.x; x <= last.x; x += 1.0) {
+            let corner = vec2f(x, y);
+            var part = 0.0;
+            if is_exact {
+                part = covered_area(corners, corner, turn) / area;
+            } else if covers(corners, corner + 0.5, turn) {
+                part = 1.0 / area;
+            }
+            if part > 0.0 {
+                let texel = texel_at(corner);
+                if is_surface_of(texel, photon) {
+                    deposit(0u, texel, part * flux, photon);
+                    deposited += part;
+                } else {
+                    hidden += part;
+                }
+            }
+        }
+    }
+    account_for(DEPOSITED, deposited * watts, map.steps_per_watt);
+    account_for(HIDDEN, hidden * watts, map.steps_per_watt);
+    let is_cut = any(high > first + MAX_EXTENT);
+    let is_beyond = any(low < vec2f(0.0)) || any(high >= vec2f(map.size));
+    if is_exact || is_cut || is_beyond {
+        let rest = (1.0 - deposited - hidden) * watts;
+        account_for(select(OFF_MAP, CULLED, is_cut), select(max(rest, 0.0), rest, is_exact), map.steps_per_watt);
+    }
+}
+
+// Whether a triangle covers a point; of two triangles with a common edge, one covers points on it.
+fn covers(corners: array<vec2f, 3>, point: vec2f, turn: f32) -> bool {
+    var triangle = corners;
+    for (var k = 0u; k < 3u; k++) {
+        let start = triangle[k];
+        let end = triangle[(k + 1u) % 3u];
+        let across = turn * cross_2d(end - start, point - start);
+        let along = turn * (end - start);
+        if !(across > 0.0 || across == 0.0 && (along.y > 0.0 || along.y == 0.0 && along.x < 0.0)) {
+            return false;
+        }
+    }
+    return true;
+}
+
+// The area that a triangle shares with a texel: from its edges, what lies between each and the texel's left side.
+fn covered_area(corners: array<vec2f, 3>, texel: vec2f, turn: f32) -> f32 {
+    var triangle = corners;
+    var area = 0.0;
+    for (var k = 0u; k < 3u; k++) {
+        area += area_left_of(triangle[k] - texel, triangle[(k + 1u) % 3u] - texel);
+    }
+    return max(turn * area, 0.0);
+}
+
+// The area, signed by the edge's direction, that lies within the unit square to the left of an edge.
+fn area_left_of(start: vec2f, end: vec2f) -> f32 {
+    let rise = end.y - start.y;
+    if rise == 0.0 {
+        return 0.0;
+    }
+    let first = clamp(start.y, 0.0, 1.0);
+    let last = clamp(end.y, 0.0, 1.0);
+    let slope = (end.x - start.x) / rise;
+    let x = vec2f(start.x + slope * (first - start.y), start.x + slope * (last - start.y));
+    let width = x.y - x.x;
+    // The mean of x within the square: its integral over what lies between, or the value in the middle.
+    let middle = saturate(0.5 * (x.x + x.y));
+    let mean = select((integral_of_clamped(x.y) - integral_of_clamped(x.x)) / width, middle, abs(width) < 1e-3);
+    return (last - first) * mean;
+}
+
+// The integral of saturate(x).
+fn integral_of_clamped(x: f32) -> f32 {
+    let inside = saturate(x);
+    return 0.5 * inside * inside + max(x - 1.0, 0.0);
+}

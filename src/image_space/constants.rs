@@ -1,0 +1,85 @@
+//! Numbers that photons on the CPU and on the GPU share. Shaders get them from here: see `pinhole::gpu::shaders`.
+#![cfg_attr(not(feature = "gpu"), allow(dead_code, reason = "some are for shaders alone"))]
+
+/// How far off a texel's plane a photon on its surface may be, in edges of the texel.
+pub const PHOTON_OFF_PLANE: f32 = 0.5;
+/// How far a ray may miss the photon that it was sent to, in edges of the texel.
+pub const PHOTON_OFF_RAY: f32 = 0.05;
+/// Surfaces whose normals differ more than this are not one: the cosine.
+pub const SAME_SURFACE_COSINE: f32 = 0.5;
+
+/// Neighbours that lie so many times as far from each other as from those beyond them came from both sides of an edge of the caster.
+pub const TEAR_STRETCH: f32 = 8.0;
+/// Photons that are nearer to each other than this, in texels, are not taken for torn.
+pub const LEAST_TEAR: f32 = 1.0;
+/// Triangles between photons smaller than this, texels², are not drawn by the centres of texels, which miss most of them.
+pub const MIN_DRAWN_AREA: f32 = 0.1;
+
+/// The standard deviation of a splat in its diameters.
+pub const SPLAT_DEVIATION: f32 = 0.25;
+/// Footprints end at this many standard deviations.
+pub const SPLAT_REACH: f32 = 2.5;
+/// The least diameter of splats, texels.
+pub const MIN_SPLAT_DIAMETER: f32 = 1.0;
+/// The largest diameter of splats, texels.
+pub const MAX_SPLAT_DIAMETER: f32 = 64.0;
+/// The least standard deviation of a footprint, texels.
+pub const MIN_FOOTPRINT_DEVIATION: f32 = 0.25;
+/// Footprints are so much wider than the part of the view that a photon stands for.
+pub const FOOTPRINT_OVERLAP: f32 = 1.5;
+/// The size of splats of lenses, in distances between photons.
+pub const LENS_SPACINGS: f32 = 2.0;
+/// Surfaces whose normals differ more than this from one photon to the next have an edge between them: the cosine.
+pub const SMOOTH_LENS_COSINE: f32 = 0.9;
+
+/// Sizes of splats of several resolutions.
+pub const LAYERS: u32 = 4;
+/// The diameter of the smallest ones, texels.
+pub const FIRST_LAYER_DIAMETER: u32 = 3;
+/// By how much the next ones are larger.
+pub const LAYER_DIAMETER_STEP: u32 = 4;
+
+/// Directions of extended lights are at most so far from their middle, radians.
+pub const MAX_SPREAD_RAD: f32 = 1.2;
+
+/// Kinds of chains.
+pub const CHAIN_R: u32 = 0;
+/// Through one interface.
+pub const CHAIN_T: u32 = 1;
+/// Through a closed object.
+pub const CHAIN_TT: u32 = 2;
+
+/// What an object does to photons: bits. A mirror that reflects them in front of it,
+pub const REFLECTS_IN_FRONT: u32 = 1;
+/// and behind it.
+pub const REFLECTS_BEHIND: u32 = 2;
+/// An interface between two media,
+pub const IS_SURFACE: u32 = 4;
+/// or the boundary of a closed object;
+pub const IS_SOLID: u32 = 8;
+/// it reflects by the Fresnel equations.
+pub const IS_FRESNEL_SURFACE: u32 = 16;
+/// A receiver.
+pub const RECEIVES: u32 = 32;
+
+/// How photons become irradiance: see `Mode`.
+pub const MODE_POINTS: u32 = 0;
+/// Points, smoothed later.
+pub const MODE_GATHER: u32 = 1;
+/// Triangles by the centres of texels.
+pub const MODE_POLYGONS: u32 = 2;
+/// Triangles by exact areas.
+pub const MODE_EXACT_POLYGONS: u32 = 3;
+/// Splats of one size.
+pub const MODE_SPLATS: u32 = 4;
+/// Splats of several sizes.
+pub const MODE_MULTI_RESOLUTION: u32 = 5;
+/// Splats by the equation of thin lenses.
+pub const MODE_THIN_LENS: u32 = 6;
+/// Splats by that of thick lenses.
+pub const MODE_THICK_LENS: u32 = 7;
+/// Splats as large as the distances to the neighbours.
+pub const MODE_FOOTPRINTS: u32 = 8;
+
+/// Entries of the account of flux: those of `Ledger`, rays that were ended early, and photons that met a receiver.
+pub const LEDGER_ENTRIES: u32 = 10;

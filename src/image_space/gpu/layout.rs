@@ -1,0 +1,202 @@
+//! What the shaders of photons read and write, as it lies in buffers: `shaders/shared/photons.wgsl`, `photon_map.wgsl` and
+//! `photon_emission.wgsl`.
+
+use bytemuck::{Pod, Zeroable};
+use glam::{DVec3, Vec3};
+
+use crate::image_space::constants::{
+    CHAIN_R, CHAIN_T, CHAIN_TT, IS_FRESNEL_SURFACE, IS_SOLID, IS_SURFACE, MODE_EXACT_POLYGONS, MODE_FOOTPRINTS,
+    MODE_GATHER, MODE_MULTI_RESOLUTION, MODE_POINTS, MODE_POLYGONS, MODE_SPLATS, MODE_THICK_LENS, MODE_THIN_LENS,
+    RECEIVES, REFLECTS_BEHIND, REFLECTS_IN_FRONT,
+};
+use crate::image_space::options::Mode;
+use crate::image_space::projection::Projection;
+use crate::pinhole::gpu::LampUniforms;
+use crate::scene::{Chain, Interfaces, Object, Sides};
+
+/// Bytes of a photon, of its way, and of its place in a map.
+pub(super) const PHOTON_BYTES: [u64; 3] =
+    [size_of::<GpuPhoton>() as u64, size_of::<GpuWay>() as u64, size_of::<GpuPlace>() as u64];
+
+/// A projection.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub(crate) struct PlaneUniforms {
+    pub origin: [f32; 3],
+    pub texel: f32,
+    pub right: [f32; 3],
+    pub low_x: f32,
+    pub down: [f32; 3],
+    pub low_y: f32,
+    pub forward: [f32; 3],
+    pub is_parallel: u32,
+}
+
+impl From<&Projection> for PlaneUniforms {
+    fn from(projection: &Projection) -> Self {
+        let vector = |v: DVec3| v.as_vec3().to_array();
+        let [right, down, forward] = projection.axes.map(vector);
+        let [low_x, low_y] = projection.low.as_vec2().to_array();
+        Self {
+            origin: vector(projection.origin),
+            texel: projection.texel as f32,
+            right,
+            low_x,
+            down,
+            low_y,
+            forward,
+            is_parallel: u32::from(projection.is_parallel),
+        }
+    }
+}
+
+/// A light's view, and the part of it that is emitted.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub(crate) struct ViewUniforms {
+    pub plane: PlaneUniforms,
+    pub power: [f32; 3],
+    pub extent: f32,
+    pub lamp: LampUniforms,
+    pub channels: [f32; 3],
+    pub pivot: f32,
+    pub chain: u32,
+    pub channel: u32,
+    pub is_cube: u32,
+    pub columns: u32,
+    pub strip: Strip,
+    pub steps_per_watt: f32,
+    pub has_ways: u32,
+    pub(super) padding: [u32; 2],
+}
+
+/// Rows of a view that are in the buffers together.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
+pub(crate) struct Strip {
+    pub first_row: u32,
+    pub rows: u32,
+    /// Rows that are accounted for, counted from the first one; around them are neighbours.
+    pub first_own_row: u32,
+    pub own_rows: u32,
+}
+
+/// A map, and the photons that are added to it.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub(crate) struct MapUniforms {
+    pub plane: PlaneUniforms,
+    pub size: [u32; 2],
+    pub is_camera: u32,
+    pub has_directions: u32,
+    pub columns: u32,
+    pub rows: u32,
+    pub first_own_row: u32,
+    pub own_rows: u32,
+    pub steps_per_watt: f32,
+    pub is_one_of_many: u32,
+    pub mode: u32,
+    pub diameter: f32,
+    pub spacing: f32,
+    pub is_first: u32,
+    pub(super) padding: [u32; 2],
+}
+
+/// What an object does to photons.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub(crate) struct GpuSurface {
+    pub eta: [f32; 3],
+    pub flags: u32,
+    pub curve: u32,
+    padding: [u32; 3],
+}
+
+/// A photon on a receiver.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub(crate) struct GpuPhoton {
+    pub position: [f32; 3],
+    pub object: u32,
+    pub flux: [f32; 3],
+    pub caster: u32,
+    pub normal: u32,
+    pub direction: u32,
+    pub inverse_before: f32,
+    pub beyond: f32,
+}
+
+/// Where a photon was reflected or refracted.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub(crate) struct GpuWay {
+    pub first: [f32; 3],
+    pub within: f32,
+    pub first_normal: [f32; 3],
+    padding: u32,
+    pub last: [f32; 3],
+    padding_2: u32,
+    pub last_normal: [f32; 3],
+    padding_3: u32,
+}
+
+/// Where a photon lands in a map.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub(crate) struct GpuPlace {
+    pub at: [f32; 2],
+    pub texel: u32,
+    padding: u32,
+}
+
+impl GpuSurface {
+    /// Of an object; `curve`: the number of its curve of reflectance.
+    pub fn new(object: &Object, curve: u32) -> Self {
+        let mut surface = Self { curve, ..Self::default() };
+        if let Some(reflector) = object.reflector {
+            surface.flags |= match reflector.sides {
+                Sides::Front => REFLECTS_IN_FRONT,
+                Sides::Back => REFLECTS_BEHIND,
+                Sides::Both => REFLECTS_IN_FRONT | REFLECTS_BEHIND,
+            };
+        } else if let Some(refractor) = object.refractor {
+            surface.eta = refractor.eta.as_vec3().to_array();
+            surface.flags |= match refractor.interfaces {
+                Interfaces::One => IS_SURFACE,
+                Interfaces::Two => IS_SOLID,
+            };
+            surface.flags |= if refractor.fresnel { IS_FRESNEL_SURFACE } else { 0 };
+        }
+        surface.flags |= if object.receiver.is_some() { RECEIVES } else { 0 };
+        surface
+    }
+}
+
+/// The shader's `CHAIN_…` constants.
+pub(super) fn chain_constant(chain: Chain) -> u32 {
+    match chain {
+        Chain::R => CHAIN_R,
+        Chain::T => CHAIN_T,
+        Chain::TT => CHAIN_TT,
+    }
+}
+
+/// The shader's `MODE_…` constants.
+pub(super) fn mode_constant(mode: Mode) -> u32 {
+    match mode {
+        Mode::Points => MODE_POINTS,
+        Mode::Gather => MODE_GATHER,
+        Mode::Polygons => MODE_POLYGONS,
+        Mode::ExactPolygons => MODE_EXACT_POLYGONS,
+        Mode::Splats => MODE_SPLATS,
+        Mode::MultiResolution => MODE_MULTI_RESOLUTION,
+        Mode::ThinLens => MODE_THIN_LENS,
+        Mode::ThickLens => MODE_THICK_LENS,
+        Mode::Footprints => MODE_FOOTPRINTS,
+    }
+}
+
+/// The channels of a kind of light, as factors.
+pub(super) fn channels(channel: Option<usize>) -> [f32; 3] {
+    channel.map_or(Vec3::ONE, |channel| Vec3::AXES[channel]).to_array()
+}

@@ -1,0 +1,112 @@
+//! A caustic map on the GPU: what its texels show, and the sums of what is added to them.
+
+use std::sync::Arc;
+use std::sync::atomic::AtomicU32;
+
+use wgpu::BufferUsages;
+
+use crate::gpu::{Gpu, GpuError};
+use crate::image_space::Deposits;
+use crate::image_space::caustic_map::{CausticMap, IrradianceMap, Texel, watts_per_step};
+use crate::image_space::constants::LAYERS;
+use crate::image_space::ledger::Ledger;
+use crate::image_space::maps::MapInputs;
+use crate::image_space::multi_resolution::Layers;
+use crate::image_space::options::Mode;
+use crate::image_space::projection::Projection;
+
+/// Words of a texel's sums without directions, and with them.
+const WORDS: [usize; 2] = [6, 12];
+
+/// A map that photons are added to.
+#[derive(Debug)]
+pub(super) struct MapOnGpu {
+    pub projection: Projection,
+    /// It shows what the camera sees; otherwise the receivers alone.
+    pub is_camera: bool,
+    pub has_directions: bool,
+    pub watts_per_step: f64,
+    pub texels: wgpu::Buffer,
+    pub sums: wgpu::Buffer,
+    pub counts: wgpu::Buffer,
+}
+
+impl MapOnGpu {
+    /// An empty one.
+    ///
+    /// # Errors
+    /// It does not fit in the device's buffers.
+    pub fn new(gpu: &Gpu, inputs: &MapInputs, projection: Projection, is_camera: bool) -> Result<Self, GpuError> {
+        let texels = projection.texel_count() as u64;
+        let layers = u64::from(layers_of(inputs.options.mode));
+        let words = WORDS[usize::from(inputs.has_directions)] as u64;
+        let has_counts = matches!(inputs.options.mode, Mode::Gather | Mode::MultiResolution);
+        let sizes = [
+            texels * size_of::<Texel>() as u64,
+            texels * layers * words * size_of::<u32>() as u64,
+            if has_counts { texels * layers * size_of::<u32>() as u64 } else { 16 },
+        ];
+        let limits = gpu.device.limits();
+        let limit = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
+        if let Some(bytes) = sizes.into_iter().find(|bytes| *bytes > limit) {
+            return Err(GpuError::CausticMapTooLarge { size: projection.size, bytes, limit });
+        }
+        let buffer = |label, size| {
+            let usage = BufferUsages::STORAGE | BufferUsages::COPY_SRC;
+            gpu.device.create_buffer(&wgpu::BufferDescriptor {
+                label: Some(label),
+                size,
+                usage,
+                mapped_at_creation: false,
+            })
+        };
+        Ok(Self {
+            projection,
+            is_camera,
+            has_directions: inputs.has_directions,
+            watts_per_step: watts_per_step(inputs.total_watts()),
+            texels: buffer("texels of a caustic map", sizes[0]),
+            sums: buffer("sums of a caustic map", sizes[1]),
+            counts: buffer("counts of a caustic map", sizes[2]),
+        })
+    }
+
+    /// Reads the sums. Returns the finished map, and what is left of the account.
+    pub async fn finish(self, gpu: &Gpu, mode: Mode) -> Result<(IrradianceMap, Ledger), GpuError> {
+        let texels: Arc<Vec<Texel>> = Arc::new(read(gpu, &self.texels).await?);
+        let sums: Vec<u32> = read(gpu, &self.sums).await?;
+        let words = WORDS[usize::from(self.has_directions)];
+        let count = texels.len();
+        let map = |layer: usize| {
+            let of_layer = &sums[layer * count * words..(layer + 1) * count * words];
+            let part = |first: usize| of_layer.chunks(words).map(|texel| integers(&texel[first..first + 6])).collect();
+            let directions = if self.has_directions { part(6) } else { Vec::new() };
+            CausticMap::of_sums(self.projection, texels.clone(), [part(0), directions], self.watts_per_step)
+        };
+        let mut deposits = Deposits { map: map(0), mode, layers: None, counts: Vec::new() };
+        if mode == Mode::Gather {
+            let counts: Vec<u32> = read(gpu, &self.counts).await?;
+            deposits.counts = counts.into_iter().map(AtomicU32::new).collect();
+        }
+        if mode == Mode::MultiResolution {
+            let counts: Vec<u32> = read(gpu, &self.counts).await?;
+            let maps = (0..LAYERS as usize).map(map).collect();
+            deposits.layers = Some(Layers::of_sums(maps, counts.chunks(count).map(<[u32]>::to_vec).collect()));
+            deposits.map = deposits.map.emptied();
+        }
+        Ok(deposits.finish())
+    }
+}
+
+fn layers_of(mode: Mode) -> u32 {
+    if mode == Mode::MultiResolution { LAYERS } else { 1 }
+}
+
+/// Three signed integers of two words each.
+fn integers(words: &[u32]) -> [i64; 3] {
+    [0, 2, 4].map(|k| (u64::from(words[k + 1]) << 32 | u64::from(words[k])) as i64)
+}
+
+async fn read<T: bytemuck::Pod>(gpu: &Gpu, buffer: &wgpu::Buffer) -> Result<Vec<T>, GpuError> {
+    Ok(bytemuck::pod_collect_to_vec(&gpu.read_buffer(buffer, buffer.size()).await?))
+}

@@ -1,0 +1,302 @@
+//! The passes over photons, and the buffers that they share.
+
+use rayon::prelude::*;
+use wgpu::{BufferUsages, CommandEncoder};
+
+use super::layout::{
+    GpuSurface, MapUniforms, PHOTON_BYTES, Strip, ViewUniforms, chain_constant, channels, mode_constant,
+};
+use super::map::MapOnGpu;
+use super::{Device, photons_of_strip};
+use crate::gpu::{GpuError, buffer_with};
+use crate::image_space::constants::LEDGER_ENTRIES;
+use crate::image_space::emission::{Kind, disc_sample};
+use crate::image_space::ledger::Ledger;
+use crate::image_space::lights::{LightView, PhotonLight};
+use crate::image_space::maps::MapInputs;
+use crate::image_space::options::Mode;
+use crate::pinhole::CURVE_POINTS;
+use crate::pinhole::gpu::pipeline::bind;
+use crate::pinhole::gpu::{LampUniforms, UploadedLamp, no_slide, storage_buffer};
+
+/// Edge of the workgroups.
+const WORKGROUP_EDGE: u32 = 8;
+
+/// A light on the device.
+pub(super) struct LightOnGpu {
+    lamp: LampUniforms,
+    group: wgpu::BindGroup,
+}
+
+/// Buffers and bind groups.
+pub(super) struct Passes<'a> {
+    device: Device<'a>,
+    inputs: &'a MapInputs<'a>,
+    /// Photons, their ways, and their places in a map.
+    photons: [wgpu::Buffer; 3],
+    ledger: wgpu::Buffer,
+    /// The account of maps whose flux is not counted.
+    unaccounted: wgpu::Buffer,
+    surfaces: wgpu::Buffer,
+    reflectances: wgpu::Buffer,
+    origins: wgpu::Buffer,
+    of_surfaces: wgpu::BindGroup,
+    nothing: wgpu::BindGroup,
+    geometry: wgpu::BindGroup,
+}
+
+impl<'a> Passes<'a> {
+    pub fn new(device: Device<'a>, inputs: &'a MapInputs<'a>) -> Result<Self, GpuError> {
+        let on = &device.gpu.device;
+        let mode = inputs.options.mode;
+        // Views of cubes have borders.
+        let size = [inputs.options.photons + 2; 2];
+        let count = photons_of_strip(size);
+        let has_ways = matches!(mode, Mode::ThinLens | Mode::ThickLens);
+        let counts = [count, if has_ways { count } else { 1 }, count];
+        let buffers = [0, 1, 2].map(|k| {
+            on.create_buffer(&wgpu::BufferDescriptor {
+                label: Some("photons"),
+                size: counts[k] * PHOTON_BYTES[k],
+                usage: BufferUsages::STORAGE | BufferUsages::COPY_SRC,
+                mapped_at_creation: false,
+            })
+        });
+        let ledger = |label| {
+            let bytes = vec![0; 2 * LEDGER_ENTRIES as usize * size_of::<u32>()];
+            buffer_with(on, label, &bytes, BufferUsages::STORAGE | BufferUsages::COPY_SRC)
+        };
+        let (surfaces, reflectances) = surfaces(inputs);
+        let surfaces = storage_buffer(on, "what surfaces do to photons", bytemuck::cast_slice(&surfaces));
+        let reflectances = storage_buffer(on, "reflectances", bytemuck::cast_slice(&reflectances));
+        let origins = storage_buffer(on, "origins in extended lights", bytemuck::cast_slice(&origins(inputs)));
+        let pipelines = device.pipelines;
+        Ok(Self {
+            of_surfaces: bind(on, &pipelines.of_surfaces, &[surfaces.as_entire_binding()]),
+            nothing: bind(on, &pipelines.nothing, &[]),
+            geometry: device.geometry.bind(on, &pipelines.geometry),
+            device,
+            inputs,
+            photons: buffers,
+            ledger: ledger("account of flux"),
+            unaccounted: ledger("account of flux that is not counted"),
+            surfaces,
+            reflectances,
+            origins,
+        })
+    }
+
+    /// Uploads a light.
+    pub fn light(&self, light: &PhotonLight) -> Result<LightOnGpu, GpuError> {
+        let gpu = self.device.gpu;
+        let (lamp, slide) = match light {
+            PhotonLight::Lamp(lamp) => {
+                let UploadedLamp { uniforms, slide } = UploadedLamp::upload(&gpu.device, &gpu.queue, lamp)?;
+                (uniforms, slide)
+            }
+            PhotonLight::Directional { .. } => (LampUniforms::default(), no_slide(&gpu.device)),
+        };
+        let buffers = [&self.surfaces, &self.reflectances, &self.origins].map(wgpu::Buffer::as_entire_binding);
+        let [a, b, c] = buffers;
+        let slide = wgpu::BindingResource::TextureView(&slide);
+        Ok(LightOnGpu { lamp, group: bind(&gpu.device, &self.device.pipelines.of_light, &[a, b, c, slide]) })
+    }
+
+    /// Follows the photons of a strip to receivers.
+    pub fn emit(
+        &self,
+        encoder: &mut CommandEncoder,
+        (view, light): (&LightView, &LightOnGpu),
+        kind: Kind,
+        strip: Strip,
+    ) {
+        let on = &self.device.gpu.device;
+        let (power, extent) = match &view.light {
+            PhotonLight::Directional { irradiance, sigma_rad, .. } => (*irradiance, *sigma_rad),
+            PhotonLight::Lamp(lamp) => (lamp.intensity, lamp.radius),
+        };
+        let [columns, _] = view.projection.size;
+        let uniforms = ViewUniforms {
+            plane: (&view.projection).into(),
+            power: power.to_array(),
+            extent: if view.light.is_extended() { extent } else { 0.0 },
+            lamp: light.lamp,
+            channels: channels(kind.channel),
+            pivot: view.pivot,
+            chain: chain_constant(kind.chain),
+            channel: kind.channel.unwrap_or(0) as u32,
+            is_cube: u32::from(view.is_cube),
+            columns,
+            strip,
+            steps_per_watt: self.steps_per_watt(),
+            has_ways: u32::from(matches!(self.inputs.options.mode, Mode::ThinLens | Mode::ThickLens)),
+            ..ViewUniforms::default()
+        };
+        let uniforms = buffer_with(on, "a light's view", bytemuck::bytes_of(&uniforms), BufferUsages::UNIFORM);
+        let buffers = [&uniforms, &self.photons[0], &self.photons[1], &self.ledger];
+        let own = bind(on, &self.device.pipelines.of_view, &buffers.map(wgpu::Buffer::as_entire_binding));
+        let mut pass = begin(encoder, "photons");
+        pass.set_pipeline(&self.device.pipelines.emit);
+        self.set_groups(&mut pass, [&own, &light.group]);
+        dispatch(&mut pass, [columns, strip.rows]);
+    }
+
+    /// Finds what the texels of a map show. Submits.
+    pub fn find_receivers(&self, map: &MapOnGpu) {
+        let gpu = self.device.gpu;
+        let mut encoder = gpu.device.create_command_encoder(&Default::default());
+        let own = self.bind_map(map, self.uniforms(map), &self.ledger);
+        let mut pass = begin(&mut encoder, "receivers of a caustic map");
+        pass.set_pipeline(&self.device.pipelines.find_receivers);
+        self.set_groups(&mut pass, [&own, &self.of_surfaces]);
+        dispatch(&mut pass, map.projection.size);
+        drop(pass);
+        gpu.queue.submit([encoder.finish()]);
+    }
+
+    /// Adds the photons of a strip to a map. Where it is one of many, photons beside it belong to others.
+    pub fn deposit(
+        &self,
+        encoder: &mut CommandEncoder,
+        to: (&MapOnGpu, &LightView),
+        strip: Strip,
+        is_one_of_many: bool,
+    ) {
+        self.add(encoder, to, (strip, is_one_of_many), &self.ledger);
+    }
+
+    /// The same without an entry in the account.
+    pub fn deposit_unaccounted(&self, encoder: &mut CommandEncoder, to: (&MapOnGpu, &LightView), strip: Strip) {
+        self.add(encoder, to, (strip, false), &self.unaccounted);
+    }
+
+    fn add(
+        &self,
+        encoder: &mut CommandEncoder,
+        (map, view): (&MapOnGpu, &LightView),
+        (strip, is_one_of_many): (Strip, bool),
+        ledger: &wgpu::Buffer,
+    ) {
+        let [columns, _] = view.projection.size;
+        let uniforms = MapUniforms {
+            columns,
+            rows: strip.rows,
+            first_own_row: strip.first_own_row,
+            own_rows: strip.own_rows,
+            is_one_of_many: u32::from(is_one_of_many),
+            spacing: view.projection.texel as f32,
+            is_first: u32::from(strip.first_row + strip.first_own_row == 0),
+            ..self.uniforms(map)
+        };
+        let own = self.bind_map(map, uniforms, ledger);
+        let pipelines = self.device.pipelines;
+        let is_polygons = matches!(self.inputs.options.mode, Mode::Polygons | Mode::ExactPolygons);
+        let mut pass = begin(encoder, "photons into a caustic map");
+        pass.set_pipeline(&pipelines.place_photons);
+        self.set_groups(&mut pass, [&own, &self.of_surfaces]);
+        dispatch(&mut pass, [columns, strip.rows]);
+        pass.set_pipeline(if is_polygons { &pipelines.add_polygons } else { &pipelines.add_splats });
+        // Cells lie between photons and around them.
+        dispatch(&mut pass, if is_polygons { [columns + 1, strip.own_rows + 1] } else { [columns, strip.rows] });
+    }
+
+    fn uniforms(&self, map: &MapOnGpu) -> MapUniforms {
+        let options = self.inputs.options;
+        MapUniforms {
+            plane: (&map.projection).into(),
+            size: map.projection.size,
+            is_camera: u32::from(map.is_camera),
+            has_directions: u32::from(map.has_directions),
+            steps_per_watt: self.steps_per_watt(),
+            mode: mode_constant(options.mode),
+            diameter: options.splat_diameter,
+            ..MapUniforms::default()
+        }
+    }
+
+    fn steps_per_watt(&self) -> f32 {
+        (1.0 / crate::image_space::caustic_map::watts_per_step(self.inputs.total_watts())) as f32
+    }
+
+    fn bind_map(&self, map: &MapOnGpu, uniforms: MapUniforms, ledger: &wgpu::Buffer) -> wgpu::BindGroup {
+        let on = &self.device.gpu.device;
+        let uniforms = buffer_with(on, "a caustic map", bytemuck::bytes_of(&uniforms), BufferUsages::UNIFORM);
+        let [photons, ways, places] = &self.photons;
+        let buffers = [&uniforms, photons, ways, ledger, &map.texels, places, &map.sums, &map.counts];
+        bind(on, &self.device.pipelines.of_map, &buffers.map(wgpu::Buffer::as_entire_binding))
+    }
+
+    fn set_groups(&self, pass: &mut wgpu::ComputePass, [first, second]: [&wgpu::BindGroup; 2]) {
+        for (index, group) in (0..).zip([first, second, &self.nothing, &self.geometry]) {
+            pass.set_bind_group(index, group, &[]);
+        }
+    }
+
+    /// The account so far, and how many photons met a receiver.
+    ///
+    /// # Errors
+    /// The adapter has ended rays early.
+    pub async fn ledger(&self) -> Result<(Ledger, u64), GpuError> {
+        let read = self.entries(&self.ledger).await?;
+        if read[8] + self.entries(&self.unaccounted).await?[8] > 0 {
+            return Err(GpuError::LoopCutShort { adapter: self.device.gpu.adapter.name.clone() });
+        }
+        let step = 1.0 / f64::from(self.steps_per_watt());
+        let watts = |entry: usize| read[entry] as f64 * step;
+        let ledger = Ledger {
+            cast: watts(0),
+            deposited: watts(1),
+            missed: watts(2),
+            no_receiver: watts(3),
+            total_reflection: watts(4),
+            hidden: watts(5),
+            off_map: watts(6),
+            culled: watts(7),
+        };
+        Ok((ledger, read[9] as u64))
+    }
+
+    async fn entries(&self, ledger: &wgpu::Buffer) -> Result<Vec<i64>, GpuError> {
+        let bytes = self.device.gpu.read_buffer(ledger, ledger.size()).await?;
+        let words: Vec<[u32; 2]> = bytemuck::pod_collect_to_vec(&bytes);
+        Ok(words.into_iter().map(|[low, high]| (u64::from(high) << 32 | u64::from(low)) as i64).collect())
+    }
+}
+
+fn begin<'e>(encoder: &'e mut CommandEncoder, label: &str) -> wgpu::ComputePass<'e> {
+    encoder.begin_compute_pass(&wgpu::ComputePassDescriptor { label: Some(label), ..Default::default() })
+}
+
+fn dispatch(pass: &mut wgpu::ComputePass, [columns, rows]: [u32; 2]) {
+    pass.dispatch_workgroups(columns.div_ceil(WORKGROUP_EDGE), rows.div_ceil(WORKGROUP_EDGE), 1);
+}
+
+/// What the objects do to photons, and curves of reflectance, one after another.
+fn surfaces(inputs: &MapInputs) -> (Vec<GpuSurface>, Vec<[f32; 4]>) {
+    let mut curves = Vec::new();
+    let surface = |(object, mirror): (&crate::scene::Object, &Option<crate::reflectance::Curve>)| {
+        let number = (curves.len() / CURVE_POINTS) as u32;
+        if let Some(curve) = mirror {
+            let value = |k: usize| curve.at(k as f64 / (CURVE_POINTS - 1) as f64).as_vec3().extend(0.0).to_array();
+            curves.extend((0..CURVE_POINTS).map(value));
+        }
+        GpuSurface::new(object, number)
+    };
+    let surroundings = &inputs.surroundings;
+    let surfaces = surroundings.objects.iter().zip(surroundings.mirrors).map(surface).collect();
+    (surfaces, curves)
+}
+
+/// For each photon of a view, where in an extended light it comes from; nothing where no light has an extent.
+fn origins(inputs: &MapInputs) -> Vec<u32> {
+    if inputs.options.mode.needs_neighbours() || !inputs.lights.iter().any(PhotonLight::is_extended) {
+        return Vec::new();
+    }
+    // Views of cubes have borders, and other rows.
+    let size = inputs.options.photons;
+    let packed = |index: u32| {
+        let [u, v] = disc_sample(index, inputs.seed).to_array().map(|x| (65535.0 * x).round() as u32);
+        u | v << 16
+    };
+    (0..(size + 2) * (size + 2)).into_par_iter().map(packed).collect()
+}

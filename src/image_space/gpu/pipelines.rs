@@ -1,0 +1,68 @@
+//! Layouts and pipelines of photons, compiled once for a device.
+
+use wgpu::{BindGroupLayout, BindGroupLayoutEntry, ComputePipeline, ShaderStages};
+
+use crate::pinhole::gpu::pipeline::{compute_pipeline, layout, seen_by, storage, texture, uniform, writable};
+use crate::pinhole::gpu::ray_entries;
+use crate::pinhole::gpu::shaders::{PHOTON_EMISSION, PHOTON_PLACES, PHOTON_POLYGONS, PHOTON_SPLATS, Shader};
+
+/// The passes on one device.
+#[derive(Debug)]
+pub(crate) struct PhotonPipelines {
+    pub(super) emit: ComputePipeline,
+    pub(super) find_receivers: ComputePipeline,
+    pub(super) place_photons: ComputePipeline,
+    pub(super) add_splats: ComputePipeline,
+    pub(super) add_polygons: ComputePipeline,
+    pub(super) of_view: BindGroupLayout,
+    pub(super) of_light: BindGroupLayout,
+    pub(super) of_map: BindGroupLayout,
+    pub(super) of_surfaces: BindGroupLayout,
+    pub(super) nothing: BindGroupLayout,
+    pub(super) geometry: BindGroupLayout,
+}
+
+impl PhotonPipelines {
+    /// Compiles the shaders.
+    pub fn new(device: &wgpu::Device) -> Self {
+        let of = |label, entries: &[BindGroupLayoutEntry]| {
+            let entries: Vec<_> = entries.iter().map(|entry| seen_by(ShaderStages::COMPUTE, *entry)).collect();
+            layout(device, label, &entries)
+        };
+        let written = |last: u32| (1..=last).map(writable);
+        let of_view = of("a light's view", &[uniform(0)].into_iter().chain(written(3)).collect::<Vec<_>>());
+        let of_light = of("a light and surfaces", &[storage(0), storage(1), storage(2), texture(3)]);
+        let of_map = of("a caustic map", &[uniform(0)].into_iter().chain(written(7)).collect::<Vec<_>>());
+        let of_surfaces = of("surfaces", &[storage(0)]);
+        let nothing = of("nothing", &[]);
+        let geometry = of("rays", &ray_entries(device, ShaderStages::COMPUTE));
+        let pipeline = |shader: Shader, groups: [&BindGroupLayout; 2], entries: &[&str]| {
+            let groups = [groups[0], groups[1], &nothing, &geometry].map(Some);
+            let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+                label: Some(shader.name),
+                bind_group_layouts: &groups,
+                immediate_size: 0,
+            });
+            let module = shader.module(device);
+            entries.iter().map(|entry| compute_pipeline(device, &layout, &module, entry, &[])).collect::<Vec<_>>()
+        };
+        let of_map_and_surfaces = [&of_map, &of_surfaces];
+        let emit = pipeline(PHOTON_EMISSION, [&of_view, &of_light], &["emit"]);
+        let places = pipeline(PHOTON_PLACES, of_map_and_surfaces, &["find_receivers", "place_photons"]);
+        let splats = pipeline(PHOTON_SPLATS, of_map_and_surfaces, &["add_splats"]);
+        let polygons = pipeline(PHOTON_POLYGONS, of_map_and_surfaces, &["add_polygons"]);
+        Self {
+            emit: emit[0].clone(),
+            find_receivers: places[0].clone(),
+            place_photons: places[1].clone(),
+            add_splats: splats[0].clone(),
+            add_polygons: polygons[0].clone(),
+            of_view,
+            of_light,
+            of_map,
+            of_surfaces,
+            nothing,
+            geometry,
+        }
+    }
+}

@@ -1,0 +1,125 @@
+//! Image-space techniques on the GPU against the CPU.
+
+use std::sync::Arc;
+
+use pinspot::image::{Aov, RgbImage, rel_l2};
+use pinspot::scene::{Scene, Slide};
+use pinspot::{
+    BackendChoice, CubeSize, Error, ImageSpaceOptions, MapView, Mode, Options, PhotonStatistics, Rendered, Technique,
+};
+
+use crate::support::{above_floor, gpu_backend, render};
+
+const DARK: &str = "constant = [0, 0, 0]";
+
+fn options(mode: Mode, caustic_map: MapView) -> Options {
+    let image_space = ImageSpaceOptions {
+        mode,
+        caustic_map,
+        photons: 256,
+        caustic_map_size: 256,
+        light_directions: 2,
+        ..Default::default()
+    };
+    Options::default()
+        .with_technique(Technique::ImageSpace)
+        .with_image_space(image_space)
+        .with_size([128, 96])
+        .with_cube_size(CubeSize::Texels(16))
+        .with_aovs(vec![Aov::Caustic])
+}
+
+fn photons(rendered: &Rendered) -> PhotonStatistics {
+    rendered.report.photons.unwrap()
+}
+
+/// Pictures of both back ends, and how far they are apart.
+fn compare(label: &str, scene: &Scene, options: &Options) -> f64 {
+    let of = |backend| render(scene.clone(), options.clone(), &backend).unwrap();
+    let [on_gpu, on_cpu] = [BackendChoice::Gpu(None), BackendChoice::Cpu].map(of);
+    let error = rel_l2(&on_gpu.layers[0].1, &on_cpu.layers[0].1, None);
+    let [gpu, cpu] = [&on_gpu, &on_cpu].map(photons);
+    println!("{label}: {error:.2e}; cast {} of {}, error {:.1e}", gpu.flux.cast, cpu.flux.cast, gpu.flux.error());
+    assert!(on_cpu.layers[0].1.mean().x > 0.0, "{label}: no caustic");
+    assert!((gpu.flux.cast / cpu.flux.cast - 1.0).abs() < 1e-4, "{label}: {} {}", gpu.flux.cast, cpu.flux.cast);
+    assert!(gpu.photons == cpu.photons && gpu.photons_used.abs_diff(cpu.photons_used) <= 8 + cpu.photons_used / 1000);
+    let [closed, of_cpu] = [gpu, cpu].map(|photons| photons.flux.error());
+    assert!((closed - of_cpu).abs() < 1e-3, "{label}: {closed} {of_cpu}");
+    error
+}
+
+/// Every mode and both kinds of maps: a sun of some extent on a ring.
+#[test]
+fn back_ends_agree_in_every_mode() {
+    let (ring, _) = pinspot::load("ring").unwrap();
+    for mode in Mode::ALL {
+        for map in [MapView::Eye, MapView::Light] {
+            let error = compare(&format!("{} {}", mode.name(), map.name()), &ring, &options(mode, map));
+            assert!(error < 5e-3, "{} {}: {error}", mode.name(), map.name());
+        }
+    }
+}
+
+/// Light through a closed object from a spotlight with a slide, and through dispersive water from a lamp of some extent.
+#[test]
+fn back_ends_agree_on_refraction() {
+    let spot =
+        "[[light]]\nposition = [0, 3, 0]\nintensity = [9, 18, 27]\nspot = { direction = [0, -1, 0], angle_deg = 30 }\n";
+    let ball = "[[object]]\nshape = { sphere = { radius = 0.4, divisions = 96 } }\ntranslate = [0, 0.62, 0]\n\
+                refractor = { eta = 1.5, interfaces = 2 }\ncamera_visible = false\n";
+    let mut slide = above_floor(DARK, &format!("{spot}{ball}"));
+    let pixels = (0..12u8).map(|k| [f32::from(k % 4), f32::from(k / 4), 1.0]).collect();
+    slide.lamps[0].beam.as_mut().unwrap().slide = Some(Slide(Arc::new(RgbImage { width: 4, height: 3, pixels })));
+    let waves = "[[light]]\nposition = [0.3, 3, 0]\nintensity = [9, 18, 27]\nradius = 0.1\n\
+                 [[object]]\nshape = { waves = { size = [4, 4], seed = 3 } }\ntranslate = [0, 1, 0]\n\
+                 refractor = { eta = [1.33, 1.34, 1.36] }\ncamera_visible = false\n";
+    let waves = above_floor(DARK, waves);
+    for (name, scene) in [("slide", slide), ("waves", waves)] {
+        for mode in [Mode::Points, Mode::ExactPolygons, Mode::ThickLens, Mode::Footprints] {
+            let error = compare(&format!("{name} {}", mode.name()), &scene, &options(mode, MapView::Eye));
+            assert!(error < 5e-3, "{name} {}: {error}", mode.name());
+        }
+    }
+}
+
+/// A lamp between the casters sends its photons through six faces of a cube.
+#[test]
+fn back_ends_agree_around_a_lamp() {
+    let (mut ring, _) = pinspot::load("ring").unwrap();
+    let lamp = above_floor(DARK, "[[light]]\nposition = [0.1, 0.2, 0]\nintensity = [9, 18, 27]\n");
+    ring.environment = lamp.environment.clone();
+    ring.lamps = lamp.lamps;
+    for (mode, map) in [(Mode::ExactPolygons, MapView::Light), (Mode::Splats, MapView::Eye)] {
+        let error = compare(&format!("{} {}", mode.name(), map.name()), &ring, &options(mode, map));
+        assert!(error < 5e-3, "{} {}: {error}", mode.name(), map.name());
+    }
+}
+
+/// Atomic sums in fixed point are the same bits every time.
+#[test]
+fn sums_on_the_gpu_are_the_same_bits_every_time() {
+    let (ring, _) = pinspot::load("ring").unwrap();
+    for mode in [Mode::ExactPolygons, Mode::Footprints, Mode::MultiResolution] {
+        let [first, second] =
+            [0; 2].map(|_| render(ring.clone(), options(mode, MapView::Eye), &BackendChoice::Gpu(None)).unwrap());
+        assert!(first.layers[0].1.pixels == second.layers[0].1.pixels, "{}", mode.name());
+    }
+}
+
+/// A map that the adapter's buffers cannot hold is refused with its size and a way out.
+#[test]
+fn maps_that_do_not_fit_are_refused() {
+    let (ring, _) = pinspot::load("ring").unwrap();
+    let limit = gpu_backend().device().unwrap().limits().max_storage_buffer_binding_size;
+    let mut large = options(Mode::MultiResolution, MapView::Light);
+    large.image_space.caustic_map_size = 8192;
+    assert!(8192 * 8192 * 4 * 24 > limit);
+    match render(ring, large, &BackendChoice::Gpu(None)) {
+        Err(Error::Gpu(error)) => {
+            let message = error.to_string();
+            assert!(message.contains("8192×8192") && message.contains("choose the CPU"), "{message}");
+        }
+        Err(error) => panic!("{error}"),
+        Ok(_) => panic!("a map of {limit} bytes is not refused"),
+    }
+}
