@@ -5,6 +5,7 @@
 #import frame
 #import hits
 #import photons
+#import sobol
 
 // A light's view, and the part of it that is emitted.
 struct PhotonView {
@@ -42,6 +43,8 @@ struct PhotonView {
     steps_per_watt: f32,
     // The ways are needed.
     has_ways: u32,
+    // Of the points where photons leave extended lights.
+    seed: u32,
 }
 
 @group(0) @binding(0) var<uniform> view: PhotonView;
@@ -51,8 +54,7 @@ struct PhotonView {
 @group(1) @binding(0) var<storage, read> surfaces: array<PhotonSurface>;
 // Reflectance by the cosine of the angle of incidence, from 0 to 1, CURVE_POINTS for each curve.
 @group(1) @binding(1) var<storage, read> reflectances: array<vec4f>;
-// For each photon of the view, a point of the unit square in halves of a word: where in an extended light it comes from.
-@group(1) @binding(2) var<storage, read> origins: array<u32>;
+@group(1) @binding(2) var<storage, read> sobol_vectors: array<vec2u>;
 @group(1) @binding(3) var slide: texture_2d<f32>;
 
 // A photon on its way.
@@ -144,7 +146,8 @@ fn disc_point(place: vec2u) -> vec2f {
     if view.extent == 0.0 {
         return vec2f(0.0);
     }
-    let part = unpack2x16unorm(origins[place.y * view.columns + place.x]);
+    let index = place.y * view.columns + place.x;
+    let part = sobol_point(index & 0xffffu, view.seed + (index >> 16u));
     let angle = 6.28318531 * part.y;
     return sqrt(part.x) * vec2f(cos(angle), sin(angle));
 }
@@ -249,7 +252,7 @@ fn land(flight: Flight, is_own: bool) -> Photon {
         account_if_own(MISSED, flight.flux, is_own);
         return nothing;
     }
-    if (surfaces[hit.object].flags & RECEIVES) == 0u {
+    if (surfaces[hit.object].flags & RECEIVES_PHOTONS) == 0u {
         account_if_own(NOT_RECEIVED, flight.flux, is_own);
         return nothing;
     }

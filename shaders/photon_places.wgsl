@@ -62,7 +62,7 @@ fn receiver_at(at: vec2f) -> ShownReceiver {
             break;
         }
         hit = describe(met, direction);
-        let receives = (surfaces[hit.object].flags & RECEIVES) != 0u;
+        let receives = (surfaces[hit.object].flags & RECEIVES_PHOTONS) != 0u;
         if receives || is_camera {
             return ShownReceiver(hit, receives);
         }
@@ -82,11 +82,11 @@ fn place_photons(@builtin(global_invocation_id) id: vec3u, @builtin(local_invoca
 
 fn place_of(photon: Photon, is_own: bool) -> PhotonPlace {
     if photon.object == NO_OBJECT {
-        return PhotonPlace(vec2f(-1e9), NO_PHOTON);
+        return PhotonPlace(vec2f(BEHIND_MAP), NO_PHOTON);
     }
     let at = projected(photon.position);
     if !is_in_window(at) {
-        return PhotonPlace(at, select(TEXEL_OFF_MAP, NO_PHOTON, map.is_one_of_many != 0u));
+        return PhotonPlace(at, TEXEL_OFF_MAP);
     }
     let texel = texel_at(at);
     if !shows(texel, photon) {

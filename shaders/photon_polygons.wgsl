@@ -7,7 +7,7 @@
 // Texels along which a triangle may extend in one invocation at most: what lies beyond is culled, so that no loop is too long.
 const MAX_EXTENT: f32 = 240.0;
 // Triangles of a smaller area, texels², have their flux along their longest side: differences of coordinates say no more.
-const MIN_EXACT_AREA: f32 = 1e-3;
+const MIN_EXACT_AREA: f32 = 1e-4;
 
 // One invocation for each cell: that to the right of and below a photon, and those around the grid.
 @compute @workgroup_size(8, 8)
@@ -49,7 +49,7 @@ fn add_corner(index: u32, part: f32) {
 fn add_point(photon: Photon, at: vec2f, flux: vec3f) {
     let watts = sum_of_channels(flux);
     if !is_in_window(at) {
-        account_for(OFF_MAP, watts, map.steps_per_watt);
+        account_off_map(watts);
         return;
     }
     let texel = texel_at(at);
@@ -67,6 +67,10 @@ fn add_triangle(one: u32, other: u32, third: u32) {
     let a = places[one].at;
     let b = places[other].at;
     let c = places[third].at;
+    if min(a.x, min(b.x, c.x)) <= BEHIND_MAP {
+        account_off_map(sum_of_channels(flux));
+        return;
+    }
     let area = 0.5 * abs(cross_2d(b - a, c - a));
     let low = floor(min(a, min(b, c)));
     let high = floor(max(a, max(b, c)));
@@ -106,7 +110,8 @@ fn add_texels(photon: Photon, corners: array<vec2f, 3>, low: vec2f, high: vec2f,
     let is_exact = map.mode == MODE_EXACT_POLYGONS;
     let watts = sum_of_channels(flux);
     let first = max(low, vec2f(0.0));
-    let last = min(min(high, vec2f(map.size) - 1.0), first + MAX_EXTENT);
+    let last_shown = min(high, vec2f(map.size) - 1.0);
+    let last = min(last_shown, first + MAX_EXTENT);
     let turn = sign(cross_2d(corners[1] - corners[0], corners[2] - corners[0]));
     var deposited = 0.0;
     var hidden = 0.0;
@@ -132,11 +137,16 @@ fn add_texels(photon: Photon, corners: array<vec2f, 3>, low: vec2f, high: vec2f,
     }
     account_for(DEPOSITED, deposited * watts, map.steps_per_watt);
     account_for(HIDDEN, hidden * watts, map.steps_per_watt);
-    let is_cut = any(high > first + MAX_EXTENT);
+    let is_cut = any(last_shown > last);
     let is_beyond = any(low < vec2f(0.0)) || any(high >= vec2f(map.size));
     if is_exact || is_cut || is_beyond {
-        let rest = (1.0 - deposited - hidden) * watts;
-        account_for(select(OFF_MAP, CULLED, is_cut), select(max(rest, 0.0), rest, is_exact), map.steps_per_watt);
+        let whole = (1.0 - deposited - hidden) * watts;
+        let rest = select(max(whole, 0.0), whole, is_exact);
+        if is_cut {
+            account_for(CULLED, rest, map.steps_per_watt);
+        } else {
+            account_off_map(rest);
+        }
     }
 }
 

@@ -36,8 +36,12 @@ fn add_photon(place: vec2u) {
     }
     let photon = photons[index];
     let watts = sum_of_channels(photon.flux);
-    if texel == TEXEL_OFF_MAP || texel == TEXEL_HIDDEN {
-        account_for(select(HIDDEN, OFF_MAP, texel == TEXEL_OFF_MAP), watts, map.steps_per_watt);
+    if texel == TEXEL_OFF_MAP {
+        account_off_map(watts);
+        return;
+    }
+    if texel == TEXEL_HIDDEN {
+        account_for(HIDDEN, watts, map.steps_per_watt);
         return;
     }
     if map.mode != MODE_GATHER && map.mode != MODE_MULTI_RESOLUTION {

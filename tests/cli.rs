@@ -285,7 +285,9 @@ fn options_of_photons_that_change<T: PartialEq + std::fmt::Debug>(
     let photons = |more: &[&str]| written(&[&["--technique", "image-space", "--lights", "6"][..], more].concat());
     let by_photons = photons(&[]);
     assert_ne!(by_photons, *plain);
-    for more in [&["--mode", "points"][..], &["--photons", "64"], &["--caustic-map", "light"]] {
+    for more in
+        [&["--mode", "points"][..], &["--hits", "quarter-image"], &["--photons", "64"], &["--caustic-map", "light"]]
+    {
         assert_ne!(photons(more), by_photons, "{more:?} changes nothing");
     }
     assert_ne!(written(&["--technique", "image-space", "--lights", "5"]), by_photons);
@@ -305,6 +307,7 @@ fn options_of_photons_that_change<T: PartialEq + std::fmt::Debug>(
     assert_ne!(ring("2"), ring("5"));
     vec![
         "--mode",
+        "--hits",
         "--traversal",
         "--photons",
         "--caustic-map",

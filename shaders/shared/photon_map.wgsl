@@ -84,13 +84,16 @@ fn texel_at(at: vec2f) -> u32 {
     return u32(at.y) * map.size.x + u32(at.x);
 }
 
-// Where a point appears, in texels; far outside of the window behind the point that rays leave.
+// Where points appear that lie behind the one that rays leave.
+const BEHIND_MAP: f32 = -1e9;
+
+// Where a point appears, in texels.
 fn projected(point: vec3f) -> vec2f {
     let offset = point - map.origin;
     let local = vec3f(dot(offset, map.right), dot(offset, map.down), dot(offset, map.forward));
     let depth = select(local.z, 1.0, map.is_parallel != 0u);
     if depth <= 0.0 {
-        return vec2f(-1e9);
+        return vec2f(BEHIND_MAP);
     }
     return (local.xy / depth - vec2f(map.low_x, map.low_y)) / map.texel;
 }
@@ -124,6 +127,13 @@ fn add_to_sums(first: u32, steps: Steps) {
     let high = steps.high + select(0u, 1u, before > ~steps.low);
     if high != 0u {
         atomicAdd(&sums[first + 1u], high);
+    }
+}
+
+// Accounts for flux beside the window, unless it belongs to another map.
+fn account_off_map(watts: f32) {
+    if map.is_one_of_many == 0u {
+        account_for(OFF_MAP, watts, map.steps_per_watt);
     }
 }
 

@@ -32,10 +32,13 @@ fn are_connected(column: i32, row: i32, dx: i32, dy: i32) -> bool {
     let after = photon_at(column + 2 * dx, row + 2 * dy);
     var longest = -1.0;
     if before != NOWHERE && are_alike(one, before) {
-        longest = distance(places[one].at, places[before].at);
+        longest = distance(photons[one].position, photons[before].position);
     }
     if after != NOWHERE && are_alike(other, after) {
-        longest = max(longest, distance(places[other].at, places[after].at));
+        longest = max(longest, distance(photons[other].position, photons[after].position));
     }
-    return longest < 0.0 || distance(places[one].at, places[other].at) <= TEAR_STRETCH * longest + LEAST_TEAR;
+    let position = photons[one].position;
+    // As all faces of a cube see it.
+    let texel = map.texel * select(distance(position, map.origin), 1.0, map.is_parallel != 0u);
+    return longest < 0.0 || distance(position, photons[other].position) <= TEAR_STRETCH * longest + LEAST_TEAR * texel;
 }

@@ -9,8 +9,8 @@ use serde::de::value::{Error as WordError, StrDeserializer};
 use pinspot::image::{Aov, ToneMap};
 use pinspot::scene::{Light, Loaded, MapLayout, Scene, Visibility, load};
 use pinspot::{
-    BackendChoice, CubeSize, Density, Epsilon, EvaluationChoice, Exposure, FilterChoice, Footprint, MapView, Mode,
-    OptionError, Options, Overlay, Quality, Settings, Strategy, Technique, Traversal,
+    BackendChoice, CubeSize, Density, Epsilon, EvaluationChoice, Exposure, FilterChoice, Footprint, Hits, MapView,
+    Mode, OptionError, Options, Overlay, Quality, Settings, Strategy, Technique, Traversal,
 };
 
 use super::errors::{message, option_message};
@@ -39,6 +39,10 @@ pub struct PhotonOptions {
     /// footprints [default: exact-polygons]
     #[arg(long, value_parser = word::<Mode>, value_name = "NAME")]
     pub mode: Option<Mode>,
+    /// How photons find what they meet: traced (by rays), image (in images from the light's view, as in the papers) or quarter-image (in
+    /// images a quarter as fine) [default: traced]
+    #[arg(long, value_parser = word::<Hits>, value_name = "NAME")]
+    pub hits: Option<Hits>,
     /// Which photons are followed: dense (all), maximal-level (where casters are, from coarse to fine) or texel-error (the same, and those
     /// that land in one texel are one) [default: dense]
     #[arg(long, value_parser = word::<Traversal>, value_name = "NAME")]
@@ -180,6 +184,7 @@ impl CommonOptions {
         Settings {
             technique: self.technique,
             mode: self.image_space.mode,
+            hits: self.image_space.hits,
             traversal: self.image_space.traversal,
             photons: self.image_space.photons,
             caustic_map: self.image_space.caustic_map,

@@ -147,6 +147,12 @@ impl CausticMap {
         self.texels[index].edge
     }
 
+    /// The edge of a texel across its ray at the distance of a point, metres: the same in all faces of a cube.
+    pub fn texel_across(&self, point: Vec3) -> f64 {
+        let Projection { texel, is_parallel, origin, .. } = self.projection;
+        if is_parallel { texel } else { texel * point.as_dvec3().distance(origin) }
+    }
+
     /// Adds flux, W, that travels in a direction.
     pub fn add(&self, index: usize, flux: DVec3, direction: Vec3) {
         self.add_steps(&self.flux[index], flux);

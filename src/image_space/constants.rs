@@ -60,7 +60,7 @@ pub const IS_SOLID: u32 = 8;
 /// it reflects by the Fresnel equations.
 pub const IS_FRESNEL_SURFACE: u32 = 16;
 /// A receiver.
-pub const RECEIVES: u32 = 32;
+pub const RECEIVES_PHOTONS: u32 = 32;
 
 /// How photons become irradiance: see `Mode`.
 pub const MODE_POINTS: u32 = 0;

@@ -9,6 +9,7 @@ use rayon::prelude::*;
 use super::ledger::{Ledger, Loss};
 use super::lights::LightView;
 use super::photons::{Photon, PhotonGrid, SurfacePoint, Way};
+use super::surface_images::SurfaceImages;
 use crate::lanes::{ALL, LANES};
 use crate::pinhole::constants::MIN_HEIGHT;
 use crate::progress::Progress;
@@ -83,6 +84,8 @@ pub struct Traced {
 pub struct Emission<'a> {
     /// What they meet.
     pub surroundings: &'a Surroundings<'a>,
+    /// Where they find it, unless they are traced.
+    pub images: Option<&'a SurfaceImages>,
     /// Where they start.
     pub view: &'a LightView,
     /// Origins in extended lights are drawn by it.
@@ -142,7 +145,7 @@ impl Emission<'_> {
         mut call: impl FnMut(usize, usize, Traced),
     ) {
         let emitted: [(Ray, Vec3); LANES] = texels.map(|texel| self.ray(texel));
-        let hits = self.surroundings.tracer.secondary_hits(&emitted.map(|(ray, _)| ray), lanes);
+        let hits = self.first_hits(texels, &emitted.map(|(ray, _)| ray), lanes);
         for (k, kind) in kinds.iter().enumerate() {
             let flights = std::array::from_fn(|lane| self.scatter(*kind, hits[lane].as_ref()?, &emitted[lane]));
             let landed = self.follow(*kind, flights);
@@ -153,7 +156,8 @@ impl Emission<'_> {
     fn ray(&self, [x, y]: [u32; 2]) -> (Ray, Vec3) {
         let place = DVec2::new(f64::from(x), f64::from(y)) + 0.5;
         let index = y.wrapping_mul(self.view.projection.size[0]).wrapping_add(x);
-        self.view.emit(place, disc_sample(index, self.seed))
+        let [u, v, ..] = sobol_burley::sample_4d(index & 0xffff, 0, (self.seed as u32).wrapping_add(index >> 16));
+        self.view.emit(place, Vec2::new(u, v))
     }
 
     /// What the first surface makes of a photon; `None` if that is nothing of this kind.
@@ -196,14 +200,14 @@ impl Emission<'_> {
             traced.ledger.cast = flight.as_ref().map_or(0.0, |flight| Ledger::sum(flight.flux));
         }
         if kind.chain == Chain::TT {
-            let hits = self.next_hits(&flights);
+            let hits = self.next_hits(&flights, |images, flight| images.exit(&flight.ray, flight.caster));
             for ((flight, hit), traced) in flights.iter_mut().zip(&hits).zip(&mut traced) {
                 if let Some(entered) = flight.take() {
                     *flight = self.leave(kind, &entered, hit.as_ref(), &mut traced.ledger);
                 }
             }
         }
-        let hits = self.next_hits(&flights);
+        let hits = self.next_hits(&flights, |images, flight| images.landing(&flight.ray));
         for (traced, (flight, hit)) in traced.iter_mut().zip(flights.into_iter().zip(hits)) {
             let Some(flight) = flight else { continue };
             traced.photon = self.land(&flight, hit.as_ref(), &mut traced.ledger);
@@ -211,7 +215,21 @@ impl Emission<'_> {
         traced
     }
 
-    fn next_hits(&self, flights: &[Option<Flight>; LANES]) -> [Option<Hit>; LANES] {
+    fn first_hits(&self, texels: &[[u32; 2]; LANES], rays: &[Ray; LANES], lanes: u32) -> [Option<Hit>; LANES] {
+        let Some(images) = self.images else { return self.surroundings.tracer.secondary_hits(rays, lanes) };
+        let size = DVec2::from_array(self.view.projection.size.map(f64::from));
+        texels.map(|[x, y]| images.first.at((DVec2::new(f64::from(x), f64::from(y)) + 0.5) / size))
+    }
+
+    /// What photons meet next: by rays, or as `in_images` finds it.
+    fn next_hits(
+        &self,
+        flights: &[Option<Flight>; LANES],
+        in_images: impl Fn(&SurfaceImages, &Flight) -> Option<Hit>,
+    ) -> [Option<Hit>; LANES] {
+        if let Some(images) = self.images {
+            return flights.each_ref().map(|flight| in_images(images, flight.as_ref()?));
+        }
         let lanes = flights.iter().enumerate().filter(|(_, flight)| flight.is_some());
         let lanes = lanes.fold(0, |bits, (lane, _)| bits | 1 << lane);
         if lanes == 0 {
@@ -268,12 +286,6 @@ impl Emission<'_> {
         ledger[lost] += Ledger::sum(flight.flux);
         None
     }
-}
-
-/// A point of the unit square for each photon of a view, by which its origin in an extended light is chosen.
-pub fn disc_sample(index: u32, seed: u64) -> Vec2 {
-    let [u, v, ..] = sobol_burley::sample_4d(index & 0xffff, 0, (seed as u32).wrapping_add(index >> 16));
-    Vec2::new(u, v)
 }
 
 /// The chain of light that a refractor lets pass.

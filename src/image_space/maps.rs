@@ -7,11 +7,12 @@ use super::adaptive::{FIRST_GRID, Traverser};
 use super::caustic_map::{Incident, IrradianceMap};
 use super::coverage::Coverage;
 use super::emission::{Emission, Kind, Surroundings, emit};
-use super::ledger::Ledger;
+use super::ledger::{Ledger, Loss};
 use super::lights::{LightView, PhotonLight};
-use super::options::{ImageSpaceOptions, MapView, Traversal};
+use super::options::{Hits, ImageSpaceOptions, MapView, Traversal};
 use super::photons::PhotonGrid;
 use super::projection::{Bounds, Projection};
+use super::surface_images::{SurfaceImage, SurfaceImages};
 use crate::progress::Progress;
 use crate::scene::{Camera, Chain, Ray};
 use crate::tracing::{Hit, Tracer};
@@ -32,6 +33,8 @@ pub struct MapInputs<'a> {
     pub surroundings: Surroundings<'a>,
     /// The receivers alone.
     pub receivers: &'a Tracer,
+    /// The closed objects alone that are refracted twice, for images of them.
+    pub solids: &'a Tracer,
     /// Vertices of what casts caustics.
     pub casters: &'a [Vec3],
     /// Its triangles.
@@ -158,7 +161,9 @@ impl<'a> MapsBuilder<'a> {
     fn add_all_photons(&mut self, light: &PhotonLight, own: &[MapBuilder<'a>], progress: &dyn Progress) {
         let inputs = self.inputs;
         for view in light.views(inputs.casters, &inputs.bounds, inputs.options.photons) {
-            let (grids, ledger) = emit(&inputs.emission(&view), inputs.kinds, progress);
+            let images = inputs.images_of(&view);
+            let emission = Emission { images: images.as_ref(), ..inputs.emission(&view) };
+            let (grids, ledger) = emit(&emission, inputs.kinds, progress);
             self.photons += view.projection.texel_count() as u64;
             self.ledger += ledger;
             for (kind, grid) in inputs.kinds.iter().zip(&grids) {
@@ -172,11 +177,12 @@ impl<'a> MapsBuilder<'a> {
     fn add_clusters(&mut self, light: &PhotonLight, own: &[MapBuilder<'a>]) {
         let inputs = self.inputs;
         for view in light.views(inputs.casters, &inputs.bounds, inputs.options.photons) {
+            let images = inputs.images_of(&view);
             let coverage = Coverage::new(&view.projection, view.spread, inputs.triangles.iter().copied());
             for kind in inputs.kinds {
                 let Some(map) = self.eye.as_ref().or_else(|| own.first()) else { continue };
                 let traverser = Traverser {
-                    emission: inputs.emission(&view),
+                    emission: Emission { images: images.as_ref(), ..inputs.emission(&view) },
                     coverage: &coverage,
                     kind: *kind,
                     map: map.map(),
@@ -242,7 +248,8 @@ impl<'a> MapInputs<'a> {
 
     /// The lights that one is divided into where photons need neighbours.
     pub fn parts_of(&self, light: &PhotonLight) -> Vec<PhotonLight> {
-        if self.options.mode.needs_neighbours() {
+        // Images are seen from one point or in one direction.
+        if self.options.mode.needs_neighbours() || self.options.hits != Hits::Traced {
             light.divided(self.options.light_directions, self.bounds.centre())
         } else {
             vec![light.clone()]
@@ -250,10 +257,47 @@ impl<'a> MapInputs<'a> {
     }
 
     fn emission<'b>(&'b self, view: &'b LightView) -> Emission<'b> {
-        Emission { surroundings: &self.surroundings, view, seed: self.seed }
+        Emission { surroundings: &self.surroundings, images: None, view, seed: self.seed }
     }
 
-    /// Adds photons to maps. Where these are the faces of a cube, each gets those that land on it.
+    /// Images of what photons of a view meet, if these are not traced.
+    fn images_of(&self, view: &LightView) -> Option<SurfaceImages> {
+        let size = self.options.hits.image_size(self.options.photons)?;
+        let plane = view.projection.resized(size);
+        let Surroundings { tracer, objects, .. } = self.surroundings;
+        let diagonal = self.bounds.diagonal() as f32;
+        let from_behind = |ray: Ray| {
+            // Rays of parallel views start close before the scene; what a lamp sees lies within the scene, too.
+            let end =
+                if plane.is_parallel { 1.1 * diagonal } else { diagonal + ray.origin.distance(self.bounds.centre()) };
+            let back = Ray { origin: ray.origin + end * ray.direction, direction: -ray.direction };
+            self.solids.secondary_hit(back).filter(|hit| hit.distance < end)
+        };
+        let has_solids = objects.iter().any(|object| object.casts(Chain::TT));
+        let corners = self.receiver_corners();
+        let receivers = match &view.light {
+            PhotonLight::Directional { towards, .. } => {
+                vec![Projection::parallel(-*towards, corners.iter().copied(), &self.bounds, size)]
+            }
+            PhotonLight::Lamp(lamp) => Projection::central(lamp.position, corners.iter().copied(), size)
+                .map_or_else(|| Projection::cube(lamp.position, size, 1).to_vec(), |view| vec![view]),
+        };
+        let of_receivers = |ray: Ray| self.receivers.secondary_hit(ray);
+        Some(SurfaceImages {
+            first: SurfaceImage::new(plane, |ray: Ray| tracer.secondary_hit(ray)),
+            last: has_solids.then(|| SurfaceImage::new(plane, from_behind)),
+            receivers: receivers.into_iter().map(|plane| SurfaceImage::new(plane, of_receivers)).collect(),
+            diagonal: f64::from(diagonal),
+        })
+    }
+
+    /// Corners of the receivers' triangles.
+    fn receiver_corners(&self) -> Vec<Vec3> {
+        let receivers = self.surroundings.objects.iter().filter(|object| object.receiver.is_some());
+        receivers.flat_map(|object| object.mesh_in_world().positions().to_vec()).collect()
+    }
+
+    /// Adds photons to maps. Where these are the faces of a cube, what lies beside one belongs to another.
     fn deposit(&self, maps: &[MapBuilder<'a>], grid: &PhotonGrid, view: &LightView) -> Ledger {
         let objects = self.surroundings.objects;
         if let [map] = maps {
@@ -261,8 +305,9 @@ impl<'a> MapInputs<'a> {
         }
         let mut ledger = Ledger::default();
         for map in maps {
-            let others: Vec<bool> = grid.photons.iter().map(|photon| !map.is_in_window(photon)).collect();
-            ledger += map.add(&grid.without(&others), view, objects);
+            let mut part = map.add(grid, view, objects);
+            part[Loss::OffMap] = 0.0;
+            ledger += part;
         }
         ledger
     }

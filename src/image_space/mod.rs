@@ -28,13 +28,14 @@ mod projection;
 mod segmentation;
 mod sheet;
 mod splats;
+mod surface_images;
 
 use self::caustic_map::{CausticMap, IrradianceMap};
 pub use self::emission::{Kind, Surroundings};
 pub use self::ledger::{Ledger, Loss};
 pub use self::lights::PhotonLight;
 pub use self::maps::{MapInputs, Maps};
-pub use self::options::{ImageSpaceOptions, MapView, Mode, Traversal};
+pub use self::options::{Hits, ImageSpaceOptions, MapView, Mode, Traversal};
 
 pub use self::projection::Bounds;
 pub use self::segmentation::{Direction, segmented};
@@ -93,11 +94,6 @@ impl<'a> MapBuilder<'a> {
     /// The map so far.
     fn map(&self) -> &CausticMap {
         &self.deposits.map
-    }
-
-    /// Whether a photon lands in the map's window.
-    fn is_in_window(&self, photon: &Photon) -> bool {
-        self.deposits.map.place(photon) != Err(Loss::OffMap)
     }
 
     /// Adds photons. Returns the account of their flux; where more than one photon decides what a texel gets, what is deposited is known

@@ -69,6 +69,44 @@ impl Mode {
     }
 }
 
+/// How photons find the surfaces that they meet.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Deserialize, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Hits {
+    /// By rays against the scene's triangles.
+    #[default]
+    Traced,
+    /// In images from the light's view, as fine as its photons: what no image shows is not met (Wyman and Davis 2006, Section 3.1).
+    Image,
+    /// In images with a quarter of the photons along each edge, which are interpolated (Wyman and Nichols 2009, Section 3.2).
+    QuarterImage,
+}
+
+impl Hits {
+    /// All of them.
+    pub const ALL: [Self; 3] = [Self::Traced, Self::Image, Self::QuarterImage];
+
+    /// Its name in scene files and on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Traced => "traced",
+            Self::Image => "image",
+            Self::QuarterImage => "quarter-image",
+        }
+    }
+
+    /// Texels along an edge of the images for so many photons; `None` without images.
+    pub(super) fn image_size(self, photons: u32) -> Option<u32> {
+        /// Finer ones are interpolated.
+        const FINEST: u32 = 2048;
+        match self {
+            Self::Traced => None,
+            Self::Image => Some(photons.min(FINEST)),
+            Self::QuarterImage => Some((photons / 4).clamp(8, FINEST)),
+        }
+    }
+}
+
 /// Which photons of a light's view are followed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Deserialize, Serialize)]
 #[serde(rename_all = "kebab-case")]
@@ -123,6 +161,8 @@ impl MapView {
 pub struct ImageSpaceOptions {
     /// How photons become irradiance.
     pub mode: Mode,
+    /// How photons find what they meet.
+    pub hits: Hits,
     /// Which photons are followed.
     pub traversal: Traversal,
     /// Photons along each edge of a light's view; from 16 to 8192, and a power of two from 64 on unless all are followed.
@@ -143,6 +183,7 @@ impl Default for ImageSpaceOptions {
     fn default() -> Self {
         Self {
             mode: Mode::default(),
+            hits: Hits::default(),
             traversal: Traversal::default(),
             photons: 512,
             caustic_map: MapView::default(),

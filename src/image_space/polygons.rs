@@ -10,7 +10,7 @@ use super::caustic_map::CausticMap;
 use super::constants::MIN_DRAWN_AREA;
 use super::ledger::{Ledger, Loss, total};
 use super::photons::{Photon, PhotonGrid};
-use super::sheet::PhotonSheet;
+use super::sheet::{BEHIND, PhotonSheet};
 
 /// How the flux of a triangle is spread over texels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -89,6 +89,9 @@ impl Cell<'_> {
         let flux: DVec3 = photons.iter().map(|photon| photon.flux.as_dvec3() / 6.0).sum();
         let triangle = corners.map(|index| self.sheet.places[index]);
         let [a, b, c] = triangle;
+        if triangle.contains(&BEHIND) {
+            return Ledger { off_map: flux.element_sum(), ..Ledger::default() };
+        }
         let area = 0.5 * (b - a).perp_dot(c - a).abs();
         let least = MIN_AREA[usize::from(self.coverage == Coverage::Exact)];
         let (low, high) = (a.min(b).min(c), a.max(b).max(c));

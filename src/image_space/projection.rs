@@ -165,6 +165,18 @@ impl Projection {
         (depth > 0.0).then(|| (local.truncate() / depth - self.low) / self.texel)
     }
 
+    /// How far a point lies along the view axis, metres.
+    pub fn depth(&self, point: Vec3) -> f64 {
+        self.local(point).z
+    }
+
+    /// The point at a place and a depth.
+    pub fn point_at(&self, place: DVec2, depth: f64) -> Vec3 {
+        let [right, down, forward] = self.axes;
+        let at = (self.low + self.texel * place) * if self.is_parallel { 1.0 } else { depth };
+        (self.origin + at.x * right + at.y * down + depth * forward).as_vec3()
+    }
+
     /// The index of the texel at a place, if it is in the window.
     pub fn index(&self, place: DVec2) -> Option<usize> {
         let [width, height] = self.size;

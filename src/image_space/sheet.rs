@@ -10,16 +10,20 @@ use super::photons::PhotonGrid;
 pub struct PhotonSheet<'a> {
     /// The photons.
     pub grid: &'a PhotonGrid,
-    /// Of each photon, in texels of the map.
+    /// Of each photon, in texels of the map; [`BEHIND`] those that a central one cannot show.
     pub places: Vec<DVec2>,
+    map: &'a CausticMap,
 }
 
+/// Where photons appear that lie behind the point that the map's rays leave.
+pub const BEHIND: DVec2 = DVec2::splat(-1e9);
+
 impl<'a> PhotonSheet<'a> {
-    /// Projects photons into a map. Those behind a central one are far outside of it.
-    pub fn new(map: &CausticMap, grid: &'a PhotonGrid) -> Self {
-        let place = |position| map.project(position).unwrap_or(DVec2::splat(-1e9));
+    /// Projects photons into a map.
+    pub fn new(map: &'a CausticMap, grid: &'a PhotonGrid) -> Self {
+        let place = |position| map.project(position).unwrap_or(BEHIND);
         let places = grid.photons.iter().map(|photon| place(photon.position)).collect();
-        Self { grid, places }
+        Self { grid, places, map }
     }
 
     /// Whether light is continuous between two photons next to each other in a row or column.
@@ -29,14 +33,18 @@ impl<'a> PhotonSheet<'a> {
         }
         let [[x, y], [z, w]] = [one, other].map(|index| self.grid.texels[index].map(i64::from));
         let (dx, dy) = (z - x, w - y);
-        let length = |a: usize, b: usize| self.places[a].distance(self.places[b]);
+        let position = |index: usize| self.grid.photons[index].position;
+        let length = |a: usize, b: usize| f64::from(position(a).distance(position(b)));
         let beyond = |from: usize, x: i64, y: i64| {
             self.grid.index_at(x, y).filter(|&index| self.are_alike(from, index)).map(|index| length(from, index))
         };
         let next = [beyond(one, x - dx, y - dy), beyond(other, z + dx, w + dy)];
         let longest =
             next.into_iter().flatten().fold(None, |most: Option<f64>, length| Some(most.unwrap_or(0.0).max(length)));
-        longest.is_none_or(|longest| length(one, other) <= f64::from(TEAR_STRETCH) * longest + f64::from(LEAST_TEAR))
+        longest.is_none_or(|longest| {
+            length(one, other)
+                <= f64::from(TEAR_STRETCH) * longest + f64::from(LEAST_TEAR) * self.map.texel_across(position(one))
+        })
     }
 
     /// Whether two photons came by way of one object to one surface.

@@ -7,7 +7,7 @@ use crate::Error;
 use crate::environment::CubeSize;
 use crate::error::OptionError;
 use crate::image::{Aov, ToneMap};
-use crate::image_space::{ImageSpaceOptions, MapView, Mode, Traversal};
+use crate::image_space::{Hits, ImageSpaceOptions, MapView, Mode, Traversal};
 use crate::pinhole::{Epsilon, Footprint};
 use crate::sampling::{Density, Strategy};
 use crate::scene::{Loaded, Scene, Visibility};
@@ -23,6 +23,8 @@ pub struct Settings {
     pub technique: Option<Technique>,
     /// How photons of image-space techniques become irradiance.
     pub mode: Option<Mode>,
+    /// How photons find what they meet.
+    pub hits: Option<Hits>,
     /// Which photons of a light's view are followed.
     pub traversal: Option<Traversal>,
     /// Photons along each edge of a light's view.
@@ -89,6 +91,7 @@ impl Settings {
             size: over.size.or(self.size),
             technique: over.technique.or(self.technique),
             mode: over.mode.or(self.mode),
+            hits: over.hits.or(self.hits),
             traversal: over.traversal.or(self.traversal),
             photons: over.photons.or(self.photons),
             caustic_map: over.caustic_map.or(self.caustic_map),
@@ -125,6 +128,7 @@ impl Settings {
         let defaults = ImageSpaceOptions::default();
         ImageSpaceOptions {
             mode: self.mode.unwrap_or_default(),
+            hits: self.hits.unwrap_or_default(),
             traversal: self.traversal.unwrap_or_default(),
             photons: self.photons.unwrap_or(defaults.photons),
             caustic_map: self.caustic_map.unwrap_or_default(),

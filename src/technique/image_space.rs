@@ -9,14 +9,14 @@ use super::{Inputs, Inspected, Pending, Statistics, Sum, TechniqueStages};
 use crate::backend::Backend;
 use crate::differential::DifferentialSample;
 use crate::image_space::{
-    Bounds, Direction, ImageSpaceOptions, Kind, MapInputs, MapView, Maps, PhotonLight, Surroundings, segmented,
+    Bounds, Direction, Hits, ImageSpaceOptions, Kind, MapInputs, MapView, Maps, PhotonLight, Surroundings, segmented,
 };
 #[cfg(feature = "gpu")]
 use crate::image_space::{Traversal, gpu};
 use crate::pinhole::Receivers;
 use crate::pinhole::cpu::TakenCell;
 use crate::progress::{Progress, Stage, Uncounted};
-use crate::scene::{Camera, Chains, Lamp, Light, Mesh, Object, Visibility};
+use crate::scene::{Camera, Chain, Chains, Lamp, Light, Mesh, Object, Visibility};
 use crate::stages::{Id, LightStages, Memo, PreparedScene, StageCounts, SurfaceMaterials};
 use crate::tracing::{Hit, SeenBy, Tracer};
 use crate::{Error, OptionError};
@@ -101,12 +101,15 @@ async fn sum(
     let triangles: Vec<[Vec3; 3]> =
         casting().flat_map(|mesh| (0..mesh.triangles().len()).map(|k| mesh.corners(k))).collect();
     let bounds = Bounds::around(of(|object| object.emitter.is_none()).flat_map(Mesh::positions).copied());
+    let is_solid = |object: &Object| object.casts(Chain::TT) && image_space.hits != Hits::Traced;
+    let solids = alone(&meshes, &scene.objects, is_solid);
     let kinds = Kind::of_scene(&scene.objects, chains);
     let has_directions =
         (0..).zip(&scene.objects).any(|(k, o)| o.receiver.is_some() && materials.receivers.is_glossy(k));
     let inputs = MapInputs {
         surroundings: Surroundings { tracer, objects: &scene.objects, mirrors: &materials.mirrors },
         receivers,
+        solids: &solids,
         casters: &casters,
         triangles: &triangles,
         bounds: bounds.unwrap_or(Bounds { corners: [Vec3::ZERO; 2] }),
@@ -125,6 +128,7 @@ async fn sum(
         filter: None,
         photons: Some(super::PhotonStatistics {
             mode: image_space.mode,
+            hits: image_space.hits,
             traversal: image_space.traversal,
             caustic_map: image_space.caustic_map,
             photons: maps.photons,
@@ -148,8 +152,8 @@ async fn maps(
     progress: &dyn Progress,
 ) -> Result<Maps, Error> {
     #[cfg(feature = "gpu")]
-    if let (Some(shared), Some(geometry), Traversal::Dense) =
-        (backend.shared_gpu(), &prepared.on_gpu, inputs.options.traversal)
+    if let (Some(shared), Some(geometry), Traversal::Dense, Hits::Traced) =
+        (backend.shared_gpu(), &prepared.on_gpu, inputs.options.traversal, inputs.options.hits)
     {
         let pipelines = shared.pipelines.photons(&shared.gpu.device);
         let device = gpu::Device { gpu: &shared.gpu, pipelines: &pipelines, geometry };
@@ -224,7 +228,12 @@ fn lights(inputs: &Inputs, count: u32) -> Vec<PhotonLight> {
 
 fn receivers_alone(objects: &[Object]) -> Tracer {
     let meshes: Vec<_> = objects.iter().map(Object::mesh_in_world).collect();
-    let seen = objects.iter().map(|object| SeenBy::all_but_camera(object.receiver.is_some()));
+    alone(&meshes, objects, |object| object.receiver.is_some())
+}
+
+/// What rays meet of some of the objects.
+fn alone(meshes: &[Mesh], objects: &[Object], is_met: impl Fn(&Object) -> bool) -> Tracer {
+    let seen = objects.iter().map(|object| SeenBy::all_but_camera(is_met(object)));
     Tracer::of_meshes(meshes.iter().zip(seen))
 }
 

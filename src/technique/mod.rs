@@ -20,7 +20,7 @@ use crate::backend::Backend;
 use crate::differential::DifferentialSample;
 #[cfg(feature = "gpu")]
 use crate::gpu::GpuError;
-use crate::image_space::{Ledger, MapView, Mode, Traversal};
+use crate::image_space::{Hits, Ledger, MapView, Mode, Traversal};
 use crate::options::{Evaluation, Options};
 use crate::pinhole::cpu::{Contribution, TakenCell};
 #[cfg(feature = "gpu")]
@@ -214,6 +214,8 @@ pub(crate) struct Statistics {
 pub struct PhotonStatistics {
     /// How photons became irradiance.
     pub mode: Mode,
+    /// How photons found what they met.
+    pub hits: Hits,
     /// Which photons were followed.
     pub traversal: Traversal,
     /// Whose view the maps are.

@@ -136,8 +136,9 @@ fn changed_keys(old: &Options, new: &Options) -> Vec<(&'static str, Option<Item>
         (old.aovs != new.aovs, "aov", Some(value(aovs(new)))),
     ];
     let (was, is) = (&old.image_space, &new.image_space);
-    let of_photons: [(bool, &'static str, Option<Item>); 8] = [
+    let of_photons: [(bool, &'static str, Option<Item>); 9] = [
         (was.mode != is.mode, "mode", Some(value(is.mode.name()))),
+        (was.hits != is.hits, "hits", Some(value(is.hits.name()))),
         (was.traversal != is.traversal, "traversal", Some(value(is.traversal.name()))),
         (was.photons != is.photons, "photons", Some(value(i64::from(is.photons)))),
         (was.caustic_map != is.caustic_map, "caustic_map", Some(value(is.caustic_map.name()))),

@@ -4,10 +4,10 @@ use std::f64::consts::{PI, TAU};
 
 use glam::Vec3;
 use pinspot::image::{Aov, Image, rel_l2};
-use pinspot::reference::{self, Reference, StoppingCriterion};
+use pinspot::reference::{self, Estimator, Reference, StoppingCriterion};
 use pinspot::scene::{Chain, Emitter, Scene, load};
 use pinspot::{
-    BackendChoice, CubeSize, Error, ImageSpaceOptions, Loss, MapView, Mode, NoProgress, Options, Rendered, Settings,
+    BackendChoice, CubeSize, Error, Hits, ImageSpaceOptions, Loss, MapView, Mode, NoProgress, Options, Rendered, Settings,
     Technique, Traversal,
 };
 
@@ -141,15 +141,13 @@ fn flat_water_has_its_closed_forms() {
 
 /// A glass ball in parallel light: a ray at b from the axis meets the ball at sin i = b/R, is refracted to sin r = sin i / n and again on its
 /// way out, turned by 2 (i − r) in all, and meets a plane D below the middle at ρ = R sin(2r − i) − (D − R cos(2r − i)) tan 2(i − r).
-#[test]
-fn a_glass_ball_has_its_closed_form() {
+fn ball_with_its_closed_form(size: u32) -> (Scene, Image) {
     let (n, below, radius) = (1.5f64, 0.9f64, 0.5f64);
     let sun = "spot = { direction = [0, 1, 0], sigma_rad = 0.0005, radiance = [1e6, 1e6, 1e6] }";
     let ball = format!(
         "[[object]]\nshape = {{ sphere = {{ radius = {radius}, divisions = 96 }} }}\ntranslate = [0, {below}, 0]\n\
          refractor = {{ eta = {n}, interfaces = 2 }}\ncamera_visible = false\n"
     );
-    let size = 64;
     let mut flux = vec![0.0f64; (size * size) as usize];
     let steps = 20_000;
     let irradiance = TAU * 0.0005f64.powi(2) * 1e6;
@@ -175,24 +173,66 @@ fn a_glass_ball_has_its_closed_form() {
     let area = (2.0 / f64::from(size)).powi(2);
     let expected =
         Image { width: size, height: size, pixels: flux.iter().map(|f| Vec3::splat((f / area) as f32)).collect() };
-    let mut options = options(Mode::ExactPolygons, 1024);
-    options.size = [size; 2];
-    options.aovs = vec![Aov::CausticTT];
-    let (found, rendered) = caustic(&scene(sun, &ball), options);
-    let error = rel_l2(&found, &expected, None);
-    println!("ball: {error:.4}, {} of {}", found.mean().x, expected.mean().x);
-    println!("{:?}", rendered.report.photons.unwrap().flux);
-    assert!(error < 0.03, "{error}");
+    (scene(sun, &ball), expected)
+}
+
+#[test]
+fn a_glass_ball_has_its_closed_form() {
+    let (scene, expected) = ball_with_its_closed_form(64);
+    let of = |hits, photons| {
+        let mut options = options(Mode::ExactPolygons, photons);
+        options.size = [64; 2];
+        options.aovs = vec![Aov::CausticTT];
+        options.image_space.hits = hits;
+        let (found, rendered) = caustic(&scene, options);
+        let flux = rendered.report.photons.unwrap().flux;
+        let error = rel_l2(&found, &expected, None);
+        println!("{} {photons}²: {error:.4}, {} of {}", hits.name(), found.mean().x, expected.mean().x);
+        println!("{flux:?}");
+        assert!(flux.error().abs() < 1e-4);
+        error
+    };
+    assert!(of(Hits::Traced, 1024) < 0.03);
+    let errors = [of(Hits::Traced, 512), of(Hits::Image, 512), of(Hits::QuarterImage, 512), of(Hits::QuarterImage, 1024)];
+    assert!(errors[1] < errors[0] + 0.02 && errors[2] < 0.1 && errors[3] < errors[0] + 0.02, "{errors:?}");
+}
+
+/// In images of what a light sees, photons meet what rays meet: mirrors that face a floor, waves over it, and a ring that stands on it.
+#[test]
+fn images_show_what_rays_meet() {
+    let mirror = "[[object]]\nshape = { plane = { size = [6, 6] } }\nrotate_deg = [0, 0, -90]\ntranslate = [-1.5, 3, 0]\nreflector = {}\n";
+    let water = "[[object]]\nshape = { water = { size = [4, 4], amplitude = 0.02 } }\ntranslate = [0, 1, 0]\n\
+                 refractor = { eta = 1.33 }\ncamera_visible = false\n";
+    let cases = [
+        ("mirror", scene(DARK, &format!("{LAMP}{mirror}")), 0.01),
+        ("water below a lamp", scene(DARK, &format!("{LAMP}{water}")), 0.01),
+        ("water in the sun", scene(SUN, water), 0.01),
+        ("ring", pinspot::load("ring").unwrap().0, 0.05),
+    ];
+    for (name, scene, limit) in cases {
+        let of = |hits| {
+            let mut options = options(Mode::ExactPolygons, 256);
+            options.image_space.hits = hits;
+            let (picture, rendered) = caustic(&scene, options);
+            (picture, rendered.report.photons.unwrap().flux)
+        };
+        let (traced, of_traced) = of(Hits::Traced);
+        let (found, flux) = of(Hits::Image);
+        let error = rel_l2(&found, &traced, None);
+        println!("{name}: {error:.4}, cast {:.5}, missed {:.4}", flux.cast / of_traced.cast, flux.missed / flux.cast);
+        println!("  {flux:?}");
+        assert!(error < limit && (flux.cast / of_traced.cast - 1.0).abs() < 1e-4, "{name}: {error}");
+        assert!(flux.error().abs() < 1e-4);
+    }
 }
 
 /// The mean over pixels of the built-in ring's caustic in a small sun, by every mode, beside the ground truth.
 #[test]
 fn the_ring_in_a_small_sun() {
     let scene = load::<Settings>("ring").unwrap().scene;
-    let wanted = reference::Options { size: [128; 2], pixel_samples: 4, ..Default::default() };
-    let goal = StoppingCriterion::new(0.01);
+    let wanted = reference::Options { size: [128; 2], estimator: Estimator::Beams, ..Default::default() };
     let truth = Reference::new(scene.clone(), wanted).unwrap();
-    let truth = truth.solve(&goal, None, &NoProgress, &mut |_| Ok(())).unwrap().irradiance;
+    let truth = truth.solve(&StoppingCriterion::new(0.01), None, &NoProgress, &mut |_| Ok(())).unwrap().irradiance;
     let mut errors = Vec::new();
     for mode in Mode::ALL {
         let mut options = options(mode, 512);

@@ -2,7 +2,8 @@
 
 use std::sync::Arc;
 
-use pinspot::image::{Aov, RgbImage, rel_l2};
+use glam::Vec3;
+use pinspot::image::{Aov, Image, RgbImage};
 use pinspot::scene::{Scene, Slide};
 use pinspot::{
     BackendChoice, CubeSize, Error, ImageSpaceOptions, MapView, Mode, Options, PhotonStatistics, Rendered, Technique,
@@ -33,11 +34,18 @@ fn photons(rendered: &Rendered) -> PhotonStatistics {
     rendered.report.photons.unwrap()
 }
 
+/// The mean difference of two pictures, relative to their mean: single pixels at the edge of a texel may show the next one.
+fn difference(one: &Image, other: &Image) -> f64 {
+    let apart = |(a, b): (&Vec3, &Vec3)| f64::from((*a - *b).abs().element_sum());
+    let all: f64 = one.pixels.iter().zip(&other.pixels).map(apart).sum();
+    all / other.pixels.iter().map(|pixel| f64::from(pixel.element_sum())).sum::<f64>()
+}
+
 /// Pictures of both back ends, and how far they are apart.
 fn compare(label: &str, scene: &Scene, options: &Options) -> f64 {
     let of = |backend| render(scene.clone(), options.clone(), &backend).unwrap();
     let [on_gpu, on_cpu] = [BackendChoice::Gpu(None), BackendChoice::Cpu].map(of);
-    let error = rel_l2(&on_gpu.layers[0].1, &on_cpu.layers[0].1, None);
+    let error = difference(&on_gpu.layers[0].1, &on_cpu.layers[0].1);
     let [gpu, cpu] = [&on_gpu, &on_cpu].map(photons);
     println!("{label}: {error:.2e}; cast {} of {}, error {:.1e}", gpu.flux.cast, cpu.flux.cast, gpu.flux.error());
     assert!(on_cpu.layers[0].1.mean().x > 0.0, "{label}: no caustic");
@@ -55,7 +63,8 @@ fn back_ends_agree_in_every_mode() {
     for mode in Mode::ALL {
         for map in [MapView::Eye, MapView::Light] {
             let error = compare(&format!("{} {}", mode.name(), map.name()), &ring, &options(mode, map));
-            assert!(error < 5e-3, "{} {}: {error}", mode.name(), map.name());
+            // Maps of lights are looked up: a pixel at the edge of a texel may show the next one.
+            assert!(error < if map == MapView::Eye { 2e-3 } else { 5e-3 }, "{} {}: {error}", mode.name(), map.name());
         }
     }
 }
@@ -63,21 +72,20 @@ fn back_ends_agree_in_every_mode() {
 /// Light through a closed object from a spotlight with a slide, and through dispersive water from a lamp of some extent.
 #[test]
 fn back_ends_agree_on_refraction() {
-    let spot =
-        "[[light]]\nposition = [0, 3, 0]\nintensity = [9, 18, 27]\nspot = { direction = [0, -1, 0], angle_deg = 30 }\n";
+    let spot = "[[light]]\nposition = [0, 3, 0]\nintensity = [9, 18, 27]\nspot = { target = [0, 0, 0], up = [0, 0, -1], angle_deg = 30 }\n";
     let ball = "[[object]]\nshape = { sphere = { radius = 0.4, divisions = 96 } }\ntranslate = [0, 0.62, 0]\n\
                 refractor = { eta = 1.5, interfaces = 2 }\ncamera_visible = false\n";
     let mut slide = above_floor(DARK, &format!("{spot}{ball}"));
     let pixels = (0..12u8).map(|k| [f32::from(k % 4), f32::from(k / 4), 1.0]).collect();
     slide.lamps[0].beam.as_mut().unwrap().slide = Some(Slide(Arc::new(RgbImage { width: 4, height: 3, pixels })));
     let waves = "[[light]]\nposition = [0.3, 3, 0]\nintensity = [9, 18, 27]\nradius = 0.1\n\
-                 [[object]]\nshape = { waves = { size = [4, 4], seed = 3 } }\ntranslate = [0, 1, 0]\n\
+                 [[object]]\nshape = { water = { size = [4, 4], amplitude = 0.02 } }\ntranslate = [0, 1, 0]\n\
                  refractor = { eta = [1.33, 1.34, 1.36] }\ncamera_visible = false\n";
     let waves = above_floor(DARK, waves);
     for (name, scene) in [("slide", slide), ("waves", waves)] {
         for mode in [Mode::Points, Mode::ExactPolygons, Mode::ThickLens, Mode::Footprints] {
             let error = compare(&format!("{name} {}", mode.name()), &scene, &options(mode, MapView::Eye));
-            assert!(error < 5e-3, "{name} {}: {error}", mode.name());
+            assert!(error < 2e-3, "{name} {}: {error}", mode.name());
         }
     }
 }
@@ -91,7 +99,8 @@ fn back_ends_agree_around_a_lamp() {
     ring.lamps = lamp.lamps;
     for (mode, map) in [(Mode::ExactPolygons, MapView::Light), (Mode::Splats, MapView::Eye)] {
         let error = compare(&format!("{} {}", mode.name(), map.name()), &ring, &options(mode, map));
-        assert!(error < 5e-3, "{} {}: {error}", mode.name(), map.name());
+        // Maps of lights are looked up: a pixel at the edge of a texel may show the next one.
+        assert!(error < if map == MapView::Eye { 2e-3 } else { 5e-3 }, "{} {}: {error}", mode.name(), map.name());
     }
 }
 

@@ -7,7 +7,7 @@ use glam::{DVec3, Vec3};
 use crate::image_space::constants::{
     CHAIN_R, CHAIN_T, CHAIN_TT, IS_FRESNEL_SURFACE, IS_SOLID, IS_SURFACE, MODE_EXACT_POLYGONS, MODE_FOOTPRINTS,
     MODE_GATHER, MODE_MULTI_RESOLUTION, MODE_POINTS, MODE_POLYGONS, MODE_SPLATS, MODE_THICK_LENS, MODE_THIN_LENS,
-    RECEIVES, REFLECTS_BEHIND, REFLECTS_IN_FRONT,
+    RECEIVES_PHOTONS, REFLECTS_BEHIND, REFLECTS_IN_FRONT,
 };
 use crate::image_space::options::Mode;
 use crate::image_space::projection::Projection;
@@ -67,7 +67,8 @@ pub(crate) struct ViewUniforms {
     pub strip: Strip,
     pub steps_per_watt: f32,
     pub has_ways: u32,
-    pub(super) padding: [u32; 2],
+    pub seed: u32,
+    pub(super) padding: u32,
 }
 
 /// Rows of a view that are in the buffers together.
@@ -167,7 +168,7 @@ impl GpuSurface {
             };
             surface.flags |= if refractor.fresnel { IS_FRESNEL_SURFACE } else { 0 };
         }
-        surface.flags |= if object.receiver.is_some() { RECEIVES } else { 0 };
+        surface.flags |= if object.receiver.is_some() { RECEIVES_PHOTONS } else { 0 };
         surface
     }
 }

@@ -1,6 +1,6 @@
 //! The passes over photons, and the buffers that they share.
 
-use rayon::prelude::*;
+use sobol_burley::parts::sobol_rev;
 use wgpu::{BufferUsages, CommandEncoder};
 
 use super::layout::{
@@ -10,7 +10,7 @@ use super::map::MapOnGpu;
 use super::{Device, photons_of_strip};
 use crate::gpu::{GpuError, buffer_with};
 use crate::image_space::constants::LEDGER_ENTRIES;
-use crate::image_space::emission::{Kind, disc_sample};
+use crate::image_space::emission::Kind;
 use crate::image_space::ledger::Ledger;
 use crate::image_space::lights::{LightView, PhotonLight};
 use crate::image_space::maps::MapInputs;
@@ -39,7 +39,7 @@ pub(super) struct Passes<'a> {
     unaccounted: wgpu::Buffer,
     surfaces: wgpu::Buffer,
     reflectances: wgpu::Buffer,
-    origins: wgpu::Buffer,
+    sobol_vectors: wgpu::Buffer,
     of_surfaces: wgpu::BindGroup,
     nothing: wgpu::BindGroup,
     geometry: wgpu::BindGroup,
@@ -69,7 +69,7 @@ impl<'a> Passes<'a> {
         let (surfaces, reflectances) = surfaces(inputs);
         let surfaces = storage_buffer(on, "what surfaces do to photons", bytemuck::cast_slice(&surfaces));
         let reflectances = storage_buffer(on, "reflectances", bytemuck::cast_slice(&reflectances));
-        let origins = storage_buffer(on, "origins in extended lights", bytemuck::cast_slice(&origins(inputs)));
+        let sobol_vectors = storage_buffer(on, "Sobol vectors", bytemuck::bytes_of(&sobol_vectors()));
         let pipelines = device.pipelines;
         Ok(Self {
             of_surfaces: bind(on, &pipelines.of_surfaces, &[surfaces.as_entire_binding()]),
@@ -82,7 +82,7 @@ impl<'a> Passes<'a> {
             unaccounted: ledger("account of flux that is not counted"),
             surfaces,
             reflectances,
-            origins,
+            sobol_vectors,
         })
     }
 
@@ -96,7 +96,7 @@ impl<'a> Passes<'a> {
             }
             PhotonLight::Directional { .. } => (LampUniforms::default(), no_slide(&gpu.device)),
         };
-        let buffers = [&self.surfaces, &self.reflectances, &self.origins].map(wgpu::Buffer::as_entire_binding);
+        let buffers = [&self.surfaces, &self.reflectances, &self.sobol_vectors].map(wgpu::Buffer::as_entire_binding);
         let [a, b, c] = buffers;
         let slide = wgpu::BindingResource::TextureView(&slide);
         Ok(LightOnGpu { lamp, group: bind(&gpu.device, &self.device.pipelines.of_light, &[a, b, c, slide]) })
@@ -130,6 +130,7 @@ impl<'a> Passes<'a> {
             strip,
             steps_per_watt: self.steps_per_watt(),
             has_ways: u32::from(matches!(self.inputs.options.mode, Mode::ThinLens | Mode::ThickLens)),
+            seed: self.inputs.seed as u32,
             ..ViewUniforms::default()
         };
         let uniforms = buffer_with(on, "a light's view", bytemuck::bytes_of(&uniforms), BufferUsages::UNIFORM);
@@ -287,16 +288,7 @@ fn surfaces(inputs: &MapInputs) -> (Vec<GpuSurface>, Vec<[f32; 4]>) {
     (surfaces, curves)
 }
 
-/// For each photon of a view, where in an extended light it comes from; nothing where no light has an extent.
-fn origins(inputs: &MapInputs) -> Vec<u32> {
-    if inputs.options.mode.needs_neighbours() || !inputs.lights.iter().any(PhotonLight::is_extended) {
-        return Vec::new();
-    }
-    // Views of cubes have borders, and other rows.
-    let size = inputs.options.photons;
-    let packed = |index: u32| {
-        let [u, v] = disc_sample(index, inputs.seed).to_array().map(|x| (65535.0 * x).round() as u32);
-        u | v << 16
-    };
-    (0..(size + 2) * (size + 2)).into_par_iter().map(packed).collect()
+/// The direction vectors of the first two dimensions of Sobol points, with reversed bits.
+fn sobol_vectors() -> [[u32; 2]; 16] {
+    std::array::from_fn(|bit| [0, 1].map(|dimension| sobol_rev(0x8000_0000 >> bit, dimension)))
 }

@@ -4,7 +4,7 @@ use eframe::egui;
 
 use super::fields::{choice, number, switch};
 use crate::image::{Aov, ToneMap};
-use crate::image_space::{ImageSpaceOptions, MapView, Mode, Traversal};
+use crate::image_space::{Hits, ImageSpaceOptions, MapView, Mode, Traversal};
 use crate::options::{EvaluationChoice, Exposure, FilterChoice, Options, Overlay};
 use crate::pinhole::{Epsilon, Footprint};
 use crate::sampling::{Density, MAX_SAMPLES, Strategy};
@@ -186,6 +186,8 @@ fn sample_fields(ui: &mut egui::Ui, options: &mut Options, original: &Options, h
 fn photon_fields(ui: &mut egui::Ui, options: &mut ImageSpaceOptions, original: &ImageSpaceOptions) -> bool {
     let modes = Mode::ALL.map(|mode| (mode, mode.name()));
     let mut is_edited = choice(ui, "Mode", &mut options.mode, original.mode, &modes);
+    let hits = Hits::ALL.map(|hits| (hits, hits.name()));
+    is_edited |= choice(ui, "Hits", &mut options.hits, original.hits, &hits);
     let traversals = Traversal::ALL.map(|traversal| (traversal, traversal.name()));
     let knows_clusters = options.mode.knows_clusters();
     let field = |ui: &mut egui::Ui| choice(ui, "Traversal", &mut options.traversal, original.traversal, &traversals);
