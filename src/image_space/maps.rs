@@ -262,7 +262,7 @@ impl<'a> MapInputs<'a> {
 
     /// Images of what photons of a view meet, if these are not traced.
     fn images_of(&self, view: &LightView) -> Option<SurfaceImages> {
-        let size = self.options.hits.image_size(self.options.photons)?;
+        let size = self.options.hits.image_size(view.projection.size[0])?;
         let plane = view.projection.resized(size);
         let Surroundings { tracer, objects, .. } = self.surroundings;
         let diagonal = self.bounds.diagonal() as f32;

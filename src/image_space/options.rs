@@ -95,7 +95,7 @@ impl Hits {
         }
     }
 
-    /// Texels along an edge of the images for so many photons; `None` without images.
+    /// Texels along an edge of images of a view with so many photons; `None` without images.
     pub(super) fn image_size(self, photons: u32) -> Option<u32> {
         /// Finer ones are interpolated.
         const FINEST: u32 = 2048;

@@ -204,11 +204,12 @@ fn images_show_what_rays_meet() {
     let water = "[[object]]\nshape = { water = { size = [4, 4], amplitude = 0.02 } }\ntranslate = [0, 1, 0]\n\
                  refractor = { eta = 1.33 }\ncamera_visible = false\n";
     let cases = [
-        ("mirror", scene(DARK, &format!("{LAMP}{mirror}")), 0.01),
-        ("water below a lamp", scene(DARK, &format!("{LAMP}{water}")), 0.01),
-        ("water in the sun", scene(SUN, water), 0.01),
-        ("ring", pinspot::load("ring").unwrap().0, 0.05),
+        ("mirror", scene(DARK, &format!("{LAMP}{mirror}")), 0.001),
+        ("water below a lamp", scene(DARK, &format!("{LAMP}{water}")), 0.001),
+        ("water in the sun", scene(SUN, water), 0.001),
+        ("ring", pinspot::load("ring").unwrap().0, 0.03),
     ];
+    let mut failures = Vec::new();
     for (name, scene, limit) in cases {
         let of = |hits| {
             let mut options = options(Mode::ExactPolygons, 256);
@@ -221,9 +222,10 @@ fn images_show_what_rays_meet() {
         let error = rel_l2(&found, &traced, None);
         println!("{name}: {error:.4}, cast {:.5}, missed {:.4}", flux.cast / of_traced.cast, flux.missed / flux.cast);
         println!("  {flux:?}");
-        assert!(error < limit && (flux.cast / of_traced.cast - 1.0).abs() < 1e-4, "{name}: {error}");
+        failures.extend((error > limit || (flux.cast / of_traced.cast - 1.0).abs() > 1e-3).then_some((name, error)));
         assert!(flux.error().abs() < 1e-4);
     }
+    assert!(failures.is_empty(), "{failures:?}");
 }
 
 /// The mean over pixels of the built-in ring's caustic in a small sun, by every mode, beside the ground truth.

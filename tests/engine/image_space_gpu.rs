@@ -52,7 +52,8 @@ fn compare(label: &str, scene: &Scene, options: &Options) -> f64 {
     assert!((gpu.flux.cast / cpu.flux.cast - 1.0).abs() < 1e-4, "{label}: {} {}", gpu.flux.cast, cpu.flux.cast);
     assert!(gpu.photons == cpu.photons && gpu.photons_used.abs_diff(cpu.photons_used) <= 8 + cpu.photons_used / 1000);
     let [closed, of_cpu] = [gpu, cpu].map(|photons| photons.flux.error());
-    assert!((closed - of_cpu).abs() < 1e-3, "{label}: {closed} {of_cpu}");
+    // Large triangles are not flat in the faces of cubes, and too long ones are culled on the GPU.
+    assert!((closed - of_cpu).abs() < 3e-3, "{label}: {closed} {of_cpu}");
     error
 }
 
