@@ -4,6 +4,7 @@
 #import beam
 #import frame
 #import hits
+#import image_hits
 #import photons
 #import sobol
 
@@ -45,7 +46,12 @@ struct PhotonView {
     has_ways: u32,
     // Of the points where photons leave extended lights.
     seed: u32,
+    // Rows of the view.
+    all_rows: u32,
 }
+
+// Photons find what they meet in images of what the light sees; otherwise they are traced.
+override IN_IMAGES: bool = false;
 
 @group(0) @binding(0) var<uniform> view: PhotonView;
 @group(0) @binding(1) var<storage, read_write> photons: array<Photon>;
@@ -86,7 +92,13 @@ fn emit_photon(place: vec2u) {
     var photon = Photon(vec3f(0.0), NO_OBJECT, vec3f(0.0), NO_OBJECT, 0u, 0u, 0.0, 0.0);
     let is_own = place.y >= view.first_own_row && place.y < view.first_own_row + view.own_rows;
     var flight = flight_from_light(vec2u(place.x, view.first_row + place.y));
-    let start = first_hit(flight, is_own);
+    let in_view = (vec2f(vec2u(place.x, view.first_row + place.y)) + 0.5) / vec2f(f32(view.columns), f32(view.all_rows));
+    var start: Hit;
+    if IN_IMAGES {
+        start = first_in_image(in_view, flight.direction);
+    } else {
+        start = traced_hit(flight, is_own);
+    }
     if start.object != NO_OBJECT {
         let distance = length(start.position - flight.origin);
         flight = scattered(flight, start);
@@ -94,7 +106,7 @@ fn emit_photon(place: vec2u) {
             account_if_own(CAST, flight.flux, is_own);
             var way = PhotonWay(start.position, 0.0, start.normal, start.position, start.normal);
             if view.chain == CHAIN_TT {
-                flight = leave(flight, &way, is_own);
+                flight = leave(flight, start.object, &way, is_own);
             }
             if flight.is_alive {
                 photon = land(flight, is_own);
@@ -179,8 +191,8 @@ fn solid_angle(at: vec2f) -> f32 {
     return 0.25 * view.texel * view.texel * (density.x + density.y + density.z + density.w);
 }
 
-// What a photon meets first; NO_OBJECT: nothing.
-fn first_hit(flight: Flight, is_own: bool) -> Hit {
+// What a photon meets by its ray; NO_OBJECT: nothing.
+fn traced_hit(flight: Flight, is_own: bool) -> Hit {
     let met = trace_some(free_ray(flight.origin), flight.direction, ray_uniforms.offset, 3e38, false, MEETS_FOR_LIGHT);
     if is_own && !met.is_complete {
         add_to_account(UNFINISHED, Steps(1u, 0u));
@@ -221,9 +233,14 @@ fn scattered(flight: Flight, hit: Hit) -> Flight {
 }
 
 // A photon that leaves the closed object that it has entered.
-fn leave(flight: Flight, way: ptr<function, PhotonWay>, is_own: bool) -> Flight {
+fn leave(flight: Flight, caster: u32, way: ptr<function, PhotonWay>, is_own: bool) -> Flight {
     let nothing = Flight(flight.origin, flight.direction, vec3f(0.0), false);
-    let hit = first_hit(flight, is_own);
+    var hit: Hit;
+    if IN_IMAGES {
+        hit = search_image(LAST_SURFACES, flight.origin, flight.direction, caster);
+    } else {
+        hit = traced_hit(flight, is_own);
+    }
     if hit.object == NO_OBJECT {
         account_if_own(MISSED, flight.flux, is_own);
         return nothing;
@@ -246,7 +263,12 @@ fn leave(flight: Flight, way: ptr<function, PhotonWay>, is_own: bool) -> Flight 
 }
 
 fn land(flight: Flight, is_own: bool) -> Photon {
-    let hit = first_hit(flight, is_own);
+    var hit: Hit;
+    if IN_IMAGES {
+        hit = landing_in_images(flight.origin, flight.direction);
+    } else {
+        hit = traced_hit(flight, is_own);
+    }
     let nothing = Photon(vec3f(0.0), NO_OBJECT, vec3f(0.0), NO_OBJECT, 0u, 0u, 0.0, 0.0);
     if hit.object == NO_OBJECT {
         account_if_own(MISSED, flight.flux, is_own);

@@ -2,6 +2,7 @@
 // src/image_space/gpu/layout.rs. The importing shader declares `ledger`.
 
 #import constants
+#import photon_surface
 #import ray_origin
 #import unit_vectors
 
@@ -32,16 +33,6 @@ struct PhotonWay {
     first_normal: vec3f,
     last: vec3f,
     last_normal: vec3f,
-}
-
-// What an object does to photons.
-struct PhotonSurface {
-    // Relative refractive indices; 0 of mirrors.
-    eta: vec3f,
-    // REFLECTS_IN_FRONT and so on.
-    flags: u32,
-    // The number of its curve of reflectance.
-    curve: u32,
 }
 
 // Entries of the account, in the order of `Ledger`.

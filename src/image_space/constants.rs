@@ -39,6 +39,16 @@ pub const FIRST_LAYER_DIAMETER: u32 = 3;
 /// By how much the next ones are larger.
 pub const LAYER_DIAMETER_STEP: u32 = 4;
 
+/// Steps of a ray through an image of surfaces at least,
+pub const MIN_IMAGE_STEPS: f32 = 8.0;
+/// and at most; about one for each texel.
+pub const MAX_IMAGE_STEPS: f32 = 192.0;
+/// Steps of the search for the place where a ray passes a surface. One that takes the thickness along the view for the way, as in the first
+/// papers, loses a third of the light of a glass ball.
+pub const IMAGE_SEARCH_STEPS: u32 = 10;
+/// A ray that ends so many texels from the surface has passed behind its edge.
+pub const MAX_IMAGE_MISS: f32 = 1.5;
+
 /// Directions of extended lights are at most so far from their middle, radians.
 pub const MAX_SPREAD_RAD: f32 = 1.2;
 

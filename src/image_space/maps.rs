@@ -274,14 +274,7 @@ impl<'a> MapInputs<'a> {
             self.solids.secondary_hit(back).filter(|hit| hit.distance < end)
         };
         let has_solids = objects.iter().any(|object| object.casts(Chain::TT));
-        let corners = self.receiver_corners();
-        let receivers = match &view.light {
-            PhotonLight::Directional { towards, .. } => {
-                vec![Projection::parallel(-*towards, corners.iter().copied(), &self.bounds, size)]
-            }
-            PhotonLight::Lamp(lamp) => Projection::central(lamp.position, corners.iter().copied(), size)
-                .map_or_else(|| Projection::cube(lamp.position, size, 1).to_vec(), |view| vec![view]),
-        };
+        let receivers = self.receiver_planes(view, size);
         let of_receivers = |ray: Ray| self.receivers.secondary_hit(ray);
         Some(SurfaceImages {
             first: SurfaceImage::new(plane, |ray: Ray| tracer.secondary_hit(ray)),
@@ -291,10 +284,17 @@ impl<'a> MapInputs<'a> {
         })
     }
 
-    /// Corners of the receivers' triangles.
-    fn receiver_corners(&self) -> Vec<Vec3> {
+    /// Planes of images in which a light sees the receivers: one, or six around a lamp between them, all of one size.
+    pub fn receiver_planes(&self, view: &LightView, size: u32) -> Vec<Projection> {
         let receivers = self.surroundings.objects.iter().filter(|object| object.receiver.is_some());
-        receivers.flat_map(|object| object.mesh_in_world().positions().to_vec()).collect()
+        let corners: Vec<Vec3> = receivers.flat_map(|object| object.mesh_in_world().positions().to_vec()).collect();
+        match &view.light {
+            PhotonLight::Directional { towards, .. } => {
+                vec![Projection::parallel(-*towards, corners.iter().copied(), &self.bounds, size)]
+            }
+            PhotonLight::Lamp(lamp) => Projection::central(lamp.position, corners.iter().copied(), size)
+                .map_or_else(|| Projection::cube(lamp.position, size, 0).to_vec(), |view| vec![view]),
+        }
     }
 
     /// Adds photons to maps. Where these are the faces of a cube, what lies beside one belongs to another.

@@ -9,20 +9,10 @@
 use glam::{DVec2, DVec3, Vec3};
 use rayon::prelude::*;
 
-use super::constants::SAME_SURFACE_COSINE;
+use super::constants::{IMAGE_SEARCH_STEPS, MAX_IMAGE_MISS, MAX_IMAGE_STEPS, MIN_IMAGE_STEPS, SAME_SURFACE_COSINE};
 use super::projection::Projection;
 use crate::scene::Ray;
 use crate::tracing::Hit;
-
-/// Steps of a march at most, and at least; about one for each texel.
-const STEPS: [f64; 2] = [8.0, 192.0];
-
-/// Steps of the search for the place where a ray passes a surface. One that takes the thickness along the view for the way, as in the first
-/// papers, loses a third of the light of a glass ball.
-const SEARCH_STEPS: u32 = 10;
-
-/// A ray that ends so many texels from the surface has passed behind its edge.
-const MAX_MISS: f64 = 1.5;
 
 /// No surface.
 const NOTHING: u32 = u32::MAX;
@@ -83,7 +73,7 @@ impl SurfaceImage {
         };
         let place = |distance: f64| self.projection.project((origin + distance * direction).as_vec3());
         let across = place(0.0).zip(place(end)).map_or(f64::INFINITY, |(from, to)| from.distance(to));
-        let count = across.clamp(STEPS[0], STEPS[1]).ceil();
+        let count = across.clamp(MIN_IMAGE_STEPS.into(), MAX_IMAGE_STEPS.into()).ceil();
         let mut before: Option<f64> = None;
         for step in 0..=count as u32 {
             let distance = end * f64::from(step) / count;
@@ -112,11 +102,11 @@ impl SurfaceImage {
         // Along surfaces, planes are met anywhere.
         let exact = if facing.abs() > 0.05 { (point - origin).dot(shown.normals[1]) / facing } else { distance };
         let position = (origin + exact * direction).as_vec3();
-        let is_near = self.projection.project(position)?.distance(place) <= MAX_MISS;
+        let is_near = self.projection.project(position)?.distance(place) <= f64::from(MAX_IMAGE_MISS);
         let depth_apart = (self.projection.depth(position) - shown.depth).abs();
         let texel = self.projection.texel * if self.projection.is_parallel { 1.0 } else { shown.depth };
         let slope = 1.0 / shown.normals[1].dot(self.projection.axes[2]).abs().max(0.05);
-        (is_near && depth_apart <= 2.0 * MAX_MISS * texel * slope)
+        (is_near && depth_apart <= 2.0 * f64::from(MAX_IMAGE_MISS) * texel * slope)
             .then(|| Hit { distance: exact as f32, ..hit(ray, position, shown) })
     }
 
@@ -163,7 +153,7 @@ fn refined(
 ) -> Option<(f64, Shown)> {
     let (mut near, mut far, mut far_gap) = (near, far, far_gap);
     let (mut near_gap, mut shown) = gap(near)?;
-    for _ in 0..SEARCH_STEPS {
+    for _ in 0..IMAGE_SEARCH_STEPS {
         // A secant step, kept off the ends so that the interval shrinks.
         let part = far_gap.map_or(0.5, |far_gap| (near_gap / (near_gap - far_gap)).clamp(0.1, 0.9));
         let middle = near + part * (far - near);

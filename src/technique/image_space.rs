@@ -152,8 +152,8 @@ async fn maps(
     progress: &dyn Progress,
 ) -> Result<Maps, Error> {
     #[cfg(feature = "gpu")]
-    if let (Some(shared), Some(geometry), Traversal::Dense, Hits::Traced) =
-        (backend.shared_gpu(), &prepared.on_gpu, inputs.options.traversal, inputs.options.hits)
+    if let (Some(shared), Some(geometry), Traversal::Dense) =
+        (backend.shared_gpu(), &prepared.on_gpu, inputs.options.traversal)
     {
         let pipelines = shared.pipelines.photons(&shared.gpu.device);
         let device = gpu::Device { gpu: &shared.gpu, pipelines: &pipelines, geometry };

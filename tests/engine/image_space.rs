@@ -7,8 +7,8 @@ use pinspot::image::{Aov, Image, rel_l2};
 use pinspot::reference::{self, Estimator, Reference, StoppingCriterion};
 use pinspot::scene::{Chain, Emitter, Scene, load};
 use pinspot::{
-    BackendChoice, CubeSize, Error, Hits, ImageSpaceOptions, Loss, MapView, Mode, NoProgress, Options, Rendered, Settings,
-    Technique, Traversal,
+    BackendChoice, CubeSize, Error, Hits, ImageSpaceOptions, Loss, MapView, Mode, NoProgress, Options, Rendered,
+    Settings, Technique, Traversal,
 };
 
 use crate::support::{above_floor as scene, render, transmittance};
@@ -193,7 +193,8 @@ fn a_glass_ball_has_its_closed_form() {
         error
     };
     assert!(of(Hits::Traced, 1024) < 0.03);
-    let errors = [of(Hits::Traced, 512), of(Hits::Image, 512), of(Hits::QuarterImage, 512), of(Hits::QuarterImage, 1024)];
+    let errors =
+        [of(Hits::Traced, 512), of(Hits::Image, 512), of(Hits::QuarterImage, 512), of(Hits::QuarterImage, 1024)];
     assert!(errors[1] < errors[0] + 0.02 && errors[2] < 0.1 && errors[3] < errors[0] + 0.02, "{errors:?}");
 }
 

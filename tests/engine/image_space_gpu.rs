@@ -6,7 +6,8 @@ use glam::Vec3;
 use pinspot::image::{Aov, Image, RgbImage};
 use pinspot::scene::{Scene, Slide};
 use pinspot::{
-    BackendChoice, CubeSize, Error, ImageSpaceOptions, MapView, Mode, Options, PhotonStatistics, Rendered, Technique,
+    BackendChoice, CubeSize, Error, Hits, ImageSpaceOptions, MapView, Mode, Options, PhotonStatistics, Rendered,
+    Technique,
 };
 
 use crate::support::{above_floor, gpu_backend, render};
@@ -50,7 +51,10 @@ fn compare(label: &str, scene: &Scene, options: &Options) -> f64 {
     println!("{label}: {error:.2e}; cast {} of {}, error {:.1e}", gpu.flux.cast, cpu.flux.cast, gpu.flux.error());
     assert!(on_cpu.layers[0].1.mean().x > 0.0, "{label}: no caustic");
     assert!((gpu.flux.cast / cpu.flux.cast - 1.0).abs() < 1e-4, "{label}: {} {}", gpu.flux.cast, cpu.flux.cast);
-    assert!(gpu.photons == cpu.photons && gpu.photons_used.abs_diff(cpu.photons_used) <= 8 + cpu.photons_used / 1000);
+    // Rays into images end at edges of texels, which the rasterizer draws a little differently.
+    let apart = if options.image_space.hits == Hits::Traced { 1000 } else { 100 };
+    let (of_gpu, used) = (gpu.photons_used, cpu.photons_used);
+    assert!(gpu.photons == cpu.photons && of_gpu.abs_diff(used) <= 8 + used / apart, "{label}: {of_gpu} {used}");
     let [closed, of_cpu] = [gpu, cpu].map(|photons| photons.flux.error());
     // Large triangles are not flat in the faces of cubes, and too long ones are culled on the GPU.
     assert!((closed - of_cpu).abs() < 3e-3, "{label}: {closed} {of_cpu}");
@@ -87,6 +91,32 @@ fn back_ends_agree_on_refraction() {
         for mode in [Mode::Points, Mode::ExactPolygons, Mode::ThickLens, Mode::Footprints] {
             let error = compare(&format!("{name} {}", mode.name()), &scene, &options(mode, MapView::Eye));
             assert!(error < 2e-3, "{name} {}: {error}", mode.name());
+        }
+    }
+}
+
+/// Images of what a light sees are drawn on the GPU and traced on the CPU: a ball, water, a mirror seen by a cube around the lamp, a ring.
+#[test]
+fn back_ends_agree_on_hits_in_images() {
+    let lamp = "[[light]]\nposition = [0, 3, 0]\nintensity = [9, 18, 27]\n";
+    let ball = "[[object]]\nshape = { sphere = { radius = 0.4, divisions = 96 } }\ntranslate = [0, 0.62, 0]\n\
+                refractor = { eta = 1.5, interfaces = 2 }\ncamera_visible = false\n";
+    let water = "[[object]]\nshape = { water = { size = [4, 4], amplitude = 0.02 } }\ntranslate = [0, 1, 0]\n\
+                 refractor = { eta = 1.33 }\ncamera_visible = false\n";
+    let mirror = "[[object]]\nshape = { plane = { size = [6, 6] } }\nrotate_deg = [0, 0, -90]\ntranslate = [-1.5, 3, 0]\nreflector = {}\n";
+    let lit = |caster: &str| above_floor(DARK, &format!("{lamp}{caster}"));
+    let cases = [
+        ("ball", lit(ball)),
+        ("water", lit(water)),
+        ("mirror", lit(mirror)),
+        ("ring", pinspot::load("ring").unwrap().0),
+    ];
+    for (name, scene) in cases {
+        for hits in [Hits::Image, Hits::QuarterImage] {
+            let mut options = options(Mode::ExactPolygons, MapView::Eye);
+            options.image_space.hits = hits;
+            let error = compare(&format!("{name} {}", hits.name()), &scene, &options);
+            assert!(error < 1e-2, "{name} {}: {error}", hits.name());
         }
     }
 }

@@ -68,7 +68,7 @@ pub(crate) struct ViewUniforms {
     pub steps_per_watt: f32,
     pub has_ways: u32,
     pub seed: u32,
-    pub(super) padding: u32,
+    pub all_rows: u32,
 }
 
 /// Rows of a view that are in the buffers together.
@@ -101,6 +101,30 @@ pub(crate) struct MapUniforms {
     pub spacing: f32,
     pub is_first: u32,
     pub(super) padding: [u32; 2],
+}
+
+/// A plane of an image of surfaces.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub(crate) struct ImagePlaneUniforms {
+    pub plane: PlaneUniforms,
+    pub size: u32,
+    pub receivers: u32,
+    pub diagonal: f32,
+    pub(super) padding: u32,
+}
+
+/// A plane, and what is drawn into it.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub(crate) struct DrawUniforms {
+    pub plane: PlaneUniforms,
+    pub size: f32,
+    pub near: f32,
+    pub far: f32,
+    pub instance: u32,
+    pub has_halves: u32,
+    pub(super) padding: [u32; 3],
 }
 
 /// What an object does to photons.

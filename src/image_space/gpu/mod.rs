@@ -2,6 +2,7 @@
 //! they are the same in any order. CPU twin: the rest of [`crate::image_space`], which also smoothes points and chooses between resolutions
 //! once the sums are there. Shaders: `shaders/photon_*.wgsl`. Knows neither techniques nor how results are looked up.
 
+mod images;
 mod layout;
 mod map;
 mod passes;
@@ -9,7 +10,9 @@ mod pipelines;
 
 pub(crate) use self::layout::Strip;
 #[cfg(test)]
-pub(crate) use self::layout::{GpuPhoton, GpuPlace, GpuSurface, GpuWay, MapUniforms, PlaneUniforms, ViewUniforms};
+pub(crate) use self::layout::{
+    DrawUniforms, GpuPhoton, GpuPlace, GpuSurface, GpuWay, ImagePlaneUniforms, MapUniforms, PlaneUniforms, ViewUniforms,
+};
 pub(crate) use self::pipelines::PhotonPipelines;
 #[cfg(test)]
 pub(crate) use super::caustic_map::Texel;
@@ -113,13 +116,14 @@ impl MapsOnGpu<'_> {
     /// Emits all photons of a view, strip by strip, and adds them to maps.
     async fn add_view(&self, view: &LightView, own: &[MapOnGpu], progress: &dyn Progress) -> Result<(), Error> {
         let light = self.passes.light(&view.light)?;
+        let images = self.passes.images(view)?;
         for strip in strips(view.projection.size) {
             for kind in self.inputs.kinds {
                 if progress.is_cancelled() {
                     return Err(Error::Cancelled);
                 }
                 let mut encoder = self.device.gpu.device.create_command_encoder(&Default::default());
-                self.passes.emit(&mut encoder, (view, &light), *kind, strip);
+                self.passes.emit(&mut encoder, (view, &light, &images), *kind, strip);
                 if let Some(eye) = &self.eye {
                     self.passes.deposit(&mut encoder, (eye, view), strip, false);
                 }

@@ -3,6 +3,7 @@
 use sobol_burley::parts::sobol_rev;
 use wgpu::{BufferUsages, CommandEncoder};
 
+use super::images::ImagesOnGpu;
 use super::layout::{
     GpuSurface, MapUniforms, PHOTON_BYTES, Strip, ViewUniforms, chain_constant, channels, mode_constant,
 };
@@ -14,7 +15,7 @@ use crate::image_space::emission::Kind;
 use crate::image_space::ledger::Ledger;
 use crate::image_space::lights::{LightView, PhotonLight};
 use crate::image_space::maps::MapInputs;
-use crate::image_space::options::Mode;
+use crate::image_space::options::{Hits, Mode};
 use crate::pinhole::CURVE_POINTS;
 use crate::pinhole::gpu::pipeline::bind;
 use crate::pinhole::gpu::{LampUniforms, UploadedLamp, no_slide, storage_buffer};
@@ -102,11 +103,20 @@ impl<'a> Passes<'a> {
         Ok(LightOnGpu { lamp, group: bind(&gpu.device, &self.device.pipelines.of_light, &[a, b, c, slide]) })
     }
 
+    /// Images of what a view shows, unless photons are traced.
+    pub fn images(&self, view: &LightView) -> Result<ImagesOnGpu, GpuError> {
+        let pipelines = &self.device.pipelines.images;
+        match self.inputs.options.hits.image_size(view.projection.size[0]) {
+            None => Ok(ImagesOnGpu::none(&self.device.gpu.device, pipelines)),
+            Some(size) => ImagesOnGpu::new(self.device, pipelines, self.inputs, (view, size), &self.surfaces),
+        }
+    }
+
     /// Follows the photons of a strip to receivers.
     pub fn emit(
         &self,
         encoder: &mut CommandEncoder,
-        (view, light): (&LightView, &LightOnGpu),
+        (view, light, images): (&LightView, &LightOnGpu, &ImagesOnGpu),
         kind: Kind,
         strip: Strip,
     ) {
@@ -115,7 +125,7 @@ impl<'a> Passes<'a> {
             PhotonLight::Directional { irradiance, sigma_rad, .. } => (*irradiance, *sigma_rad),
             PhotonLight::Lamp(lamp) => (lamp.intensity, lamp.radius),
         };
-        let [columns, _] = view.projection.size;
+        let [columns, all_rows] = view.projection.size;
         let uniforms = ViewUniforms {
             plane: (&view.projection).into(),
             power: power.to_array(),
@@ -131,14 +141,16 @@ impl<'a> Passes<'a> {
             steps_per_watt: self.steps_per_watt(),
             has_ways: u32::from(matches!(self.inputs.options.mode, Mode::ThinLens | Mode::ThickLens)),
             seed: self.inputs.seed as u32,
-            ..ViewUniforms::default()
+            all_rows,
         };
         let uniforms = buffer_with(on, "a light's view", bytemuck::bytes_of(&uniforms), BufferUsages::UNIFORM);
         let buffers = [&uniforms, &self.photons[0], &self.photons[1], &self.ledger];
         let own = bind(on, &self.device.pipelines.of_view, &buffers.map(wgpu::Buffer::as_entire_binding));
         let mut pass = begin(encoder, "photons");
-        pass.set_pipeline(&self.device.pipelines.emit);
-        self.set_groups(&mut pass, [&own, &light.group]);
+        let pipelines = self.device.pipelines;
+        let is_traced = self.inputs.options.hits == Hits::Traced;
+        pass.set_pipeline(if is_traced { &pipelines.emit } else { &pipelines.emit_in_images });
+        self.set_groups(&mut pass, [&own, &light.group, &images.group]);
         dispatch(&mut pass, [columns, strip.rows]);
     }
 
@@ -149,7 +161,7 @@ impl<'a> Passes<'a> {
         let own = self.bind_map(map, self.uniforms(map), &self.ledger);
         let mut pass = begin(&mut encoder, "receivers of a caustic map");
         pass.set_pipeline(&self.device.pipelines.find_receivers);
-        self.set_groups(&mut pass, [&own, &self.of_surfaces]);
+        self.set_groups(&mut pass, [&own, &self.of_surfaces, &self.nothing]);
         dispatch(&mut pass, map.projection.size);
         drop(pass);
         gpu.queue.submit([encoder.finish()]);
@@ -194,7 +206,7 @@ impl<'a> Passes<'a> {
         let is_polygons = matches!(self.inputs.options.mode, Mode::Polygons | Mode::ExactPolygons);
         let mut pass = begin(encoder, "photons into a caustic map");
         pass.set_pipeline(&pipelines.place_photons);
-        self.set_groups(&mut pass, [&own, &self.of_surfaces]);
+        self.set_groups(&mut pass, [&own, &self.of_surfaces, &self.nothing]);
         dispatch(&mut pass, [columns, strip.rows]);
         pass.set_pipeline(if is_polygons { &pipelines.add_polygons } else { &pipelines.add_splats });
         // Cells lie between photons and around them.
@@ -227,8 +239,8 @@ impl<'a> Passes<'a> {
         bind(on, &self.device.pipelines.of_map, &buffers.map(wgpu::Buffer::as_entire_binding))
     }
 
-    fn set_groups(&self, pass: &mut wgpu::ComputePass, [first, second]: [&wgpu::BindGroup; 2]) {
-        for (index, group) in (0..).zip([first, second, &self.nothing, &self.geometry]) {
+    fn set_groups(&self, pass: &mut wgpu::ComputePass, groups: [&wgpu::BindGroup; 3]) {
+        for (index, group) in (0..).zip(groups.into_iter().chain([&self.geometry])) {
             pass.set_bind_group(index, group, &[]);
         }
     }

@@ -2,6 +2,7 @@
 
 use wgpu::{BindGroupLayout, BindGroupLayoutEntry, ComputePipeline, ShaderStages};
 
+use super::images::ImagePipelines;
 use crate::pinhole::gpu::pipeline::{compute_pipeline, layout, seen_by, storage, texture, uniform, writable};
 use crate::pinhole::gpu::ray_entries;
 use crate::pinhole::gpu::shaders::{PHOTON_EMISSION, PHOTON_PLACES, PHOTON_POLYGONS, PHOTON_SPLATS, Shader};
@@ -10,6 +11,8 @@ use crate::pinhole::gpu::shaders::{PHOTON_EMISSION, PHOTON_PLACES, PHOTON_POLYGO
 #[derive(Debug)]
 pub(crate) struct PhotonPipelines {
     pub(super) emit: ComputePipeline,
+    pub(super) emit_in_images: ComputePipeline,
+    pub(super) images: ImagePipelines,
     pub(super) find_receivers: ComputePipeline,
     pub(super) place_photons: ComputePipeline,
     pub(super) add_splats: ComputePipeline,
@@ -36,23 +39,33 @@ impl PhotonPipelines {
         let of_surfaces = of("surfaces", &[storage(0)]);
         let nothing = of("nothing", &[]);
         let geometry = of("rays", &ray_entries(device, ShaderStages::COMPUTE));
-        let pipeline = |shader: Shader, groups: [&BindGroupLayout; 2], entries: &[&str]| {
-            let groups = [groups[0], groups[1], &nothing, &geometry].map(Some);
+        let images = ImagePipelines::new(device);
+        let pipeline = |shader: Shader, groups: [&BindGroupLayout; 3], entries: &[(&str, f64)]| {
+            let groups = [groups[0], groups[1], groups[2], &geometry].map(Some);
             let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
                 label: Some(shader.name),
                 bind_group_layouts: &groups,
                 immediate_size: 0,
             });
             let module = shader.module(device);
-            entries.iter().map(|entry| compute_pipeline(device, &layout, &module, entry, &[])).collect::<Vec<_>>()
+            let compile = |(entry, in_images): &(&str, f64)| {
+                let constants = [("IN_IMAGES", *in_images)];
+                let constants = if shader == PHOTON_EMISSION { &constants[..] } else { &[] };
+                compute_pipeline(device, &layout, &module, entry, constants)
+            };
+            entries.iter().map(compile).collect::<Vec<_>>()
         };
-        let of_map_and_surfaces = [&of_map, &of_surfaces];
-        let emit = pipeline(PHOTON_EMISSION, [&of_view, &of_light], &["emit"]);
-        let places = pipeline(PHOTON_PLACES, of_map_and_surfaces, &["find_receivers", "place_photons"]);
-        let splats = pipeline(PHOTON_SPLATS, of_map_and_surfaces, &["add_splats"]);
-        let polygons = pipeline(PHOTON_POLYGONS, of_map_and_surfaces, &["add_polygons"]);
+        let of_map_and_surfaces = [&of_map, &of_surfaces, &nothing];
+        let of_emission = [&of_view, &of_light, &images.of_images];
+        let emit = pipeline(PHOTON_EMISSION, of_emission, &[("emit", 0.0), ("emit", 1.0)]);
+        let places = [("find_receivers", 0.0), ("place_photons", 0.0)];
+        let places = pipeline(PHOTON_PLACES, of_map_and_surfaces, &places);
+        let splats = pipeline(PHOTON_SPLATS, of_map_and_surfaces, &[("add_splats", 0.0)]);
+        let polygons = pipeline(PHOTON_POLYGONS, of_map_and_surfaces, &[("add_polygons", 0.0)]);
         Self {
             emit: emit[0].clone(),
+            emit_in_images: emit[1].clone(),
+            images,
             find_receivers: places[0].clone(),
             place_photons: places[1].clone(),
             add_splats: splats[0].clone(),

@@ -20,6 +20,17 @@ pub struct Geometry {
     pub(super) uniforms: wgpu::Buffer,
     /// For ray queries; `None` on devices without.
     structure: Option<wgpu::Tlas>,
+    draws: Arc<[Draw]>,
+}
+
+/// An object whose triangles can be drawn.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Draw {
+    /// Its number.
+    pub object: u32,
+    /// The first of its texels.
+    pub first_texel: u32,
+    pub triangles: u32,
 }
 
 /// What rays have to know, 16 bytes.
@@ -59,7 +70,12 @@ impl Geometry {
             bytemuck::bytes_of(&RayUniforms::default()),
             wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
         );
-        Self { texels: texture.create_view(&Default::default()), uniforms, structure }
+        Self { texels: texture.create_view(&Default::default()), uniforms, structure, draws: Arc::default() }
+    }
+
+    /// The objects that light meets.
+    pub(crate) fn draws(&self) -> &[Draw] {
+        &self.draws
     }
 
     /// The resources of [`ray_entries`].
@@ -137,6 +153,15 @@ impl MovingGeometry {
         let instances: Vec<Instance> = objects.iter().filter_map(|object| self.instance(object)).collect();
         let list = TopLevel::new(&instances);
         write_rows(queue, &texture, 0, &list.texels);
+        let draw = |(place, &object): (u32, &u32)| Draw {
+            object,
+            first_texel: 2 * list.node_count + 4 * place,
+            triangles: instances[object as usize].mesh.corners().len() as u32,
+        };
+        let is_met = |draw: &Draw| instances[draw.object as usize].seen_by.light;
+        let draws: Arc<[Draw]> = (0..).zip(&list.order).map(draw).filter(is_met).collect();
+        let geometry =
+            Geometry { draws: if geometry.draws == draws { geometry.draws.clone() } else { draws }, ..geometry };
         let uniforms = RayUniforms { node_count: list.node_count, offset: list.offset, padding: [0; 2] };
         queue.write_buffer(&geometry.uniforms, 0, bytemuck::bytes_of(&uniforms));
         if let Some(structure) = &mut structure {

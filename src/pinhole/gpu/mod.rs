@@ -10,7 +10,7 @@ mod cache;
 mod environment;
 mod geometry;
 mod hardware_check;
-mod hierarchical;
+pub(crate) mod hierarchical;
 mod lamp;
 mod lit_environment;
 mod maps;

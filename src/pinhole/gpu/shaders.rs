@@ -19,12 +19,13 @@ use crate::cell_tree::MAX_CHILDREN;
 use crate::environment::{ARC_STEPS, FIRST_BOUNDED_MIP};
 use crate::image::{HIGHLIGHT, MIDDLE_GREY};
 use crate::image_space::constants::{
-    CHAIN_R, CHAIN_T, CHAIN_TT, FIRST_LAYER_DIAMETER, FOOTPRINT_OVERLAP, IS_FRESNEL_SURFACE, IS_SOLID, IS_SURFACE,
-    LAYER_DIAMETER_STEP, LAYERS, LEAST_TEAR, LEDGER_ENTRIES, LENS_SPACINGS, MAX_SPLAT_DIAMETER, MAX_SPREAD_RAD,
-    MIN_DRAWN_AREA, MIN_FOOTPRINT_DEVIATION, MIN_SPLAT_DIAMETER, MODE_EXACT_POLYGONS, MODE_FOOTPRINTS, MODE_GATHER,
-    MODE_MULTI_RESOLUTION, MODE_POINTS, MODE_POLYGONS, MODE_SPLATS, MODE_THICK_LENS, MODE_THIN_LENS, PHOTON_OFF_PLANE,
-    PHOTON_OFF_RAY, RECEIVES_PHOTONS, REFLECTS_BEHIND, REFLECTS_IN_FRONT, SAME_SURFACE_COSINE, SMOOTH_LENS_COSINE,
-    SPLAT_DEVIATION, SPLAT_REACH, TEAR_STRETCH,
+    CHAIN_R, CHAIN_T, CHAIN_TT, FIRST_LAYER_DIAMETER, FOOTPRINT_OVERLAP, IMAGE_SEARCH_STEPS, IS_FRESNEL_SURFACE,
+    IS_SOLID, IS_SURFACE, LAYER_DIAMETER_STEP, LAYERS, LEAST_TEAR, LEDGER_ENTRIES, LENS_SPACINGS, MAX_IMAGE_MISS,
+    MAX_IMAGE_STEPS, MAX_SPLAT_DIAMETER, MAX_SPREAD_RAD, MIN_DRAWN_AREA, MIN_FOOTPRINT_DEVIATION, MIN_IMAGE_STEPS,
+    MIN_SPLAT_DIAMETER, MODE_EXACT_POLYGONS, MODE_FOOTPRINTS, MODE_GATHER, MODE_MULTI_RESOLUTION, MODE_POINTS,
+    MODE_POLYGONS, MODE_SPLATS, MODE_THICK_LENS, MODE_THIN_LENS, PHOTON_OFF_PLANE, PHOTON_OFF_RAY, RECEIVES_PHOTONS,
+    REFLECTS_BEHIND, REFLECTS_IN_FRONT, SAME_SURFACE_COSINE, SMOOTH_LENS_COSINE, SPLAT_DEVIATION, SPLAT_REACH,
+    TEAR_STRETCH,
 };
 use crate::pinhole::MEDIUM_OBJECT;
 use crate::pinhole::constants::{
@@ -88,6 +89,7 @@ pub(crate) const PREVIEW_VIEWS: Shader = shader!("preview_views");
 pub(crate) const RECEIVER_BLOCKS: Shader = shader!("receiver_blocks");
 pub(crate) const REFINE: Shader = shader!("refine");
 pub(crate) const RESOLVE: Shader = shader!("resolve");
+pub(crate) const SURFACE_IMAGES: Shader = shader!("surface_images");
 pub(crate) const TRACE_MAPS: Shader = shader!("trace_maps");
 pub(crate) const TRACE_RAYS: Shader = shader!("trace_rays");
 pub(crate) const TRACE_SHADOWS: Shader = shader!("trace_shadows");
@@ -108,6 +110,7 @@ const SHARED: &[Shader] = &[
     shader!("shared/gather_inputs"),
     shader!("shared/gloss_bounds"),
     shader!("shared/hits"),
+    shader!("shared/image_hits"),
     shader!("shared/interface"),
     shader!("shared/lamp"),
     shader!("shared/light_direction"),
@@ -122,6 +125,7 @@ const SHARED: &[Shader] = &[
     shader!("shared/no_rays"),
     shader!("shared/photon_map"),
     shader!("shared/photon_sheet"),
+    shader!("shared/photon_surface"),
     shader!("shared/photons"),
     shader!("shared/point_visibility"),
     shader!("shared/preview"),
@@ -319,6 +323,7 @@ fn constants() -> String {
     declare!(PHOTON_OFF_PLANE, PHOTON_OFF_RAY, SAME_SURFACE_COSINE, TEAR_STRETCH, LEAST_TEAR, MIN_DRAWN_AREA);
     declare!(SPLAT_DEVIATION, SPLAT_REACH, MIN_SPLAT_DIAMETER, MAX_SPLAT_DIAMETER, MIN_FOOTPRINT_DEVIATION);
     declare!(FOOTPRINT_OVERLAP, LENS_SPACINGS, SMOOTH_LENS_COSINE, MAX_SPREAD_RAD);
+    declare!(MIN_IMAGE_STEPS, MAX_IMAGE_STEPS, IMAGE_SEARCH_STEPS, MAX_IMAGE_MISS);
     declare!(LAYERS, FIRST_LAYER_DIAMETER, LAYER_DIAMETER_STEP, LEDGER_ENTRIES);
     declare!(CHAIN_R, CHAIN_T, CHAIN_TT, RECEIVES_PHOTONS);
     declare!(REFLECTS_IN_FRONT, REFLECTS_BEHIND, IS_SURFACE, IS_SOLID, IS_FRESNEL_SURFACE);

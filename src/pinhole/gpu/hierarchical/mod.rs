@@ -143,7 +143,7 @@ const MAX_SPLIT_PASSES: u32 = 4096;
 /// The format of the texture that says where walks stopped.
 const WALK_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba32Uint;
 /// Dynamic offsets of uniforms are multiples of this on every device.
-pub(super) const DYNAMIC_OFFSET: u64 = 256;
+pub(crate) const DYNAMIC_OFFSET: u64 = 256;
 /// Bytes of the partial sums of an irradiance estimate.
 const PARTIAL_SUM_BYTES: u64 = ESTIMATE_WORKGROUPS as u64 * 16;
 

@@ -11,8 +11,8 @@ use crate::brdf::Material;
 use crate::cell_tree::CellNode;
 use crate::engine::preview_layout::{PIXEL_BYTES, PreviewGrid, PreviewObject, PreviewUniforms};
 use crate::image_space::gpu::{
-    GpuPhoton, GpuPlace, GpuSurface, GpuWay, MapUniforms as PhotonMapUniforms, PlaneUniforms, Strip, Texel,
-    ViewUniforms,
+    DrawUniforms, GpuPhoton, GpuPlace, GpuSurface, GpuWay, ImagePlaneUniforms, MapUniforms as PhotonMapUniforms,
+    PlaneUniforms, Strip, Texel, ViewUniforms,
 };
 use crate::pinhole::gpu::geometry::RayUniforms;
 use crate::pinhole::gpu::hierarchical::layout::{BLOCK_BYTES, SampleNode, TilePass, Tolerance, TreeUniforms};
@@ -27,7 +27,7 @@ use crate::pinhole::gpu::ray_batch::{ArrivingLight, BatchHit, BatchRay, BatchUni
 use crate::pinhole::gpu::surroundings::Viewpoints;
 use crate::pinhole::{GatherUniforms, PinholeSample};
 
-const ALL: [Shader; 21] = [
+const ALL: [Shader; 22] = [
     COARSER_LEVEL,
     EMITTERS,
     FILTER_PROBE,
@@ -46,6 +46,7 @@ const ALL: [Shader; 21] = [
     RECEIVER_BLOCKS,
     REFINE,
     RESOLVE,
+    SURFACE_IMAGES,
     TRACE_MAPS,
     TRACE_RAYS,
     TRACE_SHADOWS,
@@ -164,6 +165,8 @@ fn rust_structs() -> BTreeMap<&'static str, Layout> {
         ("CellNode", layout!(CellNode { centroid_area, normal_e11, sides_curvature, curvature_bounds_links })),
         ("EmitterUniforms", layout!(EmitterUniforms { clip_from_mesh, number })),
         ("GatherUniforms", gather_uniforms()),
+        ("ImageDraw", image_draw()),
+        ("ImagePlane", image_plane()),
         ("Hemisphere", layout!(PackedHemisphere { position, extent, normal, object_sides, texel_jitter })),
         (
             "Lamp",
@@ -268,6 +271,16 @@ fn plane() -> Vec<(String, u32)> {
     layout!(PlaneUniforms { origin, texel, right, low_x, down, low_y, forward, is_parallel }).members
 }
 
+fn image_draw() -> Layout {
+    let rest = layout!(DrawUniforms { size, near, far, instance, has_halves });
+    Layout { members: [plane(), rest.members].concat(), ..rest }
+}
+
+fn image_plane() -> Layout {
+    let rest = layout!(ImagePlaneUniforms { size, receivers, diagonal });
+    Layout { members: [plane(), rest.members].concat(), ..rest }
+}
+
 fn photon_map() -> Layout {
     let rest = layout!(PhotonMapUniforms {
         size,
@@ -292,7 +305,7 @@ fn photon_view() -> Layout {
     let first = offset_of!(ViewUniforms, strip) as u32;
     let strip = layout!(Strip { first_row, rows, first_own_row, own_rows }).members;
     let strip = strip.into_iter().map(|(name, offset)| (name, first + offset)).collect();
-    let after = layout!(ViewUniforms { steps_per_watt, has_ways, seed }).members;
+    let after = layout!(ViewUniforms { steps_per_watt, has_ways, seed, all_rows }).members;
     Layout { members: [plane(), before.members, strip, after].concat(), ..before }
 }
 

@@ -1,0 +1,250 @@
+// How rays find surfaces in images of what a light sees. CPU twin: src/image_space/surface_images.rs.
+
+#import hits
+#import unit_vectors
+
+// As in `PhotonView`; then texels along an edge, and the number of images of receivers.
+struct ImagePlane {
+    origin: vec3f,
+    texel: f32,
+    right: vec3f,
+    low_x: f32,
+    down: vec3f,
+    low_y: f32,
+    forward: vec3f,
+    is_parallel: u32,
+    size: u32,
+    receivers: u32,
+    // From one end of the scene to the other, metres.
+    diagonal: f32,
+}
+
+// The view's plane, then those of the receivers.
+@group(2) @binding(0) var<storage, read> image_planes: array<ImagePlane>;
+// As `Shown` in surface_images.wgsl.
+@group(2) @binding(1) var view_normals: texture_2d<f32>;
+@group(2) @binding(2) var view_surfaces: texture_2d<u32>;
+@group(2) @binding(3) var receiver_normals: texture_2d_array<f32>;
+@group(2) @binding(4) var receiver_surfaces: texture_2d_array<u32>;
+
+// Which image: the first surfaces, the last ones, or from here on those of receivers.
+const FIRST_SURFACES: u32 = 0u;
+const LAST_SURFACES: u32 = 1u;
+const RECEIVERS: u32 = 2u;
+
+const ANY_OBJECT: u32 = 0xffffffffu;
+
+struct ShownSurface {
+    depth: f32,
+    // Towards the light.
+    normal: vec3f,
+    face_normal: vec3f,
+    object: u32,
+    is_front: bool,
+    is_there: bool,
+}
+
+struct GapHit {
+    // Along the ray, metres.
+    distance: f32,
+    // How far behind the surface.
+    gap: f32,
+    shown: ShownSurface,
+}
+
+fn plane_of(image: u32) -> ImagePlane {
+    return image_planes[select(0u, image - 1u, image >= RECEIVERS)];
+}
+
+fn nothing_shown() -> ShownSurface {
+    return ShownSurface(0.0, vec3f(0.0), vec3f(0.0), NO_OBJECT, false, false);
+}
+
+fn image_texel(image: u32, texel: vec2i, size: i32) -> ShownSurface {
+    if any(texel < vec2i(0)) || any(texel >= vec2i(size)) {
+        return nothing_shown();
+    }
+    var normal: vec4f;
+    var surface: vec4u;
+    if image >= RECEIVERS {
+        normal = textureLoad(receiver_normals, texel, image - RECEIVERS, 0);
+        surface = textureLoad(receiver_surfaces, texel, image - RECEIVERS, 0);
+    } else {
+        let at = vec2i(texel.x + select(0, size, image == LAST_SURFACES), texel.y);
+        normal = textureLoad(view_normals, at, 0);
+        surface = textureLoad(view_surfaces, at, 0);
+    }
+    return ShownSurface(normal.w, normal.xyz, unpacked_unit(surface.x), surface.y, surface.z != 0u, surface.w != 0u);
+}
+
+// Depth and normals at a place, bilinear between the texels of the nearest one's surface.
+fn shown_at(image: u32, plane: ImagePlane, at: vec2f, wanted: u32) -> ShownSurface {
+    let size = i32(plane.size);
+    if any(at < vec2f(0.0)) || any(at >= vec2f(f32(size))) {
+        return nothing_shown();
+    }
+    let nearest = image_texel(image, vec2i(at), size);
+    if !nearest.is_there || wanted != ANY_OBJECT && nearest.object != wanted {
+        return nothing_shown();
+    }
+    let low = floor(at - 0.5);
+    let part = at - 0.5 - low;
+    var sum = ShownSurface(0.0, vec3f(0.0), vec3f(0.0), nearest.object, nearest.is_front, true);
+    var weights = 0.0;
+    for (var k = 0; k < 4; k++) {
+        let step = vec2i(k & 1, k >> 1);
+        let texel = image_texel(image, vec2i(low) + step, size);
+        let along = select(1.0 - part, part, step == vec2i(1));
+        let weight = along.x * along.y;
+        if texel.is_there && texel.object == nearest.object && texel.is_front == nearest.is_front
+            && dot(texel.normal, nearest.normal) >= SAME_SURFACE_COSINE {
+            sum.depth += weight * texel.depth;
+            sum.normal += weight * texel.normal;
+            sum.face_normal += weight * texel.face_normal;
+            weights += weight;
+        }
+    }
+    if weights < 1e-6 {
+        return nearest;
+    }
+    sum.depth /= weights;
+    sum.normal = normalize(sum.normal);
+    sum.face_normal = normalize(sum.face_normal);
+    return sum;
+}
+
+fn depth_in(plane: ImagePlane, point: vec3f) -> f32 {
+    return dot(point - plane.origin, plane.forward);
+}
+
+// Where a point appears, in texels; far outside of the window behind the point that rays leave.
+fn place_in(plane: ImagePlane, point: vec3f) -> vec2f {
+    let offset = point - plane.origin;
+    let depth = select(dot(offset, plane.forward), 1.0, plane.is_parallel != 0u);
+    if depth <= 0.0 {
+        return vec2f(-1e9);
+    }
+    let across = vec2f(dot(offset, plane.right), dot(offset, plane.down));
+    return (across / depth - vec2f(plane.low_x, plane.low_y)) / plane.texel;
+}
+
+fn point_in(plane: ImagePlane, at: vec2f, depth: f32) -> vec3f {
+    let on_plane = (vec2f(plane.low_x, plane.low_y) + plane.texel * at) * select(depth, 1.0, plane.is_parallel != 0u);
+    return plane.origin + on_plane.x * plane.right + on_plane.y * plane.down + depth * plane.forward;
+}
+
+fn image_hit(direction: vec3f, position: vec3f, shown: ShownSurface) -> Hit {
+    // Towards the ray's origin.
+    let is_turned = dot(shown.face_normal, direction) > 0.0;
+    let normal = select(shown.normal, -shown.normal, dot(shown.normal, direction) > 0.0);
+    let face_normal = select(shown.face_normal, -shown.face_normal, is_turned);
+    return Hit(shown.object, position, normal, face_normal, shown.is_front != is_turned);
+}
+
+fn no_hit() -> Hit {
+    return Hit(NO_OBJECT, vec3f(0.0), vec3f(0.0), vec3f(0.0), false);
+}
+
+// The surface in a texel of the view; the place is given as a part of its width and height.
+fn first_in_image(part: vec2f, direction: vec3f) -> Hit {
+    let plane = image_planes[0];
+    let at = part * f32(plane.size);
+    let shown = shown_at(FIRST_SURFACES, plane, at, ANY_OBJECT);
+    if !shown.is_there {
+        return no_hit();
+    }
+    return image_hit(direction, point_in(plane, at, shown.depth), shown);
+}
+
+fn gap_at(image: u32, plane: ImagePlane, origin: vec3f, direction: vec3f, distance: f32, wanted: u32) -> GapHit {
+    let point = origin + distance * direction;
+    let shown = shown_at(image, plane, place_in(plane, point), wanted);
+    return GapHit(distance, depth_in(plane, point) - shown.depth, shown);
+}
+
+// What a ray meets in an image of an object, or of any one. Outside of a closed object its ray has left it: the last place inside counts.
+fn search_image(image: u32, origin: vec3f, direction: vec3f, wanted: u32) -> Hit {
+    let plane = plane_of(image);
+    let is_within = image == LAST_SURFACES;
+    let across = distance(place_in(plane, origin), place_in(plane, origin + plane.diagonal * direction));
+    let count = ceil(clamp(across, MIN_IMAGE_STEPS, MAX_IMAGE_STEPS));
+    var near = -1.0;
+    for (var step = 0.0; step <= count; step += 1.0) {
+        let here = gap_at(image, plane, origin, direction, plane.diagonal * step / count, wanted);
+        if here.shown.is_there && here.gap < 0.0 {
+            near = here.distance;
+        } else if here.shown.is_there || is_within {
+            if near >= 0.0 {
+                let found = refined(image, plane, origin, direction, vec2f(near, here.distance), here, wanted);
+                let hit = on_plane(plane, origin, direction, found);
+                if hit.object != NO_OBJECT {
+                    return hit;
+                }
+            }
+            near = -1.0;
+        } else {
+            near = -1.0;
+        }
+    }
+    return no_hit();
+}
+
+// The place between two where a gap closes. Where nothing is shown at the far one, it lies beyond.
+fn refined(
+    image: u32, plane: ImagePlane, origin: vec3f, direction: vec3f, ends: vec2f, beyond: GapHit, wanted: u32,
+) -> GapHit {
+    var near = gap_at(image, plane, origin, direction, ends.x, wanted);
+    var shown = near.shown;
+    var far = ends.y;
+    var far_gap = beyond.gap;
+    var is_far_shown = beyond.shown.is_there;
+    for (var k = 0u; k < IMAGE_SEARCH_STEPS; k++) {
+        // A secant step, kept off the ends so that the interval shrinks.
+        let part = select(0.5, clamp(near.gap / (near.gap - far_gap), 0.1, 0.9), is_far_shown);
+        let middle = gap_at(image, plane, origin, direction, near.distance + part * (far - near.distance), wanted);
+        if middle.shown.is_there {
+            shown = middle.shown;
+        }
+        if middle.shown.is_there && middle.gap < 0.0 {
+            near = middle;
+        } else {
+            far = middle.distance;
+            far_gap = middle.gap;
+            is_far_shown = middle.shown.is_there;
+        }
+    }
+    near.shown = shown;
+    return near;
+}
+
+// The place where a ray meets the plane of a surface that it is near, if that is not somewhere else.
+fn on_plane(plane: ImagePlane, origin: vec3f, direction: vec3f, found: GapHit) -> Hit {
+    let shown = found.shown;
+    let at = place_in(plane, origin + found.distance * direction);
+    let point = point_in(plane, at, shown.depth);
+    let facing = dot(direction, shown.face_normal);
+    // Along surfaces, planes are met anywhere.
+    let exact = select(found.distance, dot(point - origin, shown.face_normal) / facing, abs(facing) > 0.05);
+    let position = origin + exact * direction;
+    let texel = plane.texel * select(shown.depth, 1.0, plane.is_parallel != 0u);
+    let slope = 1.0 / max(abs(dot(shown.face_normal, plane.forward)), 0.05);
+    let is_near = distance(place_in(plane, position), at) <= MAX_IMAGE_MISS;
+    let is_deep = abs(depth_in(plane, position) - shown.depth) > 2.0 * MAX_IMAGE_MISS * texel * slope;
+    if !is_near || is_deep {
+        return no_hit();
+    }
+    return image_hit(direction, position, shown);
+}
+
+// The receiver that a photon meets.
+fn landing_in_images(origin: vec3f, direction: vec3f) -> Hit {
+    var nearest = no_hit();
+    for (var k = 0u; k < image_planes[0].receivers; k++) {
+        let hit = search_image(RECEIVERS + k, origin, direction, ANY_OBJECT);
+        if hit.object != NO_OBJECT
+            && (nearest.object == NO_OBJECT || distance(hit.position, origin) < distance(nearest.position, origin)) {
+            nearest = hit;
+        }
+    }
+    return nearest;
+}
