@@ -360,7 +360,7 @@ impl Engine {
         let Some(sum) = prepared.sum.as_ref().filter(|_| self.options.overlay != Overlay::None) else {
             return Ok(Vec::new());
         };
-        if self.options.overlay == Overlay::Samples {
+        if matches!(self.options.overlay, Overlay::Samples | Overlay::Photons) {
             let dots = self.marker(prepared).dots(&sum.statistics().positions);
             return Ok(dots.into_iter().map(Mark::Dot).collect());
         }

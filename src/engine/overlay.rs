@@ -83,11 +83,11 @@ impl Marker<'_> {
         positions.par_iter().filter_map(|position| self.visible(*position)).collect()
     }
 
-    /// The marks of an overlay other than [`Overlay::Samples`].
+    /// The marks of an overlay of samples and the surface around them.
     pub fn marks(&self, overlay: Overlay, samples: &[DifferentialSample]) -> Vec<Mark> {
         let seen = samples.par_iter().filter(|sample| self.visible(sample.cell.centroid).is_some());
         match overlay {
-            Overlay::None => Vec::new(),
+            Overlay::None | Overlay::Photons => Vec::new(),
             Overlay::Samples => seen.filter_map(|s| Some(Mark::Dot(self.visible(s.position)?))).collect(),
             Overlay::Normals => seen.filter_map(|sample| self.normal(sample)).collect(),
             Overlay::Curvature => seen.flat_map_iter(|sample| self.curvature(sample).into_iter().flatten()).collect(),

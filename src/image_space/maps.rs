@@ -56,7 +56,10 @@ pub struct MapInputs<'a> {
 }
 
 /// A light's view, and the photons from it.
-type Emitted = (LightView, Vec<PhotonGrid>);
+pub type Emitted = (LightView, Vec<PhotonGrid>);
+
+/// A few photons of a light.
+pub type FewPhotons = Vec<Emitted>;
 
 /// Finished maps.
 #[derive(Debug)]
@@ -73,30 +76,43 @@ pub struct Maps {
     pub photons_used: u64,
     /// How many lights sent them.
     pub lights_used: usize,
+    /// Where some of them met receivers, metres.
+    pub places: Vec<Vec3>,
+}
+
+/// How many places of photons are kept at most.
+const PLACES: usize = 4096;
+
+/// Where photons landed, evenly chosen if there are many.
+pub(super) fn places_of(few: &[FewPhotons]) -> Vec<Vec3> {
+    let landed = || few.iter().flatten().flat_map(|(_, grids)| grids).flat_map(|grid| &grid.photons);
+    let step = landed().count().div_ceil(PLACES).max(1);
+    landed().step_by(step).map(|photon| photon.position).collect()
 }
 
 impl Maps {
     /// Sends photons and adds them to maps.
     pub fn new(inputs: &MapInputs, progress: &dyn Progress) -> Self {
         let mut maps = MapsBuilder::new(inputs, progress);
-        for light in inputs.lights {
+        for index in 0..inputs.lights.len() {
             if progress.is_cancelled() {
                 break;
             }
-            maps.add_light(light, progress);
+            maps.add_light(index, progress);
         }
         maps.finish()
     }
 
-    /// Finished maps of the camera and of lights, the account of their flux with the numbers of photons, and the number of lights.
+    /// Finished maps of the camera and of lights, the account of their flux with the numbers of photons, and a few photons of each light.
     #[cfg(feature = "gpu")]
     pub(super) fn of_parts(
         eye: Option<IrradianceMap>,
         lights: Vec<IrradianceMap>,
         (ledger, photons, photons_used): (Ledger, u64, u64),
-        lights_used: usize,
+        few: &[FewPhotons],
     ) -> Self {
-        Self { eye, lights, ledger, photons, photons_used, lights_used }
+        let (lights_used, places) = (few.len(), places_of(few));
+        Self { eye, lights, ledger, photons, photons_used, lights_used, places }
     }
 
     /// The light on a point of an object, on the side of a normal.
@@ -125,6 +141,7 @@ struct MapsBuilder<'a> {
     /// With the camera's map, one for each chain, along the mean direction in which its photons travel.
     shared: Vec<(Chain, MapBuilder<'a>)>,
     finished: Vec<IrradianceMap>,
+    few: Vec<FewPhotons>,
     ledger: Ledger,
     photons: u64,
     used: u64,
@@ -140,15 +157,16 @@ impl<'a> MapsBuilder<'a> {
                 move |ray: Ray| tracer.camera_hit(ray).filter(|hit| objects[hit.object as usize].receiver.is_some());
             inputs.map(Projection::of_camera(camera, *size), receiver)
         });
-        let shared = if eye.is_some() { inputs.maps_of_chains(progress) } else { Vec::new() };
-        Self { inputs, eye, shared, finished: Vec::new(), ledger: Ledger::default(), photons: 0, used: 0 }
+        let few = inputs.few_photons(progress);
+        let shared = if eye.is_some() { inputs.maps_of_chains(&few) } else { Vec::new() };
+        Self { inputs, eye, shared, finished: Vec::new(), few, ledger: Ledger::default(), photons: 0, used: 0 }
     }
 
-    fn add_light(&mut self, light: &PhotonLight, progress: &dyn Progress) {
-        let inputs = self.inputs;
+    fn add_light(&mut self, index: usize, progress: &dyn Progress) {
+        let (inputs, light) = (self.inputs, &self.inputs.lights[index]);
         let lights = inputs.parts_of(light);
         // The map of a light shows all of its parts.
-        let own = if self.eye.is_some() { Vec::new() } else { inputs.maps_of_light(light, progress) };
+        let own = if self.eye.is_some() { Vec::new() } else { inputs.maps_of_light(light, &self.few[index]) };
         for light in &lights {
             match inputs.options.traversal {
                 Traversal::Dense => self.add_all_photons(light, &own, progress),
@@ -230,8 +248,8 @@ impl<'a> MapsBuilder<'a> {
         let lights: Vec<IrradianceMap> =
             shared.into_iter().map(|(_, map)| map.finish().0).chain(self.finished).collect();
         let (photons, photons_used) = (self.photons, self.used);
-        let lights_used = self.inputs.lights.len();
-        Maps { eye, lights, ledger: self.ledger, photons, photons_used, lights_used }
+        let (lights_used, places) = (self.inputs.lights.len(), places_of(&self.few));
+        Maps { eye, lights, ledger: self.ledger, photons, photons_used, lights_used, places }
     }
 }
 
@@ -312,8 +330,12 @@ impl<'a> MapInputs<'a> {
         ledger
     }
 
-    /// A few photons of a light, which tell where all of them will land.
-    fn few_photons(&self, light: &PhotonLight, progress: &dyn Progress) -> Vec<Emitted> {
+    /// A few photons of each light, which tell where all of them will land.
+    pub fn few_photons(&self, progress: &dyn Progress) -> Vec<FewPhotons> {
+        self.lights.iter().map(|light| self.few_of(light, progress)).collect()
+    }
+
+    fn few_of(&self, light: &PhotonLight, progress: &dyn Progress) -> FewPhotons {
         let views = light.views(self.casters, &self.bounds, FIRST_GRID).into_iter();
         let emitted = views.map(|view| {
             let grids = emit(&self.emission(&view), self.kinds, progress).0;
@@ -323,16 +345,16 @@ impl<'a> MapInputs<'a> {
     }
 
     /// Maps for what the camera does not see.
-    fn maps_of_chains(&self, progress: &dyn Progress) -> Vec<(Chain, MapBuilder<'a>)> {
+    fn maps_of_chains(&self, few: &[FewPhotons]) -> Vec<(Chain, MapBuilder<'a>)> {
         let tracer = self.receivers;
         let map = |(chain, projection)| (chain, self.map(projection, move |ray: Ray| tracer.secondary_hit(ray)));
-        self.projections_of_chains(progress).into_iter().map(map).collect()
+        self.projections_of_chains(few).into_iter().map(map).collect()
     }
 
     /// Views of receivers for what the camera does not see: one for each chain, along the mean direction of its photons, in which few
     /// receivers hide others that they reach.
-    pub fn projections_of_chains(&self, progress: &dyn Progress) -> Vec<(Chain, Projection)> {
-        let few: Vec<Emitted> = self.lights.iter().flat_map(|light| self.few_photons(light, progress)).collect();
+    pub fn projections_of_chains(&self, few: &[FewPhotons]) -> Vec<(Chain, Projection)> {
+        let few: Vec<&Emitted> = few.iter().flatten().collect();
         let of_chain = |chain: Chain| {
             let kinds = self.kinds.iter().enumerate().filter(|(_, kind)| kind.chain == chain).map(|(k, _)| k);
             let grids: Vec<&PhotonGrid> = kinds.flat_map(|k| few.iter().map(move |(_, grids)| &grids[k])).collect();
@@ -347,15 +369,14 @@ impl<'a> MapInputs<'a> {
         Chain::ALL.into_iter().filter_map(of_chain).collect()
     }
 
-    fn maps_of_light(&self, light: &PhotonLight, progress: &dyn Progress) -> Vec<MapBuilder<'a>> {
+    fn maps_of_light(&self, light: &PhotonLight, few: &FewPhotons) -> Vec<MapBuilder<'a>> {
         let tracer = self.receivers;
         let map = |projection| self.map(projection, move |ray: Ray| tracer.secondary_hit(ray));
-        self.projections_of_light(light, progress).into_iter().map(map).collect()
+        self.projections_of_light(light, few).into_iter().map(map).collect()
     }
 
     /// Views from a light around where its photons land: one, or six around a lamp that they surround.
-    pub fn projections_of_light(&self, light: &PhotonLight, progress: &dyn Progress) -> Vec<Projection> {
-        let emitted = self.few_photons(light, progress);
+    pub fn projections_of_light(&self, light: &PhotonLight, emitted: &FewPhotons) -> Vec<Projection> {
         let grids = || emitted.iter().flat_map(|(_, grids)| grids);
         let landed = || grids().flat_map(|grid| grid.photons.iter().map(|photon| photon.position));
         let Some((view, _)) = emitted.first().filter(|_| landed().next().is_some()) else { return Vec::new() };

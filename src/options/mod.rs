@@ -137,6 +137,8 @@ pub enum Overlay {
     Curvature,
     /// The cell that every sample stands for, as the rectangle of the same area moments.
     Cells,
+    /// A dot where each of some thousand photons meets a receiver; image-space techniques only, which have no samples for the others.
+    Photons,
 }
 
 /// How brightly radiance is displayed.
@@ -329,6 +331,7 @@ impl Options {
             let expected = format!("from 1×1 to {MAX_SIZE}×{MAX_SIZE} pixels");
             return Err(OptionError::OutOfRange { key: "size", value: format!("{width}×{height}"), expected });
         }
+        self.check_overlay()?;
         in_range("pixel_samples", self.pixel_samples, 1, 16)?;
         in_range("samples", self.samples, 1, MAX_SAMPLES)?;
         in_range("taps", self.taps, 1, MAX_TAPS)?;
@@ -345,6 +348,20 @@ impl Options {
         self.image_space.check()?;
         self.check_pictures()?;
         self.check_leaves()
+    }
+
+    fn check_overlay(&self) -> Result<(), OptionError> {
+        let (shows, remedies): (_, &'static [(&str, &str)]) = match (self.overlay, self.technique) {
+            (Overlay::Photons, Technique::Pinhole) => {
+                ("photons", &[("technique", "image-space"), ("overlay", "samples")])
+            }
+            (Overlay::Samples | Overlay::Normals | Overlay::Curvature | Overlay::Cells, Technique::ImageSpace) => {
+                ("samples", &[("technique", "pinhole"), ("overlay", "photons")])
+            }
+            _ => return Ok(()),
+        };
+        let reason = format!("shows {shows}, of which the technique {} has none", self.technique);
+        Err(OptionError::Conflict { key: "overlay", reason, remedies })
     }
 
     fn check_pictures(&self) -> Result<(), OptionError> {

@@ -123,7 +123,7 @@ async fn sum(
     let maps = maps(&inputs, (backend, prepared), &Uncounted(progress)).await?;
     let statistics = Statistics {
         samples: 0,
-        positions: Arc::default(),
+        positions: Arc::new(maps.places.clone()),
         evaluation: None,
         filter: None,
         photons: Some(super::PhotonStatistics {

@@ -197,7 +197,7 @@ pub(crate) trait SumOnGpu {
 pub(crate) struct Statistics {
     /// Samples in use.
     pub samples: usize,
-    /// Their positions.
+    /// Their positions or, of techniques that send photons, where some of these met receivers.
     pub positions: Arc<Vec<Vec3>>,
     /// How the samples are summed; `None` without samples.
     pub evaluation: Option<Evaluation>,

@@ -3,15 +3,16 @@
 use std::f64::consts::{PI, TAU};
 
 use glam::Vec3;
+use pinspot::blocking::wait;
 use pinspot::image::{Aov, Image, rel_l2};
 use pinspot::reference::{self, Estimator, Reference, StoppingCriterion};
 use pinspot::scene::{Chain, Emitter, Scene, load};
 use pinspot::{
-    BackendChoice, CubeSize, Error, Hits, ImageSpaceOptions, Loss, MapView, Mode, NoProgress, Options, Rendered,
-    Settings, Technique, Traversal,
+    BackendChoice, CubeSize, Error, Hits, ImageSpaceOptions, Loss, MapView, Mark, Mode, NoProgress, Options, Overlay,
+    Rendered, Settings, Technique, Traversal,
 };
 
-use crate::support::{above_floor as scene, render, transmittance};
+use crate::support::{above_floor as scene, new_engine, render, render_again, transmittance};
 
 /// A lamp without extent above the middle.
 const LAMP: &str = "[[light]]\nposition = [0, 3, 0]\nintensity = [9, 18, 27]\n";
@@ -332,6 +333,24 @@ fn sums_are_the_same_bits_every_time() {
     }
 }
 
+/// The overlay shows where photons land: on the floor inside and beside the ring, where the caustic is.
+#[test]
+fn photons_can_be_shown() {
+    let (ring, _) = pinspot::load("ring").unwrap();
+    let shown = options(Mode::Points, 128).with_overlay(Overlay::Photons).with_aovs(vec![Aov::Beauty, Aov::Caustic]);
+    let mut engine = new_engine(ring, shown, &BackendChoice::Cpu).unwrap();
+    let caustic = render_again(&mut engine).unwrap().layer(Aov::Caustic).unwrap().clone();
+    let marks = wait(None, engine.marks(&NoProgress)).unwrap();
+    let bright = marks.iter().filter(|mark| {
+        let Mark::Dot(at) = mark else { panic!("{mark:?}") };
+        let around = |k: u32| (at.x as u32 + k % 3).saturating_sub(1) + 128 * (at.y as u32 + k / 3).saturating_sub(1);
+        (0..9).any(|k| caustic.pixels.get(around(k) as usize).is_some_and(|pixel| pixel.x > 0.0))
+    });
+    let bright = bright.count();
+    println!("{bright} of {}", marks.len());
+    assert!(marks.len() > 200 && bright * 100 > marks.len() * 95, "{bright} of {}", marks.len());
+}
+
 /// What the technique does not know is refused with a reason.
 #[test]
 fn scenes_that_it_does_not_know_are_refused() {
@@ -361,6 +380,7 @@ fn scenes_that_it_does_not_know_are_refused() {
         options.image_space.photons = 600;
     };
     assert!(refused("ring", clusters).contains("power of two"));
+    assert!(refused("ring", |_, options| options.overlay = Overlay::Cells).contains("photons"));
     let polygons = |_: &mut Scene, options: &mut Options| {
         options.image_space.traversal = Traversal::MaximalLevel;
         options.image_space.mode = Mode::ExactPolygons;

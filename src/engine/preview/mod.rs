@@ -267,7 +267,11 @@ impl Engine {
         let marks = if sum.is_some() && options.overlay != Overlay::None {
             let size = UVec2::from_array(self.options.size).as_vec2();
             let samples = self.preview.technique.1.surface_samples(&inputs)?;
-            Marker { scene: &self.scene, tracer: &scene.camera, size }.marks(options.overlay, &samples)
+            let marker = Marker { scene: &self.scene, tracer: &scene.camera, size };
+            match statistics.filter(|_| options.overlay == Overlay::Photons) {
+                Some(statistics) => marker.dots(&statistics.positions).into_iter().map(Mark::Dot).collect(),
+                None => marker.marks(options.overlay, &samples),
+            }
         } else {
             Vec::new()
         };

@@ -21,8 +21,8 @@ use self::map::MapOnGpu;
 use self::passes::Passes;
 use super::caustic_map::IrradianceMap;
 use super::ledger::Ledger;
-use super::lights::{LightView, PhotonLight};
-use super::maps::{MapInputs, Maps};
+use super::lights::LightView;
+use super::maps::{FewPhotons, MapInputs, Maps};
 use super::options::MapView;
 use super::projection::Projection;
 use crate::Error;
@@ -52,11 +52,12 @@ pub(crate) struct Device<'a> {
 /// A map does not fit in the adapter's buffers, the device is lost, or its rays are ended early.
 pub(crate) async fn maps(device: Device<'_>, inputs: &MapInputs<'_>, progress: &dyn Progress) -> Result<Maps, Error> {
     let passes = Passes::new(device, inputs)?;
-    let mut maps =
-        MapsOnGpu { device, inputs, passes, eye: None, shared: Vec::new(), finished: Vec::new(), photons: 0 };
-    maps.begin(progress)?;
-    for light in inputs.lights {
-        maps.add_light(light, progress).await?;
+    let few = inputs.few_photons(progress);
+    let (shared, finished) = (Vec::new(), Vec::new());
+    let mut maps = MapsOnGpu { device, inputs, passes, few, eye: None, shared, finished, photons: 0 };
+    maps.begin()?;
+    for index in 0..inputs.lights.len() {
+        maps.add_light(index, progress).await?;
     }
     maps.finish().await
 }
@@ -66,6 +67,7 @@ struct MapsOnGpu<'a> {
     device: Device<'a>,
     inputs: &'a MapInputs<'a>,
     passes: Passes<'a>,
+    few: Vec<FewPhotons>,
     eye: Option<MapOnGpu>,
     /// With the camera's map, one for each chain.
     shared: Vec<(Chain, MapOnGpu)>,
@@ -74,13 +76,13 @@ struct MapsOnGpu<'a> {
 }
 
 impl MapsOnGpu<'_> {
-    fn begin(&mut self, progress: &dyn Progress) -> Result<(), Error> {
+    fn begin(&mut self) -> Result<(), Error> {
         if self.inputs.options.caustic_map == MapView::Light {
             return Ok(());
         }
         let (camera, size) = &self.inputs.view;
         self.eye = Some(self.map(Projection::of_camera(camera, *size), true)?);
-        for (chain, projection) in self.inputs.projections_of_chains(progress) {
+        for (chain, projection) in self.inputs.projections_of_chains(&self.few) {
             let map = self.map(projection, false)?;
             self.shared.push((chain, map));
         }
@@ -93,11 +95,11 @@ impl MapsOnGpu<'_> {
         Ok(map)
     }
 
-    async fn add_light(&mut self, light: &PhotonLight, progress: &dyn Progress) -> Result<(), Error> {
-        let inputs = self.inputs;
+    async fn add_light(&mut self, index: usize, progress: &dyn Progress) -> Result<(), Error> {
+        let (inputs, light) = (self.inputs, &self.inputs.lights[index]);
         let mut own = Vec::new();
         if self.eye.is_none() {
-            for projection in inputs.projections_of_light(light, progress) {
+            for projection in inputs.projections_of_light(light, &self.few[index]) {
                 own.push(self.map(projection, false)?);
             }
         }
@@ -143,7 +145,7 @@ impl MapsOnGpu<'_> {
     }
 
     async fn finish(self) -> Result<Maps, Error> {
-        let Self { device, inputs, passes, eye, shared, finished, photons } = self;
+        let Self { device, inputs, passes, few, eye, shared, finished, photons } = self;
         let (mut ledger, photons_used) = passes.ledger().await?;
         let mode = inputs.options.mode;
         let mut lights = Vec::new();
@@ -163,7 +165,7 @@ impl MapsOnGpu<'_> {
             lights.push(map);
         }
         device.gpu.check()?;
-        Ok(Maps::of_parts(eye, lights, (ledger, photons, photons_used), inputs.lights.len()))
+        Ok(Maps::of_parts(eye, lights, (ledger, photons, photons_used), &few))
     }
 }
 

@@ -62,6 +62,7 @@ pub(super) const OVERLAYS: &[(Overlay, &str)] = &[
     (Overlay::Normals, "normals"),
     (Overlay::Curvature, "curvature"),
     (Overlay::Cells, "cells"),
+    (Overlay::Photons, "photons"),
 ];
 /// Numbers of leaves; 0: as many as fit, up to 64.
 const LEAVES: &[(u32, &str)] = &[(0, "auto"), (1, "1"), (4, "4"), (16, "16"), (64, "64"), (256, "256"), (1024, "1024")];
@@ -103,7 +104,16 @@ impl Viewer {
         is_edited |= exposure(ui, options, original, self.picture.as_ref().and_then(|picture| picture.exposures));
         let (tone_map, reset) = (&mut options.display.tone_map, original.display.tone_map);
         is_edited |= choice(ui, "Tone map", tone_map, reset, TONE_MAPS);
-        is_edited |= choice(ui, "Overlay", &mut options.overlay, original.overlay, OVERLAYS);
+        // Each technique has its own.
+        let is_known = |(overlay, _): &&(Overlay, &str)| match options.technique {
+            Technique::ImageSpace => matches!(overlay, Overlay::None | Overlay::Photons),
+            Technique::Pinhole => *overlay != Overlay::Photons,
+        };
+        let known: Vec<_> = OVERLAYS.iter().filter(is_known).copied().collect();
+        if !known.iter().any(|(overlay, _)| *overlay == options.overlay) {
+            options.overlay = Overlay::None;
+        }
+        is_edited |= choice(ui, "Overlay", &mut options.overlay, original.overlay, &known);
         is_edited |= switch(ui, "Shapes only", &mut options.plain_diffuse, original.plain_diffuse);
         is_edited
     }
