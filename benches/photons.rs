@@ -82,6 +82,8 @@ fn table(backend: &Backend, photons: u32) {
 fn main() {
     let backends = [BackendChoice::Cpu, BackendChoice::Gpu(None)];
     for backend in backends.iter().filter_map(|choice| wait(None, Backend::open(choice)).ok()) {
-        PHOTONS.into_iter().for_each(|photons| table(&backend, photons));
+        for photons in PHOTONS {
+            table(&backend, photons);
+        }
     }
 }

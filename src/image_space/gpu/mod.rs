@@ -51,7 +51,7 @@ pub(crate) struct Device<'a> {
 /// # Errors
 /// A map does not fit in the adapter's buffers, the device is lost, or its rays are ended early.
 pub(crate) async fn maps(device: Device<'_>, inputs: &MapInputs<'_>, progress: &dyn Progress) -> Result<Maps, Error> {
-    let passes = Passes::new(device, inputs)?;
+    let passes = Passes::new(device, inputs);
     let few = inputs.few_photons(progress);
     let (shared, finished) = (Vec::new(), Vec::new());
     let mut maps = MapsOnGpu { device, inputs, passes, few, eye: None, shared, finished, photons: 0 };

@@ -47,7 +47,7 @@ pub(super) struct Passes<'a> {
 }
 
 impl<'a> Passes<'a> {
-    pub fn new(device: Device<'a>, inputs: &'a MapInputs<'a>) -> Result<Self, GpuError> {
+    pub fn new(device: Device<'a>, inputs: &'a MapInputs<'a>) -> Self {
         let on = &device.gpu.device;
         let mode = inputs.options.mode;
         // Views of cubes have borders.
@@ -72,7 +72,7 @@ impl<'a> Passes<'a> {
         let reflectances = storage_buffer(on, "reflectances", bytemuck::cast_slice(&reflectances));
         let sobol_vectors = storage_buffer(on, "Sobol vectors", bytemuck::bytes_of(&sobol_vectors()));
         let pipelines = device.pipelines;
-        Ok(Self {
+        Self {
             of_surfaces: bind(on, &pipelines.of_surfaces, &[surfaces.as_entire_binding()]),
             nothing: bind(on, &pipelines.nothing, &[]),
             geometry: device.geometry.bind(on, &pipelines.geometry),
@@ -84,7 +84,7 @@ impl<'a> Passes<'a> {
             surfaces,
             reflectances,
             sobol_vectors,
-        })
+        }
     }
 
     /// Uploads a light.
