@@ -380,7 +380,7 @@ fn scenes_that_it_does_not_know_are_refused() {
         options.image_space.photons = 600;
     };
     assert!(refused("ring", clusters).contains("power of two"));
-    assert!(refused("ring", |_, options| options.overlay = Overlay::Cells).contains("photons"));
+    assert!(refused("ring", |_, options| options.overlay = Overlay::Cells).contains("shows samples"));
     let polygons = |_: &mut Scene, options: &mut Options| {
         options.image_space.traversal = Traversal::MaximalLevel;
         options.image_space.mode = Mode::ExactPolygons;
