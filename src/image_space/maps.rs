@@ -33,6 +33,8 @@ pub struct MapInputs<'a> {
     pub surroundings: Surroundings<'a>,
     /// The receivers alone.
     pub receivers: &'a Tracer,
+    /// Their vertices.
+    pub receiver_points: &'a [Vec3],
     /// The closed objects alone that are refracted twice, for images of them.
     pub solids: &'a Tracer,
     /// Vertices of what casts caustics.
@@ -304,13 +306,12 @@ impl<'a> MapInputs<'a> {
 
     /// Planes of images in which a light sees the receivers: one, or six around a lamp between them, all of one size.
     pub fn receiver_planes(&self, view: &LightView, size: u32) -> Vec<Projection> {
-        let receivers = self.surroundings.objects.iter().filter(|object| object.receiver.is_some());
-        let corners: Vec<Vec3> = receivers.flat_map(|object| object.mesh_in_world().positions().to_vec()).collect();
+        let points = || self.receiver_points.iter().copied();
         match &view.light {
             PhotonLight::Directional { towards, .. } => {
-                vec![Projection::parallel(-*towards, corners.iter().copied(), &self.bounds, size)]
+                vec![Projection::parallel(-*towards, points(), &self.bounds, size)]
             }
-            PhotonLight::Lamp(lamp) => Projection::central(lamp.position, corners.iter().copied(), size)
+            PhotonLight::Lamp(lamp) => Projection::central(lamp.position, points(), size)
                 .map_or_else(|| Projection::cube(lamp.position, size, 0).to_vec(), |view| vec![view]),
         }
     }

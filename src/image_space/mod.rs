@@ -6,6 +6,8 @@
 //!                   lamps ─────┴► lights ─► views ─► emission ─► photons ─► splats, polygons, layers ─► caustic map ─► irradiance
 //! ```
 //!
+//! Photons find what they meet by rays or in images of what a light sees (`surface_images`). `gpu` does the same on a device.
+//!
 //! Irradiance is flux over area. All flux is accounted for in a [`Ledger`]. Maps are sums in fixed point: the same bits every time. This module
 //! must not know pinhole samples, pictures or files.
 

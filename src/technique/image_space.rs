@@ -100,6 +100,8 @@ async fn sum(
     let casters: Vec<Vec3> = casting().flat_map(Mesh::positions).copied().collect();
     let triangles: Vec<[Vec3; 3]> =
         casting().flat_map(|mesh| (0..mesh.triangles().len()).map(|k| mesh.corners(k))).collect();
+    let receiver_points: Vec<Vec3> =
+        of(|object| object.receiver.is_some()).flat_map(Mesh::positions).copied().collect();
     let bounds = Bounds::around(of(|object| object.emitter.is_none()).flat_map(Mesh::positions).copied());
     let is_solid = |object: &Object| object.casts(Chain::TT) && image_space.hits != Hits::Traced;
     let solids = alone(&meshes, &scene.objects, is_solid);
@@ -109,6 +111,7 @@ async fn sum(
     let inputs = MapInputs {
         surroundings: Surroundings { tracer, objects: &scene.objects, mirrors: &materials.mirrors },
         receivers,
+        receiver_points: &receiver_points,
         solids: &solids,
         casters: &casters,
         triangles: &triangles,

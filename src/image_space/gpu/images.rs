@@ -9,10 +9,9 @@ use crate::gpu::{GpuError, buffer_with};
 use crate::image_space::lights::LightView;
 use crate::image_space::maps::MapInputs;
 use crate::image_space::projection::Projection;
-use crate::pinhole::gpu::hierarchical::DYNAMIC_OFFSET;
 use crate::pinhole::gpu::pipeline::{bind, entry, layout, seen_by, storage, texture, window};
 use crate::pinhole::gpu::shaders::SURFACE_IMAGES;
-use crate::pinhole::gpu::{Geometry, ray_entries, storage_buffer};
+use crate::pinhole::gpu::{DYNAMIC_OFFSET, Geometry, ray_entries, storage_buffer};
 
 /// Normals with depths, and packed normals, objects and sides.
 const FORMATS: [TextureFormat; 2] = [TextureFormat::Rgba32Float, TextureFormat::Rgba32Uint];
@@ -92,57 +91,50 @@ impl ImagePipelines {
     }
 }
 
-/// Images of a view.
-pub(super) struct ImagesOnGpu {
-    pub group: wgpu::BindGroup,
+/// What is bound where photons are traced.
+pub(super) fn no_images(device: &wgpu::Device, pipelines: &ImagePipelines) -> wgpu::BindGroup {
+    let [view, receivers] = [1, 1].map(|layers| textures(device, [1; 2], layers));
+    let planes = storage_buffer(device, "planes of images", bytemuck::bytes_of(&ImagePlaneUniforms::default()));
+    group(device, pipelines, &planes, [&view, &receivers])
 }
 
-impl ImagesOnGpu {
-    /// What is bound where photons are traced.
-    pub fn none(device: &wgpu::Device, pipelines: &ImagePipelines) -> Self {
-        let [view, receivers] = [1, 1].map(|layers| textures(device, [1; 2], layers));
-        let planes = storage_buffer(device, "planes of images", bytemuck::bytes_of(&ImagePlaneUniforms::default()));
-        Self { group: group(device, pipelines, &planes, [&view, &receivers]) }
+/// Draws images of a view. Submits.
+///
+/// # Errors
+/// They are larger than the device's textures.
+pub(super) fn draw_images(
+    device: Device,
+    pipelines: &ImagePipelines,
+    inputs: &MapInputs,
+    (view, size): (&LightView, u32),
+    surfaces: &wgpu::Buffer,
+) -> Result<wgpu::BindGroup, GpuError> {
+    let on = &device.gpu.device;
+    let limit = on.limits().max_texture_dimension_2d;
+    if 2 * size > limit {
+        return Err(GpuError::TextureTooLarge { what: "the image of a light's view", size: 2 * size, limit });
     }
-
-    /// Draws those of a view. Submits.
-    ///
-    /// # Errors
-    /// They are larger than the device's textures.
-    pub fn new(
-        device: Device,
-        pipelines: &ImagePipelines,
-        inputs: &MapInputs,
-        (view, size): (&LightView, u32),
-        surfaces: &wgpu::Buffer,
-    ) -> Result<Self, GpuError> {
-        let on = &device.gpu.device;
-        let limit = on.limits().max_texture_dimension_2d;
-        if 2 * size > limit {
-            return Err(GpuError::TextureTooLarge { what: "the image of a light's view", size: 2 * size, limit });
-        }
-        let plane = view.projection.resized(size);
-        let of_receivers = inputs.receiver_planes(view, size);
-        let in_view = textures(on, [2 * size, size], 1);
-        let receivers = textures(on, [size; 2], of_receivers.len() as u32);
-        let draws = Draws { device, pipelines, inputs, surfaces };
-        let mut encoder = on.create_command_encoder(&Default::default());
-        draws.draw(&mut encoder, &plane, (&in_view, 0), true);
-        for (layer, plane) in (0..).zip(&of_receivers) {
-            draws.draw(&mut encoder, plane, (&receivers, layer), false);
-        }
-        device.gpu.queue.submit([encoder.finish()]);
-        let uniforms = |plane: &Projection| ImagePlaneUniforms {
-            plane: plane.into(),
-            size,
-            receivers: of_receivers.len() as u32,
-            diagonal: inputs.bounds.diagonal() as f32,
-            padding: 0,
-        };
-        let planes: Vec<ImagePlaneUniforms> = std::iter::once(&plane).chain(&of_receivers).map(uniforms).collect();
-        let planes = storage_buffer(on, "planes of images", bytemuck::cast_slice(&planes));
-        Ok(Self { group: group(on, pipelines, &planes, [&in_view, &receivers]) })
+    let plane = view.projection.resized(size);
+    let of_receivers = inputs.receiver_planes(view, size);
+    let in_view = textures(on, [2 * size, size], 1);
+    let receivers = textures(on, [size; 2], of_receivers.len() as u32);
+    let draws = Draws { device, pipelines, inputs, surfaces };
+    let mut encoder = on.create_command_encoder(&Default::default());
+    draws.draw(&mut encoder, &plane, (&in_view, 0), true);
+    for (layer, plane) in (0..).zip(&of_receivers) {
+        draws.draw(&mut encoder, plane, (&receivers, layer), false);
     }
+    device.gpu.queue.submit([encoder.finish()]);
+    let uniforms = |plane: &Projection| ImagePlaneUniforms {
+        plane: plane.into(),
+        size,
+        receivers: of_receivers.len() as u32,
+        diagonal: inputs.bounds.diagonal() as f32,
+        padding: 0,
+    };
+    let planes: Vec<ImagePlaneUniforms> = std::iter::once(&plane).chain(&of_receivers).map(uniforms).collect();
+    let planes = storage_buffer(on, "planes of images", bytemuck::cast_slice(&planes));
+    Ok(group(on, pipelines, &planes, [&in_view, &receivers]))
 }
 
 /// Normals with depths, and packed surfaces.

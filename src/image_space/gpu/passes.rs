@@ -3,7 +3,7 @@
 use sobol_burley::parts::sobol_rev;
 use wgpu::{BufferUsages, CommandEncoder};
 
-use super::images::ImagesOnGpu;
+use super::images::{draw_images, no_images};
 use super::layout::{
     GpuSurface, MapUniforms, PHOTON_BYTES, Strip, ViewUniforms, chain_constant, channels, mode_constant,
 };
@@ -43,6 +43,7 @@ pub(super) struct Passes<'a> {
     sobol_vectors: wgpu::Buffer,
     of_surfaces: wgpu::BindGroup,
     nothing: wgpu::BindGroup,
+    no_images: wgpu::BindGroup,
     geometry: wgpu::BindGroup,
 }
 
@@ -75,6 +76,7 @@ impl<'a> Passes<'a> {
         Self {
             of_surfaces: bind(on, &pipelines.of_surfaces, &[surfaces.as_entire_binding()]),
             nothing: bind(on, &pipelines.nothing, &[]),
+            no_images: no_images(on, &pipelines.images),
             geometry: device.geometry.bind(on, &pipelines.geometry),
             device,
             inputs,
@@ -104,11 +106,11 @@ impl<'a> Passes<'a> {
     }
 
     /// Images of what a view shows, unless photons are traced.
-    pub fn images(&self, view: &LightView) -> Result<ImagesOnGpu, GpuError> {
+    pub fn images(&self, view: &LightView) -> Result<wgpu::BindGroup, GpuError> {
         let pipelines = &self.device.pipelines.images;
         match self.inputs.options.hits.image_size(view.projection.size[0]) {
-            None => Ok(ImagesOnGpu::none(&self.device.gpu.device, pipelines)),
-            Some(size) => ImagesOnGpu::new(self.device, pipelines, self.inputs, (view, size), &self.surfaces),
+            None => Ok(self.no_images.clone()),
+            Some(size) => draw_images(self.device, pipelines, self.inputs, (view, size), &self.surfaces),
         }
     }
 
@@ -116,7 +118,7 @@ impl<'a> Passes<'a> {
     pub fn emit(
         &self,
         encoder: &mut CommandEncoder,
-        (view, light, images): (&LightView, &LightOnGpu, &ImagesOnGpu),
+        (view, light, images): (&LightView, &LightOnGpu, &wgpu::BindGroup),
         kind: Kind,
         strip: Strip,
     ) {
@@ -150,7 +152,7 @@ impl<'a> Passes<'a> {
         let pipelines = self.device.pipelines;
         let is_traced = self.inputs.options.hits == Hits::Traced;
         pass.set_pipeline(if is_traced { &pipelines.emit } else { &pipelines.emit_in_images });
-        self.set_groups(&mut pass, [&own, &light.group, &images.group]);
+        self.set_groups(&mut pass, [&own, &light.group, images]);
         dispatch(&mut pass, [columns, strip.rows]);
     }
 

@@ -10,7 +10,7 @@ mod cache;
 mod environment;
 mod geometry;
 mod hardware_check;
-pub(crate) mod hierarchical;
+mod hierarchical;
 mod lamp;
 mod lit_environment;
 mod maps;
@@ -29,6 +29,7 @@ pub use environment::EnvironmentCube;
 pub use geometry::Geometry;
 pub(crate) use geometry::{MovingGeometry, ray_entries};
 pub use hardware_check::{HardwareVerdict, automatic_filter, check_hardware_filter};
+pub(crate) use hierarchical::DYNAMIC_OFFSET;
 pub use hierarchical::{
     CellTreeBuffers, HierarchicalEngine, HierarchicalFrame, HierarchicalInputs, HierarchicalOptions,
     LightBoundsBuilder, LightBoundsTexture, Tolerance, TreeLight,
