@@ -6,20 +6,12 @@
 #import hits
 #import image_hits
 #import photons
+#import plane
 #import sobol
 
 // A light's view, and the part of it that is emitted.
 struct PhotonView {
-    // The point that rays leave, or the origin of the plane that parallel rays leave.
-    origin: vec3f,
-    // The edge of a texel: metres of parallel views, tangents of central ones.
-    texel: f32,
-    right: vec3f,
-    low_x: f32,
-    down: vec3f,
-    low_y: f32,
-    forward: vec3f,
-    is_parallel: u32,
+    plane: Plane,
     // Of parallel views on a surface that faces the light, W/m²; of lamps where their beam is brightest, W/sr.
     power: vec3f,
     // Standard deviation of directional lights, radians, or radius of lamps, metres; 0: all light comes from the view's rays.
@@ -114,7 +106,7 @@ fn emit_photon(place: vec2u) {
                 if is_own && photon.object != NO_OBJECT {
                     add_to_account(LANDED, Steps(1u, 0u));
                 }
-                photon.inverse_before = select(1.0 / max(distance, 1e-30), 0.0, view.is_parallel != 0u);
+                photon.inverse_before = select(1.0 / max(distance, 1e-30), 0.0, view.plane.is_parallel != 0u);
                 if view.has_ways != 0u {
                     ways[index] = way;
                 }
@@ -132,24 +124,24 @@ fn account_if_own(entry: u32, flux: vec3f, is_own: bool) {
 
 // The ray of a photon, and its flux.
 fn flight_from_light(place: vec2u) -> Flight {
-    let at = vec2f(view.low_x, view.low_y) + view.texel * (vec2f(place) + 0.5);
-    let offset = at.x * view.right + at.y * view.down;
+    let at = on_plane_at(view.plane, vec2f(place) + 0.5);
+    let offset = at.x * view.plane.right + at.y * view.plane.down;
     let origin_in_light = disc_point(place);
-    if view.is_parallel != 0u {
-        let flux = view.power * view.texel * view.texel;
-        return directional(Flight(view.origin + offset, view.forward, flux, true), origin_in_light);
+    if view.plane.is_parallel != 0u {
+        let flux = view.power * view.plane.texel * view.plane.texel;
+        return directional(Flight(view.plane.origin + offset, view.plane.forward, flux, true), origin_in_light);
     }
-    let direction = normalize(view.forward + offset);
+    let direction = normalize(view.plane.forward + offset);
     var flux = view.power * beam_transmittance(view.lamp, direction) * solid_angle(at);
     if view.is_cube != 0u && max(abs(at.x), abs(at.y)) > 1.0 {
         flux = vec3f(0.0);
     }
     if view.extent == 0.0 {
-        return Flight(view.origin, direction, flux, true);
+        return Flight(view.plane.origin, direction, flux, true);
     }
     let frame = tangent_frame(direction);
-    let origin = view.origin + view.extent * (origin_in_light.x * frame.u + origin_in_light.y * frame.v);
-    let pivot = view.origin + max(view.pivot, 2.0 * view.extent) * direction;
+    let origin = view.plane.origin + view.extent * (origin_in_light.x * frame.u + origin_in_light.y * frame.v);
+    let pivot = view.plane.origin + max(view.pivot, 2.0 * view.extent) * direction;
     return Flight(origin, normalize(pivot - origin), flux, true);
 }
 
@@ -183,12 +175,12 @@ fn directional(central: Flight, place: vec2f) -> Flight {
 
 // The solid angle of a texel around a place, sr, by four points (Gauss–Legendre): differences of arctangents would lose all digits.
 fn solid_angle(at: vec2f) -> f32 {
-    let step = 0.28867513 * view.texel;
+    let step = 0.28867513 * view.plane.texel;
     let x2 = vec2f((at.x - step) * (at.x - step), (at.x + step) * (at.x + step));
     let y2 = vec2f((at.y - step) * (at.y - step), (at.y + step) * (at.y + step));
     let squared = 1.0 + vec4f(x2.x + y2.x, x2.y + y2.x, x2.x + y2.y, x2.y + y2.y);
     let density = 1.0 / (squared * sqrt(squared));
-    return 0.25 * view.texel * view.texel * (density.x + density.y + density.z + density.w);
+    return 0.25 * view.plane.texel * view.plane.texel * (density.x + density.y + density.z + density.w);
 }
 
 // What a photon meets by its ray; NO_OBJECT: nothing.

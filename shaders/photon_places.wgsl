@@ -30,11 +30,11 @@ fn find_receivers(@builtin(global_invocation_id) id: vec3u, @builtin(local_invoc
 }
 
 fn texel_edge(position: vec3f, normal: vec3f) -> f32 {
-    var direction = map.forward;
-    var area = map.texel * map.texel;
-    if map.is_parallel == 0u {
-        let offset = position - map.origin;
-        let depth = dot(offset, map.forward);
+    var direction = map.plane.forward;
+    var area = map.plane.texel * map.plane.texel;
+    if map.plane.is_parallel == 0u {
+        let offset = position - map.plane.origin;
+        let depth = dot(offset, map.plane.forward);
         // A plane across the view axis shows texel² · depth², which is seen at an angle.
         area *= depth * depth * (depth / length(offset));
         direction = normalize(offset);
@@ -44,11 +44,11 @@ fn texel_edge(position: vec3f, normal: vec3f) -> f32 {
 
 // The receiver that the ray through a place shows.
 fn receiver_at(at: vec2f) -> ShownReceiver {
-    let on_plane = vec2f(map.low_x, map.low_y) + map.texel * at;
-    let offset = on_plane.x * map.right + on_plane.y * map.down;
-    let is_parallel = map.is_parallel != 0u;
-    let origin = select(map.origin, map.origin + offset, is_parallel);
-    let direction = select(normalize(map.forward + offset), map.forward, is_parallel);
+    let on_plane = on_plane_at(map.plane, at);
+    let offset = on_plane.x * map.plane.right + on_plane.y * map.plane.down;
+    let is_parallel = map.plane.is_parallel != 0u;
+    let origin = select(map.plane.origin, map.plane.origin + offset, is_parallel);
+    let direction = select(normalize(map.plane.forward + offset), map.plane.forward, is_parallel);
     let is_camera = map.is_camera != 0u;
     let meets = select(MEETS_FOR_LIGHT, MEETS_FOR_CAMERA, is_camera);
     var start = select(ray_uniforms.offset, 0.0, is_camera);
@@ -82,9 +82,9 @@ fn place_photons(@builtin(global_invocation_id) id: vec3u, @builtin(local_invoca
 
 fn place_of(photon: Photon, is_own: bool) -> PhotonPlace {
     if photon.object == NO_OBJECT {
-        return PhotonPlace(vec2f(BEHIND_MAP), NO_PHOTON);
+        return PhotonPlace(vec2f(BEHIND_PLANE), NO_PHOTON);
     }
-    let at = projected(photon.position);
+    let at = projected(map.plane, photon.position);
     if !is_in_window(at) {
         return PhotonPlace(at, TEXEL_OFF_MAP);
     }

@@ -67,7 +67,7 @@ fn add_triangle(one: u32, other: u32, third: u32) {
     let a = places[one].at;
     let b = places[other].at;
     let c = places[third].at;
-    if min(a.x, min(b.x, c.x)) <= BEHIND_MAP {
+    if min(a.x, min(b.x, c.x)) <= BEHIND_PLANE {
         account_off_map(sum_of_channels(flux));
         return;
     }

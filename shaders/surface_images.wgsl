@@ -5,18 +5,11 @@
 #import constants
 #import rays
 #import photon_surface
+#import plane
 
 // A plane, and what is drawn into it.
 struct ImageDraw {
-    // As in `PhotonView`.
-    origin: vec3f,
-    texel: f32,
-    right: vec3f,
-    low_x: f32,
-    down: vec3f,
-    low_y: f32,
-    forward: vec3f,
-    is_parallel: u32,
+    plane: Plane,
     // Texels along an edge.
     size: f32,
     // Along the view axis, metres.
@@ -58,12 +51,12 @@ fn place(@builtin(vertex_index) vertex: u32, @builtin(instance_index) half: u32)
     let position = world_from_units(corners[vertex % 3u] - instance.translation, instance) / scale2;
     let face = normalize(world_from_units(cross(corners[1] - corners[0], corners[2] - corners[0]), instance));
     let normal = normalize(world_from_units(normals[vertex % 3u], instance));
-    let offset = position - drawn.origin;
-    let local = vec3f(dot(offset, drawn.right), dot(offset, drawn.down), dot(offset, drawn.forward));
-    let is_parallel = drawn.is_parallel != 0u;
+    let offset = position - drawn.plane.origin;
+    let local = vec3f(dot(offset, drawn.plane.right), dot(offset, drawn.plane.down), dot(offset, drawn.plane.forward));
+    let is_parallel = drawn.plane.is_parallel != 0u;
     let w = select(local.z, 1.0, is_parallel);
     // From −w to w across the window, y up.
-    let across = 2.0 * (local.xy - vec2f(drawn.low_x, drawn.low_y) * w) / (drawn.texel * drawn.size) - w;
+    let across = 2.0 * (local.xy - vec2f(drawn.plane.low_x, drawn.plane.low_y) * w) / (drawn.plane.texel * drawn.size) - w;
     let range = drawn.far - drawn.near;
     let z = select(drawn.far * (local.z - drawn.near) / range, (local.z - drawn.near) / range, is_parallel);
     var clip = vec4f(across.x, -across.y, z, w);
@@ -76,7 +69,7 @@ fn place(@builtin(vertex_index) vertex: u32, @builtin(instance_index) half: u32)
 
 @fragment
 fn show(corner: Corner) -> Shown {
-    let direction = select(normalize(corner.position - drawn.origin), drawn.forward, drawn.is_parallel != 0u);
+    let direction = select(normalize(corner.position - drawn.plane.origin), drawn.plane.forward, drawn.plane.is_parallel != 0u);
     let normal = normalize(corner.normal);
     let towards_normal = select(-corner.face_normal, corner.face_normal, dot(corner.face_normal, normal) >= 0.0);
     let is_front = dot(towards_normal, direction) <= 0.0;

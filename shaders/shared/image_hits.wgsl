@@ -1,19 +1,14 @@
 // How rays find surfaces in images of what a light sees. CPU twin: src/image_space/surface_images.rs.
 
 #import hits
+#import plane
 #import unit_vectors
 
-// As in `PhotonView`; then texels along an edge, and the number of images of receivers.
 struct ImagePlane {
-    origin: vec3f,
-    texel: f32,
-    right: vec3f,
-    low_x: f32,
-    down: vec3f,
-    low_y: f32,
-    forward: vec3f,
-    is_parallel: u32,
+    plane: Plane,
+    // Texels along an edge.
     size: u32,
+    // The number of images of receivers.
     receivers: u32,
     // From one end of the scene to the other, metres.
     diagonal: f32,
@@ -78,8 +73,8 @@ fn image_texel(image: u32, texel: vec2i, size: i32) -> ShownSurface {
 }
 
 // Depth and normals at a place, bilinear between the texels of the nearest one's surface.
-fn shown_at(image: u32, plane: ImagePlane, at: vec2f, wanted: u32) -> ShownSurface {
-    let size = i32(plane.size);
+fn shown_at(image: u32, image_plane: ImagePlane, at: vec2f, wanted: u32) -> ShownSurface {
+    let size = i32(image_plane.size);
     if any(at < vec2f(0.0)) || any(at >= vec2f(f32(size))) {
         return nothing_shown();
     }
@@ -113,26 +108,6 @@ fn shown_at(image: u32, plane: ImagePlane, at: vec2f, wanted: u32) -> ShownSurfa
     return sum;
 }
 
-fn depth_in(plane: ImagePlane, point: vec3f) -> f32 {
-    return dot(point - plane.origin, plane.forward);
-}
-
-// Where a point appears, in texels; far outside of the window behind the point that rays leave.
-fn place_in(plane: ImagePlane, point: vec3f) -> vec2f {
-    let offset = point - plane.origin;
-    let depth = select(dot(offset, plane.forward), 1.0, plane.is_parallel != 0u);
-    if depth <= 0.0 {
-        return vec2f(-1e9);
-    }
-    let across = vec2f(dot(offset, plane.right), dot(offset, plane.down));
-    return (across / depth - vec2f(plane.low_x, plane.low_y)) / plane.texel;
-}
-
-fn point_in(plane: ImagePlane, at: vec2f, depth: f32) -> vec3f {
-    let on_plane = (vec2f(plane.low_x, plane.low_y) + plane.texel * at) * select(depth, 1.0, plane.is_parallel != 0u);
-    return plane.origin + on_plane.x * plane.right + on_plane.y * plane.down + depth * plane.forward;
-}
-
 fn image_hit(direction: vec3f, position: vec3f, shown: ShownSurface) -> Hit {
     // Towards the ray's origin.
     let is_turned = dot(shown.face_normal, direction) > 0.0;
@@ -147,36 +122,37 @@ fn no_hit() -> Hit {
 
 // The surface in a texel of the view; the place is given as a part of its width and height.
 fn first_in_image(part: vec2f, direction: vec3f) -> Hit {
-    let plane = image_planes[0];
-    let at = part * f32(plane.size);
-    let shown = shown_at(FIRST_SURFACES, plane, at, ANY_OBJECT);
+    let image_plane = image_planes[0];
+    let at = part * f32(image_plane.size);
+    let shown = shown_at(FIRST_SURFACES, image_plane, at, ANY_OBJECT);
     if !shown.is_there {
         return no_hit();
     }
-    return image_hit(direction, point_in(plane, at, shown.depth), shown);
+    return image_hit(direction, point_at(image_plane.plane, at, shown.depth), shown);
 }
 
-fn gap_at(image: u32, plane: ImagePlane, origin: vec3f, direction: vec3f, distance: f32, wanted: u32) -> GapHit {
+fn gap_at(image: u32, image_plane: ImagePlane, origin: vec3f, direction: vec3f, distance: f32, wanted: u32) -> GapHit {
     let point = origin + distance * direction;
-    let shown = shown_at(image, plane, place_in(plane, point), wanted);
-    return GapHit(distance, depth_in(plane, point) - shown.depth, shown);
+    let shown = shown_at(image, image_plane, projected(image_plane.plane, point), wanted);
+    return GapHit(distance, depth_along(image_plane.plane, point) - shown.depth, shown);
 }
 
 // What a ray meets in an image of an object, or of any one. Outside of a closed object its ray has left it: the last place inside counts.
 fn search_image(image: u32, origin: vec3f, direction: vec3f, wanted: u32) -> Hit {
-    let plane = plane_of(image);
+    let image_plane = plane_of(image);
     let is_within = image == LAST_SURFACES;
-    let across = distance(place_in(plane, origin), place_in(plane, origin + plane.diagonal * direction));
+    let end = origin + image_plane.diagonal * direction;
+    let across = distance(projected(image_plane.plane, origin), projected(image_plane.plane, end));
     let count = ceil(clamp(across, MIN_IMAGE_STEPS, MAX_IMAGE_STEPS));
     var near = -1.0;
     for (var step = 0.0; step <= count; step += 1.0) {
-        let here = gap_at(image, plane, origin, direction, plane.diagonal * step / count, wanted);
+        let here = gap_at(image, image_plane, origin, direction, image_plane.diagonal * step / count, wanted);
         if here.shown.is_there && here.gap < 0.0 {
             near = here.distance;
         } else if here.shown.is_there || is_within {
             if near >= 0.0 {
-                let found = refined(image, plane, origin, direction, vec2f(near, here.distance), here, wanted);
-                let hit = on_plane(plane, origin, direction, found);
+                let found = refined(image, image_plane, origin, direction, vec2f(near, here.distance), here, wanted);
+                let hit = on_plane(image_plane, origin, direction, found);
                 if hit.object != NO_OBJECT {
                     return hit;
                 }
@@ -191,9 +167,9 @@ fn search_image(image: u32, origin: vec3f, direction: vec3f, wanted: u32) -> Hit
 
 // The place between two where a gap closes. Where nothing is shown at the far one, it lies beyond.
 fn refined(
-    image: u32, plane: ImagePlane, origin: vec3f, direction: vec3f, ends: vec2f, beyond: GapHit, wanted: u32,
+    image: u32, image_plane: ImagePlane, origin: vec3f, direction: vec3f, ends: vec2f, beyond: GapHit, wanted: u32,
 ) -> GapHit {
-    var near = gap_at(image, plane, origin, direction, ends.x, wanted);
+    var near = gap_at(image, image_plane, origin, direction, ends.x, wanted);
     var shown = near.shown;
     var far = ends.y;
     var far_gap = beyond.gap;
@@ -201,7 +177,7 @@ fn refined(
     for (var k = 0u; k < IMAGE_SEARCH_STEPS; k++) {
         // A secant step, kept off the ends so that the interval shrinks.
         let part = select(0.5, clamp(near.gap / (near.gap - far_gap), 0.1, 0.9), is_far_shown);
-        let middle = gap_at(image, plane, origin, direction, near.distance + part * (far - near.distance), wanted);
+        let middle = gap_at(image, image_plane, origin, direction, near.distance + part * (far - near.distance), wanted);
         if middle.shown.is_there {
             shown = middle.shown;
         }
@@ -218,18 +194,18 @@ fn refined(
 }
 
 // The place where a ray meets the plane of a surface that it is near, if that is not somewhere else.
-fn on_plane(plane: ImagePlane, origin: vec3f, direction: vec3f, found: GapHit) -> Hit {
+fn on_plane(image_plane: ImagePlane, origin: vec3f, direction: vec3f, found: GapHit) -> Hit {
     let shown = found.shown;
-    let at = place_in(plane, origin + found.distance * direction);
-    let point = point_in(plane, at, shown.depth);
+    let at = projected(image_plane.plane, origin + found.distance * direction);
+    let point = point_at(image_plane.plane, at, shown.depth);
     let facing = dot(direction, shown.face_normal);
     // Along surfaces, planes are met anywhere.
     let exact = select(found.distance, dot(point - origin, shown.face_normal) / facing, abs(facing) > 0.05);
     let position = origin + exact * direction;
-    let texel = plane.texel * select(shown.depth, 1.0, plane.is_parallel != 0u);
-    let slope = 1.0 / max(abs(dot(shown.face_normal, plane.forward)), 0.05);
-    let is_near = distance(place_in(plane, position), at) <= MAX_IMAGE_MISS;
-    let is_deep = abs(depth_in(plane, position) - shown.depth) > 2.0 * MAX_IMAGE_MISS * texel * slope;
+    let texel = image_plane.plane.texel * select(shown.depth, 1.0, image_plane.plane.is_parallel != 0u);
+    let slope = 1.0 / max(abs(dot(shown.face_normal, image_plane.plane.forward)), 0.05);
+    let is_near = distance(projected(image_plane.plane, position), at) <= MAX_IMAGE_MISS;
+    let is_deep = abs(depth_along(image_plane.plane, position) - shown.depth) > 2.0 * MAX_IMAGE_MISS * texel * slope;
     if !is_near || is_deep {
         return no_hit();
     }

@@ -2,18 +2,11 @@
 // src/image_space/gpu/layout.rs.
 
 #import photons
+#import plane
 
 // A map, and the photons that are added.
 struct PhotonMap {
-    // As in `PhotonView`.
-    origin: vec3f,
-    texel: f32,
-    right: vec3f,
-    low_x: f32,
-    down: vec3f,
-    low_y: f32,
-    forward: vec3f,
-    is_parallel: u32,
+    plane: Plane,
     size: vec2u,
     // What it shows is what the camera sees; otherwise the receivers alone.
     is_camera: u32,
@@ -82,20 +75,6 @@ fn is_in_window(at: vec2f) -> bool {
 
 fn texel_at(at: vec2f) -> u32 {
     return u32(at.y) * map.size.x + u32(at.x);
-}
-
-// Where points appear that lie behind the one that rays leave.
-const BEHIND_MAP: f32 = -1e9;
-
-// Where a point appears, in texels.
-fn projected(point: vec3f) -> vec2f {
-    let offset = point - map.origin;
-    let local = vec3f(dot(offset, map.right), dot(offset, map.down), dot(offset, map.forward));
-    let depth = select(local.z, 1.0, map.is_parallel != 0u);
-    if depth <= 0.0 {
-        return vec2f(BEHIND_MAP);
-    }
-    return (local.xy / depth - vec2f(map.low_x, map.low_y)) / map.texel;
 }
 
 // Whether a texel shows the receiver that a photon lands on, about as it is oriented there.

@@ -39,6 +39,6 @@ fn are_connected(column: i32, row: i32, dx: i32, dy: i32) -> bool {
     }
     let position = photons[one].position;
     // As all faces of a cube see it.
-    let texel = map.texel * select(distance(position, map.origin), 1.0, map.is_parallel != 0u);
+    let texel = map.plane.texel * select(distance(position, map.plane.origin), 1.0, map.plane.is_parallel != 0u);
     return longest < 0.0 || distance(position, photons[other].position) <= TEAR_STRETCH * longest + LEAST_TEAR * texel;
 }

@@ -127,6 +127,7 @@ const SHARED: &[Shader] = &[
     shader!("shared/photon_sheet"),
     shader!("shared/photon_surface"),
     shader!("shared/photons"),
+    shader!("shared/plane"),
     shader!("shared/point_visibility"),
     shader!("shared/preview"),
     shader!("shared/preview_gloss"),

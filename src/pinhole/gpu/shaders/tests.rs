@@ -165,8 +165,8 @@ fn rust_structs() -> BTreeMap<&'static str, Layout> {
         ("CellNode", layout!(CellNode { centroid_area, normal_e11, sides_curvature, curvature_bounds_links })),
         ("EmitterUniforms", layout!(EmitterUniforms { clip_from_mesh, number })),
         ("GatherUniforms", gather_uniforms()),
-        ("ImageDraw", image_draw()),
-        ("ImagePlane", image_plane()),
+        ("ImageDraw", layout!(DrawUniforms { plane, size, near, far, instance, has_halves })),
+        ("ImagePlane", layout!(ImagePlaneUniforms { plane, size, receivers, diagonal })),
         ("Hemisphere", layout!(PackedHemisphere { position, extent, normal, object_sides, texel_jitter })),
         (
             "Lamp",
@@ -201,6 +201,7 @@ fn rust_structs() -> BTreeMap<&'static str, Layout> {
             layout!(PreviewObject { albedo, flags, mirror_albedo, alpha, radiance, width, specular, kind }),
         ),
         ("PreviewUniforms", preview_uniforms()),
+        ("Plane", layout!(PlaneUniforms { origin, texel, right, low_x, down, low_y, forward, is_parallel })),
         ("Probe", layout!(GpuProbe { direction, side_1, side_2 })),
         ("RayUniforms", layout!(RayUniforms { node_count, offset })),
         ("SampleNode", sample_node()),
@@ -266,23 +267,9 @@ fn preview_uniforms() -> Layout {
     })
 }
 
-/// A projection at the beginning of a struct.
-fn plane() -> Vec<(String, u32)> {
-    layout!(PlaneUniforms { origin, texel, right, low_x, down, low_y, forward, is_parallel }).members
-}
-
-fn image_draw() -> Layout {
-    let rest = layout!(DrawUniforms { size, near, far, instance, has_halves });
-    Layout { members: [plane(), rest.members].concat(), ..rest }
-}
-
-fn image_plane() -> Layout {
-    let rest = layout!(ImagePlaneUniforms { size, receivers, diagonal });
-    Layout { members: [plane(), rest.members].concat(), ..rest }
-}
-
 fn photon_map() -> Layout {
-    let rest = layout!(PhotonMapUniforms {
+    layout!(PhotonMapUniforms {
+        plane,
         size,
         is_camera,
         has_directions,
@@ -296,17 +283,17 @@ fn photon_map() -> Layout {
         diameter,
         spacing,
         is_first,
-    });
-    Layout { members: [plane(), rest.members].concat(), ..rest }
+    })
 }
 
 fn photon_view() -> Layout {
-    let before = layout!(ViewUniforms { power, extent, lamp, channels, pivot, chain, channel, is_cube, columns });
+    let before =
+        layout!(ViewUniforms { plane, power, extent, lamp, channels, pivot, chain, channel, is_cube, columns });
     let first = offset_of!(ViewUniforms, strip) as u32;
     let strip = layout!(Strip { first_row, rows, first_own_row, own_rows }).members;
     let strip = strip.into_iter().map(|(name, offset)| (name, first + offset)).collect();
     let after = layout!(ViewUniforms { steps_per_watt, has_ways, seed, all_rows }).members;
-    Layout { members: [plane(), before.members, strip, after].concat(), ..before }
+    Layout { members: [before.members, strip, after].concat(), ..before }
 }
 
 fn pinhole_sample() -> Layout {
