@@ -40,6 +40,8 @@ struct PhotonView {
     seed: u32,
     // Rows of the view.
     all_rows: u32,
+    // The number of clusters; 0 where rows are emitted.
+    cluster_count: u32,
 }
 
 // Photons find what they meet in images of what the light sees; otherwise they are traced.
@@ -49,6 +51,8 @@ override IN_IMAGES: bool = false;
 @group(0) @binding(1) var<storage, read_write> photons: array<Photon>;
 @group(0) @binding(2) var<storage, read_write> ways: array<PhotonWay>;
 @group(0) @binding(3) var<storage, read_write> ledger: array<atomic<u32>>;
+// Clusters of 2×2 photons, by their columns and rows in 16 bits each.
+@group(0) @binding(4) var<storage, read> clusters: array<u32>;
 @group(1) @binding(0) var<storage, read> surfaces: array<PhotonSurface>;
 // Reflectance by the cosine of the angle of incidence, from 0 to 1, CURVE_POINTS for each curve.
 @group(1) @binding(1) var<storage, read> reflectances: array<vec4f>;
@@ -73,18 +77,34 @@ struct Division {
 
 @compute @workgroup_size(8, 8)
 fn emit(@builtin(global_invocation_id) id: vec3u, @builtin(local_invocation_index) local_index: u32) {
-    if id.x < view.columns && id.y < view.rows {
-        emit_photon(id.xy);
+    if view.cluster_count > 0u {
+        emit_of_cluster(id.y * CLUSTER_ROW + id.x);
+    } else if id.x < view.columns && id.y < view.rows {
+        let is_own = id.y >= view.first_own_row && id.y < view.first_own_row + view.own_rows;
+        emit_photon(id.y * view.columns + id.x, vec2u(id.x, view.first_row + id.y), is_own);
     }
     close_account(local_index);
 }
 
-fn emit_photon(place: vec2u) {
-    let index = place.y * view.columns + place.x;
-    var photon = Photon(vec3f(0.0), NO_OBJECT, vec3f(0.0), NO_OBJECT, 0u, 0u, 0.0, 0.0);
-    let is_own = place.y >= view.first_own_row && place.y < view.first_own_row + view.own_rows;
-    var flight = flight_from_light(vec2u(place.x, view.first_row + place.y));
-    let in_view = (vec2f(vec2u(place.x, view.first_row + place.y)) + 0.5) / vec2f(f32(view.columns), f32(view.all_rows));
+fn emit_of_cluster(index: u32) {
+    if index < 4u * view.cluster_count {
+        let cluster = clusters[index / 4u];
+        let texel = 2u * vec2u(cluster & 0xffffu, cluster >> 16u) + vec2u(index & 1u, index >> 1u & 1u);
+        emit_photon(index, texel, view.own_rows > 0u);
+    } else if index < CLUSTER_ROW * view.rows {
+        photons[index] = no_photon();
+    }
+}
+
+fn no_photon() -> Photon {
+    return Photon(vec3f(0.0), NO_OBJECT, vec3f(0.0), NO_OBJECT, 0u, 0u, 0.0, 0.0);
+}
+
+// Follows the photon of a texel of the view.
+fn emit_photon(index: u32, texel: vec2u, is_own: bool) {
+    var photon = no_photon();
+    var flight = flight_from_light(texel);
+    let in_view = (vec2f(texel) + 0.5) / vec2f(f32(view.columns), f32(view.all_rows));
     var start: Hit;
     if IN_IMAGES {
         start = first_in_image(in_view, flight.direction);
@@ -261,14 +281,13 @@ fn land(flight: Flight, is_own: bool) -> Photon {
     } else {
         hit = traced_hit(flight, is_own);
     }
-    let nothing = Photon(vec3f(0.0), NO_OBJECT, vec3f(0.0), NO_OBJECT, 0u, 0u, 0.0, 0.0);
     if hit.object == NO_OBJECT {
         account_if_own(MISSED, flight.flux, is_own);
-        return nothing;
+        return no_photon();
     }
     if (surfaces[hit.object].flags & RECEIVES_PHOTONS) == 0u {
         account_if_own(NOT_RECEIVED, flight.flux, is_own);
-        return nothing;
+        return no_photon();
     }
     let beyond = length(hit.position - flight.origin);
     let normal = packed_unit(hit.face_normal);

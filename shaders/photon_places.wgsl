@@ -3,9 +3,15 @@
 #import hits
 #import photon_map
 
+struct TexelRay {
+    origin: vec3f,
+    direction: vec3f,
+}
+
 // What a texel's ray shows.
 struct ShownReceiver {
     hit: Hit,
+    distance: f32,
     is_there: bool,
 }
 
@@ -14,19 +20,49 @@ struct ShownReceiver {
 // Through how many other surfaces maps of the receivers alone look at most.
 const MAX_OTHERS: u32 = 64u;
 
+// How many layers there are: the most that a ray meets, in the first of `counts`.
+@compute @workgroup_size(8, 8)
+fn count_layers(@builtin(global_invocation_id) id: vec3u, @builtin(local_invocation_index) local_index: u32) {
+    if all(id.xy < map.size) {
+        let ray = ray_at(vec2f(id.xy) + 0.5);
+        var layers = 0u;
+        var start = ray_uniforms.offset;
+        for (; layers < MAX_RECEIVER_LAYERS; layers++) {
+            let shown = next_receiver(ray, start);
+            if !shown.is_there {
+                break;
+            }
+            start = shown.distance + ray_uniforms.offset;
+        }
+        atomicMax(&counts[0], layers);
+    }
+    close_account(local_index);
+}
+
 @compute @workgroup_size(8, 8)
 fn find_receivers(@builtin(global_invocation_id) id: vec3u, @builtin(local_invocation_index) local_index: u32) {
     if all(id.xy < map.size) {
-        let index = id.y * map.size.x + id.x;
-        let shown = receiver_at(vec2f(id.xy) + 0.5);
-        texels[index] = MapTexel(vec3f(0.0), NO_OBJECT, vec3f(0.0), 0.0);
+        find_layers(id.xy);
+    }
+    close_account(local_index);
+}
+
+fn find_layers(place: vec2u) {
+    let first = place.y * map.size.x + place.x;
+    let ray = ray_at(vec2f(place) + 0.5);
+    var shown = first_receiver(ray);
+    for (var layer = 0u; layer < map.layers; layer++) {
+        let texel = first + layer * texel_count();
+        texels[texel] = MapTexel(vec3f(0.0), NO_OBJECT, vec3f(0.0), 0.0);
         if shown.is_there {
             let position = shown.hit.position;
             let normal = shown.hit.face_normal;
-            texels[index] = MapTexel(position, shown.hit.object, normal, texel_edge(position, normal));
+            texels[texel] = MapTexel(position, shown.hit.object, normal, texel_edge(position, normal));
+            if layer + 1u < map.layers {
+                shown = next_receiver(ray, shown.distance + ray_uniforms.offset);
+            }
         }
     }
-    close_account(local_index);
 }
 
 fn texel_edge(position: vec3f, normal: vec3f) -> f32 {
@@ -42,33 +78,55 @@ fn texel_edge(position: vec3f, normal: vec3f) -> f32 {
     return sqrt(area / max(abs(dot(normal, direction)), 1.2e-38));
 }
 
-// The receiver that the ray through a place shows.
-fn receiver_at(at: vec2f) -> ShownReceiver {
+fn ray_at(at: vec2f) -> TexelRay {
     let on_plane = on_plane_at(map.plane, at);
     let offset = on_plane.x * map.plane.right + on_plane.y * map.plane.down;
-    let is_parallel = map.plane.is_parallel != 0u;
-    let origin = select(map.plane.origin, map.plane.origin + offset, is_parallel);
-    let direction = select(normalize(map.plane.forward + offset), map.plane.forward, is_parallel);
-    let is_camera = map.is_camera != 0u;
-    let meets = select(MEETS_FOR_LIGHT, MEETS_FOR_CAMERA, is_camera);
-    var start = select(ray_uniforms.offset, 0.0, is_camera);
-    var hit = Hit(NO_OBJECT, vec3f(0.0), vec3f(0.0), vec3f(0.0), false);
+    if map.plane.is_parallel != 0u {
+        return TexelRay(map.plane.origin + offset, map.plane.forward);
+    }
+    return TexelRay(map.plane.origin, normalize(map.plane.forward + offset));
+}
+
+// What the camera sees, if that is a receiver, or the first receiver along a ray of another map.
+fn first_receiver(ray: TexelRay) -> ShownReceiver {
+    if map.is_camera == 0u {
+        return next_receiver(ray, ray_uniforms.offset);
+    }
+    let met = trace_to_texel(ray, 0.0, MEETS_FOR_CAMERA);
+    if met.triangle == NO_TRIANGLE {
+        return no_receiver();
+    }
+    let hit = describe(met, ray.direction);
+    return ShownReceiver(hit, met.distance, (surfaces[hit.object].flags & RECEIVES_PHOTONS) != 0u);
+}
+
+// The first receiver along a ray from a distance on.
+fn next_receiver(ray: TexelRay, from_distance: f32) -> ShownReceiver {
+    var start = from_distance;
     for (var k = 0u; k < MAX_OTHERS; k++) {
-        let met = trace_some(free_ray(origin), direction, start, 3e38, false, meets);
-        if !met.is_complete {
-            add_to_account(UNFINISHED, Steps(1u, 0u));
-        }
+        let met = trace_to_texel(ray, start, MEETS_FOR_LIGHT);
         if met.triangle == NO_TRIANGLE {
             break;
         }
-        hit = describe(met, direction);
-        let receives = (surfaces[hit.object].flags & RECEIVES_PHOTONS) != 0u;
-        if receives || is_camera {
-            return ShownReceiver(hit, receives);
+        let hit = describe(met, ray.direction);
+        if (surfaces[hit.object].flags & RECEIVES_PHOTONS) != 0u {
+            return ShownReceiver(hit, met.distance, true);
         }
         start = met.distance + ray_uniforms.offset;
     }
-    return ShownReceiver(hit, false);
+    return no_receiver();
+}
+
+fn no_receiver() -> ShownReceiver {
+    return ShownReceiver(Hit(NO_OBJECT, vec3f(0.0), vec3f(0.0), vec3f(0.0), false), 0.0, false);
+}
+
+fn trace_to_texel(ray: TexelRay, start: f32, meets: vec2u) -> RayHit {
+    let met = trace_some(free_ray(ray.origin), ray.direction, start, 3e38, false, meets);
+    if !met.is_complete {
+        add_to_account(UNFINISHED, Steps(1u, 0u));
+    }
+    return met;
 }
 
 @compute @workgroup_size(8, 8)
@@ -81,20 +139,20 @@ fn place_photons(@builtin(global_invocation_id) id: vec3u, @builtin(local_invoca
 }
 
 fn place_of(photon: Photon, is_own: bool) -> PhotonPlace {
-    if photon.object == NO_OBJECT {
-        return PhotonPlace(vec2f(BEHIND_PLANE), NO_PHOTON);
-    }
     let at = projected(map.plane, photon.position);
+    if photon.object == NO_OBJECT {
+        return PhotonPlace(at, NO_PHOTON);
+    }
     if !is_in_window(at) {
         return PhotonPlace(at, TEXEL_OFF_MAP);
     }
-    let texel = texel_at(at);
-    if !shows(texel, photon) {
+    let texel = surface_of(texel_at(at), photon);
+    if texel == TEXEL_HIDDEN || height_over(texel, photon.position) > PHOTON_OFF_PLANE * texels[texel].edge {
         return PhotonPlace(at, TEXEL_HIDDEN);
     }
-    if !is_amid_surface(at, texel) {
+    if map.is_camera != 0u && !is_amid_surface(at, texel) {
         // At the edges of surfaces the middles of texels do not tell what hides a photon.
-        let shown = receiver_at(at);
+        let shown = first_receiver(ray_at(at));
         if !shown.is_there || distance(shown.hit.position, photon.position) > PHOTON_OFF_RAY * texels[texel].edge {
             if is_own {
                 account_for(HIDDEN, sum_of_channels(photon.flux), map.steps_per_watt);
@@ -105,11 +163,8 @@ fn place_of(photon: Photon, is_own: bool) -> PhotonPlace {
     return PhotonPlace(at, texel);
 }
 
-// Whether a texel shows a photon's place on the receiver, from the side that it arrives on.
-fn shows(texel: u32, photon: Photon) -> bool {
-    let shown = texels[texel];
-    let height = abs(dot(photon.position - shown.position, shown.normal));
-    return is_surface_of(texel, photon) && height <= PHOTON_OFF_PLANE * shown.edge;
+fn height_over(texel: u32, point: vec3f) -> f32 {
+    return abs(dot(point - texels[texel].position, texels[texel].normal));
 }
 
 // Whether all texels around one show the same surface.

@@ -52,8 +52,8 @@ fn add_point(photon: Photon, at: vec2f, flux: vec3f) {
         account_off_map(watts);
         return;
     }
-    let texel = texel_at(at);
-    if is_surface_of(texel, photon) {
+    let texel = surface_of(texel_at(at), photon);
+    if texel != TEXEL_HIDDEN {
         deposit(0u, texel, flux, photon);
         account_for(DEPOSITED, watts, map.steps_per_watt);
     } else {
@@ -125,8 +125,8 @@ fn add_texels(photon: Photon, corners: array<vec2f, 3>, low: vec2f, high: vec2f,
                 part = 1.0 / area;
             }
             if part > 0.0 {
-                let texel = texel_at(corner);
-                if is_surface_of(texel, photon) {
+                let texel = surface_of(texel_at(corner), photon);
+                if texel != TEXEL_HIDDEN {
                     deposit(0u, texel, part * flux, photon);
                     deposited += part;
                 } else {

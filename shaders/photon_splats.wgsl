@@ -59,10 +59,10 @@ fn add_photon(place: vec2u) {
             add_footprint(place, photon, places[index]);
         }
         case MODE_MULTI_RESOLUTION {
-            for (var layer = 0u; layer < LAYERS; layer++) {
-                let diameter = FIRST_LAYER_DIAMETER + LAYER_DIAMETER_STEP * layer;
-                add_splat(layer, round_splat(f32(diameter)), photon, places[index]);
-                count_reached(layer, i32(diameter), photon, texel);
+            for (var size = 0u; size < SPLAT_SIZES; size++) {
+                let diameter = FIRST_SPLAT_DIAMETER + SPLAT_DIAMETER_STEP * size;
+                add_splat(size, round_splat(f32(diameter)), photon, places[index]);
+                count_reached(size, i32(diameter), photon, texel);
             }
         }
         default {
@@ -88,46 +88,48 @@ fn splat_weight(splat: Splat, offset: vec2f) -> f32 {
 }
 
 // Adds a photon with weights that add up to 1 over the texels that the splat reaches on the receiver.
-fn add_splat(layer: u32, splat: Splat, photon: Photon, place: PhotonPlace) {
+fn add_splat(size: u32, splat: Splat, photon: Photon, place: PhotonPlace) {
     let low = vec2i(max(floor(place.at - splat.reach + 0.5), vec2f(0.0)));
     let high = vec2i(min(ceil(place.at + splat.reach - 0.5), vec2f(map.size)));
     var total = 0.0;
     for (var y = low.y; y < high.y; y++) {
         for (var x = low.x; x < high.x; x++) {
-            let texel = u32(y) * map.size.x + u32(x);
-            if is_surface_of(texel, photon) {
+            let texel = surface_of(u32(y) * map.size.x + u32(x), photon);
+            if texel != TEXEL_HIDDEN {
                 total += splat_weight(splat, vec2f(vec2i(x, y)) + 0.5 - place.at);
             }
         }
     }
     if total <= 1e-12 {
-        deposit(layer, place.texel, photon.flux, photon);
+        deposit(size, place.texel, photon.flux, photon);
         return;
     }
     for (var y = low.y; y < high.y; y++) {
         for (var x = low.x; x < high.x; x++) {
-            let texel = u32(y) * map.size.x + u32(x);
-            if is_surface_of(texel, photon) {
+            let texel = surface_of(u32(y) * map.size.x + u32(x), photon);
+            if texel != TEXEL_HIDDEN {
                 let weight = splat_weight(splat, vec2f(vec2i(x, y)) + 0.5 - place.at);
-                deposit(layer, texel, weight / total * photon.flux, photon);
+                deposit(size, texel, weight / total * photon.flux, photon);
             }
         }
     }
 }
 
 // Counts a photon in the texels of a disc around it that show the same surface.
-fn count_reached(layer: u32, diameter: i32, photon: Photon, texel: u32) {
+fn count_reached(size: u32, diameter: i32, photon: Photon, texel: u32) {
     let own = texels[texel];
-    let centre = vec2i(vec2u(texel % map.size.x, texel / map.size.x));
+    let in_layer = texel % texel_count();
+    let centre = vec2i(vec2u(in_layer % map.size.x, in_layer / map.size.x));
     let reach = diameter / 2;
     for (var dy = -reach; dy <= reach; dy++) {
         for (var dx = -reach; dx <= reach; dx++) {
             let other = centre + vec2i(dx, dy);
             let is_reached = 4 * (dx * dx + dy * dy) <= diameter * diameter;
             if is_reached && all(other >= vec2i(0)) && all(other < vec2i(map.size)) {
-                let index = u32(other.y) * map.size.x + u32(other.x);
-                if texels[index].object == own.object && dot(texels[index].normal, own.normal) >= SAME_SURFACE_COSINE {
-                    atomicAdd(&counts[layer * texel_count() + index], 1u);
+                let first = u32(other.y) * map.size.x + u32(other.x);
+                let reached = surface_at(first, own.object, own.normal, own.position);
+                if reached != TEXEL_HIDDEN {
+                    atomicAdd(&counts[size * map.layers * texel_count() + reached], 1u);
                 }
             }
         }
@@ -259,6 +261,9 @@ fn neighbour(place: vec2u, dx: i32, dy: i32, kind: u32) -> u32 {
 }
 
 fn differences(place: vec2u, kind: u32) -> Differences {
+    if map.clusters != 0u {
+        return differences_in_cluster(place.y * map.columns + place.x, kind);
+    }
     let left = neighbour(place, -1, 0, kind);
     let right = neighbour(place, 1, 0, kind);
     let above = neighbour(place, 0, -1, kind);
@@ -277,4 +282,37 @@ fn between(index: u32, before: u32, after: u32, kind: u32) -> vec3f {
     let last = select(after, index, after == NOWHERE);
     let steps = select(1.0, 2.0, before != NOWHERE && after != NOWHERE);
     return (value_of(last, kind) - value_of(first, kind)) / steps;
+}
+
+// How places change from photon to photon of a cluster, or of the grid of these clusters.
+fn differences_in_cluster(index: u32, kind: u32) -> Differences {
+    let nothing = Differences(vec3f(0.0), vec3f(0.0), false);
+    if kind != DIFFERENCE_OF_PLACES {
+        return nothing;
+    }
+    let first = index & ~3u;
+    let b = places[first + 1u].at;
+    let c = places[first + 2u].at;
+    let d = places[first + 3u].at;
+    if map.clusters == 2u {
+        // The first of them is in the middle of all.
+        let a = 4.0 * places[first].at - b - c - d;
+        return Differences(vec3f(b - a + d - c, 0.0), vec3f(c - a + d - b, 0.0), true);
+    }
+    let a = places[first].at;
+    var is_there = array<bool, 4>();
+    for (var k = 0u; k < 4u; k++) {
+        is_there[k] = photons[first + k].object != NO_OBJECT;
+    }
+    let along_row = mean_of(b - a, is_there[0] && is_there[1], d - c, is_there[2] && is_there[3]);
+    let along_column = mean_of(c - a, is_there[0] && is_there[2], d - b, is_there[1] && is_there[3]);
+    let are_known = along_row.z > 0.0 && along_column.z > 0.0;
+    return Differences(vec3f(along_row.xy, 0.0), vec3f(along_column.xy, 0.0), are_known);
+}
+
+// The mean of those of two values that are there; 0 in the third component: none is.
+fn mean_of(one: vec2f, has_one: bool, other: vec2f, has_other: bool) -> vec3f {
+    let weights = vec2f(select(0.0, 1.0, has_one), select(0.0, 1.0, has_other));
+    let sum = weights.x * one + weights.y * other;
+    return vec3f(sum / max(weights.x + weights.y, 1.0), weights.x + weights.y);
 }

@@ -28,9 +28,13 @@ struct PhotonMap {
     spacing: f32,
     // The first of these rows is the first of the view.
     is_first: u32,
+    // Receivers that each texel shows at most, one behind the other; the camera's map has one.
+    layers: u32,
+    // Photons come in clusters of 2×2 (1), or each stands for such a cluster, whose other photons follow it (2); 0: in rows.
+    clusters: u32,
 }
 
-// What a texel shows in its middle.
+// What a texel shows in its middle; layer by layer.
 struct MapTexel {
     position: vec3f,
     // NO_OBJECT: no receiver.
@@ -60,11 +64,12 @@ const NO_PHOTON: u32 = 0xfffffffdu;
 @group(0) @binding(3) var<storage, read_write> ledger: array<atomic<u32>>;
 @group(0) @binding(4) var<storage, read_write> texels: array<MapTexel>;
 @group(0) @binding(5) var<storage, read_write> places: array<PhotonPlace>;
-// Flux in each texel, then the light's direction times it, if that is needed; layer by layer. Two words each, signed.
+// For each size of splats and each texel: flux, then the light's direction times it, if that is needed. Two words each, signed.
 @group(0) @binding(6) var<storage, read_write> sums: array<atomic<u32>>;
-// Photons in each texel, layer by layer.
+// For each size of splats and each texel: photons.
 @group(0) @binding(7) var<storage, read_write> counts: array<atomic<u32>>;
 
+// Texels of a layer.
 fn texel_count() -> u32 {
     return map.size.x * map.size.y;
 }
@@ -73,24 +78,41 @@ fn is_in_window(at: vec2f) -> bool {
     return all(at >= vec2f(0.0)) && all(at < vec2f(map.size));
 }
 
+// The texel of the first layer at a place.
 fn texel_at(at: vec2f) -> u32 {
     return u32(at.y) * map.size.x + u32(at.x);
 }
 
-// Whether a texel shows the receiver that a photon lands on, about as it is oriented there.
-fn is_surface_of(texel: u32, photon: Photon) -> bool {
-    let shown = texels[texel];
-    return shown.object == photon.object && dot(shown.normal, unpacked_unit(photon.normal)) >= SAME_SURFACE_COSINE;
+// Of the layers of a texel, that whose plane lies nearest to a point of a surface which is about as it is oriented there; TEXEL_HIDDEN if
+// there is none.
+fn surface_at(first: u32, object: u32, normal: vec3f, point: vec3f) -> u32 {
+    var nearest = TEXEL_HIDDEN;
+    var least = 3e38;
+    for (var layer = 0u; layer < map.layers; layer++) {
+        let texel = first + layer * texel_count();
+        let shown = texels[texel];
+        let height = abs(dot(point - shown.position, shown.normal));
+        if shown.object == object && dot(shown.normal, normal) >= SAME_SURFACE_COSINE && height < least {
+            nearest = texel;
+            least = height;
+        }
+    }
+    return nearest;
 }
 
-// Adds flux to a texel of a layer.
-fn deposit(layer: u32, texel: u32, flux: vec3f, photon: Photon) {
+// The same for the surface that a photon lands on.
+fn surface_of(first: u32, photon: Photon) -> u32 {
+    return surface_at(first, photon.object, unpacked_unit(photon.normal), photon.position);
+}
+
+// Adds flux to a texel. `size`: which of several sizes of splats it comes from.
+fn deposit(size: u32, texel: u32, flux: vec3f, photon: Photon) {
     let words = select(6u, 12u, map.has_directions != 0u);
-    let first = words * (layer * texel_count() + texel);
+    let first = words * (size * map.layers * texel_count() + texel);
     for (var k = 0u; k < 3u; k++) {
         add_to_sums(first + 2u * k, steps_of(flux[k], map.steps_per_watt));
     }
-    if map.has_directions != 0u && layer == 0u {
+    if map.has_directions != 0u && size == 0u {
         let directed = sum_of_channels(flux) * unpacked_unit(photon.direction);
         for (var k = 0u; k < 3u; k++) {
             add_to_sums(first + 6u + 2u * k, steps_of(directed[k], map.steps_per_watt));

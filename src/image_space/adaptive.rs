@@ -5,6 +5,7 @@ use glam::{DVec2, Vec3};
 use rayon::prelude::*;
 
 use super::caustic_map::CausticMap;
+use super::constants::{MAX_CLUSTER_EXTENT, MIN_CLUSTER_COSINE};
 use super::coverage::Coverage;
 use super::emission::{Emission, Kind, Traced};
 use super::ledger::Ledger;
@@ -17,19 +18,18 @@ use crate::lanes::LANES;
 pub const FIRST_GRID: u32 = 64;
 
 /// Clusters may be one photon from grids of this size on.
-const FIRST_MERGED_GRID: u32 = 512;
-
-/// The largest distance between the photons of a cluster that are one, texels of the map.
-const MAX_DISTANCE: f64 = 1.0;
-
-/// Surfaces whose normals differ more than this are not one: the cosine.
-const MIN_NORMAL_COSINE: f32 = 0.9;
+pub const FIRST_MERGED_GRID: u32 = 512;
 
 /// The photons of a cluster: columns and rows.
 const PHOTONS: [[u32; 2]; 4] = [[0, 0], [1, 0], [0, 1], [1, 1]];
 
 /// Clusters that are traced by one packet of rays.
 const CLUSTERS_OF_PACKET: usize = LANES / 4;
+
+/// Whether photons of a grid have to be followed: clusters of coarser ones are divided wherever they may show a caster.
+pub fn is_followed(traversal: Traversal, grid: u32, finest: u32) -> bool {
+    grid >= finest || traversal == Traversal::TexelError && grid >= FIRST_MERGED_GRID
+}
 
 /// How much was done.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -118,6 +118,10 @@ impl Traverser<'_> {
         if covered.is_empty() {
             return outcome;
         }
+        if !is_followed(self.traversal, grid, self.finest) {
+            outcome.divided = covered.iter().flat_map(|cluster| quarters(*cluster)).collect();
+            return outcome;
+        }
         let texels: [[u32; 2]; LANES] = std::array::from_fn(|lane| {
             let [x, y] = covered[(lane / 4).min(covered.len() - 1)];
             let [dx, dy] = PHOTONS[lane % 4];
@@ -135,10 +139,10 @@ impl Traverser<'_> {
     }
 
     /// Divides a cluster or keeps its photons, as four or as one.
-    fn decide(&self, [x, y]: [u32; 2], grid: u32, traced: &[Traced; 4], outcome: &mut Outcome) {
+    fn decide(&self, cluster: [u32; 2], grid: u32, traced: &[Traced; 4], outcome: &mut Outcome) {
         let is_merged = self.traversal == Traversal::TexelError && grid >= FIRST_MERGED_GRID && self.are_one(traced);
         if !is_merged && grid < self.finest {
-            outcome.divided.extend(PHOTONS.map(|[dx, dy]| [2 * x + dx, 2 * y + dy]));
+            outcome.divided.extend(quarters(cluster));
             return;
         }
         for traced in traced {
@@ -164,14 +168,19 @@ impl Traverser<'_> {
         let [Some(a), Some(b), Some(c), Some(d)] = photons else { return false };
         let all = [a, b, c, d];
         let is_same = |other: &Photon| {
-            (other.object, other.caster) == (a.object, a.caster) && other.normal.dot(a.normal) >= MIN_NORMAL_COSINE
+            (other.object, other.caster) == (a.object, a.caster) && other.normal.dot(a.normal) >= MIN_CLUSTER_COSINE
         };
         let places = all.map(|photon| self.map.project(photon.position));
         let [Some(p), Some(q), Some(r), Some(s)] = places else { return false };
         let places: [DVec2; 4] = [p, q, r, s];
-        let is_near = |k: usize, j: usize| places[k].distance(places[j]) <= MAX_DISTANCE;
+        let is_near = |k: usize, j: usize| places[k].distance(places[j]) <= f64::from(MAX_CLUSTER_EXTENT);
         all.iter().all(is_same) && (0..4).all(|k| (0..k).all(|j| is_near(k, j)))
     }
+}
+
+/// The clusters that one is divided into.
+fn quarters([x, y]: [u32; 2]) -> [[u32; 2]; 4] {
+    PHOTONS.map(|[dx, dy]| [2 * x + dx, 2 * y + dy])
 }
 
 /// How places on the receiver change from one photon of a cluster to the next, along both axes of the view.

@@ -8,6 +8,9 @@ pub const PHOTON_OFF_RAY: f32 = 0.05;
 /// Surfaces whose normals differ more than this are not one: the cosine.
 pub const SAME_SURFACE_COSINE: f32 = 0.5;
 
+/// Layers of receivers in a map at most.
+pub const MAX_RECEIVER_LAYERS: u32 = 8;
+
 /// Neighbours that lie so many times as far from each other as from those beyond them came from both sides of an edge of the caster.
 pub const TEAR_STRETCH: f32 = 8.0;
 /// Photons that are nearer to each other than this, in texels, are not taken for torn.
@@ -33,11 +36,18 @@ pub const LENS_SPACINGS: f32 = 2.0;
 pub const SMOOTH_LENS_COSINE: f32 = 0.9;
 
 /// Sizes of splats of several resolutions.
-pub const LAYERS: u32 = 4;
+pub const SPLAT_SIZES: u32 = 4;
 /// The diameter of the smallest ones, texels.
-pub const FIRST_LAYER_DIAMETER: u32 = 3;
+pub const FIRST_SPLAT_DIAMETER: u32 = 3;
 /// By how much the next ones are larger.
-pub const LAYER_DIAMETER_STEP: u32 = 4;
+pub const SPLAT_DIAMETER_STEP: u32 = 4;
+
+/// The largest distance between the photons of a cluster that are one, texels of the map.
+pub const MAX_CLUSTER_EXTENT: f32 = 1.0;
+/// Surfaces whose normals differ more than this are not one where photons of a cluster land: the cosine.
+pub const MIN_CLUSTER_COSINE: f32 = 0.9;
+/// Photons of clusters in a row of the buffer.
+pub const CLUSTER_ROW: u32 = 1024;
 
 /// Steps of a ray through an image of surfaces at least,
 pub const MIN_IMAGE_STEPS: f32 = 8.0;

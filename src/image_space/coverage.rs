@@ -44,6 +44,21 @@ impl Coverage {
         Self { levels }
     }
 
+    /// The number of levels, and a bit for each of their texels, level after level, in words from the lowest bit up.
+    #[cfg(feature = "gpu")]
+    pub fn bits(&self) -> (u32, Vec<u32>) {
+        let texels: Vec<bool> = self.levels.iter().flatten().copied().collect();
+        let word = |bits: &[bool]| (0..).zip(bits).fold(0, |word, (k, bit)| word | u32::from(*bit) << k);
+        (self.levels.len() as u32, texels.chunks(32).map(word).collect())
+    }
+
+    /// The texels of a grid that may show a caster.
+    #[cfg(feature = "gpu")]
+    pub fn texels_of(&self, grid: u32) -> Vec<[u32; 2]> {
+        let all = (0..grid).flat_map(|y| (0..grid).map(move |x| [x, y]));
+        all.filter(|texel| self.has(*texel, grid)).collect()
+    }
+
     /// Whether a texel of a grid of so many along an edge, a power of two, may show a caster.
     pub fn has(&self, [x, y]: [u32; 2], grid: u32) -> bool {
         let level = (grid.ilog2() as usize).min(self.levels.len() - 1);

@@ -9,6 +9,7 @@ use rayon::prelude::*;
 use super::ledger::{Ledger, Loss};
 use super::lights::LightView;
 use super::photons::{Photon, PhotonGrid, SurfacePoint, Way};
+use super::strips::Strip;
 use super::surface_images::SurfaceImages;
 use crate::lanes::{ALL, LANES};
 use crate::pinhole::constants::MIN_HEIGHT;
@@ -92,18 +93,21 @@ pub struct Emission<'a> {
     pub seed: u64,
 }
 
-/// Photons of every kind, one for each texel of the light's view, with their account.
-pub fn emit(emission: &Emission, kinds: &[Kind], progress: &dyn Progress) -> (Vec<PhotonGrid>, Ledger) {
-    let size = emission.view.projection.size;
-    let rows: Vec<Row> = (0..size[1])
+/// Photons of every kind, one for each texel of a strip of the light's view, with the account of its own rows.
+pub fn emit(emission: &Emission, kinds: &[Kind], strip: Strip, progress: &dyn Progress) -> (Vec<PhotonGrid>, Ledger) {
+    let own = strip.first_own_row..strip.first_own_row + strip.own_rows;
+    let rows: Vec<Row> = (0..strip.rows)
         .into_par_iter()
         .map(|y| {
             if progress.is_cancelled() {
                 return Row { photons: vec![Vec::new(); kinds.len()], ledger: Ledger::default() };
             }
-            let row = emission.row(kinds, y);
-            progress.advance(1);
-            row
+            let row = emission.row(kinds, strip.first_row + y);
+            if own.contains(&y) {
+                progress.advance(1);
+                return row;
+            }
+            Row { ledger: Ledger::default(), ..row }
         })
         .collect();
     let mut ledger = Ledger::default();
@@ -112,7 +116,8 @@ pub fn emit(emission: &Emission, kinds: &[Kind], progress: &dyn Progress) -> (Ve
         ledger += row.ledger;
         of_kinds.iter_mut().zip(row.photons).for_each(|(rows, photons)| rows.push(photons));
     }
-    (of_kinds.into_iter().map(|rows| PhotonGrid::new(size, rows.into_iter())).collect(), ledger)
+    let width = emission.view.projection.size[0];
+    (of_kinds.into_iter().map(|rows| PhotonGrid::new(width, strip, rows.into_iter())).collect(), ledger)
 }
 
 /// The photons of a row, by kind.

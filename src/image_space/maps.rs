@@ -2,7 +2,6 @@
 
 use glam::{DVec2, DVec3, Vec3};
 
-use super::MapBuilder;
 use super::adaptive::{FIRST_GRID, Traverser};
 use super::caustic_map::{Incident, IrradianceMap};
 use super::coverage::Coverage;
@@ -12,10 +11,12 @@ use super::lights::{LightView, PhotonLight};
 use super::options::{Hits, ImageSpaceOptions, MapView, Traversal};
 use super::photons::PhotonGrid;
 use super::projection::{Bounds, Projection};
+use super::strips::{Strip, strips};
 use super::surface_images::{SurfaceImage, SurfaceImages};
+use super::{MapBuilder, Shows};
 use crate::progress::Progress;
 use crate::scene::{Camera, Chain, Ray};
-use crate::tracing::{Hit, Tracer};
+use crate::tracing::Tracer;
 
 /// The part of the photons at each edge of a light's map that may lie outside of it.
 const OUTLIERS: f64 = 0.002;
@@ -157,7 +158,7 @@ impl<'a> MapsBuilder<'a> {
             let objects = inputs.surroundings.objects;
             let receiver =
                 move |ray: Ray| tracer.camera_hit(ray).filter(|hit| objects[hit.object as usize].receiver.is_some());
-            inputs.map(Projection::of_camera(camera, *size), receiver)
+            inputs.map(Projection::of_camera(camera, *size), Shows::First(Box::new(receiver)))
         });
         let few = inputs.few_photons(progress);
         let shared = if eye.is_some() { inputs.maps_of_chains(&few) } else { Vec::new() };
@@ -183,12 +184,14 @@ impl<'a> MapsBuilder<'a> {
         for view in light.views(inputs.casters, &inputs.bounds, inputs.options.photons) {
             let images = inputs.images_of(&view);
             let emission = Emission { images: images.as_ref(), ..inputs.emission(&view) };
-            let (grids, ledger) = emit(&emission, inputs.kinds, progress);
             self.photons += view.projection.texel_count() as u64;
-            self.ledger += ledger;
-            for (kind, grid) in inputs.kinds.iter().zip(&grids) {
-                self.used += grid.photons.len() as u64;
-                self.ledger += self.deposit(own, grid, (&view, kind.chain));
+            for strip in strips(view.projection.size) {
+                let (grids, ledger) = emit(&emission, inputs.kinds, strip, progress);
+                self.ledger += ledger;
+                for (kind, grid) in inputs.kinds.iter().zip(&grids) {
+                    self.used += grid.own.len() as u64;
+                    self.ledger += self.deposit(own, grid, (&view, kind.chain));
+                }
             }
         }
     }
@@ -256,8 +259,14 @@ impl<'a> MapsBuilder<'a> {
 }
 
 impl<'a> MapInputs<'a> {
-    fn map(&self, projection: Projection, sees: impl Fn(Ray) -> Option<Hit> + Sync + 'a) -> MapBuilder<'a> {
-        MapBuilder::new(projection, (self.total_watts(), self.has_directions), Box::new(sees), self.options)
+    fn map(&self, projection: Projection, shows: Shows<'a>) -> MapBuilder<'a> {
+        MapBuilder::new(projection, (self.total_watts(), self.has_directions), shows, self.options)
+    }
+
+    /// A map of all receivers along its rays.
+    fn map_of_receivers(&self, projection: Projection) -> MapBuilder<'a> {
+        let tracer = self.receivers;
+        self.map(projection, Shows::All(Box::new(move |ray: Ray| tracer.secondary_hit(ray))))
     }
 
     /// The flux of all lights on the bounds: more than what is cast, but not by much; W.
@@ -339,7 +348,7 @@ impl<'a> MapInputs<'a> {
     fn few_of(&self, light: &PhotonLight, progress: &dyn Progress) -> FewPhotons {
         let views = light.views(self.casters, &self.bounds, FIRST_GRID).into_iter();
         let emitted = views.map(|view| {
-            let grids = emit(&self.emission(&view), self.kinds, progress).0;
+            let grids = emit(&self.emission(&view), self.kinds, Strip::whole(view.projection.size), progress).0;
             (view, grids)
         });
         emitted.collect()
@@ -347,9 +356,8 @@ impl<'a> MapInputs<'a> {
 
     /// Maps for what the camera does not see.
     fn maps_of_chains(&self, few: &[FewPhotons]) -> Vec<(Chain, MapBuilder<'a>)> {
-        let tracer = self.receivers;
-        let map = |(chain, projection)| (chain, self.map(projection, move |ray: Ray| tracer.secondary_hit(ray)));
-        self.projections_of_chains(few).into_iter().map(map).collect()
+        let projections = self.projections_of_chains(few).into_iter();
+        projections.map(|(chain, projection)| (chain, self.map_of_receivers(projection))).collect()
     }
 
     /// Views of receivers for what the camera does not see: one for each chain, along the mean direction of its photons, in which few
@@ -371,9 +379,7 @@ impl<'a> MapInputs<'a> {
     }
 
     fn maps_of_light(&self, light: &PhotonLight, few: &FewPhotons) -> Vec<MapBuilder<'a>> {
-        let tracer = self.receivers;
-        let map = |projection| self.map(projection, move |ray: Ray| tracer.secondary_hit(ray));
-        self.projections_of_light(light, few).into_iter().map(map).collect()
+        self.projections_of_light(light, few).into_iter().map(|projection| self.map_of_receivers(projection)).collect()
     }
 
     /// Views from a light around where its photons land: one, or six around a lamp that they surround.

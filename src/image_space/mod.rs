@@ -3,7 +3,7 @@
 //!
 //! ```text
 //! environment ─► segmentation ─┐
-//!                   lamps ─────┴► lights ─► views ─► emission ─► photons ─► splats, polygons, layers ─► caustic map ─► irradiance
+//!                   lamps ─────┴► lights ─► views ─► emission ─► photons ─► splats, polygons ─► caustic map ─► irradiance
 //! ```
 //!
 //! Photons find what they meet by rays or in images of what a light sees (`surface_images`). `gpu` does the same on a device.
@@ -27,12 +27,15 @@ mod options;
 mod photons;
 mod polygons;
 mod projection;
+mod receiver_layers;
 mod segmentation;
 mod sheet;
 mod splats;
+mod strips;
 mod surface_images;
 
 use self::caustic_map::{CausticMap, IrradianceMap};
+use self::constants::MAX_RECEIVER_LAYERS;
 pub use self::emission::{Kind, Surroundings};
 pub use self::ledger::{Ledger, Loss};
 pub use self::lights::PhotonLight;
@@ -49,22 +52,31 @@ use rayon::prelude::*;
 
 use self::lens::Lens;
 use self::lights::LightView;
-use self::multi_resolution::Layers;
+use self::multi_resolution::Resolutions;
 use self::photons::{Photon, PhotonGrid};
 use self::polygons::{Coverage, polygons};
 use self::projection::Projection;
+use self::receiver_layers::ReceiverLayers;
 use self::splats::{gathered, of_diameter, of_footprints, of_lenses, points};
 use crate::scene::{Object, Ray};
 use crate::tracing::Hit;
 
-/// Tells the receiver that a ray shows, if it does.
+/// What a map shows.
+pub enum Shows<'a> {
+    /// What the camera sees along a ray, if that is a receiver.
+    First(Sees<'a>),
+    /// The receivers along a ray, one behind the other.
+    All(Sees<'a>),
+}
+
+/// Tells the first receiver along a ray.
 type Sees<'a> = Box<dyn Fn(Ray) -> Option<Hit> + Sync + 'a>;
 
 /// Flux in the texels of a map.
 struct Deposits {
     map: CausticMap,
     mode: Mode,
-    layers: Option<Layers>,
+    resolutions: Option<Resolutions>,
     /// Photons in each texel, for the gather.
     counts: Vec<AtomicU32>,
 }
@@ -72,7 +84,7 @@ struct Deposits {
 /// A map on its way: photons are added to it grid by grid.
 pub struct MapBuilder<'a> {
     deposits: Deposits,
-    sees: Sees<'a>,
+    shows: Shows<'a>,
     splat_diameter: f64,
 }
 
@@ -81,16 +93,19 @@ impl<'a> MapBuilder<'a> {
     pub fn new(
         projection: Projection,
         (total, has_directions): (f64, bool),
-        sees: Sees<'a>,
+        shows: Shows<'a>,
         options: &ImageSpaceOptions,
     ) -> Self {
-        let map = CausticMap::new(projection, (total, has_directions), &sees);
-        let layers = (options.mode == Mode::MultiResolution).then(|| Layers::like(&map));
-        let texels = map.size()[0] as usize * map.size()[1] as usize;
-        let counted = if options.mode == Mode::Gather { texels } else { 0 };
+        let receivers = match &shows {
+            Shows::First(sees) => ReceiverLayers::new(projection, 1, sees),
+            Shows::All(sees) => ReceiverLayers::new(projection, MAX_RECEIVER_LAYERS, sees),
+        };
+        let map = CausticMap::new(receivers, (total, has_directions));
+        let resolutions = (options.mode == Mode::MultiResolution).then(|| Resolutions::like(&map));
+        let counted = if options.mode == Mode::Gather { map.len() } else { 0 };
         let counts = (0..counted).map(|_| AtomicU32::new(0)).collect();
         let splat_diameter = f64::from(options.splat_diameter);
-        Self { deposits: Deposits { map, mode: options.mode, layers, counts }, sees, splat_diameter }
+        Self { deposits: Deposits { map, mode: options.mode, resolutions, counts }, shows, splat_diameter }
     }
 
     /// The map so far.
@@ -101,22 +116,27 @@ impl<'a> MapBuilder<'a> {
     /// Adds photons. Returns the account of their flux; where more than one photon decides what a texel gets, what is deposited is known
     /// in the end.
     pub fn add(&self, grid: &PhotonGrid, view: &LightView, objects: &[Object]) -> Ledger {
-        let Deposits { map, mode, layers, counts } = &self.deposits;
-        let is_hidden = |photon: &Photon| map.is_hidden(photon, &self.sees);
+        let Deposits { map, mode, resolutions, counts } = &self.deposits;
+        let is_hidden = |photon: &Photon| match &self.shows {
+            Shows::First(sees) => map.is_hidden(photon, sees),
+            Shows::All(_) => false,
+        };
         let hidden: Vec<bool> = grid.photons.par_iter().map(is_hidden).collect();
-        let lost = grid.photons.iter().zip(&hidden).filter(|(_, is_hidden)| **is_hidden);
+        let lost = grid.own_photons().iter().zip(&hidden[grid.own.clone()]).filter(|(_, is_hidden)| **is_hidden);
         let lost = lost.map(|(photon, _)| Ledger::sum(photon.flux)).sum::<f64>();
         let grid = &if hidden.contains(&true) { Cow::Owned(grid.without(&hidden)) } else { Cow::Borrowed(grid) };
         let mut ledger = match mode {
             Mode::Points => points(map, grid),
             Mode::Gather => {
-                grid.photons.par_iter().filter_map(|photon| map.place(photon).ok()).for_each(|(_, texel)| {
+                grid.own_photons().par_iter().filter_map(|photon| map.place(photon).ok()).for_each(|(_, texel)| {
                     counts[texel].fetch_add(1, Ordering::Relaxed);
                 });
                 Ledger { deposited: 0.0, ..points(map, grid) }
             }
             Mode::Splats => of_diameter(map, grid, self.splat_diameter),
-            Mode::MultiResolution => layers.as_ref().map_or_else(Ledger::default, |layers| layers.add(grid)),
+            Mode::MultiResolution => {
+                resolutions.as_ref().map_or_else(Ledger::default, |resolutions| resolutions.add(grid))
+            }
             Mode::ThinLens => of_lenses(map, (grid, view), objects, Lens::Thin),
             Mode::ThickLens => of_lenses(map, (grid, view), objects, Lens::Thick),
             Mode::Footprints => of_footprints(map, grid),
@@ -136,10 +156,10 @@ impl<'a> MapBuilder<'a> {
 impl Deposits {
     /// Chooses between several resolutions or smoothes points, as the mode asks for. Returns the finished map, and what is left of the account.
     fn finish(self) -> (IrradianceMap, Ledger) {
-        let Self { map, mode, layers, counts } = self;
+        let Self { map, mode, resolutions, counts } = self;
         let mut ledger = Ledger::default();
-        if let Some(layers) = layers {
-            ledger = layers.resolve(&map);
+        if let Some(resolutions) = resolutions {
+            ledger = resolutions.resolve(&map);
         }
         if mode == Mode::Gather {
             let smooth = map.emptied();

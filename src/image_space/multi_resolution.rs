@@ -6,18 +6,18 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use super::caustic_map::CausticMap;
-use super::constants::{FIRST_LAYER_DIAMETER, LAYER_DIAMETER_STEP, LAYERS};
+use super::constants::{FIRST_SPLAT_DIAMETER, SPLAT_DIAMETER_STEP, SPLAT_SIZES};
 use super::ledger::{Ledger, total};
 use super::photons::PhotonGrid;
 use super::splats::of_diameter;
 
 /// Diameters of the splats, texels.
-pub const DIAMETERS: [u32; LAYERS as usize] = {
-    let mut diameters = [FIRST_LAYER_DIAMETER; LAYERS as usize];
-    let mut layer = 1;
-    while layer < diameters.len() {
-        diameters[layer] = diameters[layer - 1] + LAYER_DIAMETER_STEP;
-        layer += 1;
+pub const DIAMETERS: [u32; SPLAT_SIZES as usize] = {
+    let mut diameters = [FIRST_SPLAT_DIAMETER; SPLAT_SIZES as usize];
+    let mut size = 1;
+    while size < diameters.len() {
+        diameters[size] = diameters[size - 1] + SPLAT_DIAMETER_STEP;
+        size += 1;
     }
     diameters
 };
@@ -30,15 +30,15 @@ const MOST_SIZES: usize = 3;
 
 /// A map for each size, and how many of its splats reach each texel.
 #[derive(Debug)]
-pub struct Layers {
+pub struct Resolutions {
     maps: Vec<CausticMap>,
     counts: Vec<Vec<AtomicU32>>,
 }
 
-impl Layers {
+impl Resolutions {
     /// Empty ones that show what a map does.
     pub fn like(map: &CausticMap) -> Self {
-        let count = map.size()[0] as usize * map.size()[1] as usize;
+        let count = map.len();
         let counts = DIAMETERS.map(|_| (0..count).map(|_| AtomicU32::new(0)).collect());
         Self { maps: DIAMETERS.map(|_| map.emptied()).into(), counts: counts.into() }
     }
@@ -55,7 +55,7 @@ impl Layers {
         let mut ledger = Ledger::default();
         for ((diameter, map), counts) in DIAMETERS.into_iter().zip(&self.maps).zip(&self.counts) {
             ledger = of_diameter(map, grid, f64::from(diameter));
-            grid.photons.par_iter().filter_map(|photon| map.place(photon).ok()).for_each(|(_, index)| {
+            grid.own_photons().par_iter().filter_map(|photon| map.place(photon).ok()).for_each(|(_, index)| {
                 let reach = i64::from(diameter / 2);
                 let is_reached = |[dx, dy]: [i64; 2]| 4 * (dx * dx + dy * dy) <= i64::from(diameter * diameter);
                 for (texel, _) in map.around(index, reach).filter(|(_, offset)| is_reached(*offset)) {

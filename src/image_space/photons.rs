@@ -1,8 +1,10 @@
-//! Photons where they land, in the grid of the light's view that they were emitted in.
+//! Photons where they land, in a strip of the grid of the light's view that they were emitted in.
 
-use std::ops::{Mul, Sub};
+use std::ops::{Mul, Range, Sub};
 
 use glam::Vec3;
+
+use super::strips::Strip;
 
 /// A photon on a receiver.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -62,12 +64,17 @@ pub struct PhotonGrid {
     /// Of photons that are in no grid: how their places on the receiver change over the part of the view that each stands for, along both of
     /// its axes, metres. Empty in grids.
     pub sides: Vec<Option<[Vec3; 2]>>,
+    /// Photons that are to be added to maps; the others are their neighbours.
+    pub own: Range<usize>,
+    /// Where the rows are in the view.
+    pub strip: Strip,
     indices: Vec<u32>,
 }
 
 impl PhotonGrid {
     /// From rows of photons with their columns.
-    pub fn new([width, height]: [u32; 2], rows: impl Iterator<Item = Vec<(u32, Photon)>>) -> Self {
+    pub fn new(width: u32, strip: Strip, rows: impl Iterator<Item = Vec<(u32, Photon)>>) -> Self {
+        let height = strip.rows;
         let mut indices = vec![EMPTY; width as usize * height as usize];
         let (mut photons, mut texels) = (Vec::new(), Vec::new());
         for (y, row) in (0..).zip(rows) {
@@ -77,13 +84,16 @@ impl PhotonGrid {
                 texels.push([x, y]);
             }
         }
-        Self { size: [width, height], photons, texels, sides: Vec::new(), indices }
+        let first_in = |row: u32| texels.partition_point(|[_, y]: &[u32; 2]| *y < row);
+        let own = first_in(strip.first_own_row)..first_in(strip.first_own_row + strip.own_rows);
+        Self { size: [width, height], photons, texels, sides: Vec::new(), own, strip, indices }
     }
 
     /// Photons without neighbours, each with how its place changes over the part of the view that it stands for.
     pub fn scattered(photons: Vec<(Photon, Option<[Vec3; 2]>)>) -> Self {
         let (photons, sides): (Vec<Photon>, Vec<_>) = photons.into_iter().unzip();
-        Self { size: [0; 2], texels: vec![[0; 2]; photons.len()], photons, sides, indices: Vec::new() }
+        let (own, texels) = (0..photons.len(), vec![[0; 2]; photons.len()]);
+        Self { size: [0; 2], texels, photons, sides, own, strip: Strip::default(), indices: Vec::new() }
     }
 
     /// The photons for which a list does not say `true`, in their places.
@@ -100,7 +110,12 @@ impl PhotonGrid {
         {
             rows[*y as usize].push((*x, *photon));
         }
-        Self::new(self.size, rows.into_iter())
+        Self::new(self.size[0], self.strip, rows.into_iter())
+    }
+
+    /// The photons that are to be added to maps.
+    pub fn own_photons(&self) -> &[Photon] {
+        &self.photons[self.own.clone()]
     }
 
     /// The index of the photon at a place, if there is one.

@@ -33,15 +33,17 @@ const TRIANGLES_OF_CORNER: [f64; 4] = [1.0, 2.0, 2.0, 1.0];
 /// Adds the light between photons to a map.
 pub fn polygons(map: &CausticMap, grid: &PhotonGrid, coverage: Coverage) -> Ledger {
     let sheet = PhotonSheet::new(map, grid);
-    let [width, height] = grid.size.map(i64::from);
-    let columns = width + 1;
-    // Cells around the grid, too, so that all photons belong to four.
+    let columns = i64::from(grid.size[0]) + 1;
+    // Cells around the grid, too, so that all photons belong to four: a row of cells goes with the row of photons above it.
+    let (first, end) = (grid.strip.first_own_row, grid.strip.first_own_row + grid.strip.own_rows);
+    let first = i64::from(first) - i64::from(grid.strip.is_first());
+    let rows = i64::from(end) - first;
     let cell = |k: usize| {
-        let (x, y) = (k as i64 % columns - 1, k as i64 / columns - 1);
+        let (x, y) = (k as i64 % columns - 1, k as i64 / columns + first);
         let corners = [(0, 0), (1, 0), (0, 1), (1, 1)].map(|(dx, dy)| grid.index_at(x + dx, y + dy));
         Cell { map, sheet: &sheet, coverage }.add(corners)
     };
-    total((0..(columns * (height + 1)) as usize).into_par_iter().map(cell))
+    total((0..(columns * rows) as usize).into_par_iter().map(cell))
 }
 
 struct Cell<'a> {
@@ -73,13 +75,13 @@ impl Cell<'_> {
     fn add_point(&self, photon: &Photon, place: DVec2, flux: DVec3) -> Ledger {
         let mut ledger = Ledger::default();
         let amount = flux.element_sum();
-        match self.map.texel_at(place) {
-            None => ledger[Loss::OffMap] = amount,
-            Some(index) if self.map.is_surface_of(index, photon) => {
-                self.map.add(index, flux, photon.direction);
-                ledger.deposited = amount;
-            }
-            Some(_) => ledger[Loss::Hidden] = amount,
+        if !self.map.has(place) {
+            ledger[Loss::OffMap] = amount;
+        } else if let Some(index) = self.map.surface_of(place, photon) {
+            self.map.add(index, flux, photon.direction);
+            ledger.deposited = amount;
+        } else {
+            ledger[Loss::Hidden] = amount;
         }
         ledger
     }
@@ -117,9 +119,9 @@ impl Cell<'_> {
         while y <= last.y {
             let mut x = first.x;
             while x <= last.x {
-                let index = (y * size.x + x) as usize;
-                if covers(triangle, DVec2::new(x, y) + 0.5) {
-                    if self.map.is_surface_of(index, photon) {
+                let centre = DVec2::new(x, y) + 0.5;
+                if covers(triangle, centre) {
+                    if let Some(index) = self.map.surface_of(centre, photon) {
                         self.map.add(index, part, photon.direction);
                         ledger.deposited += amount;
                     } else {
@@ -140,12 +142,11 @@ impl Cell<'_> {
     fn add_areas(&self, photon: &Photon, triangle: [DVec2; 3], area: f64, flux: DVec3) -> Ledger {
         let mut ledger = Ledger::default();
         let amount = flux.element_sum();
-        let width = self.map.size()[0] as usize;
         let mut rest = 1.0;
-        for_each_texel(triangle, self.map.size(), |x, y, covered| {
-            let (index, part) = (y * width + x, covered / area);
+        for_each_texel(triangle, self.map.size(), |centre, covered| {
+            let part = covered / area;
             rest -= part;
-            if self.map.is_surface_of(index, photon) {
+            if let Some(index) = self.map.surface_of(centre, photon) {
                 self.map.add(index, flux * part, photon.direction);
                 ledger.deposited += amount * part;
             } else {
@@ -169,8 +170,8 @@ fn covers(triangle: [DVec2; 3], point: DVec2) -> bool {
     })
 }
 
-/// Calls with the column, row and covered area of every texel of a map that a triangle covers.
-fn for_each_texel(triangle: [DVec2; 3], [width, height]: [u32; 2], mut call: impl FnMut(usize, usize, f64)) {
+/// Calls with the centre and the covered area of every texel of a map that a triangle covers.
+fn for_each_texel(triangle: [DVec2; 3], [width, height]: [u32; 2], mut call: impl FnMut(DVec2, f64)) {
     let [a, b, c] = triangle;
     let (low, high) = (a.min(b).min(c), a.max(b).max(c));
     let end = |high: f64, size: u32| high.ceil().min(f64::from(size));
@@ -185,7 +186,7 @@ fn for_each_texel(triangle: [DVec2; 3], [width, height]: [u32; 2], mut call: imp
                 strip.clipped_between(DVec2::X, [x, x + 1.0], &mut piece);
                 let area = piece.area();
                 if area > 0.0 {
-                    call(x as usize, y as usize, area);
+                    call(DVec2::new(x, y) + 0.5, area);
                 }
                 x += 1.0;
             }
@@ -253,7 +254,7 @@ mod tests {
             let triangle = [DVec2::new(a, b), DVec2::new(c, d), DVec2::new(e, f)].map(|p| 12.0 * p + 2.0);
             let expected = 0.5 * (triangle[1] - triangle[0]).perp_dot(triangle[2] - triangle[0]).abs();
             let mut area = 0.0;
-            for_each_texel(triangle, [16, 16], |_, _, covered| area += covered);
+            for_each_texel(triangle, [16, 16], |_, covered| area += covered);
             assert!((area - expected).abs() < 1e-9, "{area} {expected}");
         }
         // Centres lie on its edges: those of two sides count.

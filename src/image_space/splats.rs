@@ -57,9 +57,8 @@ impl Splat {
         let rows = low.y as usize..high.y as usize;
         let taps = rows.flat_map(|y| (low.x as usize..high.x as usize).map(move |x| (x, y)));
         let weighted = taps.filter_map(|(x, y)| {
-            let index = y * size.x as usize + x;
-            let weight = self.weight(DVec2::new(x as f64, y as f64) + 0.5 - place);
-            map.is_surface_of(index, photon).then_some((index, weight))
+            let middle = DVec2::new(x as f64, y as f64) + 0.5;
+            Some((map.surface_of(middle, photon)?, self.weight(middle - place)))
         });
         let total: f64 = weighted.clone().map(|(_, weight)| weight).sum();
         let flux = photon.flux.as_dvec3();
@@ -85,7 +84,7 @@ pub(super) fn each(map: &CausticMap, grid: &PhotonGrid, add: impl Fn(usize, (DVe
         }
         ledger
     };
-    super::ledger::total((0..grid.photons.len()).into_par_iter().map(account))
+    super::ledger::total(grid.own.clone().into_par_iter().map(account))
 }
 
 /// As points: all flux goes to the texel that a photon lands in.

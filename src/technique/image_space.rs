@@ -8,11 +8,11 @@ use rayon::prelude::*;
 use super::{Inputs, Inspected, Pending, Statistics, Sum, TechniqueStages};
 use crate::backend::Backend;
 use crate::differential::DifferentialSample;
+#[cfg(feature = "gpu")]
+use crate::image_space::gpu;
 use crate::image_space::{
     Bounds, Direction, Hits, ImageSpaceOptions, Kind, MapInputs, MapView, Maps, PhotonLight, Surroundings, segmented,
 };
-#[cfg(feature = "gpu")]
-use crate::image_space::{Traversal, gpu};
 use crate::pinhole::Receivers;
 use crate::pinhole::cpu::TakenCell;
 use crate::progress::{Progress, Stage, Uncounted};
@@ -124,6 +124,7 @@ async fn sum(
         has_directions,
     };
     let maps = maps(&inputs, (backend, prepared), &Uncounted(progress)).await?;
+    let warning = without_light(&maps);
     let statistics = Statistics {
         samples: 0,
         positions: Arc::new(maps.places.clone()),
@@ -139,12 +140,18 @@ async fn sum(
             lights: maps.lights_used,
             flux: maps.ledger,
         }),
-        warning: None,
+        warning,
     };
     Ok(ImageSpaceSum { maps, statistics })
 }
 
-/// Sends the photons: on the GPU if there is one and all are followed, else on the CPU.
+/// What to say of maps that can show nothing.
+fn without_light(maps: &Maps) -> Option<String> {
+    let is_dark = maps.photons > 0 && maps.ledger.cast == 0.0;
+    is_dark.then(|| "no light meets a mirror or an interface, so that there is no caustic".into())
+}
+
+/// Sends the photons: on the GPU if there is one, else on the CPU.
 #[cfg_attr(not(feature = "gpu"), expect(clippy::unused_async, reason = "only a GPU has to be waited for"))]
 async fn maps(
     inputs: &MapInputs<'_>,
@@ -155,9 +162,7 @@ async fn maps(
     progress: &dyn Progress,
 ) -> Result<Maps, Error> {
     #[cfg(feature = "gpu")]
-    if let (Some(shared), Some(geometry), Traversal::Dense) =
-        (backend.shared_gpu(), &prepared.on_gpu, inputs.options.traversal)
-    {
+    if let (Some(shared), Some(geometry)) = (backend.shared_gpu(), &prepared.on_gpu) {
         let pipelines = shared.pipelines.photons(&shared.gpu.device);
         let device = gpu::Device { gpu: &shared.gpu, pipelines: &pipelines, geometry };
         return gpu::maps(device, inputs, progress).await;

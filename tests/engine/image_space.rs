@@ -123,6 +123,40 @@ fn a_plane_mirror_shows_a_virtual_lamp() {
     }
 }
 
+/// What lies between the lamp and the floor hides nothing of the mirror's light: maps of receivers show those behind others, too.
+#[test]
+fn maps_show_receivers_behind_others() {
+    let mirror = "[[object]]\nshape = { plane = { size = [6, 6] } }\nrotate_deg = [0, 0, -90]\ntranslate = [-1.5, 3, 0]\nreflector = {}\n";
+    // Below the lamp: a plate, and a closed ring, which alone takes four layers.
+    let between = "[[object]]\nshape = { plane = { size = [0.4, 0.4] } }\ntranslate = [0, 2.5, 0]\nreceiver = {}\n\
+                   camera_visible = false\n\
+                   [[object]]\nshape = { solid-ring = { radius = 0.1, height = 0.3, thickness = 0.02 } }\n\
+                   rotate_deg = [90, 0, 0]\ntranslate = [0, 2.7, -0.15]\nreceiver = {}\ncamera_visible = false\n";
+    let alone = scene(DARK, &format!("{LAMP}{mirror}"));
+    let hidden = scene(DARK, &format!("{LAMP}{mirror}{between}"));
+    for mode in [Mode::Points, Mode::Gather, Mode::ExactPolygons, Mode::MultiResolution] {
+        let mut options = options(mode, 256);
+        options.image_space.caustic_map = MapView::Light;
+        let [expected, found] = [&alone, &hidden].map(|scene| caustic(scene, options.clone()).0);
+        let error = rel_l2(&found, &expected, None);
+        let energy = found.mean().x / expected.mean().x;
+        println!("{}: {error:.5}, energy {energy:.4}", mode.name());
+        assert!((energy - 1.0).abs() < 0.01, "{}: {energy}", mode.name());
+        // The windows of the maps are not quite the same, so that what is smoothed over texels is not, either.
+        assert!(mode != Mode::ExactPolygons || error < 0.02, "{error}");
+    }
+}
+
+/// Where no light is reflected or refracted, the report says so.
+#[test]
+fn reports_say_that_there_is_no_caustic() {
+    let mirror = "[[object]]\nshape = { plane = { size = [1, 1] } }\ntranslate = [0, 1, 0]\n\
+                  reflector = { sides = \"back\" }\ncamera_visible = false\n";
+    let (_, rendered) = caustic(&scene(DARK, &format!("{LAMP}{mirror}")), options(Mode::Points, 64));
+    let warnings = rendered.report.warnings;
+    assert!(warnings.iter().any(|warning| warning.contains("no light meets a mirror or an interface")), "{warnings:?}");
+}
+
 /// Flat water below a lamp, on the axis: E = I T / (h + z/n)²; in the sun everywhere E₀ cosθ T.
 #[test]
 fn flat_water_has_its_closed_forms() {

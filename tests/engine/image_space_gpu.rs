@@ -7,7 +7,7 @@ use pinspot::image::{Aov, Image, RgbImage};
 use pinspot::scene::{Scene, Slide};
 use pinspot::{
     BackendChoice, CubeSize, Error, Hits, ImageSpaceOptions, MapView, Mode, Options, PhotonStatistics, Rendered,
-    Technique,
+    Technique, Traversal,
 };
 
 use crate::support::{above_floor, gpu_backend, render};
@@ -121,6 +121,62 @@ fn back_ends_agree_on_hits_in_images() {
             options.image_space.hits = hits;
             let error = compare(&format!("{name} {}", hits.name()), &scene, &options);
             assert!(error < 1e-2, "{name} {}: {error}", hits.name());
+        }
+    }
+}
+
+/// Receivers that lie behind others, in the sky over a pool: its deck, rails, walls, tiles and what is between these.
+#[test]
+fn back_ends_agree_on_receivers_behind_others() {
+    let (pool, _) = pinspot::load("pool").unwrap();
+    for mode in [Mode::ExactPolygons, Mode::MultiResolution] {
+        let mut options = options(mode, MapView::Light);
+        options.image_space.lights = 2;
+        let error = compare(mode.name(), &pool, &options);
+        assert!(error < 5e-3, "{}: {error}", mode.name());
+    }
+}
+
+/// Clusters of photons: as many are followed and kept, up to those that rounding decides, and pictures agree.
+#[test]
+fn back_ends_agree_on_clusters() {
+    let lamp = "[[light]]\nposition = [0.4, 3, 0.2]\nintensity = [9, 18, 27]\n";
+    let ball = "[[object]]\nshape = { sphere = { radius = 0.4, divisions = 96 } }\ntranslate = [0, 0.62, 0]\n\
+                refractor = { eta = 1.5, interfaces = 2 }\ncamera_visible = false\n";
+    let lit = above_floor(DARK, &format!("{lamp}{ball}"));
+    let mut of_maximal_level = u64::MAX;
+    for (traversal, mode, map) in [
+        (Traversal::MaximalLevel, Mode::Splats, MapView::Eye),
+        (Traversal::TexelError, Mode::Splats, MapView::Eye),
+        (Traversal::TexelError, Mode::Footprints, MapView::Light),
+        (Traversal::TexelError, Mode::ThickLens, MapView::Eye),
+    ] {
+        let mut options = options(mode, map);
+        options.image_space.photons = 1024;
+        options.image_space.traversal = traversal;
+        let label = format!("{} {} {}", traversal.name(), mode.name(), map.name());
+        let of = |backend| render(lit.clone(), options.clone(), &backend).unwrap();
+        let [on_gpu, on_cpu] = [BackendChoice::Gpu(None), BackendChoice::Cpu].map(of);
+        let error = difference(&on_gpu.layers[0].1, &on_cpu.layers[0].1);
+        let [gpu, cpu] = [&on_gpu, &on_cpu].map(photons);
+        let apart = |a: u64, b: u64| a.abs_diff(b) as f64 / b as f64;
+        let (followed, kept) = (apart(gpu.photons, cpu.photons), apart(gpu.photons_used, cpu.photons_used));
+        println!(
+            "{label}: {error:.2e}; {} of {} photons, {followed:.1e} and {kept:.1e} apart; flux {:.1e}",
+            gpu.photons_used,
+            gpu.photons,
+            gpu.flux.error()
+        );
+        assert!(error < if map == MapView::Eye { 2e-3 } else { 5e-3 }, "{label}: {error}");
+        assert!(followed < 2e-3 && kept < 2e-3, "{label}: {followed} {kept}");
+        assert!((gpu.flux.cast / cpu.flux.cast - 1.0).abs() < 1e-4 && gpu.flux.error().abs() < 1e-4, "{label}");
+        // The texels of the light's own map are finer than the photons are dense.
+        match traversal {
+            Traversal::TexelError if map == MapView::Eye => {
+                assert!(2 * gpu.photons_used < of_maximal_level, "{label}: {}", gpu.photons_used)
+            }
+            Traversal::TexelError => (),
+            _ => of_maximal_level = gpu.photons_used,
         }
     }
 }

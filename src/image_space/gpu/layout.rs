@@ -5,12 +5,13 @@ use bytemuck::{Pod, Zeroable};
 use glam::{DVec3, Vec3};
 
 use crate::image_space::constants::{
-    CHAIN_R, CHAIN_T, CHAIN_TT, IS_FRESNEL_SURFACE, IS_SOLID, IS_SURFACE, MODE_EXACT_POLYGONS, MODE_FOOTPRINTS,
-    MODE_GATHER, MODE_MULTI_RESOLUTION, MODE_POINTS, MODE_POLYGONS, MODE_SPLATS, MODE_THICK_LENS, MODE_THIN_LENS,
-    RECEIVES_PHOTONS, REFLECTS_BEHIND, REFLECTS_IN_FRONT,
+    CHAIN_R, CHAIN_T, CHAIN_TT, CLUSTER_ROW, IS_FRESNEL_SURFACE, IS_SOLID, IS_SURFACE, MODE_EXACT_POLYGONS,
+    MODE_FOOTPRINTS, MODE_GATHER, MODE_MULTI_RESOLUTION, MODE_POINTS, MODE_POLYGONS, MODE_SPLATS, MODE_THICK_LENS,
+    MODE_THIN_LENS, RECEIVES_PHOTONS, REFLECTS_BEHIND, REFLECTS_IN_FRONT,
 };
 use crate::image_space::options::Mode;
 use crate::image_space::projection::Projection;
+use crate::image_space::strips::Strip;
 use crate::pinhole::gpu::LampUniforms;
 use crate::scene::{Chain, Interfaces, Object, Sides};
 
@@ -69,17 +70,44 @@ pub(crate) struct ViewUniforms {
     pub has_ways: u32,
     pub seed: u32,
     pub all_rows: u32,
+    pub cluster_count: u32,
+    pub(super) padding: [u32; 3],
 }
 
-/// Rows of a view that are in the buffers together.
+/// A list of clusters of a grid.
 #[repr(C)]
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
-pub(crate) struct Strip {
-    pub first_row: u32,
-    pub rows: u32,
-    /// Rows that are accounted for, counted from the first one; around them are neighbours.
-    pub first_own_row: u32,
-    pub own_rows: u32,
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub(crate) struct ClusterUniforms {
+    pub plane: PlaneUniforms,
+    pub count: u32,
+    pub grid: u32,
+    pub may_merge: u32,
+    pub levels: u32,
+    pub is_finest: u32,
+    pub(super) padding: [u32; 3],
+}
+
+/// Photons that are in the buffers together, in rows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Block {
+    pub columns: u32,
+    pub strip: Strip,
+    /// As shaders have it: 0, or 1 of clusters, or 2 of those that were merged.
+    pub clusters: u32,
+}
+
+impl Block {
+    /// Rows of a view.
+    pub fn of_rows(columns: u32, strip: Strip) -> Self {
+        Self { columns, strip, clusters: 0 }
+    }
+
+    /// Clusters of 2×2 photons, or photons that each stand for one.
+    pub fn of_clusters(count: u32, are_merged: bool) -> Self {
+        let rows = (4 * count).div_ceil(CLUSTER_ROW);
+        let strip = Strip { first_row: 0, rows, first_own_row: 0, own_rows: rows };
+        Self { columns: CLUSTER_ROW, strip, clusters: 1 + u32::from(are_merged) }
+    }
 }
 
 /// A map, and the photons that are added to it.
@@ -100,7 +128,8 @@ pub(crate) struct MapUniforms {
     pub diameter: f32,
     pub spacing: f32,
     pub is_first: u32,
-    pub(super) padding: [u32; 2],
+    pub layers: u32,
+    pub clusters: u32,
 }
 
 /// A plane of an image of surfaces.

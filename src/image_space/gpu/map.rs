@@ -7,13 +7,14 @@ use wgpu::BufferUsages;
 
 use crate::gpu::{Gpu, GpuError};
 use crate::image_space::Deposits;
-use crate::image_space::caustic_map::{CausticMap, IrradianceMap, Texel, watts_per_step};
-use crate::image_space::constants::LAYERS;
+use crate::image_space::caustic_map::{CausticMap, IrradianceMap, watts_per_step};
+use crate::image_space::constants::{MAX_RECEIVER_LAYERS, SPLAT_SIZES};
 use crate::image_space::ledger::Ledger;
 use crate::image_space::maps::MapInputs;
-use crate::image_space::multi_resolution::Layers;
+use crate::image_space::multi_resolution::Resolutions;
 use crate::image_space::options::Mode;
 use crate::image_space::projection::Projection;
+use crate::image_space::receiver_layers::{ReceiverLayers, Texel};
 
 /// Words of a texel's sums without directions, and with them.
 const WORDS: [usize; 2] = [6, 12];
@@ -24,6 +25,8 @@ pub(super) struct MapOnGpu {
     pub projection: Projection,
     /// It shows what the camera sees; otherwise the receivers alone.
     pub is_camera: bool,
+    /// Receivers that each texel shows at most.
+    pub layers: u32,
     pub has_directions: bool,
     pub watts_per_step: f64,
     pub texels: wgpu::Buffer,
@@ -32,25 +35,44 @@ pub(super) struct MapOnGpu {
 }
 
 impl MapOnGpu {
-    /// An empty one.
+    /// An empty one of what the camera sees, or of so many layers of receivers.
     ///
     /// # Errors
     /// It does not fit in the device's buffers.
-    pub fn new(gpu: &Gpu, inputs: &MapInputs, projection: Projection, is_camera: bool) -> Result<Self, GpuError> {
-        let texels = projection.texel_count() as u64;
-        let layers = u64::from(layers_of(inputs.options.mode));
+    pub fn new(
+        gpu: &Gpu,
+        inputs: &MapInputs,
+        projection: Projection,
+        receivers: Option<u32>,
+    ) -> Result<Self, GpuError> {
+        let texels = projection.texel_count() as u64 * u64::from(receivers.unwrap_or(1));
+        let splat_sizes = u64::from(splat_sizes_of(inputs.options.mode));
         let words = WORDS[usize::from(inputs.has_directions)] as u64;
         let has_counts = matches!(inputs.options.mode, Mode::Gather | Mode::MultiResolution);
         let sizes = [
             texels * size_of::<Texel>() as u64,
-            texels * layers * words * size_of::<u32>() as u64,
-            if has_counts { texels * layers * size_of::<u32>() as u64 } else { 16 },
+            texels * splat_sizes * words * size_of::<u32>() as u64,
+            if has_counts { texels * splat_sizes * size_of::<u32>() as u64 } else { 16 },
         ];
         let limits = gpu.device.limits();
         let limit = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
         if let Some(bytes) = sizes.into_iter().find(|bytes| *bytes > limit) {
             return Err(GpuError::CausticMapTooLarge { size: projection.size, bytes, limit });
         }
+        Ok(Self::with_buffers(gpu, inputs, (projection, receivers), sizes))
+    }
+
+    /// One without texels, in which layers are counted.
+    pub fn to_count_layers(gpu: &Gpu, inputs: &MapInputs, projection: Projection) -> Self {
+        Self::with_buffers(gpu, inputs, (projection, Some(MAX_RECEIVER_LAYERS)), [64; 3])
+    }
+
+    fn with_buffers(
+        gpu: &Gpu,
+        inputs: &MapInputs,
+        (projection, receivers): (Projection, Option<u32>),
+        [texels, sums, counts]: [u64; 3],
+    ) -> Self {
         let buffer = |label, size| {
             let usage = BufferUsages::STORAGE | BufferUsages::COPY_SRC;
             gpu.device.create_buffer(&wgpu::BufferDescriptor {
@@ -60,46 +82,55 @@ impl MapOnGpu {
                 mapped_at_creation: false,
             })
         };
-        Ok(Self {
+        Self {
             projection,
-            is_camera,
+            is_camera: receivers.is_none(),
+            layers: receivers.unwrap_or(1),
             has_directions: inputs.has_directions,
             watts_per_step: watts_per_step(inputs.total_watts()),
-            texels: buffer("texels of a caustic map", sizes[0]),
-            sums: buffer("sums of a caustic map", sizes[1]),
-            counts: buffer("counts of a caustic map", sizes[2]),
-        })
+            texels: buffer("texels of a caustic map", texels),
+            sums: buffer("sums of a caustic map", sums),
+            counts: buffer("counts of a caustic map", counts),
+        }
+    }
+
+    /// The layers that were counted in it; at least one.
+    pub async fn counted_layers(&self, gpu: &Gpu) -> Result<u32, GpuError> {
+        let counts: Vec<u32> = read(gpu, &self.counts).await?;
+        Ok(counts[0].max(1))
     }
 
     /// Reads the sums. Returns the finished map, and what is left of the account.
     pub async fn finish(self, gpu: &Gpu, mode: Mode) -> Result<(IrradianceMap, Ledger), GpuError> {
-        let texels: Arc<Vec<Texel>> = Arc::new(read(gpu, &self.texels).await?);
+        let texels: Vec<Texel> = read(gpu, &self.texels).await?;
         let sums: Vec<u32> = read(gpu, &self.sums).await?;
         let words = WORDS[usize::from(self.has_directions)];
         let count = texels.len();
-        let map = |layer: usize| {
-            let of_layer = &sums[layer * count * words..(layer + 1) * count * words];
-            let part = |first: usize| of_layer.chunks(words).map(|texel| integers(&texel[first..first + 6])).collect();
+        let shown = Arc::new(ReceiverLayers::of_texels(self.projection, texels));
+        let map = |size: usize| {
+            let of_size = &sums[size * count * words..(size + 1) * count * words];
+            let part = |first: usize| of_size.chunks(words).map(|texel| integers(&texel[first..first + 6])).collect();
             let directions = if self.has_directions { part(6) } else { Vec::new() };
-            CausticMap::of_sums(self.projection, texels.clone(), [part(0), directions], self.watts_per_step)
+            CausticMap::of_sums(shown.clone(), [part(0), directions], self.watts_per_step)
         };
-        let mut deposits = Deposits { map: map(0), mode, layers: None, counts: Vec::new() };
+        let mut deposits = Deposits { map: map(0), mode, resolutions: None, counts: Vec::new() };
         if mode == Mode::Gather {
             let counts: Vec<u32> = read(gpu, &self.counts).await?;
             deposits.counts = counts.into_iter().map(AtomicU32::new).collect();
         }
         if mode == Mode::MultiResolution {
             let counts: Vec<u32> = read(gpu, &self.counts).await?;
-            let maps = (0..LAYERS as usize).map(map).collect();
-            deposits.layers = Some(Layers::of_sums(maps, counts.chunks(count).map(<[u32]>::to_vec).collect()));
+            let maps = (0..SPLAT_SIZES as usize).map(map).collect();
+            deposits.resolutions =
+                Some(Resolutions::of_sums(maps, counts.chunks(count).map(<[u32]>::to_vec).collect()));
             deposits.map = deposits.map.emptied();
         }
         Ok(deposits.finish())
     }
 }
 
-fn layers_of(mode: Mode) -> u32 {
-    if mode == Mode::MultiResolution { LAYERS } else { 1 }
+fn splat_sizes_of(mode: Mode) -> u32 {
+    if mode == Mode::MultiResolution { SPLAT_SIZES } else { 1 }
 }
 
 /// Three signed integers of two words each.

@@ -2,40 +2,39 @@
 //! they are the same in any order. CPU twin: the rest of [`crate::image_space`], which also smoothes points and chooses between resolutions
 //! once the sums are there. Shaders: `shaders/photon_*.wgsl`. Knows neither techniques nor how results are looked up.
 
+mod clusters;
 mod images;
 mod layout;
 mod map;
 mod passes;
 mod pipelines;
 
-pub(crate) use self::layout::Strip;
 #[cfg(test)]
 pub(crate) use self::layout::{
-    DrawUniforms, GpuPhoton, GpuPlace, GpuSurface, GpuWay, ImagePlaneUniforms, MapUniforms, PlaneUniforms, ViewUniforms,
+    ClusterUniforms, DrawUniforms, GpuPhoton, GpuPlace, GpuSurface, GpuWay, ImagePlaneUniforms, MapUniforms,
+    PlaneUniforms, ViewUniforms,
 };
 pub(crate) use self::pipelines::PhotonPipelines;
 #[cfg(test)]
-pub(crate) use super::caustic_map::Texel;
+pub(crate) use super::{receiver_layers::Texel, strips::Strip};
 
+use self::clusters::{CoverageOnGpu, Traverser};
+use self::layout::Block;
 use self::map::MapOnGpu;
-use self::passes::Passes;
+use self::passes::{Passes, Source};
 use super::caustic_map::IrradianceMap;
+use super::coverage::Coverage;
 use super::ledger::Ledger;
 use super::lights::LightView;
 use super::maps::{FewPhotons, MapInputs, Maps};
-use super::options::MapView;
+use super::options::{MapView, Traversal};
 use super::projection::Projection;
+use super::strips::strips;
 use crate::Error;
 use crate::gpu::{Gpu, GpuError};
 use crate::pinhole::gpu::Geometry;
 use crate::progress::Progress;
 use crate::scene::Chain;
-
-/// Photons that are in the buffers together, about: 128 MiB with their ways and places.
-const PHOTONS_OF_STRIP: u32 = 1 << 20;
-
-/// Rows of neighbours before and after those of a strip.
-const NEIGHBOURS: u32 = 2;
 
 /// What the device has to work with.
 #[derive(Clone, Copy)]
@@ -46,7 +45,7 @@ pub(crate) struct Device<'a> {
     pub geometry: &'a Geometry,
 }
 
-/// Maps of all photons of a scene, whose traversal is dense.
+/// Maps of the photons of a scene.
 ///
 /// # Errors
 /// A map does not fit in the adapter's buffers, the device is lost, or its rays are ended early.
@@ -55,7 +54,7 @@ pub(crate) async fn maps(device: Device<'_>, inputs: &MapInputs<'_>, progress: &
     let few = inputs.few_photons(progress);
     let (shared, finished) = (Vec::new(), Vec::new());
     let mut maps = MapsOnGpu { device, inputs, passes, few, eye: None, shared, finished, photons: 0 };
-    maps.begin()?;
+    maps.begin().await?;
     for index in 0..inputs.lights.len() {
         maps.add_light(index, progress).await?;
     }
@@ -76,21 +75,27 @@ struct MapsOnGpu<'a> {
 }
 
 impl MapsOnGpu<'_> {
-    fn begin(&mut self) -> Result<(), Error> {
+    async fn begin(&mut self) -> Result<(), Error> {
         if self.inputs.options.caustic_map == MapView::Light {
             return Ok(());
         }
         let (camera, size) = &self.inputs.view;
-        self.eye = Some(self.map(Projection::of_camera(camera, *size), true)?);
+        self.eye = Some(self.map(Projection::of_camera(camera, *size), None)?);
         for (chain, projection) in self.inputs.projections_of_chains(&self.few) {
-            let map = self.map(projection, false)?;
+            let map = self.map_of_receivers(projection).await?;
             self.shared.push((chain, map));
         }
         Ok(())
     }
 
-    fn map(&self, projection: Projection, is_camera: bool) -> Result<MapOnGpu, GpuError> {
-        let map = MapOnGpu::new(self.device.gpu, self.inputs, projection, is_camera)?;
+    /// A map of all receivers along its rays.
+    async fn map_of_receivers(&self, projection: Projection) -> Result<MapOnGpu, GpuError> {
+        let layers = self.passes.count_layers(projection).await?;
+        self.map(projection, Some(layers))
+    }
+
+    fn map(&self, projection: Projection, receivers: Option<u32>) -> Result<MapOnGpu, GpuError> {
+        let map = MapOnGpu::new(self.device.gpu, self.inputs, projection, receivers)?;
         self.passes.find_receivers(&map);
         Ok(map)
     }
@@ -100,13 +105,18 @@ impl MapsOnGpu<'_> {
         let mut own = Vec::new();
         if self.eye.is_none() {
             for projection in inputs.projections_of_light(light, &self.few[index]) {
-                own.push(self.map(projection, false)?);
+                own.push(self.map_of_receivers(projection).await?);
             }
         }
         for part in inputs.parts_of(light) {
             for view in part.views(inputs.casters, &inputs.bounds, inputs.options.photons) {
-                self.photons += view.projection.texel_count() as u64;
-                self.add_view(&view, &own, progress).await?;
+                match inputs.options.traversal {
+                    Traversal::Dense => {
+                        self.photons += view.projection.texel_count() as u64;
+                        self.add_view(&view, &own, progress).await?;
+                    }
+                    traversal => self.photons += self.add_clusters(&view, &own, traversal, progress).await?,
+                }
             }
         }
         for map in own {
@@ -117,24 +127,17 @@ impl MapsOnGpu<'_> {
 
     /// Emits all photons of a view, strip by strip, and adds them to maps.
     async fn add_view(&self, view: &LightView, own: &[MapOnGpu], progress: &dyn Progress) -> Result<(), Error> {
-        let light = self.passes.light(&view.light)?;
-        let images = self.passes.images(view)?;
+        let light = &self.passes.light(&view.light)?;
+        let images = &self.passes.images(view)?;
         for strip in strips(view.projection.size) {
             for kind in self.inputs.kinds {
                 if progress.is_cancelled() {
                     return Err(Error::Cancelled);
                 }
                 let mut encoder = self.device.gpu.device.create_command_encoder(&Default::default());
-                self.passes.emit(&mut encoder, (view, &light, &images), *kind, strip);
-                if let Some(eye) = &self.eye {
-                    self.passes.deposit(&mut encoder, (eye, view), strip, false);
-                }
-                for map in own {
-                    self.passes.deposit(&mut encoder, (map, view), strip, own.len() > 1);
-                }
-                for (_, map) in self.shared.iter().filter(|(chain, _)| *chain == kind.chain) {
-                    self.passes.deposit_unaccounted(&mut encoder, (map, view), strip);
-                }
+                self.passes.emit(&mut encoder, Source { view, light, images }, *kind, strip);
+                let block = Block::of_rows(view.projection.size[0], strip);
+                self.deposit(&mut encoder, (view, kind.chain), own, block);
                 self.device.gpu.queue.submit([encoder.finish()]);
             }
             // Strips wait for each other, so that a cancelled picture ends soon.
@@ -142,6 +145,55 @@ impl MapsOnGpu<'_> {
             progress.advance(u64::from(strip.own_rows));
         }
         Ok(())
+    }
+
+    /// Follows clusters of photons as far as the first map needs them. Returns how many photons were followed.
+    async fn add_clusters(
+        &self,
+        view: &LightView,
+        own: &[MapOnGpu],
+        traversal: Traversal,
+        progress: &dyn Progress,
+    ) -> Result<u64, Error> {
+        let light = &self.passes.light(&view.light)?;
+        let images = &self.passes.images(view)?;
+        let Some(map) = self.eye.as_ref().or_else(|| own.first()) else { return Ok(0) };
+        let triangles = self.inputs.triangles.iter().copied();
+        let coverage = Coverage::new(&view.projection, view.spread, triangles);
+        let coverage = CoverageOnGpu::new(&self.device.gpu.device, coverage);
+        let mut followed = 0;
+        for kind in self.inputs.kinds {
+            if progress.is_cancelled() {
+                return Err(Error::Cancelled);
+            }
+            let from = Source { view, light, images };
+            let finest = self.inputs.options.photons;
+            let traverser = Traverser { passes: &self.passes, from, kind: *kind, map, traversal, finest };
+            let add = &mut |encoder: &mut wgpu::CommandEncoder, block| {
+                self.deposit(encoder, (view, kind.chain), own, block);
+            };
+            followed += traverser.run(&coverage, add).await?;
+        }
+        Ok(followed)
+    }
+
+    /// Adds what is in the buffers to all maps.
+    fn deposit(
+        &self,
+        encoder: &mut wgpu::CommandEncoder,
+        (view, chain): (&LightView, Chain),
+        own: &[MapOnGpu],
+        block: Block,
+    ) {
+        if let Some(eye) = &self.eye {
+            self.passes.deposit(encoder, (eye, view), block, false);
+        }
+        for map in own {
+            self.passes.deposit(encoder, (map, view), block, own.len() > 1);
+        }
+        for (_, map) in self.shared.iter().filter(|(of, _)| *of == chain) {
+            self.passes.deposit_unaccounted(encoder, (map, view), block);
+        }
     }
 
     async fn finish(self) -> Result<Maps, Error> {
@@ -166,42 +218,5 @@ impl MapsOnGpu<'_> {
         }
         device.gpu.check()?;
         Ok(Maps::of_parts(eye, lights, (ledger, photons, photons_used), &few))
-    }
-}
-
-/// The rows of a view in strips that fit in the buffers.
-fn strips([columns, rows]: [u32; 2]) -> impl Iterator<Item = Strip> {
-    let own = (PHOTONS_OF_STRIP / columns.max(1)).max(1);
-    (0..rows).step_by(own as usize).map(move |first_own| {
-        let first_row = first_own.saturating_sub(NEIGHBOURS);
-        let own_rows = own.min(rows - first_own);
-        let end = (first_own + own_rows + NEIGHBOURS).min(rows);
-        Strip { first_row, rows: end - first_row, first_own_row: first_own - first_row, own_rows }
-    })
-}
-
-/// The most photons of a strip of a view of so many columns.
-fn photons_of_strip([columns, rows]: [u32; 2]) -> u64 {
-    strips([columns, rows]).map(|strip| u64::from(strip.rows) * u64::from(columns)).max().unwrap_or(1)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn strips_are_all_rows_once() {
-        for size in [[16, 16], [1024, 1024], [2048, 2048], [8192, 8192], [8192, 5]] {
-            let mut next = 0;
-            for strip in strips(size) {
-                assert_eq!(strip.first_row + strip.first_own_row, next, "{size:?}");
-                next += strip.own_rows;
-                let after = strip.first_row + strip.rows - next;
-                assert!(strip.first_own_row == NEIGHBOURS || strip.first_row == 0);
-                assert!(after == NEIGHBOURS || strip.first_row + strip.rows == size[1]);
-            }
-            assert_eq!(next, size[1]);
-            assert!(photons_of_strip(size) <= u64::from(PHOTONS_OF_STRIP + 4 * size[0]));
-        }
     }
 }

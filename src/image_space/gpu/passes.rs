@@ -1,27 +1,43 @@
-//! The passes over photons, and the buffers that they share.
+//! The passes over photons, and the buffers that they share. What decides which photons are followed is elsewhere.
 
 use sobol_burley::parts::sobol_rev;
 use wgpu::{BufferUsages, CommandEncoder};
 
+use super::Device;
 use super::images::{draw_images, no_images};
 use super::layout::{
-    GpuSurface, MapUniforms, PHOTON_BYTES, Strip, ViewUniforms, chain_constant, channels, mode_constant,
+    Block, ClusterUniforms, GpuSurface, MapUniforms, PHOTON_BYTES, ViewUniforms, chain_constant, channels,
+    mode_constant,
 };
 use super::map::MapOnGpu;
-use super::{Device, photons_of_strip};
 use crate::gpu::{GpuError, buffer_with};
-use crate::image_space::constants::LEDGER_ENTRIES;
+use crate::image_space::constants::{CLUSTER_ROW, LEDGER_ENTRIES};
 use crate::image_space::emission::Kind;
 use crate::image_space::ledger::Ledger;
 use crate::image_space::lights::{LightView, PhotonLight};
 use crate::image_space::maps::MapInputs;
 use crate::image_space::options::{Hits, Mode};
+use crate::image_space::projection::Projection;
+use crate::image_space::strips::{Strip, photons_of_strip};
 use crate::pinhole::CURVE_POINTS;
 use crate::pinhole::gpu::pipeline::bind;
 use crate::pinhole::gpu::{LampUniforms, UploadedLamp, no_slide, storage_buffer};
 
 /// Edge of the workgroups.
 const WORKGROUP_EDGE: u32 = 8;
+
+/// Clusters of a workgroup, and workgroups of a row of them: devices dispatch 65,535 in one at most.
+const CLUSTERS_OF_GROUP: u32 = 64;
+const GROUPS_OF_ROW: u32 = 1024;
+
+/// Where photons come from.
+#[derive(Clone, Copy)]
+pub(super) struct Source<'a> {
+    pub view: &'a LightView,
+    pub light: &'a LightOnGpu,
+    /// What they meet, unless they are traced.
+    pub images: &'a wgpu::BindGroup,
+}
 
 /// A light on the device.
 pub(super) struct LightOnGpu {
@@ -44,6 +60,7 @@ pub(super) struct Passes<'a> {
     of_surfaces: wgpu::BindGroup,
     nothing: wgpu::BindGroup,
     no_images: wgpu::BindGroup,
+    no_clusters: wgpu::Buffer,
     geometry: wgpu::BindGroup,
 }
 
@@ -77,6 +94,7 @@ impl<'a> Passes<'a> {
             of_surfaces: bind(on, &pipelines.of_surfaces, &[surfaces.as_entire_binding()]),
             nothing: bind(on, &pipelines.nothing, &[]),
             no_images: no_images(on, &pipelines.images),
+            no_clusters: storage_buffer(on, "no clusters", &[0; 4]),
             geometry: device.geometry.bind(on, &pipelines.geometry),
             device,
             inputs,
@@ -115,20 +133,37 @@ impl<'a> Passes<'a> {
     }
 
     /// Follows the photons of a strip to receivers.
-    pub fn emit(
+    pub fn emit(&self, encoder: &mut CommandEncoder, from: Source<'_>, kind: Kind, strip: Strip) {
+        let uniforms = ViewUniforms { strip, ..self.view_uniforms(from, kind) };
+        let columns = from.view.projection.size[0];
+        let clusters = self.no_clusters.as_entire_binding();
+        self.run_emission(encoder, (from, uniforms), (clusters, &self.ledger), [columns, strip.rows]);
+    }
+
+    /// Follows the photons of clusters, and accounts for their flux if that is wanted. `from.view` has the clusters' grid.
+    pub fn emit_clusters(
         &self,
         encoder: &mut CommandEncoder,
-        (view, light, images): (&LightView, &LightOnGpu, &wgpu::BindGroup),
+        from: Source<'_>,
         kind: Kind,
-        strip: Strip,
+        (clusters, count): (wgpu::BindingResource<'_>, u32),
+        is_accounted: bool,
     ) {
-        let on = &self.device.gpu.device;
+        let Block { columns, strip, .. } = Block::of_clusters(count, false);
+        let own_rows = if is_accounted { strip.rows } else { 0 };
+        let strip = Strip { own_rows, ..strip };
+        let uniforms = ViewUniforms { strip, cluster_count: count, ..self.view_uniforms(from, kind) };
+        let ledger = if is_accounted { &self.ledger } else { &self.unaccounted };
+        self.run_emission(encoder, (from, uniforms), (clusters, ledger), [columns, strip.rows]);
+    }
+
+    fn view_uniforms(&self, Source { view, light, .. }: Source<'_>, kind: Kind) -> ViewUniforms {
         let (power, extent) = match &view.light {
             PhotonLight::Directional { irradiance, sigma_rad, .. } => (*irradiance, *sigma_rad),
             PhotonLight::Lamp(lamp) => (lamp.intensity, lamp.radius),
         };
         let [columns, all_rows] = view.projection.size;
-        let uniforms = ViewUniforms {
+        ViewUniforms {
             plane: (&view.projection).into(),
             power: power.to_array(),
             extent: if view.light.is_extended() { extent } else { 0.0 },
@@ -139,60 +174,130 @@ impl<'a> Passes<'a> {
             channel: kind.channel.unwrap_or(0) as u32,
             is_cube: u32::from(view.is_cube),
             columns,
-            strip,
             steps_per_watt: self.steps_per_watt(),
             has_ways: u32::from(matches!(self.inputs.options.mode, Mode::ThinLens | Mode::ThickLens)),
             seed: self.inputs.seed as u32,
             all_rows,
-        };
+            ..ViewUniforms::default()
+        }
+    }
+
+    fn run_emission(
+        &self,
+        encoder: &mut CommandEncoder,
+        (from, uniforms): (Source<'_>, ViewUniforms),
+        (clusters, ledger): (wgpu::BindingResource<'_>, &wgpu::Buffer),
+        size: [u32; 2],
+    ) {
+        let on = &self.device.gpu.device;
         let uniforms = buffer_with(on, "a light's view", bytemuck::bytes_of(&uniforms), BufferUsages::UNIFORM);
-        let buffers = [&uniforms, &self.photons[0], &self.photons[1], &self.ledger];
-        let own = bind(on, &self.device.pipelines.of_view, &buffers.map(wgpu::Buffer::as_entire_binding));
+        let [a, b, c, d] = [&uniforms, &self.photons[0], &self.photons[1], ledger].map(wgpu::Buffer::as_entire_binding);
+        let own = bind(on, &self.device.pipelines.of_view, &[a, b, c, d, clusters]);
         let mut pass = begin(encoder, "photons");
         let pipelines = self.device.pipelines;
         let is_traced = self.inputs.options.hits == Hits::Traced;
         pass.set_pipeline(if is_traced { &pipelines.emit } else { &pipelines.emit_in_images });
-        self.set_groups(&mut pass, [&own, &light.group, images]);
-        dispatch(&mut pass, [columns, strip.rows]);
+        self.set_groups(&mut pass, [&own, &from.light.group, from.images]);
+        dispatch(&mut pass, size);
+    }
+
+    /// Runs a pass over a list of clusters: [`PhotonPipelines::decide`](super::PhotonPipelines) or `merge`.
+    pub fn run_over_clusters(
+        &self,
+        encoder: &mut CommandEncoder,
+        pipeline: &wgpu::ComputePipeline,
+        uniforms: &ClusterUniforms,
+        [clusters, divided, merged, counts, coverage]: [wgpu::BindingResource<'_>; 5],
+    ) {
+        let on = &self.device.gpu.device;
+        let buffer = buffer_with(on, "a list of clusters", bytemuck::bytes_of(uniforms), BufferUsages::UNIFORM);
+        let [list, photons, ledger] = [&buffer, &self.photons[0], &self.ledger].map(wgpu::Buffer::as_entire_binding);
+        let bindings = [list, photons, clusters, divided, merged, counts, coverage, ledger];
+        let own = bind(on, &self.device.pipelines.of_clusters, &bindings);
+        let mut pass = begin(encoder, "clusters");
+        pass.set_pipeline(pipeline);
+        self.set_groups(&mut pass, [&own, &self.nothing, &self.nothing]);
+        let groups = uniforms.count.div_ceil(CLUSTERS_OF_GROUP);
+        pass.dispatch_workgroups(groups.min(GROUPS_OF_ROW), groups.div_ceil(GROUPS_OF_ROW), 1);
+    }
+
+    /// The device.
+    pub fn on(&self) -> &wgpu::Device {
+        &self.device.gpu.device
+    }
+
+    pub fn pipelines(&self) -> &super::PhotonPipelines {
+        self.device.pipelines
+    }
+
+    pub fn submit(&self, encoder: CommandEncoder) {
+        self.device.gpu.queue.submit([encoder.finish()]);
+    }
+
+    /// Reads the numbers of clusters in two lists.
+    pub async fn read_counts(&self, counts: &wgpu::Buffer) -> Result<[u32; 2], GpuError> {
+        let bytes = self.device.gpu.read_buffer(counts, counts.size()).await?;
+        Ok(bytemuck::pod_read_unaligned(&bytes))
+    }
+
+    /// Clusters that fit in the buffers together.
+    pub fn clusters_of_batch(&self) -> u32 {
+        let photons = (self.photons[0].size() / PHOTON_BYTES[0]) as u32;
+        // Lists are bound from multiples of so many on.
+        photons / CLUSTER_ROW * CLUSTER_ROW / 4 / CLUSTERS_OF_GROUP * CLUSTERS_OF_GROUP
+    }
+
+    /// How many layers of receivers a view needs.
+    ///
+    /// # Errors
+    /// The device is lost.
+    pub async fn count_layers(&self, projection: Projection) -> Result<u32, GpuError> {
+        let map = MapOnGpu::to_count_layers(self.device.gpu, self.inputs, projection);
+        self.run_over_texels(&map, &self.device.pipelines.count_layers);
+        map.counted_layers(self.device.gpu).await
     }
 
     /// Finds what the texels of a map show. Submits.
     pub fn find_receivers(&self, map: &MapOnGpu) {
+        self.run_over_texels(map, &self.device.pipelines.find_receivers);
+    }
+
+    fn run_over_texels(&self, map: &MapOnGpu, pipeline: &wgpu::ComputePipeline) {
         let gpu = self.device.gpu;
         let mut encoder = gpu.device.create_command_encoder(&Default::default());
         let own = self.bind_map(map, self.uniforms(map), &self.ledger);
         let mut pass = begin(&mut encoder, "receivers of a caustic map");
-        pass.set_pipeline(&self.device.pipelines.find_receivers);
+        pass.set_pipeline(pipeline);
         self.set_groups(&mut pass, [&own, &self.of_surfaces, &self.nothing]);
         dispatch(&mut pass, map.projection.size);
         drop(pass);
         gpu.queue.submit([encoder.finish()]);
     }
 
-    /// Adds the photons of a strip to a map. Where it is one of many, photons beside it belong to others.
+    /// Adds photons to a map. Where it is one of many, photons beside it belong to others.
     pub fn deposit(
         &self,
         encoder: &mut CommandEncoder,
         to: (&MapOnGpu, &LightView),
-        strip: Strip,
+        block: Block,
         is_one_of_many: bool,
     ) {
-        self.add(encoder, to, (strip, is_one_of_many), &self.ledger);
+        self.add(encoder, to, (block, is_one_of_many), &self.ledger);
     }
 
     /// The same without an entry in the account.
-    pub fn deposit_unaccounted(&self, encoder: &mut CommandEncoder, to: (&MapOnGpu, &LightView), strip: Strip) {
-        self.add(encoder, to, (strip, false), &self.unaccounted);
+    pub fn deposit_unaccounted(&self, encoder: &mut CommandEncoder, to: (&MapOnGpu, &LightView), block: Block) {
+        self.add(encoder, to, (block, false), &self.unaccounted);
     }
 
     fn add(
         &self,
         encoder: &mut CommandEncoder,
         (map, view): (&MapOnGpu, &LightView),
-        (strip, is_one_of_many): (Strip, bool),
+        (block, is_one_of_many): (Block, bool),
         ledger: &wgpu::Buffer,
     ) {
-        let [columns, _] = view.projection.size;
+        let Block { columns, strip, clusters } = block;
         let uniforms = MapUniforms {
             columns,
             rows: strip.rows,
@@ -200,7 +305,8 @@ impl<'a> Passes<'a> {
             own_rows: strip.own_rows,
             is_one_of_many: u32::from(is_one_of_many),
             spacing: view.projection.texel as f32,
-            is_first: u32::from(strip.first_row + strip.first_own_row == 0),
+            is_first: u32::from(strip.is_first()),
+            clusters,
             ..self.uniforms(map)
         };
         let own = self.bind_map(map, uniforms, ledger);
@@ -225,6 +331,7 @@ impl<'a> Passes<'a> {
             steps_per_watt: self.steps_per_watt(),
             mode: mode_constant(options.mode),
             diameter: options.splat_diameter,
+            layers: map.layers,
             ..MapUniforms::default()
         }
     }

@@ -5,7 +5,9 @@ use wgpu::{BindGroupLayout, BindGroupLayoutEntry, ComputePipeline, ShaderStages}
 use super::images::ImagePipelines;
 use crate::pinhole::gpu::pipeline::{compute_pipeline, layout, seen_by, storage, texture, uniform, writable};
 use crate::pinhole::gpu::ray_entries;
-use crate::pinhole::gpu::shaders::{PHOTON_EMISSION, PHOTON_PLACES, PHOTON_POLYGONS, PHOTON_SPLATS, Shader};
+use crate::pinhole::gpu::shaders::{
+    PHOTON_CLUSTERS, PHOTON_EMISSION, PHOTON_PLACES, PHOTON_POLYGONS, PHOTON_SPLATS, Shader,
+};
 
 /// The passes on one device.
 #[derive(Debug)]
@@ -13,10 +15,14 @@ pub(crate) struct PhotonPipelines {
     pub(super) emit: ComputePipeline,
     pub(super) emit_in_images: ComputePipeline,
     pub(super) images: ImagePipelines,
+    pub(super) count_layers: ComputePipeline,
     pub(super) find_receivers: ComputePipeline,
     pub(super) place_photons: ComputePipeline,
     pub(super) add_splats: ComputePipeline,
     pub(super) add_polygons: ComputePipeline,
+    pub(super) decide: ComputePipeline,
+    pub(super) merge: ComputePipeline,
+    pub(super) of_clusters: BindGroupLayout,
     pub(super) of_view: BindGroupLayout,
     pub(super) of_light: BindGroupLayout,
     pub(super) of_map: BindGroupLayout,
@@ -33,7 +39,12 @@ impl PhotonPipelines {
             layout(device, label, &entries)
         };
         let written = |last: u32| (1..=last).map(writable);
-        let of_view = of("a light's view", &[uniform(0)].into_iter().chain(written(3)).collect::<Vec<_>>());
+        let of_view =
+            of("a light's view", &[uniform(0)].into_iter().chain(written(3)).chain([storage(4)]).collect::<Vec<_>>());
+        let of_clusters = of(
+            "clusters",
+            &[uniform(0), writable(1), storage(2), writable(3), writable(4), writable(5), storage(6), writable(7)],
+        );
         let of_light = of("a light and surfaces", &[storage(0), storage(1), storage(2), texture(3)]);
         let of_map = of("a caustic map", &[uniform(0)].into_iter().chain(written(7)).collect::<Vec<_>>());
         let of_surfaces = of("surfaces", &[storage(0)]);
@@ -58,16 +69,22 @@ impl PhotonPipelines {
         let of_map_and_surfaces = [&of_map, &of_surfaces, &nothing];
         let of_emission = [&of_view, &of_light, &images.of_images];
         let emit = pipeline(PHOTON_EMISSION, of_emission, &[("emit", 0.0), ("emit", 1.0)]);
-        let places = [("find_receivers", 0.0), ("place_photons", 0.0)];
+        let places = [("count_layers", 0.0), ("find_receivers", 0.0), ("place_photons", 0.0)];
         let places = pipeline(PHOTON_PLACES, of_map_and_surfaces, &places);
         let splats = pipeline(PHOTON_SPLATS, of_map_and_surfaces, &[("add_splats", 0.0)]);
         let polygons = pipeline(PHOTON_POLYGONS, of_map_and_surfaces, &[("add_polygons", 0.0)]);
+        let clusters = [&of_clusters, &nothing, &nothing];
+        let clusters = pipeline(PHOTON_CLUSTERS, clusters, &[("decide", 0.0), ("merge", 0.0)]);
         Self {
+            decide: clusters[0].clone(),
+            merge: clusters[1].clone(),
+            of_clusters,
             emit: emit[0].clone(),
             emit_in_images: emit[1].clone(),
             images,
-            find_receivers: places[0].clone(),
-            place_photons: places[1].clone(),
+            count_layers: places[0].clone(),
+            find_receivers: places[1].clone(),
+            place_photons: places[2].clone(),
             add_splats: splats[0].clone(),
             add_polygons: polygons[0].clone(),
             of_view,

@@ -11,8 +11,8 @@ use crate::brdf::Material;
 use crate::cell_tree::CellNode;
 use crate::engine::preview_layout::{PIXEL_BYTES, PreviewGrid, PreviewObject, PreviewUniforms};
 use crate::image_space::gpu::{
-    DrawUniforms, GpuPhoton, GpuPlace, GpuSurface, GpuWay, ImagePlaneUniforms, MapUniforms as PhotonMapUniforms,
-    PlaneUniforms, Strip, Texel, ViewUniforms,
+    ClusterUniforms, DrawUniforms, GpuPhoton, GpuPlace, GpuSurface, GpuWay, ImagePlaneUniforms,
+    MapUniforms as PhotonMapUniforms, PlaneUniforms, Strip, Texel, ViewUniforms,
 };
 use crate::pinhole::gpu::geometry::RayUniforms;
 use crate::pinhole::gpu::hierarchical::layout::{BLOCK_BYTES, SampleNode, TilePass, Tolerance, TreeUniforms};
@@ -27,7 +27,7 @@ use crate::pinhole::gpu::ray_batch::{ArrivingLight, BatchHit, BatchRay, BatchUni
 use crate::pinhole::gpu::surroundings::Viewpoints;
 use crate::pinhole::{GatherUniforms, PinholeSample};
 
-const ALL: [Shader; 22] = [
+const ALL: [Shader; 23] = [
     COARSER_LEVEL,
     EMITTERS,
     FILTER_PROBE,
@@ -35,6 +35,7 @@ const ALL: [Shader; 22] = [
     IRRADIANCE_ESTIMATE,
     LIGHT_BOUNDS,
     LIT_ENVIRONMENT,
+    PHOTON_CLUSTERS,
     PHOTON_EMISSION,
     PHOTON_PLACES,
     PHOTON_POLYGONS,
@@ -163,6 +164,7 @@ fn rust_structs() -> BTreeMap<&'static str, Layout> {
         ("BatchUniforms", layout!(BatchUniforms { count, first_direction, direction_count })),
         ("BoundsUniforms", layout!(BoundsUniforms { size, first, first_above, detail, mip, radiance_scale })),
         ("CellNode", layout!(CellNode { centroid_area, normal_e11, sides_curvature, curvature_bounds_links })),
+        ("Clusters", layout!(ClusterUniforms { plane, count, grid, may_merge, levels, is_finest })),
         ("EmitterUniforms", layout!(EmitterUniforms { clip_from_mesh, number })),
         ("GatherUniforms", gather_uniforms()),
         ("ImageDraw", layout!(DrawUniforms { plane, size, near, far, instance, has_halves })),
@@ -283,6 +285,8 @@ fn photon_map() -> Layout {
         diameter,
         spacing,
         is_first,
+        layers,
+        clusters,
     })
 }
 
