@@ -273,7 +273,6 @@ fn photon_map() -> Layout {
     layout!(PhotonMapUniforms {
         plane,
         size,
-        is_camera,
         has_directions,
         columns,
         rows,
