@@ -17,7 +17,7 @@ struct ShownReceiver {
 
 @group(1) @binding(0) var<storage, read> surfaces: array<PhotonSurface>;
 
-// Through how many other surfaces maps look at most.
+// Through how many other surfaces maps of the receivers alone look at most.
 const MAX_OTHERS: u32 = 64u;
 
 // How many layers there are: the most that a ray meets, in the first of `counts`.
@@ -50,7 +50,7 @@ fn find_receivers(@builtin(global_invocation_id) id: vec3u, @builtin(local_invoc
 fn find_layers(place: vec2u) {
     let first = place.y * map.size.x + place.x;
     let ray = ray_at(vec2f(place) + 0.5);
-    var shown = next_receiver(ray, ray_uniforms.offset);
+    var shown = first_receiver(ray);
     for (var layer = 0u; layer < map.layers; layer++) {
         let texel = first + layer * texel_count();
         texels[texel] = MapTexel(vec3f(0.0), NO_OBJECT, vec3f(0.0), 0.0);
@@ -87,14 +87,24 @@ fn ray_at(at: vec2f) -> TexelRay {
     return TexelRay(map.plane.origin, normalize(map.plane.forward + offset));
 }
 
+// What the camera sees, if that is a receiver, or the first receiver along a ray of another map.
+fn first_receiver(ray: TexelRay) -> ShownReceiver {
+    if map.is_camera == 0u {
+        return next_receiver(ray, ray_uniforms.offset);
+    }
+    let met = trace_to_texel(ray, 0.0, MEETS_FOR_CAMERA);
+    if met.triangle == NO_TRIANGLE {
+        return no_receiver();
+    }
+    let hit = describe(met, ray.direction);
+    return ShownReceiver(hit, met.distance, (surfaces[hit.object].flags & RECEIVES_PHOTONS) != 0u);
+}
+
 // The first receiver along a ray from a distance on.
 fn next_receiver(ray: TexelRay, from_distance: f32) -> ShownReceiver {
     var start = from_distance;
     for (var k = 0u; k < MAX_OTHERS; k++) {
-        let met = trace_some(free_ray(ray.origin), ray.direction, start, 3e38, false, MEETS_FOR_LIGHT);
-        if !met.is_complete {
-            add_to_account(UNFINISHED, Steps(1u, 0u));
-        }
+        let met = trace_to_texel(ray, start, MEETS_FOR_LIGHT);
         if met.triangle == NO_TRIANGLE {
             break;
         }
@@ -111,16 +121,24 @@ fn no_receiver() -> ShownReceiver {
     return ShownReceiver(Hit(NO_OBJECT, vec3f(0.0), vec3f(0.0), vec3f(0.0), false), 0.0, false);
 }
 
+fn trace_to_texel(ray: TexelRay, start: f32, meets: vec2u) -> RayHit {
+    let met = trace_some(free_ray(ray.origin), ray.direction, start, 3e38, false, meets);
+    if !met.is_complete {
+        add_to_account(UNFINISHED, Steps(1u, 0u));
+    }
+    return met;
+}
+
 @compute @workgroup_size(8, 8)
 fn place_photons(@builtin(global_invocation_id) id: vec3u, @builtin(local_invocation_index) local_index: u32) {
     if id.x < map.columns && id.y < map.rows {
         let index = id.y * map.columns + id.x;
-        places[index] = place_of(photons[index]);
+        places[index] = place_of(photons[index], is_own_row(id.y));
     }
     close_account(local_index);
 }
 
-fn place_of(photon: Photon) -> PhotonPlace {
+fn place_of(photon: Photon, is_own: bool) -> PhotonPlace {
     let at = projected(map.plane, photon.position);
     if photon.object == NO_OBJECT {
         return PhotonPlace(at, NO_PHOTON);
@@ -132,9 +150,38 @@ fn place_of(photon: Photon) -> PhotonPlace {
     if texel == TEXEL_HIDDEN || height_over(texel, photon.position) > PHOTON_OFF_PLANE * texels[texel].edge {
         return PhotonPlace(at, TEXEL_HIDDEN);
     }
+    if map.is_camera != 0u && !is_amid_surface(at, texel) {
+        // At the edges of surfaces the middles of texels do not tell what hides a photon.
+        let shown = first_receiver(ray_at(at));
+        if !shown.is_there || distance(shown.hit.position, photon.position) > PHOTON_OFF_RAY * texels[texel].edge {
+            if is_own {
+                account_for(HIDDEN, sum_of_channels(photon.flux), map.steps_per_watt);
+            }
+            return PhotonPlace(at, NO_PHOTON);
+        }
+    }
     return PhotonPlace(at, texel);
 }
 
 fn height_over(texel: u32, point: vec3f) -> f32 {
     return abs(dot(point - texels[texel].position, texels[texel].normal));
+}
+
+// Whether all texels around one show the same surface.
+fn is_amid_surface(at: vec2f, texel: u32) -> bool {
+    let own = texels[texel];
+    let centre = vec2i(at);
+    for (var dy = -1; dy <= 1; dy++) {
+        for (var dx = -1; dx <= 1; dx++) {
+            let other = centre + vec2i(dx, dy);
+            if any(other < vec2i(0)) || any(other >= vec2i(map.size)) {
+                return false;
+            }
+            let shown = texels[u32(other.y) * map.size.x + u32(other.x)];
+            if shown.object != own.object || dot(shown.normal, own.normal) < SAME_SURFACE_COSINE {
+                return false;
+            }
+        }
+    }
+    return true;
 }

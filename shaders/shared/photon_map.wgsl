@@ -8,6 +8,8 @@
 struct PhotonMap {
     plane: Plane,
     size: vec2u,
+    // What it shows is what the camera sees; otherwise the receivers alone.
+    is_camera: u32,
     // The mean direction of the light is needed, too.
     has_directions: u32,
     // Rows of photons, and which of them are added.
@@ -26,7 +28,7 @@ struct PhotonMap {
     spacing: f32,
     // The first of these rows is the first of the view.
     is_first: u32,
-    // Receivers that each texel shows at most, one behind the other.
+    // Receivers that each texel shows at most, one behind the other; the camera's map has one.
     layers: u32,
     // Photons come in clusters of 2×2 (1), or each stands for such a cluster, whose other photons follow it (2); 0: in rows.
     clusters: u32,
@@ -53,7 +55,7 @@ struct PhotonPlace {
 
 const TEXEL_OFF_MAP: u32 = 0xffffffffu;
 const TEXEL_HIDDEN: u32 = 0xfffffffeu;
-// There is no photon.
+// There is no photon, or something hides it.
 const NO_PHOTON: u32 = 0xfffffffdu;
 
 @group(0) @binding(0) var<uniform> map: PhotonMap;

@@ -9,10 +9,13 @@ use std::sync::atomic::{AtomicI64, Ordering};
 use glam::{DVec2, DVec3, Vec3};
 use rayon::prelude::*;
 
+use super::constants::PHOTON_OFF_RAY;
 use super::ledger::Loss;
 use super::photons::Photon;
 use super::projection::Projection;
 use super::receiver_layers::ReceiverLayers;
+use crate::scene::Ray;
+use crate::tracing::Hit;
 
 /// Steps of fixed point in the total flux: so many that a millionth of a photon in a million counts, and that sums of a thousand times the
 /// total do not overflow.
@@ -79,6 +82,19 @@ impl CausticMap {
         let place = self.project(photon.position).filter(|place| self.has(*place)).ok_or(Loss::OffMap)?;
         let index = self.shown.place_of(place, photon).ok_or(Loss::Hidden)?;
         Ok((place, index))
+    }
+
+    /// Whether something hides a photon that lands in a texel at the edge of a surface, in a map of what is seen first. Elsewhere the middles of
+    /// texels tell.
+    pub fn is_hidden(&self, photon: &Photon, receiver: impl Fn(Ray) -> Option<Hit>) -> bool {
+        let Ok((place, index)) = self.place(photon) else { return false };
+        let own = self.around(index, 1).count();
+        if own == 9 {
+            return false;
+        }
+        let seen = receiver(self.projection().ray(place));
+        let far = PHOTON_OFF_RAY * self.shown.texel(index).edge;
+        seen.is_none_or(|hit| hit.position.distance(photon.position) > far)
     }
 
     /// Where a point appears in the map, which may be outside of its window.

@@ -3,6 +3,8 @@
 
 /// How far off a texel's plane a photon on its surface may be, in edges of the texel.
 pub const PHOTON_OFF_PLANE: f32 = 0.5;
+/// How far a ray may miss the photon that it was sent to, in edges of the texel.
+pub const PHOTON_OFF_RAY: f32 = 0.05;
 /// Surfaces whose normals differ more than this are not one: the cosine.
 pub const SAME_SURFACE_COSINE: f32 = 0.5;
 

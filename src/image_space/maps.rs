@@ -2,7 +2,6 @@
 
 use glam::{DVec2, DVec3, Vec3};
 
-use super::MapBuilder;
 use super::adaptive::{FIRST_GRID, Traverser};
 use super::caustic_map::{Incident, IrradianceMap};
 use super::coverage::Coverage;
@@ -14,6 +13,7 @@ use super::photons::PhotonGrid;
 use super::projection::{Bounds, Projection};
 use super::strips::{Strip, strips};
 use super::surface_images::{SurfaceImage, SurfaceImages};
+use super::{MapBuilder, Shows};
 use crate::progress::Progress;
 use crate::scene::{Camera, Chain, Ray};
 use crate::tracing::Tracer;
@@ -67,7 +67,7 @@ pub type FewPhotons = Vec<Emitted>;
 /// Finished maps.
 #[derive(Debug)]
 pub struct Maps {
-    /// What the camera sees, and what is hidden behind it.
+    /// What the camera sees.
     eye: Option<IrradianceMap>,
     /// Lights' views. With the camera's they are for what it does not see.
     lights: Vec<IrradianceMap>,
@@ -140,9 +140,9 @@ impl Maps {
 /// Maps, and the photons so far.
 struct MapsBuilder<'a> {
     inputs: &'a MapInputs<'a>,
-    eye: Option<MapBuilder>,
+    eye: Option<MapBuilder<'a>>,
     /// With the camera's map, one for each chain, along the mean direction in which its photons travel.
-    shared: Vec<(Chain, MapBuilder)>,
+    shared: Vec<(Chain, MapBuilder<'a>)>,
     finished: Vec<IrradianceMap>,
     few: Vec<FewPhotons>,
     ledger: Ledger,
@@ -154,7 +154,11 @@ impl<'a> MapsBuilder<'a> {
     fn new(inputs: &'a MapInputs<'a>, progress: &dyn Progress) -> Self {
         let eye = (inputs.options.caustic_map == MapView::Eye).then(|| {
             let (camera, size) = &inputs.view;
-            inputs.map(Projection::of_camera(camera, *size))
+            let tracer = inputs.surroundings.tracer;
+            let objects = inputs.surroundings.objects;
+            let receiver =
+                move |ray: Ray| tracer.camera_hit(ray).filter(|hit| objects[hit.object as usize].receiver.is_some());
+            inputs.map(Projection::of_camera(camera, *size), Shows::First(Box::new(receiver)))
         });
         let few = inputs.few_photons(progress);
         let shared = if eye.is_some() { inputs.maps_of_chains(&few) } else { Vec::new() };
@@ -175,7 +179,7 @@ impl<'a> MapsBuilder<'a> {
         self.finish_maps(own);
     }
 
-    fn add_all_photons(&mut self, light: &PhotonLight, own: &[MapBuilder], progress: &dyn Progress) {
+    fn add_all_photons(&mut self, light: &PhotonLight, own: &[MapBuilder<'a>], progress: &dyn Progress) {
         let inputs = self.inputs;
         for view in light.views(inputs.casters, &inputs.bounds, inputs.options.photons) {
             let images = inputs.images_of(&view);
@@ -193,7 +197,7 @@ impl<'a> MapsBuilder<'a> {
     }
 
     /// Follows clusters of photons as far as the first map needs them.
-    fn add_clusters(&mut self, light: &PhotonLight, own: &[MapBuilder]) {
+    fn add_clusters(&mut self, light: &PhotonLight, own: &[MapBuilder<'a>]) {
         let inputs = self.inputs;
         for view in light.views(inputs.casters, &inputs.bounds, inputs.options.photons) {
             let images = inputs.images_of(&view);
@@ -221,7 +225,7 @@ impl<'a> MapsBuilder<'a> {
     }
 
     /// Adds photons to all maps. Returns their account: that of the camera's map, if there is one.
-    fn deposit(&self, own: &[MapBuilder], grid: &PhotonGrid, (view, chain): (&LightView, Chain)) -> Ledger {
+    fn deposit(&self, own: &[MapBuilder<'a>], grid: &PhotonGrid, (view, chain): (&LightView, Chain)) -> Ledger {
         let Some(eye) = &self.eye else { return self.inputs.deposit(own, grid, view) };
         let objects = self.inputs.surroundings.objects;
         if let Some((_, map)) = self.shared.iter().find(|(of, _)| *of == chain) {
@@ -231,7 +235,7 @@ impl<'a> MapsBuilder<'a> {
     }
 
     /// Finishes the maps of a light.
-    fn finish_maps(&mut self, maps: Vec<MapBuilder>) {
+    fn finish_maps(&mut self, maps: Vec<MapBuilder<'a>>) {
         for map in maps {
             let (map, ledger) = map.finish();
             self.ledger += ledger;
@@ -254,11 +258,15 @@ impl<'a> MapsBuilder<'a> {
     }
 }
 
-impl MapInputs<'_> {
-    /// An empty map of the receivers along the rays of a view.
-    fn map(&self, projection: Projection) -> MapBuilder {
-        let receiver = |ray: Ray| self.receivers.secondary_hit(ray);
-        MapBuilder::new(projection, (self.total_watts(), self.has_directions), &receiver, self.options)
+impl<'a> MapInputs<'a> {
+    fn map(&self, projection: Projection, shows: Shows<'a>) -> MapBuilder<'a> {
+        MapBuilder::new(projection, (self.total_watts(), self.has_directions), shows, self.options)
+    }
+
+    /// A map of all receivers along its rays.
+    fn map_of_receivers(&self, projection: Projection) -> MapBuilder<'a> {
+        let tracer = self.receivers;
+        self.map(projection, Shows::All(Box::new(move |ray: Ray| tracer.secondary_hit(ray))))
     }
 
     /// The flux of all lights on the bounds: more than what is cast, but not by much; W.
@@ -318,7 +326,7 @@ impl MapInputs<'_> {
     }
 
     /// Adds photons to maps. Where these are the faces of a cube, what lies beside one belongs to another.
-    fn deposit(&self, maps: &[MapBuilder], grid: &PhotonGrid, view: &LightView) -> Ledger {
+    fn deposit(&self, maps: &[MapBuilder<'a>], grid: &PhotonGrid, view: &LightView) -> Ledger {
         let objects = self.surroundings.objects;
         if let [map] = maps {
             return map.add(grid, view, objects);
@@ -347,9 +355,9 @@ impl MapInputs<'_> {
     }
 
     /// Maps for what the camera does not see.
-    fn maps_of_chains(&self, few: &[FewPhotons]) -> Vec<(Chain, MapBuilder)> {
+    fn maps_of_chains(&self, few: &[FewPhotons]) -> Vec<(Chain, MapBuilder<'a>)> {
         let projections = self.projections_of_chains(few).into_iter();
-        projections.map(|(chain, projection)| (chain, self.map(projection))).collect()
+        projections.map(|(chain, projection)| (chain, self.map_of_receivers(projection))).collect()
     }
 
     /// Views of receivers for what the camera does not see: one for each chain, along the mean direction of its photons, in which few
@@ -370,8 +378,8 @@ impl MapInputs<'_> {
         Chain::ALL.into_iter().filter_map(of_chain).collect()
     }
 
-    fn maps_of_light(&self, light: &PhotonLight, few: &FewPhotons) -> Vec<MapBuilder> {
-        self.projections_of_light(light, few).into_iter().map(|projection| self.map(projection)).collect()
+    fn maps_of_light(&self, light: &PhotonLight, few: &FewPhotons) -> Vec<MapBuilder<'a>> {
+        self.projections_of_light(light, few).into_iter().map(|projection| self.map_of_receivers(projection)).collect()
     }
 
     /// Views from a light around where its photons land: one, or six around a lamp that they surround.

@@ -45,6 +45,7 @@ pub use self::options::{Hits, ImageSpaceOptions, MapView, Mode, Traversal};
 pub use self::projection::Bounds;
 pub use self::segmentation::{Direction, segmented};
 
+use std::borrow::Cow;
 use std::sync::atomic::{AtomicU32, Ordering};
 
 use rayon::prelude::*;
@@ -52,13 +53,24 @@ use rayon::prelude::*;
 use self::lens::Lens;
 use self::lights::LightView;
 use self::multi_resolution::Resolutions;
-use self::photons::PhotonGrid;
+use self::photons::{Photon, PhotonGrid};
 use self::polygons::{Coverage, polygons};
 use self::projection::Projection;
 use self::receiver_layers::ReceiverLayers;
 use self::splats::{gathered, of_diameter, of_footprints, of_lenses, points};
 use crate::scene::{Object, Ray};
 use crate::tracing::Hit;
+
+/// What a map shows.
+pub enum Shows<'a> {
+    /// What the camera sees along a ray, if that is a receiver.
+    First(Sees<'a>),
+    /// The receivers along a ray, one behind the other.
+    All(Sees<'a>),
+}
+
+/// Tells the first receiver along a ray.
+type Sees<'a> = Box<dyn Fn(Ray) -> Option<Hit> + Sync + 'a>;
 
 /// Flux in the texels of a map.
 struct Deposits {
@@ -70,27 +82,30 @@ struct Deposits {
 }
 
 /// A map on its way: photons are added to it grid by grid.
-pub struct MapBuilder {
+pub struct MapBuilder<'a> {
     deposits: Deposits,
+    shows: Shows<'a>,
     splat_diameter: f64,
 }
 
-impl MapBuilder {
-    /// Begins with an empty map of the receivers along the rays of a projection, one behind the other. `total`: about the flux that is to be
-    /// added, W.
+impl<'a> MapBuilder<'a> {
+    /// Begins with an empty map of a projection. `total`: about the flux that is to be added, W.
     pub fn new(
         projection: Projection,
         (total, has_directions): (f64, bool),
-        receiver: &(impl Fn(Ray) -> Option<Hit> + Sync),
+        shows: Shows<'a>,
         options: &ImageSpaceOptions,
     ) -> Self {
-        let receivers = ReceiverLayers::new(projection, MAX_RECEIVER_LAYERS, receiver);
+        let receivers = match &shows {
+            Shows::First(sees) => ReceiverLayers::new(projection, 1, sees),
+            Shows::All(sees) => ReceiverLayers::new(projection, MAX_RECEIVER_LAYERS, sees),
+        };
         let map = CausticMap::new(receivers, (total, has_directions));
         let resolutions = (options.mode == Mode::MultiResolution).then(|| Resolutions::like(&map));
         let counted = if options.mode == Mode::Gather { map.len() } else { 0 };
         let counts = (0..counted).map(|_| AtomicU32::new(0)).collect();
         let splat_diameter = f64::from(options.splat_diameter);
-        Self { deposits: Deposits { map, mode: options.mode, resolutions, counts }, splat_diameter }
+        Self { deposits: Deposits { map, mode: options.mode, resolutions, counts }, shows, splat_diameter }
     }
 
     /// The map so far.
@@ -102,7 +117,15 @@ impl MapBuilder {
     /// in the end.
     pub fn add(&self, grid: &PhotonGrid, view: &LightView, objects: &[Object]) -> Ledger {
         let Deposits { map, mode, resolutions, counts } = &self.deposits;
-        match mode {
+        let is_hidden = |photon: &Photon| match &self.shows {
+            Shows::First(sees) => map.is_hidden(photon, sees),
+            Shows::All(_) => false,
+        };
+        let hidden: Vec<bool> = grid.photons.par_iter().map(is_hidden).collect();
+        let lost = grid.own_photons().iter().zip(&hidden[grid.own.clone()]).filter(|(_, is_hidden)| **is_hidden);
+        let lost = lost.map(|(photon, _)| Ledger::sum(photon.flux)).sum::<f64>();
+        let grid = &if hidden.contains(&true) { Cow::Owned(grid.without(&hidden)) } else { Cow::Borrowed(grid) };
+        let mut ledger = match mode {
             Mode::Points => points(map, grid),
             Mode::Gather => {
                 grid.own_photons().par_iter().filter_map(|photon| map.place(photon).ok()).for_each(|(_, texel)| {
@@ -119,7 +142,9 @@ impl MapBuilder {
             Mode::Footprints => of_footprints(map, grid),
             Mode::Polygons => polygons(map, grid, Coverage::Centres),
             Mode::ExactPolygons => polygons(map, grid, Coverage::Exact),
-        }
+        };
+        ledger[Loss::Hidden] += lost;
+        ledger
     }
 
     /// The finished map, and what is left of the account.

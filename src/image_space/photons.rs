@@ -96,6 +96,23 @@ impl PhotonGrid {
         Self { size: [0; 2], texels, photons, sides, own, strip: Strip::default(), indices: Vec::new() }
     }
 
+    /// The photons for which a list does not say `true`, in their places.
+    #[must_use]
+    pub fn without(&self, is_left_out: &[bool]) -> Self {
+        if self.indices.is_empty() {
+            let all = self.photons.iter().zip(&self.sides).zip(is_left_out);
+            return Self::scattered(
+                all.filter(|(_, left)| !**left).map(|((photon, sides), _)| (*photon, *sides)).collect(),
+            );
+        }
+        let mut rows = vec![Vec::new(); self.size[1] as usize];
+        for ((photon, [x, y]), _) in self.photons.iter().zip(&self.texels).zip(is_left_out).filter(|(_, left)| !**left)
+        {
+            rows[*y as usize].push((*x, *photon));
+        }
+        Self::new(self.size[0], self.strip, rows.into_iter())
+    }
+
     /// The photons that are to be added to maps.
     pub fn own_photons(&self) -> &[Photon] {
         &self.photons[self.own.clone()]

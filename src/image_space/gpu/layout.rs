@@ -116,6 +116,7 @@ impl Block {
 pub(crate) struct MapUniforms {
     pub plane: PlaneUniforms,
     pub size: [u32; 2],
+    pub is_camera: u32,
     pub has_directions: u32,
     pub columns: u32,
     pub rows: u32,
@@ -129,7 +130,6 @@ pub(crate) struct MapUniforms {
     pub is_first: u32,
     pub layers: u32,
     pub clusters: u32,
-    pub(super) padding: u32,
 }
 
 /// A plane of an image of surfaces.

@@ -23,6 +23,8 @@ const WORDS: [usize; 2] = [6, 12];
 #[derive(Debug)]
 pub(super) struct MapOnGpu {
     pub projection: Projection,
+    /// It shows what the camera sees; otherwise the receivers alone.
+    pub is_camera: bool,
     /// Receivers that each texel shows at most.
     pub layers: u32,
     pub has_directions: bool,
@@ -33,12 +35,17 @@ pub(super) struct MapOnGpu {
 }
 
 impl MapOnGpu {
-    /// An empty one of so many layers of receivers.
+    /// An empty one of what the camera sees, or of so many layers of receivers.
     ///
     /// # Errors
     /// It does not fit in the device's buffers.
-    pub fn new(gpu: &Gpu, inputs: &MapInputs, projection: Projection, layers: u32) -> Result<Self, GpuError> {
-        let texels = projection.texel_count() as u64 * u64::from(layers);
+    pub fn new(
+        gpu: &Gpu,
+        inputs: &MapInputs,
+        projection: Projection,
+        receivers: Option<u32>,
+    ) -> Result<Self, GpuError> {
+        let texels = projection.texel_count() as u64 * u64::from(receivers.unwrap_or(1));
         let splat_sizes = u64::from(splat_sizes_of(inputs.options.mode));
         let words = WORDS[usize::from(inputs.has_directions)] as u64;
         let has_counts = matches!(inputs.options.mode, Mode::Gather | Mode::MultiResolution);
@@ -52,18 +59,18 @@ impl MapOnGpu {
         if let Some(bytes) = sizes.into_iter().find(|bytes| *bytes > limit) {
             return Err(GpuError::CausticMapTooLarge { size: projection.size, bytes, limit });
         }
-        Ok(Self::with_buffers(gpu, inputs, (projection, layers), sizes))
+        Ok(Self::with_buffers(gpu, inputs, (projection, receivers), sizes))
     }
 
     /// One without texels, in which layers are counted.
     pub fn to_count_layers(gpu: &Gpu, inputs: &MapInputs, projection: Projection) -> Self {
-        Self::with_buffers(gpu, inputs, (projection, MAX_RECEIVER_LAYERS), [64; 3])
+        Self::with_buffers(gpu, inputs, (projection, Some(MAX_RECEIVER_LAYERS)), [64; 3])
     }
 
     fn with_buffers(
         gpu: &Gpu,
         inputs: &MapInputs,
-        (projection, layers): (Projection, u32),
+        (projection, receivers): (Projection, Option<u32>),
         [texels, sums, counts]: [u64; 3],
     ) -> Self {
         let buffer = |label, size| {
@@ -77,7 +84,8 @@ impl MapOnGpu {
         };
         Self {
             projection,
-            layers,
+            is_camera: receivers.is_none(),
+            layers: receivers.unwrap_or(1),
             has_directions: inputs.has_directions,
             watts_per_step: watts_per_step(inputs.total_watts()),
             texels: buffer("texels of a caustic map", texels),

@@ -80,18 +80,22 @@ impl MapsOnGpu<'_> {
             return Ok(());
         }
         let (camera, size) = &self.inputs.view;
-        self.eye = Some(self.map(Projection::of_camera(camera, *size)).await?);
+        self.eye = Some(self.map(Projection::of_camera(camera, *size), None)?);
         for (chain, projection) in self.inputs.projections_of_chains(&self.few) {
-            let map = self.map(projection).await?;
+            let map = self.map_of_receivers(projection).await?;
             self.shared.push((chain, map));
         }
         Ok(())
     }
 
-    /// An empty map of the receivers along the rays of a view.
-    async fn map(&self, projection: Projection) -> Result<MapOnGpu, GpuError> {
+    /// A map of all receivers along its rays.
+    async fn map_of_receivers(&self, projection: Projection) -> Result<MapOnGpu, GpuError> {
         let layers = self.passes.count_layers(projection).await?;
-        let map = MapOnGpu::new(self.device.gpu, self.inputs, projection, layers)?;
+        self.map(projection, Some(layers))
+    }
+
+    fn map(&self, projection: Projection, receivers: Option<u32>) -> Result<MapOnGpu, GpuError> {
+        let map = MapOnGpu::new(self.device.gpu, self.inputs, projection, receivers)?;
         self.passes.find_receivers(&map);
         Ok(map)
     }
@@ -101,7 +105,7 @@ impl MapsOnGpu<'_> {
         let mut own = Vec::new();
         if self.eye.is_none() {
             for projection in inputs.projections_of_light(light, &self.few[index]) {
-                own.push(self.map(projection).await?);
+                own.push(self.map_of_receivers(projection).await?);
             }
         }
         for part in inputs.parts_of(light) {

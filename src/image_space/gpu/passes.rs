@@ -326,6 +326,7 @@ impl<'a> Passes<'a> {
         MapUniforms {
             plane: (&map.projection).into(),
             size: map.projection.size,
+            is_camera: u32::from(map.is_camera),
             has_directions: u32::from(map.has_directions),
             steps_per_watt: self.steps_per_watt(),
             mode: mode_constant(options.mode),

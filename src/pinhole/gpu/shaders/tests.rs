@@ -273,6 +273,7 @@ fn photon_map() -> Layout {
     layout!(PhotonMapUniforms {
         plane,
         size,
+        is_camera,
         has_directions,
         columns,
         rows,
