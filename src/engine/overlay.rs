@@ -1,10 +1,12 @@
-//! Overlays: marks for the samples that the camera sees (Wand and Straßer, Figures 5 and 7), and for the surface around them.
+//! Overlays: marks for the samples that the camera sees (Wand and Straßer, Figures 5 and 7), for the surface around them, and for photons and
+//! their maps.
 
 use glam::{UVec2, Vec2, Vec3};
 use rayon::prelude::*;
 
 use crate::differential::DifferentialSample;
 use crate::image::Image;
+use crate::image_space::MapPicture;
 use crate::options::Overlay;
 use crate::scene::{Ray, Scene};
 use crate::tracing::CameraTracer;
@@ -19,6 +21,9 @@ const ARM_LENGTH: f32 = 0.42;
 /// The arm along the less curved direction has at least this part of the other's length.
 const SHORTEST_ARM: f32 = 0.12;
 
+/// A map in a corner takes this part of the picture's shorter edge.
+const PART_OF_CORNER: f32 = 0.4;
+
 /// Something that is drawn over a picture, in pixels from its top left corner.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Mark {
@@ -30,6 +35,13 @@ pub enum Mark {
         ends: [Vec2; 2],
         /// What it shows.
         kind: LineKind,
+    },
+    /// A texel of a picture in a corner.
+    Texel {
+        /// Its corners, the upper left one first.
+        corners: [Vec2; 2],
+        /// Display-linear.
+        colour: Vec3,
     },
 }
 
@@ -65,6 +77,7 @@ impl Mark {
         match self {
             Self::Dot(at) => Self::Dot(factor * at),
             Self::Line { ends, kind } => Self::Line { ends: ends.map(|end| factor * end), kind },
+            Self::Texel { corners, colour } => Self::Texel { corners: corners.map(|corner| factor * corner), colour },
         }
     }
 }
@@ -83,11 +96,25 @@ impl Marker<'_> {
         positions.par_iter().filter_map(|position| self.visible(*position)).collect()
     }
 
+    /// A caustic map in the lower left corner, of a white that a hundredth of its lit texels exceed.
+    pub fn corner(&self, map: &MapPicture) -> Vec<Mark> {
+        let edge = PART_OF_CORNER * self.size.min_element() / map.size[0].max(map.size[1]) as f32;
+        let origin = Vec2::new(0.0, self.size.y - edge * map.size[1] as f32);
+        let mut lit: Vec<f32> = map.irradiance.iter().map(|e| e.max_element()).filter(|e| *e > 0.0).collect();
+        lit.sort_by(f32::total_cmp);
+        let white = lit.get(lit.len() * 99 / 100).map_or(1.0, |brightest| brightest.max(f32::MIN_POSITIVE));
+        let texel = |(k, irradiance): (u32, &Vec3)| {
+            let low = origin + edge * UVec2::new(k % map.size[0], k / map.size[0]).as_vec2();
+            Mark::Texel { corners: [low, low + edge], colour: (*irradiance / white).min(Vec3::ONE) }
+        };
+        (0..).zip(&map.irradiance).map(texel).collect()
+    }
+
     /// The marks of an overlay of samples and the surface around them.
     pub fn marks(&self, overlay: Overlay, samples: &[DifferentialSample]) -> Vec<Mark> {
         let seen = samples.par_iter().filter(|sample| self.visible(sample.cell.centroid).is_some());
         match overlay {
-            Overlay::None | Overlay::Photons => Vec::new(),
+            Overlay::None | Overlay::Photons | Overlay::CausticMap => Vec::new(),
             Overlay::Samples => seen.filter_map(|s| Some(Mark::Dot(self.visible(s.position)?))).collect(),
             Overlay::Normals => seen.filter_map(|sample| self.normal(sample)).collect(),
             Overlay::Curvature => seen.flat_map_iter(|sample| self.curvature(sample).into_iter().flatten()).collect(),
@@ -135,6 +162,7 @@ pub(super) fn draw(image: &mut Image, marks: &[Mark]) {
         match *mark {
             Mark::Dot(at) => draw_capsule(image, [at; 2], RADIUS * scale, Vec3::ZERO),
             Mark::Line { ends, kind } => draw_capsule(image, ends, HALF_WIDTH * scale, kind.colour()),
+            Mark::Texel { corners, colour } => fill(image, corners, colour),
         }
     }
 }
@@ -144,6 +172,16 @@ fn is_visible(tracer: &CameraTracer, ray: Ray, point: Vec3) -> bool {
     let along = |p: Vec3| (p - ray.origin).dot(ray.direction);
     let slack = 0.02 * (point - ray.origin).length();
     tracer.hit(ray).is_none_or(|hit| along(hit.position) > along(point) - slack)
+}
+
+/// Fills the pixels whose centres are in a rectangle.
+fn fill(image: &mut Image, corners: [Vec2; 2], colour: Vec3) {
+    let size = UVec2::new(image.width, image.height);
+    let [low, high] = corners.map(|corner| (corner - 0.5).ceil().max(Vec2::ZERO).as_uvec2().min(size));
+    for y in low.y..high.y {
+        let row = (y * image.width) as usize;
+        image.pixels[row + low.x as usize..row + high.x as usize].fill(colour);
+    }
 }
 
 /// Draws everything within a distance of a line, anti-aliased.

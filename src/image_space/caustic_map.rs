@@ -192,7 +192,35 @@ pub struct Incident {
     pub direction: Vec3,
 }
 
+/// A picture of a map.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MapPicture {
+    /// Columns and rows.
+    pub size: [u32; 2],
+    /// The brightest of the layers in each texel, as a mean over texels of the map; W/m².
+    pub irradiance: Vec<Vec3>,
+}
+
 impl IrradianceMap {
+    /// A picture with at most so many texels along an edge.
+    pub fn picture(&self, most: u32) -> MapPicture {
+        let [width, height] = self.shown.projection().size;
+        let step = width.max(height).div_ceil(most).max(1);
+        let count = self.shown.projection().texel_count();
+        let brightest = |x: u32, y: u32| {
+            let layers = ((y * width + x) as usize..self.irradiance.len()).step_by(count);
+            layers.fold(Vec3::ZERO, |most, index| most.max(self.irradiance[index]))
+        };
+        let size = [width, height].map(|edge| edge.div_ceil(step));
+        let mean = |k: u32| {
+            let [x, y] = [k % size[0] * step, k / size[0] * step];
+            let texels = (y..(y + step).min(height)).flat_map(|y| (x..(x + step).min(width)).map(move |x| (x, y)));
+            let (sum, count) = texels.fold((Vec3::ZERO, 0.0), |(sum, n), (x, y)| (sum + brightest(x, y), n + 1.0));
+            sum / count
+        };
+        MapPicture { size, irradiance: (0..size[0] * size[1]).map(mean).collect() }
+    }
+
     /// The light at a point of an object on the side of a normal, as the mean over the texel that shows it; `None` where none does.
     pub fn nearest(&self, point: Vec3, normal: Vec3, object: u32) -> Option<Incident> {
         let place = self.shown.projection().project(point)?;

@@ -3,7 +3,7 @@
 use glam::{DVec2, DVec3, Vec3};
 
 use super::adaptive::{FIRST_GRID, Traverser};
-use super::caustic_map::{Incident, IrradianceMap};
+use super::caustic_map::{Incident, IrradianceMap, MapPicture};
 use super::coverage::Coverage;
 use super::emission::{Emission, Kind, Surroundings, emit};
 use super::ledger::{Ledger, Loss};
@@ -129,6 +129,11 @@ impl Maps {
             sum.direction += light.irradiance.element_sum() * light.direction;
         }
         Incident { direction: sum.direction.normalize_or_zero(), ..sum }
+    }
+
+    /// A picture of a map with at most so many texels along an edge: that of a light if there is one.
+    pub fn picture(&self, most: u32) -> Option<MapPicture> {
+        self.lights.first().or(self.eye.as_ref()).map(|map| map.picture(most))
     }
 
     /// How many maps there are.

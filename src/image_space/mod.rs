@@ -34,6 +34,7 @@ mod splats;
 mod strips;
 mod surface_images;
 
+pub use self::caustic_map::MapPicture;
 use self::caustic_map::{CausticMap, IrradianceMap};
 use self::constants::MAX_RECEIVER_LAYERS;
 pub use self::emission::{Kind, Surroundings};

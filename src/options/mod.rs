@@ -139,6 +139,9 @@ pub enum Overlay {
     Cells,
     /// A dot where each of some thousand photons meets a receiver; image-space techniques only, which have no samples for the others.
     Photons,
+    /// A caustic map in a corner: that of the first light or, with the camera's map, what it shows of the receivers along the light.
+    /// Image-space techniques only.
+    CausticMap,
 }
 
 /// How brightly radiance is displayed.
@@ -352,7 +355,7 @@ impl Options {
 
     fn check_overlay(&self) -> Result<(), OptionError> {
         let (shows, remedies): (_, &'static [(&str, &str)]) = match (self.overlay, self.technique) {
-            (Overlay::Photons, Technique::Pinhole) => {
+            (Overlay::Photons | Overlay::CausticMap, Technique::Pinhole) => {
                 ("photons", &[("technique", "image-space"), ("overlay", "samples")])
             }
             (Overlay::Samples | Overlay::Normals | Overlay::Curvature | Overlay::Cells, Technique::ImageSpace) => {

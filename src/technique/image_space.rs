@@ -28,6 +28,9 @@ const WIDEST_SPOT: f32 = 0.25;
 const PREVIEW_PHOTONS: u32 = 192;
 const PREVIEW_LIGHTS: u32 = 8;
 
+/// Texels along an edge of a map that is shown, at most.
+const MAP_PICTURE: u32 = 96;
+
 /// What maps are made from.
 #[derive(PartialEq)]
 struct MapsKey {
@@ -128,6 +131,7 @@ async fn sum(
     let statistics = Statistics {
         samples: 0,
         positions: Arc::new(maps.places.clone()),
+        caustic_map: maps.picture(MAP_PICTURE).map(Arc::new),
         evaluation: None,
         filter: None,
         photons: Some(super::PhotonStatistics {

@@ -20,7 +20,7 @@ use crate::backend::Backend;
 use crate::differential::DifferentialSample;
 #[cfg(feature = "gpu")]
 use crate::gpu::GpuError;
-use crate::image_space::{Hits, Ledger, MapView, Mode, Traversal};
+use crate::image_space::{Hits, Ledger, MapPicture, MapView, Mode, Traversal};
 use crate::options::{Evaluation, Options};
 use crate::pinhole::cpu::{Contribution, TakenCell};
 #[cfg(feature = "gpu")]
@@ -205,7 +205,9 @@ pub(crate) struct Statistics {
     pub filter: Option<Filter>,
     /// Of techniques that send photons.
     pub photons: Option<PhotonStatistics>,
-    /// A warning about the filter.
+    /// A caustic map, small enough to be shown beside the picture.
+    pub caustic_map: Option<Arc<MapPicture>>,
+    /// What may be wrong.
     pub warning: Option<String>,
 }
 

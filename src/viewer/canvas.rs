@@ -158,6 +158,11 @@ impl SidePicture {
                     let [r, g, b] = srgb8(kind.colour());
                     painter.line_segment(ends.map(place), Stroke::new(1.4, Color32::from_rgb(r, g, b)));
                 }
+                Mark::Texel { corners, colour } => {
+                    let [r, g, b] = srgb8(colour);
+                    let [low, high] = corners.map(place);
+                    painter.rect_filled(Rect::from_min_max(low, high), 0.0, Color32::from_rgb(r, g, b));
+                }
             }
         }
     }

@@ -385,6 +385,30 @@ fn photons_can_be_shown() {
     assert!(marks.len() > 200 && bright * 100 > marks.len() * 95, "{bright} of {}", marks.len());
 }
 
+/// The overlay of a map shows it in a corner: some of its texels are lit, and white is the brightest of them.
+#[test]
+fn caustic_maps_can_be_shown() {
+    let (ring, _) = pinspot::load("ring").unwrap();
+    for map in [MapView::Eye, MapView::Light] {
+        let mut shown = options(Mode::Points, 128).with_overlay(Overlay::CausticMap).with_aovs(vec![Aov::Beauty]);
+        shown.image_space.caustic_map = map;
+        let mut engine = new_engine(ring.clone(), shown, &BackendChoice::Cpu).unwrap();
+        render_again(&mut engine).unwrap();
+        let marks = wait(None, engine.marks(&NoProgress)).unwrap();
+        let texels: Vec<_> = marks
+            .iter()
+            .map(|mark| if let Mark::Texel { corners, colour } = mark { (*corners, *colour) } else { panic!("{mark:?}") })
+            .collect();
+        assert_eq!(texels.len() % 86, 0, "512 texels in steps of six");
+        let in_corner = |[low, high]: [glam::Vec2; 2]| low.min_element() >= 0.0 && high.x < 64.0 && high.y < 128.1;
+        assert!(texels.iter().all(|(corners, _)| in_corner(*corners)), "{}", map.name());
+        let lit = texels.iter().filter(|(_, colour)| colour.x > 0.0).count();
+        let white = texels.iter().filter(|(_, colour)| colour.x == 1.0).count();
+        println!("{}: {lit} lit, {white} white of {}", map.name(), texels.len());
+        assert!(lit > 100 && white > 0 && 20 * white < lit, "{}: {lit} {white}", map.name());
+    }
+}
+
 /// What the technique does not know is refused with a reason.
 #[test]
 fn scenes_that_it_does_not_know_are_refused() {

@@ -268,9 +268,14 @@ impl Engine {
             let size = UVec2::from_array(self.options.size).as_vec2();
             let samples = self.preview.technique.1.surface_samples(&inputs)?;
             let marker = Marker { scene: &self.scene, tracer: &scene.camera, size };
-            match statistics.filter(|_| options.overlay == Overlay::Photons) {
-                Some(statistics) => marker.dots(&statistics.positions).into_iter().map(Mark::Dot).collect(),
-                None => marker.marks(options.overlay, &samples),
+            match (statistics, options.overlay) {
+                (Some(statistics), Overlay::Photons) => {
+                    marker.dots(&statistics.positions).into_iter().map(Mark::Dot).collect()
+                }
+                (Some(statistics), Overlay::CausticMap) => {
+                    statistics.caustic_map.as_ref().map_or_else(Vec::new, |map| marker.corner(map))
+                }
+                _ => marker.marks(options.overlay, &samples),
             }
         } else {
             Vec::new()

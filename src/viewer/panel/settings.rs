@@ -63,6 +63,7 @@ pub(super) const OVERLAYS: &[(Overlay, &str)] = &[
     (Overlay::Curvature, "curvature"),
     (Overlay::Cells, "cells"),
     (Overlay::Photons, "photons"),
+    (Overlay::CausticMap, "caustic map"),
 ];
 /// Numbers of leaves; 0: as many as fit, up to 64.
 const LEAVES: &[(u32, &str)] = &[(0, "auto"), (1, "1"), (4, "4"), (16, "16"), (64, "64"), (256, "256"), (1024, "1024")];
@@ -106,8 +107,8 @@ impl Viewer {
         is_edited |= choice(ui, "Tone map", tone_map, reset, TONE_MAPS);
         // Each technique has its own.
         let is_known = |(overlay, _): &&(Overlay, &str)| match options.technique {
-            Technique::ImageSpace => matches!(overlay, Overlay::None | Overlay::Photons),
-            Technique::Pinhole => *overlay != Overlay::Photons,
+            Technique::ImageSpace => matches!(overlay, Overlay::None | Overlay::Photons | Overlay::CausticMap),
+            Technique::Pinhole => !matches!(overlay, Overlay::Photons | Overlay::CausticMap),
         };
         let known: Vec<_> = OVERLAYS.iter().filter(is_known).copied().collect();
         if !known.iter().any(|(overlay, _)| *overlay == options.overlay) {
