@@ -397,7 +397,11 @@ fn caustic_maps_can_be_shown() {
         let marks = wait(None, engine.marks(&NoProgress)).unwrap();
         let texels: Vec<_> = marks
             .iter()
-            .map(|mark| if let Mark::Texel { corners, colour } = mark { (*corners, *colour) } else { panic!("{mark:?}") })
+            .map(
+                |mark| {
+                    if let Mark::Texel { corners, colour } = mark { (*corners, *colour) } else { panic!("{mark:?}") }
+                },
+            )
             .collect();
         assert_eq!(texels.len() % 86, 0, "512 texels in steps of six");
         let in_corner = |[low, high]: [glam::Vec2; 2]| low.min_element() >= 0.0 && high.x < 64.0 && high.y < 128.1;

@@ -296,7 +296,7 @@ fn photon_view() -> Layout {
     let first = offset_of!(ViewUniforms, strip) as u32;
     let strip = layout!(Strip { first_row, rows, first_own_row, own_rows }).members;
     let strip = strip.into_iter().map(|(name, offset)| (name, first + offset)).collect();
-    let after = layout!(ViewUniforms { steps_per_watt, has_ways, seed, all_rows }).members;
+    let after = layout!(ViewUniforms { steps_per_watt, has_ways, seed, all_rows, cluster_count }).members;
     Layout { members: [before.members, strip, after].concat(), ..before }
 }
 
