@@ -37,7 +37,7 @@ fn decide(
     @builtin(num_workgroups) groups: vec3u,
     @builtin(local_invocation_index) local_index: u32,
 ) {
-    let index = (group.y * groups.x + group.x) * 64u + local_index;
+    let index = index_of(group, groups, local_index);
     if index >= list.count {
         return;
     }
@@ -49,6 +49,11 @@ fn decide(
     } else {
         divide(cluster);
     }
+}
+
+// The place in the list of an invocation's cluster.
+fn index_of(group: vec3u, groups: vec3u, local_index: u32) -> u32 {
+    return (group.y * groups.x + group.x) * 64u + local_index;
 }
 
 fn divide(cluster: u32) {
@@ -97,7 +102,7 @@ fn merge(
     @builtin(num_workgroups) groups: vec3u,
     @builtin(local_invocation_index) local_index: u32,
 ) {
-    let index = (group.y * groups.x + group.x) * 64u + local_index;
+    let index = index_of(group, groups, local_index);
     if index < list.count {
         merge_cluster(4u * index);
         // Three photons less.

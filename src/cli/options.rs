@@ -171,7 +171,7 @@ pub struct CommonOptions {
     /// Factor on the caustic in the beauty picture
     #[arg(long, value_name = "FACTOR", allow_hyphen_values = true)]
     pub caustic_gain: Option<f32>,
-    /// Overlay on the beauty picture: samples, normals, curvature (principal directions), cells or photons (where they land; image-space only)
+    /// Overlay on the beauty picture: samples, normals, curvature (principal directions), cells, or of image-space photons (where they land) or caustic-map (in a corner)
     #[arg(long, value_parser = word::<Overlay>, value_name = "NAME")]
     pub overlay: Option<Overlay>,
     /// Show shapes only: everything is diffuse, without mirrors or caustics

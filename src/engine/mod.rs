@@ -365,8 +365,7 @@ impl Engine {
             return Ok(dots.into_iter().map(Mark::Dot).collect());
         }
         if self.options.overlay == Overlay::CausticMap {
-            let map = sum.statistics().caustic_map.as_ref();
-            return Ok(map.map_or_else(Vec::new, |map| self.marker(prepared).corner(map)));
+            return Ok(sum.caustic_map().map_or_else(Vec::new, |map| self.marker(prepared).corner(&map)));
         }
         let samples = self.technique.1.surface_samples(&Inputs {
             scene: &self.scene,

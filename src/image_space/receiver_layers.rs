@@ -162,7 +162,8 @@ fn column(projection: &Projection, index: usize, most: u32, receiver: &impl Fn(R
     let width = projection.size[0] as usize;
     let mut ray = projection.ray(DVec2::new((index % width) as f64, (index / width) as f64) + 0.5);
     let mut texels = Vec::new();
-    while let Some(hit) = receiver(ray).filter(|_| texels.len() < most as usize) {
+    for _ in 0..most {
+        let Some(hit) = receiver(ray) else { break };
         texels.push(Texel::of_hit(projection, &hit));
         ray.origin = hit.position;
     }

@@ -139,8 +139,8 @@ pub enum Overlay {
     Cells,
     /// A dot where each of some thousand photons meets a receiver; image-space techniques only, which have no samples for the others.
     Photons,
-    /// A caustic map in a corner: that of the first light or, with the camera's map, what it shows of the receivers along the light.
-    /// Image-space techniques only.
+    /// A caustic map in a corner, of image-space techniques only: the first light's or, where the picture has the camera's map, the one for
+    /// what the camera does not see.
     CausticMap,
 }
 

@@ -11,7 +11,8 @@ use crate::differential::DifferentialSample;
 #[cfg(feature = "gpu")]
 use crate::image_space::gpu;
 use crate::image_space::{
-    Bounds, Direction, Hits, ImageSpaceOptions, Kind, MapInputs, MapView, Maps, PhotonLight, Surroundings, segmented,
+    Bounds, Direction, Hits, ImageSpaceOptions, Kind, MapInputs, MapPicture, MapView, Maps, PhotonLight, Surroundings,
+    segmented,
 };
 use crate::pinhole::Receivers;
 use crate::pinhole::cpu::TakenCell;
@@ -131,7 +132,6 @@ async fn sum(
     let statistics = Statistics {
         samples: 0,
         positions: Arc::new(maps.places.clone()),
-        caustic_map: maps.picture(MAP_PICTURE).map(Arc::new),
         evaluation: None,
         filter: None,
         photons: Some(super::PhotonStatistics {
@@ -273,6 +273,10 @@ impl Sum for ImageSpaceSum {
 
     fn statistics(&self) -> &Statistics {
         &self.statistics
+    }
+
+    fn caustic_map(&self) -> Option<MapPicture> {
+        self.maps.picture(MAP_PICTURE)
     }
 }
 

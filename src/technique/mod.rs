@@ -161,6 +161,11 @@ pub(crate) trait Sum: fmt::Debug + Send + Sync {
     /// Figures about the sum.
     fn statistics(&self) -> &Statistics;
 
+    /// A caustic map of techniques that have any, small enough to be shown in a corner of the picture.
+    fn caustic_map(&self) -> Option<MapPicture> {
+        None
+    }
+
     /// The sum as a pass over receivers that are already on the GPU, if it is one.
     #[cfg(feature = "gpu")]
     fn on_gpu(&self) -> Option<&dyn SumOnGpu> {
@@ -205,8 +210,6 @@ pub(crate) struct Statistics {
     pub filter: Option<Filter>,
     /// Of techniques that send photons.
     pub photons: Option<PhotonStatistics>,
-    /// A caustic map, small enough to be shown beside the picture.
-    pub caustic_map: Option<Arc<MapPicture>>,
     /// What may be wrong.
     pub warning: Option<String>,
 }

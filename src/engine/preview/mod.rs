@@ -272,8 +272,9 @@ impl Engine {
                 (Some(statistics), Overlay::Photons) => {
                     marker.dots(&statistics.positions).into_iter().map(Mark::Dot).collect()
                 }
-                (Some(statistics), Overlay::CausticMap) => {
-                    statistics.caustic_map.as_ref().map_or_else(Vec::new, |map| marker.corner(map))
+                (_, Overlay::CausticMap) => {
+                    let map = sum.as_ref().and_then(|sum| sum.caustic_map());
+                    map.map_or_else(Vec::new, |map| marker.corner(&map))
                 }
                 _ => marker.marks(options.overlay, &samples),
             }

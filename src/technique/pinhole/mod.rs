@@ -197,7 +197,7 @@ impl PinholeStages {
         let environment = inputs.light.environment.clone();
         let statistics = |samples, positions| {
             let (evaluation, filter) = (Some(evaluation), Some(filter));
-            Statistics { samples, positions, evaluation, filter, photons: None, caustic_map: None, warning }
+            Statistics { samples, positions, evaluation, filter, photons: None, warning }
         };
         match evaluation {
             Evaluation::Flat { leaves: 1 } if inputs.is_preview => {
