@@ -1,18 +1,23 @@
-//! What the modes of image-space techniques cost, as multiples of the points of as many photons in the same run: `cargo bench --bench photons`.
+//! What the modes of image-space techniques cost, as multiples of the points of as many photons in the same run, and what traversals save, as
+//! Table 1 of Wyman and Nichols 2009 has it: `cargo bench --bench photons`.
 //!
 //! A table of its own instead of criterion's: what counts are ratios, of runs that take turns. A frame is what the stage `photons` does when
 //! something has changed: photons from the light, and the maps of what the camera sees and of what it does not.
 
+use std::path::Path;
 use std::sync::Mutex;
 use std::time::Instant;
 
 use pinspot::blocking::wait;
-use pinspot::image::Aov;
+use pinspot::image::{Aov, Image, mrse, rel_l2};
+use pinspot::scene::parse;
 use pinspot::{
-    Backend, BackendChoice, CubeSize, Engine, Hits, ImageSpaceOptions, Mode, Progress, Settings, Stage, Technique,
+    Backend, BackendChoice, CubeSize, Engine, Hits, ImageSpaceOptions, Mode, NoProgress, PhotonStatistics, Progress,
+    Settings, Stage, Technique, Traversal,
 };
 
 const PHOTONS: [u32; 3] = [512, 1024, 2048];
+const PHOTONS_AT_MOST: [u32; 3] = [2048, 4096, 8192];
 /// Runs of each mode, which take turns; the fastest counts.
 const RUNS: usize = 3;
 
@@ -79,11 +84,88 @@ fn table(backend: &Backend, photons: u32) {
     }
 }
 
+/// A glass ball in parallel light, which is focused near the floor.
+const BALL: &str = r#"
+[environment]
+constant = [0, 0, 0]
+[[light]]
+directional = { direction = [0.2, 1, 0.1], irradiance = [1, 1, 1] }
+[camera]
+position = [0, 9, 0]
+target = [0, 0, 0]
+up = [0, 0, -1]
+orthographic = { height = 2 }
+[[object]]
+name = "floor"
+shape = { plane = { size = [8, 8] } }
+receiver = {}
+[[object]]
+name = "ball"
+shape = { sphere = { radius = 0.4, divisions = 96 } }
+translate = [0, 0.62, 0]
+refractor = { eta = 1.5, interfaces = 2 }
+camera_visible = false
+"#;
+
+/// The ways of Table 1: every photon by rays or in images; where casters are; and where the map resolves them, the rest as splats of one size or
+/// in several resolutions.
+const WAYS: [(&str, Hits, Traversal, Mode); 6] = [
+    ("dense", Hits::Traced, Traversal::Dense, Mode::Points),
+    ("deferred, dense", Hits::Image, Traversal::Dense, Mode::Points),
+    ("deferred, a quarter", Hits::QuarterImage, Traversal::Dense, Mode::Points),
+    ("maximal level", Hits::Traced, Traversal::MaximalLevel, Mode::Points),
+    ("texel error", Hits::Traced, Traversal::TexelError, Mode::Points),
+    ("several resolutions", Hits::Traced, Traversal::TexelError, Mode::MultiResolution),
+];
+
+fn ball(backend: &Backend, (hits, traversal, mode): (Hits, Traversal, Mode), photons: u32) -> Engine {
+    let scene = parse::<Settings>("ball.toml", BALL, Path::new(".")).expect("a scene").scene;
+    let image_space = ImageSpaceOptions { mode, hits, traversal, photons, ..Default::default() };
+    let options = pinspot::Options::default()
+        .with_technique(Technique::ImageSpace)
+        .with_image_space(image_space)
+        .with_size([256; 2])
+        .with_cube_size(CubeSize::Texels(16))
+        .with_aovs(vec![Aov::Caustic]);
+    Engine::new(scene, options, backend.clone())
+}
+
+fn picture(engine: &mut Engine) -> (Image, PhotonStatistics) {
+    let backend = engine.backend().clone();
+    let mut rendered = wait(backend.device(), engine.render(&NoProgress)).expect("a picture");
+    (rendered.layers.remove(0).1, rendered.report.photons.expect("photons"))
+}
+
+fn table_of_traversals(backend: &Backend, photons: u32) {
+    let truth = picture(&mut ball(backend, (Hits::Traced, Traversal::Dense, Mode::ExactPolygons), 2048)).0;
+    let mut engines = WAYS.map(|(_, hits, traversal, mode)| ball(backend, (hits, traversal, mode), photons));
+    let pictures = engines.each_mut().map(picture);
+    let mut best = [f64::INFINITY; WAYS.len()];
+    for _ in 0..RUNS {
+        for (best, engine) in best.iter_mut().zip(&mut engines) {
+            *best = best.min(frame(engine));
+        }
+    }
+    println!("\n{photons}² photons at most, glass ball, {}", backend.report());
+    println!("{:20} {:>10} {:>10} {:>8} {:>8} {:>8} {:>8}", "", "followed", "kept", "ms", "× dense", "rel_l2", "mrse");
+    for (((name, ..), (image, of)), seconds) in WAYS.iter().zip(&pictures).zip(best) {
+        let errors = [rel_l2(image, &truth, None), mrse(image, &truth, None)];
+        let (ms, ratio) = (1e3 * seconds, seconds / best[0]);
+        println!(
+            "{name:20} {:10} {:10} {ms:8.1} {ratio:8.2} {:8.4} {:8.3}",
+            of.photons, of.photons_used, errors[0], errors[1]
+        );
+    }
+}
+
 fn main() {
     let backends = [BackendChoice::Cpu, BackendChoice::Gpu(None)];
     for backend in backends.iter().filter_map(|choice| wait(None, Backend::open(choice)).ok()) {
         for photons in PHOTONS {
             table(&backend, photons);
+        }
+        for photons in PHOTONS_AT_MOST {
+            table_of_traversals(&backend, photons);
         }
     }
 }

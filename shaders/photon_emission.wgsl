@@ -42,6 +42,12 @@ struct PhotonView {
     all_rows: u32,
     // The number of clusters; 0 where rows are emitted.
     cluster_count: u32,
+    // Flux is that of Wyman and Davis 2006, Equations 3 and 9.
+    is_papers: u32,
+    // Where in their texels photons leave.
+    offset: vec2f,
+    // The radiance of directional lights is even up to twice the standard deviation, not a Gaussian.
+    is_disc: u32,
 }
 
 // Photons find what they meet in images of what the light sees; otherwise they are traced.
@@ -104,7 +110,7 @@ fn no_photon() -> Photon {
 fn emit_photon(index: u32, texel: vec2u, is_own: bool) {
     var photon = no_photon();
     var flight = flight_from_light(texel);
-    let in_view = (vec2f(texel) + 0.5) / vec2f(f32(view.columns), f32(view.all_rows));
+    let in_view = (vec2f(texel) + view.offset) / vec2f(f32(view.columns), f32(view.all_rows));
     var start: Hit;
     if IN_IMAGES {
         start = first_in_image(in_view, flight.direction);
@@ -115,10 +121,14 @@ fn emit_photon(index: u32, texel: vec2u, is_own: bool) {
         let distance = length(start.position - flight.origin);
         flight = scattered(flight, start);
         if flight.is_alive {
-            account_if_own(CAST, flight.flux, is_own);
             var way = PhotonWay(start.position, 0.0, start.normal, start.position, start.normal);
-            if view.chain == CHAIN_TT {
-                flight = leave(flight, start.object, &way, is_own);
+            if view.chain == CHAIN_TTTT {
+                flight = passed_to_another(flight, start.object, &way, is_own);
+            } else {
+                account_if_own(CAST, flight.flux, is_own);
+                if view.chain == CHAIN_TT {
+                    flight = leave(flight, start.object, &way, is_own);
+                }
             }
             if flight.is_alive {
                 photon = land(flight, is_own);
@@ -144,7 +154,7 @@ fn account_if_own(entry: u32, flux: vec3f, is_own: bool) {
 
 // The ray of a photon, and its flux.
 fn flight_from_light(place: vec2u) -> Flight {
-    let at = on_plane_at(view.plane, vec2f(place) + 0.5);
+    let at = on_plane_at(view.plane, vec2f(place) + view.offset);
     let offset = at.x * view.plane.right + at.y * view.plane.down;
     let origin_in_light = disc_point(place);
     if view.plane.is_parallel != 0u {
@@ -152,7 +162,8 @@ fn flight_from_light(place: vec2u) -> Flight {
         return directional(Flight(view.plane.origin + offset, view.plane.forward, flux, true), origin_in_light);
     }
     let direction = normalize(view.plane.forward + offset);
-    var flux = view.power * beam_transmittance(view.lamp, direction) * solid_angle(at);
+    let middle = on_plane_at(view.plane, vec2f(place) + 0.5);
+    var flux = view.power * beam_transmittance(view.lamp, direction) * solid_angle(middle);
     if view.is_cube != 0u && max(abs(at.x), abs(at.y)) > 1.0 {
         flux = vec3f(0.0);
     }
@@ -184,7 +195,8 @@ fn directional(central: Flight, place: vec2f) -> Flight {
     let towards = -central.direction;
     let frame = tangent_frame(towards);
     let r = min(length(place), 1.0 - 1e-6);
-    let angle = min(view.extent * sqrt(-2.0 * log(1.0 - r * r)), MAX_SPREAD_RAD);
+    let deviations = select(sqrt(-2.0 * log(1.0 - r * r)), 2.0 * r, view.is_disc != 0u);
+    let angle = min(view.extent * deviations, MAX_SPREAD_RAD);
     let across = select(vec2f(1.0, 0.0), place / max(length(place), 1e-30), r > 0.0);
     let back = normalize(cos(angle) * towards + sin(angle) * (across.x * frame.u + across.y * frame.v));
     let factor = select(1.0, sin(angle) / angle, angle > 0.0);
@@ -233,7 +245,7 @@ fn scattered(flight: Flight, hit: Hit) -> Flight {
                 divided(surface, surface.eta.z, hit, flight.direction).reflectance,
             );
         }
-    } else if hit.is_front && (surface.flags & select(IS_SURFACE, IS_SOLID, view.chain == CHAIN_TT)) != 0u {
+    } else if hit.is_front && (surface.flags & select(IS_SOLID, IS_SURFACE, view.chain == CHAIN_T)) != 0u {
         let division = divided(surface, surface.eta[view.channel], hit, flight.direction);
         if division.is_refracted {
             direction = division.direction;
@@ -244,12 +256,40 @@ fn scattered(flight: Flight, hit: Hit) -> Flight {
     return Flight(hit.position, direction, flight.flux * factor, any(factor != vec3f(0.0)));
 }
 
+// A photon that has entered a closed object, leaves it and passes another one. What does not get to the second one is lost to light that is
+// refracted twice.
+fn passed_to_another(entered: Flight, object: u32, way: ptr<function, PhotonWay>, is_own: bool) -> Flight {
+    let nothing = Flight(entered.origin, entered.direction, vec3f(0.0), false);
+    let flight = leave(entered, object, way, false);
+    if !flight.is_alive {
+        return nothing;
+    }
+    var hit: Hit;
+    if IN_IMAGES {
+        hit = entry_in_images(flight.origin, flight.direction, object);
+    } else {
+        hit = traced_hit(flight, is_own);
+    }
+    if hit.object == NO_OBJECT || !hit.is_front || (surfaces[hit.object].flags & IS_SOLID) == 0u {
+        return nothing;
+    }
+    let surface = surfaces[hit.object];
+    let division = divided(surface, surface.eta[view.channel], hit, flight.direction);
+    if !division.is_refracted {
+        return nothing;
+    }
+    (*way).within += length(hit.position - flight.origin);
+    let flux = (1.0 - division.reflectance) * flight.flux;
+    account_if_own(CAST, flux, is_own);
+    return leave(Flight(hit.position, division.direction, flux, true), hit.object, way, is_own);
+}
+
 // A photon that leaves the closed object that it has entered.
-fn leave(flight: Flight, caster: u32, way: ptr<function, PhotonWay>, is_own: bool) -> Flight {
+fn leave(flight: Flight, object: u32, way: ptr<function, PhotonWay>, is_own: bool) -> Flight {
     let nothing = Flight(flight.origin, flight.direction, vec3f(0.0), false);
     var hit: Hit;
     if IN_IMAGES {
-        hit = search_image(LAST_SURFACES, flight.origin, flight.direction, caster);
+        hit = exit_in_images(flight.origin, flight.direction, object);
     } else {
         hit = traced_hit(flight, is_own);
     }
@@ -268,7 +308,7 @@ fn leave(flight: Flight, caster: u32, way: ptr<function, PhotonWay>, is_own: boo
         return nothing;
     }
     account_if_own(TOTALLY_REFLECTED, division.reflectance * flight.flux, is_own);
-    (*way).within = length(hit.position - flight.origin);
+    (*way).within += length(hit.position - flight.origin);
     (*way).last = hit.position;
     (*way).last_normal = hit.normal;
     return Flight(hit.position, division.direction, (1.0 - division.reflectance) * flight.flux, true);
@@ -291,7 +331,13 @@ fn land(flight: Flight, is_own: bool) -> Photon {
     }
     let beyond = length(hit.position - flight.origin);
     let normal = packed_unit(hit.face_normal);
-    return Photon(hit.position, hit.object, flight.flux, NO_OBJECT, normal, packed_unit(flight.direction), 0.0, beyond);
+    var flux = flight.flux;
+    if view.is_papers != 0u {
+        let undeflected = select(normalize(hit.position - view.plane.origin), view.plane.forward, view.plane.is_parallel != 0u);
+        let ratio = dot(flight.direction, hit.face_normal) / -max(-dot(undeflected, hit.face_normal), MIN_DIRECT_COSINE);
+        flux *= ratio;
+    }
+    return Photon(hit.position, hit.object, flux, NO_OBJECT, normal, packed_unit(flight.direction), 0.0, beyond);
 }
 
 // The mirrored direction; an interpolated normal may mirror it through the triangle at grazing angles.

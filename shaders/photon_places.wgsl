@@ -15,8 +15,6 @@ struct ShownReceiver {
     is_there: bool,
 }
 
-@group(1) @binding(0) var<storage, read> surfaces: array<PhotonSurface>;
-
 // Through how many other surfaces maps of the receivers alone look at most.
 const MAX_OTHERS: u32 = 64u;
 
@@ -53,16 +51,169 @@ fn find_layers(place: vec2u) {
     var shown = first_receiver(ray);
     for (var layer = 0u; layer < map.layers; layer++) {
         let texel = first + layer * texel_count();
-        texels[texel] = MapTexel(vec3f(0.0), NO_OBJECT, vec3f(0.0), 0.0);
+        texels[texel] = no_texel();
         if shown.is_there {
-            let position = shown.hit.position;
-            let normal = shown.hit.face_normal;
-            texels[texel] = MapTexel(position, shown.hit.object, normal, texel_edge(position, normal));
-            if layer + 1u < map.layers {
+            texels[texel] = texel_of(shown.hit);
+            // In the camera's map the second layer keeps what is in the middle until all edges are found.
+            if map.is_camera == 0u && layer + 1u < map.layers {
                 shown = next_receiver(ray, shown.distance + ray_uniforms.offset);
             }
         }
     }
+}
+
+fn no_texel() -> MapTexel {
+    return MapTexel(vec3f(0.0), NO_OBJECT, 0.0, 1.0, 0u);
+}
+
+fn texel_of(hit: Hit) -> MapTexel {
+    let normal = hit.face_normal;
+    return MapTexel(hit.position, hit.object, texel_edge(hit.position, normal), 1.0, packed_unit(normal));
+}
+
+// The largest and the second largest part of a texel of the camera's map.
+struct TexelParts {
+    first: MapTexel,
+    second: MapTexel,
+}
+
+// Finds what texels of the camera's map at the edges of surfaces show side by side: the largest part goes to the first layer, the second
+// largest to the sums, which are empty as yet, as the second layer tells other texels what they are next to.
+@compute @workgroup_size(8, 8)
+fn find_parts(@builtin(global_invocation_id) id: vec3u, @builtin(local_invocation_index) local_index: u32) {
+    if all(id.xy < map.size) {
+        var parts = TexelParts(texels[id.y * map.size.x + id.x], no_texel());
+        if is_at_edge(id.xy) {
+            parts = parts_of(id.xy);
+        }
+        let first = id.y * map.size.x + id.x;
+        texels[first] = parts.first;
+        keep_in_sums(first, parts.second);
+    }
+    close_account(local_index);
+}
+
+// Moves the second parts to where they belong.
+@compute @workgroup_size(8, 8)
+fn settle_parts(@builtin(global_invocation_id) id: vec3u) {
+    if all(id.xy < map.size) {
+        let first = id.y * map.size.x + id.x;
+        texels[first + texel_count()] = take_from_sums(first);
+    }
+}
+
+// As many words as a texel has, of the sums of both layers.
+const WORDS_OF_TEXEL: u32 = 7u;
+
+fn keep_in_sums(first: u32, kept: MapTexel) {
+    let words = array<u32, WORDS_OF_TEXEL>(
+        bitcast<u32>(kept.position.x),
+        bitcast<u32>(kept.position.y),
+        bitcast<u32>(kept.position.z),
+        kept.object,
+        bitcast<u32>(kept.edge),
+        bitcast<u32>(kept.part),
+        kept.normal,
+    );
+    for (var k = 0u; k < WORDS_OF_TEXEL; k++) {
+        atomicStore(&sums[12u * first + k], words[k]);
+    }
+}
+
+fn take_from_sums(first: u32) -> MapTexel {
+    var words = array<u32, WORDS_OF_TEXEL>();
+    for (var k = 0u; k < WORDS_OF_TEXEL; k++) {
+        words[k] = atomicExchange(&sums[12u * first + k], 0u);
+    }
+    let position = bitcast<vec3f>(vec3u(words[0], words[1], words[2]));
+    return MapTexel(position, words[3], bitcast<f32>(words[4]), bitcast<f32>(words[5]), words[6]);
+}
+
+// Whether texels around one show something else than it does in the middle.
+fn is_at_edge(place: vec2u) -> bool {
+    let own = texels[place.y * map.size.x + place.x + texel_count()];
+    for (var dy = -1; dy <= 1; dy++) {
+        for (var dx = -1; dx <= 1; dx++) {
+            let other = vec2i(place) + vec2i(dx, dy);
+            if all(other >= vec2i(0)) && all(other < vec2i(map.size)) {
+                if !continues(own, texels[u32(other.y) * map.size.x + u32(other.x) + texel_count()]) {
+                    return true;
+                }
+            }
+        }
+    }
+    return false;
+}
+
+// Whether another texel shows the same surface, or neither shows any.
+fn continues(own: MapTexel, other: MapTexel) -> bool {
+    if own.object == NO_OBJECT || other.object == NO_OBJECT {
+        return own.object == other.object;
+    }
+    return is_surface_near(own, other, 2.0);
+}
+
+// Whether the place of another texel is on the same surface, up to so many edges from its plane.
+fn is_surface_near(own: MapTexel, other: MapTexel, most: f32) -> bool {
+    let normal = unpacked_unit(own.normal);
+    return own.object == other.object && dot(normal, unpacked_unit(other.normal)) >= SAME_SURFACE_COSINE
+        && abs(dot(other.position - own.position, normal)) <= most * own.edge;
+}
+
+// The surfaces that rays through a texel meet first.
+fn parts_of(place: vec2u) -> TexelParts {
+    const RAYS: u32 = EDGE_RAYS * EDGE_RAYS;
+    var found = array<MapTexel, MAX_EDGE_SURFACES>();
+    var off_middle = array<f32, MAX_EDGE_SURFACES>();
+    var rays = array<u32, MAX_EDGE_SURFACES>();
+    var count = 0u;
+    for (var k = 0u; k < RAYS; k++) {
+        let i = k % EDGE_RAYS;
+        let j = k / EDGE_RAYS;
+        // Each row and each column of so many has one ray.
+        let at = (vec2f(vec2u(EDGE_RAYS * i + j, EDGE_RAYS * j + EDGE_RAYS - 1u - i)) + 0.5) / f32(RAYS);
+        let shown = first_receiver(ray_at(vec2f(place) + at));
+        if !shown.is_there {
+            continue;
+        }
+        let texel = texel_of(shown.hit);
+        let off = dot(at - 0.5, at - 0.5);
+        var n = 0u;
+        while n < count && !is_surface_near(found[n], texel, PHOTON_OFF_PLANE) {
+            n++;
+        }
+        if n == MAX_EDGE_SURFACES {
+            continue;
+        }
+        if n == count || off < off_middle[n] {
+            found[n] = texel;
+            off_middle[n] = off;
+        }
+        count = max(count, n + 1u);
+        rays[n]++;
+    }
+    var parts = TexelParts(no_texel(), no_texel());
+    var first = 0u;
+    var second = MAX_EDGE_SURFACES;
+    for (var n = 1u; n < count; n++) {
+        if rays[n] > rays[first] {
+            first = n;
+        }
+    }
+    for (var n = 0u; n < count; n++) {
+        if n != first && (second == MAX_EDGE_SURFACES || rays[n] > rays[second]) {
+            second = n;
+        }
+    }
+    if count > 0u {
+        parts.first = found[first];
+        parts.first.part = f32(rays[first]) / f32(RAYS);
+    }
+    if second < count {
+        parts.second = found[second];
+        parts.second.part = f32(rays[second]) / f32(RAYS);
+    }
+    return parts;
 }
 
 fn texel_edge(position: vec3f, normal: vec3f) -> f32 {
@@ -150,7 +301,7 @@ fn place_of(photon: Photon, is_own: bool) -> PhotonPlace {
     if texel == TEXEL_HIDDEN || height_over(texel, photon.position) > PHOTON_OFF_PLANE * texels[texel].edge {
         return PhotonPlace(at, TEXEL_HIDDEN);
     }
-    if map.is_camera != 0u && !is_amid_surface(at, texel) {
+    if texels[texel].part < 1.0 {
         // At the edges of surfaces the middles of texels do not tell what hides a photon.
         let shown = first_receiver(ray_at(at));
         if !shown.is_there || distance(shown.hit.position, photon.position) > PHOTON_OFF_RAY * texels[texel].edge {
@@ -164,24 +315,5 @@ fn place_of(photon: Photon, is_own: bool) -> PhotonPlace {
 }
 
 fn height_over(texel: u32, point: vec3f) -> f32 {
-    return abs(dot(point - texels[texel].position, texels[texel].normal));
-}
-
-// Whether all texels around one show the same surface.
-fn is_amid_surface(at: vec2f, texel: u32) -> bool {
-    let own = texels[texel];
-    let centre = vec2i(at);
-    for (var dy = -1; dy <= 1; dy++) {
-        for (var dx = -1; dx <= 1; dx++) {
-            let other = centre + vec2i(dx, dy);
-            if any(other < vec2i(0)) || any(other >= vec2i(map.size)) {
-                return false;
-            }
-            let shown = texels[u32(other.y) * map.size.x + u32(other.x)];
-            if shown.object != own.object || dot(shown.normal, own.normal) < SAME_SURFACE_COSINE {
-                return false;
-            }
-        }
-    }
-    return true;
+    return abs(dot(point - texels[texel].position, unpacked_unit(texels[texel].normal)));
 }

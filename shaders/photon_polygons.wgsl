@@ -41,7 +41,11 @@ fn add_cell(column: i32, row: i32) {
 
 fn add_corner(index: u32, part: f32) {
     if index != NOWHERE {
-        add_point(photons[index], places[index].at, part * photons[index].flux);
+        if map.is_alone != 0u && map.mode == MODE_POLYGONS {
+            account_for(CULLED, part * sum_of_channels(photons[index].flux), map.steps_per_watt);
+        } else {
+            add_point(photons[index], places[index].at, part * photons[index].flux);
+        }
     }
 }
 
@@ -75,7 +79,7 @@ fn add_triangle(one: u32, other: u32, third: u32) {
     let low = floor(min(a, min(b, c)));
     let high = floor(max(a, max(b, c)));
     let is_exact = map.mode == MODE_EXACT_POLYGONS;
-    if is_exact && all(low == high) || !is_exact && area < MIN_DRAWN_AREA {
+    if is_exact && all(low == high) || !is_exact && area < select(MIN_DRAWN_AREA, 1e-9, map.is_alone != 0u) {
         add_point(photon, (a + b + c) / 3.0, flux);
     } else if is_exact && area < MIN_EXACT_AREA {
         add_sliver(photon, a, b, c, flux);
@@ -118,20 +122,22 @@ fn add_texels(photon: Photon, corners: array<vec2f, 3>, low: vec2f, high: vec2f,
     for (var y = first.y; y <= last.y; y += 1.0) {
         for (var x = first.x; x <= last.x; x += 1.0) {
             let corner = vec2f(x, y);
-            var part = 0.0;
+            var covered = 0.0;
             if is_exact {
-                part = covered_area(corners, corner, turn) / area;
+                covered = covered_area(corners, corner, turn);
             } else if covers(corners, corner + 0.5, turn) {
-                part = 1.0 / area;
+                covered = 1.0;
             }
-            if part > 0.0 {
+            if covered > 0.0 {
                 let texel = surface_of(texel_at(corner), photon);
+                var seen = 0.0;
                 if texel != TEXEL_HIDDEN {
-                    deposit(0u, texel, part * flux, photon);
-                    deposited += part;
-                } else {
-                    hidden += part;
+                    // What is larger than the part that is seen lies behind something.
+                    seen = min(covered, texels[texel].part);
+                    deposit(0u, texel, seen / area * flux, photon);
                 }
+                deposited += seen / area;
+                hidden += (covered - seen) / area;
             }
         }
     }

@@ -3,8 +3,6 @@
 #import photon_map
 #import photon_sheet
 
-@group(1) @binding(0) var<storage, read> surfaces: array<PhotonSurface>;
-
 // A Gaussian in texels.
 struct Splat {
     // The inverse of the covariance: xx, xy, yy.
@@ -59,6 +57,11 @@ fn add_photon(place: vec2u) {
             add_footprint(place, photon, places[index]);
         }
         case MODE_MULTI_RESOLUTION {
+            if map.clusters != 0u {
+                account_for(DEPOSITED, watts, map.steps_per_watt);
+                add_in_its_resolution(place, photon, places[index]);
+                return;
+            }
             for (var size = 0u; size < SPLAT_SIZES; size++) {
                 let diameter = FIRST_SPLAT_DIAMETER + SPLAT_DIAMETER_STEP * size;
                 add_splat(size, round_splat(f32(diameter)), photon, places[index]);
@@ -72,6 +75,23 @@ fn add_photon(place: vec2u) {
             }
         }
     }
+}
+
+// Adds a photon of a cluster in the resolution that fits it: as a splat of the least of the four sizes that covers the part of the receiver that
+// it stands for, or as a point where that is within a texel.
+fn add_in_its_resolution(place: vec2u, photon: Photon, landed: PhotonPlace) {
+    let sides = differences(place, DIFFERENCE_OF_PLACES);
+    let extent = select(0.0, max(length(sides.along_row.xy), length(sides.along_column.xy)), sides.are_known);
+    let wanted = LENS_SPACINGS * extent;
+    if wanted <= 1.0 {
+        deposit(0u, landed.texel, photon.flux, photon);
+        return;
+    }
+    var size = 0u;
+    while size + 1u < SPLAT_SIZES && f32(FIRST_SPLAT_DIAMETER + SPLAT_DIAMETER_STEP * size) < wanted {
+        size++;
+    }
+    add_splat(0u, round_splat(f32(FIRST_SPLAT_DIAMETER + SPLAT_DIAMETER_STEP * size)), photon, landed);
 }
 
 // A round splat with a diameter, in a square of that size.
@@ -96,7 +116,7 @@ fn add_splat(size: u32, splat: Splat, photon: Photon, place: PhotonPlace) {
         for (var x = low.x; x < high.x; x++) {
             let texel = surface_of(u32(y) * map.size.x + u32(x), photon);
             if texel != TEXEL_HIDDEN {
-                total += splat_weight(splat, vec2f(vec2i(x, y)) + 0.5 - place.at);
+                total += texels[texel].part * splat_weight(splat, vec2f(vec2i(x, y)) + 0.5 - place.at);
             }
         }
     }
@@ -108,7 +128,7 @@ fn add_splat(size: u32, splat: Splat, photon: Photon, place: PhotonPlace) {
         for (var x = low.x; x < high.x; x++) {
             let texel = surface_of(u32(y) * map.size.x + u32(x), photon);
             if texel != TEXEL_HIDDEN {
-                let weight = splat_weight(splat, vec2f(vec2i(x, y)) + 0.5 - place.at);
+                let weight = texels[texel].part * splat_weight(splat, vec2f(vec2i(x, y)) + 0.5 - place.at);
                 deposit(size, texel, weight / total * photon.flux, photon);
             }
         }
@@ -127,7 +147,7 @@ fn count_reached(size: u32, diameter: i32, photon: Photon, texel: u32) {
             let is_reached = 4 * (dx * dx + dy * dy) <= diameter * diameter;
             if is_reached && all(other >= vec2i(0)) && all(other < vec2i(map.size)) {
                 let first = u32(other.y) * map.size.x + u32(other.x);
-                let reached = surface_at(first, own.object, own.normal, own.position);
+                let reached = surface_at(first, own.object, unpacked_unit(own.normal), own.position);
                 if reached != TEXEL_HIDDEN {
                     atomicAdd(&counts[size * map.layers * texel_count() + reached], 1u);
                 }

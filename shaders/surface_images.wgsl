@@ -1,5 +1,6 @@
 // What a light's view shows, as images: the surfaces that photons meet first in the left half and, of the same draw, the farthest ones of
-// closed objects in the right half, whose depths are turned around (Wyman and Nichols 2009, Section 3.1); or receivers alone. CPU twin:
+// closed objects in the right half, whose depths are turned around (Wyman and Nichols 2009, Section 3.1); or receivers alone, or one closed
+// object. CPU twin:
 // src/image_space/surface_images.rs, by rays.
 
 #import constants
@@ -17,8 +18,8 @@ struct ImageDraw {
     far: f32,
     // The first texel of the object.
     instance: u32,
-    // Two halves: the first and the last surfaces.
-    has_halves: u32,
+    // SHOWS_ALL and so on.
+    shown: u32,
 }
 
 @group(0) @binding(0) var<uniform> drawn: ImageDraw;
@@ -60,7 +61,10 @@ fn place(@builtin(vertex_index) vertex: u32, @builtin(instance_index) half: u32)
     let range = drawn.far - drawn.near;
     let z = select(drawn.far * (local.z - drawn.near) / range, (local.z - drawn.near) / range, is_parallel);
     var clip = vec4f(across.x, -across.y, z, w);
-    if drawn.has_halves != 0u {
+    if drawn.shown == SHOWS_BACK {
+        clip.z = w - clip.z;
+    }
+    if drawn.shown == SHOWS_FIRST_AND_LAST {
         clip.x = 0.5 * clip.x + select(-0.5, 0.5, half == 1u) * w;
         clip.z = select(clip.z, w - clip.z, half == 1u);
     }
@@ -73,7 +77,10 @@ fn show(corner: Corner) -> Shown {
     let normal = normalize(corner.normal);
     let towards_normal = select(-corner.face_normal, corner.face_normal, dot(corner.face_normal, normal) >= 0.0);
     let is_front = dot(towards_normal, direction) <= 0.0;
-    if drawn.has_halves != 0u {
+    if drawn.shown == SHOWS_FRONT && !is_front || drawn.shown == SHOWS_BACK && is_front {
+        discard;
+    }
+    if drawn.shown == SHOWS_FIRST_AND_LAST {
         // What lies across the middle belongs to the other half.
         let is_right = corner.clip.x >= drawn.size;
         let is_solid = (surfaces[corner.object].flags & IS_SOLID) != 0u;

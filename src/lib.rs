@@ -91,7 +91,7 @@ pub use engine::{
 pub use environment::CubeSize;
 pub use error::{Error, OptionError};
 pub use glam;
-pub use image_space::{Hits, ImageSpaceOptions, Ledger, Loss, MapView, Mode, Traversal};
+pub use image_space::{Hits, ImageSpaceOptions, Incidence, Ledger, Loss, MapView, Mode, Traversal};
 pub use options::{
     DisplaySettings, Evaluation, EvaluationChoice, Exposure, Exposures, FilterChoice, Options, Overlay, Quality,
     Settings, load,

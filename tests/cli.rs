@@ -291,20 +291,24 @@ fn options_of_photons_that_change<T: PartialEq + std::fmt::Debug>(
         assert_ne!(photons(more), by_photons, "{more:?} changes nothing");
     }
     assert_ne!(written(&["--technique", "image-space", "--lights", "5"]), by_photons);
-    for (with, more) in
-        [(["--caustic-map", "light"], ["--caustic-map-size", "64"]), (["--mode", "splats"], ["--splat-diameter", "9"])]
-    {
-        assert_ne!(photons(&[with, more].concat()), photons(&with), "{more:?} changes nothing");
+    assert_ne!(photons(&["--temporal-frames", "2"]), by_photons);
+    for (with, more) in [
+        (["--caustic-map", "light"], &["--caustic-map-size", "64"][..]),
+        (["--mode", "splats"], &["--splat-diameter", "9"]),
+        (["--mode", "polygons"], &["--paper"]),
+    ] {
+        assert_ne!(photons(&[&with, more].concat()), photons(&with), "{more:?} changes nothing");
     }
-    // Directions are those of a light with an extent.
+    // Directions are those of a light with an extent, and glossy floors show where light comes from.
     let place = Workplace::new();
-    let ring = |count: &str| {
+    let small = |scene: &str, more: &[&str]| {
         let args =
-            ["render", "ring", "-o", "ring.exr", "--size", "24x24", "--technique", "image-space", "--photons", "64"];
-        assert!(place.run(&[&args[..], &["--light-directions", count, "--quiet"]].concat()).status.success());
-        std::fs::read(place.path("ring.exr")).unwrap()
+            ["render", scene, "-o", "small.exr", "--size", "24x24", "--technique", "image-space", "--photons", "64"];
+        assert!(place.run(&[&args[..], more, &["--quiet"]].concat()).status.success());
+        std::fs::read(place.path("small.exr")).unwrap()
     };
-    assert_ne!(ring("2"), ring("5"));
+    assert_ne!(small("ring", &["--light-directions", "2"]), small("ring", &["--light-directions", "5"]));
+    assert_ne!(small("gloss", &["--incidence", "light"]), small("gloss", &["--incidence", "photon"]));
     vec![
         "--mode",
         "--hits",
@@ -315,6 +319,9 @@ fn options_of_photons_that_change<T: PartialEq + std::fmt::Debug>(
         "--caustic-map-size",
         "--splat-diameter",
         "--light-directions",
+        "--temporal-frames",
+        "--incidence",
+        "--paper",
     ]
 }
 

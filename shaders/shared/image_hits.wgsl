@@ -12,9 +12,13 @@ struct ImagePlane {
     receivers: u32,
     // From one end of the scene to the other, metres.
     diagonal: f32,
+    // The number of closed objects that have two images each: of their fronts and of their backs.
+    solids: u32,
+    // The object that such an image shows.
+    object: u32,
 }
 
-// The view's plane, then those of the receivers.
+// The view's plane, then those of the receivers and of closed objects.
 @group(2) @binding(0) var<storage, read> image_planes: array<ImagePlane>;
 // As `Shown` in surface_images.wgsl.
 @group(2) @binding(1) var view_normals: texture_2d<f32>;
@@ -22,7 +26,7 @@ struct ImagePlane {
 @group(2) @binding(3) var receiver_normals: texture_2d_array<f32>;
 @group(2) @binding(4) var receiver_surfaces: texture_2d_array<u32>;
 
-// Which image: the first surfaces, the last ones, or from here on those of receivers.
+// Which image: the first surfaces, the last ones, or from here on those of receivers, then of closed objects.
 const FIRST_SURFACES: u32 = 0u;
 const LAST_SURFACES: u32 = 1u;
 const RECEIVERS: u32 = 2u;
@@ -140,7 +144,8 @@ fn gap_at(image: u32, image_plane: ImagePlane, origin: vec3f, direction: vec3f, 
 // What a ray meets in an image of an object, or of any one. Outside of a closed object its ray has left it: the last place inside counts.
 fn search_image(image: u32, origin: vec3f, direction: vec3f, wanted: u32) -> Hit {
     let image_plane = plane_of(image);
-    let is_within = image == LAST_SURFACES;
+    let first_solid = RECEIVERS + image_planes[0].receivers;
+    let is_within = image == LAST_SURFACES || image >= first_solid && ((image - first_solid) & 1u) == 1u;
     let end = origin + image_plane.diagonal * direction;
     let across = distance(projected(image_plane.plane, origin), projected(image_plane.plane, end));
     let count = ceil(clamp(across, MIN_IMAGE_STEPS, MAX_IMAGE_STEPS));
@@ -212,15 +217,44 @@ fn on_plane(image_plane: ImagePlane, origin: vec3f, direction: vec3f, found: Gap
     return image_hit(direction, position, shown);
 }
 
+// Where a photon leaves the closed object that it is in.
+fn exit_in_images(origin: vec3f, direction: vec3f, object: u32) -> Hit {
+    let first_solid = RECEIVERS + image_planes[0].receivers;
+    for (var k = 0u; k < image_planes[0].solids; k++) {
+        let image = first_solid + 2u * k + 1u;
+        if plane_of(image).object == object {
+            return search_image(image, origin, direction, ANY_OBJECT);
+        }
+    }
+    return search_image(LAST_SURFACES, origin, direction, object);
+}
+
+// The closed object that a photon enters next, which has left one.
+fn entry_in_images(origin: vec3f, direction: vec3f, left: u32) -> Hit {
+    let first_solid = RECEIVERS + image_planes[0].receivers;
+    var nearest = no_hit();
+    for (var k = 0u; k < image_planes[0].solids; k++) {
+        let image = first_solid + 2u * k;
+        if plane_of(image).object != left {
+            nearest = nearer(origin, nearest, search_image(image, origin, direction, ANY_OBJECT));
+        }
+    }
+    return nearest;
+}
+
+fn nearer(origin: vec3f, known: Hit, found: Hit) -> Hit {
+    let is_nearer = known.object == NO_OBJECT || distance(found.position, origin) < distance(known.position, origin);
+    if found.object != NO_OBJECT && is_nearer {
+        return found;
+    }
+    return known;
+}
+
 // The receiver that a photon meets.
 fn landing_in_images(origin: vec3f, direction: vec3f) -> Hit {
     var nearest = no_hit();
     for (var k = 0u; k < image_planes[0].receivers; k++) {
-        let hit = search_image(RECEIVERS + k, origin, direction, ANY_OBJECT);
-        if hit.object != NO_OBJECT
-            && (nearest.object == NO_OBJECT || distance(hit.position, origin) < distance(nearest.position, origin)) {
-            nearest = hit;
-        }
+        nearest = nearer(origin, nearest, search_image(RECEIVERS + k, origin, direction, ANY_OBJECT));
     }
     return nearest;
 }

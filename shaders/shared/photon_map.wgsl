@@ -1,6 +1,7 @@
 // Caustic maps that photons are added to. CPU twins: src/image_space/caustic_map.rs and projection.rs; layout:
 // src/image_space/gpu/layout.rs.
 
+#import microfacets
 #import photons
 #import plane
 
@@ -10,8 +11,8 @@ struct PhotonMap {
     size: vec2u,
     // What it shows is what the camera sees; otherwise the receivers alone.
     is_camera: u32,
-    // The mean direction of the light is needed, too.
-    has_directions: u32,
+    // What glossy receivers have to know: KEEPS_DIRECTIONS and so on.
+    kept: u32,
     // Rows of photons, and which of them are added.
     columns: u32,
     rows: u32,
@@ -28,21 +29,28 @@ struct PhotonMap {
     spacing: f32,
     // The first of these rows is the first of the view.
     is_first: u32,
-    // Receivers that each texel shows at most, one behind the other; the camera's map has one.
+    // Receivers that each texel shows at most: one behind the other or, in the camera's map, side by side.
     layers: u32,
     // Photons come in clusters of 2×2 (1), or each stands for such a cluster, whose other photons follow it (2); 0: in rows.
     clusters: u32,
+    // The position of the lamp or, if it is far, the direction in which its light travels.
+    light: vec3f,
+    is_light_far: u32,
+    // Polygons are drawn alone: what belongs to none is culled.
+    is_alone: u32,
 }
 
-// What a texel shows in its middle; layer by layer.
+// A receiver that a texel shows; layer by layer.
 struct MapTexel {
     position: vec3f,
     // NO_OBJECT: no receiver.
     object: u32,
-    // Of its triangle, towards the viewer.
-    normal: vec3f,
-    // The edge of a square with the area that the texel covers on the receiver, metres.
+    // The edge of a square with the area that the whole texel covers on the plane of the receiver, metres.
     edge: f32,
+    // The part of the texel in which it is seen.
+    part: f32,
+    // Of its triangle, towards the viewer; a packed unit vector.
+    normal: u32,
 }
 
 // Where a photon lands in the map.
@@ -64,10 +72,11 @@ const NO_PHOTON: u32 = 0xfffffffdu;
 @group(0) @binding(3) var<storage, read_write> ledger: array<atomic<u32>>;
 @group(0) @binding(4) var<storage, read_write> texels: array<MapTexel>;
 @group(0) @binding(5) var<storage, read_write> places: array<PhotonPlace>;
-// For each size of splats and each texel: flux, then the light's direction times it, if that is needed. Two words each, signed.
+// For each size of splats and each texel: flux, then what is kept for glossy receivers. Two words each, signed.
 @group(0) @binding(6) var<storage, read_write> sums: array<atomic<u32>>;
 // For each size of splats and each texel: photons.
 @group(0) @binding(7) var<storage, read_write> counts: array<atomic<u32>>;
+@group(1) @binding(0) var<storage, read> surfaces: array<PhotonSurface>;
 
 // Texels of a layer.
 fn texel_count() -> u32 {
@@ -91,8 +100,12 @@ fn surface_at(first: u32, object: u32, normal: vec3f, point: vec3f) -> u32 {
     for (var layer = 0u; layer < map.layers; layer++) {
         let texel = first + layer * texel_count();
         let shown = texels[texel];
-        let height = abs(dot(point - shown.position, shown.normal));
-        if shown.object == object && dot(shown.normal, normal) >= SAME_SURFACE_COSINE && height < least {
+        if shown.object != object {
+            continue;
+        }
+        let facing = unpacked_unit(shown.normal);
+        let height = abs(dot(point - shown.position, facing));
+        if dot(facing, normal) >= SAME_SURFACE_COSINE && height < least {
             nearest = texel;
             least = height;
         }
@@ -107,17 +120,51 @@ fn surface_of(first: u32, photon: Photon) -> u32 {
 
 // Adds flux to a texel. `size`: which of several sizes of splats it comes from.
 fn deposit(size: u32, texel: u32, flux: vec3f, photon: Photon) {
-    let words = select(6u, 12u, map.has_directions != 0u);
+    let words = select(6u, 12u, map.kept != KEEPS_NOTHING);
     let first = words * (size * map.layers * texel_count() + texel);
     for (var k = 0u; k < 3u; k++) {
         add_to_sums(first + 2u * k, steps_of(flux[k], map.steps_per_watt));
     }
-    if map.has_directions != 0u && size == 0u {
-        let directed = sum_of_channels(flux) * unpacked_unit(photon.direction);
+    if map.kept != KEEPS_NOTHING && size == 0u {
+        let kept = for_gloss(flux, photon);
         for (var k = 0u; k < 3u; k++) {
-            add_to_sums(first + 6u + 2u * k, steps_of(directed[k], map.steps_per_watt));
+            add_to_sums(first + 6u + 2u * k, steps_of(kept[k], map.steps_per_watt));
         }
     }
+}
+
+// What glossy receivers have to know of flux of a photon.
+fn for_gloss(flux: vec3f, photon: Photon) -> vec3f {
+    if map.kept == KEEPS_DIRECTIONS {
+        return sum_of_channels(flux) * unpacked_unit(photon.direction);
+    }
+    if map.kept == KEEPS_UNDEFLECTED {
+        return sum_of_channels(flux) * select(normalize(photon.position - map.light), map.light, map.is_light_far != 0u);
+    }
+    let away = select(normalize(photon.position - map.plane.origin), map.plane.forward, map.plane.is_parallel != 0u);
+    return flux * photon_brdf(surfaces[photon.object], unpacked_unit(photon.normal), -unpacked_unit(photon.direction), -away);
+}
+
+// The BRDF of a receiver, 1/sr: n, l and v are the unit normal, towards where the photon came from and towards the viewer.
+fn photon_brdf(surface: PhotonSurface, n: vec3f, l: vec3f, v: vec3f) -> vec3f {
+    let cos_l = dot(n, l);
+    let cos_v = dot(n, v);
+    if cos_l <= 0.0 || cos_v <= 0.0 {
+        return vec3f(0.0);
+    }
+    let diffuse = surface.albedo / PI;
+    if surface.kind == MATERIAL_PHONG {
+        let mirrored = dot(2.0 * cos_l * n - l, v);
+        let lobe = select(0.0, pow(max(mirrored, 1e-30), surface.width), mirrored > 0.0 || surface.width == 0.0);
+        return diffuse + surface.specular * ((surface.width + 2.0) / (2.0 * PI) * lobe);
+    }
+    if surface.kind == MATERIAL_GGX {
+        let h = normalize(l + v);
+        let lobe = distribution(dot(n, h), surface.width) * masking(cos_l, cos_v, surface.width);
+        let passes = (1.0 - schlick(surface.specular, cos_l)) * (1.0 - schlick(surface.specular, cos_v));
+        return diffuse * passes + schlick(surface.specular, dot(l, h)) * lobe;
+    }
+    return diffuse;
 }
 
 fn add_to_sums(first: u32, steps: Steps) {

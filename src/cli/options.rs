@@ -9,8 +9,8 @@ use serde::de::value::{Error as WordError, StrDeserializer};
 use pinspot::image::{Aov, ToneMap};
 use pinspot::scene::{Light, Loaded, MapLayout, Scene, Visibility, load};
 use pinspot::{
-    BackendChoice, CubeSize, Density, Epsilon, EvaluationChoice, Exposure, FilterChoice, Footprint, Hits, MapView,
-    Mode, OptionError, Options, Overlay, Quality, Settings, Strategy, Technique, Traversal,
+    BackendChoice, CubeSize, Density, Epsilon, EvaluationChoice, Exposure, FilterChoice, Footprint, Hits, Incidence,
+    MapView, Mode, OptionError, Options, Overlay, Quality, Settings, Strategy, Technique, Traversal,
 };
 
 use super::errors::{message, option_message};
@@ -65,6 +65,16 @@ pub struct PhotonOptions {
     /// Diameter of splats of one size, texels [default: 2.5]
     #[arg(long, value_name = "TEXELS")]
     pub splat_diameter: Option<f32>,
+    /// From where glossy receivers take the light: mean (direction of a texel's photons), photon (each one's own) or light (as if nothing had
+    /// turned it) [default: mean]
+    #[arg(long, value_parser = word::<Incidence>, value_name = "NAME")]
+    pub incidence: Option<Incidence>,
+    /// Frames whose maps are averaged, from 1 to 4: each and those before it [default: 1]
+    #[arg(long, value_name = "N")]
+    pub temporal_frames: Option<u32>,
+    /// Polygons and gathers by the letter of Wyman and Davis 2006 (Equations 3 and 9), for comparison
+    #[arg(long)]
+    pub paper: bool,
 }
 
 /// Options of the environment.
@@ -156,7 +166,7 @@ pub struct CommonOptions {
     pub quality: Option<Quality>,
     #[command(flatten)]
     pub scene: SceneOptions,
-    /// Pictures to render, separated by commas: beauty, caustic, caustic.R, caustic.T and caustic.TT (what is
+    /// Pictures to render, separated by commas: beauty, caustic, caustic.R, caustic.T, caustic.TT and caustic.TTTT (what is
     /// reflected or refracted once, or refracted twice by closed objects), direct, scattered and scattered.direct (what a medium scatters),
     /// albedo, normal, position, depth [default:
     /// beauty]
@@ -192,6 +202,9 @@ impl CommonOptions {
             lights: self.image_space.lights,
             light_directions: self.image_space.light_directions,
             splat_diameter: self.image_space.splat_diameter,
+            incidence: self.image_space.incidence,
+            temporal_frames: self.image_space.temporal_frames,
+            paper: self.image_space.paper.then_some(true),
             samples: self.sampling.samples,
             strategy: self.sampling.strategy,
             density: self.sampling.density,

@@ -104,7 +104,7 @@ fn value(inputs: &FrameInputs, band: &Band, aov: Aov, index: usize) -> Vec3 {
     let camera = &inputs.scene.camera;
     match aov {
         Aov::Caustic => intensity * band.light.caustic_at(index),
-        Aov::CausticR | Aov::CausticT | Aov::CausticTT => {
+        Aov::CausticR | Aov::CausticT | Aov::CausticTT | Aov::CausticTTTT => {
             let own = band.of_chains.iter().find(|(chain, _)| aov.chain() == Some(*chain));
             own.map_or(Vec3::ZERO, |(_, caustic)| intensity * Vec3::from_slice(&caustic.sums[index]))
         }

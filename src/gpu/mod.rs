@@ -118,6 +118,16 @@ pub enum GpuError {
         /// Bytes that fit.
         limit: u64,
     },
+    /// More closed objects than there are layers for images of them.
+    #[error(
+        "images of {count} closed objects are needed, but this adapter has layers for {limit}; let photons be traced (--hits traced), or choose the CPU"
+    )]
+    TooManySolids {
+        /// How many objects.
+        count: usize,
+        /// How many the adapter has layers for.
+        limit: usize,
+    },
     /// A caustic map is too large.
     #[error("a caustic map of {}×{} texels takes {bytes} bytes, but this adapter's buffers end at {limit}; make it smaller, or choose the CPU", .size[0], .size[1])]
     CausticMapTooLarge {

@@ -21,6 +21,9 @@ pub enum Aov {
     /// The part of the caustic that is refracted twice, by closed objects.
     #[serde(rename = "caustic.TT")]
     CausticTT,
+    /// The part of the caustic that is refracted four times, by two closed objects one after the other.
+    #[serde(rename = "caustic.TTTT")]
+    CausticTTTT,
     /// Direct light: irradiance of the receiver from the environment, W/m², before albedo.
     Direct,
     /// Light of caustics that the medium scatters once towards the camera, before it reaches a surface: radiance, W/(m²·sr).
@@ -45,6 +48,7 @@ impl Aov {
             Self::CausticR => Some(Chain::R),
             Self::CausticT => Some(Chain::T),
             Self::CausticTT => Some(Chain::TT),
+            Self::CausticTTTT => Some(Chain::TTTT),
             _ => None,
         }
     }
@@ -57,6 +61,7 @@ impl Aov {
             Self::CausticR => "caustic.R",
             Self::CausticT => "caustic.T",
             Self::CausticTT => "caustic.TT",
+            Self::CausticTTTT => "caustic.TTTT",
             Self::Direct => "direct",
             Self::Scattered => "scattered",
             Self::ScatteredDirect => "scattered.direct",

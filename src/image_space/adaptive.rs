@@ -49,7 +49,7 @@ pub struct Traverser<'a> {
     /// The way that counts.
     pub kind: Kind,
     /// Where photons land: the map tells how far they lie from each other.
-    pub map: &'a CausticMap,
+    pub map: &'a CausticMap<'a>,
     /// When clusters are kept.
     pub traversal: Traversal,
     /// Photons along an edge of the finest grid; a power of two.

@@ -10,10 +10,12 @@ use glam::{DVec2, DVec3, Vec3};
 use rayon::prelude::*;
 
 use super::constants::PHOTON_OFF_RAY;
+use super::irradiance_map::{GlossOfTexels, IrradianceMap};
 use super::ledger::Loss;
 use super::photons::Photon;
 use super::projection::Projection;
 use super::receiver_layers::ReceiverLayers;
+use crate::brdf::Materials;
 use crate::scene::Ray;
 use crate::tracing::Hit;
 
@@ -21,43 +23,67 @@ use crate::tracing::Hit;
 /// total do not overflow.
 const STEPS: f64 = (1u64 << 52) as f64;
 
+/// What maps keep for glossy receivers, beside flux.
+#[derive(Clone, Copy, Debug)]
+pub enum ForGloss<'a> {
+    /// Nothing: there are none.
+    Nothing,
+    /// Directions in which photons travel, weighted by their flux (Wyman and Davis 2006, Equation 10).
+    Directions,
+    /// Directions in which the light would arrive that nothing has turned (Equation 11).
+    Undeflected,
+    /// What each photon reflects to the viewer (Equation 9).
+    Reflected(&'a Materials),
+}
+
+impl ForGloss<'_> {
+    fn is_nothing(self) -> bool {
+        matches!(self, Self::Nothing)
+    }
+}
+
 /// A map that photons are added to.
 #[derive(Debug)]
-pub struct CausticMap {
+pub struct CausticMap<'a> {
     shown: Arc<ReceiverLayers>,
     flux: Vec<[AtomicI64; 3]>,
-    /// Directions of travel, weighted by flux; empty unless glossy receivers ask for them.
-    directions: Vec<[AtomicI64; 3]>,
+    /// Of each texel; empty without glossy receivers.
+    for_gloss: Vec<[AtomicI64; 3]>,
+    kept: ForGloss<'a>,
     /// Of a channel.
     watts_per_step: f64,
 }
 
-impl CausticMap {
+impl<'a> CausticMap<'a> {
     /// An empty map of what a view shows. `total`: about the flux that is to be added, W.
-    pub fn new(shown: ReceiverLayers, (total, has_directions): (f64, bool)) -> Self {
-        Self::empty(Arc::new(shown), (watts_per_step(total), has_directions))
+    pub fn new(shown: ReceiverLayers, (total, kept): (f64, ForGloss<'a>)) -> Self {
+        Self::empty(Arc::new(shown), (watts_per_step(total), kept))
     }
 
-    /// A map with the sums of another program: of flux and, if there are any, of directions, in steps.
+    /// A map with the sums of another program: of flux and of what is kept for glossy receivers, in steps.
     #[cfg(feature = "gpu")]
-    pub fn of_sums(shown: Arc<ReceiverLayers>, [flux, directions]: [Vec<[i64; 3]>; 2], watts_per_step: f64) -> Self {
+    pub fn of_sums(
+        shown: Arc<ReceiverLayers>,
+        [flux, for_gloss]: [Vec<[i64; 3]>; 2],
+        (watts_per_step, kept): (f64, ForGloss<'a>),
+    ) -> Self {
         let atomic = |sums: Vec<[i64; 3]>| sums.into_iter().map(|sum| sum.map(AtomicI64::new)).collect();
-        Self { shown, flux: atomic(flux), directions: atomic(directions), watts_per_step }
+        Self { shown, flux: atomic(flux), for_gloss: atomic(for_gloss), kept, watts_per_step }
     }
 
     /// An empty map that shows the same.
     pub fn emptied(&self) -> Self {
-        Self::empty(self.shown.clone(), (self.watts_per_step, !self.directions.is_empty()))
+        Self::empty(self.shown.clone(), (self.watts_per_step, self.kept))
     }
 
-    fn empty(shown: Arc<ReceiverLayers>, (watts_per_step, has_directions): (f64, bool)) -> Self {
+    fn empty(shown: Arc<ReceiverLayers>, (watts_per_step, kept): (f64, ForGloss<'a>)) -> Self {
         let zeros = |count: usize| {
             let mut sums = Vec::new();
             sums.resize_with(count, <[AtomicI64; 3]>::default);
             sums
         };
-        let directions = zeros(if has_directions { shown.len() } else { 0 });
-        Self { flux: zeros(shown.len()), directions, shown, watts_per_step }
+        let for_gloss = zeros(if kept.is_nothing() { 0 } else { shown.len() });
+        Self { flux: zeros(shown.len()), for_gloss, kept, shown, watts_per_step }
     }
 
     fn projection(&self) -> &Projection {
@@ -84,17 +110,15 @@ impl CausticMap {
         Ok((place, index))
     }
 
-    /// Whether something hides a photon that lands in a texel at the edge of a surface, in a map of what is seen first. Elsewhere the middles of
-    /// texels tell.
+    /// Whether something hides a photon that lands in a texel at the edge of a surface, in a map of what is seen first.
     pub fn is_hidden(&self, photon: &Photon, receiver: impl Fn(Ray) -> Option<Hit>) -> bool {
         let Ok((place, index)) = self.place(photon) else { return false };
-        let own = self.around(index, 1).count();
-        if own == 9 {
+        let texel = self.shown.texel(index);
+        if texel.part == 1.0 {
             return false;
         }
         let seen = receiver(self.projection().ray(place));
-        let far = PHOTON_OFF_RAY * self.shown.texel(index).edge;
-        seen.is_none_or(|hit| hit.position.distance(photon.position) > far)
+        seen.is_none_or(|hit| hit.position.distance(photon.position) > PHOTON_OFF_RAY * texel.edge)
     }
 
     /// Where a point appears in the map, which may be outside of its window.
@@ -112,9 +136,14 @@ impl CausticMap {
         self.shown.surface_of(place, photon)
     }
 
-    /// The edge of a square with the area that a texel covers on its receiver, metres.
+    /// The edge of a square with the area that a whole texel covers on the plane of its receiver, metres.
     pub fn texel_edge(&self, index: usize) -> f32 {
         self.shown.texel(index).edge
+    }
+
+    /// The part of a texel in which its receiver is seen.
+    pub fn part(&self, index: usize) -> f64 {
+        self.shown.texel(index).part.into()
     }
 
     /// The edge of a texel across its ray at the distance of a point, metres: the same in all faces of a cube.
@@ -123,11 +152,39 @@ impl CausticMap {
         if is_parallel { texel } else { texel * point.as_dvec3().distance(origin) }
     }
 
-    /// Adds flux, W, that travels in a direction.
-    pub fn add(&self, index: usize, flux: DVec3, direction: Vec3) {
+    /// Adds flux of a photon, W.
+    pub fn add(&self, index: usize, flux: DVec3, photon: &Photon) {
         self.add_steps(&self.flux[index], flux);
-        if let Some(sums) = self.directions.get(index) {
-            self.add_steps(sums, direction.as_dvec3() * flux.element_sum());
+        if let Some(sums) = self.for_gloss.get(index) {
+            self.add_steps(sums, self.of_photon(flux, photon));
+        }
+    }
+
+    /// What glossy receivers have to know of a photon's flux.
+    fn of_photon(&self, flux: DVec3, photon: &Photon) -> DVec3 {
+        match self.kept {
+            ForGloss::Nothing => DVec3::ZERO,
+            ForGloss::Directions => photon.direction.as_dvec3() * flux.element_sum(),
+            ForGloss::Undeflected => photon.undeflected.as_dvec3() * flux.element_sum(),
+            ForGloss::Reflected(materials) => {
+                let viewer = -self.projection().direction_to(photon.position);
+                let value = materials.value(photon.object, photon.normal, -photon.direction, viewer, 0.0);
+                flux * value.as_dvec3()
+            }
+        }
+    }
+
+    /// Adds flux, W, without what glossy receivers have to know of it.
+    pub fn add_flux(&self, index: usize, flux: DVec3) {
+        self.add_steps(&self.flux[index], flux);
+    }
+
+    /// Adds what a texel of a map of the same kind has for glossy receivers, where its flux is multiplied by factors.
+    pub fn add_for_gloss(&self, index: usize, (map, other): (&CausticMap, usize), factors: DVec3) {
+        if let (Some(sums), Some(given)) = (self.for_gloss.get(index), map.for_gloss.get(other)) {
+            let is_of_channels = matches!(self.kept, ForGloss::Reflected(_));
+            let factors = if is_of_channels { factors } else { DVec3::splat(factors.element_sum() / 3.0) };
+            self.add_steps(sums, map.watts(given) * factors);
         }
     }
 
@@ -148,11 +205,6 @@ impl CausticMap {
         self.watts(&self.flux[index])
     }
 
-    /// The mean direction in which the light of a texel travels, unit length; zero where it has none, or where nobody asked for it.
-    pub fn direction(&self, index: usize) -> Vec3 {
-        self.directions.get(index).map_or(Vec3::ZERO, |sums| self.watts(sums).normalize_or_zero().as_vec3())
-    }
-
     /// The texels at most so far from one in columns and rows that show the same surface, and how far they are.
     pub fn around(&self, index: usize, reach: i64) -> impl Iterator<Item = (usize, [i64; 2])> {
         self.shown.around(index, reach)
@@ -162,96 +214,28 @@ impl CausticMap {
     pub fn resolve(self) -> IrradianceMap {
         let irradiance = |index: usize| {
             let texel = self.shown.texel(index);
-            if texel.is_there() { self.flux(index).as_vec3() / (texel.edge * texel.edge) } else { Vec3::ZERO }
+            if texel.is_there() { self.flux(index).as_vec3() / texel.area() } else { Vec3::ZERO }
         };
         let irradiance = (0..self.len()).into_par_iter().map(irradiance).collect();
-        let directions = (0..self.directions.len()).map(|index| self.direction(index)).collect();
-        IrradianceMap { shown: self.shown, irradiance, directions }
+        let for_gloss = |value: &dyn Fn(DVec3, usize) -> Vec3| -> Vec<Vec3> {
+            self.for_gloss.iter().enumerate().map(|(index, sums)| value(self.watts(sums), index)).collect()
+        };
+        let per_area = |sum: DVec3, index: usize| {
+            let texel = self.shown.texel(index);
+            if texel.is_there() { sum.as_vec3() / texel.area() } else { Vec3::ZERO }
+        };
+        let gloss = match self.kept {
+            ForGloss::Nothing => GlossOfTexels::Unknown,
+            ForGloss::Reflected(_) => GlossOfTexels::Reflected(for_gloss(&per_area)),
+            ForGloss::Directions | ForGloss::Undeflected => {
+                GlossOfTexels::Directions(for_gloss(&|sum, _| sum.normalize_or_zero().as_vec3()))
+            }
+        };
+        IrradianceMap { shown: self.shown, irradiance, gloss }
     }
 }
 
 /// The step of fixed point for about so much flux, W.
 pub fn watts_per_step(total: f64) -> f64 {
     total.max(f64::MIN_POSITIVE * STEPS) / STEPS
-}
-
-/// Irradiance on the receivers that a map shows.
-#[derive(Clone, Debug)]
-pub struct IrradianceMap {
-    shown: Arc<ReceiverLayers>,
-    irradiance: Vec<Vec3>,
-    directions: Vec<Vec3>,
-}
-
-/// Light on a receiver.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Incident {
-    /// W/m².
-    pub irradiance: Vec3,
-    /// The mean direction in which it travels, unit length; zero where maps have none.
-    pub direction: Vec3,
-}
-
-/// A picture of a map.
-#[derive(Clone, Debug, PartialEq)]
-pub struct MapPicture {
-    /// Columns and rows.
-    pub size: [u32; 2],
-    /// The brightest of the layers in each texel, as a mean over texels of the map; W/m².
-    pub irradiance: Vec<Vec3>,
-}
-
-impl IrradianceMap {
-    /// A picture with at most so many texels along an edge.
-    pub fn picture(&self, most: u32) -> MapPicture {
-        let [width, height] = self.shown.projection().size;
-        let step = width.max(height).div_ceil(most).max(1);
-        let count = self.shown.projection().texel_count();
-        let brightest = |x: u32, y: u32| {
-            let layers = ((y * width + x) as usize..self.irradiance.len()).step_by(count);
-            layers.fold(Vec3::ZERO, |most, index| most.max(self.irradiance[index]))
-        };
-        let size = [width, height].map(|edge| edge.div_ceil(step));
-        let mean = |k: u32| {
-            let [x, y] = [k % size[0] * step, k / size[0] * step];
-            let texels = (y..(y + step).min(height)).flat_map(|y| (x..(x + step).min(width)).map(move |x| (x, y)));
-            let (sum, count) = texels.fold((Vec3::ZERO, 0.0), |(sum, n), (x, y)| (sum + brightest(x, y), n + 1.0));
-            sum / count
-        };
-        MapPicture { size, irradiance: (0..size[0] * size[1]).map(mean).collect() }
-    }
-
-    /// The light at a point of an object on the side of a normal, as the mean over the texel that shows it; `None` where none does.
-    pub fn nearest(&self, point: Vec3, normal: Vec3, object: u32) -> Option<Incident> {
-        let place = self.shown.projection().project(point)?;
-        let index = self.shown.point_near(place, point, (normal, object))?;
-        Some(Incident { irradiance: self.irradiance[index], direction: self.direction(index) })
-    }
-
-    /// The same, interpolated between those of the four texels around that show it or, if none does, from the nearest one.
-    pub fn bilinear(&self, point: Vec3, normal: Vec3, object: u32) -> Option<Incident> {
-        let view = self.shown.projection();
-        let place = view.project(point)?;
-        // What lies beyond the edge of a cube's face belongs to another one.
-        view.index(place)?;
-        let place = place - 0.5;
-        let (low, part) = (place.floor(), (place - place.floor()).as_vec2());
-        let (mut light, mut weights) = (Incident::default(), 0.0);
-        for (dx, dy) in [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0)] {
-            let place = low + DVec2::new(dx, dy) + 0.5;
-            let Some(index) = self.shown.point_at(place, point, (normal, object)) else { continue };
-            let along = |step: f64, part: f32| if step == 0.0 { 1.0 - part } else { part };
-            let weight = along(dx, part.x) * along(dy, part.y);
-            light.irradiance += weight * self.irradiance[index];
-            light.direction += weight * self.irradiance[index].element_sum() * self.direction(index);
-            weights += weight;
-        }
-        let (irradiance, direction) = (light.irradiance / weights, light.direction.normalize_or_zero());
-        let mean = (weights > 1e-3).then_some(Incident { irradiance, direction });
-        mean.or_else(|| self.nearest(point, normal, object))
-    }
-
-    fn direction(&self, index: usize) -> Vec3 {
-        self.directions.get(index).copied().unwrap_or_default()
-    }
 }

@@ -11,6 +11,13 @@ pub const SAME_SURFACE_COSINE: f32 = 0.5;
 /// Layers of receivers in a map at most.
 pub const MAX_RECEIVER_LAYERS: u32 = 8;
 
+/// Surfaces that a texel of the camera's map shows side by side at most.
+pub const MAX_VISIBLE_LAYERS: u32 = 2;
+/// Texels at edges are seen by the square of so many rays,
+pub const EDGE_RAYS: u32 = 4;
+/// which tell so many surfaces apart.
+pub const MAX_EDGE_SURFACES: u32 = 4;
+
 /// Neighbours that lie so many times as far from each other as from those beyond them came from both sides of an edge of the caster.
 pub const TEAR_STRETCH: f32 = 8.0;
 /// Photons that are nearer to each other than this, in texels, are not taken for torn.
@@ -62,12 +69,17 @@ pub const MAX_IMAGE_MISS: f32 = 1.5;
 /// Directions of extended lights are at most so far from their middle, radians.
 pub const MAX_SPREAD_RAD: f32 = 1.2;
 
+/// The least cosine of the light's own direction in the ratio of Wyman and Davis 2006, Equation 3, which has no bound.
+pub const MIN_DIRECT_COSINE: f32 = 0.05;
+
 /// Kinds of chains.
 pub const CHAIN_R: u32 = 0;
 /// Through one interface.
 pub const CHAIN_T: u32 = 1;
 /// Through a closed object.
 pub const CHAIN_TT: u32 = 2;
+/// Through two closed objects.
+pub const CHAIN_TTTT: u32 = 3;
 
 /// What an object does to photons: bits. A mirror that reflects them in front of it,
 pub const REFLECTS_IN_FRONT: u32 = 1;
@@ -81,6 +93,15 @@ pub const IS_SOLID: u32 = 8;
 pub const IS_FRESNEL_SURFACE: u32 = 16;
 /// A receiver.
 pub const RECEIVES_PHOTONS: u32 = 32;
+
+/// What images of a light's view show: everything;
+pub const SHOWS_ALL: u32 = 0;
+/// in two halves, the nearest surfaces, and the farthest ones of closed objects;
+pub const SHOWS_FIRST_AND_LAST: u32 = 1;
+/// the fronts of an object alone;
+pub const SHOWS_FRONT: u32 = 2;
+/// or its backs, the farthest ones.
+pub const SHOWS_BACK: u32 = 3;
 
 /// How photons become irradiance: see `Mode`.
 pub const MODE_POINTS: u32 = 0;
@@ -100,6 +121,15 @@ pub const MODE_THIN_LENS: u32 = 6;
 pub const MODE_THICK_LENS: u32 = 7;
 /// Splats as large as the distances to the neighbours.
 pub const MODE_FOOTPRINTS: u32 = 8;
+
+/// What maps keep for glossy receivers: see `ForGloss`.
+pub const KEEPS_NOTHING: u32 = 0;
+/// Directions of travel.
+pub const KEEPS_DIRECTIONS: u32 = 1;
+/// Directions of light that nothing has turned.
+pub const KEEPS_UNDEFLECTED: u32 = 2;
+/// What photons reflect to the viewer.
+pub const KEEPS_REFLECTED: u32 = 3;
 
 /// Entries of the account of flux: those of `Ledger`, rays that were ended early, and photons that met a receiver.
 pub const LEDGER_ENTRIES: u32 = 10;

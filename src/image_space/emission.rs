@@ -6,6 +6,7 @@
 use glam::{DVec2, Vec2, Vec3};
 use rayon::prelude::*;
 
+use super::constants::MIN_DIRECT_COSINE;
 use super::ledger::{Ledger, Loss};
 use super::lights::LightView;
 use super::photons::{Photon, PhotonGrid, SurfacePoint, Way};
@@ -42,8 +43,12 @@ pub struct Kind {
 impl Kind {
     /// All kinds of ways that the objects offer light of these chains.
     pub fn of_scene(objects: &[Object], chains: Chains) -> Vec<Self> {
+        let solids = objects.iter().filter(|object| object.casts(Chain::TTTT)).count();
         let is_dispersive = objects.iter().any(|o| o.refractor.is_some_and(|refractor| refractor.is_dispersive()));
-        let offered = |chain: &Chain| chains.contains(*chain) && objects.iter().any(|object| object.casts(*chain));
+        let offered = |chain: &Chain| {
+            let is_possible = *chain != Chain::TTTT || solids > 1;
+            is_possible && chains.contains(*chain) && objects.iter().any(|object| object.casts(*chain))
+        };
         let of_chain = |chain: Chain| {
             let is_divided = is_dispersive && chain != Chain::R;
             let channels = if is_divided { vec![Some(0), Some(1), Some(2)] } else { vec![None] };
@@ -68,6 +73,8 @@ struct Flight {
     ray: Ray,
     flux: Vec3,
     caster: u32,
+    /// The closed object that it is in or has left last.
+    solid: u32,
     way: Way,
 }
 
@@ -89,8 +96,19 @@ pub struct Emission<'a> {
     pub images: Option<&'a SurfaceImages>,
     /// Where they start.
     pub view: &'a LightView,
+    /// How they go through it.
+    pub pattern: Pattern,
+}
+
+/// Which rays of a view photons go along.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Pattern {
     /// Origins in extended lights are drawn by it.
     pub seed: u64,
+    /// Their places in the texels of the view.
+    pub offset: DVec2,
+    /// Flux is that of Wyman and Davis 2006, Equations 3 and 9.
+    pub is_papers: bool,
 }
 
 /// Photons of every kind, one for each texel of a strip of the light's view, with the account of its own rows.
@@ -159,9 +177,10 @@ impl Emission<'_> {
     }
 
     fn ray(&self, [x, y]: [u32; 2]) -> (Ray, Vec3) {
-        let place = DVec2::new(f64::from(x), f64::from(y)) + 0.5;
+        let place = DVec2::new(f64::from(x), f64::from(y)) + self.pattern.offset;
         let index = y.wrapping_mul(self.view.projection.size[0]).wrapping_add(x);
-        let [u, v, ..] = sobol_burley::sample_4d(index & 0xffff, 0, (self.seed as u32).wrapping_add(index >> 16));
+        let seed = (self.pattern.seed as u32).wrapping_add(index >> 16);
+        let [u, v, ..] = sobol_burley::sample_4d(index & 0xffff, 0, seed);
         self.view.emit(place, Vec2::new(u, v))
     }
 
@@ -183,19 +202,20 @@ impl Emission<'_> {
                 let reflectance = refractor.eta.to_array().map(|eta| divided(refractor, eta, (hit, ray)).0);
                 (reflected(ray.direction, hit), Vec3::from(reflectance))
             }
-            (_, Some(refractor), chain) if hit.front && chain == chain_through(refractor) => {
+            (_, Some(refractor), chain) if hit.front && passes(refractor, chain) => {
                 let (reflectance, refracted) = divided(refractor, kind.eta(refractor), (hit, ray));
                 (refracted?.direction, Vec3::splat(1.0 - reflectance))
             }
             _ => return None,
         };
         // A photon without flux still is a neighbour, unless nothing would pass.
-        let passes = kind.filtered(factor) != Vec3::ZERO;
+        let is_passing = kind.filtered(factor) != Vec3::ZERO;
         let flux = kind.filtered(*flux * factor);
         let point = SurfacePoint { position: hit.position, normal: hit.normal };
         let before = if self.view.projection.is_parallel { f32::INFINITY } else { hit.distance };
         let way = Way { before, within: 0.0, beyond: 0.0, first: point, last: point };
-        passes.then_some(Flight { ray: Ray { origin: hit.position, direction }, flux, caster: hit.object, way })
+        let ray = Ray { origin: hit.position, direction };
+        is_passing.then_some(Flight { ray, flux, caster: hit.object, solid: hit.object, way })
     }
 
     /// Where photons land that have left the first surface.
@@ -204,13 +224,18 @@ impl Emission<'_> {
         for (traced, flight) in traced.iter_mut().zip(&flights) {
             traced.ledger.cast = flight.as_ref().map_or(0.0, |flight| Ledger::sum(flight.flux));
         }
-        if kind.chain == Chain::TT {
-            let hits = self.next_hits(&flights, |images, flight| images.exit(&flight.ray, flight.caster));
+        if matches!(kind.chain, Chain::TT | Chain::TTTT) {
+            self.leave_all(kind, &mut flights, &mut traced);
+        }
+        if kind.chain == Chain::TTTT {
+            let hits = self.next_hits(&flights, |images, flight| images.entry(&flight.ray, flight.solid));
             for ((flight, hit), traced) in flights.iter_mut().zip(&hits).zip(&mut traced) {
-                if let Some(entered) = flight.take() {
-                    *flight = self.leave(kind, &entered, hit.as_ref(), &mut traced.ledger);
-                }
+                *flight = flight.take().and_then(|left| self.enter_another(kind, &left, hit.as_ref()?));
+                // What does not get here is lost to light that is refracted twice.
+                let cast = flight.as_ref().map_or(0.0, |flight| Ledger::sum(flight.flux));
+                traced.ledger = Ledger { cast, ..Ledger::default() };
             }
+            self.leave_all(kind, &mut flights, &mut traced);
         }
         let hits = self.next_hits(&flights, |images, flight| images.landing(&flight.ray));
         for (traced, (flight, hit)) in traced.iter_mut().zip(flights.into_iter().zip(hits)) {
@@ -220,10 +245,36 @@ impl Emission<'_> {
         traced
     }
 
+    /// Photons that leave the closed objects that they are in.
+    fn leave_all(&self, kind: Kind, flights: &mut [Option<Flight>; LANES], traced: &mut [Traced; LANES]) {
+        let hits = self.next_hits(flights, |images, flight| images.exit(&flight.ray, flight.solid));
+        for ((flight, hit), traced) in flights.iter_mut().zip(&hits).zip(traced) {
+            if let Some(entered) = flight.take() {
+                *flight = self.leave(kind, &entered, hit.as_ref(), &mut traced.ledger);
+            }
+        }
+    }
+
+    /// A photon that has left a closed object and enters another one; `None` if it meets something else.
+    fn enter_another(&self, kind: Kind, left: &Flight, hit: &Hit) -> Option<Flight> {
+        let refractor = self.surroundings.objects[hit.object as usize].refractor?;
+        if refractor.interfaces == Interfaces::One || !hit.front {
+            return None;
+        }
+        let (reflectance, refracted) = divided(&refractor, kind.eta(&refractor), (hit, &left.ray));
+        Some(Flight {
+            ray: Ray { origin: hit.position, direction: refracted?.direction },
+            flux: left.flux * (1.0 - reflectance),
+            way: Way { within: left.way.within + hit.distance, ..left.way },
+            caster: left.caster,
+            solid: hit.object,
+        })
+    }
+
     fn first_hits(&self, texels: &[[u32; 2]; LANES], rays: &[Ray; LANES], lanes: u32) -> [Option<Hit>; LANES] {
         let Some(images) = self.images else { return self.surroundings.tracer.secondary_hits(rays, lanes) };
         let size = DVec2::from_array(self.view.projection.size.map(f64::from));
-        texels.map(|[x, y]| images.first.at((DVec2::new(f64::from(x), f64::from(y)) + 0.5) / size))
+        texels.map(|[x, y]| images.first.at((DVec2::new(f64::from(x), f64::from(y)) + self.pattern.offset) / size))
     }
 
     /// What photons meet next: by rays, or as `in_images` finds it.
@@ -267,8 +318,9 @@ impl Emission<'_> {
         Some(Flight {
             ray: Ray { origin: hit.position, direction: refracted.direction },
             flux: flight.flux * (1.0 - reflectance),
-            way: Way { within: hit.distance, last, ..flight.way },
+            way: Way { within: flight.way.within + hit.distance, last, ..flight.way },
             caster: flight.caster,
+            solid: flight.solid,
         })
     }
 
@@ -277,11 +329,15 @@ impl Emission<'_> {
             None => Loss::Missed,
             Some(hit) if self.surroundings.objects[hit.object as usize].receiver.is_none() => Loss::NoReceiver,
             Some(hit) => {
+                let undeflected = self.view.undeflected(hit.position);
+                let cosine = |direction: Vec3| -direction.dot(hit.face_normal);
+                let ratio = cosine(flight.ray.direction) / cosine(undeflected).max(MIN_DIRECT_COSINE);
                 return Some(Photon {
                     position: hit.position,
                     normal: hit.face_normal,
                     direction: flight.ray.direction,
-                    flux: flight.flux,
+                    undeflected,
+                    flux: if self.pattern.is_papers { flight.flux * ratio } else { flight.flux },
                     object: hit.object,
                     caster: flight.caster,
                     way: Way { beyond: hit.distance, ..flight.way },
@@ -293,11 +349,11 @@ impl Emission<'_> {
     }
 }
 
-/// The chain of light that a refractor lets pass.
-fn chain_through(refractor: &Refractor) -> Chain {
+/// Whether a refractor lets light of a chain pass, as the first of its objects.
+fn passes(refractor: &Refractor, chain: Chain) -> bool {
     match refractor.interfaces {
-        Interfaces::One => Chain::T,
-        Interfaces::Two => Chain::TT,
+        Interfaces::One => chain == Chain::T,
+        Interfaces::Two => matches!(chain, Chain::TT | Chain::TTTT),
     }
 }
 

@@ -19,11 +19,22 @@ pub enum PhotonLight {
         towards: Vec3,
         /// On a surface that faces it, W/m².
         irradiance: Vec3,
-        /// Standard deviation of its radiance L(θ) ~ exp(−θ²/2σ²), radians; 0: all of it comes from one direction.
+        /// Standard deviation of its radiance, radians; 0: all of it comes from one direction.
         sigma_rad: f32,
+        /// How its radiance depends on the angle.
+        profile: Profile,
     },
     /// A point or a sphere, or a spotlight.
     Lamp(Lamp),
+}
+
+/// The radiance of a directional light by the angle from its middle.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Profile {
+    /// L(θ) ~ exp(−θ²/2σ²).
+    Gaussian,
+    /// Even up to 2σ.
+    Disc,
 }
 
 /// Spots are wider than this many standard deviations with a probability of 3e-5.
@@ -58,10 +69,11 @@ impl PhotonLight {
         }
         let places = (0..count).map(|k| disc_point(k, count));
         match self {
-            Self::Directional { towards, irradiance, sigma_rad } => {
+            Self::Directional { towards, irradiance, sigma_rad, profile } => {
                 let part = |place: Vec2| {
-                    let (towards, factor) = spread(*towards, *sigma_rad, place);
-                    Self::Directional { towards, irradiance: *irradiance * factor / count as f32, sigma_rad: 0.0 }
+                    let (towards, factor) = spread(*towards, (*sigma_rad, *profile), place);
+                    let irradiance = *irradiance * factor / count as f32;
+                    Self::Directional { towards, irradiance, sigma_rad: 0.0, profile: *profile }
                 };
                 places.map(part).collect()
             }
@@ -106,12 +118,16 @@ impl PhotonLight {
     }
 }
 
-/// A direction of a Gaussian spot by a point of the unit disc, and the factor on the irradiance of a light of L(θ) θ dθ that makes it one of
+/// A direction of a directional light by a point of the unit disc, and the factor on the irradiance of a light of L(θ) θ dθ that makes it one of
 /// L(θ) sin θ dθ.
-fn spread(towards: Vec3, sigma_rad: f32, place: Vec2) -> (Vec3, f32) {
+fn spread(towards: Vec3, (sigma_rad, profile): (f32, Profile), place: Vec2) -> (Vec3, f32) {
     let (u, v) = towards.any_orthonormal_pair();
     let r = place.length().min(1.0 - 1e-6);
-    let angle = (sigma_rad * (-2.0 * (1.0 - r * r).ln()).sqrt()).min(MAX_SPREAD_RAD);
+    let deviations = match profile {
+        Profile::Gaussian => (-2.0 * (1.0 - r * r).ln()).sqrt(),
+        Profile::Disc => 2.0 * r,
+    };
+    let angle = (sigma_rad * deviations).min(MAX_SPREAD_RAD);
     let across = place.try_normalize().unwrap_or(Vec2::X);
     let direction = angle.cos() * towards + angle.sin() * (across.x * u + across.y * v);
     (direction.normalize(), if angle > 0.0 { angle.sin() / angle } else { 1.0 })
@@ -145,6 +161,14 @@ impl LightView {
         Self { projection: self.projection.resized(photons), ..self.clone() }
     }
 
+    /// The unit direction in which light would arrive at a point that nothing has turned.
+    pub fn undeflected(&self, point: Vec3) -> Vec3 {
+        match &self.light {
+            PhotonLight::Directional { towards, .. } => -*towards,
+            PhotonLight::Lamp(lamp) => (point - lamp.position).normalize_or(Vec3::NEG_Y),
+        }
+    }
+
     /// The ray of a photon at a place of the grid, and its flux, W. `part`: a point of the unit square, by which the origin in an extended
     /// light is chosen.
     pub fn emit(&self, place: DVec2, part: Vec2) -> (Ray, Vec3) {
@@ -152,8 +176,8 @@ impl LightView {
         let measure = self.projection.measure(place) as f32;
         let on_disc = part.x.sqrt() * Vec2::from_angle(TAU * part.y);
         match &self.light {
-            PhotonLight::Directional { irradiance, sigma_rad, .. } if *sigma_rad > 0.0 => {
-                let (back, factor) = spread(-direction, *sigma_rad, on_disc);
+            PhotonLight::Directional { irradiance, sigma_rad, profile, .. } if *sigma_rad > 0.0 => {
+                let (back, factor) = spread(-direction, (*sigma_rad, *profile), on_disc);
                 let cosine = -back.dot(direction);
                 let pivot = origin + self.pivot * direction;
                 let ray = Ray { origin: pivot + self.pivot / cosine * back, direction: -back };

@@ -3,17 +3,19 @@
 use glam::{DVec2, DVec3, Vec3};
 
 use super::adaptive::{FIRST_GRID, Traverser};
-use super::caustic_map::{Incident, IrradianceMap, MapPicture};
+use super::caustic_map::ForGloss;
 use super::coverage::Coverage;
-use super::emission::{Emission, Kind, Surroundings, emit};
+use super::emission::{Emission, Kind, Pattern, Surroundings, emit};
+use super::irradiance_map::{Incident, IrradianceMap, MapPicture};
 use super::ledger::{Ledger, Loss};
 use super::lights::{LightView, PhotonLight};
-use super::options::{Hits, ImageSpaceOptions, MapView, Traversal};
+use super::options::{Hits, ImageSpaceOptions, Incidence, MapView, Traversal};
 use super::photons::PhotonGrid;
 use super::projection::{Bounds, Projection};
 use super::strips::{Strip, strips};
 use super::surface_images::{SurfaceImage, SurfaceImages};
 use super::{MapBuilder, Shows};
+use crate::brdf::Materials;
 use crate::progress::Progress;
 use crate::scene::{Camera, Chain, Ray};
 use crate::tracing::Tracer;
@@ -36,8 +38,8 @@ pub struct MapInputs<'a> {
     pub receivers: &'a Tracer,
     /// Their vertices.
     pub receiver_points: &'a [Vec3],
-    /// The closed objects alone that are refracted twice, for images of them.
-    pub solids: &'a Tracer,
+    /// Each of the closed objects alone, for images of them.
+    pub solids: &'a [(u32, Tracer)],
     /// Vertices of what casts caustics.
     pub casters: &'a [Vec3],
     /// Its triangles.
@@ -52,10 +54,10 @@ pub struct MapInputs<'a> {
     pub view: (Camera, [u32; 2]),
     /// The options.
     pub options: &'a ImageSpaceOptions,
-    /// Random seed.
-    pub seed: u64,
-    /// Whether glossy receivers ask for directions.
-    pub has_directions: bool,
+    /// Which rays of their views photons go along.
+    pub pattern: Pattern,
+    /// The receivers' BRDFs, if some are glossy.
+    pub glossy: Option<&'a Materials>,
 }
 
 /// A light's view, and the photons from it.
@@ -118,17 +120,19 @@ impl Maps {
         Self { eye, lights, ledger, photons, photons_used, lights_used, places }
     }
 
-    /// The light on a point of an object, on the side of a normal.
-    pub fn light_at(&self, point: Vec3, normal: Vec3, object: u32) -> Incident {
+    /// The light on a point of an object, on the side of a normal; `None` where no map shows it.
+    pub fn light_at(&self, point: Vec3, normal: Vec3, object: u32) -> Option<Incident> {
         if let Some(seen) = self.eye.as_ref().and_then(|map| map.nearest(point, normal, object)) {
-            return seen;
+            return Some(seen);
         }
+        let mut shown = self.lights.iter().filter_map(|map| map.bilinear(point, normal, object)).peekable();
+        shown.peek()?;
         let mut sum = Incident::default();
-        for light in self.lights.iter().filter_map(|map| map.bilinear(point, normal, object)) {
+        for light in shown {
             sum.irradiance += light.irradiance;
             sum.direction += light.irradiance.element_sum() * light.direction;
         }
-        Incident { direction: sum.direction.normalize_or_zero(), ..sum }
+        Some(Incident { direction: sum.direction.normalize_or_zero(), ..sum })
     }
 
     /// A picture of a map with at most so many texels along an edge: that of a light if there is one.
@@ -163,7 +167,8 @@ impl<'a> MapsBuilder<'a> {
             let objects = inputs.surroundings.objects;
             let receiver =
                 move |ray: Ray| tracer.camera_hit(ray).filter(|hit| objects[hit.object as usize].receiver.is_some());
-            inputs.map(Projection::of_camera(camera, *size), Shows::First(Box::new(receiver)))
+            let shows = Shows::First(Box::new(receiver));
+            inputs.map(Projection::of_camera(camera, *size), shows, inputs.for_gloss(true))
         });
         let few = inputs.few_photons(progress);
         let shared = if eye.is_some() { inputs.maps_of_chains(&few) } else { Vec::new() };
@@ -264,14 +269,25 @@ impl<'a> MapsBuilder<'a> {
 }
 
 impl<'a> MapInputs<'a> {
-    fn map(&self, projection: Projection, shows: Shows<'a>) -> MapBuilder<'a> {
-        MapBuilder::new(projection, (self.total_watts(), self.has_directions), shows, self.options)
+    fn map(&self, projection: Projection, shows: Shows<'a>, kept: ForGloss<'a>) -> MapBuilder<'a> {
+        MapBuilder::new(projection, (self.total_watts(), kept), shows, self.options)
+    }
+
+    /// What is kept for glossy receivers, in the camera's map or in another one, which has no viewer.
+    pub fn for_gloss(&self, is_camera: bool) -> ForGloss<'a> {
+        match (self.glossy, self.options.incidence) {
+            (None, _) => ForGloss::Nothing,
+            (Some(_), Incidence::Light) => ForGloss::Undeflected,
+            (Some(materials), Incidence::Photon) if is_camera => ForGloss::Reflected(materials),
+            (Some(_), Incidence::Photon | Incidence::Mean) => ForGloss::Directions,
+        }
     }
 
     /// A map of all receivers along its rays.
     fn map_of_receivers(&self, projection: Projection) -> MapBuilder<'a> {
         let tracer = self.receivers;
-        self.map(projection, Shows::All(Box::new(move |ray: Ray| tracer.secondary_hit(ray))))
+        let shows = Shows::All(Box::new(move |ray: Ray| tracer.secondary_hit(ray)));
+        self.map(projection, shows, self.for_gloss(false))
     }
 
     /// The flux of all lights on the bounds: more than what is cast, but not by much; W.
@@ -291,28 +307,32 @@ impl<'a> MapInputs<'a> {
     }
 
     fn emission<'b>(&'b self, view: &'b LightView) -> Emission<'b> {
-        Emission { surroundings: &self.surroundings, images: None, view, seed: self.seed }
+        Emission { surroundings: &self.surroundings, images: None, view, pattern: self.pattern }
     }
 
     /// Images of what photons of a view meet, if these are not traced.
     fn images_of(&self, view: &LightView) -> Option<SurfaceImages> {
         let size = self.options.hits.image_size(view.projection.size[0])?;
         let plane = view.projection.resized(size);
-        let Surroundings { tracer, objects, .. } = self.surroundings;
+        let tracer = self.surroundings.tracer;
         let diagonal = self.bounds.diagonal() as f32;
-        let from_behind = |ray: Ray| {
+        let from_behind = |solid: &Tracer, ray: Ray| {
             // Rays of parallel views start close before the scene; what a lamp sees lies within the scene, too.
             let end =
                 if plane.is_parallel { 1.1 * diagonal } else { diagonal + ray.origin.distance(self.bounds.centre()) };
             let back = Ray { origin: ray.origin + end * ray.direction, direction: -ray.direction };
-            self.solids.secondary_hit(back).filter(|hit| hit.distance < end)
+            solid.secondary_hit(back).filter(|hit| hit.distance < end)
         };
-        let has_solids = objects.iter().any(|object| object.casts(Chain::TT));
+        let last = |(object, solid): &(u32, Tracer)| (*object, SurfaceImage::new(plane, |ray| from_behind(solid, ray)));
+        let entry =
+            |(object, solid): &(u32, Tracer)| (*object, SurfaceImage::new(plane, |ray| solid.secondary_hit(ray)));
+        let several = if self.solids.len() > 1 { self.solids } else { &[] };
         let receivers = self.receiver_planes(view, size);
         let of_receivers = |ray: Ray| self.receivers.secondary_hit(ray);
         Some(SurfaceImages {
             first: SurfaceImage::new(plane, |ray: Ray| tracer.secondary_hit(ray)),
-            last: has_solids.then(|| SurfaceImage::new(plane, from_behind)),
+            last: self.solids.iter().map(last).collect(),
+            entries: several.iter().map(entry).collect(),
             receivers: receivers.into_iter().map(|plane| SurfaceImage::new(plane, of_receivers)).collect(),
             diagonal: f64::from(diagonal),
         })

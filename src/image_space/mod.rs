@@ -18,6 +18,7 @@ mod coverage;
 mod emission;
 #[cfg(feature = "gpu")]
 pub(crate) mod gpu;
+mod irradiance_map;
 mod ledger;
 mod lens;
 mod lights;
@@ -34,14 +35,15 @@ mod splats;
 mod strips;
 mod surface_images;
 
-pub use self::caustic_map::MapPicture;
-use self::caustic_map::{CausticMap, IrradianceMap};
+use self::caustic_map::{CausticMap, ForGloss};
 use self::constants::MAX_RECEIVER_LAYERS;
-pub use self::emission::{Kind, Surroundings};
+pub use self::emission::{Kind, Pattern, Surroundings};
+use self::irradiance_map::IrradianceMap;
+pub use self::irradiance_map::{Incident, MapPicture};
 pub use self::ledger::{Ledger, Loss};
-pub use self::lights::PhotonLight;
+pub use self::lights::{PhotonLight, Profile};
 pub use self::maps::{MapInputs, Maps};
-pub use self::options::{Hits, ImageSpaceOptions, MapView, Mode, Traversal};
+pub use self::options::{Hits, ImageSpaceOptions, Incidence, MapView, Mode, Traversal};
 
 pub use self::projection::Bounds;
 pub use self::segmentation::{Direction, segmented};
@@ -58,7 +60,7 @@ use self::photons::{Photon, PhotonGrid};
 use self::polygons::{Coverage, polygons};
 use self::projection::Projection;
 use self::receiver_layers::ReceiverLayers;
-use self::splats::{gathered, of_diameter, of_footprints, of_lenses, points};
+use self::splats::{gathered, of_clusters, of_diameter, of_footprints, of_lenses, points};
 use crate::scene::{Object, Ray};
 use crate::tracing::Hit;
 
@@ -74,43 +76,46 @@ pub enum Shows<'a> {
 type Sees<'a> = Box<dyn Fn(Ray) -> Option<Hit> + Sync + 'a>;
 
 /// Flux in the texels of a map.
-struct Deposits {
-    map: CausticMap,
+struct Deposits<'a> {
+    map: CausticMap<'a>,
     mode: Mode,
-    resolutions: Option<Resolutions>,
+    resolutions: Option<Resolutions<'a>>,
     /// Photons in each texel, for the gather.
     counts: Vec<AtomicU32>,
 }
 
 /// A map on its way: photons are added to it grid by grid.
 pub struct MapBuilder<'a> {
-    deposits: Deposits,
+    deposits: Deposits<'a>,
     shows: Shows<'a>,
     splat_diameter: f64,
+    is_papers: bool,
 }
 
 impl<'a> MapBuilder<'a> {
     /// Begins with an empty map of a projection. `total`: about the flux that is to be added, W.
     pub fn new(
         projection: Projection,
-        (total, has_directions): (f64, bool),
+        (total, kept): (f64, ForGloss<'a>),
         shows: Shows<'a>,
         options: &ImageSpaceOptions,
     ) -> Self {
         let receivers = match &shows {
-            Shows::First(sees) => ReceiverLayers::new(projection, 1, sees),
-            Shows::All(sees) => ReceiverLayers::new(projection, MAX_RECEIVER_LAYERS, sees),
+            Shows::First(sees) => ReceiverLayers::visible(projection, sees),
+            Shows::All(sees) => ReceiverLayers::all(projection, MAX_RECEIVER_LAYERS, sees),
         };
-        let map = CausticMap::new(receivers, (total, has_directions));
-        let resolutions = (options.mode == Mode::MultiResolution).then(|| Resolutions::like(&map));
+        let map = CausticMap::new(receivers, (total, kept));
+        let has_resolutions = options.mode == Mode::MultiResolution && options.traversal == Traversal::Dense;
+        let resolutions = has_resolutions.then(|| Resolutions::like(&map));
         let counted = if options.mode == Mode::Gather { map.len() } else { 0 };
         let counts = (0..counted).map(|_| AtomicU32::new(0)).collect();
         let splat_diameter = f64::from(options.splat_diameter);
-        Self { deposits: Deposits { map, mode: options.mode, resolutions, counts }, shows, splat_diameter }
+        let deposits = Deposits { map, mode: options.mode, resolutions, counts };
+        Self { deposits, shows, splat_diameter, is_papers: options.paper }
     }
 
     /// The map so far.
-    fn map(&self) -> &CausticMap {
+    fn map(&self) -> &CausticMap<'a> {
         &self.deposits.map
     }
 
@@ -136,12 +141,12 @@ impl<'a> MapBuilder<'a> {
             }
             Mode::Splats => of_diameter(map, grid, self.splat_diameter),
             Mode::MultiResolution => {
-                resolutions.as_ref().map_or_else(Ledger::default, |resolutions| resolutions.add(grid))
+                resolutions.as_ref().map_or_else(|| of_clusters(map, grid), |resolutions| resolutions.add(grid))
             }
             Mode::ThinLens => of_lenses(map, (grid, view), objects, Lens::Thin),
             Mode::ThickLens => of_lenses(map, (grid, view), objects, Lens::Thick),
             Mode::Footprints => of_footprints(map, grid),
-            Mode::Polygons => polygons(map, grid, Coverage::Centres),
+            Mode::Polygons => polygons(map, grid, Coverage::Centres { alone: self.is_papers }),
             Mode::ExactPolygons => polygons(map, grid, Coverage::Exact),
         };
         ledger[Loss::Hidden] += lost;
@@ -154,7 +159,7 @@ impl<'a> MapBuilder<'a> {
     }
 }
 
-impl Deposits {
+impl Deposits<'_> {
     /// Chooses between several resolutions or smoothes points, as the mode asks for. Returns the finished map, and what is left of the account.
     fn finish(self) -> (IrradianceMap, Ledger) {
         let Self { map, mode, resolutions, counts } = self;

@@ -30,14 +30,14 @@ const MOST_SIZES: usize = 3;
 
 /// A map for each size, and how many of its splats reach each texel.
 #[derive(Debug)]
-pub struct Resolutions {
-    maps: Vec<CausticMap>,
+pub struct Resolutions<'a> {
+    maps: Vec<CausticMap<'a>>,
     counts: Vec<Vec<AtomicU32>>,
 }
 
-impl Resolutions {
+impl<'a> Resolutions<'a> {
     /// Empty ones that show what a map does.
-    pub fn like(map: &CausticMap) -> Self {
+    pub fn like(map: &CausticMap<'a>) -> Self {
         let count = map.len();
         let counts = DIAMETERS.map(|_| (0..count).map(|_| AtomicU32::new(0)).collect());
         Self { maps: DIAMETERS.map(|_| map.emptied()).into(), counts: counts.into() }
@@ -45,7 +45,7 @@ impl Resolutions {
 
     /// Maps and counts that another program has made, from the smallest splats up.
     #[cfg(feature = "gpu")]
-    pub fn of_sums(maps: Vec<CausticMap>, counts: Vec<Vec<u32>>) -> Self {
+    pub fn of_sums(maps: Vec<CausticMap<'a>>, counts: Vec<Vec<u32>>) -> Self {
         let atomic = |counts: Vec<u32>| counts.into_iter().map(AtomicU32::new).collect();
         Self { maps, counts: counts.into_iter().map(atomic).collect() }
     }
@@ -72,7 +72,11 @@ impl Resolutions {
     pub fn resolve(self, map: &CausticMap) -> Ledger {
         let choose = |texel: usize| {
             let flux = self.choose(texel);
-            map.add(texel, flux, self.maps[0].direction(texel));
+            // The direction is that of the smallest splats.
+            let of_smallest = self.maps[0].flux(texel);
+            let factors = DVec3::select(of_smallest.cmpeq(DVec3::ZERO), DVec3::ZERO, flux / of_smallest);
+            map.add_flux(texel, flux);
+            map.add_for_gloss(texel, (&self.maps[0], texel), factors);
             Ledger { deposited: flux.element_sum(), ..Ledger::default() }
         };
         total((0..self.counts[0].len()).into_par_iter().map(choose))

@@ -156,6 +156,33 @@ impl MapView {
     }
 }
 
+/// From where glossy receivers take the light of a caustic (Wyman and Davis 2006, Equations 9 to 11).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Deserialize, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Incidence {
+    /// From where each photon comes: what it reflects to the camera is added up in the camera's map.
+    Photon,
+    /// From the mean direction of a texel's photons.
+    #[default]
+    Mean,
+    /// From the light itself, as if nothing had turned it.
+    Light,
+}
+
+impl Incidence {
+    /// All of them.
+    pub const ALL: [Self; 3] = [Self::Photon, Self::Mean, Self::Light];
+
+    /// Its name in scene files and on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Photon => "photon",
+            Self::Mean => "mean",
+            Self::Light => "light",
+        }
+    }
+}
+
 /// What image-space techniques do.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct ImageSpaceOptions {
@@ -177,6 +204,14 @@ pub struct ImageSpaceOptions {
     pub light_directions: u32,
     /// Diameter of splats of one size, texels; from 1 to 64.
     pub splat_diameter: f32,
+    /// From where glossy receivers take the light.
+    pub incidence: Incidence,
+    /// Frames whose maps are averaged, from 1 to 4: this one and those before it (Wyman and Davis 2006, Section 3.2.3). The photons of each
+    /// pass other quarters of the texels of their grid. A picture without predecessors takes as many frames itself.
+    pub temporal_frames: u32,
+    /// Polygons and gathers by the letter of Wyman and Davis 2006, for comparison: Equations 3 and 9 with the ratio of the photon's cosine to that
+    /// of the light's own direction, and without the photons between which there is no polygon.
+    pub paper: bool,
 }
 
 impl Default for ImageSpaceOptions {
@@ -191,11 +226,29 @@ impl Default for ImageSpaceOptions {
             lights: 24,
             light_directions: 24,
             splat_diameter: 2.5,
+            incidence: Incidence::default(),
+            temporal_frames: 1,
+            paper: false,
         }
     }
 }
 
 impl ImageSpaceOptions {
+    /// The largest number of frames whose maps are averaged.
+    pub const MAX_TEMPORAL_FRAMES: u32 = 4;
+
+    /// About the memory that a light's map of two layers takes on the CPU, bytes.
+    pub(crate) fn map_bytes(&self) -> u64 {
+        // Positions, normals and so on, and sums for flux and gloss.
+        const TEXEL: u64 = 36 + 2 * 24;
+        let resolutions = match (self.mode, self.traversal) {
+            (Mode::MultiResolution, Traversal::Dense) => 4 * (24 + 4),
+            (Mode::Gather, _) => 24 + 4,
+            _ => 0,
+        };
+        2 * u64::from(self.caustic_map_size).pow(2) * (TEXEL + resolutions)
+    }
+
     /// Checks that every value is in its range.
     pub(crate) fn check(&self) -> Result<(), OptionError> {
         let out_of_range = |key, value: String, expected: &str| {
@@ -224,6 +277,19 @@ impl ImageSpaceOptions {
             if !(1..=1024).contains(&value) {
                 return out_of_range(key, value.to_string(), "from 1 to 1024");
             }
+        }
+        if !(1..=Self::MAX_TEMPORAL_FRAMES).contains(&self.temporal_frames) {
+            return out_of_range("temporal_frames", self.temporal_frames.to_string(), "from 1 to 4");
+        }
+        if self.incidence == Incidence::Photon && self.caustic_map == MapView::Light {
+            let reason = "photon is what each photon reflects to the camera, and a light's map has none".into();
+            let remedies = &[("incidence", "mean"), ("caustic_map", "eye")];
+            return Err(OptionError::Conflict { key: "incidence", reason, remedies });
+        }
+        if self.paper && !matches!(self.mode, Mode::Polygons | Mode::Gather) {
+            let reason = format!("is about polygons and gathers, not {}", self.mode.name());
+            let remedies = &[("mode", "polygons"), ("mode", "gather")];
+            return Err(OptionError::Conflict { key: "paper", reason, remedies });
         }
         if !(1.0..=64.0).contains(&self.splat_diameter) {
             return out_of_range("splat_diameter", self.splat_diameter.to_string(), "from 1 to 64");

@@ -15,6 +15,8 @@ pub struct Photon {
     pub normal: Vec3,
     /// Unit direction in which it travels.
     pub direction: Vec3,
+    /// Unit direction in which light would arrive that nothing has turned.
+    pub undeflected: Vec3,
     /// Its flux, W.
     pub flux: Vec3,
     /// The receiver.

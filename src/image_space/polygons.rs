@@ -16,13 +16,16 @@ use super::sheet::{BEHIND, PhotonSheet};
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Coverage {
     /// Evenly over the texels whose centres it covers, as rasterizers see it (Wyman and Davis 2006, Section 3.2.1).
-    Centres,
+    Centres {
+        /// Nothing else is drawn: what belongs to small triangles, and to those that do not exist, is culled.
+        alone: bool,
+    },
     /// By the area of each texel that it covers.
     Exact,
 }
 
-/// Triangles smaller than this, texels², are points: centres miss most of them, and exact areas are not worth the work.
-const MIN_AREA: [f64; 2] = [MIN_DRAWN_AREA as f64, 1e-9];
+/// Triangles smaller than this, texels², are points even by exact areas, which are not worth the work.
+const MIN_EXACT_AREA: f64 = 1e-9;
 
 /// The corners of a cell's triangles by their place in it: right + 2 · below.
 const TRIANGLES: [[usize; 3]; 2] = [[0, 1, 2], [1, 3, 2]];
@@ -47,7 +50,7 @@ pub fn polygons(map: &CausticMap, grid: &PhotonGrid, coverage: Coverage) -> Ledg
 }
 
 struct Cell<'a> {
-    map: &'a CausticMap,
+    map: &'a CausticMap<'a>,
     sheet: &'a PhotonSheet<'a>,
     coverage: Coverage,
 }
@@ -66,7 +69,12 @@ impl Cell<'_> {
         for (corner, triangles) in corners.into_iter().zip(TRIANGLES_OF_CORNER) {
             let Some(corner) = corner else { continue };
             let photon = &self.sheet.grid.photons[corner];
-            ledger += self.add_point(photon, self.sheet.places[corner], photon.flux.as_dvec3() * (triangles / 6.0));
+            let flux = photon.flux.as_dvec3() * (triangles / 6.0);
+            if self.coverage == (Coverage::Centres { alone: true }) {
+                ledger[Loss::Culled] += flux.element_sum();
+            } else {
+                ledger += self.add_point(photon, self.sheet.places[corner], flux);
+            }
         }
         ledger
     }
@@ -78,7 +86,7 @@ impl Cell<'_> {
         if !self.map.has(place) {
             ledger[Loss::OffMap] = amount;
         } else if let Some(index) = self.map.surface_of(place, photon) {
-            self.map.add(index, flux, photon.direction);
+            self.map.add(index, flux, photon);
             ledger.deposited = amount;
         } else {
             ledger[Loss::Hidden] = amount;
@@ -95,14 +103,17 @@ impl Cell<'_> {
             return Ledger { off_map: flux.element_sum(), ..Ledger::default() };
         }
         let area = 0.5 * (b - a).perp_dot(c - a).abs();
-        let least = MIN_AREA[usize::from(self.coverage == Coverage::Exact)];
+        let least = match self.coverage {
+            Coverage::Centres { alone: false } => f64::from(MIN_DRAWN_AREA),
+            Coverage::Centres { alone: true } | Coverage::Exact => MIN_EXACT_AREA,
+        };
         let (low, high) = (a.min(b).min(c), a.max(b).max(c));
         let is_within_texel = self.coverage == Coverage::Exact && low.floor() == high.floor();
         if area < least || is_within_texel {
             return self.add_point(photons[0], (a + b + c) / 3.0, flux);
         }
         match self.coverage {
-            Coverage::Centres => self.add_centres(photons[0], triangle, area, flux),
+            Coverage::Centres { .. } => self.add_centres(photons[0], triangle, area, flux),
             Coverage::Exact => self.add_areas(photons[0], triangle, area, flux),
         }
     }
@@ -121,12 +132,13 @@ impl Cell<'_> {
             while x <= last.x {
                 let centre = DVec2::new(x, y) + 0.5;
                 if covers(triangle, centre) {
-                    if let Some(index) = self.map.surface_of(centre, photon) {
-                        self.map.add(index, part, photon.direction);
-                        ledger.deposited += amount;
-                    } else {
-                        ledger[Loss::Hidden] += amount;
+                    let index = self.map.surface_of(centre, photon);
+                    let seen = index.map_or(0.0, |index| self.map.part(index));
+                    if let Some(index) = index {
+                        self.map.add(index, part * seen, photon);
                     }
+                    ledger.deposited += amount * seen;
+                    ledger[Loss::Hidden] += amount * (1.0 - seen);
                 }
                 x += 1.0;
             }
@@ -144,14 +156,15 @@ impl Cell<'_> {
         let amount = flux.element_sum();
         let mut rest = 1.0;
         for_each_texel(triangle, self.map.size(), |centre, covered| {
-            let part = covered / area;
-            rest -= part;
-            if let Some(index) = self.map.surface_of(centre, photon) {
-                self.map.add(index, flux * part, photon.direction);
-                ledger.deposited += amount * part;
-            } else {
-                ledger[Loss::Hidden] += amount * part;
+            rest -= covered / area;
+            let index = self.map.surface_of(centre, photon);
+            // What is larger than the part that is seen lies behind something.
+            let seen = covered.min(index.map_or(0.0, |index| self.map.part(index)));
+            if let Some(index) = index {
+                self.map.add(index, flux * (seen / area), photon);
             }
+            ledger.deposited += amount * (seen / area);
+            ledger[Loss::Hidden] += amount * ((covered - seen) / area);
         });
         ledger[Loss::OffMap] += amount * rest;
         ledger

@@ -12,7 +12,7 @@ pub struct PhotonSheet<'a> {
     pub grid: &'a PhotonGrid,
     /// Of each photon, in texels of the map; [`BEHIND`] those that a central one cannot show.
     pub places: Vec<DVec2>,
-    map: &'a CausticMap,
+    map: &'a CausticMap<'a>,
 }
 
 /// Where photons appear that lie behind the point that the map's rays leave.
@@ -20,7 +20,7 @@ pub const BEHIND: DVec2 = DVec2::splat(-1e9);
 
 impl<'a> PhotonSheet<'a> {
     /// Projects photons into a map.
-    pub fn new(map: &'a CausticMap, grid: &'a PhotonGrid) -> Self {
+    pub fn new(map: &'a CausticMap<'a>, grid: &'a PhotonGrid) -> Self {
         let place = |position| map.project(position).unwrap_or(BEHIND);
         let places = grid.photons.iter().map(|photon| place(photon.position)).collect();
         Self { grid, places, map }

@@ -14,6 +14,7 @@ use super::constants::{
 use super::ledger::{Ledger, Loss};
 use super::lens::{Lens, lens_factor};
 use super::lights::LightView;
+use super::multi_resolution::DIAMETERS;
 use super::photons::{Photon, PhotonGrid};
 use super::sheet::PhotonSheet;
 
@@ -58,14 +59,15 @@ impl Splat {
         let taps = rows.flat_map(|y| (low.x as usize..high.x as usize).map(move |x| (x, y)));
         let weighted = taps.filter_map(|(x, y)| {
             let middle = DVec2::new(x as f64, y as f64) + 0.5;
-            Some((map.surface_of(middle, photon)?, self.weight(middle - place)))
+            let index = map.surface_of(middle, photon)?;
+            Some((index, self.weight(middle - place) * map.part(index)))
         });
         let total: f64 = weighted.clone().map(|(_, weight)| weight).sum();
         let flux = photon.flux.as_dvec3();
         if total > 1e-12 {
-            weighted.for_each(|(index, weight)| map.add(index, flux * (weight / total), photon.direction));
+            weighted.for_each(|(index, weight)| map.add(index, flux * (weight / total), photon));
         } else {
-            map.add(own, flux, photon.direction);
+            map.add(own, flux, photon);
         }
     }
 }
@@ -93,7 +95,7 @@ pub fn points(map: &CausticMap, grid: &PhotonGrid) -> Ledger {
 }
 
 fn add_point(map: &CausticMap, texel: usize, photon: &Photon) {
-    map.add(texel, photon.flux.as_dvec3(), photon.direction);
+    map.add(texel, photon.flux.as_dvec3(), photon);
 }
 
 /// As splats of a diameter, texels.
@@ -128,6 +130,24 @@ pub fn of_footprints(map: &CausticMap, grid: &PhotonGrid) -> Ledger {
     each(map, grid, |index, place| match footprint(map, &sheet, index) {
         Some(covariance) => Splat::elliptical(covariance).add(map, &grid.photons[index], place),
         None => add_point(map, place.1, &grid.photons[index]),
+    })
+}
+
+/// Photons of clusters in the resolution that fits them: as splats of the least of the four sizes that covers the part of the receiver that a
+/// photon stands for, or as points where that is within a texel (Wyman and Nichols 2009, Section 3.2.2).
+pub fn of_clusters(map: &CausticMap, grid: &PhotonGrid) -> Ledger {
+    let sheet = PhotonSheet::new(map, grid);
+    each(map, grid, |index, place| {
+        let photon = &grid.photons[index];
+        let extent = sides_of(map, &sheet, index).map_or(0.0, |[u, v]| u.length().max(v.length()));
+        let wanted = f64::from(LENS_SPACINGS) * extent;
+        let sizes = DIAMETERS.map(f64::from);
+        if wanted <= 1.0 {
+            add_point(map, place.1, photon);
+        } else {
+            let diameter = sizes.into_iter().find(|size| *size >= wanted).unwrap_or(sizes[sizes.len() - 1]);
+            Splat::round(diameter).add(map, photon, place);
+        }
     })
 }
 
@@ -172,11 +192,14 @@ pub fn gathered(points: &CausticMap, counts: &[u32], smooth: &CausticMap) -> Led
         if flux == DVec3::ZERO {
             return ledger;
         }
-        let total: f64 = points.around(index, REACH_OF_GATHER).map(|(_, offset)| weight(offset)).sum();
+        let weight = |other: usize, offset| weight(offset) * points.part(other);
+        let total: f64 = points.around(index, REACH_OF_GATHER).map(|(other, offset)| weight(other, offset)).sum();
         for (other, offset) in points.around(index, REACH_OF_GATHER) {
-            let part = flux * (weight(offset) / total);
+            let factor = weight(other, offset) / total;
+            let part = flux * factor;
             if kept[other] {
-                smooth.add(other, part, points.direction(index));
+                smooth.add_flux(other, part);
+                smooth.add_for_gloss(other, (points, index), DVec3::splat(factor));
                 ledger.deposited += part.element_sum();
             } else {
                 ledger[Loss::Culled] += part.element_sum();

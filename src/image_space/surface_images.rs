@@ -2,8 +2,9 @@
 //! the light sees (Wyman and Davis 2006, Section 3.1; Wyman 2005, *An Approximate Image-Space Approach for Interactive Refraction*; in
 //! images of their own: Wyman and Nichols 2009, Section 3.1).
 //!
-//! There are three: the surfaces that photons meet first; the farthest surfaces of closed objects, where photons leave them; and the receivers
-//! alone, from where the light sees all of them. Rays are marched through an image until they pass behind its surface, and the place is found
+//! They show the surfaces that photons meet first; the farthest surfaces of each closed object, where photons leave it, and where there are
+//! several objects, their nearest ones, where photons enter the next (Section 3.1.1); and the receivers alone, from where the light sees all of
+//! them. Rays are marched through an image until they pass behind its surface, and the place is found
 //! by a secant search. Knows neither photons nor maps.
 
 use glam::{DVec2, DVec3, Vec3};
@@ -188,8 +189,10 @@ fn hit(ray: &Ray, position: Vec3, shown: &Shown) -> Hit {
 pub struct SurfaceImages {
     /// What the light sees.
     pub first: SurfaceImage,
-    /// The farthest surfaces of closed objects; `None` without any.
-    pub last: Option<SurfaceImage>,
+    /// The farthest surfaces of each closed object.
+    pub last: Vec<(u32, SurfaceImage)>,
+    /// The nearest surfaces of each closed object, if there are several.
+    pub entries: Vec<(u32, SurfaceImage)>,
     /// Receivers, which may be all around a lamp.
     pub receivers: Vec<SurfaceImage>,
     /// From one end of the scene to the other, metres.
@@ -199,7 +202,15 @@ pub struct SurfaceImages {
 impl SurfaceImages {
     /// Where a photon that has entered a closed object leaves it.
     pub fn exit(&self, ray: &Ray, object: u32) -> Option<Hit> {
-        self.last.as_ref()?.search(ray, self.diagonal, |other| other == object, true)
+        let (_, image) = self.last.iter().find(|(of, _)| *of == object)?;
+        image.search(ray, self.diagonal, |_| true, true)
+    }
+
+    /// The closed object that a photon enters next, which has left one.
+    pub fn entry(&self, ray: &Ray, left: u32) -> Option<Hit> {
+        let others = self.entries.iter().filter(|(of, _)| *of != left);
+        let found = others.filter_map(|(_, image)| image.search(ray, self.diagonal, |_| true, false));
+        found.min_by(|a, b| a.distance.total_cmp(&b.distance))
     }
 
     /// The receiver that a photon meets.

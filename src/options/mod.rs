@@ -369,7 +369,7 @@ impl Options {
 
     fn check_pictures(&self) -> Result<(), OptionError> {
         let expected =
-            "one or more of beauty, caustic, caustic.R, caustic.T, caustic.TT, direct, scattered, scattered.direct, albedo, normal, position, depth, each once".to_owned();
+            "one or more of beauty, caustic, caustic.R, caustic.T, caustic.TT, caustic.TTTT, direct, scattered, scattered.direct, albedo, normal, position, depth, each once".to_owned();
         let repeated = (1..self.aovs.len()).find(|&i| self.aovs[..i].contains(&self.aovs[i]));
         match repeated {
             Some(i) => {

@@ -7,7 +7,7 @@ use crate::Error;
 use crate::environment::CubeSize;
 use crate::error::OptionError;
 use crate::image::{Aov, ToneMap};
-use crate::image_space::{Hits, ImageSpaceOptions, MapView, Mode, Traversal};
+use crate::image_space::{Hits, ImageSpaceOptions, Incidence, MapView, Mode, Traversal};
 use crate::pinhole::{Epsilon, Footprint};
 use crate::sampling::{Density, Strategy};
 use crate::scene::{Loaded, Scene, Visibility};
@@ -39,6 +39,12 @@ pub struct Settings {
     pub light_directions: Option<u32>,
     /// Diameter of splats of one size, texels.
     pub splat_diameter: Option<f32>,
+    /// From where glossy receivers take the light of a caustic.
+    pub incidence: Option<Incidence>,
+    /// Frames whose maps are averaged.
+    pub temporal_frames: Option<u32>,
+    /// Polygons and gathers by the letter of the paper.
+    pub paper: Option<bool>,
     /// Requested number of samples.
     pub samples: Option<u32>,
     /// How the samples are placed.
@@ -99,6 +105,9 @@ impl Settings {
             lights: over.lights.or(self.lights),
             light_directions: over.light_directions.or(self.light_directions),
             splat_diameter: over.splat_diameter.or(self.splat_diameter),
+            incidence: over.incidence.or(self.incidence),
+            temporal_frames: over.temporal_frames.or(self.temporal_frames),
+            paper: over.paper.or(self.paper),
             samples: over.samples.or(self.samples),
             strategy: over.strategy.or(self.strategy),
             density: over.density.or(self.density),
@@ -136,6 +145,9 @@ impl Settings {
             lights: self.lights.unwrap_or(defaults.lights),
             light_directions: self.light_directions.unwrap_or(defaults.light_directions),
             splat_diameter: self.splat_diameter.unwrap_or(defaults.splat_diameter),
+            incidence: self.incidence.unwrap_or_default(),
+            temporal_frames: self.temporal_frames.unwrap_or(defaults.temporal_frames),
+            paper: self.paper.unwrap_or(defaults.paper),
         }
     }
 

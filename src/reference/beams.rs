@@ -25,6 +25,8 @@ const POINT: f64 = 0.05;
 const MAX_DEPTH: u32 = 14;
 /// Parts of which no corner sends light to a receiver are divided so often, to find what lies between.
 const SEARCH_DEPTH: u32 = 2;
+/// Parts that have been divided so often are left out if what is known of them is beside the picture or unseen, even where light is torn.
+const DEPTH_OF_TORN: u32 = 4;
 /// Rays start so far off the triangle that they leave, in its extent and its distance from the origin.
 const TOUCHING: f64 = 1e-9;
 /// Lights of less extent than this, radians, are a single direction.
@@ -86,7 +88,7 @@ fn disc_point(k: u32, count: u32) -> DVec2 {
 }
 
 /// How an object casts light.
-enum Caster {
+pub(super) enum Caster {
     Mirror(Box<Reflectance>, Sides),
     Interface(Interface),
 }
@@ -94,12 +96,12 @@ enum Caster {
 /// What beams are followed through.
 pub(super) struct Beams<'a> {
     scene: &'a Scene,
-    geometry: &'a Geometry,
+    pub(super) geometry: &'a Geometry,
     lamps: &'a Lamps,
     plane: PicturePlane,
     chains: Chains,
     /// By object.
-    casters: Vec<Option<Caster>>,
+    pub(super) casters: Vec<Option<Caster>>,
     /// Divides more finely, to tell the error.
     max_bend: f64,
 }
@@ -191,7 +193,7 @@ impl<'a> Beams<'a> {
 
     fn ways_of(&self, object: u32) -> Vec<Way> {
         let object = &self.scene.objects[object as usize];
-        let is_dispersive = object.refractor.is_some_and(|r| r.eta.min_element() < r.eta.max_element());
+        let is_dispersive = self.scene.objects.iter().any(|o| o.refractor.is_some_and(|r| r.is_dispersive()));
         let chains = Chain::ALL.into_iter().filter(|chain| self.chains.contains(*chain) && object.casts(*chain));
         let of_chain = |chain: Chain| {
             let is_divided = is_dispersive && chain != Chain::R;
@@ -210,8 +212,8 @@ enum PointLight<'a> {
 }
 
 /// The beam of a triangle of a mirror.
-struct TriangleBeam<'a> {
-    beams: &'a Beams<'a>,
+pub(super) struct TriangleBeam<'a> {
+    pub(super) beams: &'a Beams<'a>,
     id: u32,
     light: PointLight<'a>,
     way: Way,
@@ -226,6 +228,11 @@ impl TriangleBeam<'_> {
         (weights, self.land(weights))
     }
 
+    /// Of dispersed light, or any.
+    pub(super) fn channel(&self) -> usize {
+        self.way.channel.unwrap_or(0)
+    }
+
     fn middle(&self, (a, _): &Corner, (b, _): &Corner) -> Corner {
         self.corner([0, 1, 2].map(|k| 0.5 * (a[k] + b[k])))
     }
@@ -236,7 +243,7 @@ impl TriangleBeam<'_> {
         let middles = [self.middle(&a, &b), self.middle(&b, &c), self.middle(&c, &a)];
         let [ab, bc, ca] = middles;
         let landed = corners.iter().chain(&middles).filter(|(_, landing)| landing.is_some()).count();
-        if landed == 0 && depth >= SEARCH_DEPTH {
+        if landed == 0 && depth >= SEARCH_DEPTH || self.is_beside_picture(&corners, &middles, depth) {
             return;
         }
         let parts = [[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]];
@@ -257,6 +264,19 @@ impl TriangleBeam<'_> {
                 }
             }
         }
+    }
+
+    /// Whether all light of a part arrives so far beside the picture, or so surely unseen, that none of it is in the picture.
+    fn is_beside_picture(&self, corners: &[Corner; 3], middles: &[Corner; 3], depth: u32) -> bool {
+        let landings = || corners.iter().chain(middles).filter_map(|(_, landing)| landing.as_ref());
+        let landed = landings().count();
+        if landed == 0 || landed < 6 && depth < DEPTH_OF_TORN {
+            return false;
+        }
+        let (low, high) = range(landings());
+        let margin = (high - low).max_element() + 1.0;
+        let is_beside = (low - margin).cmpgt(self.beams.plane.size()).any() || (high + margin).cmplt(DVec2::ZERO).any();
+        is_beside || depth >= DEPTH_OF_TORN && landings().all(|landing| !landing.is_seen)
     }
 
     /// Spreads a part's flux over the pixels that it covers.
@@ -334,42 +354,34 @@ impl TriangleBeam<'_> {
                 Some((leaving(reflected), interface.reflectance(start.cosine)))
             }
             (Caster::Interface(interface), chain) if start.is_front => {
-                let eta = interface.indices()[self.way.channel.unwrap_or(0)];
+                let eta = interface.index(self.channel());
                 let passed = interface.passed_from_front(start.cosine, eta);
                 let inside = refract(start.arriving, -start.normal, 1.0 / eta);
                 let mask = self.way.channel.map_or(DVec3::ONE, |channel| DVec3::AXES[channel]);
                 let entered = leaving(inside);
-                match (passed > 0.0, chain) {
-                    (false, _) => None,
-                    (true, Chain::T) => Some((entered, mask * passed)),
-                    (true, _) => self.leave(interface, eta, &entered).map(|(ray, part)| (ray, mask * (passed * part))),
+                if passed == 0.0 {
+                    return None;
                 }
+                if chain == Chain::T {
+                    return Some((entered, mask * passed));
+                }
+                let (left, part) = self.leave((object, interface), &entered)?;
+                if chain == Chain::TT {
+                    return Some((left, mask * (passed * part)));
+                }
+                let (left, second) = self.pass_another(&left)?;
+                Some((left, mask * (passed * part * second)))
             }
             _ => None,
         }
     }
 
     /// What a ray from a triangle meets. It starts a little off, as the triangles beside it touch it in its corners.
-    fn next_hit(&self, ray: &Leaving) -> Option<Hit> {
+    pub(super) fn next_hit(&self, ray: &Leaving) -> Option<Hit> {
         let [a, b, c] = self.triangle().corners;
         let extent = ray.position.length() + (b - a).length() + (c - a).length();
         let start = ray.position + TOUCHING * extent * ray.direction;
         self.beams.geometry.first_hit_of(start, ray.direction, |id| id != ray.id)
-    }
-
-    /// The ray that leaves a closed object, and the part of the light that does.
-    fn leave(&self, interface: &Interface, eta: f64, entered: &Leaving) -> Option<(Leaving, f64)> {
-        let geometry = self.beams.geometry;
-        let hit = self.next_hit(entered)?;
-        let exit = &geometry.triangles[hit.triangle as usize];
-        if exit.object != self.triangle().object {
-            return None;
-        }
-        let (position, normal) = (exit.position(hit.barycentric), exit.normal(hit.barycentric));
-        let cosine = entered.direction.dot(normal);
-        let passed = interface.factor(cosine, eta) / (eta * eta);
-        let direction = refract(entered.direction, normal, eta);
-        (cosine > 0.0 && passed > 0.0).then_some((Leaving { id: hit.triangle, position, direction }, passed))
     }
 
     /// What a ray meets, if that is a receiver.
@@ -408,10 +420,10 @@ struct Start {
 }
 
 /// A ray from a triangle.
-struct Leaving {
-    id: u32,
-    position: DVec3,
-    direction: DVec3,
+pub(super) struct Leaving {
+    pub(super) id: u32,
+    pub(super) position: DVec3,
+    pub(super) direction: DVec3,
 }
 
 /// How far the middles of a part's sides are from where they would be if it were mapped affinely, pixels; `None` where light is torn.
@@ -432,10 +444,14 @@ fn landings(corners: &[Corner; 3]) -> Option<[Landing; 3]> {
 
 /// The largest distance between the places where a part's light arrives, pixels.
 fn extent(corners: &[Corner; 3], middles: &[Corner; 3]) -> f64 {
-    let places = corners.iter().chain(middles).filter_map(|(_, landing)| landing.map(|landing| landing.place));
-    let (low, high) =
-        places.fold((DVec2::INFINITY, DVec2::NEG_INFINITY), |(low, high), place| (low.min(place), high.max(place)));
+    let (low, high) = range(corners.iter().chain(middles).filter_map(|(_, landing)| landing.as_ref()));
     (high - low).max_element()
+}
+
+/// The box around places, pixels.
+fn range<'a>(landings: impl Iterator<Item = &'a Landing>) -> (DVec2, DVec2) {
+    let around = |(low, high): (DVec2, DVec2), landing: &Landing| (low.min(landing.place), high.max(landing.place));
+    landings.fold((DVec2::INFINITY, DVec2::NEG_INFINITY), around)
 }
 
 /// The solid angle of a triangle seen from the origin (van Oosterom and Strackee 1983).

@@ -31,8 +31,8 @@ pub(super) fn check_beams(scene: &Scene, options: &Options) -> Result<(), Option
 }
 
 impl Reference {
-    /// Adds up the beams of all lights. The standard error is that of the origins in extended lights and, of others, the difference to beams
-    /// of a fourth of the accuracy.
+    /// Adds up the beams of all lights. The standard error is half the difference between two halves of the origins in extended lights, each of
+    /// which covers the light evenly, and, of others, the difference to beams of a fourth of the accuracy.
     pub(super) fn solve_by_beams(
         &self,
         criterion: &StoppingCriterion,
@@ -64,10 +64,10 @@ impl Reference {
                 variance[pixel] += if let Some(other) = &other {
                     (other[pixel] - of_light).powf(2.0)
                 } else {
-                    // Each part is an estimate of the whole by one origin.
-                    let n = origins.len() as f64;
-                    let squares = parts.iter().map(|part| (part[pixel] - of_light / n).powf(2.0)).sum::<DVec3>();
-                    squares * n / (n - 1.0)
+                    let of_half: DVec3 = parts.iter().step_by(2).map(|part| part[pixel]).sum();
+                    let share = origins.len().div_ceil(2) as f64 / origins.len() as f64;
+                    // The halves, each as an estimate of the whole, differ by twice this.
+                    (0.5 * (of_half / share - (of_light - of_half) / (1.0 - share))).powf(2.0)
                 };
             }
         }

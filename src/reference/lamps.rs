@@ -229,6 +229,7 @@ mod tests {
             radius: 0.05,
             intensity: Vec3::new(1.0, 2.0, 0.5),
             beam: None,
+            is_distant: false,
         };
         [lamp.clone(), Lamp { beam: Some(beam(false)), ..lamp.clone() }, Lamp { beam: Some(beam(true)), ..lamp }]
     }

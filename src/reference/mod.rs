@@ -10,6 +10,7 @@
 
 mod allocation;
 mod beams;
+mod beams_in_solids;
 mod brdf;
 mod bright_spheres;
 mod by_beams;

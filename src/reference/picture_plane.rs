@@ -29,6 +29,11 @@ impl PicturePlane {
         self.width as usize * self.height as usize
     }
 
+    /// Columns and rows.
+    pub fn size(&self) -> DVec2 {
+        DVec2::new(self.width.into(), self.height.into())
+    }
+
     /// The pixel at a place.
     pub fn pixel(&self, place: DVec2) -> Option<usize> {
         let (x, y) = (place.x.floor(), place.y.floor());

@@ -131,6 +131,19 @@ impl<'a> Reflectors<'a> {
         self.materials[object as usize].expect("only what mirrors or refracts is in the tree")
     }
 
+    /// The interface of an object that is closed.
+    pub(super) fn closed_interface(&self, object: u32) -> Option<Interface> {
+        match self.materials[object as usize].as_ref()?.surface {
+            Kind::Interface(interface) if interface.is_closed => Some(interface),
+            _ => None,
+        }
+    }
+
+    /// Whether light may pass several closed objects one after the other.
+    pub(super) fn has_several_solids(&self) -> bool {
+        (0..self.materials.len() as u32).filter(|object| self.closed_interface(*object).is_some()).count() > 1
+    }
+
     fn bounds(&self, region: &Region) -> Bounds {
         let node = &self.tree.nodes[region.node as usize];
         match node.content {
@@ -197,7 +210,8 @@ impl Domain for Reflectors<'_> {
 
     fn fineness(&self) -> Fineness {
         let is_closed = |m: &Material| matches!(m.surface, Kind::Interface(interface) if interface.is_closed);
-        if self.chains.refracted_twice && self.materials.iter().flatten().any(is_closed) {
+        let passes = self.chains.refracted_twice || self.chains.refracted_four_times;
+        if passes && self.materials.iter().flatten().any(is_closed) {
             // What comes through is known for small regions only.
             return Fineness { worthwhile: 0.8, least_splits: 512, ..ON_SURFACES };
         }

@@ -44,6 +44,11 @@ impl Interface {
         if self.eta.min_element() < self.eta.max_element() { self.eta.as_ref() } else { &self.eta.as_ref()[..1] }
     }
 
+    /// The index for a channel.
+    pub fn index(&self, channel: usize) -> f64 {
+        self.eta[channel]
+    }
+
     /// The reflectance for light from the front, by the cosine of the angle of incidence.
     pub fn reflectance(&self, cosine: f64) -> DVec3 {
         self.eta.map(|eta| fresnel(cosine, transmitted_cosine(cosine, 1.0 / eta), eta))

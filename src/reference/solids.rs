@@ -1,5 +1,5 @@
-//! Light through closed objects: refracted where it enters and, one straight way further, where it leaves (chain `TT`). Followed
-//! backwards, from the receiver; with bounds from which the density of points is made.
+//! Light through closed objects: refracted where it enters and, one straight way further, where it leaves (chain `TT`), or through two of them
+//! (chain `TTTT`). Followed backwards, from the receiver; with bounds from which the density of points is made.
 
 use std::f64::consts::PI;
 
@@ -36,19 +36,40 @@ struct Left {
 }
 
 impl Reflectors<'_> {
-    /// What a point of a closed object sends to a receiver in front of it of light that is refracted twice, W/(m²·sr).
+    /// What a point of a closed object sends to a receiver in front of it of light that is refracted twice or four times, W/(m²·sr).
     pub(super) fn light_through_solid(&self, interface: &Interface, entry: &Point, numbers: Numbers) -> DVec3 {
-        if !self.chains.refracted_twice {
+        let is_followed = self.chains.refracted_four_times && self.has_several_solids();
+        if !self.chains.refracted_twice && !is_followed {
             return DVec3::ZERO;
         }
-        let light = |eta: f64| {
-            let left = self.leave(interface, entry, eta);
-            left.map_or(DVec3::ZERO, |left| left.passed * self.light_from(&left.point, left.direction, numbers))
+        let light = |channel: usize| {
+            let Some(left) = self.leave(interface, entry, interface.index(channel)) else { return DVec3::ZERO };
+            let mut light = DVec3::ZERO;
+            if self.chains.refracted_twice {
+                light += self.light_from(&left.point, left.direction, numbers);
+            }
+            if is_followed && let Some(second) = self.leave_another(&left, channel) {
+                light += second.passed * self.light_from(&second.point, second.direction, numbers);
+            }
+            left.passed * light
         };
-        match interface.indices() {
-            [eta] => light(*eta),
-            indices => DVec3::from_array([0, 1, 2].map(|channel| light(indices[channel])[channel])),
+        if interface.indices().len() == 1 && !is_followed {
+            return light(0);
         }
+        DVec3::from_array([0, 1, 2].map(|channel| light(channel)[channel]))
+    }
+
+    /// Follows a ray that has left a closed object through another one; `None` where it meets none or where nothing comes through.
+    fn leave_another(&self, left: &Left, channel: usize) -> Option<Left> {
+        let towards = left.direction;
+        let hit = self.geometry.first_hit_of(left.point.position, towards, |id| id != left.point.id)?;
+        let triangle = &self.geometry.triangles[hit.triangle as usize];
+        let interface = self.closed_interface(triangle.object)?;
+        let (position, normal) = (triangle.position(hit.barycentric), triangle.normal(hit.barycentric));
+        let cosine = towards.dot(normal);
+        // From the front.
+        let entry = Point { id: hit.triangle, position, normal, towards, cosine };
+        if cosine < 0.0 { self.leave(&interface, &entry, interface.index(channel)) } else { None }
     }
 
     /// Follows a ray from a receiver through an object; `None` where nothing comes through.
@@ -84,7 +105,8 @@ impl Reflectors<'_> {
     /// No bound between rays that were not followed, but positive wherever light may come from.
     pub(super) fn bound_through_solid(&self, interface: &Interface, seen: &Seen, receiver: &Receiver) -> f64 {
         let Seen { bounds, towards, received, .. } = seen;
-        if !self.chains.refracted_twice {
+        let is_followed = self.chains.refracted_four_times && self.has_several_solids();
+        if !self.chains.refracted_twice && !is_followed {
             return 0.0;
         }
         let facing = bounds.normals.largest_cosine(-towards.axis, towards.half_angle);
@@ -93,8 +115,9 @@ impl Reflectors<'_> {
             return 0.0;
         }
         let light = |eta: &f64| match self.foreseen_light(interface, (seen, receiver), *eta) {
-            Some(foreseen) => foreseen + self.unforeseen_light(bounds),
-            None => self.light_within(bounds, &Cone::everything()),
+            // What another object does to it is not foreseen.
+            Some(foreseen) if !is_followed => foreseen + self.unforeseen_light(bounds),
+            _ => self.light_within(bounds, &Cone::everything()),
         };
         let light: f64 = interface.indices().iter().map(light).sum();
         cosines * light * self.most_transmittance(seen)

@@ -14,7 +14,7 @@ use crate::options::{FilterChoice, Options};
 use crate::progress::Stage;
 use crate::reference::{self, Estimator, Reference, StoppingCriterion};
 use crate::sampling::{Surface, TestSurface, strategy_statistics};
-use crate::scene::{Chains, Scene};
+use crate::scene::{Chains, Light, Scene};
 use crate::technique::Technique;
 use crate::{Backend, Engine, Error, Progress};
 
@@ -39,8 +39,9 @@ pub struct Request {
     pub command: String,
 }
 
-/// Directions in lights with an extent, of references by beams.
-const BEAM_DIRECTIONS: u32 = 64;
+/// Directions in lights with an extent, of references by beams: in small spots, and in those of a larger standard deviation than this, radians.
+const BEAM_DIRECTIONS: [u32; 2] = [64, 256];
+const SMALL_SPOT_RAD: f32 = 0.02;
 
 /// Points and sets of the strategies' spectra.
 const STUDY_POINTS: u32 = 1024;
@@ -153,6 +154,11 @@ fn unavailable(technique: Technique, request: &Request, chains: Chains) -> Optio
     Some(Unavailable { technique, reason: format!("does not know {reason}") })
 }
 
+fn beam_directions(scene: &Scene) -> u32 {
+    let is_wide = matches!(scene.environment.light, Light::Spot { sigma_rad, .. } if sigma_rad > SMALL_SPOT_RAD);
+    BEAM_DIRECTIONS[usize::from(is_wide)]
+}
+
 fn reference(request: &Request, options: &Options) -> Result<Reference, Error> {
     let defaults = reference::Options::default();
     let wanted = reference::Options {
@@ -162,7 +168,10 @@ fn reference(request: &Request, options: &Options) -> Result<Reference, Error> {
         visibility: options.visibility,
         attenuation: options.attenuation,
         estimator: request.estimator,
-        replicates: if request.estimator == Estimator::Beams { BEAM_DIRECTIONS } else { defaults.replicates },
+        replicates: match request.estimator {
+            Estimator::Beams => beam_directions(&request.scene),
+            Estimator::Points => defaults.replicates,
+        },
         ..defaults
     };
     Reference::new(request.scene.clone(), wanted)

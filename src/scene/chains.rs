@@ -12,11 +12,13 @@ pub enum Chain {
     T,
     /// Two refractions: into a closed object and out of it.
     TT,
+    /// Four refractions: through two closed objects, one after the other.
+    TTTT,
 }
 
 impl Chain {
     /// All of them.
-    pub const ALL: [Self; 3] = [Self::R, Self::T, Self::TT];
+    pub const ALL: [Self; 4] = [Self::R, Self::T, Self::TT, Self::TTTT];
 
     /// Its name on the command line and in layers.
     pub fn name(self) -> &'static str {
@@ -24,6 +26,7 @@ impl Chain {
             Self::R => "R",
             Self::T => "T",
             Self::TT => "TT",
+            Self::TTTT => "TTTT",
         }
     }
 }
@@ -38,13 +41,15 @@ pub struct Chains {
     pub refracted: bool,
     /// Whether [`Chain::TT`] counts.
     pub refracted_twice: bool,
+    /// Whether [`Chain::TTTT`] counts.
+    pub refracted_four_times: bool,
 }
 
 impl Chains {
     /// All chains.
-    pub const ALL: Self = Self { reflected: true, refracted: true, refracted_twice: true };
+    pub const ALL: Self = Self { reflected: true, refracted: true, refracted_twice: true, refracted_four_times: true };
     /// Those of one reflection or refraction.
-    pub const SINGLE: Self = Self { refracted_twice: false, ..Self::ALL };
+    pub const SINGLE: Self = Self { refracted_twice: false, refracted_four_times: false, ..Self::ALL };
 
     /// Whether a chain counts.
     pub fn contains(self, chain: Chain) -> bool {
@@ -52,6 +57,7 @@ impl Chains {
             Chain::R => self.reflected,
             Chain::T => self.refracted,
             Chain::TT => self.refracted_twice,
+            Chain::TTTT => self.refracted_four_times,
         }
     }
 
@@ -69,8 +75,9 @@ impl Default for Chains {
 impl FromIterator<Chain> for Chains {
     fn from_iter<I: IntoIterator<Item = Chain>>(chains: I) -> Self {
         let chains: Vec<Chain> = chains.into_iter().collect();
-        let [reflected, refracted, refracted_twice] = Chain::ALL.map(|chain| chains.contains(&chain));
-        Self { reflected, refracted, refracted_twice }
+        let [reflected, refracted, refracted_twice, refracted_four_times] =
+            Chain::ALL.map(|chain| chains.contains(&chain));
+        Self { reflected, refracted, refracted_twice, refracted_four_times }
     }
 }
 

@@ -95,6 +95,9 @@ impl Hash {
         self.vector(position);
         self.float(radius);
         self.vector(intensity);
+        if lamp.is_distant {
+            self.number(2);
+        }
         self.number(u64::from(beam.is_some()));
         if let Some(beam) = beam {
             self.vector(beam.direction);

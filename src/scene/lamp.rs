@@ -25,6 +25,19 @@ pub struct Lamp {
     pub intensity: Vec3,
     /// The beam of a spotlight; `None`: it shines in all directions alike.
     pub beam: Option<Beam>,
+    /// It is so far away that its rays are parallel: see [`Self::distant`].
+    pub is_distant: bool,
+}
+
+/// Directional light.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sunlight {
+    /// Unit direction towards it.
+    pub towards: Vec3,
+    /// On a surface that faces it, W/m².
+    pub irradiance: Vec3,
+    /// Standard deviation of its radiance, an even disc of twice that radius; radians.
+    pub sigma_rad: f32,
 }
 
 /// The beam of a spotlight: a cone, or the image of a slide.
@@ -52,11 +65,44 @@ impl PartialEq for Slide {
     }
 }
 
+impl Sunlight {
+    /// The least standard deviation but 0, radians.
+    pub const MIN_SIGMA_RAD: f32 = 1e-6;
+}
+
 impl Lamp {
     /// The least radius, metres.
     pub const MIN_RADIUS: f32 = 1e-4;
     /// The largest radiance, W/(m²·sr).
     pub const MAX_RADIANCE: f32 = 1e24;
+
+    /// How many times farther away directional lights are than the scene is large, from the origin: rays are parallel to 10⁻⁴ rad.
+    const DISTANCE: f32 = 1e4;
+
+    /// A directional light: a lamp so far from a scene, whose points are at most `extent` metres from the origin, that its rays are parallel.
+    pub fn distant(name: String, light: &Sunlight, extent: f32) -> Self {
+        let distance = Self::DISTANCE * extent.max(1e-3);
+        let radius = (2.0 * light.sigma_rad * distance).max(Self::MIN_RADIUS);
+        let intensity = light.irradiance * distance * distance;
+        Self { name, position: distance * light.towards, radius, intensity, beam: None, is_distant: true }
+    }
+
+    /// What a directional light was made from; `None` of other lamps.
+    pub fn sunlight(&self) -> Option<Sunlight> {
+        let distance = self.position.length();
+        self.is_distant.then(|| Sunlight {
+            towards: self.position / distance,
+            irradiance: self.intensity / (distance * distance),
+            sigma_rad: if self.radius > Self::MIN_RADIUS { 0.5 * self.radius / distance } else { 0.0 },
+        })
+    }
+
+    /// Turns a directional light, unless there is no such direction.
+    pub fn turn_towards(&mut self, direction: Vec3) {
+        if let Some(towards) = direction.try_normalize() {
+            self.position = self.position.length() * towards;
+        }
+    }
 
     /// Radiant intensity in a unit direction away from it, W/sr.
     pub fn intensity_towards(&self, direction: Vec3) -> Vec3 {

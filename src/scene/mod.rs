@@ -39,7 +39,7 @@ pub use chains::{Chain, Chains};
 pub(crate) use closed::is_closed;
 pub(crate) use emitters::EmitterDistances;
 pub use file::{Loaded, load, parse};
-pub use lamp::{Beam, Lamp, Slide};
+pub use lamp::{Beam, Lamp, Slide, Sunlight};
 pub use light::{EnvironmentMap, EnvironmentSource, Light, MAX_RADIANCE, MapError, MapLayout};
 pub use material::{Emitter, Interfaces, Receiver, Reflector, Refractor, Sides, Specular};
 pub use medium::Medium;
@@ -203,7 +203,7 @@ impl Object {
         match chain {
             Chain::R => self.reflector.is_some() || self.refractor.is_some_and(|refractor| refractor.fresnel),
             Chain::T => self.has_interfaces(Interfaces::One),
-            Chain::TT => self.has_interfaces(Interfaces::Two),
+            Chain::TT | Chain::TTTT => self.has_interfaces(Interfaces::Two),
         }
     }
 

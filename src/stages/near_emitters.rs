@@ -116,6 +116,7 @@ impl NearEmitter {
             radius,
             intensity: PI * radius * radius * factor * self.radiance,
             beam: None,
+            is_distant: false,
         })
     }
 

@@ -5,19 +5,20 @@ use std::sync::Arc;
 use glam::{Mat3, Vec3};
 use rayon::prelude::*;
 
+use super::past_frames::PastFrames;
 use super::{Inputs, Inspected, Pending, Statistics, Sum, TechniqueStages};
 use crate::backend::Backend;
 use crate::differential::DifferentialSample;
 #[cfg(feature = "gpu")]
 use crate::image_space::gpu;
 use crate::image_space::{
-    Bounds, Direction, Hits, ImageSpaceOptions, Kind, MapInputs, MapPicture, MapView, Maps, PhotonLight, Surroundings,
-    segmented,
+    Bounds, Direction, Hits, ImageSpaceOptions, Incidence, Kind, MapInputs, MapPicture, MapView, Maps, PhotonLight,
+    Profile, Surroundings, segmented,
 };
 use crate::pinhole::Receivers;
 use crate::pinhole::cpu::TakenCell;
 use crate::progress::{Progress, Stage, Uncounted};
-use crate::scene::{Camera, Chain, Chains, Lamp, Light, Mesh, Object, Visibility};
+use crate::scene::{Camera, Chain, Chains, Gloss, Lamp, Light, Mesh, Object, Sunlight, Visibility};
 use crate::stages::{Id, LightStages, Memo, PreparedScene, StageCounts, SurfaceMaterials};
 use crate::tracing::{Hit, SeenBy, Tracer};
 use crate::{Error, OptionError};
@@ -29,11 +30,14 @@ const WIDEST_SPOT: f32 = 0.25;
 const PREVIEW_PHOTONS: u32 = 192;
 const PREVIEW_LIGHTS: u32 = 8;
 
+/// The memory of a map on the CPU, at most.
+const MAX_MAP_BYTES: u64 = 8 << 30;
+
 /// Texels along an edge of a map that is shown, at most.
 const MAP_PICTURE: u32 = 96;
 
 /// What maps are made from.
-#[derive(PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 struct MapsKey {
     tracer: Id<Tracer>,
     materials: Id<SurfaceMaterials>,
@@ -43,6 +47,8 @@ struct MapsKey {
     options: ImageSpaceOptions,
     receives: Vec<bool>,
     seed: u64,
+    /// Frames of just this that are averaged: it is made again until they all are.
+    unchanged: u32,
 }
 
 /// The stages of image-space techniques.
@@ -50,18 +56,27 @@ struct MapsKey {
 pub(super) struct ImageSpaceStages {
     receivers: Memo<(Id<Tracer>, Vec<bool>), Tracer>,
     maps: Memo<MapsKey, ImageSpaceSum>,
+    /// Frames before this one: of pictures, and of previews.
+    past: [Past; 2],
+}
+
+/// The frames so far, and what the last one was made from.
+#[derive(Debug, Default)]
+struct Past {
+    frames: PastFrames,
+    key: Option<MapsKey>,
 }
 
 /// Finished maps, as a sum.
 #[derive(Debug)]
 struct ImageSpaceSum {
-    maps: Maps,
+    frames: PastFrames,
     statistics: Statistics,
 }
 
 impl ImageSpaceStages {
     pub fn new() -> Self {
-        Self { receivers: Memo::new(Stage::Bvh), maps: Memo::new(Stage::Photons) }
+        Self { receivers: Memo::new(Stage::Bvh), maps: Memo::new(Stage::Photons), past: Default::default() }
     }
 
     async fn make(&mut self, inputs: &Inputs<'_>) -> Result<Arc<dyn Sum>, Error> {
@@ -69,7 +84,7 @@ impl ImageSpaceStages {
         let Inputs { scene, prepared, options, chains, progress, .. } = *inputs;
         let image_space = options_of(inputs);
         let receives: Vec<bool> = scene.objects.iter().map(|object| object.receiver.is_some()).collect();
-        let key = MapsKey {
+        let mut key = MapsKey {
             tracer: Id::of(&prepared.tracer),
             materials: Id::of(&prepared.materials),
             lights: lights(inputs, image_space.lights),
@@ -78,22 +93,32 @@ impl ImageSpaceStages {
             options: image_space,
             receives: receives.clone(),
             seed: options.seed,
+            unchanged: 0,
         };
         let of_receivers = (Id::of(&prepared.tracer), receives);
         let receivers = self.receivers.get(of_receivers, progress, || receivers_alone(&scene.objects));
         let photon_lights = key.lights.clone();
-        let make = async || sum(inputs, &photon_lights, &receivers, &image_space).await;
-        Ok(self.maps.wait_for(key, (1, progress), make).await?)
+        let past = &mut self.past[usize::from(inputs.is_preview)];
+        let frames = past.frames.with(&image_space);
+        let is_same = past.key.as_ref() == Some(&key);
+        let inputs_alone = key.clone();
+        key.unchanged = frames.unchanged_after(is_same);
+        let make = async || sum(inputs, (&photon_lights, &receivers), (frames, is_same)).await;
+        let made = self.maps.wait_for(key, (1, progress), make).await?;
+        if !progress.is_cancelled() {
+            *past = Past { frames: made.frames.clone(), key: Some(inputs_alone) };
+        }
+        Ok(made)
     }
 }
 
 async fn sum(
     inputs: &Inputs<'_>,
-    lights: &[PhotonLight],
-    receivers: &Tracer,
-    image_space: &ImageSpaceOptions,
+    (lights, receivers): (&[PhotonLight], &Tracer),
+    (mut frames, mut is_same): (PastFrames, bool),
 ) -> Result<ImageSpaceSum, Error> {
     let backend = inputs.backend;
+    let image_space = &options_of(inputs);
     let Inputs { scene, prepared, options, chains, progress, .. } = *inputs;
     let PreparedScene { tracer, materials, .. } = prepared;
     let meshes: Vec<Mesh> = scene.objects.iter().map(Object::mesh_in_world).collect();
@@ -107,12 +132,15 @@ async fn sum(
     let receiver_points: Vec<Vec3> =
         of(|object| object.receiver.is_some()).flat_map(Mesh::positions).copied().collect();
     let bounds = Bounds::around(of(|object| object.emitter.is_none()).flat_map(Mesh::positions).copied());
-    let is_solid = |object: &Object| object.casts(Chain::TT) && image_space.hits != Hits::Traced;
-    let solids = alone(&meshes, &scene.objects, is_solid);
+    let has_images = image_space.hits != Hits::Traced;
+    let of_solid = |(number, object): (usize, &Object)| {
+        let is_shown = has_images && object.casts(Chain::TT);
+        is_shown.then(|| (number as u32, alone(&meshes, &scene.objects, |other| std::ptr::eq(other, object))))
+    };
+    let solids: Vec<(u32, Tracer)> = scene.objects.iter().enumerate().filter_map(of_solid).collect();
     let kinds = Kind::of_scene(&scene.objects, chains);
-    let has_directions =
-        (0..).zip(&scene.objects).any(|(k, o)| o.receiver.is_some() && materials.receivers.is_glossy(k));
-    let inputs = MapInputs {
+    let is_glossy = (0..).zip(&scene.objects).any(|(k, o)| o.receiver.is_some() && materials.receivers.is_glossy(k));
+    let mut inputs = MapInputs {
         surroundings: Surroundings { tracer, objects: &scene.objects, mirrors: &materials.mirrors },
         receivers,
         receiver_points: &receiver_points,
@@ -124,12 +152,26 @@ async fn sum(
         kinds: &kinds,
         view: (scene.camera, options.size),
         options: image_space,
-        seed: options.seed,
-        has_directions,
+        pattern: frames.pattern(options.seed),
+        glossy: is_glossy.then_some(&materials.receivers),
     };
-    let maps = maps(&inputs, (backend, prepared), &Uncounted(progress)).await?;
-    let warning = without_light(&maps);
-    let statistics = Statistics {
+    let mut photons = [0; 2];
+    for _ in 0..frames.missing() {
+        inputs.pattern = frames.pattern(options.seed);
+        let maps = maps(&inputs, (backend, prepared), &Uncounted(progress)).await?;
+        photons = [photons[0] + maps.photons, photons[1] + maps.photons_used];
+        frames.push(maps, is_same);
+        is_same = true;
+    }
+    let statistics = statistics(&frames, image_space, photons);
+    Ok(ImageSpaceSum { frames, statistics })
+}
+
+/// What the newest maps say, with the numbers of photons of all new ones.
+fn statistics(frames: &PastFrames, image_space: &ImageSpaceOptions, [photons, photons_used]: [u64; 2]) -> Statistics {
+    let Some(maps) = frames.newest() else { return Statistics::default() };
+    let warning = without_light(maps);
+    Statistics {
         samples: 0,
         positions: Arc::new(maps.places.clone()),
         evaluation: None,
@@ -139,20 +181,32 @@ async fn sum(
             hits: image_space.hits,
             traversal: image_space.traversal,
             caustic_map: image_space.caustic_map,
-            photons: maps.photons,
-            photons_used: maps.photons_used,
+            incidence: image_space.incidence,
+            temporal_frames: image_space.temporal_frames,
+            paper: image_space.paper,
+            photons,
+            photons_used,
             lights: maps.lights_used,
             flux: maps.ledger,
         }),
         warning,
-    };
-    Ok(ImageSpaceSum { maps, statistics })
+    }
 }
 
 /// What to say of maps that can show nothing.
 fn without_light(maps: &Maps) -> Option<String> {
-    let is_dark = maps.photons > 0 && maps.ledger.cast == 0.0;
-    is_dark.then(|| "no light meets a mirror or an interface, so that there is no caustic".into())
+    let flux = maps.ledger;
+    let is_dark = maps.photons > 0 && flux.cast == 0.0;
+    let is_missing = flux.cast > 0.0 && flux.deposited == 0.0;
+    match (is_dark, is_missing) {
+        (true, _) => Some("no light meets a mirror or an interface, so that there is no caustic".into()),
+        (_, true) => Some(
+            "none of the light that mirrors and interfaces cast lands on a receiver that the caustic maps show, so that there is no caustic: \
+             give an object a receiver, or move the camera"
+                .into(),
+        ),
+        _ => None,
+    }
 }
 
 /// Sends the photons: on the GPU if there is one, else on the CPU.
@@ -190,6 +244,23 @@ fn check(inputs: &Inputs) -> Result<(), OptionError> {
     if !options.attenuation {
         return refuse("attenuation", "is off, but the density of photons falls with distance: choose on".into());
     }
+    let has_table = |o: &Object| o.receiver.as_ref().is_some_and(|receiver| matches!(receiver.gloss, Gloss::Table(_)));
+    let is_of_each_photon = options.image_space.incidence == Incidence::Photon;
+    if is_of_each_photon && inputs.backend.device().is_some() && scene.objects.iter().any(has_table) {
+        return refuse(
+            "incidence",
+            "is photon, which a GPU does not know of measured BRDFs: choose mean, or the CPU".into(),
+        );
+    }
+    let bytes = options_of(inputs).map_bytes();
+    if inputs.backend.device().is_none() && bytes > MAX_MAP_BYTES {
+        let size = options.image_space.caustic_map_size;
+        let [takes, most] = [bytes, MAX_MAP_BYTES].map(|bytes| bytes as f64 / f64::from(1 << 30));
+        let message = format!(
+            "is {size}: maps in this mode take {takes:.0} GiB, and at most {most:.0} are used; make it smaller"
+        );
+        return refuse("caustic_map_size", message);
+    }
     if scene.objects.iter().all(|object| object.specular().is_none()) {
         return refuse(
             "reflector",
@@ -222,7 +293,8 @@ fn lights(inputs: &Inputs, count: u32) -> Vec<PhotonLight> {
             if sigma_rad <= WIDEST_SPOT && prepared.light_geometry.is_none() =>
         {
             let irradiance = std::f32::consts::TAU * sigma_rad * sigma_rad * radiance;
-            vec![PhotonLight::Directional { towards: rotation * direction, irradiance, sigma_rad }]
+            let towards = rotation * direction;
+            vec![PhotonLight::Directional { towards, irradiance, sigma_rad, profile: Profile::Gaussian }]
         }
         _ => {
             let directions = segmented(&light.environment.cube, count).into_iter();
@@ -230,12 +302,23 @@ fn lights(inputs: &Inputs, count: u32) -> Vec<PhotonLight> {
                 towards: rotation * d.towards,
                 irradiance: d.irradiance,
                 sigma_rad: 0.0,
+                profile: Profile::Gaussian,
             };
             directions.map(light).collect()
         }
     };
-    let lamps = light.lamps.iter().map(|lamp: &Lamp| PhotonLight::Lamp(lamp.clone()));
+    let lamps = light.lamps.iter().map(of_lamp);
     from_far.into_iter().filter(|light| light.power_on(1.0) > 0.0).chain(lamps).collect()
+}
+
+/// The light of a lamp; of one that is far away, parallel rays.
+fn of_lamp(lamp: &Lamp) -> PhotonLight {
+    match lamp.sunlight() {
+        None => PhotonLight::Lamp(lamp.clone()),
+        Some(Sunlight { towards, irradiance, sigma_rad }) => {
+            PhotonLight::Directional { towards, irradiance, sigma_rad, profile: Profile::Disc }
+        }
+    }
 }
 
 fn receivers_alone(objects: &[Object]) -> Tracer {
@@ -251,20 +334,22 @@ fn alone(meshes: &[Mesh], objects: &[Object], is_met: impl Fn(&Object) -> bool) 
 
 impl Sum for ImageSpaceSum {
     fn irradiance<'a>(&'a self, receivers: &'a Receivers, progress: &'a dyn Progress) -> Pending<'a, Vec<[f32; 4]>> {
+        let count = self.frames.newest().map_or(0, Maps::count) as f32;
         let places = receivers.positions.par_iter().zip(&receivers.normals).enumerate();
         let sums = places.map(|(index, (&[x, y, z, _], &[nx, ny, nz, _]))| {
             let Some(object) = receivers.object(index).filter(|_| receivers.lengths.is_none()) else { return [0.0; 4] };
             let normal = Vec3::new(nx, ny, nz);
-            let light = self.maps.light_at(Vec3::new(x, y, z), normal, object);
-            let value = match &receivers.view_directions {
-                None => light.irradiance,
-                Some(viewers) => {
+            let light = self.frames.light_at(Vec3::new(x, y, z), normal, object);
+            let value = match (&receivers.view_directions, light.reflected) {
+                (None, _) => light.irradiance,
+                (Some(_), Some(reflected)) => reflected,
+                (Some(viewers), None) => {
                     let [vx, vy, vz, _] = viewers.directions[index];
                     let towards = -light.direction;
                     light.irradiance * viewers.materials.value(object, normal, towards, Vec3::new(vx, vy, vz), 0.0)
                 }
             };
-            value.extend(self.maps.count() as f32).to_array()
+            value.extend(count).to_array()
         });
         let sums = sums.collect();
         progress.advance(receivers.positions.len() as u64);
@@ -276,7 +361,7 @@ impl Sum for ImageSpaceSum {
     }
 
     fn caustic_map(&self) -> Option<MapPicture> {
-        self.maps.picture(MAP_PICTURE)
+        self.frames.newest()?.picture(MAP_PICTURE)
     }
 }
 

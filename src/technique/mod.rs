@@ -5,6 +5,7 @@
 //! that implements [`TechniqueStages`]. This module must not know pictures, camera paths or files.
 
 mod image_space;
+mod past_frames;
 mod pinhole;
 
 use std::fmt;
@@ -20,7 +21,7 @@ use crate::backend::Backend;
 use crate::differential::DifferentialSample;
 #[cfg(feature = "gpu")]
 use crate::gpu::GpuError;
-use crate::image_space::{Hits, Ledger, MapPicture, MapView, Mode, Traversal};
+use crate::image_space::{Hits, Incidence, Ledger, MapPicture, MapView, Mode, Traversal};
 use crate::options::{Evaluation, Options};
 use crate::pinhole::cpu::{Contribution, TakenCell};
 #[cfg(feature = "gpu")]
@@ -198,7 +199,7 @@ pub(crate) trait SumOnGpu {
 }
 
 /// Figures about a sum.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(crate) struct Statistics {
     /// Samples in use.
     pub samples: usize,
@@ -225,6 +226,12 @@ pub struct PhotonStatistics {
     pub traversal: Traversal,
     /// Whose view the maps are.
     pub caustic_map: MapView,
+    /// From where glossy receivers take the light.
+    pub incidence: Incidence,
+    /// Frames whose maps are averaged.
+    pub temporal_frames: u32,
+    /// Whether polygons and gathers follow the letter of the paper.
+    pub paper: bool,
     /// Photons that were followed.
     pub photons: u64,
     /// Photons that met a receiver by way of a mirror or an interface; those of a cluster may be one.

@@ -19,7 +19,7 @@ use crate::scene::{Object, Ray};
 pub(crate) use self::camera::CameraTracer;
 pub(crate) use self::packet::RayPacket;
 #[cfg(feature = "gpu")]
-pub(crate) use self::stackless::{BottomLevel, Instance, TopLevel};
+pub(crate) use self::stackless::{BottomLevel, Instance, TopLevel, unpacked_normal};
 
 /// What a ray meets first.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -192,6 +192,14 @@ pub(crate) fn packed_normal(normal: Vec3) -> u32 {
     y << 16 | x
 }
 
+/// The unit vector that [`packed_normal`] has packed.
+pub(crate) fn unpacked_normal(packed: u32) -> Vec3 {
+    let [x, y] = [packed as u16, (packed >> 16) as u16].map(|c| f32::from(c as i16) / 32767.0);
+    let z = 1.0 - x.abs() - y.abs();
+    let fold = (-z).max(0.0);
+    Vec3::new(x - fold.copysign(x), y - fold.copysign(y), z).normalize()
+}
+
 /// Adds the nodes of a hierarchy. Returns their number.
 fn add_nodes(bvh: &Bvh2, texels: &mut Vec<[u32; 4]>) -> u32 {
     let order = depth_first(bvh);
@@ -308,18 +316,12 @@ mod tests {
 
     #[test]
     fn normals_are_packed_finely() {
-        let unpacked = |packed: u32| {
-            let [x, y] = [packed as u16, (packed >> 16) as u16].map(|c| f32::from(c as i16) / 32767.0);
-            let z = 1.0 - x.abs() - y.abs();
-            let fold = (-z).max(0.0);
-            Vec3::new(x - fold.copysign(x), y - fold.copysign(y), z).normalize()
-        };
         for k in 0..1000 {
             let (sin, cos) = (2.4 * k as f32).sin_cos();
             let z = 1.0 - 0.002 * k as f32;
             let radius = (1.0 - z * z).max(0.0).sqrt();
             let normal = Vec3::new(radius * cos, radius * sin, z);
-            assert!(unpacked(packed_normal(normal)).distance(normal) < 1e-4);
+            assert!(unpacked_normal(packed_normal(normal)).distance(normal) < 1e-4);
         }
     }
 

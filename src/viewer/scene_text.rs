@@ -48,6 +48,15 @@ pub fn write_medium(document: &mut DocumentMut, old: Option<Medium>, new: Option
 pub fn write_lamps(document: &mut DocumentMut, old: &[Lamp], new: &[Lamp]) {
     let Some(tables) = document.get_mut("light").and_then(Item::as_array_of_tables_mut) else { return };
     for ((old, new), table) in old.iter().zip(new).zip(tables.iter_mut()) {
+        if let Some(light) = new.sunlight() {
+            if let Some(directional) = table.get_mut("directional").and_then(Item::as_table_like_mut)
+                && (new.position, new.intensity) != (old.position, old.intensity)
+            {
+                directional.insert("direction", vector(light.towards));
+                directional.insert("irradiance", vector(light.irradiance));
+            }
+            continue;
+        }
         if new.position != old.position {
             table["position"] = vector(new.position);
             // A beam keeps its direction.
@@ -136,7 +145,7 @@ fn changed_keys(old: &Options, new: &Options) -> Vec<(&'static str, Option<Item>
         (old.aovs != new.aovs, "aov", Some(value(aovs(new)))),
     ];
     let (was, is) = (&old.image_space, &new.image_space);
-    let of_photons: [(bool, &'static str, Option<Item>); 9] = [
+    let of_photons: [(bool, &'static str, Option<Item>); 12] = [
         (was.mode != is.mode, "mode", Some(value(is.mode.name()))),
         (was.hits != is.hits, "hits", Some(value(is.hits.name()))),
         (was.traversal != is.traversal, "traversal", Some(value(is.traversal.name()))),
@@ -146,6 +155,9 @@ fn changed_keys(old: &Options, new: &Options) -> Vec<(&'static str, Option<Item>
         (was.lights != is.lights, "lights", Some(value(i64::from(is.lights)))),
         (was.light_directions != is.light_directions, "light_directions", Some(value(i64::from(is.light_directions)))),
         (was.splat_diameter != is.splat_diameter, "splat_diameter", Some(value(number(is.splat_diameter)))),
+        (was.incidence != is.incidence, "incidence", Some(value(is.incidence.name()))),
+        (was.temporal_frames != is.temporal_frames, "temporal_frames", Some(value(i64::from(is.temporal_frames)))),
+        (was.paper != is.paper, "paper", Some(value(is.paper))),
     ];
     let changed = all.into_iter().chain(of_photons).filter(|(is_changed, ..)| *is_changed);
     changed.map(|(_, key, item)| (key, item)).collect()

@@ -8,8 +8,8 @@ use pinspot::image::{Aov, Image, rel_l2};
 use pinspot::reference::{self, Estimator, Reference, StoppingCriterion};
 use pinspot::scene::{Chain, Emitter, Scene, load};
 use pinspot::{
-    BackendChoice, CubeSize, Error, Hits, ImageSpaceOptions, Loss, MapView, Mark, Mode, NoProgress, Options, Overlay,
-    Rendered, Settings, Technique, Traversal,
+    BackendChoice, CubeSize, Error, Hits, ImageSpaceOptions, Incidence, Loss, MapView, Mark, Mode, NoProgress, Options,
+    Overlay, Rendered, Settings, Technique, Traversal,
 };
 
 use crate::support::{above_floor as scene, new_engine, render, render_again, transmittance};
@@ -155,6 +155,11 @@ fn reports_say_that_there_is_no_caustic() {
     let (_, rendered) = caustic(&scene(DARK, &format!("{LAMP}{mirror}")), options(Mode::Points, 64));
     let warnings = rendered.report.warnings;
     assert!(warnings.iter().any(|warning| warning.contains("no light meets a mirror or an interface")), "{warnings:?}");
+    // What the mirror casts upwards, no receiver is there to show.
+    let mirror = mirror.replace("back", "front").replace("translate", "rotate_deg = [0, 0, 0]\ntranslate");
+    let (_, rendered) = caustic(&scene(DARK, &format!("{LAMP}{mirror}")), options(Mode::Points, 64));
+    let warnings = rendered.report.warnings;
+    assert!(warnings.iter().any(|warning| warning.contains("lands on a receiver")), "{warnings:?}");
 }
 
 /// Flat water below a lamp, on the axis: E = I T / (h + z/n)²; in the sun everywhere E₀ cosθ T.
@@ -448,6 +453,18 @@ fn scenes_that_it_does_not_know_are_refused() {
         options.image_space.mode = Mode::ExactPolygons;
     };
     assert!(refused("ring", polygons).contains("neighbours"));
+    let of_each_photon = |_: &mut Scene, options: &mut Options| {
+        options.image_space.incidence = Incidence::Photon;
+        options.image_space.caustic_map = MapView::Light;
+    };
+    assert!(refused("ring", of_each_photon).contains("a light's map has none"));
+    assert!(refused("ring", |_, options| options.image_space.paper = true).contains("polygons and gathers"));
+    assert!(refused("ring", |_, options| options.image_space.temporal_frames = 5).contains("from 1 to 4"));
+    let large = |_: &mut Scene, options: &mut Options| {
+        options.image_space.caustic_map_size = 8192;
+        options.image_space.mode = Mode::MultiResolution;
+    };
+    assert!(refused("ring", large).contains("GiB"));
 }
 
 /// Chains are told apart: what the ball reflects and what passes it are together what it casts.

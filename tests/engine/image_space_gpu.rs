@@ -4,10 +4,10 @@ use std::sync::Arc;
 
 use glam::Vec3;
 use pinspot::image::{Aov, Image, RgbImage};
-use pinspot::scene::{Scene, Slide};
+use pinspot::scene::{Gloss, Scene, Slide};
 use pinspot::{
-    BackendChoice, CubeSize, Error, Hits, ImageSpaceOptions, MapView, Mode, Options, PhotonStatistics, Rendered,
-    Technique, Traversal,
+    BackendChoice, CubeSize, Error, Hits, ImageSpaceOptions, Incidence, MapView, Mode, Options, PhotonStatistics,
+    Rendered, Technique, Traversal,
 };
 
 use crate::support::{above_floor, gpu_backend, render};
@@ -150,6 +150,7 @@ fn back_ends_agree_on_clusters() {
         (Traversal::TexelError, Mode::Splats, MapView::Eye),
         (Traversal::TexelError, Mode::Footprints, MapView::Light),
         (Traversal::TexelError, Mode::Gather, MapView::Eye),
+        (Traversal::TexelError, Mode::MultiResolution, MapView::Eye),
     ] {
         let mut options = options(mode, map);
         options.image_space.photons = 1024;
@@ -176,6 +177,61 @@ fn back_ends_agree_on_clusters() {
         } else if map == MapView::Eye {
             assert!(2 * gpu.photons_used < of_maximal_level, "{label}: {}", gpu.photons_used);
         }
+    }
+}
+
+/// Light through one closed object and another, by rays and in images of each, from directional light of some extent.
+#[test]
+fn back_ends_agree_on_two_closed_objects() {
+    let sun = "[[light]]\ndirectional = { direction = [0.1, 1, 0.05], irradiance = [1, 2, 3], sigma_rad = 0.01 }\n";
+    let ball = |x: f32, height: f32| {
+        format!(
+            "[[object]]\nshape = {{ sphere = {{ radius = 0.3 }} }}\ntranslate = [{x}, {height}, 0]\n\
+             refractor = {{ eta = 1.3, interfaces = 2 }}\ncamera_visible = false\n"
+        )
+    };
+    let lit = above_floor(DARK, &format!("{sun}{}{}", ball(0.0, 0.5), ball(0.1, 1.3)));
+    for (hits, aov) in [(Hits::Traced, Aov::CausticTTTT), (Hits::Traced, Aov::Caustic), (Hits::Image, Aov::CausticTTTT)]
+    {
+        let mut options = options(Mode::ExactPolygons, MapView::Eye).with_aovs(vec![aov]);
+        options.image_space.hits = hits;
+        let error = compare(&format!("{} {}", hits.name(), aov.name()), &lit, &options);
+        assert!(error < if hits == Hits::Traced { 2e-3 } else { 2e-2 }, "{} {}: {error}", hits.name(), aov.name());
+    }
+}
+
+/// What glossy floors reflect of photons, by each way of telling from where they come.
+#[test]
+fn back_ends_agree_on_gloss() {
+    let (ring, _) = pinspot::load("ring").unwrap();
+    let glosses = [
+        Gloss::Phong { specular: Vec3::splat(0.3), exponent: 20.0 },
+        Gloss::Ggx { specular: Vec3::splat(0.2), roughness: 0.4 },
+    ];
+    for (gloss, incidence) in
+        [(0, Incidence::Photon), (0, Incidence::Mean), (1, Incidence::Photon), (1, Incidence::Light)]
+    {
+        let mut lit = ring.clone();
+        lit.objects
+            .iter_mut()
+            .filter_map(|object| object.receiver.as_mut())
+            .for_each(|r| r.gloss = glosses[gloss].clone());
+        let mut options = options(Mode::ExactPolygons, MapView::Eye).with_aovs(vec![Aov::Beauty]);
+        options.image_space.incidence = incidence;
+        let error = compare(&format!("gloss {gloss} {}", incidence.name()), &lit, &options);
+        assert!(error < 2e-3, "gloss {gloss} {}: {error}", incidence.name());
+    }
+}
+
+/// Averaged frames, and the equations of the paper.
+#[test]
+fn back_ends_agree_on_frames_and_on_the_papers_equations() {
+    let (ring, _) = pinspot::load("ring").unwrap();
+    for (mode, frames, paper) in [(Mode::Points, 3, false), (Mode::Polygons, 1, true), (Mode::Gather, 1, true)] {
+        let mut options = options(mode, MapView::Eye);
+        (options.image_space.temporal_frames, options.image_space.paper) = (frames, paper);
+        let error = compare(&format!("{} of {frames} frames", mode.name()), &ring, &options);
+        assert!(error < 2e-3, "{} of {frames} frames: {error}", mode.name());
     }
 }
 

@@ -22,6 +22,7 @@ mod hierarchy;
 mod hierarchy_gpu;
 mod image_space;
 mod image_space_gpu;
+mod image_space_papers;
 mod independence;
 mod lamps;
 mod media;

@@ -250,6 +250,7 @@ mod tests {
             radius: 1e-4,
             intensity: Vec3::ONE,
             beam: None,
+            is_distant: false,
         };
         let ray = Ray { origin: Vec3::new(0.1, 0.0, 1.0), direction: Vec3::new(0.0, 0.6, -0.8) };
         let (start, end, steps) = (0.2f32, 3.0, 4096);

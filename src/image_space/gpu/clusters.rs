@@ -22,7 +22,7 @@ pub(super) struct Traverser<'a> {
     pub from: Source<'a>,
     pub kind: Kind,
     /// Where photons land: the map tells how far they lie from each other.
-    pub map: &'a MapOnGpu,
+    pub map: &'a MapOnGpu<'a>,
     pub traversal: Traversal,
     /// Photons along an edge of the finest grid; a power of two.
     pub finest: u32,

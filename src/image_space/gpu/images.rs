@@ -1,17 +1,19 @@
-//! Images of what a light's view shows, drawn by the rasterizer: the first and the last surfaces in one pass over the triangles, and the
-//! receivers alone. CPU twin: [`crate::image_space::surface_images`]. Shaders: `shaders/surface_images.wgsl`, `shared/image_hits.wgsl`.
+//! Images of what a light's view shows, drawn by the rasterizer: the first and the last surfaces in one pass over the triangles, the
+//! receivers alone and, where there are several closed objects, each of them alone. CPU twin: [`crate::image_space::surface_images`]. Shaders: `shaders/surface_images.wgsl`, `shared/image_hits.wgsl`.
 
 use wgpu::{BindingResource, BufferUsages, CommandEncoder, RenderPipeline, ShaderStages, TextureFormat, TextureUsages};
 
 use super::Device;
 use super::layout::{DrawUniforms, ImagePlaneUniforms};
 use crate::gpu::{GpuError, buffer_with};
+use crate::image_space::constants::{SHOWS_ALL, SHOWS_BACK, SHOWS_FIRST_AND_LAST, SHOWS_FRONT};
 use crate::image_space::lights::LightView;
 use crate::image_space::maps::MapInputs;
 use crate::image_space::projection::Projection;
 use crate::pinhole::gpu::pipeline::{bind, entry, layout, seen_by, storage, texture, window};
 use crate::pinhole::gpu::shaders::SURFACE_IMAGES;
 use crate::pinhole::gpu::{DYNAMIC_OFFSET, Geometry, ray_entries, storage_buffer};
+use crate::scene::Chain;
 
 /// Normals with depths, and packed normals, objects and sides.
 const FORMATS: [TextureFormat; 2] = [TextureFormat::Rgba32Float, TextureFormat::Rgba32Uint];
@@ -117,24 +119,75 @@ pub(super) fn draw_images(
     let plane = view.projection.resized(size);
     let of_receivers = inputs.receiver_planes(view, size);
     let in_view = textures(on, [2 * size, size], 1);
-    let receivers = textures(on, [size; 2], of_receivers.len() as u32);
+    let solids = several_solids(inputs);
+    let layers = (of_receivers.len() + 2 * solids.len()) as u32;
+    let most = on.limits().max_texture_array_layers;
+    if layers > most {
+        return Err(GpuError::TooManySolids { count: solids.len(), limit: (most as usize - of_receivers.len()) / 2 });
+    }
+    let others = textures(on, [size; 2], layers);
     let draws = Draws { device, pipelines, inputs, surfaces };
     let mut encoder = on.create_command_encoder(&Default::default());
-    draws.draw(&mut encoder, &plane, (&in_view, 0), true);
-    for (layer, plane) in (0..).zip(&of_receivers) {
-        draws.draw(&mut encoder, plane, (&receivers, layer), false);
+    draws.draw(&mut encoder, &plane, (&in_view, 0), Content::FirstAndLast);
+    let of_solids = solids.iter().flat_map(|solid| [(&plane, Content::Front(*solid)), (&plane, Content::Back(*solid))]);
+    let contents: Vec<_> = of_receivers.iter().map(|plane| (plane, Content::Receivers)).chain(of_solids).collect();
+    for (layer, (plane, content)) in (0..).zip(&contents) {
+        draws.draw(&mut encoder, plane, (&others, layer), *content);
     }
     device.gpu.queue.submit([encoder.finish()]);
-    let uniforms = |plane: &Projection| ImagePlaneUniforms {
+    let uniforms = |(plane, content): (&Projection, Content)| ImagePlaneUniforms {
         plane: plane.into(),
         size,
         receivers: of_receivers.len() as u32,
         diagonal: inputs.bounds.diagonal() as f32,
-        padding: 0,
+        solids: solids.len() as u32,
+        object: content.object().unwrap_or(0),
+        padding: [0; 3],
     };
-    let planes: Vec<ImagePlaneUniforms> = std::iter::once(&plane).chain(&of_receivers).map(uniforms).collect();
+    let first = std::iter::once((&plane, Content::FirstAndLast));
+    let planes: Vec<ImagePlaneUniforms> = first.chain(contents).map(uniforms).collect();
     let planes = storage_buffer(on, "planes of images", bytemuck::cast_slice(&planes));
-    Ok(group(on, pipelines, &planes, [&in_view, &receivers]))
+    Ok(group(on, pipelines, &planes, [&in_view, &others]))
+}
+
+/// The closed objects that have images of their own; none where there is only one, whose surfaces the light sees as the first and the last.
+fn several_solids(inputs: &MapInputs) -> Vec<u32> {
+    let objects = inputs.surroundings.objects.iter().enumerate();
+    let solids: Vec<u32> =
+        objects.filter(|(_, object)| object.casts(Chain::TT)).map(|(number, _)| number as u32).collect();
+    if solids.len() > 1 { solids } else { Vec::new() }
+}
+
+/// What an image shows.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Content {
+    /// In its halves the nearest surfaces, and the farthest ones of closed objects.
+    FirstAndLast,
+    Receivers,
+    /// The fronts of an object.
+    Front(u32),
+    /// Its backs, the farthest ones.
+    Back(u32),
+}
+
+impl Content {
+    /// The object that it shows alone.
+    fn object(self) -> Option<u32> {
+        match self {
+            Self::FirstAndLast | Self::Receivers => None,
+            Self::Front(object) | Self::Back(object) => Some(object),
+        }
+    }
+
+    /// The shader's `SHOWS_…` constants.
+    fn constant(self) -> u32 {
+        match self {
+            Self::FirstAndLast => SHOWS_FIRST_AND_LAST,
+            Self::Receivers => SHOWS_ALL,
+            Self::Front(_) => SHOWS_FRONT,
+            Self::Back(_) => SHOWS_BACK,
+        }
+    }
 }
 
 /// Normals with depths, and packed surfaces.
@@ -178,19 +231,23 @@ struct Draws<'a> {
 }
 
 impl Draws<'_> {
-    /// Draws the first and the last surfaces side by side, or the receivers alone, into a layer.
+    /// Draws an image into a layer.
     fn draw(
         &self,
         encoder: &mut CommandEncoder,
         plane: &Projection,
         (textures, layer): (&Textures, u32),
-        has_halves: bool,
+        content: Content,
     ) {
         let on = &self.device.gpu.device;
         let geometry: &Geometry = self.device.geometry;
         let objects = self.inputs.surroundings.objects;
-        let receives = |number: u32| objects[number as usize].receiver.is_some();
-        let drawn: Vec<_> = geometry.draws().iter().filter(|draw| has_halves || receives(draw.object)).collect();
+        let is_shown = |number: u32| match content {
+            Content::FirstAndLast => true,
+            Content::Receivers => objects[number as usize].receiver.is_some(),
+            Content::Front(object) | Content::Back(object) => object == number,
+        };
+        let drawn: Vec<_> = geometry.draws().iter().filter(|draw| is_shown(draw.object)).collect();
         let (near, far) = self.range(plane);
         let mut bytes = Vec::new();
         for draw in &drawn {
@@ -200,7 +257,7 @@ impl Draws<'_> {
                 near: near as f32,
                 far: far as f32,
                 instance: draw.first_texel,
-                has_halves: u32::from(has_halves),
+                shown: content.constant(),
                 padding: [0; 3],
             }));
             bytes.resize(bytes.len().next_multiple_of(DYNAMIC_OFFSET as usize), 0);
@@ -220,7 +277,7 @@ impl Draws<'_> {
         pass.set_bind_group(3, &geometry, &[]);
         for (k, draw) in (0..).zip(drawn) {
             pass.set_bind_group(0, &of_draw, &[k * DYNAMIC_OFFSET as u32]);
-            pass.draw(0..3 * draw.triangles, 0..if has_halves { 2 } else { 1 });
+            pass.draw(0..3 * draw.triangles, 0..if content == Content::FirstAndLast { 2 } else { 1 });
         }
     }
 

@@ -4,16 +4,21 @@
 use bytemuck::{Pod, Zeroable};
 use glam::{DVec3, Vec3};
 
+use crate::brdf::Material;
+use crate::image_space::caustic_map::ForGloss;
 use crate::image_space::constants::{
-    CHAIN_R, CHAIN_T, CHAIN_TT, CLUSTER_ROW, IS_FRESNEL_SURFACE, IS_SOLID, IS_SURFACE, MODE_EXACT_POLYGONS,
-    MODE_FOOTPRINTS, MODE_GATHER, MODE_MULTI_RESOLUTION, MODE_POINTS, MODE_POLYGONS, MODE_SPLATS, MODE_THICK_LENS,
-    MODE_THIN_LENS, RECEIVES_PHOTONS, REFLECTS_BEHIND, REFLECTS_IN_FRONT,
+    CHAIN_R, CHAIN_T, CHAIN_TT, CHAIN_TTTT, CLUSTER_ROW, IS_FRESNEL_SURFACE, IS_SOLID, IS_SURFACE, KEEPS_DIRECTIONS,
+    KEEPS_NOTHING, KEEPS_REFLECTED, KEEPS_UNDEFLECTED, MODE_EXACT_POLYGONS, MODE_FOOTPRINTS, MODE_GATHER,
+    MODE_MULTI_RESOLUTION, MODE_POINTS, MODE_POLYGONS, MODE_SPLATS, MODE_THICK_LENS, MODE_THIN_LENS, RECEIVES_PHOTONS,
+    REFLECTS_BEHIND, REFLECTS_IN_FRONT,
 };
 use crate::image_space::options::Mode;
 use crate::image_space::projection::Projection;
+use crate::image_space::receiver_layers::Texel;
 use crate::image_space::strips::Strip;
 use crate::pinhole::gpu::LampUniforms;
 use crate::scene::{Chain, Interfaces, Object, Sides};
+use crate::tracing::unpacked_normal;
 
 /// Bytes of a photon, of its way, and of its place in a map.
 pub(super) const PHOTON_BYTES: [u64; 3] =
@@ -71,6 +76,9 @@ pub(crate) struct ViewUniforms {
     pub seed: u32,
     pub all_rows: u32,
     pub cluster_count: u32,
+    pub is_papers: u32,
+    pub offset: [f32; 2],
+    pub is_disc: u32,
     pub(super) padding: [u32; 3],
 }
 
@@ -117,7 +125,7 @@ pub(crate) struct MapUniforms {
     pub plane: PlaneUniforms,
     pub size: [u32; 2],
     pub is_camera: u32,
-    pub has_directions: u32,
+    pub kept: u32,
     pub columns: u32,
     pub rows: u32,
     pub first_own_row: u32,
@@ -130,6 +138,10 @@ pub(crate) struct MapUniforms {
     pub is_first: u32,
     pub layers: u32,
     pub clusters: u32,
+    pub light: [f32; 3],
+    pub is_light_far: u32,
+    pub is_alone: u32,
+    pub(super) padding: [u32; 3],
 }
 
 /// A plane of an image of surfaces.
@@ -140,7 +152,9 @@ pub(crate) struct ImagePlaneUniforms {
     pub size: u32,
     pub receivers: u32,
     pub diagonal: f32,
-    pub(super) padding: u32,
+    pub solids: u32,
+    pub object: u32,
+    pub(super) padding: [u32; 3],
 }
 
 /// A plane, and what is drawn into it.
@@ -152,7 +166,7 @@ pub(crate) struct DrawUniforms {
     pub near: f32,
     pub far: f32,
     pub instance: u32,
-    pub has_halves: u32,
+    pub shown: u32,
     pub(super) padding: [u32; 3],
 }
 
@@ -162,6 +176,10 @@ pub(crate) struct DrawUniforms {
 pub(crate) struct GpuSurface {
     pub eta: [f32; 3],
     pub flags: u32,
+    pub albedo: [f32; 3],
+    pub kind: u32,
+    pub specular: [f32; 3],
+    pub width: f32,
     pub curve: u32,
     padding: [u32; 3],
 }
@@ -194,6 +212,24 @@ pub(crate) struct GpuWay {
     padding_3: u32,
 }
 
+/// A receiver that a texel of a map shows.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub(crate) struct GpuTexel {
+    pub position: [f32; 3],
+    pub object: u32,
+    pub edge: f32,
+    pub part: f32,
+    pub normal: u32,
+    padding: u32,
+}
+
+impl From<GpuTexel> for Texel {
+    fn from(GpuTexel { position, object, edge, part, normal, .. }: GpuTexel) -> Self {
+        Self { position: position.into(), object, normal: unpacked_normal(normal), edge, part }
+    }
+}
+
 /// Where a photon lands in a map.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
@@ -204,9 +240,12 @@ pub(crate) struct GpuPlace {
 }
 
 impl GpuSurface {
-    /// Of an object; `curve`: the number of its curve of reflectance.
-    pub fn new(object: &Object, curve: u32) -> Self {
+    /// Of an object; `curve`: the number of its curve of reflectance. `material`: its BRDF, where that has to be known.
+    pub fn new(object: &Object, curve: u32, material: Option<&Material>) -> Self {
         let mut surface = Self { curve, ..Self::default() };
+        if let Some(Material { albedo, kind, specular, width, .. }) = material {
+            surface = Self { albedo: *albedo, kind: *kind, specular: *specular, width: *width, ..surface };
+        }
         if let Some(reflector) = object.reflector {
             surface.flags |= match reflector.sides {
                 Sides::Front => REFLECTS_IN_FRONT,
@@ -232,6 +271,7 @@ pub(super) fn chain_constant(chain: Chain) -> u32 {
         Chain::R => CHAIN_R,
         Chain::T => CHAIN_T,
         Chain::TT => CHAIN_TT,
+        Chain::TTTT => CHAIN_TTTT,
     }
 }
 
@@ -247,6 +287,16 @@ pub(super) fn mode_constant(mode: Mode) -> u32 {
         Mode::ThinLens => MODE_THIN_LENS,
         Mode::ThickLens => MODE_THICK_LENS,
         Mode::Footprints => MODE_FOOTPRINTS,
+    }
+}
+
+/// The shader's `KEEPS_…` constants.
+pub(super) fn kept_constant(kept: ForGloss) -> u32 {
+    match kept {
+        ForGloss::Nothing => KEEPS_NOTHING,
+        ForGloss::Directions => KEEPS_DIRECTIONS,
+        ForGloss::Undeflected => KEEPS_UNDEFLECTED,
+        ForGloss::Reflected(_) => KEEPS_REFLECTED,
     }
 }
 

@@ -5,52 +5,51 @@ use std::sync::atomic::AtomicU32;
 
 use wgpu::BufferUsages;
 
+use super::layout::GpuTexel;
 use crate::gpu::{Gpu, GpuError};
 use crate::image_space::Deposits;
-use crate::image_space::caustic_map::{CausticMap, IrradianceMap, watts_per_step};
-use crate::image_space::constants::{MAX_RECEIVER_LAYERS, SPLAT_SIZES};
+use crate::image_space::caustic_map::{CausticMap, ForGloss, watts_per_step};
+use crate::image_space::constants::{MAX_RECEIVER_LAYERS, MAX_VISIBLE_LAYERS, SPLAT_SIZES};
+use crate::image_space::irradiance_map::IrradianceMap;
 use crate::image_space::ledger::Ledger;
 use crate::image_space::maps::MapInputs;
 use crate::image_space::multi_resolution::Resolutions;
-use crate::image_space::options::Mode;
+use crate::image_space::options::{ImageSpaceOptions, Mode, Traversal};
 use crate::image_space::projection::Projection;
-use crate::image_space::receiver_layers::{ReceiverLayers, Texel};
-
-/// Words of a texel's sums without directions, and with them.
-const WORDS: [usize; 2] = [6, 12];
+use crate::image_space::receiver_layers::ReceiverLayers;
 
 /// A map that photons are added to.
 #[derive(Debug)]
-pub(super) struct MapOnGpu {
+pub(super) struct MapOnGpu<'a> {
     pub projection: Projection,
     /// It shows what the camera sees; otherwise the receivers alone.
     pub is_camera: bool,
     /// Receivers that each texel shows at most.
     pub layers: u32,
-    pub has_directions: bool,
+    pub kept: ForGloss<'a>,
     pub watts_per_step: f64,
     pub texels: wgpu::Buffer,
     pub sums: wgpu::Buffer,
     pub counts: wgpu::Buffer,
 }
 
-impl MapOnGpu {
-    /// An empty one of what the camera sees, or of so many layers of receivers.
+impl<'a> MapOnGpu<'a> {
+    /// An empty one of what the camera sees or, of receivers one behind the other, of so many layers.
     ///
     /// # Errors
     /// It does not fit in the device's buffers.
     pub fn new(
         gpu: &Gpu,
-        inputs: &MapInputs,
+        inputs: &MapInputs<'a>,
         projection: Projection,
         receivers: Option<u32>,
     ) -> Result<Self, GpuError> {
-        let texels = projection.texel_count() as u64 * u64::from(receivers.unwrap_or(1));
-        let splat_sizes = u64::from(splat_sizes_of(inputs.options.mode));
-        let words = WORDS[usize::from(inputs.has_directions)] as u64;
-        let has_counts = matches!(inputs.options.mode, Mode::Gather | Mode::MultiResolution);
+        let texels = projection.texel_count() as u64 * u64::from(receivers.unwrap_or(MAX_VISIBLE_LAYERS));
+        let splat_sizes = u64::from(splat_sizes_of(inputs.options));
+        let words = words_of(inputs.for_gloss(receivers.is_none())) as u64;
+        let has_counts = splat_sizes > 1 || inputs.options.mode == Mode::Gather;
         let sizes = [
-            texels * size_of::<Texel>() as u64,
+            texels * size_of::<GpuTexel>() as u64,
             texels * splat_sizes * words * size_of::<u32>() as u64,
             if has_counts { texels * splat_sizes * size_of::<u32>() as u64 } else { 16 },
         ];
@@ -63,13 +62,13 @@ impl MapOnGpu {
     }
 
     /// One without texels, in which layers are counted.
-    pub fn to_count_layers(gpu: &Gpu, inputs: &MapInputs, projection: Projection) -> Self {
+    pub fn to_count_layers(gpu: &Gpu, inputs: &MapInputs<'a>, projection: Projection) -> Self {
         Self::with_buffers(gpu, inputs, (projection, Some(MAX_RECEIVER_LAYERS)), [64; 3])
     }
 
     fn with_buffers(
         gpu: &Gpu,
-        inputs: &MapInputs,
+        inputs: &MapInputs<'a>,
         (projection, receivers): (Projection, Option<u32>),
         [texels, sums, counts]: [u64; 3],
     ) -> Self {
@@ -85,8 +84,8 @@ impl MapOnGpu {
         Self {
             projection,
             is_camera: receivers.is_none(),
-            layers: receivers.unwrap_or(1),
-            has_directions: inputs.has_directions,
+            layers: receivers.unwrap_or(MAX_VISIBLE_LAYERS),
+            kept: inputs.for_gloss(receivers.is_none()),
             watts_per_step: watts_per_step(inputs.total_watts()),
             texels: buffer("texels of a caustic map", texels),
             sums: buffer("sums of a caustic map", sums),
@@ -101,24 +100,26 @@ impl MapOnGpu {
     }
 
     /// Reads the sums. Returns the finished map, and what is left of the account.
-    pub async fn finish(self, gpu: &Gpu, mode: Mode) -> Result<(IrradianceMap, Ledger), GpuError> {
-        let texels: Vec<Texel> = read(gpu, &self.texels).await?;
+    pub async fn finish(self, gpu: &Gpu, options: &ImageSpaceOptions) -> Result<(IrradianceMap, Ledger), GpuError> {
+        let texels: Vec<GpuTexel> = read(gpu, &self.texels).await?;
         let sums: Vec<u32> = read(gpu, &self.sums).await?;
-        let words = WORDS[usize::from(self.has_directions)];
+        let words = words_of(self.kept);
+        let mode = options.mode;
         let count = texels.len();
-        let shown = Arc::new(ReceiverLayers::of_texels(self.projection, texels));
+        let shown =
+            Arc::new(ReceiverLayers::of_texels(self.projection, texels.into_iter().map(GpuTexel::into).collect()));
         let map = |size: usize| {
             let of_size = &sums[size * count * words..(size + 1) * count * words];
             let part = |first: usize| of_size.chunks(words).map(|texel| integers(&texel[first..first + 6])).collect();
-            let directions = if self.has_directions { part(6) } else { Vec::new() };
-            CausticMap::of_sums(shown.clone(), [part(0), directions], self.watts_per_step)
+            let for_gloss = if words > 6 { part(6) } else { Vec::new() };
+            CausticMap::of_sums(shown.clone(), [part(0), for_gloss], (self.watts_per_step, self.kept))
         };
         let mut deposits = Deposits { map: map(0), mode, resolutions: None, counts: Vec::new() };
         if mode == Mode::Gather {
             let counts: Vec<u32> = read(gpu, &self.counts).await?;
             deposits.counts = counts.into_iter().map(AtomicU32::new).collect();
         }
-        if mode == Mode::MultiResolution {
+        if splat_sizes_of(options) > 1 {
             let counts: Vec<u32> = read(gpu, &self.counts).await?;
             let maps = (0..SPLAT_SIZES as usize).map(map).collect();
             deposits.resolutions =
@@ -129,8 +130,14 @@ impl MapOnGpu {
     }
 }
 
-fn splat_sizes_of(mode: Mode) -> u32 {
-    if mode == Mode::MultiResolution { SPLAT_SIZES } else { 1 }
+/// Words of a texel's sums.
+fn words_of(kept: ForGloss) -> usize {
+    if matches!(kept, ForGloss::Nothing) { 6 } else { 12 }
+}
+
+/// How many sizes of splats have sums of their own; clusters are added to one each.
+fn splat_sizes_of(options: &ImageSpaceOptions) -> u32 {
+    if options.mode == Mode::MultiResolution && options.traversal == Traversal::Dense { SPLAT_SIZES } else { 1 }
 }
 
 /// Three signed integers of two words each.

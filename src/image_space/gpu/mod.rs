@@ -11,19 +11,19 @@ mod pipelines;
 
 #[cfg(test)]
 pub(crate) use self::layout::{
-    ClusterUniforms, DrawUniforms, GpuPhoton, GpuPlace, GpuSurface, GpuWay, ImagePlaneUniforms, MapUniforms,
+    ClusterUniforms, DrawUniforms, GpuPhoton, GpuPlace, GpuSurface, GpuTexel, GpuWay, ImagePlaneUniforms, MapUniforms,
     PlaneUniforms, ViewUniforms,
 };
 pub(crate) use self::pipelines::PhotonPipelines;
 #[cfg(test)]
-pub(crate) use super::{receiver_layers::Texel, strips::Strip};
+pub(crate) use super::strips::Strip;
 
 use self::clusters::{CoverageOnGpu, Traverser};
 use self::layout::Block;
 use self::map::MapOnGpu;
 use self::passes::{Passes, Source};
-use super::caustic_map::IrradianceMap;
 use super::coverage::Coverage;
+use super::irradiance_map::IrradianceMap;
 use super::ledger::Ledger;
 use super::lights::LightView;
 use super::maps::{FewPhotons, MapInputs, Maps};
@@ -67,14 +67,14 @@ struct MapsOnGpu<'a> {
     inputs: &'a MapInputs<'a>,
     passes: Passes<'a>,
     few: Vec<FewPhotons>,
-    eye: Option<MapOnGpu>,
+    eye: Option<MapOnGpu<'a>>,
     /// With the camera's map, one for each chain.
-    shared: Vec<(Chain, MapOnGpu)>,
+    shared: Vec<(Chain, MapOnGpu<'a>)>,
     finished: Vec<(IrradianceMap, Ledger)>,
     photons: u64,
 }
 
-impl MapsOnGpu<'_> {
+impl<'a> MapsOnGpu<'a> {
     async fn begin(&mut self) -> Result<(), Error> {
         if self.inputs.options.caustic_map == MapView::Light {
             return Ok(());
@@ -89,12 +89,12 @@ impl MapsOnGpu<'_> {
     }
 
     /// A map of all receivers along its rays.
-    async fn map_of_receivers(&self, projection: Projection) -> Result<MapOnGpu, GpuError> {
+    async fn map_of_receivers(&self, projection: Projection) -> Result<MapOnGpu<'a>, GpuError> {
         let layers = self.passes.count_layers(projection).await?;
         self.map(projection, Some(layers))
     }
 
-    fn map(&self, projection: Projection, receivers: Option<u32>) -> Result<MapOnGpu, GpuError> {
+    fn map(&self, projection: Projection, receivers: Option<u32>) -> Result<MapOnGpu<'a>, GpuError> {
         let map = MapOnGpu::new(self.device.gpu, self.inputs, projection, receivers)?;
         self.passes.find_receivers(&map);
         Ok(map)
@@ -120,13 +120,13 @@ impl MapsOnGpu<'_> {
             }
         }
         for map in own {
-            self.finished.push(map.finish(self.device.gpu, inputs.options.mode).await?);
+            self.finished.push(map.finish(self.device.gpu, inputs.options).await?);
         }
         Ok(())
     }
 
     /// Emits all photons of a view, strip by strip, and adds them to maps.
-    async fn add_view(&self, view: &LightView, own: &[MapOnGpu], progress: &dyn Progress) -> Result<(), Error> {
+    async fn add_view(&self, view: &LightView, own: &[MapOnGpu<'_>], progress: &dyn Progress) -> Result<(), Error> {
         let light = &self.passes.light(&view.light)?;
         let images = &self.passes.images(view)?;
         for strip in strips(view.projection.size) {
@@ -151,7 +151,7 @@ impl MapsOnGpu<'_> {
     async fn add_clusters(
         &self,
         view: &LightView,
-        own: &[MapOnGpu],
+        own: &[MapOnGpu<'_>],
         traversal: Traversal,
         progress: &dyn Progress,
     ) -> Result<u64, Error> {
@@ -182,7 +182,7 @@ impl MapsOnGpu<'_> {
         &self,
         encoder: &mut wgpu::CommandEncoder,
         (view, chain): (&LightView, Chain),
-        own: &[MapOnGpu],
+        own: &[MapOnGpu<'_>],
         block: Block,
     ) {
         if let Some(eye) = &self.eye {
@@ -199,18 +199,17 @@ impl MapsOnGpu<'_> {
     async fn finish(self) -> Result<Maps, Error> {
         let Self { device, inputs, passes, few, eye, shared, finished, photons } = self;
         let (mut ledger, photons_used) = passes.ledger().await?;
-        let mode = inputs.options.mode;
         let mut lights = Vec::new();
         let eye = match eye {
             Some(map) => {
-                let (map, rest) = map.finish(device.gpu, mode).await?;
+                let (map, rest) = map.finish(device.gpu, inputs.options).await?;
                 ledger += rest;
                 Some(map)
             }
             None => None,
         };
         for (_, map) in shared {
-            lights.push(map.finish(device.gpu, mode).await?.0);
+            lights.push(map.finish(device.gpu, inputs.options).await?.0);
         }
         for (map, rest) in finished {
             ledger += rest;

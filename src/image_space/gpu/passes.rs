@@ -7,16 +7,16 @@ use super::Device;
 use super::images::{draw_images, no_images};
 use super::layout::{
     Block, ClusterUniforms, GpuSurface, MapUniforms, PHOTON_BYTES, ViewUniforms, chain_constant, channels,
-    mode_constant,
+    kept_constant, mode_constant,
 };
 use super::map::MapOnGpu;
 use crate::gpu::{GpuError, buffer_with};
 use crate::image_space::constants::{CLUSTER_ROW, LEDGER_ENTRIES};
-use crate::image_space::emission::Kind;
+use crate::image_space::emission::{Kind, Pattern};
 use crate::image_space::ledger::Ledger;
-use crate::image_space::lights::{LightView, PhotonLight};
+use crate::image_space::lights::{LightView, PhotonLight, Profile};
 use crate::image_space::maps::MapInputs;
-use crate::image_space::options::{Hits, Mode};
+use crate::image_space::options::{Hits, Incidence, Mode};
 use crate::image_space::projection::Projection;
 use crate::image_space::strips::{Strip, photons_of_strip};
 use crate::pinhole::CURVE_POINTS;
@@ -162,6 +162,8 @@ impl<'a> Passes<'a> {
             PhotonLight::Directional { irradiance, sigma_rad, .. } => (*irradiance, *sigma_rad),
             PhotonLight::Lamp(lamp) => (lamp.intensity, lamp.radius),
         };
+        let is_disc = matches!(&view.light, PhotonLight::Directional { profile: Profile::Disc, .. });
+        let Pattern { seed, offset, is_papers } = self.inputs.pattern;
         let [columns, all_rows] = view.projection.size;
         ViewUniforms {
             plane: (&view.projection).into(),
@@ -176,8 +178,11 @@ impl<'a> Passes<'a> {
             columns,
             steps_per_watt: self.steps_per_watt(),
             has_ways: u32::from(matches!(self.inputs.options.mode, Mode::ThinLens | Mode::ThickLens)),
-            seed: self.inputs.seed as u32,
+            seed: seed as u32,
             all_rows,
+            is_papers: u32::from(is_papers),
+            offset: offset.as_vec2().to_array(),
+            is_disc: u32::from(is_disc),
             ..ViewUniforms::default()
         }
     }
@@ -253,23 +258,27 @@ impl<'a> Passes<'a> {
     /// The device is lost.
     pub async fn count_layers(&self, projection: Projection) -> Result<u32, GpuError> {
         let map = MapOnGpu::to_count_layers(self.device.gpu, self.inputs, projection);
-        self.run_over_texels(&map, &self.device.pipelines.count_layers);
+        self.run_over_texels(&map, &[&self.device.pipelines.count_layers]);
         map.counted_layers(self.device.gpu).await
     }
 
     /// Finds what the texels of a map show. Submits.
     pub fn find_receivers(&self, map: &MapOnGpu) {
-        self.run_over_texels(map, &self.device.pipelines.find_receivers);
+        let pipelines = self.device.pipelines;
+        let of_camera = [&pipelines.find_receivers, &pipelines.find_parts, &pipelines.settle_parts];
+        self.run_over_texels(map, if map.is_camera { &of_camera } else { &of_camera[..1] });
     }
 
-    fn run_over_texels(&self, map: &MapOnGpu, pipeline: &wgpu::ComputePipeline) {
+    fn run_over_texels(&self, map: &MapOnGpu, pipelines: &[&wgpu::ComputePipeline]) {
         let gpu = self.device.gpu;
         let mut encoder = gpu.device.create_command_encoder(&Default::default());
         let own = self.bind_map(map, self.uniforms(map), &self.ledger);
         let mut pass = begin(&mut encoder, "receivers of a caustic map");
-        pass.set_pipeline(pipeline);
         self.set_groups(&mut pass, [&own, &self.of_surfaces, &self.nothing]);
-        dispatch(&mut pass, map.projection.size);
+        for pipeline in pipelines {
+            pass.set_pipeline(pipeline);
+            dispatch(&mut pass, map.projection.size);
+        }
         drop(pass);
         gpu.queue.submit([encoder.finish()]);
     }
@@ -298,7 +307,13 @@ impl<'a> Passes<'a> {
         ledger: &wgpu::Buffer,
     ) {
         let Block { columns, strip, clusters } = block;
+        let (light, is_light_far) = match &view.light {
+            PhotonLight::Directional { towards, .. } => (-*towards, true),
+            PhotonLight::Lamp(lamp) => (lamp.position, false),
+        };
         let uniforms = MapUniforms {
+            light: light.to_array(),
+            is_light_far: u32::from(is_light_far),
             columns,
             rows: strip.rows,
             first_own_row: strip.first_own_row,
@@ -327,7 +342,8 @@ impl<'a> Passes<'a> {
             plane: (&map.projection).into(),
             size: map.projection.size,
             is_camera: u32::from(map.is_camera),
-            has_directions: u32::from(map.has_directions),
+            kept: kept_constant(map.kept),
+            is_alone: u32::from(options.paper),
             steps_per_watt: self.steps_per_watt(),
             mode: mode_constant(options.mode),
             diameter: options.splat_diameter,
@@ -396,16 +412,18 @@ fn dispatch(pass: &mut wgpu::ComputePass, [columns, rows]: [u32; 2]) {
 /// What the objects do to photons, and curves of reflectance, one after another.
 fn surfaces(inputs: &MapInputs) -> (Vec<GpuSurface>, Vec<[f32; 4]>) {
     let mut curves = Vec::new();
-    let surface = |(object, mirror): (&crate::scene::Object, &Option<crate::reflectance::Curve>)| {
+    let surface = |(index, (object, mirror)): (usize, (&crate::scene::Object, &Option<crate::reflectance::Curve>))| {
         let number = (curves.len() / CURVE_POINTS) as u32;
         if let Some(curve) = mirror {
             let value = |k: usize| curve.at(k as f64 / (CURVE_POINTS - 1) as f64).as_vec3().extend(0.0).to_array();
             curves.extend((0..CURVE_POINTS).map(value));
         }
-        GpuSurface::new(object, number)
+        let is_known = inputs.options.incidence == Incidence::Photon;
+        let materials = inputs.glossy.filter(|_| is_known).map(|materials| &materials.of_object[index]);
+        GpuSurface::new(object, number, materials)
     };
     let surroundings = &inputs.surroundings;
-    let surfaces = surroundings.objects.iter().zip(surroundings.mirrors).map(surface).collect();
+    let surfaces = surroundings.objects.iter().zip(surroundings.mirrors).enumerate().map(surface).collect();
     (surfaces, curves)
 }
 

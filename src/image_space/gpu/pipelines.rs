@@ -17,6 +17,8 @@ pub(crate) struct PhotonPipelines {
     pub(super) images: ImagePipelines,
     pub(super) count_layers: ComputePipeline,
     pub(super) find_receivers: ComputePipeline,
+    pub(super) find_parts: ComputePipeline,
+    pub(super) settle_parts: ComputePipeline,
     pub(super) place_photons: ComputePipeline,
     pub(super) add_splats: ComputePipeline,
     pub(super) add_polygons: ComputePipeline,
@@ -69,7 +71,8 @@ impl PhotonPipelines {
         let of_map_and_surfaces = [&of_map, &of_surfaces, &nothing];
         let of_emission = [&of_view, &of_light, &images.of_images];
         let emit = pipeline(PHOTON_EMISSION, of_emission, &[("emit", 0.0), ("emit", 1.0)]);
-        let places = [("count_layers", 0.0), ("find_receivers", 0.0), ("place_photons", 0.0)];
+        let places =
+            ["count_layers", "find_receivers", "find_parts", "settle_parts", "place_photons"].map(|e| (e, 0.0));
         let places = pipeline(PHOTON_PLACES, of_map_and_surfaces, &places);
         let splats = pipeline(PHOTON_SPLATS, of_map_and_surfaces, &[("add_splats", 0.0)]);
         let polygons = pipeline(PHOTON_POLYGONS, of_map_and_surfaces, &[("add_polygons", 0.0)]);
@@ -84,7 +87,9 @@ impl PhotonPipelines {
             images,
             count_layers: places[0].clone(),
             find_receivers: places[1].clone(),
-            place_photons: places[2].clone(),
+            find_parts: places[2].clone(),
+            settle_parts: places[3].clone(),
+            place_photons: places[4].clone(),
             add_splats: splats[0].clone(),
             add_polygons: polygons[0].clone(),
             of_view,

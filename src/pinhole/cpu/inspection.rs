@@ -83,6 +83,7 @@ mod tests {
             radius: 0.1,
             intensity: Vec3::new(1.0, 2.0, 3.0),
             beam: None,
+            is_distant: false,
         };
         let lights = Lights { lamps: std::slice::from_ref(&lamp), ..Lights::environment(&cube) };
         for x in [0.0, 0.5, -1.4] {

@@ -180,6 +180,10 @@ impl Builder<'_> {
     }
 
     fn lamp_motion(&self, table: &Table, index: usize, lamp: &Lamp) -> Result<LampMotion, SceneError> {
+        if lamp.is_distant && table.table.position.is_some() {
+            let message = "is of a directional light, which is nowhere; animate its intensity, or turn the scene";
+            return Err(self.error(table.key("position"), message));
+        }
         Ok(LampMotion {
             lamp: index,
             position: self.places(table, "position", table.table.position.as_ref())?,

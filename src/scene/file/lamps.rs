@@ -10,7 +10,7 @@ use serde::Deserialize;
 use super::{Builder, Key};
 use crate::image::RgbImage;
 use crate::scene::assets::readable_name;
-use crate::scene::{Beam, Lamp, Mesh, Object, SceneError, Slide};
+use crate::scene::{Beam, Lamp, Mesh, Object, SceneError, Slide, Sunlight};
 use crate::vectors::direction as direction_of;
 use crate::words::escaped;
 
@@ -18,12 +18,22 @@ use crate::words::escaped;
 #[serde(deny_unknown_fields)]
 pub(super) struct LampTable {
     name: Option<String>,
-    position: [f32; 3],
+    position: Option<[f32; 3]>,
     #[serde(default)]
     radius: f32,
     intensity: Option<[f32; 3]>,
     radiance: Option<[f32; 3]>,
     spot: Option<BeamTable>,
+    directional: Option<DirectionalTable>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct DirectionalTable {
+    direction: [f32; 3],
+    irradiance: [f32; 3],
+    #[serde(default)]
+    sigma_rad: f32,
 }
 
 #[derive(Deserialize)]
@@ -37,6 +47,9 @@ struct BeamTable {
     softness: f32,
     slide: Option<String>,
 }
+
+/// The largest irradiance of directional lights, W/m²: many suns.
+const MAX_IRRADIANCE: f32 = 1e5;
 
 fn up() -> [f32; 3] {
     [0.0, 1.0, 0.0]
@@ -64,7 +77,14 @@ impl Builder<'_> {
     ) -> Result<Lamp, SceneError> {
         let name = table.name.as_ref().map_or_else(|| format!("light {}", index + 1), |name| escaped(name));
         let key = |k: &str| Key { shown: format!("light '{name}'.{k}"), path: format!("light.{index}.{k}") };
-        let position = self.place(key("position"), table.position)?;
+        if let Some(directional) = &table.directional {
+            return self.directional_light((name.clone(), &key), (table, directional), objects);
+        }
+        let Some(position) = table.position else {
+            let message = "is missing: give position = [x, y, z], or directional = { direction = [x, y, z], irradiance = [r, g, b] }";
+            return Err(self.error(key("position"), message));
+        };
+        let position = self.place(key("position"), position)?;
         if table.radius != 0.0 && !(Lamp::MIN_RADIUS..=Mesh::MAX_COORDINATE).contains(&table.radius) {
             let message = format!("is {}, but must be 0, for a point, or from 0.0001 to 1e9 m", table.radius);
             return Err(self.error(key("radius"), message));
@@ -92,7 +112,7 @@ impl Builder<'_> {
             None => None,
             Some(beam) => Some(self.beam(beam, position, &key, notes)?),
         };
-        let lamp = Lamp { name: name.clone(), position, radius, intensity, beam };
+        let lamp = Lamp { name: name.clone(), position, radius, intensity, beam, is_distant: false };
         if lamp.max_radiance() > Lamp::MAX_RADIANCE {
             return Err(self.error(key(given), "is too bright for its size: its radiance must be at most 1e24"));
         }
@@ -104,6 +124,37 @@ impl Builder<'_> {
             return Err(self.error(key("position"), message));
         }
         Ok(lamp)
+    }
+
+    fn directional_light(
+        &self,
+        (name, key): (String, &dyn Fn(&str) -> Key),
+        (table, directional): (&LampTable, &DirectionalTable),
+        objects: &[Object],
+    ) -> Result<Lamp, SceneError> {
+        /// Wider ones are for environment maps.
+        const WIDEST_RAD: f32 = 0.25;
+        let is_lamp = table.position.is_some() || table.intensity.is_some() || table.radiance.is_some();
+        if is_lamp || table.spot.is_some() || table.radius != 0.0 {
+            let message = "is far away: it has a direction and an irradiance, but no position, radius, intensity, radiance or spot";
+            return Err(self.error(key("directional"), message));
+        }
+        let towards = direction_of(self.vector(key("directional.direction"), directional.direction)?)
+            .ok_or_else(|| self.error(key("directional.direction"), "must not be zero; it is towards the light"))?;
+        let irradiance = self.colour(key("directional.irradiance"), directional.irradiance, MAX_IRRADIANCE)?;
+        if irradiance == Vec3::ZERO {
+            let message = "is zero: a light that lights nothing; remove it, or animate it";
+            return Err(self.error(key("directional.irradiance"), message));
+        }
+        let sigma_rad = directional.sigma_rad;
+        if sigma_rad != 0.0 && !(Sunlight::MIN_SIGMA_RAD..=WIDEST_RAD).contains(&sigma_rad) {
+            let message = format!("is {sigma_rad}, but must be 0, for parallel light, or from 1e-6 to {WIDEST_RAD}");
+            return Err(self.error(key("directional.sigma_rad"), message));
+        }
+        let farthest =
+            |object: &Object| object.mesh_in_world().positions().iter().map(|p| p.length()).fold(0.0, f32::max);
+        let extent = objects.iter().map(farthest).fold(0.0, f32::max);
+        Ok(Lamp::distant(name, &Sunlight { towards, irradiance, sigma_rad }, extent))
     }
 
     fn beam(

@@ -1,6 +1,8 @@
 //! The ranges of the dimensions of shapes.
 
-use super::{Cup, DiscoBall, Plane, Ring, Shape, Sheet, SolidRing, Sphere, Spoon, Tiles, Torus, Water};
+use super::{
+    Cuboid, Cup, DiscoBall, Ellipsoid, Knot, Plane, Ring, Shape, Sheet, SolidRing, Sphere, Spoon, Tiles, Torus, Water,
+};
 
 /// Amplitude of a sheet's waves over their length, at most: steeper ones would not be resolved by its triangles.
 const MAX_STEEPNESS: f32 = 0.1;
@@ -51,6 +53,32 @@ impl Shape {
                     Ok(())
                 } else {
                     Err(format!("divisions of shape 'sphere' is {divisions}, but must be from 1 to 128"))
+                }
+            }
+            Self::Ellipsoid(Ellipsoid { radii, divisions }) => {
+                radii.into_iter().try_for_each(|radius| positive("radii", radius))?;
+                if (1..=128).contains(&divisions) {
+                    Ok(())
+                } else {
+                    Err(format!("divisions of shape 'ellipsoid' is {divisions}, but must be from 1 to 128"))
+                }
+            }
+            Self::Box(Cuboid { size }) => size.into_iter().try_for_each(|size| positive("size", size)),
+            Self::Knot(Knot { radius, tube, turns }) => {
+                positive("radius", radius)?;
+                positive("tube", tube)?;
+                if tube >= 0.4 * radius {
+                    return Err(format!(
+                        "tube of shape 'knot' is {tube}, but must be less than 0.4 of its radius, {radius}"
+                    ));
+                }
+                let [p, q] = turns;
+                if (1..=16).contains(&p) && (1..=16).contains(&q) && (2..=p.min(q)).all(|k| p % k != 0 || q % k != 0) {
+                    Ok(())
+                } else {
+                    Err(format!(
+                        "turns of shape 'knot' is {turns:?}, but must be from 1 to 16 without a common divisor"
+                    ))
                 }
             }
             Self::Torus(Torus { radius, tube }) => {

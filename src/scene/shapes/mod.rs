@@ -3,9 +3,11 @@
 //! The vertices lie on the ideal surface and carry its normal there; triangles are counter-clockwise
 //! seen from the side that the normals point to.
 
+mod cuboid;
 mod dimensions;
 mod disco_ball;
 mod height_field;
+mod knot;
 mod lathe;
 mod parametric;
 mod plane;
@@ -34,8 +36,14 @@ pub enum Shape {
     Cup(Cup),
     /// A sphere about the origin.
     Sphere(Sphere),
+    /// An ellipsoid about the origin.
+    Ellipsoid(Ellipsoid),
+    /// A box about the origin, with sharp edges; normals point outwards.
+    Box(Cuboid),
     /// A torus about +Y around the origin; normals point outwards.
     Torus(Torus),
+    /// A tube around a torus knot about +Y; normals point outwards.
+    Knot(Knot),
     /// A sphere made of flat mirror tiles.
     DiscoBall(DiscoBall),
     /// A rectangle in the plane y = 0, normal +Y.
@@ -111,6 +119,36 @@ impl Sphere {
     pub fn of_radius(radius: f32) -> Self {
         Self { radius, ..Self::default() }
     }
+}
+
+/// Dimensions of [`Shape::Ellipsoid`].
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Ellipsoid {
+    /// Half of its extent along each axis.
+    pub radii: [f32; 3],
+    /// As of a [`Sphere`].
+    pub divisions: u32,
+}
+
+/// Dimensions of [`Shape::Box`].
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Cuboid {
+    /// Extent along each axis.
+    pub size: [f32; 3],
+}
+
+/// Dimensions of [`Shape::Knot`].
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Knot {
+    /// Radius of the circle around which the knot winds.
+    pub radius: f32,
+    /// Radius of the tube.
+    pub tube: f32,
+    /// How often it goes around the axis, and around the circle, before it closes: without a common divisor.
+    pub turns: [u32; 2],
 }
 
 /// Dimensions of [`Shape::Torus`].
@@ -215,6 +253,24 @@ impl Default for Sphere {
     }
 }
 
+impl Default for Ellipsoid {
+    fn default() -> Self {
+        Self { radii: [1.0, 0.6, 0.8], divisions: 48 }
+    }
+}
+
+impl Default for Cuboid {
+    fn default() -> Self {
+        Self { size: [1.0; 3] }
+    }
+}
+
+impl Default for Knot {
+    fn default() -> Self {
+        Self { radius: 1.0, tube: 0.2, turns: [2, 3] }
+    }
+}
+
 impl Default for Torus {
     fn default() -> Self {
         Self { radius: 1.0, tube: 0.25 }
@@ -261,7 +317,10 @@ impl Shape {
             Self::Cup(cup) => lathe::cup(cup),
             Self::Spoon(spoon) => spoon::spoon(spoon),
             Self::Sphere(sphere) => sphere::sphere(sphere),
+            Self::Ellipsoid(ellipsoid) => sphere::ellipsoid(ellipsoid),
+            Self::Box(cuboid) => cuboid::cuboid(cuboid),
             Self::Torus(torus) => lathe::torus(torus),
+            Self::Knot(knot) => knot::knot(knot),
             Self::DiscoBall(ball) => disco_ball::disco_ball(ball),
             Self::Plane(plane) => plane::plane(plane),
             Self::Sheet(sheet) => sheet::sheet(sheet),
@@ -281,7 +340,10 @@ impl Shape {
             Self::Spoon(_) => "spoon",
             Self::Cup(_) => "cup",
             Self::Sphere(_) => "sphere",
+            Self::Ellipsoid(_) => "ellipsoid",
+            Self::Box(_) => "box",
             Self::Torus(_) => "torus",
+            Self::Knot(_) => "knot",
             Self::DiscoBall(_) => "disco-ball",
             Self::Plane(_) => "plane",
             Self::Sheet(_) => "sheet",
@@ -323,78 +385,4 @@ impl Parts {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use std::f64::consts::PI;
-
-    fn all() -> Vec<Shape> {
-        vec![
-            Shape::Ring(Ring::default()),
-            Shape::SolidRing(SolidRing::default()),
-            Shape::Spoon(Spoon::default()),
-            Shape::Cup(Cup::default()),
-            Shape::Sphere(Sphere::default()),
-            Shape::Torus(Torus::default()),
-            Shape::DiscoBall(DiscoBall::default()),
-            Shape::Plane(Plane::default()),
-            Shape::Sheet(Sheet::default()),
-            Shape::Water(Water::default()),
-            Shape::Tiles(Tiles::default()),
-        ]
-    }
-
-    #[test]
-    fn every_triangle_faces_where_its_normals_point() {
-        for shape in all() {
-            let mesh = shape.mesh().unwrap();
-            for t in 0..mesh.triangles().len() {
-                let [a, b, c] = mesh.corners(t);
-                let face = (b - a).cross(c - a).normalize();
-                for normal in mesh.corner_normals(t) {
-                    assert!(face.dot(normal) > 0.5, "{} triangle {t}: {face} against {normal}", shape.name());
-                }
-            }
-        }
-    }
-
-    #[test]
-    fn areas_are_those_of_the_ideal_surfaces() {
-        let area = |shape: Shape| shape.mesh().unwrap().area();
-        let close = |got: f64, expected: f64| assert!((got / expected - 1.0).abs() < 1e-3, "{got} against {expected}");
-        close(area(Shape::Ring(Ring::default())), PI);
-        close(area(Shape::Sphere(Sphere::of_radius(0.5))), PI);
-        close(area(Shape::Torus(Torus { radius: 2.0, tube: 0.5 })), 4.0 * PI * PI);
-        close(area(Shape::Plane(Plane { size: [2.0, 3.0] })), 6.0);
-    }
-
-    #[test]
-    fn closed_shapes_are_closed() {
-        // The vector area of a closed surface is zero.
-        let is_closed = |s: &Shape| {
-            !matches!(s, Shape::Ring(_) | Shape::Plane(_) | Shape::Sheet(_) | Shape::Water(_) | Shape::Tiles(_))
-        };
-        for shape in all().into_iter().filter(is_closed) {
-            let mesh = shape.mesh().unwrap();
-            let vector_area: Vec3 = (0..mesh.triangles().len())
-                .map(|t| {
-                    let [a, b, c] = mesh.corners(t);
-                    0.5 * (b - a).cross(c - a)
-                })
-                .sum();
-            assert!(f64::from(vector_area.length()) < 1e-3 * mesh.area(), "{}: {vector_area}", shape.name());
-            // Outwards: the divergence theorem gives a positive volume.
-            let volume = |t: usize| {
-                let [a, b, c] = mesh.corners(t);
-                a.dot(b.cross(c))
-            };
-            assert!((0..mesh.triangles().len()).map(volume).sum::<f32>() > 0.0, "{} is inside out", shape.name());
-        }
-    }
-
-    #[test]
-    fn measures_out_of_range_are_named() {
-        let message = Shape::Ring(Ring { radius: -1.0, height: 0.5 }).mesh().unwrap_err();
-        assert!(message.contains("radius") && message.contains("ring"), "{message}");
-        assert!(Shape::DiscoBall(DiscoBall { radius: 1.0, rows: 1 }).mesh().unwrap_err().contains("rows"));
-    }
-}
+mod tests;

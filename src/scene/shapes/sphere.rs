@@ -1,8 +1,8 @@
-//! The sphere: an icosahedron whose faces are split into triangular grids and projected onto the sphere.
+//! The sphere: an icosahedron whose faces are split into triangular grids and projected onto the sphere. Scaled, it is the ellipsoid.
 
 use glam::Vec3;
 
-use super::{Parts, Sphere};
+use super::{Ellipsoid, Parts, Sphere};
 
 pub(super) fn sphere(sphere: &Sphere) -> Parts {
     let (corners, faces) = icosahedron();
@@ -30,6 +30,15 @@ pub(super) fn sphere(sphere: &Sphere) -> Parts {
                 }
             }
         }
+    }
+    parts
+}
+
+pub(super) fn ellipsoid(ellipsoid: &Ellipsoid) -> Parts {
+    let mut parts = sphere(&Sphere { radius: 1.0, divisions: ellipsoid.divisions });
+    let radii = Vec3::from_array(ellipsoid.radii);
+    for (position, normal) in parts.positions.iter_mut().zip(&mut parts.normals) {
+        (*position, *normal) = (*position * radii, (*normal / radii).normalize());
     }
     parts
 }

@@ -20,7 +20,15 @@ impl Viewer {
                 ui.weak("Its animation sets this lamp; switch \u{201c}Animate\u{201d} off to change it.");
                 continue;
             }
-            is_edited |= vector(ui, &format!("{} m", lamp.name), &mut lamp.position, original.position, 0.01);
+            if lamp.is_distant {
+                let [mut towards, reset] = [&*lamp, original].map(|lamp| lamp.position.normalize_or(Vec3::Y));
+                if vector(ui, &format!("{} direction", lamp.name), &mut towards, reset, 0.01) {
+                    lamp.turn_towards(towards);
+                    is_edited = true;
+                }
+            } else {
+                is_edited |= vector(ui, &format!("{} m", lamp.name), &mut lamp.position, original.position, 0.01);
+            }
             let full = original.intensity.max_element();
             let mut factor = lamp.intensity.max_element() / full;
             if number(ui, &format!("{} brightness", lamp.name), &mut factor, 1.0, (0.01..=100.0, true)) {

@@ -4,7 +4,7 @@ use eframe::egui;
 
 use super::fields::{choice, number, switch};
 use crate::image::{Aov, ToneMap};
-use crate::image_space::{Hits, ImageSpaceOptions, MapView, Mode, Traversal};
+use crate::image_space::{Hits, ImageSpaceOptions, Incidence, MapView, Mode, Traversal};
 use crate::options::{EvaluationChoice, Exposure, FilterChoice, Options, Overlay};
 use crate::pinhole::{Epsilon, Footprint};
 use crate::sampling::{Density, MAX_SAMPLES, Strategy};
@@ -45,6 +45,7 @@ const PICTURES: &[(Aov, &str)] = &[
     (Aov::CausticR, "reflected caustic"),
     (Aov::CausticT, "refracted caustic"),
     (Aov::CausticTT, "caustic through solids"),
+    (Aov::CausticTTTT, "caustic through two solids"),
     (Aov::Direct, "direct"),
     (Aov::Scattered, "scattered caustic"),
     (Aov::ScatteredDirect, "scattered direct light"),
@@ -218,6 +219,18 @@ fn photon_fields(ui: &mut egui::Ui, options: &mut ImageSpaceOptions, original: &
         let (diameter, reset) = (&mut options.splat_diameter, original.splat_diameter);
         is_edited |= number(ui, "Splat diameter", diameter, reset, (1.0..=64.0, true));
     }
+    let incidences = Incidence::ALL.map(|incidence| (incidence, incidence.name()));
+    let has_viewer = options.caustic_map == MapView::Eye;
+    is_edited |= choice(ui, "Incidence", &mut options.incidence, original.incidence, &incidences);
+    if !has_viewer && options.incidence == Incidence::Photon {
+        options.incidence = Incidence::Mean;
+    }
+    let (frames, reset) = (&mut options.temporal_frames, original.temporal_frames);
+    is_edited |= number(ui, "Averaged frames", frames, reset, (1..=ImageSpaceOptions::MAX_TEMPORAL_FRAMES, false));
+    let is_papers_mode = matches!(options.mode, Mode::Polygons | Mode::Gather);
+    let field = |ui: &mut egui::Ui| switch(ui, "By the paper", &mut options.paper, original.paper);
+    is_edited |= ui.add_enabled_ui(is_papers_mode, field).inner;
+    options.paper &= is_papers_mode;
     is_edited
 }
 

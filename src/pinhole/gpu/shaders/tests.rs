@@ -11,8 +11,8 @@ use crate::brdf::Material;
 use crate::cell_tree::CellNode;
 use crate::engine::preview_layout::{PIXEL_BYTES, PreviewGrid, PreviewObject, PreviewUniforms};
 use crate::image_space::gpu::{
-    ClusterUniforms, DrawUniforms, GpuPhoton, GpuPlace, GpuSurface, GpuWay, ImagePlaneUniforms,
-    MapUniforms as PhotonMapUniforms, PlaneUniforms, Strip, Texel, ViewUniforms,
+    ClusterUniforms, DrawUniforms, GpuPhoton, GpuPlace, GpuSurface, GpuTexel, GpuWay, ImagePlaneUniforms,
+    MapUniforms as PhotonMapUniforms, PlaneUniforms, Strip, ViewUniforms,
 };
 use crate::pinhole::gpu::geometry::RayUniforms;
 use crate::pinhole::gpu::hierarchical::layout::{BLOCK_BYTES, SampleNode, TilePass, Tolerance, TreeUniforms};
@@ -167,8 +167,8 @@ fn rust_structs() -> BTreeMap<&'static str, Layout> {
         ("Clusters", layout!(ClusterUniforms { plane, count, grid, may_merge, levels, is_finest })),
         ("EmitterUniforms", layout!(EmitterUniforms { clip_from_mesh, number })),
         ("GatherUniforms", gather_uniforms()),
-        ("ImageDraw", layout!(DrawUniforms { plane, size, near, far, instance, has_halves })),
-        ("ImagePlane", layout!(ImagePlaneUniforms { plane, size, receivers, diagonal })),
+        ("ImageDraw", layout!(DrawUniforms { plane, size, near, far, instance, shown })),
+        ("ImagePlane", layout!(ImagePlaneUniforms { plane, size, receivers, diagonal, solids, object })),
         ("Hemisphere", layout!(PackedHemisphere { position, extent, normal, object_sides, texel_jitter })),
         (
             "Lamp",
@@ -188,11 +188,11 @@ fn rust_structs() -> BTreeMap<&'static str, Layout> {
         ("Medium", layout!(MediumUniforms { extinction, g, lamps_in_medium, max_along_arcs })),
         ("MapUniforms", layout!(MapUniforms { first_map, resolution, bisections })),
         ("Material", layout!(Material { albedo, kind, specular, width, table })),
-        ("MapTexel", layout!(Texel { position, object, normal, edge })),
+        ("MapTexel", layout!(GpuTexel { position, object, edge, part, normal })),
         ("Photon", layout!(GpuPhoton { position, object, flux, caster, normal, direction, inverse_before, beyond })),
         ("PhotonMap", photon_map()),
         ("PhotonPlace", layout!(GpuPlace { at, texel })),
-        ("PhotonSurface", layout!(GpuSurface { eta, flags, curve })),
+        ("PhotonSurface", layout!(GpuSurface { eta, flags, albedo, kind, specular, width, curve })),
         ("PhotonView", photon_view()),
         ("PhotonWay", layout!(GpuWay { first, within, first_normal, last, last_normal })),
         ("PinholeSample", pinhole_sample()),
@@ -274,7 +274,7 @@ fn photon_map() -> Layout {
         plane,
         size,
         is_camera,
-        has_directions,
+        kept,
         columns,
         rows,
         first_own_row,
@@ -287,6 +287,9 @@ fn photon_map() -> Layout {
         is_first,
         layers,
         clusters,
+        light,
+        is_light_far,
+        is_alone,
     })
 }
 
@@ -296,7 +299,9 @@ fn photon_view() -> Layout {
     let first = offset_of!(ViewUniforms, strip) as u32;
     let strip = layout!(Strip { first_row, rows, first_own_row, own_rows }).members;
     let strip = strip.into_iter().map(|(name, offset)| (name, first + offset)).collect();
-    let after = layout!(ViewUniforms { steps_per_watt, has_ways, seed, all_rows, cluster_count }).members;
+    let after =
+        layout!(ViewUniforms { steps_per_watt, has_ways, seed, all_rows, cluster_count, is_papers, offset, is_disc })
+            .members;
     Layout { members: [before.members, strip, after].concat(), ..before }
 }
 
