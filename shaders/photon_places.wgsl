@@ -25,10 +25,16 @@ fn count_layers(@builtin(global_invocation_id) id: vec3u, @builtin(local_invocat
         let ray = ray_at(vec2f(id.xy) + 0.5);
         var layers = 0u;
         var start = ray_uniforms.offset;
-        for (; layers < MAX_RECEIVER_LAYERS; layers++) {
+        var last = no_texel();
+        for (var k = 0u; k < MAX_RECEIVER_LAYERS; k++) {
             let shown = next_receiver(ray, start);
             if !shown.is_there {
                 break;
+            }
+            let texel = texel_of(shown.hit);
+            if !is_continued(last, texel) {
+                last = texel;
+                layers++;
             }
             start = shown.distance + ray_uniforms.offset;
         }
@@ -48,18 +54,33 @@ fn find_receivers(@builtin(global_invocation_id) id: vec3u, @builtin(local_invoc
 fn find_layers(place: vec2u) {
     let first = place.y * map.size.x + place.x;
     let ray = ray_at(vec2f(place) + 0.5);
-    var shown = first_receiver(ray);
     for (var layer = 0u; layer < map.layers; layer++) {
-        let texel = first + layer * texel_count();
-        texels[texel] = no_texel();
-        if shown.is_there {
-            texels[texel] = texel_of(shown.hit);
-            // In the camera's map the second layer keeps what is in the middle until all edges are found.
-            if map.is_camera == 0u && layer + 1u < map.layers {
-                shown = next_receiver(ray, shown.distance + ray_uniforms.offset);
-            }
+        texels[first + layer * texel_count()] = no_texel();
+    }
+    var shown = first_receiver(ray);
+    var layer = 0u;
+    var last = no_texel();
+    for (var k = 0u; k < MAX_RECEIVER_LAYERS && shown.is_there && layer < map.layers; k++) {
+        let texel = texel_of(shown.hit);
+        // What lies just behind is the same surface, as far as the map can tell.
+        if !is_continued(last, texel) {
+            texels[first + layer * texel_count()] = texel;
+            last = texel;
+            layer++;
+        }
+        // In the camera's map the second layer keeps what is in the middle until all edges are found.
+        if map.is_camera == 0u {
+            shown = next_receiver(ray, shown.distance + ray_uniforms.offset);
+        } else {
+            texels[first + texel_count()] = texel;
+            break;
         }
     }
+}
+
+// Whether a surface behind another one is the same, as far as the map can tell.
+fn is_continued(last: MapTexel, texel: MapTexel) -> bool {
+    return last.object != NO_OBJECT && is_surface_near(last, texel);
 }
 
 fn no_texel() -> MapTexel {
@@ -150,14 +171,17 @@ fn continues(own: MapTexel, other: MapTexel) -> bool {
     if own.object == NO_OBJECT || other.object == NO_OBJECT {
         return own.object == other.object;
     }
-    return is_surface_near(own, other, 2.0);
+    let normal = unpacked_unit(own.normal);
+    let height = abs(dot(other.position - own.position, normal));
+    let is_one_surface = height <= select(PHOTON_OFF_PLANE, 2.0, own.object == other.object) * own.edge;
+    return is_one_surface && dot(normal, unpacked_unit(other.normal)) >= SAME_SURFACE_COSINE;
 }
 
-// Whether the place of another texel is on the same surface, up to so many edges from its plane.
-fn is_surface_near(own: MapTexel, other: MapTexel, most: f32) -> bool {
+// Whether the place of another texel is in the plane of one, as far as the map can tell, and faces the same way.
+fn is_surface_near(own: MapTexel, other: MapTexel) -> bool {
     let normal = unpacked_unit(own.normal);
-    return own.object == other.object && dot(normal, unpacked_unit(other.normal)) >= SAME_SURFACE_COSINE
-        && abs(dot(other.position - own.position, normal)) <= most * own.edge;
+    return dot(normal, unpacked_unit(other.normal)) >= SAME_SURFACE_COSINE
+        && abs(dot(other.position - own.position, normal)) <= PHOTON_OFF_PLANE * own.edge;
 }
 
 // The surfaces that rays through a texel meet first.
@@ -179,7 +203,7 @@ fn parts_of(place: vec2u) -> TexelParts {
         let texel = texel_of(shown.hit);
         let off = dot(at - 0.5, at - 0.5);
         var n = 0u;
-        while n < count && !is_surface_near(found[n], texel, PHOTON_OFF_PLANE) {
+        while n < count && !is_surface_near(found[n], texel) {
             n++;
         }
         if n == MAX_EDGE_SURFACES {

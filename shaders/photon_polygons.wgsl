@@ -1,6 +1,7 @@
 // Adds the triangles between neighbouring photons to a caustic map. CPU twin: src/image_space/polygons.rs, whose areas come from clipped
 // polygons.
 
+#import photon_footprints
 #import photon_map
 #import photon_sheet
 
@@ -44,9 +45,25 @@ fn add_corner(index: u32, part: f32) {
         if map.is_alone != 0u && map.mode == MODE_POLYGONS {
             account_for(CULLED, part * sum_of_channels(photons[index].flux), map.steps_per_watt);
         } else {
-            add_point(photons[index], places[index].at, part * photons[index].flux);
+            add_spread(index, part * photons[index].flux);
         }
     }
+}
+
+// Adds flux of a photon over its footprint.
+fn add_spread(index: u32, flux: vec3f) {
+    let photon = photons[index];
+    let at = places[index].at;
+    var texel = TEXEL_HIDDEN;
+    if is_in_window(at) {
+        texel = surface_of(texel_at(at), photon);
+    }
+    if texel == TEXEL_HIDDEN {
+        add_point(photon, at, flux);
+        return;
+    }
+    add_footprint(vec2u(index % map.columns, index / map.columns), photon, flux, PhotonPlace(at, texel));
+    account_for(DEPOSITED, sum_of_channels(flux), map.steps_per_watt);
 }
 
 // Adds flux at a place of the surface that a photon lands on.

@@ -92,20 +92,21 @@ fn texel_at(at: vec2f) -> u32 {
     return u32(at.y) * map.size.x + u32(at.x);
 }
 
-// Of the layers of a texel, that whose plane lies nearest to a point of a surface which is about as it is oriented there; TEXEL_HIDDEN if
-// there is none.
+// Of the layers of a texel, that whose plane lies nearest to a point of a surface which is about as it is oriented there: of the same object, or
+// of one that continues it in its plane. TEXEL_HIDDEN if there is none.
 fn surface_at(first: u32, object: u32, normal: vec3f, point: vec3f) -> u32 {
     var nearest = TEXEL_HIDDEN;
     var least = 3e38;
     for (var layer = 0u; layer < map.layers; layer++) {
         let texel = first + layer * texel_count();
         let shown = texels[texel];
-        if shown.object != object {
+        if shown.object == NO_OBJECT {
             continue;
         }
         let facing = unpacked_unit(shown.normal);
         let height = abs(dot(point - shown.position, facing));
-        if dot(facing, normal) >= SAME_SURFACE_COSINE && height < least {
+        let is_its = shown.object == object || height <= PHOTON_OFF_PLANE * shown.edge;
+        if is_its && dot(facing, normal) >= SAME_SURFACE_COSINE && height < least {
             nearest = texel;
             least = height;
         }

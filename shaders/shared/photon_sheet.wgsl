@@ -13,12 +13,19 @@ fn photon_at(column: i32, row: i32) -> u32 {
     return select(index, NOWHERE, places[index].texel == NO_PHOTON);
 }
 
-// Whether two photons came by way of one object to one surface.
+// Whether two photons came by way of one object to one surface, which may be of several objects in one plane.
 fn are_alike(one: u32, other: u32) -> bool {
     let a = photons[one];
     let b = photons[other];
-    return a.caster == b.caster && a.object == b.object
-        && dot(unpacked_unit(a.normal), unpacked_unit(b.normal)) >= SAME_SURFACE_COSINE;
+    let normal = unpacked_unit(a.normal);
+    let is_one_surface = a.object == b.object
+        || abs(dot(b.position - a.position, normal)) <= PHOTON_OFF_PLANE * texel_across(a.position);
+    return a.caster == b.caster && is_one_surface && dot(normal, unpacked_unit(b.normal)) >= SAME_SURFACE_COSINE;
+}
+
+// The edge of a texel across its ray at the distance of a point, as all faces of a cube see it.
+fn texel_across(position: vec3f) -> f32 {
+    return map.plane.texel * select(distance(position, map.plane.origin), 1.0, map.plane.is_parallel != 0u);
 }
 
 // Whether light is continuous from the photon in a column and row to the next one in a direction. Both are there.
@@ -38,7 +45,6 @@ fn are_connected(column: i32, row: i32, dx: i32, dy: i32) -> bool {
         longest = max(longest, distance(photons[other].position, photons[after].position));
     }
     let position = photons[one].position;
-    // As all faces of a cube see it.
-    let texel = map.plane.texel * select(distance(position, map.plane.origin), 1.0, map.plane.is_parallel != 0u);
+    let texel = texel_across(position);
     return longest < 0.0 || distance(position, photons[other].position) <= TEAR_STRETCH * longest + LEAST_TEAR * texel;
 }

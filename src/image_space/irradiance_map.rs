@@ -68,15 +68,17 @@ impl IrradianceMap {
         MapPicture { size, irradiance: (0..size[0] * size[1]).map(mean).collect() }
     }
 
-    /// The light at a point of an object on the side of a normal, as the mean over the texel that shows it; `None` where none does.
-    pub fn nearest(&self, point: Vec3, normal: Vec3, object: u32) -> Option<Incident> {
+    /// The light at a point of an object on the side of a normal, as the mean over the texel that shows it, and the part of the texel that does;
+    /// `None` where none does.
+    pub fn nearest(&self, point: Vec3, normal: Vec3, object: u32) -> Option<(Incident, f32)> {
         let place = self.shown.projection().project(point)?;
         let index = self.shown.point_near(place, point, (normal, object))?;
-        Some(Incident {
+        let light = Incident {
             irradiance: self.irradiance[index],
             direction: self.direction(index),
             reflected: self.reflected(index),
-        })
+        };
+        Some((light, self.shown.texel(index).part))
     }
 
     /// The same, interpolated between those of the four texels around that show it or, if none does, from the nearest one.
@@ -99,7 +101,7 @@ impl IrradianceMap {
         }
         let (irradiance, direction) = (light.irradiance / weights, light.direction.normalize_or_zero());
         let mean = (weights > 1e-3).then_some(Incident { irradiance, direction, reflected: None });
-        mean.or_else(|| self.nearest(point, normal, object))
+        mean.or_else(|| self.nearest(point, normal, object).map(|(light, _)| light))
     }
 
     fn direction(&self, index: usize) -> Vec3 {

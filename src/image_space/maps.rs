@@ -26,6 +26,9 @@ const OUTLIERS: f64 = 0.002;
 /// The part of a light's map at each edge for photons between the few that tell where all of them land.
 const MARGIN: f64 = 1.0 / FIRST_GRID as f64;
 
+/// A texel of the camera's map tells the light if a surface has this part of it; of smaller parts, few photons and rounding would.
+const SURE_PART: f32 = 0.5;
+
 /// Clusters of photons that are followed together.
 const CLUSTERS_OF_BATCH: usize = 1 << 18;
 
@@ -122,11 +125,14 @@ impl Maps {
 
     /// The light on a point of an object, on the side of a normal; `None` where no map shows it.
     pub fn light_at(&self, point: Vec3, normal: Vec3, object: u32) -> Option<Incident> {
-        if let Some(seen) = self.eye.as_ref().and_then(|map| map.nearest(point, normal, object)) {
-            return Some(seen);
+        let seen = self.eye.as_ref().and_then(|map| map.nearest(point, normal, object));
+        if let Some((light, _)) = seen.filter(|(_, part)| *part >= SURE_PART) {
+            return Some(light);
         }
         let mut shown = self.lights.iter().filter_map(|map| map.bilinear(point, normal, object)).peekable();
-        shown.peek()?;
+        if shown.peek().is_none() {
+            return seen.map(|(light, _)| light);
+        }
         let mut sum = Incident::default();
         for light in shown {
             sum.irradiance += light.irradiance;

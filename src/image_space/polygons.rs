@@ -1,7 +1,7 @@
 //! Polygons between neighbouring photons, whose flux is spread evenly: by the centres of the texels that they cover, or by exact areas.
 //!
 //! Every photon gives a sixth or a third of its flux to each of the triangles around it. What belongs to triangles that do not exist, at
-//! silhouettes and where the light is torn, is added as points. So is all flux accounted for.
+//! silhouettes and where the light is torn, is spread over the photon's footprint. So is all flux accounted for.
 
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
@@ -11,6 +11,7 @@ use super::constants::MIN_DRAWN_AREA;
 use super::ledger::{Ledger, Loss, total};
 use super::photons::{Photon, PhotonGrid};
 use super::sheet::{BEHIND, PhotonSheet};
+use super::splats::{Splat, footprint};
 
 /// How the flux of a triangle is spread over texels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -73,10 +74,23 @@ impl Cell<'_> {
             if self.coverage == (Coverage::Centres { alone: true }) {
                 ledger[Loss::Culled] += flux.element_sum();
             } else {
-                ledger += self.add_point(photon, self.sheet.places[corner], flux);
+                ledger += self.add_footprint(corner, flux);
             }
         }
         ledger
+    }
+
+    /// Adds flux of a photon over its footprint, as far as that is known.
+    fn add_footprint(&self, index: usize, flux: DVec3) -> Ledger {
+        let (photon, place) = (&self.sheet.grid.photons[index], self.sheet.places[index]);
+        let own = self.map.surface_of(place, photon).filter(|_| self.map.has(place));
+        match own.zip(footprint(self.map, self.sheet, index)) {
+            Some((own, covariance)) => {
+                Splat::elliptical(covariance).add_flux(self.map, (photon, flux), (place, own));
+                Ledger { deposited: flux.element_sum(), ..Ledger::default() }
+            }
+            None => self.add_point(photon, place, flux),
+        }
     }
 
     /// Adds flux at a place of the surface that a photon lands on.

@@ -56,14 +56,25 @@ impl Texel {
         (point - self.position).dot(self.normal).abs()
     }
 
-    fn is_same_surface(&self, object: u32, normal: Vec3) -> bool {
-        self.object == object && self.normal.dot(normal) >= SAME_SURFACE_COSINE
+    /// Whether it shows the surface of a point: of the same object, or one that continues it in its plane, as joints do between tiles.
+    fn shows(&self, (point, normal, object): SurfacePoint) -> bool {
+        self.is_there()
+            && self.normal.dot(normal) >= SAME_SURFACE_COSINE
+            && (self.object == object || self.is_in_plane(point))
+    }
+
+    /// Whether a point is in its plane, as far as the map can tell.
+    fn is_in_plane(&self, point: Vec3) -> bool {
+        self.height_of(point) <= PHOTON_OFF_PLANE * self.edge
     }
 
     /// Whether a point that another ray through the texel meets is one of the same surface.
     fn is_surface_near(&self, other: &Self) -> bool {
-        self.is_same_surface(other.object, other.normal)
-            && self.height_of(other.position) <= PHOTON_OFF_PLANE * self.edge
+        self.normal.dot(other.normal) >= SAME_SURFACE_COSINE && self.is_in_plane(other.position)
+    }
+
+    fn point(&self) -> SurfacePoint {
+        (self.position, self.normal, self.object)
     }
 
     /// Whether another texel shows the same surface, or neither shows any.
@@ -71,9 +82,12 @@ impl Texel {
         if !self.is_there() || !other.is_there() {
             return self.is_there() == other.is_there();
         }
-        self.is_same_surface(other.object, other.normal) && self.height_of(other.position) <= 2.0 * self.edge
+        self.shows(other.point()) && self.height_of(other.position) <= 2.0 * self.edge
     }
 }
+
+/// A point, the normal there, and the object.
+type SurfacePoint = (Vec3, Vec3, u32);
 
 /// The receivers that a view shows.
 #[derive(Debug)]
@@ -156,19 +170,23 @@ impl ReceiverLayers {
 
     /// The texel at a place that shows the surface which a photon lands on.
     pub fn surface_of(&self, place: DVec2, photon: &Photon) -> Option<usize> {
-        self.nearest(place, photon.position, |texel| texel.is_same_surface(photon.object, photon.normal))
+        let point = (photon.position, photon.normal, photon.object);
+        self.nearest(place, photon.position, |texel| texel.shows(point))
     }
 
     /// The same, if it shows the very place where the photon lands.
     pub fn place_of(&self, place: DVec2, photon: &Photon) -> Option<usize> {
         let index = self.surface_of(place, photon)?;
-        let texel = &self.texels[index];
-        (texel.height_of(photon.position) <= PHOTON_OFF_PLANE * texel.edge).then_some(index)
+        self.texels[index].is_in_plane(photon.position).then_some(index)
     }
 
     /// The texel at a place that shows a point of an object on the side of a normal.
     pub fn point_at(&self, place: DVec2, point: Vec3, (normal, object): (Vec3, u32)) -> Option<usize> {
-        let index = self.nearest(place, point, |texel| texel.object == object && texel.normal.dot(normal) > 0.0)?;
+        let is_its = |texel: &Texel| {
+            let is_near = texel.object == object || texel.is_in_plane(point);
+            texel.is_there() && is_near && texel.normal.dot(normal) > 0.0
+        };
+        let index = self.nearest(place, point, is_its)?;
         let texel = &self.texels[index];
         // As far off as the neighbouring texel may be.
         (texel.height_of(point) <= 2.0 * PHOTON_OFF_PLANE * texel.edge).then_some(index)
@@ -191,8 +209,7 @@ impl ReceiverLayers {
                 return Some((index, [0, 0]));
             }
             let place = DVec2::new(x + dx as f64, y + dy as f64);
-            let is_same = |texel: &Texel| texel.is_same_surface(own.object, own.normal);
-            Some((self.nearest(place, own.position, is_same)?, [dx, dy]))
+            Some((self.nearest(place, own.position, |texel| texel.shows(own.point()))?, [dx, dy]))
         })
     }
 }
@@ -209,7 +226,11 @@ fn column(projection: &Projection, index: usize, most: u32, receiver: &impl Fn(R
     let mut texels = Vec::new();
     for _ in 0..most {
         let Some(hit) = receiver(ray) else { break };
-        texels.push(Texel::of_hit(projection, &hit));
+        let texel = Texel::of_hit(projection, &hit);
+        // What lies just behind is the same surface, as far as the map can tell.
+        if texels.last().is_none_or(|last: &Texel| !last.is_surface_near(&texel)) {
+            texels.push(texel);
+        }
         ray.origin = hit.position;
     }
     texels

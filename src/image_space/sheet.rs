@@ -3,7 +3,7 @@
 use glam::DVec2;
 
 use super::caustic_map::CausticMap;
-use super::constants::{LEAST_TEAR, SAME_SURFACE_COSINE, TEAR_STRETCH};
+use super::constants::{LEAST_TEAR, PHOTON_OFF_PLANE, SAME_SURFACE_COSINE, TEAR_STRETCH};
 use super::photons::PhotonGrid;
 
 /// The photons of a grid, and where they are in a map.
@@ -47,9 +47,13 @@ impl<'a> PhotonSheet<'a> {
         })
     }
 
-    /// Whether two photons came by way of one object to one surface.
+    /// Whether two photons came by way of one object to one surface, which may be of several objects in one plane.
     fn are_alike(&self, one: usize, other: usize) -> bool {
         let [one, other] = [one, other].map(|index| &self.grid.photons[index]);
-        one.caster == other.caster && one.object == other.object && one.normal.dot(other.normal) >= SAME_SURFACE_COSINE
+        let is_one_surface = one.object == other.object || {
+            let height = f64::from((other.position - one.position).dot(one.normal).abs());
+            height <= f64::from(PHOTON_OFF_PLANE) * self.map.texel_across(one.position)
+        };
+        one.caster == other.caster && is_one_surface && one.normal.dot(other.normal) >= SAME_SURFACE_COSINE
     }
 }

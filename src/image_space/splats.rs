@@ -22,7 +22,7 @@ use crate::scene::Object;
 
 /// A Gaussian in texels.
 #[derive(Clone, Copy, Debug)]
-struct Splat {
+pub(super) struct Splat {
     /// The inverse of the covariance: xx, xy, yy.
     inverse: [f64; 3],
     /// Half the width and height of the rectangle that it is cut to.
@@ -38,7 +38,7 @@ impl Splat {
     }
 
     /// With a covariance: xx, xy, yy.
-    fn elliptical([xx, xy, yy]: [f64; 3]) -> Self {
+    pub(super) fn elliptical([xx, xy, yy]: [f64; 3]) -> Self {
         let determinant = xx * yy - xy * xy;
         let inverse = [yy, -xy, xx].map(|entry| entry / determinant);
         Self { inverse, reach: f64::from(SPLAT_REACH) * DVec2::new(xx.sqrt(), yy.sqrt()) + 0.5 }
@@ -51,7 +51,12 @@ impl Splat {
     }
 
     /// Adds a photon at a place of a map.
-    fn add(&self, map: &CausticMap, photon: &Photon, (place, own): (DVec2, usize)) {
+    fn add(&self, map: &CausticMap, photon: &Photon, place: (DVec2, usize)) {
+        self.add_flux(map, (photon, photon.flux.as_dvec3()), place);
+    }
+
+    /// Adds flux of a photon, W.
+    pub(super) fn add_flux(&self, map: &CausticMap, (photon, flux): (&Photon, DVec3), (place, own): (DVec2, usize)) {
         let size = DVec2::from_array(map.size().map(f64::from));
         let low = (place - self.reach + 0.5).floor().max(DVec2::ZERO);
         let high = (place + self.reach - 0.5).ceil().min(size);
@@ -63,7 +68,6 @@ impl Splat {
             Some((index, self.weight(middle - place) * map.part(index)))
         });
         let total: f64 = weighted.clone().map(|(_, weight)| weight).sum();
-        let flux = photon.flux.as_dvec3();
         if total > 1e-12 {
             weighted.for_each(|(index, weight)| map.add(index, flux * (weight / total), photon));
         } else {
@@ -165,7 +169,7 @@ fn sides_of(map: &CausticMap, sheet: &PhotonSheet, index: usize) -> Option<[DVec
 }
 
 /// The covariance of a photon's footprint, texels²: that of a parallelogram with even density, and a little more.
-fn footprint(map: &CausticMap, sheet: &PhotonSheet, index: usize) -> Option<[f64; 3]> {
+pub(super) fn footprint(map: &CausticMap, sheet: &PhotonSheet, index: usize) -> Option<[f64; 3]> {
     let [u, v] = sides_of(map, sheet, index)?;
     let scale = f64::from(FOOTPRINT_OVERLAP * FOOTPRINT_OVERLAP) / 12.0;
     let largest = f64::from(SPLAT_REACH) * (scale * (u * u + v * v).max_element()).sqrt();

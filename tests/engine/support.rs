@@ -222,10 +222,15 @@ pub fn transmittance(cosine: f64, eta: f64) -> f64 {
 
 /// A floor that is seen from above, 2 m high and wide, and what else there is.
 pub fn above_floor(environment: &str, rest: &str) -> Scene {
+    above_floor_in(std::path::Path::new("."), environment, rest)
+}
+
+/// The same with files from a folder.
+pub fn above_floor_in(folder: &std::path::Path, environment: &str, rest: &str) -> Scene {
     let text = format!(
         "[environment]\n{environment}\n[camera]\nposition = [0, 9, 0]\ntarget = [0, 0, 0]\nup = [0, 0, -1]\n\
          orthographic = {{ height = 2.0 }}\n[[object]]\nname = \"floor\"\nshape = {{ plane = {{ size = [8, 8] }} }}\n\
          receiver = {{ albedo = [0.5, 0.5, 0.5] }}\n{rest}"
     );
-    parse::<toml::Table>("test.toml", &text, std::path::Path::new(".")).unwrap().scene
+    parse::<toml::Table>("test.toml", &text, folder).unwrap().scene
 }

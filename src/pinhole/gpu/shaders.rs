@@ -126,6 +126,7 @@ const SHARED: &[Shader] = &[
     shader!("shared/no_near_light"),
     shader!("shared/no_near_light_cells"),
     shader!("shared/no_rays"),
+    shader!("shared/photon_footprints"),
     shader!("shared/photon_map"),
     shader!("shared/photon_sheet"),
     shader!("shared/photon_surface"),
