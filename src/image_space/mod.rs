@@ -22,6 +22,7 @@ mod irradiance_map;
 mod ledger;
 mod lens;
 mod lights;
+mod map_views;
 mod maps;
 mod multi_resolution;
 mod options;

@@ -2,7 +2,8 @@
 
 use glam::DVec3;
 
-use super::beams::{Beams, origins};
+use super::beam_origins::origins;
+use super::beams::Beams;
 use super::{Estimate, Options, Quantity, Reference, ReferenceError, Statistics, StoppingCriterion};
 use crate::scene::{Light as Source, Object, Scene, Visibility};
 use crate::{Error, OptionError, Progress, Stage};

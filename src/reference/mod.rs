@@ -9,6 +9,7 @@
 //! This module must not know samples, cells, cube maps, back ends or wgpu.
 
 mod allocation;
+mod beam_origins;
 mod beams;
 mod beams_in_solids;
 mod brdf;
