@@ -50,7 +50,7 @@ fn add_corner(index: u32, part: f32) {
     }
 }
 
-// Adds flux of a photon over its footprint.
+// Adds flux of a photon over its footprint, if that is larger than a texel: what is smaller would only leave its edge.
 fn add_spread(index: u32, flux: vec3f) {
     let photon = photons[index];
     let at = places[index].at;
@@ -58,11 +58,14 @@ fn add_spread(index: u32, flux: vec3f) {
     if is_in_window(at) {
         texel = surface_of(texel_at(at), photon);
     }
-    if texel == TEXEL_HIDDEN {
+    let place = vec2u(index % map.columns, index / map.columns);
+    let sides = differences(place, DIFFERENCE_OF_PLACES);
+    let squared = dot(sides.along_row.xy, sides.along_row.xy) + dot(sides.along_column.xy, sides.along_column.xy);
+    if texel == TEXEL_HIDDEN || !sides.are_known || squared <= 1.0 {
         add_point(photon, at, flux);
         return;
     }
-    add_footprint(vec2u(index % map.columns, index / map.columns), photon, flux, PhotonPlace(at, texel));
+    add_footprint(place, photon, flux, PhotonPlace(at, texel));
     account_for(DEPOSITED, sum_of_channels(flux), map.steps_per_watt);
 }
 

@@ -11,7 +11,7 @@ use super::constants::MIN_DRAWN_AREA;
 use super::ledger::{Ledger, Loss, total};
 use super::photons::{Photon, PhotonGrid};
 use super::sheet::{BEHIND, PhotonSheet};
-use super::splats::{Splat, footprint};
+use super::splats::{Splat, footprint, sides_of};
 
 /// How the flux of a triangle is spread over texels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -80,11 +80,13 @@ impl Cell<'_> {
         ledger
     }
 
-    /// Adds flux of a photon over its footprint, as far as that is known.
+    /// Adds flux of a photon over its footprint, as far as that is known and larger than a texel: what is smaller would only leave its edge.
     fn add_footprint(&self, index: usize, flux: DVec3) -> Ledger {
         let (photon, place) = (&self.sheet.grid.photons[index], self.sheet.places[index]);
         let own = self.map.surface_of(place, photon).filter(|_| self.map.has(place));
-        match own.zip(footprint(self.map, self.sheet, index)) {
+        let is_large =
+            sides_of(self.map, self.sheet, index).is_some_and(|[u, v]| u.length_squared() + v.length_squared() > 1.0);
+        match own.zip(footprint(self.map, self.sheet, index)).filter(|_| is_large) {
             Some((own, covariance)) => {
                 Splat::elliptical(covariance).add_flux(self.map, (photon, flux), (place, own));
                 Ledger { deposited: flux.element_sum(), ..Ledger::default() }

@@ -156,7 +156,7 @@ pub fn of_clusters(map: &CausticMap, grid: &PhotonGrid) -> Ledger {
 }
 
 /// How far a photon is from its neighbours along both axes of the view, or how large the cluster is that it stands for; texels.
-fn sides_of(map: &CausticMap, sheet: &PhotonSheet, index: usize) -> Option<[DVec2; 2]> {
+pub(super) fn sides_of(map: &CausticMap, sheet: &PhotonSheet, index: usize) -> Option<[DVec2; 2]> {
     if let Some(sides) = sheet.grid.sides.get(index) {
         let middle = sheet.grid.photons[index].position;
         let place = |side: Vec3| Some(map.project(middle + 0.5 * side)? - map.project(middle - 0.5 * side)?);

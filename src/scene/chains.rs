@@ -34,6 +34,7 @@ impl Chain {
 /// A set of chains.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, serde::Serialize)]
 #[serde(into = "Vec<Chain>")]
+#[expect(clippy::struct_excessive_bools, reason = "a set, with a name for each chain")]
 pub struct Chains {
     /// Whether [`Chain::R`] counts.
     pub reflected: bool,
