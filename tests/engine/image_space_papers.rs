@@ -303,9 +303,9 @@ fn six_faces_around_a_lamp_have_all_of_its_light() {
     let folder = tempfile::tempdir().unwrap();
     // The fronts of its sides are inside.
     let corners = (0..8).map(|k| [k & 1, k >> 1 & 1, k >> 2].map(|side| 0.5 * side as f32 - 0.25));
-    let vertices: String = corners.map(|[x, y, z]| format!("v {x} {y} {z}\n")).collect();
+    let vertices: Vec<String> = corners.map(|[x, y, z]| format!("v {x} {y} {z}\n")).collect();
     let sides = "f 1 3 7 5\nf 2 6 8 4\nf 1 5 6 2\nf 3 4 8 7\nf 1 2 4 3\nf 5 7 8 6\n";
-    std::fs::write(folder.path().join("shell.obj"), format!("{vertices}{sides}")).unwrap();
+    std::fs::write(folder.path().join("shell.obj"), vertices.concat() + sides).unwrap();
     let shell = "[[light]]\nposition = [0, 0.5, 0]\nintensity = [9, 18, 27]\n[[object]]\nmesh = \"shell.obj\"\n\
                  translate = [0, 0.5, 0]\nrefractor = { eta = 1.0, fresnel = false }\ncamera_visible = false\n";
     let lit = above_floor_in(folder.path(), DARK, shell);
