@@ -21,7 +21,7 @@ use crate::scene::{Camera, Chain, Ray};
 use crate::tracing::Tracer;
 
 /// A texel of the camera's map tells the light if a surface has this part of it; of smaller parts, few photons and rounding would.
-const SURE_PART: f32 = 0.25;
+const SURE_PART: f32 = 0.5;
 
 /// Clusters of photons that are followed together.
 const CLUSTERS_OF_BATCH: usize = 1 << 18;
