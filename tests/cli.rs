@@ -308,7 +308,7 @@ fn options_of_photons_that_change<T: PartialEq + std::fmt::Debug>(
         std::fs::read(place.path("small.exr")).unwrap()
     };
     assert_ne!(small("ring", &["--light-directions", "2"]), small("ring", &["--light-directions", "5"]));
-    assert_ne!(small("gloss", &["--incidence", "light"]), small("gloss", &["--incidence", "photon"]));
+    assert_ne!(small("varnish", &["--incidence", "light"]), small("varnish", &["--incidence", "photon"]));
     vec![
         "--mode",
         "--hits",
