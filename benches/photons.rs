@@ -10,7 +10,7 @@ use std::time::Instant;
 
 use pinspot::blocking::wait;
 use pinspot::image::{Aov, Image, mrse, rel_l2};
-use pinspot::scene::parse;
+use pinspot::scene::{Scene, parse};
 use pinspot::{
     Backend, BackendChoice, CubeSize, Engine, Hits, ImageSpaceOptions, Mode, NoProgress, PhotonStatistics, Progress,
     Settings, Stage, Technique, Traversal,
@@ -45,10 +45,14 @@ impl Progress for Stopwatch {
 fn engine(backend: &Backend, mode: Mode, hits: Hits, photons: u32) -> Engine {
     let scene = pinspot::scene::load::<Settings>("ring").expect("built-in").scene;
     let image_space = ImageSpaceOptions { mode, hits, photons, light_directions: 1, ..Default::default() };
+    engine_of(backend, scene, (image_space, [512; 2]))
+}
+
+fn engine_of(backend: &Backend, scene: Scene, (image_space, size): (ImageSpaceOptions, [u32; 2])) -> Engine {
     let options = pinspot::Options::default()
         .with_technique(Technique::ImageSpace)
         .with_image_space(image_space)
-        .with_size([512; 2])
+        .with_size(size)
         .with_cube_size(CubeSize::Texels(16))
         .with_aovs(vec![Aov::Caustic]);
     Engine::new(scene, options, backend.clone())
@@ -121,13 +125,7 @@ const WAYS: [(&str, Hits, Traversal, Mode); 6] = [
 fn ball(backend: &Backend, (hits, traversal, mode): (Hits, Traversal, Mode), photons: u32) -> Engine {
     let scene = parse::<Settings>("ball.toml", BALL, Path::new(".")).expect("a scene").scene;
     let image_space = ImageSpaceOptions { mode, hits, traversal, photons, ..Default::default() };
-    let options = pinspot::Options::default()
-        .with_technique(Technique::ImageSpace)
-        .with_image_space(image_space)
-        .with_size([256; 2])
-        .with_cube_size(CubeSize::Texels(16))
-        .with_aovs(vec![Aov::Caustic]);
-    Engine::new(scene, options, backend.clone())
+    engine_of(backend, scene, (image_space, [256; 2]))
 }
 
 fn picture(engine: &mut Engine) -> (Image, PhotonStatistics) {

@@ -1,4 +1,5 @@
-// What the texels of a caustic map show, and where photons land in it. CPU twin: src/image_space/caustic_map.rs.
+// What the texels of a caustic map show, and where photons land in it. CPU twins: src/image_space/receiver_layers.rs and
+// caustic_map.rs.
 
 #import hits
 #import photon_map
@@ -123,8 +124,9 @@ fn settle_parts(@builtin(global_invocation_id) id: vec3u) {
     }
 }
 
-// As many words as a texel has, of the sums of both layers.
+// As many words as a texel has, of those that the sums of both layers have at least.
 const WORDS_OF_TEXEL: u32 = 7u;
+const WORDS_OF_SUMS: u32 = 12u;
 
 fn keep_in_sums(first: u32, kept: MapTexel) {
     let words = array<u32, WORDS_OF_TEXEL>(
@@ -137,14 +139,14 @@ fn keep_in_sums(first: u32, kept: MapTexel) {
         kept.normal,
     );
     for (var k = 0u; k < WORDS_OF_TEXEL; k++) {
-        atomicStore(&sums[12u * first + k], words[k]);
+        atomicStore(&sums[WORDS_OF_SUMS * first + k], words[k]);
     }
 }
 
 fn take_from_sums(first: u32) -> MapTexel {
     var words = array<u32, WORDS_OF_TEXEL>();
     for (var k = 0u; k < WORDS_OF_TEXEL; k++) {
-        words[k] = atomicExchange(&sums[12u * first + k], 0u);
+        words[k] = atomicExchange(&sums[WORDS_OF_SUMS * first + k], 0u);
     }
     let position = bitcast<vec3f>(vec3u(words[0], words[1], words[2]));
     return MapTexel(position, words[3], bitcast<f32>(words[4]), bitcast<f32>(words[5]), words[6]);

@@ -32,35 +32,21 @@ fn view_direction(pixel: vec2u) -> vec3f {
 // what they are on average over light from `solid_angle` sr around l; tables are not.
 fn brdf(object: u32, n: vec3f, l: vec3f, v: vec3f, solid_angle: f32) -> vec3f {
     let material = materials[object];
-    let cos_l = dot(n, l);
-    let cos_v = dot(n, v);
-    if cos_l <= 0.0 || cos_v <= 0.0 {
-        return vec3f(0.0);
-    }
-    let diffuse = material.albedo / PI;
-    let specular = material.specular;
-    let width = material.width;
-    let kind = material.kind;
-    if kind == MATERIAL_PHONG {
-        let mirrored = max(dot(2.0 * cos_l * n - l, v), 0.0);
-        // Variances add, that of cosᵉ being 1/e and that of a square its area's twelfth.
-        let exponent = width / (1.0 + width * solid_angle / 12.0);
-        // pow(0, 0) is implementation-defined.
-        let lobe = select(0.0, pow(max(mirrored, 1e-30), exponent), mirrored > 0.0 || exponent == 0.0);
-        return diffuse + specular * ((exponent + 2.0) / (2.0 * PI) * lobe);
-    }
-    if kind == MATERIAL_GGX {
-        let h = normalize(l + v);
-        // The half vector turns half as far as the light; α² is twice a variance.
-        let alpha = min(sqrt(width * width + solid_angle / 24.0), 1.0);
-        let lobe = distribution(dot(n, h), alpha) * masking(cos_l, cos_v, alpha);
-        let passes = (1.0 - schlick(specular, cos_l)) * (1.0 - schlick(specular, cos_v));
-        return diffuse * passes + schlick(specular, dot(l, h)) * lobe;
-    }
-    if kind == MATERIAL_TABLE {
+    if material.kind == MATERIAL_TABLE {
+        if dot(n, l) <= 0.0 || dot(n, v) <= 0.0 {
+            return vec3f(0.0);
+        }
         return tabulated(material.table, n, l, v);
     }
-    return diffuse;
+    var width = material.width;
+    if material.kind == MATERIAL_PHONG {
+        // Variances add, that of cosᵉ being 1/e and that of a square its area's twelfth.
+        width = width / (1.0 + width * solid_angle / 12.0);
+    } else if material.kind == MATERIAL_GGX {
+        // The half vector turns half as far as the light; α² is twice a variance.
+        width = min(sqrt(width * width + solid_angle / 24.0), 1.0);
+    }
+    return lobe_brdf(material.kind, material.albedo, material.specular, width, n, l, v);
 }
 
 // Steps of θ_half, θ_diff and φ_diff of a table.

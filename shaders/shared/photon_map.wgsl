@@ -143,29 +143,10 @@ fn for_gloss(flux: vec3f, photon: Photon) -> vec3f {
         return sum_of_channels(flux) * select(normalize(photon.position - map.light), map.light, map.is_light_far != 0u);
     }
     let away = select(normalize(photon.position - map.plane.origin), map.plane.forward, map.plane.is_parallel != 0u);
-    return flux * photon_brdf(surfaces[photon.object], unpacked_unit(photon.normal), -unpacked_unit(photon.direction), -away);
-}
-
-// The BRDF of a receiver, 1/sr: n, l and v are the unit normal, towards where the photon came from and towards the viewer.
-fn photon_brdf(surface: PhotonSurface, n: vec3f, l: vec3f, v: vec3f) -> vec3f {
-    let cos_l = dot(n, l);
-    let cos_v = dot(n, v);
-    if cos_l <= 0.0 || cos_v <= 0.0 {
-        return vec3f(0.0);
-    }
-    let diffuse = surface.albedo / PI;
-    if surface.kind == MATERIAL_PHONG {
-        let mirrored = dot(2.0 * cos_l * n - l, v);
-        let lobe = select(0.0, pow(max(mirrored, 1e-30), surface.width), mirrored > 0.0 || surface.width == 0.0);
-        return diffuse + surface.specular * ((surface.width + 2.0) / (2.0 * PI) * lobe);
-    }
-    if surface.kind == MATERIAL_GGX {
-        let h = normalize(l + v);
-        let lobe = distribution(dot(n, h), surface.width) * masking(cos_l, cos_v, surface.width);
-        let passes = (1.0 - schlick(surface.specular, cos_l)) * (1.0 - schlick(surface.specular, cos_v));
-        return diffuse * passes + schlick(surface.specular, dot(l, h)) * lobe;
-    }
-    return diffuse;
+    let surface = surfaces[photon.object];
+    let normal = unpacked_unit(photon.normal);
+    let towards = -unpacked_unit(photon.direction);
+    return flux * lobe_brdf(surface.kind, surface.albedo, surface.specular, surface.width, normal, towards, -away);
 }
 
 fn add_to_sums(first: u32, steps: Steps) {

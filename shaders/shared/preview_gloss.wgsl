@@ -8,22 +8,7 @@
 
 // The BRDF of an object with a lobe, 1/sr; n, l and v are the unit normal, towards the light and towards the viewer.
 fn brdf_with_lobe(object: PreviewObject, n: vec3f, l: vec3f, v: vec3f) -> vec3f {
-    let cos_l = dot(n, l);
-    let cos_v = dot(n, v);
-    if cos_l <= 0.0 || cos_v <= 0.0 {
-        return vec3f(0.0);
-    }
-    let diffuse = object.albedo / PI;
-    if object.kind == MATERIAL_GGX {
-        let h = normalize(l + v);
-        let lobe = distribution(dot(n, h), object.width) * masking(cos_l, cos_v, object.width);
-        let passes = (1.0 - schlick(object.specular, cos_l)) * (1.0 - schlick(object.specular, cos_v));
-        return diffuse * passes + schlick(object.specular, dot(l, h)) * lobe;
-    }
-    let mirrored = max(dot(2.0 * cos_l * n - l, v), 0.0);
-    // pow(0, 0) is implementation-defined.
-    let lobe = select(0.0, pow(max(mirrored, 1e-30), object.width), mirrored > 0.0 || object.width == 0.0);
-    return diffuse + object.specular * ((object.width + 2.0) / (2.0 * PI) * lobe);
+    return lobe_brdf(object.kind, object.albedo, object.specular, object.width, n, l, v);
 }
 
 // Microfacets along both coordinates of a lobe.

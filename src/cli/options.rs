@@ -167,7 +167,7 @@ pub struct CommonOptions {
     #[command(flatten)]
     pub scene: SceneOptions,
     /// Pictures to render, separated by commas: beauty, caustic, caustic.R, caustic.T, caustic.TT and caustic.TTTT (what is
-    /// reflected or refracted once, or refracted twice by closed objects), direct, scattered and scattered.direct (what a medium scatters),
+    /// reflected or refracted once, refracted by one closed object, or by two), direct, scattered and scattered.direct (what a medium scatters),
     /// albedo, normal, position, depth [default:
     /// beauty]
     #[arg(long, value_parser = word::<Aov>, value_delimiter = ',', value_name = "NAMES")]

@@ -36,7 +36,8 @@ pub struct ReferenceArgs {
     /// Occlusion: full (by all objects, before and after the mirror or interface), or none [default: the scene's, else full]
     #[arg(long, value_parser = word::<Visibility>, value_name = "none|full")]
     visibility: Option<Visibility>,
-    /// Caustics to add up: R (one reflection), T (one refraction), TT (two refractions, through a closed object) [default: all]
+    /// Caustics to add up: R (one reflection), T (one refraction), TT (two refractions, through a closed object), TTTT (through
+    /// two of them) [default: all]
     #[arg(long, value_parser = word::<Chain>, value_delimiter = ',', value_name = "CHAINS")]
     chains: Option<Vec<Chain>>,
     /// How a caustic is computed: points (an integral over the mirrors, for each point of a pixel), or beams (means over whole pixels, of

@@ -212,23 +212,19 @@ impl<'a> CausticMap<'a> {
 
     /// The irradiance in every texel.
     pub fn resolve(self) -> IrradianceMap {
-        let irradiance = |index: usize| {
+        let per_area = |(index, sums): (usize, &[AtomicI64; 3])| {
             let texel = self.shown.texel(index);
-            if texel.is_there() { self.flux(index).as_vec3() / texel.area() } else { Vec3::ZERO }
+            if texel.is_there() { self.watts(sums).as_vec3() / texel.area() } else { Vec3::ZERO }
         };
-        let irradiance = (0..self.len()).into_par_iter().map(irradiance).collect();
-        let for_gloss = |value: &dyn Fn(DVec3, usize) -> Vec3| -> Vec<Vec3> {
-            self.for_gloss.iter().enumerate().map(|(index, sums)| value(self.watts(sums), index)).collect()
-        };
-        let per_area = |sum: DVec3, index: usize| {
-            let texel = self.shown.texel(index);
-            if texel.is_there() { sum.as_vec3() / texel.area() } else { Vec3::ZERO }
-        };
+        let direction = |sums: &[AtomicI64; 3]| self.watts(sums).normalize_or_zero().as_vec3();
+        let irradiance = self.flux.par_iter().enumerate().map(per_area).collect();
         let gloss = match self.kept {
             ForGloss::Nothing => GlossOfTexels::Unknown,
-            ForGloss::Reflected(_) => GlossOfTexels::Reflected(for_gloss(&per_area)),
+            ForGloss::Reflected(_) => {
+                GlossOfTexels::Reflected(self.for_gloss.par_iter().enumerate().map(per_area).collect())
+            }
             ForGloss::Directions | ForGloss::Undeflected => {
-                GlossOfTexels::Directions(for_gloss(&|sum, _| sum.normalize_or_zero().as_vec3()))
+                GlossOfTexels::Directions(self.for_gloss.par_iter().map(direction).collect())
             }
         };
         IrradianceMap { shown: self.shown, irradiance, gloss }

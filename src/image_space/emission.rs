@@ -331,13 +331,13 @@ impl Emission<'_> {
             Some(hit) => {
                 let undeflected = self.view.undeflected(hit.position);
                 let cosine = |direction: Vec3| -direction.dot(hit.face_normal);
-                let ratio = cosine(flight.ray.direction) / cosine(undeflected).max(MIN_DIRECT_COSINE);
+                let ratio = || cosine(flight.ray.direction) / cosine(undeflected).max(MIN_DIRECT_COSINE);
                 return Some(Photon {
                     position: hit.position,
                     normal: hit.face_normal,
                     direction: flight.ray.direction,
                     undeflected,
-                    flux: if self.pattern.is_papers { flight.flux * ratio } else { flight.flux },
+                    flux: if self.pattern.is_papers { flight.flux * ratio() } else { flight.flux },
                     object: hit.object,
                     caster: flight.caster,
                     way: Way { beyond: hit.distance, ..flight.way },

@@ -35,7 +35,7 @@ pub struct MapInputs<'a> {
     pub receivers: &'a Tracer,
     /// Their vertices.
     pub receiver_points: &'a [Vec3],
-    /// Each of the closed objects alone, for images of them.
+    /// Each of the closed objects alone, for images of them on the CPU.
     pub solids: &'a [(u32, Tracer)],
     /// Vertices of what casts caustics.
     pub casters: &'a [Vec3],

@@ -22,7 +22,7 @@ use super::refraction::Interface;
 use super::seen::{Corner, Seen, sine_to_line};
 use super::tree::{Bounds, Content, Part, Tree, WHOLE};
 use super::{Options, Quantity, brdf};
-use crate::scene::{Chains, Object, Receiver as Surface, Reflector, Scene, Sides, Specular, Visibility};
+use crate::scene::{Chain, Chains, Object, Receiver as Surface, Reflector, Scene, Sides, Specular, Visibility};
 
 /// Triangles are halved at most this many times.
 const MAX_DEPTH: u8 = 32;
@@ -39,6 +39,8 @@ pub(super) struct Reflectors<'a> {
     attenuation: bool,
     pub(super) medium: Option<Medium>,
     pub(super) chains: Chains,
+    /// Light through one closed object and another counts, and there are several.
+    pub(super) follows_two_solids: bool,
     /// What mirrors show of surfaces in the light of lamps.
     pub(super) surfaces: LitSurfaces<'a>,
     /// By object, where what they reflect to the camera is in question.
@@ -106,6 +108,7 @@ impl<'a> Reflectors<'a> {
             Some(Material { surface, side: if specular.sides() == Sides::Back { -1.0 } else { 1.0 } })
         };
         let materials: Vec<_> = scene.objects.iter().map(material).collect();
+        let solids = scene.objects.iter().filter(|object| object.casts(Chain::TTTT)).count();
         let sides: Vec<_> = materials.iter().map(|m| m.as_ref().map(|m| m.side)).collect();
         let tree = Tree::new(geometry, &sides);
         Self {
@@ -118,6 +121,7 @@ impl<'a> Reflectors<'a> {
             attenuation: options.attenuation,
             medium: Medium::of_scene(scene),
             chains,
+            follows_two_solids: chains.refracted_four_times && solids > 1,
             viewed: (options.quantity == Quantity::Reflected)
                 .then(|| scene.objects.iter().map(|o| o.receiver.clone()).collect()),
             materials,
@@ -137,11 +141,6 @@ impl<'a> Reflectors<'a> {
             Kind::Interface(interface) if interface.is_closed => Some(interface),
             _ => None,
         }
-    }
-
-    /// Whether light may pass several closed objects one after the other.
-    pub(super) fn has_several_solids(&self) -> bool {
-        (0..self.materials.len() as u32).filter(|object| self.closed_interface(*object).is_some()).count() > 1
     }
 
     fn bounds(&self, region: &Region) -> Bounds {
@@ -210,7 +209,7 @@ impl Domain for Reflectors<'_> {
 
     fn fineness(&self) -> Fineness {
         let is_closed = |m: &Material| matches!(m.surface, Kind::Interface(interface) if interface.is_closed);
-        let passes = self.chains.refracted_twice || self.chains.refracted_four_times;
+        let passes = self.chains.refracted_twice || self.follows_two_solids;
         if passes && self.materials.iter().flatten().any(is_closed) {
             // What comes through is known for small regions only.
             return Fineness { worthwhile: 0.8, least_splits: 512, ..ON_SURFACES };

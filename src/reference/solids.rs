@@ -38,7 +38,7 @@ struct Left {
 impl Reflectors<'_> {
     /// What a point of a closed object sends to a receiver in front of it of light that is refracted twice or four times, W/(m²·sr).
     pub(super) fn light_through_solid(&self, interface: &Interface, entry: &Point, numbers: Numbers) -> DVec3 {
-        let is_followed = self.chains.refracted_four_times && self.has_several_solids();
+        let is_followed = self.follows_two_solids;
         if !self.chains.refracted_twice && !is_followed {
             return DVec3::ZERO;
         }
@@ -105,8 +105,7 @@ impl Reflectors<'_> {
     /// No bound between rays that were not followed, but positive wherever light may come from.
     pub(super) fn bound_through_solid(&self, interface: &Interface, seen: &Seen, receiver: &Receiver) -> f64 {
         let Seen { bounds, towards, received, .. } = seen;
-        let is_followed = self.chains.refracted_four_times && self.has_several_solids();
-        if !self.chains.refracted_twice && !is_followed {
+        if !self.chains.refracted_twice && !self.follows_two_solids {
             return 0.0;
         }
         let facing = bounds.normals.largest_cosine(-towards.axis, towards.half_angle);
@@ -116,7 +115,7 @@ impl Reflectors<'_> {
         }
         let light = |eta: &f64| match self.foreseen_light(interface, (seen, receiver), *eta) {
             // What another object does to it is not foreseen.
-            Some(foreseen) if !is_followed => foreseen + self.unforeseen_light(bounds),
+            Some(foreseen) if !self.follows_two_solids => foreseen + self.unforeseen_light(bounds),
             _ => self.light_within(bounds, &Cone::everything()),
         };
         let light: f64 = interface.indices().iter().map(light).sum();

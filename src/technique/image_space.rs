@@ -132,7 +132,8 @@ async fn sum(
     let receiver_points: Vec<Vec3> =
         of(|object| object.receiver.is_some()).flat_map(Mesh::positions).copied().collect();
     let bounds = Bounds::around(of(|object| object.emitter.is_none()).flat_map(Mesh::positions).copied());
-    let has_images = image_space.hits != Hits::Traced;
+    // A GPU draws its images.
+    let has_images = image_space.hits != Hits::Traced && backend.device().is_none();
     let of_solid = |(number, object): (usize, &Object)| {
         let is_shown = has_images && object.casts(Chain::TT);
         is_shown.then(|| (number as u32, alone(&meshes, &scene.objects, |other| std::ptr::eq(other, object))))

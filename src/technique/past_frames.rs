@@ -67,9 +67,10 @@ impl PastFrames {
     /// The light on a point of an object, on the side of a normal: the mean of what the frames say that show it.
     pub fn light_at(&self, point: Vec3, normal: Vec3, object: u32) -> Incident {
         let mut found = self.frames.iter().filter_map(|maps| maps.light_at(point, normal, object));
-        let Some(first) = found.next().filter(|_| self.frames.len() > 1) else {
-            return self.newest().and_then(|maps| maps.light_at(point, normal, object)).unwrap_or_default();
-        };
+        let Some(first) = found.next() else { return Incident::default() };
+        if self.frames.len() == 1 {
+            return first;
+        }
         let weighted = |light: &Incident| light.irradiance.element_sum() * light.direction;
         let (mut sum, mut count) = (Incident { direction: weighted(&first), ..first }, 1.0);
         for light in found {

@@ -8,11 +8,11 @@ use pinspot::image::{Aov, Image, rel_l2};
 use pinspot::reference::{self, Estimator, Reference, StoppingCriterion};
 use pinspot::scene::{Chain, Emitter, Scene, load};
 use pinspot::{
-    BackendChoice, CubeSize, Error, Hits, ImageSpaceOptions, Incidence, Loss, MapView, Mark, Mode, NoProgress, Options,
-    Overlay, Rendered, Settings, Technique, Traversal,
+    BackendChoice, Error, Hits, ImageSpaceOptions, Incidence, Loss, MapView, Mark, Mode, NoProgress, Options, Overlay,
+    Rendered, Settings, Traversal,
 };
 
-use crate::support::{above_floor as scene, new_engine, render, render_again, transmittance};
+use crate::support::{above_floor as scene, new_engine, photon_options, render, render_again, transmittance};
 
 /// A lamp without extent above the middle.
 const LAMP: &str = "[[light]]\nposition = [0, 3, 0]\nintensity = [9, 18, 27]\n";
@@ -21,13 +21,7 @@ const DARK: &str = "constant = [0, 0, 0]";
 const SUN: &str = "spot = { direction = [0.36, 0.8, 0.48], sigma_rad = 0.001, radiance = [1e6, 1e6, 1e6] }";
 
 fn options(mode: Mode, photons: u32) -> Options {
-    let image_space = ImageSpaceOptions { mode, photons, light_directions: 1, ..Default::default() };
-    Options::default()
-        .with_technique(Technique::ImageSpace)
-        .with_image_space(image_space)
-        .with_size([128, 128])
-        .with_cube_size(CubeSize::Texels(16))
-        .with_aovs(vec![Aov::Caustic])
+    photon_options(ImageSpaceOptions { mode, photons, light_directions: 1, ..Default::default() })
 }
 
 fn caustic(scene: &Scene, options: Options) -> (Image, Rendered) {

@@ -6,11 +6,11 @@ use glam::Vec3;
 use pinspot::image::{Aov, Image, RgbImage};
 use pinspot::scene::{Gloss, Scene, Slide};
 use pinspot::{
-    BackendChoice, CubeSize, Error, Hits, ImageSpaceOptions, Incidence, MapView, Mode, Options, PhotonStatistics,
-    Rendered, Technique, Traversal,
+    BackendChoice, Error, Hits, ImageSpaceOptions, Incidence, MapView, Mode, Options, PhotonStatistics, Rendered,
+    Traversal,
 };
 
-use crate::support::{above_floor, gpu_backend, render};
+use crate::support::{above_floor, gpu_backend, photon_options, render};
 
 const DARK: &str = "constant = [0, 0, 0]";
 
@@ -23,12 +23,7 @@ fn options(mode: Mode, caustic_map: MapView) -> Options {
         light_directions: 2,
         ..Default::default()
     };
-    Options::default()
-        .with_technique(Technique::ImageSpace)
-        .with_image_space(image_space)
-        .with_size([128, 96])
-        .with_cube_size(CubeSize::Texels(16))
-        .with_aovs(vec![Aov::Caustic])
+    photon_options(image_space).with_size([128, 96])
 }
 
 fn photons(rendered: &Rendered) -> PhotonStatistics {

@@ -7,11 +7,11 @@ use pinspot::image::{Aov, Image, mrse, rel_l2};
 use pinspot::reference::{self, Estimator, Reference, StoppingCriterion};
 use pinspot::scene::Scene;
 use pinspot::{
-    BackendChoice, CubeSize, Hits, ImageSpaceOptions, Incidence, Mode, NoProgress, Options, PhotonStatistics,
-    Technique, Traversal,
+    BackendChoice, Hits, ImageSpaceOptions, Incidence, Mode, NoProgress, Options, PhotonStatistics, Technique,
+    Traversal,
 };
 
-use crate::support::{above_floor, above_floor_in, new_engine, render, render_again, transmittance};
+use crate::support::{above_floor, above_floor_in, new_engine, photon_options, render, render_again, transmittance};
 
 const DARK: &str = "constant = [0, 0, 0]";
 const STRAIGHT_DOWN: &str = "[[light]]\ndirectional = { direction = [0, 1, 0], irradiance = [1, 2, 3] }\n";
@@ -22,13 +22,7 @@ const BALL: &str = "[[object]]\nshape = { sphere = { radius = 0.4, divisions = 9
                     refractor = { eta = 1.5, interfaces = 2 }\ncamera_visible = false\n";
 
 fn options(mode: Mode, photons: u32) -> Options {
-    let image_space = ImageSpaceOptions { mode, photons, ..Default::default() };
-    Options::default()
-        .with_technique(Technique::ImageSpace)
-        .with_image_space(image_space)
-        .with_size([128, 128])
-        .with_cube_size(CubeSize::Texels(16))
-        .with_aovs(vec![Aov::Caustic])
+    photon_options(ImageSpaceOptions { mode, photons, ..Default::default() })
 }
 
 fn caustic(scene: &Scene, options: Options) -> (Image, PhotonStatistics) {

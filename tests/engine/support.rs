@@ -220,6 +220,16 @@ pub fn transmittance(cosine: f64, eta: f64) -> f64 {
     1.0 - 0.5 * (s * s + p * p)
 }
 
+/// Options of a picture of the caustic alone by photons.
+pub fn photon_options(image_space: pinspot::ImageSpaceOptions) -> pinspot::Options {
+    pinspot::Options::default()
+        .with_technique(pinspot::Technique::ImageSpace)
+        .with_image_space(image_space)
+        .with_size([128, 128])
+        .with_cube_size(pinspot::CubeSize::Texels(16))
+        .with_aovs(vec![pinspot::image::Aov::Caustic])
+}
+
 /// A floor that is seen from above, 2 m high and wide, and what else there is.
 pub fn above_floor(environment: &str, rest: &str) -> Scene {
     above_floor_in(std::path::Path::new("."), environment, rest)

@@ -1,5 +1,6 @@
 //! Images of what a light's view shows, drawn by the rasterizer: the first and the last surfaces in one pass over the triangles, the
-//! receivers alone and, where there are several closed objects, each of them alone. CPU twin: [`crate::image_space::surface_images`]. Shaders: `shaders/surface_images.wgsl`, `shared/image_hits.wgsl`.
+//! receivers alone and, where there are several closed objects, each of them alone. CPU twin: [`crate::image_space::surface_images`].
+//! Shaders: `shaders/surface_images.wgsl`, `shared/image_hits.wgsl`.
 
 use wgpu::{BindingResource, BufferUsages, CommandEncoder, RenderPipeline, ShaderStages, TextureFormat, TextureUsages};
 

@@ -181,7 +181,7 @@ impl Builder<'_> {
 
     fn lamp_motion(&self, table: &Table, index: usize, lamp: &Lamp) -> Result<LampMotion, SceneError> {
         if lamp.is_distant && table.table.position.is_some() {
-            let message = "is of a directional light, which is nowhere; animate its intensity, or turn the scene";
+            let message = "is of a directional light, which has none; animate its intensity instead";
             return Err(self.error(table.key("position"), message));
         }
         Ok(LampMotion {
