@@ -111,12 +111,13 @@ refractor = { eta = 1.5, interfaces = 2 }
 camera_visible = false
 "#;
 
-/// The ways of Table 1: every photon by rays or in images; where casters are; and where the map resolves them, the rest as splats of one size or
-/// in several resolutions.
-const WAYS: [(&str, Hits, Traversal, Mode); 6] = [
+/// The ways of Table 1: every photon by rays or in images; those that are put together; where casters are; and where the map resolves them, the
+/// rest as points or in several resolutions.
+const WAYS: [(&str, Hits, Traversal, Mode); 7] = [
     ("dense", Hits::Traced, Traversal::Dense, Mode::Points),
     ("deferred, dense", Hits::Image, Traversal::Dense, Mode::Points),
     ("deferred, a quarter", Hits::QuarterImage, Traversal::Dense, Mode::Points),
+    ("hierarchical", Hits::Traced, Traversal::Hierarchical, Mode::Points),
     ("maximal level", Hits::Traced, Traversal::MaximalLevel, Mode::Points),
     ("texel error", Hits::Traced, Traversal::TexelError, Mode::Points),
     ("several resolutions", Hits::Traced, Traversal::TexelError, Mode::MultiResolution),

@@ -1,5 +1,5 @@
-// Decides what becomes of clusters of 2×2 photons: they are one photon, or four clusters of a grid that is twice as fine. CPU twin:
-// src/image_space/adaptive.rs.
+// Decides what becomes of clusters of 2×2 photons: they are one photon, or four clusters of a grid that is twice as fine; or puts photons of
+// squares together, from fine to coarse. CPU twins: src/image_space/adaptive.rs and hierarchical.rs.
 
 #import constants
 #import photons
@@ -18,6 +18,8 @@ struct Clusters {
     levels: u32,
     // No grid is finer: what is not one photon is kept instead of divided.
     is_finest: u32,
+    // Photons of the buffer that each of four stands for, where squares are put together: those from its own on.
+    stride: u32,
 }
 
 @group(0) @binding(0) var<uniform> list: Clusters;
@@ -42,7 +44,7 @@ fn decide(
         return;
     }
     let cluster = clusters[index];
-    if list.may_merge != 0u && are_one(4u * index) {
+    if list.may_merge != 0u && are_one(4u * index, 1u) {
         merged[atomicAdd(&counts[1], 1u)] = cluster;
     } else if list.is_finest != 0u {
         divided[atomicAdd(&counts[0], 1u)] = cluster;
@@ -76,11 +78,11 @@ fn is_covered(texel: vec2u) -> bool {
 }
 
 // Whether four photons land within a texel, on one side of one receiver.
-fn are_one(first: u32) -> bool {
+fn are_one(first: u32, stride: u32) -> bool {
     let own = photons[first];
     var places = array<vec2f, 4>();
     for (var k = 0u; k < 4u; k++) {
-        let photon = photons[first + k];
+        let photon = photons[first + k * stride];
         if photon.object == NO_OBJECT || photon.object != own.object || photon.caster != own.caster
             || dot(unpacked_unit(photon.normal), unpacked_unit(own.normal)) < MIN_CLUSTER_COSINE {
             return false;
@@ -104,18 +106,50 @@ fn merge(
 ) {
     let index = index_of(group, groups, local_index);
     if index < list.count {
-        merge_cluster(4u * index);
-        // Three photons less.
-        add_to_account(LANDED, Steps(0xfffffffdu, 0xffffffffu));
+        put_together(4u * index, 1u);
     }
     close_account(local_index);
 }
 
-fn merge_cluster(first: u32) {
+// Puts photons of squares together, four at a time, if what they stand for is whole and they are one. `merged` says of each square, at the place
+// of its first cluster, whether it is whole.
+@compute @workgroup_size(64)
+fn merge_squares(
+    @builtin(workgroup_id) group: vec3u,
+    @builtin(num_workgroups) groups: vec3u,
+    @builtin(local_invocation_index) local_index: u32,
+) {
+    let index = index_of(group, groups, local_index);
+    if index < list.count {
+        let first = 4u * list.stride * index;
+        let is_whole = are_whole(first, list.stride) && are_one(first, list.stride);
+        if is_whole {
+            put_together(first, list.stride);
+        }
+        merged[first / 4u] = u32(is_whole);
+    }
+    close_account(local_index);
+}
+
+fn are_whole(first: u32, stride: u32) -> bool {
+    if stride == 1u {
+        return true;
+    }
+    var count = 0u;
+    for (var k = 0u; k < 4u; k++) {
+        count += merged[(first + k * stride) / 4u];
+    }
+    return count == 4u;
+}
+
+fn put_together(first: u32, stride: u32) {
     for (var k = 1u; k < 4u; k++) {
-        photons[first].flux += photons[first + k].flux;
-        photons[first].position += photons[first + k].position;
-        photons[first + k].object = NO_OBJECT;
+        let other = first + k * stride;
+        photons[first].flux += photons[other].flux;
+        photons[first].position += photons[other].position;
+        photons[other].object = NO_OBJECT;
     }
     photons[first].position *= 0.25;
+    // Three photons less.
+    add_to_account(LANDED, Steps(0xfffffffdu, 0xffffffffu));
 }

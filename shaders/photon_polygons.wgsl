@@ -65,7 +65,7 @@ fn add_spread(index: u32, flux: vec3f) {
         add_point(photon, at, flux);
         return;
     }
-    add_footprint(place, photon, flux, PhotonPlace(at, texel));
+    add_footprint(place, photon, flux, PhotonPlace(at, texel), 1.0);
     account_for(DEPOSITED, sum_of_channels(flux), map.steps_per_watt);
 }
 

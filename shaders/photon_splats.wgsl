@@ -40,7 +40,7 @@ fn add_photon(place: vec2u) {
             add_splat(0u, round_splat(lens_diameter(place, photon, texel)), photon, photon.flux, places[index]);
         }
         case MODE_FOOTPRINTS {
-            add_footprint(place, photon, photon.flux, places[index]);
+            add_footprint(place, photon, photon.flux, places[index], map.frame_spacing);
         }
         case MODE_MULTI_RESOLUTION {
             if map.clusters != 0u {
@@ -116,7 +116,7 @@ fn lens_diameter(place: vec2u, photon: Photon, texel: u32) -> f32 {
     let cosine = max(-dot(unpacked_unit(photon.direction), unpacked_unit(photon.normal)), 0.05);
     // Where photons would land without mirrors and interfaces.
     let length = select(1.0 / photon.inverse_before + way.within + photon.beyond, 1.0, photon.inverse_before == 0.0);
-    let undistorted = LENS_SPACINGS * length * map.spacing / sqrt(cosine) / texels[texel].edge;
+    let undistorted = LENS_SPACINGS * length * map.frame_spacing * map.spacing / sqrt(cosine) / texels[texel].edge;
     return clamp(undistorted * factor, MIN_SPLAT_DIAMETER, MAX_SPLAT_DIAMETER);
 }
 

@@ -52,15 +52,15 @@ fn add_splat(size: u32, splat: Splat, photon: Photon, flux: vec3f, place: Photon
     }
 }
 
-// Footprints: the parallelogram between neighbours.
-fn add_footprint(place: vec2u, photon: Photon, flux: vec3f, landed: PhotonPlace) {
+// Footprints: the parallelogram between neighbours, or between those of other frames, which are that part as far away.
+fn add_footprint(place: vec2u, photon: Photon, flux: vec3f, landed: PhotonPlace, frame_spacing: f32) {
     let sides = differences(place, DIFFERENCE_OF_PLACES);
     if !sides.are_known {
         deposit(0u, landed.texel, flux, photon);
         return;
     }
-    let u = sides.along_row.xy;
-    let v = sides.along_column.xy;
+    let u = frame_spacing * sides.along_row.xy;
+    let v = frame_spacing * sides.along_column.xy;
     let even = FOOTPRINT_OVERLAP * FOOTPRINT_OVERLAP / 12.0;
     let squares = u * u + v * v;
     let largest = SPLAT_REACH * sqrt(even * max(squares.x, squares.y));

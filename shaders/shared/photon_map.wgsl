@@ -38,6 +38,8 @@ struct PhotonMap {
     is_light_far: u32,
     // Polygons are drawn alone: what belongs to none is culled.
     is_alone: u32,
+    // The distance between photons of all frames that are averaged, relative to that of one frame's.
+    frame_spacing: f32,
 }
 
 // A receiver that a texel shows; layer by layer.

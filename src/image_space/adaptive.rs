@@ -140,7 +140,9 @@ impl Traverser<'_> {
 
     /// Divides a cluster or keeps its photons, as four or as one.
     fn decide(&self, cluster: [u32; 2], grid: u32, traced: &[Traced; 4], outcome: &mut Outcome) {
-        let is_merged = self.traversal == Traversal::TexelError && grid >= FIRST_MERGED_GRID && self.are_one(traced);
+        let photons = traced.each_ref().map(|traced| traced.photon);
+        let is_merged =
+            self.traversal == Traversal::TexelError && grid >= FIRST_MERGED_GRID && are_one(self.map, &photons);
         if !is_merged && grid < self.finest {
             outcome.divided.extend(quarters(cluster));
             return;
@@ -148,34 +150,36 @@ impl Traverser<'_> {
         for traced in traced {
             outcome.ledger += traced.ledger;
         }
-        let photons = traced.each_ref().map(|traced| traced.photon);
         let sides = sides_of(&photons);
         if let (true, [Some(a), Some(b), Some(c), Some(d)]) = (is_merged, photons) {
-            let all = [a, b, c, d];
-            let position = 0.25 * all.iter().map(|photon| photon.position).sum::<Vec3>();
-            let flux = all.iter().map(|photon| photon.flux).sum();
             // It stands for two texels along each axis.
             let sides = sides.map(|sides| sides.map(|side| 2.0 * side));
-            outcome.photons.push((Photon { position, flux, ..a }, sides));
+            outcome.photons.push((merged(&[a, b, c, d]), sides));
         } else {
             outcome.photons.extend(photons.into_iter().flatten().map(|photon| (photon, sides)));
         }
     }
+}
 
-    /// Whether all photons of a cluster land within a texel, on one side of one receiver.
-    fn are_one(&self, traced: &[Traced; 4]) -> bool {
-        let photons = traced.each_ref().map(|traced| traced.photon);
-        let [Some(a), Some(b), Some(c), Some(d)] = photons else { return false };
-        let all = [a, b, c, d];
-        let is_same = |other: &Photon| {
-            (other.object, other.caster) == (a.object, a.caster) && other.normal.dot(a.normal) >= MIN_CLUSTER_COSINE
-        };
-        let places = all.map(|photon| self.map.project(photon.position));
-        let [Some(p), Some(q), Some(r), Some(s)] = places else { return false };
-        let places: [DVec2; 4] = [p, q, r, s];
-        let is_near = |k: usize, j: usize| places[k].distance(places[j]) <= f64::from(MAX_CLUSTER_EXTENT);
-        all.iter().all(is_same) && (0..4).all(|k| (0..k).all(|j| is_near(k, j)))
-    }
+/// Whether four photons land within a texel of a map, on one side of one receiver.
+pub fn are_one(map: &CausticMap<'_>, photons: &[Option<Photon>; 4]) -> bool {
+    let [Some(a), Some(b), Some(c), Some(d)] = *photons else { return false };
+    let all = [a, b, c, d];
+    let is_same = |other: &Photon| {
+        (other.object, other.caster) == (a.object, a.caster) && other.normal.dot(a.normal) >= MIN_CLUSTER_COSINE
+    };
+    let places = all.map(|photon| map.project(photon.position));
+    let [Some(p), Some(q), Some(r), Some(s)] = places else { return false };
+    let places: [DVec2; 4] = [p, q, r, s];
+    let is_near = |k: usize, j: usize| places[k].distance(places[j]) <= f64::from(MAX_CLUSTER_EXTENT);
+    all.iter().all(is_same) && (0..4).all(|k| (0..k).all(|j| is_near(k, j)))
+}
+
+/// The photon that stands for four.
+pub fn merged(photons: &[Photon; 4]) -> Photon {
+    let position = 0.25 * photons.iter().map(|photon| photon.position).sum::<Vec3>();
+    let flux = photons.iter().map(|photon| photon.flux).sum();
+    Photon { position, flux, ..photons[0] }
 }
 
 /// The clusters that one is divided into.

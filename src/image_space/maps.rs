@@ -1,11 +1,12 @@
 //! The maps of a picture: photons from all lights, and which maps they are added to.
 
-use glam::Vec3;
+use glam::{DVec2, Vec3};
 
 use super::adaptive::{FIRST_GRID, Traverser};
 use super::caustic_map::ForGloss;
 use super::coverage::Coverage;
 use super::emission::{Emission, Kind, Pattern, Surroundings, emit};
+use super::hierarchical::Hierarchy;
 use super::irradiance_map::{Incident, IrradianceMap, MapPicture};
 use super::ledger::{Ledger, Loss};
 use super::lights::{LightView, PhotonLight};
@@ -183,7 +184,9 @@ impl<'a> MapsBuilder<'a> {
         for light in &lights {
             match inputs.options.traversal {
                 Traversal::Dense => self.add_all_photons(light, &own, progress),
-                _ => self.add_clusters(light, &own),
+                Traversal::Hierarchical | Traversal::MaximalLevel | Traversal::TexelError => {
+                    self.add_clusters(light, &own);
+                }
             }
         }
         self.finish_maps(own);
@@ -206,7 +209,7 @@ impl<'a> MapsBuilder<'a> {
         }
     }
 
-    /// Follows clusters of photons as far as the first map needs them.
+    /// Follows clusters of photons as far as the first map needs them, or puts them together there.
     fn add_clusters(&mut self, light: &PhotonLight, own: &[MapBuilder<'a>]) {
         let inputs = self.inputs;
         for view in light.views(inputs.casters, &inputs.bounds, inputs.options.photons) {
@@ -214,18 +217,19 @@ impl<'a> MapsBuilder<'a> {
             let coverage = Coverage::new(&view.projection, view.spread, inputs.triangles.iter().copied());
             for kind in inputs.kinds {
                 let Some(map) = self.eye.as_ref().or_else(|| own.first()) else { continue };
-                let traverser = Traverser {
-                    emission: Emission { images: images.as_ref(), ..inputs.emission(&view) },
-                    coverage: &coverage,
-                    kind: *kind,
-                    map: map.map(),
-                    traversal: inputs.options.traversal,
-                    finest: inputs.options.photons,
-                    batch: CLUSTERS_OF_BATCH,
-                };
+                let (kind, map, photons) = (*kind, map.map(), inputs.options.photons);
+                let emission = Emission { images: images.as_ref(), ..inputs.emission(&view) };
                 let mut deposited = Ledger::default();
-                let (cast, effort) =
-                    traverser.run(&mut |grid| deposited += self.deposit(own, grid, (&view, kind.chain)));
+                let mut add = |grid: &PhotonGrid| deposited += self.deposit(own, grid, (&view, kind.chain));
+                let (cast, effort) = match inputs.options.traversal {
+                    Traversal::Hierarchical => {
+                        Hierarchy { emission, kind, map, photons, batch: 4 * CLUSTERS_OF_BATCH }.run(&mut add)
+                    }
+                    traversal => {
+                        let (coverage, batch) = (&coverage, CLUSTERS_OF_BATCH);
+                        Traverser { emission, coverage, kind, map, traversal, finest: photons, batch }.run(&mut add)
+                    }
+                };
                 self.ledger += cast;
                 self.ledger += deposited;
                 self.photons += effort.evaluations;
@@ -311,7 +315,7 @@ impl<'a> MapInputs<'a> {
     }
 
     /// Images of what photons of a view meet, if these are not traced.
-    fn images_of(&self, view: &LightView) -> Option<SurfaceImages> {
+    pub(super) fn images_of(&self, view: &LightView) -> Option<SurfaceImages> {
         let size = self.options.hits.image_size(view.projection.size[0])?;
         let plane = view.projection.resized(size);
         let tracer = self.surroundings.tracer;
@@ -373,7 +377,10 @@ impl<'a> MapInputs<'a> {
     fn few_of(&self, light: &PhotonLight, progress: &dyn Progress) -> FewPhotons {
         let views = light.views(self.casters, &self.bounds, FIRST_GRID).into_iter();
         let emitted = views.map(|view| {
-            let grids = emit(&self.emission(&view), self.kinds, Strip::whole(view.projection.size), progress).0;
+            // Windows of maps that follow from them are the same in every frame.
+            let pattern = Pattern { offset: DVec2::splat(0.5), ..self.pattern };
+            let emission = Emission { pattern, ..self.emission(&view) };
+            let grids = emit(&emission, self.kinds, Strip::whole(view.projection.size), progress).0;
             (view, grids)
         });
         emitted.collect()

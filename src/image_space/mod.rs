@@ -18,6 +18,7 @@ mod coverage;
 mod emission;
 #[cfg(feature = "gpu")]
 pub(crate) mod gpu;
+mod hierarchical;
 mod irradiance_map;
 mod ledger;
 mod lens;
@@ -35,6 +36,8 @@ mod sheet;
 mod splats;
 mod strips;
 mod surface_images;
+#[cfg(test)]
+mod tests;
 
 use self::caustic_map::{CausticMap, ForGloss};
 use self::constants::MAX_RECEIVER_LAYERS;
@@ -90,6 +93,8 @@ pub struct MapBuilder<'a> {
     deposits: Deposits<'a>,
     shows: Shows<'a>,
     splat_diameter: f64,
+    /// The distance between photons of all frames that are averaged, relative to that of one frame's.
+    frame_spacing: f64,
     is_papers: bool,
 }
 
@@ -112,7 +117,8 @@ impl<'a> MapBuilder<'a> {
         let counts = (0..counted).map(|_| AtomicU32::new(0)).collect();
         let splat_diameter = f64::from(options.splat_diameter);
         let deposits = Deposits { map, mode: options.mode, resolutions, counts };
-        Self { deposits, shows, splat_diameter, is_papers: options.paper }
+        let frame_spacing = f64::from(options.frame_spacing());
+        Self { deposits, shows, splat_diameter, frame_spacing, is_papers: options.paper }
     }
 
     /// The map so far.
@@ -144,9 +150,9 @@ impl<'a> MapBuilder<'a> {
             Mode::MultiResolution => {
                 resolutions.as_ref().map_or_else(|| of_clusters(map, grid), |resolutions| resolutions.add(grid))
             }
-            Mode::ThinLens => of_lenses(map, (grid, view), objects, Lens::Thin),
-            Mode::ThickLens => of_lenses(map, (grid, view), objects, Lens::Thick),
-            Mode::Footprints => of_footprints(map, grid),
+            Mode::ThinLens => of_lenses(map, (grid, view), objects, (Lens::Thin, self.frame_spacing)),
+            Mode::ThickLens => of_lenses(map, (grid, view), objects, (Lens::Thick, self.frame_spacing)),
+            Mode::Footprints => of_footprints(map, grid, self.frame_spacing),
             Mode::Polygons => polygons(map, grid, Coverage::Centres { alone: self.is_papers }),
             Mode::ExactPolygons => polygons(map, grid, Coverage::Exact),
         };

@@ -68,6 +68,14 @@ impl<'a> Resolutions<'a> {
         ledger
     }
 
+    /// What a size has counted in each texel, and its flux, W.
+    #[cfg(test)]
+    pub fn sums(&self, size: usize) -> (Vec<u32>, f64) {
+        let counts = self.counts[size].iter().map(|count| count.load(Ordering::Relaxed)).collect();
+        let map = &self.maps[size];
+        (counts, (0..map.len()).map(|texel| map.flux(texel).element_sum()).sum())
+    }
+
     /// Chooses between the sizes in every texel, and adds the outcome to a map.
     pub fn resolve(self, map: &CausticMap) -> Ledger {
         let choose = |texel: usize| {

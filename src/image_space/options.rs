@@ -58,9 +58,16 @@ impl Mode {
         }
     }
 
-    /// Whether it can do with photons of different sizes, which have no neighbours.
-    pub fn knows_clusters(self) -> bool {
-        matches!(self, Self::Points | Self::Gather | Self::Splats | Self::MultiResolution | Self::Footprints)
+    /// Whether it can do with what a traversal makes of photons: most modes need neighbours, or at least the extent that a photon stands for.
+    pub fn works_with(self, traversal: Traversal) -> bool {
+        let is_of_points = matches!(self, Self::Points | Self::Gather | Self::Splats);
+        match traversal {
+            Traversal::Dense => true,
+            Traversal::Hierarchical => is_of_points,
+            Traversal::MaximalLevel | Traversal::TexelError => {
+                is_of_points || matches!(self, Self::MultiResolution | Self::Footprints)
+            }
+        }
     }
 
     /// Whether photons need neighbours that come from the same point of the light.
@@ -114,6 +121,9 @@ pub enum Traversal {
     /// One for each texel.
     #[default]
     Dense,
+    /// The same, and then those of four neighbours, or of larger squares, that land within a texel of the map are one photon: hierarchical
+    /// caustic maps (Wyman 2008), with which Wyman and Nichols compare theirs.
+    Hierarchical,
     /// Where casters are: from a grid of 64² on, clusters of four photons are divided in four, up to the finest grid, unless they show no
     /// caster (Wyman and Nichols 2009, Section 3.2.1).
     MaximalLevel,
@@ -123,12 +133,13 @@ pub enum Traversal {
 
 impl Traversal {
     /// All of them.
-    pub const ALL: [Self; 3] = [Self::Dense, Self::MaximalLevel, Self::TexelError];
+    pub const ALL: [Self; 4] = [Self::Dense, Self::Hierarchical, Self::MaximalLevel, Self::TexelError];
 
     /// Its name in scene files and on the command line.
     pub fn name(self) -> &'static str {
         match self {
             Self::Dense => "dense",
+            Self::Hierarchical => "hierarchical",
             Self::MaximalLevel => "maximal-level",
             Self::TexelError => "texel-error",
         }
@@ -237,6 +248,11 @@ impl ImageSpaceOptions {
     /// The largest number of frames whose maps are averaged.
     pub const MAX_TEMPORAL_FRAMES: u32 = 4;
 
+    /// The distance between photons of all frames that are averaged, relative to that of one frame's: those of four are a grid twice as fine.
+    pub(crate) fn frame_spacing(&self) -> f32 {
+        1.0 / (self.temporal_frames as f32).sqrt()
+    }
+
     /// About the memory that a light's map of two layers takes on the CPU, bytes.
     pub(crate) fn map_bytes(&self) -> u64 {
         // Positions, normals and so on, and sums for flux and gloss.
@@ -260,9 +276,14 @@ impl ImageSpaceOptions {
             }
         }
         if self.traversal != Traversal::Dense {
-            if !self.mode.knows_clusters() {
-                let reason = format!("{} needs all photons as neighbours", self.mode.name());
-                let remedies = &[("traversal", "dense"), ("mode", "footprints")];
+            if !self.mode.works_with(self.traversal) {
+                let needs = if self.mode.works_with(Traversal::TexelError) {
+                    "the extent that each photon stands for"
+                } else {
+                    "all photons as neighbours"
+                };
+                let reason = format!("{} needs {needs}", self.mode.name());
+                let remedies = &[("traversal", "dense"), ("mode", "splats")];
                 return Err(OptionError::Conflict { key: "mode", reason, remedies });
             }
             if !self.photons.is_power_of_two() || self.photons < 64 {

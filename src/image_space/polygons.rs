@@ -86,7 +86,7 @@ impl Cell<'_> {
         let own = self.map.surface_of(place, photon).filter(|_| self.map.has(place));
         let is_large =
             sides_of(self.map, self.sheet, index).is_some_and(|[u, v]| u.length_squared() + v.length_squared() > 1.0);
-        match own.zip(footprint(self.map, self.sheet, index)).filter(|_| is_large) {
+        match own.zip(footprint(self.map, self.sheet, index, 1.0)).filter(|_| is_large) {
             Some((own, covariance)) => {
                 Splat::elliptical(covariance).add_flux(self.map, (photon, flux), (place, own));
                 Ledger { deposited: flux.element_sum(), ..Ledger::default() }

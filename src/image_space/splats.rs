@@ -109,11 +109,17 @@ pub fn of_diameter(map: &CausticMap, grid: &PhotonGrid, diameter: f64) -> Ledger
 }
 
 /// As splats whose size follows from the distances to the light and to the receiver by a lens equation (Wyman and Dachsbacher 2006, Section 4.2).
-pub fn of_lenses(map: &CausticMap, (grid, view): (&PhotonGrid, &LightView), objects: &[Object], lens: Lens) -> Ledger {
+/// `frame_spacing`: the distance between photons of all frames that are averaged, relative to that of one frame's.
+pub fn of_lenses(
+    map: &CausticMap,
+    (grid, view): (&PhotonGrid, &LightView),
+    objects: &[Object],
+    (lens, frame_spacing): (Lens, f64),
+) -> Ledger {
     each(map, grid, |index, place| {
         let factor = lens_factor(grid, index, objects, lens).unwrap_or(1.0);
-        let undistorted =
-            f64::from(LENS_SPACINGS) * spacing(view, &grid.photons[index]) / f64::from(map.texel_edge(place.1));
+        let spacing = frame_spacing * spacing(view, &grid.photons[index]);
+        let undistorted = f64::from(LENS_SPACINGS) * spacing / f64::from(map.texel_edge(place.1));
         let diameter = (undistorted * factor).clamp(MIN_SPLAT_DIAMETER.into(), MAX_SPLAT_DIAMETER.into());
         Splat::round(diameter).add(map, &grid.photons[index], place);
     })
@@ -128,10 +134,10 @@ fn spacing(view: &LightView, photon: &Photon) -> f64 {
 }
 
 /// As splats of their own footprints: the parallelogram between neighbours, as in ray differentials (Igehy 1999), here by finite
-/// differences.
-pub fn of_footprints(map: &CausticMap, grid: &PhotonGrid) -> Ledger {
+/// differences. `frame_spacing`: as for lenses.
+pub fn of_footprints(map: &CausticMap, grid: &PhotonGrid, frame_spacing: f64) -> Ledger {
     let sheet = PhotonSheet::new(map, grid);
-    each(map, grid, |index, place| match footprint(map, &sheet, index) {
+    each(map, grid, |index, place| match footprint(map, &sheet, index, frame_spacing) {
         Some(covariance) => Splat::elliptical(covariance).add(map, &grid.photons[index], place),
         None => add_point(map, place.1, &grid.photons[index]),
     })
@@ -169,8 +175,8 @@ pub(super) fn sides_of(map: &CausticMap, sheet: &PhotonSheet, index: usize) -> O
 }
 
 /// The covariance of a photon's footprint, texels²: that of a parallelogram with even density, and a little more.
-pub(super) fn footprint(map: &CausticMap, sheet: &PhotonSheet, index: usize) -> Option<[f64; 3]> {
-    let [u, v] = sides_of(map, sheet, index)?;
+pub(super) fn footprint(map: &CausticMap, sheet: &PhotonSheet, index: usize, frame_spacing: f64) -> Option<[f64; 3]> {
+    let [u, v] = sides_of(map, sheet, index)?.map(|side| frame_spacing * side);
     let scale = f64::from(FOOTPRINT_OVERLAP * FOOTPRINT_OVERLAP) / 12.0;
     let largest = f64::from(SPLAT_REACH) * (scale * (u * u + v * v).max_element()).sqrt();
     // Very large footprints are hardly seen: they are cut.

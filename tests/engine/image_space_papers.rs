@@ -7,7 +7,7 @@ use pinspot::image::{Aov, Image, mrse, rel_l2};
 use pinspot::reference::{self, Estimator, Reference, StoppingCriterion};
 use pinspot::scene::Scene;
 use pinspot::{
-    BackendChoice, Hits, ImageSpaceOptions, Incidence, Mode, NoProgress, Options, PhotonStatistics, Technique,
+    BackendChoice, Hits, ImageSpaceOptions, Incidence, MapView, Mode, NoProgress, Options, PhotonStatistics, Technique,
     Traversal,
 };
 
@@ -212,6 +212,52 @@ fn averages_follow_in_four_frames() {
     assert!(errors[0] > 0.3 && errors[0] < rel_l2(&first, &expected, None), "{errors:?}");
     assert!(errors[0] > errors[1] && errors[1] > errors[2] && errors[2] > errors[3], "{errors:?}");
     assert!(errors[3] < 1e-3 && errors[4] < 1e-3, "{errors:?}");
+}
+
+/// Lenses with frames that are averaged, as with as many photons in one frame, and with maps twice as fine (Wyman and Dachsbacher 2006,
+/// Section 5): about the same picture, and the same energy.
+#[test]
+fn lenses_work_with_frames_and_with_finer_maps() {
+    let lit = above_floor(DARK, &format!("{STRAIGHT_DOWN}{BALL}"));
+    let of = |photons, frames, (caustic_map, texels)| {
+        let mut options = options(Mode::ThinLens, photons);
+        options.image_space.temporal_frames = frames;
+        options.image_space.caustic_map = caustic_map;
+        options.image_space.caustic_map_size = texels;
+        caustic(&lit, options)
+    };
+    let fine_map = (MapView::Light, 512);
+    let (supersampled, of_fine_map) = of(256, 1, fine_map);
+    let (averaged, of_frames) = of(128, 4, fine_map);
+    let (fine, _) = of(256, 1, (MapView::Light, 256));
+    let energy = |image: &Image| f64::from(image.mean().x / fine.mean().x);
+    let error = rel_l2(&averaged, &supersampled, None);
+    println!("{error:.4}, energies {:.5} {:.5}", energy(&averaged), energy(&supersampled));
+    assert!(error <= 0.1, "{error}");
+    assert!((energy(&averaged) - 1.0).abs() < 0.01 && (energy(&supersampled) - 1.0).abs() < 0.01);
+    assert!(of_frames.flux.error().abs() < 1e-4 && of_fine_map.flux.error().abs() < 1e-4);
+}
+
+/// Photons that are all followed and then put together: those that the traversals leave, with the same picture and the same flux.
+#[test]
+fn hierarchies_put_photons_together() {
+    let lit = above_floor(DARK, &format!("{STRAIGHT_DOWN}{BALL}"));
+    let of = |traversal| {
+        let mut options = options(Mode::Splats, 1024);
+        options.image_space.traversal = traversal;
+        caustic(&lit, options)
+    };
+    let ((dense, of_dense), (picture, of_hierarchy)) = (of(Traversal::Dense), of(Traversal::Hierarchical));
+    let (_, of_clusters) = of(Traversal::TexelError);
+    let error = rel_l2(&picture, &dense, None);
+    let [all, kept, of_clusters] = [of_dense, of_hierarchy, of_clusters].map(|photons| photons.photons_used);
+    println!("{kept} of {all} photons, {of_clusters} by clusters; {error:.4}");
+    // What is reflected and what is refracted are followed one after the other.
+    assert_eq!(of_hierarchy.photons, 2 * of_dense.photons);
+    assert!(kept <= of_clusters && 2 * kept < all && error < 0.01, "{kept} of {all}, {of_clusters}, {error}");
+    let flux = [of_hierarchy.flux.cast, of_hierarchy.flux.deposited];
+    let ratios = [flux[0] / of_dense.flux.cast, flux[1] / of_dense.flux.deposited];
+    assert!(ratios.iter().all(|ratio| (ratio - 1.0).abs() < 1e-4), "{ratios:?}");
 }
 
 /// Photons of clusters that part are added in lower resolutions: less noise than points of as many photons, and the same energy.

@@ -92,7 +92,8 @@ pub(crate) struct ClusterUniforms {
     pub may_merge: u32,
     pub levels: u32,
     pub is_finest: u32,
-    pub(super) padding: [u32; 3],
+    pub stride: u32,
+    pub(super) padding: [u32; 2],
 }
 
 /// Photons that are in the buffers together, in rows.
@@ -141,7 +142,8 @@ pub(crate) struct MapUniforms {
     pub light: [f32; 3],
     pub is_light_far: u32,
     pub is_alone: u32,
-    pub(super) padding: [u32; 3],
+    pub frame_spacing: f32,
+    pub(super) padding: [u32; 2],
 }
 
 /// A plane of an image of surfaces.

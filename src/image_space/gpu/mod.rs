@@ -3,6 +3,7 @@
 //! once the sums are there. Shaders: `shaders/photon_*.wgsl`. Knows neither techniques nor how results are looked up.
 
 mod clusters;
+mod hierarchical;
 mod images;
 mod layout;
 mod map;
@@ -19,6 +20,7 @@ pub(crate) use self::pipelines::PhotonPipelines;
 pub(crate) use super::strips::Strip;
 
 use self::clusters::{CoverageOnGpu, Traverser};
+use self::hierarchical::Hierarchy;
 use self::layout::Block;
 use self::map::MapOnGpu;
 use self::passes::{Passes, Source};
@@ -147,7 +149,7 @@ impl<'a> MapsOnGpu<'a> {
         Ok(())
     }
 
-    /// Follows clusters of photons as far as the first map needs them. Returns how many photons were followed.
+    /// Follows clusters of photons as far as the first map needs them, or puts them together there. Returns how many photons were followed.
     async fn add_clusters(
         &self,
         view: &LightView,
@@ -167,12 +169,14 @@ impl<'a> MapsOnGpu<'a> {
                 return Err(Error::Cancelled);
             }
             let from = Source { view, light, images };
-            let finest = self.inputs.options.photons;
-            let traverser = Traverser { passes: &self.passes, from, kind: *kind, map, traversal, finest };
+            let (passes, kind, finest) = (&self.passes, *kind, self.inputs.options.photons);
             let add = &mut |encoder: &mut wgpu::CommandEncoder, block| {
                 self.deposit(encoder, (view, kind.chain), own, block);
             };
-            followed += traverser.run(&coverage, add).await?;
+            followed += match traversal {
+                Traversal::Hierarchical => Hierarchy { passes, from, kind, map, photons: finest }.run(add),
+                _ => Traverser { passes, from, kind, map, traversal, finest }.run(&coverage, add).await?,
+            };
         }
         Ok(followed)
     }

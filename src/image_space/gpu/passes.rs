@@ -347,6 +347,7 @@ impl<'a> Passes<'a> {
             steps_per_watt: self.steps_per_watt(),
             mode: mode_constant(options.mode),
             diameter: options.splat_diameter,
+            frame_spacing: options.frame_spacing(),
             layers: map.layers,
             ..MapUniforms::default()
         }

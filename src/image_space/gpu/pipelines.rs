@@ -24,6 +24,7 @@ pub(crate) struct PhotonPipelines {
     pub(super) add_polygons: ComputePipeline,
     pub(super) decide: ComputePipeline,
     pub(super) merge: ComputePipeline,
+    pub(super) merge_squares: ComputePipeline,
     pub(super) of_clusters: BindGroupLayout,
     pub(super) of_view: BindGroupLayout,
     pub(super) of_light: BindGroupLayout,
@@ -77,10 +78,11 @@ impl PhotonPipelines {
         let splats = pipeline(PHOTON_SPLATS, of_map_and_surfaces, &[("add_splats", 0.0)]);
         let polygons = pipeline(PHOTON_POLYGONS, of_map_and_surfaces, &[("add_polygons", 0.0)]);
         let clusters = [&of_clusters, &nothing, &nothing];
-        let clusters = pipeline(PHOTON_CLUSTERS, clusters, &[("decide", 0.0), ("merge", 0.0)]);
+        let clusters = pipeline(PHOTON_CLUSTERS, clusters, &["decide", "merge", "merge_squares"].map(|e| (e, 0.0)));
         Self {
             decide: clusters[0].clone(),
             merge: clusters[1].clone(),
+            merge_squares: clusters[2].clone(),
             of_clusters,
             emit: emit[0].clone(),
             emit_in_images: emit[1].clone(),

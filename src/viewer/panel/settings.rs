@@ -200,11 +200,12 @@ fn photon_fields(ui: &mut egui::Ui, options: &mut ImageSpaceOptions, original: &
     let mut is_edited = choice(ui, "Mode", &mut options.mode, original.mode, &modes);
     let hits = Hits::ALL.map(|hits| (hits, hits.name()));
     is_edited |= choice(ui, "Hits", &mut options.hits, original.hits, &hits);
-    let traversals = Traversal::ALL.map(|traversal| (traversal, traversal.name()));
-    let knows_clusters = options.mode.knows_clusters();
+    let traversals: Vec<_> =
+        Traversal::ALL.into_iter().filter(|traversal| options.mode.works_with(*traversal)).collect();
+    let traversals: Vec<_> = traversals.into_iter().map(|traversal| (traversal, traversal.name())).collect();
     let field = |ui: &mut egui::Ui| choice(ui, "Traversal", &mut options.traversal, original.traversal, &traversals);
-    is_edited |= ui.add_enabled_ui(knows_clusters, field).inner;
-    if !knows_clusters {
+    is_edited |= ui.add_enabled_ui(traversals.len() > 1, field).inner;
+    if !options.mode.works_with(options.traversal) {
         options.traversal = Traversal::Dense;
     }
     is_edited |= number(ui, "Photons \u{b2}", &mut options.photons, original.photons, (16..=2048, true));

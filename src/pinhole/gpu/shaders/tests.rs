@@ -164,7 +164,7 @@ fn rust_structs() -> BTreeMap<&'static str, Layout> {
         ("BatchUniforms", layout!(BatchUniforms { count, first_direction, direction_count })),
         ("BoundsUniforms", layout!(BoundsUniforms { size, first, first_above, detail, mip, radiance_scale })),
         ("CellNode", layout!(CellNode { centroid_area, normal_e11, sides_curvature, curvature_bounds_links })),
-        ("Clusters", layout!(ClusterUniforms { plane, count, grid, may_merge, levels, is_finest })),
+        ("Clusters", layout!(ClusterUniforms { plane, count, grid, may_merge, levels, is_finest, stride })),
         ("EmitterUniforms", layout!(EmitterUniforms { clip_from_mesh, number })),
         ("GatherUniforms", gather_uniforms()),
         ("ImageDraw", layout!(DrawUniforms { plane, size, near, far, instance, shown })),
@@ -290,6 +290,7 @@ fn photon_map() -> Layout {
         light,
         is_light_far,
         is_alone,
+        frame_spacing,
     })
 }
 
