@@ -326,6 +326,20 @@ fn options_of_photons_that_change<T: PartialEq + std::fmt::Debug>(
 }
 
 #[test]
+fn options_of_the_other_technique_are_named() {
+    let place = Workplace::new();
+    let said = |more: &[&str]| {
+        let output = place.run(&[&["render", "ring", "-o", "small.png", "--size", "16x16"], more].concat());
+        assert!(output.status.success());
+        String::from_utf8(output.stderr).unwrap()
+    };
+    let pinhole = said(&["--mode", "points", "--samples", "50"]);
+    assert!(pinhole.contains("--mode changes nothing") && !pinhole.contains("--samples changes"), "{pinhole}");
+    let photons = said(&["--technique", "image-space", "--mode", "points", "--samples", "50", "--photons", "64"]);
+    assert!(photons.contains("--samples changes nothing") && !photons.contains("--mode changes"), "{photons}");
+}
+
+#[test]
 fn frames_are_numbered_and_an_interrupted_sequence_goes_on() {
     let place = Workplace::new();
     let moving = "[[animation]]\nobject = \"ring\"\ntranslate = [[0.0, [0, 0, 0]], [1.0, [0.5, 0, 0]]]\n";

@@ -43,8 +43,8 @@ pub struct PhotonOptions {
     /// images a quarter as fine) [default: traced]
     #[arg(long, value_parser = word::<Hits>, value_name = "NAME")]
     pub hits: Option<Hits>,
-    /// Which photons are followed: dense (all), maximal-level (where casters are, from coarse to fine) or texel-error (the same, and those
-    /// that land in one texel are one) [default: dense]
+    /// Which photons are followed: dense (all), hierarchical (all, and those that land in one texel are put together), maximal-level
+    /// (where casters are, from coarse to fine) or texel-error (the same, and those that land in one texel are one) [default: dense]
     #[arg(long, value_parser = word::<Traversal>, value_name = "NAME")]
     pub traversal: Option<Traversal>,
     /// Photons along each edge of a light's view [default: 512]
@@ -227,7 +227,43 @@ impl CommonOptions {
         let (scene, mut options) = self.scene.load(scene, self.quality.unwrap_or_default(), self.settings())?;
         options.overlay = self.overlay.unwrap_or_default();
         options.plain_diffuse = self.plain_diffuse;
+        for option in self.without_effect(options.technique) {
+            let name = options.technique.name();
+            super::warn(&format!(
+                "{option} changes nothing: it is not an option of the technique {name} (--technique)"
+            ));
+        }
         Ok((scene, options))
+    }
+
+    /// The options that were given and mean nothing to a technique.
+    fn without_effect(&self, technique: Technique) -> Vec<&'static str> {
+        let (photons, sampling) = (&self.image_space, &self.sampling);
+        let of_photons = [
+            ("--mode", photons.mode.is_some()),
+            ("--hits", photons.hits.is_some()),
+            ("--traversal", photons.traversal.is_some()),
+            ("--photons", photons.photons.is_some()),
+            ("--caustic-map", photons.caustic_map.is_some()),
+            ("--caustic-map-size", photons.caustic_map_size.is_some()),
+            ("--lights", photons.lights.is_some()),
+            ("--light-directions", photons.light_directions.is_some()),
+            ("--splat-diameter", photons.splat_diameter.is_some()),
+            ("--incidence", photons.incidence.is_some()),
+            ("--temporal-frames", photons.temporal_frames.is_some()),
+            ("--paper", photons.paper),
+        ];
+        let of_pinholes = [
+            ("--samples", sampling.samples.is_some()),
+            ("--strategy", sampling.strategy.is_some()),
+            ("--density", sampling.density.is_some()),
+            ("--footprint", self.footprint.is_some()),
+            ("--evaluation", self.evaluation.is_some()),
+            ("--leaves", self.leaves.is_some()),
+            ("--tolerance", self.tolerance.is_some()),
+        ];
+        let of_others = if technique == Technique::Pinhole { &of_photons[..] } else { &of_pinholes };
+        of_others.iter().filter(|(_, is_given)| *is_given).map(|(name, _)| *name).collect()
     }
 }
 
