@@ -1,5 +1,5 @@
 //! What the modes of image-space techniques cost, as multiples of the points of as many photons in the same run, and what traversals save, as
-//! Table 1 of Wyman and Nichols 2009 has it: `cargo bench --bench photons`.
+//! Table 1 of Wyman and Nichols 2009 has it: `cargo bench --bench photons`, or one of both with `-- modes` or `-- traversals`.
 //!
 //! A table of its own instead of criterion's: what counts are ratios, of runs that take turns. A frame is what the stage `photons` does when
 //! something has changed: photons from the light, and the maps of what the camera sees and of what it does not. On software adapters, which
@@ -160,13 +160,17 @@ fn table_of_traversals(backend: &Backend, photons: u32) {
 }
 
 fn main() {
+    let asked: Vec<String> = std::env::args().collect();
+    let is_asked =
+        |table: &str, other: &str| asked.iter().any(|arg| arg == table) || !asked.iter().any(|arg| arg == other);
+    let [modes, traversals] = [is_asked("modes", "traversals"), is_asked("traversals", "modes")];
     let backends = [BackendChoice::Cpu, BackendChoice::Gpu(None)];
     for backend in backends.iter().filter_map(|choice| wait(None, Backend::open(choice)).ok()) {
         let is_software = matches!(backend.report(), BackendReport::Gpu { adapter } if adapter.software);
-        for photons in PHOTONS.into_iter().take(if is_software { 2 } else { 3 }) {
+        for photons in PHOTONS.into_iter().filter(|_| modes).take(if is_software { 2 } else { 3 }) {
             table(&backend, photons);
         }
-        for photons in PHOTONS_AT_MOST.into_iter().take(if is_software { 1 } else { 3 }) {
+        for photons in PHOTONS_AT_MOST.into_iter().filter(|_| traversals).take(if is_software { 1 } else { 3 }) {
             table_of_traversals(&backend, photons);
         }
     }

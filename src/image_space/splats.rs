@@ -67,9 +67,10 @@ impl Splat {
             let index = map.surface_of(middle, photon)?;
             Some((index, self.weight(middle - place) * map.part(index)))
         });
-        let total: f64 = weighted.clone().map(|(_, weight)| weight).sum();
+        let weighted: Vec<(usize, f64)> = weighted.collect();
+        let total: f64 = weighted.iter().map(|(_, weight)| weight).sum();
         if total > 1e-12 {
-            weighted.for_each(|(index, weight)| map.add(index, flux * (weight / total), photon));
+            weighted.into_iter().for_each(|(index, weight)| map.add(index, flux * (weight / total), photon));
         } else {
             map.add(own, flux, photon);
         }
