@@ -70,7 +70,9 @@ impl Splat {
         let weighted: Vec<(usize, f64)> = weighted.collect();
         let total: f64 = weighted.iter().map(|(_, weight)| weight).sum();
         if total > 1e-12 {
-            weighted.into_iter().for_each(|(index, weight)| map.add(index, flux * (weight / total), photon));
+            for (index, weight) in weighted {
+                map.add(index, flux * (weight / total), photon);
+            }
         } else {
             map.add(own, flux, photon);
         }

@@ -44,6 +44,26 @@ impl<'a> MapOnGpu<'a> {
         projection: Projection,
         receivers: Option<u32>,
     ) -> Result<Self, GpuError> {
+        let sizes = Self::sizes(gpu, inputs, &projection, receivers)?;
+        Ok(Self::with_buffers(gpu, inputs, (projection, receivers), sizes))
+    }
+
+    /// One without texels, in which layers are counted.
+    ///
+    /// # Errors
+    /// Not even one layer would fit.
+    pub fn to_count_layers(gpu: &Gpu, inputs: &MapInputs<'a>, projection: Projection) -> Result<Self, GpuError> {
+        Self::sizes(gpu, inputs, &projection, Some(1))?;
+        Ok(Self::with_buffers(gpu, inputs, (projection, Some(MAX_RECEIVER_LAYERS)), [64; 3]))
+    }
+
+    /// Bytes of the buffers.
+    fn sizes(
+        gpu: &Gpu,
+        inputs: &MapInputs<'a>,
+        projection: &Projection,
+        receivers: Option<u32>,
+    ) -> Result<[u64; 3], GpuError> {
         let texels = projection.texel_count() as u64 * u64::from(receivers.unwrap_or(MAX_VISIBLE_LAYERS));
         let splat_sizes = u64::from(splat_sizes_of(inputs.options));
         let words = words_of(inputs.for_gloss(receivers.is_none())) as u64;
@@ -58,12 +78,7 @@ impl<'a> MapOnGpu<'a> {
         if let Some(bytes) = sizes.into_iter().find(|bytes| *bytes > limit) {
             return Err(GpuError::CausticMapTooLarge { size: projection.size, bytes, limit });
         }
-        Ok(Self::with_buffers(gpu, inputs, (projection, receivers), sizes))
-    }
-
-    /// One without texels, in which layers are counted.
-    pub fn to_count_layers(gpu: &Gpu, inputs: &MapInputs<'a>, projection: Projection) -> Self {
-        Self::with_buffers(gpu, inputs, (projection, Some(MAX_RECEIVER_LAYERS)), [64; 3])
+        Ok(sizes)
     }
 
     fn with_buffers(

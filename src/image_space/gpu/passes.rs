@@ -255,9 +255,9 @@ impl<'a> Passes<'a> {
     /// How many layers of receivers a view needs.
     ///
     /// # Errors
-    /// The device is lost.
+    /// Not even one fits in the device's buffers, or it is lost.
     pub async fn count_layers(&self, projection: Projection) -> Result<u32, GpuError> {
-        let map = MapOnGpu::to_count_layers(self.device.gpu, self.inputs, projection);
+        let map = MapOnGpu::to_count_layers(self.device.gpu, self.inputs, projection)?;
         self.run_over_texels(&map, &[&self.device.pipelines.count_layers]);
         map.counted_layers(self.device.gpu).await
     }
