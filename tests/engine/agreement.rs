@@ -6,15 +6,20 @@ use pinspot::low_level::environment::CubeMap;
 use pinspot::low_level::pinhole::gpu::GatherOptions;
 use pinspot::low_level::pinhole::{BATCH_SIZE, Filter, Footprint, Params, PinholeSample, Pinholes, Receivers};
 use pinspot::low_level::sampling::Strategy;
-use pinspot::{BackendChoice, BackendReport, DisplaySettings, Engine, EvaluationChoice, FilterChoice, Rendered};
+use pinspot::{
+    BackendChoice, BackendReport, CubeSize, DisplaySettings, Engine, EvaluationChoice, FilterChoice, Rendered,
+};
 
 use crate::support::{self, floor, gpu, on_cpu, on_gpu, on_gpu_with, pinholes_of, rel_l2, rotated_light, scene};
+
+/// More than a batch, and not a whole number of them.
+const BATCHES: u32 = BATCH_SIZE + 77;
 
 fn engine(name: &str, backend: &BackendChoice, aovs: &[Aov]) -> Engine {
     let (scene, mut options) = pinspot::load(name).unwrap();
     options.size = [48, 36];
-    // More than a batch, and not a whole number of them.
-    options.samples = BATCH_SIZE + 77;
+    options.samples = 100;
+    options.cube_size = CubeSize::Texels(128);
     options.evaluation = EvaluationChoice::Flat;
     options.aovs = aovs.to_vec();
     support::new_engine(scene, options, backend).unwrap()
@@ -28,10 +33,15 @@ fn render(engine: &mut Engine, filter: FilterChoice) -> Rendered {
 #[test]
 fn back_ends_agree_on_every_built_in_scene() {
     let mut failures = Vec::new();
-    // Other filters on some scenes only, in turn.
+    // Other filters and several batches on some scenes only, in turn.
     let others = [Some(FilterChoice::None), None, None, Some(FilterChoice::Isotropic), None, None];
     for (scene, other) in support::clear_scenes().zip(others.into_iter().cycle()) {
         let mut engines = [BackendChoice::Gpu(None), BackendChoice::Cpu].map(|b| engine(scene, &b, &[Aov::Caustic]));
+        if other.is_some() {
+            for engine in &mut engines {
+                engine.options_mut().samples = BATCHES;
+            }
+        }
         for filter in other.into_iter().chain([FilterChoice::Anisotropic]) {
             let [on_gpu, on_cpu] = engines.each_mut().map(|engine| render(engine, filter));
             assert!(matches!(on_gpu.report.backend, BackendReport::Gpu { .. }));
@@ -62,7 +72,7 @@ fn back_ends_agree_on_beauty() {
     for scene in SHADED {
         let [gpu, cpu] = [BackendChoice::Gpu(None), BackendChoice::Cpu].map(|backend| {
             let mut engine = engine(scene, &backend, &[Aov::Beauty]);
-            engine.options_mut().size = [40, 30];
+            engine.options_mut().size = [32, 24];
             let display = engine.options().display;
             render(&mut engine, FilterChoice::Anisotropic).displayed(&display)
         });
@@ -162,12 +172,15 @@ fn two_sided_reflectors_reflect_on_both_sides() {
 #[test]
 fn a_wrong_hardware_filter_is_reported() {
     let verdict = wait(Some(&gpu().device), pinspot::low_level::pinhole::gpu::check_hardware_filter(gpu())).unwrap();
-    let rendered =
-        render(&mut engine("mirror-sphere", &BackendChoice::Gpu(None), &[Aov::Caustic]), FilterChoice::Hardware);
+    let render = |backend: BackendChoice, filter: FilterChoice| {
+        let mut engine = engine("mirror-sphere", &backend, &[Aov::Caustic]);
+        engine.options_mut().samples = BATCHES;
+        render(&mut engine, filter)
+    };
+    let rendered = render(BackendChoice::Gpu(None), FilterChoice::Hardware);
     let warned = rendered.report.warnings.iter().any(|w| w.contains("hardware filter"));
     assert_eq!(warned, !verdict.is_right(), "{verdict:?}");
-    let expected =
-        render(&mut engine("mirror-sphere", &BackendChoice::Cpu, &[Aov::Caustic]), FilterChoice::Anisotropic);
+    let expected = render(BackendChoice::Cpu, FilterChoice::Anisotropic);
     let [own, expected] = [&rendered, &expected].map(|r| r.layer(Aov::Caustic).unwrap());
     let (error, light) = (pinspot::image::rel_l2(own, expected, None), own.mean().x / expected.mean().x);
     println!("{}: off by {error:.3}, {light:.4} of the light", gpu().adapter);

@@ -2,7 +2,7 @@
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use pinspot::{Backend, Engine, Error, EvaluationChoice, NoProgress, Progress, Stage, blocking};
+use pinspot::{Backend, CubeSize, Engine, Error, EvaluationChoice, NoProgress, Progress, Stage, blocking};
 
 use crate::support::gpu_backend;
 
@@ -32,7 +32,8 @@ impl Progress for CancelAt {
 fn check(backend: &Backend, (samples, leaves): (u32, Option<u32>), stages: &[Stage]) {
     let engine = || {
         let (scene, options) = pinspot::load("columns").unwrap();
-        let options = options.with_size([32, 24]).with_samples(samples).with_leaves(leaves);
+        let options = options.with_size([24, 18]).with_samples(samples).with_leaves(leaves);
+        let options = options.with_cube_size(CubeSize::Texels(64));
         let evaluation = if leaves.is_some() { EvaluationChoice::Hierarchical } else { EvaluationChoice::Flat };
         Engine::new(scene, options.with_evaluation(evaluation), backend.clone())
     };
@@ -55,5 +56,5 @@ fn a_cancelled_picture_leaves_no_incomplete_stage_behind() {
     let gpu = gpu_backend();
     check(&gpu, (60, Some(4)), &[Stage::Visibility, Stage::Caustic]);
     // More maps than a dispatch traces.
-    check(&gpu, (600, None), &[Stage::Visibility]);
+    check(&gpu, (300, None), &[Stage::Visibility]);
 }

@@ -48,7 +48,7 @@ fn no_density_makes_the_picture_brighter_or_darker() {
 /// 300 samples placed by contribution have a smaller error than even ones: docs/accuracy.md, "Sampling by contribution".
 #[test]
 fn knowing_the_light_lowers_the_error() {
-    const SIZE: u32 = 48;
+    const SIZE: u32 = 24;
     for name in ["ring", "spoon"] {
         let expected = truth(name, Quantity::Caustic, Visibility::Full, SIZE, 0.02);
         let error = |density| {

@@ -102,7 +102,7 @@ fn caustics_of_emitters_are_those_of_the_reference() {
         // What mirrors see of lit surfaces is another test's: the reference takes minutes for it.
         scene.objects.iter_mut().filter_map(|o| o.receiver.as_mut()).for_each(|receiver| receiver.albedo = Vec3::ZERO);
         let scene = if is_distant { with_distant_emitters(scene) } else { scene };
-        let size = [24, 24];
+        let size = [16, 16];
         let goal = StoppingCriterion::new(0.01).with_max_points(60_000.0);
         let asked = reference::Options { size, visibility: Visibility::Full, ..Default::default() };
         let reference = Reference::new(scene.clone(), asked).unwrap();
@@ -263,7 +263,7 @@ fn caustics_of_emitters_close_by_are_those_of_the_reference() {
         [[object]]\nshape = { sphere = { radius = 0.05, divisions = 16 } }\ntranslate = [-0.7, 0.3, 0.35]\n\
         emitter = { radiance = [10.0, 20.0, 40.0] }\n";
     let scene = parse::<toml::Table>("test.toml", text, Path::new(".")).unwrap().scene;
-    let size = [24, 18];
+    let size = [16, 12];
     let asked = reference::Options { size, visibility: Visibility::Full, ..Default::default() };
     let goal = StoppingCriterion::new(0.01).with_max_points(60_000.0);
     let reference = Reference::new(scene.clone(), asked).unwrap();

@@ -25,15 +25,17 @@ const SIGMA: f64 = 0.011_284;
 /// Where the sun ends: five σ and two texels.
 const REACH: f64 = 5.0 * SIGMA + 2.0 * 2.0 / 256.0;
 
-/// Irradiance at (x, 0, z): Σ over φ of ∫ L cosα_s cosα_d / l² dz, midpoint rule.
-fn reference(sun: &CubeMap, x: f64, z: f64) -> f64 {
-    const ANGLES: u32 = 8000;
-    const HEIGHTS: u32 = 40;
+/// Angles φ around the wall.
+const ANGLES: u32 = 8000;
+
+/// Irradiance at (x, 0, z), with the sines and cosines of the wall's angles: Σ over φ of ∫ L cosα_s cosα_d / l² dz, midpoint rule.
+fn reference(sun: &CubeMap, wall: &[(f64, f64)], x: f64, z: f64) -> f64 {
+    const HEIGHTS: u32 = 20;
     let length = SUN.iter().map(|c| c * c).sum::<f64>().sqrt();
     let sun_elevation = (SUN[1] / length).asin();
+    let widest = (REACH / sun_elevation.cos()).tan();
     let mut sum = 0.0;
-    for i in 0..ANGLES {
-        let (sin, cos) = (TAU * (f64::from(i) + 0.5) / f64::from(ANGLES)).sin_cos();
+    for &(sin, cos) in wall {
         // From the receiver to the wall, horizontally; the wall's normal points inwards.
         let (dx, dz) = (cos - x, sin - z);
         let towards = dx * cos + dz * sin;
@@ -43,7 +45,7 @@ fn reference(sun: &CubeMap, x: f64, z: f64) -> f64 {
         let (rx, rz) = (dx - 2.0 * towards * cos, dz - 2.0 * towards * sin);
         // Azimuths are wider than angles by the elevation's cosine.
         let (aside, ahead) = (rx * SUN[2] - rz * SUN[0], rx * SUN[0] + rz * SUN[2]);
-        if ahead < 0.0 || aside.abs() > ahead * (REACH / sun_elevation.cos()).tan() {
+        if ahead < 0.0 || aside.abs() > ahead * widest {
             continue;
         }
         let flat = dx.hypot(dz);
@@ -57,7 +59,7 @@ fn reference(sun: &CubeMap, x: f64, z: f64) -> f64 {
             sum += radiance * (towards / l) * (h / l) / l2 * (high - low) / f64::from(HEIGHTS);
         }
     }
-    sum * TAU / f64::from(ANGLES)
+    sum * TAU / wall.len() as f64
 }
 
 /// The pixels of `ring-above` over which errors are taken, and the reference there: where it exceeds 2 % of its 99.9th
@@ -68,7 +70,10 @@ fn masked_reference() -> (Receivers, Vec<f64>) {
         (at(k % SIZE), at(k / SIZE))
     };
     let sun = sun();
-    let picture: Vec<f64> = (0..SIZE * SIZE).into_par_iter().map(|k| reference(&sun, place(k).0, place(k).1)).collect();
+    let wall: Vec<(f64, f64)> =
+        (0..ANGLES).map(|i| (TAU * (f64::from(i) + 0.5) / f64::from(ANGLES)).sin_cos()).collect();
+    let at = |k: u32| reference(&sun, &wall, place(k).0, place(k).1);
+    let picture: Vec<f64> = (0..SIZE * SIZE).into_par_iter().map(at).collect();
     let mut sorted = picture.clone();
     sorted.sort_by(f64::total_cmp);
     let bright = 0.02 * sorted[sorted.len() * 999 / 1000];

@@ -14,7 +14,7 @@ use pinspot::{BackendChoice, EvaluationChoice, NoProgress};
 
 use super::support::{self, BACK_ENDS, floor, on_cpu, on_gpu, pinholes_of, rel_l2_of};
 
-const EDGE: u32 = 12;
+const EDGE: u32 = 8;
 
 /// A ring from above, in a light: what is rough about it.
 fn ring(light: &str, roughness: f32) -> Scene {

@@ -98,7 +98,7 @@ fn it_sums_what_its_leaves_do() {
     let mut failures = Vec::new();
     let maps = ["forest", "clear-sky", "studio", "city"].map(|name| (name, PreparedLight::of_map(name)));
     for (number, built_in) in BUILT_IN.iter().enumerate() {
-        let mut work = Work::new(built_in.name, 24);
+        let mut work = Work::new(built_in.name, 16);
         let tree = work.tree(400, 16);
         let own = ("its own light", work.light.clone());
         // One of the maps each.
@@ -202,7 +202,7 @@ fn glossy_receivers_get_what_the_leaves_bring() {
 /// By default, leaves bring the picture nearer to the truth than samples alone do.
 #[test]
 fn leaves_bring_it_nearer_to_the_truth() {
-    const EDGE: u32 = 24;
+    const EDGE: u32 = 16;
     for (name, visibility) in
         [("ring-natural", Visibility::None), ("spoon", Visibility::None), ("spoon", Visibility::Full)]
     {

@@ -47,7 +47,9 @@ fn without_refraction_the_caustic_is_the_direct_light() {
         Vec3::new(9.0, 18.0, 27.0) * (3.0 / squared.powf(1.5)) as f32
     });
     for mode in Mode::ALL {
-        for map in [MapView::Eye, MapView::Light] {
+        // Light maps differ from the camera's in their views alone, and in what is smoothed.
+        let has_light_map = matches!(mode, Mode::Points | Mode::Gather | Mode::ExactPolygons);
+        for map in [MapView::Eye, MapView::Light].into_iter().take(1 + usize::from(has_light_map)) {
             let mut options = options(mode, 512);
             options.image_space.caustic_map = map;
             options.image_space.splat_diameter = 8.0;
@@ -227,9 +229,8 @@ fn a_glass_ball_has_its_closed_form() {
         error
     };
     assert!(of(Hits::Traced, 1024) < 0.03);
-    let errors =
-        [of(Hits::Traced, 512), of(Hits::Image, 512), of(Hits::QuarterImage, 512), of(Hits::QuarterImage, 1024)];
-    assert!(errors[1] < errors[0] + 0.02 && errors[2] < 0.1 && errors[3] < errors[0] + 0.02, "{errors:?}");
+    let errors = [of(Hits::Traced, 512), of(Hits::Image, 512), of(Hits::QuarterImage, 512)];
+    assert!(errors[1] < errors[0] + 0.02 && errors[2] < errors[0] + 0.02, "{errors:?}");
 }
 
 /// In images of what a light sees, photons meet what rays meet: mirrors that face a floor, waves over it, and a ring that stands on it.

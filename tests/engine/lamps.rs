@@ -148,15 +148,15 @@ fn lamps_near_mirrors_are_as_the_ground_truth_says() {
              receiver = {{ albedo = [0.3, 0.3, 0.3] }}\n"
         )
     };
-    for (name, objects, place, of_truth, limit) in [
-        ("ring", ring.to_owned(), [0.45, 0.3, 0.1], 0.02, 0.05),
-        ("cup", cup("front"), [0.35, 0.95, 0.2], 0.02, 0.05),
-        ("cup, both sides", cup("both"), [0.35, 0.95, 0.2], 0.04, 0.09),
+    for (name, objects, place, size, of_truth, limit) in [
+        ("ring", ring.to_owned(), [0.45, 0.3, 0.1], 16, 0.02, 0.05),
+        ("cup", cup("front"), [0.35, 0.95, 0.2], 24, 0.02, 0.05),
+        ("cup, both sides", cup("both"), [0.35, 0.95, 0.2], 16, 0.04, 0.09),
     ] {
         let scene =
             || parsed(&format!("environment = {{ constant = [0, 0, 0] }}\n{objects}{FLOOR}{}", lamp(place, 0.03)));
-        let expected = truth(scene(), Quantity::Caustic, 32, of_truth);
-        let error = rel_l2(&layer(scene(), Aov::Caustic, 32), &expected, None);
+        let expected = truth(scene(), Quantity::Caustic, size, of_truth);
+        let error = rel_l2(&layer(scene(), Aov::Caustic, size), &expected, None);
         println!("{name}: {error:.4}, with the ground truth's own {of_truth}");
         assert!(error < limit, "{name}: {error}");
     }
@@ -209,14 +209,14 @@ fn mirrors_show_what_lamps_light() {
         scene.environment.light = pinspot::scene::Light::Constant(Vec3::ZERO);
         scene
     };
-    let expected = truth(scene(), Quantity::Caustic, 48, 0.015);
-    let rendered = layer(scene(), Aov::Caustic, 48);
+    let expected = truth(scene(), Quantity::Caustic, 24, 0.015);
+    let rendered = layer(scene(), Aov::Caustic, 24);
     let error = rel_l2(&rendered, &expected, None);
     println!("{error:.4}");
     assert!(error < 0.065, "{error}");
     // Without the light of surfaces there is next to nothing.
     let mut dark = scene();
     dark.objects.iter_mut().filter_map(|o| o.receiver.as_mut()).for_each(|receiver| receiver.albedo = Vec3::ZERO);
-    let (dark, lit) = (layer(dark, Aov::Caustic, 48).mean(), rendered.mean());
+    let (dark, lit) = (layer(dark, Aov::Caustic, 24).mean(), rendered.mean());
     assert!(dark.x < 0.8 * lit.x, "{dark} {lit}");
 }

@@ -9,13 +9,13 @@ use pinspot::low_level::pinhole::{Footprint, Params, Receivers};
 use pinspot::low_level::sampling::Strategy;
 use pinspot::reference::{self, Reference, StoppingCriterion};
 use pinspot::scene::{Scene, Visibility, parse};
-use pinspot::{BackendChoice, NoProgress, Options};
+use pinspot::{BackendChoice, CubeSize, NoProgress, Options};
 
 use crate::support::{BACK_ENDS, pinholes_of, render, scene, transmittance};
 
 /// Light like a sun: radiance 1 at its centre, L(θ) = exp(−θ²/2σ²).
 fn sun(towards: Vec3, sigma: f32) -> CubeMap {
-    CubeMap::from_radiance(512, None, move |d| Vec3::splat((-0.5 * (d.angle_between(towards) / sigma).powi(2)).exp()))
+    CubeMap::from_radiance(256, None, move |d| Vec3::splat((-0.5 * (d.angle_between(towards) / sigma).powi(2)).exp()))
 }
 
 /// Irradiance of that sun on a surface that faces it: ∫ L cos θ dω.
@@ -39,7 +39,7 @@ fn flat_water_in_the_sun() {
             "[[object]]\nshape = {{ plane = {{ size = [2.0, 2.0] }} }}\ntranslate = [0.6, 1.0, 0.45]\n\
              refractor = {{ eta = {indices:?} }}\n"
         ));
-        let pinholes = pinholes_of(&water, 40_000, Strategy::Neighbourhood, Footprint::Cells, 1);
+        let pinholes = pinholes_of(&water, 20_000, Strategy::Neighbourhood, Footprint::Cells, 1);
         let points = [Vec3::ZERO, Vec3::new(0.1, 0.2, 0.1), Vec3::new(-0.4, 0.1, 0.2)];
         let receivers = Receivers::from_points(&points.map(|p| (p, Vec3::Y, 1)), 3);
         for (name, gather) in BACK_ENDS {
@@ -183,6 +183,7 @@ fn chains_are_layers_of_their_own() {
     for choice in [BackendChoice::Cpu, BackendChoice::Gpu(None)] {
         let options =
             Options::default().with_size([24, 24]).with_samples(200).with_leaves(Some(16)).with_aovs(aovs.clone());
+        let options = options.with_cube_size(CubeSize::Texels(256));
         let layers = layers(parsed(&text), options, &choice);
         let sum = Image {
             pixels: layers[1].pixels.iter().zip(&layers[2].pixels).map(|(r, t)| *r + *t).collect(),
