@@ -107,7 +107,7 @@ pub struct Engine {
 struct Prepared {
     scene: PreparedScene,
     light: PreparedLight,
-    /// `None` if no caustics are shown.
+    /// The sum of all chains, or of the only one that is shown; `None` if no caustics are.
     sum: Option<Arc<dyn Sum>>,
     /// The sums of the chains that are shown alone, as far as anything casts such a caustic.
     of_chains: Vec<(Chain, Arc<dyn Sum>)>,
@@ -309,20 +309,23 @@ impl Engine {
             is_preview: false,
             progress,
         };
-        let shows_chains = self.options.aovs.iter().any(|aov| aov.chain().is_some());
-        let is_scattered = self.options.aovs.contains(&Aov::Scattered);
-        let sum = if self.options.shows_caustic() || is_scattered || shows_chains {
-            Some(self.technique.1.prepare(inputs, &mut self.light_stages).await?)
-        } else {
-            None
-        };
+        let chains = || self.options.aovs.iter().filter_map(|aov| aov.chain());
+        let is_cast = |chain: &Chain| self.scene.objects.iter().any(|object| object.casts(*chain));
+        let cast: Vec<Chain> = chains().filter(is_cast).collect();
+        let shows_all = self.options.shows_caustic() || self.options.aovs.contains(&Aov::Scattered);
+        // A report needs one sum: that of the only chain that is shown, or of all of them.
+        let is_all_needed = shows_all || chains().next().is_some() && cast.len() != 1;
+        let mut sum = None;
+        if is_all_needed {
+            sum = Some(self.technique.1.prepare(inputs, &mut self.light_stages).await?);
+        }
         let mut of_chains = Vec::new();
-        for chain in self.options.aovs.iter().filter_map(|aov| aov.chain()) {
-            if self.scene.objects.iter().any(|object| object.casts(chain)) {
-                let stages = stages_of(&mut self.of_chains, chain, self.technique.0);
-                let inputs = Inputs { chains: chain.into(), ..inputs };
-                of_chains.push((chain, stages.prepare(inputs, &mut self.light_stages).await?));
-            }
+        for chain in cast {
+            let stages = stages_of(&mut self.of_chains, chain, self.technique.0);
+            let inputs = Inputs { chains: chain.into(), ..inputs };
+            let own = stages.prepare(inputs, &mut self.light_stages).await?;
+            sum.get_or_insert_with(|| own.clone());
+            of_chains.push((chain, own));
         }
         if progress.is_cancelled() {
             return Err(Error::Cancelled);

@@ -212,21 +212,22 @@ impl<'a> MapsBuilder<'a> {
     /// Follows clusters of photons as far as the first map needs them, or puts them together there.
     fn add_clusters(&mut self, light: &PhotonLight, own: &[MapBuilder<'a>]) {
         let inputs = self.inputs;
+        let traversal = inputs.options.traversal;
         for view in light.views(inputs.casters, &inputs.bounds, inputs.options.photons) {
             let images = inputs.images_of(&view);
-            let coverage = Coverage::new(&view.projection, view.spread, inputs.triangles.iter().copied());
+            // All photons are followed before they are put together.
+            let coverage = (traversal != Traversal::Hierarchical)
+                .then(|| Coverage::new(&view.projection, view.spread, inputs.triangles.iter().copied()));
             for kind in inputs.kinds {
                 let Some(map) = self.eye.as_ref().or_else(|| own.first()) else { continue };
                 let (kind, map, photons) = (*kind, map.map(), inputs.options.photons);
                 let emission = Emission { images: images.as_ref(), ..inputs.emission(&view) };
                 let mut deposited = Ledger::default();
                 let mut add = |grid: &PhotonGrid| deposited += self.deposit(own, grid, (&view, kind.chain));
-                let (cast, effort) = match inputs.options.traversal {
-                    Traversal::Hierarchical => {
-                        Hierarchy { emission, kind, map, photons, batch: 4 * CLUSTERS_OF_BATCH }.run(&mut add)
-                    }
-                    traversal => {
-                        let (coverage, batch) = (&coverage, CLUSTERS_OF_BATCH);
+                let batch = CLUSTERS_OF_BATCH;
+                let (cast, effort) = match &coverage {
+                    None => Hierarchy { emission, kind, map, photons, batch: 4 * batch }.run(&mut add),
+                    Some(coverage) => {
                         Traverser { emission, coverage, kind, map, traversal, finest: photons, batch }.run(&mut add)
                     }
                 };

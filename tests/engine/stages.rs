@@ -271,3 +271,21 @@ fn photons_are_sent_again_only_where_it_matters() {
     assert!(sent(|engine| engine.scene_mut().objects[0].placement.translate.y += 0.1));
     assert!(sent(|engine| engine.options_mut().image_space.mode = pinspot::Mode::Points));
 }
+
+/// A chain that is shown alone is all that is computed; beside another one, the report needs the whole caustic, too.
+#[test]
+fn a_chain_alone_is_computed_alone() {
+    let sent = |aovs: &[Aov]| {
+        let (scene, options) = pinspot::load("ring").unwrap();
+        let mut options = options.with_size([24, 24]).with_technique(pinspot::Technique::ImageSpace);
+        (options.image_space.photons, options.image_space.light_directions) = (64, 1);
+        let mut engine = Engine::new(scene, options.with_aovs(aovs.to_vec()), Backend::cpu());
+        let report = wait(None, engine.render(&NoProgress)).unwrap().report;
+        assert!(report.photons.unwrap().photons > 0);
+        engine.stage_counts().of(Stage::Photons)
+    };
+    assert_eq!(sent(&[Aov::CausticR]), 1);
+    assert_eq!(sent(&[Aov::Caustic, Aov::CausticR]), 2);
+    // Nothing casts this one.
+    assert_eq!(sent(&[Aov::CausticTT]), 1);
+}

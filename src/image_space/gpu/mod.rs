@@ -160,9 +160,11 @@ impl<'a> MapsOnGpu<'a> {
         let light = &self.passes.light(&view.light)?;
         let images = &self.passes.images(view)?;
         let Some(map) = self.eye.as_ref().or_else(|| own.first()) else { return Ok(0) };
-        let triangles = self.inputs.triangles.iter().copied();
-        let coverage = Coverage::new(&view.projection, view.spread, triangles);
-        let coverage = CoverageOnGpu::new(&self.device.gpu.device, coverage);
+        // All photons are followed before they are put together.
+        let coverage = (traversal != Traversal::Hierarchical).then(|| {
+            let coverage = Coverage::new(&view.projection, view.spread, self.inputs.triangles.iter().copied());
+            CoverageOnGpu::new(&self.device.gpu.device, coverage)
+        });
         let mut followed = 0;
         for kind in self.inputs.kinds {
             if progress.is_cancelled() {
@@ -173,9 +175,9 @@ impl<'a> MapsOnGpu<'a> {
             let add = &mut |encoder: &mut wgpu::CommandEncoder, block| {
                 self.deposit(encoder, (view, kind.chain), own, block);
             };
-            followed += match traversal {
-                Traversal::Hierarchical => Hierarchy { passes, from, kind, map, photons: finest }.run(add),
-                _ => Traverser { passes, from, kind, map, traversal, finest }.run(&coverage, add).await?,
+            followed += match &coverage {
+                None => Hierarchy { passes, from, kind, map, photons: finest }.run(add),
+                Some(coverage) => Traverser { passes, from, kind, map, traversal, finest }.run(coverage, add).await?,
             };
         }
         Ok(followed)
