@@ -215,7 +215,7 @@ impl<'a> MapsBuilder<'a> {
         let traversal = inputs.options.traversal;
         for view in light.views(inputs.casters, &inputs.bounds, inputs.options.photons) {
             let images = inputs.images_of(&view);
-            // All photons are followed before they are put together.
+            // The hierarchical traversal follows all photons, whatever the casters cover.
             let coverage = (traversal != Traversal::Hierarchical)
                 .then(|| Coverage::new(&view.projection, view.spread, inputs.triangles.iter().copied()));
             for kind in inputs.kinds {

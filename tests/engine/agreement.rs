@@ -12,8 +12,8 @@ use pinspot::{
 
 use crate::support::{self, floor, gpu, on_cpu, on_gpu, on_gpu_with, pinholes_of, rel_l2, rotated_light, scene};
 
-/// More than a batch, and not a whole number of them.
-const BATCHES: u32 = BATCH_SIZE + 77;
+/// A number of samples that is not a whole number of batches.
+const MORE_THAN_A_BATCH: u32 = BATCH_SIZE + 77;
 
 fn engine(name: &str, backend: &BackendChoice, aovs: &[Aov]) -> Engine {
     let (scene, mut options) = pinspot::load(name).unwrap();
@@ -39,7 +39,7 @@ fn back_ends_agree_on_every_built_in_scene() {
         let mut engines = [BackendChoice::Gpu(None), BackendChoice::Cpu].map(|b| engine(scene, &b, &[Aov::Caustic]));
         if other.is_some() {
             for engine in &mut engines {
-                engine.options_mut().samples = BATCHES;
+                engine.options_mut().samples = MORE_THAN_A_BATCH;
             }
         }
         for filter in other.into_iter().chain([FilterChoice::Anisotropic]) {
@@ -174,7 +174,7 @@ fn a_wrong_hardware_filter_is_reported() {
     let verdict = wait(Some(&gpu().device), pinspot::low_level::pinhole::gpu::check_hardware_filter(gpu())).unwrap();
     let render = |backend: BackendChoice, filter: FilterChoice| {
         let mut engine = engine("mirror-sphere", &backend, &[Aov::Caustic]);
-        engine.options_mut().samples = BATCHES;
+        engine.options_mut().samples = MORE_THAN_A_BATCH;
         render(&mut engine, filter)
     };
     let rendered = render(BackendChoice::Gpu(None), FilterChoice::Hardware);

@@ -53,8 +53,8 @@ fn a_ball_of_air_in_the_sun() {
 #[test]
 fn beams_and_points_agree() {
     let ring = load::<Settings>("ring").unwrap().scene;
-    let by_beams = solve(ring.clone(), 48, |options| options.replicates = 64);
-    let options = Options { size: [48; 2], pixel_samples: 4, ..Default::default() };
+    let by_beams = solve(ring.clone(), 64, |options| options.replicates = 64);
+    let options = Options { size: [64; 2], pixel_samples: 4, ..Default::default() };
     let by_points = Reference::new(ring, options).unwrap();
     let by_points = by_points.solve(&StoppingCriterion::new(0.005), None, &NoProgress, &mut |_| Ok(())).unwrap();
     let error = rel_l2(&by_beams.irradiance, &by_points.irradiance, None);

@@ -25,7 +25,7 @@ const SIGMA: f64 = 0.011_284;
 /// Where the sun ends: five σ and two texels.
 const REACH: f64 = 5.0 * SIGMA + 2.0 * 2.0 / 256.0;
 
-/// Angles φ around the wall.
+/// Steps of the angle φ around the wall.
 const ANGLES: u32 = 8000;
 
 /// Irradiance at (x, 0, z), with the sines and cosines of the wall's angles: Σ over φ of ∫ L cosα_s cosα_d / l² dz, midpoint rule.

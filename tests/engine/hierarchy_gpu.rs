@@ -38,6 +38,7 @@ fn render_scene(
     scene.environment.rotation_rad += 0.7;
     options.size = size;
     options.samples = 150;
+    // With visibility, `columns` in a coarser cube map exceeds the software adapter's limit of loop iterations.
     if visibility == Visibility::None {
         options.cube_size = CubeSize::Texels(128);
     }

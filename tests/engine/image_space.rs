@@ -47,9 +47,7 @@ fn without_refraction_the_caustic_is_the_direct_light() {
         Vec3::new(9.0, 18.0, 27.0) * (3.0 / squared.powf(1.5)) as f32
     });
     for mode in Mode::ALL {
-        // Light maps differ from the camera's in their views alone, and in what is smoothed.
-        let has_light_map = matches!(mode, Mode::Points | Mode::Gather | Mode::ExactPolygons);
-        for map in [MapView::Eye, MapView::Light].into_iter().take(1 + usize::from(has_light_map)) {
+        for map in [MapView::Eye, MapView::Light] {
             let mut options = options(mode, 512);
             options.image_space.caustic_map = map;
             options.image_space.splat_diameter = 8.0;

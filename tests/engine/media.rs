@@ -28,7 +28,8 @@ fn parsed(environment: &str, camera: &str, medium: Medium, rest: &str) -> Scene 
 }
 
 fn layer(scene: Scene, aov: Aov, size: u32) -> Image {
-    let options = Options::default().with_size([size; 2]).with_aovs(vec![aov]).with_samples(4000).with_medium_steps(64);
+    let options =
+        Options::default().with_size([size; 2]).with_aovs(vec![aov]).with_samples(10_000).with_medium_steps(64);
     render(scene, options, &BackendChoice::Cpu).unwrap().layers.remove(0).1
 }
 

@@ -160,7 +160,7 @@ impl<'a> MapsOnGpu<'a> {
         let light = &self.passes.light(&view.light)?;
         let images = &self.passes.images(view)?;
         let Some(map) = self.eye.as_ref().or_else(|| own.first()) else { return Ok(0) };
-        // All photons are followed before they are put together.
+        // The hierarchical traversal follows all photons, whatever the casters cover.
         let coverage = (traversal != Traversal::Hierarchical).then(|| {
             let coverage = Coverage::new(&view.projection, view.spread, self.inputs.triangles.iter().copied());
             CoverageOnGpu::new(&self.device.gpu.device, coverage)
