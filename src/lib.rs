@@ -45,63 +45,35 @@
 //!
 //! Metres, radians, W/(m²·sr), W/m². Right-handed, Y up, linear Rec.709.
 
-mod backend;
-#[cfg(feature = "blocking")]
-pub mod blocking;
-mod brdf;
-mod cell_tree;
-#[cfg(feature = "gpu")]
-mod conformance;
-mod differential;
-mod disjoint_sets;
-mod engine;
-mod environment;
-mod error;
-#[cfg(feature = "gpu")]
-mod gpu;
-pub mod image;
-mod image_space;
-mod lanes;
 pub mod low_level;
-mod options;
-mod pinhole;
-mod progress;
-pub mod reference;
-mod reflectance;
-#[cfg(feature = "report")]
-pub mod report;
-mod sampling;
-pub mod scene;
-mod sequence;
-mod stages;
-mod technique;
-mod tracing;
-mod vectors;
 #[cfg(feature = "view")]
 mod viewer;
-mod words;
 
-pub use backend::{Backend, BackendChoice, BackendReport, Device};
+#[cfg(feature = "blocking")]
+pub use pinspot_render::blocking;
 #[cfg(feature = "gpu")]
-pub use engine::PassTime;
-pub use engine::{
+pub use pinspot_render::engine::PassTime;
+pub use pinspot_render::engine::{
     Budget, Detail, Engine, Inspection, LineKind, MAX_FOOTPRINTS, MapFootprint, Mark, Preview, ReceiverInspection,
     Rendered, Report, TakenCell,
 };
-pub use environment::CubeSize;
-pub use error::{Error, OptionError};
 pub use glam;
-pub use image_space::{Hits, ImageSpaceOptions, Incidence, Ledger, Loss, MapView, Mode, Traversal};
-pub use options::{
+pub use pinspot_base::{NoProgress, OptionError, Progress, Stage, image, scene};
+pub use pinspot_reference as reference;
+pub use pinspot_render::image_space::{Hits, ImageSpaceOptions, Incidence, Ledger, Loss, MapView, Mode, Traversal};
+pub use pinspot_render::options::{
     DisplaySettings, Evaluation, EvaluationChoice, Exposure, Exposures, FilterChoice, Options, Overlay, Quality,
     Settings, load,
 };
-pub use pinhole::{Epsilon, Filter, Footprint, SampleView};
-pub use progress::{NoProgress, Progress, Stage};
-pub use sampling::{Density, Strategy};
-pub use sequence::{Sequence, SequenceReport};
-pub use stages::StageCounts;
-pub use technique::{PhotonStatistics, Technique, place_samples};
+#[cfg(feature = "report")]
+pub use pinspot_render::report;
+pub use pinspot_render::sequence::{Sequence, SequenceReport};
+pub use pinspot_render::stages::StageCounts;
+pub use pinspot_render::technique::{PhotonStatistics, Technique, place_samples};
+pub use pinspot_render::{Backend, BackendChoice, BackendReport, Device, Error};
+pub use pinspot_sums::environment::CubeSize;
+pub use pinspot_sums::pinhole::{Epsilon, Filter, Footprint, SampleView};
+pub use pinspot_sums::sampling::{Density, Strategy};
 #[cfg(feature = "view")]
 pub use viewer::{ViewError, view};
 #[cfg(feature = "gpu")]

@@ -36,28 +36,28 @@
 
 /// BRDFs of receivers.
 pub mod brdf {
-    pub use crate::brdf::{BrdfTable, Gloss, LEAST_ROUGHNESS, Material, Materials, TableError};
+    pub use pinspot_base::brdf::{BrdfTable, Gloss, LEAST_ROUGHNESS, Material, Materials, TableError};
 }
 
 /// A hierarchy of samples whose cells tile the reflectors.
 pub mod cell_tree {
-    pub use crate::cell_tree::{CellNode, CellTree, MAX_LEAVES, NodeGeometry, TreeOptions};
+    pub use pinspot_sums::cell_tree::{CellNode, CellTree, MAX_LEAVES, NodeGeometry, TreeOptions};
 }
 
 /// Filters against the exact integral over a footprint.
 #[cfg(feature = "gpu")]
 pub mod conformance {
-    pub use crate::conformance::{Conformance, Device, FilterResult, PATTERNS, Pattern, Verdict, examine, zone_plates};
+    pub use pinspot_render::conformance::{Conformance, Device, FilterResult, PATTERNS, Pattern, Verdict, examine, zone_plates};
 }
 
 /// The surface around each sample: cells and curvature.
 pub mod differential {
-    pub use crate::differential::{Cell, DifferentialSample, differentials, write_ply};
+    pub use pinspot_sums::differential::{Cell, DifferentialSample, differentials, write_ply};
 }
 
 /// Environment lighting: prefiltered cube maps, and what is derived from them.
 pub mod environment {
-    pub use crate::environment::{
+    pub use pinspot_sums::environment::{
         BUILT_IN_MAPS, Bound, BuiltInMap, CubeMap, CubeSize, Environment, EnvironmentError, EnvironmentRadiance, FACES,
         LightBounds, LightSampler, MAX_CUBE_SIZE, face_direction, face_of_direction, irradiance_map,
         texel_solid_angle_sr,
@@ -67,12 +67,12 @@ pub mod environment {
 /// Adapters, devices and shaders.
 #[cfg(feature = "gpu")]
 pub mod gpu {
-    pub use crate::gpu::{Adapter, Gpu, GpuError, adapters};
+    pub use pinspot_render::gpu::{Adapter, Gpu, GpuError, adapters};
 }
 
 /// Sums over pinhole samples, on the CPU and on GPUs.
 pub mod pinhole {
-    pub use crate::pinhole::{
+    pub use pinspot_render::pinhole::{
         BATCH_SIZE, CURVE_POINTS, Epsilon, Filter, Footprint, GatherUniforms, MAX_TAPS, MEDIUM_OBJECT, NO_RECEIVER,
         Params, PinholeParts, PinholeSample, PinholeTree, Pinholes, Probe, ReceiverLayout, Receivers, ReflectanceCurve,
         SurroundingView, Surroundings, ViewDirections, Viewpoint, VisibilityMaps, pinholes,
@@ -80,7 +80,7 @@ pub mod pinhole {
 
     /// On the CPU.
     pub mod cpu {
-        pub use crate::pinhole::cpu::{
+        pub use pinspot_render::pinhole::cpu::{
             Accuracy, CachedGather, CachedSums, CubeLookup, HardwareFilterError, Lanes16, Light, Lights, contributions,
             estimate_irradiance, gather, gather_hierarchical, gather_lamp, gather_surroundings, probe,
         };
@@ -89,7 +89,7 @@ pub mod pinhole {
     /// On GPUs.
     #[cfg(feature = "gpu")]
     pub mod gpu {
-        pub use crate::pinhole::gpu::{
+        pub use pinspot_render::pinhole::gpu::{
             CellTreeBuffers, Engine, EnvironmentCube, Frame, FrameInputs, FrameLight, FrameViewers, GatherOptions,
             Geometry, HardwareVerdict, HierarchicalEngine, HierarchicalFrame, HierarchicalInputs, HierarchicalOptions,
             LightBoundsBuilder, LightBoundsTexture, LightKind, MapTracer, MapTracing, MapUse, TARGET_FORMAT, Tolerance,
@@ -101,12 +101,12 @@ pub mod pinhole {
 
 /// Specular reflectance of mirrors by angle of incidence.
 pub mod reflectance {
-    pub use crate::reflectance::{Curve, Finish, Metal, WAVELENGTHS, coated, interface, rec709_of_reflectance};
+    pub use pinspot_base::reflectance::{Curve, Finish, Metal, WAVELENGTHS, coated, interface, rec709_of_reflectance};
 }
 
 /// Placement of samples: strategies, densities, and measures of their quality.
 pub mod sampling {
-    pub use crate::sampling::{
+    pub use pinspot_sums::sampling::{
         Density, Importance, MAX_SAMPLES, Options, Parameterization, PointSet, Quality, SamplingError, Spectrum,
         Strategy, StrategyStatistics, Surface, SurfacePoint, TestSurface, quality, sample, sample_by,
         strategy_statistics,
@@ -115,8 +115,8 @@ pub mod sampling {
 
 /// Ray tracing.
 pub mod tracing {
-    pub use crate::tracing::{Hit, Piece, Tracer};
+    pub use pinspot_sums::tracing::{Hit, Piece, Tracer};
 }
 
 /// The receivers that a scene's camera sees.
-pub use crate::stages::visible_receivers;
+pub use pinspot_render::stages::visible_receivers;

@@ -5,7 +5,7 @@ use std::f64::consts::{FRAC_PI_2, PI};
 
 use glam::DVec3;
 
-use crate::brdf::Gloss;
+use pinspot_base::brdf::Gloss;
 use crate::scene::Receiver;
 
 /// f(l, v), 1/sr, for unit vectors above a surface with unit normal n.

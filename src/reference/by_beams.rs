@@ -6,7 +6,7 @@ use super::beam_origins::origins;
 use super::beams::Beams;
 use super::{Estimate, Options, Quantity, Reference, ReferenceError, Statistics, StoppingCriterion};
 use crate::scene::{Light as Source, Object, Scene, Visibility};
-use crate::{Error, OptionError, Progress, Stage};
+use crate::{OptionError, Progress, Stage};
 
 /// Says what beams cannot compute.
 pub(super) fn check_beams(scene: &Scene, options: &Options) -> Result<(), OptionError> {
@@ -39,7 +39,7 @@ impl Reference {
         criterion: &StoppingCriterion,
         known: Option<Estimate>,
         progress: &dyn Progress,
-    ) -> Result<Estimate, Error> {
+    ) -> Result<Estimate, ReferenceError> {
         if let Some(known) = known.filter(|known| known.coverage() == 1.0) {
             return Ok(known);
         }
@@ -74,7 +74,7 @@ impl Reference {
         }
         progress.end(Stage::Reference);
         if progress.is_cancelled() {
-            return Err(Error::Cancelled);
+            return Err(ReferenceError::Cancelled);
         }
         if is_over() {
             return Err(ReferenceError::Incomplete { coverage: 0.0 }.into());

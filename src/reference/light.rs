@@ -5,7 +5,7 @@ use glam::{DMat3, DVec3};
 
 use super::cone::{Cone, angle};
 use super::map::Map;
-use crate::environment::{EnvironmentError, built_in_map};
+use crate::maps::{EnvironmentError, built_in_map};
 use crate::scene::{EnvironmentSource, Light as Source};
 
 /// The environment.
@@ -133,7 +133,7 @@ mod tests {
             let map = EnvironmentMap::new(vec![("map".into(), Arc::new(image))], layout).unwrap();
             let source = EnvironmentSource { light: Source::Map(map), rotation_rad: 0.3, intensity: 1.5 };
             let light = Light::new(&source).unwrap();
-            let engines_light = crate::environment::EnvironmentRadiance::new(&source.light).unwrap();
+            let engines_light = pinspot_sums::environment::EnvironmentRadiance::new(&source.light).unwrap();
             let light_from_world = glam::Mat3::from_rotation_y(-source.rotation_rad);
             let mut differing = 0;
             for _ in 0..2000 {

@@ -16,7 +16,7 @@ use super::replicates::{self, MOST_SPLITS, Moments, Tally, Work};
 use super::schedule::{self, Pace, Plan, SPLIT_LIMITS, next_plan};
 use super::{Options, StoppingCriterion};
 use crate::image::Image;
-use crate::{Error, Progress, Stage};
+use crate::{ReferenceError, Progress, Stage};
 
 /// Where no more than this part of the typical irradiance can arrive, no finer cut is needed.
 const NEGLIGIBLE: f64 = 0.1;
@@ -32,7 +32,7 @@ pub(super) struct Passes<'a, D: Domain> {
 }
 
 /// Told of the estimate between chunks, and whether a pass has ended.
-pub(super) type Checkpoint<'a> = dyn FnMut(&Estimate, bool) -> Result<(), Error> + 'a;
+pub(super) type Checkpoint<'a> = dyn FnMut(&Estimate, bool) -> Result<(), ReferenceError> + 'a;
 
 impl<D: Domain> Passes<'_, D> {
     /// Adds passes to `known` (or starts) until the criterion is met, and shows what it has in between to `checkpoint`.
@@ -41,7 +41,7 @@ impl<D: Domain> Passes<'_, D> {
         criterion: &StoppingCriterion,
         known: Option<Estimate>,
         checkpoint: &mut Checkpoint,
-    ) -> Result<Estimate, Error> {
+    ) -> Result<Estimate, ReferenceError> {
         let mut estimate = known.unwrap_or_else(|| Estimate::unknown(self.options.size));
         let receives = self.receiving_pixels();
         let mut pace = None;
@@ -78,7 +78,7 @@ impl<D: Domain> Passes<'_, D> {
         known: &Estimate,
         criterion: &StoppingCriterion,
         (tally, checkpoint): (&Tally, &mut Checkpoint),
-    ) -> Result<(Estimate, bool), Error> {
+    ) -> Result<(Estimate, bool), ReferenceError> {
         self.progress.begin(Stage::Reference, plan.chunks.iter().map(|c| c.len() as u64).sum());
         let passed = self.pass_over_chunks(plan, known, criterion, (tally, checkpoint));
         self.progress.end(Stage::Reference);
@@ -91,7 +91,7 @@ impl<D: Domain> Passes<'_, D> {
         known: &Estimate,
         criterion: &StoppingCriterion,
         (tally, checkpoint): (&Tally, &mut Checkpoint),
-    ) -> Result<(Estimate, bool), Error> {
+    ) -> Result<(Estimate, bool), ReferenceError> {
         let work = self.work(plan, u64::from(known.statistics.passes), tally);
         let is_stopped = AtomicBool::new(false);
         let mut found: Vec<Option<Moments>> = vec![None; self.pixels()];

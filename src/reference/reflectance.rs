@@ -3,7 +3,7 @@
 
 use glam::{DMat3, DVec3};
 
-use crate::reflectance::{Finish, Metal};
+use pinspot_base::reflectance::{Finish, Metal};
 
 /// A facet's reflectance by the cosine of the angle of incidence, tabulated.
 pub(super) struct Reflectance {

@@ -129,7 +129,7 @@ mod tests {
     use super::super::medium::{Phase, transmittance};
     use super::super::{Density, Estimate, Options, Quantity, Reference, StoppingCriterion};
     use super::*;
-    use crate::NoProgress;
+    use pinspot_base::NoProgress;
     use crate::scene::Scene;
 
     const DARK: &str = "environment = { constant = [0, 0, 0] }\n";

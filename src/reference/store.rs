@@ -10,7 +10,7 @@ use super::estimate::Statistics;
 use super::schedule::SPLIT_LIMITS;
 use super::{Estimate, Reference, ReferenceError, StoppingCriterion};
 use crate::image::{Image, read_exr, read_exr_text, write_exr_with_text};
-use crate::{Error, Progress};
+use crate::Progress;
 
 const FINGERPRINT: &str = "pinspot.fingerprint";
 const STATISTICS: &str = "pinspot.statistics";
@@ -51,7 +51,7 @@ impl Reference {
         criterion: &StoppingCriterion,
         clock: &dyn Fn() -> f64,
         progress: &dyn Progress,
-    ) -> Result<Stored, Error> {
+    ) -> Result<Stored, ReferenceError> {
         let started = clock();
         let before = known.as_ref().map_or(0.0, |k| k.seconds);
         let seconds = || before + (clock() - started).max(0.0);
@@ -72,7 +72,7 @@ impl Reference {
     }
 
     /// Writes an estimate, whole or not at all.
-    pub fn write(&self, path: &Path, estimate: &Estimate, seconds: f64) -> Result<(), Error> {
+    pub fn write(&self, path: &Path, estimate: &Estimate, seconds: f64) -> Result<(), ReferenceError> {
         let text = Text { statistics: estimate.statistics, level: estimate.level, seconds };
         let text = serde_json::to_string(&text).expect("numbers are plain data");
         let mut weights = estimate.irradiance.clone();
@@ -140,8 +140,8 @@ impl Reference {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::NoProgress;
-    use crate::reference::Options;
+    use pinspot_base::NoProgress;
+    use crate::Options;
 
     fn reference(seed: u64) -> Reference {
         let scene = crate::scene::load::<toml::Table>("mirror-sphere").unwrap().scene;

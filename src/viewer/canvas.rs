@@ -15,7 +15,7 @@ use super::scene_text::differing_options;
 use super::worker::{Picture, Pixels, Quality, Side};
 use crate::Mark;
 use crate::image::{Image, srgb8};
-use crate::options::{Options, Overlay};
+use pinspot_render::options::{Options, Overlay};
 
 /// A refined picture replaces the one before it over this long, so that nothing jumps.
 const FADE: Duration = Duration::from_millis(250);

@@ -12,7 +12,7 @@ use glam::Vec3;
 use super::stopwatch::Stopwatch;
 use crate::blocking::wait;
 use crate::image::{Aov, Image};
-use crate::options::{FilterChoice, Options};
+use pinspot_render::options::{FilterChoice, Options};
 use crate::reference::{self, Estimate, Reference, StoppingCriterion};
 use crate::scene::Scene;
 use crate::{Backend, Engine, Error};

@@ -10,7 +10,7 @@ use super::history::History;
 use super::scene_text::{number, write_camera, write_lamps, write_medium, write_objects, write_options};
 use crate::Error;
 use crate::image::write_atomically;
-use crate::options::{Exposure, Options, Settings};
+use pinspot_render::options::{Exposure, Options, Settings};
 use crate::scene::{BUILT_IN, EnvironmentMap, Light, Loaded, MapLayout, Scene, Transform, parse};
 
 /// What an edit changes, and undoing restores.

@@ -6,7 +6,7 @@ use std::sync::mpsc::{Receiver, Sender, channel};
 use glam::Vec2;
 
 use crate::image::Image;
-use crate::options::Options;
+use pinspot_render::options::Options;
 use crate::scene::Scene;
 use crate::{Backend, Engine, Inspection, NoProgress, TakenCell};
 

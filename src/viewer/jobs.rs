@@ -6,7 +6,7 @@ use std::sync::atomic::AtomicBool;
 use super::stopwatch::Stopwatch;
 use crate::blocking::wait_sharing as wait;
 use crate::image::{write_exr, write_png};
-use crate::options::Options;
+use pinspot_render::options::Options;
 use crate::scene::Scene;
 use crate::{Backend, Engine, Error, Sequence, SequenceReport};
 

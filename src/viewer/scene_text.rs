@@ -6,7 +6,7 @@ use glam::Vec3;
 use toml_edit::{Array, DocumentMut, InlineTable, Item, Table, Value, value};
 
 use crate::Epsilon;
-use crate::options::{Exposure, Options};
+use pinspot_render::options::{Exposure, Options};
 use crate::scene::{Camera, Emitter, Lamp, Medium, Object, Projection, Refractor};
 
 /// A number with as many digits as tell it from others, as people would write it.

@@ -4,7 +4,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 
-use crate::progress::{Progress, Stage};
+use pinspot_base::progress::{Progress, Stage};
 
 /// Seconds by stage, in the order in which they began.
 pub type StageSeconds = Vec<(Stage, f64)>;

@@ -8,7 +8,7 @@ use eframe::{egui, egui_wgpu};
 use super::document::Document;
 use super::{Viewer, loader};
 use crate::BackendChoice;
-use crate::gpu::{Adapter, Gpu};
+use pinspot_render::gpu::{Adapter, Gpu};
 use crate::image::write_png;
 
 /// Why there is no window.

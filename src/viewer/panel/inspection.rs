@@ -4,8 +4,8 @@ use eframe::egui;
 use egui::{Color32, ColorImage, Pos2, Rect, Sense, Stroke, TextureHandle, TextureOptions};
 
 use super::fields::{named, switch};
-use crate::options::Exposure;
-use crate::pinhole::SampleView;
+use pinspot_render::options::Exposure;
+use pinspot_render::pinhole::SampleView;
 use crate::viewer::Viewer;
 use crate::viewer::canvas::colour_image;
 use crate::viewer::inspector::{Answer, Inspector, Question};

@@ -6,7 +6,7 @@ use eframe::egui;
 
 use super::fields::named;
 use super::settings::OVERLAYS;
-use crate::options::Overlay;
+use pinspot_render::options::Overlay;
 use crate::viewer::Viewer;
 use crate::viewer::jobs::Job;
 use crate::{Options, Sequence};

@@ -4,12 +4,12 @@ use eframe::egui;
 
 use super::fields::{choice, number, switch};
 use crate::image::{Aov, ToneMap};
-use crate::image_space::{Hits, ImageSpaceOptions, Incidence, MapView, Mode, Traversal};
-use crate::options::{EvaluationChoice, Exposure, FilterChoice, Options, Overlay};
-use crate::pinhole::{Epsilon, Footprint};
-use crate::sampling::{Density, MAX_SAMPLES, Strategy};
+use pinspot_render::image_space::{Hits, ImageSpaceOptions, Incidence, MapView, Mode, Traversal};
+use pinspot_render::options::{EvaluationChoice, Exposure, FilterChoice, Options, Overlay};
+use pinspot_render::pinhole::{Epsilon, Footprint};
+use pinspot_sums::sampling::{Density, MAX_SAMPLES, Strategy};
 use crate::scene::Visibility;
-use crate::technique::Technique;
+use pinspot_render::technique::Technique;
 use crate::viewer::Viewer;
 
 const STRATEGIES: &[(Strategy, &str)] = &[
@@ -107,9 +107,11 @@ impl Viewer {
         let (tone_map, reset) = (&mut options.display.tone_map, original.display.tone_map);
         is_edited |= choice(ui, "Tone map", tone_map, reset, TONE_MAPS);
         // Each technique has its own.
-        let is_known = |(overlay, _): &&(Overlay, &str)| match options.technique {
-            Technique::ImageSpace => matches!(overlay, Overlay::None | Overlay::Photons | Overlay::CausticMap),
-            Technique::Pinhole => !matches!(overlay, Overlay::Photons | Overlay::CausticMap),
+        let has_photons = options.technique == Technique::ImageSpace;
+        let is_known = |(overlay, _): &&(Overlay, &str)| match overlay {
+            Overlay::None => true,
+            Overlay::Photons | Overlay::CausticMap => has_photons,
+            _ => !has_photons,
         };
         let known: Vec<_> = OVERLAYS.iter().filter(is_known).copied().collect();
         if !known.iter().any(|(overlay, _)| *overlay == options.overlay) {
@@ -151,9 +153,10 @@ impl Viewer {
         let (options, original) = (&mut self.document.state.options, &self.document.original.options);
         let techniques = Technique::ALL.map(|technique| (technique, technique.name()));
         let mut is_edited = choice(ui, "Technique", &mut options.technique, original.technique, &techniques);
-        is_edited |= match options.technique {
-            Technique::Pinhole => sample_fields(ui, options, original, has_medium),
-            Technique::ImageSpace => photon_fields(ui, &mut options.image_space, &original.image_space),
+        is_edited |= if options.technique == Technique::ImageSpace {
+            photon_fields(ui, &mut options.image_space, &original.image_space)
+        } else {
+            sample_fields(ui, options, original, has_medium)
         };
         is_edited |= number(ui, "Gain", &mut options.caustic_gain, original.caustic_gain, (0.0..=100.0, true));
         is_edited |= number(ui, "Seed", &mut options.seed, original.seed, (0..=9_999, false));
@@ -177,9 +180,9 @@ fn sample_fields(ui: &mut egui::Ui, options: &mut Options, original: &Options, h
     }
     is_edited |= number(ui, "Tolerance", &mut options.tolerance, original.tolerance, (1e-3..=1.0, true));
     is_edited |= choice(ui, "Filter", &mut options.filter, original.filter, FILTERS);
-    is_edited |= number(ui, "Taps", &mut options.taps, original.taps, (1..=crate::pinhole::MAX_TAPS, true));
+    is_edited |= number(ui, "Taps", &mut options.taps, original.taps, (1..=pinspot_render::pinhole::MAX_TAPS, true));
     if has_medium {
-        let (steps, most) = (&mut options.medium_steps, crate::options::MAX_MEDIUM_STEPS);
+        let (steps, most) = (&mut options.medium_steps, pinspot_render::options::MAX_MEDIUM_STEPS);
         is_edited |= number(ui, "Medium steps", steps, original.medium_steps, (1..=most, true));
     }
     let footprints = [(Footprint::Cells, "cells"), (Footprint::Curvature, "curvature")];
@@ -240,7 +243,7 @@ fn exposure(
     ui: &mut egui::Ui,
     options: &mut Options,
     original: &Options,
-    used: Option<crate::options::Exposures>,
+    used: Option<pinspot_render::options::Exposures>,
 ) -> bool {
     let mut is_edited = false;
     let display = &mut options.display;

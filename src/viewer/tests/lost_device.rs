@@ -3,7 +3,7 @@
 use std::time::{Duration, Instant};
 
 use crate::blocking::wait;
-use crate::gpu::Gpu;
+use pinspot_render::gpu::Gpu;
 use crate::viewer::worker::{Message, Quality, View, Worker};
 use crate::{BackendChoice, load};
 

@@ -17,8 +17,8 @@ use super::scene_text::differing_options;
 use super::worker::Quality;
 use super::{Viewer, panel};
 use crate::image::Aov;
-use crate::options::{EvaluationChoice, Exposure, FilterChoice, Overlay};
-use crate::sampling::Strategy;
+use pinspot_render::options::{EvaluationChoice, Exposure, FilterChoice, Overlay};
+use pinspot_sums::sampling::Strategy;
 use crate::{BackendChoice, Epsilon, Footprint};
 
 /// Pictures of test scenes take a fraction of this.
@@ -373,7 +373,7 @@ fn settings_that_cannot_be_rendered_are_explained() {
         window.step();
     };
     // With four leaves each, these are more cells than fit.
-    set_samples(&mut window, crate::sampling::MAX_SAMPLES);
+    set_samples(&mut window, pinspot_sums::sampling::MAX_SAMPLES);
     run_until(&mut window, "the reason", |viewer| viewer.notices.failure().is_some());
     assert!(window.state().notices.failure().unwrap().contains("leaves"), "{:?}", window.state().notices);
     assert!(window.state().picture.is_some());

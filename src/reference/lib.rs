@@ -1,0 +1,461 @@
+//! Ground truth: an unbiased estimate of the light that the techniques approximate, and its standard error.
+//!
+//! It shares the scene's description, file decoding, errors and progress with what it judges, and nothing else: a test pins its
+//! imports. Data flows scene → `geometry` (f64 triangles) and
+//! `light` (radiance from the original image), `lamps` and `emitters` → a `domain` to integrate over (`reflectors`, or the `sky` for direct light) →
+//! for light in the medium, `scattering` over the lines of sight, too →
+//! a `cut` per receiver point or line of sight (the density) → replicates of quasi-random points, in
+//! `passes` over the image → [`Estimate`].
+//! This module must not know samples, cells, cube maps, back ends or wgpu.
+
+mod allocation;
+mod beam_origins;
+mod beams;
+mod beams_in_solids;
+mod brdf;
+mod bright_spheres;
+mod by_beams;
+mod cone;
+mod cut;
+mod direct;
+mod domain;
+mod emitters;
+mod estimate;
+mod geometry;
+mod gloss;
+mod lamps;
+mod light;
+mod lit_surfaces;
+mod map;
+mod maxima;
+mod medium;
+mod passes;
+mod picture_plane;
+mod receivers;
+mod reflectance;
+mod reflector_bounds;
+mod reflector_light;
+mod reflectors;
+mod refraction;
+mod replicates;
+mod scattering;
+mod schedule;
+mod seen;
+mod sights;
+mod sky;
+mod solids;
+mod store;
+mod tree;
+
+pub use self::estimate::{Estimate, Statistics};
+pub use self::store::Stored;
+
+use std::path::PathBuf;
+
+use glam::DVec3;
+
+use self::by_beams::check_beams;
+use self::direct::Direct;
+use self::domain::{Domain, Lighting, Receiver};
+use self::emitters::Emitters;
+use self::geometry::Geometry;
+use self::lamps::Lamps;
+use self::light::Light;
+use self::medium::Medium;
+use self::passes::{Checkpoint, Passes};
+use self::receivers::Receivers;
+use self::reflectors::Reflectors;
+use self::scattering::Scattering;
+use self::sights::Sight;
+use self::sky::Sky;
+use pinspot_base::image::ImageError;
+use pinspot_base::maps::EnvironmentError;
+use pinspot_base::scene::{Chain, Chains, MeshError, Object, Scene, Visibility};
+use pinspot_base::{OptionError, Progress, Stage, image, maps, scene};
+
+/// What is computed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Quantity {
+    /// Irradiance by one reflection or refraction, W/m², before albedo.
+    #[default]
+    Caustic,
+    /// What receivers reflect of that to the camera, by their own distribution functions, W/(m²·sr).
+    Reflected,
+    /// Irradiance from the environment without reflection or refraction, W/m², before albedo.
+    Direct,
+    /// What the medium scatters to the camera, once, of light by one reflection or refraction, W/(m²·sr).
+    Scattered,
+    /// What it scatters of light from the environment and lamps without reflection or refraction, W/(m²·sr).
+    #[serde(rename = "scattered.direct")]
+    ScatteredDirect,
+}
+
+impl Quantity {
+    /// Whether it is light that the medium scatters.
+    fn is_scattered(self) -> bool {
+        matches!(self, Self::Scattered | Self::ScatteredDirect)
+    }
+
+    /// Whether its light comes by mirrors or interfaces.
+    fn is_caustic(self) -> bool {
+        !matches!(self, Self::Direct | Self::ScatteredDirect)
+    }
+}
+
+/// How a caustic is computed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Deserialize, serde::Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Estimator {
+    /// As an integral over the mirrors, for each point of a pixel: for every light.
+    #[default]
+    Points,
+    /// By beams that are spread over the pixels: means over whole pixels, of spots and lamps alone. What surfaces in the light of lamps send
+    /// to the mirrors is left out.
+    Beams,
+}
+
+impl Estimator {
+    fn is_default(&self) -> bool {
+        *self == Self::default()
+    }
+}
+
+/// How points on the mirrors are chosen.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Density {
+    /// In proportion to hierarchical bounds of light × geometry.
+    #[default]
+    Bounded,
+    /// Uniformly: brute force, to check the former.
+    Uniform,
+}
+
+/// What to compute and how.
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+pub struct Options {
+    /// Width and height, pixels.
+    pub size: [u32; 2],
+    /// n: the mean over n×n points of a pixel; 1: at pixel centres.
+    pub pixel_samples: u32,
+    /// The quantity.
+    pub quantity: Quantity,
+    /// Which light counts as caustic.
+    #[serde(skip_serializing_if = "Chains::is_all")]
+    pub chains: Chains,
+    /// Occlusion.
+    pub visibility: Visibility,
+    /// `false` drops the 1/l² alone.
+    pub attenuation: bool,
+    /// How points are chosen.
+    pub density: Density,
+    /// How a caustic is computed.
+    #[serde(skip_serializing_if = "Estimator::is_default")]
+    pub estimator: Estimator,
+    /// Independent randomisations that the standard error comes from; at least 16.
+    pub replicates: u32,
+    /// Random seed.
+    pub seed: u64,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self {
+            size: [512, 512],
+            pixel_samples: 1,
+            quantity: Quantity::default(),
+            chains: Chains::ALL,
+            visibility: Visibility::default(),
+            attenuation: true,
+            density: Density::default(),
+            estimator: Estimator::default(),
+            replicates: 16,
+            seed: 1,
+        }
+    }
+}
+
+/// When to stop: at the first of these.
+#[derive(Clone, Copy)]
+#[non_exhaustive]
+pub struct StoppingCriterion<'a> {
+    /// The relative standard error √Σse² / √ΣE² over the image at which the work is done.
+    pub rel_error: f64,
+    /// About so many points per pixel, all passes and replicates together, once all is known of how fine cuts must be.
+    pub max_points: Option<f64>,
+    /// Asked before every pixel, from any thread: whether to begin nothing more.
+    pub should_stop: &'a (dyn Fn() -> bool + Sync),
+    /// The seconds that are left, by any clock, asked like `should_stop`; passes are planned to fit in them.
+    pub seconds_left: Option<&'a (dyn Fn() -> f64 + Sync)>,
+}
+
+impl<'a> StoppingCriterion<'a> {
+    /// Only the relative standard error.
+    pub const fn new(rel_error: f64) -> Self {
+        const fn never() -> bool {
+            false
+        }
+        Self { rel_error, max_points: None, should_stop: &never, seconds_left: None }
+    }
+
+    /// The same with a limit to the points per pixel.
+    #[must_use]
+    pub const fn with_max_points(self, max_points: f64) -> Self {
+        Self { max_points: Some(max_points), ..self }
+    }
+
+    /// The same with an end that the caller decides on: a key, a closed window.
+    #[must_use]
+    pub const fn with_should_stop<'b>(self, should_stop: &'b (dyn Fn() -> bool + Sync)) -> StoppingCriterion<'b>
+    where
+        'a: 'b,
+    {
+        StoppingCriterion { should_stop, ..self }
+    }
+
+    /// The same with a limit to the time, given as the seconds that are left at any moment.
+    #[must_use]
+    pub const fn with_seconds_left<'b>(self, seconds_left: &'b (dyn Fn() -> f64 + Sync)) -> StoppingCriterion<'b>
+    where
+        'a: 'b,
+    {
+        StoppingCriterion { seconds_left: Some(seconds_left), ..self }
+    }
+
+    /// Infinite where there is no limit.
+    fn seconds_left(&self) -> f64 {
+        self.seconds_left.map_or(f64::INFINITY, |left| left())
+    }
+
+    fn is_over(&self) -> bool {
+        self.seconds_left() <= 0.0 || (self.should_stop)()
+    }
+}
+
+/// Why a reference could not be computed, or kept in its file.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ReferenceError {
+    /// An option out of its range, or a scene that has nothing to compute.
+    #[error(transparent)]
+    Option(#[from] OptionError),
+    /// An object's mesh.
+    #[error(transparent)]
+    Mesh(#[from] MeshError),
+    /// The light.
+    #[error(transparent)]
+    Environment(#[from] EnvironmentError),
+    /// The file that keeps the estimate.
+    #[error(transparent)]
+    Image(#[from] ImageError),
+    /// The progress sink said that the result is not wanted any more.
+    #[error("cancelled")]
+    Cancelled,
+    /// The work was stopped before anything was known of every pixel.
+    #[error("the work was stopped when {:.0} % of the pixels had been reached for the first time", 100.0 * coverage)]
+    Incomplete {
+        /// The part of the pixels that were reached.
+        coverage: f64,
+    },
+    /// A file that is something else.
+    #[error("'{}' exists, and is no earlier state of this reference (its scene, light, size, options and seed)", path.display())]
+    Foreign {
+        /// File.
+        path: PathBuf,
+    },
+    /// A file that cannot be gone on from.
+    #[error("the reference in '{}' is damaged ({reason}); delete it", path.display())]
+    Damaged {
+        /// File.
+        path: PathBuf,
+        /// What is wrong.
+        reason: String,
+    },
+}
+
+/// Says what is missing where nothing can cast a caustic by these chains.
+fn check_chains(scene: &Scene, chains: Chains) -> Result<(), OptionError> {
+    let casts = |o: &Object| Chain::ALL.iter().any(|chain| chains.contains(*chain) && o.casts(*chain));
+    if scene.objects.iter().any(casts) {
+        return Ok(());
+    }
+    if scene.objects.iter().all(|o| o.specular().is_none()) {
+        let message = "is missing: give an object `reflector = { sides = \"front\" }` or `refractor = { eta = 1.333 }`";
+        return Err(OptionError::invalid("reflector", message));
+    }
+    let message = format!(
+        "is {chains}, but no object casts such a caustic: R needs a reflector or a refractor with fresnel, T a refractor, TT a closed one with interfaces = 2"
+    );
+    Err(OptionError::invalid("chains", message))
+}
+
+/// What there is to scatter light, or says that nothing does.
+fn check_medium(scene: &Scene) -> Result<Medium, OptionError> {
+    let message = "is missing, or scatters nothing: give the scene `medium = { sigma_s = 0.1 }`";
+    let scatters = scene.medium.is_some_and(|medium| medium.scatters());
+    let medium = Medium::of_scene(scene).filter(|_| scatters);
+    medium.ok_or_else(|| OptionError::invalid("medium", message))
+}
+
+/// What the picture is of.
+#[derive(Debug)]
+enum Picture {
+    /// Light on surfaces.
+    Surfaces(Receivers<Receiver>),
+    /// Light in the medium.
+    Medium(Medium, Receivers<Sight>),
+}
+
+/// A scene, prepared for ground truth.
+///
+/// ```
+/// use pinspot::NoProgress;
+/// use pinspot::reference::{Options, Reference, StoppingCriterion};
+///
+/// let (scene, _) = pinspot::load("mirror-sphere")?;
+/// let reference = Reference::new(scene, Options { size: [8, 8], ..Options::default() })?;
+/// let criterion = StoppingCriterion::new(0.1);
+/// let estimate = reference.solve(&criterion, None, &NoProgress, &mut |_| Ok(()))?;
+/// assert!(estimate.rel_error() <= 0.1);
+/// println!("{} ± {} W/m²", estimate.irradiance.mean(), estimate.standard_error.mean());
+/// # Ok::<(), pinspot::Error>(())
+/// ```
+#[derive(Debug)]
+pub struct Reference {
+    scene: Scene,
+    options: Options,
+    geometry: Geometry,
+    light: Light,
+    lamps: Lamps,
+    emitters: Emitters,
+    picture: Picture,
+    fingerprint: String,
+    /// What was repaired while loading.
+    pub notes: Vec<String>,
+}
+
+impl Reference {
+    /// Loads the light and finds what the camera sees.
+    pub fn new(scene: Scene, options: Options) -> Result<Self, ReferenceError> {
+        let fail = |key: &'static str, message: &str| Err(OptionError::invalid(key, message).into());
+        if options.size.iter().any(|s| !(1..=16384).contains(s)) {
+            return fail("size", "must be from 1×1 to 16384×16384 pixels");
+        }
+        scene.check_medium()?;
+        if !(1..=16).contains(&options.pixel_samples) {
+            return fail("pixel_samples", "must be from 1 to 16");
+        }
+        if !(16..=1024).contains(&options.replicates) {
+            return fail("replicates", "must be from 16 to 1024");
+        }
+        if options.quantity.is_caustic() {
+            check_chains(&scene, options.chains)?;
+        }
+        if options.estimator == Estimator::Beams {
+            check_beams(&scene, &options)?;
+        }
+        let scattering = options.quantity.is_scattered().then(|| check_medium(&scene)).transpose()?;
+        let light = Light::new(&scene.environment)?;
+        let extinction = before_lamps(&scene, options.quantity);
+        let (lamps, emitters) = (Lamps::of_scene(&scene, extinction), Emitters::of_scene(&scene, extinction));
+        let notes = scene.notes.clone();
+        scene.check_placements()?;
+        let geometry = Geometry::new(&scene);
+        let Options { size, pixel_samples, .. } = options;
+        let picture = match scattering {
+            None => Picture::Surfaces(Receivers::find(&scene, (&geometry, &emitters), size, pixel_samples)),
+            Some(medium) => Picture::Medium(medium, Receivers::through(&medium, &scene, size, pixel_samples)),
+        };
+        let described = serde_json::to_string(&options).expect("options are plain data");
+        let fingerprint = scene.fingerprint(&described);
+        Ok(Self { scene, options, geometry, light, lamps, emitters, picture, fingerprint, notes })
+    }
+
+    /// What is computed, and how.
+    pub fn options(&self) -> &Options {
+        &self.options
+    }
+
+    /// Names everything that the result depends on; two references with one fingerprint may be combined.
+    pub fn fingerprint(&self) -> &str {
+        &self.fingerprint
+    }
+
+    /// Adds passes to `known` (or starts) until the criterion is met. `checkpoint` is shown what there is from time to time, so
+    /// that it can be kept.
+    pub fn solve(
+        &self,
+        criterion: &StoppingCriterion,
+        known: Option<Estimate>,
+        progress: &dyn Progress,
+        checkpoint: &mut dyn FnMut(&Estimate) -> Result<(), ReferenceError>,
+    ) -> Result<Estimate, ReferenceError> {
+        self.solve_in_passes(criterion, known, progress, &mut |estimate, _| checkpoint(estimate))
+    }
+
+    /// The same, telling the checkpoint where passes end.
+    fn solve_in_passes(
+        &self,
+        criterion: &StoppingCriterion,
+        known: Option<Estimate>,
+        progress: &dyn Progress,
+        checkpoint: &mut Checkpoint,
+    ) -> Result<Estimate, ReferenceError> {
+        let rel_error = criterion.rel_error;
+        if !(rel_error > 0.0 && rel_error.is_finite()) {
+            let message = format!("is {rel_error}, but must be a number greater than 0");
+            return Err(OptionError::invalid("rel_error", message).into());
+        }
+        let Self { geometry, light, lamps, emitters, options, .. } = self;
+        if options.estimator == Estimator::Beams {
+            return self.solve_by_beams(criterion, known, progress);
+        }
+        let passes = Work { options, criterion, progress };
+        if options.quantity.is_caustic() {
+            let domain = Reflectors::new(&self.scene, geometry, (light, lamps, emitters), options);
+            self.solve_for(domain, &passes, known, checkpoint)
+        } else {
+            let sky = Sky { geometry, light, emitters, visibility: options.visibility };
+            self.solve_for(Direct { sky, lamps }, &passes, known, checkpoint)
+        }
+    }
+
+    fn solve_for<D: Lighting>(
+        &self,
+        light: D,
+        work: &Work,
+        known: Option<Estimate>,
+        checkpoint: &mut Checkpoint,
+    ) -> Result<Estimate, ReferenceError> {
+        match &self.picture {
+            Picture::Surfaces(receivers) => work.passes(&light, receivers).solve(work.criterion, known, checkpoint),
+            Picture::Medium(medium, sights) => {
+                let domain = Scattering { medium, light };
+                work.passes(&domain, sights).solve(work.criterion, known, checkpoint)
+            }
+        }
+    }
+}
+
+/// What all passes of a solution have in common.
+struct Work<'a> {
+    options: &'a Options,
+    criterion: &'a StoppingCriterion<'a>,
+    progress: &'a dyn Progress,
+}
+
+impl<'a> Work<'a> {
+    fn passes<D: Domain>(&self, domain: &'a D, receivers: &'a Receivers<D::Receiver>) -> Passes<'a, D> {
+        Passes { domain, receivers, options: self.options, progress: self.progress }
+    }
+}
+
+/// The extinction, 1/m, between lamps or emitters and what their light falls on first.
+fn before_lamps(scene: &Scene, quantity: Quantity) -> DVec3 {
+    let Some(medium) = Medium::of_scene(scene) else { return DVec3::ZERO };
+    match quantity {
+        Quantity::ScatteredDirect => medium.extinction(),
+        _ => medium.extinction_before_surfaces(),
+    }
+}
