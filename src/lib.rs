@@ -49,6 +49,9 @@ pub mod low_level;
 #[cfg(feature = "view")]
 mod viewer;
 
+pub use glam;
+pub use pinspot_base::{NoProgress, OptionError, Progress, Stage, image, scene};
+pub use pinspot_reference as reference;
 #[cfg(feature = "blocking")]
 pub use pinspot_render::blocking;
 #[cfg(feature = "gpu")]
@@ -57,9 +60,6 @@ pub use pinspot_render::engine::{
     Budget, Detail, Engine, Inspection, LineKind, MAX_FOOTPRINTS, MapFootprint, Mark, Preview, ReceiverInspection,
     Rendered, Report, TakenCell,
 };
-pub use glam;
-pub use pinspot_base::{NoProgress, OptionError, Progress, Stage, image, scene};
-pub use pinspot_reference as reference;
 pub use pinspot_render::image_space::{Hits, ImageSpaceOptions, Incidence, Ledger, Loss, MapView, Mode, Traversal};
 pub use pinspot_render::options::{
     DisplaySettings, Evaluation, EvaluationChoice, Exposure, Exposures, FilterChoice, Options, Overlay, Quality,
@@ -70,7 +70,7 @@ pub use pinspot_render::report;
 pub use pinspot_render::sequence::{Sequence, SequenceReport};
 pub use pinspot_render::stages::StageCounts;
 pub use pinspot_render::technique::{PhotonStatistics, Technique, place_samples};
-pub use pinspot_render::{Backend, BackendChoice, BackendReport, Device, Error};
+pub use pinspot_render::{Backend, BackendChoice, BackendReport, BoxFuture, Device, Error};
 pub use pinspot_sums::environment::CubeSize;
 pub use pinspot_sums::pinhole::{Epsilon, Filter, Footprint, SampleView};
 pub use pinspot_sums::sampling::{Density, Strategy};

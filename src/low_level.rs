@@ -47,7 +47,9 @@ pub mod cell_tree {
 /// Filters against the exact integral over a footprint.
 #[cfg(feature = "gpu")]
 pub mod conformance {
-    pub use pinspot_render::conformance::{Conformance, Device, FilterResult, PATTERNS, Pattern, Verdict, examine, zone_plates};
+    pub use pinspot_render::conformance::{
+        Conformance, Device, FilterResult, PATTERNS, Pattern, Verdict, examine, zone_plates,
+    };
 }
 
 /// The surface around each sample: cells and curvature.

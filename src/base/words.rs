@@ -8,7 +8,9 @@ use serde::Deserialize;
 #[derive(Deserialize)]
 #[serde(untagged, expecting = "a number or a word")]
 pub enum NumberOrWord {
+    /// A number.
     Number(f64),
+    /// A word.
     Word(String),
 }
 

@@ -5,8 +5,8 @@ use std::f64::consts::{FRAC_PI_2, PI};
 
 use glam::DVec3;
 
-use pinspot_base::brdf::Gloss;
 use crate::scene::Receiver;
+use pinspot_base::brdf::Gloss;
 
 /// f(l, v), 1/sr, for unit vectors above a surface with unit normal n.
 pub(super) fn value(receiver: &Receiver, n: DVec3, l: DVec3, v: DVec3) -> DVec3 {

@@ -16,7 +16,7 @@ use super::replicates::{self, MOST_SPLITS, Moments, Tally, Work};
 use super::schedule::{self, Pace, Plan, SPLIT_LIMITS, next_plan};
 use super::{Options, StoppingCriterion};
 use crate::image::Image;
-use crate::{ReferenceError, Progress, Stage};
+use crate::{Progress, ReferenceError, Stage};
 
 /// Where no more than this part of the typical irradiance can arrive, no finer cut is needed.
 const NEGLIGIBLE: f64 = 0.1;

@@ -129,8 +129,8 @@ mod tests {
     use super::super::medium::{Phase, transmittance};
     use super::super::{Density, Estimate, Options, Quantity, Reference, StoppingCriterion};
     use super::*;
-    use pinspot_base::NoProgress;
     use crate::scene::Scene;
+    use pinspot_base::NoProgress;
 
     const DARK: &str = "environment = { constant = [0, 0, 0] }\n";
 

@@ -9,8 +9,8 @@ use serde::{Deserialize, Serialize};
 use super::estimate::Statistics;
 use super::schedule::SPLIT_LIMITS;
 use super::{Estimate, Reference, ReferenceError, StoppingCriterion};
-use crate::image::{Image, read_exr, read_exr_text, write_exr_with_text};
 use crate::Progress;
+use crate::image::{Image, read_exr, read_exr_text, write_exr_with_text};
 
 const FINGERPRINT: &str = "pinspot.fingerprint";
 const STATISTICS: &str = "pinspot.statistics";
@@ -140,8 +140,8 @@ impl Reference {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use pinspot_base::NoProgress;
     use crate::Options;
+    use pinspot_base::NoProgress;
 
     fn reference(seed: u64) -> Reference {
         let scene = crate::scene::load::<toml::Table>("mirror-sphere").unwrap().scene;

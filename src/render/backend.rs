@@ -8,6 +8,7 @@ use serde::Serialize;
 
 use crate::Error;
 use crate::OptionError;
+use crate::boxed::BoxFuture;
 #[cfg(feature = "gpu")]
 use crate::gpu::{Adapter, Gpu, GpuError};
 use crate::options::FilterChoice;
@@ -80,20 +81,21 @@ impl Backend {
     /// println!("{:?}", backend.report());
     /// # Ok::<(), pinspot::Error>(())
     /// ```
-    #[cfg_attr(not(feature = "gpu"), expect(clippy::unused_async, reason = "only a GPU has to be waited for"))]
-    pub async fn open(choice: &BackendChoice) -> Result<Self, Error> {
-        match choice {
-            BackendChoice::Cpu => Ok(Self::cpu()),
-            #[cfg(feature = "gpu")]
-            BackendChoice::Gpu(name) => Ok(Self::gpu(Gpu::open(name.as_deref()).await?)),
-            #[cfg(feature = "gpu")]
-            BackendChoice::Auto => {
-                let hardware = Gpu::open(None).await.ok().filter(|gpu| !gpu.adapter.software);
-                Ok(hardware.map_or_else(Self::cpu, Self::gpu))
+    pub fn open<'a>(choice: &'a BackendChoice) -> BoxFuture<'a, Result<Self, Error>> {
+        Box::pin(async move {
+            match choice {
+                BackendChoice::Cpu => Ok(Self::cpu()),
+                #[cfg(feature = "gpu")]
+                BackendChoice::Gpu(name) => Ok(Self::gpu(Gpu::open(name.as_deref()).await?)),
+                #[cfg(feature = "gpu")]
+                BackendChoice::Auto => {
+                    let hardware = Gpu::open(None).await.ok().filter(|gpu| !gpu.adapter.software);
+                    Ok(hardware.map_or_else(Self::cpu, Self::gpu))
+                }
+                #[cfg(not(feature = "gpu"))]
+                BackendChoice::Auto => Ok(Self::cpu()),
             }
-            #[cfg(not(feature = "gpu"))]
-            BackendChoice::Auto => Ok(Self::cpu()),
-        }
+        })
     }
 
     /// Its description for reports.
@@ -140,7 +142,6 @@ impl Backend {
     }
 
     /// The filter that a choice resolves to on this back end, with a warning about it if there is one.
-    #[cfg_attr(not(feature = "gpu"), expect(clippy::unused_async, reason = "only a GPU has to be waited for"))]
     pub(crate) async fn resolve_filter(&self, choice: FilterChoice) -> Result<(Filter, Option<String>), Error> {
         #[cfg(feature = "gpu")]
         if let Kind::Gpu(shared) = &self.0 {

@@ -1,11 +1,11 @@
 //! The library's error, with a variant per stage. Each message says what is wrong, where, and what would be right.
 
+use crate::OptionError;
 use crate::environment::EnvironmentError;
 #[cfg(feature = "gpu")]
 use crate::gpu::GpuError;
 use crate::image::ImageError;
 use crate::pinhole::cpu::HardwareFilterError;
-use crate::OptionError;
 use crate::reference::ReferenceError;
 #[cfg(feature = "report")]
 use crate::report::ReportError;

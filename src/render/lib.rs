@@ -9,6 +9,7 @@
 mod backend;
 #[cfg(feature = "blocking")]
 pub mod blocking;
+mod boxed;
 #[cfg(feature = "gpu")]
 pub mod conformance;
 pub mod engine;
@@ -25,6 +26,7 @@ pub mod stages;
 pub mod technique;
 
 pub use backend::{Backend, BackendChoice, BackendReport, Device};
+pub use boxed::BoxFuture;
 pub use engine::{Engine, Rendered, Report};
 pub use error::Error;
 pub use options::{Evaluation, EvaluationChoice, Exposure, Exposures, FilterChoice, Options, Settings, load};
@@ -32,5 +34,5 @@ pub use pinspot_reference as reference;
 #[cfg(feature = "gpu")]
 pub use wgpu;
 
-use pinspot_base::{NoProgress, OptionError, Progress, Stage, brdf, image, progress, reflectance, scene, vectors, words};
+use pinspot_base::{NoProgress, OptionError, Progress, brdf, image, progress, reflectance, scene, words};
 use pinspot_sums::{cell_tree, differential, environment, lanes, sampling, tracing};

@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
+use crate::boxed::BoxFuture;
 use crate::image::{
     AnimatedPng, AtomicFile, ImageError, numbered, read_exr_text, read_png_text, write_exr_with_text,
     write_png_with_text,
@@ -133,30 +134,32 @@ impl Sequence {
     ///
     /// # Errors
     /// As [`Engine::render`], and files that cannot be written. Frames that are complete stay; an .apng is written whole or not at all.
-    pub async fn render(
-        &self,
+    pub fn render<'a>(
+        &'a self,
         scene: Scene,
         options: Options,
-        backend: &Backend,
-        progress: &dyn Progress,
-        report: &mut dyn FnMut(&SequenceReport),
-    ) -> Result<SequenceReport, Error> {
-        let still = || format!("nothing moves in scene '{}'; all frames are alike", scene.name);
-        let first = SequenceReport {
-            scene: scene.name.clone(),
-            first_frame: self.frames.start,
-            end_frame: self.frames.end,
-            frames_per_second: self.frames_per_second,
-            size: options.size,
-            rendered: 0,
-            kept: 0,
-            warnings: if scene.animations.is_empty() { vec![still()] } else { Vec::new() },
-        };
-        let requested = options.display.exposure;
-        let engine = Engine::new(scene, options, backend.clone());
-        let mut renderer = FrameRenderer { sequence: self, engine, requested, report: first };
-        renderer.render(progress, report).await?;
-        Ok(renderer.report)
+        backend: &'a Backend,
+        progress: &'a dyn Progress,
+        report: &'a mut dyn FnMut(&SequenceReport),
+    ) -> BoxFuture<'a, Result<SequenceReport, Error>> {
+        Box::pin(async move {
+            let still = || format!("nothing moves in scene '{}'; all frames are alike", scene.name);
+            let first = SequenceReport {
+                scene: scene.name.clone(),
+                first_frame: self.frames.start,
+                end_frame: self.frames.end,
+                frames_per_second: self.frames_per_second,
+                size: options.size,
+                rendered: 0,
+                kept: 0,
+                warnings: if scene.animations.is_empty() { vec![still()] } else { Vec::new() },
+            };
+            let requested = options.display.exposure;
+            let engine = Engine::new(scene, options, backend.clone());
+            let mut renderer = FrameRenderer { sequence: self, engine, requested, report: first };
+            renderer.render(progress, report).await?;
+            Ok(renderer.report)
+        })
     }
 }
 
@@ -286,7 +289,7 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let outputs = vec![dir.path().join("f-##.png"), dir.path().join("f-##.exr")];
         let sequence = Sequence::new(2..6, 4, outputs).unwrap();
-        let exposure = crate::DisplaySettings { exposure: Exposure::Auto, ..Default::default() };
+        let exposure = crate::options::DisplaySettings { exposure: Exposure::Auto, ..Default::default() };
         let options = Options::default().with_size([16, 12]).with_samples(20).with_display(exposure);
         let report = render(&sequence, options.clone());
         assert_eq!((report.rendered, report.kept), (4, 0));

@@ -1,14 +1,14 @@
-//! Sixteen floats at a time, and vectors of them: one instruction with AVX-512, two with AVX2, four with SSE or NEON, chosen
+//! Sixteen floats at a time, and vectors of them: one instruction with AVX-512, two with AVX2, four with SSE2 or NEON, chosen
 //! at run time.
 //!
 //! Everything that takes a `Simd` must be inlined into the dispatched function, or it is compiled without the instructions:
-//! mark it `#[inline(always)]`, and keep vectors out of closures, which are outlined where they are called twice. What is
-//! called from several places and works for long calls [`Simd::vectorize`] instead: one copy is compiled for each instruction set.
+//! mark functions and closures `#[inline(always)]`. What is called from several places and works for long calls
+//! [`Simd::vectorize`] instead: one copy is compiled for each instruction set. `.ci/simd` finds what was missed in the machine code.
 
 use std::ops::{Add, AddAssign, Mul, Sub};
 use std::sync::OnceLock;
 
-pub use fearless_simd::{Level, Select, Simd, SimdBase, SimdFloat, SimdInt, SimdMask, dispatch};
+pub use fearless_simd::{Level, Select, Simd, SimdBase, SimdFloat, SimdInt, SimdMask};
 use fearless_simd::{f32x16, mask32x16, u32x16};
 use glam::Vec3;
 
@@ -28,12 +28,49 @@ pub(crate) type Mask<S> = mask32x16<S>;
 #[derive(Clone, Copy)]
 pub(crate) struct V3<S: Simd>(pub [F<S>; 3]);
 
+/// Evaluates an expression with the instruction set of a [`Level`]: `dispatch!(level(), simd => sum(simd, …))`. It is compiled for
+/// AVX-512, AVX2 and what every x86-64 processor has; SSE4.2 alone, of processors before 2013, is not worth its code.
+#[cfg(target_arch = "x86_64")]
+macro_rules! dispatch {
+    ($level:expr, $simd:ident => $expression:expr) => {
+        match $level {
+            #[cfg(not(disable_dispatch_avx512))]
+            $crate::lanes::Level::Avx512($simd) => $crate::lanes::vectorized!($simd => $expression),
+            level => match level.as_avx2() {
+                Some($simd) => $crate::lanes::vectorized!($simd => $expression),
+                #[cfg(target_feature = "avx2")]
+                None => unreachable!("every processor that runs this has AVX2"),
+                #[cfg(not(target_feature = "avx2"))]
+                None => {
+                    let $simd = level.as_sse2().expect("every x86-64 processor has SSE2");
+                    $crate::lanes::vectorized!($simd => $expression)
+                }
+            },
+        }
+    };
+}
+#[cfg(target_arch = "x86_64")]
+macro_rules! vectorized {
+    ($simd:ident => $expression:expr) => {
+        $crate::lanes::Simd::vectorize(
+            $simd,
+            #[inline(always)]
+            || $expression,
+        )
+    };
+}
+#[cfg(not(target_arch = "x86_64"))]
+pub(crate) use fearless_simd::dispatch;
+#[cfg(target_arch = "x86_64")]
+pub(crate) use {dispatch, vectorized};
+
 /// The instruction set of this processor.
 pub fn level() -> Level {
     static LEVEL: OnceLock<Level> = OnceLock::new();
     *LEVEL.get_or_init(Level::new)
 }
 
+/// The same value in all lanes.
 #[inline(always)]
 pub fn splat<S: Simd>(simd: S, value: f32) -> F<S> {
     F::splat(simd, value)
@@ -44,16 +81,19 @@ pub(crate) fn splat3<S: Simd>(simd: S, v: Vec3) -> V3<S> {
     V3([splat(simd, v.x), splat(simd, v.y), splat(simd, v.z)])
 }
 
+/// One value for each lane.
 #[inline(always)]
 pub fn lanes<S: Simd>(simd: S, values: [f32; LANES]) -> F<S> {
     F::load_array(simd, values)
 }
 
+/// One bit for each lane.
 #[inline(always)]
 pub fn bits<S: Simd>(mask: Mask<S>) -> u32 {
     mask.to_bitmask() as u32
 }
 
+/// Clamps each lane to a range.
 #[inline(always)]
 pub fn clamp<S: Simd>(x: F<S>, low: f32, high: impl fearless_simd::SimdInto<F<S>, S>) -> F<S> {
     x.max(low).min(high)

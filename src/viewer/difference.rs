@@ -12,10 +12,10 @@ use glam::Vec3;
 use super::stopwatch::Stopwatch;
 use crate::blocking::wait;
 use crate::image::{Aov, Image};
-use pinspot_render::options::{FilterChoice, Options};
 use crate::reference::{self, Estimate, Reference, StoppingCriterion};
 use crate::scene::Scene;
 use crate::{Backend, Engine, Error};
+use pinspot_render::options::{FilterChoice, Options};
 
 /// Longest edge of the pictures that are compared, pixels.
 const SIZE: u32 = 128;

@@ -10,8 +10,8 @@ use super::history::History;
 use super::scene_text::{number, write_camera, write_lamps, write_medium, write_objects, write_options};
 use crate::Error;
 use crate::image::write_atomically;
-use pinspot_render::options::{Exposure, Options, Settings};
 use crate::scene::{BUILT_IN, EnvironmentMap, Light, Loaded, MapLayout, Scene, Transform, parse};
+use pinspot_render::options::{Exposure, Options, Settings};
 
 /// What an edit changes, and undoing restores.
 #[derive(Clone, Debug)]

@@ -6,9 +6,9 @@ use std::sync::mpsc::{Receiver, Sender, channel};
 use glam::Vec2;
 
 use crate::image::Image;
-use pinspot_render::options::Options;
 use crate::scene::Scene;
 use crate::{Backend, Engine, Inspection, NoProgress, TakenCell};
+use pinspot_render::options::Options;
 
 /// Rows of the environment's map.
 const MAP_HEIGHT: u32 = 160;

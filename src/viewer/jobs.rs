@@ -6,9 +6,9 @@ use std::sync::atomic::AtomicBool;
 use super::stopwatch::Stopwatch;
 use crate::blocking::wait_sharing as wait;
 use crate::image::{write_exr, write_png};
-use pinspot_render::options::Options;
 use crate::scene::Scene;
 use crate::{Backend, Engine, Error, Sequence, SequenceReport};
+use pinspot_render::options::Options;
 
 /// What to write.
 #[derive(Clone, Debug)]

@@ -6,8 +6,8 @@ use glam::Vec3;
 use toml_edit::{Array, DocumentMut, InlineTable, Item, Table, Value, value};
 
 use crate::Epsilon;
-use pinspot_render::options::{Exposure, Options};
 use crate::scene::{Camera, Emitter, Lamp, Medium, Object, Projection, Refractor};
+use pinspot_render::options::{Exposure, Options};
 
 /// A number with as many digits as tell it from others, as people would write it.
 pub fn number(value: f32) -> f64 {

@@ -8,8 +8,8 @@ use eframe::{egui, egui_wgpu};
 use super::document::Document;
 use super::{Viewer, loader};
 use crate::BackendChoice;
-use pinspot_render::gpu::{Adapter, Gpu};
 use crate::image::write_png;
+use pinspot_render::gpu::{Adapter, Gpu};
 
 /// Why there is no window.
 #[derive(Debug, thiserror::Error)]

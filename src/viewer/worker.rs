@@ -13,11 +13,11 @@ use glam::Vec2;
 use super::jobs::{Job, JobProgress, run_job};
 use super::stopwatch::{StageSeconds, Stopwatch};
 use crate::blocking::wait_sharing as wait;
-use pinspot_render::gpu::Gpu;
 use crate::image::{Aov, Image};
-use pinspot_render::options::{Evaluation, Exposures, Options, Overlay};
 use crate::scene::Scene;
 use crate::{Backend, BackendChoice, Budget, Detail, Engine, Error, Mark, PassTime};
+use pinspot_render::gpu::Gpu;
+use pinspot_render::options::{Evaluation, Exposures, Options, Overlay};
 
 /// Nothing has to change for this long before the picture is refined.
 const REST: Duration = Duration::from_millis(250);
@@ -521,5 +521,8 @@ fn caught(order: impl FnOnce() -> Result<(), Error>) -> Result<(), Failure> {
 
 /// A device that has refused something stays unusable, too.
 fn is_lost(error: &Error) -> bool {
-    matches!(error, Error::Gpu(pinspot_render::gpu::GpuError::Lost { .. } | pinspot_render::gpu::GpuError::Refused { .. }))
+    matches!(
+        error,
+        Error::Gpu(pinspot_render::gpu::GpuError::Lost { .. } | pinspot_render::gpu::GpuError::Refused { .. })
+    )
 }

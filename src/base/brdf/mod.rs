@@ -62,8 +62,11 @@ pub struct Material {
 }
 
 const MATERIAL_LAMBERT: u32 = 0;
+/// A Phong lobe.
 pub const MATERIAL_PHONG: u32 = 1;
+/// A GGX lobe.
 pub const MATERIAL_GGX: u32 = 2;
+/// A measured table.
 pub const MATERIAL_TABLE: u32 = 3;
 
 /// The BRDFs of a scene's objects.

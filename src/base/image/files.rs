@@ -50,6 +50,7 @@ pub struct AtomicFile {
 }
 
 impl AtomicFile {
+    /// Creates a temporary file beside `path`.
     pub fn create(path: &Path) -> Result<Self, ImageError> {
         let fail = |reason: String| ImageError::Write { path: path.into(), reason };
         let target = target_of(path).map_err(|e| fail(e.to_string()))?;
@@ -71,6 +72,7 @@ impl AtomicFile {
         Ok(Self { path: path.into(), target, replaced, file })
     }
 
+    /// The temporary file, to be written to.
     pub fn file(&self) -> &std::fs::File {
         self.file.as_file()
     }

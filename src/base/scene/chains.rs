@@ -62,6 +62,7 @@ impl Chains {
         }
     }
 
+    /// Whether it holds every chain.
     pub fn is_all(&self) -> bool {
         *self == Self::ALL
     }

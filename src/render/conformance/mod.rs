@@ -16,6 +16,7 @@ use serde::{Serialize, Serializer};
 
 use self::footprints::{Case, cases};
 use self::truth::means;
+use crate::boxed::BoxFuture;
 use crate::gpu::{Gpu, GpuError};
 use crate::pinhole::{Filter, Probe, cpu, gpu};
 
@@ -138,28 +139,30 @@ const RIGHT: f64 = 0.07;
 const SEES_DIRECTION: f64 = 0.5;
 
 /// Tries all filters on a device. `progress` is told of every pattern that a filter is done with.
-pub async fn examine(device: Device<'_>, progress: &dyn Fn()) -> Result<Conformance, GpuError> {
-    let cases = cases();
-    let exact: Vec<Vec<f64>> = PATTERNS.iter().map(|pattern| means(pattern.cube(), &cases)).collect();
-    let mut results = Vec::new();
-    for (filter, taps) in device.filters() {
-        let mut answers = Vec::new();
-        let mut fetches = 0.0;
-        for pattern in PATTERNS {
-            let probes: Vec<Probe> = cases.iter().map(|c| c.probe).collect();
-            let got = device.probe(pattern, filter, taps, &probes).await?;
-            fetches += got.iter().map(|g| f64::from(g[3])).sum::<f64>();
-            answers.push(got.iter().map(|g| f64::from(g[0])).collect::<Vec<f64>>());
-            progress();
+pub fn examine<'a>(device: Device<'a>, progress: &'a dyn Fn()) -> BoxFuture<'a, Result<Conformance, GpuError>> {
+    Box::pin(async move {
+        let cases = cases();
+        let exact: Vec<Vec<f64>> = PATTERNS.iter().map(|pattern| means(pattern.cube(), &cases)).collect();
+        let mut results = Vec::new();
+        for (filter, taps) in device.filters() {
+            let mut answers = Vec::new();
+            let mut fetches = 0.0;
+            for pattern in PATTERNS {
+                let probes: Vec<Probe> = cases.iter().map(|c| c.probe).collect();
+                let got = device.probe(pattern, filter, taps, &probes).await?;
+                fetches += got.iter().map(|g| f64::from(g[3])).sum::<f64>();
+                answers.push(got.iter().map(|g| f64::from(g[0])).collect::<Vec<f64>>());
+                progress();
+            }
+            fetches /= (cases.len() * PATTERNS.len()) as f64;
+            results.push(judge(filter, taps, &cases, &exact, &answers, fetches));
         }
-        fetches /= (cases.len() * PATTERNS.len()) as f64;
-        results.push(judge(filter, taps, &cases, &exact, &answers, fetches));
-    }
-    let (device, auto) = match device {
-        Device::Cpu => ("CPU".to_owned(), Filter::Anisotropic),
-        Device::Gpu(gpu) => (gpu.adapter.to_string(), gpu::automatic_filter(gpu).await?),
-    };
-    Ok(Conformance { device, auto, results, footprints: cases.len() })
+        let (device, auto) = match device {
+            Device::Cpu => ("CPU".to_owned(), Filter::Anisotropic),
+            Device::Gpu(gpu) => (gpu.adapter.to_string(), gpu::automatic_filter(gpu).await?),
+        };
+        Ok(Conformance { device, auto, results, footprints: cases.len() })
+    })
 }
 
 fn judge(

@@ -7,6 +7,7 @@ use super::Device;
 use super::footprints::footprint;
 use super::patterns::Pattern;
 use super::truth::mean;
+use crate::boxed::BoxFuture;
 use crate::gpu::GpuError;
 use crate::image::Image;
 use crate::pinhole::Probe;
@@ -20,23 +21,25 @@ const ANGLE_RAD: f32 = 0.5;
 
 /// The zone plate of one face under footprints of 16 × 1 texels: the exact means, then one tile for every filter of
 /// [`Device::filters`]. Display-linear.
-pub async fn zone_plates(device: Device<'_>) -> Result<Image, GpuError> {
-    let cube = Pattern::ZonePlate.cube();
-    let at = |k: usize| 1.9 * ((k as f32 + 0.5) / TILE as f32 - 0.5);
-    let probes: Vec<Probe> =
-        (0..TILE * TILE).map(|k| footprint(4, at(k % TILE), at(k / TILE), ANGLE_RAD, TEXELS)).collect();
-    let mut tiles: Vec<Vec<f32>> = vec![probes.par_iter().map(|p| mean(cube, p, TEXELS) as f32).collect()];
-    for (filter, taps) in device.filters() {
-        let got = device.probe(Pattern::ZonePlate, filter, taps, &probes).await?;
-        tiles.push(got.iter().map(|g| g[0]).collect());
-    }
-    let width = tiles.len() * (TILE + GAP) - GAP;
-    let mut image = Image::new(width as u32, TILE as u32).map(|_| Vec3::ONE);
-    for (k, tile) in tiles.iter().enumerate() {
-        for (index, value) in tile.iter().enumerate() {
-            let (x, y) = (k * (TILE + GAP) + index % TILE, index / TILE);
-            image.pixels[y * width + x] = Vec3::splat(value.clamp(0.0, 1.0));
+pub fn zone_plates<'a>(device: Device<'a>) -> BoxFuture<'a, Result<Image, GpuError>> {
+    Box::pin(async move {
+        let cube = Pattern::ZonePlate.cube();
+        let at = |k: usize| 1.9 * ((k as f32 + 0.5) / TILE as f32 - 0.5);
+        let probes: Vec<Probe> =
+            (0..TILE * TILE).map(|k| footprint(4, at(k % TILE), at(k / TILE), ANGLE_RAD, TEXELS)).collect();
+        let mut tiles: Vec<Vec<f32>> = vec![probes.par_iter().map(|p| mean(cube, p, TEXELS) as f32).collect()];
+        for (filter, taps) in device.filters() {
+            let got = device.probe(Pattern::ZonePlate, filter, taps, &probes).await?;
+            tiles.push(got.iter().map(|g| g[0]).collect());
         }
-    }
-    Ok(image)
+        let width = tiles.len() * (TILE + GAP) - GAP;
+        let mut image = Image::new(width as u32, TILE as u32).map(|_| Vec3::ONE);
+        for (k, tile) in tiles.iter().enumerate() {
+            for (index, value) in tile.iter().enumerate() {
+                let (x, y) = (k * (TILE + GAP) + index % TILE, index / TILE);
+                image.pixels[y * width + x] = Vec3::splat(value.clamp(0.0, 1.0));
+            }
+        }
+        Ok(image)
+    })
 }

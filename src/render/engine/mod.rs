@@ -41,6 +41,7 @@ pub use preview::on_gpu::layout as preview_layout;
 pub use preview::{Budget, Detail, Preview};
 pub use report::Report;
 
+use crate::boxed::BoxFuture;
 use std::sync::Arc;
 
 use glam::{UVec2, Vec2};
@@ -197,49 +198,51 @@ impl Engine {
     /// # Errors
     /// Options out of range or in conflict, a light that cannot be prepared, a scene without reflectors, a device that is lost or
     /// too small, or [`Error::Cancelled`]. The engine stays usable: correct the cause and render again.
-    pub async fn render(&mut self, progress: &dyn Progress) -> Result<Rendered, Error> {
-        let prepared = self.prepare(progress).await?;
-        #[cfg(feature = "gpu")]
-        let shared = self.backend.shared_gpu().cloned();
-        #[cfg(feature = "gpu")]
-        let on_gpu = shared.as_deref().and_then(|shared| RaysOnGpu::new(shared, &prepared.scene, progress));
-        let mut inputs = FrameInputs {
-            scene: &self.scene,
-            prepared: &prepared.scene,
-            light: &prepared.light,
-            options: &self.options,
-            display: self.options.display,
-            sum: prepared.sum.as_ref(),
-            of_chains: &prepared.of_chains,
+    pub fn render<'a>(&'a mut self, progress: &'a dyn Progress) -> BoxFuture<'a, Result<Rendered, Error>> {
+        Box::pin(async move {
+            let prepared = self.prepare(progress).await?;
             #[cfg(feature = "gpu")]
-            batches: on_gpu.as_ref().map(|rays| rays as &dyn RayBatches),
-            #[cfg(not(feature = "gpu"))]
-            batches: None,
-            progress,
-        };
-        let mut film = Film::new(&self.options);
-        let (mut fetches, mut exposures) = (0.0, None);
-        let (height, rows_per_band) = (self.options.size[1], rows_per_band(&self.options));
-        if rows_per_band < height && inputs.display.exposure == Exposure::Auto {
-            let metered = meter(&inputs, &mut self.light_stages, &mut self.counted_before).await?;
-            inputs.display.exposure = metered.map_or(Exposure::Auto, |e| Exposure::Stops(e.exposure_ev));
-        }
-        for first_row in (0..height).step_by(rows_per_band as usize) {
-            let rows = rows_per_band.min(height - first_row);
-            let band = self.band.render(&inputs, &mut self.light_stages, (first_row, rows)).await?;
-            fetches += band.fetches;
-            exposures = band.beauty.as_ref().map(|beauty| beauty.displayed.exposures);
-            film.add(&inputs, &band);
-            if rows < height {
-                // Too large a picture to be kept.
-                self.band.count(&mut self.counted_before);
-                self.band = BandStages::new();
+            let shared = self.backend.shared_gpu().cloned();
+            #[cfg(feature = "gpu")]
+            let on_gpu = shared.as_deref().and_then(|shared| RaysOnGpu::new(shared, &prepared.scene, progress));
+            let mut inputs = FrameInputs {
+                scene: &self.scene,
+                prepared: &prepared.scene,
+                light: &prepared.light,
+                options: &self.options,
+                display: self.options.display,
+                sum: prepared.sum.as_ref(),
+                of_chains: &prepared.of_chains,
+                #[cfg(feature = "gpu")]
+                batches: on_gpu.as_ref().map(|rays| rays as &dyn RayBatches),
+                #[cfg(not(feature = "gpu"))]
+                batches: None,
+                progress,
+            };
+            let mut film = Film::new(&self.options);
+            let (mut fetches, mut exposures) = (0.0, None);
+            let (height, rows_per_band) = (self.options.size[1], rows_per_band(&self.options));
+            if rows_per_band < height && inputs.display.exposure == Exposure::Auto {
+                let metered = meter(&inputs, &mut self.light_stages, &mut self.counted_before).await?;
+                inputs.display.exposure = metered.map_or(Exposure::Auto, |e| Exposure::Stops(e.exposure_ev));
             }
-        }
-        let marks = self.marks_of(&prepared, progress)?;
-        let pixels = f64::from(self.options.size[0]) * f64::from(height);
-        let report = Report::new(self, &prepared, fetches / pixels, exposures);
-        Ok(film.finish(&self.options.aovs, &marks, report))
+            for first_row in (0..height).step_by(rows_per_band as usize) {
+                let rows = rows_per_band.min(height - first_row);
+                let band = self.band.render(&inputs, &mut self.light_stages, (first_row, rows)).await?;
+                fetches += band.fetches;
+                exposures = band.beauty.as_ref().map(|beauty| beauty.displayed.exposures);
+                film.add(&inputs, &band);
+                if rows < height {
+                    // Too large a picture to be kept.
+                    self.band.count(&mut self.counted_before);
+                    self.band = BandStages::new();
+                }
+            }
+            let marks = self.marks_of(&prepared, progress)?;
+            let pixels = f64::from(self.options.size[0]) * f64::from(height);
+            let report = Report::new(self, &prepared, fetches / pixels, exposures);
+            Ok(film.finish(&self.options.aovs, &marks, report))
+        })
     }
 
     /// The positions of the samples that the camera sees, in pixels from the picture's top left corner; empty if no
@@ -247,22 +250,26 @@ impl Engine {
     ///
     /// # Errors
     /// As [`Self::render`].
-    pub async fn visible_samples(&mut self, progress: &dyn Progress) -> Result<Vec<Vec2>, Error> {
-        let prepared = self.prepare(progress).await?;
-        let Some(sum) = &prepared.sum else { return Ok(Vec::new()) };
-        Ok(self.marker(&prepared).dots(&sum.statistics().positions))
+    pub fn visible_samples<'a>(&'a mut self, progress: &'a dyn Progress) -> BoxFuture<'a, Result<Vec<Vec2>, Error>> {
+        Box::pin(async move {
+            let prepared = self.prepare(progress).await?;
+            let Some(sum) = &prepared.sum else { return Ok(Vec::new()) };
+            Ok(self.marker(&prepared).dots(&sum.statistics().positions))
+        })
     }
 
     /// The marks of the overlay that the options ask for; none if no caustics are requested.
     ///
     /// # Errors
     /// As [`Self::render`].
-    pub async fn marks(&mut self, progress: &dyn Progress) -> Result<Vec<Mark>, Error> {
-        if self.options.overlay == Overlay::None {
-            return Ok(Vec::new());
-        }
-        let prepared = self.prepare(progress).await?;
-        self.marks_of(&prepared, progress)
+    pub fn marks<'a>(&'a mut self, progress: &'a dyn Progress) -> BoxFuture<'a, Result<Vec<Mark>, Error>> {
+        Box::pin(async move {
+            if self.options.overlay == Overlay::None {
+                return Ok(Vec::new());
+            }
+            let prepared = self.prepare(progress).await?;
+            self.marks_of(&prepared, progress)
+        })
     }
 
     /// The object that the camera sees at a place in the picture, as fractions of its width and height.

@@ -1,5 +1,6 @@
 //! Adapters and devices for programs without a device of their own. Nothing here blocks: see [`crate::blocking`] for that.
 
+use crate::boxed::BoxFuture;
 use std::borrow::Cow;
 use std::fmt;
 use std::future::poll_fn;
@@ -71,8 +72,8 @@ async fn enumerate() -> Vec<wgpu::Adapter> {
 }
 
 /// All adapters, the best first.
-pub async fn adapters() -> Vec<Adapter> {
-    enumerate().await.iter().map(Adapter::of).collect()
+pub fn adapters() -> BoxFuture<'static, Vec<Adapter>> {
+    Box::pin(async move { enumerate().await.iter().map(Adapter::of).collect() })
 }
 
 /// What makes a device more exact and faster, and lets passes be timed.
@@ -121,32 +122,37 @@ enum Failure {
 
 impl Gpu {
     /// Opens the best adapter, or the best one with `name` in its name (any case).
-    pub async fn open(name: Option<&str>) -> Result<Self, GpuError> {
-        let found = enumerate().await;
-        let matches =
-            |a: &wgpu::Adapter| name.is_none_or(|name| a.get_info().name.to_lowercase().contains(&name.to_lowercase()));
-        let Some(adapter) = found.iter().find(|a| matches(a)) else {
-            return Err(match name {
-                Some(name) if !found.is_empty() => GpuError::UnknownAdapter {
-                    name: name.into(),
-                    found: found.iter().map(|a| a.get_info().name).collect::<Vec<_>>().join(", "),
-                },
-                _ => GpuError::NoAdapter,
-            });
-        };
-        Self::from_adapter(adapter).await
+    pub fn open<'a>(name: Option<&'a str>) -> BoxFuture<'a, Result<Self, GpuError>> {
+        Box::pin(async move {
+            let found = enumerate().await;
+            let matches = |a: &wgpu::Adapter| {
+                name.is_none_or(|name| a.get_info().name.to_lowercase().contains(&name.to_lowercase()))
+            };
+            let Some(adapter) = found.iter().find(|a| matches(a)) else {
+                return Err(match name {
+                    Some(name) if !found.is_empty() => GpuError::UnknownAdapter {
+                        name: name.into(),
+                        found: found.iter().map(|a| a.get_info().name).collect::<Vec<_>>().join(", "),
+                    },
+                    _ => GpuError::NoAdapter,
+                });
+            };
+            Self::from_adapter(adapter).await
+        })
     }
 
     /// Opens the adapter at a place in the list of [`adapters`].
-    pub async fn open_nth(index: usize) -> Result<Self, GpuError> {
-        Self::from_adapter(enumerate().await.get(index).ok_or(GpuError::NoAdapter)?).await
+    pub fn open_nth(index: usize) -> BoxFuture<'static, Result<Self, GpuError>> {
+        Box::pin(async move { Self::from_adapter(enumerate().await.get(index).ok_or(GpuError::NoAdapter)?).await })
     }
 
     /// Opens the best adapter with no more than what every WebGPU device has: what runs on it runs in browsers.
-    pub async fn open_minimal() -> Result<Self, GpuError> {
-        let found = enumerate().await;
-        let adapter = found.first().ok_or(GpuError::NoAdapter)?;
-        Self::request(adapter, wgpu::Features::empty(), wgpu::Limits::default()).await
+    pub fn open_minimal() -> BoxFuture<'static, Result<Self, GpuError>> {
+        Box::pin(async move {
+            let found = enumerate().await;
+            let adapter = found.first().ok_or(GpuError::NoAdapter)?;
+            Self::request(adapter, wgpu::Features::empty(), wgpu::Limits::default()).await
+        })
     }
 
     async fn from_adapter(adapter: &wgpu::Adapter) -> Result<Self, GpuError> {

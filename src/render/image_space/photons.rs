@@ -69,13 +69,13 @@ pub struct PhotonGrid {
     /// Photons that are to be added to maps; the others are their neighbours.
     pub own: Range<usize>,
     /// Where the rows are in the view.
-    pub strip: Strip,
+    pub(crate) strip: Strip,
     indices: Vec<u32>,
 }
 
 impl PhotonGrid {
     /// From rows of photons with their columns.
-    pub fn new(width: u32, strip: Strip, rows: impl Iterator<Item = Vec<(u32, Photon)>>) -> Self {
+    pub(crate) fn new(width: u32, strip: Strip, rows: impl Iterator<Item = Vec<(u32, Photon)>>) -> Self {
         let height = strip.rows;
         let mut indices = vec![EMPTY; width as usize * height as usize];
         let (mut photons, mut texels) = (Vec::new(), Vec::new());

@@ -10,9 +10,9 @@ pub use settings::{Settings, load};
 
 use serde::{Deserialize, Serialize};
 
+use crate::OptionError;
 use crate::cell_tree::MAX_LEAVES;
 use crate::environment::CubeSize;
-use crate::OptionError;
 use crate::image::{Aov, ToneMap};
 use crate::image_space::ImageSpaceOptions;
 use crate::pinhole::{Epsilon, Filter, Footprint, MAX_TAPS, Params};

@@ -4,8 +4,8 @@ use serde::Deserialize;
 
 use super::{DisplaySettings, EvaluationChoice, Exposure, FilterChoice, Options};
 use crate::Error;
-use crate::environment::CubeSize;
 use crate::OptionError;
+use crate::environment::CubeSize;
 use crate::image::{Aov, ToneMap};
 use crate::image_space::{Hits, ImageSpaceOptions, Incidence, MapView, Mode, Traversal};
 use crate::pinhole::{Epsilon, Footprint};

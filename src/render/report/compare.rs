@@ -9,6 +9,7 @@ use super::findings::findings;
 use super::page;
 use super::plan::Plan;
 use super::rows::measure;
+use crate::boxed::BoxFuture;
 use crate::image::{Aov, Image, ImageError, metered_ev, read_mask, write_atomically};
 use crate::options::{FilterChoice, Options};
 use crate::progress::Stage;
@@ -86,33 +87,35 @@ const SETS_PER_STRATEGY: u32 = 10;
 ///
 /// # Errors
 /// Combinations that cannot be rendered, a folder that cannot be written to, and all that the reference and the engine report.
-pub async fn compare(
-    request: &Request,
-    criterion: &StoppingCriterion<'_>,
-    clock: Clock<'_>,
-    progress: &dyn Progress,
-) -> Result<Comparison, Error> {
-    let (options, combinations, unavailable) = combinations(request)?;
-    let mask = request.mask.as_deref().map(|path| mask(path, options.size)).transpose()?;
-    let cells_folder = request.folder.join("cells");
-    std::fs::create_dir_all(&cells_folder)
-        .map_err(|e| ReportError::Folder { path: cells_folder.clone(), reason: e.to_string() })?;
-    let reference = reference(request, &options)?;
-    let (summary, truth) = solve(&reference, request, criterion, clock, progress)?;
-    let mut comparison = Comparison::new(request, &options, summary, truth.clone());
-    comparison.unavailable = unavailable;
-    let mut engine = Engine::new(request.scene.clone(), options.clone(), request.backend.clone());
-    for combination in &combinations {
-        let timed = Timed::new(clock, progress);
-        let cell = render_or_reuse(&mut engine, combination, &cells_folder, &timed).await?;
-        comparison.add(cell, &truth, mask.as_deref(), combination.seed == options.seed);
-    }
-    comparison.assess_strategies(request, progress)?;
-    if let Some(figure) = request.plan.figure {
-        comparison.findings = findings(figure, &comparison.rows, &comparison.reflectors);
-    }
-    comparison.made_with.push(("Command".into(), request.command.clone()));
-    Ok(comparison)
+pub fn compare<'a>(
+    request: &'a Request,
+    criterion: &'a StoppingCriterion<'a>,
+    clock: Clock<'a>,
+    progress: &'a dyn Progress,
+) -> BoxFuture<'a, Result<Comparison, Error>> {
+    Box::pin(async move {
+        let (options, combinations, unavailable) = combinations(request)?;
+        let mask = request.mask.as_deref().map(|path| mask(path, options.size)).transpose()?;
+        let cells_folder = request.folder.join("cells");
+        std::fs::create_dir_all(&cells_folder)
+            .map_err(|e| ReportError::Folder { path: cells_folder.clone(), reason: e.to_string() })?;
+        let reference = reference(request, &options)?;
+        let (summary, truth) = solve(&reference, request, criterion, clock, progress)?;
+        let mut comparison = Comparison::new(request, &options, summary, truth.clone());
+        comparison.unavailable = unavailable;
+        let mut engine = Engine::new(request.scene.clone(), options.clone(), request.backend.clone());
+        for combination in &combinations {
+            let timed = Timed::new(clock, progress);
+            let cell = render_or_reuse(&mut engine, combination, &cells_folder, &timed).await?;
+            comparison.add(cell, &truth, mask.as_deref(), combination.seed == options.seed);
+        }
+        comparison.assess_strategies(request, progress)?;
+        if let Some(figure) = request.plan.figure {
+            comparison.findings = findings(figure, &comparison.rows, &comparison.reflectors);
+        }
+        comparison.made_with.push(("Command".into(), request.command.clone()));
+        Ok(comparison)
+    })
 }
 
 /// What all combinations share, and each of them; refused here where one cannot be rendered. Last come the techniques that do not know

@@ -19,15 +19,15 @@ impl<K, T> fmt::Debug for Memo<K, T> {
 }
 
 impl<K: PartialEq, T> Memo<K, T> {
-    pub fn new(stage: Stage) -> Self {
+    pub(crate) fn new(stage: Stage) -> Self {
         Self { stage, made: None, times_made: 0 }
     }
 
-    pub fn stage(&self) -> Stage {
+    pub(crate) fn stage(&self) -> Stage {
         self.stage
     }
 
-    pub fn times_made(&self) -> u64 {
+    pub(crate) fn times_made(&self) -> u64 {
         self.times_made
     }
 
@@ -112,7 +112,7 @@ impl<K: PartialEq, T> Memo<K, T> {
 pub struct Id<T: ?Sized>(Weak<T>);
 
 impl<T: ?Sized> Id<T> {
-    pub fn of(value: &Arc<T>) -> Self {
+    pub(crate) fn of(value: &Arc<T>) -> Self {
         Self(Arc::downgrade(value))
     }
 }

@@ -42,7 +42,7 @@ impl StageCounts {
         Stage::ENGINE.into_iter().filter(|&stage| self.of(stage) > earlier.of(stage)).collect()
     }
 
-    pub fn add(&mut self, stage: Stage, count: u64) {
+    pub(crate) fn add(&mut self, stage: Stage, count: u64) {
         match self.counts.iter_mut().find(|(s, _)| *s == stage) {
             Some((_, sum)) => *sum += count,
             None => self.counts.push((stage, count)),

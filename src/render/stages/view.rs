@@ -14,14 +14,14 @@ const MAX_INTERFACES: usize = 4;
 /// A band of rows of a picture.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct View {
-    pub camera: Camera,
+    pub(crate) camera: Camera,
     /// Width and height of the picture, pixels.
     pub size: [u32; 2],
     /// Points along a pixel's edge.
     pub pixel_samples: u32,
     /// The band's first row, and its number of rows.
     pub first_row: u32,
-    pub rows: u32,
+    pub(crate) rows: u32,
 }
 
 impl View {
@@ -49,7 +49,7 @@ impl View {
 /// The first hits of the camera rays of a band of rows, `pixel_samples`² per pixel.
 #[derive(Debug)]
 pub struct CameraRays {
-    pub view: View,
+    pub(crate) view: View,
     /// Points in a row.
     pub width: u32,
     /// The first hit at every point.
@@ -57,7 +57,7 @@ pub struct CameraRays {
 }
 
 impl CameraRays {
-    pub fn trace(camera_hit: impl Fn(Ray) -> Option<Hit> + Sync, view: View) -> Self {
+    pub(crate) fn trace(camera_hit: impl Fn(Ray) -> Option<Hit> + Sync, view: View) -> Self {
         let hits = (0..view.ray_count()).into_par_iter().map(|k| camera_hit(view.ray(k))).collect();
         Self::of_hits(view, hits)
     }

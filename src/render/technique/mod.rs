@@ -88,7 +88,7 @@ impl Technique {
     }
 
     /// Its stages, still empty.
-    pub fn stages(self) -> Box<dyn TechniqueStages> {
+    pub(crate) fn stages(self) -> Box<dyn TechniqueStages> {
         match self {
             Self::Pinhole => Box::new(pinhole::PinholeStages::new()),
             Self::ImageSpace => Box::new(image_space::ImageSpaceStages::new()),

@@ -74,6 +74,7 @@ pub struct NearestSample<'a> {
 const NEIGHBOURS: usize = 32;
 
 impl<'a> NearestSample<'a> {
+    /// Builds the search structure over points on a surface.
     pub fn new(points: &'a [SurfacePoint]) -> Self {
         let tree = PointTree::new(points);
         let of = |p: &SurfacePoint| tree.nearest(p.position, NEIGHBOURS).map(|(d2, k)| (d2, k as u32)).collect();

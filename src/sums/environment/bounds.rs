@@ -252,7 +252,7 @@ fn downsample(level: &[Extremes], size: u32) -> Vec<Extremes> {
 
 #[cfg(test)]
 mod tests {
-    use fearless_simd::dispatch;
+    use crate::lanes::{dispatch, level};
 
     use super::*;
     use crate::environment::face_direction;
@@ -305,7 +305,7 @@ mod tests {
             // From the finest level to wider than all, and NaN.
             let reach: [f32; 16] = std::array::from_fn(|k| LightBounds::texel_width(pyramid) * 1.7f32.powi(k as i32));
             let reach = std::array::from_fn(|k| if k == 15 { f32::NAN } else { reach[k] });
-            let numbers = dispatch!(fearless_simd::Level::new(), simd => {
+            let numbers = dispatch!(level(), simd => {
                 bounds.texels_at(simd, [face, s, t, reach].map(|values| f32x16::load_array(simd, values)), pyramid)
             });
             for k in 0..16 {

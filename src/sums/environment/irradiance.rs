@@ -3,11 +3,12 @@
 //! The radiance is first summed into cells, each as the vector ∫ L ω dω per channel. The integral is then a sum of
 //! clamped dot products: exact but for the few cells that the horizon cuts.
 
-use fearless_simd::{Level, Simd, SimdBase, SimdFloat, dispatch, f32x16};
+use fearless_simd::{Simd, SimdBase, SimdFloat, f32x16};
 use glam::{Vec3, Vec4};
 use rayon::prelude::*;
 
 use super::cube::{CubeMap, FACES, face_direction, face_solid_angles_sr};
+use crate::lanes::{dispatch, level};
 
 /// Face size of the cells that are summed over, and of the result.
 const SIZE: u32 = 32;
@@ -35,7 +36,7 @@ pub fn irradiance_map_of_frame(radiance: &CubeMap) -> CubeMap {
 }
 
 fn irradiance_by_normal(cells: &[VectorIrradiances], size: u32) -> CubeMap {
-    let level = Level::new();
+    let level = level();
     let centre = |i: u32| 2.0 * (i as f32 + 0.5) / size as f32 - 1.0;
     let texel = |k: u32| {
         let face = (k / (size * size)) as usize;

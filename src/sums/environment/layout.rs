@@ -7,11 +7,12 @@
 use std::f32::consts::{FRAC_PI_2, FRAC_PI_4, PI, TAU};
 use std::sync::Arc;
 
-use fearless_simd::{Level, Select, Simd, SimdBase, SimdFloat, dispatch, f32x16, u32x16};
+use fearless_simd::{Select, Simd, SimdBase, SimdFloat, f32x16, u32x16};
 use glam::{Vec2, Vec3, Vec3A};
 
 use super::cube::face_of_direction;
 use crate::image::RgbImage;
+use crate::lanes::{dispatch, level};
 use crate::scene::{EnvironmentMap, MapLayout};
 
 /// An image that knows which direction each of its points shows.
@@ -64,7 +65,7 @@ impl Layout {
         let Self::Latlong(image) = self else {
             return directions.iter_mut().for_each(|d| *d = self.radiance(*d));
         };
-        let (level, size) = (Level::new(), [image.width as u32, image.height as u32]);
+        let (level, size) = (level(), [image.width as u32, image.height as u32]);
         for directions in directions.chunks_mut(LANES) {
             let mut lanes = [[0.0; LANES]; 3];
             for (k, d) in directions.iter().enumerate() {

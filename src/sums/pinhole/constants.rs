@@ -111,14 +111,20 @@ pub const MIN_BEND_BLUR: f32 = 0.03;
 
 /// Numbers of the filters that are compiled into a gather.
 pub const FILTER_NONE: u32 = 0;
+/// [`Filter::Isotropic`](super::Filter::Isotropic).
 pub const FILTER_ISOTROPIC: u32 = 1;
+/// [`Filter::Anisotropic`](super::Filter::Anisotropic).
 pub const FILTER_ANISOTROPIC: u32 = 2;
+/// [`Filter::Hardware`](super::Filter::Hardware).
 pub const FILTER_HARDWARE: u32 = 3;
+/// [`Filter::Ewa`](super::Filter::Ewa).
 pub const FILTER_EWA: u32 = 4;
 
 /// Numbers of the kinds of light that are compiled into a gather.
 pub const LIGHT_ENVIRONMENT: u32 = 0;
+/// A lamp.
 pub const LIGHT_LAMP: u32 = 1;
+/// Lit surfaces.
 pub const LIGHT_SURROUNDINGS: u32 = 2;
 /// Views of surroundings, at most.
 pub const MAX_VIEWPOINTS: u32 = 16;
@@ -127,7 +133,9 @@ pub const OTHER_SIDE: f32 = 1000.0;
 
 /// Numbers of the beams of lamps: none, a cone, a slide.
 pub const BEAM_NONE: u32 = 0;
+/// A spotlight with a soft edge.
 pub const BEAM_CONE: u32 = 1;
+/// A spotlight that projects a picture.
 pub const BEAM_SLIDE: u32 = 2;
 
 /// Between rays through a medium, light of previews is interpolated from those whose way is at most this many times as long, or as short;
@@ -137,6 +145,7 @@ pub const MIN_RAY_WEIGHT: f32 = 1e-3;
 
 /// What previews read of near light in a buffer of vectors: so many for a lamp, and for a part of an emitter.
 pub const LAMP_TEXELS: u32 = 5;
+/// Texels of a cell.
 pub const PART_TEXELS: u32 = 3;
 
 /// What discs of light fill of footprints: these are at least this part of their length wide,

@@ -238,6 +238,7 @@ impl Pinholes {
         self.visibility.as_ref()?.view(nearest.map() + u32::from(is_behind))
     }
 
+    /// Traces the visibility maps of all samples.
     pub fn trace_maps(&mut self, scene: &Scene, tracer: &Tracer, edges: Edges, progress: &dyn Progress) {
         self.visibility = VisibilityMaps::trace(scene, tracer, &mut self.samples, edges, progress);
     }
@@ -265,6 +266,7 @@ pub struct Caster {
     lights: Sides,
     /// Whether the side that reflects, or that the samples' normals point to, is the one that the mesh's normals point to.
     pub faces_front: bool,
+    /// The interface between two media, if it is one.
     pub interface: Option<Refractor>,
 }
 

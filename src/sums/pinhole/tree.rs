@@ -18,6 +18,7 @@ use crate::tracing::{Piece, Tracer};
 /// The hierarchy of samples.
 #[derive(Clone, Debug)]
 pub struct PinholeTree {
+    /// The cells.
     pub tree: CellTree,
     casters: Casters,
     roots: Vec<u32>,
@@ -129,7 +130,7 @@ impl PinholeTree {
 
     /// Unpacks the cell of an item: the index of a node with the bits of its channels.
     #[inline(always)]
-    pub fn cell(&self, item: u32) -> Cell {
+    pub(super) fn cell(&self, item: u32) -> Cell {
         let channels = match item >> CHANNEL_SHIFT & CHANNEL_MASK {
             0 => Channels::All,
             number => Channels::One(number as usize - 1),

@@ -140,6 +140,7 @@ impl VisibilityMaps {
 pub struct Hemispheres {
     /// Texels along the edge of a map.
     pub resolution: u32,
+    /// One for each map.
     pub of_maps: Vec<Hemisphere>,
 }
 
@@ -192,9 +193,11 @@ struct TracedMap {
 /// The half-space above one side of a sample.
 #[derive(Debug)]
 pub struct Hemisphere {
+    /// The part of the surface from which rays start.
     pub piece: Piece,
     /// The sample's frame; the last axis points to the side in question.
     pub axes: [Vec3; 3],
+    /// Shift of the directions within the texels of the map, −½ to ½.
     pub texel_jitter: Vec2,
 }
 

@@ -252,6 +252,7 @@ fn mean_importance(candidates: &[SurfacePoint], importances: &[f32]) -> f32 {
 pub struct PointTree(ImmutableKdTree<f32, 3>);
 
 impl PointTree {
+    /// Builds the search structure over points on a surface.
     pub fn new(points: &[SurfacePoint]) -> Self {
         let positions: Vec<[f32; 3]> = points.iter().map(|p| p.position.to_array()).collect();
         Self(ImmutableKdTree::new_from_slice(&positions).expect("finite positions make a tree"))

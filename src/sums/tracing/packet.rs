@@ -13,7 +13,9 @@ use crate::lanes::{F, LANES, Mask, Select, Simd, SimdBase, SimdMask, V3, bits, l
 /// Sixteen rays, component by component.
 #[derive(Clone, Copy, Debug)]
 pub struct RayPacket {
+    /// Where rays start, metres.
     pub origins: [[f32; LANES]; 3],
+    /// Directions.
     pub directions: [[f32; LANES]; 3],
     /// Distances at which rays end, in lengths of their directions.
     pub ends: [f32; LANES],

@@ -19,6 +19,7 @@ const TRIANGLE_TEXELS: usize = 4;
 pub struct BottomLevel {
     /// Knows no other mesh. Its units are those of the texels, far from the limits of floats.
     tracer: Tracer,
+    /// Number of nodes.
     pub node_count: u32,
     /// Low and high corner, units.
     bounds: [Vec3; 2],
@@ -27,10 +28,13 @@ pub struct BottomLevel {
 /// An object: a mesh in the world.
 #[derive(Clone, Copy, Debug)]
 pub struct Instance<'a> {
+    /// The hierarchy over its triangles.
     pub mesh: &'a BottomLevel,
     /// Where the mesh's texels begin.
     pub first_texel: u32,
+    /// From its own space to the world.
     pub placement: Transform,
+    /// The rays that meet it.
     pub seen_by: SeenBy,
 }
 
@@ -40,6 +44,7 @@ pub struct TopLevel {
     /// An object: three rows of the matrix from metres to its mesh's units; then the mesh's first texel, the number of its nodes, the
     /// object's number above the bits of [`SeenBy`], and units per metre.
     pub texels: Vec<[u32; 4]>,
+    /// Number of nodes.
     pub node_count: u32,
     /// The number of each, in the order of the texels.
     pub order: Vec<u32>,
@@ -91,6 +96,7 @@ impl BottomLevel {
         if self.node_count > 0 { &self.tracer.corners } else { &[] }
     }
 
+    /// Number of texels that the nodes take.
     pub fn texel_count(&self) -> usize {
         2 * self.node_count as usize + TRIANGLE_TEXELS * self.tracer.corners.len()
     }

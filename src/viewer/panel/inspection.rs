@@ -4,12 +4,12 @@ use eframe::egui;
 use egui::{Color32, ColorImage, Pos2, Rect, Sense, Stroke, TextureHandle, TextureOptions};
 
 use super::fields::{named, switch};
-use pinspot_render::options::Exposure;
-use pinspot_render::pinhole::SampleView;
 use crate::viewer::Viewer;
 use crate::viewer::canvas::colour_image;
 use crate::viewer::inspector::{Answer, Inspector, Question};
 use crate::{Inspection, MapFootprint, ReceiverInspection, TakenCell};
+use pinspot_render::options::Exposure;
+use pinspot_render::pinhole::SampleView;
 
 /// Radius of the dot of a footprint that brings everything, points.
 const DOT: f32 = 14.0;

@@ -6,10 +6,10 @@ use eframe::egui;
 
 use super::fields::named;
 use super::settings::OVERLAYS;
-use pinspot_render::options::Overlay;
 use crate::viewer::Viewer;
 use crate::viewer::jobs::Job;
 use crate::{Options, Sequence};
+use pinspot_render::options::Overlay;
 
 impl Viewer {
     pub(super) fn output_section(&mut self, ui: &mut egui::Ui) {

@@ -4,13 +4,13 @@ use eframe::egui;
 
 use super::fields::{choice, number, switch};
 use crate::image::{Aov, ToneMap};
+use crate::scene::Visibility;
+use crate::viewer::Viewer;
 use pinspot_render::image_space::{Hits, ImageSpaceOptions, Incidence, MapView, Mode, Traversal};
 use pinspot_render::options::{EvaluationChoice, Exposure, FilterChoice, Options, Overlay};
 use pinspot_render::pinhole::{Epsilon, Footprint};
-use pinspot_sums::sampling::{Density, MAX_SAMPLES, Strategy};
-use crate::scene::Visibility;
 use pinspot_render::technique::Technique;
-use crate::viewer::Viewer;
+use pinspot_sums::sampling::{Density, MAX_SAMPLES, Strategy};
 
 const STRATEGIES: &[(Strategy, &str)] = &[
     (Strategy::Neighbourhood, "neighbourhood"),

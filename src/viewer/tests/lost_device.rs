@@ -3,9 +3,9 @@
 use std::time::{Duration, Instant};
 
 use crate::blocking::wait;
-use pinspot_render::gpu::Gpu;
 use crate::viewer::worker::{Message, Quality, View, Worker};
 use crate::{BackendChoice, load};
+use pinspot_render::gpu::Gpu;
 
 /// Pipelines are compiled twice, by a software adapter perhaps.
 const PATIENCE: Duration = Duration::from_mins(4);

@@ -17,9 +17,9 @@ use super::scene_text::differing_options;
 use super::worker::Quality;
 use super::{Viewer, panel};
 use crate::image::Aov;
+use crate::{BackendChoice, Epsilon, Footprint};
 use pinspot_render::options::{EvaluationChoice, Exposure, FilterChoice, Overlay};
 use pinspot_sums::sampling::Strategy;
-use crate::{BackendChoice, Epsilon, Footprint};
 
 /// Pictures of test scenes take a fraction of this.
 const PATIENCE: Duration = Duration::from_mins(1);

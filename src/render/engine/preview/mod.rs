@@ -39,6 +39,7 @@ use super::overlay::{Mark, Marker};
 use crate::Error;
 #[cfg(feature = "gpu")]
 use crate::backend::Backend;
+use crate::boxed::BoxFuture;
 use crate::image::{Aov, Image};
 use crate::options::{Evaluation, EvaluationChoice, Exposures, Options, Overlay};
 use crate::pinhole::Receivers;
@@ -147,13 +148,19 @@ impl Engine {
     ///
     /// # Errors
     /// As [`Self::render`].
-    pub async fn preview(&mut self, detail: &Detail, progress: &dyn Progress) -> Result<Preview, Error> {
-        let preview = self.preview_as(Wanted::InMemory, detail, progress).await?;
-        Ok(preview.map(|rendered| match rendered {
-            Rendered::Image(image) => image,
-            #[cfg(feature = "gpu")]
-            Rendered::Texture(_) => unreachable!("an image was wanted"),
-        }))
+    pub fn preview<'a>(
+        &'a mut self,
+        detail: &'a Detail,
+        progress: &'a dyn Progress,
+    ) -> BoxFuture<'a, Result<Preview, Error>> {
+        Box::pin(async move {
+            let preview = self.preview_as(Wanted::InMemory, detail, progress).await?;
+            Ok(preview.map(|rendered| match rendered {
+                Rendered::Image(image) => image,
+                #[cfg(feature = "gpu")]
+                Rendered::Texture(_) => unreachable!("an image was wanted"),
+            }))
+        })
     }
 
     /// Like [`Self::preview`], but the picture stays on the device of the engine's back end: nothing is read back. Returns when it is
@@ -162,18 +169,20 @@ impl Engine {
     /// # Errors
     /// As [`Self::render`].
     #[cfg(feature = "gpu")]
-    pub async fn preview_on_device(
-        &mut self,
-        detail: &Detail,
-        progress: &dyn Progress,
-    ) -> Result<Option<Preview<wgpu::TextureView>>, Error> {
-        if self.backend.device().is_none_or(|device| !on_gpu::fits(device, detail.size)) {
-            return Ok(None);
-        }
-        let preview = self.preview_as(Wanted::OnDevice, detail, progress).await?;
-        let Rendered::Texture(texture) = &preview.image else { return Ok(None) };
-        let texture = texture.clone();
-        Ok(Some(preview.map(|_| texture)))
+    pub fn preview_on_device<'a>(
+        &'a mut self,
+        detail: &'a Detail,
+        progress: &'a dyn Progress,
+    ) -> BoxFuture<'a, Result<Option<Preview<wgpu::TextureView>>, Error>> {
+        Box::pin(async move {
+            if self.backend.device().is_none_or(|device| !on_gpu::fits(device, detail.size)) {
+                return Ok(None);
+            }
+            let preview = self.preview_as(Wanted::OnDevice, detail, progress).await?;
+            let Rendered::Texture(texture) = &preview.image else { return Ok(None) };
+            let texture = texture.clone();
+            Ok(Some(preview.map(|_| texture)))
+        })
     }
 
     async fn preview_as(

@@ -11,7 +11,7 @@ mod passes;
 mod pipelines;
 
 #[cfg(test)]
-pub use self::layout::{
+pub(crate) use self::layout::{
     ClusterUniforms, DrawUniforms, GpuPhoton, GpuPlace, GpuSurface, GpuTexel, GpuWay, ImagePlaneUniforms, MapUniforms,
     PlaneUniforms, ViewUniforms,
 };
@@ -41,8 +41,8 @@ use crate::scene::Chain;
 /// What the device has to work with.
 #[derive(Clone, Copy)]
 pub struct Device<'a> {
-    pub gpu: &'a Gpu,
-    pub pipelines: &'a PhotonPipelines,
+    pub(crate) gpu: &'a Gpu,
+    pub(crate) pipelines: &'a PhotonPipelines,
     /// What photons meet.
     pub geometry: &'a Geometry,
 }

@@ -74,7 +74,7 @@ impl Geometry {
     }
 
     /// The objects that light meets.
-    pub fn draws(&self) -> &[Draw] {
+    pub(crate) fn draws(&self) -> &[Draw] {
         &self.draws
     }
 

@@ -6,6 +6,7 @@
 use glam::Vec3;
 
 use super::probe::probe;
+use crate::boxed::BoxFuture;
 use crate::environment::CubeMap;
 use crate::gpu::{Gpu, GpuError};
 use crate::pinhole::{Filter, Probe};
@@ -25,8 +26,10 @@ impl HardwareVerdict {
 }
 
 /// What `--filter auto` means on a device: its own filter where that is right, as it costs least; else Pinspot's.
-pub async fn automatic_filter(gpu: &Gpu) -> Result<Filter, GpuError> {
-    Ok(if check_hardware_filter(gpu).await?.is_right() { Filter::Hardware } else { Filter::Anisotropic })
+pub fn automatic_filter<'a>(gpu: &'a Gpu) -> BoxFuture<'a, Result<Filter, GpuError>> {
+    Box::pin(async move {
+        Ok(if check_hardware_filter(gpu).await?.is_right() { Filter::Hardware } else { Filter::Anisotropic })
+    })
 }
 
 /// Stripes that vary with height on the four upright faces: 0 or 2, so that their mean and their deviation are 1.
@@ -51,10 +54,12 @@ fn probes() -> Vec<(Probe, f32)> {
 }
 
 /// Runs the check; a few milliseconds.
-pub async fn check_hardware_filter(gpu: &Gpu) -> Result<HardwareVerdict, GpuError> {
-    let pattern = CubeMap::from_radiance(256, Some(0.01), stripes);
-    let (probes, means): (Vec<Probe>, Vec<f32>) = probes().into_iter().unzip();
-    let answers = probe(gpu, &pattern, Filter::Hardware, 16, &probes).await?;
-    let squared = answers.iter().zip(means).map(|(got, mean)| (got[0] - mean).powi(2));
-    Ok(HardwareVerdict { rms_error: (squared.sum::<f32>() / probes.len() as f32).sqrt() })
+pub fn check_hardware_filter<'a>(gpu: &'a Gpu) -> BoxFuture<'a, Result<HardwareVerdict, GpuError>> {
+    Box::pin(async move {
+        let pattern = CubeMap::from_radiance(256, Some(0.01), stripes);
+        let (probes, means): (Vec<Probe>, Vec<f32>) = probes().into_iter().unzip();
+        let answers = probe(gpu, &pattern, Filter::Hardware, 16, &probes).await?;
+        let squared = answers.iter().zip(means).map(|(got, mean)| (got[0] - mean).powi(2));
+        Ok(HardwareVerdict { rms_error: (squared.sum::<f32>() / probes.len() as f32).sqrt() })
+    })
 }

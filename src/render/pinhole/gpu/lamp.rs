@@ -11,7 +11,7 @@ use crate::scene::{Beam, Lamp, Slide};
 #[derive(Clone, Debug)]
 pub struct UploadedLamp {
     pub(crate) uniforms: LampUniforms,
-    pub slide: wgpu::TextureView,
+    pub(crate) slide: wgpu::TextureView,
 }
 
 /// A lamp, 80 bytes.

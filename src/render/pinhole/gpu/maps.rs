@@ -12,9 +12,9 @@ use super::pipeline::{bind, compute_pipeline, layout, seen_by, storage, window, 
 use super::shaders::TRACE_MAPS;
 use super::{filled_storage, storage_buffer};
 use crate::gpu::{GpuError, buffer_with};
-use pinspot_sums::pinhole::visibility::{Edges, Hemisphere, Hemispheres};
 use crate::pinhole::{PinholeSample, VisibilityMaps};
 use crate::scene::Scene;
+use pinspot_sums::pinhole::visibility::{Edges, Hemisphere, Hemispheres};
 
 /// Texels in a row of the texture of doubts.
 pub(super) const DOUBTS_ROW: u32 = 4096;

@@ -6,6 +6,7 @@ use super::pipeline::{
 };
 use super::shaders::FILTER_PROBE;
 use super::storage_buffer;
+use crate::boxed::BoxFuture;
 use crate::environment::CubeMap;
 use crate::gpu::{Gpu, GpuError, buffer_with};
 use crate::pinhole::gpu::{EnvironmentCube, FrameLight, TARGET_FORMAT};
@@ -35,22 +36,24 @@ impl From<&Probe> for GpuProbe {
 }
 
 /// Means over footprints: rgb, and the number of fetches.
-pub async fn probe(
-    gpu: &Gpu,
-    environment: &CubeMap,
+pub fn probe<'a>(
+    gpu: &'a Gpu,
+    environment: &'a CubeMap,
     filter: Filter,
     most_taps: u32,
-    probes: &[Probe],
-) -> Result<Vec<[f32; 4]>, GpuError> {
-    let uploaded = EnvironmentCube::upload(&gpu.device, &gpu.queue, environment)?;
-    let params = Params { filter, taps: most_taps, ..Params::default() };
-    let mut means = Vec::with_capacity(probes.len());
-    // Whole rows, no more than fit into any texture.
-    for probes in probes.chunks((PROBES_PER_ROW * 1024) as usize) {
-        means.extend(probe_batch(gpu, &uploaded, &params, probes).await?);
-    }
-    let scale = uploaded.radiance_scale();
-    Ok(means.into_iter().map(|[r, g, b, n]| [scale * r, scale * g, scale * b, n]).collect())
+    probes: &'a [Probe],
+) -> BoxFuture<'a, Result<Vec<[f32; 4]>, GpuError>> {
+    Box::pin(async move {
+        let uploaded = EnvironmentCube::upload(&gpu.device, &gpu.queue, environment)?;
+        let params = Params { filter, taps: most_taps, ..Params::default() };
+        let mut means = Vec::with_capacity(probes.len());
+        // Whole rows, no more than fit into any texture.
+        for probes in probes.chunks((PROBES_PER_ROW * 1024) as usize) {
+            means.extend(probe_batch(gpu, &uploaded, &params, probes).await?);
+        }
+        let scale = uploaded.radiance_scale();
+        Ok(means.into_iter().map(|[r, g, b, n]| [scale * r, scale * g, scale * b, n]).collect())
+    })
 }
 
 async fn probe_batch(

@@ -48,12 +48,12 @@ use crate::pinhole::constants::{
     SMOOTH_NORMAL_TOLERANCE, SMOOTH_POSITION_TOLERANCE, TAP_SHARPNESS, TAPS_PER_ERROR_BUDGET, TILE_SIZE,
     WEIGHT_ERROR_SCALE,
 };
+use crate::tracing::{END_SLACK, SLACK, SeenBy};
 use pinspot_sums::pinhole::layout::{
     BATCH_SIZE, CURVE_POINTS, IS_FRESNEL, IS_INTERFACE, LIGHTS_BACK, LIGHTS_FRONT, NO_CURVE, OBJECT_SCALE,
 };
 use pinspot_sums::pinhole::tree::CHANNEL_SHIFT;
 use pinspot_sums::pinhole::visibility::{BEHIND, MIDDLE, MIN_OCCLUDER_COSINE};
-use crate::tracing::{END_SLACK, SLACK, SeenBy};
 
 /// Bins of the histogram of luminance by which previews are metered: the upper bits of a positive float, less the lowest of them.
 pub(crate) const HISTOGRAM_BINS: u32 = 1 << (31 - HISTOGRAM_SHIFT);

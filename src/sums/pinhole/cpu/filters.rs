@@ -7,10 +7,7 @@ use super::footprint::{FootprintAxes, footprint_axes};
 use super::visibility::{Occlusion, Unoccluded};
 use crate::environment::CubeMap;
 use crate::lanes::{ALL, F, LANES, Select, Simd, SimdBase, SimdFloat, V3, bits, dispatch, lanes, level, splat};
-use crate::pinhole::constants::{
-    EVEN_LIGHT_SHARPNESS, EWA_MAX_COLUMNS, EWA_RADIUS, EWA_TEXEL, FILTER_ANISOTROPIC, FILTER_EWA, FILTER_ISOTROPIC,
-    FILTER_NONE, TAP_SHARPNESS,
-};
+use crate::pinhole::constants::{EVEN_LIGHT_SHARPNESS, EWA_MAX_COLUMNS, EWA_RADIUS, EWA_TEXEL, TAP_SHARPNESS};
 use crate::pinhole::{Filter, Probe};
 
 /// A footprint: the unit direction of its centre, and its sides.
@@ -46,27 +43,27 @@ pub(super) fn add_lobe_part(sum: &mut [Vec4; LANES], mean: [Vec4; LANES]) {
 
 /// Mean unoccluded radiance over a footprint; w = fetches.
 #[inline(always)]
-pub(super) fn mean_over_footprint<S: Simd, const FILTER: u32>(
+pub(super) fn mean_over_footprint<S: Simd>(
     simd: S,
-    environment: &CubeLookup,
+    (environment, filter): (&CubeLookup, CpuFilter),
     sides: &FootprintSides<S>,
     occlusion: &impl Occlusion,
     max_taps: F<S>,
     lit: u32,
 ) -> [Vec4; LANES] {
     let r = sides.r;
-    if FILTER == FILTER_NONE {
+    if filter == CpuFilter::None {
         return single_fetch(simd, environment, r, occlusion, lit);
     }
     let axes = footprint_axes(sides.v1, sides.v2);
     let texel = environment.texel_width(r);
-    if FILTER == FILTER_ISOTROPIC {
+    if filter == CpuFilter::Isotropic {
         let mut sum = [Vec4::ZERO; LANES];
         let fraction = sky_fraction_of_footprint(simd, occlusion, sides, lit);
         add_weighted(simd, environment, r, level_of(axes.major, texel), &fraction, lit, &mut sum);
         return sum;
     }
-    if FILTER == FILTER_EWA {
+    if filter == CpuFilter::Ewa {
         return mean_over_ellipse(simd, environment, r, &axes, texel, occlusion, lit);
     }
     let taps = (axes.major / (axes.minor * TAP_SHARPNESS).max(texel)).ceil().max(1.0).min(max_taps);
@@ -183,7 +180,14 @@ fn add_unoccluded<S: Simd, O: Occlusion>(
     sums: &mut [Vec4; LANES],
 ) {
     if O::IS_UNOCCLUDED {
-        environment.fetch(simd, direction, level, active, |lane, radiance| sums[lane] += radiance);
+        environment.fetch(
+            simd,
+            direction,
+            level,
+            active,
+            #[inline(always)]
+            |lane, radiance| sums[lane] += radiance,
+        );
     } else {
         let fractions = occlusion.sky_fraction(simd, direction, width, active);
         add_weighted(simd, environment, direction, level, &fractions, active, sums);
@@ -202,9 +206,14 @@ fn add_weighted<S: Simd>(
     sums: &mut [Vec4; LANES],
 ) {
     let active = active & bits(lanes(simd, *weights).simd_gt(0.0));
-    environment.fetch(simd, direction, level, active, |lane, radiance| {
-        sums[lane] += radiance * Vec3::splat(weights[lane]).extend(1.0);
-    });
+    environment.fetch(
+        simd,
+        direction,
+        level,
+        active,
+        #[inline(always)]
+        |lane, radiance| sums[lane] += radiance * Vec3::splat(weights[lane]).extend(1.0),
+    );
 }
 
 /// Divides the radiance, but not w.
@@ -268,16 +277,7 @@ pub fn probe(
 ) -> Result<Vec<[f32; 4]>, HardwareFilterError> {
     let filter = CpuFilter::try_from(filter)?;
     let (lookup, taps) = (CubeLookup::new(environment), max_taps.max(1) as f32);
-    let mean = |group: &[Probe]| match filter {
-        CpuFilter::None => dispatch!(level(), simd => mean_of_group::<_, FILTER_NONE>(simd, &lookup, group, taps)),
-        CpuFilter::Isotropic => {
-            dispatch!(level(), simd => mean_of_group::<_, FILTER_ISOTROPIC>(simd, &lookup, group, taps))
-        }
-        CpuFilter::Anisotropic => {
-            dispatch!(level(), simd => mean_of_group::<_, FILTER_ANISOTROPIC>(simd, &lookup, group, taps))
-        }
-        CpuFilter::Ewa => dispatch!(level(), simd => mean_of_group::<_, FILTER_EWA>(simd, &lookup, group, taps)),
-    };
+    let mean = |group: &[Probe]| dispatch!(level(), simd => mean_of_group(simd, (&lookup, filter), group, taps));
     let mut means = Vec::with_capacity(probes.len());
     for group in probes.chunks(LANES) {
         means.extend(mean(group)[..group.len()].iter().map(Vec4::to_array));
@@ -286,15 +286,10 @@ pub fn probe(
 }
 
 #[inline(always)]
-fn mean_of_group<S: Simd, const FILTER: u32>(
-    simd: S,
-    lookup: &CubeLookup,
-    group: &[Probe],
-    max_taps: f32,
-) -> [Vec4; LANES] {
+fn mean_of_group<S: Simd>(simd: S, lookup: (&CubeLookup, CpuFilter), group: &[Probe], max_taps: f32) -> [Vec4; LANES] {
     let probe = |lane: usize| &group[lane.min(group.len() - 1)];
     let values = |of: fn(&Probe) -> Vec3| [0, 1, 2].map(|axis| std::array::from_fn(|lane| of(probe(lane))[axis]));
     let [r, v1, v2] = [values(|p| p.direction), values(|p| p.sides[0]), values(|p| p.sides[1])];
     let sides = FootprintSides { r: V3::load(simd, &r), v1: V3::load(simd, &v1), v2: V3::load(simd, &v2) };
-    mean_over_footprint::<S, FILTER>(simd, lookup, &sides, &Unoccluded, splat(simd, max_taps), ALL)
+    mean_over_footprint(simd, lookup, &sides, &Unoccluded, splat(simd, max_taps), ALL)
 }

@@ -2,11 +2,11 @@
 
 use glam::Vec3;
 
+use super::filters::CpuFilter;
 use super::pair::ReceiverCellPair;
 use super::receiver::load_receivers;
 use super::{Gather, Lights, ReceiverGroup, irradiance_of};
 use crate::lanes::{Simd, V3, dispatch, level};
-use crate::pinhole::constants::FILTER_ANISOTROPIC;
 use crate::pinhole::{Params, PinholeParts, PinholeSample, Pinholes, Receivers};
 
 /// What a sample adds to the irradiance of a receiver.
@@ -47,14 +47,13 @@ fn contribution<S: Simd>(
     if pair.lit() & 1 == 0 {
         return None;
     }
-    let sum = irradiance_of::<S, FILTER_ANISOTROPIC>(simd, gathers, sample, &receiver);
+    let sum = irradiance_of(simd, (gathers, CpuFilter::Anisotropic), sample, &receiver);
     let footprint = pair.footprint(simd, &parts);
-    let first = |v: V3<S>| Vec3::from(v.to_arrays().map(|lanes| lanes[0]));
-    Some(Contribution {
-        irradiance: sum[0].truncate(),
-        direction: first(footprint.r),
-        sides: [first(footprint.v1), first(footprint.v2)],
-    })
+    let [r, v1, v2] = [footprint.r, footprint.v1, footprint.v2].map(
+        #[inline(always)]
+        |v: V3<S>| Vec3::from(v.to_arrays().map(|lanes| lanes[0])),
+    );
+    Some(Contribution { irradiance: sum[0].truncate(), direction: r, sides: [v1, v2] })
 }
 
 #[cfg(test)]

@@ -69,7 +69,7 @@ impl Gather<'_> {
 }
 
 /// Multiplies by the part of the light that comes through the medium and, for parts of rays, by that which is scattered.
-#[cold]
+#[inline(always)]
 pub(super) fn pass_medium<S: Simd>(
     medium: &Medium,
     (sample, pair): (&PinholeParts, &ReceiverCellPair<S>),
@@ -80,12 +80,25 @@ pub(super) fn pass_medium<S: Simd>(
     let (l, dn) = ((pair.l2 * pair.inverse_l).to_array(), pair.dn.to_array());
     let turned = (pair.d.dot(receiver.normal) * pair.inverse_l).to_array();
     let is_even = medium.g == 0.0 || receiver.length.is_none();
+    // In front of an interface there is no medium.
+    let behind = sample.interface.map(|_| &dn);
+    attenuate(medium, (&l, behind), (!is_even).then_some(&turned), lit, factors);
+}
+
+/// Multiplies by the transmittance over distances, where `behind` is positive if it is given, and by the phase function of cosines.
+#[cold]
+fn attenuate(
+    medium: &Medium,
+    (distances, behind): (&[f32; LANES], Option<&[f32; LANES]>),
+    turned: Option<&[f32; LANES]>,
+    lit: u32,
+    factors: &mut [Vec4; LANES],
+) {
     for lane in set_bits(lit) {
-        // In front of an interface there is no medium.
-        if sample.interface.is_none() || dn[lane] > 0.0 {
-            factors[lane] *= medium.transmittance(l[lane]).extend(1.0);
+        if behind.is_none_or(|behind| behind[lane] > 0.0) {
+            factors[lane] *= medium.transmittance(distances[lane]).extend(1.0);
         }
-        if !is_even {
+        if let Some(turned) = turned {
             factors[lane] *= relative_phase(medium, -turned[lane]);
         }
     }

@@ -38,13 +38,12 @@ use self::pair::ReceiverCellPair;
 use self::receiver::{NO_OBJECT, Receiver, ReceiverGroup, load_receivers};
 use self::surroundings::SurroundingLight;
 use self::visibility::{Occlusion, Unoccluded, VisibilityMap};
-use super::constants::{FILTER_ANISOTROPIC, FILTER_EWA, FILTER_ISOTROPIC, FILTER_NONE};
 use super::{
     BATCH_SIZE, CURVE_POINTS, GatherUniforms, Params, PinholeParts, PinholeSample, Pinholes, Receivers, Surroundings,
 };
 use crate::brdf::Materials;
 use crate::environment::CubeMap;
-use crate::lanes::{F, LANES, Simd, SimdBase, V3, bits, dispatch, lanes, level, set_bits, splat3};
+use crate::lanes::{F, LANES, Simd, SimdBase, bits, dispatch, lanes, level, set_bits, splat3};
 use crate::progress::Progress;
 use crate::scene::{Lamp, Medium};
 
@@ -79,24 +78,11 @@ fn gather_from(
     let materials = receivers.view_directions.as_ref().map(|view| &*view.materials);
     let Params { medium, lamps_in_medium, .. } = *params;
     let gather = Gather { pinholes, materials, uniforms, source, medium, lamps_in_medium };
-    let task: fn(&Gather, &Receivers, usize, &mut [[f32; 4]]) = match filter {
-        CpuFilter::None => {
-            |g, r, first, sums| dispatch!(level(), simd => task::<_, FILTER_NONE>(simd, g, r, first, sums))
-        }
-        CpuFilter::Isotropic => {
-            |g, r, first, sums| dispatch!(level(), simd => task::<_, FILTER_ISOTROPIC>(simd, g, r, first, sums))
-        }
-        CpuFilter::Anisotropic => {
-            |g, r, first, sums| dispatch!(level(), simd => task::<_, FILTER_ANISOTROPIC>(simd, g, r, first, sums))
-        }
-        CpuFilter::Ewa => {
-            |g, r, first, sums| dispatch!(level(), simd => task::<_, FILTER_EWA>(simd, g, r, first, sums))
-        }
-    };
     let mut sums = vec![[0.0; 4]; receivers.positions.len()];
     sums.par_chunks_mut(LANES * GROUPS_PER_TASK).enumerate().for_each(|(index, sums)| {
         if !progress.is_cancelled() {
-            task(&gather, receivers, index * LANES * GROUPS_PER_TASK, sums);
+            let first = index * LANES * GROUPS_PER_TASK;
+            dispatch!(level(), simd => task(simd, (&gather, filter), receivers, first, sums));
         }
         progress.advance(sums.len() as u64);
     });
@@ -118,7 +104,7 @@ pub fn contributions(receivers: &Receivers, pinholes: &Pinholes, lights: &Lights
 fn contribution<S: Simd>(simd: S, gathers: &[Gather], sample: &PinholeSample, groups: &[ReceiverGroup]) -> f32 {
     let mut squares = 0.0f32;
     for group in groups {
-        let sum = irradiance_of::<S, FILTER_ISOTROPIC>(simd, gathers, sample, &group.in_lanes(simd));
+        let sum = irradiance_of(simd, (gathers, CpuFilter::Isotropic), sample, &group.in_lanes(simd));
         squares += sum.iter().map(|s| s.truncate().length_squared()).sum::<f32>();
     }
     squares.sqrt() / sample.area()
@@ -126,15 +112,15 @@ fn contribution<S: Simd>(simd: S, gathers: &[Gather], sample: &PinholeSample, gr
 
 /// What a sample adds of all lights.
 #[inline(always)]
-fn irradiance_of<S: Simd, const FILTER: u32>(
+fn irradiance_of<S: Simd>(
     simd: S,
-    gathers: &[Gather],
+    (gathers, filter): (&[Gather], CpuFilter),
     sample: &PinholeSample,
     receiver: &Receiver<S>,
 ) -> [Vec4; LANES] {
     let mut sum = [Vec4::ZERO; LANES];
     for gather in gathers {
-        gather.sample_irradiance::<S, FILTER>(simd, sample, receiver, &mut sum);
+        gather.add_samples(simd, filter, (std::slice::from_ref(sample), 1), receiver, &mut sum);
     }
     sum
 }
@@ -197,9 +183,9 @@ impl Source<'_> {
 }
 
 #[inline(always)]
-fn task<S: Simd, const FILTER: u32>(
+fn task<S: Simd>(
     simd: S,
-    gather: &Gather,
+    (gather, filter): (&Gather, CpuFilter),
     receivers: &Receivers,
     first: usize,
     sums: &mut [[f32; 4]],
@@ -213,48 +199,50 @@ fn task<S: Simd, const FILTER: u32>(
         let receiver = group.in_lanes(simd);
         let mut totals = [Vec4::ZERO; LANES];
         for batch in gather.pinholes.samples.chunks(BATCH_SIZE as usize) {
-            let sum = gather.gather_batch::<S, FILTER>(simd, batch, &receiver);
+            let mut sum = [Vec4::ZERO; LANES];
+            gather.add_samples(simd, filter, (batch, 1), &receiver, &mut sum);
             totals.iter_mut().zip(sum).for_each(|(total, sum)| *total += sum);
         }
         sums.iter_mut().zip(totals).for_each(|(sum, total)| *sum = total.to_array());
     }
 }
 
-/// Multiplies by the BRDF, 1/sr, between a unit direction, as the centre of so many sr, and the viewers.
+/// Multiplies by the BRDF, 1/sr, between unit directions, as the centres of so many sr, and the viewers.
 #[cold]
-fn reflect_to_viewers<S: Simd>(
+fn reflect_to_viewers(
     materials: &Materials,
-    receiver: &Receiver<S>,
-    views: &[Vec3; LANES],
-    (d, solid_angle): (V3<S>, F<S>),
+    (objects, normals, views): (&[u32; LANES], &[[f32; LANES]; 3], &[Vec3; LANES]),
+    (directions, solid_angle): (&[[f32; LANES]; 3], &[f32; LANES]),
     lit: u32,
     factors: &mut [Vec4; LANES],
 ) {
-    let vectors = |v: V3<S>| {
-        let [x, y, z] = v.to_arrays();
-        std::array::from_fn::<_, LANES, _>(|lane| Vec3::new(x[lane], y[lane], z[lane]))
-    };
-    let (normals, directions, solid_angle) = (vectors(receiver.normal), vectors(d), solid_angle.to_array());
+    let vector = |[x, y, z]: &[[f32; LANES]; 3], lane: usize| Vec3::new(x[lane], y[lane], z[lane]);
     for lane in set_bits(lit) {
-        let value =
-            materials.value(receiver.object[lane], normals[lane], directions[lane], views[lane], solid_angle[lane]);
+        let (normal, direction) = (vector(normals, lane), vector(directions, lane));
+        let value = materials.value(objects[lane], normal, direction, views[lane], solid_angle[lane]);
         factors[lane] *= value.extend(1.0);
     }
 }
 
 impl Gather<'_> {
-    #[inline(always)]
-    fn gather_batch<S: Simd, const FILTER: u32>(
+    /// Adds what every n-th of some samples contributes.
+    // Not inlined: one copy serves all flat sums.
+    fn add_samples<S: Simd>(
         &self,
         simd: S,
-        batch: &[PinholeSample],
+        filter: CpuFilter,
+        (samples, n): (&[PinholeSample], usize),
         receiver: &Receiver<S>,
-    ) -> [Vec4; LANES] {
-        let mut sum = [Vec4::ZERO; LANES];
-        for sample in batch {
-            self.sample_irradiance::<S, FILTER>(simd, sample, receiver, &mut sum);
-        }
-        sum
+        sum: &mut [Vec4; LANES],
+    ) {
+        simd.vectorize(
+            #[inline(always)]
+            || {
+                for sample in samples.iter().step_by(n) {
+                    self.sample_irradiance(simd, filter, sample, receiver, sum);
+                }
+            },
+        );
     }
 
     /// The sum of every n-th sample at a group.
@@ -268,17 +256,16 @@ impl Gather<'_> {
     ) -> [Vec4; LANES] {
         let mut sum = [Vec4::ZERO; LANES];
         let receiver = group.in_lanes(simd);
-        for sample in samples.iter().step_by(n) {
-            self.sample_irradiance::<S, FILTER_ISOTROPIC>(simd, sample, &receiver, &mut sum);
-        }
+        self.add_samples(simd, CpuFilter::Isotropic, (samples, n), &receiver, &mut sum);
         sum
     }
 
     /// Adds what one sample contributes: rgb = irradiance, w = fetches.
     #[inline(always)]
-    fn sample_irradiance<S: Simd, const FILTER: u32>(
+    fn sample_irradiance<S: Simd>(
         &self,
         simd: S,
+        filter: CpuFilter,
         packed: &PinholeSample,
         receiver: &Receiver<S>,
         sum: &mut [Vec4; LANES],
@@ -294,9 +281,9 @@ impl Gather<'_> {
             self.add_near_light(simd, packed, (&pair, receiver), (weight, lit), sum);
             return;
         };
-        let arriving = (environment, sample, &pair);
+        let arriving = ((environment, filter), sample, &pair);
         let (weight, lit, radiance) = match &self.pinholes.visibility {
-            None => (weight, lit, self.arriving::<S, _, FILTER>(simd, arriving, &Unoccluded, lit)),
+            None => (weight, lit, self.arriving(simd, arriving, &Unoccluded, lit)),
             Some(maps) => {
                 let towards = VisibilityMap::of_receivers(maps, packed, pair.dn);
                 let l = receiver.position - splat3(simd, sample.position);
@@ -306,7 +293,7 @@ impl Gather<'_> {
                     return;
                 }
                 let map = VisibilityMap::of_sky(maps, packed, pair.dn);
-                (weight * visible, lit, self.arriving::<S, _, FILTER>(simd, arriving, &map, lit))
+                (weight * visible, lit, self.arriving(simd, arriving, &map, lit))
             }
         };
         self.add(sample, &pair, receiver, (weight, &radiance, lit), sum);
@@ -338,7 +325,9 @@ impl Gather<'_> {
         let mut reflectance = self.reflectance(sample, cos_at_sample);
         if let (Some(materials), Some(views)) = (self.materials, receiver.view) {
             let solid_angle = cos_at_sample * inverse_l * inverse_l * sample.area;
-            reflect_to_viewers(materials, receiver, views, (d * inverse_l, solid_angle), lit, &mut reflectance);
+            let at_receiver = (receiver.object, &receiver.normal.to_arrays(), views);
+            let towards_sample = (&(d * inverse_l).to_arrays(), &solid_angle.to_array());
+            reflect_to_viewers(materials, at_receiver, towards_sample, lit, &mut reflectance);
         }
         if let Some(medium) = &self.medium {
             pass_medium(medium, (sample, pair), receiver, lit, &mut reflectance);
@@ -379,31 +368,36 @@ impl Gather<'_> {
 
     /// Mean radiance of the environment over the sample's footprint around r; w = fetches.
     #[inline(always)]
-    fn arriving<S: Simd, O: Occlusion, const FILTER: u32>(
+    fn arriving<S: Simd, O: Occlusion>(
         &self,
         simd: S,
-        (environment, sample, pair): (&CubeLookup, &PinholeParts, &ReceiverCellPair<S>),
+        (environment, sample, pair): ((&CubeLookup, CpuFilter), &PinholeParts, &ReceiverCellPair<S>),
         occlusion: &O,
         lit: u32,
     ) -> [Vec4; LANES] {
-        if FILTER == FILTER_NONE {
-            return single_fetch(simd, environment, pair.r, occlusion, lit);
+        if environment.1 == CpuFilter::None {
+            return single_fetch(simd, environment.0, pair.r, occlusion, lit);
         }
         let taps = F::splat(simd, self.uniforms.taps as f32);
         if !O::IS_UNOCCLUDED && sample.is_wide_lobe(self.map_texel_rad()) {
-            return through_lobe(simd, (pair.r, sample.lobe), occlusion, lit, |lit| {
-                mean_radiance::<S, FILTER>(simd, environment, (sample, pair), &Unoccluded, taps, lit)
-            });
+            return through_lobe(
+                simd,
+                (pair.r, sample.lobe),
+                occlusion,
+                lit,
+                #[inline(always)]
+                |lit| mean_radiance(simd, environment, (sample, pair), &Unoccluded, taps, lit),
+            );
         }
-        mean_radiance::<S, FILTER>(simd, environment, (sample, pair), occlusion, taps, lit)
+        mean_radiance(simd, environment, (sample, pair), occlusion, taps, lit)
     }
 }
 
 /// The environment's mean over a footprint from up to so many taps, or from so many in both parts of a lobe; w = fetches.
 #[inline(always)]
-fn mean_radiance<S: Simd, const FILTER: u32>(
+fn mean_radiance<S: Simd>(
     simd: S,
-    environment: &CubeLookup,
+    environment: (&CubeLookup, CpuFilter),
     (sample, pair): (&PinholeParts, &ReceiverCellPair<S>),
     occlusion: &impl Occlusion,
     taps: F<S>,
@@ -412,13 +406,13 @@ fn mean_radiance<S: Simd, const FILTER: u32>(
     if sample.is_mostly_lobe() {
         let mut sum = [Vec4::ZERO; LANES];
         for part in pair.lobe_parts(simd, sample) {
-            let mean = mean_over_footprint::<S, FILTER>(simd, environment, &part, occlusion, taps, lit);
+            let mean = mean_over_footprint(simd, environment, &part, occlusion, taps, lit);
             add_lobe_part(&mut sum, mean);
         }
         return sum;
     }
     let footprint = pair.footprint(simd, sample);
-    mean_over_footprint::<S, FILTER>(simd, environment, &footprint, occlusion, taps, lit)
+    mean_over_footprint(simd, environment, &footprint, occlusion, taps, lit)
 }
 
 #[cfg(test)]

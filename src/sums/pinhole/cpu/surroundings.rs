@@ -3,12 +3,11 @@
 use glam::{Vec3, Vec4};
 
 use super::cube::CubeLookup;
-use super::filters::{FootprintSides, add_lobe_part, mean_over_footprint};
+use super::filters::{CpuFilter, FootprintSides, add_lobe_part, mean_over_footprint};
 use super::pair::ReceiverCellPair;
 use super::visibility::Unoccluded;
 use crate::lanes::{F, LANES, Simd, SimdBase, SimdFloat, V3, splat, splat3};
 use crate::pinhole::PinholeParts;
-use crate::pinhole::constants::FILTER_ANISOTROPIC;
 use crate::pinhole::surroundings::{SurroundingView, Surroundings};
 
 /// Steps towards the surface that a cell sees in a direction.
@@ -78,37 +77,85 @@ impl<'a> SurroundingLight<'a> {
             #[inline(always)]
             || {
                 let view = self.0.nearest(cell.position, cell.normal);
-                let planes = CubeLookup::new(&view.planes);
-                let shift = splat3(simd, cell.position - view.viewpoint.position);
-                let r = footprint.r;
-                // To the plane that is seen from the viewpoint in a direction.
-                let distance_to = |direction: V3<S>| {
-                    let mut plane = [[0.0; LANES]; 3];
-                    planes.fetch(simd, direction, splat(simd, 0.0), active, |lane, texel| {
-                        (plane[0][lane], plane[1][lane], plane[2][lane]) = (texel.x, texel.y, texel.z);
-                    });
-                    let plane = V3::load(simd, &plane);
-                    let before = 1.0 - plane.dot(shift);
-                    let approach = plane.dot(r).max(1.0 / FARTHEST);
-                    (before / approach).max(NEAREST).min(FARTHEST)
+                let planes = SeenPlanes {
+                    lookup: &CubeLookup::new(&view.planes),
+                    shift: splat3(simd, cell.position - view.viewpoint.position),
+                    r: footprint.r,
+                    active,
                 };
-                let mut distance = distance_to(r);
+                let mut distance = planes.distance(simd, footprint.r);
                 for _ in 0..STEPS {
-                    distance = distance_to(shift.plus(r, distance));
+                    distance = planes.distance(simd, planes.place(distance));
                 }
-                let place = shift.plus(r, distance);
+                let place = planes.place(distance);
                 let inverse = 1.0 / place.dot(place).sqrt().max(f32::MIN_POSITIVE);
                 let direction = place * inverse;
-                let side = |side: Vec3, change: V3<S>| {
-                    let moved = splat3(simd, side).plus(change, distance);
-                    moved.plus(direction, -direction.dot(moved)) * inverse
+                let seen_side = SeenSide { direction, distance, inverse };
+                let third = match third {
+                    Some(change) => Some(seen_side.of(simd, Vec3::ZERO, change)),
+                    None => None,
                 };
-                let third = third.map(|change| side(Vec3::ZERO, change));
-                let (v1, v2) = (side(cell.sides[0], footprint.v1), side(cell.sides[1], footprint.v2));
+                let v1 = seen_side.of(simd, cell.sides[0], footprint.v1);
+                let v2 = seen_side.of(simd, cell.sides[1], footprint.v2);
                 let sides = FootprintSides { r: direction, v1, v2 };
-                SeenSurfaces { view, sides, third, towards: r * (distance * BEFORE_SURFACE) }
+                SeenSurfaces { view, sides, third, towards: footprint.r * (distance * BEFORE_SURFACE) }
             },
         )
+    }
+}
+
+/// The planes that are seen from a viewpoint, met by rays from a cell beside it.
+struct SeenPlanes<'a, S: Simd> {
+    lookup: &'a CubeLookup<'a>,
+    /// From the viewpoint to the cell.
+    shift: V3<S>,
+    /// The rays' directions, unit length.
+    r: V3<S>,
+    active: u32,
+}
+
+impl<S: Simd> SeenPlanes<'_, S> {
+    /// Along the rays to the planes that are seen from the viewpoint in these directions, metres.
+    #[inline(always)]
+    fn distance(&self, simd: S, direction: V3<S>) -> F<S> {
+        let mut plane = [[0.0; LANES]; 3];
+        self.lookup.fetch(
+            simd,
+            direction,
+            splat(simd, 0.0),
+            self.active,
+            #[inline(always)]
+            |lane, texel| (plane[0][lane], plane[1][lane], plane[2][lane]) = (texel.x, texel.y, texel.z),
+        );
+        let plane = V3::load(simd, &plane);
+        let before = 1.0 - plane.dot(self.shift);
+        let approach = plane.dot(self.r).max(1.0 / FARTHEST);
+        (before / approach).max(NEAREST).min(FARTHEST)
+    }
+
+    /// From the viewpoint to so far along the rays.
+    #[inline(always)]
+    fn place(&self, distance: F<S>) -> V3<S> {
+        self.shift.plus(self.r, distance)
+    }
+}
+
+/// Where a cell's rays end, seen from a viewpoint.
+struct SeenSide<S: Simd> {
+    /// Unit length.
+    direction: V3<S>,
+    /// From the cell, metres.
+    distance: F<S>,
+    /// One over the distance from the viewpoint.
+    inverse: F<S>,
+}
+
+impl<S: Simd> SeenSide<S> {
+    /// A side of a footprint, radians, given the side of the cell, metres, and that of its directions.
+    #[inline(always)]
+    fn of(&self, simd: S, side: Vec3, change: V3<S>) -> V3<S> {
+        let moved = splat3(simd, side).plus(change, self.distance);
+        moved.plus(self.direction, -self.direction.dot(moved)) * self.inverse
     }
 }
 
@@ -119,7 +166,7 @@ impl<S: Simd> SeenSurfaces<'_, S> {
             #[inline(always)]
             || {
                 let lookup = CubeLookup::new(&self.view.radiance);
-                mean_over_footprint::<S, FILTER_ANISOTROPIC>(simd, &lookup, sides, &Unoccluded, taps, lit)
+                mean_over_footprint(simd, (&lookup, CpuFilter::Anisotropic), sides, &Unoccluded, taps, lit)
             },
         )
     }

@@ -340,7 +340,14 @@ impl Occlusion for VisibilityMap<'_> {
 
     #[inline(always)]
     fn sky_fraction<S: Simd>(&self, simd: S, direction: V3<S>, width: F<S>, active: u32) -> [f32; LANES] {
-        self.sky_fraction_or(simd, direction, width, active, |_| None)
+        self.sky_fraction_or(
+            simd,
+            direction,
+            width,
+            active,
+            #[inline(always)]
+            |_| None,
+        )
     }
 
     #[inline(always)]

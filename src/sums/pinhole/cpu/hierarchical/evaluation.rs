@@ -2,14 +2,16 @@
 
 use glam::Vec4;
 
-use super::super::filters::{FootprintSides, add_lobe_part, mean_over_footprint, smooth_light, through_lobe};
+use super::super::filters::{
+    CpuFilter, FootprintSides, add_lobe_part, mean_over_footprint, smooth_light, through_lobe,
+};
 use super::super::pair::ReceiverCellPair;
 use super::super::receiver::Receiver;
 use super::super::visibility::{Occlusion, Unoccluded, VisibilityMap};
 use super::super::{CubeLookup, Gather, Source};
 use crate::lanes::{F, LANES, Simd, SimdBase};
 use crate::pinhole::PinholeParts;
-use crate::pinhole::constants::{FILTER_ANISOTROPIC, FOOTPRINT_RADIUS, LOBE_TAIL};
+use crate::pinhole::constants::{FOOTPRINT_RADIUS, LOBE_TAIL};
 
 /// A cell, taken as one sample, and sixteen receivers.
 pub struct CellAtReceivers<'a, S: Simd> {
@@ -67,8 +69,14 @@ impl Gather<'_> {
     ) {
         let Source::Environment(environment) = &self.source else { return };
         let radiance = if !O::IS_UNOCCLUDED && cell.sample.is_wide_lobe(self.map_texel_rad()) {
-            let of_sky = |lit| cell_radiance(simd, environment, cell, &Unoccluded, taps, lit);
-            through_lobe(simd, (cell.pair.r, cell.sample.lobe), sky, lit, of_sky)
+            through_lobe(
+                simd,
+                (cell.pair.r, cell.sample.lobe),
+                sky,
+                lit,
+                #[inline(always)]
+                |lit| cell_radiance(simd, environment, cell, &Unoccluded, taps, lit),
+            )
         } else {
             cell_radiance(simd, environment, cell, sky, taps, lit)
         };
@@ -128,5 +136,5 @@ fn footprint_radiance<S: Simd>(
     let Some(taps) = taps else {
         return smooth_light(simd, environment, footprint, cell.sample.lobe > 0.0, occlusion, lit);
     };
-    mean_over_footprint::<S, FILTER_ANISOTROPIC>(simd, environment, footprint, occlusion, taps, lit)
+    mean_over_footprint(simd, (environment, CpuFilter::Anisotropic), footprint, occlusion, taps, lit)
 }

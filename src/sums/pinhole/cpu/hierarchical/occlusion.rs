@@ -28,6 +28,7 @@ pub struct VisibleReceivers<S: Simd> {
 
 impl<S: Simd> VisibleReceivers<S> {
     /// Before any sample.
+    #[inline(always)]
     pub fn all(simd: S) -> Self {
         Self { sample_node: u32::MAX, fraction: splat(simd, 1.0), lanes: ALL, doubtful: 0, probed: 0 }
     }
@@ -105,10 +106,17 @@ impl Occlusion for TracedSky<'_> {
 
     #[inline(always)]
     fn sky_fraction<S: Simd>(&self, simd: S, direction: V3<S>, width: F<S>, active: u32) -> [f32; LANES] {
-        self.map.sky_fraction_or(simd, direction, width, active, |lanes| {
-            let (directions, _) = directions_and_lengths(simd, direction);
-            Some(self.occluders.unoccluded_lanes(self.cell, self.behind, (&directions, &[f32::INFINITY; LANES]), lanes))
-        })
+        self.map.sky_fraction_or(
+            simd,
+            direction,
+            width,
+            active,
+            #[inline(always)]
+            |lanes| {
+                let rays = (&directions_and_lengths(simd, direction).0, &[f32::INFINITY; LANES]);
+                Some(self.occluders.unoccluded_lanes(self.cell, self.behind, rays, lanes))
+            },
+        )
     }
 
     #[inline(always)]
