@@ -706,6 +706,23 @@ fn lists_scenes_and_adapters() {
     assert!(list[0]["max_texture"].as_u64().unwrap() >= 2048);
 }
 
+/// Mesa's layer for the choice of a device asks for a Wayland compositor, even where there cannot be one.
+#[cfg(unix)]
+#[test]
+fn without_a_session_nothing_is_said_of_it() {
+    let place = Workplace::new();
+    let output = Command::new(env!("CARGO_BIN_EXE_pinspot"))
+        .arg("adapters")
+        .env_remove("XDG_RUNTIME_DIR")
+        .env_remove("WAYLAND_DISPLAY")
+        .env_remove("WAYLAND_SOCKET")
+        .current_dir(place.0.path())
+        .output()
+        .unwrap();
+    let said = String::from_utf8(output.stderr).unwrap();
+    assert!(output.status.success() && !said.contains("XDG_RUNTIME_DIR"), "{said}");
+}
+
 #[test]
 fn a_printed_built_in_scene_renders_as_a_file() {
     let place = Workplace::new();
