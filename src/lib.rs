@@ -81,6 +81,11 @@ mod vectors;
 mod viewer;
 mod words;
 
+/// The README's snippets are compiled with the tests of this documentation.
+#[cfg(all(doctest, feature = "blocking", feature = "gpu"))]
+#[doc = include_str!("../README.md")]
+struct Readme;
+
 pub use backend::{Backend, BackendChoice, BackendReport, Device};
 #[cfg(feature = "gpu")]
 pub use engine::PassTime;
