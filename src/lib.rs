@@ -111,3 +111,9 @@ pub use technique::{PhotonStatistics, Technique, place_samples};
 pub use viewer::{ViewError, view};
 #[cfg(feature = "gpu")]
 pub use wgpu;
+
+/// Names the code of this build: the version, and a hash of all sources. Pictures and references that are kept in files carry it, so that
+/// those of other code are neither used again nor gone on from.
+pub fn code_id() -> &'static str {
+    concat!(env!("CARGO_PKG_VERSION"), "+", env!("PINSPOT_CODE"))
+}

@@ -615,8 +615,27 @@ fn every_option_of_compare_arrives() {
     let paper = ["compare", "scene.toml", "-o", "paper", "--figure", "5", "--seeds", "1", "--rel-error", "0.5"];
     let paper = report(&[&paper[..], &["--size", "6x4", "--backend", "cpu", "--json"]].concat());
     assert!(!paper["findings"].as_array().unwrap().is_empty() && paper["rows"][0]["samples"] == 2000);
-    let others =
-        ["--adapter", "--quiet", "--figure", "--techniques", "--modes", "--photons", "--lights", "--estimator"];
+    let cell = place.path("gpu/cells/neighbourhood-cells-none-10-seed1.exr");
+    let written = || std::fs::metadata(&cell).unwrap().modified().unwrap();
+    let before = written();
+    let again = |more: &[&str]| {
+        let output = place.run(&[&quick[..], &["--rel-error", "0.5", "--backend", "cpu", "--quiet"], more].concat());
+        assert!(output.status.success());
+        written()
+    };
+    assert_eq!(again(&[]), before, "what is finished is used again");
+    assert_ne!(again(&["--force"]), before);
+    let others = [
+        "--adapter",
+        "--quiet",
+        "--figure",
+        "--techniques",
+        "--modes",
+        "--photons",
+        "--lights",
+        "--estimator",
+        "--force",
+    ];
     assert_all_named(&place, "compare", args.into_iter().chain(others));
 }
 
