@@ -60,6 +60,8 @@ fn compare_scene(name: &str, seconds: f64) -> Result<Comparison, Error> {
         estimator: Estimator::Points,
         mask: None,
         folder: Path::new("target/accuracy").join(name),
+        code: pinspot::code_id().into(),
+        force: false,
         command: "cargo run --release --example accuracy".into(),
     };
     let started = Instant::now();

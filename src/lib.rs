@@ -54,6 +54,11 @@ pub use pinspot_base::{NoProgress, OptionError, Progress, Stage, image, scene};
 pub use pinspot_reference as reference;
 #[cfg(feature = "blocking")]
 pub use pinspot_render::blocking;
+/// The README's snippets are compiled with the tests of this documentation.
+#[cfg(all(doctest, feature = "blocking", feature = "gpu"))]
+#[doc = include_str!("../README.md")]
+struct Readme;
+
 #[cfg(feature = "gpu")]
 pub use pinspot_render::engine::PassTime;
 pub use pinspot_render::engine::{
@@ -78,3 +83,9 @@ pub use pinspot_sums::sampling::{Density, Strategy};
 pub use viewer::{ViewError, view};
 #[cfg(feature = "gpu")]
 pub use wgpu;
+
+/// Names the code of this build: the version, and a hash of all sources. Pictures and references that are kept in files carry it, so that
+/// those of other code are neither used again nor gone on from.
+pub fn code_id() -> &'static str {
+    concat!(env!("CARGO_PKG_VERSION"), "+", env!("PINSPOT_CODE"))
+}

@@ -615,8 +615,27 @@ fn every_option_of_compare_arrives() {
     let paper = ["compare", "scene.toml", "-o", "paper", "--figure", "5", "--seeds", "1", "--rel-error", "0.5"];
     let paper = report(&[&paper[..], &["--size", "6x4", "--backend", "cpu", "--json"]].concat());
     assert!(!paper["findings"].as_array().unwrap().is_empty() && paper["rows"][0]["samples"] == 2000);
-    let others =
-        ["--adapter", "--quiet", "--figure", "--techniques", "--modes", "--photons", "--lights", "--estimator"];
+    let cell = place.path("gpu/cells/neighbourhood-cells-none-10-seed1.exr");
+    let written = || std::fs::metadata(&cell).unwrap().modified().unwrap();
+    let before = written();
+    let again = |more: &[&str]| {
+        let output = place.run(&[&quick[..], &["--rel-error", "0.5", "--backend", "cpu", "--quiet"], more].concat());
+        assert!(output.status.success());
+        written()
+    };
+    assert_eq!(again(&[]), before, "what is finished is used again");
+    assert_ne!(again(&["--force"]), before);
+    let others = [
+        "--adapter",
+        "--quiet",
+        "--figure",
+        "--techniques",
+        "--modes",
+        "--photons",
+        "--lights",
+        "--estimator",
+        "--force",
+    ];
     assert_all_named(&place, "compare", args.into_iter().chain(others));
 }
 
@@ -704,6 +723,23 @@ fn lists_scenes_and_adapters() {
     let list: serde_json::Value = serde_json::from_slice(&adapters.stdout).unwrap();
     assert!(!list.as_array().unwrap().is_empty(), "run the tests by tests/run");
     assert!(list[0]["max_texture"].as_u64().unwrap() >= 2048);
+}
+
+/// Mesa's layer for the choice of a device asks for a Wayland compositor, even where there cannot be one.
+#[cfg(unix)]
+#[test]
+fn without_a_session_nothing_is_said_of_it() {
+    let place = Workplace::new();
+    let output = Command::new(env!("CARGO_BIN_EXE_pinspot"))
+        .arg("adapters")
+        .env_remove("XDG_RUNTIME_DIR")
+        .env_remove("WAYLAND_DISPLAY")
+        .env_remove("WAYLAND_SOCKET")
+        .current_dir(place.0.path())
+        .output()
+        .unwrap();
+    let said = String::from_utf8(output.stderr).unwrap();
+    assert!(output.status.success() && !said.contains("XDG_RUNTIME_DIR"), "{said}");
 }
 
 #[test]

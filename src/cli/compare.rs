@@ -21,7 +21,7 @@ use super::render::open;
 pub struct CompareArgs {
     /// A scene file (.toml), or the name of a built-in scene
     scene: String,
-    /// The folder for report.html, report.json, report.csv and the pictures; finished results in it are reused
+    /// The folder for report.html, report.json, report.csv and the pictures; finished results in it are reused, if this very code made them
     #[arg(short, long, value_name = "DIR")]
     output: PathBuf,
     /// Techniques, separated by commas: pinhole, image-space [default: the scene's, else pinhole]
@@ -73,6 +73,9 @@ pub struct CompareArgs {
     /// Relative standard error that the reference must reach: √Σse² / √ΣE²
     #[arg(long, value_name = "FRACTION", default_value_t = 0.005, value_parser = parse_positive)]
     rel_error: f64,
+    /// Render all combinations again, those whose finished results lie in the folder, too; the reference goes on from its file
+    #[arg(long)]
+    force: bool,
     /// Time limit of the reference in seconds; the report states the error that it reached [default: no limit]
     #[arg(long, value_name = "S", value_parser = parse_positive)]
     seconds: Option<f64>,
@@ -111,6 +114,8 @@ pub fn run(args: &CompareArgs) -> Result<(), String> {
         estimator: args.estimator.unwrap_or_default(),
         mask: args.mask.clone(),
         folder: args.output.clone(),
+        code: pinspot::code_id().into(),
+        force: args.force,
         command: command_line(),
     };
     let clock = || watch.elapsed();

@@ -4,6 +4,8 @@
 mod adapters;
 #[cfg(feature = "report")]
 mod compare;
+#[cfg(all(test, feature = "report", feature = "view"))]
+mod documents;
 mod errors;
 #[cfg(feature = "gpu")]
 mod filters;

@@ -7,7 +7,7 @@ use serde::Serialize;
 
 use pinspot::image::Aov;
 use pinspot::reference::{
-    Estimator, Options, Quantity, Reference, ReferenceError, Statistics, StoppingCriterion, Stored,
+    EstimateFile, Estimator, Options, Quantity, Reference, ReferenceError, Statistics, StoppingCriterion, Stored,
 };
 use pinspot::scene::{Chain, Chains, Loaded, Scene, Visibility, load};
 use pinspot::{Error, Settings};
@@ -153,15 +153,16 @@ fn solve(args: &ReferenceArgs, scene: Scene, options: &Options, watch: &Watch) -
     let seconds_left = || args.seconds.map_or(f64::INFINITY, |most| most - clock());
     let criterion = StoppingCriterion::new(args.rel_error).with_seconds_left(&seconds_left);
     let reference = Reference::new(scene, options.clone())?;
-    let known = if args.force { None } else { reference.read(&args.output)? };
-    let stored = reference.solve_in_file(&args.output, known, &criterion, &clock, watch)?;
+    let file = EstimateFile { path: &args.output, code: pinspot::code_id() };
+    let known = if args.force { None } else { reference.read(&file)? };
+    let stored = reference.solve_in_file(&file, known, &criterion, &clock, watch)?;
     stored.estimate.check_complete()?;
     Ok((stored, reference.notes))
 }
 
 fn with_remedy(error: &Error) -> String {
     match error {
-        Error::Reference(ReferenceError::Foreign { .. }) => {
+        Error::Reference(ReferenceError::Foreign { .. } | ReferenceError::OtherCode { .. }) => {
             format!("{error}; give -o another name, or --force to replace it")
         }
         Error::Reference(ReferenceError::Incomplete { .. }) => {

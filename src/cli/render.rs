@@ -104,7 +104,8 @@ fn render_sequence(
     watch: &Watch,
 ) -> Result<(), String> {
     let backend = open(choice, watch).map_err(|e| message(&e))?;
-    let rendered = wait(backend.device(), sequence.render(scene, options, &backend, watch, &mut |_| ()));
+    let code = pinspot::code_id();
+    let rendered = wait(backend.device(), sequence.render(scene, options, &backend, code, watch, &mut |_| ()));
     watch.finish();
     let report = rendered.map_err(|e| message(&e))?;
     report.warnings.iter().for_each(|warning| super::warn(warning));

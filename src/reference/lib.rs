@@ -48,7 +48,7 @@ mod store;
 mod tree;
 
 pub use self::estimate::{Estimate, Statistics};
-pub use self::store::Stored;
+pub use self::store::{EstimateFile, Stored};
 
 use std::path::PathBuf;
 
@@ -264,6 +264,16 @@ pub enum ReferenceError {
         /// File.
         path: PathBuf,
     },
+    /// An estimate of the same picture by other code.
+    #[error("'{}' holds an estimate by other code (Pinspot {theirs}; this is {ours}), which may not be mixed with this one's", path.display())]
+    OtherCode {
+        /// File.
+        path: PathBuf,
+        /// The code that wrote it.
+        theirs: String,
+        /// The code that would go on.
+        ours: String,
+    },
     /// A file that cannot be gone on from.
     #[error("the reference in '{}' is damaged ({reason}); delete it", path.display())]
     Damaged {
@@ -377,7 +387,7 @@ impl Reference {
         &self.options
     }
 
-    /// Names everything that the result depends on; two references with one fingerprint may be combined.
+    /// Names everything that the result depends on besides the code; two references with one fingerprint and one code may be combined.
     pub fn fingerprint(&self) -> &str {
         &self.fingerprint
     }

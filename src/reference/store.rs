@@ -13,6 +13,7 @@ use crate::Progress;
 use crate::image::{Image, read_exr, read_exr_text, write_exr_with_text};
 
 const FINGERPRINT: &str = "pinspot.fingerprint";
+const CODE: &str = "pinspot.code";
 const STATISTICS: &str = "pinspot.statistics";
 const ERROR: &str = "error";
 const WEIGHT: &str = "weight";
@@ -22,6 +23,15 @@ const SECONDS_BETWEEN_WRITES: f64 = 60.0;
 const MOST_PASSES: u32 = 1_000_000;
 const MOST_POINTS: f64 = 1e15;
 const MOST_WEIGHT: f32 = 1e30;
+
+/// Where an estimate is kept.
+#[derive(Clone, Copy, Debug)]
+pub struct EstimateFile<'a> {
+    /// The file (.exr).
+    pub path: &'a Path,
+    /// Names the code that computes. No other code goes on from the file.
+    pub code: &'a str,
+}
 
 /// An estimate as it is kept in a file.
 #[derive(Clone, Debug)]
@@ -46,7 +56,7 @@ impl Reference {
     /// a minute by `clock` (seconds from any start), and in the end.
     pub fn solve_in_file(
         &self,
-        path: &Path,
+        file: &EstimateFile,
         known: Option<Stored>,
         criterion: &StoppingCriterion,
         clock: &dyn Fn() -> f64,
@@ -61,18 +71,18 @@ impl Reference {
                 return Ok(());
             }
             written = clock();
-            self.write(path, estimate, seconds())
+            self.write(file, estimate, seconds())
         };
         let had = known.as_ref().map_or_else(Statistics::default, |k| k.estimate.statistics);
         let estimate = self.solve_in_passes(criterion, known.map(|k| k.estimate), progress, checkpoint)?;
         if had != estimate.statistics {
-            self.write(path, &estimate, seconds())?;
+            self.write(file, &estimate, seconds())?;
         }
         Ok(Stored { estimate, seconds: seconds() })
     }
 
     /// Writes an estimate, whole or not at all.
-    pub fn write(&self, path: &Path, estimate: &Estimate, seconds: f64) -> Result<(), ReferenceError> {
+    pub fn write(&self, file: &EstimateFile, estimate: &Estimate, seconds: f64) -> Result<(), ReferenceError> {
         let text = Text { statistics: estimate.statistics, level: estimate.level, seconds };
         let text = serde_json::to_string(&text).expect("numbers are plain data");
         let mut weights = estimate.irradiance.clone();
@@ -81,13 +91,14 @@ impl Reference {
             *pixel = Vec3::new(*weight, f32::from(*is_fine), 0.0);
         }
         let layers = [("", &estimate.irradiance), (ERROR, &estimate.standard_error), (WEIGHT, &weights)];
-        let texts = [(FINGERPRINT, self.fingerprint().to_owned()), (STATISTICS, text)];
-        Ok(write_exr_with_text(path, &layers, &texts)?)
+        let texts = [(FINGERPRINT, self.fingerprint().to_owned()), (CODE, file.code.to_owned()), (STATISTICS, text)];
+        Ok(write_exr_with_text(file.path, &layers, &texts)?)
     }
 
     /// Reads an estimate to go on from; `None` if there is no file. A file that holds anything else than an earlier state of
-    /// this very reference is an error: it may be hours of other work.
-    pub fn read(&self, path: &Path) -> Result<Option<Stored>, ReferenceError> {
+    /// this very reference by the same code is an error: it may be hours of other work.
+    pub fn read(&self, file: &EstimateFile) -> Result<Option<Stored>, ReferenceError> {
+        let path = file.path;
         if !path.exists() {
             return Ok(None);
         }
@@ -95,6 +106,10 @@ impl Reference {
         let text = |name| read_exr_text(path, name).map_err(|e| damaged(e.to_string()));
         if text(FINGERPRINT)?.is_none_or(|fingerprint| fingerprint != self.fingerprint()) {
             return Err(ReferenceError::Foreign { path: PathBuf::from(path) });
+        }
+        let theirs = text(CODE)?.unwrap_or_else(|| "without a name".into());
+        if theirs != file.code {
+            return Err(ReferenceError::OtherCode { path: path.into(), theirs, ours: file.code.into() });
         }
         let text = text(STATISTICS)?.ok_or_else(|| damaged("its statistics are missing".into()))?;
         let text: Text = serde_json::from_str(&text).map_err(|e| damaged(format!("its statistics: {e}")))?;
@@ -148,11 +163,15 @@ mod tests {
         Reference::new(scene, Options { size: [12, 8], seed, ..Default::default() }).unwrap()
     }
 
+    fn file(path: &Path) -> EstimateFile<'_> {
+        EstimateFile { path, code: "this code" }
+    }
+
     fn solved(reference: &Reference, path: &Path) -> Stored {
         let ticks = std::cell::Cell::new(0.0);
         let clock = || ticks.replace(ticks.get() + 1.0);
         let criterion = StoppingCriterion::new(0.2);
-        reference.solve_in_file(path, None, &criterion, &clock, &NoProgress).unwrap()
+        reference.solve_in_file(&file(path), None, &criterion, &clock, &NoProgress).unwrap()
     }
 
     #[test]
@@ -160,22 +179,26 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("truth.exr");
         let own = reference(1);
-        assert!(own.read(&path).unwrap().is_none(), "there is none yet");
+        assert!(own.read(&file(&path)).unwrap().is_none(), "there is none yet");
         let first = solved(&own, &path);
         assert!(first.seconds >= 1.0, "by the caller's clock");
-        let known = own.read(&path).unwrap().expect("the same reference");
+        let known = own.read(&file(&path)).unwrap().expect("the same reference");
         assert_eq!(known.estimate.irradiance, first.estimate.irradiance);
         assert_eq!(known.estimate.standard_error, first.estimate.standard_error);
         assert_eq!(known.estimate.weights, first.estimate.weights);
         assert_eq!(known.estimate.statistics, first.estimate.statistics);
         let better = StoppingCriterion::new(0.1 * first.estimate.rel_error());
-        let better = own.solve_in_file(&path, Some(known), &better, &|| 0.0, &NoProgress).unwrap();
+        let better = own.solve_in_file(&file(&path), Some(known), &better, &|| 0.0, &NoProgress).unwrap();
         assert!(better.estimate.statistics.passes > first.estimate.statistics.passes);
         assert!(better.estimate.rel_error() <= 0.1 * first.estimate.rel_error());
         assert!(better.seconds <= first.seconds, "what the clock did not count is not added");
 
-        let is_foreign = |path| matches!(own.read(path), Err(ReferenceError::Foreign { .. }));
-        assert!(matches!(reference(2).read(&path), Err(ReferenceError::Foreign { .. })), "another seed");
+        let is_foreign = |path| matches!(own.read(&file(path)), Err(ReferenceError::Foreign { .. }));
+        assert!(matches!(reference(2).read(&file(&path)), Err(ReferenceError::Foreign { .. })), "another seed");
+        let by_other_code = own.read(&EstimateFile { path: &path, code: "other code" }).unwrap_err();
+        assert!(matches!(by_other_code, ReferenceError::OtherCode { .. }));
+        let message = by_other_code.to_string();
+        assert!(["truth.exr", "this code", "other code"].iter().all(|part| message.contains(part)), "{message}");
         crate::image::write_exr(&path, &[("", &Image::new(12, 8))]).unwrap();
         assert!(is_foreign(&path), "another picture");
     }
@@ -186,7 +209,7 @@ mod tests {
         let path = folder.path().join("truth.exr");
         let own = reference(1);
         let refused = || {
-            let message = own.read(&path).unwrap_err().to_string();
+            let message = own.read(&file(&path)).unwrap_err().to_string();
             assert!(
                 message.contains("truth.exr") && message.contains("damaged") && message.contains("delete it"),
                 "{message}"
@@ -196,7 +219,7 @@ mod tests {
         let spoil = |spoil: &dyn Fn(&mut Estimate)| {
             let mut estimate = estimate.clone();
             spoil(&mut estimate);
-            own.write(&path, &estimate, seconds).unwrap();
+            own.write(&file(&path), &estimate, seconds).unwrap();
             refused();
         };
         spoil(&|e| e.weights[3] = f32::MAX);
@@ -209,15 +232,15 @@ mod tests {
         spoil(&|e| e.statistics.points_per_pixel = 1e300);
         spoil(&|e| e.statistics.passes = u32::MAX);
         spoil(&|e| e.level = 77);
-        own.write(&path, &estimate, -1.0).unwrap();
+        own.write(&file(&path), &estimate, -1.0).unwrap();
         refused();
-        own.write(&path, &estimate, seconds).unwrap();
+        own.write(&file(&path), &estimate, seconds).unwrap();
         let whole = std::fs::read(&path).unwrap();
         for end in [whole.len() / 2, 100, 0] {
             std::fs::write(&path, &whole[..end]).unwrap();
             refused();
         }
         std::fs::write(&path, &whole).unwrap();
-        assert!(own.read(&path).unwrap().is_some());
+        assert!(own.read(&file(&path)).unwrap().is_some());
     }
 }

@@ -32,7 +32,9 @@ const EXPOSURE: &str = "pinspot-exposure-ev";
 /// let sequence = Sequence::new(0..3, 12, outputs)?;
 /// let (scene, options) = pinspot::load("ring")?;
 /// let options = options.with_size([16, 16]).with_samples(20);
-/// let report = blocking::wait(None, sequence.render(scene, options, &Backend::cpu(), &NoProgress, &mut |_| ()))?;
+/// let mut ignore = |_: &_| ();
+/// let rendering = sequence.render(scene, options, &Backend::cpu(), pinspot::code_id(), &NoProgress, &mut ignore);
+/// let report = blocking::wait(None, rendering)?;
 /// assert_eq!((report.rendered, report.kept), (3, 0));
 /// assert!(folder.join("ring-0002.png").exists());
 /// # Ok(())
@@ -129,8 +131,9 @@ impl Sequence {
         self.outputs.iter().map(PathBuf::as_path).find(|path| is_animated(path))
     }
 
-    /// Renders the frames that are not in their files yet; for an .apng, all of them. An exposure that is automatic is metered on the
-    /// first frame and kept. `report` is called after each frame.
+    /// Renders the frames that are not in their files yet; for an .apng, all of them. `code` names the code that renders: frames of
+    /// other code are rendered again. An exposure that is automatic is metered on the first frame and kept. `report` is called after each
+    /// frame.
     ///
     /// # Errors
     /// As [`Engine::render`], and files that cannot be written. Frames that are complete stay; an .apng is written whole or not at all.
@@ -139,6 +142,7 @@ impl Sequence {
         scene: Scene,
         options: Options,
         backend: &'a Backend,
+        code: &'a str,
         progress: &'a dyn Progress,
         report: &'a mut dyn FnMut(&SequenceReport),
     ) -> BoxFuture<'a, Result<SequenceReport, Error>> {
@@ -156,7 +160,7 @@ impl Sequence {
             };
             let requested = options.display.exposure;
             let engine = Engine::new(scene, options, backend.clone());
-            let mut renderer = FrameRenderer { sequence: self, engine, requested, report: first };
+            let mut renderer = FrameRenderer { sequence: self, engine, code, requested, report: first };
             renderer.render(progress, report).await?;
             Ok(renderer.report)
         })
@@ -166,6 +170,8 @@ impl Sequence {
 struct FrameRenderer<'a> {
     sequence: &'a Sequence,
     engine: Engine,
+    /// Names the code that renders.
+    code: &'a str,
     /// The exposure before it was metered.
     requested: Exposure,
     report: SequenceReport,
@@ -202,12 +208,12 @@ impl FrameRenderer<'_> {
         Ok(file.commit()?)
     }
 
-    /// Moves the scene to where it is in a frame. Returns the frame's fingerprint, with the exposure as it was asked for: a metered one
-    /// follows from the first frame.
+    /// Moves the scene to where it is in a frame. Returns the frame's fingerprint, which also names the code, with the exposure as it was
+    /// asked for: a metered one follows from the first frame.
     fn pose(&mut self, frame: u32) -> String {
         self.engine.scene_mut().pose(frame as f32 / f32::from(self.report.frames_per_second));
         let metered = std::mem::replace(&mut self.engine.options_mut().display.exposure, self.requested);
-        let fingerprint = self.engine.fingerprint();
+        let fingerprint = format!("{}-{}", self.code, self.engine.fingerprint());
         self.engine.options_mut().display.exposure = metered;
         match self.requested {
             Exposure::Auto => format!("{fingerprint}-{}", self.report.first_frame),
@@ -271,12 +277,16 @@ mod tests {
     use super::*;
     use crate::NoProgress;
 
-    /// Not more than one poll: the CPU makes nobody wait.
     fn render(sequence: &Sequence, options: Options) -> SequenceReport {
+        render_by("this code", sequence, options)
+    }
+
+    /// Not more than one poll: the CPU makes nobody wait.
+    fn render_by(code: &str, sequence: &Sequence, options: Options) -> SequenceReport {
         let (scene, _) = crate::load("ring").unwrap();
         let backend = Backend::cpu();
         let mut ignore = |_: &SequenceReport| ();
-        let mut rendering = std::pin::pin!(sequence.render(scene, options, &backend, &NoProgress, &mut ignore));
+        let mut rendering = std::pin::pin!(sequence.render(scene, options, &backend, code, &NoProgress, &mut ignore));
         let mut context = std::task::Context::from_waker(std::task::Waker::noop());
         match rendering.as_mut().poll(&mut context) {
             std::task::Poll::Ready(report) => report.unwrap(),
@@ -301,7 +311,10 @@ mod tests {
         assert_eq!((report.rendered, report.kept), (2, 2), "a file was missing, and one was cut off");
         let again: Vec<Vec<u8>> = (2..6).map(|k| std::fs::read(&sequence.files(k)[0]).unwrap()).collect();
         assert!(again == whole, "with the same exposure");
-        assert_eq!(render(&sequence, options.with_seed(2)).rendered, 4, "other options, other frames");
+        let options = options.with_seed(2);
+        assert_eq!(render(&sequence, options.clone()).rendered, 4, "other options, other frames");
+        assert_eq!(render_by("other code", &sequence, options.clone()).rendered, 4, "other code, other frames");
+        assert_eq!(render_by("other code", &sequence, options).kept, 4, "now they are its own");
     }
 
     #[test]

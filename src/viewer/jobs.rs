@@ -74,6 +74,7 @@ fn frames(
 ) -> Result<String, Error> {
     let count = sequence.frames().len().max(1) as f32;
     let mut report = |done: &SequenceReport| tell(JobProgress::Running((done.rendered + done.kept) as f32 / count));
-    let report = wait(backend.device(), sequence.render(scene, options, backend, watch, &mut report))?;
+    let report =
+        wait(backend.device(), sequence.render(scene, options, backend, crate::code_id(), watch, &mut report))?;
     Ok(format!("wrote {} frames; {} were there already", report.rendered, report.kept))
 }

@@ -1,7 +1,7 @@
 //! A fingerprint of everything in a scene that a picture depends on, which identifies results kept in files.
 //!
 //! The hashed bytes are written explicitly, so that a fingerprint changes only when the scene does: it does not depend
-//! on how Rust prints a type.
+//! on how Rust prints a type, nor on the code that renders, which whoever keeps a file names beside it.
 
 use glam::{DVec3, Vec3};
 
@@ -15,7 +15,6 @@ impl Scene {
     /// A hash of the scene's contents (meshes and environment images by value, not by name) and of `more`.
     pub fn fingerprint(&self, more: &str) -> String {
         let mut hash = Hash(blake3::Hasher::new());
-        hash.bytes(concat!("pinspot ", env!("CARGO_PKG_VERSION")).as_bytes());
         hash.bytes(more.as_bytes());
         hash.camera(&self.camera);
         hash.number(self.objects.len() as u64);

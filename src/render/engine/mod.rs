@@ -158,7 +158,8 @@ impl Engine {
         &self.backend
     }
 
-    /// A hash of everything that the picture depends on: scene, options, back end and version. It identifies pictures in files.
+    /// A hash of everything that the picture depends on but the code: scene, options and back end. Together with a name of the code it
+    /// identifies pictures in files.
     pub fn fingerprint(&self) -> String {
         self.scene.fingerprint(&format!("{:?} {:?}", self.options, self.backend.report()))
     }

@@ -51,17 +51,28 @@ pub(super) struct Metadata {
     pub warnings: Vec<String>,
 }
 
+/// Where finished combinations are kept, and which of them count.
+#[derive(Clone, Copy)]
+pub(super) struct Folder<'a> {
+    pub path: &'a Path,
+    /// Names the code that renders; what other code rendered does not count.
+    pub code: &'a str,
+    /// Nothing counts that is there already.
+    pub is_ignored: bool,
+}
+
 /// Reads a combination from its file in `folder`, or renders it and writes that file.
 pub(super) async fn render_or_reuse(
     engine: &mut Engine,
     options: &Options,
-    folder: &Path,
+    folder: Folder<'_>,
     timed: &Timed<'_>,
 ) -> Result<Cell, Error> {
     engine.options_mut().clone_from(options);
-    let fingerprint = engine.fingerprint();
-    let file = folder.join(format!("{}.exr", name(options)));
-    if let Some((image, metadata)) = read(&file, &fingerprint) {
+    let fingerprint = format!("{}-{}", folder.code, engine.fingerprint());
+    let file = folder.path.join(format!("{}.exr", name(options)));
+    let known = if folder.is_ignored { None } else { read(&file, &fingerprint) };
+    if let Some((image, metadata)) = known {
         return Ok(Cell { options: options.clone(), image, metadata, file });
     }
     let rendered = engine.render(timed).await?;

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use super::ReportError;
-use super::cells::{Cell, Clock, Timed, render_or_reuse};
+use super::cells::{Cell, Clock, Folder, Timed, render_or_reuse};
 use super::comparison::{Comparison, Picture, ReferenceSummary, TestSurfaceResult, Unavailable};
 use super::findings::findings;
 use super::page;
@@ -13,7 +13,7 @@ use crate::boxed::BoxFuture;
 use crate::image::{Aov, Image, ImageError, metered_ev, read_mask, write_atomically};
 use crate::options::{FilterChoice, Options};
 use crate::progress::Stage;
-use crate::reference::{self, Estimator, Reference, StoppingCriterion};
+use crate::reference::{self, EstimateFile, Estimator, Reference, StoppingCriterion};
 use crate::sampling::{Surface, TestSurface, strategy_statistics};
 use crate::scene::{Chains, Light, Scene};
 use crate::technique::Technique;
@@ -36,6 +36,10 @@ pub struct Request {
     pub mask: Option<PathBuf>,
     /// The folder that everything is written to, and that finished cells are taken from.
     pub folder: PathBuf,
+    /// Names the code that renders, see [`code_id`](crate::code_id): cells and references of other code are left alone.
+    pub code: String,
+    /// Render all cells, those that are finished, too. The reference, which gets better from run to run, goes on all the same.
+    pub force: bool,
     /// The command that asked, for the report.
     pub command: String,
 }
@@ -75,6 +79,8 @@ const SETS_PER_STRATEGY: u32 = 10;
 ///     estimator: Estimator::Points,
 ///     mask: None,
 ///     folder: folder.into(),
+///     code: pinspot::code_id().into(),
+///     force: false,
 ///     command: "an example".into(),
 /// };
 /// let start = Instant::now();
@@ -104,9 +110,10 @@ pub fn compare<'a>(
         let mut comparison = Comparison::new(request, &options, summary, truth.clone());
         comparison.unavailable = unavailable;
         let mut engine = Engine::new(request.scene.clone(), options.clone(), request.backend.clone());
+        let folder = Folder { path: &cells_folder, code: &request.code, is_ignored: request.force };
         for combination in &combinations {
             let timed = Timed::new(clock, progress);
-            let cell = render_or_reuse(&mut engine, combination, &cells_folder, &timed).await?;
+            let cell = render_or_reuse(&mut engine, combination, folder, &timed).await?;
             comparison.add(cell, &truth, mask.as_deref(), combination.seed == options.seed);
         }
         comparison.assess_strategies(request, progress)?;
@@ -180,7 +187,7 @@ fn reference(request: &Request, options: &Options) -> Result<Reference, Error> {
     Ok(Reference::new(request.scene.clone(), wanted)?)
 }
 
-/// Each reference has a file of its own, so that a comparison with other options never overwrites hours of work.
+/// Each reference has a file of its own, so that a comparison with other options or by other code never overwrites hours of work.
 fn solve(
     reference: &Reference,
     request: &Request,
@@ -188,10 +195,12 @@ fn solve(
     clock: Clock<'_>,
     progress: &dyn Progress,
 ) -> Result<(ReferenceSummary, Image), Error> {
-    let file = format!("reference-{}.exr", &reference.fingerprint()[..8]);
+    let name = blake3::hash(format!("{}-{}", request.code, reference.fingerprint()).as_bytes()).to_hex();
+    let file = format!("reference-{}.exr", &name[..8]);
     let path = request.folder.join(&file);
-    let known = reference.read(&path)?;
-    let stored = reference.solve_in_file(&path, known, criterion, clock, progress)?;
+    let place = EstimateFile { path: &path, code: &request.code };
+    let known = reference.read(&place)?;
+    let stored = reference.solve_in_file(&place, known, criterion, clock, progress)?;
     stored.estimate.check_complete()?;
     let summary = ReferenceSummary {
         file,
@@ -301,4 +310,50 @@ fn write_text(path: &Path, text: &str) -> Result<(), Error> {
     let written: Result<(), ImageError> =
         write_atomically(path, |out| out.write_all(text.as_bytes()).map_err(|e| e.to_string()));
     Ok(written?)
+}
+
+#[cfg(all(test, feature = "blocking"))]
+mod tests {
+    use std::sync::atomic::{AtomicU32, Ordering};
+
+    use super::*;
+    use crate::{NoProgress, blocking};
+
+    /// Compares photons, which are quick. Returns the seconds that the picture took, by a clock of such ticks, and the references that lie
+    /// in the folder.
+    fn seconds_of_picture(folder: &Path, code: &str, force: bool, tick: f64) -> (f64, usize) {
+        let (scene, options) = crate::load("mirror-sphere").unwrap();
+        let request = Request {
+            scene,
+            options: options.with_size([8, 8]),
+            backend: Backend::cpu(),
+            plan: Plan { techniques: vec![Technique::ImageSpace], photons: vec![16], seeds: 1, ..Plan::default() },
+            estimator: Estimator::Points,
+            mask: None,
+            folder: folder.into(),
+            code: code.into(),
+            force,
+            command: "a test".into(),
+        };
+        let ticks = AtomicU32::new(0);
+        let clock = || tick * f64::from(ticks.fetch_add(1, Ordering::Relaxed));
+        let criterion = StoppingCriterion::new(0.5);
+        let rows = blocking::wait(None, compare(&request, &criterion, &clock, &NoProgress)).unwrap().rows;
+        let names = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().file_name());
+        let references = names.filter(|name| name.to_string_lossy().starts_with("reference-")).count();
+        (rows[0].seconds, references)
+    }
+
+    #[test]
+    fn pictures_of_other_code_are_rendered_again() {
+        let folder = tempfile::tempdir().unwrap();
+        let compared = |code, force, tick| seconds_of_picture(folder.path(), code, force, tick);
+        let (first, references) = compared("this code", false, 1.0);
+        assert!(first > 0.0 && references == 1);
+        assert_eq!(compared("this code", false, 1000.0), (first, 1), "what is there is used again");
+        let (forced, references) = compared("this code", true, 1000.0);
+        assert!(forced >= 1000.0 && references == 1, "{forced}: rendered all the same, beside the same reference");
+        let (other, references) = compared("other code", false, 1e6);
+        assert!(other >= 1e6 && references == 2, "{other}: other code, other pictures, and a reference of its own");
+    }
 }

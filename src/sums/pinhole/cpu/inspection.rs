@@ -61,11 +61,11 @@ mod tests {
     use glam::Vec4;
 
     use super::*;
-    use crate::NoProgress;
     use crate::differential::differentials;
     use crate::environment::CubeMap;
     use crate::pinhole::{Filter, Footprint, cpu, pinholes};
     use crate::sampling::{Options, Strategy, Surface, sample};
+    use pinspot_base::NoProgress;
 
     #[test]
     fn contributions_add_up_to_the_sum() {

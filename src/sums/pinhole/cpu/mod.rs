@@ -439,7 +439,7 @@ mod tests {
         };
         let pinholes = Pinholes::from(vec![sample.into()]);
         let receivers = Receivers::from_points(&[(Vec3::ZERO, Vec3::Y, 0)], 1);
-        let sums = |params: Params| gather(&receivers, &pinholes, &cube, &params, &crate::NoProgress);
+        let sums = |params: Params| gather(&receivers, &pinholes, &cube, &params, &pinspot_base::NoProgress);
         assert_eq!(sums(Params { filter: Filter::Hardware, ..Params::default() }), Err(HardwareFilterError));
         let one_tap = sums(Params { taps: 1, ..Params::default() }).unwrap();
         assert!(one_tap[0][0] > 0.1, "{one_tap:?}");

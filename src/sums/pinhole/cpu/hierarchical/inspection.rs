@@ -81,7 +81,7 @@ mod tests {
         let tree = CellTree::new(&surface, &set, &TreeOptions { leaves: 16, seed: 1 });
         let mut pinholes = PinholeTree::new(&scene, tree);
         let tracer = std::sync::Arc::new(crate::tracing::Tracer::new(&scene));
-        pinholes.trace_visibility_and_doubts(&scene, tracer, &crate::NoProgress);
+        pinholes.trace_visibility_and_doubts(&scene, tracer, &pinspot_base::NoProgress);
         let cube = CubeMap::from_radiance(64, None, |d| Vec3::new(1.0 + d.x, 1.5 + d.y, 2.0 - d.z));
         let bounds = LightBounds::new(&cube);
         let light = Light::Environment { cube: &cube, bounds: &bounds };
@@ -91,7 +91,7 @@ mod tests {
             let accuracy = Accuracy { error, split_near: true };
             let cells = cells_taken(receiver, &pinholes, light, &params, accuracy);
             let receivers = Receivers::from_points(&[receiver], 1);
-            let sums = gather_hierarchical(&receivers, &pinholes, light, &params, accuracy, &crate::NoProgress);
+            let sums = gather_hierarchical(&receivers, &pinholes, light, &params, accuracy, &pinspot_base::NoProgress);
             let sum: Vec3 = cells.iter().map(|cell| cell.irradiance).sum();
             assert!(sum.abs_diff_eq(Vec4::from(sums[0]).truncate(), 2.0 * error + 1e-5), "{sum} {:?}", sums[0]);
             cells.len()
