@@ -45,11 +45,18 @@
 //!
 //! Metres, radians, W/(m²·sr), W/m². Right-handed, Y up, linear Rec.709.
 
+// The command is written as any other program that uses the library.
+#[cfg(feature = "cli")]
+extern crate self as pinspot;
+
 mod backend;
 #[cfg(feature = "blocking")]
 pub mod blocking;
 mod brdf;
 mod cell_tree;
+#[cfg(feature = "cli")]
+#[doc(hidden)]
+pub mod cli;
 #[cfg(feature = "gpu")]
 mod conformance;
 mod differential;

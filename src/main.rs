@@ -1,9 +1,9 @@
-//! The `pinspot` command: parse, call the library, write.
-
-mod cli;
+//! The `pinspot` command.
 
 use std::process::ExitCode;
 
+use pinspot::cli::{Console, run};
+
 fn main() -> ExitCode {
-    cli::run()
+    ExitCode::from(run(std::env::args_os(), &Console::of_process()))
 }
