@@ -45,6 +45,13 @@
 //!
 //! Metres, radians, W/(m²·sr), W/m². Right-handed, Y up, linear Rec.709.
 
+// The command is written as any other program that uses the library.
+#[cfg(feature = "cli")]
+extern crate self as pinspot;
+
+#[cfg(feature = "cli")]
+#[doc(hidden)]
+pub mod cli;
 pub mod low_level;
 #[cfg(feature = "view")]
 mod viewer;

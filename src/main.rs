@@ -1,13 +1,14 @@
-//! The `pinspot` command: parse, call the library, write.
+//! The `pinspot` command.
 
-mod cli;
 #[cfg(all(feature = "gpu", unix, not(target_vendor = "apple")))]
 mod wayland;
 
 use std::process::ExitCode;
 
+use pinspot::cli::{Console, run};
+
 fn main() -> ExitCode {
     #[cfg(all(feature = "gpu", unix, not(target_vendor = "apple")))]
     wayland::settle();
-    cli::run()
+    ExitCode::from(run(std::env::args_os(), &Console::of_process()))
 }

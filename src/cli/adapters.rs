@@ -6,6 +6,8 @@ use pinspot::blocking::wait;
 use pinspot::low_level::gpu::{Adapter, Gpu, adapters};
 use pinspot::low_level::pinhole::gpu::check_hardware_filter;
 
+use super::console::{Console, Failure};
+
 #[derive(Debug, Args)]
 pub struct AdaptersArgs {
     /// Print JSON on stdout
@@ -23,18 +25,18 @@ struct Entry {
     hardware_filter_right: Option<bool>,
 }
 
-pub fn run(args: &AdaptersArgs) -> Result<(), String> {
+pub fn run(args: &AdaptersArgs, console: &Console) -> Result<(), Failure> {
     let entries: Vec<Entry> = wait(None, adapters()).into_iter().enumerate().map(examine).collect();
     if args.json {
-        return super::print_json(&entries);
+        return console.print_json(&entries);
     }
     if entries.is_empty() {
-        return super::print(
+        return console.print(
             "no GPU adapter found: Pinspot renders on the CPU back end\n\
              (a software one on Debian: apt-get install libvulkan1 mesa-vulkan-drivers)",
         );
     }
-    entries.iter().try_for_each(|entry| super::print(&describe(entry)))
+    entries.iter().try_for_each(|entry| console.print(&describe(entry)))
 }
 
 fn examine((index, adapter): (usize, Adapter)) -> Entry {

@@ -1,5 +1,6 @@
 //! `pinspot compare`.
 
+use std::ffi::OsString;
 use std::path::PathBuf;
 
 use clap::Args;
@@ -11,10 +12,10 @@ use pinspot::{
     Density, EvaluationChoice, Filter, FilterChoice, Footprint, Mode, Options, Quality, Settings, Strategy, Technique,
 };
 
+use super::console::{Console, Failure};
 use super::errors::message;
 use super::options::{SceneOptions, parse_positive, word};
 use super::output::check_writable;
-use super::progress::Watch;
 use super::render::open;
 
 #[derive(Debug, Args)]
@@ -97,7 +98,7 @@ fn figure(text: &str) -> Result<Figure, String> {
     }
 }
 
-pub fn run(args: &CompareArgs) -> Result<(), String> {
+pub fn run(args: &CompareArgs, words: &[OsString], console: &Console) -> Result<(), Failure> {
     if args.output.is_dir() {
         let reports = ["report.html", "report.json", "report.csv"];
         reports.iter().try_for_each(|name| check_writable(&args.output.join(name)))?;
@@ -105,18 +106,18 @@ pub fn run(args: &CompareArgs) -> Result<(), String> {
     let over = Settings { seed: args.seed, ..args.options.settings() };
     let (scene, mut options) = args.options.load(&args.scene, Quality::default(), over)?;
     let plan = plan(args, &mut options);
-    let watch = Watch::new(args.quiet);
+    let watch = console.watch(args.quiet);
     let request = Request {
         scene,
         options,
-        backend: open(&args.options.backend(), &watch).map_err(|e| message(&e))?,
+        backend: open(&args.options.backend()?, &watch).map_err(|e| message(&e))?,
         plan,
         estimator: args.estimator.unwrap_or_default(),
         mask: args.mask.clone(),
         folder: args.output.clone(),
         code: pinspot::code_id().into(),
         force: args.force,
-        command: command_line(),
+        command: in_one_line(words),
     };
     let clock = || watch.elapsed();
     let seconds_left = || args.seconds.map_or(f64::INFINITY, |most| most - clock());
@@ -125,25 +126,25 @@ pub fn run(args: &CompareArgs) -> Result<(), String> {
     watch.finish();
     let comparison = compared.map_err(|e| message(&e))?;
     comparison.write(&args.output).map_err(|e| message(&e))?;
-    comparison.warnings.iter().for_each(|warning| super::warn(warning));
+    comparison.warnings.iter().for_each(|warning| console.warn(warning));
     if comparison.reference.rel_error > args.rel_error && request.estimator == Estimator::Points {
-        super::warn(&format!(
+        console.warn(&format!(
             "the reference's time was up at a relative standard error of {:.4}; the same command goes on from here",
             comparison.reference.rel_error
         ));
     }
     if args.json {
-        super::print_json(&comparison)
+        console.print_json(&comparison)
     } else if args.quiet {
         Ok(())
     } else {
-        super::print(&summary(args, &comparison))
+        console.print(&summary(args, &comparison))
     }
 }
 
 /// The command line as given; bytes that are not Unicode become �.
-fn command_line() -> String {
-    std::env::args_os().map(|argument| argument.to_string_lossy().into_owned()).collect::<Vec<_>>().join(" ")
+fn in_one_line(words: &[OsString]) -> String {
+    words.iter().map(|word| word.to_string_lossy()).collect::<Vec<_>>().join(" ")
 }
 
 fn plan(args: &CompareArgs, options: &mut Options) -> Plan {

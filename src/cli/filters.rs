@@ -10,8 +10,8 @@ use pinspot::low_level::conformance::{Conformance, Device, FilterResult, PATTERN
 use pinspot::low_level::gpu::{Gpu, adapters};
 use pinspot::{Filter, Progress, Stage};
 
+use super::console::{Console, Failure};
 use super::errors::message;
-use super::progress::Watch;
 
 #[derive(Debug, Args)]
 pub struct FiltersArgs {
@@ -29,7 +29,7 @@ pub struct FiltersArgs {
     quiet: bool,
 }
 
-pub fn run(args: &FiltersArgs) -> Result<(), String> {
+pub fn run(args: &FiltersArgs, console: &Console) -> Result<(), Failure> {
     if let Some(folder) = &args.output {
         std::fs::create_dir_all(folder).map_err(|e| format!("cannot create the folder '{}': {e}", folder.display()))?;
     }
@@ -39,7 +39,7 @@ pub fn run(args: &FiltersArgs) -> Result<(), String> {
     };
     let cpu = args.adapter.is_none().then_some(Device::Cpu);
     let devices: Vec<Device> = cpu.into_iter().chain(gpus.iter().map(Device::Gpu)).collect();
-    let bar = Watch::new(args.quiet);
+    let bar = console.watch(args.quiet);
     let mut all = Vec::new();
     for (k, device) in devices.into_iter().enumerate() {
         bar.begin(Stage::Filters, (device.filters().len() * PATTERNS.len()) as u64);
@@ -58,9 +58,9 @@ pub fn run(args: &FiltersArgs) -> Result<(), String> {
         write_atomically(&folder.join("filters.json"), |out| write(out)).map_err(|e| e.to_string())?;
     }
     match (args.json, args.quiet) {
-        (true, _) => super::print_json(&all),
+        (true, _) => console.print_json(&all),
         (false, true) => Ok(()),
-        (false, false) => all.iter().try_for_each(|conformance| super::print(&table(conformance))),
+        (false, false) => all.iter().try_for_each(|conformance| console.print(&table(conformance))),
     }
 }
 

@@ -4,6 +4,7 @@
 mod adapters;
 #[cfg(feature = "report")]
 mod compare;
+mod console;
 #[cfg(all(test, feature = "report", feature = "view"))]
 mod documents;
 mod errors;
@@ -19,9 +20,12 @@ mod scenes;
 #[cfg(feature = "view")]
 mod view;
 
-use std::process::ExitCode;
+use std::ffi::OsString;
 
 use clap::{Parser, Subcommand};
+
+pub use console::Console;
+use console::Failure;
 
 /// Renders caustics from natural light: each sample of a mirror projects the environment onto the surfaces it faces
 #[derive(Debug, Parser)]
@@ -55,62 +59,31 @@ enum Command {
     Scenes(scenes::ScenesArgs),
 }
 
-/// Parses the command line and runs it. Exit codes: 0 for success, 1 for an error with one line on stderr, 2 for a
-/// wrong command line.
-pub fn run() -> ExitCode {
-    let result = match Cli::parse().command {
-        Command::Render(args) => render::run(&args),
+/// Parses a command line, the first of whose words is the name of the program, runs it, and returns the exit code: 0 for success, 1 for
+/// an error with one line on stderr, 2 for a wrong command line.
+pub fn run(command_line: impl IntoIterator<Item = OsString>, console: &Console) -> u8 {
+    let words: Vec<OsString> = command_line.into_iter().collect();
+    let parsed = Cli::try_parse_from(&words).map_err(Failure::from);
+    match parsed.and_then(|cli| execute(&cli.command, &words, console)) {
+        Ok(()) => 0,
+        Err(failure) => console.report(&failure),
+    }
+}
+
+#[cfg_attr(not(feature = "report"), expect(unused_variables, reason = "reports hold the command line"))]
+fn execute(command: &Command, words: &[OsString], console: &Console) -> Result<(), Failure> {
+    match command {
+        Command::Render(args) => render::run(args, console),
         #[cfg(feature = "view")]
-        Command::View(args) => view::run(&args),
-        Command::Reference(args) => reference::run(&args),
+        Command::View(args) => view::run(args),
+        Command::Reference(args) => reference::run(args, console),
         #[cfg(feature = "report")]
-        Command::Compare(args) => compare::run(&args),
-        Command::Samples(args) => samples::run(&args),
+        Command::Compare(args) => compare::run(args, words, console),
+        Command::Samples(args) => samples::run(args, console),
         #[cfg(feature = "gpu")]
-        Command::Filters(args) => filters::run(&args),
+        Command::Filters(args) => filters::run(args, console),
         #[cfg(feature = "gpu")]
-        Command::Adapters(args) => adapters::run(&args),
-        Command::Scenes(args) => scenes::run(&args),
-    };
-    match result {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(message) => {
-            to_stderr(&format!("pinspot: error: {}", printable(&message)));
-            ExitCode::FAILURE
-        }
+        Command::Adapters(args) => adapters::run(args, console),
+        Command::Scenes(args) => scenes::run(args, console),
     }
-}
-
-/// Prints to stdout. A closed pipe is not an error.
-fn print(text: &str) -> Result<(), String> {
-    use std::io::Write;
-    match writeln!(std::io::stdout(), "{text}") {
-        Err(e) if e.kind() != std::io::ErrorKind::BrokenPipe => Err(format!("cannot write to standard output: {e}")),
-        _ => Ok(()),
-    }
-}
-
-fn print_json(value: &impl serde::Serialize) -> Result<(), String> {
-    print(&serde_json::to_string_pretty(value).map_err(|e| e.to_string())?)
-}
-
-/// Prints a line to stderr. If that fails, there is nowhere left to report it.
-fn to_stderr(line: &str) {
-    use std::io::Write;
-    let _ = writeln!(std::io::stderr(), "{line}");
-}
-
-/// Prints a warning to stderr.
-fn warn(warning: &str) {
-    to_stderr(&format!("pinspot: warning: {}", printable(warning)));
-}
-
-/// One line without control characters, which names in files may contain.
-fn printable(text: &str) -> String {
-    let escaped = |c: char| match c {
-        '\n' => vec![' '],
-        c if c.is_control() => c.escape_default().collect(),
-        c => vec![c],
-    };
-    text.chars().flat_map(escaped).collect()
 }

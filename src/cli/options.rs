@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use clap::Args;
+use clap::error::ErrorKind;
 use serde::de::DeserializeOwned;
 use serde::de::value::{Error as WordError, StrDeserializer};
 
@@ -13,6 +14,7 @@ use pinspot::{
     MapView, Mode, OptionError, Options, Overlay, Quality, Settings, Strategy, Technique, Traversal,
 };
 
+use super::console::{Console, Failure};
 use super::errors::{message, option_message};
 
 /// Sampling options.
@@ -223,15 +225,14 @@ impl CommonOptions {
     }
 
     /// Loads a scene, overriding its options by these.
-    pub fn load(&self, scene: &str) -> Result<(Scene, Options), String> {
+    pub fn load(&self, scene: &str, console: &Console) -> Result<(Scene, Options), Failure> {
         let (scene, mut options) = self.scene.load(scene, self.quality.unwrap_or_default(), self.settings())?;
         options.overlay = self.overlay.unwrap_or_default();
         options.plain_diffuse = self.plain_diffuse;
         for option in self.without_effect(options.technique) {
             let name = options.technique.name();
-            super::warn(&format!(
-                "{option} changes nothing: it is not an option of the technique {name} (--technique)"
-            ));
+            console
+                .warn(&format!("{option} changes nothing: it is not an option of the technique {name} (--technique)"));
         }
         Ok((scene, options))
     }
@@ -284,7 +285,7 @@ impl SceneOptions {
     }
 
     /// Loads a scene at a quality, overriding its settings by others.
-    pub fn load(&self, scene: &str, quality: Quality, over: Settings) -> Result<(Scene, Options), String> {
+    pub fn load(&self, scene: &str, quality: Quality, over: Settings) -> Result<(Scene, Options), Failure> {
         let loaded = load::<Settings>(scene).map_err(|e| message(&e.into()))?;
         // Errors in the file are reported with file and line, not as errors of the command line.
         let check = loaded.render.clone().options();
@@ -299,36 +300,34 @@ impl SceneOptions {
         Ok((scene, options))
     }
 
-    /// The requested back end. Contradicting options end the program as a wrong command line.
-    pub fn backend(&self) -> BackendChoice {
+    /// The requested back end. Contradicting options are a wrong command line.
+    pub fn backend(&self) -> Result<BackendChoice, Failure> {
         backend_choice(self.backend.as_deref(), self.adapter.as_deref())
     }
 }
 
-/// The back end that `--backend` and `--adapter` ask for. Contradicting options end the program as a wrong command line.
-pub(super) fn backend_choice(backend: Option<&str>, adapter: Option<&str>) -> BackendChoice {
-    match (backend.unwrap_or("auto"), adapter) {
+/// The back end that `--backend` and `--adapter` ask for. Contradicting options are a wrong command line.
+pub(super) fn backend_choice(backend: Option<&str>, adapter: Option<&str>) -> Result<BackendChoice, Failure> {
+    Ok(match (backend.unwrap_or("auto"), adapter) {
         ("cpu", None) => BackendChoice::Cpu,
         ("cpu", Some(_)) => {
-            let message = "--adapter names a GPU, but --backend is cpu; drop one of them\n";
-            clap::Error::raw(clap::error::ErrorKind::ArgumentConflict, message).exit()
+            let message = "--adapter names a GPU, but --backend is cpu; drop one of them";
+            return Err(Failure::command_line(ErrorKind::ArgumentConflict, message));
         }
         #[cfg(feature = "gpu")]
         ("gpu", name) | ("auto", name @ Some(_)) => BackendChoice::Gpu(name.map(str::to_owned)),
         #[cfg(not(feature = "gpu"))]
         ("gpu", _) | (_, Some(_)) => {
-            let message = "this program was built without the feature 'gpu'; give --backend cpu\n";
-            clap::Error::raw(clap::error::ErrorKind::InvalidValue, message).exit()
+            let message = "this program was built without the feature 'gpu'; give --backend cpu";
+            return Err(Failure::command_line(ErrorKind::InvalidValue, message));
         }
         _ => BackendChoice::Auto,
-    }
+    })
 }
 
-/// Ends the program as for a wrong command line: the scene's own options have been found valid, so the flags are to
-/// blame.
-fn wrong_option(error: &OptionError) -> String {
-    let message = format!("{}\n", option_message(error));
-    clap::Error::raw(clap::error::ErrorKind::InvalidValue, message).exit()
+/// A wrong command line: the scene's own options have been found valid, so the flags are to blame.
+fn wrong_option(error: &OptionError) -> Failure {
+    Failure::command_line(ErrorKind::InvalidValue, &option_message(error))
 }
 
 impl EnvironmentOptions {

@@ -1,6 +1,5 @@
 //! The progress bar on a terminal's stderr, and the time that each stage takes. This is the only clock of a render.
 
-use std::io::IsTerminal;
 use std::sync::Mutex;
 use std::time::{Duration, Instant};
 
@@ -8,7 +7,7 @@ use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use pinspot::{Progress, Stage};
 use serde::ser::{Serialize, SerializeMap, Serializer};
 
-/// A stopwatch, and a progress bar unless stderr is not a terminal or the user wants quiet.
+/// A stopwatch, and a progress bar if it is shown.
 pub struct Watch {
     started: Instant,
     state: Mutex<State>,
@@ -46,11 +45,11 @@ impl Serialize for Seconds {
 }
 
 impl Watch {
-    pub fn new(quiet: bool) -> Self {
-        let bar = if quiet || !std::io::stderr().is_terminal() {
-            ProgressBar::hidden()
-        } else {
+    pub fn new(is_shown: bool) -> Self {
+        let bar = if is_shown {
             ProgressBar::with_draw_target(Some(1), ProgressDrawTarget::stderr())
+        } else {
+            ProgressBar::hidden()
         };
         let style = ProgressStyle::with_template("{msg:24} [{bar:32}] {percent:>3} %  {elapsed} (left: {eta})");
         bar.set_style(style.expect("the template is valid").progress_chars("=> "));

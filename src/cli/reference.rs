@@ -12,6 +12,7 @@ use pinspot::reference::{
 use pinspot::scene::{Chain, Chains, Loaded, Scene, Visibility, load};
 use pinspot::{Error, Settings};
 
+use super::console::{Console, Failure};
 use super::errors::message;
 use super::options::{EnvironmentOptions, parse_positive, parse_size, parse_switch, word};
 use super::output::check_output;
@@ -84,13 +85,13 @@ struct Report<'a> {
     warnings: Vec<String>,
 }
 
-pub fn run(args: &ReferenceArgs) -> Result<(), String> {
+pub fn run(args: &ReferenceArgs, console: &Console) -> Result<(), Failure> {
     check_output(&args.output, &["exr"])?;
     let Loaded { mut scene, render, .. } = load::<Settings>(&args.scene).map_err(|e| message(&e.into()))?;
     args.environment.apply(&mut scene)?;
     let options = options(args, &render)?;
     let name = scene.name.clone();
-    let watch = Watch::new(args.quiet);
+    let watch = console.watch(args.quiet);
     let solved = solve(args, scene, &options, &watch);
     watch.finish();
     let (stored, mut warnings) = solved.map_err(|e| with_remedy(&e))?;
@@ -107,14 +108,14 @@ pub fn run(args: &ReferenceArgs) -> Result<(), String> {
         ));
     }
     for warning in &warnings {
-        super::warn(warning);
+        console.warn(warning);
     }
     if args.json {
         let Stored { estimate, seconds } = stored;
         let statistics = estimate.statistics;
-        super::print_json(&Report { scene: &name, options: &options, rel_error, statistics, seconds, warnings })?;
+        console.print_json(&Report { scene: &name, options: &options, rel_error, statistics, seconds, warnings })?;
     } else if !args.quiet {
-        super::to_stderr(&summary(args, &stored));
+        console.say(&summary(args, &stored));
     }
     Ok(())
 }

@@ -14,6 +14,7 @@ use pinspot::{
 };
 use serde::Serialize;
 
+use super::console::{Console, Failure};
 use super::errors::message;
 use super::options::{CommonOptions, parse_positive};
 use super::output::{check_extension, check_output, check_writable, extension};
@@ -58,29 +59,29 @@ struct JsonReport<'a, R> {
     seconds: &'a Seconds,
 }
 
-pub fn run(args: &RenderArgs) -> Result<(), String> {
+pub fn run(args: &RenderArgs, console: &Console) -> Result<(), Failure> {
     // Anything that is sure to fail is reported before the long work.
     let sequence = args.frames.clone().map(|frames| sequence(args, frames)).transpose()?;
     if sequence.is_none() {
         args.output.iter().try_for_each(|path| check_output(path, &["png", "exr"]))?;
     }
-    let choice = args.options.scene.backend();
-    let (scene, options) = args.options.load(&args.scene)?;
+    let choice = args.options.scene.backend()?;
+    let (scene, options) = args.options.load(&args.scene, console)?;
     check_uses(args, &options)?;
-    let watch = Watch::new(args.quiet);
+    let watch = console.watch(args.quiet);
     if let Some(sequence) = sequence {
-        return render_sequence(args, &sequence, (scene, options), &choice, &watch);
+        return render_sequence(args, &sequence, (scene, options), &choice, &watch, console);
     }
     let display = options.display;
     let rendered = render(args, scene, options, &choice, &watch);
     watch.finish();
     let rendered = rendered?;
-    rendered.report.warnings.iter().for_each(|warning| super::warn(warning));
+    rendered.report.warnings.iter().for_each(|warning| console.warn(warning));
     let seconds = watch.seconds();
     if args.json {
-        super::print_json(&JsonReport { report: &rendered.report, seconds: &seconds })?;
+        console.print_json(&JsonReport { report: &rendered.report, seconds: &seconds })?;
     } else if !args.quiet {
-        super::to_stderr(&summary(&rendered.report, display.exposure == Exposure::Auto, &seconds, &args.output));
+        console.say(&summary(&rendered.report, display.exposure == Exposure::Auto, &seconds, &args.output));
     }
     Ok(())
 }
@@ -102,21 +103,22 @@ fn render_sequence(
     (scene, options): (Scene, Options),
     choice: &BackendChoice,
     watch: &Watch,
-) -> Result<(), String> {
+    console: &Console,
+) -> Result<(), Failure> {
     let backend = open(choice, watch).map_err(|e| message(&e))?;
     let code = pinspot::code_id();
     let rendered = wait(backend.device(), sequence.render(scene, options, &backend, code, watch, &mut |_| ()));
     watch.finish();
     let report = rendered.map_err(|e| message(&e))?;
-    report.warnings.iter().for_each(|warning| super::warn(warning));
+    report.warnings.iter().for_each(|warning| console.warn(warning));
     let seconds = watch.seconds();
     if args.json {
-        super::print_json(&JsonReport { report: &report, seconds: &seconds })?;
+        console.print_json(&JsonReport { report: &report, seconds: &seconds })?;
     } else if !args.quiet {
         let files: Vec<String> = args.output.iter().map(|p| p.display().to_string()).collect();
         let SequenceReport { rendered, kept, .. } = report;
         let kept = if kept > 0 { format!(", {kept} were there already") } else { String::new() };
-        super::to_stderr(&format!(
+        console.say(&format!(
             "{}: {rendered} frames rendered{kept}, on {}: {:.1} s",
             files.join(", "),
             backend.report(),

@@ -18,10 +18,10 @@ use pinspot::report::spectrum_picture;
 use pinspot::scene::load;
 use pinspot::{Density, Settings, Stage, Strategy, place_samples};
 
+use super::console::{Console, Failure};
 use super::errors::{message, option_message};
 use super::options::SamplingOptions;
 use super::output::check_output;
-use super::progress::Watch;
 
 #[derive(Debug, Args)]
 pub struct SamplesArgs {
@@ -79,7 +79,7 @@ struct Figures {
     spectrum: Option<Spectrum>,
 }
 
-pub fn run(args: &SamplesArgs) -> Result<(), String> {
+pub fn run(args: &SamplesArgs, console: &Console) -> Result<(), Failure> {
     check_output(&args.output, &["ply"])?;
     if let Some(path) = args.spectrum() {
         check_output(path, &["png"])?;
@@ -93,15 +93,15 @@ pub fn run(args: &SamplesArgs) -> Result<(), String> {
         ..Default::default()
     };
     let render = loaded.render.overridden_by(over).options().map_err(|e| option_message(&e))?;
-    loaded.scene.notes.iter().for_each(|note| super::warn(note));
+    loaded.scene.notes.iter().for_each(|note| console.warn(note));
     let surface = Surface::of_scene(&loaded.scene);
     let parameterization = Parameterization::of(&surface);
     if args.spectrum().is_some() && parameterization.is_none() {
         let message =
             "--spectrum needs reflectors that unroll into a rectangle: one flat rectangle or one whole cylinder";
-        return Err(format!("{}: {message}", loaded.scene.name));
+        return Err(format!("{}: {message}", loaded.scene.name).into());
     }
-    let bar = Watch::new(args.quiet);
+    let bar = console.watch(args.quiet);
     bar.begin(Stage::Points, 3);
     let options = Options { samples: render.samples, strategy: render.strategy, seed: render.seed };
     let set = place_samples(&loaded.scene, &render).map_err(|e| message(&e))?;
@@ -122,9 +122,9 @@ pub fn run(args: &SamplesArgs) -> Result<(), String> {
     }
     let figures = figures(args, &options, render.density, &set, &surface, samples.len(), spectrum);
     match (args.json, args.quiet) {
-        (true, _) => super::print_json(&figures),
+        (true, _) => console.print_json(&figures),
         (false, true) => Ok(()),
-        (false, false) => super::print(&describe(&figures)),
+        (false, false) => console.print(&describe(&figures)),
     }
 }
 

@@ -6,6 +6,8 @@ use clap::Args;
 
 use pinspot::ViewError;
 
+use super::console::Failure;
+
 #[derive(Debug, Args)]
 pub struct ViewArgs {
     /// A scene file (.toml), or the name of a built-in scene (see `pinspot scenes`) [default: ring-natural]
@@ -21,12 +23,12 @@ pub struct ViewArgs {
     adapter: Option<String>,
 }
 
-pub fn run(args: &ViewArgs) -> Result<(), String> {
-    let choice = super::options::backend_choice(args.backend.as_deref(), args.adapter.as_deref());
+pub fn run(args: &ViewArgs) -> Result<(), Failure> {
+    let choice = super::options::backend_choice(args.backend.as_deref(), args.adapter.as_deref())?;
     if let Some(path) = &args.screenshot {
         super::output::check_output(path, &["png"])?;
     }
-    pinspot::view(args.scene.as_deref(), choice, args.screenshot.clone()).map_err(|error| with_remedy(&error))
+    pinspot::view(args.scene.as_deref(), choice, args.screenshot.clone()).map_err(|error| with_remedy(&error).into())
 }
 
 fn with_remedy(error: &ViewError) -> String {

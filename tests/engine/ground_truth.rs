@@ -6,10 +6,11 @@ use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 
 use glam::{DVec3, Vec3};
 use pinspot::NoProgress;
-use pinspot::Settings;
 use pinspot::reference::{Density, Estimate, Options, Quantity, Reference, StoppingCriterion};
-use pinspot::scene::{BUILT_IN, Chain, Light, Scene, Visibility, load, parse};
+use pinspot::scene::{BUILT_IN, Chain, Light, Scene, Visibility, parse};
 use statrs::distribution::{ContinuousCDF, StudentsT};
+
+use crate::support::{is_telling, prepared};
 
 fn solve(scene: Scene, options: Options, goal: StoppingCriterion) -> Estimate {
     Reference::new(scene, options).unwrap().solve(&goal, None, &NoProgress, &mut |_| Ok(())).unwrap()
@@ -189,11 +190,22 @@ fn direct_light() {
     assert_close(direct(spot, "", Visibility::None), expected, "spot");
 }
 
-/// Every built-in scene, with and without visibility in turn: importance sampling and brute force agree on every lit pixel.
 #[test]
 fn importance_sampling_agrees_with_brute_force() {
-    for (built_in, visibility) in BUILT_IN.iter().zip([Visibility::Full, Visibility::None].into_iter().cycle()) {
-        let scene = || with_findable_light(load::<Settings>(built_in.name).unwrap().scene);
+    brute_force_agrees(is_telling);
+}
+
+#[test]
+#[ignore = "full: all other scenes"]
+fn importance_sampling_agrees_with_brute_force_in_all_other_scenes() {
+    brute_force_agrees(|name| !is_telling(name));
+}
+
+/// With and without visibility in turn, importance sampling and brute force agree on every lit pixel.
+fn brute_force_agrees(is_asked_for: fn(&str) -> bool) {
+    let scenes = BUILT_IN.iter().zip([Visibility::Full, Visibility::None].into_iter().cycle());
+    for (built_in, visibility) in scenes.filter(|(scene, _)| is_asked_for(scene.name)) {
+        let scene = || with_findable_light(prepared(built_in.name).scene.clone());
         // Where a mirror comes close to what it lights, uniform points have no variance (∫ 1/l⁴ dA), so 1/l² is left to
         // the closed forms.
         let options = Options { size: [7, 5], visibility, attenuation: false, ..Default::default() };
@@ -293,7 +305,7 @@ fn compare(what: &str, fine: &Estimate, brute: &Estimate) {
 /// A small picture with occlusion, by a seed, in a light that is found so easily that the spread of replicates is that of a
 /// normal distribution.
 fn small(seed: u64) -> Reference {
-    let mut scene = load::<Settings>("ring-natural").unwrap().scene;
+    let mut scene = prepared("ring-natural").scene.clone();
     scene.environment.light = Light::Constant(Vec3::ONE);
     Reference::new(scene, Options { size: [12, 8], seed, ..Default::default() }).unwrap()
 }
@@ -392,7 +404,7 @@ fn passes_that_follow_from_earlier_ones_are_unbiased() {
 
 #[test]
 fn checkpoints_come_while_a_pass_goes_on_and_hold_what_is_known() {
-    let scene = load::<Settings>("mirror-sphere").unwrap().scene;
+    let scene = prepared("mirror-sphere").scene.clone();
     let reference = Reference::new(scene, Options { size: [128, 96], ..Default::default() }).unwrap();
     let mut coverages = Vec::new();
     let criterion = StoppingCriterion::new(1.0);

@@ -33,7 +33,7 @@ fn the_readmes_pictures_are_what_its_commands_render() {
         let (scene, rest) = command;
         let (command, _) = rest.split_once('`').unwrap();
         let (file, size) = command.split_once(' ').map_or((command, None), |(file, size)| (file, Some(size)));
-        // An animation takes minutes; `tests/cli.rs` records smaller ones.
+        // An animation takes minutes; `tests/cli` records smaller ones.
         if std::path::Path::new(file).extension().is_some_and(|extension| extension == "apng") {
             continue;
         }

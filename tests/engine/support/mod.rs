@@ -1,5 +1,7 @@
 //! What the tests share: both back ends behind one function, and surfaces without a scene file.
 
+mod prepared;
+
 use std::sync::{Arc, Mutex, OnceLock};
 
 use glam::{DVec3, Vec3};
@@ -12,8 +14,10 @@ use pinspot::low_level::pinhole::gpu::{Engine, EnvironmentCube, FrameInputs, Fra
 use pinspot::low_level::pinhole::{Params, Pinholes, Receivers, cpu, pinholes};
 use pinspot::low_level::sampling::{self, Surface, sample};
 use pinspot::reference::{self, Quantity, Reference, StoppingCriterion};
-use pinspot::scene::{BUILT_IN, Scene, Visibility, load, parse};
-use pinspot::{Backend, BackendChoice, Error, EvaluationChoice, Footprint, NoProgress, Rendered, Settings, Strategy};
+use pinspot::scene::{BUILT_IN, Scene, Visibility, parse};
+use pinspot::{Backend, BackendChoice, Error, EvaluationChoice, Footprint, NoProgress, Rendered, Strategy};
+
+pub use prepared::{Kept, PreparedLight, PreparedScene, prepared, with_engine};
 
 const NEEDS_ADAPTER: &str = "GPU tests need an adapter; run them by tests/run";
 
@@ -33,7 +37,16 @@ pub fn gpu_backend() -> Backend {
 /// The names of the built-in scenes without a medium: for the others back ends are compared in `media_gpu.rs`, as their shaders take long to
 /// compile.
 pub fn clear_scenes() -> impl Iterator<Item = &'static str> {
-    BUILT_IN.iter().map(|scene| scene.name).filter(|name| load::<Settings>(name).unwrap().scene.medium.is_none())
+    BUILT_IN.iter().map(|scene| scene.name).filter(|name| prepared(name).scene.medium.is_none())
+}
+
+/// One scene for each kind of light and surface: a map, on a mirror that is seen from one side; a mirror that lights itself; an interface;
+/// emitters and lamps that are near; rough mirrors; a medium. The quick run looks at these, the full run at all others, too.
+const TELLING: [&str; 7] = ["ring-natural", "cup", "pool", "dance-floor", "gloss", "candle", "haze"];
+
+/// Whether the quick run looks at a scene.
+pub fn is_telling(name: &str) -> bool {
+    TELLING.contains(&name)
 }
 
 /// A scene from the text of its objects; the light and the camera are of no importance.
@@ -189,7 +202,8 @@ pub fn new_engine(scene: Scene, options: pinspot::Options, choice: &BackendChoic
 
 /// A built-in scene's caustic by 1,000 samples, one by one, on the CPU, or whatever `change` asks for.
 pub fn rendered(name: &str, size: u32, change: impl FnOnce(&mut pinspot::Options)) -> Image {
-    let (scene, mut options) = pinspot::load(name).unwrap();
+    let PreparedScene { scene, options, .. } = &*prepared(name);
+    let (scene, mut options) = (scene.clone(), options.clone());
     options.size = [size; 2];
     options.samples = 1000;
     options.aovs = vec![Aov::Caustic];
@@ -198,12 +212,16 @@ pub fn rendered(name: &str, size: u32, change: impl FnOnce(&mut pinspot::Options
     render(scene, options, &BackendChoice::Cpu).unwrap().layers.remove(0).1
 }
 
-/// The ground truth of a built-in scene.
-pub fn truth(name: &str, quantity: Quantity, visibility: Visibility, size: u32, rel_error: f64) -> Image {
-    let scene = load::<Settings>(name).unwrap().scene;
-    let options = reference::Options { size: [size; 2], quantity, visibility, ..Default::default() };
-    let goal = StoppingCriterion::new(rel_error);
-    Reference::new(scene, options).unwrap().solve(&goal, None, &NoProgress, &mut |_| Ok(())).unwrap().irradiance
+/// The ground truth of a built-in scene, which is computed once for all tests.
+pub fn truth(name: &str, quantity: Quantity, visibility: Visibility, size: u32, rel_error: f64) -> Arc<Image> {
+    type Key = (String, Quantity, Visibility, u32, f64);
+    static TRUTHS: Kept<Key, Image> = Kept::new();
+    TRUTHS.get((name.to_owned(), quantity, visibility, size, rel_error), || {
+        let scene = prepared(name).scene.clone();
+        let options = reference::Options { size: [size; 2], quantity, visibility, ..Default::default() };
+        let goal = StoppingCriterion::new(rel_error);
+        Reference::new(scene, options).unwrap().solve(&goal, None, &NoProgress, &mut |_| Ok(())).unwrap().irradiance
+    })
 }
 
 /// The middle one of three or more.
