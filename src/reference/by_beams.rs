@@ -77,7 +77,7 @@ impl Reference {
             return Err(ReferenceError::Cancelled);
         }
         if is_over() {
-            return Err(ReferenceError::Incomplete { coverage: 0.0 }.into());
+            return Err(ReferenceError::Incomplete { coverage: 0.0 });
         }
         estimate.irradiance.pixels = mean.into_iter().map(DVec3::as_vec3).collect();
         let root = |variance: DVec3| DVec3::from_array(variance.to_array().map(f64::sqrt)).as_vec3();

@@ -81,7 +81,7 @@ impl Backend {
     /// println!("{:?}", backend.report());
     /// # Ok::<(), pinspot::Error>(())
     /// ```
-    pub fn open<'a>(choice: &'a BackendChoice) -> BoxFuture<'a, Result<Self, Error>> {
+    pub fn open(choice: &BackendChoice) -> BoxFuture<'_, Result<Self, Error>> {
         Box::pin(async move {
             match choice {
                 BackendChoice::Cpu => Ok(Self::cpu()),

@@ -21,7 +21,7 @@ const ANGLE_RAD: f32 = 0.5;
 
 /// The zone plate of one face under footprints of 16 × 1 texels: the exact means, then one tile for every filter of
 /// [`Device::filters`]. Display-linear.
-pub fn zone_plates<'a>(device: Device<'a>) -> BoxFuture<'a, Result<Image, GpuError>> {
+pub fn zone_plates(device: Device<'_>) -> BoxFuture<'_, Result<Image, GpuError>> {
     Box::pin(async move {
         let cube = Pattern::ZonePlate.cube();
         let at = |k: usize| 1.9 * ((k as f32 + 0.5) / TILE as f32 - 0.5);

@@ -122,7 +122,7 @@ enum Failure {
 
 impl Gpu {
     /// Opens the best adapter, or the best one with `name` in its name (any case).
-    pub fn open<'a>(name: Option<&'a str>) -> BoxFuture<'a, Result<Self, GpuError>> {
+    pub fn open(name: Option<&str>) -> BoxFuture<'_, Result<Self, GpuError>> {
         Box::pin(async move {
             let found = enumerate().await;
             let matches = |a: &wgpu::Adapter| {

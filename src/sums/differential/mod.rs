@@ -59,6 +59,7 @@ impl DifferentialSample {
     }
 
     /// The sample of the same surface after a rotation about the origin and a translation.
+    #[must_use]
     pub fn moved(&self, rotation: Mat3, translation: Vec3) -> Self {
         let Cell { area, centroid, normal, sides } = self.cell;
         Self {

@@ -75,6 +75,7 @@ impl Environment {
 
 impl Environment {
     /// This environment with a cube map of at most so many texels along an edge.
+    #[must_use]
     pub fn coarser(&self, size: u32) -> Self {
         Self { radiance: self.radiance.clone(), cube: self.cube.coarser(size) }
     }

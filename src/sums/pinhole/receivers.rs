@@ -121,6 +121,7 @@ impl Receivers {
     }
 
     /// Some of the receivers, no more than `most`, as an unordered list; all of them if they are no more.
+    #[must_use]
     pub fn some(&self, most: usize) -> Self {
         let mut chosen: Vec<usize> = (0..self.positions.len()).filter(|&k| self.object(k).is_some()).collect();
         if chosen.len() > most {

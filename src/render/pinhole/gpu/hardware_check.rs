@@ -26,7 +26,7 @@ impl HardwareVerdict {
 }
 
 /// What `--filter auto` means on a device: its own filter where that is right, as it costs least; else Pinspot's.
-pub fn automatic_filter<'a>(gpu: &'a Gpu) -> BoxFuture<'a, Result<Filter, GpuError>> {
+pub fn automatic_filter(gpu: &Gpu) -> BoxFuture<'_, Result<Filter, GpuError>> {
     Box::pin(async move {
         Ok(if check_hardware_filter(gpu).await?.is_right() { Filter::Hardware } else { Filter::Anisotropic })
     })
@@ -54,7 +54,7 @@ fn probes() -> Vec<(Probe, f32)> {
 }
 
 /// Runs the check; a few milliseconds.
-pub fn check_hardware_filter<'a>(gpu: &'a Gpu) -> BoxFuture<'a, Result<HardwareVerdict, GpuError>> {
+pub fn check_hardware_filter(gpu: &Gpu) -> BoxFuture<'_, Result<HardwareVerdict, GpuError>> {
     Box::pin(async move {
         let pattern = CubeMap::from_radiance(256, Some(0.01), stripes);
         let (probes, means): (Vec<Probe>, Vec<f32>) = probes().into_iter().unzip();

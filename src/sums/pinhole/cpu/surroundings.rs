@@ -91,10 +91,10 @@ impl<'a> SurroundingLight<'a> {
                 let inverse = 1.0 / place.dot(place).sqrt().max(f32::MIN_POSITIVE);
                 let direction = place * inverse;
                 let seen_side = SeenSide { direction, distance, inverse };
-                let third = match third {
-                    Some(change) => Some(seen_side.of(simd, Vec3::ZERO, change)),
-                    None => None,
-                };
+                let third = third.map(
+                    #[inline(always)]
+                    |change| seen_side.of(simd, Vec3::ZERO, change),
+                );
                 let v1 = seen_side.of(simd, cell.sides[0], footprint.v1);
                 let v2 = seen_side.of(simd, cell.sides[1], footprint.v2);
                 let sides = FootprintSides { r: direction, v1, v2 };

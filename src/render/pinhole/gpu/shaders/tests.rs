@@ -75,7 +75,7 @@ fn parse_with(shader: Shader, variant: Variant, more: Capabilities) -> Result<Mo
 /// Also writes the resolved shaders to `target/shaders`, as naga's and drivers' messages name lines of these.
 #[test]
 fn every_shader_is_valid() {
-    let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("target/shaders");
+    let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../target/shaders");
     std::fs::create_dir_all(&folder).unwrap();
     for shader in ALL {
         std::fs::write(folder.join(shader.name).with_extension("wgsl"), shader.resolve(PLAIN)).unwrap();
@@ -97,7 +97,7 @@ fn every_shader_is_valid() {
 #[test]
 fn every_shader_file_is_known() {
     let files_in = |folder: &str| -> Vec<String> {
-        let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("shaders").join(folder);
+        let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shaders").join(folder);
         let paths = std::fs::read_dir(folder).unwrap().map(|file| file.unwrap().path());
         let mut names: Vec<String> = paths
             .filter(|path| path.extension().is_some_and(|extension| extension == "wgsl"))
