@@ -142,6 +142,7 @@ impl Backend {
     }
 
     /// The filter that a choice resolves to on this back end, with a warning about it if there is one.
+    #[cfg_attr(not(feature = "gpu"), expect(clippy::unused_async, reason = "only a GPU has to be waited for"))]
     pub(crate) async fn resolve_filter(&self, choice: FilterChoice) -> Result<(Filter, Option<String>), Error> {
         #[cfg(feature = "gpu")]
         if let Kind::Gpu(shared) = &self.0 {

@@ -9,10 +9,11 @@ use crate::image::{Aov, Image, read_exr, read_exr_text, write_exr_with_text};
 use crate::image_space::ImageSpaceOptions;
 use crate::options::{Evaluation, EvaluationChoice, Options};
 use crate::pinhole::Filter;
+use crate::progress::Progress;
 use crate::progress::Stage;
 use crate::sampling::Density;
 use crate::technique::{PhotonStatistics, Technique};
-use crate::{Engine, Error, Progress};
+use crate::{Engine, Error};
 
 const FINGERPRINT: &str = "pinspot.fingerprint";
 const METADATA: &str = "pinspot.metadata";

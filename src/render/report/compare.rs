@@ -12,12 +12,13 @@ use super::rows::measure;
 use crate::boxed::BoxFuture;
 use crate::image::{Aov, Image, ImageError, metered_ev, read_mask, write_atomically};
 use crate::options::{FilterChoice, Options};
+use crate::progress::Progress;
 use crate::progress::Stage;
 use crate::reference::{self, EstimateFile, Estimator, Reference, StoppingCriterion};
 use crate::sampling::{Surface, TestSurface, strategy_statistics};
 use crate::scene::{Chains, Light, Scene};
 use crate::technique::Technique;
-use crate::{Backend, Engine, Error, Progress};
+use crate::{Backend, Engine, Error};
 
 /// What to compare.
 #[derive(Clone, Debug)]
@@ -36,7 +37,7 @@ pub struct Request {
     pub mask: Option<PathBuf>,
     /// The folder that everything is written to, and that finished cells are taken from.
     pub folder: PathBuf,
-    /// Names the code that renders, see [`code_id`](crate::code_id): cells and references of other code are left alone.
+    /// Names the code that renders, see `pinspot::code_id`: cells and references of other code are left alone.
     pub code: String,
     /// Render all cells, those that are finished, too. The reference, which gets better from run to run, goes on all the same.
     pub force: bool,

@@ -1,7 +1,7 @@
 //! The stages that all techniques and pictures share: the prepared scene and light, and the camera's rays.
 //!
 //! Each stage keeps its result together with the inputs that it was made from (`memo`), and is made again only when one
-//! of them changes. Data flows [`scene`](self::scene), `light` → `view`. This module must not know techniques.
+//! of them changes. Data flows `scene`, `light` → `view`. This module must not know techniques.
 
 mod direct_near_light;
 mod emitter_parts;

@@ -1,8 +1,8 @@
 //! Techniques: ways to compute a caustic, the irradiance that reaches receivers via mirrors and interfaces.
 //!
 //! A technique prepares itself from the shared stages ([`crate::stages`]), keeps its own intermediate results, and
-//! returns a [`Sum`], which can be evaluated at any receivers. To add one, add a variant of [`Technique`] and a module
-//! that implements [`TechniqueStages`]. This module must not know pictures, camera paths or files.
+//! returns a `Sum`, which can be evaluated at any receivers. To add one, add a variant of [`Technique`] and a module
+//! that implements `TechniqueStages`. This module must not know pictures, camera paths or files.
 
 mod image_space;
 mod past_frames;

@@ -9,7 +9,7 @@
 //!
 //! times the visible fraction of the receiver and the sky fraction of the footprint ([`VisibilityMaps`]). On an interface between two
 //! media r is refracted for receivers behind it ([`Interface`]).
-//! [`cpu`] and [`gpu`] implement the same steps under the same names. [`PinholeSample`] and [`GatherUniforms`] are
+//! [`cpu`] and `gpu` of the crate `pinspot-render` implement the same steps under the same names. [`PinholeSample`] and [`GatherUniforms`] are
 //! the memory layout that both read. This module must not know scene files, cameras or image files.
 
 mod cell;

@@ -106,7 +106,7 @@ impl PinholeTree {
     }
 
     /// The items of a traversal that begins with all cells: indices of nodes without a parent, once for each colour that they refract
-    /// differently (see [`Self::cell`]).
+    /// differently (see `Self::cell`).
     pub fn roots(&self) -> &[u32] {
         &self.roots
     }

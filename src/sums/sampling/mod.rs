@@ -121,7 +121,7 @@ pub struct PointSet {
 
 impl PointSet {
     /// The piece of a triangle that a candidate stands for; `None` if it was drawn on triangles that are finer than candidates, see
-    /// [`Self::on_fine_triangles`].
+    /// `Self::on_fine_triangles`.
     pub fn piece<'a>(&self, surface: &'a Surface, candidate: usize) -> Option<SurfacePiece<'a>> {
         let origin = *self.origins.get(candidate)?;
         Some(SurfacePiece::at(surface, origin, self.candidates[candidate].area))

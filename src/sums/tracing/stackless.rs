@@ -78,7 +78,7 @@ impl BottomLevel {
 
     /// Nodes of two texels each, then triangles of four. A node: the low corner of its box, and the number of the node after those below
     /// it; the high corner, and of a leaf eight bits for the number of its triangles below the index of the first. A triangle: its corners,
-    /// each with its normal, see [`packed_normal`]; the sum of the normals. Numbers of 32 bits, as integers or as floats.
+    /// each with its normal, see `packed_normal`; the sum of the normals. Numbers of 32 bits, as integers or as floats.
     pub fn texels(&self) -> Vec<[u32; 4]> {
         let mut texels = Vec::with_capacity(self.texel_count());
         if self.node_count > 0 {
@@ -197,7 +197,7 @@ pub(crate) fn packed_normal(normal: Vec3) -> u32 {
     y << 16 | x
 }
 
-/// The unit vector that [`packed_normal`] has packed.
+/// The unit vector that `packed_normal` has packed.
 pub fn unpacked_normal(packed: u32) -> Vec3 {
     let [x, y] = [packed as u16, (packed >> 16) as u16].map(|c| f32::from(c as i16) / 32767.0);
     let z = 1.0 - x.abs() - y.abs();
