@@ -48,7 +48,7 @@ pub enum Interfaces {
     #[default]
     One,
     /// Two: into a closed object, whose normals point outwards, and out of it again. Receivers lie outside. Only
-    /// The module `reference` computes light that passes both; sums reflect at the first one.
+    /// the module `reference` computes light that passes both; sums reflect at the first one.
     Two,
 }
 
