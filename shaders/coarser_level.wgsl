@@ -1,5 +1,5 @@
 // A level of a cube map from the next finer one: means over 2×2 texels, weighted by solid angle. CPU twin: `downsample` in
-// src/environment/cube.rs.
+// src/sums/environment/cube.rs.
 
 @group(0) @binding(0) var finer: texture_2d_array<f32>;
 @group(0) @binding(1) var coarser: texture_storage_2d_array<rgba32float, write>;

@@ -1,5 +1,5 @@
 // Emitters as a face of the environment's cube map sees them from its centre, with a z-buffer: the number of the nearest at each point.
-// CPU twin: src/environment/rasterization.rs.
+// CPU twin: src/sums/environment/rasterization.rs.
 
 struct EmitterUniforms {
     // Depth is 0 at infinity.

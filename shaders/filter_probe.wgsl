@@ -1,5 +1,5 @@
 // Asks a filter for the mean over given footprints: the gather's own filters, or the adapter's anisotropic sampler, of which
-// several ignore explicit gradients on cube maps. Rust: src/pinhole/gpu/probe.rs. One fragment a probe.
+// several ignore explicit gradients on cube maps. Rust: src/render/pinhole/gpu/probe.rs. One fragment a probe.
 
 #import no_rays
 #import gather_inputs

@@ -1,5 +1,5 @@
 // The gather (Wand & Straßer 2003, Sections 3.1 and 3.3): adds one batch of pinhole samples to the irradiance of
-// every receiver point. CPU twin: src/pinhole/cpu/mod.rs. Rust layouts: src/pinhole/layout.rs.
+// every receiver point. CPU twin: src/sums/pinhole/cpu/mod.rs. Rust layouts: src/sums/pinhole/layout.rs.
 //
 // Each instance of the full-screen triangle is one batch of samples; the target accumulates by additive blending, or
 // the batch starts from the previous target where 32-bit targets do not blend (gather_onto_previous).

@@ -1,6 +1,6 @@
 // A rough estimate of a picture's irradiance, to which a relative tolerance refers: the mean at some of its receivers from some of
 // the samples, or a part of the root mean square where a few receivers get nearly all of the light and that is more.
-// CPU counterpart: `estimate_irradiance` in src/pinhole/cpu/hierarchical/mod.rs, which picks other receivers.
+// CPU counterpart: `estimate_irradiance` in src/sums/pinhole/cpu/hierarchical/mod.rs, which picks other receivers.
 
 #import no_rays
 #import cell_tree

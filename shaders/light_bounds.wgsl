@@ -1,5 +1,5 @@
 // Bounds of the light, computed on the GPU for light that changes: pyramids of extremes of the cube and of its mips. Every texel
-// covers its 3×3 neighbourhood, across the faces' seams, so that one read bounds a cone. CPU twin: src/environment/bounds.rs.
+// covers its 3×3 neighbourhood, across the faces' seams, so that one read bounds a cone. CPU twin: src/sums/environment/bounds.rs.
 //
 // A pyramid's finest level and the extremes of the next one are read from the cube; all others from the extremes of the level above.
 

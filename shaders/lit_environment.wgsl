@@ -1,5 +1,5 @@
 // Emitters before the environment: the texels of a face of the cube map, from the points of each that show emitters and from what lies
-// behind. CPU twin: `blend` in src/environment/rasterization.rs.
+// behind. CPU twin: `blend` in src/sums/environment/rasterization.rs.
 
 #import cube
 

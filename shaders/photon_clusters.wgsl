@@ -1,5 +1,5 @@
 // Decides what becomes of clusters of 2×2 photons: they are one photon, or four clusters of a grid that is twice as fine; or puts photons of
-// squares together, from fine to coarse. CPU twins: src/image_space/adaptive.rs and hierarchical.rs.
+// squares together, from fine to coarse. CPU twins: src/render/image_space/adaptive.rs and hierarchical.rs.
 
 #import constants
 #import photons

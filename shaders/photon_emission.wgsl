@@ -1,4 +1,4 @@
-// Follows photons from a light's view to the receivers. CPU twins: src/image_space/emission.rs, lights.rs and projection.rs.
+// Follows photons from a light's view to the receivers. CPU twins: src/render/image_space/emission.rs, lights.rs and projection.rs.
 
 #import constants
 #import beam
@@ -354,7 +354,7 @@ fn reflectance_at(curve: u32, cosine: f32) -> vec3f {
     return mix(reflectances[start].rgb, reflectances[start + 1u].rgb, place - f32(first));
 }
 
-// A photon divided at an interface, for light of the relative refractive index `eta`. CPU twin: src/stages/refraction.rs.
+// A photon divided at an interface, for light of the relative refractive index `eta`. CPU twin: src/render/stages/refraction.rs.
 fn divided(surface: PhotonSurface, eta: f32, hit: Hit, direction: vec3f) -> Division {
     // The index of the medium that the photon enters over that of the one that it leaves.
     let entered = select(1.0 / eta, eta, hit.is_front);

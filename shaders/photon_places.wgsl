@@ -1,4 +1,4 @@
-// What the texels of a caustic map show, and where photons land in it. CPU twins: src/image_space/receiver_layers.rs and
+// What the texels of a caustic map show, and where photons land in it. CPU twins: src/render/image_space/receiver_layers.rs and
 // caustic_map.rs.
 
 #import hits

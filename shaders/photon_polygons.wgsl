@@ -1,4 +1,4 @@
-// Adds the triangles between neighbouring photons to a caustic map. CPU twin: src/image_space/polygons.rs, whose areas come from clipped
+// Adds the triangles between neighbouring photons to a caustic map. CPU twin: src/render/image_space/polygons.rs, whose areas come from clipped
 // polygons.
 
 #import photon_footprints

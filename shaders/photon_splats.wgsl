@@ -1,4 +1,4 @@
-// Adds photons to a caustic map as points and as Gaussian splats. CPU twins: src/image_space/splats.rs, lens.rs and multi_resolution.rs.
+// Adds photons to a caustic map as points and as Gaussian splats. CPU twins: src/render/image_space/splats.rs, lens.rs and multi_resolution.rs.
 
 #import photon_footprints
 #import photon_map

@@ -1,5 +1,5 @@
-// From the radiance of a preview to what is displayed: exposure, tone mapping and edges. CPU twins: src/image/tone.rs and
-// src/engine/preview/edges.rs.
+// From the radiance of a preview to what is displayed: exposure, tone mapping and edges. CPU twins: src/base/image/tone.rs and
+// src/render/engine/preview/edges.rs.
 
 #import preview
 #import hits

@@ -1,5 +1,5 @@
 // Light on the points that pixels of a preview see: at nodes some pixels apart, between them interpolated along surfaces, and computed
-// where it cannot be, first half as far apart, then in every pixel. The caustic is added by the gather, between these passes. CPU twin: src/engine/preview/nodes.rs and mod.rs.
+// where it cannot be, first half as far apart, then in every pixel. The caustic is added by the gather, between these passes. CPU twin: src/render/engine/preview/nodes.rs and mod.rs.
 
 #import preview
 #import hits

@@ -1,4 +1,4 @@
-// The radiance that pixels of a preview show, and the exposure that suits it. CPU twin: src/engine/preview/shading.rs.
+// The radiance that pixels of a preview show, and the exposure that suits it. CPU twin: src/render/engine/preview/shading.rs.
 
 #import preview
 #import hits
@@ -69,7 +69,7 @@ fn way_through_medium(point: SurfacePoint) -> f32 {
     return min(distance, preview.sight);
 }
 
-// Scattered light in a pixel whose way through the medium is so long. CPU twin: src/engine/preview/scattering.rs.
+// Scattered light in a pixel whose way through the medium is so long. CPU twin: src/render/engine/preview/scattering.rs.
 fn scattered_at(pixel: vec2u, way: f32) -> vec3f {
     let last = textureDimensions(scattered) - 1u;
     let node = pixel / preview.scattering_spacing;

@@ -1,5 +1,5 @@
 // What each pixel of a preview sees: a surface, what a mirror on it shows or lies behind an interface, or the environment. CPU twin:
-// src/engine/preview/views.rs.
+// src/render/engine/preview/views.rs.
 
 #import preview
 #import hits
@@ -118,7 +118,7 @@ fn hit_of(met: RayHit, direction: vec3f) -> Hit {
     return describe(met, direction);
 }
 
-// A ray divided by an interface. CPU twin: src/engine/refraction.rs.
+// A ray divided by an interface. CPU twin: src/render/engine/refraction.rs.
 struct Divided {
     mirrored: vec3f,
     reflectance: f32,

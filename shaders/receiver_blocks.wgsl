@@ -1,5 +1,5 @@
 // Receivers as a pyramid of blocks, the smallest level first: where the points of a block are, which way they face, and whether
-// sixteen of them stand for all. One workgroup makes one block. CPU counterpart: src/pinhole/cpu/hierarchical/blocks.rs.
+// sixteen of them stand for all. One workgroup makes one block. CPU counterpart: src/sums/pinhole/cpu/hierarchical/blocks.rs.
 
 #import no_rays
 #import tile_batch

@@ -1,6 +1,6 @@
 // Refines pairs of a block of receivers and a cell: one workgroup takes its block and the cells of the parent block's list. Pairs are
 // dropped, added at the block's sixteen points, or refined: on the side of the cell here, on the side of the block by the next
-// level, which finds them in this block's list. CPU counterparts: src/pinhole/cpu/hierarchical/{tile,criterion}.rs.
+// level, which finds them in this block's list. CPU counterparts: src/sums/pinhole/cpu/hierarchical/{tile,criterion}.rs.
 //
 // Lists are bounded. Where one might overflow, cells are handed on as they are: the next level refines them, and at last every
 // point for itself (resolve.wgsl).

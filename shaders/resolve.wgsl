@@ -1,5 +1,5 @@
 // The last pass of the hierarchical gather: contributions at blocks' points are interpolated, and every pixel traverses the tree from
-// the cells of its smallest block's list down. CPU counterpart: src/pinhole/cpu/hierarchical/packet.rs.
+// the cells of its smallest block's list down. CPU counterpart: src/sums/pinhole/cpu/hierarchical/packet.rs.
 //
 // An instance is a tile. Output: rgb = irradiance, W/m², or with SHADING the radiance reflected to the viewer, W/(m²·sr);
 // a = number of fetches, or -1 where the adapter ended a loop before its time (Mesa's software one does after 65,535 iterations).

@@ -1,7 +1,7 @@
 // What a light's view shows, as images: the surfaces that photons meet first in the left half and, of the same draw, the farthest ones of
 // closed objects in the right half, whose depths are turned around (Wyman and Nichols 2009, Section 3.1); or receivers alone, or one closed
 // object. CPU twin:
-// src/image_space/surface_images.rs, by rays.
+// src/render/image_space/surface_images.rs, by rays.
 
 #import constants
 #import rays

@@ -1,4 +1,4 @@
-// Traces visibility maps, a workgroup for each. CPU twin, and what is stored: src/pinhole/visibility.rs.
+// Traces visibility maps, a workgroup for each. CPU twin, and what is stored: src/sums/pinhole/visibility.rs.
 
 #import constants
 #import frame

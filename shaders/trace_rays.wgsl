@@ -1,4 +1,4 @@
-// What rays of whole pictures meet first, many rays at a time. CPU twins: `camera_hit` and `secondary_hit` in src/tracing/mod.rs.
+// What rays of whole pictures meet first, many rays at a time. CPU twins: `camera_hit` and `secondary_hit` in src/sums/tracing/mod.rs.
 
 #import constants
 #import hits

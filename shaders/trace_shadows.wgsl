@@ -1,5 +1,5 @@
 // Shadow rays of whole pictures: how much of the light arrives at points, and which single rays are blocked. CPU twins: `fractions` in
-// src/engine/shadows.rs, `is_blocked` in src/tracing/mod.rs.
+// src/render/engine/shadows.rs, `is_blocked` in src/sums/tracing/mod.rs.
 
 #import constants
 #import hits

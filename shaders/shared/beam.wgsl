@@ -1,8 +1,8 @@
-// Lamps and their beams. CPU twin: src/scene/lamp.rs. The importing shader declares `slide`, a texture with the slide of its lamp.
+// Lamps and their beams. CPU twin: src/base/scene/lamp.rs. The importing shader declares `slide`, a texture with the slide of its lamp.
 
 #import constants
 
-// A lamp; see src/scene/lamp.rs.
+// A lamp; see src/base/scene/lamp.rs.
 struct Lamp {
     position: vec3f,
     radius: f32,

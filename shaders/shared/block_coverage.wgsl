@@ -1,5 +1,5 @@
 // What visibility maps say about whole blocks of receivers, and about the light that a cell reflects to them.
-// CPU counterpart: `Coverage` in src/pinhole/cpu/visibility.rs.
+// CPU counterpart: `Coverage` in src/sums/pinhole/cpu/visibility.rs.
 
 #import cell_tree
 #import doubts

@@ -1,5 +1,5 @@
 // Pairs of a block of receivers and a cell: bounds of weights, and cones of light.
-// CPU twin: `BlockPair` in src/pinhole/cpu/hierarchical/criterion.rs.
+// CPU twin: `BlockPair` in src/sums/pinhole/cpu/hierarchical/criterion.rs.
 
 #import cell_tree
 #import tile_batch

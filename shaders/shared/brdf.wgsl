@@ -1,4 +1,4 @@
-// What receivers reflect to their viewers. CPU twin: src/brdf/.
+// What receivers reflect to their viewers. CPU twin: src/base/brdf/.
 
 #import receivers
 #import microfacets

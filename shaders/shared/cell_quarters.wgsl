@@ -1,5 +1,5 @@
 // Quarters of a leaf's parallelogram, for receivers so near to it that it is not one sample for them.
-// CPU counterpart: src/pinhole/cell.rs.
+// CPU counterpart: src/sums/pinhole/cell.rs.
 
 #import cell_tree
 

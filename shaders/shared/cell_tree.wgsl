@@ -1,5 +1,5 @@
-// What the passes of the hierarchical gather read, and how a cell acts on a receiver. CPU twins: src/cell_tree/node.rs and
-// src/pinhole/cpu/hierarchical/. Rust layouts: src/pinhole/gpu/hierarchical/layout.rs.
+// What the passes of the hierarchical gather read, and how a cell acts on a receiver. CPU twins: src/sums/cell_tree/node.rs and
+// src/sums/pinhole/cpu/hierarchical/. Rust layouts: src/render/pinhole/gpu/hierarchical/layout.rs.
 //
 // From the top: cluster nodes, sample nodes (one a sample), cells of a sample, leaves.
 
@@ -13,7 +13,7 @@
 #import visibility
 #import interface
 
-// A cell; see src/cell_tree/node.rs.
+// A cell; see src/sums/cell_tree/node.rs.
 struct CellNode {
     centroid_area: vec4f,
     normal_e11: vec4f,

@@ -1,5 +1,5 @@
 // Bounds of what a cell contributes to a receiver. CPU counterpart: `contribution_bounds` in
-// src/pinhole/cpu/hierarchical/packet.rs.
+// src/sums/pinhole/cpu/hierarchical/packet.rs.
 
 #import cell_tree
 #import gloss_bounds

@@ -1,5 +1,5 @@
 // Where visibility maps say too little: a curved surface lies partly in front of a texel's plane, partly behind it.
-// Written by trace_maps.wgsl; CPU twin: `Doubt` in src/pinhole/visibility.rs.
+// Written by trace_maps.wgsl; CPU twin: `Doubt` in src/sums/pinhole/visibility.rs.
 
 #import gather_inputs
 

@@ -1,4 +1,4 @@
-// Mean radiance over a footprint: one look-up strategy a filter. CPU twin: src/pinhole/cpu/filters.rs.
+// Mean radiance over a footprint: one look-up strategy a filter. CPU twin: src/sums/pinhole/cpu/filters.rs.
 
 #import gather_inputs
 #import cube

@@ -1,5 +1,5 @@
 // Footprints: the part of the environment that a sample's region reflects to one receiver point (Wand & Straßer 2003, Section 3.3).
-// CPU twin: src/pinhole/cpu/footprint.rs.
+// CPU twin: src/sums/pinhole/cpu/footprint.rs.
 
 struct FootprintSides {
     v1: vec3f,

@@ -1,4 +1,4 @@
-// Frames of unit vectors. CPU twin: src/pinhole/visibility.rs.
+// Frames of unit vectors. CPU twin: src/sums/pinhole/visibility.rs.
 
 struct TangentFrame {
     u: vec3f,

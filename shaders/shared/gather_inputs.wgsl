@@ -1,5 +1,5 @@
-// What every gather reads: its parameters, the light and what samples see and reflect. CPU twin: src/pinhole/cpu/mod.rs;
-// Rust layouts: src/pinhole/layout.rs, src/pinhole/gpu/near_light.rs, src/pinhole/gpu/medium.rs.
+// What every gather reads: its parameters, the light and what samples see and reflect. CPU twin: src/sums/pinhole/cpu/mod.rs;
+// Rust layouts: src/sums/pinhole/layout.rs, src/render/pinhole/gpu/near_light.rs, src/render/pinhole/gpu/medium.rs.
 
 #import constants
 #import beam
@@ -15,7 +15,7 @@ struct Viewpoints {
     normals: array<vec4f, MAX_VIEWPOINTS>,
 }
 
-// What lies between cells and receivers; see src/scene/medium.rs.
+// What lies between cells and receivers; see src/base/scene/medium.rs.
 struct Medium {
     // 1/m
     extinction: vec3f,

@@ -1,4 +1,4 @@
-// Bounds of what glossy receivers reflect of a cell's light. CPU counterpart: `gloss_within` in src/pinhole/cpu/hierarchical/packet.rs.
+// Bounds of what glossy receivers reflect of a cell's light. CPU counterpart: `gloss_within` in src/sums/pinhole/cpu/hierarchical/packet.rs.
 
 #import brdf
 #import cell_tree

@@ -1,4 +1,4 @@
-// What a ray meets. CPU twin: `describe` in src/tracing/mod.rs.
+// What a ray meets. CPU twin: `describe` in src/sums/tracing/mod.rs.
 
 #import rays
 

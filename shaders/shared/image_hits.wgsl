@@ -1,4 +1,4 @@
-// How rays find surfaces in images of what a light sees. CPU twin: src/image_space/surface_images.rs.
+// How rays find surfaces in images of what a light sees. CPU twin: src/render/image_space/surface_images.rs.
 
 #import hits
 #import plane

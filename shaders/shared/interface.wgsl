@@ -1,5 +1,5 @@
 // Interfaces between two media: how light is reflected to receivers in front of them and refracted to those behind. The formulas are
-// derived in src/pinhole/interface.rs; CPU twin: src/pinhole/cpu/crossing.rs.
+// derived in src/sums/pinhole/interface.rs; CPU twin: src/sums/pinhole/cpu/crossing.rs.
 
 #import constants
 

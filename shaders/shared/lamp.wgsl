@@ -1,5 +1,5 @@
 // A lamp as the light of a gather: the part of a footprint that its disc fills, in place of a look-up in the environment.
-// CPU twins: src/pinhole/cpu/lamp.rs, src/pinhole/disc.rs and src/scene/lamp.rs.
+// CPU twins: src/sums/pinhole/cpu/lamp.rs, src/sums/pinhole/disc.rs and src/base/scene/lamp.rs.
 
 #import frame
 #import footprint

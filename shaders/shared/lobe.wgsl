@@ -1,4 +1,4 @@
-// Rough mirrors' lobes, as two look-ups see them. CPU twin: `parts_of` in src/pinhole/cpu/pair.rs.
+// Rough mirrors' lobes, as two look-ups see them. CPU twin: `parts_of` in src/sums/pinhole/cpu/pair.rs.
 
 #import footprint
 #import medium

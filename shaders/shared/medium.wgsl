@@ -1,6 +1,6 @@
 // The scene's homogeneous medium: it attenuates light between cells and receivers, and receivers may be parts of camera rays through
 // it, where it scatters light towards the viewer. In scenes without one, no_medium.wgsl is imported in its place. CPU twins:
-// src/pinhole/cpu/medium.rs, and src/pinhole/cpu/pair.rs for the footprints of parts of rays.
+// src/sums/pinhole/cpu/medium.rs, and src/sums/pinhole/cpu/pair.rs for the footprints of parts of rays.
 
 #import footprint
 #import gather_inputs
@@ -130,7 +130,7 @@ fn max_transmittance(distance: f32) -> f32 {
 }
 
 // How bright the environment's mean along an arc of such a length, radians, is at most in any channel. CPU twin:
-// src/environment/strips.rs.
+// src/sums/environment/strips.rs.
 fn max_along_arc(length: f32) -> f32 {
     // The exponent of the next power of two below.
     let exponent = i32(bitcast<u32>(length) >> 23u) - 127;

@@ -1,4 +1,4 @@
-// Terms of the BRDF of surfaces of microfacets. CPU twin: src/brdf/mod.rs.
+// Terms of the BRDF of surfaces of microfacets. CPU twin: src/base/brdf/mod.rs.
 
 #import constants
 

@@ -1,5 +1,5 @@
 // Footprints on light that is not infinitely far away, and its mean over them. Where the light is the environment,
-// no_near_light.wgsl is imported in its place. CPU twin: src/pinhole/cpu/near_light.rs.
+// no_near_light.wgsl is imported in its place. CPU twin: src/sums/pinhole/cpu/near_light.rs.
 
 #import filters
 #import lamp

@@ -1,6 +1,6 @@
 // Near light that arrives at cells: bounds, and what they mirror or refract. Where the light is the environment,
-// no_near_light_cells.wgsl is imported in its place. CPU twins: src/pinhole/cpu/near_light.rs, and
-// `light_within` in src/pinhole/cpu/hierarchical/packet.rs.
+// no_near_light_cells.wgsl is imported in its place. CPU twins: src/sums/pinhole/cpu/near_light.rs, and
+// `light_within` in src/sums/pinhole/cpu/hierarchical/packet.rs.
 
 #import cell_tree
 #import near_light

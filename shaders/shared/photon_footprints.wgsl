@@ -1,4 +1,4 @@
-// Gaussian splats, and the footprints of photons. CPU twins: src/image_space/splats.rs and `differences` in photons.rs.
+// Gaussian splats, and the footprints of photons. CPU twins: src/render/image_space/splats.rs and `differences` in photons.rs.
 
 #import photon_map
 #import photon_sheet

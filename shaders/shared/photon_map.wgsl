@@ -1,5 +1,5 @@
-// Caustic maps that photons are added to. CPU twins: src/image_space/caustic_map.rs and projection.rs; layout:
-// src/image_space/gpu/layout.rs.
+// Caustic maps that photons are added to. CPU twins: src/render/image_space/caustic_map.rs and projection.rs; layout:
+// src/render/image_space/gpu/layout.rs.
 
 #import microfacets
 #import photons

@@ -1,4 +1,4 @@
-// Which photons are neighbours where they land. CPU twins: src/image_space/sheet.rs and `differences` in photons.rs.
+// Which photons are neighbours where they land. CPU twins: src/render/image_space/sheet.rs and `differences` in photons.rs.
 
 #import photon_map
 

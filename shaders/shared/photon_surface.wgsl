@@ -1,4 +1,4 @@
-// What objects do to photons. Layout: src/image_space/gpu/layout.rs.
+// What objects do to photons. Layout: src/render/image_space/gpu/layout.rs.
 
 #import constants
 

@@ -1,5 +1,5 @@
-// Photons on receivers, and the account of their flux. CPU twins: src/image_space/photons.rs and ledger.rs; layout:
-// src/image_space/gpu/layout.rs. The importing shader declares `ledger`.
+// Photons on receivers, and the account of their flux. CPU twins: src/render/image_space/photons.rs and ledger.rs; layout:
+// src/render/image_space/gpu/layout.rs. The importing shader declares `ledger`.
 
 #import constants
 #import photon_surface

@@ -1,5 +1,5 @@
-// Planes of pictures: square texels that parallel rays or rays from a point pass. CPU twin: src/image_space/projection.rs; layout:
-// src/image_space/gpu/layout.rs.
+// Planes of pictures: square texels that parallel rays or rays from a point pass. CPU twin: src/render/image_space/projection.rs; layout:
+// src/render/image_space/gpu/layout.rs.
 
 struct Plane {
     // The point that rays leave, or the origin of the plane that parallel rays leave.

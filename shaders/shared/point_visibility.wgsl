@@ -1,5 +1,5 @@
 // What a sample's map says of a point: how much of it the sample sees, and whether only a ray can tell.
-// CPU twin: `visible_fraction` in src/pinhole/cpu/visibility.rs.
+// CPU twin: `visible_fraction` in src/sums/pinhole/cpu/visibility.rs.
 
 #import cell_tree
 #import doubts

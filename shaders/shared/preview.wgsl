@@ -1,5 +1,5 @@
-// What the passes of a preview share: the camera, and what pixels see. CPU twin: src/engine/preview/; Rust layout:
-// src/engine/preview/on_gpu/layout.rs.
+// What the passes of a preview share: the camera, and what pixels see. CPU twin: src/render/engine/preview/; Rust layout:
+// src/render/engine/preview/on_gpu/layout.rs.
 
 #import constants
 #import ray_origin

@@ -1,5 +1,5 @@
 // What glossy receivers reflect to the camera in previews: of the environment from sixteen microfacets, with shadows. CPU twin:
-// src/engine/preview/gloss.rs. The importing shader declares `objects`, `environment`, `trilinear` and `unfinished`.
+// src/render/engine/preview/gloss.rs. The importing shader declares `objects`, `environment`, `trilinear` and `unfinished`.
 
 #import preview
 #import rays

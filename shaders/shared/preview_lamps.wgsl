@@ -1,5 +1,5 @@
-// Lamps in previews: what they are, and where rays see them. CPU twins: src/scene/lamp.rs and src/engine/preview/views.rs; layout:
-// src/engine/preview/on_gpu/near_light.rs. The importing shader declares `preview` and `near_light`, which holds lamps of LAMP_TEXELS each,
+// Lamps in previews: what they are, and where rays see them. CPU twins: src/base/scene/lamp.rs and src/render/engine/preview/views.rs; layout:
+// src/render/engine/preview/on_gpu/near_light.rs. The importing shader declares `preview` and `near_light`, which holds lamps of LAMP_TEXELS each,
 // then parts of near emitters of PART_TEXELS each, then the texels of slides.
 
 #import preview

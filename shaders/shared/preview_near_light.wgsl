@@ -1,4 +1,4 @@
-// The direct light of lamps and near emitters in previews, with soft shadows. CPU twin: src/stages/direct_near_light.rs. The importing
+// The direct light of lamps and near emitters in previews, with soft shadows. CPU twin: src/render/stages/direct_near_light.rs. The importing
 // shader declares `objects` and `unfinished`.
 
 #import preview_lamps

@@ -1,5 +1,5 @@
 // How rays find triangles: by a traversal of the hierarchies in `geometry`. ray_queries.wgsl does the same on devices that do this by
-// themselves. CPU twin: src/tracing/mod.rs.
+// themselves. CPU twin: src/sums/tracing/mod.rs.
 //
 // Two levels: objects in the world, and the triangles of their meshes. Nodes of both lie in depth-first order, and each knows the node
 // after those below it: a traversal needs no stack.

@@ -1,4 +1,4 @@
-// The scene's triangles, and what rays meet of them. CPU twin: src/tracing/mod.rs; layout: src/tracing/stackless.rs.
+// The scene's triangles, and what rays meet of them. CPU twin: src/sums/tracing/mod.rs; layout: src/sums/tracing/stackless.rs.
 //
 // Meshes are in normalised space, whose units are some thousandths of their size.
 

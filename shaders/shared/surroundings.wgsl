@@ -1,5 +1,5 @@
-// What mirrors see of lit surfaces: views from viewpoints near them, corrected for parallax. CPU twins: src/pinhole/surroundings.rs and
-// src/pinhole/cpu/surroundings.rs.
+// What mirrors see of lit surfaces: views from viewpoints near them, corrected for parallax. CPU twins: src/sums/pinhole/surroundings.rs and
+// src/sums/pinhole/cpu/surroundings.rs.
 
 #import footprint
 #import gather_inputs

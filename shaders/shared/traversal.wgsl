@@ -1,5 +1,5 @@
 // What a pixel carries from cell to cell as it traverses the tree: what the sample of the visited cells sees of it.
-// CPU counterpart: `VisibleReceivers` in src/pinhole/cpu/hierarchical/occlusion.rs.
+// CPU counterpart: `VisibleReceivers` in src/sums/pinhole/cpu/hierarchical/occlusion.rs.
 
 #import cell_tree
 #import cell_quarters

@@ -1,5 +1,5 @@
 // Unit vectors in 32 bits, by their places on an octahedron (Cigolle et al. 2014, A Survey of Efficient Representations for Independent Unit
-// Vectors). CPU twin: src/tracing/stackless.rs.
+// Vectors). CPU twin: src/sums/tracing/stackless.rs.
 
 fn unpacked_unit(packed: u32) -> vec3f {
     // As unpack2x16snorm, which some drivers round differently.

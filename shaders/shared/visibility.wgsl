@@ -1,5 +1,5 @@
-// What a sample sees around itself. CPU twin: src/pinhole/cpu/visibility.rs; how the maps are traced and laid out:
-// src/pinhole/visibility.rs.
+// What a sample sees around itself. CPU twin: src/sums/pinhole/cpu/visibility.rs; how the maps are traced and laid out:
+// src/sums/pinhole/visibility.rs.
 
 #import frame
 #import gather_inputs
