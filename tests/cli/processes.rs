@@ -80,13 +80,29 @@ fn a_full_disk_behind_standard_output_is_an_error() {
     assert!(output.status.code() == Some(1) && said.contains("cannot write to standard output"), "{said}");
 }
 
-/// Waits for a file that a process writes.
-fn wait_for(path: &Path, process: &mut Child) {
-    let started = Instant::now();
-    while !path.exists() {
-        assert!(process.try_wait().unwrap().is_none(), "it ended before {} was there", path.display());
-        assert!(started.elapsed() < Duration::from_mins(1), "{} is not there", path.display());
-        std::thread::sleep(Duration::from_millis(5));
+/// A process that would work for ever; it ends with the test at the latest.
+struct Endless(Child);
+
+impl Endless {
+    fn start(command: &mut Command) -> Self {
+        Self(command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap())
+    }
+
+    /// Waits for a file that the process writes.
+    fn wait_for(&mut self, path: &Path) {
+        let started = Instant::now();
+        while !path.exists() {
+            assert!(self.0.try_wait().unwrap().is_none(), "it ended before {} was there", path.display());
+            assert!(started.elapsed() < Duration::from_mins(1), "{} is not there", path.display());
+            std::thread::sleep(Duration::from_millis(5));
+        }
+    }
+}
+
+impl Drop for Endless {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
     }
 }
 
@@ -97,11 +113,12 @@ fn an_interrupted_reference_goes_on() {
     use std::os::unix::process::ExitStatusExt;
     let place = Workplace::new();
     let reference = |goal| ["reference", "cup", "-o", "cup.exr", "--size", "12x12", "--rel-error", goal, "--json"];
-    let mut process = place.process(&reference("1e-7")).stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
-    wait_for(&place.path("cup.exr"), &mut process);
-    let interrupted = Command::new("sh").args(["-c", "kill -INT $0", &process.id().to_string()]).status().unwrap();
-    assert!(interrupted.success());
-    assert_eq!(process.wait().unwrap().signal(), Some(2));
+    let mut process = Endless::start(&mut place.process(&reference("1e-7")));
+    process.wait_for(&place.path("cup.exr"));
+    // Not SIGINT, which shells have background processes ignore.
+    let ended = Command::new("sh").args(["-c", "kill -TERM $0", &process.0.id().to_string()]).status().unwrap();
+    assert!(ended.success());
+    assert_eq!(process.0.wait().unwrap().signal(), Some(15));
     let known = || ["", "error"].map(|layer| pinspot::image::read_exr(&place.path("cup.exr"), layer).unwrap().pixels);
     let before = known();
     assert!(before.iter().flatten().all(|pixel| pixel.is_finite()) && before[1].iter().any(|error| error.x > 0.0));
@@ -120,10 +137,9 @@ fn a_killed_sequence_leaves_whole_frames() {
     place.write("moving.toml", format!("{SCENE}{moving}"));
     let render =
         |frames| ["render", "moving.toml", "--backend", "cpu", "--frames", frames, "-o", "f-###.png", "f-###.exr"];
-    let mut process = place.process(&render("0..900")).stderr(Stdio::null()).spawn().unwrap();
-    wait_for(&place.path("f-002.exr"), &mut process);
-    process.kill().unwrap();
-    process.wait().unwrap();
+    let mut process = Endless::start(&mut place.process(&render("0..900")));
+    process.wait_for(&place.path("f-002.exr"));
+    drop(process);
     for k in 0..3 {
         image::open(place.path(format!("f-{k:03}.png"))).unwrap();
         pinspot::image::read_exr(&place.path(format!("f-{k:03}.exr")), "").unwrap();

@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
-use std::process::Command;
+use std::process::{Command, Stdio};
 use std::sync::OnceLock;
 
 use pinspot::cli::{Console, run};
@@ -90,7 +90,7 @@ impl Workplace {
     /// A process of the command, which works in the folder.
     pub fn process(&self, args: &[&str]) -> Command {
         let mut command = Command::new(env!("CARGO_BIN_EXE_pinspot"));
-        command.args(args).current_dir(self.0.path());
+        command.args(args).current_dir(self.0.path()).stdin(Stdio::null());
         command
     }
 

@@ -87,12 +87,22 @@ fn back_ends_agree(is_asked_for: fn(&str) -> bool) {
 /// One scene for each kind of surface and light: their caustics are compared above.
 const SHADED: [&str; 8] = ["still-life", "cup", "pool", "dynamic", "columns", "gloss", "varnish", "candle"];
 
+#[test]
+fn back_ends_agree_on_the_beauty_of_telling_scenes() {
+    back_ends_agree_on_beauty(support::is_telling);
+}
+
+#[test]
+#[ignore = "full: all other scenes"]
+fn back_ends_agree_on_the_beauty_of_other_scenes() {
+    back_ends_agree_on_beauty(|name| !support::is_telling(name));
+}
+
 /// On a GPU the rays of the camera, of paths and of shadows are traced there, too; pictures are those of the CPU, up to rays that graze
 /// edges.
-#[test]
-fn back_ends_agree_on_beauty() {
+fn back_ends_agree_on_beauty(is_asked_for: fn(&str) -> bool) {
     let mut failures = Vec::new();
-    for scene in SHADED {
+    for scene in SHADED.into_iter().filter(|name| is_asked_for(name)) {
         let [gpu, cpu] = [gpu_backend(), Backend::cpu()].map(|backend| {
             picture(scene, &backend, &[Aov::Beauty], FilterChoice::Anisotropic, |options| options.size = [32, 24])
                 .displayed(&prepared(scene).options.display)
@@ -115,6 +125,7 @@ fn the_same_seed_gives_the_same_bits() {
         let [one, two] = [1, 2].map(|_| {
             let (scene, mut options) = pinspot::load("cup").unwrap();
             set(&mut options, &aovs, FilterChoice::Anisotropic);
+            options.size = [24, 18];
             support::render(scene, options, &backend).unwrap()
         });
         assert_eq!(one.layers, two.layers, "{backend:?}");

@@ -51,6 +51,7 @@ fn a_ball_of_air_in_the_sun() {
 
 /// Both estimators have the same answer where both can be asked: the ring in a small sun.
 #[test]
+#[ignore = "full: ground truths of many pixels"]
 fn beams_and_points_agree() {
     let ring = load::<Settings>("ring").unwrap().scene;
     let by_beams = solve(ring.clone(), 64, |options| options.replicates = 64);

@@ -53,6 +53,11 @@ fn a_cancelled_picture_leaves_no_incomplete_stage_behind() {
     let stages =
         [Stage::Geometry, Stage::Tree, Stage::Visibility, Stage::Direct, Stage::Caustic, Stage::Paths, Stage::Shading];
     check(&Backend::cpu(), (60, Some(4)), &stages);
+}
+
+#[test]
+#[ignore = "full: a new engine on a software adapter for each stage"]
+fn nor_does_one_on_a_gpu() {
     let gpu = gpu_backend();
     check(&gpu, (60, Some(4)), &[Stage::Visibility, Stage::Caustic]);
     // More maps than a dispatch traces.

@@ -107,6 +107,7 @@ fn error(run: &Run, receivers: &Receivers, reference: &[f64]) -> f64 {
 }
 
 #[test]
+#[ignore = "full: a picture of 256² pixels, several seeds"]
 fn figure_4_in_numbers() {
     let (receivers, reference) = masked_reference();
     assert!(reference.len() > 1250, "{}", reference.len());

@@ -20,6 +20,7 @@ fn on_gpu() -> &'static Conformance {
 
 /// Pinspot's own filters do the same on both back ends and get better with their cost, everywhere on the cube.
 #[test]
+#[ignore = "full: takes minutes on a software adapter"]
 fn the_shader_filters_are_as_good_as_they_claim() {
     let cpu = wait(None, examine(Device::Cpu, &|| ())).unwrap();
     let gpu = on_gpu();
@@ -57,6 +58,7 @@ fn the_shader_filters_are_as_good_as_they_claim() {
 /// Software adapters ignore explicit gradients on cube maps; that must not go unnoticed. Whatever the adapter: the verdict is
 /// what its figures say, the quick test that every render makes comes to the same one, and auto follows it.
 #[test]
+#[ignore = "full: takes minutes on a software adapter"]
 fn the_hardware_filter_is_found_out() {
     let gpu = gpu();
     let conformance = on_gpu();

@@ -73,10 +73,20 @@ fn errors(light: &str, roughnesses: &[f32]) -> Vec<Errors> {
     roughnesses.iter().copied().map(of).collect()
 }
 
-/// Two parallelograms are no GGX lobe; this is what that costs.
 #[test]
+fn a_rough_mirror_is_as_near_to_the_truth_as_is_stated() {
+    are_as_near_as_is_stated(&[("map = \"forest\"", &[0.3])]);
+}
+
+#[test]
+#[ignore = "full: more ground truths"]
 fn rough_mirrors_are_as_near_to_the_truth_as_is_stated() {
-    for (light, roughnesses) in [("map = \"forest\"", &[0.0, 0.2, 0.3, 0.5][..]), ("map = \"studio\"", &[0.3])] {
+    are_as_near_as_is_stated(&[("map = \"forest\"", &[0.0, 0.2, 0.5]), ("map = \"studio\"", &[0.3])]);
+}
+
+/// Two parallelograms are no GGX lobe; this is what that costs.
+fn are_as_near_as_is_stated(lights: &[(&str, &[f32])]) {
+    for (light, roughnesses) in lights {
         for Errors { roughness, default, flat, without } in errors(light, roughnesses) {
             let place = format!("{light}, roughness {roughness}");
             let most = 0.04 + 0.25 * f64::from(roughness);
@@ -122,10 +132,20 @@ fn both_back_ends_and_the_ground_truth_lose_what_facets_hide() {
     }
 }
 
-/// A lobe sees more of the sky, and of the ring's other side, than its middle does.
 #[test]
-fn rough_mirrors_see_as_much_of_the_sky_as_the_ground_truth() {
-    for (roughness, most) in [(0.5, 0.06), (0.7, 0.07), (1.0, 0.2)] {
+fn a_rough_mirror_sees_as_much_of_the_sky_as_the_ground_truth() {
+    see_as_much_of_the_sky(&[(0.5, 0.06)]);
+}
+
+#[test]
+#[ignore = "full: more ground truths"]
+fn rougher_mirrors_see_as_much_of_the_sky_as_the_ground_truth() {
+    see_as_much_of_the_sky(&[(0.7, 0.07), (1.0, 0.2)]);
+}
+
+/// A lobe sees more of the sky, and of the ring's other side, than its middle does.
+fn see_as_much_of_the_sky(cases: &[(f32, f64)]) {
+    for &(roughness, most) in cases {
         let scene = ring("constant = [1.0, 1.0, 1.0]", roughness);
         let expected = truth(scene.clone(), Visibility::Full, 0.02);
         let [cpu, gpu, flat] = [

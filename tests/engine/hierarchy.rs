@@ -108,10 +108,20 @@ fn sums_are_those_of_leaves(is_asked_for: fn(&str) -> bool) {
     assert!(failures.is_empty(), "{failures:#?}");
 }
 
-/// With one leaf per sample, both use the same visibility maps.
 #[test]
 fn shadows_are_those_of_the_samples() {
-    for name in ["ring-natural", "columns", "cup", "spoon", "disco-ball"] {
+    are_those_of_the_samples(&["columns", "cup"]);
+}
+
+#[test]
+#[ignore = "full: more scenes"]
+fn shadows_are_those_of_the_samples_in_more_scenes() {
+    are_those_of_the_samples(&["ring-natural", "spoon", "disco-ball"]);
+}
+
+/// With one leaf per sample, both use the same visibility maps.
+fn are_those_of_the_samples(scenes: &[&str]) {
+    for name in scenes {
         let work = Work::new(name, 96);
         let tree = work.prepared.tree(1000, 1, Visibility::Full);
         let flat = work.flat(tree.sample_nodes(), &work.receivers);
@@ -146,13 +156,21 @@ fn receivers_may_come_as_a_list() {
 
 #[test]
 fn a_thousand_times_the_leaves_cost_a_few_times_the_fetches() {
-    for name in ["ring-above", "ring-natural"] {
-        let work = Work::new(name, 256);
-        let cost = |leaves| fetches(&work.hierarchical(&work.tree(250, leaves), &work.receivers, 0.02));
-        let (few, many) = (cost(4), cost(1024));
-        println!("{name}: {few} {many}");
-        assert!(many < 6.0 * few, "{name}: {few} {many}");
-    }
+    leaves_cost_little("ring-above");
+}
+
+#[test]
+#[ignore = "full: a picture of 256² pixels"]
+fn leaves_cost_little_in_natural_light() {
+    leaves_cost_little("ring-natural");
+}
+
+fn leaves_cost_little(name: &str) {
+    let work = Work::new(name, 256);
+    let cost = |leaves| fetches(&work.hierarchical(&work.tree(250, leaves), &work.receivers, 0.02));
+    let (few, many) = (cost(4), cost(1024));
+    println!("{name}: {few} {many}");
+    assert!(many < 6.0 * few, "{name}: {few} {many}");
 }
 
 /// The hierarchy on glossy receivers, seen from above at an angle.
@@ -179,13 +197,21 @@ fn glossy_receivers_get_what_the_leaves_bring() {
     }
 }
 
-/// By default, leaves bring the picture nearer to the truth than samples alone do.
 #[test]
 fn leaves_bring_it_nearer_to_the_truth() {
+    leaves_bring_nearer(&[("spoon", Visibility::None)]);
+}
+
+#[test]
+#[ignore = "full: more ground truths"]
+fn leaves_bring_more_scenes_nearer_to_the_truth() {
+    leaves_bring_nearer(&[("ring-natural", Visibility::None), ("spoon", Visibility::Full)]);
+}
+
+/// By default, leaves bring the picture nearer to the truth than samples alone do.
+fn leaves_bring_nearer(cases: &[(&str, Visibility)]) {
     const EDGE: u32 = 16;
-    for (name, visibility) in
-        [("ring-natural", Visibility::None), ("spoon", Visibility::None), ("spoon", Visibility::Full)]
-    {
+    for &(name, visibility) in cases {
         let truth = truth(name, Quantity::Caustic, visibility, EDGE, 0.01);
         let error = |evaluation| {
             let image = rendered(name, EDGE, |options| {

@@ -202,14 +202,15 @@ pub fn new_engine(scene: Scene, options: pinspot::Options, choice: &BackendChoic
 
 /// A built-in scene's caustic by 1,000 samples, one by one, on the CPU, or whatever `change` asks for.
 pub fn rendered(name: &str, size: u32, change: impl FnOnce(&mut pinspot::Options)) -> Image {
-    let PreparedScene { scene, options, .. } = &*prepared(name);
-    let (scene, mut options) = (scene.clone(), options.clone());
-    options.size = [size; 2];
-    options.samples = 1000;
-    options.aovs = vec![Aov::Caustic];
-    options.evaluation = EvaluationChoice::Flat;
-    change(&mut options);
-    render(scene, options, &BackendChoice::Cpu).unwrap().layers.remove(0).1
+    with_engine(name, &Backend::cpu(), |engine| {
+        let options = engine.options_mut();
+        options.size = [size; 2];
+        options.samples = 1000;
+        options.aovs = vec![Aov::Caustic];
+        options.evaluation = EvaluationChoice::Flat;
+        change(options);
+        render_again(engine).unwrap().layers.remove(0).1
+    })
 }
 
 /// The ground truth of a built-in scene, which is computed once for all tests.

@@ -1,6 +1,6 @@
 //! Built-in scenes and lights with what is derived from them. Each is made once, by the test that needs it first, for all of this process.
 
-use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 use pinspot::low_level::cell_tree::{CellTree, TreeOptions};
 use pinspot::low_level::environment::{CubeMap, Environment, LightBounds};
@@ -38,6 +38,30 @@ impl<K: PartialEq, V> Kept<K, V> {
     }
 }
 
+/// The values that were used last, by their keys: large ones, of which a few fit in memory.
+struct Recent<K, V> {
+    most: usize,
+    values: Mutex<Vec<(K, Arc<V>)>>,
+}
+
+impl<K: PartialEq, V> Recent<K, V> {
+    const fn new(most: usize) -> Self {
+        Self { most, values: Mutex::new(Vec::new()) }
+    }
+
+    /// The value of a key. While it is made, others wait.
+    fn get(&self, key: K, make: impl FnOnce() -> V) -> Arc<V> {
+        let mut values = self.values.lock().unwrap_or_else(PoisonError::into_inner);
+        let known = values.iter().position(|(known, _)| *known == key).map(|at| values.remove(at).1);
+        let value = known.unwrap_or_else(|| Arc::new(make()));
+        values.push((key, value.clone()));
+        if values.len() > self.most {
+            values.remove(0);
+        }
+        value
+    }
+}
+
 /// A light and its bounds.
 pub struct PreparedLight {
     pub cube: CubeMap,
@@ -47,7 +71,7 @@ pub struct PreparedLight {
 impl PreparedLight {
     /// A light in a cube map of a size.
     pub fn of(light: &scene::Light, size: CubeSize) -> Arc<Self> {
-        static LIGHTS: Kept<(scene::Light, CubeSize), PreparedLight> = Kept::new();
+        static LIGHTS: Recent<(scene::Light, CubeSize), PreparedLight> = Recent::new(4);
         LIGHTS.get((light.clone(), size), || Self::new(Environment::new(light, size).unwrap().cube))
     }
 
@@ -68,7 +92,6 @@ pub struct PreparedScene {
     pub tracer: Tracer,
     receivers: Kept<[u32; 2], Receivers>,
     trees: Kept<(u32, u32, Visibility), PinholeTree>,
-    engines: Mutex<Engines>,
 }
 
 /// The engines of a scene.
@@ -83,14 +106,7 @@ pub fn prepared(name: &str) -> Arc<PreparedScene> {
     static SCENES: Kept<String, PreparedScene> = Kept::new();
     SCENES.get(name.to_owned(), || {
         let (scene, options) = pinspot::load(name).unwrap();
-        PreparedScene {
-            tracer: Tracer::new(&scene),
-            scene,
-            options,
-            receivers: Kept::new(),
-            trees: Kept::new(),
-            engines: Mutex::default(),
-        }
+        PreparedScene { tracer: Tracer::new(&scene), scene, options, receivers: Kept::new(), trees: Kept::new() }
     })
 }
 
@@ -119,16 +135,6 @@ impl PreparedScene {
     pub fn light(&self, size: CubeSize) -> Arc<PreparedLight> {
         PreparedLight::of(&self.scene.environment.light, size)
     }
-
-    /// The scene's engines, for one test at a time.
-    fn engines(&self) -> MutexGuard<'_, Engines> {
-        self.engines.lock().unwrap_or_else(|poisoned| {
-            // A test has failed in the middle of something.
-            let mut engines = PoisonError::into_inner(poisoned);
-            *engines = Engines::default();
-            engines
-        })
-    }
 }
 
 impl Engines {
@@ -143,9 +149,15 @@ impl Engines {
     }
 }
 
-/// What a test does with a built-in scene's engine.
+/// What a test does with a built-in scene's engine. One test uses it at a time; those of the telling scenes are kept, and two more.
 pub fn with_engine<T>(name: &str, backend: &Backend, work: impl FnOnce(&mut Engine) -> T) -> T {
-    let prepared = prepared(name);
-    let mut engines = prepared.engines();
-    work(engines.on(backend, &prepared))
+    static ENGINES: Recent<String, Mutex<Engines>> = Recent::new(super::TELLING.len() + 2);
+    let engines = ENGINES.get(name.to_owned(), Mutex::default);
+    let mut engines = engines.lock().unwrap_or_else(|poisoned| {
+        // A test has failed in the middle of something.
+        let mut engines = PoisonError::into_inner(poisoned);
+        *engines = Engines::default();
+        engines
+    });
+    work(engines.on(backend, &prepared(name)))
 }
