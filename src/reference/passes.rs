@@ -14,9 +14,9 @@ use super::estimate::Estimate;
 use super::receivers::Receivers;
 use super::replicates::{self, MOST_SPLITS, Moments, Tally, Work};
 use super::schedule::{self, Pace, Plan, SPLIT_LIMITS, next_plan};
-use super::{Options, StoppingCriterion};
+use super::{Options, ReferenceError, StoppingCriterion};
 use crate::image::Image;
-use crate::{Progress, ReferenceError, Stage};
+use crate::{Progress, Stage};
 
 /// Where no more than this part of the typical irradiance can arrive, no finer cut is needed.
 const NEGLIGIBLE: f64 = 0.1;
