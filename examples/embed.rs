@@ -23,7 +23,7 @@ use pinspot::{Filter, Settings, wgpu};
 use wgpu::util::DeviceExt;
 
 /// Pixels of a frame.
-pub const SIZE: [u32; 2] = [64, 48];
+pub const SIZE: [u32; 2] = [96, 72];
 /// Frames of the animation.
 pub const FRAMES: u32 = 3;
 /// The error that is allowed, as a part of the image's mean irradiance.
