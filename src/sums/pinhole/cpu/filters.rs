@@ -4,6 +4,7 @@ use glam::{Vec3, Vec4};
 
 use super::cube::{CubeLookup, level_of};
 use super::footprint::{FootprintAxes, footprint_axes};
+use super::pair::FootprintParts;
 use super::visibility::{Occlusion, Unoccluded};
 use crate::environment::CubeMap;
 use crate::lanes::{ALL, F, LANES, Select, Simd, SimdBase, SimdFloat, V3, bits, dispatch, lanes, level, splat};
@@ -35,10 +36,19 @@ pub(super) fn through_lobe<S: Simd>(
     radiance
 }
 
-/// Adds the mean over one of the two parts of a lobe; w = fetches.
+/// The mean over the parts of a footprint, given that over each of them; w = fetches.
+// A loop over one or two parts, so that `mean_of` is compiled once.
 #[inline(always)]
-pub(super) fn add_lobe_part(sum: &mut [Vec4; LANES], mean: [Vec4; LANES]) {
-    sum.iter_mut().zip(mean).for_each(|(sum, mean)| *sum += mean * Vec3::splat(0.5).extend(1.0));
+pub(super) fn mean_over_parts<S: Simd>(
+    parts: &FootprintParts<S>,
+    mean_of: impl Fn(&FootprintSides<S>) -> [Vec4; LANES],
+) -> [Vec4; LANES] {
+    let share = Vec3::splat(1.0 / parts.len() as f32).extend(1.0);
+    let mut sum = [Vec4::ZERO; LANES];
+    for part in parts {
+        sum.iter_mut().zip(mean_of(part)).for_each(|(sum, mean)| *sum += mean * share);
+    }
+    sum
 }
 
 /// Mean unoccluded radiance over a footprint; w = fetches.
@@ -53,7 +63,10 @@ pub(super) fn mean_over_footprint<S: Simd>(
 ) -> [Vec4; LANES] {
     let r = sides.r;
     if filter == CpuFilter::None {
-        return single_fetch(simd, environment, r, occlusion, lit);
+        // In the finest level.
+        let (mut sum, nothing) = ([Vec4::ZERO; LANES], splat(simd, 0.0));
+        add_unoccluded(simd, environment, occlusion, r, (nothing, nothing), lit, &mut sum);
+        return sum;
     }
     let axes = footprint_axes(sides.v1, sides.v2);
     let texel = environment.texel_width(r);
@@ -80,21 +93,6 @@ pub(super) fn mean_over_footprint<S: Simd>(
         add_unoccluded(simd, environment, occlusion, direction, (width, level), active, &mut sum);
         k += 1.0;
     }
-}
-
-/// Radiance from a single direction, in the finest level; w = fetches.
-#[inline(always)]
-pub(super) fn single_fetch<S: Simd>(
-    simd: S,
-    environment: &CubeLookup,
-    r: V3<S>,
-    occlusion: &impl Occlusion,
-    lit: u32,
-) -> [Vec4; LANES] {
-    let mut sum = [Vec4::ZERO; LANES];
-    let nothing = splat(simd, 0.0);
-    add_unoccluded(simd, environment, occlusion, r, (nothing, nothing), lit, &mut sum);
-    sum
 }
 
 /// Mean radiance over a footprint within which the light changes little, from one look-up. Without a lobe it is narrow and in

@@ -81,11 +81,15 @@ impl<'a> LampLight<'a> {
     ) -> FootprintSides<S> {
         let inverse = 1.0 / seen.distance;
         let sharp = pair.sharp_footprint(simd, sample);
-        let side = |side: Vec3, change: V3<S>| {
-            let side = splat3(simd, side * inverse);
-            change + side.plus(sharp.r, -side.dot(sharp.r))
-        };
-        FootprintSides { r: sharp.r, v1: side(sample.sides[0], sharp.v1), v2: side(sample.sides[1], sharp.v2) }
+        let [v1, v2] = sample.sides.map(
+            #[inline(always)]
+            |side| splat3(simd, side * inverse),
+        );
+        FootprintSides {
+            r: sharp.r,
+            v1: sharp.v1 + v1.plus(sharp.r, -v1.dot(sharp.r)),
+            v2: sharp.v2 + v2.plus(sharp.r, -v2.dot(sharp.r)),
+        }
     }
 
     /// The same with the bend of the surface, and along parts of rays.
@@ -170,7 +174,7 @@ impl<'a> LampLight<'a> {
     }
 
     /// Mean radiance over a cell's footprint, or over both parts of its lobe; w = 1, a fetch.
-    // Not inlined into every sum.
+    #[inline(never)]
     pub fn mean_radiance<S: Simd>(
         &self,
         simd: S,
@@ -185,14 +189,11 @@ impl<'a> LampLight<'a> {
                 let seen = self.seen_from(sample.position);
                 // Segments of rays lie end to end exactly, and blur nothing.
                 let along = pair.turn_along_segment(simd).map_or(splat(simd, 0.0), |turn| turn.dot(turn));
-                if sample.is_mostly_lobe() {
-                    let sharp = Self::sharp_footprint(simd, sample, pair, &seen);
-                    for part in pair.parts_of(simd, sample, &sharp, pair.turn_along_segment(simd)) {
-                        self.add_mean(simd, (sample, &seen), (&part, along), (lit, 0.5), &mut sum);
-                    }
-                } else {
-                    let footprint = Self::footprint(simd, sample, pair, &seen);
-                    self.add_mean(simd, (sample, &seen), (&footprint, along), (lit, 1.0), &mut sum);
+                let sharp = Self::sharp_footprint(simd, sample, pair, &seen);
+                let parts = pair.parts_of(simd, sample, &sharp, pair.turn_along_segment(simd));
+                let weight = 1.0 / parts.len() as f32;
+                for part in &parts {
+                    self.add_mean(simd, (sample, &seen), (part, along), (lit, weight), &mut sum);
                 }
                 sum
             },

@@ -31,10 +31,10 @@ use std::sync::Arc;
 use glam::{Vec3, Vec4};
 use rayon::prelude::*;
 
-use self::filters::{CpuFilter, add_lobe_part, mean_over_footprint, single_fetch, through_lobe};
+use self::filters::{CpuFilter, mean_over_footprint, mean_over_parts, through_lobe};
 use self::lamp::LampLight;
 use self::medium::pass_medium;
-use self::pair::ReceiverCellPair;
+use self::pair::{FootprintParts, ReceiverCellPair};
 use self::receiver::{NO_OBJECT, Receiver, ReceiverGroup, load_receivers};
 use self::surroundings::SurroundingLight;
 use self::visibility::{Occlusion, Unoccluded, VisibilityMap};
@@ -226,7 +226,7 @@ fn reflect_to_viewers(
 
 impl Gather<'_> {
     /// Adds what every n-th of some samples contributes.
-    // Not inlined: one copy serves all flat sums.
+    #[inline(never)]
     fn add_samples<S: Simd>(
         &self,
         simd: S,
@@ -375,11 +375,9 @@ impl Gather<'_> {
         occlusion: &O,
         lit: u32,
     ) -> [Vec4; LANES] {
-        if environment.1 == CpuFilter::None {
-            return single_fetch(simd, environment.0, pair.r, occlusion, lit);
-        }
         let taps = F::splat(simd, self.uniforms.taps as f32);
-        if !O::IS_UNOCCLUDED && sample.is_wide_lobe(self.map_texel_rad()) {
+        let is_filtered = environment.1 != CpuFilter::None;
+        if !O::IS_UNOCCLUDED && is_filtered && sample.is_wide_lobe(self.map_texel_rad()) {
             return through_lobe(
                 simd,
                 (pair.r, sample.lobe),
@@ -394,7 +392,7 @@ impl Gather<'_> {
 }
 
 /// The environment's mean over a footprint from up to so many taps, or from so many in both parts of a lobe; w = fetches.
-#[inline(always)]
+#[inline(never)]
 fn mean_radiance<S: Simd>(
     simd: S,
     environment: (&CubeLookup, CpuFilter),
@@ -403,16 +401,20 @@ fn mean_radiance<S: Simd>(
     taps: F<S>,
     lit: u32,
 ) -> [Vec4; LANES] {
-    if sample.is_mostly_lobe() {
-        let mut sum = [Vec4::ZERO; LANES];
-        for part in pair.lobe_parts(simd, sample) {
-            let mean = mean_over_footprint(simd, environment, &part, occlusion, taps, lit);
-            add_lobe_part(&mut sum, mean);
-        }
-        return sum;
-    }
-    let footprint = pair.footprint(simd, sample);
-    mean_over_footprint(simd, environment, &footprint, occlusion, taps, lit)
+    simd.vectorize(
+        #[inline(always)]
+        || {
+            let parts = match environment.1 {
+                CpuFilter::None => FootprintParts::from_iter([pair.sharp_footprint(simd, sample)]),
+                _ => pair.parts(simd, sample),
+            };
+            mean_over_parts(
+                &parts,
+                #[inline(always)]
+                |part| mean_over_footprint(simd, environment, part, occlusion, taps, lit),
+            )
+        },
+    )
 }
 
 #[cfg(test)]

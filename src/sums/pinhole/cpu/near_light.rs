@@ -42,7 +42,7 @@ pub fn gather_surroundings(
 
 impl Gather<'_> {
     /// Adds what one sample contributes of light that is not infinitely far away.
-    // Not inlined into the sums of every filter.
+    #[inline(never)]
     pub(super) fn add_near_light<S: Simd>(
         &self,
         simd: S,

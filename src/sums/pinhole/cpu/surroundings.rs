@@ -3,7 +3,7 @@
 use glam::{Vec3, Vec4};
 
 use super::cube::CubeLookup;
-use super::filters::{CpuFilter, FootprintSides, add_lobe_part, mean_over_footprint};
+use super::filters::{CpuFilter, FootprintSides, mean_over_footprint, mean_over_parts};
 use super::pair::ReceiverCellPair;
 use super::visibility::Unoccluded;
 use crate::lanes::{F, LANES, Simd, SimdBase, SimdFloat, V3, splat, splat3};
@@ -36,7 +36,7 @@ pub(super) struct SeenSurfaces<'a, S: Simd> {
 impl<'a> SurroundingLight<'a> {
     /// Mean radiance over a cell's footprint, or over both parts of its lobe, w = fetches; and the places from which it comes, or shortly
     /// before those, relative to the cell.
-    // Not inlined into every sum: it is large.
+    #[inline(never)]
     pub fn arriving<S: Simd>(
         &self,
         simd: S,
@@ -50,21 +50,19 @@ impl<'a> SurroundingLight<'a> {
                 let sharp = pair.sharp_footprint(simd, cell);
                 let third = pair.turn_along_segment(simd);
                 let seen = self.seen(simd, cell, &sharp, third, lit);
-                let towards = seen.towards;
-                if !cell.is_mostly_lobe() {
-                    let sides = pair.widened(simd, seen.sides, seen.third, cell.lobe);
-                    return (seen.mean_radiance(simd, &sides, taps, lit), towards);
-                }
-                let mut sum = [Vec4::ZERO; LANES];
-                for part in pair.parts_of(simd, cell, &seen.sides, seen.third) {
-                    add_lobe_part(&mut sum, seen.mean_radiance(simd, &part, taps, lit));
-                }
-                (sum, towards)
+                let lookup = CubeLookup::new(&seen.view.radiance);
+                let mean = mean_over_parts(
+                    &pair.parts_of(simd, cell, &seen.sides, seen.third),
+                    #[inline(always)]
+                    |part| mean_over_footprint(simd, (&lookup, CpuFilter::Anisotropic), part, &Unoccluded, taps, lit),
+                );
+                (mean, seen.towards)
             },
         )
     }
 
     /// What lies in the directions of a footprint of a cell.
+    #[inline(never)]
     fn seen<S: Simd>(
         &self,
         simd: S,
@@ -156,18 +154,5 @@ impl<S: Simd> SeenSide<S> {
     fn of(&self, simd: S, side: Vec3, change: V3<S>) -> V3<S> {
         let moved = splat3(simd, side).plus(change, self.distance);
         moved.plus(self.direction, -self.direction.dot(moved)) * self.inverse
-    }
-}
-
-impl<S: Simd> SeenSurfaces<'_, S> {
-    /// Over a footprint as it is seen from the viewpoint.
-    fn mean_radiance(&self, simd: S, sides: &FootprintSides<S>, taps: F<S>, lit: u32) -> [Vec4; LANES] {
-        simd.vectorize(
-            #[inline(always)]
-            || {
-                let lookup = CubeLookup::new(&self.view.radiance);
-                mean_over_footprint(simd, (&lookup, CpuFilter::Anisotropic), sides, &Unoccluded, taps, lit)
-            },
-        )
     }
 }

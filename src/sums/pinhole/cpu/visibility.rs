@@ -170,6 +170,7 @@ impl<'a> VisibilityMap<'a> {
 
     /// Coverage of receivers at `l`, metres from the sample, and of the region between them. `objects` are those that they lie on, if
     /// it counts where the map is in doubt.
+    #[inline(never)]
     pub fn receiver_coverage<S: Simd>(
         &self,
         simd: S,
@@ -218,6 +219,7 @@ impl<'a> VisibilityMap<'a> {
     }
 
     /// Coverage of the environment in these directions, between them and `reach` radians around them.
+    #[inline(never)]
     pub fn sky_coverage<S: Simd>(&self, simd: S, direction: V3<S>, reach: f32, active: u32) -> Coverage {
         simd.vectorize(
             #[inline(always)]
@@ -320,9 +322,8 @@ impl<'a> VisibilityMap<'a> {
         }
         let [own, right, below] = edges.map(|words| U::load_array(simd, words));
         let [fx, fy] = place.fraction.map(|fraction| lanes(simd, fraction));
-        let corner = |k: u32| (corners >> k & 1).to_float::<F<S>>();
-        let top = mixed(corner(0), corner(1), part_across(own >> 8, fx));
-        let bottom = mixed(corner(2), corner(3), part_across(below >> 8, fx));
+        let top = mixed(bit(corners, 0), bit(corners, 1), part_across(own >> 8, fx));
+        let bottom = mixed(bit(corners, 2), bit(corners, 3), part_across(below >> 8, fx));
         mixed(top, bottom, mixed(part_across(own, fy), part_across(right, fy), fx))
     }
 }
@@ -442,6 +443,12 @@ fn part_across<S: Simd>(edge: U<S>, place: F<S>) -> F<S> {
     let half = F::from_bits(((edge & 3) + (127 - 3)) << 23);
     let (low, high) = ((middle - half).max(0.0), (middle + half).min(1.0));
     clamp((place - low) / (high - low), 0.0, 1.0)
+}
+
+/// A bit as 0 or 1.
+#[inline(always)]
+fn bit<S: Simd>(word: U<S>, index: u32) -> F<S> {
+    (word >> index & 1).to_float()
 }
 
 #[inline(always)]

@@ -3,12 +3,13 @@
 use glam::Vec4;
 
 use super::super::filters::{
-    CpuFilter, FootprintSides, add_lobe_part, mean_over_footprint, smooth_light, through_lobe,
+    CpuFilter, FootprintSides, mean_over_footprint, mean_over_parts, smooth_light, through_lobe,
 };
-use super::super::pair::ReceiverCellPair;
+use super::super::pair::{FootprintParts, ReceiverCellPair};
 use super::super::receiver::Receiver;
 use super::super::visibility::{Occlusion, Unoccluded, VisibilityMap};
 use super::super::{CubeLookup, Gather, Source};
+use super::occlusion::TracedSky;
 use crate::lanes::{F, LANES, Simd, SimdBase};
 use crate::pinhole::PinholeParts;
 use crate::pinhole::constants::{FOOTPRINT_RADIUS, LOBE_TAIL};
@@ -21,6 +22,23 @@ pub struct CellAtReceivers<'a, S: Simd> {
     pub footprint: &'a FootprintSides<S>,
     /// Without reflectance.
     pub weight: F<S>,
+}
+
+/// How it is known what a cell sees of the environment.
+#[derive(Clone, Copy)]
+pub enum Sky<'a> {
+    /// It sees all of it.
+    Open,
+    /// From the map of its sample.
+    Mapped(&'a VisibilityMap<'a>),
+    /// From rays, where that map is in doubt.
+    Traced(&'a TracedSky<'a>),
+}
+
+impl<'a> From<Option<&'a VisibilityMap<'a>>> for Sky<'a> {
+    fn from(map: Option<&'a VisibilityMap<'a>>) -> Self {
+        map.map_or(Self::Open, Self::Mapped)
+    }
 }
 
 impl<S: Simd> FootprintSides<S> {
@@ -38,49 +56,53 @@ impl<S: Simd> FootprintSides<S> {
 }
 
 impl Gather<'_> {
-    /// Adds what a cell contributes in lit lanes: from up to so many taps, or from a single look-up where the light is even.
-    /// `map`: what is occluded, if anything is.
-    #[inline(always)]
+    /// Adds what a cell contributes of the environment in lit lanes: from up to so many taps, or from a single look-up where the light is
+    /// even. Light that is nearer is for [`TileGather::add_near_light`](super::tile::TileGather).
+    #[inline(never)]
     pub fn add_cell<S: Simd>(
         &self,
         simd: S,
         cell: &CellAtReceivers<S>,
-        map: Option<&VisibilityMap>,
+        sky: Sky,
         taps: Option<F<S>>,
         lit: u32,
         sum: &mut [Vec4; LANES],
     ) {
-        match map {
-            Some(map) => self.add_cell_under(simd, cell, map, taps, lit, sum),
-            None => self.add_cell_under(simd, cell, &Unoccluded, taps, lit, sum),
-        }
+        simd.vectorize(
+            #[inline(always)]
+            || {
+                let radiance = match sky {
+                    Sky::Open => self.radiance_under(simd, cell, &Unoccluded, taps, lit),
+                    Sky::Mapped(map) => self.radiance_under(simd, cell, map, taps, lit),
+                    Sky::Traced(sky) => self.radiance_under(simd, cell, sky, taps, lit),
+                };
+                self.add(cell.sample, cell.pair, cell.receiver, (cell.weight, &radiance, lit), sum);
+            },
+        );
     }
 
-    /// The same under a part of the environment. Light that is nearer is for [`TileGather::add_near_light`](super::tile::TileGather).
+    /// Mean radiance of the environment over a cell's footprint; w = fetches.
     #[inline(always)]
-    pub fn add_cell_under<S: Simd, O: Occlusion>(
+    fn radiance_under<S: Simd, O: Occlusion>(
         &self,
         simd: S,
         cell: &CellAtReceivers<S>,
         sky: &O,
         taps: Option<F<S>>,
         lit: u32,
-        sum: &mut [Vec4; LANES],
-    ) {
-        let Source::Environment(environment) = &self.source else { return };
-        let radiance = if !O::IS_UNOCCLUDED && cell.sample.is_wide_lobe(self.map_texel_rad()) {
-            through_lobe(
-                simd,
-                (cell.pair.r, cell.sample.lobe),
-                sky,
-                lit,
-                #[inline(always)]
-                |lit| cell_radiance(simd, environment, cell, &Unoccluded, taps, lit),
-            )
-        } else {
-            cell_radiance(simd, environment, cell, sky, taps, lit)
-        };
-        self.add(cell.sample, cell.pair, cell.receiver, (cell.weight, &radiance, lit), sum);
+    ) -> [Vec4; LANES] {
+        let Source::Environment(environment) = &self.source else { return [Vec4::ZERO; LANES] };
+        if O::IS_UNOCCLUDED || !cell.sample.is_wide_lobe(self.map_texel_rad()) {
+            return cell_radiance(simd, environment, cell, sky, taps, lit);
+        }
+        through_lobe(
+            simd,
+            (cell.pair.r, cell.sample.lobe),
+            sky,
+            lit,
+            #[inline(always)]
+            |lit| cell_radiance(simd, environment, cell, &Unoccluded, taps, lit),
+        )
     }
 
     /// Upper bound of 1/l² for a cell.
@@ -100,6 +122,7 @@ impl Gather<'_> {
 }
 
 /// Mean radiance over a cell's footprint; w = fetches.
+#[inline(never)]
 fn cell_radiance<S: Simd>(
     simd: S,
     environment: &CubeLookup,
@@ -111,14 +134,16 @@ fn cell_radiance<S: Simd>(
     simd.vectorize(
         #[inline(always)]
         || {
-            if !cell.sample.is_mostly_lobe() {
-                return footprint_radiance(simd, environment, (cell, cell.footprint), occlusion, taps, lit);
-            }
-            let mut sum = [Vec4::ZERO; LANES];
-            for part in cell.pair.lobe_parts(simd, cell.sample) {
-                add_lobe_part(&mut sum, footprint_radiance(simd, environment, (cell, &part), occlusion, taps, lit));
-            }
-            sum
+            let parts = if cell.sample.is_mostly_lobe() {
+                cell.pair.parts(simd, cell.sample)
+            } else {
+                FootprintParts::from_iter([*cell.footprint])
+            };
+            mean_over_parts(
+                &parts,
+                #[inline(always)]
+                |part| footprint_radiance(simd, environment, (cell, part), occlusion, taps, lit),
+            )
         },
     )
 }

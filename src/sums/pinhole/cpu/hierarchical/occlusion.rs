@@ -128,6 +128,7 @@ impl Occlusion for TracedSky<'_> {
 impl TileGather<'_> {
     /// Adds what a lamp or lit surfaces contribute by way of a cell, in lit lanes. `map` is that of what the cell sees on the light's side,
     /// if anything is occluded; what it leaves in doubt is traced from the middle of the cell.
+    #[inline(never)]
     pub fn add_near_light<S: Simd>(
         &self,
         simd: S,

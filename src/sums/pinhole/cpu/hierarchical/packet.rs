@@ -12,7 +12,7 @@ use super::super::pair::{ReceiverCellPair, facing};
 use super::super::receiver::{Receiver, ReceiverGroup};
 use super::super::visibility::{Coverage, VisibilityMap};
 use super::criterion::{SourceBounds, unevenness};
-use super::evaluation::CellAtReceivers;
+use super::evaluation::{CellAtReceivers, Sky};
 use super::occlusion::VisibleReceivers;
 use super::tile::{FULLY_VISIBLE, TileGather};
 use crate::environment::LightBounds;
@@ -369,10 +369,10 @@ impl TileGather<'_> {
         for (lit, taps) in [(lit & !uneven, None), (uneven, Some(taps))] {
             let traced = by_rays.as_ref().map_or(0, |(_, traced)| lit & traced);
             if let Some((sky, _)) = by_rays.as_ref().filter(|_| traced != 0) {
-                gather.add_cell_under(simd, cell, sky, taps, traced, sum);
+                gather.add_cell(simd, cell, Sky::Traced(sky), taps, traced, sum);
             }
             if lit & !traced != 0 {
-                gather.add_cell(simd, cell, map.as_ref(), taps, lit & !traced, sum);
+                gather.add_cell(simd, cell, map.as_ref().into(), taps, lit & !traced, sum);
             }
         }
     }

@@ -80,7 +80,7 @@ impl TileGather<'_> {
             let max = weight * max_light;
             let piece = CellAtReceivers { sample: &piece, receiver, pair: &pair, footprint, weight };
             match &gather.source {
-                Source::Environment(_) => gather.add_cell(simd, &piece, map.as_ref(), Some(taps), lit, sum),
+                Source::Environment(_) => gather.add_cell(simd, &piece, map.as_ref().into(), Some(taps), lit, sum),
                 _ => self.add_near_light(simd, &piece, map.as_ref(), (taps, max), lit, sum),
             }
         }

@@ -93,6 +93,7 @@ impl<'a> TileGather<'a> {
     }
 
     /// Gathers what cells contribute to a block.
+    #[inline(never)]
     fn block<S: Simd>(&mut self, simd: S, place: BlockPlace, cells: &[u32]) {
         simd.vectorize(
             #[inline(always)]
@@ -287,7 +288,7 @@ impl<'a> TileGather<'a> {
         }
         let is_uneven = accepted.contribution_range >= error_budget;
         let taps = is_uneven.then(|| self.criterion.taps(splat(simd, accepted.contribution_range)));
-        gather.add_cell(simd, &cell, occlusion.as_ref(), taps, lit, sum);
+        gather.add_cell(simd, &cell, occlusion.as_ref().into(), taps, lit, sum);
         true
     }
 
