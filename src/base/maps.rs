@@ -25,11 +25,12 @@ macro_rules! maps {
 
 /// All built-in maps; none without the feature `builtin-maps`.
 #[cfg(not(feature = "builtin-maps"))]
-pub const BUILT_IN_MAPS: &[BuiltInMap] = &[];
+pub static BUILT_IN_MAPS: &[BuiltInMap] = &[];
 
 /// All built-in maps; none without the feature `builtin-maps`.
+// A constant would be embedded in every crate that names it.
 #[cfg(feature = "builtin-maps")]
-pub const BUILT_IN_MAPS: &[BuiltInMap] = maps! {
+pub static BUILT_IN_MAPS: &[BuiltInMap] = maps! {
     "clear-sky": "a clear sky with a true sun",
     "overcast": "an overcast sky",
     "forest": "light through leaves",

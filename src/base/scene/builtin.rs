@@ -18,7 +18,7 @@ macro_rules! built_in {
 }
 
 /// All built-in scenes.
-pub const BUILT_IN: &[BuiltIn] = built_in! {
+pub static BUILT_IN: &[BuiltIn] = built_in! {
     "still-life": "rings of gold and copper, a silver spoon and painted balls in low sun",
     "ring": "a mirror ring on a table under a tiny sun (Wand & Straßer, Figures 4 and 5)",
     "ring-above": "the same ring and light from straight above, orthographic: the scene to measure with",

@@ -12,7 +12,7 @@ use glam::{Vec2, Vec3, Vec3A};
 
 use super::cube::face_of_direction;
 use crate::image::RgbImage;
-use crate::lanes::{dispatch, level};
+use crate::lanes::{V3, dispatch, level};
 use crate::scene::{EnvironmentMap, MapLayout};
 
 /// An image that knows which direction each of its points shows.
@@ -132,7 +132,7 @@ struct Taps {
 /// Look-ups of directions, component by component, in an equirectangular image of this width and height.
 #[inline(always)]
 fn taps_in_latlong<S: Simd>(simd: S, directions: &[[f32; LANES]; 3], [width, height]: [u32; 2]) -> Taps {
-    let [x, y, z] = directions.map(|lanes| f32x16::load_array(simd, lanes));
+    let V3([x, y, z]) = V3::load(simd, directions);
     let (w, h) = (width as f32, height as f32);
     let turn = atan2(x, -z) * TAU.recip();
     let column = turn.simd_lt(0.0).select(turn + 1.0, turn) * w - 0.5;
@@ -142,9 +142,13 @@ fn taps_in_latlong<S: Simd>(simd: S, directions: &[[f32; LANES]; 3], [width, hei
     let (right, lower) = (left + 1.0, (upper + 1.0).min(h - 1.0));
     let from_edge = left.simd_lt(0.0).select(left + w, left).to_int::<u32x16<S>>();
     let over_edge = right.simd_ge(w).select(right - w, right).to_int::<u32x16<S>>();
-    let [upper_row, lower_row] = [upper, lower].map(|row| row.to_int::<u32x16<S>>() * width);
-    let pixels = [upper_row + from_edge, upper_row + over_edge, lower_row + from_edge, lower_row + over_edge];
-    Taps { pixels: pixels.map(SimdBase::to_array), parts: [column - left, row - upper].map(SimdBase::to_array) }
+    let (upper_row, lower_row) = (upper.to_int::<u32x16<S>>() * width, lower.to_int::<u32x16<S>>() * width);
+    let above = [(upper_row + from_edge).to_array(), (upper_row + over_edge).to_array()];
+    let below = [(lower_row + from_edge).to_array(), (lower_row + over_edge).to_array()];
+    Taps {
+        pixels: [above[0], above[1], below[0], below[1]],
+        parts: [(column - left).to_array(), (row - upper).to_array()],
+    }
 }
 
 /// The angles of the directions (`x`, `y`), from −π to π, within 3e-7. Reduction and polynomial are those of Cephes' `atanf`.

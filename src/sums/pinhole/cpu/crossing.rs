@@ -76,7 +76,8 @@ impl<S: Simd> CrossingBounds<S> {
         let behind = most.simd_gt(0.0);
         let reflected = in_front.select(factor(simd, interface, most.min(0.0)), nothing);
         let refracted = behind.select(factor(simd, interface, most), nothing);
-        let [flat, steep] = [least.max(0.0), most.max(0.0)].map(|cosine| refracted_cosine(interface.eta, cosine));
+        let flat = refracted_cosine(interface.eta, least.max(0.0));
+        let steep = refracted_cosine(interface.eta, most.max(0.0));
         let unbounded = bits(behind & (in_front | flat.simd_le(MIN_REFRACTED_COSINE)));
         let of_flat = turns(interface.eta, least.max(0.0), flat);
         let of_steep = turns(interface.eta, most.max(0.0), steep);
@@ -104,7 +105,7 @@ impl<S: Simd> CrossingBounds<S> {
         let radius = unbounded.select(splat(simd, WHOLE_SPHERE_RAD), radius);
         let across = towards.plus(normal, -towards.dot(normal));
         let sine = across.dot(across).sqrt().max(f32::MIN_POSITIVE);
-        let [steep_sine, flat_sine] = [self.steep, self.flat].map(|cosine| (1.0 - cosine * cosine).max(0.0).sqrt());
+        let (steep_sine, flat_sine) = (sine_of(self.steep), sine_of(self.flat));
         let (x, y) = (steep_sine + flat_sine, self.steep + self.flat);
         let scale = 1.0 / (x * x + y * y).sqrt();
         let axis = (across * (x * scale / sine)).plus(normal, y * scale);
@@ -125,6 +126,11 @@ impl<S: Simd> CrossingBounds<S> {
 fn turns<S: Simd>(eta: f32, cosine: F<S>, refracted: F<S>) -> (F<S>, F<S>) {
     let along = cosine * eta / refracted.max(MIN_REFRACTED_COSINE);
     (along.max(eta), (along - 1.0).abs().max((refracted - cosine * eta).abs()))
+}
+
+#[inline(always)]
+fn sine_of<S: Simd>(cosine: F<S>) -> F<S> {
+    (1.0 - cosine * cosine).max(0.0).sqrt()
 }
 
 #[inline(always)]

@@ -81,10 +81,8 @@ impl<'a> LampLight<'a> {
     ) -> FootprintSides<S> {
         let inverse = 1.0 / seen.distance;
         let sharp = pair.sharp_footprint(simd, sample);
-        let [v1, v2] = sample.sides.map(
-            #[inline(always)]
-            |side| splat3(simd, side * inverse),
-        );
+        let [v1, v2] = sample.sides;
+        let (v1, v2) = (splat3(simd, v1 * inverse), splat3(simd, v2 * inverse));
         FootprintSides {
             r: sharp.r,
             v1: sharp.v1 + v1.plus(sharp.r, -v1.dot(sharp.r)),
@@ -213,7 +211,8 @@ impl<'a> LampLight<'a> {
         let squares = (footprint.squares() - along).max(0.0);
         let own = seen.chord * seen.chord;
         let wide = (squares * (LAMP_BLUR * LAMP_BLUR) + own).sqrt();
-        let [half_1, half_2] = [footprint.v1, footprint.v2].map(|side| side.dot(side).sqrt() * 0.5);
+        let half_1 = footprint.v1.dot(footprint.v1).sqrt() * 0.5;
+        let half_2 = footprint.v2.dot(footprint.v2).sqrt() * 0.5;
         let off = footprint.r - splat3(simd, seen.towards);
         let met = lit & bits(off.dot(off).sqrt().simd_lt(wide + half_1 + half_2));
         set_bits(lit & !met).for_each(|lane| sum[lane].w += 1.0);
@@ -221,7 +220,7 @@ impl<'a> LampLight<'a> {
             return;
         }
         let wide = wide.to_array();
-        let [a, b] = [footprint.v1, footprint.v2].map(V3::to_arrays);
+        let (a, b) = (footprint.v1.to_arrays(), footprint.v2.to_arrays());
         let r = footprint.r.to_arrays();
         for lane in set_bits(met) {
             let vector = |v: &[[f32; LANES]; 3]| Vec3::new(v[0][lane], v[1][lane], v[2][lane]);

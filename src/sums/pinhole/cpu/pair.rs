@@ -147,7 +147,8 @@ impl<S: Simd> ReceiverCellPair<S> {
     pub fn sharp_footprint(&self, simd: S, sample: &PinholeParts) -> FootprintSides<S> {
         let Self { d, n, dn, inverse_l, r, .. } = *self;
         let PinholeParts { sides: [side_1, side_2], changes: [change_1, change_2], .. } = *sample;
-        let [first, second] = [(side_1, change_1), (side_2, change_2)].map(|(s, c)| (splat3(simd, s), splat3(simd, c)));
+        let first = (splat3(simd, side_1), splat3(simd, change_1));
+        let second = (splat3(simd, side_2), splat3(simd, change_2));
         if let Some(crossing) = &self.crossing {
             let frame = (d * inverse_l, n);
             return FootprintSides {
