@@ -1,4 +1,5 @@
-//! The ground floor of Pinspot: descriptions of scenes, image files, materials and the names of stages.
+//! The ground floor of Pinspot: descriptions of scenes, image files, materials, the names of stages and the use of all
+//! cores.
 //!
 //! Users see these items in the crate `pinspot`. Nothing here knows samples, rays, cube maps or devices.
 
@@ -7,6 +8,7 @@ mod disjoint_sets;
 pub mod image;
 pub mod maps;
 mod option_error;
+pub mod parallel;
 pub mod progress;
 pub mod reflectance;
 pub mod scene;

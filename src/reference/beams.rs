@@ -6,7 +6,6 @@
 //! mirrors and of receivers, are very small parts, which count as points.
 
 use glam::{DVec2, DVec3};
-use rayon::prelude::*;
 
 use super::beam_origins::Origin;
 use super::geometry::{Geometry, Hit, Triangle};
@@ -14,6 +13,7 @@ use super::lamps::{Lamps, Source};
 use super::picture_plane::PicturePlane;
 use super::reflectance::Reflectance;
 use super::refraction::{Interface, refract};
+use crate::parallel;
 use crate::scene::{Chain, Chains, Scene, Sides, Specular};
 
 /// Parts are divided until the middles of their sides lie so near to where they should, pixels.
@@ -103,7 +103,7 @@ impl<'a> Beams<'a> {
             }
             pixels
         };
-        let parts: Vec<Vec<DVec3>> = triangles.par_chunks(part).map(of_part).collect();
+        let parts: Vec<Vec<DVec3>> = parallel::map_chunks(&triangles, part, &of_part);
         let mut sum = vec![DVec3::ZERO; count];
         for pixels in parts {
             sum.iter_mut().zip(pixels).for_each(|(sum, pixel)| *sum += pixel);

@@ -1,7 +1,7 @@
 //! Ground truth: an unbiased estimate of the light that the techniques approximate, and its standard error.
 //!
-//! It shares the scene's description, file decoding, errors and progress with what it judges, and nothing else: a test pins its
-//! imports. Data flows scene → `geometry` (f64 triangles) and
+//! It shares the scene's description, file decoding, errors, progress and the use of all cores with what it judges, and
+//! nothing else: a test pins its imports. Data flows scene → `geometry` (f64 triangles) and
 //! `light` (radiance from the original image), `lamps` and `emitters` → a `domain` to integrate over (`reflectors`, or the `sky` for direct light) →
 //! for light in the medium, `scattering` over the lines of sight, too →
 //! a `cut` per receiver point or line of sight (the density) → replicates of quasi-random points, in
@@ -71,7 +71,7 @@ use self::sky::Sky;
 use pinspot_base::image::ImageError;
 use pinspot_base::maps::EnvironmentError;
 use pinspot_base::scene::{Chain, Chains, MeshError, Object, Scene, Visibility};
-use pinspot_base::{OptionError, Progress, Stage, image, maps, scene};
+use pinspot_base::{OptionError, Progress, Stage, image, maps, parallel, scene};
 
 /// What is computed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]

@@ -1,11 +1,11 @@
 //! What the camera sees at every point of every pixel, by rays in f64.
 
 use glam::DVec3;
-use rayon::prelude::*;
 
 use super::domain::{Place, Receiver};
 use super::emitters::Emitters;
 use super::geometry::Geometry;
+use crate::parallel;
 use crate::scene::{Camera, Projection, Scene};
 
 /// The receivers of a picture: points, or lines of sight.
@@ -54,7 +54,7 @@ impl<R: Send> Receivers<R> {
             receiver(ray(camera, [x, y], size))
         };
         let count = u64::from(width) * u64::from(height) * u64::from(per_edge * per_edge);
-        Self { per_edge: per_edge as usize, points: (0..count).into_par_iter().map(point).collect() }
+        Self { per_edge: per_edge as usize, points: parallel::collect(count as usize, &|index| point(index as u64)) }
     }
 }
 

@@ -34,5 +34,5 @@ pub use pinspot_reference as reference;
 #[cfg(feature = "gpu")]
 pub use wgpu;
 
-use pinspot_base::{NoProgress, OptionError, brdf, image, progress, reflectance, scene, words};
+use pinspot_base::{NoProgress, OptionError, brdf, image, parallel, progress, reflectance, scene, words};
 use pinspot_sums::{cell_tree, differential, environment, lanes, sampling, tracing};

@@ -11,4 +11,4 @@ pub mod pinhole;
 pub mod sampling;
 pub mod tracing;
 
-use pinspot_base::{DisjointSets, brdf, image, progress, reflectance, scene, words};
+use pinspot_base::{DisjointSets, brdf, image, parallel, progress, reflectance, scene, words};

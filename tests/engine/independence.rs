@@ -1,9 +1,10 @@
-//! What the ground truth has in common with what it judges: the scene's description, file decoding, errors and progress.
+//! What the ground truth has in common with what it judges: the scene's description, file decoding, errors, progress and the
+//! use of all cores.
 
 use std::path::Path;
 
 /// Everything of `pinspot-base` that `src/reference` may name outside its tests; of the other crates it knows nothing.
-const SHARED: [&str; 15] = [
+const SHARED: [&str; 16] = [
     "OptionError",
     "Progress",
     "Stage",
@@ -18,6 +19,7 @@ const SHARED: [&str; 15] = [
     "maps",
     "maps::EnvironmentError",
     "maps::built_in_map",
+    "parallel",
     "scene",
 ];
 

@@ -1,7 +1,6 @@
 //! What filters make of a zone plate, side by side: the picture that shows at a glance what a table says.
 
 use glam::Vec3;
-use rayon::prelude::*;
 
 use super::Device;
 use super::footprints::footprint;
@@ -10,6 +9,7 @@ use super::truth::mean;
 use crate::boxed::BoxFuture;
 use crate::gpu::GpuError;
 use crate::image::Image;
+use crate::parallel;
 use crate::pinhole::Probe;
 
 /// Pixels along a tile, and between tiles.
@@ -27,7 +27,7 @@ pub fn zone_plates(device: Device<'_>) -> BoxFuture<'_, Result<Image, GpuError>>
         let at = |k: usize| 1.9 * ((k as f32 + 0.5) / TILE as f32 - 0.5);
         let probes: Vec<Probe> =
             (0..TILE * TILE).map(|k| footprint(4, at(k % TILE), at(k / TILE), ANGLE_RAD, TEXELS)).collect();
-        let mut tiles: Vec<Vec<f32>> = vec![probes.par_iter().map(|p| mean(cube, p, TEXELS) as f32).collect()];
+        let mut tiles: Vec<Vec<f32>> = vec![parallel::map(&probes, &|p| mean(cube, p, TEXELS) as f32)];
         for (filter, taps) in device.filters() {
             let got = device.probe(Pattern::ZonePlate, filter, taps, &probes).await?;
             tiles.push(got.iter().map(|g| g[0]).collect());

@@ -1,10 +1,10 @@
 //! The exact mean over a footprint: the bilinear level 0 of the cube, integrated over the parallelogram.
 
 use glam::Vec3;
-use rayon::prelude::*;
 
 use super::footprints::Case;
 use crate::environment::CubeMap;
+use crate::parallel;
 use crate::pinhole::Probe;
 
 /// Points per texel along each side; with 8, answers change by less than 1e-3 of a pattern's deviation.
@@ -12,7 +12,7 @@ const PER_TEXEL: f64 = 4.0;
 
 /// The means of the red channel.
 pub(super) fn means(cube: &CubeMap, cases: &[Case]) -> Vec<f64> {
-    cases.par_iter().map(|case| mean(cube, &case.probe, case.texels)).collect()
+    parallel::map(cases, &|case| mean(cube, &case.probe, case.texels))
 }
 
 /// The mean over `direction + a·side_1 + b·side_2`, a and b in [−½, ½], by the midpoint rule.

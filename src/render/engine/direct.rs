@@ -7,7 +7,6 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use glam::Vec3;
-use rayon::prelude::*;
 
 use super::every_other::{AdaptiveLight, PixelGrid, STEP};
 use super::ray_batches::RayBatches;
@@ -16,6 +15,7 @@ use super::shadows::LightDirection;
 use super::shadows::{Shadows, is_enclosed};
 use crate::Error;
 use crate::environment::CubeMap;
+use crate::parallel;
 use crate::progress::Progress;
 use crate::scene::Visibility;
 use crate::stages::{CameraRays, DirectNearLight, LightStages, PreparedLight};
@@ -123,7 +123,7 @@ impl<'a> DirectLight<'a> {
     /// Irradiance at groups of points that are close to each other, W/m², in one list.
     pub async fn irradiance_of_groups(&self, groups: &[Vec<&Hit>]) -> Result<Vec<Vec3>, Error> {
         let Some((batches, shadows)) = self.batches.zip(self.shadows.as_ref()) else {
-            return Ok(groups.par_iter().flat_map_iter(|group| self.irradiance(group)).collect());
+            return Ok(parallel::map(groups, &|group| self.irradiance(group)).concat());
         };
         let points = groups.concat();
         let fractions = batches.unoccluded_fractions(&points, shadows.directions()).await?;

@@ -4,13 +4,13 @@ use std::collections::HashMap;
 use std::sync::Arc;
 
 use glam::{UVec2, Vec2, Vec3, Vec4};
-use rayon::prelude::*;
 
 use super::ends::{POINTS_IN_A_GROUP, POINTS_IN_A_ROW};
 use super::every_other::PixelGrid;
 use super::frame::FrameInputs;
 use super::paths::share_light;
 use crate::Error;
+use crate::parallel;
 use crate::pinhole::Receivers;
 use crate::progress::Uncounted;
 use crate::scene::Ray;
@@ -190,8 +190,8 @@ pub(super) fn beside_edges(
     (grid, count): (&impl PixelGrid, usize),
     is_edge: impl Fn(usize, usize) -> bool + Sync,
 ) -> Vec<usize> {
-    let is_beside = |index: &usize| is_beside_edge(grid, *index, |other| is_edge(*index, other));
-    let mut found: Vec<usize> = (0..count).into_par_iter().filter(is_beside).collect();
+    let is_beside = |index: usize| is_beside_edge(grid, index, |other| is_edge(index, other));
+    let mut found = parallel::filter(count, &is_beside);
     found.sort_by_cached_key(|index| grid.place_on_curve(*index));
     found
 }

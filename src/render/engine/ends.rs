@@ -5,7 +5,6 @@ use std::sync::Arc;
 
 use glam::{Vec3, Vec4};
 use obvhs::ploc::morton::morton_encode_u64;
-use rayon::prelude::*;
 
 use super::direct::DirectLight;
 use super::edges::{
@@ -19,6 +18,7 @@ use super::reprojection::{MIN_NORMAL_COSINE, Reprojection, light_at};
 use crate::Error;
 use crate::brdf::Materials;
 use crate::image::Aov;
+use crate::parallel;
 use crate::pinhole::{Receivers, ViewDirections};
 use crate::stages::{CameraRays, LightStages};
 use crate::technique::Sum;
@@ -80,16 +80,14 @@ impl<'a> EndLight<'a> {
         let is_known = |object| at_hits.is_some() && inputs.shows_irradiance(Aov::Direct, object);
         let at_hit = |hit: usize| at_hits.map_or(Vec3::ZERO, |direct| direct.light[hit]);
         let reprojection = Reprojection::new(rays, points, is_known);
-        let known = (0..points.len()).into_par_iter().map(|index| reprojection.light(index, at_hit));
-        let mut known: Vec<Option<Vec3>> = known.collect();
+        let mut known = parallel::collect(points.len(), &|index| reprojection.light(index, at_hit));
         if let Some(light) = &self.glossy {
             let glossy: Vec<usize> = (0..points.len()).filter(|&k| is_glossy(self.materials, &points[k])).collect();
             let of_glossy: Vec<&EndPoint> = glossy.iter().map(|&index| &points[index]).collect();
             let reflected = light.reflected(self.materials, &of_glossy).await?;
             let near_light = self.diffuse.near_light();
-            let of_near_light =
-                of_glossy.par_iter().map(|point| near_light.reflected(self.materials, &point.hit, point.view));
-            let of_near_light: Vec<Vec3> = of_near_light.collect();
+            let of_near_light = |point: &&EndPoint| near_light.reflected(self.materials, &point.hit, point.view);
+            let of_near_light = parallel::map(&of_glossy, &of_near_light);
             let all = reflected.into_iter().zip(of_near_light).map(|(environment, near)| environment + near);
             glossy.into_iter().zip(all).for_each(|(index, radiance)| known[index] = Some(radiance));
         }

@@ -2,11 +2,11 @@
 
 use glam::{Vec2, Vec3, Vec4};
 use obvhs::ploc::morton::morton_encode_u64;
-use rayon::prelude::*;
 
 use super::interpolation::{MAX_DEVIATION, bilinear, is_smooth};
 use super::paths::EndPoint;
 use super::reprojection::MIN_NORMAL_COSINE;
+use crate::parallel;
 use crate::stages::CameraRays;
 use crate::tracing::Hit;
 
@@ -164,7 +164,8 @@ impl<'g, G: PixelGrid> AdaptiveLight<'g, G> {
             open = self.interpolate();
         }
         if open.is_empty() {
-            open = self.interpolated.par_iter().copied().filter(|&index| self.is_refuted(index)).collect();
+            let refuted = parallel::filter(self.interpolated.len(), &|k| self.is_refuted(self.interpolated[k]));
+            open = refuted.into_iter().map(|k| self.interpolated[k]).collect();
             self.interpolated.retain(|index| open.binary_search(index).is_err());
         }
         (!open.is_empty()).then_some(open)
@@ -208,7 +209,7 @@ impl<'g, G: PixelGrid> AdaptiveLight<'g, G> {
         let others = std::mem::take(&mut self.others);
         let known = |index: usize| self.is_computed[index].then(|| self.light[index].truncate());
         let between = |&index: &usize| self.grid.interpolate_at(index, known, (self.beside(index), self.leniency));
-        let values: Vec<Option<Vec3>> = others.par_iter().map(between).collect();
+        let values: Vec<Option<Vec3>> = parallel::map(&others, &between);
         let mut open = Vec::new();
         for (index, value) in others.into_iter().zip(values) {
             let Some(value) = value else {

@@ -4,7 +4,6 @@
 use std::sync::Arc;
 
 use glam::Vec3;
-use rayon::prelude::*;
 
 use super::caustic::CausticAtHits;
 use super::edges::{Caustic, Direct};
@@ -17,6 +16,7 @@ use crate::Error;
 use crate::environment::Environment;
 use crate::image::Aov;
 use crate::options::{DisplaySettings, Options};
+use crate::parallel;
 use crate::progress::{Progress, Stage};
 use crate::scene::{Chain, Emitter, Lamp, Medium, Ray, Refractor, Scene, Sides, Visibility};
 use crate::stages::{
@@ -143,7 +143,7 @@ impl<'a> FrameInputs<'a> {
     pub(super) async fn camera_hits(&self, rays: &[Ray]) -> Result<Vec<Option<Hit>>, Error> {
         match self.batches {
             Some(batches) => batches.camera_hits(rays).await,
-            None => Ok(rays.par_iter().map(|ray| self.prepared.camera.hit(*ray)).collect()),
+            None => Ok(parallel::map(rays, &|ray| self.prepared.camera.hit(*ray))),
         }
     }
 

@@ -4,7 +4,6 @@ use std::f32::consts::{FRAC_1_PI, TAU};
 use std::sync::Arc;
 
 use glam::{Mat3, Vec2, Vec3};
-use rayon::prelude::*;
 use sobol_burley::sample_4d;
 
 use super::gloss::{facet_of, tangents};
@@ -13,6 +12,7 @@ use super::ray_batches::RayBatches;
 use crate::Error;
 use crate::brdf::{Materials, distribution};
 use crate::environment::LightSampler;
+use crate::parallel;
 use crate::scene::{Ray, Visibility};
 use crate::stages::PreparedLight;
 use crate::tracing::Tracer;
@@ -50,12 +50,11 @@ impl<'a> GlossyLight<'a> {
     /// Radiance that glossy receivers reflect towards their viewers, W/(m²·sr).
     pub async fn reflected(&self, materials: &Materials, points: &[&EndPoint]) -> Result<Vec<Vec3>, Error> {
         let Some(batches) = self.batches.filter(|_| self.is_shadowed) else {
-            return Ok(points.par_iter().map(|point| self.reflected_at(materials, point)).collect());
+            return Ok(parallel::map(points, &|point| self.reflected_at(materials, point)));
         };
         let mut all = Vec::with_capacity(points.len());
         for points in points.chunks(POINTS_PER_BATCH) {
-            let terms = points.par_iter().map(|point| self.terms(materials, point));
-            let terms: Vec<Vec<(Ray, Vec3)>> = terms.collect();
+            let terms: Vec<Vec<(Ray, Vec3)>> = parallel::map(points, &|point| self.terms(materials, point));
             let rays: Vec<Ray> = terms.iter().flatten().map(|(ray, _)| *ray).collect();
             let mut blocked = batches.blocked(&rays).await?.into_iter();
             let arriving = |of_point: &Vec<(Ray, Vec3)>| {

@@ -3,12 +3,12 @@
 use std::f32::consts::{PI, TAU};
 
 use glam::{UVec2, Vec2, Vec3};
-use rayon::prelude::*;
 
 use super::Engine;
 use super::preview::PreviewStages;
 use crate::image::{Image, exposed};
 use crate::options::{EvaluationChoice, Options};
+use crate::parallel;
 use crate::pinhole::SampleView;
 use crate::pinhole::cpu::{Contribution, TakenCell};
 use crate::progress::Progress;
@@ -149,7 +149,7 @@ impl Engine {
             let direction = Vec3::new(azimuth.sin() * polar.sin(), polar.cos(), -azimuth.cos() * polar.sin());
             light.intensity * light.environment.radiance.smooth_radiance(direction)
         };
-        let radiance: Vec<Vec3> = (0..2 * height * height).into_par_iter().map(radiance).collect();
+        let radiance = parallel::collect((2 * height * height) as usize, &|pixel| radiance(pixel as u32));
         let metered = || crate::image::metered_ev(radiance.iter().copied());
         let stops = self.options.display.exposures(metered).background_exposure_ev;
         let tone_map = self.options.display.tone_map;

@@ -2,12 +2,12 @@
 //! their maps.
 
 use glam::{UVec2, Vec2, Vec3};
-use rayon::prelude::*;
 
 use crate::differential::DifferentialSample;
 use crate::image::Image;
 use crate::image_space::MapPicture;
 use crate::options::Overlay;
+use crate::parallel;
 use crate::scene::{Ray, Scene};
 use crate::tracing::CameraTracer;
 
@@ -93,7 +93,7 @@ pub(super) struct Marker<'a> {
 impl Marker<'_> {
     /// The positions of the samples that the camera sees.
     pub fn dots(&self, positions: &[Vec3]) -> Vec<Vec2> {
-        positions.par_iter().filter_map(|position| self.visible(*position)).collect()
+        parallel::map(positions, &|position| self.visible(*position)).into_iter().flatten().collect()
     }
 
     /// A caustic map in the lower left corner, of a white that a hundredth of its lit texels exceed.
@@ -112,14 +112,17 @@ impl Marker<'_> {
 
     /// The marks of an overlay of samples and the surface around them.
     pub fn marks(&self, overlay: Overlay, samples: &[DifferentialSample]) -> Vec<Mark> {
-        let seen = samples.par_iter().filter(|sample| self.visible(sample.cell.centroid).is_some());
-        match overlay {
-            Overlay::None | Overlay::Photons | Overlay::CausticMap => Vec::new(),
-            Overlay::Samples => seen.filter_map(|s| Some(Mark::Dot(self.visible(s.position)?))).collect(),
-            Overlay::Normals => seen.filter_map(|sample| self.normal(sample)).collect(),
-            Overlay::Curvature => seen.flat_map_iter(|sample| self.curvature(sample).into_iter().flatten()).collect(),
-            Overlay::Cells => seen.flat_map_iter(|sample| self.cell(sample).into_iter().flatten()).collect(),
-        }
+        let of_seen: &(dyn Fn(&DifferentialSample) -> Vec<Mark> + Sync) = match overlay {
+            Overlay::None | Overlay::Photons | Overlay::CausticMap => return Vec::new(),
+            Overlay::Samples => &|sample| self.visible(sample.position).map(Mark::Dot).into_iter().collect(),
+            Overlay::Normals => &|sample| self.normal(sample).into_iter().collect(),
+            Overlay::Curvature => &|sample| self.curvature(sample).into_iter().flatten().collect(),
+            Overlay::Cells => &|sample| self.cell(sample).into_iter().flatten().collect(),
+        };
+        let marks = |sample: &DifferentialSample| {
+            if self.visible(sample.cell.centroid).is_some() { of_seen(sample) } else { Vec::new() }
+        };
+        parallel::map(samples, &marks).concat()
     }
 
     fn visible(&self, position: Vec3) -> Option<Vec2> {

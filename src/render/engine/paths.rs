@@ -8,10 +8,10 @@ mod lamps;
 mod tracer;
 
 use glam::Vec3;
-use rayon::prelude::*;
 
 pub(super) use self::tracer::PathTracer;
 use super::escapes::{Escape, footprints};
+use crate::parallel;
 use crate::pinhole::constants::MIN_HEIGHT;
 use crate::scene::{Object, Ray, Sides};
 use crate::stages::PreparedScene;
@@ -213,7 +213,7 @@ fn mirrors(object: &Object, front: bool) -> bool {
 /// Sets the steps of all end points.
 fn measure_steps(pixels: &mut [PixelPaths], width: usize) {
     let of_pixel = |index: usize| steps(pixels, width, index);
-    let steps: Vec<Vec<[Vec3; 2]>> = (0..pixels.len()).into_par_iter().map(of_pixel).collect();
+    let steps: Vec<Vec<[Vec3; 2]>> = parallel::collect(pixels.len(), &of_pixel);
     for (pixel, steps) in pixels.iter_mut().zip(steps) {
         pixel.ends.iter_mut().zip(steps).for_each(|(end, steps)| end.steps = steps);
     }

@@ -2,10 +2,10 @@
 //! of paths, so that it need not be computed again.
 
 use glam::{Vec2, Vec3};
-use rayon::prelude::*;
 
 use super::interpolation::{MAX_DEVIATION, bilinear, is_smooth};
 use super::paths::EndPoint;
+use crate::parallel;
 use crate::stages::CameraRays;
 use crate::tracing::Hit;
 
@@ -34,7 +34,7 @@ impl Reprojection {
     /// Finds the points that the camera sees on known objects, where neighbouring rays hit the same smooth surface.
     pub fn new(rays: &CameraRays, points: &[EndPoint], is_known: impl Fn(u32) -> bool + Sync) -> Self {
         let place = |point: &EndPoint| is_known(point.hit.object).then(|| place(rays, point)).flatten();
-        Self { width: rays.width as usize, places: points.par_iter().map(place).collect() }
+        Self { width: rays.width as usize, places: parallel::map(points, &place) }
     }
 
     /// The light at an end point, if the camera sees it finely enough.

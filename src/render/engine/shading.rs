@@ -3,7 +3,6 @@
 use std::sync::Arc;
 
 use glam::Vec3;
-use rayon::prelude::*;
 
 use super::edges::{Caustic, Direct, NEAREST_PARTS, PARTS, Parts};
 use super::gloss::blurred_radiance;
@@ -11,6 +10,7 @@ use super::paths::{Paths, PixelPaths, Source, Term};
 use super::scattering::Scattered;
 use crate::image::{exposed, metered_ev};
 use crate::options::{DisplaySettings, Exposures};
+use crate::parallel;
 use crate::pinhole::{Filter, Probe, cpu};
 use crate::stages::PreparedLight;
 
@@ -94,7 +94,7 @@ pub(super) struct Shader<'a> {
 
 impl Shader<'_> {
     pub fn shade(&self, paths: &Paths) -> Shaded {
-        let points: Vec<Vec<ShadedPoint>> = paths.pixels.par_iter().map(|pixel| self.shade_pixel(pixel)).collect();
+        let points: Vec<Vec<ShadedPoint>> = parallel::map(&paths.pixels, &|pixel| self.shade_pixel(pixel));
         let mut first_point = vec![0];
         first_point.extend(points.iter().scan(0, |sum, points| {
             *sum += points.len() as u32;
@@ -186,8 +186,11 @@ impl Shader<'_> {
 }
 
 impl Shaded {
-    fn pixels(&self) -> impl IndexedParallelIterator<Item = &[ShadedPoint]> {
-        self.first_point.par_windows(2).map(|ends| &self.points[ends[0] as usize..ends[1] as usize])
+    /// What becomes of the points of each pixel.
+    fn of_pixels<T: Send>(&self, of: &(dyn Fn(&[ShadedPoint]) -> T + Sync)) -> Vec<T> {
+        let points =
+            |pixel: usize| &self.points[self.first_point[pixel] as usize..self.first_point[pixel + 1] as usize];
+        parallel::collect(self.first_point.len() - 1, &|pixel| of(points(pixel)))
     }
 
     /// The mean radiance of each pixel.
@@ -195,7 +198,7 @@ impl Shaded {
         let mean = |points: &[ShadedPoint]| {
             points.iter().map(|p| p.surfaces + p.background).sum::<Vec3>() / points.len().max(1) as f32
         };
-        self.pixels().map(mean).collect()
+        self.of_pixels(&mean)
     }
 
     /// The picture for display. Points are tone-mapped before they are averaged, so that edges against bright light are
@@ -207,14 +210,14 @@ impl Shaded {
             settings.tone_map.apply(exposed(p.surfaces, exposures.exposure_ev) + background)
         };
         let mean = |points: &[ShadedPoint]| points.iter().map(shown).sum::<Vec3>() / points.len().max(1) as f32;
-        Displayed { exposures, pixels: self.pixels().map(mean).collect() }
+        Displayed { exposures, pixels: self.of_pixels(&mean) }
     }
 
     /// Metered on the pixels that show surfaces, or light from a medium, or, where there are hardly any, on all.
     fn metered_ev(&self) -> f32 {
         let mean =
             |points: &[ShadedPoint]| points.iter().map(|p| p.surfaces).sum::<Vec3>() / points.len().max(1) as f32;
-        let mut surfaces: Vec<Vec3> = self.pixels().map(mean).collect();
+        let mut surfaces: Vec<Vec3> = self.of_pixels(&mean);
         surfaces.retain(|surface| *surface != Vec3::ZERO);
         if 10 * surfaces.len() < self.first_point.len() {
             surfaces = self.radiance();

@@ -8,11 +8,11 @@
 use std::f32::consts::{PI, TAU};
 
 use glam::{Vec2, Vec3};
-use rayon::prelude::*;
 use sobol_burley::sample_4d;
 
 use crate::environment::LightSampler;
 use crate::lanes::{ALL, LANES, set_bits};
+use crate::parallel;
 use crate::stages::PreparedLight;
 use crate::tracing::{Hit, RayPacket, Tracer};
 
@@ -104,7 +104,7 @@ impl<'a> Shadows<'a> {
     /// The part of the irradiance that is not occluded, per channel, at points anywhere: all of their shadow rays are traced.
     pub fn unoccluded_fractions_apart(&self, points: &[&Hit]) -> Vec<Vec3> {
         let nothing_known = vec![None; self.directions.len()];
-        points.par_chunks(LANES).flat_map_iter(|points| self.fractions(points, &nothing_known)).collect()
+        parallel::map_chunks(points, LANES, &|points| self.fractions(points, &nothing_known)).concat()
     }
 
     /// The same at points that are close to each other.

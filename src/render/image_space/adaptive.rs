@@ -2,7 +2,6 @@
 //! Section 3.2). No grid is ever filled; lists of clusters are divided into batches that fit in memory (Section 4.3).
 
 use glam::{DVec2, Vec3};
-use rayon::prelude::*;
 
 use super::caustic_map::CausticMap;
 use super::constants::{MAX_CLUSTER_EXTENT, MIN_CLUSTER_COSINE};
@@ -13,6 +12,7 @@ use super::lights::LightView;
 use super::options::Traversal;
 use super::photons::{Photon, PhotonGrid};
 use crate::lanes::LANES;
+use crate::parallel;
 
 /// Photons along an edge of the grid that a traversal begins with.
 pub const FIRST_GRID: u32 = 64;
@@ -91,7 +91,7 @@ impl Traverser<'_> {
         let view = self.emission.view.resized(grid);
         for batch in clusters.chunks(self.batch.max(1)) {
             let of_packet = |clusters: &[[u32; 2]]| self.packet(&view, clusters);
-            let outcomes: Vec<Outcome> = batch.par_chunks(CLUSTERS_OF_PACKET).map(of_packet).collect();
+            let outcomes: Vec<Outcome> = parallel::map_chunks(batch, CLUSTERS_OF_PACKET, &of_packet);
             let mut divided = Vec::new();
             let mut photons = Vec::new();
             for outcome in outcomes {

@@ -7,7 +7,6 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicI64, Ordering};
 
 use glam::{DVec2, DVec3, Vec3};
-use rayon::prelude::*;
 
 use super::constants::PHOTON_OFF_RAY;
 use super::irradiance_map::{GlossOfTexels, IrradianceMap};
@@ -16,6 +15,7 @@ use super::photons::Photon;
 use super::projection::Projection;
 use super::receiver_layers::ReceiverLayers;
 use crate::brdf::Materials;
+use crate::parallel;
 use crate::scene::Ray;
 use crate::tracing::Hit;
 
@@ -212,19 +212,20 @@ impl<'a> CausticMap<'a> {
 
     /// The irradiance in every texel.
     pub fn resolve(self) -> IrradianceMap {
-        let per_area = |(index, sums): (usize, &[AtomicI64; 3])| {
+        let per_area = |sums: &[AtomicI64; 3], index: usize| {
             let texel = self.shown.texel(index);
             if texel.is_there() { self.watts(sums).as_vec3() / texel.area() } else { Vec3::ZERO }
         };
         let direction = |sums: &[AtomicI64; 3]| self.watts(sums).normalize_or_zero().as_vec3();
-        let irradiance = self.flux.par_iter().enumerate().map(per_area).collect();
+        let irradiance = parallel::collect(self.flux.len(), &|index| per_area(&self.flux[index], index));
         let gloss = match self.kept {
             ForGloss::Nothing => GlossOfTexels::Unknown,
             ForGloss::Reflected(_) => {
-                GlossOfTexels::Reflected(self.for_gloss.par_iter().enumerate().map(per_area).collect())
+                let sums = &self.for_gloss;
+                GlossOfTexels::Reflected(parallel::collect(sums.len(), &|index| per_area(&sums[index], index)))
             }
             ForGloss::Directions | ForGloss::Undeflected => {
-                GlossOfTexels::Directions(self.for_gloss.par_iter().map(direction).collect())
+                GlossOfTexels::Directions(parallel::map(&self.for_gloss, &direction))
             }
         };
         IrradianceMap { shown: self.shown, irradiance, gloss }

@@ -4,7 +4,6 @@
 //! cameras.
 
 use glam::{DVec2, Vec2, Vec3};
-use rayon::prelude::*;
 
 use super::constants::MIN_DIRECT_COSINE;
 use super::ledger::{Ledger, Loss};
@@ -13,6 +12,7 @@ use super::photons::{Photon, PhotonGrid, SurfacePoint, Way};
 use super::strips::Strip;
 use super::surface_images::SurfaceImages;
 use crate::lanes::{ALL, LANES};
+use crate::parallel;
 use crate::pinhole::constants::MIN_HEIGHT;
 use crate::progress::Progress;
 use crate::reflectance::Curve;
@@ -114,20 +114,17 @@ pub struct Pattern {
 /// Photons of every kind, one for each texel of a strip of the light's view, with the account of its own rows.
 pub fn emit(emission: &Emission, kinds: &[Kind], strip: Strip, progress: &dyn Progress) -> (Vec<PhotonGrid>, Ledger) {
     let own = strip.first_own_row..strip.first_own_row + strip.own_rows;
-    let rows: Vec<Row> = (0..strip.rows)
-        .into_par_iter()
-        .map(|y| {
-            if progress.is_cancelled() {
-                return Row { photons: vec![Vec::new(); kinds.len()], ledger: Ledger::default() };
-            }
-            let row = emission.row(kinds, strip.first_row + y);
-            if own.contains(&y) {
-                progress.advance(1);
-                return row;
-            }
-            Row { ledger: Ledger::default(), ..row }
-        })
-        .collect();
+    let rows: Vec<Row> = parallel::collect(strip.rows as usize, &|y| {
+        if progress.is_cancelled() {
+            return Row { photons: vec![Vec::new(); kinds.len()], ledger: Ledger::default() };
+        }
+        let row = emission.row(kinds, strip.first_row + y as u32);
+        if own.contains(&(y as u32)) {
+            progress.advance(1);
+            return row;
+        }
+        Row { ledger: Ledger::default(), ..row }
+    });
     let mut ledger = Ledger::default();
     let mut of_kinds: Vec<Vec<Vec<(u32, Photon)>>> = kinds.iter().map(|_| Vec::new()).collect();
     for row in rows {

@@ -4,14 +4,13 @@
 
 use std::ops::Range;
 
-use rayon::prelude::*;
-
 use super::adaptive::{Effort, FIRST_MERGED_GRID, are_one, merged};
 use super::caustic_map::CausticMap;
 use super::emission::{Emission, Kind, Traced};
 use super::ledger::Ledger;
 use super::photons::{Photon, PhotonGrid};
 use crate::lanes::{ALL, LANES};
+use crate::parallel;
 
 /// All photons of a light's view.
 pub struct Hierarchy<'a> {
@@ -38,7 +37,7 @@ impl Hierarchy<'_> {
         let parts: Vec<u64> = (0..all / part).map(|k| part * k).collect();
         for batch in parts.chunks((self.batch / part as usize).max(1)) {
             let mut photons = Vec::new();
-            let of_batch: Vec<_> = batch.par_iter().map(|first| self.part(&emission, *first..first + part)).collect();
+            let of_batch: Vec<_> = parallel::map(batch, &|first| self.part(&emission, *first..first + part));
             for (of_part, cast) in of_batch {
                 photons.extend(of_part);
                 ledger += cast;

@@ -55,8 +55,6 @@ pub use self::segmentation::{Direction, segmented};
 use std::borrow::Cow;
 use std::sync::atomic::{AtomicU32, Ordering};
 
-use rayon::prelude::*;
-
 use self::lens::Lens;
 use self::lights::LightView;
 use self::multi_resolution::Resolutions;
@@ -65,6 +63,7 @@ use self::polygons::{Coverage, polygons};
 use self::projection::Projection;
 use self::receiver_layers::ReceiverLayers;
 use self::splats::{gathered, of_clusters, of_diameter, of_footprints, of_lenses, points};
+use crate::parallel;
 use crate::scene::{Object, Ray};
 use crate::tracing::Hit;
 
@@ -134,15 +133,18 @@ impl<'a> MapBuilder<'a> {
             Shows::First(sees) => map.is_hidden(photon, sees),
             Shows::All(_) => false,
         };
-        let hidden: Vec<bool> = grid.photons.par_iter().map(is_hidden).collect();
+        let hidden: Vec<bool> = parallel::map(&grid.photons, &is_hidden);
         let lost = grid.own_photons().iter().zip(&hidden[grid.own.clone()]).filter(|(_, is_hidden)| **is_hidden);
         let lost = lost.map(|(photon, _)| Ledger::sum(photon.flux)).sum::<f64>();
         let grid = &if hidden.contains(&true) { Cow::Owned(grid.without(&hidden)) } else { Cow::Borrowed(grid) };
         let mut ledger = match mode {
             Mode::Points => points(map, grid),
             Mode::Gather => {
-                grid.own_photons().par_iter().filter_map(|photon| map.place(photon).ok()).for_each(|(_, texel)| {
-                    counts[texel].fetch_add(1, Ordering::Relaxed);
+                let photons = grid.own_photons();
+                parallel::for_each(photons.len(), &|photon| {
+                    if let Ok((_, texel)) = map.place(&photons[photon]) {
+                        counts[texel].fetch_add(1, Ordering::Relaxed);
+                    }
                 });
                 Ledger { deposited: 0.0, ..points(map, grid) }
             }

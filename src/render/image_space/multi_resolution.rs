@@ -10,6 +10,7 @@ use super::constants::{FIRST_SPLAT_DIAMETER, SPLAT_DIAMETER_STEP, SPLAT_SIZES};
 use super::ledger::{Ledger, total};
 use super::photons::PhotonGrid;
 use super::splats::of_diameter;
+use crate::parallel;
 
 /// Diameters of the splats, texels.
 pub const DIAMETERS: [u32; SPLAT_SIZES as usize] = {
@@ -55,7 +56,9 @@ impl<'a> Resolutions<'a> {
         let mut ledger = Ledger::default();
         for ((diameter, map), counts) in DIAMETERS.into_iter().zip(&self.maps).zip(&self.counts) {
             ledger = of_diameter(map, grid, f64::from(diameter));
-            grid.own_photons().par_iter().filter_map(|photon| map.place(photon).ok()).for_each(|(_, index)| {
+            let photons = grid.own_photons();
+            parallel::for_each(photons.len(), &|photon| {
+                let Ok((_, index)) = map.place(&photons[photon]) else { return };
                 let reach = i64::from(diameter / 2);
                 let is_reached = |[dx, dy]: [i64; 2]| 4 * (dx * dx + dy * dy) <= i64::from(diameter * diameter);
                 for (texel, _) in map.around(index, reach).filter(|(_, offset)| is_reached(*offset)) {

@@ -2,11 +2,11 @@
 //! *Layered Depth Images*, 1998). Knows no flux.
 
 use glam::{DVec2, Vec3};
-use rayon::prelude::*;
 
 use super::constants::{EDGE_RAYS, MAX_EDGE_SURFACES, MAX_VISIBLE_LAYERS, PHOTON_OFF_PLANE, SAME_SURFACE_COSINE};
 use super::photons::Photon;
 use super::projection::Projection;
+use crate::parallel;
 use crate::scene::Ray;
 use crate::tracing::Hit;
 
@@ -101,24 +101,22 @@ impl ReceiverLayers {
     /// What rays show in as many layers as they need, up to `most`, if these are receivers.
     pub fn all(projection: Projection, most: u32, receiver: &(impl Fn(Ray) -> Option<Hit> + Sync)) -> Self {
         let count = projection.texel_count();
-        let columns = (0..count).into_par_iter().map(|index| column(&projection, index, most, receiver)).collect();
+        let columns = parallel::collect(count, &|index| column(&projection, index, most, receiver));
         Self::of_columns(projection, columns)
     }
 
     /// What is seen first, if these are receivers. Texels at the edges of surfaces show several side by side, each in a part of the texel.
     pub fn visible(projection: Projection, receiver: &(impl Fn(Ray) -> Option<Hit> + Sync)) -> Self {
         let count = projection.texel_count();
-        let middles: Vec<Texel> = (0..count)
-            .into_par_iter()
-            .map(|index| column(&projection, index, 1, receiver).first().copied().unwrap_or(Texel::EMPTY))
-            .collect();
+        let middle = |index| column(&projection, index, 1, receiver).first().copied().unwrap_or(Texel::EMPTY);
+        let middles: Vec<Texel> = parallel::collect(count, &middle);
         let column = |index: usize| {
             if is_at_edge(&projection, &middles, index) {
                 return parts(&projection, index, receiver);
             }
             Some(middles[index]).filter(Texel::is_there).into_iter().collect()
         };
-        let columns = (0..count).into_par_iter().map(column).collect();
+        let columns = parallel::collect(count, &column);
         Self::of_columns(projection, columns)
     }
 

@@ -18,6 +18,7 @@ use super::multi_resolution::DIAMETERS;
 use super::photons::{Photon, PhotonGrid};
 use super::sheet::PhotonSheet;
 
+use crate::parallel;
 use crate::scene::Object;
 
 /// A Gaussian in texels.
@@ -198,7 +199,7 @@ pub fn gathered(points: &CausticMap, counts: &[u32], smooth: &CausticMap) -> Led
     let weight = |[dx, dy]: [i64; 2]| (-((dx * dx + dy * dy) as f64) / (2.0 * DEVIATION_OF_GATHER.powi(2))).exp();
     let is_kept =
         |index: usize| points.around(index, REACH_OF_GATHER).map(|(k, _)| counts[k]).sum::<u32>() >= LEAST_PHOTONS;
-    let kept: Vec<bool> = (0..counts.len()).into_par_iter().map(is_kept).collect();
+    let kept: Vec<bool> = parallel::collect(counts.len(), &is_kept);
     let spread = |index: usize| {
         let mut ledger = Ledger::default();
         let flux = points.flux(index);

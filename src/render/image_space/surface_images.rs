@@ -8,10 +8,10 @@
 //! by a secant search. Knows neither photons nor maps.
 
 use glam::{DVec2, DVec3, Vec3};
-use rayon::prelude::*;
 
 use super::constants::{IMAGE_SEARCH_STEPS, MAX_IMAGE_MISS, MAX_IMAGE_STEPS, MIN_IMAGE_STEPS, SAME_SURFACE_COSINE};
 use super::projection::Projection;
+use crate::parallel;
 use crate::scene::Ray;
 use crate::tracing::Hit;
 
@@ -51,7 +51,7 @@ impl SurfaceImage {
                 front: hit.front,
             })
         };
-        Self { projection, texels: (0..projection.texel_count()).into_par_iter().map(texel).collect() }
+        Self { projection, texels: parallel::collect(projection.texel_count(), &texel) }
     }
 
     /// The surface at a place, given as parts of the image's width and height.

@@ -1,9 +1,9 @@
 //! Camera rays: the first hit for every point of a band of rows, and the receivers among the hits.
 
 use glam::{UVec2, Vec2};
-use rayon::prelude::*;
 
 use super::refraction::{Refracted, divided};
+use crate::parallel;
 use crate::pinhole::Receivers;
 use crate::scene::{Camera, Ray, Scene};
 use crate::tracing::{Hit, Tracer};
@@ -58,7 +58,7 @@ pub struct CameraRays {
 
 impl CameraRays {
     pub(crate) fn trace(camera_hit: impl Fn(Ray) -> Option<Hit> + Sync, view: View) -> Self {
-        let hits = (0..view.ray_count()).into_par_iter().map(|k| camera_hit(view.ray(k))).collect();
+        let hits = parallel::collect(view.ray_count() as usize, &|k| camera_hit(view.ray(k as u32)));
         Self::of_hits(view, hits)
     }
 

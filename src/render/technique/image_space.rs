@@ -3,7 +3,6 @@
 use std::sync::Arc;
 
 use glam::{Mat3, Vec3};
-use rayon::prelude::*;
 
 use super::past_frames::PastFrames;
 use super::{Inputs, Inspected, Pending, Statistics, Sum, TechniqueStages};
@@ -15,6 +14,7 @@ use crate::image_space::{
     Bounds, Direction, Hits, ImageSpaceOptions, Incidence, Kind, MapInputs, MapPicture, MapView, Maps, PhotonLight,
     Profile, Surroundings, segmented,
 };
+use crate::parallel;
 use crate::pinhole::Receivers;
 use crate::pinhole::cpu::TakenCell;
 use crate::progress::{Progress, Stage, Uncounted};
@@ -336,8 +336,8 @@ fn alone(meshes: &[Mesh], objects: &[Object], is_met: impl Fn(&Object) -> bool) 
 impl Sum for ImageSpaceSum {
     fn irradiance<'a>(&'a self, receivers: &'a Receivers, progress: &'a dyn Progress) -> Pending<'a, Vec<[f32; 4]>> {
         let count = self.frames.newest().map_or(0, Maps::count) as f32;
-        let places = receivers.positions.par_iter().zip(&receivers.normals).enumerate();
-        let sums = places.map(|(index, (&[x, y, z, _], &[nx, ny, nz, _]))| {
+        let sums = parallel::collect(receivers.positions.len(), &|index| {
+            let ([x, y, z, _], [nx, ny, nz, _]) = (receivers.positions[index], receivers.normals[index]);
             let Some(object) = receivers.object(index).filter(|_| receivers.lengths.is_none()) else { return [0.0; 4] };
             let normal = Vec3::new(nx, ny, nz);
             let light = self.frames.light_at(Vec3::new(x, y, z), normal, object);
@@ -352,7 +352,6 @@ impl Sum for ImageSpaceSum {
             };
             value.extend(count).to_array()
         });
-        let sums = sums.collect();
         progress.advance(receivers.positions.len() as u64);
         Box::pin(std::future::ready(Ok(sums)))
     }

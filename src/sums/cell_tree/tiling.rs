@@ -3,10 +3,10 @@
 use std::borrow::Cow;
 
 use glam::Vec3;
-use rayon::prelude::*;
 
 use super::point::CellPoint;
 use crate::differential::{Cells, NearestSample, nearest_samples};
+use crate::parallel;
 use crate::sampling::{Origin, PointSet, Surface, SurfacePiece, SurfacePoint};
 
 /// The cells of a set's samples. What lies inside a cell is kept as pieces of triangles, which become points when they are needed.
@@ -47,14 +47,14 @@ impl<'a> Tiling<'a> {
         };
         let divider = Divider { set, samples: &samples, stride };
         let starts: Vec<usize> = (0..set.candidates.len()).step_by(RUN).collect();
-        let of_run = |first: usize| {
+        let of_run = |&first: &usize| {
             let mut parts = Parts::default();
             for candidate in first..(first + RUN).min(set.candidates.len()) {
                 divider.add(surface, candidate, nearest[candidate], &mut parts);
             }
             parts
         };
-        let runs: Vec<Parts> = starts.into_par_iter().map(of_run).collect();
+        let runs: Vec<Parts> = parallel::map(&starts, &of_run);
         let mut parts = runs.into_iter().fold(Parts::default(), Parts::join);
         parts.loose.extend(set.on_fine_triangles(surface, stride, seed));
         parts.point_samples.extend(nearest_samples(&samples, &parts.loose));

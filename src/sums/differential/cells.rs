@@ -1,9 +1,9 @@
 //! Cells: every candidate belongs to the nearest sample on its own side of creases and sheets.
 
 use glam::Vec3;
-use rayon::prelude::*;
 
 use super::{PointTree, SurfacePoint};
+use crate::parallel;
 
 /// Each sample's candidates, as indices.
 #[derive(Clone, Debug)]
@@ -46,15 +46,15 @@ impl Cells {
 
 /// The sample that each candidate belongs to. It is fastest where candidates that follow each other are near each other.
 pub fn nearest_samples(samples: &NearestSample, candidates: &[SurfacePoint]) -> Vec<u32> {
-    let of_run = |(run, nearest): (&[SurfacePoint], &mut [u32])| {
+    let of_run = |run: usize, nearest: &mut [u32]| {
         let mut last = 0;
-        for (candidate, out) in run.iter().zip(nearest) {
+        for (candidate, out) in candidates[run * RUN..].iter().zip(nearest) {
             last = samples.from(last, candidate.position);
             *out = samples.on_side_of(candidate, last);
         }
     };
     let mut nearest = vec![0; candidates.len()];
-    candidates.par_chunks(RUN).zip(nearest.par_chunks_mut(RUN)).for_each(of_run);
+    parallel::for_each_chunk(&mut nearest, RUN, &of_run);
     nearest
 }
 
@@ -78,7 +78,7 @@ impl<'a> NearestSample<'a> {
     pub fn new(points: &'a [SurfacePoint]) -> Self {
         let tree = PointTree::new(points);
         let of = |p: &SurfacePoint| tree.nearest(p.position, NEIGHBOURS).map(|(d2, k)| (d2, k as u32)).collect();
-        let neighbours = points.par_iter().map(of).collect();
+        let neighbours = parallel::map(points, &of);
         Self { points, positions: points.iter().map(|p| p.position).collect(), neighbours, tree }
     }
 

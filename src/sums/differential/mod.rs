@@ -15,8 +15,8 @@ pub(crate) use symmetric::Symmetric2;
 use std::sync::LazyLock;
 
 use glam::{Mat3, Vec3};
-use rayon::prelude::*;
 
+use crate::parallel;
 use crate::sampling::{PointSet, PointTree, SurfacePoint};
 
 /// A sample with its surroundings. Lengths in metres, curvatures in 1/m.
@@ -87,11 +87,8 @@ pub fn differentials(set: &PointSet) -> Vec<DifferentialSample> {
     // Only cells with few members of their own look around; often there is none.
     let tree = LazyLock::new(|| PointTree::new(&set.candidates));
     let cells: Vec<&[u32]> = cells.iter().collect();
-    set.points
-        .par_iter()
-        .zip(cells)
-        .filter_map(|(point, members)| fit::fit(point, members, &set.candidates, &tree))
-        .collect()
+    let fit = |k: usize| fit::fit(&set.points[k], cells[k], &set.candidates, &tree);
+    parallel::collect(set.points.len(), &fit).into_iter().flatten().collect()
 }
 
 /// A right-handed tangent frame of a unit normal.

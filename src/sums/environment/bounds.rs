@@ -10,6 +10,7 @@ use rayon::prelude::*;
 use super::FIRST_BOUNDED_MIP;
 use super::cube::{CubeMap, FACES, face_of_direction, fill_borders, fill_rows, padded_len, rows};
 use super::strips::ArcBounds;
+use crate::parallel;
 
 /// What is known of the radiance from a set of directions, W/(m²·sr).
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -222,7 +223,7 @@ fn join_corner(a: Extremes, b: Extremes, c: Extremes) -> Extremes {
 fn dilated(level: &[Extremes], size: u32) -> Vec<Bound> {
     let (n, w) = (size as usize, size as usize + 2);
     let mut bounds = vec![Bound::default(); FACES * n * n];
-    bounds.par_chunks_exact_mut(n).enumerate().for_each(|(k, out)| {
+    parallel::for_each_chunk(&mut bounds, n, &|k, out| {
         let three_rows = &level[(k / n * w + k % n) * w..][..3 * w];
         let column = |x: usize| three_rows[x].join(three_rows[w + x]).join(three_rows[2 * w + x]);
         let (mut left, mut middle) = (column(0), column(1));

@@ -7,7 +7,8 @@ use std::borrow::Cow;
 use std::sync::OnceLock;
 
 use glam::{Vec2, Vec3, Vec4};
-use rayon::prelude::*;
+
+use crate::parallel;
 
 /// +X −X +Y −Y +Z −Z.
 pub const FACES: usize = 6;
@@ -263,7 +264,7 @@ pub(super) fn rows<T>(padded: &[T], n: u32) -> impl Iterator<Item = &[T]> {
 /// Makes the rows of a padded level, but not its borders: `fill` takes a face and a row of it.
 pub(super) fn fill_rows<T: Send>(padded: &mut [T], n: u32, fill: impl Fn(usize, usize, &mut [T]) + Sync) {
     let (n, w) = (n as usize, n as usize + 2);
-    padded.par_chunks_exact_mut(w).enumerate().for_each(|(k, row)| {
+    parallel::for_each_chunk(padded, w, &|k, row| {
         let (face, y) = (k / w, k % w);
         if (1..=n).contains(&y) {
             fill(face, y - 1, &mut row[1..=n]);

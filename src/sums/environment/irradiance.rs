@@ -5,10 +5,10 @@
 
 use fearless_simd::{Simd, SimdBase, SimdFloat, f32x16};
 use glam::{Vec3, Vec4};
-use rayon::prelude::*;
 
 use super::cube::{CubeMap, FACES, face_direction, face_solid_angles_sr};
 use crate::lanes::{dispatch, level};
+use crate::parallel;
 
 /// Face size of the cells that are summed over, and of the result.
 const SIZE: u32 = 32;
@@ -43,7 +43,7 @@ fn irradiance_by_normal(cells: &[VectorIrradiances], size: u32) -> CubeMap {
         let normal = face_direction(face, centre(k % size), centre(k / size % size)).normalize();
         dispatch!(level, simd => lambert_sum(simd, normal, cells))
     };
-    let texels: Vec<Vec3> = (0..FACES as u32 * size * size).into_par_iter().map(texel).collect();
+    let texels = parallel::collect(FACES * (size * size) as usize, &|k| texel(k as u32));
     CubeMap::from_texels(size, &texels, false)
 }
 
@@ -68,15 +68,15 @@ fn cells(radiance: &CubeMap, level: u32) -> Vec<VectorIrradiances> {
     let solid_angles = face_solid_angles_sr(n);
     let rows: Vec<&[Vec4]> = radiance.rows(level).collect();
     // Rows of cells.
-    let of_rows = |(row, rows): (usize, &[&[Vec4]])| {
+    let of_rows = |row: usize| {
         let (face, top) = (row as u32 * per_cell / n, row as u32 * per_cell % n);
         let mut cells = vec![[[0.0; 3]; 3]; (n / per_cell) as usize];
-        for (y, texels) in (top..).zip(rows) {
+        for (y, texels) in (top..).zip(&rows[row * per_cell as usize..]).take(per_cell as usize) {
             add_row(&mut cells, texels, &solid_angles[(y * n) as usize..], (face as usize, y));
         }
         cells
     };
-    let cells: Vec<Vec<VectorIrradiance>> = rows.par_chunks(per_cell as usize).enumerate().map(of_rows).collect();
+    let cells: Vec<Vec<VectorIrradiance>> = parallel::collect(rows.len().div_ceil(per_cell as usize), &of_rows);
     cells.concat().chunks(LANES).map(side_by_side).collect()
 }
 

@@ -5,10 +5,10 @@ use std::fmt;
 use std::sync::Arc;
 
 use glam::{Mat3, Vec3};
-use rayon::prelude::*;
 
 use super::cube::{CubeMap, FACES};
 use super::rasterization::{FaceImage, ShiningMesh};
+use crate::parallel;
 use crate::scene::{Mesh, Ray};
 use crate::tracing::Tracer;
 
@@ -114,8 +114,7 @@ fn bounds(mesh: &Mesh) -> (Vec3, Vec3) {
 /// A cube map of an emitter alone, as it is seen from a point, in the world's axes; its edges are anti-aliased.
 pub fn emitter_from(mesh: &Mesh, radiance: Vec3, viewpoint: Vec3, size: u32) -> CubeMap {
     let shining = [ShiningMesh::new(mesh, radiance, viewpoint)];
-    let faces: Vec<FaceImage> =
-        (0..FACES).into_par_iter().map(|face| FaceImage::draw(face, size, Mat3::IDENTITY, &shining)).collect();
+    let faces: Vec<FaceImage> = parallel::collect(FACES, &|face| FaceImage::draw(face, size, Mat3::IDENTITY, &shining));
     let black = CubeMap::from_texels(size, &vec![Vec3::ZERO; FACES * (size * size) as usize], true);
     black.with_base(|face, y, row| faces[face].blend(y, row))
 }
@@ -142,7 +141,7 @@ impl LitBy {
         let world_from_environment = Mat3::from_rotation_y(self.rotation_rad);
         let size = background.size();
         let draw = |face| FaceImage::draw(face, size, world_from_environment, &self.geometry.meshes);
-        let faces: Vec<FaceImage> = (0..FACES).into_par_iter().map(draw).collect();
+        let faces: Vec<FaceImage> = parallel::collect(FACES, &draw);
         background.with_base(|face, y, row| {
             for texel in row.iter_mut() {
                 *texel = (self.intensity * texel.truncate()).extend(1.0);

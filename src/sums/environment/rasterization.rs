@@ -4,9 +4,9 @@ use std::ops::Range;
 
 use arrayvec::ArrayVec;
 use glam::{Mat3, Vec2, Vec3, Vec4};
-use rayon::prelude::*;
 
 use super::cube::face_direction;
+use crate::parallel;
 
 /// Points along a texel's edge that are tested, and up to how many points of the rectangle that is drawn: small lights need more.
 const POINTS_OF_TEXELS: [(usize, usize); 5] =
@@ -46,6 +46,9 @@ struct Span<'a> {
 /// Corners of a triangle that is cut by the four sides of a face: 7, but each cut adds up to half as many where rounding makes it concave.
 const MAX_CORNERS: usize = 13;
 
+/// Triangles that one thread takes in a row.
+const RUN: usize = 1024;
+
 /// A triangle's part on a face.
 struct Polygon {
     /// Corners in points; in texels at first.
@@ -61,7 +64,8 @@ impl FaceImage {
         let axes = FaceAxes::new(face, world_from_cube);
         let of_mesh = |mesh: &ShiningMesh| -> Vec<Polygon> {
             let polygon = |corners: &[Vec3; 3]| axes.polygon(size, corners, mesh.radiance);
-            mesh.triangles.par_iter().with_min_len(1024).filter_map(polygon).collect()
+            let of_run = |run: &[[Vec3; 3]]| run.iter().filter_map(polygon).collect::<Vec<_>>();
+            parallel::map_chunks(&mesh.triangles, RUN, &of_run).into_iter().flatten().collect()
         };
         let mut polygons: Vec<Polygon> =
             meshes.iter().filter(|mesh| axes.may_show(mesh.centre, mesh.radius)).flat_map(of_mesh).collect();
@@ -73,7 +77,11 @@ impl FaceImage {
         let texels = [0, 1].map(|axis| last[axis].saturating_sub(first[axis]));
         let fits = |(points, most): &(usize, usize)| texels[0] * texels[1] * points * points <= *most;
         let per_texel = POINTS_OF_TEXELS.into_iter().find(fits).map_or(1, |(points, _)| points);
-        polygons.par_iter_mut().with_min_len(1024).for_each(|polygon| polygon.refine(per_texel as f32));
+        parallel::for_each_chunk(&mut polygons, RUN, &|_, run| {
+            for polygon in run {
+                polygon.refine(per_texel as f32);
+            }
+        });
         let (by_row, rows) = sorted_by_row(&polygons, per_texel, size as usize);
         Self { per_texel, per_edge: per_texel * size as usize, polygons, by_row, rows }
     }

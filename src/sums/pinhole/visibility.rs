@@ -9,10 +9,10 @@
 //! v = ½(x − y)k + ½. Look-ups: `shaders/shared/visibility.wgsl`, `cpu::visibility`.
 
 use glam::{Vec2, Vec3};
-use rayon::prelude::*;
 
 use super::PinholeSample;
 use crate::lanes::{ALL, LANES};
+use crate::parallel;
 use crate::progress::Progress;
 use crate::scene::{Scene, Sides};
 use crate::tracing::{Hit, Piece, Tracer};
@@ -124,7 +124,8 @@ impl VisibilityMaps {
             let is_wanted = !progress.is_cancelled();
             is_wanted.then(|| hemisphere.trace(tracer, resolution, edges))
         };
-        let traced: Vec<TracedMap> = of_maps.par_iter().map(trace).collect::<Option<_>>()?;
+        let traced = parallel::map(&of_maps, &trace);
+        let traced: Vec<TracedMap> = traced.into_iter().collect::<Option<_>>()?;
         let mut maps = Self { resolution, ..Self::default() };
         for TracedMap { planes, sky_mask, doubts } in traced {
             maps.planes.extend(planes);

@@ -13,6 +13,7 @@ use rayon::prelude::*;
 use super::morton;
 use super::surface::SurfaceTriangle;
 use super::{Surface, SurfacePoint};
+use crate::parallel;
 
 /// Candidates per sample: 40, fewer where the memory for them would be gigabytes.
 pub(super) fn per_sample(samples: u32) -> f32 {
@@ -79,7 +80,7 @@ const RUN: usize = 1024;
 fn pieces(surface: &Surface, is_wanted: impl Fn(f32) -> bool + Sync, stride: f32) -> Candidates {
     let in_triangle = |area: &f32| if is_wanted(*area) { pieces_of(*area, stride) } else { 0 };
     let in_run = |run: &[f32]| run.iter().map(in_triangle).sum::<usize>();
-    let counts: Vec<usize> = surface.areas().par_chunks(RUN).map(in_run).collect();
+    let counts: Vec<usize> = parallel::map_chunks(surface.areas(), RUN, &in_run);
     let total = counts.iter().sum();
     let (mut points, mut origins) = (bytemuck::zeroed_vec(total), bytemuck::zeroed_vec(total));
     let mut rest: (&mut [SurfacePoint], &mut [Origin]) = (&mut points, &mut origins);
@@ -90,8 +91,9 @@ fn pieces(surface: &Surface, is_wanted: impl Fn(f32) -> bool + Sync, stride: f32
         runs.push((k * RUN, own_points, own_origins));
         rest = (other_points, other_origins);
     }
-    runs.into_par_iter().for_each(|(first, points, origins)| {
-        let mut places = points.iter_mut().zip(origins);
+    parallel::for_each_mut(&mut runs, &|_, (first, points, origins)| {
+        let first = *first;
+        let mut places = points.iter_mut().zip(origins.iter_mut());
         let run = surface.triangles()[first..].iter().zip(&surface.areas()[first..]).take(RUN).zip(first as u32..);
         for ((triangle, &area), number) in run.filter(|((_, area), _)| is_wanted(**area)) {
             split(Piece::whole(triangle), 1, area, stride, &mut |piece, path, area| {

@@ -2,9 +2,9 @@
 //! much exceed a cell's edge is found several times as fast as in a tree.
 
 use glam::{IVec3, Vec3};
-use rayon::prelude::*;
 
 use super::SurfacePoint;
+use crate::parallel;
 
 /// Which side of a surface a point lies on.
 #[derive(Clone, Copy, Default)]
@@ -27,6 +27,9 @@ pub(super) struct HashGrid {
     slot_of: Vec<u32>,
 }
 
+/// Points that one thread takes in a row.
+const RUN: usize = 4096;
+
 /// Points in a bucket, if all are filled evenly.
 const PER_BUCKET: usize = 4;
 
@@ -37,7 +40,10 @@ impl HashGrid {
         let per_metre = edge.recip();
         let buckets = (points.len() / PER_BUCKET).next_power_of_two();
         let bucket_of = |p: &SurfacePoint| bucket(cell(p.position - low, per_metre), buckets);
-        let of_points: Vec<u32> = points.par_iter().map(bucket_of).collect();
+        let mut of_points = vec![0u32; points.len()];
+        parallel::for_each_chunk(&mut of_points, RUN, &|run, buckets| {
+            buckets.iter_mut().zip(&points[run * RUN..]).for_each(|(bucket, point)| *bucket = bucket_of(point));
+        });
         let mut starts = vec![0u32; buckets + 1];
         for &b in &of_points {
             starts[b as usize + 1] += 1;

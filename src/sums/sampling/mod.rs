@@ -26,8 +26,9 @@ use glam::Vec3;
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use rand::SeedableRng;
 use rand::rngs::ChaCha8Rng;
-use rayon::prelude::*;
 use serde::Deserialize;
+
+use crate::parallel;
 
 /// The most samples that can be asked for.
 pub const MAX_SAMPLES: u32 = 1 << 22;
@@ -239,7 +240,7 @@ fn extent(points: &[SurfacePoint]) -> f32 {
 
 /// Importance of each candidate.
 fn relative_importance(candidates: &[SurfacePoint], importance: Importance) -> Vec<f32> {
-    candidates.par_iter().map(importance).collect()
+    parallel::map(candidates, importance)
 }
 
 /// The mean over the surface.

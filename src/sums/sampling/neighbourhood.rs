@@ -8,6 +8,7 @@ use rayon::prelude::*;
 
 use super::SurfacePoint;
 use super::hash_grid::HashGrid;
+use crate::parallel;
 
 /// Close enough to the number asked for, as a fraction of it.
 const TOLERANCE: f64 = 0.005;
@@ -87,6 +88,9 @@ struct Pruned {
     nearest_samples: Vec<u32>,
 }
 
+/// Candidates that one thread takes in a row.
+const RUN: usize = 4096;
+
 /// Candidates that are looked at together.
 const BATCH: usize = 256;
 
@@ -112,8 +116,9 @@ fn prune(candidates: &[SurfacePoint], order: &[u32], grid: &HashGrid, radius: im
         if kept.len() == first {
             break;
         }
-        kept[first..].par_iter().enumerate().for_each(|(place, &k)| {
-            let (candidate, number) = (&candidates[k as usize], (first + place) as u32);
+        parallel::for_each(kept.len() - first, &|place| {
+            let (k, number) = (kept[first + place], (first + place) as u32);
+            let candidate = &candidates[k as usize];
             // Also where its own normal is none.
             covers.cover(grid.slot_of(k as usize), 0.0, number);
             grid.within(candidate.position, radius(k as usize), |slot, d2| {
@@ -123,7 +128,11 @@ fn prune(candidates: &[SurfacePoint], order: &[u32], grid: &HashGrid, radius: im
             });
         });
     }
-    let nearest_samples = (0..candidates.len()).into_par_iter().map(|k| covers.nearest(grid.slot_of(k))).collect();
+    let mut nearest_samples = vec![0; candidates.len()];
+    parallel::for_each_chunk(&mut nearest_samples, RUN, &|run, nearest| {
+        let of_candidates = (run * RUN..).map(|k| covers.nearest(grid.slot_of(k)));
+        nearest.iter_mut().zip(of_candidates).for_each(|(nearest, number)| *nearest = number);
+    });
     Pruned { kept, nearest_samples }
 }
 

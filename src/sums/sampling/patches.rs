@@ -7,11 +7,11 @@ use std::hash::BuildHasher;
 
 use hashbrown::HashTable;
 use hashbrown::hash_table::Entry;
-use rayon::prelude::*;
 use rustc_hash::FxBuildHasher;
 
 use super::{Surface, SurfacePoint};
 use crate::DisjointSets;
+use crate::parallel;
 use crate::scene::Mesh;
 
 /// Each triangle's patch, and the number of patches.
@@ -45,7 +45,7 @@ fn repeated_vertices(mesh: &Mesh) -> Vec<[u32; 2]> {
         (position.to_array().map(f32::to_bits), (normal * 1024.0).round().as_i16vec3().to_array())
     };
     let count = mesh.positions().len() as u32;
-    let hashes: Vec<u64> = (0..count).into_par_iter().map(|v| FxBuildHasher.hash_one(key(v))).collect();
+    let hashes: Vec<u64> = parallel::collect(count as usize, &|v| FxBuildHasher.hash_one(key(v as u32)));
     let mut first = HashTable::with_capacity(hashes.len());
     let mut repeated = Vec::new();
     for (v, &hash) in (0..count).zip(&hashes) {

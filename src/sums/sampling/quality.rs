@@ -4,6 +4,7 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use super::{PointSet, PointTree, SurfacePoint};
+use crate::parallel;
 
 /// Figures of a point set. Distances are relative to d_max = 2·√(A / (2√3·N)), that of the densest packing of N
 /// points on a plane of the same area (Lagae & Dutré 2008).
@@ -33,11 +34,12 @@ pub fn quality(set: &PointSet, area: f64) -> Quality {
     let PointSet { points, candidates, .. } = set;
     let d_max = 2.0 * (area / (2.0 * 3f64.sqrt() * points.len().max(1) as f64)).sqrt();
     let tree = PointTree::new(points);
-    let to_nearest = |(k, point): (usize, &SurfacePoint)| {
+    let to_nearest = |k: usize| {
+        let point = &points[k];
         let (squared, _) = nearest_where(&tree, point.position, |n| n != k && points[n].same_side(point))?;
         Some(f64::from(squared).sqrt() / d_max)
     };
-    let nearest: Vec<f64> = points.par_iter().enumerate().filter_map(to_nearest).collect();
+    let nearest: Vec<f64> = parallel::collect(points.len(), &to_nearest).into_iter().flatten().collect();
     let count = nearest.len().max(1) as f64;
     let mean = nearest.iter().sum::<f64>() / count;
     let variance = nearest.iter().map(|d| (d - mean).powi(2)).sum::<f64>() / count;

@@ -2,9 +2,9 @@
 //! averaged power, and how much it differs between directions.
 
 use glam::{DVec2, DVec3};
-use rayon::prelude::*;
 
 use super::{Surface, SurfacePoint};
+use crate::parallel;
 
 /// An isometric parameterization of a surface over a rectangle.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -151,13 +151,10 @@ impl Spectrum {
         let unit = (count / (size.x * size.y)).sqrt();
         // Whole waves on the rectangle, so that its outline has no power of its own.
         let half = [size.x, size.y].map(|s| (HIGHEST * unit * s).floor() as usize);
-        let spectra: Vec<Vec<f64>> = sets
-            .par_iter()
-            .map(|set| {
-                let points = set.iter().map(|p| parameterization.place_of(p.position.as_dvec3()) / size);
-                periodogram(&points.collect::<Vec<_>>(), half)
-            })
-            .collect();
+        let spectra: Vec<Vec<f64>> = parallel::map(sets, &|set| {
+            let points = set.iter().map(|p| parameterization.place_of(p.position.as_dvec3()) / size);
+            periodogram(&points.collect::<Vec<_>>(), half)
+        });
         let power: Vec<f64> =
             (0..spectra[0].len()).map(|k| spectra.iter().map(|s| s[k]).sum::<f64>() / sets.len() as f64).collect();
         let frequency = |k: usize| {

@@ -5,6 +5,7 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use super::patches::smooth_patches;
+use crate::parallel;
 use crate::scene::{Mesh, Scene, Sides};
 
 /// One triangle of the surface.
@@ -75,7 +76,7 @@ impl Surface {
         };
         let first = self.triangles.len();
         self.triangles.par_extend(patches.par_iter().enumerate().map(triangle));
-        self.areas.par_extend(self.triangles[first..].par_iter().map(SurfaceTriangle::area));
+        self.areas.extend(parallel::map(&self.triangles[first..], &SurfaceTriangle::area));
         for (patch, &area) in patches.iter().zip(&self.areas[first..]) {
             self.patch_areas[(first_patch + patch) as usize] += area;
             self.area += f64::from(area);

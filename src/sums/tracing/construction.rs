@@ -8,10 +8,14 @@ use obvhs::triangle::Triangle;
 use rayon::prelude::*;
 
 use super::{SeenBy, Tracer, TriangleSurface};
+use crate::parallel;
 use crate::scene::{Mesh, Object, Scene};
 
 /// A refitted hierarchy whose rays cost this much more than when it was built is built again.
 const MAX_GROWTH: f32 = 1.3;
+
+/// Triangles, or boxes, that one thread takes in a row.
+const RUN: usize = 4096;
 
 /// Objects, in world space unless they are alone.
 type Objects<'a> = [(&'a Mesh, SeenBy)];
@@ -64,11 +68,11 @@ impl Tracer {
         let unsorted = (0..).zip(&objects_of_triangles);
         let unsorted: Vec<_> = unsorted.map(|(index, &object)| triangles.corners(object, index)).collect();
         let units = Units::of(&unsorted);
-        let boxes: Vec<Aabb> = unsorted.par_iter().map(|corners| units.bounds(std::slice::from_ref(corners))).collect();
+        let boxes: Vec<Aabb> = parallel::map(&unsorted, &|corners| units.bounds(std::slice::from_ref(corners)));
         let bvh = build_bvh2(&boxes, how, &mut Default::default());
-        let order = || bvh.primitive_indices.par_iter().map(|&index| (objects_of_triangles[index as usize], index));
-        let corners = order().map(|(_, index)| units.scaled(unsorted[index as usize])).collect();
-        let surfaces = order().map(|(object, index)| triangles.surface(object, index)).collect();
+        let surface = |&index: &u32| triangles.surface(objects_of_triangles[index as usize], index);
+        let corners = parallel::map(&bvh.primitive_indices, &|&index| units.scaled(unsorted[index as usize]));
+        let surfaces = parallel::map(&bvh.primitive_indices, &surface);
         let cost = cost(&bvh);
         let camera_visible = objects.iter().map(|(_, seen_by)| seen_by.camera).collect();
         let Units { scale, offset, .. } = units;
@@ -82,18 +86,30 @@ impl Tracer {
             return None;
         }
         let triangles = Triangles::new(objects, &self.triangle_counts);
-        let order = || self.surfaces.par_iter().zip(&self.bvh.primitive_indices);
-        let unscaled: Vec<_> = order().map(|(surface, &index)| triangles.corners(surface.object, index)).collect();
-        let units = Units::of(&unscaled);
+        let (surfaces, indices) = (&self.surfaces, &self.bvh.primitive_indices);
+        let corners = |k: usize| triangles.corners(surfaces[k].object, indices[k]);
+        let surface = |k: usize| triangles.surface(surfaces[k].object, indices[k]);
+        let mut corners = parallel::collect(surfaces.len(), &corners);
+        let units = Units::of(&corners);
         let mut bvh = self.bvh.clone();
-        bvh.nodes.par_iter_mut().filter(|node| node.is_leaf()).for_each(|leaf| {
-            let first = leaf.first_index as usize;
-            leaf.set_aabb(units.bounds(&unscaled[first..first + leaf.prim_count as usize]));
+        parallel::for_each_chunk(&mut bvh.nodes, RUN, &|_, nodes| {
+            for leaf in nodes.iter_mut().filter(|node| node.is_leaf()) {
+                let first = leaf.first_index as usize;
+                leaf.set_aabb(units.bounds(&corners[first..first + leaf.prim_count as usize]));
+            }
         });
         bvh.refit_all();
-        (cost(&bvh) <= MAX_GROWTH * self.cost).then(|| Self {
-            corners: unscaled.into_par_iter().map(|corners| units.scaled(corners)).collect(),
-            surfaces: order().map(|(surface, &index)| triangles.surface(surface.object, index)).collect(),
+        if cost(&bvh) > MAX_GROWTH * self.cost {
+            return None;
+        }
+        parallel::for_each_chunk(&mut corners, RUN, &|_, corners| {
+            for corners in corners {
+                *corners = units.scaled(*corners);
+            }
+        });
+        Some(Self {
+            corners,
+            surfaces: parallel::collect(surfaces.len(), &surface),
             scale: units.scale,
             bvh,
             cost: self.cost,

@@ -1,7 +1,6 @@
 //! Traces the paths of pixels: one by one or, where rays are traced in batches, surface by surface for many pixels together.
 
 use glam::{UVec2, Vec2, Vec3};
-use rayon::prelude::*;
 
 use super::lamps::{Passing, Segment, passed};
 use super::{
@@ -14,6 +13,7 @@ use crate::engine::escapes::Escape;
 use crate::engine::frame::FrameInputs;
 use crate::engine::gloss::likely_facet;
 use crate::engine::ray_batches::RayBatches;
+use crate::parallel;
 use crate::scene::{Medium, Object, Ray, Refractor};
 use crate::stages::{CameraRays, Refracted, colours, divided};
 use crate::tracing::Hit;
@@ -44,7 +44,7 @@ impl PathTracer<'_> {
         let corners = self.trace_corners().await?;
         let points = |k: u32| self.points_of_pixel(&corners, k % width, k / width);
         let mut pixels = self.trace_pixels(width * self.rays.view.rows, points).await?;
-        pixels.par_iter_mut().for_each(PixelPaths::choose_ends);
+        parallel::for_each_mut(&mut pixels, &|_, pixel| pixel.choose_ends());
         measure_steps(&mut pixels, width as usize);
         let ends = collect_ends(&mut pixels);
         Ok(Paths { pixels, ends })
@@ -72,15 +72,16 @@ impl PathTracer<'_> {
         points: impl Fn(u32) -> PixelPoints + Sync,
     ) -> Result<Vec<PixelPaths>, Error> {
         let Some(batches) = self.inputs.batches else {
-            let pixel = |k: u32| {
-                if self.inputs.progress.is_cancelled() { PixelPaths::default() } else { self.trace_pixel(&points(k)) }
+            let pixel = |k: usize| {
+                let is_cancelled = self.inputs.progress.is_cancelled();
+                if is_cancelled { PixelPaths::default() } else { self.trace_pixel(&points(k as u32)) }
             };
-            return Ok((0..count).into_par_iter().map(pixel).collect());
+            return Ok(parallel::collect(count as usize, &pixel));
         };
         let mut all = Vec::with_capacity(count as usize);
         for first in (0..count).step_by(PIXELS_PER_BATCH) {
-            let some = first..count.min(first + PIXELS_PER_BATCH as u32);
-            let started: Vec<_> = some.into_par_iter().map(|k| PixelOnTheWay::new(self, &points(k))).collect();
+            let some = PIXELS_PER_BATCH.min((count - first) as usize);
+            let started = parallel::collect(some, &|k| PixelOnTheWay::new(self, &points(first + k as u32)));
             all.extend(self.trace_together(started, batches).await?);
         }
         Ok(all)
@@ -115,7 +116,8 @@ impl PathTracer<'_> {
                 rest = others;
                 (pixel, own)
             });
-            with_hits.collect::<Vec<_>>().into_par_iter().for_each(|(pixel, hits)| pixel.advance(self, hits));
+            let mut with_hits: Vec<_> = with_hits.collect();
+            parallel::for_each_mut(&mut with_hits, &|_, (pixel, hits)| pixel.advance(self, hits));
         }
     }
 

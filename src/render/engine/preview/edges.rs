@@ -2,10 +2,10 @@
 //! them, so that edges are anti-aliased without more light than one point a pixel.
 
 use glam::{UVec2, Vec2, Vec3};
-use rayon::prelude::*;
 
 use crate::image::Image;
 use crate::lanes::{ALL, LANES};
+use crate::parallel;
 use crate::pinhole::constants::{MIN_EVEN_COSINE, MIN_SAME_COSINE};
 use crate::scene::{Camera, Ray};
 use crate::tracing::{CameraTracer, Hit};
@@ -44,7 +44,7 @@ impl FirstSurface {
 /// Anti-aliases the edges in a picture of so many pixels, by what is seen at their centres.
 pub fn smooth_edges(image: &mut Image, camera: &Camera, tracer: &CameraTracer, first: &[FirstSurface]) {
     let grid = Grid { first, width: image.width as usize };
-    let edges: Vec<usize> = (0..first.len()).into_par_iter().filter(|&pixel| grid.is_edge(pixel)).collect();
+    let edges = parallel::filter(first.len(), &|pixel| grid.is_edge(pixel));
     let ray = camera.rays(UVec2::new(image.width, image.height).as_vec2());
     let centre = |pixel: usize| Vec2::new((pixel % grid.width) as f32, (pixel / grid.width) as f32) + 0.5;
     let mix = |pixels: &[usize]| {
@@ -60,7 +60,7 @@ pub fn smooth_edges(image: &mut Image, camera: &Camera, tracer: &CameraTracer, f
         }
         colours
     };
-    let mixed: Vec<[Vec3; PIXELS]> = edges.par_chunks(PIXELS).map(mix).collect();
+    let mixed: Vec<[Vec3; PIXELS]> = parallel::map_chunks(&edges, PIXELS, &mix);
     for (pixel, colour) in edges.iter().zip(mixed.as_flattened()) {
         image.pixels[*pixel] = *colour;
     }

@@ -42,6 +42,7 @@ use crate::backend::Backend;
 use crate::boxed::BoxFuture;
 use crate::image::{Aov, Image};
 use crate::options::{Evaluation, EvaluationChoice, Exposures, Options, Overlay};
+use crate::parallel;
 use crate::pinhole::Receivers;
 use crate::progress::{Progress, Stage};
 use crate::scene::{Chains, Scene, Visibility};
@@ -416,18 +417,13 @@ impl Frame<'_> {
             is_first = false;
             let direct = self.direct_at(&grid, &open);
             let caustic = self.caustic_at(&grid, &open, sum).await?;
-            let light: Vec<Vec3> = open
-                .par_iter()
-                .zip(direct)
-                .zip(caustic)
-                .map(|((&index, direct), caustic)| {
-                    let irradiance = direct + caustic;
-                    match grid.point(index) {
-                        Some(point) if point.is_glossy => glossy.radiance(point, irradiance),
-                        _ => irradiance,
-                    }
-                })
-                .collect();
+            let light: Vec<Vec3> = parallel::collect(open.len(), &|k| {
+                let irradiance = direct[k] + caustic[k];
+                match grid.point(open[k]) {
+                    Some(point) if point.is_glossy => glossy.radiance(point, irradiance),
+                    _ => irradiance,
+                }
+            });
             open = grid.set(&open, light);
         }
         Ok(grid.finish())
@@ -440,7 +436,7 @@ impl Frame<'_> {
             let hits: Vec<_> = group.iter().filter_map(|&place| grid.hit(which[place])).collect();
             self.direct.irradiance(&hits)
         };
-        let found: Vec<Vec<Vec3>> = groups.par_iter().map(of_group).collect();
+        let found: Vec<Vec<Vec3>> = parallel::map(&groups, &of_group);
         let mut direct = vec![Vec3::ZERO; which.len()];
         for (group, values) in groups.iter().zip(found) {
             group.iter().zip(values).for_each(|(&place, value)| direct[place] = value);

@@ -7,6 +7,7 @@ use rustc_hash::FxHashMap;
 
 use super::filled;
 use super::views::{Layer, SurfacePoint};
+use crate::parallel;
 use crate::pinhole::constants::{MAX_CONTRAST, MAX_OFF_PLANE, MIN_NORMAL_COSINE, MIN_WEIGHT};
 use crate::tracing::Hit;
 
@@ -35,9 +36,11 @@ impl<'a> NodeGrid<'a> {
 
     /// Takes over light that is known already.
     pub fn with_known(mut self, known: impl Fn(&SurfacePoint) -> Option<Vec3> + Sync) -> Self {
-        self.light.par_iter_mut().enumerate().for_each(|(index, light)| {
-            if let Some(known) = self.points.at(index).and_then(&known) {
-                *light = known.extend(1.0);
+        parallel::for_each_chunk(&mut self.light, self.width, &|row, light| {
+            for (index, light) in (row * self.width..).zip(light) {
+                if let Some(known) = self.points.at(index).and_then(&known) {
+                    *light = known.extend(1.0);
+                }
             }
         });
         self
@@ -65,7 +68,7 @@ impl<'a> NodeGrid<'a> {
             };
             (0..width).step_by(square).flat_map(of_square).filter(is_unknown).collect::<Vec<_>>()
         };
-        (0..height.div_ceil(square)).into_par_iter().map(|row| of_squares(row * square)).collect()
+        parallel::collect(height.div_ceil(square), &|row| of_squares(row * square))
     }
 
     pub fn point(&self, index: usize) -> Option<&'a SurfacePoint> {
@@ -107,7 +110,7 @@ impl<'a> NodeGrid<'a> {
     fn interpolate(&mut self, spacing: usize) -> Vec<usize> {
         let between = self.unknown(spacing);
         let of_band = |band: &Vec<usize>| band.iter().map(|&index| self.interpolated(index)).collect();
-        let found: Vec<Vec<Option<Vec3>>> = between.par_iter().map(of_band).collect();
+        let found: Vec<Vec<Option<Vec3>>> = parallel::map(&between, &of_band);
         let pixels = SQUARE * spacing * self.width;
         let bands = self.light.par_chunks_mut(pixels).zip(between.par_iter().zip(found)).enumerate();
         let open = bands.map(|(band, (light, (indices, found)))| {

@@ -5,12 +5,12 @@
 use std::sync::Arc;
 
 use glam::{UVec2, Vec2, Vec3, Vec4};
-use rayon::prelude::*;
 
 use super::Frame;
 use crate::Error;
 use crate::engine::scattering::{DirectScattering, MediumRays, contains, scattered_along, unoccluded};
 use crate::environment::{CubeMap, Environment, LightSampler};
+use crate::parallel;
 use crate::pinhole::constants::{MAX_LENGTH_RATIO, MIN_RAY_WEIGHT};
 use crate::progress::{Progress, Stage};
 use crate::scene::{Medium, Ray, Scene, Visibility};
@@ -124,8 +124,8 @@ impl Frame<'_> {
                 ray(Vec2::new((k % size[0]) as f32, (k / size[0]) as f32) * spacing as f32 + 0.5);
             Ray { origin, direction: direction.normalize() }
         };
-        let rays: Vec<Ray> = (0..size[0] * size[1]).into_par_iter().map(ray).collect();
-        let hits: Vec<Option<Hit>> = rays.par_iter().map(|ray| self.prepared.camera.hit(*ray)).collect();
+        let rays: Vec<Ray> = parallel::collect((size[0] * size[1]) as usize, &|k| ray(k as u32));
+        let hits: Vec<Option<Hit>> = parallel::map(&rays, &|ray| self.prepared.camera.hit(*ray));
         let rays = MediumRays::new((self.scene, medium), true, rays, &hits, parts);
         let tracer = (self.options.visibility == Visibility::Full).then_some(&*self.prepared.tracer);
         let of_light = (medium, direct.unoccluded.clone());

@@ -1,7 +1,6 @@
 //! From light on surfaces to the picture: radiance of what each pixel sees, exposure and tone mapping.
 
 use glam::Vec3;
-use rayon::prelude::*;
 
 use super::edges::FirstSurface;
 use super::scattering::ScatteredGrid;
@@ -10,6 +9,7 @@ use super::{Frame, filled};
 use crate::engine::gloss::blurred_radiance;
 use crate::image::{Image, exposed, metered_ev};
 use crate::options::Exposures;
+use crate::parallel;
 
 /// A whole picture takes sixteen microfacets for a lobe, a preview one look-up, which is as much wider.
 const PREVIEW_BLUR: f32 = 4.0;
@@ -24,8 +24,7 @@ impl Frame<'_> {
     ) -> (Image, Exposures) {
         let [width, height] = self.options.size;
         let mut shaded = filled([Vec3::ZERO; 2], own.len());
-        let rows = shaded.par_chunks_mut(width as usize).enumerate();
-        rows.for_each(|(y, row)| {
+        parallel::for_each_chunk(&mut shaded, width as usize, &|y, row| {
             self.shade_row(views, y * width as usize, own, mirrored, row);
             if let Some(scattered) = scattered {
                 self.add_scattered(scattered, &views.first[y * width as usize..], y, row);
@@ -44,7 +43,7 @@ impl Frame<'_> {
             let background = exposed(*background, exposures.background_exposure_ev);
             self.options.display.tone_map.apply(exposed(*surface, exposures.exposure_ev) + background)
         };
-        (Image { width, height, pixels: shaded.par_iter().map(shown).collect() }, exposures)
+        (Image { width, height, pixels: parallel::map(&shaded, &shown) }, exposures)
     }
 
     /// Radiance of surfaces, and of the environment where the camera sees it directly, W/(m²·sr), of a row of pixels from `first` on.

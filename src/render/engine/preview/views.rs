@@ -11,6 +11,7 @@ use super::filled;
 use super::scattering::SeenMedium;
 use crate::engine::paths::{mirrored_direction, surface_albedo, visible_reflectance};
 use crate::lanes::{LANES, set_bits};
+use crate::parallel;
 use crate::pinhole::constants::{MAX_MIRRORS, MAX_PIXELS_APART, MIN_SEEN_COSINE};
 use crate::scene::{Camera, Lamp, Ray, Refractor, Scene};
 use crate::stages::{PreparedLight, PreparedScene, Refracted, divided};
@@ -86,10 +87,9 @@ impl<T: Send + Sync> Layer<T> {
         let pixels_of_band = bands.first().map_or(0, |band| band.of_pixels.len());
         let bits = (pixels_of_band as u32).next_power_of_two().trailing_zeros();
         let mut of_pixels = filled(NO_POINT, bands.iter().map(|band| band.of_pixels.len()).sum());
-        let pixels = of_pixels.par_chunks_mut(pixels_of_band.max(1)).zip(bands.par_iter()).enumerate();
-        pixels.for_each(|(number, (pixels, band))| {
+        parallel::for_each_chunk(&mut of_pixels, pixels_of_band.max(1), &|number, pixels| {
             let placed = |&point: &u32| if point == NO_POINT { NO_POINT } else { (number as u32) << bits | point };
-            pixels.iter_mut().zip(&band.of_pixels).for_each(|(pixel, point)| *pixel = placed(point));
+            pixels.iter_mut().zip(&bands[number].of_pixels).for_each(|(pixel, point)| *pixel = placed(point));
         });
         Self { bands: bands.into_iter().map(|band| band.points).collect(), of_pixels, bits }
     }

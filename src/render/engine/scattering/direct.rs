@@ -5,7 +5,6 @@
 //! differ smoothly and without noise.
 
 use glam::{Vec2, Vec3};
-use rayon::prelude::*;
 use sobol_burley::sample_4d;
 use std::f32::consts::TAU;
 use std::sync::Arc;
@@ -13,6 +12,7 @@ use std::sync::Arc;
 use super::rays::{MediumRays, seen_length};
 use crate::environment::{CubeMap, LightSampler, face_direction, texel_solid_angle_sr};
 use crate::lanes::LANES;
+use crate::parallel;
 use crate::progress::Progress;
 use crate::scene::{Lamp, Medium, Ray};
 use crate::stages::{EmitterPart, NearEmitter, PreparedLight};
@@ -66,7 +66,7 @@ impl<'a> DirectScattering<'a> {
         let of_packet = |which: &[usize]| {
             if progress.is_cancelled() { vec![Vec3::ZERO; which.len()] } else { self.along_packet(rays, which) }
         };
-        which.par_chunks(LANES).flat_map_iter(of_packet).collect()
+        parallel::map_chunks(which, LANES, &of_packet).concat()
     }
 
     /// Light along up to sixteen rays.

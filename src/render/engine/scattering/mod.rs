@@ -13,7 +13,6 @@ use std::f32::consts::PI;
 use std::sync::Arc;
 
 use glam::{Vec2, Vec3, Vec4};
-use rayon::prelude::*;
 
 pub(super) use self::direct::{DirectScattering, unoccluded};
 use self::rays::seen_length;
@@ -23,6 +22,7 @@ use super::every_other::{AdaptiveLight, CoarserGrid, PixelGrid, is_node};
 use super::frame::FrameInputs;
 use crate::Error;
 use crate::lanes::LANES;
+use crate::parallel;
 use crate::pinhole::Receivers;
 use crate::progress::{Progress, Uncounted};
 use crate::stages::CameraRays;
@@ -223,7 +223,7 @@ struct PictureRays<'a> {
 impl<'a> PictureRays<'a> {
     fn new(camera_rays: &'a CameraRays, rays: MediumRays) -> Self {
         let seen = |index: usize| seen_length(rays.medium(), [0.0, rays.length(index)]).max_element();
-        let seen = (0..rays.len()).into_par_iter().map(seen).collect();
+        let seen = parallel::collect(rays.len(), &seen);
         Self { camera_rays, rays, seen }
     }
 }

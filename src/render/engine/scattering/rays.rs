@@ -1,8 +1,8 @@
 //! The parts of camera rays that lie in a medium, and how much of the light that is scattered there reaches the camera.
 
 use glam::Vec3;
-use rayon::prelude::*;
 
+use crate::parallel;
 use crate::scene::{Interfaces, Medium, Object, Ray, Scene};
 use crate::stages::CameraRays;
 use crate::tracing::{Hit, Tracer};
@@ -33,7 +33,8 @@ impl MediumRays {
         hits: &[Option<Hit>],
         parts_per_ray: usize,
     ) -> Self {
-        let end = |(ray, hit): (&Ray, &Option<Hit>)| {
+        let end = |index: usize| {
+            let (ray, hit) = (&rays[index], hits[index]);
             let beyond = || {
                 let position = ray.origin + medium.sight() * ray.direction;
                 let (distance, normal) = (medium.sight(), -ray.direction);
@@ -42,7 +43,7 @@ impl MediumRays {
             let hit = hit.filter(|hit| hit.distance < medium.sight());
             is_within.then(|| hit.unwrap_or_else(beyond))
         };
-        let ends = rays.par_iter().zip(hits).map(end).collect();
+        let ends = parallel::collect(rays.len(), &end);
         Self { rays, medium, parts_per_ray, centre: casters(scene), ends }
     }
 
@@ -54,11 +55,11 @@ impl MediumRays {
         parts_per_ray: usize,
     ) -> Self {
         let is_within = contains(scene, tracer, scene.camera.position);
-        let ray = |k: u32| {
-            let Ray { origin, direction } = rays.view.ray(k);
+        let ray = |k: usize| {
+            let Ray { origin, direction } = rays.view.ray(k as u32);
             Ray { origin, direction: direction.normalize() }
         };
-        let all = (0..rays.hits.len() as u32).into_par_iter().map(ray).collect();
+        let all = parallel::collect(rays.hits.len(), &ray);
         Self::new((scene, medium), is_within, all, &rays.hits, parts_per_ray)
     }
 
@@ -97,7 +98,7 @@ impl MediumRays {
 
     /// The ways of all rays through the medium, metres.
     pub fn lengths(&self) -> Vec<f32> {
-        (0..self.len()).into_par_iter().map(|index| self.length(index)).collect()
+        parallel::collect(self.len(), &|index| self.length(index))
     }
 
     /// Where the parts of a ray begin and end, metres from its origin: at equal angles as they are seen from the middle of the mirrors

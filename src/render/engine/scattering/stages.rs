@@ -4,7 +4,6 @@ use std::f32::consts::PI;
 use std::sync::Arc;
 
 use glam::Vec3;
-use rayon::prelude::*;
 
 use super::{DirectScattering, MediumRays, PictureRays, Scattered, scattered_caustic, scattered_direct, unoccluded};
 use crate::Error;
@@ -12,6 +11,7 @@ use crate::engine::frame::{FrameInputs, LightId, LightKey, id_of};
 use crate::engine::shading::SurfaceLight;
 use crate::image::Aov;
 use crate::options::Options;
+use crate::parallel;
 use crate::progress::Stage;
 use crate::scene::{Medium, Object, Specular, Visibility};
 use crate::stages::{CameraRays, Id, LightStages, Memo, StageCounts, SurfaceMaterials};
@@ -123,5 +123,5 @@ fn seen_radiance(inputs: &FrameInputs, picture: &PictureRays, light: &SurfaceLig
         let arriving = light.direct_at(index) + light.caustic_at(index);
         rays.medium().transmittance(rays.length(index)) * albedo * arriving / PI
     };
-    (0..rays.len()).into_par_iter().map(radiance).collect()
+    parallel::collect(rays.len(), &radiance)
 }

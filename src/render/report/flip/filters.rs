@@ -3,7 +3,8 @@
 use std::f32::consts::PI;
 
 use glam::{Vec3, Vec4};
-use rayon::prelude::*;
+
+use crate::parallel;
 
 /// Four channels, row by row.
 pub(super) struct Grid {
@@ -30,7 +31,7 @@ impl Grid {
     /// A grid of the same size, of a function of column and row.
     fn drawn(&self, value: impl Fn(usize, usize) -> Vec4 + Sync) -> Self {
         let mut values = vec![Vec4::ZERO; self.values.len()];
-        values.par_chunks_mut(self.width.max(1)).enumerate().for_each(|(y, row)| {
+        parallel::for_each_chunk(&mut values, self.width.max(1), &|y, row| {
             row.iter_mut().enumerate().for_each(|(x, v)| *v = value(x, y));
         });
         Self { width: self.width, values }

@@ -8,9 +8,9 @@ mod colour;
 mod filters;
 
 use glam::{Vec3, Vec4};
-use rayon::prelude::*;
 
 use crate::image::{Image, display, exposed, srgb8};
+use crate::parallel;
 use filters::{ContrastSensitivity, FeatureDetectors, Grid};
 
 /// Pixels per degree of visual angle: a screen 0.7 m wide with 3840 columns, seen from 0.7 m.
@@ -52,7 +52,7 @@ struct Percept {
 
 /// Of sRGB pixels, row by row.
 fn percepts(width: u32, srgb: &[[u8; 3]]) -> Vec<Percept> {
-    let opponent: Vec<Vec3> = srgb.par_iter().map(|p| colour::opponent_from_srgb(*p)).collect();
+    let opponent: Vec<Vec3> = parallel::map(srgb, &|p| colour::opponent_from_srgb(*p));
     let (colours, features) = (colours(width, &opponent), features(width, &opponent));
     colours.into_iter().zip(features).map(|(colour, features)| Percept { colour, features }).collect()
 }
@@ -63,7 +63,7 @@ fn colours(width: u32, opponent: &[Vec3]) -> Vec<Vec3> {
     let contrast = ContrastSensitivity::new(PIXELS_PER_DEGREE);
     let channels = Grid::new(width, opponent.iter().map(|c| Vec4::new(c.x, c.y, c.z, c.z)).collect());
     let filtered = channels.convolved(&contrast.kernel, &contrast.kernel);
-    filtered.values.into_par_iter().map(|c| colour::hunt_lab_from_opponent(contrast.merged(c))).collect()
+    parallel::map(&filtered.values, &|c| colour::hunt_lab_from_opponent(contrast.merged(*c)))
 }
 
 /// The feature pipeline up to the metric: edges and points of the achromatic channel.
@@ -76,10 +76,11 @@ fn features(width: u32, opponent: &[Vec3]) -> Vec<[f32; 2]> {
 
 /// The final difference: that of colours, raised by that of features.
 fn difference(estimate: &[Percept], reference: &[Percept]) -> FlipMap {
-    let pixel = |(a, b): (&Percept, &Percept)| {
+    let pixel = |k: usize| {
+        let (a, b) = (&estimate[k], &reference[k]);
         colour::difference(a.colour, b.colour).powf(1.0 - feature_difference(a.features, b.features))
     };
-    FlipMap { values: estimate.par_iter().zip(reference).map(pixel).collect() }
+    FlipMap { values: parallel::collect(estimate.len().min(reference.len()), &pixel) }
 }
 
 /// 0 to 1: of edges or of points, whichever differs more.

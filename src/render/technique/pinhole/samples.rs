@@ -4,12 +4,12 @@
 use std::sync::Arc;
 
 use glam::{Mat3, Vec3};
-use rayon::prelude::*;
 
 use super::density::{self, DensityInputs};
 use crate::cell_tree::{CellTree, TreeOptions};
 use crate::differential::{DifferentialSample, differentials};
 use crate::environment::Environment;
+use crate::parallel;
 use crate::pinhole::{Edges, Footprint, Params, PinholeTree, Pinholes, pinholes_with};
 use crate::progress::Stage;
 use crate::sampling::{Density, PointSet, SamplingError, Strategy};
@@ -232,7 +232,7 @@ impl KeptSamples {
             let (rotation, translation) = motions[sample.object as usize];
             sample.moved(rotation, translation)
         };
-        self.samples.par_iter().map(moved).collect()
+        parallel::map(&self.samples, &moved)
     }
 }
 

@@ -4,9 +4,9 @@
 use std::sync::Arc;
 
 use glam::Vec3;
-use rayon::prelude::*;
 
 use crate::environment::{CubeMap, FACES, emitter_from, face_direction};
+use crate::parallel;
 use crate::pinhole::constants::MAX_VIEWPOINTS;
 use crate::pinhole::{PinholeSample, SurroundingView, Surroundings, Viewpoint};
 use crate::scene::{Lamp, Medium, Mesh, Object, Ray, Scene, Sides, Visibility};
@@ -191,7 +191,7 @@ fn views_of_emitter(
 impl Viewer<'_> {
     fn view(&self, viewpoint: Viewpoint) -> SurroundingView {
         let texels: Vec<Vec3> = (0..FACES).flat_map(|face| self.directions(face)).collect();
-        let seen: Vec<Seen> = texels.par_iter().map(|direction| self.seen(viewpoint.position, *direction)).collect();
+        let seen: Vec<Seen> = parallel::map(&texels, &|direction| self.seen(viewpoint.position, *direction));
         let cube = |of: fn(&Seen) -> Vec3, mips: bool| {
             CubeMap::from_texels(self.size, &seen.iter().map(of).collect::<Vec<_>>(), mips)
         };

@@ -29,7 +29,6 @@ pub use near_light::{gather_lamp, gather_surroundings};
 use std::sync::Arc;
 
 use glam::{Vec3, Vec4};
-use rayon::prelude::*;
 
 use self::filters::{CpuFilter, mean_over_footprint, mean_over_parts, through_lobe};
 use self::lamp::LampLight;
@@ -44,6 +43,7 @@ use super::{
 use crate::brdf::Materials;
 use crate::environment::CubeMap;
 use crate::lanes::{F, LANES, Simd, SimdBase, bits, dispatch, lanes, level, set_bits, splat3};
+use crate::parallel;
 use crate::progress::Progress;
 use crate::scene::{Lamp, Medium};
 
@@ -79,7 +79,7 @@ fn gather_from(
     let Params { medium, lamps_in_medium, .. } = *params;
     let gather = Gather { pinholes, materials, uniforms, source, medium, lamps_in_medium };
     let mut sums = vec![[0.0; 4]; receivers.positions.len()];
-    sums.par_chunks_mut(LANES * GROUPS_PER_TASK).enumerate().for_each(|(index, sums)| {
+    parallel::for_each_chunk(&mut sums, LANES * GROUPS_PER_TASK, &|index, sums| {
         if !progress.is_cancelled() {
             let first = index * LANES * GROUPS_PER_TASK;
             dispatch!(level(), simd => task(simd, (&gather, filter), receivers, first, sums));
@@ -96,8 +96,9 @@ pub fn contributions(receivers: &Receivers, pinholes: &Pinholes, lights: &Lights
     let count = receivers.positions.len();
     let groups: Vec<ReceiverGroup> =
         (0..count).step_by(LANES).map(|start| load_receivers(receivers, start, LANES.min(count - start))).collect();
-    let contribution = |sample| dispatch!(level(), simd => contribution(simd, &gathers, sample, &groups));
-    pinholes.samples.par_iter().map(contribution).collect()
+    let contribution =
+        |sample: &PinholeSample| dispatch!(level(), simd => contribution(simd, &gathers, sample, &groups));
+    parallel::map(&pinholes.samples, &contribution)
 }
 
 #[inline(always)]

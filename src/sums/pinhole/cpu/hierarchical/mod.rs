@@ -35,6 +35,7 @@ use super::{CubeLookup, Gather, GatherUniforms, Source};
 use crate::brdf::Materials;
 use crate::environment::{CubeMap, LightBounds};
 use crate::lanes::{LANES, dispatch, level};
+use crate::parallel;
 use crate::pinhole::constants::{ESTIMATE_MAX_RECEIVERS, ESTIMATE_MAX_SAMPLE_NODES, ESTIMATE_RMS_SHARE};
 use crate::pinhole::{Params, PinholeTree, Receivers, Surroundings};
 use crate::progress::Progress;
@@ -111,7 +112,7 @@ fn gather_tiles(
         progress.advance(tile.count() as u64);
         sums
     };
-    let sums_of_tiles: Vec<Option<Vec<Vec4>>> = tiles.par_iter().map(gather).collect();
+    let sums_of_tiles: Vec<Option<Vec<Vec4>>> = parallel::map(&tiles, &gather);
     let mut cached = 0;
     for (tile, sums_of_tile) in tiles.iter().zip(sums_of_tiles) {
         let Some(sums_of_tile) = sums_of_tile else {
