@@ -99,7 +99,8 @@ impl Tracer {
             }
         });
         bvh.refit_all();
-        if cost(&bvh) > MAX_GROWTH * self.cost {
+        let cost = cost(&bvh);
+        if cost.is_nan() || cost > MAX_GROWTH * self.cost {
             return None;
         }
         parallel::for_each_chunk(&mut corners, RUN, &|_, corners| {
