@@ -4,7 +4,6 @@ use glam::{Vec3, Vec4};
 
 use super::cube::{CubeLookup, level_of};
 use super::footprint::{FootprintAxes, footprint_axes};
-use super::pair::FootprintParts;
 use super::visibility::{Occlusion, Unoccluded};
 use crate::environment::CubeMap;
 use crate::lanes::{ALL, F, LANES, Select, Simd, SimdBase, SimdFloat, V3, bits, dispatch, lanes, level, splat};
@@ -36,11 +35,11 @@ pub(super) fn through_lobe<S: Simd>(
     radiance
 }
 
-/// The mean over the parts of a footprint, given that over each of them; w = fetches.
+/// The mean over a footprint, or over both parts of a lobe, given that over each of them; w = fetches.
 // A loop over one or two parts, so that `mean_of` is compiled once.
 #[inline(always)]
 pub(super) fn mean_over_parts<S: Simd>(
-    parts: &FootprintParts<S>,
+    parts: &[FootprintSides<S>],
     mean_of: impl Fn(&FootprintSides<S>) -> [Vec4; LANES],
 ) -> [Vec4; LANES] {
     let share = Vec3::splat(1.0 / parts.len() as f32).extend(1.0);

@@ -188,9 +188,17 @@ impl<'a> LampLight<'a> {
                 // Segments of rays lie end to end exactly, and blur nothing.
                 let along = pair.turn_along_segment(simd).map_or(splat(simd, 0.0), |turn| turn.dot(turn));
                 let sharp = Self::sharp_footprint(simd, sample, pair, &seen);
-                let parts = pair.parts_of(simd, sample, &sharp, pair.turn_along_segment(simd));
+                let third = pair.turn_along_segment(simd);
+                let (whole, halves);
+                let parts = if sample.is_mostly_lobe() {
+                    halves = pair.parts_of(simd, sample, &sharp, third);
+                    &halves[..]
+                } else {
+                    whole = pair.widened(simd, sharp, third, sample.lobe);
+                    std::slice::from_ref(&whole)
+                };
                 let weight = 1.0 / parts.len() as f32;
-                for part in &parts {
+                for part in parts {
                     self.add_mean(simd, (sample, &seen), (part, along), (lit, weight), &mut sum);
                 }
                 sum

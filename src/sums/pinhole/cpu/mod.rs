@@ -33,7 +33,7 @@ use glam::{Vec3, Vec4};
 use self::filters::{CpuFilter, mean_over_footprint, mean_over_parts, through_lobe};
 use self::lamp::LampLight;
 use self::medium::pass_medium;
-use self::pair::{FootprintParts, ReceiverCellPair};
+use self::pair::ReceiverCellPair;
 use self::receiver::{NO_OBJECT, Receiver, ReceiverGroup, load_receivers};
 use self::surroundings::SurroundingLight;
 use self::visibility::{Occlusion, Unoccluded, VisibilityMap};
@@ -405,12 +405,16 @@ fn mean_radiance<S: Simd>(
     simd.vectorize(
         #[inline(always)]
         || {
-            let parts = match environment.1 {
-                CpuFilter::None => FootprintParts::from_iter([pair.sharp_footprint(simd, sample)]),
-                _ => pair.parts(simd, sample),
+            let (whole, halves);
+            let parts = if sample.is_mostly_lobe() && environment.1 != CpuFilter::None {
+                halves = pair.lobe_parts(simd, sample);
+                &halves[..]
+            } else {
+                whole = pair.footprint(simd, sample);
+                std::slice::from_ref(&whole)
             };
             mean_over_parts(
-                &parts,
+                parts,
                 #[inline(always)]
                 |part| mean_over_footprint(simd, environment, part, occlusion, taps, lit),
             )

@@ -1,7 +1,5 @@
 //! A sample, or a cell, as sixteen receivers see it: geometry of the pair, and its footprint. Knows no light.
 
-use arrayvec::ArrayVec;
-
 use super::crossing::Crossing;
 use super::filters::FootprintSides;
 use super::footprint::{reflected_side, widened};
@@ -31,9 +29,6 @@ pub(super) struct ReceiverCellPair<S: Simd> {
     /// Where receivers are parts of rays: from one end to the other, metres.
     segment: Option<V3<S>>,
 }
-
-/// The footprints whose mean is looked up for a sample: its own, or the two parts of a rough mirror's lobe.
-pub(super) type FootprintParts<S> = ArrayVec<FootprintSides<S>, 2>;
 
 /// The cosine at a sample, times l, by the sides on which it lights receivers; `dn` is that along its normal.
 #[inline(always)]
@@ -84,15 +79,14 @@ impl<S: Simd> ReceiverCellPair<S> {
         self.widened(simd, sharp, self.turn_along_segment(simd), sample.lobe)
     }
 
-    /// The footprints to look up for a sample.
+    /// The parts of its lobe, for look-ups: one narrower, one wider, both a little nearer to the normal.
     #[inline(always)]
-    pub fn parts(&self, simd: S, sample: &PinholeParts) -> FootprintParts<S> {
+    pub fn lobe_parts(&self, simd: S, sample: &PinholeParts) -> [FootprintSides<S>; 2] {
         let sharp = self.sharp_footprint(simd, sample);
         self.parts_of(simd, sample, &sharp, self.turn_along_segment(simd))
     }
 
-    /// The footprints to look up, from the one without the lobe and what widens that. Of a lobe one part is narrower and one wider, and
-    /// both are a little nearer to the normal.
+    /// The parts of its lobe, from the footprint without it and what widens this.
     #[inline(always)]
     pub fn parts_of(
         &self,
@@ -100,17 +94,14 @@ impl<S: Simd> ReceiverCellPair<S> {
         sample: &PinholeParts,
         sharp: &FootprintSides<S>,
         third: Option<V3<S>>,
-    ) -> FootprintParts<S> {
-        if !sample.is_mostly_lobe() {
-            return FootprintParts::from_iter([self.widened(simd, *sharp, third, sample.lobe)]);
-        }
+    ) -> [FootprintSides<S>; 2] {
         let tilt = sample.lobe * (LOBE_TILT + LOBE_TILT_GROWTH * sample.lobe);
         let behind = self.dn.simd_gt(0.0);
         let r = sharp.r.plus(self.n, behind.select(splat(simd, -tilt), splat(simd, tilt)));
         let r = r * (1.0 / r.dot(r).sqrt());
         let core = self.widened(simd, *sharp, third, LOBE_CORE_WIDTH * sample.lobe);
         let tail = self.widened(simd, *sharp, third, LOBE_TAIL_WIDTH * sample.lobe);
-        FootprintParts::from([FootprintSides { r, ..core }, FootprintSides { r, ..tail }])
+        [FootprintSides { r, ..core }, FootprintSides { r, ..tail }]
     }
 
     /// A footprint with a third side and the blur of a lobe.

@@ -51,8 +51,16 @@ impl<'a> SurroundingLight<'a> {
                 let third = pair.turn_along_segment(simd);
                 let seen = self.seen(simd, cell, &sharp, third, lit);
                 let lookup = CubeLookup::new(&seen.view.radiance);
+                let (whole, halves);
+                let parts = if cell.is_mostly_lobe() {
+                    halves = pair.parts_of(simd, cell, &seen.sides, seen.third);
+                    &halves[..]
+                } else {
+                    whole = pair.widened(simd, seen.sides, seen.third, cell.lobe);
+                    std::slice::from_ref(&whole)
+                };
                 let mean = mean_over_parts(
-                    &pair.parts_of(simd, cell, &seen.sides, seen.third),
+                    parts,
                     #[inline(always)]
                     |part| mean_over_footprint(simd, (&lookup, CpuFilter::Anisotropic), part, &Unoccluded, taps, lit),
                 );

@@ -5,7 +5,7 @@ use glam::Vec4;
 use super::super::filters::{
     CpuFilter, FootprintSides, mean_over_footprint, mean_over_parts, smooth_light, through_lobe,
 };
-use super::super::pair::{FootprintParts, ReceiverCellPair};
+use super::super::pair::ReceiverCellPair;
 use super::super::receiver::Receiver;
 use super::super::visibility::{Occlusion, Unoccluded, VisibilityMap};
 use super::super::{CubeLookup, Gather, Source};
@@ -134,13 +134,15 @@ fn cell_radiance<S: Simd>(
     simd.vectorize(
         #[inline(always)]
         || {
+            let halves;
             let parts = if cell.sample.is_mostly_lobe() {
-                cell.pair.parts(simd, cell.sample)
+                halves = cell.pair.lobe_parts(simd, cell.sample);
+                &halves[..]
             } else {
-                FootprintParts::from_iter([*cell.footprint])
+                std::slice::from_ref(cell.footprint)
             };
             mean_over_parts(
-                &parts,
+                parts,
                 #[inline(always)]
                 |part| footprint_radiance(simd, environment, (cell, part), occlusion, taps, lit),
             )
