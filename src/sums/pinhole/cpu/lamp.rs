@@ -146,7 +146,10 @@ impl<'a> LampLight<'a> {
         let (radius, turn) = (half(piece.sides), 2.0 * half(piece.changes) + TAIL_REACH * piece.lobe);
         // An arc is at most π/2 times its sine; where there is no sine, light may come from anywhere.
         let spread = pair.inverse_l * (radius * FRAC_PI_2);
-        let along = pair.turn_along_segment(simd).map_or(splat(simd, 0.0), |turn| turn.dot(turn).sqrt() * 0.5);
+        let along = match pair.turn_along_segment(simd) {
+            Some(turn) => turn.dot(turn).sqrt() * 0.5,
+            None => splat(simd, 0.0),
+        };
         let spread = spread.simd_lt(1.0).select(spread, splat(simd, PI)) + along + turn;
         // Refracted light turns without bound next to total reflection.
         let spread = if piece.interface.is_none() { spread } else { splat(simd, PI) };
@@ -186,7 +189,10 @@ impl<'a> LampLight<'a> {
                 let mut sum = [Vec4::ZERO; LANES];
                 let seen = self.seen_from(sample.position);
                 // Segments of rays lie end to end exactly, and blur nothing.
-                let along = pair.turn_along_segment(simd).map_or(splat(simd, 0.0), |turn| turn.dot(turn));
+                let along = match pair.turn_along_segment(simd) {
+                    Some(turn) => turn.dot(turn),
+                    None => splat(simd, 0.0),
+                };
                 let sharp = Self::sharp_footprint(simd, sample, pair, &seen);
                 let third = pair.turn_along_segment(simd);
                 let (whole, halves);

@@ -238,7 +238,10 @@ impl TileGather<'_> {
     ) -> ContributionBounds<S> {
         let mut size = pair.inverse_l * cell.radius + cell.normal_radius;
         let mut cone_radius = if cell.is_creased {
-            let along = receiver.length.map_or(splat(simd, 0.0), |length| pair.inverse_l * length * FOOTPRINT_RADIUS);
+            let along = match receiver.length {
+                Some(length) => pair.inverse_l * length * FOOTPRINT_RADIUS,
+                None => splat(simd, 0.0),
+            };
             size + along + (cell.normal_radius + cell.sample.lobe)
         } else {
             footprint.squares().sqrt() * FOOTPRINT_RADIUS + (size * size * FOOTPRINT_BEND + unevenness(cell))
@@ -280,8 +283,11 @@ impl TileGather<'_> {
             weight *= max_scattered;
             gloss_error = error * CONTRAST_ERROR_SCALE;
         }
-        let nothing_averages_out = splat(simd, 1.0);
-        let left_along_ray = turn.map_or(nothing_averages_out, |turn| turned / (turned + turn).max(f32::MIN_POSITIVE));
+        let left_along_ray = match turn {
+            Some(turn) => turned / (turned + turn).max(f32::MIN_POSITIVE),
+            // Nothing averages out.
+            None => splat(simd, 1.0),
+        };
         ContributionBounds {
             left_along_ray,
             size,
@@ -466,7 +472,10 @@ fn crossed_light<S: Simd>(
 /// The radius of a cell and, where receivers are parts of rays, half their length, metres.
 #[inline(always)]
 fn extent<S: Simd>(simd: S, cell: &Cell, receiver: &Receiver<S>) -> F<S> {
-    splat(simd, cell.radius) + receiver.length.map_or(splat(simd, 0.0), |length| length * 0.5)
+    match receiver.length {
+        Some(length) => splat(simd, cell.radius) + length * 0.5,
+        None => splat(simd, cell.radius),
+    }
 }
 
 /// What a cell of an interface does at most with the light.
