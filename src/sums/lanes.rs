@@ -2,9 +2,10 @@
 //! at run time.
 //!
 //! Everything that takes a `Simd` must be inlined into the dispatched function, or it is compiled without the instructions:
-//! mark functions and closures `#[inline(always)]`, and do not compute in closures given to `map` or `map_or`, which are no such functions. What is called from several places and works for long is `#[inline(never)]` and calls
-//! [`Simd::vectorize`]: it is compiled once for each instruction set. Without the attribute the compiler would take such a short function
-//! as one to inline, and compile what it calls in each of its code generation units. `.ci/simd` finds what was missed in the machine code.
+//! mark functions and closures `#[inline(always)]`, and do not compute in closures given to `map` or `map_or`, which are no such
+//! functions. What is called from several places and works for long is `#[inline(never)]` and calls [`Simd::vectorize`]: it is compiled
+//! once for each instruction set. Without the attribute the compiler would take such a short function as one to inline, and compile what
+//! it calls in each of its code generation units. `.ci/simd` finds what was missed in the machine code.
 
 use std::ops::{Add, AddAssign, Mul, Sub};
 use std::sync::OnceLock;
