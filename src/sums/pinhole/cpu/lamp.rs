@@ -189,12 +189,12 @@ impl<'a> LampLight<'a> {
                 let mut sum = [Vec4::ZERO; LANES];
                 let seen = self.seen_from(sample.position);
                 // Segments of rays lie end to end exactly, and blur nothing.
-                let along = match pair.turn_along_segment(simd) {
+                let third = pair.turn_along_segment(simd);
+                let along = match third {
                     Some(turn) => turn.dot(turn),
                     None => splat(simd, 0.0),
                 };
                 let sharp = Self::sharp_footprint(simd, sample, pair, &seen);
-                let third = pair.turn_along_segment(simd);
                 let (whole, halves);
                 let parts = if sample.is_mostly_lobe() {
                     halves = pair.parts_of(simd, sample, &sharp, third);

@@ -24,14 +24,14 @@ pub struct CellAtReceivers<'a, S: Simd> {
     pub weight: F<S>,
 }
 
-/// How it is known what a cell sees of the environment.
+/// What a cell sees of the environment.
 #[derive(Clone, Copy)]
 pub enum Sky<'a> {
-    /// It sees all of it.
+    /// All of it.
     Open,
-    /// From the map of its sample.
+    /// What the map of its sample says.
     Mapped(&'a VisibilityMap<'a>),
-    /// From rays, where that map is in doubt.
+    /// The same, and rays where that map is in doubt.
     Traced(&'a TracedSky<'a>),
 }
 
