@@ -26,5 +26,5 @@ fn probe(@builtin(position) position: vec4f) -> @location(0) vec4f {
     let p = probes[min(index, arrayLength(&probes) - 1u)];
     // Nothing is hidden from a probe: without VISIBILITY no map is read.
     var map: VisibilityMap;
-    return mean_over_footprint(p.direction, FootprintSides(p.side_1, p.side_2), f32(uniforms.taps), map);
+    return mean_over_footprints(one_look_up(p.direction, FootprintSides(p.side_1, p.side_2)), f32(uniforms.taps), map);
 }

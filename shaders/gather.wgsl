@@ -140,7 +140,7 @@ fn filtered_radiance(
     i: u32, d: vec3f, n: vec3f, dn: f32, inverse_l: f32, r: vec3f, crossing: Crossing, third: vec3f, map: VisibilityMap,
 ) -> vec4f {
     if LIGHT == LIGHT_ENVIRONMENT && FILTER == FILTER_NONE {
-        return visible_light(r, light_from_world(r), 0.0, 0.0, 1.0, map);
+        return mean_over_taps(r, one_tap(0.0, 0.0), no_taps(), map);
     }
     let lobe = samples[i].lobe;
     let cosine = abs(dn) * inverse_l;
@@ -165,21 +165,15 @@ fn filtered_radiance(
         seen *= visible_fraction(light.towards, map);
     }
     // The same for all lanes.
+    var look_ups: LookUps;
     if !is_interface(samples[i].object_flags) && is_mostly_lobe(lobe, samples[i].change_1, samples[i].change_2) {
-        let parts = lobe_parts(light.r, n, cosine, light.sides, lobe, light.third);
-        let core = mean_radiance(i, light, parts.r, parts.core, map);
-        return vec4f(seen, 1.0) * mean_of_parts(core, mean_radiance(i, light, parts.r, parts.tail, map));
+        look_ups = lobe_parts(light.r, n, cosine, light.sides, lobe, light.third);
+    } else {
+        look_ups = one_look_up(light.r, light.sides);
+        if lobe > 0.0 || has_side(light.third) {
+            look_ups.first = widened(light.sides, light.r, n, widths, light.third);
+        }
     }
-    var sides = light.sides;
-    if lobe > 0.0 || has_side(light.third) {
-        sides = widened(sides, light.r, n, widths, light.third);
-    }
-    return vec4f(seen, 1.0) * mean_radiance(i, light, light.r, sides, map);
-}
-
-// Mean radiance over a footprint of a sample; a = fetches.
-fn mean_radiance(i: u32, light: LightFootprint, r: vec3f, sides: FootprintSides, map: VisibilityMap) -> vec4f {
-    let surface = FootprintSides(samples[i].side_1, samples[i].side_2);
     let taps = f32(uniforms.taps);
-    return mean_of_light(samples[i].position, samples[i].normal, surface, light, r, sides, taps, map);
+    return vec4f(seen, 1.0) * mean_of_light(samples[i].position, n, surface, light, look_ups, taps, map);
 }

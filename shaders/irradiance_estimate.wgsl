@@ -72,25 +72,28 @@ fn radiance_of(cell: Cell, pair: Pair, map: VisibilityMap) -> vec3f {
         }
         return light.radiance.rgb;
     }
-    if !is_lobe_of_mirror(cell) {
-        return isotropic_radiance(pair.r, footprint_of(cell, pair), map);
-    }
-    let cosine = abs(pair.dn) * pair.inverse_l;
-    let parts = lobe_parts(pair.r, cell.normal, cosine, sharp_footprint_of(cell, pair), cell.lobe, pair.third);
+    var look_ups: LookUps;
     var seen = 1.0;
-    var part_map = map;
-    if VISIBILITY && is_wide_lobe(cell.lobe, cell.change_1, cell.change_2) {
-        seen = lobe_fraction(pair.r, cell.lobe, map);
-        part_map.index = UNOCCLUDED;
+    var seen_map = map;
+    if is_lobe_of_mirror(cell) {
+        let cosine = abs(pair.dn) * pair.inverse_l;
+        look_ups = lobe_parts(pair.r, cell.normal, cosine, sharp_footprint_of(cell, pair), cell.lobe, pair.third);
+        if VISIBILITY && is_wide_lobe(cell.lobe, cell.change_1, cell.change_2) {
+            seen = lobe_fraction(pair.r, cell.lobe, map);
+            seen_map.index = UNOCCLUDED;
+        }
+    } else {
+        look_ups = one_look_up(pair.r, footprint_of(cell, pair));
     }
-    return 0.5 * seen
-        * (isotropic_radiance(parts.r, parts.core, part_map) + isotropic_radiance(parts.r, parts.tail, part_map));
-}
-
-fn isotropic_radiance(r: vec3f, sides: FootprintSides, map: VisibilityMap) -> vec3f {
-    let light_r = light_from_world(r);
-    let level = level_of(footprint_axes(sides).major, texel_width(light_r, uniforms.texel_rad));
-    return sky_fraction_of_footprint(r, sides, map) * fetch(light_r, level);
+    let light_r = light_from_world(look_ups.r);
+    var sum = vec3f(0.0);
+    var looked_up = look_ups.first;
+    for (var k = 0u; k < look_ups.count; k++) {
+        let fraction = sky_fraction_of_footprint(look_ups.r, looked_up, seen_map);
+        sum += fraction * fetch(light_r, isotropic_level(light_r, looked_up));
+        looked_up = look_ups.second;
+    }
+    return seen / f32(look_ups.count) * sum;
 }
 
 @compute @workgroup_size(1)

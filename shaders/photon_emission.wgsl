@@ -122,14 +122,10 @@ fn emit_photon(index: u32, texel: vec2u, is_own: bool) {
         flight = scattered(flight, start);
         if flight.is_alive {
             var way = PhotonWay(start.position, 0.0, start.normal, start.position, start.normal);
-            if view.chain == CHAIN_TTTT {
-                flight = passed_to_another(flight, start.object, &way, is_own);
-            } else {
+            if view.chain != CHAIN_TTTT {
                 account_if_own(CAST, flight.flux, is_own);
-                if view.chain == CHAIN_TT {
-                    flight = leave(flight, start.object, &way, is_own);
-                }
             }
+            flight = passed_through_solids(flight, start.object, &way, is_own);
             if flight.is_alive {
                 photon = land(flight, is_own);
                 photon.caster = start.object;
@@ -239,11 +235,9 @@ fn scattered(flight: Flight, hit: Hit) -> Flight {
                 factor = reflectance_at(surface.curve, -dot(flight.direction, hit.normal));
             }
         } else if hit.is_front && (surface.flags & IS_FRESNEL_SURFACE) != 0u {
-            factor = vec3f(
-                divided(surface, surface.eta.x, hit, flight.direction).reflectance,
-                divided(surface, surface.eta.y, hit, flight.direction).reflectance,
-                divided(surface, surface.eta.z, hit, flight.direction).reflectance,
-            );
+            for (var channel = 0u; channel < 3u; channel++) {
+                factor[channel] = divided(surface, surface.eta[channel], hit, flight.direction).reflectance;
+            }
         }
     } else if hit.is_front && (surface.flags & select(IS_SOLID, IS_SURFACE, view.chain == CHAIN_T)) != 0u {
         let division = divided(surface, surface.eta[view.channel], hit, flight.direction);
@@ -256,71 +250,66 @@ fn scattered(flight: Flight, hit: Hit) -> Flight {
     return Flight(hit.position, direction, flight.flux * factor, any(factor != vec3f(0.0)));
 }
 
-// A photon that has entered a closed object, leaves it and passes another one. What does not get to the second one is lost to light that is
-// refracted twice.
-fn passed_to_another(entered: Flight, object: u32, way: ptr<function, PhotonWay>, is_own: bool) -> Flight {
-    let nothing = Flight(entered.origin, entered.direction, vec3f(0.0), false);
-    let flight = leave(entered, object, way, false);
-    if !flight.is_alive {
-        return nothing;
+// A photon that has entered a closed object leaves it and, in chains of four refractions, passes another one. What does not get to the
+// second one is lost to light that is refracted twice.
+fn passed_through_solids(entered: Flight, first: u32, way: ptr<function, PhotonWay>, is_own: bool) -> Flight {
+    let crossings = select(select(0u, 1u, view.chain == CHAIN_TT), 3u, view.chain == CHAIN_TTTT);
+    var flight = entered;
+    var object = first;
+    for (var k = 0u; k < crossings; k++) {
+        let is_counted = is_own && (crossings == 1u || k > 0u);
+        flight = crossed_next(flight, k == 1u, &object, way, is_counted);
+        if !flight.is_alive {
+            break;
+        }
     }
-    var hit: Hit;
-    if IN_IMAGES {
-        hit = entry_in_images(flight.origin, flight.direction, object);
-    } else {
-        hit = traced_hit(flight, is_own);
-    }
-    if hit.object == NO_OBJECT || !hit.is_front || (surfaces[hit.object].flags & IS_SOLID) == 0u {
-        return nothing;
-    }
-    let surface = surfaces[hit.object];
-    let division = divided(surface, surface.eta[view.channel], hit, flight.direction);
-    if !division.is_refracted {
-        return nothing;
-    }
-    (*way).within += length(hit.position - flight.origin);
-    let flux = (1.0 - division.reflectance) * flight.flux;
-    account_if_own(CAST, flux, is_own);
-    return leave(Flight(hit.position, division.direction, flux, true), hit.object, way, is_own);
+    return flight;
 }
 
-// A photon that leaves the closed object that it has entered.
-fn leave(flight: Flight, object: u32, way: ptr<function, PhotonWay>, is_own: bool) -> Flight {
+// A photon beyond the interface that it meets next: that of the closed object that it leaves or, with `enters`, of another one.
+fn crossed_next(
+    flight: Flight, enters: bool, object: ptr<function, u32>, way: ptr<function, PhotonWay>, is_counted: bool,
+) -> Flight {
     let nothing = Flight(flight.origin, flight.direction, vec3f(0.0), false);
-    var hit: Hit;
-    if IN_IMAGES {
-        hit = exit_in_images(flight.origin, flight.direction, object);
-    } else {
-        hit = traced_hit(flight, is_own);
-    }
+    let hit = next_hit(flight, select(TO_LEAVE, TO_ENTER, enters), *object, is_counted);
+    var lost = TOTALLY_REFLECTED;
+    var division = Division(1.0, vec3f(0.0), false);
     if hit.object == NO_OBJECT {
-        account_if_own(MISSED, flight.flux, is_own);
-        return nothing;
+        lost = MISSED;
+    } else if (surfaces[hit.object].flags & IS_SOLID) == 0u || hit.is_front != enters {
+        lost = NOT_RECEIVED;
+    } else {
+        let surface = surfaces[hit.object];
+        division = divided(surface, surface.eta[view.channel], hit, flight.direction);
     }
-    let surface = surfaces[hit.object];
-    if (surface.flags & IS_SOLID) == 0u || hit.is_front {
-        account_if_own(NOT_RECEIVED, flight.flux, is_own);
-        return nothing;
+    let passed = (1.0 - division.reflectance) * flight.flux;
+    if enters {
+        account_if_own(CAST, passed, is_counted);
+    } else {
+        account_if_own(lost, division.reflectance * flight.flux, is_counted);
     }
-    let division = divided(surface, surface.eta[view.channel], hit, flight.direction);
     if !division.is_refracted {
-        account_if_own(TOTALLY_REFLECTED, flight.flux, is_own);
         return nothing;
     }
-    account_if_own(TOTALLY_REFLECTED, division.reflectance * flight.flux, is_own);
     (*way).within += length(hit.position - flight.origin);
-    (*way).last = hit.position;
-    (*way).last_normal = hit.normal;
-    return Flight(hit.position, division.direction, (1.0 - division.reflectance) * flight.flux, true);
+    if !enters {
+        (*way).last = hit.position;
+        (*way).last_normal = hit.normal;
+    }
+    *object = hit.object;
+    return Flight(hit.position, division.direction, passed, true);
+}
+
+// What a photon meets next, by its ray or in images.
+fn next_hit(flight: Flight, purpose: u32, object: u32, is_own: bool) -> Hit {
+    if IN_IMAGES {
+        return next_in_images(flight.origin, flight.direction, purpose, object);
+    }
+    return traced_hit(flight, is_own);
 }
 
 fn land(flight: Flight, is_own: bool) -> Photon {
-    var hit: Hit;
-    if IN_IMAGES {
-        hit = landing_in_images(flight.origin, flight.direction);
-    } else {
-        hit = traced_hit(flight, is_own);
-    }
+    let hit = next_hit(flight, TO_LAND, NO_OBJECT, is_own);
     if hit.object == NO_OBJECT {
         account_if_own(MISSED, flight.flux, is_own);
         return no_photon();

@@ -22,22 +22,27 @@ fn add_polygons(@builtin(global_invocation_id) id: vec3u, @builtin(local_invocat
 }
 
 fn add_cell(column: i32, row: i32) {
-    let a = photon_at(column, row);
-    let b = photon_at(column + 1, row);
-    let c = photon_at(column, row + 1);
-    let d = photon_at(column + 1, row + 1);
-    if a != NOWHERE && b != NOWHERE && c != NOWHERE && d != NOWHERE
-        && are_connected(column, row, 1, 0) && are_connected(column, row + 1, 1, 0)
-        && are_connected(column, row, 0, 1) && are_connected(column + 1, row, 0, 1) {
-        add_triangle(a, b, c);
-        add_triangle(b, d, c);
+    var corners: vec4u;
+    var is_whole = true;
+    for (var k = 0u; k < 4u; k++) {
+        corners[k] = photon_at(column + i32(k & 1u), row + i32(k >> 1u));
+        is_whole = is_whole && corners[k] != NOWHERE;
+    }
+    // The two edges along rows, and the two along columns.
+    for (var k = 0; k < 4 && is_whole; k++) {
+        let off = vec2i(select(0, 1, k == 3), select(0, 1, k == 1));
+        is_whole = are_connected(column + off.x, row + off.y, select(1, 0, k > 1), select(0, 1, k > 1));
+    }
+    if is_whole {
+        for (var k = 0u; k < 2u; k++) {
+            add_triangle(select(corners.xyz, corners.ywz, k == 1u));
+        }
         return;
     }
     // What belongs to triangles that do not exist.
-    add_corner(a, 1.0 / 6.0);
-    add_corner(b, 2.0 / 6.0);
-    add_corner(c, 2.0 / 6.0);
-    add_corner(d, 1.0 / 6.0);
+    for (var k = 0u; k < 4u; k++) {
+        add_corner(corners[k], select(1.0 / 6.0, 2.0 / 6.0, k == 1u || k == 2u));
+    }
 }
 
 fn add_corner(index: u32, part: f32) {
@@ -65,7 +70,7 @@ fn add_spread(index: u32, flux: vec3f) {
         add_point(photon, at, flux);
         return;
     }
-    add_footprint(place, photon, flux, PhotonPlace(at, texel), 1.0);
+    add_splat(0u, footprint_splat(sides, 1.0), photon, flux, PhotonPlace(at, texel));
     account_for(DEPOSITED, sum_of_channels(flux), map.steps_per_watt);
 }
 
@@ -85,12 +90,12 @@ fn add_point(photon: Photon, at: vec2f, flux: vec3f) {
     }
 }
 
-fn add_triangle(one: u32, other: u32, third: u32) {
-    let photon = photons[one];
-    let flux = (photon.flux + photons[other].flux + photons[third].flux) / 6.0;
-    let a = places[one].at;
-    let b = places[other].at;
-    let c = places[third].at;
+fn add_triangle(corners: vec3u) {
+    let photon = photons[corners.x];
+    let flux = (photon.flux + photons[corners.y].flux + photons[corners.z].flux) / 6.0;
+    let a = places[corners.x].at;
+    let b = places[corners.y].at;
+    let c = places[corners.z].at;
     if min(a.x, min(b.x, c.x)) <= BEHIND_PLANE {
         account_off_map(sum_of_channels(flux));
         return;

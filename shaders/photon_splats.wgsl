@@ -28,56 +28,73 @@ fn add_photon(place: vec2u) {
         account_for(HIDDEN, watts, map.steps_per_watt);
         return;
     }
-    if map.mode != MODE_GATHER && map.mode != MODE_MULTI_RESOLUTION {
+    let resolves_clusters = map.mode == MODE_MULTI_RESOLUTION && map.clusters != 0u;
+    if map.mode != MODE_GATHER && (map.mode != MODE_MULTI_RESOLUTION || resolves_clusters) {
         // What arrives of the others is known in the end.
         account_for(DEPOSITED, watts, map.steps_per_watt);
     }
+    var splat: Splat;
+    var is_point = false;
+    // Its size and, where sizes are kept apart, those that follow.
+    var size = 0u;
+    var end = 1u;
     switch map.mode {
         case MODE_SPLATS {
-            add_splat(0u, round_splat(map.diameter), photon, photon.flux, places[index]);
+            splat = round_splat(map.diameter);
         }
         case MODE_THIN_LENS, MODE_THICK_LENS {
-            add_splat(0u, round_splat(lens_diameter(place, photon, texel)), photon, photon.flux, places[index]);
+            splat = round_splat(lens_diameter(place, photon, texel));
         }
-        case MODE_FOOTPRINTS {
-            add_footprint(place, photon, photon.flux, places[index], map.frame_spacing);
-        }
-        case MODE_MULTI_RESOLUTION {
-            if map.clusters != 0u {
-                account_for(DEPOSITED, watts, map.steps_per_watt);
-                add_in_its_resolution(place, photon, places[index]);
-                return;
-            }
-            for (var size = 0u; size < SPLAT_SIZES; size++) {
-                let diameter = FIRST_SPLAT_DIAMETER + SPLAT_DIAMETER_STEP * size;
-                add_splat(size, round_splat(f32(diameter)), photon, photon.flux, places[index]);
-                count_reached(size, i32(diameter), photon, texel);
+        case MODE_FOOTPRINTS, MODE_MULTI_RESOLUTION {
+            end = SPLAT_SIZES;
+            if resolves_clusters || map.mode == MODE_FOOTPRINTS {
+                let sides = differences(place, DIFFERENCE_OF_PLACES);
+                let wanted = wanted_diameter(sides);
+                if resolves_clusters {
+                    size = size_for(wanted);
+                }
+                end = size + 1u;
+                is_point = select(!sides.are_known, wanted <= 1.0, resolves_clusters);
+                splat = footprint_splat(sides, map.frame_spacing);
             }
         }
         default {
-            deposit(0u, texel, photon.flux, photon);
+            is_point = true;
             if map.mode == MODE_GATHER {
                 atomicAdd(&counts[texel], 1u);
             }
         }
     }
-}
-
-// Adds a photon of a cluster in the resolution that fits it: as a splat of the least of the four sizes that covers the part of the receiver that
-// it stands for, or as a point where that is within a texel.
-fn add_in_its_resolution(place: vec2u, photon: Photon, landed: PhotonPlace) {
-    let sides = differences(place, DIFFERENCE_OF_PLACES);
-    let extent = select(0.0, max(length(sides.along_row.xy), length(sides.along_column.xy)), sides.are_known);
-    let wanted = LENS_SPACINGS * extent;
-    if wanted <= 1.0 {
-        deposit(0u, landed.texel, photon.flux, photon);
+    if is_point {
+        deposit(0u, texel, photon.flux, photon);
         return;
     }
-    var size = 0u;
-    while size + 1u < SPLAT_SIZES && f32(FIRST_SPLAT_DIAMETER + SPLAT_DIAMETER_STEP * size) < wanted {
-        size++;
+    for (; size < end; size++) {
+        if map.mode == MODE_MULTI_RESOLUTION {
+            splat = round_splat(f32(diameter_of(size)));
+        }
+        add_splat(select(size, 0u, resolves_clusters), splat, photon, photon.flux, places[index]);
+        if map.mode == MODE_MULTI_RESOLUTION && !resolves_clusters {
+            count_reached(size, i32(diameter_of(size)), photon, texel);
+        }
     }
-    add_splat(0u, round_splat(f32(FIRST_SPLAT_DIAMETER + SPLAT_DIAMETER_STEP * size)), photon, photon.flux, landed);
+}
+
+// The least of the sizes that is as large as that, or the largest.
+fn size_for(diameter: f32) -> u32 {
+    let steps = ceil((diameter - f32(FIRST_SPLAT_DIAMETER)) / f32(SPLAT_DIAMETER_STEP));
+    return u32(clamp(steps, 0.0, f32(SPLAT_SIZES - 1u)));
+}
+
+// The diameter of a splat of one of several sizes, texels.
+fn diameter_of(size: u32) -> u32 {
+    return FIRST_SPLAT_DIAMETER + SPLAT_DIAMETER_STEP * size;
+}
+
+// The diameter of a splat that covers the part of the receiver which a photon of a cluster stands for, texels; a point where that is within
+// a texel.
+fn wanted_diameter(sides: Differences) -> f32 {
+    return LENS_SPACINGS * select(0.0, max(length(sides.along_row.xy), length(sides.along_column.xy)), sides.are_known);
 }
 
 // A round splat with a diameter, in a square of that size.
@@ -122,7 +139,7 @@ fn lens_diameter(place: vec2u, photon: Photon, texel: u32) -> f32 {
 
 // The width of a photon's bundle at the receiver, relative to what it would be without mirrors and interfaces.
 fn lens_factor(place: vec2u, photon: Photon, way: PhotonWay) -> f32 {
-    let front = mean_curvature(differences(place, DIFFERENCE_OF_FIRST), differences(place, DIFFERENCE_OF_FIRST_NORMALS));
+    let front = curvature_at(place, DIFFERENCE_OF_FIRST, DIFFERENCE_OF_FIRST_NORMALS);
     if !front.is_known {
         return 1.0;
     }
@@ -134,7 +151,7 @@ fn lens_factor(place: vec2u, photon: Photon, way: PhotonWay) -> f32 {
     if way.within == 0.0 {
         return single_lens(photon, way, (n - 1.0) * front.value, n);
     }
-    let back = mean_curvature(differences(place, DIFFERENCE_OF_LAST), differences(place, DIFFERENCE_OF_LAST_NORMALS));
+    let back = curvature_at(place, DIFFERENCE_OF_LAST, DIFFERENCE_OF_LAST_NORMALS);
     if !back.is_known {
         return 1.0;
     }
@@ -161,9 +178,11 @@ struct Curvature {
     is_known: bool,
 }
 
-// The mean curvature of a surface from how points and normals change, 1/m (do Carmo, Differential Geometry of Curves and Surfaces,
-// Section 3-3).
-fn mean_curvature(points: Differences, normals: Differences) -> Curvature {
+// The mean curvature of a surface from how two kinds of values of photons, points and normals, change, 1/m (do Carmo, Differential
+// Geometry of Curves and Surfaces, Section 3-3).
+fn curvature_at(place: vec2u, of_points: u32, of_normals: u32) -> Curvature {
+    let points = differences(place, of_points);
+    let normals = differences(place, of_normals);
     let e = dot(points.along_row, points.along_row);
     let f = dot(points.along_row, points.along_column);
     let g = dot(points.along_column, points.along_column);

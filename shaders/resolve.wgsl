@@ -261,28 +261,38 @@ fn visit_cell(
     if seen == 0.0 {
         return Visit(looked_up, false);
     }
-    let is_near = is_uneven(max_contribution, size, error_budget);
-    if is_leaf(cell) && tree.split_near != 0u && is_near {
+    var look_up = LookUp(bounds.range, taps_for(bounds.range, error_budget), max_contribution, false);
+    if is_part_of_ray(receiver.object) {
+        // Along a part of a ray a sun is easily missed.
+        look_up.range = UNBOUNDED;
+    } else {
+        let v1 = dot(sides.v1, sides.v1);
+        let v2 = dot(sides.v2, sides.v2);
+        let texel2 = 6.2831853 / f32(uniforms.map_resolution * uniforms.map_resolution);
+        let is_worth_rays = tree.traces_rays != 0u && max_contribution >= MIN_TRACED_SKY_SHARE * error_budget;
+        look_up.is_traced = is_worth_rays && min(v1, v2) < texel2;
+    }
+    if is_leaf(cell) && tree.split_near != 0u && is_uneven(max_contribution, size, error_budget) {
         // The most that reaches the receiver per weight.
-        let light = max_contribution / weight.value;
-        return Visit(contribution_of_quarters(cell, receiver, seen, light, traversal) + looked_up, false);
+        let max_light = max_contribution / weight.value;
+        return Visit(contribution_of_quarters(cell, receiver, seen, max_light, traversal) + looked_up, false);
     }
     if !(pair.cosine_product > 0.0) {
         return Visit(looked_up, false);
     }
-    if LIGHT != LIGHT_ENVIRONMENT {
-        let taps = taps_for(bounds.range, error_budget);
-        return Visit(near_contribution(cell, pair, receiver, seen, taps, max_contribution) + looked_up, false);
-    }
-    let v1 = dot(sides.v1, sides.v1);
-    let v2 = dot(sides.v2, sides.v2);
-    let texel2 = 6.2831853 / f32(uniforms.map_resolution * uniforms.map_resolution);
-    let is_worth_rays = tree.traces_rays != 0u && max_contribution >= MIN_TRACED_SKY_SHARE * error_budget;
-    let along_ray = is_part_of_ray(receiver.object);
-    let is_traced = is_worth_rays && min(v1, v2) < texel2 && !along_ray;
-    // Along a part of a ray a sun is easily missed.
-    let range = select(bounds.range, UNBOUNDED, along_ray);
-    return Visit(contribution(cell, pair, receiver, sides, range, seen, is_traced) + looked_up, false);
+    return Visit(contribution(cell, pair, receiver, sides, look_up, seen) + looked_up, false);
+}
+
+// How the light of a cell is looked up that is taken for one sample.
+struct LookUp {
+    // How much its contribution differs within it, W/m².
+    range: f32,
+    // Near light is looked up in so many places.
+    taps: f32,
+    // Upper bound of its contribution, W/m².
+    max_contribution: f32,
+    // Whether rays tell what visibility maps leave in doubt about the sky.
+    is_traced: bool,
 }
 
 // W/m².
@@ -292,12 +302,14 @@ fn allowed_error(receiver: Receiver) -> f32 {
 
 // What a cell, taken for one sample, contributes.
 fn contribution(
-    cell: Cell, pair: Pair, receiver: Receiver, sides: FootprintSides, contribution_range: f32, visible_fraction: f32,
-    is_traced: bool,
+    cell: Cell, pair: Pair, receiver: Receiver, sides: FootprintSides, look_up: LookUp, visible_fraction: f32,
 ) -> vec4f {
+    if LIGHT != LIGHT_ENVIRONMENT {
+        return near_contribution(cell, pair, receiver, look_up, visible_fraction);
+    }
     let side = sky_side(cell.flags, pair.dn);
     var map = map_of_sample(cell.sample, side);
-    map.is_traced = is_traced;
+    map.is_traced = look_up.is_traced;
     map.leaving = ray_origin_of(cell, side);
     var seen = visible_fraction;
     if VISIBILITY && !is_interface(cell.flags) && is_wide_lobe(cell.lobe, cell.change_1, cell.change_2) {
@@ -307,15 +319,15 @@ fn contribution(
             return vec4f(0.0);
         }
     }
-    let radiance = cell_radiance(cell, pair, sides, contribution_range, PAIR_ERROR_SHARE * allowed_error(receiver), map);
+    let radiance = cell_radiance(cell, pair, sides, look_up.range, PAIR_ERROR_SHARE * allowed_error(receiver), map);
     return vec4f(seen * factor_on_radiance(cell, pair, receiver) * radiance.rgb, radiance.a);
 }
 
 // The same under near light, which comes from one point as far as occlusion goes.
 fn near_contribution(
-    cell: Cell, pair: Pair, receiver: Receiver, visible_fraction: f32, taps: f32, max_contribution: f32,
+    cell: Cell, pair: Pair, receiver: Receiver, look_up: LookUp, visible_fraction: f32,
 ) -> vec4f {
-    let light = near_light_at(cell, pair, taps);
+    let light = near_light_at(cell, pair, look_up.taps);
     if all(light.radiance.rgb == vec3f(0.0)) {
         return vec4f(0.0);
     }
@@ -324,7 +336,8 @@ fn near_contribution(
         let side = sky_side(cell.flags, pair.dn);
         let source = visibility_of_point(light.towards, map_of_sample(cell.sample, side), -1);
         var fraction = source.fraction;
-        if source.is_doubtful && max_contribution >= MIN_TRACED_SHARE * PAIR_ERROR_SHARE * allowed_error(receiver) {
+        let min_traced = MIN_TRACED_SHARE * PAIR_ERROR_SHARE * allowed_error(receiver);
+        if source.is_doubtful && look_up.max_contribution >= min_traced {
             let l = length(light.towards);
             fraction = select(1.0, 0.0, is_occluded(ray_origin_of(cell, side), light.towards / l, l));
         }
@@ -351,7 +364,7 @@ fn is_uneven(max_contribution: f32, size: f32, error_budget: f32) -> bool {
 }
 
 // What a leaf contributes to a receiver so near to it that it is not one sample for it: its parallelogram is quartered until each
-// piece is, or is too small to matter.
+// piece is, or is too small to matter. Nothing traces rays here: loops of rays that are masked out count as iterations, too.
 fn contribution_of_quarters(
     leaf: Cell, receiver: Receiver, visible_fraction: f32, max_light: f32, traversal: ptr<function, Traversal>,
 ) -> vec4f {
@@ -364,23 +377,16 @@ fn contribution_of_quarters(
         filter_work += 1u + max(depth, 7u) - 7u;
         let piece = piece_of(leaf, path, depth);
         let pair = pair_of(piece, receiver);
-        let extent = 0.5 * (length(piece.side_1) + length(piece.side_2));
-        let size = size_for_light(pair.inverse_l * extent, piece, extent);
         let may_matter = LIGHT != LIGHT_LAMP || may_mirror_lamp(piece, pair);
-        let is_large = size > MAX_RELATIVE_SIZE
-            || (size > MAX_PIECE_SIZE && is_uneven(max_light * weight_of(piece, pair, receiver), size, error_budget));
-        let most = select(MAX_QUARTERINGS, MAX_LAMP_QUARTERINGS, LIGHT == LIGHT_LAMP);
-        if may_matter && depth < most && is_large && (filter_work < MAX_WORK_PER_LEAF || tile_pass.split_count < MANY_PASSES) {
+        let max_contribution = max_light * weight_of(piece, pair, receiver);
+        if may_matter && has_to_be_quartered(piece, pair, depth, max_contribution, error_budget) {
             path <<= 2u;
             depth += 1u;
             continue;
         }
-        if may_matter && pair.cosine_product > 0.0 && LIGHT != LIGHT_ENVIRONMENT {
-            let max = max_light * weight_of(piece, pair, receiver);
-            sum += near_contribution(piece, pair, receiver, visible_fraction, f32(uniforms.taps), max);
-        } else if may_matter && pair.cosine_product > 0.0 {
-            let sides = footprint_of(piece, pair);
-            sum += contribution(piece, pair, receiver, sides, UNBOUNDED, visible_fraction, false);
+        if may_matter && pair.cosine_product > 0.0 {
+            let look_up = LookUp(UNBOUNDED, f32(uniforms.taps), max_contribution, false);
+            sum += contribution(piece, pair, receiver, footprint_of(piece, pair), look_up, visible_fraction);
         }
         // Up past all fourth quarters, and on to the next one.
         let last = min(countTrailingZeros(~path) / 2u, depth);
@@ -389,4 +395,14 @@ fn contribution_of_quarters(
     }
     (*traversal).is_complete = (*traversal).is_complete && depth == 0u;
     return sum;
+}
+
+// Whether a piece of a leaf is too near to a receiver to be one sample, and not too small to matter.
+fn has_to_be_quartered(piece: Cell, pair: Pair, depth: u32, max_contribution: f32, error_budget: f32) -> bool {
+    let extent = 0.5 * (length(piece.side_1) + length(piece.side_2));
+    let size = size_for_light(pair.inverse_l * extent, piece, extent);
+    let is_large = size > MAX_RELATIVE_SIZE
+        || (size > MAX_PIECE_SIZE && is_uneven(max_contribution, size, error_budget));
+    let most = select(MAX_QUARTERINGS, MAX_LAMP_QUARTERINGS, LIGHT == LIGHT_LAMP);
+    return depth < most && is_large && (filter_work < MAX_WORK_PER_LEAF || tile_pass.split_count < MANY_PASSES);
 }

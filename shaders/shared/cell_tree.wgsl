@@ -276,38 +276,6 @@ fn taps_for(contribution_range: f32, error_budget: f32) -> f32 {
     return min(max(ceil(contribution_range * (TAPS_PER_ERROR_BUDGET / error_budget)), 1.0), f32(uniforms.taps));
 }
 
-// Mean radiance over a cell's footprint, as the texture has it: from one look-up where the pair's contribution ranges over less than
-// its error budget, else from the fewer, the smaller that range is. a = fetches.
-fn cell_radiance(
-    cell: Cell, pair: Pair, sides: FootprintSides, contribution_range: f32, error_budget: f32, map: VisibilityMap,
-) -> vec4f {
-    let is_even = contribution_range < error_budget;
-    let taps = taps_for(contribution_range, error_budget);
-    if is_lobe_of_mirror(cell) {
-        let cosine = abs(pair.dn) * pair.inverse_l;
-        let parts = lobe_parts(pair.r, cell.normal, cosine, sharp_footprint_of(cell, pair), cell.lobe, pair.third);
-        let core = footprint_radiance(cell, parts.r, parts.core, is_even, taps, map);
-        return mean_of_parts(core, footprint_radiance(cell, parts.r, parts.tail, is_even, taps, map));
-    }
-    return footprint_radiance(cell, pair.r, sides, is_even, taps, map);
-}
-
-// The same over one footprint around r, or one part of a lobe.
-fn footprint_radiance(cell: Cell, r: vec3f, sides: FootprintSides, is_even: bool, taps: f32, map: VisibilityMap) -> vec4f {
-    if is_even {
-        let width = sqrt(0.5 * (dot(sides.v1, sides.v1) + dot(sides.v2, sides.v2)));
-        let light_r = light_from_world(r);
-        let texel = texel_width(light_r, uniforms.texel_rad);
-        // Adjacent cells together are as good as a wide kernel and lose nothing over the mirrors' edges; blur has to be kept.
-        var level = level_of(width * TAP_SHARPNESS, texel);
-        if cell.lobe == 0.0 {
-            level = floor(level_of(width * EVEN_LIGHT_SHARPNESS, texel) + 0.5);
-        }
-        return visible_light(r, light_r, width, level, 1.0, map);
-    }
-    return mean_over_footprint(r, sides, taps, map);
-}
-
 // What the radiance is multiplied by beside a cell's weight.
 fn reflected_scale(cell: Cell, pair: Pair, receiver: Receiver) -> vec3f {
     let sample = cell.sample;

@@ -6,6 +6,20 @@ struct FootprintSides {
     v2: vec3f,
 }
 
+// What is looked up around a direction: one footprint, or two parts of a rough mirror's lobe that count alike.
+struct LookUps {
+    // 1 or 2.
+    count: u32,
+    // Their unit direction.
+    r: vec3f,
+    first: FootprintSides,
+    second: FootprintSides,
+}
+
+fn one_look_up(r: vec3f, sides: FootprintSides) -> LookUps {
+    return LookUps(1u, r, sides, sides);
+}
+
 struct FootprintAxes {
     major: f32,
     minor: f32,

@@ -149,34 +149,35 @@ fn search_image(image: u32, origin: vec3f, direction: vec3f, wanted: u32) -> Hit
     let end = origin + image_plane.diagonal * direction;
     let across = distance(projected(image_plane.plane, origin), projected(image_plane.plane, end));
     let count = ceil(clamp(across, MIN_IMAGE_STEPS, MAX_IMAGE_STEPS));
-    var near = -1.0;
+    // The last place in front of the surface, if there is one.
+    var near: GapHit;
+    var has_near = false;
     for (var step = 0.0; step <= count; step += 1.0) {
         let here = gap_at(image, image_plane, origin, direction, image_plane.diagonal * step / count, wanted);
         if here.shown.is_there && here.gap < 0.0 {
-            near = here.distance;
-        } else if here.shown.is_there || is_within {
-            if near >= 0.0 {
-                let found = refined(image, image_plane, origin, direction, vec2f(near, here.distance), here, wanted);
-                let hit = on_plane(image_plane, origin, direction, found);
-                if hit.object != NO_OBJECT {
-                    return hit;
-                }
-            }
-            near = -1.0;
-        } else {
-            near = -1.0;
+            near = here;
+            has_near = true;
+            continue;
         }
+        if has_near && (here.shown.is_there || is_within) {
+            let found = refined(image, image_plane, origin, direction, near, here, wanted);
+            let hit = on_plane(image_plane, origin, direction, found);
+            if hit.object != NO_OBJECT {
+                return hit;
+            }
+        }
+        has_near = false;
     }
     return no_hit();
 }
 
 // The place between two where a gap closes. Where nothing is shown at the far one, it lies beyond.
 fn refined(
-    image: u32, image_plane: ImagePlane, origin: vec3f, direction: vec3f, ends: vec2f, beyond: GapHit, wanted: u32,
+    image: u32, image_plane: ImagePlane, origin: vec3f, direction: vec3f, before: GapHit, beyond: GapHit, wanted: u32,
 ) -> GapHit {
-    var near = gap_at(image, image_plane, origin, direction, ends.x, wanted);
+    var near = before;
     var shown = near.shown;
-    var far = ends.y;
+    var far = beyond.distance;
     var far_gap = beyond.gap;
     var is_far_shown = beyond.shown.is_there;
     for (var k = 0u; k < IMAGE_SEARCH_STEPS; k++) {
@@ -217,29 +218,49 @@ fn on_plane(image_plane: ImagePlane, origin: vec3f, direction: vec3f, found: Gap
     return image_hit(direction, position, shown);
 }
 
-// Where a photon leaves the closed object that it is in.
-fn exit_in_images(origin: vec3f, direction: vec3f, object: u32) -> Hit {
+// What a photon looks for: where it leaves the closed object that it is in, the closed object that it enters next, which has left one, or
+// the receiver that it meets.
+const TO_LEAVE: u32 = 0u;
+const TO_ENTER: u32 = 1u;
+const TO_LAND: u32 = 2u;
+
+fn next_in_images(origin: vec3f, direction: vec3f, purpose: u32, object: u32) -> Hit {
+    let first_solid = RECEIVERS + image_planes[0].receivers;
+    // Images one by one, each so many after the last.
+    var image = RECEIVERS;
+    var step = 1u;
+    var count = image_planes[0].receivers;
+    var wanted = ANY_OBJECT;
+    if purpose == TO_ENTER {
+        image = first_solid;
+        step = 2u;
+        count = image_planes[0].solids;
+    } else if purpose == TO_LEAVE {
+        let own = image_of_backs(object);
+        image = own;
+        count = 1u;
+        wanted = select(ANY_OBJECT, object, own == LAST_SURFACES);
+    }
+    var nearest = no_hit();
+    for (var k = 0u; k < count; k++) {
+        if purpose != TO_ENTER || plane_of(image).object != object {
+            nearest = nearer(origin, nearest, search_image(image, origin, direction, wanted));
+        }
+        image += step;
+    }
+    return nearest;
+}
+
+// The image of a closed object's backs or, if it has none of its own, that of all last surfaces.
+fn image_of_backs(object: u32) -> u32 {
     let first_solid = RECEIVERS + image_planes[0].receivers;
     for (var k = 0u; k < image_planes[0].solids; k++) {
         let image = first_solid + 2u * k + 1u;
         if plane_of(image).object == object {
-            return search_image(image, origin, direction, ANY_OBJECT);
+            return image;
         }
     }
-    return search_image(LAST_SURFACES, origin, direction, object);
-}
-
-// The closed object that a photon enters next, which has left one.
-fn entry_in_images(origin: vec3f, direction: vec3f, left: u32) -> Hit {
-    let first_solid = RECEIVERS + image_planes[0].receivers;
-    var nearest = no_hit();
-    for (var k = 0u; k < image_planes[0].solids; k++) {
-        let image = first_solid + 2u * k;
-        if plane_of(image).object != left {
-            nearest = nearer(origin, nearest, search_image(image, origin, direction, ANY_OBJECT));
-        }
-    }
-    return nearest;
+    return LAST_SURFACES;
 }
 
 fn nearer(origin: vec3f, known: Hit, found: Hit) -> Hit {
@@ -248,13 +269,4 @@ fn nearer(origin: vec3f, known: Hit, found: Hit) -> Hit {
         return found;
     }
     return known;
-}
-
-// The receiver that a photon meets.
-fn landing_in_images(origin: vec3f, direction: vec3f) -> Hit {
-    var nearest = no_hit();
-    for (var k = 0u; k < image_planes[0].receivers; k++) {
-        nearest = nearer(origin, nearest, search_image(RECEIVERS + k, origin, direction, ANY_OBJECT));
-    }
-    return nearest;
 }

@@ -70,16 +70,24 @@ fn middle_of_shared(seen: SeenLamp, r: vec3f, footprint: FootprintSides, lobe: f
     return seen.distance * normalize(seen.towards + part * off);
 }
 
-// Mean radiance over a footprint around the unit direction r, seen from a piece of a surface; a = 1, a fetch. `third` is the side of the
-// footprint along a part of a ray.
+// Mean radiance over footprints, seen from a piece of a surface; a = fetches. `third` is their side along a part of a ray.
 fn mean_of_lamp(
-    place: vec3f, n: vec3f, surface: FootprintSides, seen: SeenLamp, r: vec3f, footprint: FootprintSides, third: vec3f,
+    place: vec3f, n: vec3f, surface: FootprintSides, seen: SeenLamp, look_ups: LookUps, third: vec3f,
 ) -> vec4f {
-    let nothing = vec4f(0.0, 0.0, 0.0, 1.0);
     // What is blurred must not reach below the horizon.
-    if dot(r, n) * dot(seen.towards, n) <= 0.0 {
-        return nothing;
+    if dot(look_ups.r, n) * dot(seen.towards, n) <= 0.0 {
+        return vec4f(0.0, 0.0, 0.0, f32(look_ups.count));
     }
+    var radiance = lamp_over_footprint(place, surface, seen, look_ups.r, look_ups.first, third);
+    if look_ups.count == 2u {
+        radiance = 0.5 * (radiance + lamp_over_footprint(place, surface, seen, look_ups.r, look_ups.second, third));
+    }
+    return vec4f(radiance, f32(look_ups.count));
+}
+
+fn lamp_over_footprint(
+    place: vec3f, surface: FootprintSides, seen: SeenLamp, r: vec3f, footprint: FootprintSides, third: vec3f,
+) -> vec3f {
     // A wider disc of the same flux: cells are not exact parallelograms, and small lamps would show the gaps between them. Parts of rays
     // lie end to end exactly, and blur nothing.
     let own = seen.chord * seen.chord;
@@ -87,9 +95,9 @@ fn mean_of_lamp(
     let wide = own + LAMP_BLUR * LAMP_BLUR * max(squares, 0.0);
     let part = own / wide * filled_part(r, footprint, seen.towards, sqrt(wide));
     if !(part > 0.0) {
-        return nothing;
+        return vec3f(0.0);
     }
-    return vec4f(part * lamp_radiance_at(lit_place(place, surface, r, footprint, seen)), 1.0);
+    return part * lamp_radiance_at(lit_place(place, surface, r, footprint, seen));
 }
 
 // The place on a piece of a surface from which light goes to the receiver.

@@ -33,16 +33,16 @@ fn footprint_on_light(
     return LightFootprint(seen.r, seen.sides, seen.towards, view, seen.third);
 }
 
-// Mean radiance over a footprint, seen from a piece of a surface; a = fetches. Without regard to occlusion.
+// Mean radiance over footprints, seen from a piece of a surface; a = fetches. Without regard to occlusion.
 fn mean_of_light(
-    place: vec3f, n: vec3f, surface: FootprintSides, light: LightFootprint, r: vec3f, sides: FootprintSides, taps: f32,
+    place: vec3f, n: vec3f, surface: FootprintSides, light: LightFootprint, look_ups: LookUps, taps: f32,
     map: VisibilityMap,
 ) -> vec4f {
     if LIGHT == LIGHT_LAMP {
-        return mean_of_lamp(place, n, surface, lamp_seen_from(place), r, sides, light.third);
+        return mean_of_lamp(place, n, surface, lamp_seen_from(place), look_ups, light.third);
     }
     looked_up_view = light.view;
     var unoccluded = map;
     unoccluded.index = UNOCCLUDED;
-    return mean_over_footprint(r, sides, taps, unoccluded);
+    return mean_over_footprints(look_ups, taps, unoccluded);
 }

@@ -72,21 +72,24 @@ fn near_light_at(cell: Cell, pair: Pair, taps: f32) -> NearLight {
     let surface = FootprintSides(cell.side_1, cell.side_2);
     let sharp = sharp_footprint_of(cell, pair);
     let light = footprint_on_light(cell.centroid, cell.normal, surface, pair.r, sharp, cell.lobe, pair.third);
-    var mean: vec4f;
     var map: VisibilityMap;
     map.index = UNOCCLUDED;
+    let sides = widened_footprint_of(cell, pair, light.r, light.sides, light.third);
+    var look_ups = one_look_up(light.r, sides);
     if is_lobe_of_mirror(cell) {
         let cosine = abs(pair.dn) * pair.inverse_l;
-        let parts = lobe_parts(light.r, cell.normal, cosine, light.sides, cell.lobe, light.third);
-        let core = mean_of_light(cell.centroid, cell.normal, surface, light, parts.r, parts.core, taps, map);
-        let tail = mean_of_light(cell.centroid, cell.normal, surface, light, parts.r, parts.tail, taps, map);
-        mean = mean_of_parts(core, tail);
-    } else {
-        let sides = widened_footprint_of(cell, pair, light.r, light.sides, light.third);
-        mean = mean_of_light(cell.centroid, cell.normal, surface, light, light.r, sides, taps, map);
+        look_ups = lobe_parts(light.r, cell.normal, cosine, light.sides, cell.lobe, light.third);
     }
+    var mean = mean_of_light(cell.centroid, cell.normal, surface, light, look_ups, taps, map);
     if LIGHT == LIGHT_LAMP {
         mean *= vec4f(passed_from_lamp(length(light.towards), is_interface(cell.flags)), 1.0);
     }
     return NearLight(mean, light.towards);
+}
+
+// That of the environment, as in cell_radiance.wgsl: none here.
+fn cell_radiance(
+    cell: Cell, pair: Pair, sides: FootprintSides, contribution_range: f32, error_budget: f32, map: VisibilityMap,
+) -> vec4f {
+    return vec4f(0.0);
 }

@@ -16,8 +16,8 @@ fn footprint_on_light(
 }
 
 fn mean_of_light(
-    place: vec3f, n: vec3f, surface: FootprintSides, light: LightFootprint, r: vec3f, sides: FootprintSides, taps: f32,
+    place: vec3f, n: vec3f, surface: FootprintSides, light: LightFootprint, look_ups: LookUps, taps: f32,
     map: VisibilityMap,
 ) -> vec4f {
-    return mean_over_footprint(r, sides, taps, map);
+    return mean_over_footprints(look_ups, taps, map);
 }

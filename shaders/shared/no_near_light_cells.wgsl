@@ -1,5 +1,6 @@
 // The interface of near_light_cells.wgsl where the light is the environment: drivers need not compile the rest.
 
+#import cell_radiance
 #import cell_tree
 
 struct NearLight {

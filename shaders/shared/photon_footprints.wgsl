@@ -53,12 +53,7 @@ fn add_splat(size: u32, splat: Splat, photon: Photon, flux: vec3f, place: Photon
 }
 
 // Footprints: the parallelogram between neighbours, or between those of other frames, which are that part as far away.
-fn add_footprint(place: vec2u, photon: Photon, flux: vec3f, landed: PhotonPlace, frame_spacing: f32) {
-    let sides = differences(place, DIFFERENCE_OF_PLACES);
-    if !sides.are_known {
-        deposit(0u, landed.texel, flux, photon);
-        return;
-    }
+fn footprint_splat(sides: Differences, frame_spacing: f32) -> Splat {
     let u = frame_spacing * sides.along_row.xy;
     let v = frame_spacing * sides.along_column.xy;
     let even = FOOTPRINT_OVERLAP * FOOTPRINT_OVERLAP / 12.0;
@@ -71,8 +66,7 @@ fn add_footprint(place: vec2u, photon: Photon, flux: vec3f, landed: PhotonPlace,
     let xx = scale * squares.x + least;
     let xy = scale * (u.x * u.y + v.x * v.y);
     let yy = scale * squares.y + least;
-    let splat = Splat(vec3f(yy, -xy, xx) / (xx * yy - xy * xy), SPLAT_REACH * sqrt(vec2f(xx, yy)) + 0.5);
-    add_splat(0u, splat, photon, flux, landed);
+    return Splat(vec3f(yy, -xy, xx) / (xx * yy - xy * xy), SPLAT_REACH * sqrt(vec2f(xx, yy)) + 0.5);
 }
 
 // Values of photons that are compared with those of their neighbours.
@@ -111,16 +105,19 @@ fn differences(place: vec2u, kind: u32) -> Differences {
     if map.clusters != 0u {
         return differences_in_cluster(place.y * map.columns + place.x, kind);
     }
-    let left = neighbour(place, -1, 0, kind);
-    let right = neighbour(place, 1, 0, kind);
-    let above = neighbour(place, 0, -1, kind);
-    let below = neighbour(place, 0, 1, kind);
+    // To the left and right, above and below.
+    var neighbours: vec4u;
+    for (var k = 0; k < 4; k++) {
+        let step = select(-1, 1, (k & 1) == 1);
+        neighbours[k] = neighbour(place, select(step, 0, k > 1), select(0, step, k > 1), kind);
+    }
+    let are_there = neighbours != vec4u(NOWHERE);
     let index = place.y * map.columns + place.x;
-    let are_known = (left != NOWHERE || right != NOWHERE) && (above != NOWHERE || below != NOWHERE);
-    if !are_known {
+    if !(any(are_there.xy) && any(are_there.zw)) {
         return Differences(vec3f(0.0), vec3f(0.0), false);
     }
-    return Differences(between(index, left, right, kind), between(index, above, below, kind), true);
+    let along_row = between(index, neighbours.x, neighbours.y, kind);
+    return Differences(along_row, between(index, neighbours.z, neighbours.w, kind), true);
 }
 
 // Half the difference between neighbours or, where one of them is missing, that to the other one.

@@ -103,6 +103,7 @@ const SHARED: &[Shader] = &[
     shader!("shared/block_pairs"),
     shader!("shared/brdf"),
     shader!("shared/cell_quarters"),
+    shader!("shared/cell_radiance"),
     shader!("shared/cell_tree"),
     shader!("shared/contribution_bounds"),
     shader!("shared/cube"),
@@ -345,5 +346,7 @@ fn constants() -> String {
     source
 }
 
+#[cfg(test)]
+mod inlined;
 #[cfg(test)]
 mod tests;

@@ -27,7 +27,7 @@ use crate::pinhole::gpu::ray_batch::{ArrivingLight, BatchHit, BatchRay, BatchUni
 use crate::pinhole::gpu::surroundings::Viewpoints;
 use crate::pinhole::{GatherUniforms, PinholeSample};
 
-const ALL: [Shader; 23] = [
+pub(super) const ALL: [Shader; 23] = [
     COARSER_LEVEL,
     EMITTERS,
     FILTER_PROBE,
@@ -62,7 +62,7 @@ fn parse(shader: Shader) -> Result<Module, String> {
     parse_with(shader, PLAIN, Capabilities::empty())
 }
 
-fn parse_with(shader: Shader, variant: Variant, more: Capabilities) -> Result<Module, String> {
+pub(super) fn parse_with(shader: Shader, variant: Variant, more: Capabilities) -> Result<Module, String> {
     let (name, source) = (shader.name, shader.resolve(variant));
     let module = naga::front::wgsl::parse_str(&source).map_err(|e| format!("{name}: {}", e.emit_to_string(&source)))?;
 
