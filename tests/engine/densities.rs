@@ -36,6 +36,7 @@ fn the_number_is_met_and_all_of_the_surface_is_stood_for() {
 }
 
 #[test]
+#[ignore = "full: statistics over samples"]
 fn no_density_makes_the_picture_brighter_or_darker() {
     let mean = |density| rendered("mirror-sphere", 32, |o| (o.density, o.samples) = (density, 3000)).mean().x;
     let even = mean(Density::Uniform);

@@ -63,6 +63,7 @@ fn directional_light_is_the_same_everywhere() {
 /// Two mirrors send light to a glossy floor from both sides. Photons one by one reflect it as it comes; their mean direction is neither's,
 /// and the lamp's own is farther off (Wyman and Davis 2006, Equations 9 to 11).
 #[test]
+#[ignore = "full: exact polygons of many photons in every way"]
 fn photons_one_by_one_show_gloss_best() {
     const SIZE: u32 = 48;
     let lamp = "[[light]]\nposition = [0, 3, 0]\nintensity = [9, 18, 27]\n";
@@ -262,6 +263,7 @@ fn hierarchies_put_photons_together() {
 
 /// Photons of clusters that part are added in lower resolutions: less noise than points of as many photons, and the same energy.
 #[test]
+#[ignore = "full: a million photons"]
 fn clusters_that_part_are_added_in_lower_resolutions() {
     let lit = above_floor(DARK, &format!("{STRAIGHT_DOWN}{BALL}"));
     let of = |mode, photons| {
@@ -307,6 +309,7 @@ fn two_slabs_have_their_closed_form() {
 
 /// Light through one glass ball and another, beside beams of the ground truth.
 #[test]
+#[ignore = "full: a ground truth"]
 fn two_balls_are_as_the_ground_truth_says() {
     let ball = |x: f32, height: f32| {
         format!(

@@ -155,6 +155,7 @@ fn an_edit_makes_only_what_depends_on_it() {
 }
 
 #[test]
+#[ignore = "full: every kind of edit on a software adapter"]
 fn on_a_gpu_nothing_else_is_made_and_the_pictures_agree() {
     let backend = gpu_backend();
     let mut engine = engine(&backend);
