@@ -51,6 +51,8 @@ fn options_lie_over_the_scene() {
 #[test]
 fn every_option_of_render_changes_what_it_writes() {
     let place = Workplace::new();
+    // Light and photons that take little time.
+    place.replace("samples = 60", "samples = 60\ncube_size = 64\nphotons = 128");
     place.replace("constant = [1.0, 1.0, 1.0]", "map = \"forest\"");
     let adapter = first_adapter(&place);
     // Pictures, and what is said: nothing of it but times differs from run to run.

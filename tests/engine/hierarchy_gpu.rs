@@ -318,6 +318,7 @@ fn split_passes_add_up() {
 
 /// The estimate's pass finds what the CPU's estimate finds, so that as much is done.
 #[test]
+#[ignore = "full: larger pictures on a software adapter"]
 fn the_error_may_be_relative_to_what_the_image_is_like() {
     for visibility in [Visibility::None, Visibility::Full] {
         let work = Work::new("ring-natural", [96, 64], 300, 16, visibility);

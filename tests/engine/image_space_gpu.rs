@@ -62,7 +62,7 @@ fn back_ends_agree_on_small_pictures() {
     let (ring, _) = pinspot::load("ring").unwrap();
     let small = |mode| {
         let mut options = options(mode, MapView::Eye).with_size([64, 48]);
-        options.image_space.photons = 96;
+        options.image_space.photons = 128;
         options
     };
     for mode in Mode::ALL {
@@ -313,6 +313,7 @@ fn back_ends_agree_on_frames_and_on_the_papers_equations() {
 
 /// A lamp between the casters sends its photons through six faces of a cube.
 #[test]
+#[ignore = "full: two pictures through six faces on a software adapter"]
 fn back_ends_agree_around_a_lamp() {
     let (mut ring, _) = pinspot::load("ring").unwrap();
     let lamp = above_floor(DARK, "[[light]]\nposition = [0.1, 0.2, 0]\nintensity = [9, 18, 27]\n");
@@ -325,12 +326,22 @@ fn back_ends_agree_around_a_lamp() {
     }
 }
 
-/// Atomic sums in fixed point are the same bits every time.
 #[test]
-fn sums_on_the_gpu_are_the_same_bits_every_time() {
+fn polygons_on_the_gpu_are_the_same_bits_every_time() {
+    are_the_same_bits_every_time(&[Mode::ExactPolygons]);
+}
+
+#[test]
+#[ignore = "full: more modes"]
+fn splats_on_the_gpu_are_the_same_bits_every_time() {
+    are_the_same_bits_every_time(&[Mode::Footprints, Mode::MultiResolution]);
+}
+
+/// Atomic sums in fixed point are the same bits every time.
+fn are_the_same_bits_every_time(modes: &[Mode]) {
     let (ring, _) = pinspot::load("ring").unwrap();
-    for mode in [Mode::ExactPolygons, Mode::Footprints, Mode::MultiResolution] {
-        let options = options(mode, MapView::Eye).with_size([64, 48]);
+    for mode in modes {
+        let options = options(*mode, MapView::Eye).with_size([64, 48]);
         let [first, second] = [0; 2].map(|_| render(ring.clone(), options.clone(), &BackendChoice::Gpu(None)).unwrap());
         assert!(first.layers[0].1.pixels == second.layers[0].1.pixels, "{}", mode.name());
     }

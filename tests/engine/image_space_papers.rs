@@ -174,6 +174,7 @@ fn gathers_leave_out_fewer_than_three_photons() {
 
 /// Photons of four frames, each through another quarter of their grid's texels, are one grid that is twice as fine.
 #[test]
+#[ignore = "full: fine grids of photons"]
 fn four_frames_are_a_grid_twice_as_fine() {
     let lit = above_floor(DARK, &format!("{STRAIGHT_DOWN}{BALL}"));
     for mode in [Mode::Points, Mode::Gather] {
@@ -241,6 +242,7 @@ fn lenses_work_with_frames_and_with_finer_maps() {
 
 /// Photons that are all followed and then put together: those that the traversals leave, with the same picture and the same flux.
 #[test]
+#[ignore = "full: a million photons"]
 fn hierarchies_put_photons_together() {
     let lit = above_floor(DARK, &format!("{STRAIGHT_DOWN}{BALL}"));
     let of = |traversal| {

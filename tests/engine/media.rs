@@ -138,6 +138,7 @@ fn light_is_absorbed_on_its_way() {
 
 /// Caustics in the air: of a mirror ball in natural light, and of waves under a sun.
 #[test]
+#[ignore = "full: ground truths"]
 fn scattered_light_is_the_ground_truths() {
     let waves = "[[object]]\nshape = { sheet = { size = [2.0, 2.0], amplitude = 0.03 } }\nrefractor = { eta = 1.333 }\n\
                  [[object]]\nshape = { plane = { size = [3.0, 3.0] } }\ntranslate = [0.0, -0.8, 0.0]\nreceiver = {}\n";
@@ -189,6 +190,7 @@ fn shadows_in_the_air_are_the_ground_truths() {
 
 /// After edits of the medium and of what hides its light, a picture is that of a new engine; without mirrors' light there is none.
 #[test]
+#[ignore = "full: many pictures of a medium"]
 fn edits_of_a_medium_are_seen() {
     let (scene, options) = pinspot::load("underwater").unwrap();
     let options = options.with_size([12, 9]).with_samples(60).with_medium_steps(4);

@@ -148,6 +148,7 @@ fn no_light_goes_through_a_thin_wall() {
 
 /// What shadows add to the error of 1,000 samples: at most 1.3 × what the unshadowed sum has.
 #[test]
+#[ignore = "full: ground truths"]
 fn shadowed_caustics_are_nearly_as_right_as_unshadowed_ones() {
     const SIZE: u32 = 48;
     // So small a picture of the spoon has much of its light on one edge of a shadow: × 1.31 at 128 × 128.
