@@ -261,16 +261,16 @@ fn visit_cell(
     if seen == 0.0 {
         return Visit(looked_up, false);
     }
-    var look_up = LookUp(bounds.range, taps_for(bounds.range, error_budget), max_contribution, false);
+    var quality = LookUpQuality(bounds.range, taps_for(bounds.range, error_budget), max_contribution, false);
     if is_part_of_ray(receiver.object) {
         // Along a part of a ray a sun is easily missed.
-        look_up.range = UNBOUNDED;
+        quality.range = UNBOUNDED;
     } else {
         let v1 = dot(sides.v1, sides.v1);
         let v2 = dot(sides.v2, sides.v2);
         let texel2 = 6.2831853 / f32(uniforms.map_resolution * uniforms.map_resolution);
         let is_worth_rays = tree.traces_rays != 0u && max_contribution >= MIN_TRACED_SKY_SHARE * error_budget;
-        look_up.is_traced = is_worth_rays && min(v1, v2) < texel2;
+        quality.is_traced = is_worth_rays && min(v1, v2) < texel2;
     }
     if is_leaf(cell) && tree.split_near != 0u && is_uneven(max_contribution, size, error_budget) {
         // The most that reaches the receiver per weight.
@@ -280,11 +280,11 @@ fn visit_cell(
     if !(pair.cosine_product > 0.0) {
         return Visit(looked_up, false);
     }
-    return Visit(contribution(cell, pair, receiver, sides, look_up, seen) + looked_up, false);
+    return Visit(contribution(cell, pair, receiver, sides, quality, seen) + looked_up, false);
 }
 
-// How the light of a cell is looked up that is taken for one sample.
-struct LookUp {
+// How exactly the light of a cell is looked up that is taken for one sample.
+struct LookUpQuality {
     // How much its contribution differs within it, W/m².
     range: f32,
     // Near light is looked up in so many places.
@@ -302,14 +302,14 @@ fn allowed_error(receiver: Receiver) -> f32 {
 
 // What a cell, taken for one sample, contributes.
 fn contribution(
-    cell: Cell, pair: Pair, receiver: Receiver, sides: FootprintSides, look_up: LookUp, visible_fraction: f32,
+    cell: Cell, pair: Pair, receiver: Receiver, sides: FootprintSides, quality: LookUpQuality, visible_fraction: f32,
 ) -> vec4f {
     if LIGHT != LIGHT_ENVIRONMENT {
-        return near_contribution(cell, pair, receiver, look_up, visible_fraction);
+        return near_contribution(cell, pair, receiver, quality, visible_fraction);
     }
     let side = sky_side(cell.flags, pair.dn);
     var map = map_of_sample(cell.sample, side);
-    map.is_traced = look_up.is_traced;
+    map.is_traced = quality.is_traced;
     map.leaving = ray_origin_of(cell, side);
     var seen = visible_fraction;
     if VISIBILITY && !is_interface(cell.flags) && is_wide_lobe(cell.lobe, cell.change_1, cell.change_2) {
@@ -319,15 +319,15 @@ fn contribution(
             return vec4f(0.0);
         }
     }
-    let radiance = cell_radiance(cell, pair, sides, look_up.range, PAIR_ERROR_SHARE * allowed_error(receiver), map);
+    let radiance = cell_radiance(cell, pair, sides, quality.range, PAIR_ERROR_SHARE * allowed_error(receiver), map);
     return vec4f(seen * factor_on_radiance(cell, pair, receiver) * radiance.rgb, radiance.a);
 }
 
 // The same under near light, which comes from one point as far as occlusion goes.
 fn near_contribution(
-    cell: Cell, pair: Pair, receiver: Receiver, look_up: LookUp, visible_fraction: f32,
+    cell: Cell, pair: Pair, receiver: Receiver, quality: LookUpQuality, visible_fraction: f32,
 ) -> vec4f {
-    let light = near_light_at(cell, pair, look_up.taps);
+    let light = near_light_at(cell, pair, quality.taps);
     if all(light.radiance.rgb == vec3f(0.0)) {
         return vec4f(0.0);
     }
@@ -337,7 +337,7 @@ fn near_contribution(
         let source = visibility_of_point(light.towards, map_of_sample(cell.sample, side), -1);
         var fraction = source.fraction;
         let min_traced = MIN_TRACED_SHARE * PAIR_ERROR_SHARE * allowed_error(receiver);
-        if source.is_doubtful && look_up.max_contribution >= min_traced {
+        if source.is_doubtful && quality.max_contribution >= min_traced {
             let l = length(light.towards);
             fraction = select(1.0, 0.0, is_occluded(ray_origin_of(cell, side), light.towards / l, l));
         }
@@ -385,8 +385,8 @@ fn contribution_of_quarters(
             continue;
         }
         if may_matter && pair.cosine_product > 0.0 {
-            let look_up = LookUp(UNBOUNDED, f32(uniforms.taps), max_contribution, false);
-            sum += contribution(piece, pair, receiver, footprint_of(piece, pair), look_up, visible_fraction);
+            let quality = LookUpQuality(UNBOUNDED, f32(uniforms.taps), max_contribution, false);
+            sum += contribution(piece, pair, receiver, footprint_of(piece, pair), quality, visible_fraction);
         }
         // Up past all fourth quarters, and on to the next one.
         let last = min(countTrailingZeros(~path) / 2u, depth);

@@ -7,8 +7,8 @@ use super::tests::{ALL, parse_with};
 use super::{RayMethod, Variant};
 use crate::pinhole::gpu::LightKind;
 
-/// The most expressions and statements of an entry point with all that it calls, once for each call. Mesa 22 takes a second to compile ten
-/// to thirty thousand of them. A function that is called in several places can often be called in one, in a loop.
+/// The most expressions and statements of an entry point with all that it calls, once for each call. Mesa 22 takes about a second to compile
+/// the largest. A function that is called in several places can often be called in one, in a loop.
 const MAX_SIZE: usize = 50_000;
 
 #[test]
