@@ -23,6 +23,8 @@ use pinspot_sums::sampling::Strategy;
 
 /// Pictures of test scenes take a fraction of this.
 const PATIENCE: Duration = Duration::from_mins(1);
+/// The window is high enough to show all controls; its picture, which is as large as the area beside them, need not be fine.
+const PIXELS_PER_POINT: f32 = 0.25;
 
 type Window = Harness<'static, Viewer>;
 
@@ -58,7 +60,10 @@ loop = true
 fn open(scene: &str, size: [f32; 2]) -> Window {
     let document = Document::open(scene).unwrap();
     let viewer = Viewer::new(document, BackendChoice::Cpu, egui::Context::default(), None);
-    Harness::builder().with_size(egui::Vec2::from(size)).build_ui_state(|ui, viewer| viewer.ui(ui), viewer)
+    Harness::builder()
+        .with_size(egui::Vec2::from(size))
+        .with_pixels_per_point(PIXELS_PER_POINT)
+        .build_ui_state(|ui, viewer| viewer.ui(ui), viewer)
 }
 
 /// A folder with the scene, and a window on it.
@@ -79,7 +84,7 @@ fn run_until(window: &mut Window, what: &str, mut is_so: impl FnMut(&Viewer) -> 
             return;
         }
         assert!(began.elapsed() < PATIENCE, "not in time: {what}; {:?}", window.state().notices);
-        std::thread::sleep(Duration::from_millis(5));
+        std::thread::sleep(Duration::from_millis(20));
     }
 }
 
