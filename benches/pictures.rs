@@ -65,7 +65,7 @@ fn default_pictures(own: &Path, base: Option<&Path>) -> Result<(), Box<dyn Error
     );
     for scene in SCENES {
         match fastest(&[Some(own), base].into_iter().flatten().collect::<Vec<_>>(), &[scene])?[..] {
-            [now, before] => println!("| `{scene}` | {before:.1} | {now:.1} | {:.1} |", before / now),
+            [now, before] => println!("| `{scene}` | {before:.1} | {now:.1} | {:.2} |", before / now),
             [now] => println!("| `{scene}` | | {now:.1} | |"),
             _ => unreachable!("one or two programs"),
         }
