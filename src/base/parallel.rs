@@ -1,14 +1,39 @@
 //! Work spread over all cores, on rayon.
 //!
-//! What is generic is compiled again at each use, and each of rayon's chains becomes some ten large functions. Those
-//! here are therefore generic over their elements alone, and take closures as `dyn`. A call of such a closure takes some
-//! nanoseconds: loops that take no longer for each element belong within the closure of [`for_each_chunk`].
+//! What is generic is compiled again at each use, and each of rayon's chains becomes some ten large functions. Here rayon sees nothing but
+//! numbers: what is generic is the little around it that gives threads their parts of the elements, and closures are `dyn`. A call of such a
+//! closure takes some nanoseconds: loops that take no longer for each element belong within the closure of [`for_each_chunk`].
+
+use std::sync::{Mutex, PoisonError};
 
 use rayon::prelude::*;
 
+/// So many parts for each thread leave none of them idle for long at the end, though some parts take longer than others.
+const PARTS_PER_THREAD: usize = 64;
+
+/// How many elements in a row are one part of so many.
+fn part_size(count: usize) -> usize {
+    count.div_ceil(PARTS_PER_THREAD * rayon::current_num_threads()).max(1)
+}
+
+/// What one thread takes or leaves for another. Nothing runs while it is locked, so that no panic can poison it.
+fn locked<T>(slot: &Mutex<T>) -> impl std::ops::DerefMut<Target = T> {
+    slot.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
 /// `of(0)`, `of(1)` and so on, `count` in all, in this order.
 pub fn collect<T: Send>(count: usize, of: &(dyn Fn(usize) -> T + Sync)) -> Vec<T> {
-    (0..count).into_par_iter().map(of).collect()
+    let size = part_size(count);
+    let parts: Vec<Mutex<Vec<T>>> = (0..count.div_ceil(size)).map(|_| Mutex::default()).collect();
+    for_each(parts.len(), &|part| {
+        let made = (size * part..count.min(size * (part + 1))).map(of).collect();
+        *locked(&parts[part]) = made;
+    });
+    let mut all = Vec::with_capacity(count);
+    for part in parts {
+        all.append(&mut part.into_inner().unwrap_or_else(PoisonError::into_inner));
+    }
+    all
 }
 
 /// What becomes of each item, in their order.
@@ -34,12 +59,21 @@ pub fn for_each(count: usize, of: &(dyn Fn(usize) + Sync)) {
 
 /// Does something with each item and its index.
 pub fn for_each_mut<T: Send>(items: &mut [T], of: &(dyn Fn(usize, &mut T) + Sync)) {
-    items.par_iter_mut().enumerate().for_each(|(index, item)| of(index, item));
+    let size = part_size(items.len());
+    for_each_chunk(items, size, &|part, items| {
+        for (index, item) in items.iter_mut().enumerate() {
+            of(size * part + index, item);
+        }
+    });
 }
 
 /// Does something with each `size` items in a row and their number among these chunks; the last ones may be fewer.
 pub fn for_each_chunk<T: Send>(items: &mut [T], size: usize, of: &(dyn Fn(usize, &mut [T]) + Sync)) {
-    items.par_chunks_mut(size).enumerate().for_each(|(index, chunk)| of(index, chunk));
+    let chunks: Vec<Mutex<&mut [T]>> = items.chunks_mut(size).map(Mutex::new).collect();
+    for_each(chunks.len(), &|index| {
+        let chunk = std::mem::take(&mut *locked(&chunks[index]));
+        of(index, chunk);
+    });
 }
 
 #[cfg(test)]
