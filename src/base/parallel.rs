@@ -8,30 +8,24 @@ use std::sync::{Mutex, PoisonError};
 
 use rayon::prelude::*;
 
-/// So many parts for each thread leave none of them idle for long at the end, though some parts take longer than others.
+/// Enough parts for each thread that none is idle for long at the end, though some parts take longer than others.
 const PARTS_PER_THREAD: usize = 64;
 
-/// How many elements in a row are one part of so many.
+/// The number of elements in a part, but for the last, of `count` elements.
 fn part_size(count: usize) -> usize {
     count.div_ceil(PARTS_PER_THREAD * rayon::current_num_threads()).max(1)
-}
-
-/// What one thread takes or leaves for another. Nothing runs while it is locked, so that no panic can poison it.
-fn locked<T>(slot: &Mutex<T>) -> impl std::ops::DerefMut<Target = T> {
-    slot.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// `of(0)`, `of(1)` and so on, `count` in all, in this order.
 pub fn collect<T: Send>(count: usize, of: &(dyn Fn(usize) -> T + Sync)) -> Vec<T> {
     let size = part_size(count);
-    let parts: Vec<Mutex<Vec<T>>> = (0..count.div_ceil(size)).map(|_| Mutex::default()).collect();
-    for_each(parts.len(), &|part| {
-        let made = (size * part..count.min(size * (part + 1))).map(of).collect();
-        *locked(&parts[part]) = made;
+    let mut parts: Vec<Vec<T>> = (0..count.div_ceil(size)).map(|_| Vec::new()).collect();
+    for_each_chunk(&mut parts, 1, &|index, part| {
+        part[0] = (size * index..count.min(size * (index + 1))).map(of).collect();
     });
     let mut all = Vec::with_capacity(count);
-    for part in parts {
-        all.append(&mut part.into_inner().unwrap_or_else(PoisonError::into_inner));
+    for mut part in parts {
+        all.append(&mut part);
     }
     all
 }
@@ -71,7 +65,8 @@ pub fn for_each_mut<T: Send>(items: &mut [T], of: &(dyn Fn(usize, &mut T) + Sync
 pub fn for_each_chunk<T: Send>(items: &mut [T], size: usize, of: &(dyn Fn(usize, &mut [T]) + Sync)) {
     let chunks: Vec<Mutex<&mut [T]>> = items.chunks_mut(size).map(Mutex::new).collect();
     for_each(chunks.len(), &|index| {
-        let chunk = std::mem::take(&mut *locked(&chunks[index]));
+        // Nothing else runs while it is locked, so that no panic can poison it.
+        let chunk = std::mem::take(&mut *chunks[index].lock().unwrap_or_else(PoisonError::into_inner));
         of(index, chunk);
     });
 }
