@@ -83,8 +83,9 @@ pub mod pinhole {
     /// On the CPU.
     pub mod cpu {
         pub use pinspot_render::pinhole::cpu::{
-            Accuracy, CachedGather, CachedSums, CubeLookup, HardwareFilterError, Lanes16, Light, Lights, contributions,
-            estimate_irradiance, gather, gather_hierarchical, gather_lamp, gather_surroundings, probe,
+            Accuracy, CachedGather, CachedSums, Contribution, CubeLookup, HardwareFilterError, Lanes16, Light, Lights,
+            TakenCell, cells_taken, contributions, contributions_to, estimate_irradiance, gather, gather_hierarchical,
+            gather_lamp, gather_surroundings, probe,
         };
     }
 

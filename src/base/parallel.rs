@@ -41,6 +41,17 @@ pub fn map_chunks<I: Sync, T: Send>(items: &[I], size: usize, of: &(dyn Fn(&[I])
     collect(items.len().div_ceil(size), &|index| of(chunk(index)))
 }
 
+/// What becomes of each `size` items in a row, which may be changed, and their number among these chunks, in their order; the last ones may be
+/// fewer.
+pub fn map_chunks_mut<I: Send, T: Send>(
+    items: &mut [I],
+    size: usize,
+    of: &(dyn Fn(usize, &mut [I]) -> T + Sync),
+) -> Vec<T> {
+    let chunks = chunks(items, size);
+    collect(chunks.len(), &|index| of(index, taken(&chunks[index])))
+}
+
 /// The numbers below `count` that are wanted, in ascending order.
 pub fn filter(count: usize, is_wanted: &(dyn Fn(usize) -> bool + Sync)) -> Vec<usize> {
     (0..count).into_par_iter().filter(|&index| is_wanted(index)).collect()
@@ -63,12 +74,18 @@ pub fn for_each_mut<T: Send>(items: &mut [T], of: &(dyn Fn(usize, &mut T) + Sync
 
 /// Does something with each `size` items in a row and their number among these chunks; the last ones may be fewer.
 pub fn for_each_chunk<T: Send>(items: &mut [T], size: usize, of: &(dyn Fn(usize, &mut [T]) + Sync)) {
-    let chunks: Vec<Mutex<&mut [T]>> = items.chunks_mut(size).map(Mutex::new).collect();
-    for_each(chunks.len(), &|index| {
-        // Nothing else runs while it is locked, so that no panic can poison it.
-        let chunk = std::mem::take(&mut *chunks[index].lock().unwrap_or_else(PoisonError::into_inner));
-        of(index, chunk);
-    });
+    let chunks = chunks(items, size);
+    for_each(chunks.len(), &|index| of(index, taken(&chunks[index])));
+}
+
+/// Chunks for threads to take.
+fn chunks<T>(items: &mut [T], size: usize) -> Vec<Mutex<&mut [T]>> {
+    items.chunks_mut(size).map(Mutex::new).collect()
+}
+
+fn taken<'a, T>(chunk: &Mutex<&'a mut [T]>) -> &'a mut [T] {
+    // Nothing else runs while it is locked, so that no panic can poison it.
+    std::mem::take(&mut *chunk.lock().unwrap_or_else(PoisonError::into_inner))
 }
 
 #[cfg(test)]
@@ -134,5 +151,11 @@ mod tests {
         });
         let chunks = items.chunks(7).enumerate();
         assert!(chunks.into_iter().all(|(number, chunk)| chunk.iter().all(|item| *item == (number, chunk.len()))));
+        let ends = map_chunks_mut(&mut items, 9, &|number, chunk| {
+            chunk[0].0 = COUNT;
+            (number, chunk.len())
+        });
+        assert_eq!(ends, items.chunks(9).map(<[_]>::len).enumerate().collect::<Vec<_>>());
+        assert!(items.iter().enumerate().all(|(index, item)| (item.0 == COUNT) == (index % 9 == 0)));
     }
 }

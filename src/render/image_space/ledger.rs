@@ -1,10 +1,11 @@
 //! The account of a caustic's flux: what came from the lights, what arrived in maps, and where the rest went.
 
-use std::ops::{AddAssign, Index, IndexMut};
+use std::ops::{AddAssign, Index, IndexMut, Range};
 
 use glam::Vec3;
-use rayon::iter::{IndexedParallelIterator, ParallelIterator};
 use serde::{Deserialize, Serialize};
+
+use crate::parallel;
 
 /// Why flux that was reflected or refracted is in no caustic.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize)]
@@ -118,14 +119,17 @@ impl AddAssign for Ledger {
     }
 }
 
-/// The sum of many accounts in their order, so that it is the same every time.
-pub(super) fn total(accounts: impl IndexedParallelIterator<Item = Ledger>) -> Ledger {
+/// The sum of accounts, given each by its number, in their order, so that it is the same every time.
+pub(super) fn total(numbers: Range<usize>, account: &(dyn Fn(usize) -> Ledger + Sync)) -> Ledger {
     // Parts of a fixed size, each in its own order.
     const PART: usize = 4096;
     let add = |mut sum: Ledger, one: Ledger| {
         sum += one;
         sum
     };
-    let parts: Vec<Ledger> = accounts.fold_chunks(PART, Ledger::default, add).collect();
-    parts.into_iter().fold(Ledger::default(), add)
+    let part = |part: usize| {
+        let first = numbers.start + PART * part;
+        (first..numbers.end.min(first + PART)).map(account).fold(Ledger::default(), add)
+    };
+    parallel::collect(numbers.len().div_ceil(PART), &part).into_iter().fold(Ledger::default(), add)
 }

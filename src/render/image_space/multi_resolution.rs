@@ -3,7 +3,6 @@
 use std::sync::atomic::{AtomicU32, Ordering};
 
 use glam::DVec3;
-use rayon::prelude::*;
 
 use super::caustic_map::CausticMap;
 use super::constants::{FIRST_SPLAT_DIAMETER, SPLAT_DIAMETER_STEP, SPLAT_SIZES};
@@ -90,7 +89,7 @@ impl<'a> Resolutions<'a> {
             map.add_for_gloss(texel, (&self.maps[0], texel), factors);
             Ledger { deposited: flux.element_sum(), ..Ledger::default() }
         };
-        total((0..self.counts[0].len()).into_par_iter().map(choose))
+        total(0..self.counts[0].len(), &choose)
     }
 
     /// The smallest size with enough photons, and with what is left of the weight the next ones. A size without enough of them counts only

@@ -4,7 +4,6 @@
 //! silhouettes and where the light is torn, is spread over the photon's footprint. So is all flux accounted for.
 
 use glam::{DVec2, DVec3};
-use rayon::prelude::*;
 
 use super::caustic_map::CausticMap;
 use super::constants::MIN_DRAWN_AREA;
@@ -47,7 +46,7 @@ pub fn polygons(map: &CausticMap, grid: &PhotonGrid, coverage: Coverage) -> Ledg
         let corners = [(0, 0), (1, 0), (0, 1), (1, 1)].map(|(dx, dy)| grid.index_at(x + dx, y + dy));
         Cell { map, sheet: &sheet, coverage }.add(corners)
     };
-    total((0..(columns * rows) as usize).into_par_iter().map(cell))
+    total(0..(columns * rows) as usize, &cell)
 }
 
 struct Cell<'a> {

@@ -4,7 +4,6 @@
 //! lies between texels.
 
 use glam::{DVec2, DVec3, Vec3};
-use rayon::prelude::*;
 
 use super::caustic_map::CausticMap;
 use super::constants::{
@@ -94,7 +93,7 @@ pub(super) fn each(map: &CausticMap, grid: &PhotonGrid, add: impl Fn(usize, (DVe
         }
         ledger
     };
-    super::ledger::total(grid.own.clone().into_par_iter().map(account))
+    super::ledger::total(grid.own.clone(), &account)
 }
 
 /// As points: all flux goes to the texel that a photon lands in.
@@ -221,5 +220,5 @@ pub fn gathered(points: &CausticMap, counts: &[u32], smooth: &CausticMap) -> Led
         }
         ledger
     };
-    super::ledger::total((0..counts.len()).into_par_iter().map(spread))
+    super::ledger::total(0..counts.len(), &spread)
 }

@@ -4,13 +4,13 @@
 //! from the samples' moments.
 
 use glam::Vec3;
-use rayon::prelude::*;
 
 use super::moments::Moments;
 use super::point::CellPoint;
 use super::split::{halves, in_order, is_mixed, largest_patch, longest_axes};
 use super::tiling::Tiling;
 use super::{CellNode, CellTree};
+use crate::parallel;
 use crate::sampling::{PointSet, Surface, SurfacePoint};
 
 /// How finely a tree divides its samples.
@@ -42,6 +42,9 @@ fn nodes_below(leaves: u32) -> usize {
     level_start(leaves.ilog(FAN) + 1) as usize
 }
 
+/// Samples whose subtrees a thread makes in a row.
+const SUBTREES_PER_TASK: usize = 16;
+
 /// A sample's own node and its moments, before it has a place.
 struct SampleCell {
     node: CellNode,
@@ -72,13 +75,18 @@ impl CellTree {
             subtrees.push(Subtree { nodes, start: (sample * below) as u32, sample: sample as u32, reach });
             rest = others;
         }
-        let build = |points: &mut Vec<CellPoint>, (sample, mut subtree): (&u32, Subtree)| {
-            tiling.collect(*sample, points);
-            let mixed = is_mixed(points);
-            let (node, moments) = subtree.cell(points, mixed, leaves, 0, 0);
-            SampleCell { node, patch: points[0].patch, moments }
+        let build = |some: usize, subtrees: &mut [Subtree]| {
+            let mut points = Vec::new();
+            let mut build = |(sample, subtree): (&u32, &mut Subtree)| {
+                tiling.collect(*sample, &mut points);
+                let mixed = is_mixed(&points);
+                let (node, moments) = subtree.cell(&mut points, mixed, leaves, 0, 0);
+                SampleCell { node, patch: points[0].patch, moments }
+            };
+            samples[SUBTREES_PER_TASK * some..].iter().zip(subtrees).map(&mut build).collect::<Vec<_>>()
         };
-        let cells: Vec<SampleCell> = samples.par_iter().zip(subtrees).map_init(Vec::new, build).collect();
+        let cells = parallel::map_chunks_mut(&mut subtrees, SUBTREES_PER_TASK, &build);
+        let cells: Vec<SampleCell> = cells.into_iter().flatten().collect();
         tree.add_upper_nodes(&cells, reach);
         tree
     }

@@ -4,8 +4,7 @@
 //! so that one read bounds a cone.
 
 use fearless_simd::{Select, Simd, SimdBase, SimdFloat, SimdInt, f32x16, u32x16};
-use glam::{Vec2, Vec3};
-use rayon::prelude::*;
+use glam::{Vec2, Vec3, Vec4};
 
 use super::FIRST_BOUNDED_MIP;
 use super::cube::{CubeMap, FACES, face_of_direction, fill_borders, fill_rows, padded_len, rows};
@@ -208,8 +207,8 @@ impl LightBounds {
 fn extremes_of(cube: &CubeMap, mip: u32) -> Vec<Extremes> {
     let size = cube.size() >> mip;
     let texels = &cube.padded_texels()[cube.level_offset(mip) as usize..][..padded_len(size)];
-    let mut level: Vec<Extremes> =
-        texels.par_iter().map(|t| Extremes { low: t.truncate(), high: t.truncate() }).collect();
+    let of_texel = |t: &Vec4| Extremes { low: t.truncate(), high: t.truncate() };
+    let mut level = parallel::map(texels, &of_texel);
     // A corner stands for all three texels that meet there, not for their mean.
     fill_borders(&mut level, size, join_corner);
     level

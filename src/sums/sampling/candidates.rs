@@ -8,7 +8,7 @@ use bytemuck::Zeroable;
 use glam::Vec3;
 use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, seq::SliceRandom};
-use rayon::prelude::*;
+use rayon::slice::ParallelSliceMut;
 
 use super::morton;
 use super::surface::SurfaceTriangle;
@@ -268,7 +268,8 @@ fn in_space_filling_order(triangles: Vec<WithArea>) -> impl Iterator<Item = With
         let normal = t.normals[0] + t.normals[1] + t.normals[2];
         morton::key((t.corners[0] + t.corners[1] + t.corners[2]) / 3.0, normal, low, extent)
     };
-    let mut keyed: Vec<(u64, WithArea)> = triangles.into_par_iter().map(|t| (key(t.0), t)).collect();
+    let keys = parallel::map(&triangles, &|(triangle, _)| key(triangle));
+    let mut keyed: Vec<(u64, WithArea)> = keys.into_iter().zip(triangles).collect();
     keyed.par_sort_by_key(|(key, _)| *key);
     keyed.into_iter().map(|(_, t)| t)
 }

@@ -1,7 +1,6 @@
 //! How evenly a set of points is spread: distances to neighbours, gaps, and whether some orientations get more than others.
 
 use glam::Vec3;
-use rayon::prelude::*;
 
 use super::{PointSet, PointTree, SurfacePoint};
 use crate::parallel;
@@ -39,6 +38,7 @@ pub fn quality(set: &PointSet, area: f64) -> Quality {
         let (squared, _) = nearest_where(&tree, point.position, |n| n != k && points[n].same_side(point))?;
         Some(f64::from(squared).sqrt() / d_max)
     };
+    let gaps = parallel::map(candidates, &|candidate| gap(&tree, points, candidate));
     let nearest: Vec<f64> = parallel::collect(points.len(), &to_nearest).into_iter().flatten().collect();
     let count = nearest.len().max(1) as f64;
     let mean = nearest.iter().sum::<f64>() / count;
@@ -49,7 +49,7 @@ pub fn quality(set: &PointSet, area: f64) -> Quality {
         relative_radius: nearest.iter().copied().reduce(f64::min).unwrap_or(0.0),
         nearest_mean: mean,
         nearest_spread: if mean > 0.0 { variance.sqrt() / mean } else { 0.0 },
-        coverage_radius: candidates.par_iter().map(|c| gap(&tree, points, c)).reduce(|| 0.0, f64::max) / d_max,
+        coverage_radius: gaps.into_iter().fold(0.0, f64::max) / d_max,
         displacement: displacement(points, candidates) / d_max,
         orientation_bias: orientation_bias(points, candidates),
     }

@@ -2,7 +2,6 @@
 
 use bytemuck::Zeroable;
 use glam::Vec3;
-use rayon::prelude::*;
 
 use super::patches::smooth_patches;
 use crate::parallel;
@@ -70,12 +69,12 @@ impl Surface {
         let (patches, count) = smooth_patches(mesh);
         self.patch_areas.resize(first_patch as usize + count, 0.0);
         let sign = if flipped { -1.0 } else { 1.0 };
-        let triangle = |(t, patch): (usize, &u32)| {
+        let triangle = |t: usize| {
             let normals = mesh.corner_normals(t).map(|n| sign * n);
-            SurfaceTriangle { corners: mesh.corners(t), normals, object, patch: first_patch + patch }
+            SurfaceTriangle { corners: mesh.corners(t), normals, object, patch: first_patch + patches[t] }
         };
         let first = self.triangles.len();
-        self.triangles.par_extend(patches.par_iter().enumerate().map(triangle));
+        self.triangles.extend(parallel::collect(patches.len(), &triangle));
         self.areas.extend(parallel::map(&self.triangles[first..], &SurfaceTriangle::area));
         for (patch, &area) in patches.iter().zip(&self.areas[first..]) {
             self.patch_areas[(first_patch + patch) as usize] += area;

@@ -5,7 +5,6 @@ use obvhs::BvhBuildParams;
 use obvhs::aabb::Aabb;
 use obvhs::bvh2::{Bvh2, builder::build_bvh2};
 use obvhs::triangle::Triangle;
-use rayon::prelude::*;
 
 use super::{SeenBy, Tracer, TriangleSurface};
 use crate::parallel;
@@ -187,9 +186,9 @@ impl Units {
             return Self { scale: 1.0, padding: 0.0, offset: 0.0 };
         }
         let none = || (Vec3::INFINITY, Vec3::NEG_INFINITY);
-        let (low, high) = (triangles.par_iter().with_min_len(4096))
-            .fold(none, |bounds, corners| corners.iter().fold(bounds, |(l, h), p| (l.min(*p), h.max(*p))))
-            .reduce(none, |(l, h), (low, high)| (l.min(low), h.max(high)));
+        let of_some = |some: &[[Vec3; 3]]| some.as_flattened().iter().fold(none(), |(l, h), p| (l.min(*p), h.max(*p)));
+        let bounds = parallel::map_chunks(triangles, 4096, &of_some);
+        let (low, high) = bounds.into_iter().fold(none(), |(l, h), (low, high)| (l.min(low), h.max(high)));
         let scale = unit_scale(0.5 * high - 0.5 * low);
         let padding = 4.0 * f32::EPSILON * scale * low.abs().max(high.abs()).max_element();
         Self { scale, padding, offset: offset(scale * low, scale * high) }

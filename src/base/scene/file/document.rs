@@ -3,13 +3,14 @@
 //! The `toml` crate's own deserializer ignores surplus elements of arrays, and its errors are text. This one checks the
 //! length of arrays, and its errors have the line, the key and the accepted names.
 
+use std::borrow::Cow;
 use std::collections::HashMap;
 use std::fmt::Display;
 
-use serde::de::value::{StrDeserializer, StringDeserializer};
+use serde::de::value::StrDeserializer;
 use serde::de::{
-    DeserializeOwned, DeserializeSeed, Deserializer, EnumAccess, Error as _, Expected, IntoDeserializer, MapAccess,
-    SeqAccess, Unexpected, VariantAccess, Visitor,
+    DeserializeOwned, DeserializeSeed, Deserializer, EnumAccess, Error as _, Expected, MapAccess, SeqAccess,
+    Unexpected, VariantAccess, Visitor,
 };
 use serde::forward_to_deserialize_any;
 use toml::Spanned;
@@ -183,9 +184,51 @@ fn in_words(expected: &dyn Expected) -> String {
 #[derive(Clone, Copy)]
 struct Value<'a>(&'a Spanned<DeValue<'a>>);
 
-impl Value<'_> {
+/// What a value is, read. What is generic in visitors is compiled for each type of a scene's tables, so that it does no more than to pass this on.
+enum Content<'a> {
+    String(&'a str),
+    Boolean(bool),
+    Integer(i64),
+    Float(f64),
+    Array(&'a DeArray<'a>),
+    Table(&'a DeTable<'a>),
+}
+
+impl<'a> Value<'a> {
     fn offset(self) -> usize {
         self.0.span().start
+    }
+
+    fn content(self) -> Result<Content<'a>, Error> {
+        match self.0.get_ref() {
+            DeValue::String(text) => Ok(Content::String(text)),
+            DeValue::Boolean(value) => Ok(Content::Boolean(*value)),
+            DeValue::Integer(integer) => match i64::from_str_radix(integer.as_str(), integer.radix()) {
+                Ok(value) => Ok(Content::Integer(value)),
+                Err(_) => Err(Error::custom("is an integer of more than 64 bits")),
+            },
+            DeValue::Float(float) => match float.as_str().parse() {
+                Ok(value) => Ok(Content::Float(value)),
+                Err(_) => Err(Error::custom("is not a number")),
+            },
+            DeValue::Datetime(_) => Err(Error::custom("is a date, which means nothing here")),
+            DeValue::Array(array) => Ok(Content::Array(array)),
+            DeValue::Table(table) => Ok(Content::Table(table)),
+        }
+    }
+
+    /// The value as a variant, and its word or only key; no value goes with a word.
+    fn variant(self) -> Result<Variant<'a>, Error> {
+        match self.0.get_ref() {
+            DeValue::String(word) => Ok(Variant { name: word, value: None, offset: self.offset() }),
+            DeValue::Table(table) => match (table.iter().next(), table.len()) {
+                (Some((key, value)), 1) => {
+                    Ok(Variant { name: key.get_ref(), value: Some(Value(value)), offset: key.span().start })
+                }
+                (_, count) => Err(Error::custom(format!("has {count} keys, but must have one"))),
+            },
+            _ => Err(Error::custom("must be a word, or a table with one key")),
+        }
     }
 }
 
@@ -193,31 +236,23 @@ impl<'de> Deserializer<'de> for Value<'_> {
     type Error = Error;
 
     fn deserialize_any<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, Error> {
-        let visited = match self.0.get_ref() {
-            DeValue::String(text) => visitor.visit_str(text),
-            DeValue::Boolean(value) => visitor.visit_bool(*value),
-            DeValue::Integer(integer) => match i64::from_str_radix(integer.as_str(), integer.radix()) {
-                Ok(value) => visitor.visit_i64(value),
-                Err(_) => Err(Error::custom("is an integer of more than 64 bits")),
-            },
-            DeValue::Float(float) => match float.as_str().parse::<f64>() {
-                Ok(value) => visitor.visit_f64(value),
-                Err(_) => Err(Error::custom("is not a number")),
-            },
-            DeValue::Datetime(_) => Err(Error::custom("is a date, which means nothing here")),
-            DeValue::Array(array) => {
-                let mut elements = Elements { rest: array.iter(), index: 0 };
-                visitor.visit_seq(&mut elements).and_then(|value| match elements.rest.len() {
-                    0 => Ok(value),
-                    more => {
-                        let (has, reads) = (array.len(), array.len() - more);
-                        Err(Error::custom(format!("has {has} elements, but must have {reads}")))
-                    }
-                })
+        let mut elements = Elements::default();
+        let visited = match self.content() {
+            Ok(Content::String(text)) => visitor.visit_str(text),
+            Ok(Content::Boolean(value)) => visitor.visit_bool(value),
+            Ok(Content::Integer(value)) => visitor.visit_i64(value),
+            Ok(Content::Float(value)) => visitor.visit_f64(value),
+            Ok(Content::Array(array)) => {
+                elements.rest = array.iter();
+                visitor.visit_seq(&mut elements)
             }
-            DeValue::Table(table) => return Table(table).deserialize_any(visitor),
+            Ok(Content::Table(table)) => return Table(table).deserialize_any(visitor),
+            Err(error) => Err(error),
         };
-        visited.map_err(|error| error.at(self.offset()))
+        match (visited, elements.surplus()) {
+            (Ok(value), None) => Ok(value),
+            (Ok(_), Some(error)) | (Err(error), _) => Err(error.at(self.offset())),
+        }
     }
 
     fn deserialize_option<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, Error> {
@@ -234,19 +269,9 @@ impl<'de> Deserializer<'de> for Value<'_> {
         _: &'static [&'static str],
         visitor: V,
     ) -> Result<V::Value, Error> {
-        let visited = match self.0.get_ref() {
-            DeValue::String(word) => visitor.visit_enum(StrDeserializer::new(word)),
-            DeValue::Table(table) => match (table.iter().next(), table.len()) {
-                (Some((key, value)), 1) => {
-                    let key_offset = key.span().start;
-                    let variant = Variant { name: key.get_ref(), value: Value(value) };
-                    return visitor.visit_enum(variant).map_err(|e| e.at(key_offset));
-                }
-                (_, count) => Err(Error::custom(format!("has {count} keys, but must have one"))),
-            },
-            _ => Err(Error::custom("must be a word, or a table with one key")),
-        };
-        visited.map_err(|error| error.at(self.offset()))
+        let variant = self.variant().map_err(|error| error.at(self.offset()))?;
+        let offset = variant.offset;
+        visitor.visit_enum(variant).map_err(|error| error.at(offset))
     }
 
     forward_to_deserialize_any! {
@@ -263,7 +288,7 @@ impl<'de> Deserializer<'de> for Table<'_> {
     type Error = Error;
 
     fn deserialize_any<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, Error> {
-        visitor.visit_map(Entries { rest: self.0.iter(), value: None })
+        visitor.visit_map(Entries { rest: self.0.iter(), entry: None })
     }
 
     forward_to_deserialize_any! {
@@ -272,9 +297,31 @@ impl<'de> Deserializer<'de> for Table<'_> {
     }
 }
 
+#[derive(Default)]
 struct Elements<'a> {
     rest: std::slice::Iter<'a, Spanned<DeValue<'a>>>,
-    index: usize,
+    /// How many were read.
+    read: usize,
+}
+
+impl Elements<'_> {
+    /// The error of having more than were read.
+    fn surplus(&self) -> Option<Error> {
+        let (has, read) = (self.read + self.rest.len(), self.read);
+        (has > read).then(|| Error::custom(format!("has {has} elements, but must have {read}")))
+    }
+
+    /// An error in the last element that was read: a table goes by its name or number.
+    fn within(&self, element: &Spanned<DeValue>, error: Error) -> Error {
+        let error = error.at(element.span().start);
+        match element.get_ref() {
+            DeValue::Table(table) => match table.get("name").map(Spanned::get_ref) {
+                Some(DeValue::String(name)) => error.under(format!(" '{name}'")),
+                _ => error.under(format!(" {}", self.read)),
+            },
+            _ => error,
+        }
+    }
 }
 
 impl<'de> SeqAccess<'de> for &mut Elements<'_> {
@@ -282,44 +329,51 @@ impl<'de> SeqAccess<'de> for &mut Elements<'_> {
 
     fn next_element_seed<T: DeserializeSeed<'de>>(&mut self, seed: T) -> Result<Option<T::Value>, Error> {
         let Some(element) = self.rest.next() else { return Ok(None) };
-        self.index += 1;
-        let named = |error: Error| match element.get_ref() {
-            DeValue::Table(table) => match table.get("name").map(Spanned::get_ref) {
-                Some(DeValue::String(name)) => error.under(format!(" '{name}'")),
-                _ => error.under(format!(" {}", self.index)),
-            },
-            _ => error,
-        };
-        seed.deserialize(Value(element)).map(Some).map_err(|error| named(error.at(element.span().start)))
+        self.read += 1;
+        match seed.deserialize(Value(element)) {
+            Ok(value) => Ok(Some(value)),
+            Err(error) => Err(self.within(element, error)),
+        }
     }
 }
 
+type Entry<'a> = (&'a Spanned<Cow<'a, str>>, &'a Spanned<DeValue<'a>>);
+
 struct Entries<'a> {
-    rest: toml::map::Iter<'a, Spanned<std::borrow::Cow<'a, str>>, Spanned<DeValue<'a>>>,
-    value: Option<(&'a Spanned<std::borrow::Cow<'a, str>>, &'a Spanned<DeValue<'a>>)>,
+    rest: toml::map::Iter<'a, Spanned<Cow<'a, str>>, Spanned<DeValue<'a>>>,
+    /// Whose key was read.
+    entry: Option<Entry<'a>>,
+}
+
+impl Error {
+    fn in_value_of(self, key: &Spanned<Cow<str>>) -> Self {
+        self.at(key.span().start).under(key.get_ref().to_string())
+    }
 }
 
 impl<'de> MapAccess<'de> for Entries<'_> {
     type Error = Error;
 
     fn next_key_seed<K: DeserializeSeed<'de>>(&mut self, seed: K) -> Result<Option<K::Value>, Error> {
-        let Some((key, value)) = self.rest.next() else { return Ok(None) };
-        self.value = Some((key, value));
-        let name: StringDeserializer<Error> = key.get_ref().clone().into_owned().into_deserializer();
-        seed.deserialize(name).map(Some).map_err(|error| error.at(key.span().start))
+        self.entry = self.rest.next();
+        let Some((key, _)) = self.entry else { return Ok(None) };
+        match seed.deserialize(StrDeserializer::new(key.get_ref())) {
+            Ok(key) => Ok(Some(key)),
+            Err(error) => Err(Error::at(error, key.span().start)),
+        }
     }
 
     fn next_value_seed<V: DeserializeSeed<'de>>(&mut self, seed: V) -> Result<V::Value, Error> {
-        let (key, value) = self.value.take().ok_or_else(|| Error::custom("a value without a key"))?;
-        let place = |error: Error| error.at(key.span().start).under(key.get_ref().clone().into_owned());
-        seed.deserialize(Value(value)).map_err(place)
+        let Some((key, value)) = self.entry.take() else { return Err(Error::custom("a value without a key")) };
+        seed.deserialize(Value(value)).map_err(|error| error.in_value_of(key))
     }
 }
 
-/// `{ variant = value }`.
+/// `variant` or `{ variant = value }`.
 struct Variant<'a> {
     name: &'a str,
-    value: Value<'a>,
+    value: Option<Value<'a>>,
+    offset: usize,
 }
 
 impl<'de, 'a> EnumAccess<'de> for Variant<'a> {
@@ -336,26 +390,32 @@ impl<'de> VariantAccess<'de> for Variant<'_> {
     type Error = Error;
 
     fn unit_variant(self) -> Result<(), Error> {
-        Err(Error::custom("takes no values").under(self.name.to_owned()))
+        match self.value {
+            None => Ok(()),
+            Some(_) => Err(Error::custom("takes no values").under(self.name.to_owned())),
+        }
     }
 
     fn newtype_variant_seed<T: DeserializeSeed<'de>>(self, seed: T) -> Result<T::Value, Error> {
-        seed.deserialize(self.value).map_err(|error| error.under(self.name.to_owned()))
+        let Some(value) = self.value else {
+            return Err(Error::custom(format!("is '{}', which needs values: {{ {} = … }}", self.name, self.name)));
+        };
+        seed.deserialize(value).map_err(|error| error.under(self.name.to_owned()))
     }
 
     fn tuple_variant<V: Visitor<'de>>(self, _: usize, visitor: V) -> Result<V::Value, Error> {
-        self.newtype_variant_seed(Content(visitor))
+        self.newtype_variant_seed(Fields(visitor))
     }
 
     fn struct_variant<V: Visitor<'de>>(self, _: &'static [&'static str], visitor: V) -> Result<V::Value, Error> {
-        self.newtype_variant_seed(Content(visitor))
+        self.newtype_variant_seed(Fields(visitor))
     }
 }
 
 /// A variant's fields.
-struct Content<V>(V);
+struct Fields<V>(V);
 
-impl<'de, V: Visitor<'de>> DeserializeSeed<'de> for Content<V> {
+impl<'de, V: Visitor<'de>> DeserializeSeed<'de> for Fields<V> {
     type Value = V::Value;
 
     fn deserialize<D: Deserializer<'de>>(self, fields: D) -> Result<V::Value, D::Error> {

@@ -2,7 +2,6 @@
 //! in the picture, and computed where there are none or where they differ: first half as far apart, then in every pixel.
 
 use glam::{Vec3, Vec4};
-use rayon::prelude::*;
 use rustc_hash::FxHashMap;
 
 use super::filled;
@@ -112,23 +111,22 @@ impl<'a> NodeGrid<'a> {
         let of_band = |band: &Vec<usize>| band.iter().map(|&index| self.interpolated(index)).collect();
         let found: Vec<Vec<Option<Vec3>>> = parallel::map(&between, &of_band);
         let pixels = SQUARE * spacing * self.width;
-        let bands = self.light.par_chunks_mut(pixels).zip(between.par_iter().zip(found)).enumerate();
-        let open = bands.map(|(band, (light, (indices, found)))| {
+        let take = |band: usize, light: &mut [Vec4]| {
             let mut open = Vec::new();
-            for (&index, found) in indices.iter().zip(found) {
+            for (&index, found) in between[band].iter().zip(&found[band]) {
                 match found {
                     Some(found) => light[index - band * pixels] = found.extend(1.0),
                     None => open.push(index),
                 }
             }
             open
-        });
-        open.collect::<Vec<_>>().concat()
+        };
+        parallel::map_chunks_mut(&mut self.light, pixels, &take).concat()
     }
 
     /// The light in all pixels.
     pub fn finish(self) -> Vec<Vec3> {
-        self.light.into_par_iter().map(Vec4::truncate).collect()
+        self.light.into_iter().map(Vec4::truncate).collect()
     }
 
     /// The light in a pixel from the nodes around it, if there are enough on the same surface and they agree; from nodes one step

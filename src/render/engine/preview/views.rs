@@ -4,7 +4,6 @@
 use std::f32::consts::FRAC_1_PI;
 
 use glam::{UVec2, Vec2, Vec3};
-use rayon::prelude::*;
 
 use super::edges::FirstSurface;
 use super::filled;
@@ -161,9 +160,8 @@ impl Views {
         let [width, height] = size.map(|edge| edge as usize);
         let nothing = FirstSurface::of(&rays(Vec2::ZERO), None);
         let mut first = filled(nothing, width * height);
-        let bands = first.par_chunks_mut(PACKET * width).enumerate();
-        let bands: Vec<BandViews> =
-            bands.map(|(band, first)| tracer.band((width, PACKET * band), &rays, first)).collect();
+        let trace = |band: usize, first: &mut [FirstSurface]| tracer.band((width, PACKET * band), &rays, first);
+        let bands = parallel::map_chunks_mut(&mut first, PACKET * width, &trace);
         let (mut surfaces, mut mirrored, mut escapes) = (Vec::new(), Vec::new(), Vec::new());
         for band in bands {
             surfaces.push(band.surfaces);

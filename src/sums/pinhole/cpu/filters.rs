@@ -4,7 +4,7 @@ use glam::{Vec3, Vec4};
 
 use super::cube::{CubeLookup, level_of};
 use super::footprint::{FootprintAxes, footprint_axes};
-use super::visibility::{Occlusion, Unoccluded};
+use super::sky::{Occlusion, Unoccluded};
 use crate::environment::CubeMap;
 use crate::lanes::{ALL, F, LANES, Select, Simd, SimdBase, SimdFloat, V3, bits, dispatch, lanes, level, splat};
 use crate::pinhole::constants::{EVEN_LIGHT_SHARPNESS, EWA_MAX_COLUMNS, EWA_RADIUS, EWA_TEXEL, TAP_SHARPNESS};
@@ -50,72 +50,119 @@ pub(super) fn mean_over_parts<S: Simd>(
     sum
 }
 
-/// Mean unoccluded radiance over a footprint; w = fetches.
-#[inline(always)]
-pub(super) fn mean_over_footprint<S: Simd>(
-    simd: S,
-    (environment, filter): (&CubeLookup, CpuFilter),
-    sides: &FootprintSides<S>,
-    occlusion: &impl Occlusion,
-    max_taps: F<S>,
-    lit: u32,
-) -> [Vec4; LANES] {
-    let r = sides.r;
-    if filter == CpuFilter::None {
-        // In the finest level.
-        let (mut sum, nothing) = ([Vec4::ZERO; LANES], splat(simd, 0.0));
-        add_unoccluded(simd, environment, occlusion, r, (nothing, nothing), lit, &mut sum);
-        return sum;
-    }
-    let axes = footprint_axes(sides.v1, sides.v2);
-    let texel = environment.texel_width(r);
-    if filter == CpuFilter::Isotropic {
-        let mut sum = [Vec4::ZERO; LANES];
-        let fraction = sky_fraction_of_footprint(simd, occlusion, sides, lit);
-        add_weighted(simd, environment, r, level_of(axes.major, texel), &fraction, lit, &mut sum);
-        return sum;
-    }
-    if filter == CpuFilter::Ewa {
-        return mean_over_ellipse(simd, environment, r, &axes, texel, occlusion, lit);
-    }
-    let taps = (axes.major / (axes.minor * TAP_SHARPNESS).max(texel)).ceil().max(1.0).min(max_taps);
-    let width = axes.minor.max(axes.major / taps);
-    let level = level_of(width * TAP_SHARPNESS, texel);
-    let mut sum = [Vec4::ZERO; LANES];
-    let mut k = 0.5;
-    loop {
-        let active = lit & bits(taps.simd_gt(k));
-        if active == 0 {
-            return divided(sum, taps);
+/// How a mean over a footprint is taken.
+#[derive(Clone, Copy)]
+pub(super) enum Kernel<S: Simd> {
+    /// One look-up at its centre, in the finest level.
+    Nearest,
+    /// One look-up where the light changes little within it. Without a lobe it is narrow and in the nearest level: adjacent cells
+    /// together do as well as a wide kernel and lose nothing over the mirrors' edges. A lobe's blur has to be kept.
+    Even { is_blurred: bool },
+    /// One look-up as wide as it is long.
+    Isotropic,
+    /// Up to so many look-ups along it.
+    Anisotropic(F<S>),
+    /// The elliptical weighted average.
+    Elliptical,
+}
+
+impl<S: Simd> Kernel<S> {
+    /// That of a filter, with up to so many look-ups along a footprint.
+    #[inline(always)]
+    pub fn new(filter: CpuFilter, max_taps: F<S>) -> Self {
+        match filter {
+            CpuFilter::None => Self::Nearest,
+            CpuFilter::Isotropic => Self::Isotropic,
+            CpuFilter::Anisotropic => Self::Anisotropic(max_taps),
+            CpuFilter::Ewa => Self::Elliptical,
         }
-        let direction = r.plus(axes.direction, k / taps - 0.5);
-        add_unoccluded(simd, environment, occlusion, direction, (width, level), active, &mut sum);
-        k += 1.0;
     }
 }
 
-/// Mean radiance over a footprint within which the light changes little, from one look-up. Without a lobe it is narrow and in
-/// the nearest level: adjacent cells together do as well as a wide kernel and lose nothing over the mirrors' edges. A lobe's blur has to
-/// be kept.
-#[inline(always)]
-pub(super) fn smooth_light<S: Simd>(
+/// Equal look-ups at equal distances along a footprint.
+struct LookupsAlong<S: Simd> {
+    /// From one end to the other.
+    axis: V3<S>,
+    count: F<S>,
+    level: F<S>,
+    /// What each asks about occlusion, radians.
+    width: F<S>,
+}
+
+impl<S: Simd> LookupsAlong<S> {
+    /// None for the elliptical weighted average.
+    #[inline(always)]
+    fn new(simd: S, environment: &CubeLookup, kernel: Kernel<S>, sides: &FootprintSides<S>) -> Option<Self> {
+        let (zero, one) = (splat(simd, 0.0), splat(simd, 1.0));
+        let single = Self { axis: V3([zero; 3]), count: one, level: zero, width: zero };
+        let texel = environment.texel_width(sides.r);
+        match kernel {
+            Kernel::Nearest => Some(single),
+            Kernel::Even { is_blurred } => {
+                let width = ((sides.v1.dot(sides.v1) + sides.v2.dot(sides.v2)) * 0.5).sqrt();
+                let sharpness = if is_blurred { TAP_SHARPNESS } else { EVEN_LIGHT_SHARPNESS };
+                let level = level_of(width * sharpness, texel);
+                Some(Self { level: if is_blurred { level } else { (level + 0.5).floor() }, width, ..single })
+            }
+            Kernel::Isotropic => {
+                let FootprintAxes { major, .. } = footprint_axes(sides.v1, sides.v2);
+                Some(Self { level: level_of(major, texel), ..single })
+            }
+            Kernel::Anisotropic(max) => {
+                let FootprintAxes { major, minor, direction } = footprint_axes(sides.v1, sides.v2);
+                let count = (major / (minor * TAP_SHARPNESS).max(texel)).ceil().max(1.0).min(max);
+                let width = minor.max(major / count);
+                Some(Self { axis: direction, count, level: level_of(width * TAP_SHARPNESS, texel), width })
+            }
+            Kernel::Elliptical => None,
+        }
+    }
+}
+
+/// Mean unoccluded radiance over a footprint; w = fetches.
+#[inline(never)]
+pub(super) fn mean_over_footprint<S: Simd, O: Occlusion>(
     simd: S,
-    environment: &CubeLookup,
+    (environment, kernel): (&CubeLookup, Kernel<S>),
     sides: &FootprintSides<S>,
-    is_blurred: bool,
-    occlusion: &impl Occlusion,
+    occlusion: &O,
     lit: u32,
 ) -> [Vec4; LANES] {
-    let width = ((sides.v1.dot(sides.v1) + sides.v2.dot(sides.v2)) * 0.5).sqrt();
-    let texel = environment.texel_width(sides.r);
-    let level = if is_blurred {
-        level_of(width * TAP_SHARPNESS, texel)
-    } else {
-        (level_of(width * EVEN_LIGHT_SHARPNESS, texel) + 0.5).floor()
-    };
-    let mut sum = [Vec4::ZERO; LANES];
-    add_unoccluded(simd, environment, occlusion, sides.r, (width, level), lit, &mut sum);
-    sum
+    simd.vectorize(
+        #[inline(always)]
+        || {
+            let Some(lookups) = LookupsAlong::new(simd, environment, kernel, sides) else {
+                return mean_over_ellipse(simd, environment, sides, occlusion, lit);
+            };
+            let LookupsAlong { axis, count, level, width } = lookups;
+            let mut sum = [Vec4::ZERO; LANES];
+            let mut k = 0.5;
+            loop {
+                let active = lit & bits(count.simd_gt(k));
+                if active == 0 {
+                    return divided(sum, count);
+                }
+                let direction = sides.r.plus(axis, k / count - 0.5);
+                k += 1.0;
+                if O::IS_UNOCCLUDED {
+                    environment.fetch(
+                        simd,
+                        direction,
+                        level,
+                        active,
+                        #[inline(always)]
+                        |lane, radiance| sum[lane] += radiance,
+                    );
+                    continue;
+                }
+                let fractions = match kernel {
+                    Kernel::Isotropic => sky_fraction_of_footprint(simd, occlusion, sides, active),
+                    _ => occlusion.sky_fraction(simd, direction, width, active),
+                };
+                add_weighted(simd, environment, direction, level, &fractions, active, &mut sum);
+            }
+        },
+    )
 }
 
 /// The elliptical weighted average.
@@ -123,12 +170,11 @@ pub(super) fn smooth_light<S: Simd>(
 fn mean_over_ellipse<S: Simd>(
     simd: S,
     environment: &CubeLookup,
-    r: V3<S>,
-    axes: &FootprintAxes<S>,
-    texel: F<S>,
+    sides: &FootprintSides<S>,
     occlusion: &impl Occlusion,
     lit: u32,
 ) -> [Vec4; LANES] {
+    let (r, axes, texel) = (sides.r, footprint_axes(sides.v1, sides.v2), environment.texel_width(sides.r));
     let diameter = 2.0 * EWA_RADIUS;
     let width = (axes.minor * EWA_TEXEL).max(texel).max(axes.major * (diameter / EWA_MAX_COLUMNS));
     let level = level_of(width, texel);
@@ -164,34 +210,7 @@ fn mean_over_ellipse<S: Simd>(
     divided(sum, weights.max(1e-20))
 }
 
-/// Adds the unoccluded radiance from a direction, out of a level, and 1 to w; where all within `width` radians is occluded nothing
-/// is read.
-#[inline(always)]
-fn add_unoccluded<S: Simd, O: Occlusion>(
-    simd: S,
-    environment: &CubeLookup,
-    occlusion: &O,
-    direction: V3<S>,
-    (width, level): (F<S>, F<S>),
-    active: u32,
-    sums: &mut [Vec4; LANES],
-) {
-    if O::IS_UNOCCLUDED {
-        environment.fetch(
-            simd,
-            direction,
-            level,
-            active,
-            #[inline(always)]
-            |lane, radiance| sums[lane] += radiance,
-        );
-    } else {
-        let fractions = occlusion.sky_fraction(simd, direction, width, active);
-        add_weighted(simd, environment, direction, level, &fractions, active, sums);
-    }
-}
-
-/// Adds weighted radiance from a direction, and 1 to w.
+/// Adds weighted radiance from a direction, out of a level, and 1 to w; nothing is read where the weight is 0.
 #[inline(always)]
 fn add_weighted<S: Simd>(
     simd: S,
@@ -283,10 +302,16 @@ pub fn probe(
 }
 
 #[inline(always)]
-fn mean_of_group<S: Simd>(simd: S, lookup: (&CubeLookup, CpuFilter), group: &[Probe], max_taps: f32) -> [Vec4; LANES] {
+fn mean_of_group<S: Simd>(
+    simd: S,
+    (environment, filter): (&CubeLookup, CpuFilter),
+    group: &[Probe],
+    max_taps: f32,
+) -> [Vec4; LANES] {
     let probe = |lane: usize| &group[lane.min(group.len() - 1)];
     let values = |of: fn(&Probe) -> Vec3| [0, 1, 2].map(|axis| std::array::from_fn(|lane| of(probe(lane))[axis]));
     let [r, v1, v2] = [values(|p| p.direction), values(|p| p.sides[0]), values(|p| p.sides[1])];
     let sides = FootprintSides { r: V3::load(simd, &r), v1: V3::load(simd, &v1), v2: V3::load(simd, &v2) };
-    mean_over_footprint(simd, lookup, &sides, &Unoccluded, splat(simd, max_taps), ALL)
+    let kernel = Kernel::new(filter, splat(simd, max_taps));
+    mean_over_footprint(simd, (environment, kernel), &sides, &Unoccluded, ALL)
 }

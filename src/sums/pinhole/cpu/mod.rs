@@ -14,6 +14,7 @@ mod medium;
 mod near_light;
 mod pair;
 mod receiver;
+mod sky;
 mod sky_texels;
 mod surroundings;
 mod visibility;
@@ -30,13 +31,14 @@ use std::sync::Arc;
 
 use glam::{Vec3, Vec4};
 
-use self::filters::{CpuFilter, mean_over_footprint, mean_over_parts, through_lobe};
+use self::filters::{CpuFilter, Kernel, mean_over_footprint, mean_over_parts, through_lobe};
 use self::lamp::LampLight;
 use self::medium::pass_medium;
 use self::pair::ReceiverCellPair;
 use self::receiver::{NO_OBJECT, Receiver, ReceiverGroup, load_receivers};
+use self::sky::{OccludedSky, Occlusion, Unoccluded};
 use self::surroundings::SurroundingLight;
-use self::visibility::{Occlusion, Unoccluded, VisibilityMap};
+use self::visibility::VisibilityMap;
 use super::{
     BATCH_SIZE, CURVE_POINTS, GatherUniforms, Params, PinholeParts, PinholeSample, Pinholes, Receivers, Surroundings,
 };
@@ -294,7 +296,7 @@ impl Gather<'_> {
                     return;
                 }
                 let map = VisibilityMap::of_sky(maps, packed, pair.dn);
-                (weight * visible, lit, self.arriving(simd, arriving, &map, lit))
+                (weight * visible, lit, self.arriving(simd, arriving, &OccludedSky::from(&map), lit))
             }
         };
         self.add(sample, &pair, receiver, (weight, &radiance, lit), sum);
@@ -372,12 +374,12 @@ impl Gather<'_> {
     fn arriving<S: Simd, O: Occlusion>(
         &self,
         simd: S,
-        (environment, sample, pair): ((&CubeLookup, CpuFilter), &PinholeParts, &ReceiverCellPair<S>),
+        ((environment, filter), sample, pair): ((&CubeLookup, CpuFilter), &PinholeParts, &ReceiverCellPair<S>),
         occlusion: &O,
         lit: u32,
     ) -> [Vec4; LANES] {
-        let taps = F::splat(simd, self.uniforms.taps as f32);
-        let is_filtered = environment.1 != CpuFilter::None;
+        let is_filtered = filter != CpuFilter::None;
+        let environment = (environment, Kernel::new(filter, F::splat(simd, self.uniforms.taps as f32)));
         if !O::IS_UNOCCLUDED && is_filtered && sample.is_wide_lobe(self.map_texel_rad()) {
             return through_lobe(
                 simd,
@@ -385,28 +387,27 @@ impl Gather<'_> {
                 occlusion,
                 lit,
                 #[inline(always)]
-                |lit| mean_radiance(simd, environment, (sample, pair), &Unoccluded, taps, lit),
+                |lit| mean_radiance(simd, environment, (sample, pair), &Unoccluded, lit),
             );
         }
-        mean_radiance(simd, environment, (sample, pair), occlusion, taps, lit)
+        mean_radiance(simd, environment, (sample, pair), occlusion, lit)
     }
 }
 
-/// The environment's mean over a footprint from up to so many taps, or from so many in both parts of a lobe; w = fetches.
+/// The environment's mean over a footprint, or over both parts of a lobe; w = fetches.
 #[inline(never)]
 fn mean_radiance<S: Simd>(
     simd: S,
-    environment: (&CubeLookup, CpuFilter),
+    environment: (&CubeLookup, Kernel<S>),
     (sample, pair): (&PinholeParts, &ReceiverCellPair<S>),
     occlusion: &impl Occlusion,
-    taps: F<S>,
     lit: u32,
 ) -> [Vec4; LANES] {
     simd.vectorize(
         #[inline(always)]
         || {
             let (whole, halves);
-            let parts = if sample.is_mostly_lobe() && environment.1 != CpuFilter::None {
+            let parts = if sample.is_mostly_lobe() && !matches!(environment.1, Kernel::Nearest) {
                 halves = pair.lobe_parts(simd, sample);
                 &halves[..]
             } else {
@@ -416,41 +417,8 @@ fn mean_radiance<S: Simd>(
             mean_over_parts(
                 parts,
                 #[inline(always)]
-                |part| mean_over_footprint(simd, environment, part, occlusion, taps, lit),
+                |part| mean_over_footprint(simd, environment, part, occlusion, lit),
             )
         },
     )
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::pinhole::Filter;
-    use crate::scene::Sides;
-
-    #[test]
-    fn parameters_out_of_range_do_not_panic() {
-        let cube = CubeMap::from_radiance(16, None, |d| Vec3::new(1.0 + d.x, 1.0, 1.0 + d.z));
-        let sample = PinholeParts {
-            position: Vec3::Y,
-            normal: Vec3::NEG_Y,
-            area: 0.5,
-            sides: [Vec3::X, 0.1 * Vec3::Z],
-            changes: [Vec3::ZERO; 2],
-            reflectance: Vec3::ONE,
-            curve: None,
-            lobe: 0.0,
-            object: 1,
-            lights: Sides::Front,
-            interface: None,
-        };
-        let pinholes = Pinholes::from(vec![sample.into()]);
-        let receivers = Receivers::from_points(&[(Vec3::ZERO, Vec3::Y, 0)], 1);
-        let sums = |params: Params| gather(&receivers, &pinholes, &cube, &params, &pinspot_base::NoProgress);
-        assert_eq!(sums(Params { filter: Filter::Hardware, ..Params::default() }), Err(HardwareFilterError));
-        let one_tap = sums(Params { taps: 1, ..Params::default() }).unwrap();
-        assert!(one_tap[0][0] > 0.1, "{one_tap:?}");
-        assert_eq!(sums(Params { taps: 0, ..Params::default() }).unwrap(), one_tap);
-        assert!(probe(&cube, Filter::Hardware, 0, &[]).is_err());
-    }
 }

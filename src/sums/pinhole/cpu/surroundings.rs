@@ -3,15 +3,15 @@
 use glam::{Vec3, Vec4};
 
 use super::cube::CubeLookup;
-use super::filters::{CpuFilter, FootprintSides, mean_over_footprint, mean_over_parts};
+use super::filters::{FootprintSides, Kernel, mean_over_footprint, mean_over_parts};
 use super::pair::ReceiverCellPair;
-use super::visibility::Unoccluded;
+use super::sky::Unoccluded;
 use crate::lanes::{F, LANES, Simd, SimdBase, SimdFloat, V3, splat, splat3};
 use crate::pinhole::PinholeParts;
 use crate::pinhole::surroundings::{SurroundingView, Surroundings};
 
-/// Steps towards the surface that a cell sees in a direction.
-const STEPS: usize = 2;
+/// Look-ups of the surface that a cell sees in a direction, each where the one before met it.
+const LOOKUPS: usize = 3;
 /// What is farther than this many metres is taken to be that far away.
 const FARTHEST: f32 = 1e4;
 /// And what is nearer than this, that near.
@@ -50,7 +50,7 @@ impl<'a> SurroundingLight<'a> {
                 let sharp = pair.sharp_footprint(simd, cell);
                 let third = pair.turn_along_segment(simd);
                 let seen = self.seen(simd, cell, &sharp, third, lit);
-                let lookup = CubeLookup::new(&seen.view.radiance);
+                let light = (&CubeLookup::new(&seen.view.radiance), Kernel::Anisotropic(taps));
                 let (whole, halves);
                 let parts = if cell.is_mostly_lobe() {
                     halves = pair.parts_of(simd, cell, &seen.sides, seen.third);
@@ -62,7 +62,7 @@ impl<'a> SurroundingLight<'a> {
                 let mean = mean_over_parts(
                     parts,
                     #[inline(always)]
-                    |part| mean_over_footprint(simd, (&lookup, CpuFilter::Anisotropic), part, &Unoccluded, taps, lit),
+                    |part| mean_over_footprint(simd, light, part, &Unoccluded, lit),
                 );
                 (mean, seen.towards)
             },
@@ -89,11 +89,11 @@ impl<'a> SurroundingLight<'a> {
                     r: footprint.r,
                     active,
                 };
-                let mut distance = planes.distance(simd, footprint.r);
-                for _ in 0..STEPS {
-                    distance = planes.distance(simd, planes.place(distance));
+                let (mut place, mut distance) = (footprint.r, splat(simd, 0.0));
+                for _ in 0..LOOKUPS {
+                    distance = planes.distance(simd, place);
+                    place = planes.place(distance);
                 }
-                let place = planes.place(distance);
                 let inverse = 1.0 / place.dot(place).sqrt().max(f32::MIN_POSITIVE);
                 let direction = place * inverse;
                 let seen_side = SeenSide { direction, distance, inverse };

@@ -1,4 +1,4 @@
-//! Look-ups in visibility maps; twin of `shaders/shared/visibility.wgsl`. [`Unoccluded`] stands in where there are none.
+//! Look-ups in visibility maps; twin of `shaders/shared/visibility.wgsl`.
 
 use glam::{Vec2, Vec3};
 
@@ -11,35 +11,6 @@ use crate::pinhole::constants::{LOBE_CORE, LOBE_SHIFT, LOBE_TAIL, LOBE_TAIL_SHAR
 use crate::pinhole::visibility::{Doubt, VisibilityMaps, frame};
 use crate::pinhole::{Interface, PinholeSample};
 use crate::scene::Sides;
-
-/// What a sample sees of the environment.
-pub(super) trait Occlusion {
-    /// Whether nothing is ever occluded, so that look-ups can be skipped.
-    const IS_UNOCCLUDED: bool;
-
-    /// Fraction of the environment within `width` radians around each direction that is not occluded; valid in `active` lanes only.
-    fn sky_fraction<S: Simd>(&self, simd: S, direction: V3<S>, width: F<S>, active: u32) -> [f32; LANES];
-
-    /// Fraction of a lobe, `width` radians wide, that is not occluded.
-    fn lobe_fraction<S: Simd>(&self, simd: S, direction: V3<S>, width: f32, active: u32) -> F<S>;
-}
-
-/// Nothing is occluded.
-pub(super) struct Unoccluded;
-
-impl Occlusion for Unoccluded {
-    const IS_UNOCCLUDED: bool = true;
-
-    #[inline(always)]
-    fn sky_fraction<S: Simd>(&self, _: S, _: V3<S>, _: F<S>, _: u32) -> [f32; LANES] {
-        [1.0; LANES]
-    }
-
-    #[inline(always)]
-    fn lobe_fraction<S: Simd>(&self, simd: S, _: V3<S>, _: f32, _: u32) -> F<S> {
-        splat(simd, 1.0)
-    }
-}
 
 /// A sample's map and frame, and the lanes that concern its other side.
 pub(super) struct VisibilityMap<'a> {
@@ -255,7 +226,7 @@ impl<'a> VisibilityMap<'a> {
 
     /// Visible fraction of receivers at `l`, metres from the sample, and the lanes that are in doubt, where the texels around them
     /// differ or their planes say too little. `objects` as above.
-    #[inline(always)]
+    #[inline(never)]
     pub fn visible_fraction<S: Simd>(
         &self,
         simd: S,
@@ -263,40 +234,45 @@ impl<'a> VisibilityMap<'a> {
         objects: Option<&[u32; LANES]>,
         active: u32,
     ) -> ([f32; LANES], u32) {
-        let mut doubtful = 0;
-        let local = self.local(simd, l);
-        let place = self.place(local);
-        let ([x, y, z], l2) = (local.to_arrays(), local.dot(local).to_array());
-        let n = self.maps.resolution as usize;
-        let (mut seen, mut corners, mut differing) = ([0.0; LANES], [0; LANES], 0);
-        for lane in set_bits(active) {
-            let first = self.first_texel(lane, &place);
-            let planes = &self.maps.planes[first..first + n + 2];
-            let mut is_doubtful = false;
-            // A loop: closures with several calls are compiled without vector instructions (see `lanes`).
-            for (corner, texel) in [0, 1, n, n + 1].into_iter().enumerate() {
-                let [a, b, c, behind] = planes[texel];
-                let depth = a * x[lane] + b * y[lane] + c * z[lane];
-                let is_seen = depth <= 1.0 + behind;
-                corners[lane] |= u32::from(is_seen) << corner;
-                if objects.is_some() && is_seen {
-                    let doubt = self.maps.doubts[first + texel];
-                    let is_in_doubt = depth > doubt.from || l2[lane] > doubt.from_distance_2;
-                    is_doubtful |= is_in_doubt && doubt.concerns(objects, 1 << lane);
+        simd.vectorize(
+            #[inline(always)]
+            || {
+                let mut doubtful = 0;
+                let local = self.local(simd, l);
+                let place = self.place(local);
+                let ([x, y, z], l2) = (local.to_arrays(), local.dot(local).to_array());
+                let n = self.maps.resolution as usize;
+                let (mut seen, mut corners, mut differing) = ([0.0; LANES], [0; LANES], 0);
+                for lane in set_bits(active) {
+                    let first = self.first_texel(lane, &place);
+                    let planes = &self.maps.planes[first..first + n + 2];
+                    let mut is_doubtful = false;
+                    // A loop: closures with several calls are compiled without vector instructions (see `lanes`).
+                    for (corner, texel) in [0, 1, n, n + 1].into_iter().enumerate() {
+                        let [a, b, c, behind] = planes[texel];
+                        let depth = a * x[lane] + b * y[lane] + c * z[lane];
+                        let is_seen = depth <= 1.0 + behind;
+                        corners[lane] |= u32::from(is_seen) << corner;
+                        if objects.is_some() && is_seen {
+                            let doubt = self.maps.doubts[first + texel];
+                            let is_in_doubt = depth > doubt.from || l2[lane] > doubt.from_distance_2;
+                            is_doubtful |= is_in_doubt && doubt.concerns(objects, 1 << lane);
+                        }
+                    }
+                    seen[lane] = (corners[lane] & 1) as f32;
+                    if is_doubtful || !matches!(corners[lane], 0 | ALL_CORNERS) {
+                        doubtful |= u32::from(objects.is_some()) << lane;
+                        differing |= 1 << lane;
+                    }
                 }
-            }
-            seen[lane] = (corners[lane] & 1) as f32;
-            if is_doubtful || !matches!(corners[lane], 0 | ALL_CORNERS) {
-                doubtful |= u32::from(objects.is_some()) << lane;
-                differing |= 1 << lane;
-            }
-        }
-        if differing != 0 {
-            let interpolated = self.interpolated(simd, &place, U::load_array(simd, corners), differing);
-            let differing = Mask::from_bitmask(simd, u64::from(differing));
-            seen = differing.select(interpolated, lanes(simd, seen)).to_array();
-        }
-        (seen, doubtful)
+                if differing != 0 {
+                    let interpolated = self.interpolated(simd, &place, U::load_array(simd, corners), differing);
+                    let differing = Mask::from_bitmask(simd, u64::from(differing));
+                    seen = differing.select(interpolated, lanes(simd, seen)).to_array();
+                }
+                (seen, doubtful)
+            },
+        )
     }
 
     /// The first of the four texels around a place.
@@ -336,42 +312,32 @@ impl Doubt {
     }
 }
 
-impl Occlusion for VisibilityMap<'_> {
-    const IS_UNOCCLUDED: bool = false;
-
-    #[inline(always)]
-    fn sky_fraction<S: Simd>(&self, simd: S, direction: V3<S>, width: F<S>, active: u32) -> [f32; LANES] {
-        self.sky_fraction_or(
-            simd,
-            direction,
-            width,
-            active,
+impl VisibilityMap<'_> {
+    /// Fraction of a lobe, `width` radians wide, that is not occluded.
+    #[inline(never)]
+    pub fn lobe_fraction<S: Simd>(&self, simd: S, direction: V3<S>, width: f32, active: u32) -> F<S> {
+        simd.vectorize(
             #[inline(always)]
-            |_| None,
+            || {
+                let V3([x, y, z]) = self.local(simd, direction);
+                let local = V3([x, y, z + LOBE_SHIFT * width]);
+                let (place, density) = (self.place(local), map_density(local).to_array());
+                let n = self.maps.resolution as f32;
+                let mut fractions = [0.0; LANES];
+                for lane in set_bits(active) {
+                    // A loop, as in `visible_fraction`.
+                    let mut parts = [0.0; 2];
+                    for (part, scale) in parts.iter_mut().zip([LOBE_CORE, LOBE_TAIL]) {
+                        let texels = (scale * width * density[lane] * n).max(1.0);
+                        *part = self.sky_fraction_of_square(self.map(lane), place.centre(lane), texels);
+                    }
+                    fractions[lane] = mix(parts[0], parts[1], LOBE_TAIL_SHARE);
+                }
+                lanes(simd, fractions)
+            },
         )
     }
 
-    #[inline(always)]
-    fn lobe_fraction<S: Simd>(&self, simd: S, direction: V3<S>, width: f32, active: u32) -> F<S> {
-        let V3([x, y, z]) = self.local(simd, direction);
-        let local = V3([x, y, z + LOBE_SHIFT * width]);
-        let (place, density) = (self.place(local), map_density(local).to_array());
-        let n = self.maps.resolution as f32;
-        let mut fractions = [0.0; LANES];
-        for lane in set_bits(active) {
-            // A loop, as in `visible_fraction`.
-            let mut parts = [0.0; 2];
-            for (part, scale) in parts.iter_mut().zip([LOBE_CORE, LOBE_TAIL]) {
-                let texels = (scale * width * density[lane] * n).max(1.0);
-                *part = self.sky_fraction_of_square(self.map(lane), place.centre(lane), texels);
-            }
-            fractions[lane] = mix(parts[0], parts[1], LOBE_TAIL_SHARE);
-        }
-        lanes(simd, fractions)
-    }
-}
-
-impl VisibilityMap<'_> {
     /// Fraction of the environment within `width` radians around each direction that is not occluded. Where the four texels around a
     /// direction differ, `exact` may return the lanes that see the environment; if it returns `None`, the texels are interpolated.
     #[inline(always)]

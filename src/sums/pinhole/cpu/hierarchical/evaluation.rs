@@ -2,14 +2,11 @@
 
 use glam::Vec4;
 
-use super::super::filters::{
-    CpuFilter, FootprintSides, mean_over_footprint, mean_over_parts, smooth_light, through_lobe,
-};
+use super::super::filters::{FootprintSides, Kernel, mean_over_footprint, mean_over_parts, through_lobe};
 use super::super::pair::ReceiverCellPair;
 use super::super::receiver::Receiver;
-use super::super::visibility::{Occlusion, Unoccluded, VisibilityMap};
+use super::super::sky::{OccludedSky, Occlusion, Unoccluded};
 use super::super::{CubeLookup, Gather, Source};
-use super::occlusion::TracedSky;
 use crate::lanes::{F, LANES, Simd, SimdBase};
 use crate::pinhole::PinholeParts;
 use crate::pinhole::constants::{FOOTPRINT_RADIUS, LOBE_TAIL};
@@ -22,23 +19,6 @@ pub struct CellAtReceivers<'a, S: Simd> {
     pub footprint: &'a FootprintSides<S>,
     /// Without reflectance.
     pub weight: F<S>,
-}
-
-/// What a cell sees of the environment.
-#[derive(Clone, Copy)]
-pub enum Sky<'a> {
-    /// All of it.
-    Open,
-    /// What the map of its sample says.
-    Mapped(&'a VisibilityMap<'a>),
-    /// The same, and rays where that map is in doubt.
-    Traced(&'a TracedSky<'a>),
-}
-
-impl<'a> From<Option<&'a VisibilityMap<'a>>> for Sky<'a> {
-    fn from(map: Option<&'a VisibilityMap<'a>>) -> Self {
-        map.map_or(Self::Open, Self::Mapped)
-    }
 }
 
 impl<S: Simd> FootprintSides<S> {
@@ -57,13 +37,13 @@ impl<S: Simd> FootprintSides<S> {
 
 impl Gather<'_> {
     /// Adds what a cell contributes of the environment in lit lanes: from up to so many taps, or from a single look-up where the light is
-    /// even. Light that is nearer is for [`TileGather::add_near_light`](super::tile::TileGather).
+    /// even. Where there is no `sky`, nothing is occluded. Light that is nearer is for [`TileGather::add_near_light`](super::tile::TileGather).
     #[inline(never)]
     pub fn add_cell<S: Simd>(
         &self,
         simd: S,
         cell: &CellAtReceivers<S>,
-        sky: Sky,
+        sky: Option<&OccludedSky>,
         taps: Option<F<S>>,
         lit: u32,
         sum: &mut [Vec4; LANES],
@@ -72,9 +52,8 @@ impl Gather<'_> {
             #[inline(always)]
             || {
                 let radiance = match sky {
-                    Sky::Open => self.radiance_under(simd, cell, &Unoccluded, taps, lit),
-                    Sky::Mapped(map) => self.radiance_under(simd, cell, map, taps, lit),
-                    Sky::Traced(sky) => self.radiance_under(simd, cell, sky, taps, lit),
+                    None => self.radiance_under(simd, cell, &Unoccluded, taps, lit),
+                    Some(sky) => self.radiance_under(simd, cell, sky, taps, lit),
                 };
                 self.add(cell.sample, cell.pair, cell.receiver, (cell.weight, &radiance, lit), sum);
             },
@@ -92,8 +71,10 @@ impl Gather<'_> {
         lit: u32,
     ) -> [Vec4; LANES] {
         let Source::Environment(environment) = &self.source else { return [Vec4::ZERO; LANES] };
+        let kernel = taps.map_or(Kernel::Even { is_blurred: cell.sample.lobe > 0.0 }, Kernel::Anisotropic);
+        let environment = (environment, kernel);
         if O::IS_UNOCCLUDED || !cell.sample.is_wide_lobe(self.map_texel_rad()) {
-            return cell_radiance(simd, environment, cell, sky, taps, lit);
+            return cell_radiance(simd, environment, cell, sky, lit);
         }
         through_lobe(
             simd,
@@ -101,7 +82,7 @@ impl Gather<'_> {
             sky,
             lit,
             #[inline(always)]
-            |lit| cell_radiance(simd, environment, cell, &Unoccluded, taps, lit),
+            |lit| cell_radiance(simd, environment, cell, &Unoccluded, lit),
         )
     }
 
@@ -125,10 +106,9 @@ impl Gather<'_> {
 #[inline(never)]
 fn cell_radiance<S: Simd>(
     simd: S,
-    environment: &CubeLookup,
+    environment: (&CubeLookup, Kernel<S>),
     cell: &CellAtReceivers<S>,
     occlusion: &impl Occlusion,
-    taps: Option<F<S>>,
     lit: u32,
 ) -> [Vec4; LANES] {
     simd.vectorize(
@@ -144,24 +124,8 @@ fn cell_radiance<S: Simd>(
             mean_over_parts(
                 parts,
                 #[inline(always)]
-                |part| footprint_radiance(simd, environment, (cell, part), occlusion, taps, lit),
+                |part| mean_over_footprint(simd, environment, part, occlusion, lit),
             )
         },
     )
-}
-
-/// Mean radiance over a footprint of a cell, or over a part of its lobe; w = fetches.
-#[inline(always)]
-fn footprint_radiance<S: Simd>(
-    simd: S,
-    environment: &CubeLookup,
-    (cell, footprint): (&CellAtReceivers<S>, &FootprintSides<S>),
-    occlusion: &impl Occlusion,
-    taps: Option<F<S>>,
-    lit: u32,
-) -> [Vec4; LANES] {
-    let Some(taps) = taps else {
-        return smooth_light(simd, environment, footprint, cell.sample.lobe > 0.0, occlusion, lit);
-    };
-    mean_over_footprint(simd, (environment, CpuFilter::Anisotropic), footprint, occlusion, taps, lit)
 }

@@ -23,7 +23,6 @@ pub use cached::{CachedGather, CachedSums};
 pub use inspection::{TakenCell, cells_taken};
 
 use glam::Vec4;
-use rayon::prelude::*;
 
 use self::blocks::{ReceiverTile, Weights};
 use self::criterion::SourceBounds;
@@ -176,7 +175,7 @@ impl<'a> TraversalContext<'a> {
             irradiances.fold([0.0, 0.0], |[sum, squares], e| [sum + e.element_sum(), squares + e.length_squared()])
         };
         let add = |a: [f64; 2], b: [f64; 2]| [a[0] + b[0], a[1] + b[1]];
-        let [sum, squares] = groups.par_iter().map(moments).reduce(|| [0.0; 2], add);
+        let [sum, squares] = parallel::map(&groups, &moments).into_iter().fold([0.0; 2], add);
         let count = 3.0 * count.max(1) as f64;
         let rms = (squares / count).sqrt();
         // Positive even in the dark, as tolerances are relative to it.

@@ -4,10 +4,11 @@ use glam::{Vec3, Vec4};
 
 use super::super::pair::ReceiverCellPair;
 use super::super::receiver::{NO_OBJECT, Receiver};
-use super::super::visibility::{Coverage, Occlusion, VisibilityMap, sky_behind};
+use super::super::sky::{OccludedSky, SkyRays, directions_and_lengths};
+use super::super::visibility::{Coverage, VisibilityMap, sky_behind};
 use super::evaluation::CellAtReceivers;
 use super::tile::{TileGather, map_towards};
-use crate::lanes::{ALL, F, LANES, Simd, SimdBase, SimdFloat, V3, bits, lanes, set_bits, splat, splat3};
+use crate::lanes::{ALL, F, LANES, Simd, SimdBase, V3, bits, lanes, set_bits, splat, splat3};
 use crate::pinhole::constants::{MIN_TRACED_SHARE, MIN_TRACED_SKY_SHARE};
 use crate::pinhole::tree::Occluders;
 use crate::pinhole::{PinholeParts, PinholeSample, VisibilityMaps};
@@ -81,47 +82,6 @@ impl<S: Simd> VisibleReceivers<S> {
         let mut fraction = self.fraction.to_array();
         set_bits(hidden | seen).for_each(|lane| fraction[lane] = (seen >> lane & 1) as f32);
         self.fraction = lanes(simd, fraction);
-    }
-}
-
-/// Unit vectors and their lengths.
-#[inline(always)]
-fn directions_and_lengths<S: Simd>(simd: S, l: V3<S>) -> ([Vec3; LANES], [f32; LANES]) {
-    let length = l.dot(l).sqrt();
-    let [x, y, z] = (l * (splat(simd, 1.0) / length)).to_arrays();
-    (std::array::from_fn(|lane| Vec3::new(x[lane], y[lane], z[lane])), length.to_array())
-}
-
-/// What a cell sees of the environment: by its sample's map and, where that is in doubt, by rays.
-pub struct TracedSky<'a> {
-    map: &'a VisibilityMap<'a>,
-    occluders: &'a Occluders,
-    cell: &'a PinholeParts,
-    /// The lanes whose light comes from behind the cell.
-    behind: u32,
-}
-
-impl Occlusion for TracedSky<'_> {
-    const IS_UNOCCLUDED: bool = false;
-
-    #[inline(always)]
-    fn sky_fraction<S: Simd>(&self, simd: S, direction: V3<S>, width: F<S>, active: u32) -> [f32; LANES] {
-        self.map.sky_fraction_or(
-            simd,
-            direction,
-            width,
-            active,
-            #[inline(always)]
-            |lanes| {
-                let rays = (&directions_and_lengths(simd, direction).0, &[f32::INFINITY; LANES]);
-                Some(self.occluders.unoccluded_lanes(self.cell, self.behind, rays, lanes))
-            },
-        )
-    }
-
-    #[inline(always)]
-    fn lobe_fraction<S: Simd>(&self, simd: S, direction: V3<S>, width: f32, active: u32) -> F<S> {
-        self.map.lobe_fraction(simd, direction, width, active)
     }
 }
 
@@ -217,7 +177,7 @@ impl TileGather<'_> {
         lanes(simd, fraction)
     }
 
-    /// What a cell sees of the environment, and the lanes in which to ask that instead of the map: where the footprint is as narrow as
+    /// What a cell sees of the environment by its map and rays, and the lanes in which to ask that instead of the map alone: where the footprint is as narrow as
     /// a texel of the map and contributes enough.
     #[inline(always)]
     pub fn traced_sky<'s, S: Simd>(
@@ -226,14 +186,14 @@ impl TileGather<'_> {
         cell: &CellAtReceivers<'s, S>,
         map: &'s VisibilityMap<'s>,
         max_contribution: F<S>,
-    ) -> Option<(TracedSky<'s>, u32)> {
+    ) -> Option<(OccludedSky<'s>, u32)> {
         let occluders = self.context.pinholes.occluders.as_ref().filter(|_| cell.receiver.length.is_none())?;
         let texel = self.criterion.map_texel_rad;
         let [v1, v2] = [cell.footprint.v1, cell.footprint.v2];
         let is_narrow = bits(v1.dot(v1).min(v2.dot(v2)).simd_lt(splat(simd, texel * texel)));
         let traced = is_narrow & self.worth_tracing(simd, max_contribution, MIN_TRACED_SKY_SHARE);
         let behind = sky_behind(cell.sample.interface, cell.pair.dn);
-        let sky = || TracedSky { map, occluders, cell: cell.sample, behind };
-        (traced != 0).then(|| (sky(), traced))
+        let rays = SkyRays { occluders, cell: cell.sample, behind };
+        (traced != 0).then_some((OccludedSky { map, rays: Some(rays) }, traced))
     }
 }

@@ -10,9 +10,11 @@ use super::super::cube::{OnCube, on_cube};
 use super::super::filters::FootprintSides;
 use super::super::pair::{ReceiverCellPair, facing};
 use super::super::receiver::{Receiver, ReceiverGroup};
+use super::super::sky::OccludedSky;
 use super::super::visibility::{Coverage, VisibilityMap};
 use super::criterion::{SourceBounds, unevenness};
-use super::evaluation::{CellAtReceivers, Sky};
+use super::evaluation::CellAtReceivers;
+use super::inspection::TakenCell;
 use super::occlusion::VisibleReceivers;
 use super::tile::{FULLY_VISIBLE, TileGather};
 use crate::environment::LightBounds;
@@ -55,31 +57,40 @@ struct ContributionBounds<S: Simd> {
 
 impl TileGather<'_> {
     /// Adds what cells, and those below them, contribute to sixteen receivers.
-    #[inline(always)]
+    #[inline(never)]
     pub(super) fn packet<S: Simd>(&mut self, simd: S, points: &ReceiverGroup, cells: &[u32], sum: &mut [Vec4; LANES]) {
-        let receiver = points.in_lanes(simd);
-        let occupied = receiver.occupied();
-        let mut stack = std::mem::take(&mut self.packet_stack);
-        stack.extend(cells.iter().map(|&cell| (cell, occupied)));
-        let mut visible = VisibleReceivers::all(simd);
-        // They count as fetches.
-        let mut bound_lookups = splat(simd, 0.0);
-        while let Some((item, lanes)) = stack.pop() {
-            let cell = self.context.pinholes.cell(item);
-            let (facing, refined) = self.visit(simd, (item, &cell), lanes, &receiver, &mut visible, sum);
-            bound_lookups += Mask::from_bitmask(simd, u64::from(facing)).select(splat(simd, 1.0), splat(simd, 0.0));
-            if refined != 0 {
-                stack.extend(cell.children.map(|child| (child | item & !NODE_MASK, refined)));
-            }
-        }
-        self.packet_stack = stack;
-        sum.iter_mut().zip(bound_lookups.to_array()).for_each(|(sum, lookups)| sum.w += lookups);
+        simd.vectorize(
+            #[inline(always)]
+            || {
+                let receiver = points.in_lanes(simd);
+                let occupied = receiver.occupied();
+                let mut stack = std::mem::take(&mut self.packet_stack);
+                stack.extend(cells.iter().map(|&cell| (cell, occupied)));
+                let mut visible = VisibleReceivers::all(simd);
+                // They count as fetches.
+                let mut bound_lookups = splat(simd, 0.0);
+                while let Some((item, lanes)) = stack.pop() {
+                    let cell = self.context.pinholes.cell(item);
+                    let (facing, refined) = self.visit(simd, (item, &cell), lanes, &receiver, &mut visible, sum);
+                    if let Some(taken) = &mut self.taken_by_first {
+                        taken.extend(TakenCell::new(&cell.sample, std::mem::take(&mut sum[0]).truncate()));
+                    }
+                    bound_lookups +=
+                        Mask::from_bitmask(simd, u64::from(facing)).select(splat(simd, 1.0), splat(simd, 0.0));
+                    if refined != 0 {
+                        stack.extend(cell.children.map(|child| (child | item & !NODE_MASK, refined)));
+                    }
+                }
+                self.packet_stack = stack;
+                sum.iter_mut().zip(bound_lookups.to_array()).for_each(|(sum, lookups)| sum.w += lookups);
+            },
+        );
     }
 
     /// Adds what a cell contributes to the lanes for which it is small enough. Returns the lanes that it faces, for which bounds of its
     /// light are looked up, and those for which it is too large.
     #[inline(always)]
-    pub(super) fn visit<S: Simd>(
+    fn visit<S: Simd>(
         &self,
         simd: S,
         (item, cell): (u32, &Cell),
@@ -371,14 +382,15 @@ impl TileGather<'_> {
             // Along a part of a ray a sun is easily missed.
             (uneven, taps) = (lit, splat(simd, gather.uniforms.taps as f32));
         }
+        let by_map = map.as_ref().map(OccludedSky::from);
         let by_rays = map.as_ref().and_then(|map| self.traced_sky(simd, cell, map, bounds.max));
         for (lit, taps) in [(lit & !uneven, None), (uneven, Some(taps))] {
             let traced = by_rays.as_ref().map_or(0, |(_, traced)| lit & traced);
             if let Some((sky, _)) = by_rays.as_ref().filter(|_| traced != 0) {
-                gather.add_cell(simd, cell, Sky::Traced(sky), taps, traced, sum);
+                gather.add_cell(simd, cell, Some(sky), taps, traced, sum);
             }
             if lit & !traced != 0 {
-                gather.add_cell(simd, cell, map.as_ref().into(), taps, lit & !traced, sum);
+                gather.add_cell(simd, cell, by_map.as_ref(), taps, lit & !traced, sum);
             }
         }
     }

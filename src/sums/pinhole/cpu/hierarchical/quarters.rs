@@ -5,6 +5,7 @@ use glam::Vec4;
 use super::super::Source;
 use super::super::pair::ReceiverCellPair;
 use super::super::receiver::Receiver;
+use super::super::sky::OccludedSky;
 use super::evaluation::CellAtReceivers;
 use super::tile::TileGather;
 use crate::lanes::{F, LANES, Simd, SimdBase, bits, splat};
@@ -80,7 +81,10 @@ impl TileGather<'_> {
             let max = weight * max_light;
             let piece = CellAtReceivers { sample: &piece, receiver, pair: &pair, footprint, weight };
             match &gather.source {
-                Source::Environment(_) => gather.add_cell(simd, &piece, map.as_ref().into(), Some(taps), lit, sum),
+                Source::Environment(_) => {
+                    let sky = map.as_ref().map(OccludedSky::from);
+                    gather.add_cell(simd, &piece, sky.as_ref(), Some(taps), lit, sum);
+                }
                 _ => self.add_near_light(simd, &piece, map.as_ref(), (taps, max), lit, sum),
             }
         }

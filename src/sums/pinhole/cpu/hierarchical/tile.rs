@@ -4,11 +4,13 @@ use glam::Vec4;
 
 use super::super::pair::ReceiverCellPair;
 use super::super::receiver::{Receiver, ReceiverGroup, load_at};
-use super::super::visibility::{Coverage, Occlusion, VisibilityMap};
+use super::super::sky::OccludedSky;
+use super::super::visibility::{Coverage, VisibilityMap};
 use super::blocks::{Block, BlockPyramid, EDGES, FINEST, Kind, ReceiverTile, points_along};
 use super::coverage::CoverageCache;
 use super::criterion::{Accepted, Decision, RefinementCriterion};
 use super::evaluation::CellAtReceivers;
+use super::inspection::TakenCell;
 use super::{Accuracy, TraversalContext};
 use crate::lanes::{LANES, Simd, SimdBase, V3, bits, lanes, set_bits, splat, splat3};
 use crate::pinhole::cell::Cell;
@@ -37,6 +39,8 @@ pub struct TileGather<'a> {
     coverage: CoverageCache,
     /// Recycled stack of cells with their lanes.
     pub packet_stack: Vec<(u32, u32)>,
+    /// The cells that are taken for the first of sixteen receivers, if they are to be listed; then they are not added up.
+    pub taken_by_first: Option<Vec<TakenCell>>,
 }
 
 /// A block: level, row and column among the blocks of its level.
@@ -78,6 +82,7 @@ impl<'a> TileGather<'a> {
             has_visibility: context.gather.pinholes.visibility.is_some(),
             coverage: CoverageCache::new(context.gather.pinholes.samples.len()),
             packet_stack: Vec::new(),
+            taken_by_first: None,
         }
     }
 
@@ -288,7 +293,8 @@ impl<'a> TileGather<'a> {
         }
         let is_uneven = accepted.contribution_range >= error_budget;
         let taps = is_uneven.then(|| self.criterion.taps(splat(simd, accepted.contribution_range)));
-        gather.add_cell(simd, &cell, occlusion.as_ref().into(), taps, lit, sum);
+        let sky = occlusion.as_ref().map(OccludedSky::from);
+        gather.add_cell(simd, &cell, sky.as_ref(), taps, lit, sum);
         true
     }
 
