@@ -75,7 +75,7 @@ impl CellTree {
             subtrees.push(Subtree { nodes, start: (sample * below) as u32, sample: sample as u32, reach });
             rest = others;
         }
-        let build = |some: usize, subtrees: &mut [Subtree]| {
+        let build = |task: usize, subtrees: &mut [Subtree]| {
             let mut points = Vec::new();
             let mut build = |(sample, subtree): (&u32, &mut Subtree)| {
                 tiling.collect(*sample, &mut points);
@@ -83,7 +83,7 @@ impl CellTree {
                 let (node, moments) = subtree.cell(&mut points, mixed, leaves, 0, 0);
                 SampleCell { node, patch: points[0].patch, moments }
             };
-            samples[SUBTREES_PER_TASK * some..].iter().zip(subtrees).map(&mut build).collect::<Vec<_>>()
+            samples[SUBTREES_PER_TASK * task..].iter().zip(subtrees).map(&mut build).collect::<Vec<_>>()
         };
         let cells = parallel::map_chunks_mut(&mut subtrees, SUBTREES_PER_TASK, &build);
         let cells: Vec<SampleCell> = cells.into_iter().flatten().collect();

@@ -184,7 +184,7 @@ fn in_words(expected: &dyn Expected) -> String {
 #[derive(Clone, Copy)]
 struct Value<'a>(&'a Spanned<DeValue<'a>>);
 
-/// What a value is, read. What is generic in visitors is compiled for each type of a scene's tables, so that it does no more than to pass this on.
+/// A value that was read. Code that is generic in its visitor is compiled for each type of a table, so that it only passes these on.
 enum Content<'a> {
     String(&'a str),
     Boolean(bool),

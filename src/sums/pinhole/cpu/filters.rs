@@ -90,7 +90,7 @@ struct LookupsAlong<S: Simd> {
 }
 
 impl<S: Simd> LookupsAlong<S> {
-    /// None for the elliptical weighted average.
+    /// `None` for the elliptical weighted average.
     #[inline(always)]
     fn new(simd: S, environment: &CubeLookup, kernel: Kernel<S>, sides: &FootprintSides<S>) -> Option<Self> {
         let (zero, one) = (splat(simd, 0.0), splat(simd, 1.0));
