@@ -142,7 +142,14 @@ impl<'a> CubeLookup<'a> {
     ) {
         while let Some((directions, levels)) = next() {
             let direction = V3::load(simd, &directions);
-            self.fetch(simd, direction, lanes(simd, levels), ALL, |lane, radiance| sums[lane] += radiance);
+            self.fetch(
+                simd,
+                direction,
+                lanes(simd, levels),
+                ALL,
+                #[inline(always)]
+                |lane, radiance| sums[lane] += radiance,
+            );
         }
     }
 

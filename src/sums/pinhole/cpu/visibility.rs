@@ -226,7 +226,7 @@ impl<'a> VisibilityMap<'a> {
 
     /// Visible fraction of receivers at `l`, metres from the sample, and the lanes that are in doubt, where the texels around them
     /// differ or their planes say too little. `objects` as above.
-    #[inline(never)]
+    #[inline(always)]
     pub fn visible_fraction<S: Simd>(
         &self,
         simd: S,
@@ -234,45 +234,77 @@ impl<'a> VisibilityMap<'a> {
         objects: Option<&[u32; LANES]>,
         active: u32,
     ) -> ([f32; LANES], u32) {
+        match objects {
+            None => (self.fraction_without_doubt(simd, l, active), 0),
+            Some(objects) => self.fraction_and_doubt(simd, l, objects, active),
+        }
+    }
+
+    #[inline(never)]
+    fn fraction_without_doubt<S: Simd>(&self, simd: S, l: V3<S>, active: u32) -> [f32; LANES] {
         simd.vectorize(
             #[inline(always)]
-            || {
-                let mut doubtful = 0;
-                let local = self.local(simd, l);
-                let place = self.place(local);
-                let ([x, y, z], l2) = (local.to_arrays(), local.dot(local).to_array());
-                let n = self.maps.resolution as usize;
-                let (mut seen, mut corners, mut differing) = ([0.0; LANES], [0; LANES], 0);
-                for lane in set_bits(active) {
-                    let first = self.first_texel(lane, &place);
-                    let planes = &self.maps.planes[first..first + n + 2];
-                    let mut is_doubtful = false;
-                    // A loop: closures with several calls are compiled without vector instructions (see `lanes`).
-                    for (corner, texel) in [0, 1, n, n + 1].into_iter().enumerate() {
-                        let [a, b, c, behind] = planes[texel];
-                        let depth = a * x[lane] + b * y[lane] + c * z[lane];
-                        let is_seen = depth <= 1.0 + behind;
-                        corners[lane] |= u32::from(is_seen) << corner;
-                        if objects.is_some() && is_seen {
-                            let doubt = self.maps.doubts[first + texel];
-                            let is_in_doubt = depth > doubt.from || l2[lane] > doubt.from_distance_2;
-                            is_doubtful |= is_in_doubt && doubt.concerns(objects, 1 << lane);
-                        }
-                    }
-                    seen[lane] = (corners[lane] & 1) as f32;
-                    if is_doubtful || !matches!(corners[lane], 0 | ALL_CORNERS) {
-                        doubtful |= u32::from(objects.is_some()) << lane;
-                        differing |= 1 << lane;
-                    }
-                }
-                if differing != 0 {
-                    let interpolated = self.interpolated(simd, &place, U::load_array(simd, corners), differing);
-                    let differing = Mask::from_bitmask(simd, u64::from(differing));
-                    seen = differing.select(interpolated, lanes(simd, seen)).to_array();
-                }
-                (seen, doubtful)
-            },
+            || self.fraction_of(simd, l, None, active).0,
         )
+    }
+
+    #[inline(never)]
+    fn fraction_and_doubt<S: Simd>(
+        &self,
+        simd: S,
+        l: V3<S>,
+        objects: &[u32; LANES],
+        active: u32,
+    ) -> ([f32; LANES], u32) {
+        simd.vectorize(
+            #[inline(always)]
+            || self.fraction_of(simd, l, Some(objects), active),
+        )
+    }
+
+    /// See [`Self::visible_fraction`].
+    #[inline(always)]
+    fn fraction_of<S: Simd>(
+        &self,
+        simd: S,
+        l: V3<S>,
+        objects: Option<&[u32; LANES]>,
+        active: u32,
+    ) -> ([f32; LANES], u32) {
+        let mut doubtful = 0;
+        let local = self.local(simd, l);
+        let place = self.place(local);
+        let ([x, y, z], l2) = (local.to_arrays(), local.dot(local).to_array());
+        let n = self.maps.resolution as usize;
+        let (mut seen, mut corners, mut differing) = ([0.0; LANES], [0; LANES], 0);
+        for lane in set_bits(active) {
+            let first = self.first_texel(lane, &place);
+            let planes = &self.maps.planes[first..first + n + 2];
+            let mut is_doubtful = false;
+            // A loop: closures with several calls are compiled without vector instructions (see `lanes`).
+            for (corner, texel) in [0, 1, n, n + 1].into_iter().enumerate() {
+                let [a, b, c, behind] = planes[texel];
+                let depth = a * x[lane] + b * y[lane] + c * z[lane];
+                let is_seen = depth <= 1.0 + behind;
+                corners[lane] |= u32::from(is_seen) << corner;
+                if objects.is_some() && is_seen {
+                    let doubt = self.maps.doubts[first + texel];
+                    let is_in_doubt = depth > doubt.from || l2[lane] > doubt.from_distance_2;
+                    is_doubtful |= is_in_doubt && doubt.concerns(objects, 1 << lane);
+                }
+            }
+            seen[lane] = (corners[lane] & 1) as f32;
+            if is_doubtful || !matches!(corners[lane], 0 | ALL_CORNERS) {
+                doubtful |= u32::from(objects.is_some()) << lane;
+                differing |= 1 << lane;
+            }
+        }
+        if differing != 0 {
+            let interpolated = self.interpolated(simd, &place, U::load_array(simd, corners), differing);
+            let differing = Mask::from_bitmask(simd, u64::from(differing));
+            seen = differing.select(interpolated, lanes(simd, seen)).to_array();
+        }
+        (seen, doubtful)
     }
 
     /// The first of the four texels around a place.
