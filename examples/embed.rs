@@ -43,7 +43,7 @@ type Failure = Box<dyn std::error::Error>;
 
 fn main() -> Result<(), Failure> {
     let file = std::env::args().nth(1).unwrap_or("embed.png".into());
-    let frames = render_frames()?;
+    let frames = render_frames(FRAMES)?;
     // One below the other.
     let caustics = frames.iter().flat_map(|frame| &frame.caustic);
     let pixels = caustics.map(|c| display(Vec3::new(c[0], c[1], c[2]) * 0.25)).collect();
@@ -127,12 +127,12 @@ pub fn scene_at(frame: u32) -> Result<Scene, Failure> {
 }
 
 /// The host: every frame is one encoder and one submission.
-pub fn render_frames() -> Result<Vec<Output>, Failure> {
+pub fn render_frames(count: u32) -> Result<Vec<Output>, Failure> {
     let (device, queue) = pollster::block_on(open_device())?;
     let caustics = Caustics::new(&device, &queue, &scene_at(0)?)?;
     let gbuffer = GBuffer::new(&device);
     let mut outputs = Vec::new();
-    for number in 0..FRAMES {
+    for number in 0..count {
         let scene = scene_at(number)?;
         let cells = CellTreeBuffers::upload(&device, &cells_of(&scene)?)?;
         let mut encoder = device.create_command_encoder(&Default::default());

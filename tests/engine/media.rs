@@ -190,20 +190,34 @@ fn shadows_in_the_air_are_the_ground_truths() {
 
 /// After edits of the medium and of what hides its light, a picture is that of a new engine; without mirrors' light there is none.
 #[test]
+fn an_edit_of_a_medium_is_seen() {
+    assert_edits_are_seen(
+        [6, 4],
+        &[|scene| scene.medium.as_mut().unwrap().sigma_a *= 2.0, |scene| scene.medium = None],
+    );
+}
+
+#[test]
 #[ignore = "full: many pictures of a medium"]
 fn edits_of_a_medium_are_seen() {
+    assert_edits_are_seen(
+        [12, 9],
+        &[
+            |scene| scene.medium.as_mut().unwrap().g = -0.5,
+            |scene| scene.medium.as_mut().unwrap().sigma_a *= 2.0,
+            |scene| scene.objects[1].receiver.as_mut().unwrap().albedo *= 0.25,
+            |scene| scene.medium = None,
+        ],
+    );
+}
+
+/// The last edit takes the medium away.
+fn assert_edits_are_seen(size: [u32; 2], edits: &[fn(&mut Scene)]) {
     let (scene, options) = pinspot::load("underwater").unwrap();
-    let options = options.with_size([12, 9]).with_samples(60).with_medium_steps(4);
+    let options = options.with_size(size).with_samples(60).with_medium_steps(4);
     let render = |engine: &mut Engine| wait(None, engine.render(&NoProgress)).unwrap().layers.remove(0).1;
     let mut engine = Engine::new(scene, options.clone(), Backend::cpu());
     let mut before = render(&mut engine);
-    type Edit = fn(&mut Scene);
-    let edits: [Edit; 4] = [
-        |scene| scene.medium.as_mut().unwrap().g = -0.5,
-        |scene| scene.medium.as_mut().unwrap().sigma_a *= 2.0,
-        |scene| scene.objects[1].receiver.as_mut().unwrap().albedo *= 0.25,
-        |scene| scene.medium = None,
-    ];
     for edit in edits {
         edit(engine.scene_mut());
         let edited = render(&mut engine);

@@ -31,34 +31,47 @@ fn scene(folder: &Path) -> Scene {
 }
 
 #[test]
+fn shadowed_beams_are_those_of_the_cpu() {
+    assert_beams_are_those_of_the_cpu([20, 15], &[(EvaluationChoice::Flat, Visibility::Full, 1e-4)]);
+}
+
+#[test]
 #[ignore = "full: eight pictures, four of them on a software adapter"]
 fn beams_are_those_of_the_cpu() {
+    assert_beams_are_those_of_the_cpu(
+        [40, 30],
+        &[
+            (EvaluationChoice::Flat, Visibility::None, 1e-4),
+            (EvaluationChoice::Flat, Visibility::Full, 1e-4),
+            (EvaluationChoice::Hierarchical, Visibility::None, 1e-3),
+            (EvaluationChoice::Hierarchical, Visibility::Full, 5e-3),
+        ],
+    );
+}
+
+/// In pictures of this size, one for each way to evaluate and its greatest error.
+fn assert_beams_are_those_of_the_cpu(size: [u32; 2], ways: &[(EvaluationChoice, Visibility, f64)]) {
     let folder = tempfile::tempdir().unwrap();
     let scene = scene(folder.path());
     let by = |evaluation, visibility, choice| {
         let options = Options::default()
-            .with_size([40, 30])
+            .with_size(size)
             .with_samples(200)
             .with_evaluation(evaluation)
             .with_visibility(visibility)
             .with_aovs(vec![Aov::Caustic]);
         render(scene.clone(), options, &choice).unwrap().layers.remove(0).1
     };
-    let mut unoccluded = Vec3::ZERO;
-    for (evaluation, visibility, limit) in [
-        (EvaluationChoice::Flat, Visibility::None, 1e-4),
-        (EvaluationChoice::Flat, Visibility::Full, 1e-4),
-        (EvaluationChoice::Hierarchical, Visibility::None, 1e-3),
-        (EvaluationChoice::Hierarchical, Visibility::Full, 5e-3),
-    ] {
+    let [width, height] = size.map(|edge| edge as usize);
+    let unoccluded = by(EvaluationChoice::Flat, Visibility::None, BackendChoice::Cpu).mean();
+    for &(evaluation, visibility, limit) in ways {
         let [gpu, cpu] =
             [BackendChoice::Gpu(None), BackendChoice::Cpu].map(|choice| by(evaluation, visibility, choice));
         // Both lamps are seen.
-        let [left, right] = [0, 1].map(|half| (0..30).map(|y| cpu.pixels[y * 40 + 20 * half + 10].x).sum::<f32>());
+        let column = |x: usize| (0..height).map(|y| cpu.pixels[y * width + x].x).sum::<f32>();
+        let [left, right] = [column(width / 4), column(width * 3 / 4)];
         assert!(left > 0.0 && right > 0.0, "{left} {right}");
-        if visibility == Visibility::None {
-            unoccluded = cpu.mean();
-        } else {
+        if visibility == Visibility::Full {
             assert!(cpu.mean().x < 0.99 * unoccluded.x, "the small ball throws no shadow");
         }
         let error = rel_l2(&gpu, &cpu, None);
