@@ -41,8 +41,8 @@ pub fn map_chunks<I: Sync, T: Send>(items: &[I], size: usize, of: &(dyn Fn(&[I])
     collect(items.len().div_ceil(size), &|index| of(chunk(index)))
 }
 
-/// What becomes of each `size` items in a row, which may be changed, and their number among these chunks, in their order; the last ones may be
-/// fewer.
+/// What becomes of each `size` items in a row, in their order; the last ones may be fewer. `of` gets their number among these chunks, and may
+/// change them.
 pub fn map_chunks_mut<I: Send, T: Send>(
     items: &mut [I],
     size: usize,
@@ -83,6 +83,7 @@ fn chunks<T>(items: &mut [T], size: usize) -> Vec<Mutex<&mut [T]>> {
     items.chunks_mut(size).map(Mutex::new).collect()
 }
 
+/// A chunk, of which nothing is left for other threads.
 fn taken<'a, T>(chunk: &Mutex<&'a mut [T]>) -> &'a mut [T] {
     // Nothing else runs while it is locked, so that no panic can poison it.
     std::mem::take(&mut *chunk.lock().unwrap_or_else(PoisonError::into_inner))

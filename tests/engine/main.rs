@@ -1,4 +1,5 @@
-//! Tests of the whole engine: closed forms, the paper's worst case in numbers, GPU against CPU, shaders, determinism.
+//! Tests of the whole engine: closed forms, the paper's worst case in numbers, GPU against CPU, shaders, determinism,
+//! sums taken apart, sequences, comparisons that are made again.
 //!
 //! GPU tests need an adapter; a software one will do. They fail without one: `tests/run` installs it.
 

@@ -492,6 +492,7 @@ mod tests {
             ("pair = [1, 2]\nword = \"plane\"", 2, "word", "value plane: plain sized"),
             ("pair = [1, 2]\nword = { sized = { siz = 3 } }", 2, "word.sized", "key siz: name size"),
             ("pair = [1, 2]\nword = { plain = 1 }", 2, "word.plain", "takes no values"),
+            ("pair = [1, 2]\nword = \"sized\"", 2, "word", "is 'sized', which needs values: { sized = … }"),
             (
                 "pair = [1, 2]\n[[item]]\nname = \"a\"\nsize = true",
                 4,

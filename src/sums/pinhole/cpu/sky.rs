@@ -36,7 +36,7 @@ impl Occlusion for Unoccluded {
     }
 }
 
-/// What a map leaves of the environment and, where it is in doubt, rays.
+/// What a map shows of the environment and, where it is in doubt, rays.
 pub(super) struct OccludedSky<'a> {
     pub map: &'a VisibilityMap<'a>,
     /// Without them, texels are interpolated.

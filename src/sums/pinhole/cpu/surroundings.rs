@@ -10,7 +10,7 @@ use crate::lanes::{F, LANES, Simd, SimdBase, SimdFloat, V3, splat, splat3};
 use crate::pinhole::PinholeParts;
 use crate::pinhole::surroundings::{SurroundingView, Surroundings};
 
-/// Look-ups of the surface that a cell sees in a direction, each where the one before met it.
+/// Look-ups of the surface that a cell sees in a direction, each towards the place that the one before found.
 const LOOKUPS: usize = 3;
 /// What is farther than this many metres is taken to be that far away.
 const FARTHEST: f32 = 1e4;

@@ -177,8 +177,8 @@ impl TileGather<'_> {
         lanes(simd, fraction)
     }
 
-    /// What a cell sees of the environment by its map and rays, and the lanes in which to ask that instead of the map alone: where the footprint is as narrow as
-    /// a texel of the map and contributes enough.
+    /// What a cell sees of the environment by its map and rays, and the lanes in which to ask that instead of the map alone: where the
+    /// footprint is as narrow as a texel of the map and contributes enough.
     #[inline(always)]
     pub fn traced_sky<'s, S: Simd>(
         &'s self,
