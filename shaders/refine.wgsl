@@ -224,7 +224,7 @@ fn action_under_lamp(cell: Cell, map: VisibilityMap) -> u32 {
 // Turns ADD into what occlusion allows.
 fn action_with_occlusion(cell: Cell, block: Block, decision: Decision, is_seen: bool, is_cluster: bool) -> u32 {
     if is_cluster {
-        let needs_own_maps = decision.max_contribution >= CENTRAL_VISIBILITY_SHARE * error_budget_of(block);
+        let needs_own_maps = decision.max_contribution >= CENTRAL_VISIBILITY_SHARE * error_budget_of(block, cell);
         return select(SPLIT_BLOCK, SPLIT_CELL, needs_own_maps);
     }
     if !is_seen {
@@ -306,7 +306,7 @@ fn contribution(index: u32, contribution_range: f32, receiver: Receiver, block: 
             return vec4f(0.0);
         }
     } else {
-        radiance = cell_radiance(cell, pair, footprint_of(cell, pair), contribution_range, error_budget_of(block), map);
+        radiance = cell_radiance(cell, pair, footprint_of(cell, pair), contribution_range, error_budget_of(block, cell), map);
     }
     return vec4f(weight_of(cell, pair, receiver) * reflected_scale(cell, pair, receiver) * radiance.rgb, radiance.a);
 }
@@ -332,9 +332,9 @@ fn store_sums(at: BlockPlace, progress: Progress, own_sum: vec4f, lane: u32) {
     textureStore(interpolated_part, texel, vec4f(sum, select(-fetches, fetches, progress.added > 0u)));
 }
 
-// The error that a pair may add at the points of a block, W/m².
-fn error_budget_of(block: Block) -> f32 {
-    return PAIR_ERROR_SHARE * (tolerance.error + block.tolerated);
+// The error that a pair with a cell may add at the points of a block, W/m².
+fn error_budget_of(block: Block, cell: Cell) -> f32 {
+    return error_budget(tolerance.error + block.tolerated, cell.area);
 }
 
 // The criterion of refinement.
@@ -349,7 +349,12 @@ fn decide(block: Block, level: u32, cell: Cell) -> Decision {
     let block_size = block.radius / pair.l;
     let cell_size = cell.radius / pair.l + cell.normal_radius;
     let cone = light_cone(cell, pair, block_size, cell_size);
-    let light = light_within(cell, cone.direction, cone.radius);
+    var light: vec2f;
+    if cone.is_towards_lamp {
+        light = lamp_within_cone(cell, cone.direction, cone.radius, !is_part_of_ray(block.object));
+    } else {
+        light = light_within(cell, cone.direction, cone.radius);
+    }
     let max_weight = max_weight_of(cell, pair);
     let max_contribution = max_weight * light.x;
     let contribution_range = max_weight * light.y;
@@ -376,7 +381,7 @@ fn decide(block: Block, level: u32, cell: Cell) -> Decision {
         let turned_cell = turned_cell_of(cell, pair);
         cell_error = contribution_range * min(CONTRAST_ERROR_SCALE * turned_cell, 1.0) + max_contribution * cell_weight_error;
     }
-    if block_error + cell_error < error_budget_of(block) {
+    if block_error + cell_error < error_budget_of(block, cell) {
         return Decision(ADD, contribution_range, max_contribution, cone.direction, cone.radius);
     }
     // Next to total reflection both errors are unknown, and the larger of the two is refined.

@@ -215,14 +215,14 @@ fn visit_cell(
     if !(max_contribution > NEGLIGIBLE_SHARE * allowed_error(receiver) / tree.area * cell.area) {
         return Visit(looked_up, false);
     }
-    let error_budget = PAIR_ERROR_SHARE * allowed_error(receiver);
+    let budget = error_budget(allowed_error(receiver), cell.area);
     var is_one_sample = true;
     if !is_leaf(cell) {
         let error = bounds.range * min(bounds.turned * CONTRAST_ERROR_SCALE, 1.0) * bounds.left_along_part
             + max_contribution * (size * size * WEIGHT_ERROR_SCALE + bounds.receiver_error);
         // Where the pair straddles a horizon, the cell's centroid is not representative.
         is_one_sample =
-            select(error < error_budget && size < MAX_RELATIVE_SIZE, max_contribution < error_budget, weight.straddles_horizon);
+            select(error < budget && size < MAX_RELATIVE_SIZE, max_contribution < budget, weight.straddles_horizon);
         if is_part_of_ray(receiver.object) && !is_cluster(index, cell) {
             // Next to total reflection light turns without bound; samples are small enough there, too.
             let normals = select(cell.normal_radius, 0.0, is_interface(cell.flags));
@@ -230,7 +230,7 @@ fn visit_cell(
             let is_blurred = bounds.left_along_part < MAX_LEFT_ALONG_RAY && relative_size < MAX_RELATIVE_SIZE;
             is_one_sample = is_one_sample || is_blurred || relative_size + normals < MAX_TURN_ALONG_RAY;
         }
-        if is_occluded_cluster && !(is_one_sample && max_contribution < CENTRAL_VISIBILITY_SHARE * error_budget) {
+        if is_occluded_cluster && !(is_one_sample && max_contribution < CENTRAL_VISIBILITY_SHARE * budget) {
             return Visit(looked_up, true);
         }
     }
@@ -239,7 +239,7 @@ fn visit_cell(
         if !is_known {
             find_visible_fraction(cell.sample, receiver, traversal);
         }
-        let is_large = max_contribution >= error_budget;
+        let is_large = max_contribution >= budget;
         if !is_leaf(cell) && !is_occluded_cluster && is_large && (*traversal).is_doubtful && !(*traversal).is_probed {
             probe(cell.sample, receiver, traversal);
         }
@@ -250,7 +250,7 @@ fn visit_cell(
         let in_leaves = is_large && (*traversal).is_doubtful && !is_part_of_ray(receiver.object);
         is_one_sample = is_one_sample && (is_leaf(cell) || !in_leaves);
         seen = (*traversal).visible_fraction;
-        if is_one_sample && (*traversal).is_doubtful && max_contribution >= MIN_TRACED_SHARE * error_budget {
+        if is_one_sample && (*traversal).is_doubtful && max_contribution >= MIN_TRACED_SHARE * budget {
             let leaving = ray_origin_of(cell, receiver_side(cell.flags, pair.dn));
             seen = select(1.0, 0.0, is_occluded(leaving, -pair.d * pair.inverse_l, pair.l2 * pair.inverse_l));
         }
@@ -261,7 +261,7 @@ fn visit_cell(
     if seen == 0.0 {
         return Visit(looked_up, false);
     }
-    var quality = LookUpQuality(bounds.range, taps_for(bounds.range, error_budget), max_contribution, false);
+    var quality = LookUpQuality(bounds.range, taps_for(bounds.range, budget), max_contribution, false);
     if is_part_of_ray(receiver.object) {
         // Along a part of a ray a sun is easily missed.
         quality.range = UNBOUNDED;
@@ -269,10 +269,10 @@ fn visit_cell(
         let v1 = dot(sides.v1, sides.v1);
         let v2 = dot(sides.v2, sides.v2);
         let texel2 = 6.2831853 / f32(uniforms.map_resolution * uniforms.map_resolution);
-        let is_worth_rays = tree.traces_rays != 0u && max_contribution >= MIN_TRACED_SKY_SHARE * error_budget;
+        let is_worth_rays = tree.traces_rays != 0u && max_contribution >= MIN_TRACED_SKY_SHARE * budget;
         quality.is_traced = is_worth_rays && min(v1, v2) < texel2;
     }
-    if is_leaf(cell) && tree.split_near != 0u && is_uneven(max_contribution, size, error_budget) {
+    if is_leaf(cell) && tree.split_near != 0u && is_uneven(max_contribution, size, budget) {
         // The most that reaches the receiver per weight.
         let max_light = max_contribution / weight.value;
         return Visit(contribution_of_quarters(cell, receiver, seen, max_light, traversal) + looked_up, false);
@@ -319,7 +319,7 @@ fn contribution(
             return vec4f(0.0);
         }
     }
-    let radiance = cell_radiance(cell, pair, sides, quality.range, PAIR_ERROR_SHARE * allowed_error(receiver), map);
+    let radiance = cell_radiance(cell, pair, sides, quality.range, error_budget(allowed_error(receiver), cell.area), map);
     return vec4f(seen * factor_on_radiance(cell, pair, receiver) * radiance.rgb, radiance.a);
 }
 
@@ -336,7 +336,7 @@ fn near_contribution(
         let side = sky_side(cell.flags, pair.dn);
         let source = visibility_of_point(light.towards, map_of_sample(cell.sample, side), -1);
         var fraction = source.fraction;
-        let min_traced = MIN_TRACED_SHARE * PAIR_ERROR_SHARE * allowed_error(receiver);
+        let min_traced = MIN_TRACED_SHARE * error_budget(allowed_error(receiver), cell.area);
         if source.is_doubtful && quality.max_contribution >= min_traced {
             let l = length(light.towards);
             fraction = select(1.0, 0.0, is_occluded(ray_origin_of(cell, side), light.towards / l, l));
@@ -357,10 +357,10 @@ fn factor_on_radiance(cell: Cell, pair: Pair, receiver: Receiver) -> vec3f {
 }
 
 // Whether the weight of a cell of this relative size differs too much within it.
-fn is_uneven(max_contribution: f32, size: f32, error_budget: f32) -> bool {
+fn is_uneven(max_contribution: f32, size: f32, budget: f32) -> bool {
     // A lamp's light comes from anywhere on the cell, that of the environment from all of it.
     let of_size = select(size * size, size, LIGHT == LIGHT_LAMP);
-    return max_contribution * of_size * WEIGHT_ERROR_SCALE > error_budget;
+    return max_contribution * of_size * WEIGHT_ERROR_SCALE > budget;
 }
 
 // What a leaf contributes to a receiver so near to it that it is not one sample for it: its parallelogram is quartered until each
@@ -368,7 +368,7 @@ fn is_uneven(max_contribution: f32, size: f32, error_budget: f32) -> bool {
 fn contribution_of_quarters(
     leaf: Cell, receiver: Receiver, visible_fraction: f32, max_light: f32, traversal: ptr<function, Traversal>,
 ) -> vec4f {
-    let error_budget = PAIR_ERROR_SHARE * allowed_error(receiver);
+    let allowed = allowed_error(receiver);
     // Two bits a level say which quarter.
     var path = 0u;
     var depth = 1u;
@@ -379,7 +379,7 @@ fn contribution_of_quarters(
         let pair = pair_of(piece, receiver);
         let may_matter = LIGHT != LIGHT_LAMP || may_mirror_lamp(piece, pair);
         let max_contribution = max_light * weight_of(piece, pair, receiver);
-        if may_matter && has_to_be_quartered(piece, pair, depth, max_contribution, error_budget) {
+        if may_matter && has_to_be_quartered(piece, pair, depth, max_contribution, error_budget(allowed, piece.area)) {
             path <<= 2u;
             depth += 1u;
             continue;
@@ -398,11 +398,11 @@ fn contribution_of_quarters(
 }
 
 // Whether a piece of a leaf is too near to a receiver to be one sample, and not too small to matter.
-fn has_to_be_quartered(piece: Cell, pair: Pair, depth: u32, max_contribution: f32, error_budget: f32) -> bool {
+fn has_to_be_quartered(piece: Cell, pair: Pair, depth: u32, max_contribution: f32, budget: f32) -> bool {
     let extent = 0.5 * (length(piece.side_1) + length(piece.side_2));
     let size = size_for_light(pair.inverse_l * extent, piece, extent);
     let is_large = size > MAX_RELATIVE_SIZE
-        || (size > MAX_PIECE_SIZE && is_uneven(max_contribution, size, error_budget));
+        || (size > MAX_PIECE_SIZE && is_uneven(max_contribution, size, budget));
     let most = select(MAX_QUARTERINGS, MAX_LAMP_QUARTERINGS, LIGHT == LIGHT_LAMP);
     return depth < most && is_large && (filter_work < MAX_WORK_PER_LEAF || tile_pass.split_count < MANY_PASSES);
 }

@@ -2,6 +2,7 @@
 // CPU twin: `BlockPair` in src/sums/pinhole/cpu/hierarchical/criterion.rs.
 
 #import cell_tree
+#import near_light_cells
 #import tile_batch
 
 // A block and a cell.
@@ -70,6 +71,8 @@ struct Cone {
     radius: f32,
     // The squared minor axis of a footprint.
     minor2: f32,
+    // It holds directions relative to that of a lamp from the same point of the cell; else those from anywhere on it.
+    is_towards_lamp: bool,
 }
 
 fn light_cone(cell: Cell, pair: BlockPair, block_size: f32, cell_size: f32) -> Cone {
@@ -81,15 +84,22 @@ fn light_cone(cell: Cell, pair: BlockPair, block_size: f32, cell_size: f32) -> C
 
 fn reflected_cone(cell: Cell, pair: BlockPair, block_size: f32, cell_size: f32) -> Cone {
     let r = (pair.d - 2.0 * pair.dn * cell.normal) / pair.l;
-    let v1 = reflected_side(cell.side_1, cell.change_1, pair.d, cell.normal, pair.dn, 1.0 / pair.l, r);
-    let v2 = reflected_side(cell.side_2, cell.change_2, pair.d, cell.normal, pair.dn, 1.0 / pair.l, r);
+    var v1 = reflected_side(cell.side_1, cell.change_1, pair.d, cell.normal, pair.dn, 1.0 / pair.l, r);
+    var v2 = reflected_side(cell.side_2, cell.change_2, pair.d, cell.normal, pair.dn, 1.0 / pair.l, r);
+    let is_towards_lamp = LIGHT == LIGHT_LAMP && !cell.creased;
+    var size = cell_size;
+    if is_towards_lamp {
+        v1 += lamp_parallax(cell, r, cell.side_1);
+        v2 += lamp_parallax(cell, r, cell.side_2);
+        size += size_for_light(0.0, cell, cell.radius);
+    }
     let cone = footprint_cone(r, v1, v2, cell.lobe);
     let footprint = select(
-        cone.radius + FOOTPRINT_BEND * cell_size * (block_size + cell_size) + unevenness(cell),
+        cone.radius + FOOTPRINT_BEND * size * (block_size + size) + unevenness(cell),
         cell.radius / pair.l + 2.0 * cell.normal_radius,
         cell.creased,
     );
-    return Cone(r, block_size + footprint, cone.minor2);
+    return Cone(r, block_size + footprint, cone.minor2, is_towards_lamp);
 }
 
 fn refracted_cone(cell: Cell, pair: BlockPair, block_size: f32) -> Cone {
@@ -105,9 +115,9 @@ fn refracted_cone(cell: Cell, pair: BlockPair, block_size: f32) -> Cone {
     let curved = turned_block + cone.radius + FOOTPRINT_BEND * turned_cell * (turned_block + turned_cell)
         + 0.5 * pair.crossing.per_normal * unevenness(cell);
     if !cell.creased && !pair.crossing.is_unbounded && curved < most.radius {
-        return Cone(r, curved, cone.minor2);
+        return Cone(r, curved, cone.minor2, false);
     }
-    return Cone(most.axis, most.radius, cone.minor2);
+    return Cone(most.axis, most.radius, cone.minor2, false);
 }
 
 // How far the light's direction turns over a cell, or half as far as normals turn that of a mirror.
@@ -122,5 +132,5 @@ fn footprint_cone(direction: vec3f, v1: vec3f, v2: vec3f, lobe: f32) -> Cone {
     let g22 = dot(v2, v2) + lobe * lobe;
     let spread = sqrt((g11 - g22) * (g11 - g22) + 4.0 * g12 * g12);
     let minor2 = max(0.5 * (g11 + g22 - spread), (g11 + g22) * MIN_MINOR_SHARE);
-    return Cone(direction, FOOTPRINT_RADIUS * sqrt(g11 + g22), minor2);
+    return Cone(direction, FOOTPRINT_RADIUS * sqrt(g11 + g22), minor2, false);
 }

@@ -271,6 +271,13 @@ fn sharp_footprint_of(cell: Cell, pair: Pair) -> FootprintSides {
     return FootprintSides(v1, v2);
 }
 
+// The error that a pair may have with a cell of this area, W/m², where so much is allowed for a point: errors of a lamp's light have one
+// sign where many cells focus it.
+fn error_budget(allowed: f32, area: f32) -> f32 {
+    let most = PAIR_ERROR_SHARE * allowed;
+    return select(most, min(most, COHERENT_ERROR_SHARE * allowed / tree.area * area), LIGHT == LIGHT_LAMP);
+}
+
 // Taps for a pair whose contribution ranges over this much: the fewer, the coarser they are.
 fn taps_for(contribution_range: f32, error_budget: f32) -> f32 {
     return min(max(ceil(contribution_range * (TAPS_PER_ERROR_BUDGET / error_budget)), 1.0), f32(uniforms.taps));

@@ -33,7 +33,12 @@ fn contribution_bounds(
         size *= crossing.per_cosine;
     }
     size = size_for_light(size, cell, cell.radius);
-    var light = light_within(cell, cone.axis, cone.radius);
+    var light: vec2f;
+    if LIGHT == LIGHT_LAMP && !cell.creased && !is_interface(cell.flags) {
+        light = lamp_over_cell(cell, pair, turned);
+    } else {
+        light = light_within(cell, cone.axis, cone.radius);
+    }
     var left_along_part = 1.0;
     var at_receiver = vec2f(1.0, 0.0);
     if is_part_of_ray(receiver.object) {

@@ -5,8 +5,6 @@
 #import footprint
 #import gather_inputs
 
-// How much farther than a footprint its blur reaches.
-const BLURRED_REACH: f32 = 1.0 + LAMP_BLUR / FOOTPRINT_RADIUS;
 // Widths of a rough mirror's lobe within which lamps are seen in it.
 const TAIL_REACH: f32 = 0.75 * LOBE_TAIL_WIDTH;
 const HALF_PI: f32 = 1.57079633;
@@ -37,6 +35,24 @@ fn lamp_spread(point: vec3f, radius: f32) -> f32 {
     let sine = (radius + uniforms.lamp.radius) / nearest;
     // An arc is at most π/2 times its sine.
     return select(WHOLE_SPHERE_RAD, sine * HALF_PI, nearest > 0.0 && sine < 1.0);
+}
+
+// Bounds of what a cell within a radius sees of the lamp: its maximum and its contrast. Directions are within `spread` of one so far from
+// that of the lamp's centre, both from the same point of the cell. `may_be_even`: the lamp may fill them from all over the cell.
+fn lamp_bounds(seen: SeenLamp, radius: f32, apart: f32, spread: f32, may_be_even: bool) -> vec2f {
+    let bright = uniforms.lamp.max_radiance;
+    let nearest = seen.distance - radius;
+    if !(nearest > uniforms.lamp.radius) {
+        return vec2f(bright);
+    }
+    let largest = chord_of_sphere(uniforms.lamp.radius / nearest);
+    let least = chord_of_sphere(uniforms.lamp.radius / (seen.distance + radius));
+    if apart > spread + largest {
+        return vec2f(0.0);
+    }
+    // Beams differ by direction.
+    let is_even = may_be_even && uniforms.lamp.beam == BEAM_NONE && apart + spread < least;
+    return vec2f(bright, select(bright, 0.0, is_even));
 }
 
 // Whether a cone of directions from any point within a radius meets the lamp.
@@ -88,12 +104,8 @@ fn mean_of_lamp(
 fn lamp_over_footprint(
     place: vec3f, surface: FootprintSides, seen: SeenLamp, r: vec3f, footprint: FootprintSides, third: vec3f,
 ) -> vec3f {
-    // A wider disc of the same flux: cells are not exact parallelograms, and small lamps would show the gaps between them. Parts of rays
-    // lie end to end exactly, and blur nothing.
-    let own = seen.chord * seen.chord;
-    let squares = dot(footprint.v1, footprint.v1) + dot(footprint.v2, footprint.v2) - dot(third, third);
-    let wide = own + LAMP_BLUR * LAMP_BLUR * max(squares, 0.0);
-    let part = own / wide * filled_part(r, footprint, seen.towards, sqrt(wide));
+    // Cells are not exact parallelograms, and small lamps would show the gaps between them. Parts of rays lie end to end exactly.
+    let part = softly_filled_part(r, footprint, third, seen.towards, seen.chord);
     if !(part > 0.0) {
         return vec3f(0.0);
     }
@@ -122,14 +134,50 @@ fn lamp_radiance_at(point: vec3f) -> vec3f {
     return uniforms.lamp.radiance * beam_transmittance(uniforms.lamp, normalize(point - uniforms.lamp.position));
 }
 
-// The part of a footprint around a unit direction that a disc fills: from 0 to 1.
-fn filled_part(direction: vec3f, sides: FootprintSides, towards: vec3f, chord: f32) -> f32 {
+// The part of a footprint around a unit direction that a disc fills, from 0 to 1: blurred where the footprint is much larger than the disc,
+// but not along its side `exact`.
+fn softly_filled_part(direction: vec3f, sides: FootprintSides, exact: vec3f, towards: vec3f, chord: f32) -> f32 {
     let frame = tangent_frame(direction);
-    let stretch = sqrt(2.0 / max(1.0 + dot(direction, towards), 1e-6)) / chord;
+    let scale = max(chord, max(length(sides.v1), length(sides.v2)));
+    let a = vec2f(dot(sides.v1, frame.u), dot(sides.v1, frame.v)) / scale;
+    let b = vec2f(dot(sides.v2, frame.u), dot(sides.v2, frame.v)) / scale;
+    let e = vec2f(dot(exact, frame.u), dot(exact, frame.v)) / scale;
+    let stretch = sqrt(2.0 / max(1.0 + dot(direction, towards), 1e-6)) / scale;
     let disc = stretch * vec2f(dot(towards, frame.u), dot(towards, frame.v));
-    let a = vec2f(dot(sides.v1, frame.u), dot(sides.v1, frame.v)) / chord;
-    let b = vec2f(dot(sides.v2, frame.u), dot(sides.v2, frame.v)) / chord;
-    return part_in_unit_disc(disc, a, b);
+    let blurred = blurred_disc(chord / scale, a, b, e);
+    return blurred.radiance * part_in_unit_disc(to_unit(blurred, disc), to_unit(blurred, a), to_unit(blurred, b));
+}
+
+// An ellipse in place of a disc, which is the unit disc in coordinates of its own.
+struct BlurredDisc {
+    // Cholesky's factor of its moments.
+    l11: f32,
+    l21: f32,
+    l22: f32,
+    // Relative to the disc's.
+    radiance: f32,
+}
+
+fn blurred_disc(radius: f32, a: vec2f, b: vec2f, e: vec2f) -> BlurredDisc {
+    let g11 = BLUR_RADIUS * BLUR_RADIUS * (a.x * a.x + b.x * b.x - e.x * e.x);
+    let g12 = BLUR_RADIUS * BLUR_RADIUS * (a.x * a.y + b.x * b.y - e.x * e.y);
+    let g22 = BLUR_RADIUS * BLUR_RADIUS * (a.y * a.y + b.y * b.y - e.y * e.y);
+    // The square of the moments, and these as its root.
+    let own = radius * radius * radius * radius;
+    let m11 = own + g11 * g11 + g12 * g12;
+    let m12 = g12 * (g11 + g22);
+    let m22 = own + g12 * g12 + g22 * g22;
+    let of_blur = g11 * g22 - g12 * g12;
+    let determinant = sqrt(own * (m11 + m22 - own) + of_blur * of_blur);
+    let inverse_trace = 1.0 / sqrt(m11 + m22 + 2.0 * determinant);
+    let l11 = sqrt((m11 + determinant) * inverse_trace);
+    let area = max(sqrt(determinant), radius * radius);
+    return BlurredDisc(l11, m12 * inverse_trace / l11, area / l11, radius * radius / area);
+}
+
+fn to_unit(disc: BlurredDisc, v: vec2f) -> vec2f {
+    let x = v.x / disc.l11;
+    return vec2f(x, (v.y - disc.l21 * x) / disc.l22);
 }
 
 // The part of a parallelogram around the origin that a unit disc fills.

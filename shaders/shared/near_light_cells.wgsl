@@ -22,6 +22,33 @@ fn light_within(cell: Cell, direction: vec3f, radius: f32) -> vec2f {
     return bounds_within(direction, radius + view_spread(view, cell.centroid, cell.radius), cell.blur, 6 * i32(view));
 }
 
+// The same of a smooth cell of a mirror for one receiver, under a lamp; `turned` as in ContributionBounds.
+fn lamp_over_cell(cell: Cell, pair: Pair, turned: f32) -> vec2f {
+    let seen = lamp_seen_from(cell.centroid);
+    let sharp = footprint_towards_lamp(
+        seen, FootprintSides(cell.side_1, cell.side_2), pair.r, sharp_footprint_of(cell, pair),
+    );
+    let sides = widened_footprint_of(cell, pair, pair.r, sharp, pair.third);
+    let squares = dot(sides.v1, sides.v1) + dot(sides.v2, sides.v2);
+    let size = turned + cell.radius / seen.distance;
+    let spread = FOOTPRINT_RADIUS * sqrt(squares) + FOOTPRINT_BEND * size * size + unevenness(cell);
+    // Lobes have tails.
+    let may_be_even = cell.lobe == 0.0 && all(pair.third == vec3f(0.0));
+    return lamp_bounds(seen, cell.radius, distance(pair.r, seen.towards), BLURRED_REACH * spread, may_be_even);
+}
+
+// How the direction to the lamp turns along a side of a cell, for what is seen in a unit direction.
+fn lamp_parallax(cell: Cell, direction: vec3f, side: vec3f) -> vec3f {
+    return (side - dot(side, direction) * direction) / lamp_seen_from(cell.centroid).distance;
+}
+
+// Bounds of a lamp's light within a cone of directions relative to that of the lamp.
+fn lamp_within_cone(cell: Cell, direction: vec3f, radius: f32, may_be_even: bool) -> vec2f {
+    let seen = lamp_seen_from(cell.centroid);
+    let apart = distance(direction, seen.towards);
+    return lamp_bounds(seen, cell.radius, apart, BLURRED_REACH * radius, may_be_even && cell.lobe == 0.0);
+}
+
 // The relative size of a cell for receivers and, if that is larger, for a lamp.
 fn size_for_light(size: f32, cell: Cell, extent: f32) -> f32 {
     if LIGHT == LIGHT_LAMP {
@@ -50,7 +77,7 @@ fn max_along_part(cell: Cell, pair: Pair, turn: f32, maximum: f32) -> f32 {
     let surface = FootprintSides(cell.side_1, cell.side_2);
     let sharp = footprint_towards_lamp(seen, surface, pair.r, sharp_footprint_of(cell, pair));
     // The lamp's disc is blurred by the cell's own footprint.
-    let width = 2.0 * (LAMP_BLUR * sqrt(dot(sharp.v1, sharp.v1) + dot(sharp.v2, sharp.v2)) + seen.chord);
+    let width = 2.0 * (BLUR_RADIUS * sqrt(dot(sharp.v1, sharp.v1) + dot(sharp.v2, sharp.v2)) + seen.chord);
     return maximum * min(width / max(turn, 1.2e-38), 1.0);
 }
 

@@ -12,6 +12,18 @@ fn light_within(cell: Cell, direction: vec3f, radius: f32) -> vec2f {
     return bounds_within(direction, radius, cell.blur, 0);
 }
 
+fn lamp_over_cell(cell: Cell, pair: Pair, turned: f32) -> vec2f {
+    return vec2f(0.0);
+}
+
+fn lamp_parallax(cell: Cell, direction: vec3f, side: vec3f) -> vec3f {
+    return vec3f(0.0);
+}
+
+fn lamp_within_cone(cell: Cell, direction: vec3f, radius: f32, may_be_even: bool) -> vec2f {
+    return vec2f(0.0);
+}
+
 fn size_for_light(size: f32, cell: Cell, extent: f32) -> f32 {
     return size;
 }

@@ -12,6 +12,9 @@ pub const SMOOTH_NORMAL_TOLERANCE: f32 = 0.02;
 /// A pair's error may be this part of what is allowed for a point: errors of many pairs add up there, though not all with the
 /// same sign.
 pub const PAIR_ERROR_SHARE: f32 = 1.2;
+/// Errors of a lamp's light have one sign where many cells focus it on the same point: a pair's error is also at most so many times the part
+/// of what is allowed that its cell has of all area. With 100, a torch's beam has .999 of its light; with 30, 1.000; without, .60.
+pub const COHERENT_ERROR_SHARE: f32 = 30.0;
 /// All that is dropped at a point adds less than this part of the error that is allowed there.
 pub const NEGLIGIBLE_SHARE: f32 = 0.03;
 /// Pairs of a block and a cell that are nearer than this many times their sizes are refined.
@@ -52,9 +55,11 @@ pub const MAX_PIECE_SIZE: f32 = 0.3;
 pub const MAX_LEFT_ALONG_RAY: f32 = 0.3;
 /// Nor are samples over which directions and normals turn less than this, radians.
 pub const MAX_TURN_ALONG_RAY: f32 = 0.15;
-/// Lamps are seen blurred by this part of a footprint's size. Measured with a lamp of 1 cm in the ring at 64 leaves: .072 with 0, .066
-/// with .25, .081 with .35; and with a point in front of a flat mirror: .27, .056, .043.
-pub const LAMP_BLUR: f32 = 0.25;
+/// Lamps that are small beside a footprint are seen blurred, along each of its axes, over this part of its length. Measured with a lamp of
+/// 1 cm in the ring at 64 leaves: .072 with 0, .066 with .35, .081 with .5; and with a point in front of a flat mirror: .27, .056, .043.
+pub const BLUR_RADIUS: f32 = 0.353_553_4;
+/// How much farther than a footprint its blur reaches: it is a half as long from the middle.
+pub const BLURRED_REACH: f32 = 1.0 + BLUR_RADIUS / 0.5;
 /// Sample nodes that an irradiance estimate asks at most.
 pub const ESTIMATE_MAX_SAMPLE_NODES: u32 = 512;
 /// Receivers of an irradiance estimate.

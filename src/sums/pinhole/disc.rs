@@ -4,7 +4,7 @@ use std::f32::consts::PI;
 
 use glam::{Vec2, Vec3};
 
-use super::constants::{MIN_DISC_LENGTH, MIN_SLENDERNESS};
+use super::constants::{BLUR_RADIUS, MIN_DISC_LENGTH, MIN_SLENDERNESS};
 
 /// The part of a footprint around a unit direction that a disc fills: from 0 to 1. The disc lies in the unit direction `towards`, `chord` is
 /// twice the sine of half its angular radius, and `sides` are the footprint's full sides, perpendicular to its own direction, radians.
@@ -15,6 +15,56 @@ pub fn filled_part(direction: Vec3, sides: [Vec3; 2], towards: Vec3, chord: f32)
     let on_plane = |v: Vec3| Vec2::new(v.dot(e1), v.dot(e2)) / chord;
     let stretch = (2.0 / (1.0 + direction.dot(towards)).max(1e-6)).sqrt();
     part_in_unit_disc(stretch * on_plane(towards), sides.map(on_plane))
+}
+
+/// The same where the footprint is much larger than the disc: what a cell sees, whose edges are not those of the footprint. There the disc is
+/// blurred, with the flux that it has, along each axis of the footprint by [`LAMP_BLUR`] of its length. `exact` is a side of the footprint
+/// that is not to be blurred, or zero.
+pub fn softly_filled_part(direction: Vec3, sides: [Vec3; 2], exact: Vec3, towards: Vec3, chord: f32) -> f32 {
+    let (e1, e2) = direction.any_orthonormal_pair();
+    let on_plane = |v: Vec3| Vec2::new(v.dot(e1), v.dot(e2));
+    let scale = chord.max(sides[0].length()).max(sides[1].length());
+    let [a, b, exact] = [sides[0], sides[1], exact].map(|v| on_plane(v) / scale);
+    let stretch = (2.0 / (1.0 + direction.dot(towards)).max(1e-6)).sqrt();
+    let blurred = BlurredDisc::new(chord / scale, [a, b], exact);
+    let part =
+        part_in_unit_disc(blurred.to_unit(stretch / scale * on_plane(towards)), [a, b].map(|v| blurred.to_unit(v)));
+    blurred.radiance * part
+}
+
+/// An ellipse in place of a disc, which is the unit disc in coordinates of its own.
+struct BlurredDisc {
+    /// Cholesky's factor of its moments.
+    l11: f32,
+    l21: f32,
+    l22: f32,
+    /// Relative to the disc's.
+    radiance: f32,
+}
+
+impl BlurredDisc {
+    /// A disc, blurred by a footprint. The squares of its axes are √(r⁴ + b⁴), r being its radius and b the blur: a disc that is wide anyway
+    /// stays what it is.
+    fn new(radius: f32, [a, b]: [Vec2; 2], exact: Vec2) -> Self {
+        const SCALE: f32 = BLUR_RADIUS * BLUR_RADIUS;
+        let g11 = SCALE * (a.x * a.x + b.x * b.x - exact.x * exact.x);
+        let g12 = SCALE * (a.x * a.y + b.x * b.y - exact.x * exact.y);
+        let g22 = SCALE * (a.y * a.y + b.y * b.y - exact.y * exact.y);
+        // The square of the moments, and these as its root.
+        let own = radius.powi(4);
+        let (m11, m12, m22) = (own + g11 * g11 + g12 * g12, g12 * (g11 + g22), own + g12 * g12 + g22 * g22);
+        let of_blur = g11 * g22 - g12 * g12;
+        let determinant = (own * (m11 + m22 - own) + of_blur * of_blur).sqrt();
+        let inverse_trace = 1.0 / (m11 + m22 + 2.0 * determinant).sqrt();
+        let l11 = ((m11 + determinant) * inverse_trace).sqrt();
+        let area = determinant.sqrt().max(radius * radius);
+        Self { l11, l21: m12 * inverse_trace / l11, l22: area / l11, radiance: radius * radius / area }
+    }
+
+    fn to_unit(&self, v: Vec2) -> Vec2 {
+        let x = v.x / self.l11;
+        Vec2::new(x, (v.y - self.l21 * x) / self.l22)
+    }
 }
 
 /// The part of a parallelogram around the origin that a unit disc fills.

@@ -1,19 +1,19 @@
 //! What a lamp adds to a sum: the part of a cell's footprint that its disc fills, instead of a look-up in the environment.
 
-use std::f32::consts::{FRAC_PI_2, PI};
+use std::f32::consts::{FRAC_PI_2, PI, TAU};
 
 use glam::{Vec3, Vec4};
 
 use super::filters::FootprintSides;
 use super::pair::ReceiverCellPair;
-use crate::lanes::{F, LANES, Select, Simd, SimdBase, SimdFloat, V3, bits, set_bits, splat, splat3};
+use super::receiver::NO_OBJECT;
+use super::visibility::VisibilityMap;
+use crate::environment::Bound;
+use crate::lanes::{ALL, F, LANES, Select, Simd, SimdBase, SimdFloat, V3, bits, lanes, set_bits, splat, splat3};
 use crate::pinhole::PinholeParts;
-use crate::pinhole::constants::{FOOTPRINT_RADIUS, LAMP_BLUR, LOBE_TAIL_WIDTH};
-use crate::pinhole::disc::{chord_of_sphere, filled_part, solid_angle_of};
+use crate::pinhole::constants::{BLUR_RADIUS, BLURRED_REACH, FOOTPRINT_BEND, FOOTPRINT_RADIUS, LOBE_TAIL_WIDTH};
+use crate::pinhole::disc::{chord_of_sphere, softly_filled_part, solid_angle_of};
 use crate::scene::Lamp;
-
-/// How much farther than a footprint its blur reaches.
-pub(super) const BLURRED_REACH: f32 = 1.0 + LAMP_BLUR / FOOTPRINT_RADIUS;
 
 /// Widths of a rough mirror's lobe within which lamps are seen in it.
 const TAIL_REACH: f32 = 0.75 * LOBE_TAIL_WIDTH;
@@ -70,6 +70,11 @@ impl<'a> LampLight<'a> {
         extent / self.offset_from(cell.position).length().max(f32::MIN_POSITIVE)
     }
 
+    /// How the direction to the lamp turns along a side of a cell, for what is seen in a unit direction.
+    pub fn parallax(seen: &Seen, direction: Vec3, side: Vec3) -> Vec3 {
+        (side - side.dot(direction) * direction) / seen.distance
+    }
+
     /// The footprint of directions to points at the lamp's distance, without a lobe: what is reflected turns along a cell, and the lamp
     /// is seen from another place.
     #[inline(always)]
@@ -102,6 +107,25 @@ impl<'a> LampLight<'a> {
         pair.widened(simd, sharp, pair.turn_along_segment(simd), sample.lobe)
     }
 
+    /// Whether the map of what a place sees leaves in doubt that it sees the whole lamp, or nothing of it: by its centre and places at its edge.
+    pub fn is_partly_seen<S: Simd>(&self, simd: S, place: Vec3, map: &VisibilityMap) -> bool {
+        let to = self.offset_from(place);
+        let (u, v) = to.normalize_or_zero().any_orthonormal_pair();
+        let at = |lane: usize| match lane {
+            0 => to,
+            _ => {
+                let (sine, cosine) = (lane as f32 * (TAU / (LANES - 1) as f32)).sin_cos();
+                to + self.lamp.radius * (cosine * u + sine * v)
+            }
+        };
+        let places: [Vec3; LANES] = std::array::from_fn(at);
+        let component = |axis: usize| lanes(simd, places.map(|place| place[axis]));
+        let towards = V3([component(0), component(1), component(2)]);
+        let (fraction, doubtful) = map.visible_fraction(simd, towards, Some(&[NO_OBJECT; LANES]), ALL);
+        // Interpolation may round.
+        doubtful != 0 || fraction.iter().any(|part| (part - fraction[0]).abs() > 1e-4 || (1e-4..0.9999).contains(part))
+    }
+
     /// At most the part of a cell's footprint that the lamp fills.
     #[inline(always)]
     pub fn max_part<S: Simd>(&self, simd: S, sample: &PinholeParts, pair: &ReceiverCellPair<S>) -> F<S> {
@@ -124,8 +148,62 @@ impl<'a> LampLight<'a> {
         let seen = self.seen_from(sample.position);
         let sharp = Self::sharp_footprint(simd, sample, pair, &seen);
         // Its disc is blurred by the cell's own footprint.
-        let width = (sharp.squares().sqrt() * LAMP_BLUR + seen.chord) * 2.0;
+        let width = (sharp.squares().sqrt() * BLUR_RADIUS + seen.chord) * 2.0;
         (width / turn.max(f32::MIN_POSITIVE)).min(1.0)
+    }
+
+    /// The chords of the lamp from the nearest and the farthest point within a radius of a cell's middle; `None` where it may be as near as
+    /// its own radius.
+    fn chords(&self, seen: &Seen, radius: f32) -> Option<[f32; 2]> {
+        let chord = |distance: f32| chord_of_sphere(self.lamp.radius / distance);
+        (seen.distance - radius > self.lamp.radius)
+            .then(|| [chord(seen.distance - radius), chord(seen.distance + radius)])
+    }
+
+    /// Bounds of what cells of this radius see of the lamp within a radius of directions around one so far from that of its centre, radians,
+    /// both from the same point of the cell: its radiance, the same all over the cell if `may_be_even`, or nothing.
+    pub fn bound(
+        &self,
+        (cell, cell_radius): (&PinholeParts, f32),
+        (apart, radius): (f32, f32),
+        may_be_even: bool,
+    ) -> Bound {
+        let seen = self.seen_from(cell.position);
+        let Some([largest, least]) = self.chords(&seen, cell_radius) else {
+            return Bound { max: self.max_radiance, contrast: self.max_radiance };
+        };
+        if apart > radius + largest {
+            return Bound { max: 0.0, contrast: 0.0 };
+        }
+        let is_even = may_be_even && self.lamp.beam.is_none() && apart + radius < least;
+        Bound { max: self.max_radiance, contrast: if is_even { 0.0 } else { self.max_radiance } }
+    }
+
+    /// The same bounds of a smooth cell of a mirror for sixteen receivers: maximum and contrast. `turned` is how large the cell is for
+    /// them, with the spread of its normals; `uneven` how much farther than evenly these turn.
+    #[inline(always)]
+    pub fn bounds_over_cell<S: Simd>(
+        &self,
+        simd: S,
+        (sample, radius): (&PinholeParts, f32),
+        pair: &ReceiverCellPair<S>,
+        (turned, uneven): (F<S>, f32),
+    ) -> (F<S>, F<S>) {
+        let (max, none) = (splat(simd, self.max_radiance), splat(simd, 0.0));
+        let seen = self.seen_from(sample.position);
+        let Some([largest, least]) = self.chords(&seen, radius) else { return (max, max) };
+        let footprint = Self::footprint(simd, sample, pair, &seen);
+        let size = turned + radius / seen.distance;
+        let spread = footprint.squares().sqrt() * FOOTPRINT_RADIUS + (size * size * FOOTPRINT_BEND + uneven);
+        let spread = spread * BLURRED_REACH;
+        let off = pair.r - splat3(simd, seen.towards);
+        let apart = off.dot(off).sqrt();
+        let max = apart.simd_lt(spread + largest).select(max, none);
+        // Lobes have tails, and beams differ by direction.
+        if sample.lobe > 0.0 || self.lamp.beam.is_some() || pair.turn_along_segment(simd).is_some() {
+            return (max, max);
+        }
+        (max, (apart + spread).simd_lt(least).select(none, max))
     }
 
     /// The largest radiance within a radius around directions from any point of a cell: that of the lamp, or nothing.
@@ -190,10 +268,7 @@ impl<'a> LampLight<'a> {
                 let seen = self.seen_from(sample.position);
                 // Segments of rays lie end to end exactly, and blur nothing.
                 let third = pair.turn_along_segment(simd);
-                let along = match third {
-                    Some(turn) => turn.dot(turn),
-                    None => splat(simd, 0.0),
-                };
+                let exact = third.unwrap_or_else(|| splat3(simd, Vec3::ZERO));
                 let sharp = Self::sharp_footprint(simd, sample, pair, &seen);
                 let (whole, halves);
                 let parts = if sample.is_mostly_lobe() {
@@ -205,7 +280,7 @@ impl<'a> LampLight<'a> {
                 };
                 let weight = 1.0 / parts.len() as f32;
                 for part in parts {
-                    self.add_mean(simd, (sample, &seen), (part, along), (lit, weight), &mut sum);
+                    self.add_mean(simd, (sample, &seen), (part, exact), (lit, weight), &mut sum);
                 }
                 sum
             },
@@ -217,24 +292,20 @@ impl<'a> LampLight<'a> {
         &self,
         simd: S,
         (sample, seen): (&PinholeParts, &Seen),
-        (footprint, along): (&FootprintSides<S>, F<S>),
+        (footprint, exact): (&FootprintSides<S>, V3<S>),
         (lit, weight): (u32, f32),
         sum: &mut [Vec4; LANES],
     ) {
-        // A wider disc of the same flux: cells are not exact parallelograms, and small lamps would show the gaps between them.
-        let squares = (footprint.squares() - along).max(0.0);
-        let own = seen.chord * seen.chord;
-        let wide = (squares * (LAMP_BLUR * LAMP_BLUR) + own).sqrt();
         let half_1 = footprint.v1.dot(footprint.v1).sqrt() * 0.5;
         let half_2 = footprint.v2.dot(footprint.v2).sqrt() * 0.5;
         let off = footprint.r - splat3(simd, seen.towards);
-        let met = lit & bits(off.dot(off).sqrt().simd_lt(wide + half_1 + half_2));
+        let reach = (half_1 + half_2) * BLURRED_REACH + seen.chord;
+        let met = lit & bits(off.dot(off).sqrt().simd_lt(reach));
         set_bits(lit & !met).for_each(|lane| sum[lane].w += 1.0);
         if met == 0 {
             return;
         }
-        let wide = wide.to_array();
-        let (a, b) = (footprint.v1.to_arrays(), footprint.v2.to_arrays());
+        let (a, b, exact) = (footprint.v1.to_arrays(), footprint.v2.to_arrays(), exact.to_arrays());
         let r = footprint.r.to_arrays();
         for lane in set_bits(met) {
             let vector = |v: &[[f32; LANES]; 3]| Vec3::new(v[0][lane], v[1][lane], v[2][lane]);
@@ -244,7 +315,7 @@ impl<'a> LampLight<'a> {
                 sum[lane].w += 1.0;
                 continue;
             }
-            let part = own / (wide[lane] * wide[lane]) * filled_part(direction, sides, seen.towards, wide[lane]);
+            let part = softly_filled_part(direction, sides, vector(&exact), seen.towards, seen.chord);
             let mut mean = Vec3::ZERO;
             if part > 0.0 {
                 mean = weight * part * self.lamp.radiance_at(self.lit_place(sample, direction, sides, seen.towards));

@@ -7,15 +7,16 @@ use std::f32::consts::FRAC_PI_2;
 
 use glam::Vec3;
 
-use super::super::lamp::{BLURRED_REACH, LampLight};
+use super::super::lamp::LampLight;
 use super::super::medium::{max_relative_phase, phase_slope};
 use super::blocks::{Block, Kind};
 use crate::environment::{Bound, LightBounds};
 use crate::lanes::{F, Simd, SimdBase, SimdFloat};
 use crate::pinhole::cell::Cell;
 use crate::pinhole::constants::{
-    CONTRAST_ERROR_SCALE, FOOTPRINT_BEND, FOOTPRINT_RADIUS, INTERPOLATION_ERROR_SCALE, MIN_MINOR_SHARE,
-    NEAR_FIELD_SIZES, NEGLIGIBLE_SHARE, PAIR_ERROR_SHARE, POINT_SPACING, TAPS_PER_ERROR_BUDGET, WEIGHT_ERROR_SCALE,
+    BLURRED_REACH, COHERENT_ERROR_SHARE, CONTRAST_ERROR_SCALE, FOOTPRINT_BEND, FOOTPRINT_RADIUS,
+    INTERPOLATION_ERROR_SCALE, MIN_MINOR_SHARE, NEAR_FIELD_SIZES, NEGLIGIBLE_SHARE, PAIR_ERROR_SHARE, POINT_SPACING,
+    TAPS_PER_ERROR_BUDGET, WEIGHT_ERROR_SCALE,
 };
 use crate::pinhole::interface::CrossingBounds;
 use crate::pinhole::{GatherUniforms, Interface, Surroundings};
@@ -60,6 +61,8 @@ pub struct RefinementCriterion<'a> {
     pub light: SourceBounds<'a>,
     /// Error that a pair may have, W/m².
     pub error_budget: f32,
+    /// The same for light whose errors have one sign where it is focused, W/m⁴: by the cell's area.
+    pub coherent_error: f32,
     /// Cells that contribute less than this, by their area, are dropped, W/m⁴.
     pub negligible: f32,
     /// Width of the narrowest look-up, radians.
@@ -107,6 +110,8 @@ struct Cone {
     radius: f32,
     /// The minor axis of a footprint within it.
     minor: f32,
+    /// It holds directions relative to that of a lamp from the same point of the cell; else those from anywhere on it.
+    is_towards_lamp: bool,
 }
 
 /// How much farther than a footprint reflections spread where a cell's normals do not turn evenly from end to end, radians.
@@ -187,10 +192,11 @@ impl BlockPair {
         self.crossing.map_or(1.0, |crossing| crossing.per_cosine).max(self.phase_slope)
     }
 
-    fn light_cone(&self, cell: &Cell) -> Cone {
-        match (cell.sample.interface, &self.crossing) {
-            (Some(interface), Some(bounds)) => self.crossed_cone(cell, interface, bounds),
-            _ => self.reflected_cone(cell),
+    fn light_cone(&self, cell: &Cell, light: &SourceBounds) -> Cone {
+        match (cell.sample.interface, &self.crossing, light) {
+            (Some(interface), Some(bounds), _) => self.crossed_cone(cell, interface, bounds),
+            (_, _, SourceBounds::Lamp(lamp)) if !cell.is_creased => self.reflected_cone(cell, Some(lamp)),
+            _ => self.reflected_cone(cell, None),
         }
     }
 
@@ -209,19 +215,22 @@ impl BlockPair {
             + FOOTPRINT_BEND * turned_cell * (turned_block + turned_cell)
             + 0.5 * bounds.per_normal * unevenness(cell);
         if !cell.is_creased && !bounds.is_unbounded && curved < most {
-            return Cone { direction, radius: curved, minor };
+            return Cone { direction, radius: curved, minor, is_towards_lamp: false };
         }
-        Cone { direction: axis, radius: most, minor }
+        Cone { direction: axis, radius: most, minor, is_towards_lamp: false }
     }
 
-    fn reflected_cone(&self, cell: &Cell) -> Cone {
+    fn reflected_cone(&self, cell: &Cell, lamp: Option<&LampLight>) -> Cone {
         let Self { d, l, dn, block_size, cell_size, .. } = *self;
         let (n, [t1, t2], [m1, m2]) = (cell.sample.normal, cell.sample.sides, cell.sample.changes);
         let direction = (d - 2.0 * dn * n) / l;
+        let seen = lamp.map(|lamp| lamp.seen_from(cell.sample.position));
         let reflected_side = |side: Vec3, change: Vec3| {
             let v = side - 2.0 * d.dot(change) * n - 2.0 * dn * change;
-            (v - direction.dot(v) * direction) / l
+            let turn = (v - direction.dot(v) * direction) / l;
+            turn + seen.map_or(Vec3::ZERO, |seen| LampLight::parallax(&seen, direction, side))
         };
+        let cell_size = cell_size + seen.map_or(0.0, |seen| cell.radius / seen.distance);
         let sides = [reflected_side(t1, m1), reflected_side(t2, m2)];
         let Cone { minor, radius: footprint, .. } = footprint_cone(direction, sides, cell.sample.lobe);
         let footprint = if cell.is_creased {
@@ -229,7 +238,7 @@ impl BlockPair {
         } else {
             footprint + FOOTPRINT_BEND * cell_size * (block_size + cell_size) + unevenness(cell)
         };
-        Cone { direction, radius: block_size + footprint, minor }
+        Cone { direction, radius: block_size + footprint, minor, is_towards_lamp: lamp.is_some() }
     }
 
     /// Error of interpolating between the block's points: of the light, and of the weight.
@@ -264,14 +273,24 @@ fn footprint_cone(direction: Vec3, [v1, v2]: [Vec3; 2], lobe: f32) -> Cone {
     let (g11, g12, g22) = (v1.length_squared() + lobe2, v1.dot(v2), v2.length_squared() + lobe2);
     let spread = ((g11 - g22) * (g11 - g22) + 4.0 * g12 * g12).sqrt();
     let minor2 = (0.5 * (g11 + g22 - spread)).max((g11 + g22) * MIN_MINOR_SHARE);
-    Cone { direction, radius: FOOTPRINT_RADIUS * (g11 + g22).sqrt(), minor: minor2.sqrt() }
+    Cone { direction, radius: FOOTPRINT_RADIUS * (g11 + g22).sqrt(), minor: minor2.sqrt(), is_towards_lamp: false }
 }
 
 impl RefinementCriterion<'_> {
     /// Sets the error that is allowed for a point, W/m², in the sum over cells of this area in all, m².
     pub fn allow(&mut self, error: f32, area: f32) {
         self.error_budget = PAIR_ERROR_SHARE * error;
+        self.coherent_error = COHERENT_ERROR_SHARE * error / area;
         self.negligible = NEGLIGIBLE_SHARE * error / area;
+    }
+
+    /// Error that a pair may have with a cell of this area, W/m².
+    #[inline(always)]
+    pub fn error_budget_of(&self, area: f32) -> f32 {
+        match self.light {
+            SourceBounds::Lamp(_) => self.error_budget.min(self.coherent_error * area),
+            _ => self.error_budget,
+        }
     }
 
     /// Taps for a pair whose radiance, weighted, differs by so much within it: the fewer, the coarser they are.
@@ -295,6 +314,11 @@ impl RefinementCriterion<'_> {
             SourceBounds::Lamp(lamp) => {
                 let apart = cone.direction.distance(lamp.seen_from(cell.sample.position).towards);
                 // A chord is shorter than its arc.
+                if cone.is_towards_lamp {
+                    let radius = BLURRED_REACH * cone.radius;
+                    let may_be_even = cell.sample.lobe == 0.0 && !self.along_rays;
+                    return lamp.bound((&cell.sample, cell.radius), (apart, radius), may_be_even);
+                }
                 let is_met = apart <= BLURRED_REACH * (cone.radius + lamp.spread(&cell.sample, cell.radius));
                 let max = if is_met { lamp.max_radiance } else { 0.0 };
                 Bound { max, contrast: max }
@@ -336,7 +360,7 @@ impl RefinementCriterion<'_> {
         if pair.l < NEAR_FIELD_SIZES * pair.sizes {
             return refined(cell.radius >= block.radius);
         }
-        let cone = pair.light_cone(cell);
+        let cone = pair.light_cone(cell, &self.light);
         let Bound { max, contrast } = self.light_within(&cone, cell);
         let max_weight = self.max_weight(cell, &pair);
         let (max_contribution, contribution_range) = (max_weight * max, max_weight * contrast);
@@ -352,7 +376,8 @@ impl RefinementCriterion<'_> {
         let block_error = pair.interpolation_error(width, max_contribution, contribution_range);
         let cell_error = pair.cell_error(cell, max_contribution, contribution_range);
         let error = block_error + cell_error;
-        if error >= self.error_budget || error.is_nan() {
+        let error_budget = self.error_budget_of(cell.sample.area);
+        if error >= error_budget || error.is_nan() {
             // Next to total reflection both errors are unknown, and the larger of the two is refined.
             let prefers_cell =
                 if pair.is_unbounded() { pair.cell_size >= pair.block_size } else { cell_error >= block_error };
@@ -363,7 +388,7 @@ impl RefinementCriterion<'_> {
         Decision::Accept(Accepted {
             contribution_range,
             max_contribution,
-            allows_partial_sky: error + occlusion_error < self.error_budget,
+            allows_partial_sky: error + occlusion_error < error_budget,
         })
     }
 }

@@ -123,8 +123,8 @@ impl TileGather<'_> {
 
     /// The lanes in which a contribution of up to `max` is worth a ray from one of these.
     #[inline(always)]
-    fn worth_tracing<S: Simd>(&self, simd: S, max: F<S>, share: f32) -> u32 {
-        bits(max.simd_ge(splat(simd, share * self.criterion.error_budget)))
+    fn worth_tracing<S: Simd>(&self, simd: S, (max, area): (F<S>, f32), share: f32) -> u32 {
+        bits(max.simd_ge(splat(simd, share * self.criterion.error_budget_of(area))))
     }
 
     /// The objects that receivers lie on, if what the maps leave in doubt is traced.
@@ -168,7 +168,7 @@ impl TileGather<'_> {
         (fraction, doubtful): (F<S>, u32),
         max_contribution: F<S>,
     ) -> F<S> {
-        let traced = doubtful & self.worth_tracing(simd, max_contribution, MIN_TRACED_SHARE);
+        let traced = doubtful & self.worth_tracing(simd, (max_contribution, cell.area), MIN_TRACED_SHARE);
         let Some(occluders) = self.context.pinholes.occluders.as_ref().filter(|_| traced != 0) else { return fraction };
         let (directions, distances) = directions_and_lengths(simd, towards);
         let open = occluders.unoccluded_lanes(cell, behind, (&directions, &distances), traced);
@@ -191,7 +191,7 @@ impl TileGather<'_> {
         let texel = self.criterion.map_texel_rad;
         let [v1, v2] = [cell.footprint.v1, cell.footprint.v2];
         let is_narrow = bits(v1.dot(v1).min(v2.dot(v2)).simd_lt(splat(simd, texel * texel)));
-        let traced = is_narrow & self.worth_tracing(simd, max_contribution, MIN_TRACED_SKY_SHARE);
+        let traced = is_narrow & self.worth_tracing(simd, (max_contribution, cell.sample.area), MIN_TRACED_SKY_SHARE);
         let behind = sky_behind(cell.sample.interface, cell.pair.dn);
         let rays = SkyRays { occluders, cell: cell.sample, behind };
         (traced != 0).then_some((OccludedSky { map, rays: Some(rays) }, traced))

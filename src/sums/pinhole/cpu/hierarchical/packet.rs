@@ -138,8 +138,18 @@ impl TileGather<'_> {
             ([accepted, refined], fraction) =
                 self.seen_lanes(simd, (cell, is_cluster), (&pair, receiver), bounds.max, visible, lanes);
         }
+        if let Source::Lamp(lamp) = &self.context.gather.source
+            && !cell.is_leaf()
+            && let Some(map) = self.sky_map(cell, pair.dn).filter(|_| accepted != 0)
+        {
+            let large =
+                accepted & bits(bounds.max.simd_ge(splat(simd, self.criterion.error_budget_of(cell.sample.area))));
+            if large != 0 && lamp.is_partly_seen(simd, cell.sample.position, &map) {
+                (accepted, refined) = (accepted & !large, refined | large);
+            }
+        }
         if cell.is_leaf() {
-            let near = self.near_lanes(simd, bounds.max, bounds.size, accepted);
+            let near = self.near_lanes(simd, cell.sample.area, (bounds.max, bounds.size), accepted);
             if near != 0 {
                 // The most that reaches the receivers per weight.
                 let light = bounds.max / max_weight.value;
@@ -173,7 +183,7 @@ impl TileGather<'_> {
         visible: &mut VisibleReceivers<S>,
         [mut accepted, mut refined]: [u32; 2],
     ) -> ([u32; 2], F<S>) {
-        let large = bits(max_contribution.simd_ge(splat(simd, self.criterion.error_budget)));
+        let large = bits(max_contribution.simd_ge(splat(simd, self.criterion.error_budget_of(cell.sample.area))));
         if !cell.is_leaf() && !is_cluster {
             let which = (accepted | refined) & large & visible.doubtful;
             if which != 0 {
@@ -265,8 +275,12 @@ impl TileGather<'_> {
             size *= crossing.per_cosine;
         }
         size = self.size_for_light(size, &cell.sample, cell.radius);
-        let (mut max_radiance, mut contrast) =
-            self.light_within(simd, cell, (cone_axis, cone_radius), max_weight.facing);
+        let (mut max_radiance, mut contrast) = match &self.context.gather.source {
+            Source::Lamp(lamp) if !cell.is_creased && max_weight.crossing.is_none() => {
+                lamp.bounds_over_cell(simd, (&cell.sample, cell.radius), pair, (turned, unevenness(cell)))
+            }
+            _ => self.light_within(simd, cell, (cone_axis, cone_radius), max_weight.facing),
+        };
         // How far the light's direction turns along a part of a ray.
         let turn = pair.turn_along_segment(simd).map(|turn| turn.dot(turn).sqrt());
         if let Some(turn) = turn {
@@ -278,8 +292,9 @@ impl TileGather<'_> {
         {
             // Where it is near, parts of it fill much less of the directions than all of it does to first order.
             let part = lamp.max_part(simd, &cell.sample, pair);
-            max_radiance *= size.simd_lt(MAX_PIECE_SIZE).select(part, splat(simd, 1.0));
-            contrast = max_radiance;
+            let part = size.simd_lt(MAX_PIECE_SIZE).select(part, splat(simd, 1.0));
+            max_radiance *= part;
+            contrast *= part;
         }
         let mut weight = max_weight.value * cell.max_reflectance;
         let mut gloss_error = splat(simd, 0.0);
@@ -342,7 +357,7 @@ impl TileGather<'_> {
             return ALL;
         }
         let ContributionBounds { size, turned, max, range, gloss_error, left_along_ray } = *bounds;
-        let budget = self.criterion.error_budget;
+        let budget = self.criterion.error_budget_of(cell.sample.area);
         let weight_error = size * size * WEIGHT_ERROR_SCALE + gloss_error;
         let error = range * (turned * CONTRAST_ERROR_SCALE).min(1.0) * left_along_ray + max * weight_error;
         let is_small = bits(error.simd_lt(budget) & size.simd_lt(MAX_RELATIVE_SIZE));

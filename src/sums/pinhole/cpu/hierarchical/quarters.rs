@@ -18,20 +18,26 @@ use crate::pinhole::constants::{
 impl TileGather<'_> {
     /// The lanes so near to a leaf of this relative size that it is not one sample for them.
     #[inline(always)]
-    pub(super) fn near_lanes<S: Simd>(&self, simd: S, max_contribution: F<S>, size: F<S>, active: u32) -> u32 {
+    pub(super) fn near_lanes<S: Simd>(
+        &self,
+        simd: S,
+        area: f32,
+        (max_contribution, size): (F<S>, F<S>),
+        active: u32,
+    ) -> u32 {
         if !self.accuracy.split_near {
             return 0;
         }
-        active & self.uneven_lanes(simd, max_contribution, size)
+        active & self.uneven_lanes(simd, area, max_contribution, size)
     }
 
     /// The lanes within which the weight of a cell of this relative size differs too much.
     #[inline(always)]
-    fn uneven_lanes<S: Simd>(&self, simd: S, max_contribution: F<S>, size: F<S>) -> u32 {
+    fn uneven_lanes<S: Simd>(&self, simd: S, area: f32, max_contribution: F<S>, size: F<S>) -> u32 {
         // A lamp's light comes from anywhere on the cell, that of the environment from all of it.
         let of_size = if matches!(self.context.gather.source, Source::Lamp(_)) { size } else { size * size };
         let error = max_contribution * of_size * WEIGHT_ERROR_SCALE;
-        bits(error.simd_gt(splat(simd, self.criterion.error_budget)))
+        bits(error.simd_gt(splat(simd, self.criterion.error_budget_of(area))))
     }
 
     /// Adds what a leaf contributes to receivers so near to it that it is not one sample for them: its parallelogram is quartered
@@ -66,7 +72,7 @@ impl TileGather<'_> {
             let size = self.size_for_light(pair.inverse_l * extent, &piece, extent);
             let weight = gather.weight(simd, &piece, &pair, receiver);
             let is_large = bits(size.simd_gt(MAX_RELATIVE_SIZE))
-                | bits(size.simd_gt(MAX_PIECE_SIZE)) & self.uneven_lanes(simd, weight * max_light, size);
+                | bits(size.simd_gt(MAX_PIECE_SIZE)) & self.uneven_lanes(simd, piece.area, weight * max_light, size);
             let refined = if depth < max_depth { lanes & is_large } else { 0 };
             if refined != 0 {
                 pieces.extend(piece.quarters().map(|q| (q, refined, depth + 1)));

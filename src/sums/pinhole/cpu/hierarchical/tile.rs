@@ -2,6 +2,7 @@
 
 use glam::Vec4;
 
+use super::super::Source;
 use super::super::pair::ReceiverCellPair;
 use super::super::receiver::{Receiver, ReceiverGroup, load_at};
 use super::super::sky::OccludedSky;
@@ -64,6 +65,7 @@ impl<'a> TileGather<'a> {
             uniforms: &context.gather.uniforms,
             light: context.bounds,
             error_budget: 0.0,
+            coherent_error: 0.0,
             negligible: 0.0,
             texel_rad: context.gather.uniforms.texel_rad,
             map_texel_rad: context.gather.map_texel_rad(),
@@ -178,7 +180,10 @@ impl<'a> TileGather<'a> {
                 }
                 Decision::Accept(accepted) => accepted,
             };
-            if is_cluster && accepted.max_contribution >= CENTRAL_VISIBILITY_SHARE * self.criterion.error_budget {
+            if is_cluster
+                && accepted.max_contribution
+                    >= CENTRAL_VISIBILITY_SHARE * self.criterion.error_budget_of(cell.sample.area)
+            {
                 stack.extend(cell.children.map(|child| child | index & CHANNEL_BITS));
                 continue;
             }
@@ -244,7 +249,7 @@ impl<'a> TileGather<'a> {
         if lit == 0 || coverage == Coverage::None {
             return true;
         }
-        let error_budget = self.criterion.error_budget;
+        let error_budget = self.criterion.error_budget_of(sample.area);
         let is_small = accepted.max_contribution < PARTIAL_VISIBILITY_SHARE * error_budget;
         let mut weight = gather.weight(simd, sample, &pair, &receiver);
         let footprint = pair.footprint(simd, sample);
@@ -268,7 +273,15 @@ impl<'a> TileGather<'a> {
             let map = VisibilityMap::of_sky(maps, node, pair.dn);
             let sky = map.sky_coverage(simd, pair.r, footprint.max_radius(sample.lobe), lit);
             match sky {
-                _ if !gather.source.is_environment() => occlusion = Some(map),
+                _ if !gather.source.is_environment() => {
+                    if let Source::Lamp(lamp) = &gather.source
+                        && !is_small
+                        && lamp.is_partly_seen(simd, sample.position, &map)
+                    {
+                        return false;
+                    }
+                    occlusion = Some(map);
+                }
                 Coverage::Full => {}
                 Coverage::None => return true,
                 Coverage::Partial if accepted.allows_partial_sky || is_small => occlusion = Some(map),
