@@ -16,6 +16,7 @@ mod environment_rotation;
 mod exposure;
 mod figure4;
 mod filter_quality;
+mod focus;
 mod gloss;
 mod gpu_errors;
 mod ground_truth;

@@ -160,6 +160,32 @@ mod tests {
         }
     }
 
+    /// Blurred discs keep their flux, whatever the shape of the cells, and stay within reach of a long footprint across it.
+    #[test]
+    fn blurred_discs_keep_their_flux() {
+        for (radius, [a, b]) in [
+            (0.5, [Vec3::new(0.0, 0.1, 0.0), Vec3::new(0.0, 0.02, 0.05)]),
+            (0.01, [Vec3::new(0.0, 0.1, 0.0), Vec3::new(0.0, 0.0, 0.08)]),
+            (0.005, [Vec3::new(0.0, 0.15, 0.01), Vec3::new(0.0, 0.0, 0.002)]),
+        ] {
+            let small = [a, b].map(|side| 1e-3 * side);
+            let part = |i: i32, j: i32| {
+                let place = 0.25 * (i as f32 * small[0] + j as f32 * small[1]);
+                softly_filled_part(Vec3::X, small, Vec3::ZERO, (Vec3::X + place).normalize(), 1e-3 * radius)
+            };
+            let steps = (4.0 * (radius / a.length().min(b.length().max(1e-9)) + 3.0)).ceil() as i32;
+            let sum: f32 =
+                (-steps..=steps).flat_map(|i| (-steps..=steps).map(move |j| (i, j))).map(|(i, j)| part(i, j)).sum();
+            let expected = PI * radius * radius / (a.cross(b).length() / 16.0);
+            assert!((sum / expected - 1.0).abs() < 0.02, "{radius}: {sum} {expected}");
+        }
+        let [long, short] = [Vec3::new(0.0, 0.15, 0.0), Vec3::new(0.0, 0.0, 1e-6)];
+        let across = |off: f32| {
+            softly_filled_part(Vec3::X, [long, short], Vec3::ZERO, Vec3::new(1.0, 0.0, off).normalize(), 0.005)
+        };
+        assert!(across(0.004) > 0.03 && across(0.006) < 1e-5, "{} {}", across(0.004), across(0.006));
+    }
+
     #[test]
     fn points_and_lines_are_inside_or_not() {
         assert_eq!(part_in_unit_disc(Vec2::new(0.5, 0.0), [Vec2::ZERO; 2]), 1.0);

@@ -111,12 +111,10 @@ impl<'a> LampLight<'a> {
     pub fn is_partly_seen<S: Simd>(&self, simd: S, place: Vec3, map: &VisibilityMap) -> bool {
         let to = self.offset_from(place);
         let (u, v) = to.normalize_or_zero().any_orthonormal_pair();
-        let at = |lane: usize| match lane {
-            0 => to,
-            _ => {
-                let (sine, cosine) = (lane as f32 * (TAU / (LANES - 1) as f32)).sin_cos();
-                to + self.lamp.radius * (cosine * u + sine * v)
-            }
+        let at = |lane: usize| {
+            let (sine, cosine) = (lane as f32 * (TAU / (LANES - 1) as f32)).sin_cos();
+            let off = if lane == 0 { Vec3::ZERO } else { cosine * u + sine * v };
+            to + self.lamp.radius * off
         };
         let places: [Vec3; LANES] = std::array::from_fn(at);
         let component = |axis: usize| lanes(simd, places.map(|place| place[axis]));
