@@ -84,16 +84,16 @@ fn light_cone(cell: Cell, pair: BlockPair, block_size: f32, cell_size: f32) -> C
 
 fn reflected_cone(cell: Cell, pair: BlockPair, block_size: f32, cell_size: f32) -> Cone {
     let r = (pair.d - 2.0 * pair.dn * cell.normal) / pair.l;
-    var v1 = reflected_side(cell.side_1, cell.change_1, pair.d, cell.normal, pair.dn, 1.0 / pair.l, r);
-    var v2 = reflected_side(cell.side_2, cell.change_2, pair.d, cell.normal, pair.dn, 1.0 / pair.l, r);
+    let v1 = reflected_side(cell.side_1, cell.change_1, pair.d, cell.normal, pair.dn, 1.0 / pair.l, r);
+    let v2 = reflected_side(cell.side_2, cell.change_2, pair.d, cell.normal, pair.dn, 1.0 / pair.l, r);
     let is_towards_lamp = LIGHT == LIGHT_LAMP && !cell.creased;
+    var sides = FootprintSides(v1, v2);
     var size = cell_size;
     if is_towards_lamp {
-        v1 += lamp_parallax(cell, r, cell.side_1);
-        v2 += lamp_parallax(cell, r, cell.side_2);
+        sides = cell_towards_lamp(cell, r, sides);
         size += size_for_light(0.0, cell, cell.radius);
     }
-    let cone = footprint_cone(r, v1, v2, cell.lobe);
+    let cone = footprint_cone(r, sides.v1, sides.v2, cell.lobe);
     let footprint = select(
         cone.radius + FOOTPRINT_BEND * size * (block_size + size) + unevenness(cell),
         cell.radius / pair.l + 2.0 * cell.normal_radius,

@@ -25,9 +25,7 @@ fn light_within(cell: Cell, direction: vec3f, radius: f32) -> vec2f {
 // The same of a smooth cell of a mirror for one receiver, under a lamp; `turned` as in ContributionBounds.
 fn lamp_over_cell(cell: Cell, pair: Pair, turned: f32) -> vec2f {
     let seen = lamp_seen_from(cell.centroid);
-    let sharp = footprint_towards_lamp(
-        seen, FootprintSides(cell.side_1, cell.side_2), pair.r, sharp_footprint_of(cell, pair),
-    );
+    let sharp = cell_towards_lamp(cell, pair.r, sharp_footprint_of(cell, pair));
     let sides = widened_footprint_of(cell, pair, pair.r, sharp, pair.third);
     let squares = dot(sides.v1, sides.v1) + dot(sides.v2, sides.v2);
     let size = turned + cell.radius / seen.distance;
@@ -37,9 +35,10 @@ fn lamp_over_cell(cell: Cell, pair: Pair, turned: f32) -> vec2f {
     return lamp_bounds(seen, cell.radius, distance(pair.r, seen.towards), BLURRED_REACH * spread, may_be_even);
 }
 
-// How the direction to the lamp turns along a side of a cell, for what is seen in a unit direction.
-fn lamp_parallax(cell: Cell, direction: vec3f, side: vec3f) -> vec3f {
-    return (side - dot(side, direction) * direction) / lamp_seen_from(cell.centroid).distance;
+// A footprint, without a lobe, of directions relative to that of the lamp.
+fn cell_towards_lamp(cell: Cell, r: vec3f, reflected: FootprintSides) -> FootprintSides {
+    let surface = FootprintSides(cell.side_1, cell.side_2);
+    return footprint_towards_lamp(lamp_seen_from(cell.centroid), surface, r, reflected);
 }
 
 // Bounds of a lamp's light within a cone of directions relative to that of the lamp.
@@ -60,8 +59,7 @@ fn size_for_light(size: f32, cell: Cell, extent: f32) -> f32 {
 // At most the part of a cell's footprint that a lamp fills.
 fn max_part_of_lamp(cell: Cell, pair: Pair) -> f32 {
     let seen = lamp_seen_from(cell.centroid);
-    let surface = FootprintSides(cell.side_1, cell.side_2);
-    let sharp = footprint_towards_lamp(seen, surface, pair.r, sharp_footprint_of(cell, pair));
+    let sharp = cell_towards_lamp(cell, pair.r, sharp_footprint_of(cell, pair));
     let sides = widened_footprint_of(cell, pair, pair.r, sharp, pair.third);
     let area = max(length(cross(sides.v1, sides.v2)), 1.2e-38);
     return min(2.0 * HALF_PI * seen.chord * seen.chord / area, 1.0);
@@ -74,8 +72,7 @@ fn max_along_part(cell: Cell, pair: Pair, turn: f32, maximum: f32) -> f32 {
         return maximum;
     }
     let seen = lamp_seen_from(cell.centroid);
-    let surface = FootprintSides(cell.side_1, cell.side_2);
-    let sharp = footprint_towards_lamp(seen, surface, pair.r, sharp_footprint_of(cell, pair));
+    let sharp = cell_towards_lamp(cell, pair.r, sharp_footprint_of(cell, pair));
     // The lamp's disc is blurred by the cell's own footprint.
     let width = 2.0 * (BLUR_RADIUS * sqrt(dot(sharp.v1, sharp.v1) + dot(sharp.v2, sharp.v2)) + seen.chord);
     return maximum * min(width / max(turn, 1.2e-38), 1.0);

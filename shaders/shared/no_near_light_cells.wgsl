@@ -16,8 +16,8 @@ fn lamp_over_cell(cell: Cell, pair: Pair, turned: f32) -> vec2f {
     return vec2f(0.0);
 }
 
-fn lamp_parallax(cell: Cell, direction: vec3f, side: vec3f) -> vec3f {
-    return vec3f(0.0);
+fn cell_towards_lamp(cell: Cell, r: vec3f, reflected: FootprintSides) -> FootprintSides {
+    return reflected;
 }
 
 fn lamp_within_cone(cell: Cell, direction: vec3f, radius: f32, may_be_even: bool) -> vec2f {

@@ -17,9 +17,9 @@ pub fn filled_part(direction: Vec3, sides: [Vec3; 2], towards: Vec3, chord: f32)
     part_in_unit_disc(stretch * on_plane(towards), sides.map(on_plane))
 }
 
-/// The same where the footprint is much larger than the disc: what a cell sees, whose edges are not those of the footprint. There the disc is
-/// blurred, with the flux that it has, along each axis of the footprint by [`LAMP_BLUR`] of its length. `exact` is a side of the footprint
-/// that is not to be blurred, or zero.
+/// The part of a cell's footprint that a disc fills, as in [`filled_part`], but blurred where the footprint is much larger than the disc: cells are
+/// not exact parallelograms, and small lamps would show the gaps between them. The disc keeps its flux, and is blurred along each axis of
+/// the footprint over [`BLUR_RADIUS`] of its length. `exact` is a side of the footprint along which nothing is blurred, or zero.
 pub fn softly_filled_part(direction: Vec3, sides: [Vec3; 2], exact: Vec3, towards: Vec3, chord: f32) -> f32 {
     let (e1, e2) = direction.any_orthonormal_pair();
     let on_plane = |v: Vec3| Vec2::new(v.dot(e1), v.dot(e2));

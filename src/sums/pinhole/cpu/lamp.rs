@@ -32,7 +32,7 @@ pub(super) struct Seen {
     /// Unit vector.
     pub towards: Vec3,
     pub distance: f32,
-    /// As in [`filled_part`].
+    /// As in [`softly_filled_part`].
     pub chord: f32,
 }
 

@@ -2,6 +2,7 @@
 
 use glam::{Vec3, Vec4};
 
+use super::super::Source;
 use super::super::pair::ReceiverCellPair;
 use super::super::receiver::{NO_OBJECT, Receiver};
 use super::super::sky::{OccludedSky, SkyRays, directions_and_lengths};
@@ -9,6 +10,7 @@ use super::super::visibility::{Coverage, VisibilityMap, sky_behind};
 use super::evaluation::CellAtReceivers;
 use super::tile::{TileGather, map_towards};
 use crate::lanes::{ALL, F, LANES, Simd, SimdBase, V3, bits, lanes, set_bits, splat, splat3};
+use crate::pinhole::cell::Cell;
 use crate::pinhole::constants::{MIN_TRACED_SHARE, MIN_TRACED_SKY_SHARE};
 use crate::pinhole::tree::Occluders;
 use crate::pinhole::{PinholeParts, PinholeSample, VisibilityMaps};
@@ -155,6 +157,26 @@ impl TileGather<'_> {
         let behind = bits(pair.dn.simd_gt(0.0));
         let towards = pair.d * splat(simd, -1.0);
         self.traced_fraction(simd, (cell, behind), towards, (fraction, doubtful), max_contribution)
+    }
+
+    /// The lanes for which a cell that may be divided contributes much, and sees part of a lamp. `dn` as in [`VisibilityMap::of_sky`].
+    #[inline(always)]
+    pub fn partly_lit_lanes<S: Simd>(
+        &self,
+        simd: S,
+        cell: &Cell,
+        dn: F<S>,
+        max_contribution: F<S>,
+        accepted: u32,
+    ) -> u32 {
+        let Source::Lamp(lamp) = &self.context.gather.source else { return 0 };
+        let budget = self.criterion.error_budget_of(cell.sample.area);
+        let large = accepted & bits(max_contribution.simd_ge(splat(simd, budget)));
+        if cell.is_leaf() || large == 0 {
+            return 0;
+        }
+        let map = self.sky_map(cell, dn).filter(|map| lamp.is_partly_seen(simd, cell.sample.position, map));
+        if map.is_some() { large } else { 0 }
     }
 
     /// The visible fraction of points that lie `towards` these from the middle of a cell; those in doubt that contribute enough are

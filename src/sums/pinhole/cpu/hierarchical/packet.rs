@@ -138,16 +138,8 @@ impl TileGather<'_> {
             ([accepted, refined], fraction) =
                 self.seen_lanes(simd, (cell, is_cluster), (&pair, receiver), bounds.max, visible, lanes);
         }
-        if let Source::Lamp(lamp) = &self.context.gather.source
-            && !cell.is_leaf()
-            && let Some(map) = self.sky_map(cell, pair.dn).filter(|_| accepted != 0)
-        {
-            let large =
-                accepted & bits(bounds.max.simd_ge(splat(simd, self.criterion.error_budget_of(cell.sample.area))));
-            if large != 0 && lamp.is_partly_seen(simd, cell.sample.position, &map) {
-                (accepted, refined) = (accepted & !large, refined | large);
-            }
-        }
+        let in_parts = self.partly_lit_lanes(simd, cell, pair.dn, bounds.max, accepted);
+        (accepted, refined) = (accepted & !in_parts, refined | in_parts);
         if cell.is_leaf() {
             let near = self.near_lanes(simd, cell.sample.area, (bounds.max, bounds.size), accepted);
             if near != 0 {
