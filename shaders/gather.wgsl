@@ -156,7 +156,8 @@ fn filtered_radiance(
         reflected.v1 = reflected_side(surface.v1, samples[i].change_1, d, n, dn, inverse_l, r);
         reflected.v2 = reflected_side(surface.v2, samples[i].change_2, d, n, dn, inverse_l, r);
     }
-    let light = footprint_on_light(samples[i].position, n, surface, r, reflected, lobe, third);
+    let changes = FootprintSides(samples[i].change_1, samples[i].change_2);
+    let light = footprint_on_light(samples[i].position, n, samples[i].area, surface, changes, r, reflected, lobe, third);
     var seen = vec3f(1.0);
     if LIGHT == LIGHT_LAMP {
         seen = passed_from_lamp(length(light.towards), is_interface(samples[i].object_flags));

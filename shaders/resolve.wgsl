@@ -360,6 +360,9 @@ fn factor_on_radiance(cell: Cell, pair: Pair, receiver: Receiver) -> vec3f {
 fn is_uneven(max_contribution: f32, size: f32, budget: f32) -> bool {
     // A lamp's light comes from anywhere on the cell, that of the environment from all of it.
     let of_size = select(size * size, size, LIGHT == LIGHT_LAMP);
+    if LIGHT == LIGHT_LAMP && size <= MIN_UNEVEN_SIZE {
+        return false;
+    }
     return max_contribution * of_size * WEIGHT_ERROR_SCALE > budget;
 }
 

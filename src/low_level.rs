@@ -75,9 +75,9 @@ pub mod gpu {
 /// Sums over pinhole samples, on the CPU and on GPUs.
 pub mod pinhole {
     pub use pinspot_render::pinhole::{
-        BATCH_SIZE, CURVE_POINTS, Epsilon, Filter, Footprint, GatherUniforms, MAX_TAPS, MEDIUM_OBJECT, NO_RECEIVER,
-        Params, PinholeParts, PinholeSample, PinholeTree, Pinholes, Probe, ReceiverLayout, Receivers, ReflectanceCurve,
-        SurroundingView, Surroundings, ViewDirections, Viewpoint, VisibilityMaps, pinholes,
+        BATCH_SIZE, CURVE_POINTS, CellShapes, Epsilon, Filter, Footprint, GatherUniforms, MAX_TAPS, MEDIUM_OBJECT,
+        NO_RECEIVER, Params, PinholeParts, PinholeSample, PinholeTree, Pinholes, Probe, ReceiverLayout, Receivers,
+        ReflectanceCurve, SurroundingView, Surroundings, ViewDirections, Viewpoint, VisibilityMaps, pinholes,
     };
 
     /// On the CPU.

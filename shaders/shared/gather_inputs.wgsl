@@ -40,6 +40,9 @@ struct GatherUniforms {
     // Of the environment's rotation about +Y.
     rotation_cos: f32,
     rotation_sin: f32,
+    // See CellShapes in src/sums/pinhole/cell_shapes.rs.
+    reach: f32,
+    cell_area: f32,
     // Never read where it is not the light.
     lamp: Lamp,
     viewpoints: Viewpoints,

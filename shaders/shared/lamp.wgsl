@@ -1,5 +1,5 @@
 // A lamp as the light of a gather: the part of a footprint that its disc fills, in place of a look-up in the environment.
-// CPU twins: src/sums/pinhole/cpu/lamp.rs, src/sums/pinhole/disc.rs and src/base/scene/lamp.rs.
+// CPU twins: src/sums/pinhole/cpu/lamp.rs, src/sums/pinhole/disc.rs, src/sums/pinhole/cell_shapes.rs and src/base/scene/lamp.rs.
 
 #import frame
 #import footprint
@@ -55,11 +55,11 @@ fn lamp_bounds(seen: SeenLamp, radius: f32, apart: f32, spread: f32, may_be_even
     return vec2f(bright, select(bright, 0.0, is_even));
 }
 
-// Whether a cone of directions from any point within a radius meets the lamp.
-fn meets_lamp(point: vec3f, radius: f32, direction: vec3f, cone_radius: f32) -> bool {
+// Whether a cone of directions from any point of a cell of this area, within a radius of its middle, meets the lamp.
+fn meets_lamp(area: f32, point: vec3f, radius: f32, direction: vec3f, cone_radius: f32) -> bool {
     // A chord is shorter than its arc.
     let apart = distance(direction, lamp_seen_from(point).towards);
-    return apart <= BLURRED_REACH * (cone_radius + lamp_spread(point, radius));
+    return apart <= blurred_reach(area) * (cone_radius + lamp_spread(point, radius));
 }
 
 // A footprint, without a lobe, of directions to points at the lamp's distance: the lamp is seen from another place along the sides of the
@@ -86,26 +86,55 @@ fn middle_of_shared(seen: SeenLamp, r: vec3f, footprint: FootprintSides, lobe: f
     return seen.distance * normalize(seen.towards + part * off);
 }
 
-// Mean radiance over footprints, seen from a piece of a surface; a = fetches. `third` is their side along a part of a ray.
+// The sides of an even cell in place of those of the footprint of a cell of this area: see EvenSides in src/sums/pinhole/cell_shapes.rs.
+fn even_sides(area: f32, surface: FootprintSides, changes: FootprintSides, footprint: FootprintSides) -> FootprintSides {
+    let turn = 4.0 * uniforms.reach * uniforms.reach;
+    let g11 = dot(surface.v1, surface.v1) + turn * dot(changes.v1, changes.v1);
+    let g12 = dot(surface.v1, surface.v2) + turn * dot(changes.v1, changes.v2);
+    let g22 = dot(surface.v2, surface.v2) + turn * dot(changes.v2, changes.v2);
+    let root = max(max(sqrt(max(g11 * g22 - g12 * g12, 0.0)), (g11 + g22) / MAX_EVEN_ASPECT), 1.2e-38);
+    let parallelogram = max(max(length(cross(surface.v1, surface.v2)), MIN_EVEN_PART * area), 1.2e-38);
+    let scale = typical_area(area) / parallelogram / root;
+    // Cholesky's factor of scale · det G · G⁻¹.
+    let first = max(sqrt(g22 * scale), 1.2e-38);
+    let mixed = -g12 * scale / first;
+    let second = sqrt(max(g11 * scale - mixed * mixed, 0.0));
+    return FootprintSides(first * footprint.v1 + mixed * footprint.v2, second * footprint.v2);
+}
+
+// The mean area of the cells of the level to which one of this area belongs. Levels differ by powers of four.
+fn typical_area(area: f32) -> f32 {
+    if uniforms.cell_area <= 0.0 {
+        return area;
+    }
+    return uniforms.cell_area * exp2(2.0 * floor(0.5 * log2(area / uniforms.cell_area) + 0.4));
+}
+
+// How much farther than the footprint of a cell of this area its blur reaches.
+fn blurred_reach(area: f32) -> f32 {
+    return 1.0 + (BLURRED_REACH - 1.0) * sqrt(typical_area(area) / max(area, 1.2e-38));
+}
+
+// Mean radiance over footprints, seen from a piece of a surface; a = fetches. `even`: the sides over which light is blurred.
 fn mean_of_lamp(
-    place: vec3f, n: vec3f, surface: FootprintSides, seen: SeenLamp, look_ups: LookUps, third: vec3f,
+    place: vec3f, n: vec3f, surface: FootprintSides, seen: SeenLamp, look_ups: LookUps, even: FootprintSides,
 ) -> vec4f {
     // What is blurred must not reach below the horizon.
     if dot(look_ups.r, n) * dot(seen.towards, n) <= 0.0 {
         return vec4f(0.0, 0.0, 0.0, f32(look_ups.count));
     }
-    var radiance = lamp_over_footprint(place, surface, seen, look_ups.r, look_ups.first, third);
+    var radiance = lamp_over_footprint(place, surface, seen, look_ups.r, look_ups.first, even);
     if look_ups.count == 2u {
-        radiance = 0.5 * (radiance + lamp_over_footprint(place, surface, seen, look_ups.r, look_ups.second, third));
+        radiance = 0.5 * (radiance + lamp_over_footprint(place, surface, seen, look_ups.r, look_ups.second, even));
     }
     return vec4f(radiance, f32(look_ups.count));
 }
 
 fn lamp_over_footprint(
-    place: vec3f, surface: FootprintSides, seen: SeenLamp, r: vec3f, footprint: FootprintSides, third: vec3f,
+    place: vec3f, surface: FootprintSides, seen: SeenLamp, r: vec3f, footprint: FootprintSides, even: FootprintSides,
 ) -> vec3f {
     // Cells are not exact parallelograms, and small lamps would show the gaps between them. Parts of rays lie end to end exactly.
-    let part = softly_filled_part(r, footprint, third, seen.towards, seen.chord);
+    let part = softly_filled_part(r, footprint, even, seen.towards, seen.chord);
     if !(part > 0.0) {
         return vec3f(0.0);
     }
@@ -134,17 +163,18 @@ fn lamp_radiance_at(point: vec3f) -> vec3f {
     return uniforms.lamp.radiance * beam_transmittance(uniforms.lamp, normalize(point - uniforms.lamp.position));
 }
 
-// The part of a footprint around a unit direction that a disc fills, from 0 to 1: blurred where the footprint is much larger than the disc,
-// but not along its side `exact`.
-fn softly_filled_part(direction: vec3f, sides: FootprintSides, exact: vec3f, towards: vec3f, chord: f32) -> f32 {
+// The part of a footprint around a unit direction that a disc fills, from 0 to 1: blurred over the sides `even` where the footprint is much
+// larger than the disc.
+fn softly_filled_part(direction: vec3f, sides: FootprintSides, even: FootprintSides, towards: vec3f, chord: f32) -> f32 {
     let frame = tangent_frame(direction);
     let scale = max(chord, max(length(sides.v1), length(sides.v2)));
     let a = vec2f(dot(sides.v1, frame.u), dot(sides.v1, frame.v)) / scale;
     let b = vec2f(dot(sides.v2, frame.u), dot(sides.v2, frame.v)) / scale;
-    let e = vec2f(dot(exact, frame.u), dot(exact, frame.v)) / scale;
+    let blur_1 = vec2f(dot(even.v1, frame.u), dot(even.v1, frame.v)) * (BLUR_RADIUS / scale);
+    let blur_2 = vec2f(dot(even.v2, frame.u), dot(even.v2, frame.v)) * (BLUR_RADIUS / scale);
     let stretch = sqrt(2.0 / max(1.0 + dot(direction, towards), 1e-6)) / scale;
     let disc = stretch * vec2f(dot(towards, frame.u), dot(towards, frame.v));
-    let blurred = blurred_disc(chord / scale, a, b, e);
+    let blurred = blurred_disc(chord / scale, blur_1, blur_2);
     return blurred.radiance * part_in_unit_disc(to_unit(blurred, disc), to_unit(blurred, a), to_unit(blurred, b));
 }
 
@@ -158,10 +188,10 @@ struct BlurredDisc {
     radiance: f32,
 }
 
-fn blurred_disc(radius: f32, a: vec2f, b: vec2f, e: vec2f) -> BlurredDisc {
-    let g11 = BLUR_RADIUS * BLUR_RADIUS * (a.x * a.x + b.x * b.x - e.x * e.x);
-    let g12 = BLUR_RADIUS * BLUR_RADIUS * (a.x * a.y + b.x * b.y - e.x * e.y);
-    let g22 = BLUR_RADIUS * BLUR_RADIUS * (a.y * a.y + b.y * b.y - e.y * e.y);
+fn blurred_disc(radius: f32, a: vec2f, b: vec2f) -> BlurredDisc {
+    let g11 = a.x * a.x + b.x * b.x;
+    let g12 = a.x * a.y + b.x * b.y;
+    let g22 = a.y * a.y + b.y * b.y;
     // The square of the moments, and these as its root.
     let own = radius * radius * radius * radius;
     let m11 = own + g11 * g11 + g12 * g12;

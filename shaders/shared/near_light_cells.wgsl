@@ -16,7 +16,7 @@ struct NearLight {
 // Bounds of the radiance that arrives at a cell within a cone of directions: x = its maximum, y = its contrast.
 fn light_within(cell: Cell, direction: vec3f, radius: f32) -> vec2f {
     if LIGHT == LIGHT_LAMP {
-        return vec2f(select(0.0, uniforms.lamp.max_radiance, meets_lamp(cell.centroid, cell.radius, direction, radius)));
+        return vec2f(select(0.0, uniforms.lamp.max_radiance, meets_lamp(cell.area, cell.centroid, cell.radius, direction, radius)));
     }
     let view = nearest_view(cell.centroid, cell.normal);
     return bounds_within(direction, radius + view_spread(view, cell.centroid, cell.radius), cell.blur, 6 * i32(view));
@@ -32,7 +32,7 @@ fn lamp_over_cell(cell: Cell, pair: Pair, turned: f32) -> vec2f {
     let spread = FOOTPRINT_RADIUS * sqrt(squares) + FOOTPRINT_BEND * size * size + unevenness(cell);
     // Lobes have tails.
     let may_be_even = cell.lobe == 0.0 && all(pair.third == vec3f(0.0));
-    return lamp_bounds(seen, cell.radius, distance(pair.r, seen.towards), BLURRED_REACH * spread, may_be_even);
+    return lamp_bounds(seen, cell.radius, distance(pair.r, seen.towards), blurred_reach(cell.area) * spread, may_be_even);
 }
 
 // A footprint, without a lobe, of directions relative to that of the lamp.
@@ -45,7 +45,7 @@ fn cell_towards_lamp(cell: Cell, r: vec3f, reflected: FootprintSides) -> Footpri
 fn lamp_within_cone(cell: Cell, direction: vec3f, radius: f32, may_be_even: bool) -> vec2f {
     let seen = lamp_seen_from(cell.centroid);
     let apart = distance(direction, seen.towards);
-    return lamp_bounds(seen, cell.radius, apart, BLURRED_REACH * radius, may_be_even && cell.lobe == 0.0);
+    return lamp_bounds(seen, cell.radius, apart, blurred_reach(cell.area) * radius, may_be_even && cell.lobe == 0.0);
 }
 
 // The relative size of a cell for receivers and, if that is larger, for a lamp.
@@ -73,8 +73,9 @@ fn max_along_part(cell: Cell, pair: Pair, turn: f32, maximum: f32) -> f32 {
     }
     let seen = lamp_seen_from(cell.centroid);
     let sharp = cell_towards_lamp(cell, pair.r, sharp_footprint_of(cell, pair));
-    // The lamp's disc is blurred by the cell's own footprint.
-    let width = 2.0 * (BLUR_RADIUS * sqrt(dot(sharp.v1, sharp.v1) + dot(sharp.v2, sharp.v2)) + seen.chord);
+    // The lamp's disc is blurred.
+    let blur = 0.5 * (blurred_reach(cell.area) - 1.0);
+    let width = 2.0 * (blur * sqrt(dot(sharp.v1, sharp.v1) + dot(sharp.v2, sharp.v2)) + seen.chord);
     return maximum * min(width / max(turn, 1.2e-38), 1.0);
 }
 
@@ -88,14 +89,15 @@ fn may_mirror_lamp(piece: Cell, pair: Pair) -> bool {
     let turn = length(piece.change_1) + length(piece.change_2) + TAIL_REACH * piece.lobe + 0.5 * length(pair.third);
     // An arc is at most π/2 times its sine; where there is no sine, light may come from anywhere.
     let spread = pair.inverse_l * radius * HALF_PI;
-    return meets_lamp(piece.centroid, radius, pair.r, select(WHOLE_SPHERE_RAD, spread, spread < 1.0) + turn);
+    return meets_lamp(piece.area, piece.centroid, radius, pair.r, select(WHOLE_SPHERE_RAD, spread, spread < 1.0) + turn);
 }
 
 // Near light over a cell's footprint, from so many taps.
 fn near_light_at(cell: Cell, pair: Pair, taps: f32) -> NearLight {
     let surface = FootprintSides(cell.side_1, cell.side_2);
     let sharp = sharp_footprint_of(cell, pair);
-    let light = footprint_on_light(cell.centroid, cell.normal, surface, pair.r, sharp, cell.lobe, pair.third);
+    let changes = FootprintSides(cell.change_1, cell.change_2);
+    let light = footprint_on_light(cell.centroid, cell.normal, cell.area, surface, changes, pair.r, sharp, cell.lobe, pair.third);
     var map: VisibilityMap;
     map.index = UNOCCLUDED;
     let sides = widened_footprint_of(cell, pair, light.r, light.sides, light.third);

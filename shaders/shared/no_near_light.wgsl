@@ -10,7 +10,8 @@ struct LightFootprint {
 }
 
 fn footprint_on_light(
-    place: vec3f, n: vec3f, surface: FootprintSides, r: vec3f, reflected: FootprintSides, lobe: f32, third: vec3f,
+    place: vec3f, n: vec3f, area: f32, surface: FootprintSides, changes: FootprintSides, r: vec3f, reflected: FootprintSides,
+    lobe: f32, third: vec3f,
 ) -> LightFootprint {
     return LightFootprint(r, reflected, vec3f(0.0), third);
 }

@@ -53,7 +53,7 @@ fn directional_light_is_the_same_everywhere() {
     let mut by_pinholes = options(Mode::Points, 16).with_technique(Technique::Pinhole).with_size([32, 32]);
     by_pinholes.samples = 3000;
     let pinholes = render(under_water, by_pinholes, &BackendChoice::Cpu).unwrap();
-    even(&pinholes.layers[0].1, expected, 0.03, "pinholes");
+    even(&pinholes.layers[0].1, expected, 0.0075, "pinholes");
     let mirror = "[[object]]\nshape = { plane = { size = [1, 1] } }\ntranslate = [30, 1, 0]\nreflector = {}\n";
     let direct = options(Mode::Points, 16).with_technique(Technique::Pinhole).with_aovs(vec![Aov::Direct]);
     let empty = render(above_floor(DARK, &format!("{SLANTED}{mirror}")), direct, &BackendChoice::Cpu).unwrap();

@@ -67,7 +67,7 @@ impl CellTree {
         let below = nodes_below(leaves);
         let nodes = vec![CellNode::default(); samples.len() * below];
         let first_cluster = nodes.len() as u32;
-        let mut tree = Self { nodes, objects, first_cluster, leaves_per_sample: leaves, ..Self::default() };
+        let mut tree = Self { nodes, objects, first_cluster, leaves_per_sample: leaves, reach, ..Self::default() };
         let mut subtrees: Vec<Subtree> = Vec::with_capacity(samples.len());
         let mut rest = tree.nodes.as_mut_slice();
         for sample in 0..samples.len() {

@@ -34,6 +34,8 @@ pub struct CellTree {
     first_cluster: u32,
     /// Leaves that a sample has at most.
     leaves_per_sample: u32,
+    /// See [`CellTree::reach`].
+    reach: f32,
 }
 
 impl CellTree {
@@ -55,6 +57,11 @@ impl CellTree {
     /// Area of all cells together, m².
     pub fn area(&self) -> f32 {
         self.roots.iter().map(|&root| self.node(root).area()).sum()
+    }
+
+    /// Cells are about as wide as long in the directions that receivers at this distance see in them, metres.
+    pub fn reach(&self) -> f32 {
+        self.reach
     }
 
     /// The node of each sample.

@@ -50,16 +50,23 @@ pub const MAX_LAMP_QUARTERINGS: u32 = 14;
 /// Relative size from which a piece of such a leaf that matters is quartered again. With .7, a table has 30 % too little light in the
 /// last five millimetres before the ring's wall; with .3, 3 % (`ring-above`).
 pub const MAX_PIECE_SIZE: f32 = 0.3;
+/// Under a lamp, leaves of a relative size up to this are not quartered: what lights a receiver comes from one place on them, whose weight
+/// differs a little from the middle's, now more, now less. Quarters are blurred less, and would show the gaps between leaves.
+pub const MIN_UNEVEN_SIZE: f32 = 0.1;
 /// Samples are not divided further for a part of a ray along which they leave no more than this part of the light's differences within
 /// them: those along the part average out.
 pub const MAX_LEFT_ALONG_RAY: f32 = 0.3;
 /// Nor are samples over which directions and normals turn less than this, radians.
 pub const MAX_TURN_ALONG_RAY: f32 = 0.15;
-/// Lamps that are small beside a footprint are seen blurred, along each of its axes, over this part of its length. Measured with a lamp of
-/// 1 cm in the ring at 64 leaves: .072 with 0, .066 with .35, .081 with .5; and with a point in front of a flat mirror: .27, .056, .043.
-pub const BLUR_RADIUS: f32 = 0.353_553_4;
+/// Lamps that are small beside a footprint are seen blurred by an ellipse with these semi-axes, in sides of an even cell (`cell_shapes.rs`).
+/// Measured below flat water in parallel light, root mean square of the unevenness: .033 with .5, .019 with this, .011 with 1.
+pub const BLUR_RADIUS: f32 = 0.707_106_8;
 /// How much farther than a footprint its blur reaches: it is a half as long from the middle.
 pub const BLURRED_REACH: f32 = 1.0 + BLUR_RADIUS / 0.5;
+/// Cells that are more than this many times as long as wide are blurred less.
+pub const MAX_EVEN_ASPECT: f32 = 4.0;
+/// Parallelograms of cells are taken to have at least this part of their areas.
+pub const MIN_EVEN_PART: f32 = 0.25;
 /// Sample nodes that an irradiance estimate asks at most.
 pub const ESTIMATE_MAX_SAMPLE_NODES: u32 = 512;
 /// Receivers of an irradiance estimate.

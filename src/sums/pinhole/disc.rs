@@ -18,15 +18,15 @@ pub fn filled_part(direction: Vec3, sides: [Vec3; 2], towards: Vec3, chord: f32)
 }
 
 /// The part of a cell's footprint that a disc fills, as in [`filled_part`], but blurred where the footprint is much larger than the disc: cells are
-/// not exact parallelograms, and small lamps would show the gaps between them. The disc keeps its flux, and is blurred along each axis of
-/// the footprint over [`BLUR_RADIUS`] of its length. `exact` is a side of the footprint along which nothing is blurred, or zero.
-pub fn softly_filled_part(direction: Vec3, sides: [Vec3; 2], exact: Vec3, towards: Vec3, chord: f32) -> f32 {
+/// not exact parallelograms, and small lamps would show the gaps between them. The disc keeps its flux, and is blurred by an ellipse whose
+/// semi-axes are [`BLUR_RADIUS`] times the vectors `blur`, those of [`EvenSides`](super::cell_shapes::EvenSides).
+pub fn softly_filled_part(direction: Vec3, sides: [Vec3; 2], blur: [Vec3; 2], towards: Vec3, chord: f32) -> f32 {
     let (e1, e2) = direction.any_orthonormal_pair();
     let on_plane = |v: Vec3| Vec2::new(v.dot(e1), v.dot(e2));
     let scale = chord.max(sides[0].length()).max(sides[1].length());
-    let [a, b, exact] = [sides[0], sides[1], exact].map(|v| on_plane(v) / scale);
+    let [a, b] = sides.map(|v| on_plane(v) / scale);
     let stretch = (2.0 / (1.0 + direction.dot(towards)).max(1e-6)).sqrt();
-    let blurred = BlurredDisc::new(chord / scale, [a, b], exact);
+    let blurred = BlurredDisc::new(chord / scale, blur.map(|v| on_plane(v) * (BLUR_RADIUS / scale)));
     let part =
         part_in_unit_disc(blurred.to_unit(stretch / scale * on_plane(towards)), [a, b].map(|v| blurred.to_unit(v)));
     blurred.radiance * part
@@ -43,13 +43,10 @@ struct BlurredDisc {
 }
 
 impl BlurredDisc {
-    /// A disc, blurred by a footprint. The squares of its axes are √(r⁴ + b⁴), r being its radius and b the blur: a disc that is wide anyway
-    /// stays what it is.
-    fn new(radius: f32, [a, b]: [Vec2; 2], exact: Vec2) -> Self {
-        const SCALE: f32 = BLUR_RADIUS * BLUR_RADIUS;
-        let g11 = SCALE * (a.x * a.x + b.x * b.x - exact.x * exact.x);
-        let g12 = SCALE * (a.x * a.y + b.x * b.y - exact.x * exact.y);
-        let g22 = SCALE * (a.y * a.y + b.y * b.y - exact.y * exact.y);
+    /// A disc, blurred by an ellipse with these semi-axes. The squares of its own are √(r⁴ + b⁴), r being its radius and b the blur: a disc
+    /// that is wide anyway stays what it is.
+    fn new(radius: f32, [a, b]: [Vec2; 2]) -> Self {
+        let (g11, g12, g22) = (a.x * a.x + b.x * b.x, a.x * a.y + b.x * b.y, a.y * a.y + b.y * b.y);
         // The square of the moments, and these as its root.
         let own = radius.powi(4);
         let (m11, m12, m22) = (own + g11 * g11 + g12 * g12, g12 * (g11 + g22), own + g12 * g12 + g22 * g22);
@@ -171,7 +168,7 @@ mod tests {
             let small = [a, b].map(|side| 1e-3 * side);
             let part = |i: i32, j: i32| {
                 let place = 0.25 * (i as f32 * small[0] + j as f32 * small[1]);
-                softly_filled_part(Vec3::X, small, Vec3::ZERO, (Vec3::X + place).normalize(), 1e-3 * radius)
+                softly_filled_part(Vec3::X, small, small, (Vec3::X + place).normalize(), 1e-3 * radius)
             };
             let steps = (4.0 * (radius / a.length().min(b.length().max(1e-9)) + 3.0)).ceil() as i32;
             let sum: f32 =
@@ -181,7 +178,7 @@ mod tests {
         }
         let [long, short] = [Vec3::new(0.0, 0.15, 0.0), Vec3::new(0.0, 0.0, 1e-6)];
         let across = |off: f32| {
-            softly_filled_part(Vec3::X, [long, short], Vec3::ZERO, Vec3::new(1.0, 0.0, off).normalize(), 0.005)
+            softly_filled_part(Vec3::X, [long, short], [long, short], Vec3::new(1.0, 0.0, off).normalize(), 0.005)
         };
         assert!(across(0.004) > 0.03 && across(0.006) < 1e-5, "{} {}", across(0.004), across(0.006));
     }

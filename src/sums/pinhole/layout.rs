@@ -4,7 +4,7 @@ use bytemuck::{Pod, Zeroable};
 use glam::{Vec2, Vec3};
 
 use super::visibility::VisibilityMaps;
-use super::{Epsilon, Interface, Params};
+use super::{CellShapes, Epsilon, Interface, Params};
 use crate::environment::CubeMap;
 use crate::scene::Sides;
 
@@ -26,6 +26,8 @@ pub struct Pinholes {
     pub curves: Vec<ReflectanceCurve>,
     /// What the samples see; `None`: nothing hides anything.
     pub visibility: Option<VisibilityMaps>,
+    /// What their cells have in common.
+    pub shapes: CellShapes,
 }
 
 impl From<Vec<PinholeSample>> for Pinholes {
@@ -255,7 +257,7 @@ impl PinholeSample {
     }
 }
 
-/// Parameters of a gather, 44 bytes.
+/// Parameters of a gather, 52 bytes.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 pub struct GatherUniforms {
@@ -281,6 +283,10 @@ pub struct GatherUniforms {
     pub rotation_cos: f32,
     /// Sine of the environment's rotation about +Y.
     pub rotation_sin: f32,
+    /// [`CellShapes::reach`].
+    pub reach: f32,
+    /// [`CellShapes::area`].
+    pub cell_area: f32,
 }
 
 impl GatherUniforms {
@@ -304,6 +310,8 @@ impl GatherUniforms {
             map_resolution: pinholes.visibility.as_ref().map_or(0, |maps| maps.resolution),
             rotation_cos: params.environment_rotation_rad.cos(),
             rotation_sin: params.environment_rotation_rad.sin(),
+            reach: pinholes.shapes.reach,
+            cell_area: pinholes.shapes.area,
         }
     }
 

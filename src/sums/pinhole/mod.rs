@@ -13,6 +13,7 @@
 //! the memory layout that both read. This module must not know scene files, cameras or image files.
 
 mod cell;
+mod cell_shapes;
 pub mod constants;
 pub mod cpu;
 mod disc;
@@ -23,6 +24,7 @@ mod surroundings;
 pub mod tree;
 pub mod visibility;
 
+pub use cell_shapes::CellShapes;
 pub use constants::ESTIMATE_MAX_RECEIVERS;
 pub use disc::{chord_of_sphere, filled_part, solid_angle_of};
 pub use interface::Interface;
@@ -211,8 +213,9 @@ pub fn pinholes_with(
         };
         Some(caster.channels().iter().map(of_channels))
     };
-    let samples = samples.iter().filter_map(pack).flatten().collect();
-    Pinholes { samples, curves: casters.curves.clone(), visibility: None }
+    let samples: Vec<PinholeSample> = samples.iter().filter_map(pack).flatten().collect();
+    let shapes = CellShapes::new(samples.iter().map(PinholeSample::area).collect(), 1, 0.0);
+    Pinholes { samples, curves: casters.curves.clone(), visibility: None, shapes }
 }
 
 impl Pinholes {

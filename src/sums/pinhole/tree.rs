@@ -7,7 +7,9 @@ use glam::Vec3;
 use super::cell::Cell;
 use super::constants::LOBE_BLUR;
 use super::visibility::Edges;
-use super::{Caster, Casters, Channels, PinholeParts, PinholeSample, Pinholes, VisibilityMaps, reflectance_curves};
+use super::{
+    Caster, Casters, CellShapes, Channels, PinholeParts, PinholeSample, Pinholes, VisibilityMaps, reflectance_curves,
+};
 use crate::cell_tree::{CellNode, CellTree, NodeGeometry};
 use crate::lanes::LANES;
 use crate::progress::Progress;
@@ -67,13 +69,15 @@ impl PinholeTree {
         let casters = Casters::new(scene, curves, chains);
         let mut new = Self { tree, casters, roots: Vec::new(), sample_nodes: Pinholes::default(), occluders: None };
         let pack = |&index: &u32| new.cell(index).sample.into();
-        let samples = new.tree.sample_nodes().iter().map(pack).collect();
+        let samples: Vec<PinholeSample> = new.tree.sample_nodes().iter().map(pack).collect();
         let roots_of = |&root: &u32| {
             let caster = new.casters.of_object[new.tree.object(new.tree.node(root)) as usize].as_ref();
             caster.into_iter().flat_map(Caster::channels).map(move |channels| root | item_bits(*channels))
         };
         new.roots = new.tree.roots().iter().flat_map(roots_of).collect();
-        new.sample_nodes = Pinholes { samples, curves: new.casters.curves.clone(), visibility: None };
+        let areas = samples.iter().map(PinholeSample::area).collect();
+        let shapes = CellShapes::new(areas, new.tree.leaves_per_sample(), new.tree.reach());
+        new.sample_nodes = Pinholes { samples, curves: new.casters.curves.clone(), visibility: None, shapes };
         new
     }
 
@@ -125,7 +129,7 @@ impl PinholeTree {
             channels.map(pack).collect::<Vec<PinholeSample>>()
         };
         let samples = self.tree.leaves().flat_map(pack).collect();
-        Pinholes { samples, curves: self.casters.curves.clone(), visibility: None }
+        Pinholes { samples, curves: self.casters.curves.clone(), visibility: None, shapes: self.sample_nodes.shapes }
     }
 
     /// Unpacks the cell of an item: the index of a node with the bits of its channels.

@@ -97,12 +97,12 @@ impl FrameLight<'_> {
     }
 }
 
-/// What shaders call `GatherUniforms`: the parameters, and what is known of near light and of a medium, 496 bytes.
+/// What shaders call `GatherUniforms`: the parameters, and what is known of near light and of a medium, 512 bytes.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 pub(super) struct LightUniforms {
     pub gather: GatherUniforms,
-    padding: u32,
+    padding: [u32; 3],
     pub lamp: LampUniforms,
     pub viewpoints: Viewpoints,
     pub medium: MediumUniforms,

@@ -250,7 +250,7 @@ impl NumberedMaps {
     fn new(tracing: &mut MapTracing, pinholes: &Pinholes, is_later: bool) -> Self {
         let samples = tracing.take_samples();
         let later = is_later.then(|| LaterMaps { tracing: tracing.clone(), is_recorded: AtomicBool::new(false) });
-        let pinholes = Pinholes { samples, curves: pinholes.curves.clone(), visibility: None };
+        let pinholes = Pinholes { samples, curves: pinholes.curves.clone(), visibility: None, shapes: pinholes.shapes };
         Self { pinholes, maps: tracing.maps().clone(), later }
     }
 

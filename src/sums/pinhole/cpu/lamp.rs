@@ -10,9 +10,10 @@ use super::receiver::NO_OBJECT;
 use super::visibility::VisibilityMap;
 use crate::environment::Bound;
 use crate::lanes::{ALL, F, LANES, Select, Simd, SimdBase, SimdFloat, V3, bits, lanes, set_bits, splat, splat3};
-use crate::pinhole::PinholeParts;
-use crate::pinhole::constants::{BLUR_RADIUS, BLURRED_REACH, FOOTPRINT_BEND, FOOTPRINT_RADIUS, LOBE_TAIL_WIDTH};
+use crate::pinhole::cell_shapes::EvenSides;
+use crate::pinhole::constants::{BLUR_RADIUS, FOOTPRINT_BEND, FOOTPRINT_RADIUS, LOBE_TAIL_WIDTH};
 use crate::pinhole::disc::{chord_of_sphere, softly_filled_part, solid_angle_of};
+use crate::pinhole::{CellShapes, PinholeParts};
 use crate::scene::Lamp;
 
 /// Widths of a rough mirror's lobe within which lamps are seen in it.
@@ -22,6 +23,7 @@ const TAIL_REACH: f32 = 0.75 * LOBE_TAIL_WIDTH;
 #[derive(Clone, Copy, Debug)]
 pub(super) struct LampLight<'a> {
     lamp: &'a Lamp,
+    shapes: CellShapes,
     /// The largest radiance of any channel from anywhere.
     pub max_radiance: f32,
 }
@@ -37,8 +39,8 @@ pub(super) struct Seen {
 }
 
 impl<'a> LampLight<'a> {
-    pub fn new(lamp: &'a Lamp) -> Self {
-        Self { lamp, max_radiance: lamp.max_radiance() }
+    pub fn new(lamp: &'a Lamp, shapes: CellShapes) -> Self {
+        Self { lamp, shapes, max_radiance: lamp.max_radiance() }
     }
 
     /// From a point to the lamp, metres.
@@ -63,6 +65,11 @@ impl<'a> LampLight<'a> {
         let sine = (radius + self.lamp.radius) / nearest;
         // An arc is at most π/2 times its sine.
         if nearest > 0.0 && sine < 1.0 { sine * FRAC_PI_2 } else { PI }
+    }
+
+    /// How much farther than the footprint of a cell its blur reaches.
+    pub fn blurred_reach(&self, cell: &PinholeParts) -> f32 {
+        self.shapes.blurred_reach(cell.area)
     }
 
     /// How large a cell is for the lamp: its extent over their distance.
@@ -145,8 +152,8 @@ impl<'a> LampLight<'a> {
     ) -> F<S> {
         let seen = self.seen_from(sample.position);
         let sharp = Self::sharp_footprint(simd, sample, pair, &seen);
-        // Its disc is blurred by the cell's own footprint.
-        let width = (sharp.squares().sqrt() * BLUR_RADIUS + seen.chord) * 2.0;
+        // Its disc is blurred.
+        let width = (sharp.squares().sqrt() * (0.5 * (self.blurred_reach(sample) - 1.0)) + seen.chord) * 2.0;
         (width / turn.max(f32::MIN_POSITIVE)).min(1.0)
     }
 
@@ -193,7 +200,7 @@ impl<'a> LampLight<'a> {
         let footprint = Self::footprint(simd, sample, pair, &seen);
         let size = turned + radius / seen.distance;
         let spread = footprint.squares().sqrt() * FOOTPRINT_RADIUS + (size * size * FOOTPRINT_BEND + uneven);
-        let spread = spread * BLURRED_REACH;
+        let spread = spread * self.blurred_reach(sample);
         let off = pair.r - splat3(simd, seen.towards);
         let apart = off.dot(off).sqrt();
         let max = apart.simd_lt(spread + largest).select(max, none);
@@ -211,7 +218,8 @@ impl<'a> LampLight<'a> {
         let apart = direction - splat3(simd, seen.towards);
         let chord = apart.dot(apart).sqrt();
         // A chord is shorter than its arc.
-        let is_met = chord.simd_le((radius + self.spread(cell.0, cell.1)) * BLURRED_REACH);
+        let reach = self.blurred_reach(cell.0);
+        let is_met = chord.simd_le((radius + self.spread(cell.0, cell.1)) * reach);
         is_met.select(splat(simd, self.max_radiance), splat(simd, 0.0))
     }
 
@@ -264,10 +272,12 @@ impl<'a> LampLight<'a> {
             || {
                 let mut sum = [Vec4::ZERO; LANES];
                 let seen = self.seen_from(sample.position);
-                // Segments of rays lie end to end exactly, and blur nothing.
                 let third = pair.turn_along_segment(simd);
-                let exact = third.unwrap_or_else(|| splat3(simd, Vec3::ZERO));
                 let sharp = Self::sharp_footprint(simd, sample, pair, &seen);
+                // Segments of rays lie end to end exactly, and blur nothing.
+                let even = EvenSides::new(sample.area, sample.sides, sample.changes, self.shapes);
+                let [first, mixed, second] = [even.first[0], even.first[1], even.second].map(|part| splat(simd, part));
+                let blur = [sharp.v1 * first + sharp.v2 * mixed, sharp.v2 * second];
                 let (whole, halves);
                 let parts = if sample.is_mostly_lobe() {
                     halves = pair.parts_of(simd, sample, &sharp, third);
@@ -278,7 +288,7 @@ impl<'a> LampLight<'a> {
                 };
                 let weight = 1.0 / parts.len() as f32;
                 for part in parts {
-                    self.add_mean(simd, (sample, &seen), (part, exact), (lit, weight), &mut sum);
+                    self.add_mean(simd, (sample, &seen), (part, &blur), (lit, weight), &mut sum);
                 }
                 sum
             },
@@ -290,20 +300,22 @@ impl<'a> LampLight<'a> {
         &self,
         simd: S,
         (sample, seen): (&PinholeParts, &Seen),
-        (footprint, exact): (&FootprintSides<S>, V3<S>),
+        (footprint, blur): (&FootprintSides<S>, &[V3<S>; 2]),
         (lit, weight): (u32, f32),
         sum: &mut [Vec4; LANES],
     ) {
         let half_1 = footprint.v1.dot(footprint.v1).sqrt() * 0.5;
         let half_2 = footprint.v2.dot(footprint.v2).sqrt() * 0.5;
         let off = footprint.r - splat3(simd, seen.towards);
-        let reach = (half_1 + half_2) * BLURRED_REACH + seen.chord;
+        let blur_reach = (blur[0].dot(blur[0]) + blur[1].dot(blur[1])).sqrt() * BLUR_RADIUS;
+        let reach = half_1 + half_2 + blur_reach + seen.chord;
         let met = lit & bits(off.dot(off).sqrt().simd_lt(reach));
         set_bits(lit & !met).for_each(|lane| sum[lane].w += 1.0);
         if met == 0 {
             return;
         }
-        let (a, b, exact) = (footprint.v1.to_arrays(), footprint.v2.to_arrays(), exact.to_arrays());
+        let (a, b) = (footprint.v1.to_arrays(), footprint.v2.to_arrays());
+        let blur = blur.map(|side| side.to_arrays());
         let r = footprint.r.to_arrays();
         for lane in set_bits(met) {
             let vector = |v: &[[f32; LANES]; 3]| Vec3::new(v[0][lane], v[1][lane], v[2][lane]);
@@ -313,7 +325,7 @@ impl<'a> LampLight<'a> {
                 sum[lane].w += 1.0;
                 continue;
             }
-            let part = softly_filled_part(direction, sides, vector(&exact), seen.towards, seen.chord);
+            let part = softly_filled_part(direction, sides, blur.each_ref().map(vector), seen.towards, seen.chord);
             let mut mean = Vec3::ZERO;
             if part > 0.0 {
                 mean = weight * part * self.lamp.radiance_at(self.lit_place(sample, direction, sides, seen.towards));

@@ -150,8 +150,12 @@ impl<'a> Lights<'a> {
         let gather = |source, uniforms| Gather { pinholes, materials: None, uniforms, source, medium, lamps_in_medium };
         let uniforms = GatherUniforms::for_cube(params, pinholes, self.environment);
         let environment = gather(Source::Environment(CubeLookup::rotated(self.environment, &uniforms)), uniforms);
-        let lamp =
-            |lamp| gather(Source::Lamp(LampLight::new(lamp)), GatherUniforms::for_near_light(params, pinholes, 0.0));
+        let lamp = |lamp| {
+            gather(
+                Source::Lamp(LampLight::new(lamp, pinholes.shapes)),
+                GatherUniforms::for_near_light(params, pinholes, 0.0),
+            )
+        };
         let surroundings = |seen: &'a Arc<Surroundings>| {
             let uniforms = GatherUniforms::for_near_light(params, pinholes, seen.texel_rad());
             gather(Source::Surroundings(SurroundingLight(seen)), uniforms)

@@ -23,7 +23,7 @@ pub fn gather_lamp(
     progress: &dyn Progress,
 ) -> Vec<[f32; 4]> {
     let uniforms = GatherUniforms::for_near_light(params, pinholes, 0.0);
-    let source = Source::Lamp(LampLight::new(lamp));
+    let source = Source::Lamp(LampLight::new(lamp, pinholes.shapes));
     gather_from(receivers, (pinholes, source, uniforms, params), CpuFilter::None, progress)
 }
 

@@ -31,7 +31,7 @@ use super::{
 };
 use crate::gpu::{GpuError, buffer_with};
 use crate::pinhole::constants::TILE_SIZE;
-use crate::pinhole::{Filter, Params};
+use crate::pinhole::{Filter, Params, Pinholes};
 
 /// The hierarchical gather's pipelines on one device. It needs nothing beyond what every WebGPU device has.
 #[derive(Debug)]
@@ -299,7 +299,8 @@ impl HierarchicalEngine {
         let (tree, light) = (inputs.tree, inputs.light.without_bounds());
         let bounds = inputs.light.bounds().unwrap_or(&self.pipelines.placeholders.bounds);
         let maps = tree.maps.clone().unwrap_or_else(|| VisibilityMapBuffers::none(device));
-        let mut gather = light.uniforms(&inputs.params, &Default::default(), maps.resolution);
+        let samples = Pinholes { shapes: tree.shapes, ..Default::default() };
+        let mut gather = light.uniforms(&inputs.params, &samples, maps.resolution);
         gather.medium.max_along_arcs = bounds.along_arcs;
         let gather = uniform_buffer(device, "gather uniforms", bytemuck::bytes_of(&gather));
         let uniforms = TreeUniforms {

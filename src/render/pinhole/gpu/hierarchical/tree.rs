@@ -4,7 +4,7 @@ use super::super::maps::{MapTracing, VisibilityMapBuffers};
 use super::super::storage_buffer;
 use super::layout::SampleNode;
 use crate::gpu::{GpuError, buffer_with};
-use crate::pinhole::{PinholeSample, PinholeTree};
+use crate::pinhole::{CellShapes, PinholeSample, PinholeTree};
 
 /// The buffers of a tree. They serve any number of images.
 #[derive(Clone, Debug)]
@@ -19,6 +19,7 @@ pub struct CellTreeBuffers {
     pub(super) first_cluster: u32,
     /// m².
     pub(super) area: f32,
+    pub(super) shapes: CellShapes,
     /// Whether any of its cells is on an interface between two media.
     pub(super) refracts: bool,
     /// `None`: nothing is occluded.
@@ -67,6 +68,7 @@ impl CellTreeBuffers {
             sample_count: samples.len() as u32,
             first_cluster: cells.first_cluster(),
             area: cells.area(),
+            shapes: tree.sample_nodes().shapes,
             refracts: tree.refracts(),
             maps,
         })

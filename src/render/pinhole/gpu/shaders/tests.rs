@@ -227,6 +227,8 @@ fn gather_uniforms() -> Layout {
         map_resolution,
         rotation_cos,
         rotation_sin,
+        reach,
+        cell_area,
     });
     layout.members.push(("lamp".into(), offset_of!(LightUniforms, lamp) as u32));
     layout.members.push(("viewpoints".into(), offset_of!(LightUniforms, viewpoints) as u32));

@@ -14,9 +14,9 @@ use crate::environment::{Bound, LightBounds};
 use crate::lanes::{F, Simd, SimdBase, SimdFloat};
 use crate::pinhole::cell::Cell;
 use crate::pinhole::constants::{
-    BLURRED_REACH, COHERENT_ERROR_SHARE, CONTRAST_ERROR_SCALE, FOOTPRINT_BEND, FOOTPRINT_RADIUS,
-    INTERPOLATION_ERROR_SCALE, MIN_MINOR_SHARE, NEAR_FIELD_SIZES, NEGLIGIBLE_SHARE, PAIR_ERROR_SHARE, POINT_SPACING,
-    TAPS_PER_ERROR_BUDGET, WEIGHT_ERROR_SCALE,
+    COHERENT_ERROR_SHARE, CONTRAST_ERROR_SCALE, FOOTPRINT_BEND, FOOTPRINT_RADIUS, INTERPOLATION_ERROR_SCALE,
+    MIN_MINOR_SHARE, NEAR_FIELD_SIZES, NEGLIGIBLE_SHARE, PAIR_ERROR_SHARE, POINT_SPACING, TAPS_PER_ERROR_BUDGET,
+    WEIGHT_ERROR_SCALE,
 };
 use crate::pinhole::interface::CrossingBounds;
 use crate::pinhole::{GatherUniforms, Interface, Surroundings};
@@ -314,12 +314,13 @@ impl RefinementCriterion<'_> {
             SourceBounds::Lamp(lamp) => {
                 let apart = cone.direction.distance(lamp.seen_from(cell.sample.position).towards);
                 // A chord is shorter than its arc.
+                let reach = lamp.blurred_reach(&cell.sample);
                 if cone.is_towards_lamp {
-                    let radius = BLURRED_REACH * cone.radius;
+                    let radius = reach * cone.radius;
                     let may_be_even = cell.sample.lobe == 0.0 && !self.along_rays;
                     return lamp.bound((&cell.sample, cell.radius), (apart, radius), may_be_even);
                 }
-                let is_met = apart <= BLURRED_REACH * (cone.radius + lamp.spread(&cell.sample, cell.radius));
+                let is_met = apart <= reach * (cone.radius + lamp.spread(&cell.sample, cell.radius));
                 let max = if is_met { lamp.max_radiance } else { 0.0 };
                 Bound { max, contrast: max }
             }

@@ -145,7 +145,7 @@ impl<'a> TraversalContext<'a> {
                 (uniforms, source, SourceBounds::Environment(bounds))
             }
             Light::Lamp(lamp) => {
-                let lamp = LampLight::new(lamp);
+                let lamp = LampLight::new(lamp, nodes.shapes);
                 (GatherUniforms::for_near_light(params, nodes, 0.0), Source::Lamp(lamp), SourceBounds::Lamp(lamp))
             }
             Light::Surroundings(surfaces) => {

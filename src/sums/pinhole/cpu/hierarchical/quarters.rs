@@ -8,11 +8,11 @@ use super::super::receiver::Receiver;
 use super::super::sky::OccludedSky;
 use super::evaluation::CellAtReceivers;
 use super::tile::TileGather;
-use crate::lanes::{F, LANES, Simd, SimdBase, bits, splat};
+use crate::lanes::{ALL, F, LANES, Simd, SimdBase, bits, splat};
 use crate::pinhole::PinholeParts;
 use crate::pinhole::cell::Cell;
 use crate::pinhole::constants::{
-    MAX_LAMP_QUARTERINGS, MAX_PIECE_SIZE, MAX_QUARTERINGS, MAX_RELATIVE_SIZE, WEIGHT_ERROR_SCALE,
+    MAX_LAMP_QUARTERINGS, MAX_PIECE_SIZE, MAX_QUARTERINGS, MAX_RELATIVE_SIZE, MIN_UNEVEN_SIZE, WEIGHT_ERROR_SCALE,
 };
 
 impl TileGather<'_> {
@@ -35,9 +35,12 @@ impl TileGather<'_> {
     #[inline(always)]
     fn uneven_lanes<S: Simd>(&self, simd: S, area: f32, max_contribution: F<S>, size: F<S>) -> u32 {
         // A lamp's light comes from anywhere on the cell, that of the environment from all of it.
-        let of_size = if matches!(self.context.gather.source, Source::Lamp(_)) { size } else { size * size };
+        let (of_size, may_be) = match self.context.gather.source {
+            Source::Lamp(_) => (size, bits(size.simd_gt(MIN_UNEVEN_SIZE))),
+            _ => (size * size, ALL),
+        };
         let error = max_contribution * of_size * WEIGHT_ERROR_SCALE;
-        bits(error.simd_gt(splat(simd, self.criterion.error_budget_of(area))))
+        may_be & bits(error.simd_gt(splat(simd, self.criterion.error_budget_of(area))))
     }
 
     /// Adds what a leaf contributes to receivers so near to it that it is not one sample for them: its parallelogram is quartered
