@@ -52,7 +52,7 @@ pub const MAX_LAMP_QUARTERINGS: u32 = 14;
 pub const MAX_PIECE_SIZE: f32 = 0.3;
 /// Under a lamp, leaves of a relative size up to this are not quartered: what lights a receiver comes from one place on them, whose weight
 /// differs a little from the middle's, now more, now less. Quarters are blurred less, and would show the gaps between leaves.
-pub const MIN_UNEVEN_SIZE: f32 = 0.1;
+pub const MIN_UNEVEN_SIZE: f32 = 0.2;
 /// Samples are not divided further for a part of a ray along which they leave no more than this part of the light's differences within
 /// them: those along the part average out.
 pub const MAX_LEFT_ALONG_RAY: f32 = 0.3;
