@@ -97,7 +97,7 @@ mod tests {
         for map in BUILT_IN_MAPS {
             assert!(map.exr.len() <= 1 << 20, "{}: {} bytes", map.name, map.exr.len());
             let (image, note) = RgbImage::decode("map.exr", map.exr).unwrap();
-            assert!(image.width == 2 * image.height && note.is_none(), "{}", map.name);
+            assert!(image.width == 2 * image.height && note.is_empty(), "{}", map.name);
         }
         // The clear sky's sun is a true one: far beyond half floats.
         let (sky, _) = RgbImage::decode("sky.exr", BUILT_IN_MAPS[0].exr).unwrap();

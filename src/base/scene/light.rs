@@ -53,8 +53,8 @@ impl Light {
         }
     }
 
-    /// A map by its name in scene files and on the command line: a built-in map (without extension), or a file. The
-    /// second part of the result notes what was repaired.
+    /// A map by its name in scene files and on the command line: a built-in map (without extension), a file, or a layer of one
+    /// (`sky.exr#key-light`). The second part of the result notes what was repaired.
     ///
     /// ```
     /// use std::path::Path;
@@ -101,24 +101,30 @@ impl EnvironmentMap {
         for (name, image) in &images {
             image.check(name)?;
         }
+        if let ([(_, column)], MapLayout::Auto) = (images.as_slice(), layout)
+            && column.height == 6 * column.width
+        {
+            return Ok(Self { images: column.faces_of_column().map(Arc::new).into(), layout: MapLayout::Faces });
+        }
         let layout = resolved(&images, layout)?;
         Ok(Self { images: images.into_iter().map(|(_, image)| image).collect(), layout })
     }
 
-    /// Reads image files. The second part of the result notes what was repaired.
+    /// Reads image files; of an `.exr` with several layers one is named as in `sky.exr#key-light`. The second part of the result notes what was repaired.
     pub fn load(
         assets: &(impl Assets + ?Sized),
         files: &[&str],
         layout: MapLayout,
     ) -> Result<(Self, Vec<String>), MapError> {
         let mut notes = Vec::new();
-        let mut image = |file: &&str| {
+        let mut image = |reference: &&str| {
+            let (file, layer) = RgbImage::split_layer(reference);
             let name = readable_name(assets, Path::new(file));
             RgbImage::check_format(&name)?;
             let bytes = assets
                 .read(Path::new(file))
                 .map_err(|error| MapError::Read { name: name.clone(), reason: error.to_string() })?;
-            let (image, note) = RgbImage::decode(&name, &bytes)?;
+            let (image, note) = RgbImage::decode_layer(&name, layer, &bytes)?;
             notes.extend(note);
             Ok((name, Arc::new(image)))
         };
@@ -147,7 +153,7 @@ impl EnvironmentMap {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum MapLayout {
-    /// By aspect ratio: 2:1 latlong, 1:1 angular, 3:4 vertical cross, 4:3 horizontal cross.
+    /// By aspect ratio: 2:1 latlong, 1:1 angular, 3:4 vertical cross, 4:3 horizontal cross, 1:6 the six faces of OpenEXR's cube maps.
     Auto,
     /// Equirectangular.
     Latlong,
@@ -229,7 +235,7 @@ fn resolved(images: &[(String, Arc<RgbImage>)], layout: MapLayout) -> Result<Map
             }
             (
                 false,
-                "set layout to latlong, angular, vertical-cross or horizontal-cross, or give an image of aspect 2:1, 1:1, 3:4 or 4:3",
+                "set layout to latlong, angular, vertical-cross or horizontal-cross, or give an image of aspect 2:1, 1:1, 3:4, 4:3 or 1:6",
             )
         }
         MapLayout::Latlong => (true, ""),
@@ -257,6 +263,34 @@ mod tests {
     fn a_wrong_aspect_is_named() {
         let message = EnvironmentMap::new(vec![grey(50, 20)], MapLayout::Auto).unwrap_err().to_string();
         assert!(message.contains("map.exr") && message.contains("50×20") && message.contains("2:1"), "{message}");
+    }
+
+    /// Directions of OpenEXR's cube maps (`ImfEnvmap.h`), each with its column and row in its face, as in WebGPU's.
+    #[test]
+    fn openexrs_cube_maps_have_their_faces() {
+        let size = 8;
+        // Of a pixel of a face that lies in the column: its direction, as OpenEXR has it.
+        let direction = |face: usize, x: usize, y: usize| {
+            let at = |k: usize| 2.0 * (k as f32 + 0.5) / size as f32 - 1.0;
+            let (x, y) = (at(x), at(y));
+            [[1.0, -y, x], [-1.0, -y, -x], [x, 1.0, -y], [x, -1.0, y], [-x, -y, 1.0], [x, -y, -1.0]][face]
+        };
+        let pixels =
+            (0..6 * size * size).map(|k| direction(k / (size * size), k % size, k / size % size)).collect::<Vec<_>>();
+        // Radiances are not negative.
+        let pixels = pixels.into_iter().map(|d| d.map(|value| value + 1.0)).collect();
+        let column = Arc::new(RgbImage { width: size, height: 6 * size, pixels });
+        let map = EnvironmentMap::new(vec![("cube.exr".into(), column)], MapLayout::Auto).unwrap();
+        assert_eq!((map.layout(), map.images().len()), (MapLayout::Faces, 6));
+        // WebGPU: the column and the row of a direction in its face.
+        let place = |face: usize, [x, y, z]: [f32; 3]| [[-z, -y], [z, -y], [x, z], [x, -z], [x, -y], [-x, -y]][face];
+        for (face, image) in map.images().iter().enumerate() {
+            for (k, pixel) in image.pixels.iter().enumerate() {
+                let found = place(face, pixel.map(|value| value - 1.0));
+                let expected = [k % size, k / size].map(|at| 2.0 * (at as f32 + 0.5) / size as f32 - 1.0);
+                assert!(found.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-6), "{face} {k}: {found:?}");
+            }
+        }
     }
 
     #[test]

@@ -3,43 +3,93 @@
 
 use std::io::Cursor;
 
+use exr::error::{Error, Result as ExrResult};
 use exr::meta::BlockDescription;
 use exr::meta::MetaData;
+use exr::meta::attribute::SampleType;
 use exr::meta::header::Header;
-use exr::prelude::{AnyChannels, FlatSamples, IntegerBounds, ReadChannels, ReadLayers};
+use exr::prelude::{IntegerBounds, ReadChannels, ReadLayers};
 
-use super::{Refusal, RgbImage, checked_size};
+use super::exr_layers::{self, LayerChannels};
+use super::{Refusal, RgbImage, checked_size, primaries};
 
 /// The best ratio of all supported compressions: deflate encodes runs at one bit per 129 bytes.
 const MAX_PIXELS_PER_BYTE: usize = 1032;
+/// The largest number of half floats.
+const LARGEST_HALF: f32 = 65504.0;
 
-pub(super) fn decode(bytes: &[u8]) -> Result<RgbImage, Refusal> {
-    let damaged = |error: exr::error::Error| Refusal::Damaged(error.to_string());
+/// The RGB of a layer, of the only or the main one if none is named, and notes on it.
+pub(super) fn decode(bytes: &[u8], layer: Option<&str>) -> Result<(RgbImage, Vec<String>), Refusal> {
+    let damaged = |error: Error| Refusal::Damaged(error.to_string());
     let meta = MetaData::read_from_buffered(Cursor::new(bytes), false).map_err(damaged)?;
     for header in &meta.headers {
         check_header(header, bytes.len())?;
     }
+    let chosen = exr_layers::choose(&meta.headers, layer).map_err(Refusal::Unsupported)?;
+    let header = &meta.headers[chosen.part];
     let read = || {
-        exr::prelude::read()
-            .no_deep_data()
-            .largest_resolution_level()
-            .all_channels()
-            .first_valid_layer()
-            .all_attributes()
-            .from_buffered(Cursor::new(bytes))
+        let channels = exr::prelude::read().no_deep_data().largest_resolution_level().all_channels();
+        OfPart { channels, header }.first_valid_layer().all_attributes().from_buffered(Cursor::new(bytes))
     };
     // The reader asserts what only a well-formed file keeps.
     let image = std::panic::catch_unwind(read)
         .map_err(|_| Refusal::Damaged("its blocks contradict its header".into()))?
         .map_err(damaged)?;
-    let layer = image.layer_data;
-    let pixels = rgb_pixels(&layer.channel_data)?;
-    let (width, height) = (layer.size.0, layer.size.1);
+    let data = image.layer_data;
+    let (width, height) = (data.size.0, data.size.1);
+    let [r, g, b] = chosen.channels.map(|index| data.channel_data.list[index].sample_data.values_as_f32());
+    let mut pixels: Vec<[f32; 3]> = r.zip(g).zip(b).map(|((r, g), b)| [r, g, b]).collect();
     if pixels.len() != width * height {
         return Err(Refusal::Unsupported("has subsampled channels; convert it to plain R, G and B".into()));
     }
-    let data_window = IntegerBounds::new(layer.attributes.layer_position, layer.size);
-    Ok(placed(RgbImage { width, height, pixels }, data_window, image.attributes.display_window))
+    let mut notes: Vec<String> = clipped(header, &chosen, &pixels).into_iter().collect();
+    if let Some(chromaticities) = &header.shared_attributes.chromaticities {
+        let [red, green, blue, white] =
+            [chromaticities.red, chromaticities.green, chromaticities.blue, chromaticities.white]
+                .map(|place| [place.0, place.1]);
+        notes.extend(primaries::convert(&mut pixels, [red, green, blue], white).map_err(Refusal::Unsupported)?);
+    }
+    if let Some(luminance) = header.own_attributes.white_luminance {
+        notes.push(format!(
+            "its white is {luminance} cd/m² (whiteLuminance), which is left aside; scale it by intensity"
+        ));
+    }
+    let data_window = IntegerBounds::new(data.attributes.layer_position, data.size);
+    Ok((placed(RgbImage { width, height, pixels }, data_window, image.attributes.display_window), notes))
+}
+
+/// Reads one part of a file, whatever the others are.
+struct OfPart<'h, C> {
+    channels: C,
+    header: &'h Header,
+}
+
+impl<'s, C: ReadChannels<'s>> ReadChannels<'s> for OfPart<'_, C> {
+    type Reader = C::Reader;
+
+    fn create_channels_reader(&'s self, header: &Header) -> ExrResult<Self::Reader> {
+        // Names of parts are unique.
+        let own = &header.own_attributes.layer_name;
+        if *own == self.header.own_attributes.layer_name && header.channels == self.header.channels {
+            self.channels.create_channels_reader(header)
+        } else {
+            Err(Error::Invalid("another part".into()))
+        }
+    }
+}
+
+/// A note if the brightest pixels are the largest number of half floats.
+fn clipped(header: &Header, chosen: &LayerChannels, pixels: &[[f32; 3]]) -> Option<String> {
+    let is_half = chosen.channels.iter().any(|index| header.channels.list[*index].sample_type == SampleType::F16);
+    let is_clipped = |pixel: &&[f32; 3]| pixel.contains(&LARGEST_HALF);
+    let count = pixels.iter().filter(is_clipped).count();
+    let exceeds = || pixels.as_flattened().iter().any(|value| *value > LARGEST_HALF);
+    (count > 0 && (is_half || !exceeds())).then(|| {
+        format!(
+            "{count} of its pixels are {LARGEST_HALF}, the largest number of half floats: the sun, or what else is brighter, was \
+             clipped, and its light is missing; use a map of 32-bit floats, or add the sun as a directional [[light]]"
+        )
+    })
 }
 
 fn check_header(header: &Header, length: usize) -> Result<(), Refusal> {
@@ -52,23 +102,7 @@ fn check_header(header: &Header, length: usize) -> Result<(), Refusal> {
     if header.chunk_count > length / size_of::<u64>() {
         return Err(Refusal::Damaged(format!("it declares {} blocks in {length} bytes", header.chunk_count)));
     }
-    let has = |name: &str| header.channels.list.iter().any(|c| c.name.eq_case_insensitive(name));
-    if has("RY") || has("BY") {
-        let reason = "has luminance and chroma (channels Y, RY and BY); convert it to R, G and B";
-        return Err(Refusal::Unsupported(reason.into()));
-    }
     Ok(())
-}
-
-/// The channels R, G and B, or Y in place of all three.
-fn rgb_pixels(channels: &AnyChannels<FlatSamples>) -> Result<Vec<[f32; 3]>, Refusal> {
-    let channel = |name: &str| channels.list.iter().find(|c| c.name.eq_case_insensitive(name));
-    let grey = channel("Y");
-    let rgb = ["R", "G", "B"].map(|name| channel(name).or(grey).map(|c| c.sample_data.values_as_f32()));
-    let [Some(r), Some(g), Some(b)] = rgb else {
-        return Err(Refusal::Unsupported("has neither the channels R, G and B nor Y; export it with them".into()));
-    };
-    Ok(r.zip(g).zip(b).map(|((r, g), b)| [r, g, b]).collect())
 }
 
 /// Crops or pads the data to the display window; pixels without data are black.
@@ -93,7 +127,9 @@ fn placed(image: RgbImage, data: IntegerBounds, display: IntegerBounds) -> RgbIm
 
 #[cfg(test)]
 mod tests {
-    use exr::prelude::{AnyChannel, Encoding, Image, Layer, LayerAttributes, Vec2, WritableImage};
+    use exr::prelude::{
+        AnyChannel, AnyChannels, Encoding, FlatSamples, Image, Layer, LayerAttributes, Text, Vec2, WritableImage, f16,
+    };
 
     use super::*;
 
@@ -133,6 +169,110 @@ mod tests {
         let message = refused(&["BY", "RY", "Y"]);
         assert!(message.contains("sky.exr") && message.contains("convert it to R, G and B"), "{message}");
         assert!(refused(&["Z"]).contains("neither the channels"));
+    }
+
+    /// A file of two pixels; each part has a name and channels, all samples of which are given numbers.
+    fn parts(parts: &[(&str, &[(&str, f32)])]) -> Vec<u8> {
+        let mut layers = Vec::new();
+        for (name, channels) in parts {
+            let channel = |(name, value): &(&str, f32)| AnyChannel::new(*name, FlatSamples::F32(vec![*value; 2]));
+            let channels = AnyChannels::sort(channels.iter().map(channel).collect());
+            let layer_name = (!name.is_empty()).then(|| Text::from(*name));
+            let attributes = LayerAttributes { layer_name, ..Default::default() };
+            layers.push(Layer::new((2, 1), attributes, Encoding::FAST_LOSSLESS, channels));
+        }
+        let attributes = exr::meta::header::ImageAttributes::new(window((0, 0), (2, 1)));
+        let image = Image::from_layers(attributes, layers);
+        let mut bytes = Cursor::new(Vec::new());
+        image.write().to_buffered(&mut bytes).unwrap();
+        bytes.into_inner()
+    }
+
+    fn layer(bytes: &[u8], name: Option<&str>) -> Result<[f32; 3], String> {
+        let decoded = RgbImage::decode_layer("sky.exr", name, bytes).map_err(|error| error.to_string());
+        decoded.map(|(image, _)| image.pixels[1])
+    }
+
+    /// As Nuke, Arnold, V-Ray and Blender name the channels of their pictures, and as parts are named.
+    #[test]
+    fn the_only_layer_is_found_and_others_have_names() {
+        for [r, g, b] in [
+            ["rgba.R", "rgba.G", "rgba.B"],
+            ["RGBA.R", "RGBA.G", "RGBA.B"],
+            [".R", ".G", ".B"],
+            ["ViewLayer.Combined.R", "ViewLayer.Combined.G", "ViewLayer.Combined.B"],
+            ["light.red", "light.green", "light.blue"],
+        ] {
+            let file = parts(&[("", &[(r, 1.0), (g, 2.0), (b, 3.0), ("ViewLayer.Depth.Z", 9.0), ("N.Y", 8.0)])]);
+            assert_eq!(layer(&file, None), Ok([1.0, 2.0, 3.0]), "{r}");
+        }
+        let depth_first = parts(&[("depth", &[("Z", 5.0)]), ("beauty", &[("R", 1.0), ("G", 2.0), ("B", 3.0)])]);
+        assert_eq!(layer(&depth_first, None), Ok([1.0, 2.0, 3.0]));
+        let passes = [("L.Combined.R", 1.0), ("L.Combined.G", 2.0), ("L.Combined.B", 3.0), ("L.Env.R", 4.0)];
+        let passes = [&passes[..], &[("L.Env.G", 5.0), ("L.Env.B", 6.0)]].concat();
+        let several = parts(&[("", &passes)]);
+        for name in ["L.Env", "l.env", "Env"] {
+            assert_eq!(layer(&several, Some(name)), Ok([4.0, 5.0, 6.0]), "{name}");
+        }
+        let message = layer(&several, None).unwrap_err();
+        assert!(
+            message.contains("sky.exr") && message.contains("L.Combined, L.Env; name one, as in FILE.exr#L.Combined")
+        );
+        let message = layer(&several, Some("sun")).unwrap_err();
+        assert!(message.contains("no layer 'sun'; it has L.Combined, L.Env"), "{message}");
+        let bare = parts(&[("", &[("R", 1.0), ("G", 2.0), ("B", 3.0), ("a.R", 4.0), ("a.G", 5.0), ("a.B", 6.0)])]);
+        assert_eq!((layer(&bare, None), layer(&bare, Some("a"))), (Ok([1.0, 2.0, 3.0]), Ok([4.0, 5.0, 6.0])));
+        let parted = parts(&[
+            ("left", &[("R", 1.0), ("G", 1.0), ("B", 1.0)]),
+            ("right", &[("right.R", 2.0), ("right.G", 2.0), ("right.B", 2.0)]),
+        ]);
+        assert_eq!(layer(&parted, Some("right")), Ok([2.0; 3]));
+        assert!(layer(&depth_first, Some("depth")).is_err());
+        assert_eq!(RgbImage::split_layer("a/sky.EXR#x.y"), ("a/sky.EXR", Some("x.y")));
+        assert_eq!(RgbImage::split_layer("a#b/sky#1.exr"), ("a#b/sky#1.exr", None));
+    }
+
+    #[test]
+    fn a_clipped_sun_is_noted() {
+        let of = |values: [f32; 2]| {
+            let samples = |name: &str| {
+                AnyChannel::new(name, FlatSamples::F16(values.iter().map(|value| f16::from_f32(*value)).collect()))
+            };
+            let channels = AnyChannels::sort(["R", "G", "B"].map(samples).into_iter().collect());
+            let image =
+                Image::from_layer(Layer::new((2, 1), LayerAttributes::default(), Encoding::FAST_LOSSLESS, channels));
+            let mut bytes = Cursor::new(Vec::new());
+            image.write().to_buffered(&mut bytes).unwrap();
+            RgbImage::decode("sky.exr", &bytes.into_inner()).unwrap().1
+        };
+        let notes = of([65504.0, 1.0]);
+        assert!(notes.len() == 1 && notes[0].contains("sky.exr: 1 of its pixels") && notes[0].contains("clipped"));
+        assert!(of([60000.0, 1.0]).is_empty());
+    }
+
+    #[test]
+    fn colours_of_other_primaries_are_converted() {
+        let mut image = Image::from_layer(Layer::new(
+            (2, 1),
+            LayerAttributes::default(),
+            Encoding::FAST_LOSSLESS,
+            AnyChannels::sort(
+                ["R", "G", "B"].map(|n| AnyChannel::new(n, FlatSamples::F32(vec![1.0; 2]))).into_iter().collect(),
+            ),
+        ));
+        let ap1 = |x, y| Vec2(x, y);
+        image.attributes.chromaticities = Some(exr::meta::attribute::Chromaticities {
+            red: ap1(0.713, 0.293),
+            green: ap1(0.165, 0.830),
+            blue: ap1(0.128, 0.044),
+            white: ap1(0.32168, 0.33767),
+        });
+        image.layer_data.attributes.white_luminance = Some(100.0);
+        let mut bytes = Cursor::new(Vec::new());
+        image.write().to_buffered(&mut bytes).unwrap();
+        let (image, notes) = RgbImage::decode("sky.exr", &bytes.into_inner()).unwrap();
+        assert!(image.pixels[0].iter().all(|value| (value - 1.0).abs() < 1e-4), "{:?}", image.pixels[0]);
+        assert!(notes.len() == 2 && notes[0].contains("Rec.709") && notes[1].contains("whiteLuminance"), "{notes:?}");
     }
 
     #[test]

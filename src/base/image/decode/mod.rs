@@ -1,7 +1,9 @@
 //! Environment images: decodes .exr and .hdr files in memory to linear RGB. Independent of directions.
 
 mod exr;
+mod exr_layers;
 mod hdr;
+mod primaries;
 
 use std::path::Path;
 
@@ -87,23 +89,42 @@ impl RgbImage {
     const MAX_PIXELS: usize = 1 << 28;
 
     /// Decodes a file's bytes; the extension of its name, `.exr` or `.hdr`, selects the format. The second part of the
-    /// result notes what was repaired.
-    pub fn decode(name: &str, bytes: &[u8]) -> Result<(Self, Option<String>), DecodeError> {
+    /// result notes what was repaired or converted, and what is missing.
+    pub fn decode(name: &str, bytes: &[u8]) -> Result<(Self, Vec<String>), DecodeError> {
+        Self::decode_layer(name, None, bytes)
+    }
+
+    /// The same of a layer of an `.exr` by its name. Without one, the file's only layer is read, or the one without a name.
+    pub fn decode_layer(name: &str, layer: Option<&str>, bytes: &[u8]) -> Result<(Self, Vec<String>), DecodeError> {
         Self::check_format(name)?;
         let extension = Path::new(name).extension().unwrap_or_default().to_string_lossy().to_lowercase();
         let decoded = match extension.as_str() {
-            "exr" => exr::decode(bytes),
+            "exr" => exr::decode(bytes, layer),
             _ => hdr::decode(bytes),
         };
-        let mut image = decoded.map_err(|refusal| match refusal {
+        let (mut image, notes) = decoded.map_err(|refusal| match refusal {
             Refusal::Damaged(reason) => DecodeError::Damaged { name: name.into(), reason: one_line(&reason) },
-            Refusal::Unsupported(reason) => DecodeError::Unsupported { name: name.into(), reason },
+            Refusal::Unsupported(reason) => DecodeError::Unsupported { name: name.into(), reason: one_line(&reason) },
         })?;
+        let mut notes: Vec<String> = notes.into_iter().map(|note| format!("{name}: {note}")).collect();
         let negative = image.set_negative_to_zero();
         image.check(name)?;
-        let note = (negative > 0)
-            .then(|| format!("{name}: {negative} pixels had negative radiance, which does not exist; set to 0"));
-        Ok((image, note))
+        if negative > 0 {
+            notes.push(format!("{name}: {negative} pixels had negative radiance, which does not exist; set to 0"));
+        }
+        Ok((image, notes))
+    }
+
+    /// A file's name and the layer that is meant: `sky.exr#key-light`.
+    pub fn split_layer(reference: &str) -> (&str, Option<&str>) {
+        const MARK: &str = ".exr#";
+        let found = reference
+            .char_indices()
+            .find(|(at, _)| reference.get(*at..at + MARK.len()).is_some_and(|part| part.eq_ignore_ascii_case(MARK)));
+        found.map_or((reference, None), |(at, _)| {
+            let end = at + MARK.len() - 1;
+            (&reference[..end], Some(&reference[end + 1..]))
+        })
     }
 
     /// Whether a file of this name is of a format that is read.
@@ -129,6 +150,23 @@ impl RgbImage {
             _ => "is brighter than 1e36",
         };
         Err(DecodeError::Pixel { name: name.into(), x: at % width, y: at / width, what })
+    }
+
+    /// The faces of an OpenEXR cube map, which lie one above the other, in the orientation of WebGPU's cube maps (OpenEXR,
+    /// `ImfEnvmap.h`). OpenEXR has directions to the edge of a face in the middle of its last pixels; they are moved outwards by less than
+    /// half a pixel.
+    pub fn faces_of_column(&self) -> [Self; 6] {
+        let n = self.width;
+        [0, 1, 2, 3, 4, 5].map(|face| {
+            // Seen from inside: WebGPU mirrors what is beside and, of what is above and below, the other axis.
+            let is_vertical = face == 2 || face == 3;
+            let at = |x: usize, y: usize| if is_vertical { (x, n - 1 - y) } else { (n - 1 - x, y) };
+            let pixel = |k: usize| {
+                let (x, y) = at(k % n, k / n);
+                self.pixels[(face * n + y) * n + x]
+            };
+            Self { width: n, height: n, pixels: (0..n * n).map(pixel).collect() }
+        })
     }
 
     /// A pixel.

@@ -193,11 +193,12 @@ impl Builder<'_> {
 
     /// The image of a slide, or why there is none.
     fn slide(&self, file: &str, notes: &mut Vec<String>) -> Result<Slide, String> {
+        let (file, layer) = RgbImage::split_layer(file);
         let name = readable_name(self.assets, Path::new(file));
         RgbImage::check_format(&name).map_err(|error| error.to_string())?;
         let bytes = self.assets.read(Path::new(file));
         let bytes = bytes.map_err(|error| format!("cannot read '{name}': {error}; check the path"))?;
-        let (image, repaired) = RgbImage::decode(&name, &bytes).map_err(|error| error.to_string())?;
+        let (image, repaired) = RgbImage::decode_layer(&name, layer, &bytes).map_err(|error| error.to_string())?;
         notes.extend(repaired);
         Ok(Slide(Arc::new(image)))
     }
