@@ -9,6 +9,7 @@ mod sequence;
 mod tone;
 
 pub use aov::Aov;
+pub(crate) use decode::rec_709_from_xyz;
 pub use decode::{DecodeError, RgbImage};
 pub use files::AtomicFile;
 pub use files::{ImageError, read_exr, read_exr_text, read_mask, write_atomically, write_exr, write_exr_with_text};

@@ -1,4 +1,4 @@
-//! Whether a mesh encloses a volume, with normals that point out of it.
+//! Whether a mesh encloses a volume, with normals that point out of it: in its own space, as rounding opens the seams of what is placed far away.
 
 use std::collections::HashMap;
 
@@ -27,7 +27,7 @@ pub(super) enum NotClosed {
     InsideOut,
 }
 
-/// Whether a mesh is the surface of a solid.
+/// Whether a mesh, not placed yet, is the surface of a solid.
 pub fn is_closed(mesh: &Mesh) -> bool {
     check_closed(mesh).is_ok()
 }

@@ -35,7 +35,7 @@ impl EmitterDistances {
 
 /// Makes emitters near ones that are not far enough away, where the scene file leaves it open.
 pub(super) fn decide_near(objects: &mut [Object], is_open: &[bool]) {
-    if !is_open.contains(&true) {
+    if !objects.iter().zip(is_open).any(|(object, is_open)| *is_open && object.emitter.is_some()) {
         return;
     }
     let meshes: Vec<Mesh> = objects.iter().map(Object::mesh_in_world).collect();

@@ -80,7 +80,7 @@ impl NearEmitters {
             let middle = parts.iter().map(|part| part.position).sum::<Vec3>() / parts.len().max(1) as f32;
             let normals = || parts.iter().map(|part| part.area.normalize_or_zero());
             let flat_normal = normals().next().filter(|n| normals().all(|other| n.dot(other).abs() > FLAT_COSINE));
-            let is_closed = is_closed(mesh);
+            let is_closed = is_closed(&object.mesh);
             let sphere = Sphere::of(mesh).filter(|_| is_closed);
             Some(NearEmitter { radiance, mesh: mesh.clone(), middle, flat_normal, sphere, is_closed, parts, few_parts })
         });

@@ -5,6 +5,8 @@ mod exr_layers;
 mod hdr;
 mod primaries;
 
+pub(crate) use primaries::rec_709_from_xyz;
+
 use std::path::Path;
 
 use glam::Vec3;

@@ -1,6 +1,6 @@
 //! Colours of other primaries and another white, as those of Rec.709 and D65: what scenes are computed in.
 
-use glam::{DMat3, DVec3};
+use glam::{DMat3, DVec3, Vec3};
 
 /// Chromaticities of Rec.709's red, green and blue,
 const REC_709: [[f32; 2]; 3] = [[0.64, 0.33], [0.30, 0.60], [0.15, 0.06]];
@@ -35,10 +35,19 @@ pub(super) fn convert(
 
 /// Converts CIE XYZ to colours of Rec.709.
 pub(super) fn convert_from_xyz(pixels: &mut [[f32; 3]]) {
-    let from_xyz = xyz_of(REC_709, D65).expect("Rec.709 has primaries").inverse();
+    let from_xyz = from_xyz();
     for pixel in pixels {
         *pixel = (from_xyz * DVec3::from(pixel.map(f64::from))).as_vec3().to_array();
     }
+}
+
+/// A colour of Rec.709 by its CIE XYZ; outside of what the primaries can show, it has negative parts.
+pub fn rec_709_from_xyz(xyz: [f32; 3]) -> Vec3 {
+    (from_xyz() * DVec3::from(xyz.map(f64::from))).as_vec3()
+}
+
+fn from_xyz() -> DMat3 {
+    xyz_of(REC_709, D65).expect("Rec.709 has primaries").inverse()
 }
 
 /// CIE XYZ of a chromaticity, at Y = 1.

@@ -138,6 +138,11 @@ impl Builder<'_> {
 
     fn object_motion(&self, table: &Table, object: &Animated) -> Result<ObjectMotion, SceneError> {
         let AnimationTable { translate, rotate_deg, scale, phase_deg, .. } = table.table;
+        if object.is_far {
+            let message = "cannot move: its vertices are so far from its origin that 32-bit numbers would round their places; \
+                           move the mesh to its origin in the modelling program";
+            return Err(self.error(table.key("object"), message));
+        }
         let wave = match (self.numbers(table, "phase_deg", phase_deg.as_ref())?, object.shape) {
             (None, _) => None,
             (Some(phase), shape) => {

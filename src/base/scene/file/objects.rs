@@ -4,7 +4,7 @@ use std::ops::Range;
 use std::path::Path;
 use std::sync::Arc;
 
-use glam::DVec3;
+use glam::{DMat3, DVec3};
 use serde::Deserialize;
 
 use super::{Builder, Key, one};
@@ -26,12 +26,13 @@ pub(super) struct ObjectTable {
     mesh: Option<String>,
     shape: Option<Shape>,
     #[serde(default)]
-    translate: [f32; 3],
+    translate: [f64; 3],
     #[serde(default)]
     rotate_deg: [f32; 3],
     #[serde(default = "one")]
     scale: f32,
     crease_angle_deg: Option<f32>,
+    sides: Option<Sides>,
     reflector: Option<ReflectorTable>,
     refractor: Option<RefractorTable>,
     receiver: Option<ReceiverTable>,
@@ -48,16 +49,18 @@ pub(super) struct Animated {
     pub objects: Range<usize>,
     /// The shape, if it is one.
     pub shape: Option<Shape>,
+    /// Whether its mesh is so far from its origin that it is placed in double precision, once and for all.
+    pub is_far: bool,
 }
 
 impl ObjectTable {
-    pub fn animated(&self, objects: Range<usize>) -> Animated {
-        Animated { name: self.name.clone(), objects, shape: self.shape }
+    pub fn animated(&self, objects: Range<usize>, is_far: bool) -> Animated {
+        Animated { name: self.name.clone(), objects, shape: self.shape, is_far }
     }
 
-    /// Whether it is an emitter of which it does not say whether it is near.
+    /// Whether, as an emitter, it does not say whether it is near.
     pub fn leaves_nearness_open(&self) -> bool {
-        self.emitter.as_ref().is_some_and(|emitter| emitter.near.is_none())
+        self.emitter.as_ref().is_none_or(|emitter| emitter.near.is_none())
     }
 }
 
@@ -151,14 +154,25 @@ fn note_dropped(origin: &str, triangles: usize, notes: &mut Vec<String>) {
     }
 }
 
+/// The placement of a mesh whose positions count from somewhere far away; the translation is as the file gives it, metres.
+fn placed_from(origin: DVec3, placement: Transform, translate: [f64; 3]) -> Transform {
+    if origin == DVec3::ZERO {
+        return placement;
+    }
+    let [x, y, z] = placement.rotate_rad.as_dvec3().to_array();
+    let rotation = DMat3::from_rotation_z(z) * DMat3::from_rotation_y(y) * DMat3::from_rotation_x(x);
+    let translate = rotation * (f64::from(placement.scale) * origin) + DVec3::from(translate);
+    Transform { translate: translate.as_vec3(), ..placement }
+}
+
 impl Builder<'_> {
-    /// An object, or one per material of a mesh that has its own materials.
+    /// An object, or one per material of a mesh that has its own materials, and whether it is far from its origin.
     pub(super) fn objects(
         &self,
         index: usize,
         table: &ObjectTable,
         notes: &mut Vec<String>,
-    ) -> Result<Vec<Object>, SceneError> {
+    ) -> Result<(Vec<Object>, bool), SceneError> {
         let name = table.name.as_ref().map_or_else(|| format!("object {}", index + 1), |name| escaped(name));
         let key = |k: &str| Key { shown: format!("object '{name}'.{k}"), path: format!("object.{index}.{k}") };
         if !(table.scale.is_finite() && table.scale != 0.0) {
@@ -170,7 +184,7 @@ impl Builder<'_> {
         let placement = Transform {
             scale: table.scale,
             rotate_rad: self.vector(key("rotate_deg"), table.rotate_deg)? * (std::f32::consts::PI / 180.0),
-            translate: self.vector(key("translate"), table.translate)?,
+            translate: self.vector(key("translate"), table.translate.map(|metres| metres as f32))?,
         };
         let reflector = match &table.reflector {
             None => None,
@@ -203,8 +217,10 @@ impl Builder<'_> {
         let camera_visible = table.camera_visible;
         let has_material = reflector.is_some() || refractor.is_some() || receiver.is_some() || emitter.is_some();
         if let (Some(file), None, false) = (&table.mesh, table.shape, has_material) {
-            let ObjParts { parts, undefined_materials } =
+            let ObjParts { parts, origin, notes: of_materials, undefined_materials } =
                 load_obj_by_material(self.assets, Path::new(file), crease_angle_rad(table))?;
+            notes.extend(of_materials);
+            let placement = placed_from(origin, placement, table.translate);
             if undefined_materials > 0 {
                 let file = readable_name(self.assets, Path::new(file));
                 notes.push(format!(
@@ -215,28 +231,42 @@ impl Builder<'_> {
             let object = |part: ObjPart| {
                 let file = readable_name(self.assets, Path::new(file));
                 let name = if part.material.is_empty() { name.clone() } else { format!("{name}/{}", part.material) };
-                let Surface { reflector, receiver } = part.surface;
+                let Surface { mut reflector, mut refractor, receiver, emitter } = part.surface;
+                let is_closed = check_closed(&part.mesh).is_ok();
+                if let Some(reflector) = &mut reflector {
+                    // The inside of a solid is dark.
+                    reflector.sides = table.sides.unwrap_or(if is_closed { Sides::Front } else { reflector.sides });
+                }
+                if let Some(refractor) = &mut refractor {
+                    refractor.interfaces = if is_closed { Interfaces::Two } else { Interfaces::One };
+                }
                 let mesh = Arc::new(part.mesh);
                 let mut object = Object::new(name, mesh);
                 (object.placement, object.camera_visible) = (placement, camera_visible);
-                (object.reflector, object.receiver) = (reflector, receiver);
+                (object.reflector, object.refractor) = (reflector, refractor);
+                (object.receiver, object.emitter) = (receiver, emitter);
                 note_dropped(&file, part.report.dropped_triangles + object.checked_mesh_in_world()?.1, notes);
                 Ok(object)
             };
-            return parts.into_iter().map(object).collect();
+            return Ok((parts.into_iter().map(object).collect::<Result<_, SceneError>>()?, origin != DVec3::ZERO));
         }
-        let (mesh, dropped) = self.mesh(table, &key)?;
+        if table.sides.is_some() {
+            let message = "is for the mirrors among a mesh's own materials; give reflector = { sides = … } its sides";
+            return Err(self.error(key("sides"), message));
+        }
+        let (mesh, dropped, origin) = self.mesh(table, &key)?;
+        let placement = placed_from(origin, placement, table.translate);
         let mesh = Arc::new(mesh);
         let object =
             Object { name: name.clone(), mesh, placement, reflector, refractor, receiver, emitter, camera_visible };
-        let (placed, lost) = object.checked_mesh_in_world()?;
+        let (_, lost) = object.checked_mesh_in_world()?;
         if object.has_interfaces(Interfaces::Two) {
             let refuse =
                 |reason| format!("is 2, but the mesh is not closed: {reason}; close it, or give interfaces = 1");
-            check_closed(&placed).map_err(|reason| self.error(key("refractor.interfaces"), refuse(reason)))?;
+            check_closed(&object.mesh).map_err(|reason| self.error(key("refractor.interfaces"), refuse(reason)))?;
         }
         note_dropped(table.mesh.as_deref().unwrap_or(&object.name), dropped + lost, notes);
-        Ok(vec![object])
+        Ok((vec![object], origin != DVec3::ZERO))
     }
 
     fn receiver(&self, table: &ReceiverTable, key: &dyn Fn(&str) -> Key) -> Result<Receiver, SceneError> {
@@ -310,19 +340,19 @@ impl Builder<'_> {
         Ok(Refractor { eta, fresnel: table.fresnel, interfaces })
     }
 
-    /// An object's mesh, and the number of dropped degenerate triangles.
-    fn mesh(&self, table: &ObjectTable, key: &dyn Fn(&str) -> Key) -> Result<(Mesh, usize), SceneError> {
+    /// An object's mesh, the number of dropped degenerate triangles, and what its positions count from, metres.
+    fn mesh(&self, table: &ObjectTable, key: &dyn Fn(&str) -> Key) -> Result<(Mesh, usize, DVec3), SceneError> {
         match (&table.mesh, table.shape) {
             (Some(file), None) => {
-                let (mesh, report) = load_obj(self.assets, Path::new(file), crease_angle_rad(table))?;
-                Ok((mesh, report.dropped_triangles))
+                let (mesh, report, origin) = load_obj(self.assets, Path::new(file), crease_angle_rad(table))?;
+                Ok((mesh, report.dropped_triangles, origin))
             }
             (None, Some(_)) if table.crease_angle_deg.is_some() => {
                 Err(self.error(key("crease_angle_deg"), "is for meshes; built-in shapes have exact normals"))
             }
             (None, Some(shape)) => {
                 let mesh = shape.mesh().map_err(|message| self.error(key("shape"), message))?;
-                Ok((mesh, 0))
+                Ok((mesh, 0, DVec3::ZERO))
             }
             (given, _) => {
                 let key = key(if given.is_some() { "mesh" } else { "name" });

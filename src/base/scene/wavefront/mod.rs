@@ -14,11 +14,12 @@ use std::collections::HashMap;
 use std::io::Read;
 use std::path::Path;
 
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 
 pub(super) use mtl::Surface;
 
 use super::Assets;
+use super::Transform;
 use super::assets::readable_name;
 use super::mesh::{Mesh, MeshError};
 use super::normals::smooth_normals;
@@ -38,19 +39,31 @@ impl Mesh {
     /// Reads all objects and groups of an OBJ file as one mesh, without materials. `name` is used in messages;
     /// `crease_angle_rad` only if the file has no normals.
     pub fn from_obj(name: &str, bytes: &[u8], crease_angle_rad: f32) -> Result<(Self, ObjReport), MeshError> {
-        let checked = obj::check(name, bytes)?;
-        merged(name, indexed(name, &checked, &[])?.iter(), crease_angle_rad)
+        let (mesh, report, origin) = whole(name, bytes, crease_angle_rad)?;
+        if origin == DVec3::ZERO {
+            return Ok((mesh, report));
+        }
+        let placement = Transform { translate: origin.as_vec3(), ..Default::default() };
+        let (mesh, dropped) = mesh.placed(&placement, name)?;
+        Ok((mesh, ObjReport { dropped_triangles: report.dropped_triangles + dropped, ..report }))
     }
 }
 
-/// Reads an OBJ file as [`Mesh::from_obj`] does.
+/// A file as one mesh, and what its positions count from, metres.
+fn whole(name: &str, bytes: &[u8], crease_angle_rad: f32) -> Result<(Mesh, ObjReport, DVec3), MeshError> {
+    let checked = obj::check(name, bytes)?;
+    let (mesh, report) = merged(name, indexed(name, &checked, &[])?.iter(), crease_angle_rad)?;
+    Ok((mesh, report, checked.origin))
+}
+
+/// Reads an OBJ file as [`Mesh::from_obj`] does, but for what its positions count from, metres.
 pub(super) fn load_obj(
     assets: &dyn Assets,
     path: &Path,
     crease_angle_rad: f32,
-) -> Result<(Mesh, ObjReport), MeshError> {
+) -> Result<(Mesh, ObjReport, DVec3), MeshError> {
     let (name, bytes) = read(assets, path)?;
-    Mesh::from_obj(&name, &bytes, crease_angle_rad)
+    whole(&name, &bytes, crease_angle_rad)
 }
 
 /// The part of a file that has one material.
@@ -67,6 +80,10 @@ pub(super) struct ObjPart {
 #[derive(Debug)]
 pub(super) struct ObjParts {
     pub parts: Vec<ObjPart>,
+    /// What their positions count from, metres.
+    pub origin: DVec3,
+    /// What of the materials was changed, or has no effect.
+    pub notes: Vec<String>,
     /// Number of materials that have no effect because the file names no material library.
     pub undefined_materials: usize,
 }
@@ -79,7 +96,8 @@ pub(super) fn load_obj_by_material(
 ) -> Result<ObjParts, MeshError> {
     let (name, bytes) = read(assets, path)?;
     let checked = obj::check(&name, &bytes)?;
-    let surfaces = surfaces(assets, path, &name, &checked)?;
+    let mut notes = Vec::new();
+    let surfaces = surfaces(assets, path, (&name, &checked), &mut notes)?;
     let models = indexed(&name, &checked, &checked.materials)?;
     let mut ids: Vec<Option<usize>> = models.iter().map(|m| m.mesh.material_id).collect();
     ids.sort_unstable();
@@ -96,7 +114,8 @@ pub(super) fn load_obj_by_material(
     };
     let named = checked.materials.iter().filter(|(_, name)| !is_placeholder(name)).count();
     let undefined_materials = if checked.libraries.is_empty() { named } else { 0 };
-    Ok(ObjParts { parts: ids.iter().map(part).collect::<Result<_, _>>()?, undefined_materials })
+    let parts = ids.iter().map(part).collect::<Result<_, _>>()?;
+    Ok(ObjParts { parts, origin: checked.origin, notes, undefined_materials })
 }
 
 /// Whether a material's name is one that exporters write for no material.
@@ -118,7 +137,12 @@ fn read(assets: &dyn Assets, path: &Path) -> Result<(String, Vec<u8>), MeshError
 }
 
 /// The surface of each material in use. Without a material library, materials have no effect.
-fn surfaces(assets: &dyn Assets, path: &Path, name: &str, checked: &obj::Checked) -> Result<Vec<Surface>, MeshError> {
+fn surfaces(
+    assets: &dyn Assets,
+    path: &Path,
+    (name, checked): (&str, &obj::Checked),
+    notes: &mut Vec<String>,
+) -> Result<Vec<Surface>, MeshError> {
     if checked.libraries.is_empty() {
         return Ok(vec![Surface::default(); checked.materials.len()]);
     }
@@ -127,22 +151,26 @@ fn surfaces(assets: &dyn Assets, path: &Path, name: &str, checked: &obj::Checked
     let mut known = HashMap::new();
     let mut files = Vec::new();
     for (line, library) in &checked.libraries {
-        for (file, bytes) in library_files(assets, folder, library).map_err(|reason| MeshError::Library {
+        let libraries = library_files(assets, folder, library).map_err(|reason| MeshError::Library {
             file: name.into(),
             line: *line,
             library: escaped(library),
             reason,
-        })? {
+        })?;
+        for missing in libraries.missing {
+            notes.push(format!("{name}:{line}: there is no material library '{}'; it is left out", escaped(&missing)));
+        }
+        for (file, bytes) in libraries.found {
             for material in mtl::materials(&file, &bytes)? {
-                known.insert(material.name, (file.clone(), material.surface));
+                known.insert(material.name.clone(), (file.clone(), material));
             }
             files.push(file);
         }
     }
-    let surface = |(line, material): &(usize, String)| match known.get(material) {
-        Some((_, Ok(surface))) => Ok(surface.clone()),
-        Some((file, Err((line, reason)))) => {
-            Err(MeshError::Statement { file: file.clone(), line: *line, reason: reason.clone() })
+    let mut surface = |(line, material): &(usize, String)| match known.get(material) {
+        Some((file, found)) => {
+            notes.extend(found.notes.iter().map(|note| format!("{file}: material '{}': {note}", escaped(material))));
+            found.surface.clone().map_err(|(line, reason)| MeshError::Statement { file: file.clone(), line, reason })
         }
         None if is_placeholder(material) => Ok(Surface::default()),
         None => {
@@ -150,20 +178,34 @@ fn surfaces(assets: &dyn Assets, path: &Path, name: &str, checked: &obj::Checked
             Err(MeshError::Statement { file: name.into(), line: *line, reason })
         }
     };
-    checked.materials.iter().map(surface).collect()
+    checked.materials.iter().map(&mut surface).collect()
 }
 
-/// The files of one `mtllib`: a single name, which may have spaces, or several.
-fn library_files(assets: &dyn Assets, folder: &Path, names: &str) -> Result<Vec<(String, Vec<u8>)>, String> {
+/// The files of one `mtllib`.
+struct Libraries {
+    /// Names for messages, and bytes.
+    found: Vec<(String, Vec<u8>)>,
+    missing: Vec<String>,
+}
+
+/// The files of one `mtllib`: a single name, which may have spaces, or several, of which some may be missing.
+fn library_files(assets: &dyn Assets, folder: &Path, names: &str) -> Result<Libraries, String> {
     let file = |name: &str| {
         let path = folder.join(name);
         assets.read(&path).map(|bytes| (readable_name(assets, &path), bytes)).map_err(|error| error.to_string())
     };
-    match file(names) {
-        Ok(file) => Ok(vec![file]),
-        Err(_) if names.contains(char::is_whitespace) => names.split_whitespace().map(file).collect(),
-        Err(reason) => Err(reason),
+    let reason = match file(names) {
+        Ok(file) => return Ok(Libraries { found: vec![file], missing: Vec::new() }),
+        Err(reason) => reason,
+    };
+    let (mut found, mut missing) = (Vec::new(), Vec::new());
+    for name in names.split_whitespace() {
+        match file(name) {
+            Ok(file) => found.push(file),
+            Err(_) => missing.push(name.to_owned()),
+        }
     }
+    if found.is_empty() { Err(reason) } else { Ok(Libraries { found, missing }) }
 }
 
 /// The checked file, indexed by `tobj`: a model per run of faces with the same material. Materials are numbered.

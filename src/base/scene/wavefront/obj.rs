@@ -1,6 +1,9 @@
 //! Checks the statements of an OBJ file, so that errors have lines and `tobj` gets valid input only.
 
 use std::fmt::Write;
+use std::str::FromStr;
+
+use glam::DVec3;
 
 use super::text::{Statement, decoded, statements};
 use crate::scene::MeshError;
@@ -10,6 +13,8 @@ use crate::words::escaped;
 pub(super) struct Checked {
     pub vertices: String,
     pub faces: String,
+    /// What the vertices count from, metres: zero, or the middle of vertices so far away that 32-bit numbers would round them.
+    pub origin: DVec3,
     /// Lines and file names of its material libraries.
     pub libraries: Vec<(usize, String)>,
     /// Lines and names of the materials in use, each once.
@@ -38,7 +43,7 @@ enum FaceStatement {
 
 #[derive(Default)]
 struct Checker {
-    positions: usize,
+    positions: Vec<DVec3>,
     normals: usize,
     vertices: String,
     corners: Vec<Corner>,
@@ -67,7 +72,10 @@ impl Checker {
     }
 
     fn position(&mut self, statement: &Statement) -> Result<(), String> {
-        let numbers = finite(statement, "position")?;
+        let numbers = finite::<f64>(statement, "position")?;
+        if numbers.iter().any(|number| !(*number as f32).is_finite()) {
+            return Err("the position has a number that is not finite".into());
+        }
         let used = match numbers.len() {
             // A fourth number is a weight, to divide by; colours are ignored.
             4 if numbers[3] != 0.0 => 4,
@@ -75,13 +83,14 @@ impl Checker {
             4 => return Err("the weight of a vertex must not be zero".into()),
             count => return Err(format!("a vertex has 3 coordinates, but here are {count}")),
         };
-        self.positions += 1;
+        let weight = if used == 4 { numbers[3] } else { 1.0 };
+        self.positions.push(DVec3::new(numbers[0], numbers[1], numbers[2]) / weight);
         write_vertex(&mut self.vertices, "v", statement, used);
         Ok(())
     }
 
     fn normal(&mut self, statement: &Statement) -> Result<(), String> {
-        let count = finite(statement, "normal")?.len();
+        let count = finite::<f32>(statement, "normal")?.len();
         if count != 3 {
             return Err(format!("a normal has 3 components, but here are {count}"));
         }
@@ -108,7 +117,7 @@ impl Checker {
     /// `position`, `position/texture`, `position//normal` or `position/texture/normal`.
     fn corner(&self, word: &str) -> Result<Corner, String> {
         let mut parts = word.split('/');
-        let position = absolute(parts.next().unwrap_or_default(), self.positions, word)?;
+        let position = absolute(parts.next().unwrap_or_default(), self.positions.len(), word)?;
         let normal = match (parts.next(), parts.next(), parts.next()) {
             (_, Some("") | None, None) => None,
             (_, Some(normal), None) => Some(absolute(normal, self.normals, word)?),
@@ -147,7 +156,7 @@ impl Checker {
                     Err((line, reason))
                 };
                 match normal {
-                    _ if position > self.positions => return missing("vertex", position, self.positions),
+                    _ if position > self.positions.len() => return missing("vertex", position, self.positions.len()),
                     Some(normal) if normal > self.normals => return missing("normal", normal, self.normals),
                     Some(normal) if with_normals => drop(write!(faces, " {position}//{normal}")),
                     _ => drop(write!(faces, " {position}")),
@@ -155,13 +164,38 @@ impl Checker {
             }
             faces.push('\n');
         }
-        Ok(Checked { vertices: self.vertices, faces, libraries: self.libraries, materials: self.materials })
+        let origin = far_origin(&self.positions);
+        let mut vertices = self.vertices;
+        if origin != DVec3::ZERO {
+            let normals: Vec<&str> = vertices.lines().filter(|line| line.starts_with("vn")).collect();
+            let mut moved = String::new();
+            for position in &self.positions {
+                let DVec3 { x, y, z } = position - origin;
+                let _ = writeln!(moved, "v {x} {y} {z}");
+            }
+            moved.push_str(&normals.join("\n"));
+            moved.push('\n');
+            vertices = moved;
+        }
+        Ok(Checked { vertices, faces, origin, libraries: self.libraries, materials: self.materials })
     }
 }
 
-fn finite(statement: &Statement, what: &str) -> Result<Vec<f32>, String> {
-    let numbers = statement.numbers()?;
-    match numbers.iter().find(|number| !number.is_finite()) {
+/// From so many times their extent on, places are kept relative to the middle of all.
+const FAR: f64 = 5000.0;
+
+/// The middle of places that are far from the origin for their extent; else zero.
+fn far_origin(positions: &[DVec3]) -> DVec3 {
+    let low = positions.iter().copied().fold(DVec3::INFINITY, DVec3::min);
+    let high = positions.iter().copied().fold(DVec3::NEG_INFINITY, DVec3::max);
+    let middle = 0.5 * (low + high);
+    let extent = (high - low).max_element();
+    if extent > 0.0 && middle.abs().max_element() > FAR * extent { middle } else { DVec3::ZERO }
+}
+
+fn finite<N: FromStr + Into<f64> + Copy>(statement: &Statement, what: &str) -> Result<Vec<N>, String> {
+    let numbers: Vec<N> = statement.numbers()?;
+    match numbers.iter().find(|number| !(**number).into().is_finite()) {
         Some(_) => Err(format!("the {what} has a number that is not finite")),
         None => Ok(numbers),
     }

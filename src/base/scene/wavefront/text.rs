@@ -2,8 +2,17 @@
 
 use std::borrow::Cow;
 
-/// Decodes a file: UTF-8 without its byte order mark, else Latin-1, which older exporters write.
+/// Decodes a file: UTF-16 by its byte order mark, UTF-8 without one, else Latin-1, which older exporters write.
 pub(super) fn decoded(bytes: &[u8]) -> Cow<'_, str> {
+    let utf_16 = |unit: fn([u8; 2]) -> u16| {
+        let units = bytes.as_chunks::<2>().0.iter().skip(1).map(|pair| unit(*pair));
+        Cow::Owned(char::decode_utf16(units).map(|c| c.unwrap_or(char::REPLACEMENT_CHARACTER)).collect())
+    };
+    match bytes {
+        [0xff, 0xfe, ..] => return utf_16(u16::from_le_bytes),
+        [0xfe, 0xff, ..] => return utf_16(u16::from_be_bytes),
+        _ => {}
+    }
     match str::from_utf8(bytes) {
         Ok(text) => Cow::Borrowed(text.strip_prefix('\u{feff}').unwrap_or(text)),
         Err(_) => Cow::Owned(bytes.iter().map(|byte| char::from(*byte)).collect()),
@@ -33,7 +42,7 @@ impl Statement<'_> {
     }
 
     /// The numbers after the keyword. The error names the word that is not a number.
-    pub fn numbers(&self) -> Result<Vec<f32>, String> {
+    pub fn numbers<N: std::str::FromStr>(&self) -> Result<Vec<N>, String> {
         self.words().map(|word| word.parse().map_err(|_| format!("'{word}' is not a number"))).collect()
     }
 }
@@ -77,5 +86,7 @@ mod tests {
     fn other_encodings_are_read() {
         assert_eq!(decoded(b"\xef\xbb\xbfv 1"), "v 1");
         assert_eq!(decoded(b"usemtl gr\xfcn"), "usemtl grün");
+        assert_eq!(decoded(b"\xff\xfev\0 \x001\0"), "v 1");
+        assert_eq!(decoded(b"\xfe\xff\0v\0 \x001"), "v 1");
     }
 }
