@@ -7,14 +7,15 @@ use clap::Args;
 
 use pinspot::blocking::wait;
 use pinspot::reference::{Estimator, StoppingCriterion};
-use pinspot::report::{Comparison, Figure, Plan, Request, compare};
+use pinspot::report::{Comparison, Figure, Plan, ReportError, Request, compare};
 use pinspot::{
-    Density, EvaluationChoice, Filter, FilterChoice, Footprint, Mode, Options, Quality, Settings, Strategy, Technique,
+    Density, Error, EvaluationChoice, Filter, FilterChoice, Footprint, Mode, Options, Quality, Settings, Strategy,
+    Technique,
 };
 
 use super::console::{Console, Failure};
 use super::errors::message;
-use super::options::{SceneOptions, parse_positive, word};
+use super::options::{SceneOptions, parse_count, parse_positive, word};
 use super::output::check_writable;
 use super::render::open;
 
@@ -53,7 +54,7 @@ pub struct CompareArgs {
     #[arg(long, value_parser = word::<EvaluationChoice>, value_delimiter = ',', value_name = "NAMES")]
     evaluations: Vec<EvaluationChoice>,
     /// Sample counts, separated by commas [default: 100,1000,10000]
-    #[arg(long, value_delimiter = ',', value_name = "LIST")]
+    #[arg(long, value_parser = parse_count, value_delimiter = ',', value_name = "LIST")]
     samples: Vec<u32>,
     /// Number of consecutive seeds
     #[arg(long, value_name = "K", default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..=1000))]
@@ -124,7 +125,13 @@ pub fn run(args: &CompareArgs, words: &[OsString], console: &Console) -> Result<
     let criterion = StoppingCriterion::new(args.rel_error).with_seconds_left(&seconds_left);
     let compared = wait(request.backend.device(), compare(&request, &criterion, &clock, &watch));
     watch.finish();
-    let comparison = compared.map_err(|e| message(&e))?;
+    let comparison = compared.map_err(|error| match error {
+        // A list of options that exclude each other is a wrong command line.
+        Error::Report(ReportError::NoCombination { .. }) => {
+            Failure::command_line(clap::error::ErrorKind::ArgumentConflict, &message(&error))
+        }
+        error => message(&error).into(),
+    })?;
     comparison.write(&args.output).map_err(|e| message(&e))?;
     comparison.warnings.iter().for_each(|warning| console.warn(warning));
     if comparison.reference.rel_error > args.rel_error && request.estimator == Estimator::Points {

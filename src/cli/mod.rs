@@ -64,26 +64,26 @@ enum Command {
 pub fn run(command_line: impl IntoIterator<Item = OsString>, console: &Console) -> u8 {
     let words: Vec<OsString> = command_line.into_iter().collect();
     let parsed = Cli::try_parse_from(&words).map_err(Failure::from);
-    match parsed.and_then(|cli| execute(&cli.command, &words, console)) {
+    match parsed.and_then(|cli| execute(cli.command, &words, console)) {
         Ok(()) => 0,
         Err(failure) => console.report(&failure),
     }
 }
 
 #[cfg_attr(not(feature = "report"), expect(unused_variables, reason = "reports hold the command line"))]
-fn execute(command: &Command, words: &[OsString], console: &Console) -> Result<(), Failure> {
+fn execute(command: Command, words: &[OsString], console: &Console) -> Result<(), Failure> {
     match command {
         Command::Render(args) => render::run(args, console),
         #[cfg(feature = "view")]
-        Command::View(args) => view::run(args),
-        Command::Reference(args) => reference::run(args, console),
+        Command::View(args) => view::run(&args),
+        Command::Reference(args) => reference::run(&args, console),
         #[cfg(feature = "report")]
-        Command::Compare(args) => compare::run(args, words, console),
-        Command::Samples(args) => samples::run(args, console),
+        Command::Compare(args) => compare::run(&args, words, console),
+        Command::Samples(args) => samples::run(&args, console),
         #[cfg(feature = "gpu")]
-        Command::Filters(args) => filters::run(args, console),
+        Command::Filters(args) => filters::run(&args, console),
         #[cfg(feature = "gpu")]
-        Command::Adapters(args) => adapters::run(args, console),
-        Command::Scenes(args) => scenes::run(args, console),
+        Command::Adapters(args) => adapters::run(&args, console),
+        Command::Scenes(args) => scenes::run(&args, console),
     }
 }

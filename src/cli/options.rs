@@ -20,8 +20,8 @@ use super::errors::{message, option_message};
 /// Sampling options.
 #[derive(Debug, Args)]
 pub struct SamplingOptions {
-    /// Number of samples [default: 1000]
-    #[arg(long, value_name = "N")]
+    /// Number of samples, such as 5000 or 5k [default: 1000]
+    #[arg(long, value_parser = parse_count, value_name = "N")]
     pub samples: Option<u32>,
     /// Strategy that places samples: random, grid, quantised-grid, neighbourhood or elimination [default: neighbourhood]
     #[arg(long, value_parser = word::<Strategy>, value_name = "NAME")]
@@ -258,6 +258,10 @@ impl CommonOptions {
             ("--samples", sampling.samples.is_some()),
             ("--strategy", sampling.strategy.is_some()),
             ("--density", sampling.density.is_some()),
+            ("--filter", self.filter.is_some()),
+            ("--taps", self.scene.taps.is_some()),
+            ("--epsilon", self.scene.epsilon.is_some()),
+            ("--quality", self.quality.is_some()),
             ("--footprint", self.footprint.is_some()),
             ("--evaluation", self.evaluation.is_some()),
             ("--leaves", self.leaves.is_some()),
@@ -352,9 +356,26 @@ pub(super) fn word<T: DeserializeOwned>(text: &str) -> Result<T, String> {
 }
 
 pub(super) fn parse_size(text: &str) -> Result<[u32; 2], String> {
-    let (width, height) = text.split_once('x').ok_or("give WIDTHxHEIGHT, such as 512x512")?;
-    let number = |t: &str| t.parse().map_err(|_| format!("'{t}' is no number of pixels; give WIDTHxHEIGHT"));
+    // One number is a square.
+    let (width, height) = text.split_once('x').unwrap_or((text, text));
+    let number =
+        |t: &str| t.parse().map_err(|_| format!("'{t}' is no number of pixels; give WIDTHxHEIGHT, such as 640x480"));
     Ok([number(width)?, number(height)?])
+}
+
+/// A number of things: 5000, 5k or 1M.
+pub(super) fn parse_count(text: &str) -> Result<u32, String> {
+    let (digits, factor) = match text.as_bytes().last() {
+        Some(b'k') => (&text[..text.len() - 1], 1e3),
+        Some(b'M') => (&text[..text.len() - 1], 1e6),
+        _ => return text.parse().map_err(|_| format!("'{text}' is no whole number; give one such as 5000 or 5k")),
+    };
+    let number = digits.parse::<f64>().map(|number| number * factor).unwrap_or(f64::NAN);
+    if (0.0..=f64::from(u32::MAX)).contains(&number) && number.fract() == 0.0 {
+        Ok(number as u32)
+    } else {
+        Err(format!("'{text}' is no whole number; give one such as 5000 or 5k"))
+    }
 }
 
 /// A number greater than 0.

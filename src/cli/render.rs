@@ -27,10 +27,10 @@ const FRAMES_PER_SECOND: u16 = 24;
 
 #[derive(Debug, Args)]
 pub struct RenderArgs {
-    /// A scene file (.toml), or the name of a built-in scene (see `pinspot scenes`)
+    /// A scene file (.toml), the name of a built-in scene (see `pinspot scenes`), or a model (.obj), which is put on a table
     scene: String,
-    /// Files to write: .png (tone-mapped), .exr (linear); with --frames, numbered ones such as frame-####.png, or one .apng
-    #[arg(short, long, required = true, num_args = 1.., value_name = "FILE")]
+    /// Files to write: .png (tone-mapped), .exr (linear); with --frames, numbered ones such as frame-####.png, or one .apng [default: the scene's name, .png]
+    #[arg(short, long, required = false, num_args = 1.., value_name = "FILE")]
     output: Vec<PathBuf>,
     /// Render the frames A to B-1 of the scene's animation; frames that are complete in their files are not rendered again
     #[arg(long, value_parser = parse_frames, value_name = "A..B", conflicts_with = "seconds")]
@@ -59,7 +59,11 @@ struct JsonReport<'a, R> {
     seconds: &'a Seconds,
 }
 
-pub fn run(args: &RenderArgs, console: &Console) -> Result<(), Failure> {
+pub fn run(mut args: RenderArgs, console: &Console) -> Result<(), Failure> {
+    if args.output.is_empty() {
+        args.output.push(default_output(&args));
+    }
+    let args = &args;
     // Anything that is sure to fail is reported before the long work.
     let sequence = args.frames.clone().map(|frames| sequence(args, frames)).transpose()?;
     if sequence.is_none() {
@@ -84,6 +88,12 @@ pub fn run(args: &RenderArgs, console: &Console) -> Result<(), Failure> {
         console.say(&summary(&rendered.report, display.exposure == Exposure::Auto, &seconds, &args.output));
     }
     Ok(())
+}
+
+/// Where a picture of the scene goes, or its frames: a file in the current folder.
+fn default_output(args: &RenderArgs) -> PathBuf {
+    let name = Path::new(&args.scene).file_stem().unwrap_or_default().to_string_lossy();
+    PathBuf::from(if args.frames.is_some() { format!("{name}-####.png") } else { format!("{name}.png") })
 }
 
 /// The frames that are asked for, whose first files can be written.

@@ -252,3 +252,13 @@ fn without_a_session_nothing_is_said_of_it() {
     let said = text(output.stderr);
     assert!(output.status.success() && !said.contains("XDG_RUNTIME_DIR"), "{said}");
 }
+
+/// Without a file to write to, the picture has the scene's name.
+#[test]
+fn pictures_have_the_names_of_their_scenes() {
+    let place = Workplace::new();
+    let words = ["render", "scene.toml", "--size", "4x4", "--samples", "20", "--backend", "cpu"];
+    let output = place.process(&words).output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    assert!(place.path("scene.png").is_file());
+}

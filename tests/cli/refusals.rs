@@ -143,7 +143,8 @@ fn wrong_command_lines_exit_with_two() {
         &["reference", "ring", "-o", "a.exr", "--samples", "10"],
         &["compare", "ring", "-o", "a", "--figure", "6"],
         &["compare", "ring", "-o", "a", "--figure", "4", "--samples", "10"],
-        &["render", "ring", "-o", "a.png", "--size", "512"],
+        &["render", "ring", "-o", "a.png", "--size", "512x"],
+        &["render", "ring", "-o", "a.png", "--samples", "10q"],
         &["render", "ring", "-o", "a.png", "--cube-size", "100"],
         &["render", "scene.toml", "-o", "a.png", "--adapter", "voodoo", "--backend", "cpu"],
         &["view", "--frames", "1..2"],
@@ -185,7 +186,9 @@ fn what_cannot_be_is_refused_before_the_work() {
     };
     compare(&[], "report.html");
     std::fs::remove_dir_all(place.path("report")).unwrap();
-    compare(&["--evaluations", "hierarchical", "--filters", "none"], "evaluation hierarchical");
-    compare(&["--evaluations", "flat,hierarchical", "--footprints", "curvature"], "evaluation hierarchical");
+    for more in [["hierarchical", "--filters", "none"], ["flat,hierarchical", "--footprints", "curvature"]] {
+        let words = [&["compare", "scene.toml", "-o", "report", "--evaluations"][..], &more, &endless].concat();
+        place.refuses_command_line(&words, &["evaluation hierarchical"]);
+    }
     compare(&["--filters", "none,hardware", "--backend", "cpu"], "no hardware filter");
 }

@@ -249,3 +249,28 @@ fn negative_radiance_is_set_to_zero_with_a_warning() {
     assert!(output.succeeded());
     assert!(String::from_utf8(output.stderr).unwrap().contains("512 pixels had negative radiance"));
 }
+
+/// What a newcomer types: a model, a side instead of two, thousands by their letter.
+#[test]
+fn models_and_short_numbers_are_understood() {
+    let place = Workplace::new();
+    let output = place.run(&[
+        "render",
+        "ring.obj",
+        "-o",
+        "ring.exr",
+        "--size",
+        "12",
+        "--samples",
+        "0.06k",
+        "--backend",
+        "cpu",
+        "--quiet",
+        "--aov",
+        "caustic",
+    ]);
+    assert!(output.succeeded(), "{}", String::from_utf8_lossy(&output.stderr));
+    let image = pinspot::image::read_exr(&place.path("ring.exr"), "").unwrap();
+    assert!((image.width, image.height) == (12, 12) && image.mean().min_element() > 0.0, "{:?}", image.mean());
+    place.refuses(&["render", "ball.glb", "-o", "out.png"], &["ball.glb", "the format '.glb' is not read yet"]);
+}

@@ -35,6 +35,31 @@ fn the_number_is_met_and_all_of_the_surface_is_stood_for() {
     }
 }
 
+/// Glass that only refracts twice casts nothing by sums, and a prism has a sample for each colour: neither shifts the importance of others.
+#[test]
+fn samples_that_cast_nothing_or_thrice_keep_the_others_in_place() {
+    let refractors = ["eta = 1.5, interfaces = 2, fresnel = false", "eta = [1.5, 1.51, 1.52]"];
+    for (refractor, density) in refractors.iter().flat_map(|refractor| DENSITIES.map(|density| (refractor, density))) {
+        let text = format!(
+            "environment = {{ constant = [1, 1, 1] }}\ncamera = {{ position = [0, 3, 3], target = [0, 0, 0], perspective = {{ fov_y_deg = 40 \
+             }} }}\n[[object]]\nshape = {{ sphere = {{ radius = 0.3 }} }}\ntranslate = [-1, 0.4, 0]\nrefractor = {{ {refractor} }}\n\
+             [[object]]\nshape = {{ sphere = {{ radius = 0.3 }} }}\ntranslate = [1, 0.4, 0]\nreflector = {{}}\n\
+             [[object]]\nshape = {{ plane = {{ size = [4, 4] }} }}\nreceiver = {{}}\n"
+        );
+        let loaded = pinspot::scene::parse::<Settings>("test.toml", &text, std::path::Path::new(".")).unwrap();
+        let mut options = loaded.render.options().unwrap();
+        (options.samples, options.density, options.size) = (300, density, [32, 32]);
+        let points = place_samples(&loaded.scene, &options).unwrap().points;
+        let right = points.iter().filter(|point| point.position.x > 0.0);
+        // What lies next to the table contributes most.
+        let (low, high) = right.partition::<Vec<_>, _>(|point| point.position.y < 0.4);
+        assert!(low.len() > 30 && high.len() > 30, "{refractor} {density:?}: {} {}", low.len(), high.len());
+        if density == Density::Contribution {
+            assert!(low.len() > high.len(), "{refractor}: {} {}", low.len(), high.len());
+        }
+    }
+}
+
 #[test]
 #[ignore = "full: statistics over samples"]
 fn no_density_makes_the_picture_brighter_or_darker() {

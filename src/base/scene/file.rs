@@ -8,6 +8,7 @@ mod document;
 mod environment;
 mod lamps;
 mod medium;
+mod model;
 mod objects;
 
 use std::ops::Range;
@@ -23,10 +24,11 @@ use self::document::{Fault, KeyLines, Problem};
 use self::environment::EnvironmentTable;
 use self::lamps::LampTable;
 use self::medium::MediumTable;
+use self::model::Kind;
 use self::objects::ObjectTable;
 
 use super::emitters::decide_near;
-use super::{Assets, BUILT_IN, Medium, Scene, SceneError};
+use super::{Assets, BUILT_IN, Medium, MeshError, Scene, SceneError};
 use crate::words::escaped;
 
 /// A scene, and the `[render]` table of its file.
@@ -55,18 +57,30 @@ impl<R> Loaded<R> {
     }
 }
 
-/// Loads a scene file, or the built-in scene of that name. `R` is the type of the `[render]` table.
+/// Loads a scene file, the built-in scene of that name, or a model (.obj) on a table under a clear sky. `R` is the type of the `[render]` table.
 pub fn load<R: DeserializeOwned + Default>(path_or_name: &str) -> Result<Loaded<R>, SceneError> {
     if let Some(built_in) = BUILT_IN.iter().find(|b| b.name == path_or_name) {
         return parse(built_in.name, built_in.toml, Path::new("."));
     }
     let path = Path::new(path_or_name);
+    let folder = path.parent().unwrap_or(Path::new("."));
+    match Kind::of(path) {
+        Kind::Scene => {}
+        Kind::Model => {
+            let text = model::scene_of(Path::new(path.file_name().unwrap_or_default()), &folder)?;
+            return parse(path_or_name, &text, folder);
+        }
+        Kind::Other(extension) => {
+            let (origin, extension) = (escaped(path_or_name), format!(".{extension}"));
+            return Err(MeshError::Format { origin, extension }.into());
+        }
+    }
     let text = std::fs::read_to_string(path).map_err(|source| {
         let names = BUILT_IN.iter().map(|b| b.name);
         let hint = nearest(path_or_name, names).map(|n| format!("; did you mean '{n}'?")).unwrap_or_default();
         SceneError::Read { path: path.into(), hint, source }
     })?;
-    parse(path_or_name, &text, path.parent().unwrap_or(Path::new(".")))
+    parse(path_or_name, &text, folder)
 }
 
 /// Parses a scene file's text. The files that it names are read from `assets`: a folder's path, or files in memory.
@@ -401,6 +415,24 @@ receiver = { albedo = [0.5, 0.5, 0.5] }
                 assert!(scene.is_ok(), "{shape} {translate}: {}", scene.unwrap_err());
             }
         }
+    }
+
+    #[test]
+    fn models_stand_on_a_table() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("My Model.OBJ");
+        std::fs::write(&path, "v 4 2 0\nv 6 2 0\nv 4 2 1\nv 4 3 0\nf 1 2 4\nf 1 2 3\n").unwrap();
+        let load = |path: &Path| super::load::<Render>(path.to_str().unwrap()).map(|loaded| loaded.scene);
+        let scene = load(&path).unwrap();
+        assert_eq!(scene.objects.len(), 2);
+        assert!(scene.objects[0].reflector.is_some() && scene.objects[1].receiver.is_some());
+        let mesh = scene.objects[0].mesh_in_world();
+        let low = mesh.positions().iter().fold(Vec3::INFINITY, |low, p| low.min(*p));
+        assert!(low.abs_diff_eq(Vec3::new(-1.0, 0.002, -0.5), 1e-5), "{low}");
+        let message = load(&dir.path().join("none.obj")).unwrap_err().to_string();
+        assert!(message.contains("cannot read mesh") && message.contains("none.obj"), "{message}");
+        let message = load(&dir.path().join("ball.glb")).unwrap_err().to_string();
+        assert!(message.contains("ball.glb") && message.contains("the format '.glb' is not read yet"), "{message}");
     }
 
     /// Geographic coordinates, which 32-bit numbers round to half a metre.

@@ -142,7 +142,7 @@ fn yes() -> bool {
     true
 }
 /// Default crease angle of meshes without normals.
-const CREASE_ANGLE_DEG: f32 = 40.0;
+pub(super) const CREASE_ANGLE_DEG: f32 = 40.0;
 
 fn crease_angle_rad(table: &ObjectTable) -> f32 {
     table.crease_angle_deg.unwrap_or(CREASE_ANGLE_DEG).to_radians()

@@ -5,7 +5,7 @@
 use glam::Vec3;
 
 use super::surroundings::emitters_seen;
-use crate::differential::differentials;
+use crate::differential::{DifferentialSample, differentials};
 use crate::environment::CubeMap;
 use crate::options::Options;
 use crate::pinhole::cpu::{self, Lights};
@@ -116,7 +116,8 @@ impl Importance {
             };
             // The paper's ε limits contributions near receivers, where a few pixels would attract all samples.
             let params = Params { epsilon: Epsilon::Paper, ..options.params(FILTER, inputs.light.rotation_rad) };
-            cpu::contributions(&receivers, &pinholes, &lights, &params)
+            let contributions = cpu::contributions(&receivers, &pinholes, &lights, &params);
+            by_sample(inputs.scene, &samples, &contributions)
         };
         let tree = PointTree::new(&set.points);
         Ok(Self { of_points: densities(importance), tree, points: set.points })
@@ -127,6 +128,20 @@ impl Importance {
         let nearest = near.find(|&k| self.points[k].same_side(point));
         nearest.map_or(1.0, |k| self.of_points[k])
     }
+}
+
+/// The importance of each sample from those of its pinholes: none of what casts nothing, one for each colour of what disperses light.
+fn by_sample(scene: &Scene, samples: &[DifferentialSample], of_pinholes: &[f32]) -> Vec<f32> {
+    let mut counts: Vec<Option<usize>> = vec![None; scene.objects.len()];
+    let mut rest = of_pinholes;
+    let of_sample = |sample: &DifferentialSample| {
+        let count = *counts[sample.object as usize]
+            .get_or_insert_with(|| pinholes(scene, std::slice::from_ref(sample), Footprint::Cells).samples.len());
+        let (own, others) = rest.split_at(count);
+        rest = others;
+        own.iter().sum()
+    };
+    samples.iter().map(of_sample).collect()
 }
 
 /// Densities from importance: powers relative to their mean, clamped.
