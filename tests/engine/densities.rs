@@ -52,7 +52,7 @@ fn samples_that_cast_nothing_or_thrice_keep_the_others_in_place() {
         let points = place_samples(&loaded.scene, &options).unwrap().points;
         let right = points.iter().filter(|point| point.position.x > 0.0);
         // What lies next to the table contributes most.
-        let (low, high) = right.partition::<Vec<_>, _>(|point| point.position.y < 0.4);
+        let (low, high) = right.partition::<Vec<&_>, _>(|point| point.position.y < 0.4);
         assert!(low.len() > 30 && high.len() > 30, "{refractor} {density:?}: {} {}", low.len(), high.len());
         if density == Density::Contribution {
             assert!(low.len() > high.len(), "{refractor}: {} {}", low.len(), high.len());

@@ -247,13 +247,16 @@ fn an_emitter_close_by_lights_receivers() {
     for visibility in [Visibility::None, Visibility::Full] {
         let options = pictures(&[Aov::Direct]).with_visibility(visibility);
         let rendered = render(&mut Engine::new(over_table(&lamp), options, Backend::cpu()));
+        let mut sum = 0.0;
         for (index, pixel) in (0u8..).zip(layer(&rendered, Aov::Direct)) {
             let place = |k: u8| (f64::from(k) + 0.5) / 9.0 - 0.5;
             let to = position - DVec3::new(place(index % 9), 0.0, place(index / 9));
             let expected = PI * 20.0 * 0.01 / to.length_squared() * to.normalize().y;
             let ratio = f64::from(pixel.y) / expected;
-            assert!((ratio - 1.0).abs() < 0.03, "{visibility:?}, {index}: {ratio}");
+            assert!((ratio - 1.0).abs() < 0.015, "{visibility:?}, {index}: {ratio}");
+            sum += ratio / 81.0;
         }
+        assert!((sum - 1.0).abs() < 0.005, "{visibility:?}: {sum}");
     }
 }
 

@@ -76,11 +76,11 @@ impl NearEmitters {
         let is_near = |object: &Object| object.emitter.filter(|emitter| emitter.is_near);
         let emitters = meshes.iter().zip(objects).filter_map(|(mesh, object)| {
             let radiance = is_near(object)?.radiance;
-            let (parts, few_parts) = (divide(mesh, PARTS), divide(mesh, FEW_PARTS));
+            let is_closed = is_closed(&object.mesh);
+            let (parts, few_parts) = (divide(mesh, PARTS, is_closed), divide(mesh, FEW_PARTS, is_closed));
             let middle = parts.iter().map(|part| part.position).sum::<Vec3>() / parts.len().max(1) as f32;
             let normals = || parts.iter().map(|part| part.area.normalize_or_zero());
             let flat_normal = normals().next().filter(|n| normals().all(|other| n.dot(other).abs() > FLAT_COSINE));
-            let is_closed = is_closed(&object.mesh);
             let sphere = Sphere::of(mesh).filter(|_| is_closed);
             Some(NearEmitter { radiance, mesh: mesh.clone(), middle, flat_normal, sphere, is_closed, parts, few_parts })
         });
