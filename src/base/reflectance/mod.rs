@@ -39,9 +39,10 @@ impl Finish {
     }
 
     /// The reflectance of a microfacet, or of a smooth surface, for unpolarised light, by the cosine of the angle of
-    /// incidence in [0, 1]. Channels may be slightly outside [0, 1] where a metal's colour is outside Rec.709's gamut.
+    /// incidence in [0, 1]. Channels that are outside [0, 1] as a metal's colour is outside Rec.709's gamut (gold's red, by 4.5 %) are cut off:
+    /// no surface reflects more light than there is.
     pub fn reflectance_at(&self, cosine: f64) -> DVec3 {
-        match (self.metal, self.coat) {
+        let in_any_gamut = match (self.metal, self.coat) {
             (None, None) => self.reflectance,
             (None, Some(coat)) => self.reflectance.to_array().map(|r| mean(coated(cosine, coat, |_| [r; 2]))).into(),
             (Some(metal), None) => {
@@ -56,7 +57,8 @@ impl Finish {
                 };
                 DVec3::new(channel(0), channel(1), channel(2))
             }
-        }
+        };
+        in_any_gamut.clamp(DVec3::ZERO, DVec3::ONE)
     }
 }
 
@@ -126,6 +128,15 @@ mod tests {
         ] {
             let found = finish(Some(metal), None).reflectance_at(1.0);
             assert!(found.abs_diff_eq(DVec3::new(r, g, b), 0.07), "{metal:?}: {found}");
+        }
+    }
+
+    #[test]
+    fn nothing_reflects_more_light_than_there_is() {
+        for (metal, coat) in Metal::ALL.into_iter().flat_map(|metal| [None, Some(1.5)].map(|coat| (metal, coat))) {
+            for value in Curve::new(&finish(Some(metal), coat), 32).values() {
+                assert!(value.min_element() >= 0.0 && value.max_element() <= 1.0, "{metal:?} {coat:?}: {value}");
+            }
         }
     }
 
