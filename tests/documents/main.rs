@@ -68,3 +68,86 @@ fn the_list_of_the_full_runs_tests_is_that_of_the_sources() {
         "docs/testing.md lacks\n{missing}and lists what is not marked so\n{stale}"
     );
 }
+
+/// The scene files in a document.
+fn scenes_in(document: &str) -> Vec<String> {
+    let text = std::fs::read_to_string(root().join(document)).unwrap();
+    let blocks = text.split("```toml\n").skip(1);
+    blocks.map(|block| block.split("```").next().unwrap().to_owned()).collect()
+}
+
+#[test]
+fn the_first_scene_is_short_and_loads() {
+    let scenes = scenes_in("docs/first-scene.md");
+    let [scene] = &scenes[..] else { panic!("{} scenes", scenes.len()) };
+    assert!(scene.lines().filter(|line| !line.is_empty()).count() <= 15, "{scene}");
+    let loaded = pinspot::scene::parse::<pinspot::Settings>("bowl.toml", scene, Path::new(".")).unwrap();
+    assert_eq!(loaded.scene.objects.len(), 3);
+}
+
+/// What the reader says of a key that it does not know: those that it does.
+fn known_keys(scene: &str) -> Vec<String> {
+    let error = pinspot::scene::parse::<pinspot::Settings>("t", scene, Path::new(".")).unwrap_err().to_string();
+    let (_, known) = error.split_once("unknown key 'zzqq'; known are: ").unwrap_or_else(|| panic!("{scene}: {error}"));
+    known.split(", ").map(str::to_owned).collect()
+}
+
+#[test]
+fn all_keys_of_scene_files_are_in_the_table() {
+    let text = std::fs::read_to_string(root().join("docs/scenes.md")).unwrap();
+    let (_, tables) = text.split_once("## All keys").expect("the section");
+    let rest = "environment = { constant = [1, 1, 1] }\n\
+                camera = { position = [0, 1, 1], target = [0, 0, 0], perspective = { fov_y_deg = 40 } }\n";
+    let row = |name: &str| {
+        let start = format!("| {name} |");
+        tables.lines().find(|line| line.starts_with(&start)).unwrap_or_else(|| panic!("no row of {name}"))
+    };
+    let check = |name: &str, scene: &str| {
+        for key in known_keys(scene) {
+            assert!(row(name).contains(&format!("`{key}`")), "{name} lacks {key}");
+        }
+    };
+    check("the file", &format!("zzqq = 1\n{rest}"));
+    check("`environment`", "environment = { zzqq = 1 }\n");
+    check("`environment.spot`", "environment = { spot = { zzqq = 1 } }\n");
+    check("`camera`", "camera = { zzqq = 1 }\n");
+    let tables = [
+        ("render", "zzqq = 1"),
+        ("medium", "zzqq = 1"),
+        ("animation", "zzqq = 1"),
+        ("light", "zzqq = 1"),
+        ("light.spot", "spot = { zzqq = 1 }"),
+        ("light.directional", "directional = { zzqq = 1 }"),
+        ("object", "zzqq = 1"),
+        ("object.reflector", "reflector = { zzqq = 1 }"),
+        ("object.refractor", "refractor = { zzqq = 1 }"),
+        ("object.receiver", "receiver = { zzqq = 1 }"),
+        ("object.receiver.phong", "receiver = { phong = { zzqq = 1 } }"),
+        ("object.receiver.ggx", "receiver = { ggx = { zzqq = 1 } }"),
+        ("object.emitter", "emitter = { zzqq = 1 }"),
+    ];
+    for (name, keys) in tables {
+        let table = name.split('.').next().unwrap();
+        let head = if ["render", "medium"].contains(&table) { format!("[{table}]") } else { format!("[[{table}]]") };
+        check(&format!("`{name}`"), &format!("{rest}{head}\n{keys}\n"));
+    }
+    let shapes = [
+        "ring",
+        "solid-ring",
+        "spoon",
+        "cup",
+        "sphere",
+        "ellipsoid",
+        "box",
+        "torus",
+        "knot",
+        "disco-ball",
+        "plane",
+        "tiles",
+        "sheet",
+        "water",
+    ];
+    for shape in shapes {
+        check(&format!("`{shape}`"), &format!("{rest}[[object]]\nshape = {{ {shape} = {{ zzqq = 1 }} }}\n"));
+    }
+}
