@@ -370,7 +370,7 @@ pub(super) fn parse_count(text: &str) -> Result<u32, String> {
         Some(b'M') => (&text[..text.len() - 1], 1e6),
         _ => return text.parse().map_err(|_| format!("'{text}' is no whole number; give one such as 5000 or 5k")),
     };
-    let number = digits.parse::<f64>().map(|number| number * factor).unwrap_or(f64::NAN);
+    let number = digits.parse::<f64>().map_or(f64::NAN, |number| number * factor);
     if (0.0..=f64::from(u32::MAX)).contains(&number) && number.fract() == 0.0 {
         Ok(number as u32)
     } else {

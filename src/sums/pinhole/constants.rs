@@ -60,7 +60,7 @@ pub const MAX_LEFT_ALONG_RAY: f32 = 0.3;
 pub const MAX_TURN_ALONG_RAY: f32 = 0.15;
 /// Lamps that are small beside a footprint are seen blurred by an ellipse with these semi-axes, in sides of an even cell (`cell_shapes.rs`).
 /// Measured below flat water in parallel light, root mean square of the unevenness: .033 with .5, .019 with this, .011 with 1.
-pub const BLUR_RADIUS: f32 = 0.707_106_8;
+pub const BLUR_RADIUS: f32 = std::f32::consts::FRAC_1_SQRT_2;
 /// How much farther than a footprint its blur reaches: it is a half as long from the middle.
 pub const BLURRED_REACH: f32 = 1.0 + BLUR_RADIUS / 0.5;
 /// Cells that are more than this many times as long as wide are blurred less.

@@ -315,7 +315,7 @@ impl<'a> LampLight<'a> {
             return;
         }
         let (a, b) = (footprint.v1.to_arrays(), footprint.v2.to_arrays());
-        let blur = blur.map(|side| side.to_arrays());
+        let blur = blur.map(V3::to_arrays);
         let r = footprint.r.to_arrays();
         for lane in set_bits(met) {
             let vector = |v: &[[f32; LANES]; 3]| Vec3::new(v[0][lane], v[1][lane], v[2][lane]);
