@@ -79,6 +79,7 @@ fn check_scene(scene: &Scene) {
             assert!(reflector.finish.reflectance.is_finite() && reflector.finish.roughness.is_finite());
         }
     }
+    assert!(!scene.notes.iter().any(|note| note.chars().any(char::is_control)), "{:?}", scene.notes);
     let camera = &scene.camera;
     assert!([camera.position, camera.forward, camera.right, camera.up].iter().all(|v| v.is_finite()));
     assert!((scene.environment.intensity * scene.environment.rotation_rad).is_finite());
@@ -127,8 +128,24 @@ fn scene_of(obj: &[u8], mtl: &[u8]) {
     }
 }
 
-const MTL_WORDS: [&str; 12] =
-    ["\nKd ", "\nKs ", "\nNs ", "\nPr ", "\nPm ", "\nillum ", "\nnewmtl b\n", "spectral ", "xyz ", "#", "\\\n", " 1"];
+const MTL_WORDS: [&str; 16] = [
+    "\nKd ",
+    "\nKs ",
+    "\nKe ",
+    "\nNs ",
+    "\nNi ",
+    "\nPr ",
+    "\nPm ",
+    "\nillum ",
+    "\nd ",
+    "\nnewmtl b\n",
+    "\nmap_Kd ",
+    "spectral ",
+    "xyz ",
+    "#",
+    "\\\n",
+    " 1",
+];
 
 #[test]
 fn mtl() {
@@ -172,7 +189,10 @@ fn toml() {
 
 fn decode(name: &str, bytes: &[u8]) {
     match RgbImage::decode(name, bytes) {
-        Ok((image, _)) => check_image(&image),
+        Ok((image, notes)) => {
+            check_image(&image);
+            assert!(!notes.iter().any(|note| note.chars().any(char::is_control)), "{notes:?}");
+        }
         Err(error) => check_message(&error),
     }
 }
@@ -184,7 +204,16 @@ fn exr() {
 
 #[test]
 fn hdr() {
-    let words = ["EXPOSURE=2\n", "COLORCORR=1 2 3\n", "\n-Y 4 +X 8\n", "\x01\x01\x01\x01", "\x02\x02", "\n\n"];
+    let words = [
+        "EXPOSURE=2\n",
+        "COLORCORR=1 2 3\n",
+        "PRIMARIES=",
+        "\n-Y 4 +X 8\n",
+        "\n+X 4 -Y 8\n",
+        "\x01\x01\x01\x01",
+        "\x02\x02",
+        "\n\n",
+    ];
     fuzz("hdr", &words, |bytes| decode("sky.hdr", bytes));
 }
 
