@@ -167,6 +167,32 @@ fn reports_say_that_there_is_no_caustic() {
     assert!(warnings.iter().any(|warning| warning.contains("lands on a receiver")), "{warnings:?}");
 }
 
+/// Of two mirrors that form a roof all light meets the second one, and a prism keeps it by total reflection: reports say how much is lost.
+#[test]
+fn reports_say_how_much_light_is_lost() {
+    let side = |x: f32, angle: f32| {
+        format!(
+            "[[object]]\nshape = {{ plane = {{ size = [0.4, 4] }} }}\nrotate_deg = [0, 0, {angle}]\ntranslate = [{x}, 1, 0]\n\
+             reflector = {{}}\ncamera_visible = false\n"
+        )
+    };
+    let sun = "[[light]]\ndirectional = { direction = [0, 1, 0], irradiance = [1, 1, 1] }\n";
+    let lost = |objects: &str| {
+        let (_, rendered) = caustic(&scene(DARK, &format!("{sun}{objects}")), options(Mode::Points, 128));
+        rendered.report.warnings.join("; ")
+    };
+    // A valley: what one side reflects goes to the other.
+    let valley = lost(&format!("{}{}", side(-0.15, -45.0), side(0.15, 45.0)));
+    assert!(valley.contains("100 % of the light") && valley.contains("meets another mirror"), "{valley}");
+    // A box on its edge, of glass: the critical angle is 41.8 degrees.
+    let prism = lost(
+        "[[object]]\nshape = { box = { size = [0.4, 0.4, 0.4] } }\nrotate_deg = [0, 0, 45]\ntranslate = [0, 1, 0]\n\
+         refractor = { eta = 1.8, interfaces = 2 }\n",
+    );
+    assert!(prism.contains("is reflected inside of glass"), "{prism}");
+    assert!(!lost(&side(0.0, 10.0)).contains("is missing"), "a mirror that lights the floor or nothing loses none");
+}
+
 /// Flat water below a lamp, on the axis: E = I T / (h + z/n)²; in the sun everywhere E₀ cosθ T.
 #[test]
 fn flat_water_has_its_closed_forms() {

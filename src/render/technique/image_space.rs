@@ -11,14 +11,14 @@ use crate::differential::DifferentialSample;
 #[cfg(feature = "gpu")]
 use crate::image_space::gpu;
 use crate::image_space::{
-    Bounds, Direction, Hits, ImageSpaceOptions, Incidence, Kind, MapInputs, MapPicture, MapView, Maps, PhotonLight,
-    Profile, Surroundings, segmented,
+    Bounds, Direction, Hits, ImageSpaceOptions, Incidence, Kind, Ledger, Loss, MapInputs, MapPicture, MapView, Maps,
+    PhotonLight, Profile, Surroundings, segmented,
 };
 use crate::parallel;
 use crate::pinhole::Receivers;
 use crate::pinhole::cpu::TakenCell;
 use crate::progress::{Progress, Stage, Uncounted};
-use crate::scene::{Camera, Chain, Chains, Gloss, Lamp, Light, Mesh, Object, Sunlight, Visibility};
+use crate::scene::{Camera, Chain, Chains, Gloss, Interfaces, Lamp, Light, Mesh, Object, Sunlight, Visibility};
 use crate::stages::{Id, LightStages, Memo, PreparedScene, StageCounts, SurfaceMaterials};
 use crate::tracing::{Hit, SeenBy, Tracer};
 use crate::{Error, OptionError};
@@ -164,7 +164,10 @@ async fn sum(
         frames.push(maps, is_same);
         is_same = true;
     }
-    let statistics = statistics(&frames, image_space, photons);
+    let mut statistics = statistics(&frames, image_space, photons);
+    let solids = scene.objects.iter().filter(|object| object.has_interfaces(Interfaces::Two)).count();
+    let ledger = statistics.photons.as_ref().map_or_else(Ledger::default, |photons| photons.flux);
+    statistics.warning = lost_light(&ledger, solids).or(statistics.warning);
     Ok(ImageSpaceSum { frames, statistics })
 }
 
@@ -208,6 +211,38 @@ fn without_light(maps: &Maps) -> Option<String> {
         ),
         _ => None,
     }
+}
+
+/// Light of which less is lost is not worth a warning.
+const MOST_LOST: f64 = 0.03;
+
+/// What to say of the light that photons stop following: they pass one mirror, one surface of water or one or two solids of glass.
+fn lost_light(flux: &Ledger, solids: usize) -> Option<String> {
+    let share = |loss: Loss| if flux.cast > 0.0 { flux[loss] / flux.cast } else { 0.0 };
+    let (met, kept) = (share(Loss::NoReceiver), share(Loss::TotalReflection));
+    if met + kept <= MOST_LOST {
+        return None;
+    }
+    let per_cent = |share: f64| format!("{:.0} %", 100.0 * share);
+    let parts = [
+        (met, "meets another mirror, glass or what receives nothing, where it is not followed"),
+        (kept, "is reflected inside of glass"),
+    ];
+    let parts: Vec<String> = parts
+        .into_iter()
+        .filter(|(share, _)| *share >= 0.005)
+        .map(|(share, what)| format!("{} {what}", per_cent(share)))
+        .collect();
+    let remedy = if solids > 1 && met > MOST_LOST {
+        "; --aov caustic.TTTT has what passes through two objects"
+    } else {
+        "; neither technique follows it further"
+    };
+    Some(format!(
+        "{} of the light that mirrors and glass cast is missing in the caustic: {}{remedy}",
+        per_cent(met + kept),
+        parts.join(", ")
+    ))
 }
 
 /// Sends the photons: on the GPU if there is one, else on the CPU.
