@@ -148,23 +148,40 @@ fn render(
 ) -> Result<Rendered, String> {
     let backend = open(choice, watch).map_err(|e| message(&e))?;
     let display = options.display;
+    let own = options.clone();
     let finer = if args.seconds.is_some() { options.coarse_to_fine() } else { vec![options] };
     let mut steps = finer.into_iter();
     let first = steps.next().unwrap_or_default();
     let mut engine = Engine::new(scene, first, backend.clone());
     loop {
         let began = watch.elapsed();
-        let rendered = wait(backend.device(), engine.render(watch)).map_err(|e| message(&e))?;
+        let mut rendered = wait(backend.device(), engine.render(watch)).map_err(|e| message(&e))?;
         for path in &args.output {
             write(path, &rendered, &display)?;
         }
         let took = watch.elapsed() - began;
-        let has_time = args.seconds.is_some_and(|seconds| watch.elapsed() + STEP_GROWTH * took < seconds);
+        let ends = watch.elapsed() + STEP_GROWTH * took;
+        let has_time = args.seconds.is_some_and(|seconds| ends < seconds);
         match steps.next().filter(|_| has_time) {
             Some(finer) => *engine.options_mut() = finer,
-            None => return Ok(rendered),
+            None => {
+                rendered.report.warnings.extend(coarser_than(&own, engine.options(), ends));
+                return Ok(rendered);
+            }
         }
     }
+}
+
+/// What to say of a picture that is coarser than its scene asks for; a finer one would have ended after so many seconds.
+fn coarser_than(own: &Options, rendered: &Options, ends: f64) -> Option<String> {
+    let is_coarser = rendered.samples < own.samples || rendered.tolerance > own.tolerance;
+    is_coarser.then(|| {
+        let Options { samples, tolerance, .. } = rendered;
+        format!(
+            "this picture is coarser than its scene asks for ({samples} samples, tolerance {tolerance}): the next finer one would have ended \
+             after about {ends:.1} s; give more --seconds, or leave them out"
+        )
+    })
 }
 
 /// Opens a back end.

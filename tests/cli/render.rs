@@ -192,6 +192,19 @@ fn options_of_the_other_technique_are_named() {
 }
 
 #[test]
+fn a_picture_that_time_left_coarse_says_so() {
+    let place = Workplace::new();
+    let said = |seconds| {
+        let output = place.run(&["render", "scene.toml", "-o", "out.png", "--backend", "cpu", "--seconds", seconds]);
+        assert!(output.succeeded());
+        String::from_utf8(output.stderr).unwrap()
+    };
+    let coarse = said("1e-6");
+    assert!(coarse.contains("coarser than its scene asks for") && coarse.contains("more --seconds"), "{coarse}");
+    assert!(!said("600").contains("coarser"));
+}
+
+#[test]
 fn the_hierarchy_is_asked_for_reported_and_bounded() {
     let place = Workplace::new();
     let base = ["render", "mirror-sphere", "-o", "a.png", "--size", "16x16", "--backend", "cpu"];

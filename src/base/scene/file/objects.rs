@@ -232,13 +232,14 @@ impl Builder<'_> {
                 let file = readable_name(self.assets, Path::new(file));
                 let name = if part.material.is_empty() { name.clone() } else { format!("{name}/{}", part.material) };
                 let Surface { mut reflector, mut refractor, receiver, emitter } = part.surface;
-                let is_closed = check_closed(&part.mesh).is_ok();
+                let is_closed = || check_closed(&part.mesh).is_ok();
                 if let Some(reflector) = &mut reflector {
                     // The inside of a solid is dark.
-                    reflector.sides = table.sides.unwrap_or(if is_closed { Sides::Front } else { reflector.sides });
+                    let own = || if is_closed() { Sides::Front } else { reflector.sides };
+                    reflector.sides = table.sides.unwrap_or_else(own);
                 }
                 if let Some(refractor) = &mut refractor {
-                    refractor.interfaces = if is_closed { Interfaces::Two } else { Interfaces::One };
+                    refractor.interfaces = if is_closed() { Interfaces::Two } else { Interfaces::One };
                 }
                 let mesh = Arc::new(part.mesh);
                 let mut object = Object::new(name, mesh);
