@@ -162,13 +162,11 @@ fn render(
         let took = watch.elapsed() - began;
         let ends = watch.elapsed() + STEP_GROWTH * took;
         let has_time = args.seconds.is_some_and(|seconds| ends < seconds);
-        match steps.next().filter(|_| has_time) {
-            Some(finer) => *engine.options_mut() = finer,
-            None => {
-                rendered.report.warnings.extend(coarser_than(&own, engine.options(), ends));
-                return Ok(rendered);
-            }
-        }
+        let Some(finer) = steps.next().filter(|_| has_time) else {
+            rendered.report.warnings.extend(coarser_than(&own, engine.options(), ends));
+            return Ok(rendered);
+        };
+        *engine.options_mut() = finer;
     }
 }
 
