@@ -20,8 +20,8 @@ struct LightFootprint {
     even: FootprintSides,
 }
 
-// `changes`: of the normal along the sides of the surface; `reflected`: the footprint of light from infinitely far away around r, without the lobe of this width, and `third` its side along a part
-// of a ray.
+// `changes`: of the normal along the sides of the surface; `reflected`: the footprint of light from infinitely far away around r, without the
+// lobe of this width; `third`: its side along a part of a ray.
 fn footprint_on_light(
     place: vec3f, n: vec3f, area: f32, surface: FootprintSides, changes: FootprintSides, r: vec3f, reflected: FootprintSides,
     lobe: f32, third: vec3f,

@@ -37,7 +37,7 @@ impl Reflectance {
 /// For unpolarised light. What lies outside of Rec.709's gamut is cut off: no surface reflects more light than there is.
 fn of_facet(finish: &Finish, cosine: f64) -> DVec3 {
     let factors = finish.reflectance;
-    let in_any_gamut = match (finish.metal, finish.coat) {
+    let unclamped = match (finish.metal, finish.coat) {
         (None, None) => factors,
         (None, Some(coat)) => factors.to_array().map(|factor| mean(under_coat(cosine, coat, |_| [factor; 2]))).into(),
         (Some(metal), None) => factors * colour(|nm| DVec3::splat(mean(fresnel(cosine, index(metal, nm))))),
@@ -49,7 +49,7 @@ fn of_facet(finish: &Finish, cosine: f64) -> DVec3 {
             factors.to_array().map(channel).into()
         }),
     };
-    in_any_gamut.clamp(DVec3::ZERO, DVec3::ONE)
+    unclamped.clamp(DVec3::ZERO, DVec3::ONE)
 }
 
 fn mean([s, p]: [f64; 2]) -> f64 {

@@ -42,7 +42,7 @@ impl Finish {
     /// incidence in [0, 1]. Channels that are outside [0, 1] as a metal's colour is outside Rec.709's gamut (gold's red, by 4.5 %) are cut off:
     /// no surface reflects more light than there is.
     pub fn reflectance_at(&self, cosine: f64) -> DVec3 {
-        let in_any_gamut = match (self.metal, self.coat) {
+        let unclamped = match (self.metal, self.coat) {
             (None, None) => self.reflectance,
             (None, Some(coat)) => self.reflectance.to_array().map(|r| mean(coated(cosine, coat, |_| [r; 2]))).into(),
             (Some(metal), None) => {
@@ -58,7 +58,7 @@ impl Finish {
                 DVec3::new(channel(0), channel(1), channel(2))
             }
         };
-        in_any_gamut.clamp(DVec3::ZERO, DVec3::ONE)
+        unclamped.clamp(DVec3::ZERO, DVec3::ONE)
     }
 }
 

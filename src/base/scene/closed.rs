@@ -1,4 +1,5 @@
-//! Whether a mesh encloses a volume, with normals that point out of it: in its own space, as rounding opens the seams of what is placed far away.
+//! Whether a mesh encloses a volume, with normals that point out of it. Meshes are examined in their own space: rounding opens the seams of
+//! what is placed far from the origin.
 
 use std::collections::HashMap;
 

@@ -57,7 +57,8 @@ impl<R> Loaded<R> {
     }
 }
 
-/// Loads a scene file, the built-in scene of that name, or a model (.obj) on a table under a clear sky. `R` is the type of the `[render]` table.
+/// Loads a scene file, the built-in scene of that name, or a model (.obj) on a table under a clear sky. `R` is the type of the
+/// `[render]` table.
 pub fn load<R: DeserializeOwned + Default>(path_or_name: &str) -> Result<Loaded<R>, SceneError> {
     if let Some(built_in) = BUILT_IN.iter().find(|b| b.name == path_or_name) {
         return parse(built_in.name, built_in.toml, Path::new("."));

@@ -110,7 +110,8 @@ impl EnvironmentMap {
         Ok(Self { images: images.into_iter().map(|(_, image)| image).collect(), layout })
     }
 
-    /// Reads image files; of an `.exr` with several layers one is named as in `sky.exr#key-light`. The second part of the result notes what was repaired.
+    /// Reads image files; of an `.exr` with several layers one is named as in `sky.exr#key-light`. The second part of the result
+    /// notes what was repaired.
     pub fn load(
         assets: &(impl Assets + ?Sized),
         files: &[&str],

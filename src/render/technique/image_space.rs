@@ -164,17 +164,20 @@ async fn sum(
         frames.push(maps, is_same);
         is_same = true;
     }
-    let mut statistics = statistics(&frames, image_space, photons);
     let solids = scene.objects.iter().filter(|object| object.has_interfaces(Interfaces::Two)).count();
-    let ledger = statistics.photons.as_ref().map_or_else(Ledger::default, |photons| photons.flux);
-    statistics.warning = lost_light(&ledger, solids).or(statistics.warning);
+    let statistics = statistics(&frames, image_space, photons, solids);
     Ok(ImageSpaceSum { frames, statistics })
 }
 
-/// What the newest maps say, with the numbers of photons of all new ones.
-fn statistics(frames: &PastFrames, image_space: &ImageSpaceOptions, [photons, photons_used]: [u64; 2]) -> Statistics {
+/// What the newest maps say, with the numbers of photons of all new ones, in a scene of so many closed objects of glass.
+fn statistics(
+    frames: &PastFrames,
+    image_space: &ImageSpaceOptions,
+    [photons, photons_used]: [u64; 2],
+    solids: usize,
+) -> Statistics {
     let Some(maps) = frames.newest() else { return Statistics::default() };
-    let warning = without_light(maps);
+    let warning = lost_light(&maps.ledger, solids).or_else(|| without_light(maps));
     Statistics {
         samples: 0,
         positions: Arc::new(maps.places.clone()),

@@ -59,7 +59,8 @@ pub const MAX_LEFT_ALONG_RAY: f32 = 0.3;
 /// Nor are samples over which directions and normals turn less than this, radians.
 pub const MAX_TURN_ALONG_RAY: f32 = 0.15;
 /// Lamps that are small beside a footprint are seen blurred by an ellipse with these semi-axes, in sides of an even cell (`cell_shapes.rs`).
-/// Measured below flat water in parallel light, root mean square of the unevenness: .033 with .5, .019 with this, .011 with 1.
+/// Root mean square of the unevenness that cells leave on a plane: simulated .033 with .5, .019 with this and .011 with 1; below flat water in
+/// parallel light, .019 was measured with this.
 pub const BLUR_RADIUS: f32 = std::f32::consts::FRAC_1_SQRT_2;
 /// How much farther than a footprint its blur reaches: it is a half as long from the middle.
 pub const BLURRED_REACH: f32 = 1.0 + BLUR_RADIUS / 0.5;

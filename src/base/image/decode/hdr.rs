@@ -92,8 +92,8 @@ impl<'a> Header<'a> {
                 ("FORMAT", "32-bit_rle_xyze") => is_xyz = true,
                 ("FORMAT", _) => return Err(damaged("its FORMAT is neither 32-bit_rle_rgbe nor 32-bit_rle_xyze")),
                 ("PRIMARIES", value) => {
-                    let numbers: Vec<f32> = value.split_whitespace().filter_map(|word| word.parse().ok()).collect();
-                    let [rx, ry, gx, gy, bx, by, wx, wy] = numbers[..] else {
+                    let numbers: Result<Vec<f32>, _> = value.split_whitespace().map(str::parse).collect();
+                    let Ok(&[rx, ry, gx, gy, bx, by, wx, wy]) = numbers.as_deref() else {
                         return Err(damaged("its PRIMARIES are not eight numbers"));
                     };
                     primaries = Some([[rx, ry], [gx, gy], [bx, by], [wx, wy]]);

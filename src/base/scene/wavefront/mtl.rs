@@ -49,7 +49,7 @@ pub(super) struct Material {
 /// Reads the materials of a library; `name` is used in messages.
 pub(super) fn materials(name: &str, bytes: &[u8]) -> Result<Vec<Material>, MeshError> {
     let text = decoded(bytes);
-    let is_blenders = text.trim_start().starts_with("# Blender");
+    let is_from_blender = text.trim_start().starts_with("# Blender");
     let mut found: Vec<Numbers> = Vec::new();
     for statement in statements(&text) {
         let line = statement.line;
@@ -58,7 +58,7 @@ pub(super) fn materials(name: &str, bytes: &[u8]) -> Result<Vec<Material>, MeshE
             if statement.rest().is_empty() {
                 return Err(fail("a material needs a name".into()));
             }
-            found.push(Numbers { name: statement.rest().to_owned(), is_blenders, ..Default::default() });
+            found.push(Numbers { name: statement.rest().to_owned(), is_from_blender, ..Default::default() });
         } else if let Some(numbers) = found.last_mut() {
             numbers.read(&statement).map_err(fail)?;
         }
@@ -77,7 +77,7 @@ type Entry<T> = Option<(usize, T)>;
 #[derive(Debug, Default)]
 struct Numbers {
     name: String,
-    is_blenders: bool,
+    is_from_blender: bool,
     diffuse: Entry<Vec3>,
     specular: Entry<Vec3>,
     emitted: Entry<Vec3>,
@@ -93,7 +93,7 @@ struct Numbers {
 }
 
 /// Roughness that Blender wrote as an exponent.
-fn blenders_roughness(exponent: f32) -> f32 {
+fn roughness_from_blender(exponent: f32) -> f32 {
     1.0 - (exponent / 1000.0).clamp(0.0, 1.0).sqrt()
 }
 
@@ -198,8 +198,8 @@ impl Numbers {
             return Ok(Surface { refractor: Some(refractor), ..Surface::default() });
         }
 
-        let is_blenders = self.is_blenders && self.exponent.is_some();
-        let blenders = is_blenders.then(|| blenders_roughness(exponent));
+        let is_from_blender = self.is_from_blender && self.exponent.is_some();
+        let blenders = is_from_blender.then(|| roughness_from_blender(exponent));
         let mirror = |reflectance: Vec3| {
             let roughness = roughness.or(blenders).unwrap_or(0.0).into();
             let finish = Finish { reflectance: reflectance.as_dvec3(), metal: None, coat: None, roughness };
@@ -207,7 +207,7 @@ impl Numbers {
         };
         let albedo = diffuse.unwrap_or(Vec3::splat(0.8));
         let is_mirror = matches!(self.model(), Some(3 | 5 | 8));
-        if metallic.is_some_and(|metallic| metallic >= 0.5) || is_mirror && self.is_blenders {
+        if metallic.is_some_and(|metallic| metallic >= 0.5) || is_mirror && self.is_from_blender {
             return Ok(Surface { reflector: mirror(albedo), ..Surface::default() });
         }
         if is_mirror {
@@ -217,7 +217,7 @@ impl Numbers {
         }
         let gloss = match (roughness.or(blenders), specular) {
             (Some(roughness), specular) => {
-                let of_blender = specular.filter(|_| self.is_blenders).map(|level| BLENDERS_SPECULAR * level);
+                let of_blender = specular.filter(|_| self.is_from_blender).map(|level| BLENDERS_SPECULAR * level);
                 Gloss::Ggx {
                     specular: of_blender.unwrap_or(Vec3::splat(0.04)),
                     roughness: roughness.max(LEAST_ROUGHNESS),
