@@ -82,7 +82,7 @@ pub struct PhotonOptions {
 /// Options of the environment.
 #[derive(Debug, Args)]
 pub struct EnvironmentOptions {
-    /// Environment map to use instead of the scene's light: a file (.exr, .hdr) or the name of a built-in map
+    /// Environment map to use instead of the scene's light: a file (.exr, .hdr), a layer of one (sky.exr#LAYER), or the name of a built-in map
     #[arg(long, value_name = "FILE")]
     pub env: Option<String>,
     /// Rotation of the environment about +Y, counter-clockwise, in degrees [default: the scene's]
