@@ -57,7 +57,7 @@ fn compare_scene(name: &str, seconds: f64) -> Result<Comparison, Error> {
         options,
         backend: Backend::cpu(),
         plan,
-        estimator: Estimator::Points,
+        estimator: Estimator::Auto,
         mask: None,
         folder: Path::new("target/accuracy").join(name),
         code: pinspot::code_id().into(),

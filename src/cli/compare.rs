@@ -68,8 +68,8 @@ pub struct CompareArgs {
     /// Measure errors only where this picture (.png, .exr) is not black
     #[arg(long, value_name = "FILE")]
     mask: Option<PathBuf>,
-    /// How the reference is computed: points (for each point of a pixel), or beams (means over whole pixels, for spots and lamps; give
-    /// --pixel-samples, too) [default: points]
+    /// How the reference is computed: points (for each point of a pixel), beams (the light of spots and lamps as means over whole pixels; give
+    /// --pixel-samples, too), or auto (beams for lights that are too small for points) [default: auto]
     #[arg(long, value_parser = word::<Estimator>, value_name = "NAME")]
     estimator: Option<Estimator>,
     /// Relative standard error that the reference must reach: √Σse² / √ΣE²
@@ -134,7 +134,7 @@ pub fn run(args: &CompareArgs, words: &[OsString], console: &Console) -> Result<
     })?;
     comparison.write(&args.output).map_err(|e| message(&e))?;
     comparison.warnings.iter().for_each(|warning| console.warn(warning));
-    if comparison.reference.rel_error > args.rel_error && request.estimator == Estimator::Points {
+    if comparison.reference.rel_error > args.rel_error && request.estimator != Estimator::Beams {
         console.warn(&format!(
             "the reference's time was up at a relative standard error of {:.4}; the same command goes on from here",
             comparison.reference.rel_error

@@ -7,7 +7,7 @@ use serde::Serialize;
 
 use pinspot::image::Aov;
 use pinspot::reference::{
-    EstimateFile, Estimator, Options, Quantity, Reference, ReferenceError, Statistics, StoppingCriterion, Stored,
+    EstimateFile, Estimator, Ledger, Options, Quantity, Reference, ReferenceError, Statistics, StoppingCriterion, Stored,
 };
 use pinspot::scene::{Chain, Chains, Loaded, Scene, Visibility, load};
 use pinspot::{Error, Settings};
@@ -41,8 +41,8 @@ pub struct ReferenceArgs {
     /// two of them) [default: all]
     #[arg(long, value_parser = word::<Chain>, value_delimiter = ',', value_name = "CHAINS")]
     chains: Option<Vec<Chain>>,
-    /// How a caustic is computed: points (an integral over the mirrors, for each point of a pixel), or beams (means over whole pixels, of
-    /// spots and lamps alone, without noise) [default: points]
+    /// How a caustic is computed: points (an integral over the mirrors, for each point of a pixel), beams (the light of spots and lamps without
+    /// noise, as means over whole pixels, and other light by points), or auto (beams for lights that are too small for points) [default: auto]
     #[arg(long, value_parser = word::<Estimator>, value_name = "NAME")]
     estimator: Option<Estimator>,
     /// Image size in pixels [default: the scene's, else 512x512]
@@ -81,6 +81,8 @@ struct Report<'a> {
     rel_error: f64,
     #[serde(flatten)]
     statistics: Statistics,
+    /// The account of the flux; null of what none is kept of.
+    ledger: Option<&'a Ledger>,
     seconds: f64,
     warnings: Vec<String>,
 }
@@ -94,7 +96,7 @@ pub fn run(args: &ReferenceArgs, console: &Console) -> Result<(), Failure> {
     let watch = console.watch(args.quiet);
     let solved = solve(args, scene, &options, &watch);
     watch.finish();
-    let (stored, mut warnings) = solved.map_err(|e| with_remedy(&e))?;
+    let (stored, mut warnings) = solved.map_err(|e| with_remedy(args, &e))?;
     let rel_error = stored.estimate.rel_error();
     if rel_error > args.rel_error && options.estimator == Estimator::Beams {
         warnings.push(format!(
@@ -112,8 +114,16 @@ pub fn run(args: &ReferenceArgs, console: &Console) -> Result<(), Failure> {
     }
     if args.json {
         let Stored { estimate, seconds } = stored;
-        let statistics = estimate.statistics;
-        console.print_json(&Report { scene: &name, options: &options, rel_error, statistics, seconds, warnings })?;
+        let (statistics, ledger) = (estimate.statistics, estimate.ledger.as_ref());
+        console.print_json(&Report {
+            scene: &name,
+            options: &options,
+            rel_error,
+            statistics,
+            ledger,
+            seconds,
+            warnings,
+        })?;
     } else if !args.quiet {
         console.say(&summary(args, &stored));
     }
@@ -157,15 +167,16 @@ fn solve(args: &ReferenceArgs, scene: Scene, options: &Options, watch: &Watch) -
     let file = EstimateFile { path: &args.output, code: pinspot::code_id() };
     let known = if args.force { None } else { reference.read(&file)? };
     let stored = reference.solve_in_file(&file, known, &criterion, &clock, watch)?;
-    stored.estimate.check_complete()?;
+    stored.estimate.check()?;
     Ok((stored, reference.notes))
 }
 
-fn with_remedy(error: &Error) -> String {
+fn with_remedy(args: &ReferenceArgs, error: &Error) -> String {
     match error {
         Error::Reference(ReferenceError::Foreign { .. } | ReferenceError::OtherCode { .. }) => {
             format!("{error}; give -o another name, or --force to replace it")
         }
+        Error::Reference(ReferenceError::Unbalanced { .. }) => format!("{error}; {}", remedy(args)),
         Error::Reference(ReferenceError::Incomplete { .. }) => {
             format!("{error}; the file keeps them, and the same command goes on from there: give it more --seconds")
         }
@@ -173,11 +184,31 @@ fn with_remedy(error: &Error) -> String {
     }
 }
 
+/// What may help where light is missing.
+fn remedy(args: &ReferenceArgs) -> &'static str {
+    match args.estimator {
+        Some(Estimator::Points) => "points may not find small lights: give --estimator beams or auto",
+        _ => "give more --pixel-samples or --replicates, and --force to begin again",
+    }
+}
+
 fn summary(args: &ReferenceArgs, Stored { estimate, seconds }: &Stored) -> String {
     let Statistics { passes, points_per_pixel, .. } = estimate.statistics;
+    let work = match points_per_pixel {
+        0.0 => "by beams".into(),
+        _ => format!("{points_per_pixel:.0} points a pixel in {passes} passes"),
+    };
+    let ledger = estimate.ledger.as_ref().map(balance).unwrap_or_default();
+    let (file, rel_error) = (args.output.display(), estimate.rel_error());
+    format!("{file}: relative standard error {rel_error:.4}, {work}, {seconds:.1} s in all{ledger}")
+}
+
+fn balance(ledger: &Ledger) -> String {
+    let Ledger { cast_w, arriving_w, counted, counted_error, estimated, .. } = *ledger;
+    let part = |value: f64, of: f64| if of > 0.0 { format!("{:.2} %", 100.0 * value / of) } else { "none".into() };
     format!(
-        "{}: relative standard error {:.4}, {points_per_pixel:.0} points a pixel in {passes} passes, {seconds:.1} s in all",
-        args.output.display(),
-        estimate.rel_error()
+        "\nflux: {cast_w:.4} W fall on mirrors and glass, {arriving_w:.4} W arrive in the picture (counted forwards, ± {}), which holds {} of them",
+        part(counted_error, counted),
+        part(estimated, counted)
     )
 }

@@ -20,9 +20,12 @@ pub(super) struct Emitters {
     spheres: Vec<BrightSphere>,
     /// Of what their light passes through, 1/m.
     extinction: DVec3,
-    /// Triangles of near emitters, and the sums of area × brightness up to and including each, m² W/(m²·sr).
-    near: Vec<(u32, f64)>,
+    near: Choice,
+    distant: Choice,
 }
+
+/// Triangles, and the sums of area × brightness up to and including each, m² W/(m²·sr).
+type Choice = Vec<(u32, f64)>;
 
 /// A point on an emitter.
 pub(super) struct Sample {
@@ -52,23 +55,35 @@ impl Emitters {
             BrightSphere::around(&own, radiance.element_sum())
         });
         let spheres = spheres.collect();
-        let triangles = (0u32..).zip(&geometry.triangles);
-        let near = triangles.filter(|(_, triangle)| scene.objects[triangle.object as usize].is_near_light());
-        let near = near.scan(0.0, |sum, (id, triangle)| {
-            *sum += area_and_normal(triangle).0 * radiances[triangle.object as usize].element_sum();
-            Some((id, *sum))
-        });
+        let are_near: Vec<bool> = scene.objects.iter().map(Object::is_near_light).collect();
+        let choice = |near: bool| -> Choice {
+            let triangles = (0u32..).zip(&geometry.triangles).filter(|(_, t)| are_near[t.object as usize] == near);
+            let summed = triangles.scan(0.0, |sum, (id, triangle)| {
+                *sum += area_and_normal(triangle).0 * radiances[triangle.object as usize].element_sum();
+                Some((id, *sum))
+            });
+            summed.collect()
+        };
+        let (near, distant) = (choice(true), choice(false));
         let camera_visible = scene.objects.iter().map(|object| object.camera_visible).collect();
-        let are_near = scene.objects.iter().map(Object::is_near_light).collect();
-        Self { spheres, near: near.collect(), camera_visible, are_near, radiances, geometry, extinction }
+        Self { spheres, near, distant, camera_visible, are_near, radiances, geometry, extinction }
     }
 
     /// A point on near emitters, seen from a point: an unbiased estimate of what arrives of them, if the two numbers are uniform in [0, 1).
-    pub fn sample(&self, from: DVec3, [u, v]: [f64; 2]) -> Option<Sample> {
-        let total = self.near.last().filter(|(_, sum)| *sum > 0.0)?.1;
-        let index = self.near.partition_point(|(_, sum)| *sum <= u * total).min(self.near.len() - 1);
-        let before = if index == 0 { 0.0 } else { self.near[index - 1].1 };
-        let (id, sum) = self.near[index];
+    pub fn sample(&self, from: DVec3, numbers: [f64; 2]) -> Option<Sample> {
+        self.chosen(&self.near, from, numbers)
+    }
+
+    /// The same on distant ones.
+    pub fn sample_distant(&self, from: DVec3, numbers: [f64; 2]) -> Option<Sample> {
+        self.chosen(&self.distant, from, numbers)
+    }
+
+    fn chosen(&self, choice: &Choice, from: DVec3, [u, v]: [f64; 2]) -> Option<Sample> {
+        let total = choice.last().filter(|(_, sum)| *sum > 0.0)?.1;
+        let index = choice.partition_point(|(_, sum)| *sum <= u * total).min(choice.len() - 1);
+        let before = if index == 0 { 0.0 } else { choice[index - 1].1 };
+        let (id, sum) = choice[index];
         let triangle = &self.geometry.triangles[id as usize];
         let root = ((u * total - before) / (sum - before)).clamp(0.0, 1.0).sqrt();
         let position = triangle.position([1.0 - root, root * (1.0 - v), root * v]);
@@ -77,7 +92,7 @@ impl Emitters {
         let (area, normal) = area_and_normal(triangle);
         let radiance = self.radiances[triangle.object as usize];
         let density = (sum - before) / total / area;
-        let passed = transmittance(self.extinction, to.length());
+        let passed = self.transmittance(triangle.object, to.length());
         let irradiance = passed * radiance * (normal.dot(direction).abs() / to.length_squared() / density);
         Some(Sample { position, direction, irradiance })
     }
@@ -99,10 +114,14 @@ impl Emitters {
         let hit = self.geometry.first_hit(from, direction, |_| true)?;
         let triangle = &self.geometry.triangles[hit.triangle as usize];
         let position = triangle.position(hit.barycentric);
-        // The light of distant ones comes from without the medium.
-        let extinction = if self.are_near[triangle.object as usize] { self.extinction } else { DVec3::ZERO };
-        let passed = transmittance(extinction, position.distance(from));
+        let passed = self.transmittance(triangle.object, position.distance(from));
         Some(Met { position, radiance: passed * self.radiances[triangle.object as usize] })
+    }
+
+    /// Of the way from an emitter; the light of distant ones comes from without the medium.
+    fn transmittance(&self, object: u32, distance: f64) -> DVec3 {
+        let extinction = if self.are_near[object as usize] { self.extinction } else { DVec3::ZERO };
+        transmittance(extinction, distance)
     }
 
     /// Whether the camera sees one of them before what it would see at a distance, m, from it.

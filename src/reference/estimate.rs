@@ -1,8 +1,10 @@
 //! What is known of an image: means, standard errors, and how they came about.
 
+use std::sync::Arc;
+
 use glam::Vec3;
 
-use super::ReferenceError;
+use super::{Ledger, ReferenceError};
 use crate::image::Image;
 
 /// Irradiance and what is known of its error.
@@ -21,6 +23,10 @@ pub struct Estimate {
     pub(super) is_fine: Vec<bool>,
     /// How fine cuts may be in the next pass: an index of [`super::schedule::SPLIT_LIMITS`].
     pub(super) level: usize,
+    /// Light that is known otherwise, and that errors are relative to, too.
+    pub(super) beside: Option<Arc<Image>>,
+    /// The account of the picture's flux; `None` before the end, and of what none is kept of.
+    pub ledger: Option<Ledger>,
 }
 
 /// How an estimate came about.
@@ -42,13 +48,30 @@ impl Estimate {
             irradiance: black,
             statistics: Statistics::default(),
             level: 0,
+            beside: None,
+            ledger: None,
         }
+    }
+
+    /// The same with all that is unknown as 0 without error.
+    pub(super) fn made_certain(mut self) -> Self {
+        self.standard_error.pixels.fill(Vec3::ZERO);
+        self.irradiance.pixels.fill(Vec3::ZERO);
+        self.weights.fill(1.0);
+        self.is_fine.fill(true);
+        self.statistics.passes = 1;
+        self
     }
 
     /// √Σse² / √ΣE² over the image; 0 for a black one without error, infinite while pixels are unknown.
     pub fn rel_error(&self) -> f64 {
-        let norm = |image: &Image| image.pixels.iter().map(|p| p.as_dvec3().length_squared()).sum::<f64>().sqrt();
-        let (error, norm) = (norm(&self.standard_error), norm(&self.irradiance));
+        let norm = |pixels: &mut dyn Iterator<Item = Vec3>| pixels.map(|p| p.as_dvec3().length_squared()).sum::<f64>().sqrt();
+        let own = self.irradiance.pixels.iter().copied();
+        let norm_of_light = match &self.beside {
+            Some(beside) => norm(&mut own.zip(&beside.pixels).map(|(own, beside)| own + *beside)),
+            None => norm(&mut { own }),
+        };
+        let (error, norm) = (norm(&mut self.standard_error.pixels.iter().copied()), norm_of_light);
         if error == 0.0 { 0.0 } else { error / norm }
     }
 
@@ -62,9 +85,15 @@ impl Estimate {
         self.weights.iter().map(|weight| f64::from(*weight).sqrt())
     }
 
-    /// An error that says how far the work came, unless every pixel is known.
-    pub fn check_complete(&self) -> Result<(), ReferenceError> {
+    /// An error that says how far the work came, unless every pixel is known, or that light is missing, unless the ledger of flux closes.
+    pub fn check(&self) -> Result<(), ReferenceError> {
         let coverage = self.coverage();
-        if coverage < 1.0 { Err(ReferenceError::Incomplete { coverage }) } else { Ok(()) }
+        if coverage < 1.0 {
+            return Err(ReferenceError::Incomplete { coverage });
+        }
+        match &self.ledger {
+            Some(ledger) if !ledger.closes() => Err(ReferenceError::Unbalanced { ledger: ledger.clone() }),
+            _ => Ok(()),
+        }
     }
 }

@@ -32,6 +32,8 @@ pub(super) struct Hit {
 pub(super) struct Geometry {
     pub triangles: Vec<Triangle>,
     bvh: CwBvh,
+    /// The largest distance of a corner from the origin along an axis, m.
+    extent: f64,
 }
 
 impl fmt::Debug for Geometry {
@@ -73,8 +75,9 @@ impl Geometry {
                 });
             }
         }
-        let bvh = build_cwbvh(&boxes(&triangles), BvhBuildParams::medium_build(), &mut Default::default());
-        Self { triangles, bvh }
+        let extent = triangles.iter().flat_map(|t| t.corners).map(|p| p.abs().max_element()).fold(0.0, f64::max);
+        let bvh = build_cwbvh(&boxes(&triangles, extent), BvhBuildParams::medium_build(), &mut Default::default());
+        Self { triangles, bvh, extent }
     }
 
     /// The nearest point along a ray on an object that `sees` accepts.
@@ -106,7 +109,8 @@ impl Geometry {
 
     /// Whether anything but the two triangles named lies between a point and another one.
     pub fn blocks_segment(&self, from: DVec3, to: DVec3, except: [u32; 2]) -> bool {
-        self.blocks(from, to - from, 1.0, except)
+        let length = to.distance(from);
+        length > 0.0 && self.blocks(from, (to - from) / length, length, except)
     }
 
     /// Whether anything but the triangle named lies in a direction.
@@ -114,9 +118,11 @@ impl Geometry {
         self.blocks(from, direction, f64::INFINITY, [except; 2])
     }
 
+    /// Along a unit direction: `obvhs` finds nothing along much longer ones.
     fn blocks(&self, from: DVec3, direction: DVec3, to: f64, except: [u32; 2]) -> bool {
         // Corners are exact in f32 and the rest is f64: what touches does so to about 1e-15 of the scene's extent.
         const TOUCHING: f64 = 1e-9;
+        let near = TOUCHING * to.min(self.extent);
         !self.triangles.is_empty()
             && !self.bvh.ray_traverse_miss(box_ray(from, direction, to), |_, index| {
                 let id = self.bvh.primitive_indices[index];
@@ -124,7 +130,7 @@ impl Geometry {
                     return f32::INFINITY;
                 }
                 match intersect(&self.triangles[id as usize].corners, from, direction) {
-                    Some((t, _)) if t > TOUCHING && t < to * (1.0 - TOUCHING) => 0.0,
+                    Some((t, _)) if t > near && t < to * (1.0 - TOUCHING) => 0.0,
                     _ => f32::INFINITY,
                 }
             })
@@ -132,9 +138,8 @@ impl Geometry {
 }
 
 /// Boxes a little larger than the triangles, because the traversal rounds rays to f32.
-fn boxes(triangles: &[Triangle]) -> Vec<obvhs::aabb::Aabb> {
-    let largest = triangles.iter().flat_map(|t| t.corners).map(|p| p.abs().max_element()).fold(0.0, f64::max);
-    let slack = Vec3::splat(2e-6 * largest as f32);
+fn boxes(triangles: &[Triangle], extent: f64) -> Vec<obvhs::aabb::Aabb> {
+    let slack = Vec3::splat(2e-6 * extent as f32);
     let bound = |t: &Triangle| {
         let [a, b, c] = t.corners;
         let (low, high) = (a.min(b).min(c).as_vec3() - slack, a.max(b).max(c).as_vec3() + slack);
@@ -194,6 +199,18 @@ mod tests {
         assert!(!geometry.blocks_segment(floor, from, [below.triangle, hit.triangle]));
         assert!(!geometry.blocks_ray(floor + DVec3::Y, DVec3::Y, hit.triangle));
         assert!(geometry.first_hit(from, DVec3::Y, |_| true).is_none());
+    }
+
+    /// However far away the other end is: a lamp may be thousands of times as far away as the scene is large.
+    #[test]
+    fn far_ends_of_segments_change_nothing() {
+        let geometry = two_squares();
+        let from = DVec3::new(0.3, 0.0, 0.2);
+        for distance in [2.0, 1e2, 1e4, 1e6, 1e8] {
+            let (near, far) = (from + 1e-3 * DVec3::Y, from + DVec3::new(0.1, distance, 0.05));
+            assert!(geometry.blocks_segment(near, far, [u32::MAX; 2]), "{distance}");
+            assert!(!geometry.blocks_segment(near + 1.01 * DVec3::Y, far, [u32::MAX; 2]), "{distance}");
+        }
     }
 
     /// Rays along coordinate planes meet what others do, whatever the sign of zero.

@@ -13,7 +13,7 @@ use crate::scene::{Beam, Lamp, Scene, Slide};
 pub(super) struct Lamps(Vec<Source>);
 
 /// A lamp.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct Source {
     pub position: DVec3,
     pub radius: f64,
@@ -46,6 +46,17 @@ impl Lamps {
 
     pub fn is_empty(&self) -> bool {
         self.0.is_empty()
+    }
+
+    /// Those of these numbers.
+    pub fn only(&self, numbers: &[usize]) -> Self {
+        Self(numbers.iter().map(|number| self.0[*number].clone()).collect())
+    }
+
+    /// All but those.
+    pub fn without(&self, numbers: &[usize]) -> Self {
+        let kept: Vec<usize> = (0..self.0.len()).filter(|number| !numbers.contains(number)).collect();
+        self.only(&kept)
     }
 
     pub fn sources(&self) -> &[Source] {
@@ -137,9 +148,19 @@ impl Source {
         self.radiance_towards(point) * transmittance(self.extinction, point.distance(self.position))
     }
 
-    /// Its radiant intensity in the direction of a point, W/sr.
-    pub fn intensity_towards(&self, point: DVec3) -> DVec3 {
-        PI * self.radius * self.radius * self.radiance_towards(point)
+    /// Its radiant intensity in the direction of a point, W/sr; the medium dims it by the point's distance.
+    pub fn intensity_at(&self, point: DVec3) -> DVec3 {
+        PI * self.radius * self.radius * self.radiance_at(point)
+    }
+
+    /// The largest sum of the channels of its radiant intensity, W/sr.
+    pub fn most_intensity(&self) -> f64 {
+        PI * self.radius * self.radius * self.brightest
+    }
+
+    /// Whether it shines unevenly.
+    pub fn has_beam(&self) -> bool {
+        self.beam.is_some()
     }
 
     fn radiance_towards(&self, point: DVec3) -> DVec3 {

@@ -5,22 +5,20 @@
 //! `light` (radiance from the original image), `lamps` and `emitters` → a `domain` to integrate over (`reflectors`, or the `sky` for direct light) →
 //! for light in the medium, `scattering` over the lines of sight, too →
 //! a `cut` per receiver point or line of sight (the density) → replicates of quasi-random points, in
-//! `passes` over the image → [`Estimate`].
+//! `passes` over the image → [`Estimate`]. Light of small lights comes `forward` by beams; and forward rays count the flux that the
+//! [`Ledger`] holds every estimate of a caustic against.
 //! This module must not know samples, cells, cube maps, back ends or wgpu.
 
 mod allocation;
-mod beam_origins;
-mod beams;
-mod beams_in_solids;
 mod brdf;
 mod bright_spheres;
-mod by_beams;
 mod cone;
 mod cut;
 mod direct;
 mod domain;
 mod emitters;
 mod estimate;
+mod forward;
 mod geometry;
 mod gloss;
 mod lamps;
@@ -44,34 +42,32 @@ mod seen;
 mod sights;
 mod sky;
 mod solids;
+mod solution;
 mod store;
 mod tree;
 
 pub use self::estimate::{Estimate, Statistics};
+pub use self::forward::Ledger;
 pub use self::store::{EstimateFile, Stored};
 
 use std::path::PathBuf;
 
 use glam::DVec3;
 
-use self::by_beams::check_beams;
-use self::direct::Direct;
-use self::domain::{Domain, Lighting, Receiver};
+use self::domain::Receiver;
 use self::emitters::Emitters;
+use self::forward::{Shares, check_beams};
 use self::geometry::Geometry;
 use self::lamps::Lamps;
 use self::light::Light;
 use self::medium::Medium;
-use self::passes::{Checkpoint, Passes};
 use self::receivers::Receivers;
-use self::reflectors::Reflectors;
-use self::scattering::Scattering;
 use self::sights::Sight;
-use self::sky::Sky;
 use pinspot_base::image::ImageError;
 use pinspot_base::maps::EnvironmentError;
 use pinspot_base::scene::{Chain, Chains, MeshError, Object, Scene, Visibility};
-use pinspot_base::{OptionError, Progress, Stage, image, maps, parallel, scene};
+use pinspot_base::{OptionError, Progress, Stage, image, parallel, scene};
+use pinspot_base::maps;
 
 /// What is computed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
@@ -107,11 +103,12 @@ impl Quantity {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Deserialize, serde::Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Estimator {
-    /// As an integral over the mirrors, for each point of a pixel: for every light.
+    /// By beams the light of spots and lamps that are so small that points would seldom find them, and by points all other.
     #[default]
+    Auto,
+    /// As an integral over the mirrors, for each point of a pixel: for every light.
     Points,
-    /// By beams that are spread over the pixels: means over whole pixels, of spots and lamps alone. What surfaces in the light of lamps send
-    /// to the mirrors is left out.
+    /// By beams, without noise, the light of all spots and lamps, as means over whole pixels; by points all other.
     Beams,
 }
 
@@ -258,6 +255,12 @@ pub enum ReferenceError {
         /// The part of the pixels that were reached.
         coverage: f64,
     },
+    /// An estimate that lacks light, or has too much.
+    #[error("the estimate and the light do not agree: {ledger}")]
+    Unbalanced {
+        /// The account.
+        ledger: Ledger,
+    },
     /// A file that is something else.
     #[error("'{}' exists, and is no earlier state of this reference (its scene, light, size, options and seed)", path.display())]
     Foreign {
@@ -339,6 +342,8 @@ pub struct Reference {
     light: Light,
     lamps: Lamps,
     emitters: Emitters,
+    /// What is left to beams.
+    shares: Shares,
     picture: Picture,
     fingerprint: String,
     /// What was repaired while loading.
@@ -372,6 +377,7 @@ impl Reference {
         let notes = scene.notes.clone();
         scene.check_placements()?;
         let geometry = Geometry::new(&scene);
+        let shares = Shares::of_scene(&scene, (&geometry, &lamps), &options);
         let Options { size, pixel_samples, .. } = options;
         let picture = match scattering {
             None => Picture::Surfaces(Receivers::find(&scene, (&geometry, &emitters), size, pixel_samples)),
@@ -379,7 +385,12 @@ impl Reference {
         };
         let described = serde_json::to_string(&options).expect("options are plain data");
         let fingerprint = scene.fingerprint(&described);
-        Ok(Self { scene, options, geometry, light, lamps, emitters, picture, fingerprint, notes })
+        Ok(Self { scene, options, geometry, light, lamps, emitters, shares, picture, fingerprint, notes })
+    }
+
+    /// Whether any light is left to beams, which have means over whole pixels.
+    pub fn uses_beams(&self) -> bool {
+        !self.shares.is_empty()
     }
 
     /// What is computed, and how.
@@ -390,74 +401,6 @@ impl Reference {
     /// Names everything that the result depends on besides the code; two references with one fingerprint and one code may be combined.
     pub fn fingerprint(&self) -> &str {
         &self.fingerprint
-    }
-
-    /// Adds passes to `known` (or starts) until the criterion is met. `checkpoint` is shown what there is from time to time, so
-    /// that it can be kept.
-    pub fn solve(
-        &self,
-        criterion: &StoppingCriterion,
-        known: Option<Estimate>,
-        progress: &dyn Progress,
-        checkpoint: &mut dyn FnMut(&Estimate) -> Result<(), ReferenceError>,
-    ) -> Result<Estimate, ReferenceError> {
-        self.solve_in_passes(criterion, known, progress, &mut |estimate, _| checkpoint(estimate))
-    }
-
-    /// The same, telling the checkpoint where passes end.
-    fn solve_in_passes(
-        &self,
-        criterion: &StoppingCriterion,
-        known: Option<Estimate>,
-        progress: &dyn Progress,
-        checkpoint: &mut Checkpoint,
-    ) -> Result<Estimate, ReferenceError> {
-        let rel_error = criterion.rel_error;
-        if !(rel_error > 0.0 && rel_error.is_finite()) {
-            let message = format!("is {rel_error}, but must be a number greater than 0");
-            return Err(OptionError::invalid("rel_error", message).into());
-        }
-        let Self { geometry, light, lamps, emitters, options, .. } = self;
-        if options.estimator == Estimator::Beams {
-            return self.solve_by_beams(criterion, known, progress);
-        }
-        let passes = Work { options, criterion, progress };
-        if options.quantity.is_caustic() {
-            let domain = Reflectors::new(&self.scene, geometry, (light, lamps, emitters), options);
-            self.solve_for(domain, &passes, known, checkpoint)
-        } else {
-            let sky = Sky { geometry, light, emitters, visibility: options.visibility };
-            self.solve_for(Direct { sky, lamps }, &passes, known, checkpoint)
-        }
-    }
-
-    fn solve_for<D: Lighting>(
-        &self,
-        light: D,
-        work: &Work,
-        known: Option<Estimate>,
-        checkpoint: &mut Checkpoint,
-    ) -> Result<Estimate, ReferenceError> {
-        match &self.picture {
-            Picture::Surfaces(receivers) => work.passes(&light, receivers).solve(work.criterion, known, checkpoint),
-            Picture::Medium(medium, sights) => {
-                let domain = Scattering { medium, light };
-                work.passes(&domain, sights).solve(work.criterion, known, checkpoint)
-            }
-        }
-    }
-}
-
-/// What all passes of a solution have in common.
-struct Work<'a> {
-    options: &'a Options,
-    criterion: &'a StoppingCriterion<'a>,
-    progress: &'a dyn Progress,
-}
-
-impl<'a> Work<'a> {
-    fn passes<D: Domain>(&self, domain: &'a D, receivers: &'a Receivers<D::Receiver>) -> Passes<'a, D> {
-        Passes { domain, receivers, options: self.options, progress: self.progress }
     }
 }
 

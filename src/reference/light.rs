@@ -40,6 +40,16 @@ impl Light {
         Ok(Self { kind, local_from_world, intensity: f64::from(source.intensity) })
     }
 
+    /// None.
+    pub fn dark() -> Self {
+        Self { kind: Kind::Constant(DVec3::ZERO), local_from_world: DMat3::IDENTITY, intensity: 0.0 }
+    }
+
+    /// Whether there is none.
+    pub fn is_dark(&self) -> bool {
+        self.bound(&Cone::everything()) == 0.0
+    }
+
     /// Radiance that arrives from a unit direction, W/(m²·sr).
     pub fn radiance(&self, direction_in_world: DVec3) -> DVec3 {
         let d = self.local_from_world * direction_in_world;

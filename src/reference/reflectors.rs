@@ -131,6 +131,12 @@ impl<'a> Reflectors<'a> {
         }
     }
 
+    /// Takes another environment and other lamps, but for what they bring to surfaces that mirrors show.
+    pub fn set_light(&mut self, light: &'a Light, lamps: &'a Lamps) {
+        (self.light, self.lamps) = (light, lamps);
+        self.brightest = light.bound(&Cone::everything()).max(self.emitters.brightest());
+    }
+
     fn material(&self, object: u32) -> Material {
         self.materials[object as usize].expect("only what mirrors or refracts is in the tree")
     }

@@ -147,7 +147,8 @@ impl Reference {
         if !known || !irradiance.pixels.iter().all(|p| is_known(*p)) {
             return Err("a pixel is");
         }
-        let estimate = Estimate { irradiance, standard_error, statistics, weights, is_fine, level };
+        let estimate =
+            Estimate { irradiance, standard_error, statistics, weights, is_fine, level, beside: None, ledger: None };
         Ok(Stored { estimate, seconds })
     }
 }

@@ -115,7 +115,7 @@ impl Comparer {
         let is_over = || flag.load(Ordering::Relaxed);
         let goal = StoppingCriterion::new(GOAL).with_should_stop(&is_over);
         let show = |truth: &Estimate, is_final: bool| {
-            if truth.check_complete().is_ok() {
+            if truth.check().is_ok() {
                 self.tell(Ok(self.difference(caustic, truth, is_final)));
             }
         };

@@ -16,7 +16,7 @@ fn seconds_of_picture(folder: &Path, code: &str, force: bool, tick: f64) -> (f64
         options: options.with_size([8, 8]),
         backend: Backend::cpu(),
         plan: Plan { techniques: vec![Technique::ImageSpace], photons: vec![16], seeds: 1, ..Plan::default() },
-        estimator: Estimator::Points,
+        estimator: Estimator::Auto,
         mask: None,
         folder: folder.into(),
         code: code.into(),

@@ -328,10 +328,10 @@ fn a_first_pass_that_cannot_finish_says_so_and_can_be_gone_on_from() {
     assert_eq!(known, 25, "as many pixels as were begun");
     assert_eq!(part.coverage(), 25.0 / PIXELS as f64);
     assert_eq!(part.rel_error(), f64::INFINITY);
-    let message = part.check_complete().unwrap_err().to_string();
+    let message = part.check().unwrap_err().to_string();
     assert!(message.contains("26 %"), "{message}");
     let whole = stopped(&reference, PIXELS - 25, Some(part.clone()));
-    assert!(whole.coverage() == 1.0 && whole.check_complete().is_ok() && whole.rel_error().is_finite());
+    assert!(whole.coverage() == 1.0 && whole.check().is_ok() && whole.rel_error().is_finite());
     for (before, after) in
         part.irradiance.pixels.iter().zip(&whole.irradiance.pixels).filter(|(p, _)| **p != Vec3::ZERO)
     {

@@ -31,7 +31,8 @@ pub struct Request {
     pub backend: Backend,
     /// The combinations.
     pub plan: Plan,
-    /// How the reference is computed. Beams have the means over whole pixels, so that `options.pixel_samples` should be more than 1.
+    /// How the reference is computed. Beams have the means over whole pixels, so that `options.pixel_samples` should be more than 1 where
+    /// there are any, which a warning says.
     pub estimator: Estimator,
     /// Only pixels that are not black in this picture count.
     pub mask: Option<PathBuf>,
@@ -77,7 +78,7 @@ const SETS_PER_STRATEGY: u32 = 10;
 ///         seeds: 1,
 ///         ..Plan::default()
 ///     },
-///     estimator: Estimator::Points,
+///     estimator: Estimator::Auto,
 ///     mask: None,
 ///     folder: folder.into(),
 ///     code: pinspot::code_id().into(),
@@ -110,6 +111,7 @@ pub fn compare<'a>(
         let (summary, truth) = solve(&reference, request, criterion, clock, progress)?;
         let mut comparison = Comparison::new(request, &options, summary, truth.clone());
         comparison.unavailable = unavailable;
+        comparison.warnings = doubts(&reference, &comparison.reference);
         let mut engine = Engine::new(request.scene.clone(), options.clone(), request.backend.clone());
         let folder = Folder { path: &cells_folder, code: &request.code, is_ignored: request.force };
         for combination in &combinations {
@@ -181,11 +183,27 @@ fn reference(request: &Request, options: &Options) -> Result<Reference, Error> {
         estimator: request.estimator,
         replicates: match request.estimator {
             Estimator::Beams => beam_directions(&request.scene),
-            Estimator::Points => defaults.replicates,
+            Estimator::Auto | Estimator::Points => defaults.replicates,
         },
         ..defaults
     };
     Ok(Reference::new(request.scene.clone(), wanted)?)
+}
+
+/// A reference with a larger relative standard error than this is no truth, and one with more than that part of it is a doubtful one.
+const MOST_REFERENCE_ERROR: f64 = 0.5;
+const DOUBTFUL: f64 = 0.1;
+
+/// What is wrong with a reference that others are compared with.
+fn doubts(reference: &Reference, summary: &ReferenceSummary) -> Vec<String> {
+    let rel_error = summary.rel_error;
+    let is_noisy = (rel_error > DOUBTFUL * MOST_REFERENCE_ERROR)
+        .then(|| format!("the reference's own relative standard error is {rel_error:.3}: smaller errors beside it mean nothing"));
+    let is_other = reference.uses_beams() && reference.options().pixel_samples == 1;
+    let is_other = is_other.then(|| {
+        "the reference has means over whole pixels, as its lights are too small for points, but renderings have points at their centres: give --pixel-samples 4".to_owned()
+    });
+    is_noisy.into_iter().chain(is_other).collect()
 }
 
 /// Each reference has a file of its own, so that a comparison with other options or by other code never overwrites hours of work.
@@ -202,7 +220,11 @@ fn solve(
     let place = EstimateFile { path: &path, code: &request.code };
     let known = reference.read(&place)?;
     let stored = reference.solve_in_file(&place, known, criterion, clock, progress)?;
-    stored.estimate.check_complete()?;
+    stored.estimate.check()?;
+    let rel_error = stored.estimate.rel_error();
+    if rel_error > MOST_REFERENCE_ERROR {
+        return Err(ReportError::NoReference { rel_error }.into());
+    }
     let summary = ReferenceSummary {
         file,
         aov: "caustic",

@@ -53,6 +53,14 @@ pub enum ReportError {
         /// Each technique's reason.
         reason: String,
     },
+    /// A reference that is mostly noise.
+    #[error(
+        "the reference has a relative standard error of {rel_error:.2} so far, and nothing can be compared with that; the same command goes on from here: give it more --seconds"
+    )]
+    NoReference {
+        /// Its relative standard error.
+        rel_error: f64,
+    },
     /// A filter that the back end does not have.
     #[error("the CPU has no hardware filter; leave it out, or compare on a GPU")]
     NoHardwareFilter,
