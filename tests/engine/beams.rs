@@ -1,11 +1,12 @@
 //! The ground truth by beams against closed forms, and against the one by points.
 
 use std::f64::consts::TAU;
+use std::path::Path;
 
 use glam::Vec3;
 use pinspot::image::{Image, rel_l2};
-use pinspot::reference::{Estimate, Estimator, Options, Reference, StoppingCriterion};
-use pinspot::scene::{Chain, Scene, load};
+use pinspot::reference::{Estimate, Estimator, Options, Reference, ReferenceError, StoppingCriterion};
+use pinspot::scene::{Chain, Scene, load, parse};
 use pinspot::{NoProgress, Settings};
 
 use crate::support::above_floor as scene;
@@ -66,11 +67,111 @@ fn beams_and_points_agree() {
 
 /// What beams do not know is refused.
 #[test]
-fn lights_that_are_no_spots_are_refused() {
-    for (name, reason) in [("ring-natural", "spot"), ("candle", "spot"), ("dance-floor", "beams"), ("gloss", "beams")] {
-        let scene = load::<Settings>(name).unwrap().scene;
+fn what_beams_do_not_know_is_refused() {
+    let rough = "[[light]]\nposition = [0, 3, 0]\nintensity = [9, 9, 9]\n[[object]]\nshape = { sphere = { radius = 0.3 } }\n\
+                 reflector = { roughness = 0.3 }\n";
+    let scenes = [
+        ("ring-natural", "spot", load::<Settings>("ring-natural").unwrap().scene),
+        ("rough", "rough", scene("constant = [0, 0, 0]", rough)),
+    ];
+    for (name, reason, scene) in scenes {
         let options = Options { estimator: Estimator::Beams, ..Default::default() };
         let error = Reference::new(scene, options).map(drop).unwrap_err().to_string();
         assert!(error.contains("beams") && error.contains(reason), "{name}: {error}");
     }
+}
+
+fn estimate(scene: Scene, options: Options) -> Result<Estimate, ReferenceError> {
+    Reference::new(scene, options)?.solve(&StoppingCriterion::new(0.01), None, &NoProgress, &mut |_| Ok(()))
+}
+
+/// In the sun, 30° from the zenith.
+fn in_the_sun(floor: &str, rest: &str) -> Scene {
+    let text = format!(
+        "[environment]\nconstant = [0, 0, 0]\n[[light]]\n\
+         directional = {{ direction = [0.5, 0.8660254, 0.0], irradiance = [1000, 1000, 1000] }}\n\
+         [camera]\nposition = [0, 9, 0]\ntarget = [0, 0, 0]\nup = [0, 0, -1]\northographic = {{ height = 2.0 }}\n\
+         [[object]]\nshape = {{ plane = {{ size = [{floor}, {floor}] }} }}\nreceiver = {{ albedo = [0, 0, 0] }}\n{rest}"
+    );
+    parse::<toml::Table>("test.toml", &text, Path::new(".")).unwrap().scene
+}
+
+/// The part of unpolarised light that passes from air into glass or water at 30°.
+fn passed(eta: f64) -> f64 {
+    let (outside, inside) = (0.75f64.sqrt(), (1.0 - 0.25 / (eta * eta)).sqrt());
+    let [s, p] = [(outside, eta * inside), (eta * outside, inside)].map(|(a, b)| ((a - b) / (a + b)).powi(2));
+    1.0 - 0.5 * (s + p)
+}
+
+/// Light in a single direction by two flat faces: 1 m² of pane, behind which 791 W arrive. Its triangles are larger than the picture's pixels
+/// by four orders of magnitude, and half of their corners send light nowhere.
+#[test]
+fn a_pane_in_the_sun() {
+    let pane = "[[object]]\nshape = { box = { size = [1, 0.006, 1] } }\ntranslate = [0, 0.5, 0]\n\
+                refractor = { eta = 1.52, interfaces = 2 }\ncamera_visible = false\n";
+    for estimator in [Estimator::Auto, Estimator::Beams] {
+        let options = Options { size: [48; 2], chains: Chain::TT.into(), estimator, ..Default::default() };
+        let found = estimate(in_the_sun("6", pane), options).unwrap();
+        // The light of the pane's own sides, 6 mm high, is left out.
+        let expected = 1000.0 * 0.75f64.sqrt() * passed(1.52).powi(2) / 4.0;
+        let mean = f64::from(found.irradiance.mean().x);
+        assert!((mean / expected - 1.0).abs() < 0.01, "{estimator:?}: {mean}, not {expected}");
+        let evenly = 4.0 * expected;
+        let most = found.irradiance.pixels.iter().map(|pixel| f64::from(pixel.x)).fold(0.0, f64::max);
+        assert!((most / evenly - 1.0).abs() < 0.01, "{estimator:?}: {most}, not {evenly}");
+    }
+}
+
+/// Interfaces of two triangles, far larger than what they light, or partly beside it: all of it gets the same.
+#[test]
+fn a_small_floor_below_wide_water() {
+    for width in [1.5, 4.0, 8.0, 40.0] {
+        let water = format!(
+            "[[object]]\nshape = {{ plane = {{ size = [{width}, {width}] }} }}\ntranslate = [0, 0.1, 0]\n\
+             refractor = {{ eta = 1.333 }}\ncamera_visible = false\n"
+        );
+        let options = Options { size: [32; 2], ..Default::default() };
+        let found = estimate(in_the_sun("1", &water), options).unwrap();
+        let expected = (1000.0 * 0.75f64.sqrt() * passed(1.333)) as f32;
+        // The middle quarter.
+        for pixel in (0..1024).filter(|k| (9..23).contains(&(k % 32)) && (9..23).contains(&(k / 32))) {
+            let value = found.irradiance.pixels[pixel].x;
+            assert!((value / expected - 1.0).abs() < 1e-3, "{width} m: {value}, not {expected}");
+        }
+        let ledger = found.ledger.expect("there is one");
+        assert!(ledger.is_known() && ledger.closes(), "{ledger:?}");
+    }
+}
+
+/// Points never find light in a single direction: that is refused, and not called black without error.
+#[test]
+fn points_that_find_no_light_are_refused() {
+    let mirror = "[[object]]\nshape = { sphere = { radius = 0.4 } }\ntranslate = [0, 0.5, 0]\nreflector = {}\ncamera_visible = false\n";
+    let options = Options { size: [16; 2], estimator: Estimator::Points, ..Default::default() };
+    let refused = estimate(in_the_sun("6", mirror), options.clone()).unwrap_err();
+    let ReferenceError::Unbalanced { ledger } = &refused else { panic!("{refused}") };
+    assert!(ledger.is_known() && ledger.estimated < 0.1 * ledger.counted, "{ledger:?}");
+    let found = estimate(in_the_sun("6", mirror), Options { estimator: Estimator::Auto, ..options }).unwrap();
+    assert!(found.ledger.is_some_and(|ledger| ledger.is_known() && ledger.closes()));
+}
+
+/// What a mirror shows of surfaces in the light of a lamp does not depend on how the lamp's own light is found.
+#[test]
+fn mirrors_show_lit_surfaces_whatever_the_lamp() {
+    let with_lamp = |radius: f64, albedo: f64| {
+        let rest = format!(
+            "[[light]]\nposition = [0.6, 0.3, 0]\nintensity = [9, 9, 9]\nradius = {radius}\n[[object]]\nshape = {{ plane = {{ size = [2, 2] }} }}\n\
+             rotate_deg = [0, 0, -120]\ntranslate = [-1, 1, 0]\nreflector = {{}}\ncamera_visible = false\n"
+        );
+        let mut scene = scene("constant = [0, 0, 0]", &rest);
+        scene.objects[0].receiver.as_mut().unwrap().albedo = Vec3::splat(albedo as f32);
+        let reference = Reference::new(scene, Options { size: [16; 2], pixel_samples: 2, ..Default::default() }).unwrap();
+        assert_eq!(reference.uses_beams(), radius < 0.01);
+        let found = reference.solve(&StoppingCriterion::new(0.003), None, &NoProgress, &mut |_| Ok(())).unwrap();
+        f64::from(found.irradiance.mean().x)
+    };
+    let [point, sphere] = [1e-3, 0.05].map(|radius| [0.0, 0.8].map(|albedo| with_lamp(radius, albedo)));
+    let [of_point, of_sphere] = [point[1] / point[0], sphere[1] / sphere[0]];
+    assert!(of_point > 1.03 && (of_point / of_sphere - 1.0).abs() < 0.01, "{point:?} {sphere:?}");
+    assert!((point[1] / sphere[1] - 1.0).abs() < 0.01, "{point:?} {sphere:?}");
 }

@@ -1,7 +1,7 @@
 //! What the ground truth has in common with what it judges: the scene's description, file decoding, errors, progress and the
 //! use of all cores.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// Everything of `pinspot-base` that `src/reference` may name outside its tests; of the other crates it knows nothing.
 const SHARED: [&str; 16] = [
@@ -59,31 +59,46 @@ const DESCRIPTIONS: [(&str, &[&str]); 2] = [
 #[test]
 fn the_ground_truth_shares_nothing_with_what_it_judges() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("src/reference");
-    let mut files = 0;
+    let manifest = std::fs::read_to_string(folder.join("Cargo.toml")).unwrap();
+    let product = manifest.split("[dev-dependencies]").next().unwrap();
+    let crates: Vec<&str> = product.lines().filter(|line| line.starts_with("pinspot")).collect();
+    assert_eq!(crates, ["pinspot-base = { workspace = true }"]);
+
+    let root = std::fs::read_to_string(folder.join("lib.rs")).unwrap();
+    let own = own_names(&root);
+    let sources = sources(&folder);
     let mut strangers = Vec::new();
-    for entry in std::fs::read_dir(&folder).unwrap() {
-        let path = entry.unwrap().path();
-        if path.ends_with("Cargo.toml") {
-            let manifest = std::fs::read_to_string(&path).unwrap();
-            let product = manifest.split("[dev-dependencies]").next().unwrap();
-            let crates: Vec<&str> = product.lines().filter(|line| line.starts_with("pinspot")).collect();
-            assert_eq!(crates, ["pinspot-base = { workspace = true }"]);
-            continue;
-        }
-        assert!(
-            path.extension().is_some_and(|e| e == "rs"),
-            "a folder or stray file to be looked at: {}",
-            path.display()
-        );
-        let source = std::fs::read_to_string(&path).unwrap();
+    for path in &sources {
+        let source = std::fs::read_to_string(path).unwrap();
         let product = source.split("#[cfg(test)]").next().unwrap();
         assert!(!product.contains("super::super"), "{} leaves its module by another way", path.display());
-        let named = names(product);
-        strangers.extend(named.into_iter().filter(|n| !is_shared(n)).map(|n| format!("{}: {n}", path.display())));
-        files += 1;
+        let is_own = |name: &str| own.contains(&name.split("::").next().unwrap());
+        let named = names(product).into_iter().filter(|name| !is_shared(name) && !is_own(name));
+        strangers.extend(named.map(|name| format!("{}: {name}", path.display())));
     }
-    assert!(files > 10, "only {files} files");
+    assert!(sources.len() > 30, "only {} files", sources.len());
     assert!(strangers.is_empty(), "{strangers:#?}");
+}
+
+/// The files of a crate; nothing else may lie in its folders.
+fn sources(folder: &Path) -> Vec<PathBuf> {
+    let mut found = Vec::new();
+    for path in std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()) {
+        if path.is_dir() {
+            found.extend(sources(&path));
+        } else if !path.ends_with("Cargo.toml") {
+            assert!(path.extension().is_some_and(|e| e == "rs"), "a stray file: {}", path.display());
+            found.push(path);
+        }
+    }
+    found
+}
+
+/// The modules of a crate's root, and the types that it declares.
+fn own_names(root: &str) -> Vec<&str> {
+    let declared = |line: &'static str| root.lines().filter_map(move |l| l.strip_prefix(line));
+    let all = ["mod ", "pub struct ", "pub enum "].into_iter().flat_map(declared);
+    all.map(|rest| rest.split(|c: char| !(c.is_alphanumeric() || c == '_')).next().unwrap()).collect()
 }
 
 fn is_shared(name: &str) -> bool {

@@ -35,6 +35,7 @@ mod metals;
 mod near_light_gpu;
 mod pictures;
 mod previews;
+mod random_scenes;
 mod receivers;
 mod refraction;
 mod sequences;

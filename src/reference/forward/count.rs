@@ -3,7 +3,7 @@
 
 use std::f64::consts::TAU;
 
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
 
@@ -24,6 +24,7 @@ const BATCHES: usize = 32;
 const FIRST_POINTS: usize = 512;
 const MOST_ROUNDS: u32 = 8;
 const WANTED_ERROR: f64 = 0.005;
+const WANTED_ERROR_AT_POINTS: f64 = 0.01;
 
 /// All light, and what it is followed through.
 pub(crate) struct Count<'a> {
@@ -35,7 +36,19 @@ pub(crate) struct Count<'a> {
     /// If they and emitters count.
     pub surfaces: Option<LitSurfaces<'a>>,
     pub size: [u32; 2],
+    /// Where in pixels light counts.
+    pub window: Window,
 }
+
+/// Where in pixels light counts: all over, or, for what is known at points, around each point of a square grid of so many along each edge.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Window {
+    Pixels,
+    Points(u32),
+}
+
+/// A window's width, in distances of points.
+const WINDOW: f64 = 0.25;
 
 /// A mean and its standard error.
 #[derive(Clone, Copy, Debug, Default)]
@@ -49,8 +62,10 @@ pub(crate) struct Counted {
 pub(crate) struct Flux {
     /// What falls on mirrors and interfaces, W.
     pub met: Counted,
-    /// What of that arrives where the camera sees it, W.
+    /// What of that arrives where the camera sees it, W,
     pub seen: Counted,
+    /// and in how many rays.
+    pub rays: u64,
     /// The mean irradiance over the picture's pixels, W/m²,
     pub picture: Counted,
     /// and that which each block of pixels brings to it.
@@ -62,6 +77,7 @@ pub(crate) struct Flux {
 struct Sums {
     met: f64,
     seen: f64,
+    rays: u64,
     blocks: [f64; BLOCKS * BLOCKS],
 }
 
@@ -94,7 +110,7 @@ impl Count<'_> {
             batches.iter_mut().zip(&found).for_each(|(sums, found)| sums.add(found));
             points += more;
             flux = Flux::of(&batches, points, self.size);
-            if flux.picture.error <= WANTED_ERROR * flux.picture.mean && flux.picture.mean > 0.0 || is_over() {
+            if flux.picture.error <= self.window.wanted_error() * flux.picture.mean && flux.picture.mean > 0.0 || is_over() {
                 break;
             }
         }
@@ -158,8 +174,10 @@ impl Count<'_> {
             for way in &ways {
                 let Some(landing) = self.rays.follow(&start, *way, [rng.random(), rng.random()]) else { continue };
                 let Some(pixel) = self.rays.plane.pixel(landing.place).filter(|_| landing.is_seen) else { continue };
+                sums.rays += 1;
                 sums.seen += (flux * landing.passed).element_sum() / 3.0;
-                sums.blocks[block(pixel, self.size)] += (flux * landing.per_area).element_sum() / 3.0;
+                let weight = self.window.weight(landing.place);
+                sums.blocks[block(pixel, self.size)] += weight * (flux * landing.per_area).element_sum() / 3.0;
             }
         });
     }
@@ -194,10 +212,24 @@ impl Count<'_> {
     }
 }
 
+impl Window {
+    fn wanted_error(self) -> f64 {
+        if self == Self::Pixels { WANTED_ERROR } else { WANTED_ERROR_AT_POINTS }
+    }
+
+    /// How much light counts that arrives at a place, in pixels; 1 on average.
+    fn weight(self, place: DVec2) -> f64 {
+        let Self::Points(per_edge) = self else { return 1.0 };
+        let from_point = (place * f64::from(per_edge)).fract() - 0.5;
+        if from_point.abs().max_element() < 0.5 * WINDOW { 1.0 / (WINDOW * WINDOW) } else { 0.0 }
+    }
+}
+
 impl Sums {
     fn add(&mut self, other: &Self) {
         self.met += other.met;
         self.seen += other.seen;
+        self.rays += other.rays;
         self.blocks.iter_mut().zip(other.blocks).for_each(|(sum, more)| *sum += more);
     }
 }
@@ -216,6 +248,7 @@ impl Flux {
         Self {
             met: counted(&|sums| sums.met),
             seen: counted(&|sums| sums.seen),
+            rays: batches.iter().map(|sums| sums.rays).sum(),
             picture: counted(&|sums| sums.blocks.iter().sum::<f64>() / pixels),
             blocks: std::array::from_fn(|block| counted(&|sums| sums.blocks[block] / pixels)),
         }

@@ -1,5 +1,6 @@
 //! What the tests share: both back ends behind one function, and surfaces without a scene file.
 
+pub mod meshes;
 mod prepared;
 
 use std::sync::{Arc, Mutex, OnceLock};
