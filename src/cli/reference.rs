@@ -7,7 +7,8 @@ use serde::Serialize;
 
 use pinspot::image::Aov;
 use pinspot::reference::{
-    EstimateFile, Estimator, Ledger, Options, Quantity, Reference, ReferenceError, Statistics, StoppingCriterion, Stored,
+    EstimateFile, Estimator, Ledger, Options, Quantity, Reference, ReferenceError, Statistics, StoppingCriterion,
+    Stored,
 };
 use pinspot::scene::{Chain, Chains, Loaded, Scene, Visibility, load};
 use pinspot::{Error, Settings};

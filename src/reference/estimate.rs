@@ -65,7 +65,8 @@ impl Estimate {
 
     /// √Σse² / √ΣE² over the image; 0 for a black one without error, infinite while pixels are unknown.
     pub fn rel_error(&self) -> f64 {
-        let norm = |pixels: &mut dyn Iterator<Item = Vec3>| pixels.map(|p| p.as_dvec3().length_squared()).sum::<f64>().sqrt();
+        let norm =
+            |pixels: &mut dyn Iterator<Item = Vec3>| pixels.map(|p| p.as_dvec3().length_squared()).sum::<f64>().sqrt();
         let own = self.irradiance.pixels.iter().copied();
         let norm_of_light = match &self.beside {
             Some(beside) => norm(&mut own.zip(&beside.pixels).map(|(own, beside)| own + *beside)),

@@ -64,10 +64,10 @@ use self::medium::Medium;
 use self::receivers::Receivers;
 use self::sights::Sight;
 use pinspot_base::image::ImageError;
+use pinspot_base::maps;
 use pinspot_base::maps::EnvironmentError;
 use pinspot_base::scene::{Chain, Chains, MeshError, Object, Scene, Visibility};
 use pinspot_base::{OptionError, Progress, Stage, image, parallel, scene};
-use pinspot_base::maps;
 
 /// What is computed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]

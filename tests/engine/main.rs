@@ -29,6 +29,7 @@ mod image_space_papers;
 mod independence;
 mod inspection;
 mod lamps;
+mod lost_light;
 mod media;
 mod media_gpu;
 mod metals;

@@ -227,7 +227,8 @@ impl TriangleBeam<'_> {
         }
         let (low, high) = range(landings());
         let margin = (high - low).max_element() + 1.0;
-        let is_beside = (low - margin).cmpgt(self.beams.rays.plane.size()).any() || (high + margin).cmplt(DVec2::ZERO).any();
+        let is_beside =
+            (low - margin).cmpgt(self.beams.rays.plane.size()).any() || (high + margin).cmplt(DVec2::ZERO).any();
         is_beside || depth >= DEPTH_OF_TORN + self.beams.more_depth && landings().all(|landing| !landing.is_seen)
     }
 
@@ -265,7 +266,8 @@ impl TriangleBeam<'_> {
     fn land(&self, weights: [f64; 3]) -> Option<Landing> {
         let arriving = self.arriving(self.triangle().position(weights))?;
         let rays = self.beams.rays;
-        rays.follow(&rays.start(self.id, weights, arriving), self.way, [0.0; 2]).filter(|landing| !landing.place.is_nan())
+        rays.follow(&rays.start(self.id, weights, arriving), self.way, [0.0; 2])
+            .filter(|landing| !landing.place.is_nan())
     }
 
     /// The direction in which light arrives at a point of the triangle, if anything does.

@@ -37,7 +37,8 @@ pub struct ByBeams {
 /// Says what beams cannot compute.
 pub fn check_beams(scene: &Scene, options: &Options) -> Result<(), OptionError> {
     let is_dark = scene.lamps.is_empty() && !matches!(scene.environment.light, Light::Spot { .. });
-    let obstacle = is_dark.then_some("is for the light of spots and lamps: give the scene one").or(obstacle(scene, options));
+    let obstacle =
+        is_dark.then_some("is for the light of spots and lamps: give the scene one").or(obstacle(scene, options));
     match obstacle {
         Some(reason) => Err(OptionError::invalid("estimator", format!("is beams, which {reason}"))),
         None => Ok(()),

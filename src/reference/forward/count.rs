@@ -110,7 +110,9 @@ impl Count<'_> {
             batches.iter_mut().zip(&found).for_each(|(sums, found)| sums.add(found));
             points += more;
             flux = Flux::of(&batches, points, self.size);
-            if flux.picture.error <= self.window.wanted_error() * flux.picture.mean && flux.picture.mean > 0.0 || is_over() {
+            if flux.picture.error <= self.window.wanted_error() * flux.picture.mean && flux.picture.mean > 0.0
+                || is_over()
+            {
                 break;
             }
         }
@@ -122,7 +124,9 @@ impl Count<'_> {
         let from_all_around = match &self.environment {
             Directions::None => 0.0,
             Directions::Spot { irradiance, .. } => irradiance.element_sum(),
-            Directions::Boxes { cumulative, .. } => cumulative.last().map_or(0.0, |sum| TAU * sum / cumulative.len() as f64),
+            Directions::Boxes { cumulative, .. } => {
+                cumulative.last().map_or(0.0, |sum| TAU * sum / cumulative.len() as f64)
+            }
         };
         let others = self.surfaces.as_ref().map_or(0.0, |s| TAU * (s.brightest + self.emitters.brightest()));
         let mut sum = 0.0;

@@ -92,11 +92,8 @@ mod tests {
     #[test]
     fn all_light_is_chosen() {
         let spot = |sigma_rad| Source::Spot { direction: Vec3::new(0.6, 0.0, 0.8), sigma_rad, radiance: Vec3::ONE };
-        let cases = [
-            (Source::Constant(Vec3::ONE), 2.0 * TAU),
-            (spot(0.01), TAU * 1e-4),
-            (spot(0.12), TAU * 0.0144 * 0.9953),
-        ];
+        let cases =
+            [(Source::Constant(Vec3::ONE), 2.0 * TAU), (spot(0.01), TAU * 1e-4), (spot(0.12), TAU * 0.0144 * 0.9953)];
         let mut rng = rand::rngs::ChaCha8Rng::seed_from_u64(8);
         for (source, expected) in cases {
             let source = EnvironmentSource { light: source, rotation_rad: 0.4, intensity: 1.0 };

@@ -7,6 +7,8 @@ use crate::estimate::Estimate;
 
 /// Fewer rays tell nothing, not even their error.
 const LEAST_RAYS: u64 = 200;
+/// A count with a larger relative error is made of few rays that carry most of the light, and its error is itself uncertain; so is that of a block.
+const MOST_RELATIVE_ERROR: f64 = 0.1;
 /// So many standard errors are no disagreement.
 const SIGMAS: f64 = 4.0;
 /// Nor is this part of the light: meshes' normals are interpolated, and light that is followed backwards takes them otherwise than light that
@@ -44,7 +46,8 @@ pub struct Ledger {
 impl Ledger {
     /// Whether enough rays arrive in the picture to tell what it holds: of a picture that is a thousandth of all that is lit, few do.
     pub fn is_known(&self) -> bool {
-        self.rays >= LEAST_RAYS || self.rays == 0 && self.estimated == 0.0
+        let is_certain = self.rays >= LEAST_RAYS && self.counted_error <= MOST_RELATIVE_ERROR * self.counted;
+        is_certain || self.rays == 0 && self.estimated == 0.0
     }
 
     /// Whether count and estimate agree within their errors, as far as is known.
@@ -60,6 +63,9 @@ impl Ledger {
         // What is finer than pixels may be seen in one block, and missed in another.
         let finer_than_pixels = 2.0 * (total.between + total.alone) / (BLOCKS * BLOCKS) as f64;
         let in_block = |(counted, estimated): (&Counted, &Block)| {
+            if counted.error > MOST_RELATIVE_ERROR * counted.mean {
+                return 0.0;
+            }
             // Blocks of few pixels may have a single edge, and no others that make up for it.
             let between = (4.0 * estimated.between).min(MOST_BETWEEN_IN_BLOCK * counted.mean.max(estimated.mean));
             let share = mean / (BLOCKS * BLOCKS) as f64;

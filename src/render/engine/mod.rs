@@ -20,6 +20,7 @@ mod gloss;
 mod glossy;
 mod inspection;
 mod interpolation;
+mod lost_light;
 mod overlay;
 mod paths;
 mod preview;
@@ -48,6 +49,7 @@ use glam::{UVec2, Vec2};
 
 use self::film::Film;
 use self::frame::{BandStages, FrameInputs, rows_per_band};
+use self::lost_light::LostLight;
 use self::overlay::Marker;
 use self::preview::PreviewStages;
 #[cfg(feature = "gpu")]
@@ -61,7 +63,7 @@ use crate::scene::Visibility;
 use crate::scene::{Chain, Chains, Scene};
 use crate::stages::{LightStages, PreparedLight, PreparedScene, SceneStages, StageCounts};
 use crate::technique::{Inputs, Sum, Technique, TechniqueStages};
-use crate::{Error, OptionError};
+use crate::{Error, NoProgress, OptionError};
 #[cfg(feature = "gpu")]
 use crate::{gpu::GpuError, pinhole::gpu::Geometry};
 
@@ -241,9 +243,19 @@ impl Engine {
             }
             let marks = self.marks_of(&prepared, progress)?;
             let pixels = f64::from(self.options.size[0]) * f64::from(height);
-            let report = Report::new(self, &prepared, fetches / pixels, exposures);
+            let lost = self.lost_light(&prepared);
+            let report = Report::new(self, &prepared, fetches / pixels, (exposures, lost));
             Ok(film.finish(&self.options.aovs, &marks, report))
         })
+    }
+
+    /// What pinholes leave out; photons keep an account of their own.
+    fn lost_light(&mut self, prepared: &Prepared) -> LostLight {
+        if prepared.sum.is_none() || self.options.technique != Technique::Pinhole {
+            return LostLight::default();
+        }
+        let sampler = self.light_stages.sampler(&prepared.light, &NoProgress);
+        LostLight::new(&self.scene, (&prepared.scene, &prepared.light), &sampler)
     }
 
     /// The positions of the samples that the camera sees, in pixels from the picture's top left corner; empty if no

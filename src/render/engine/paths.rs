@@ -202,7 +202,8 @@ fn most_central(points: Vec<EndPoint>) -> Option<EndPoint> {
     points.into_iter().min_by(|a, b| distance(a).total_cmp(&distance(b)))
 }
 
-fn mirrors(object: &Object, front: bool) -> bool {
+/// Whether a side of an object is a mirror.
+pub(super) fn mirrors(object: &Object, front: bool) -> bool {
     object.reflector.is_some_and(|r| match r.sides {
         Sides::Front => front,
         Sides::Back => !front,

@@ -2,6 +2,7 @@
 
 use serde::Serialize;
 
+use super::lost_light::LostLight;
 use super::{Engine, Prepared};
 use crate::backend::BackendReport;
 use crate::options::{Evaluation, Exposures, Options};
@@ -58,13 +59,18 @@ pub struct Report {
 }
 
 impl Report {
-    pub(super) fn new(engine: &Engine, prepared: &Prepared, lookups: f64, exposures: Option<Exposures>) -> Self {
+    pub(super) fn new(
+        engine: &Engine,
+        prepared: &Prepared,
+        lookups: f64,
+        (exposures, lost): (Option<Exposures>, LostLight),
+    ) -> Self {
         let Engine { scene, options, backend, .. } = engine;
         let statistics = prepared.sum.as_ref().map(|sum| sum.statistics());
         let environment = &prepared.light.environment;
         let mut warnings = scene.notes.clone();
         warnings.extend(prepared.scene.notes.clone());
-        warnings.extend(options.technique.missing_light(scene));
+        warnings.extend(lost.warnings(scene));
         warnings.extend(statistics.and_then(|s| s.warning.clone()));
         let Options { size, technique, samples, strategy, density, footprint, taps, visibility, seed, .. } = *options;
         Self {

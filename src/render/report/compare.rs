@@ -197,8 +197,9 @@ const DOUBTFUL: f64 = 0.1;
 /// What is wrong with a reference that others are compared with.
 fn doubts(reference: &Reference, summary: &ReferenceSummary) -> Vec<String> {
     let rel_error = summary.rel_error;
-    let is_noisy = (rel_error > DOUBTFUL * MOST_REFERENCE_ERROR)
-        .then(|| format!("the reference's own relative standard error is {rel_error:.3}: smaller errors beside it mean nothing"));
+    let is_noisy = (rel_error > DOUBTFUL * MOST_REFERENCE_ERROR).then(|| {
+        format!("the reference's own relative standard error is {rel_error:.3}: smaller errors beside it mean nothing")
+    });
     let is_other = reference.uses_beams() && reference.options().pixel_samples == 1;
     let is_other = is_other.then(|| {
         "the reference has means over whole pixels, as its lights are too small for points, but renderings have points at their centres: give --pixel-samples 4".to_owned()

@@ -75,18 +75,6 @@ impl Technique {
         }
     }
 
-    /// Says which light of a scene is missing, if any is.
-    pub(crate) fn missing_light(self, scene: &Scene) -> Option<String> {
-        let solid = scene.objects.iter().find(|object| object.casts(Chain::TT))?;
-        (!self.chains(scene).contains(Chain::TT)).then(|| {
-            format!(
-                "caustics of light that passes through '{}' are not computed, only those of what its surface reflects; the technique \
-                 image-space and the ground truth know both (pinspot reference --chains TT)",
-                solid.name
-            )
-        })
-    }
-
     /// Its stages, still empty.
     pub(crate) fn stages(self) -> Box<dyn TechniqueStages> {
         match self {
