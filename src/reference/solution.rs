@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use super::direct::Direct;
 use super::domain::{Domain, Lighting};
-use super::forward::{ByBeams, Count, Directions, Rays, Window};
+use super::forward::{ByBeams, Count, Directions, Flux, Rays, Window};
 use super::light::Light;
 use super::lit_surfaces::LitSurfaces;
 use super::passes::{Checkpoint, Passes};
@@ -18,6 +18,8 @@ use crate::{OptionError, Progress};
 
 /// Where light is missing from beams, they are divided so much deeper.
 const DEEPER: u32 = 3;
+/// Where it is missing from points, their error is to be so many times what it was.
+const MORE_EXACT: f64 = 0.5;
 /// Light that changes from one pixel to the next by 1 may be missed by so much at points, where the count takes what is around them, or
 /// whole pixels.
 const BETWEEN_IN_WINDOWS: f64 = 0.07;
@@ -57,13 +59,38 @@ impl Reference {
             let message = format!("is {rel_error}, but must be a number greater than 0");
             return Err(OptionError::invalid("rel_error", message).into());
         }
-        let mut estimate = if self.shares.is_empty() {
-            self.solve_by_points(criterion, known, progress, checkpoint)?
+        let flux = std::cell::OnceCell::new();
+        let (mut known, mut rel_error) = (known, rel_error);
+        loop {
+            let had = known.as_ref().map(|known| known.statistics);
+            let criterion = StoppingCriterion { rel_error, ..*criterion };
+            let mut estimate = self.solve_once(&criterion, known, progress, checkpoint)?;
+            let count = || flux.get_or_init(|| self.count(&criterion));
+            estimate.ledger =
+                (self.keeps_ledger() && estimate.coverage() == 1.0).then(|| self.ledger(count(), &estimate));
+            let is_right = estimate.ledger.as_ref().is_none_or(Ledger::closes);
+            if is_right || criterion.is_over() || had == Some(estimate.statistics) {
+                return Ok(estimate);
+            }
+            // Coarse passes may find little of the light, and know little of their error.
+            rel_error = MORE_EXACT * rel_error.min(estimate.rel_error()).max(f64::MIN_POSITIVE);
+            known = Some(estimate);
+        }
+    }
+
+    /// An estimate as exact as it says itself.
+    fn solve_once(
+        &self,
+        criterion: &StoppingCriterion,
+        known: Option<Estimate>,
+        progress: &dyn Progress,
+        checkpoint: &mut Checkpoint,
+    ) -> Result<Estimate, ReferenceError> {
+        if self.shares.is_empty() {
+            self.solve_by_points(criterion, known, progress, checkpoint)
         } else {
-            self.solve_with_beams(criterion, known, progress, checkpoint)?
-        };
-        estimate.ledger = self.ledger(&estimate, criterion);
-        Ok(estimate)
+            self.solve_with_beams(criterion, known, progress, checkpoint)
+        }
     }
 
     /// The light of some by beams, and all other by points.
@@ -161,26 +188,32 @@ impl Reference {
         }
     }
 
-    /// The account of the flux of a complete estimate; `None` of what none is kept of: other light than caustics on surfaces, and light that does
-    /// not exist, without attenuation or occlusion.
-    fn ledger(&self, estimate: &Estimate, criterion: &StoppingCriterion) -> Option<Ledger> {
-        let Options { quantity, visibility, attenuation, pixel_samples, size, seed, .. } = self.options;
-        let is_kept = quantity == Quantity::Caustic && visibility == Visibility::Full && attenuation;
-        if !is_kept || estimate.coverage() < 1.0 {
-            return None;
-        }
+    /// Whether an account of the flux is kept: not of other light than caustics on surfaces, nor of light that does not exist, without attenuation
+    /// or occlusion.
+    fn keeps_ledger(&self) -> bool {
+        let Options { quantity, visibility, attenuation, .. } = self.options;
+        quantity == Quantity::Caustic && visibility == Visibility::Full && attenuation
+    }
+
+    /// All light that arrives in the picture, counted.
+    fn count(&self, criterion: &StoppingCriterion) -> Flux {
+        let Options { visibility, pixel_samples, size, seed, .. } = self.options;
         let (rays, geometry, lamps, emitters) = (self.rays(), &self.geometry, &self.lamps, &self.emitters);
         let environment = Directions::new(&self.scene.environment, &self.light);
         let surfaces = Some(LitSurfaces::new(&self.scene, geometry, (lamps, emitters), visibility));
         let window = if self.uses_beams() { Window::Pixels } else { Window::Points(pixel_samples) };
         let count = Count { rays: &rays, geometry, lamps, emitters, environment, surfaces, size, window };
-        let flux = count.flux(seed, &|| criterion.is_over());
+        count.flux(seed, &|| criterion.is_over())
+    }
+
+    /// The account of a complete estimate.
+    fn ledger(&self, flux: &Flux, estimate: &Estimate) -> Ledger {
         let between = match (self.uses_beams(), self.has_other_light()) {
             (false, _) => BETWEEN_IN_WINDOWS,
             (true, true) => BETWEEN_IN_PIXELS,
             (true, false) => 0.0,
         };
-        Some(Ledger::new(&flux, estimate, between / f64::from(pixel_samples)))
+        Ledger::new(flux, estimate, between / f64::from(self.options.pixel_samples))
     }
 }
 

@@ -15,6 +15,6 @@ mod solids;
 pub use self::ledger::Ledger;
 
 pub(super) use self::by_beams::{ByBeams, Shares, check_beams};
-pub(super) use self::count::{Count, Window};
+pub(super) use self::count::{Count, Flux, Window};
 pub(super) use self::environment::Directions;
 pub(super) use self::rays::Rays;
