@@ -66,7 +66,7 @@ impl Emitters {
         };
         let (near, distant) = (choice(true), choice(false));
         let camera_visible = scene.objects.iter().map(|object| object.camera_visible).collect();
-        Self { spheres, near, distant, camera_visible, are_near, radiances, geometry, extinction }
+        Self { geometry, radiances, camera_visible, are_near, spheres, extinction, near, distant }
     }
 
     /// A point on near emitters, seen from a point: an unbiased estimate of what arrives of them, if the two numbers are uniform in [0, 1).

@@ -120,7 +120,7 @@ fn passes_in(path: &Path) -> u64 {
 #[test]
 fn a_reference_that_is_ended_goes_on() {
     use std::os::unix::process::ExitStatusExt;
-    const PASSES: u64 = 4;
+    const PASSES: u64 = 6;
     let place = Workplace::new();
     let reference =
         |file, goal| ["reference", "cup", "-o", file, "--size", "12x12", "--rel-error", goal, "--quiet", "--json"];

@@ -266,8 +266,8 @@ impl TriangleBeam<'_> {
     fn land(&self, weights: [f64; 3]) -> Option<Landing> {
         let arriving = self.arriving(self.triangle().position(weights))?;
         let rays = self.beams.rays;
-        rays.follow(&rays.start(self.id, weights, arriving), self.way, [0.0; 2])
-            .filter(|landing| !landing.place.is_nan())
+        let (landing, _) = rays.follow(&rays.start(self.id, weights, arriving), self.way, [0.0; 2])?;
+        (!landing.place.is_nan()).then_some(landing)
     }
 
     /// The direction in which light arrives at a point of the triangle, if anything does.

@@ -176,10 +176,11 @@ impl Count<'_> {
             sums.met += flux.element_sum() / 3.0;
             let start = self.rays.start(id, barycentric, -direction);
             for way in &ways {
-                let Some(landing) = self.rays.follow(&start, *way, [rng.random(), rng.random()]) else { continue };
+                let numbers = [rng.random(), rng.random()];
+                let Some((landing, passed)) = self.rays.follow(&start, *way, numbers) else { continue };
                 let Some(pixel) = self.rays.plane.pixel(landing.place).filter(|_| landing.is_seen) else { continue };
                 sums.rays += 1;
-                sums.seen += (flux * landing.passed).element_sum() / 3.0;
+                sums.seen += (flux * passed).element_sum() / 3.0;
                 let weight = self.window.weight(landing.place);
                 sums.blocks[block(pixel, self.size)] += weight * (flux * landing.per_area).element_sum() / 3.0;
             }

@@ -58,7 +58,7 @@ impl Ledger {
     /// `between`: the part of a change from pixel to pixel that the estimate and the count may differ by.
     pub(crate) fn new(flux: &Flux, estimate: &Estimate, between: f64) -> Self {
         let of_blocks = blocks(estimate, between);
-        let total = of_blocks.iter().fold(Block::default(), |sum, block| sum.with(block));
+        let total = of_blocks.iter().fold(Block::default(), Block::with);
         let mean = flux.picture.mean.max(total.mean);
         // What is finer than pixels may be seen in one block, and missed in another.
         let finer_than_pixels = 2.0 * (total.between + total.alone) / (BLOCKS * BLOCKS) as f64;

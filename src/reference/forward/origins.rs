@@ -33,12 +33,12 @@ pub(super) fn of_spot(environment: &EnvironmentSource, count: u32) -> Vec<Origin
     let (towards, sigma) = (turned.normalize(), f64::from(*sigma_rad));
     let count = if sigma < NO_EXTENT { 1 } else { count };
     let irradiance = spot_irradiance(environment) / f64::from(count);
-    let origin = |k: u32| match count {
-        1 => Origin::Direction(towards, irradiance),
-        _ => {
-            let (direction, factor) = spot_direction(towards, sigma, disc_point(k, count));
-            Origin::Direction(direction, factor * irradiance)
+    let origin = |k: u32| {
+        if count == 1 {
+            return Origin::Direction(towards, irradiance);
         }
+        let (direction, factor) = spot_direction(towards, sigma, disc_point(k, count));
+        Origin::Direction(direction, factor * irradiance)
     };
     (0..count).map(origin).collect()
 }

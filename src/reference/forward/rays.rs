@@ -77,8 +77,6 @@ pub(crate) struct Landing {
     pub is_seen: bool,
     /// The part of the flux that is not lost on the way, for each channel, over the area of a pixel where it arrives, 1/m².
     pub per_area: DVec3,
-    /// That part.
-    pub passed: DVec3,
 }
 
 impl<'a> Rays<'a> {
@@ -131,16 +129,16 @@ impl<'a> Rays<'a> {
         Start { id, position, normal, arriving, cosine, is_front }
     }
 
-    /// Follows light to a receiver, on which it is seen or not; `None` if it gets to none. The numbers choose a facet of a rough mirror.
-    pub fn follow(&self, start: &Start, way: Way, numbers: [f64; 2]) -> Option<Landing> {
+    /// Follows light to a receiver, on which it is seen or not; `None` if it gets to none. With the part of the flux that is not lost on the way,
+    /// for each channel. The numbers choose a facet of a rough mirror.
+    pub fn follow(&self, start: &Start, way: Way, numbers: [f64; 2]) -> Option<(Landing, DVec3)> {
         let (leaving, passed) = self.scatter(start, way, numbers)?;
         let hit = self.next_hit(&leaving)?;
         let mut landing = self.receive(&hit, leaving.direction)?;
         let distance = self.geometry.triangles[hit.triangle as usize].position(hit.barycentric);
         let passed = passed * self.transmittance(start, way, leaving.position.distance(distance));
         landing.per_area *= passed;
-        landing.passed = passed;
-        Some(landing)
+        Some((landing, passed))
     }
 
     /// The ray that leaves the caster, and the part of the light that it has.
@@ -220,13 +218,7 @@ impl<'a> Rays<'a> {
         let triangle = &self.geometry.triangles[hit.triangle as usize];
         self.scene.objects[triangle.object as usize].receiver.as_ref()?;
         let position = triangle.position(hit.barycentric);
-        let unseen = Landing {
-            place: DVec2::NAN,
-            receiver: triangle.object,
-            is_seen: false,
-            per_area: DVec3::ZERO,
-            passed: DVec3::ONE,
-        };
+        let unseen = Landing { place: DVec2::NAN, receiver: triangle.object, is_seen: false, per_area: DVec3::ZERO };
         let Some((place, view)) = self.plane.project(position) else { return Some(unseen) };
         let [a, b, c] = triangle.corners;
         let face = (b - a).cross(c - a).normalize();

@@ -63,14 +63,15 @@ struct Rays<'a> {
     scene: &'a Scene,
     prepared: &'a PreparedScene,
     light: &'a PreparedLight,
-    sampler: &'a LightSampler,
+    sampler: LightSampler,
     /// Corners of the triangles that cast, their objects, and the sums of their areas up to and including each, m².
     triangles: Vec<([Vec3; 3], u32, f32)>,
 }
 
 impl LostLight {
     /// Of sums that follow one reflection, or one refraction.
-    pub fn new(scene: &Scene, (prepared, light): (&PreparedScene, &PreparedLight), sampler: &LightSampler) -> Self {
+    pub fn new(scene: &Scene, prepared: &PreparedScene, light: &PreparedLight) -> Self {
+        let sampler = LightSampler::of_frame(&light.environment.cube);
         let rays = Rays { scene, prepared, light, sampler, triangles: casting_triangles(scene) };
         if rays.triangles.is_empty() {
             return Self::default();

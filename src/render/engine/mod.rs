@@ -63,7 +63,7 @@ use crate::scene::Visibility;
 use crate::scene::{Chain, Chains, Scene};
 use crate::stages::{LightStages, PreparedLight, PreparedScene, SceneStages, StageCounts};
 use crate::technique::{Inputs, Sum, Technique, TechniqueStages};
-use crate::{Error, NoProgress, OptionError};
+use crate::{Error, OptionError};
 #[cfg(feature = "gpu")]
 use crate::{gpu::GpuError, pinhole::gpu::Geometry};
 
@@ -250,12 +250,13 @@ impl Engine {
     }
 
     /// What pinholes leave out; photons keep an account of their own.
-    fn lost_light(&mut self, prepared: &Prepared) -> LostLight {
-        if prepared.sum.is_none() || self.options.technique != Technique::Pinhole {
-            return LostLight::default();
+    fn lost_light(&self, prepared: &Prepared) -> LostLight {
+        match self.options.technique {
+            Technique::Pinhole if prepared.sum.is_some() => {
+                LostLight::new(&self.scene, &prepared.scene, &prepared.light)
+            }
+            _ => LostLight::default(),
         }
-        let sampler = self.light_stages.sampler(&prepared.light, &NoProgress);
-        LostLight::new(&self.scene, (&prepared.scene, &prepared.light), &sampler)
     }
 
     /// The positions of the samples that the camera sees, in pixels from the picture's top left corner; empty if no
