@@ -50,7 +50,8 @@ pub struct CompareArgs {
     /// Filters, separated by commas [default: none,auto]
     #[arg(long, value_parser = word::<FilterChoice>, value_delimiter = ',', value_name = "NAMES")]
     filters: Vec<FilterChoice>,
-    /// How samples are summed, separated by commas: flat, hierarchical (with the anisotropic filter) [default: flat]
+    /// How samples are summed, separated by commas: flat, hierarchical (with the anisotropic filter), auto (hierarchical where that is
+    /// possible, as pictures are) [default: auto]
     #[arg(long, value_parser = word::<EvaluationChoice>, value_delimiter = ',', value_name = "NAMES")]
     evaluations: Vec<EvaluationChoice>,
     /// Sample counts, separated by commas [default: 100,1000,10000]
@@ -172,7 +173,7 @@ fn plan(args: &CompareArgs, options: &mut Options) -> Plan {
         densities: or(&args.densities, &[options.density]),
         footprints: or(&args.footprints, &[options.footprint]),
         filters,
-        evaluations: or(&args.evaluations, &[EvaluationChoice::Flat]),
+        evaluations: or(&args.evaluations, &[EvaluationChoice::Auto]),
         samples: or(&args.samples, &[100, 1000, 10_000]),
         seeds: args.seeds,
         figure: None,

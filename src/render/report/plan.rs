@@ -59,7 +59,7 @@ impl Default for Plan {
             densities: vec![density],
             footprints: vec![footprint],
             filters: vec![filter],
-            evaluations: vec![EvaluationChoice::Flat],
+            evaluations: vec![EvaluationChoice::Auto],
             samples: vec![samples],
             seeds: 3,
             figure: None,
@@ -76,6 +76,7 @@ impl Plan {
         let plan = Self {
             footprints: vec![Curvature],
             filters: vec![FilterChoice::None],
+            evaluations: vec![EvaluationChoice::Flat],
             samples: vec![2000],
             seeds,
             figure: Some(figure),
