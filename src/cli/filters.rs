@@ -15,7 +15,7 @@ use super::errors::message;
 
 #[derive(Debug, Args)]
 pub struct FiltersArgs {
-    /// A folder for filters.json and one picture per device: a zone plate, exact and as each filter renders it
+    /// A folder for filters.json and one picture per device: a zone plate, exact and as each filter renders it, in the order that is printed
     #[arg(short, long, value_name = "DIR")]
     output: Option<PathBuf>,
     /// Test only the GPU adapter whose name contains this [default: the CPU and all adapters]
@@ -40,7 +40,7 @@ pub fn run(args: &FiltersArgs, console: &Console) -> Result<(), Failure> {
     let cpu = args.adapter.is_none().then_some(Device::Cpu);
     let devices: Vec<Device> = cpu.into_iter().chain(gpus.iter().map(Device::Gpu)).collect();
     let bar = console.watch(args.quiet);
-    let mut all = Vec::new();
+    let (mut all, mut legends) = (Vec::new(), Vec::new());
     for (k, device) in devices.into_iter().enumerate() {
         bar.begin(Stage::Filters, (device.filters().len() * PATTERNS.len()) as u64);
         let result = wait(device.wgpu_device(), examine(device, &|| bar.advance(1))).map_err(|e| message(&e.into()))?;
@@ -48,6 +48,9 @@ pub fn run(args: &FiltersArgs, console: &Console) -> Result<(), Failure> {
             let picture = wait(device.wgpu_device(), zone_plates(device)).map_err(|e| message(&e.into()))?;
             let path = folder.join(format!("{k}-{}.png", file_name(&result.device)));
             write_png(&path, &picture).map_err(|e| e.to_string())?;
+            let tiles = device.filters().into_iter().map(|(filter, taps)| filter_name(filter, taps));
+            let tiles: Vec<String> = std::iter::once("exact".to_owned()).chain(tiles).collect();
+            legends.push(format!("{}, from left to right: {}", path.display(), tiles.join(", ")));
         }
         all.push(result);
     }
@@ -60,7 +63,12 @@ pub fn run(args: &FiltersArgs, console: &Console) -> Result<(), Failure> {
     match (args.json, args.quiet) {
         (true, _) => console.print_json(&all),
         (false, true) => Ok(()),
-        (false, false) => all.iter().try_for_each(|conformance| console.print(&table(conformance))),
+        (false, false) => {
+            for legend in &legends {
+                console.say(legend);
+            }
+            all.iter().try_for_each(|conformance| console.print(&table(conformance)))
+        }
     }
 }
 
@@ -89,11 +97,15 @@ fn table(conformance: &Conformance) -> String {
     lines.join("\n")
 }
 
-fn line(result: &FilterResult) -> String {
-    let name = match result.filter {
-        Filter::Anisotropic => format!("{} {}", result.filter.name(), result.taps),
+fn filter_name(filter: Filter, taps: u32) -> String {
+    match filter {
+        Filter::Anisotropic => format!("{} {taps}", filter.name()),
         filter => filter.name().to_owned(),
-    };
+    }
+}
+
+fn line(result: &FilterResult) -> String {
+    let name = filter_name(result.filter, result.taps);
     let patterns: Vec<String> = result.by_pattern.iter().map(|(_, error)| format!("{error:>12.3}")).collect();
     format!(
         "{name:15} {:>6.3} {} {:>8.2} {:>8.1}  {}",

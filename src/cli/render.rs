@@ -172,14 +172,19 @@ fn render(
 
 /// What to say of a picture that is coarser than its scene asks for; a finer one would have ended after so many seconds.
 fn coarser_than(own: &Options, rendered: &Options, ends: f64) -> Option<String> {
-    let is_coarser = rendered.samples < own.samples || rendered.tolerance > own.tolerance;
-    is_coarser.then(|| {
-        let Options { samples, tolerance, .. } = rendered;
-        format!(
-            "this picture is coarser than its scene asks for ({samples} samples, tolerance {tolerance}): the next finer one would have ended \
-             after about {ends:.1} s; give more --seconds, or leave them out"
-        )
-    })
+    let Options { samples, tolerance, .. } = rendered;
+    let photons = rendered.image_space.photons;
+    let what = if photons < own.image_space.photons {
+        format!("{photons}² photons")
+    } else if *samples < own.samples || *tolerance > own.tolerance {
+        format!("{samples} samples, tolerance {tolerance}")
+    } else {
+        return None;
+    };
+    Some(format!(
+        "this picture is coarser than its scene asks for ({what}): the next finer one would have ended after about {ends:.1} s; give more \
+         --seconds, or leave them out"
+    ))
 }
 
 /// Opens a back end.

@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{EvaluationChoice, MAX_CELLS_OF_BINDING, Options, Settings};
 use crate::pinhole::Footprint;
+use crate::technique::Technique;
 
 /// How much time a picture is worth.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, Serialize)]
@@ -77,6 +78,9 @@ impl Settings {
 impl Options {
     /// The same picture from coarse to fine, each several times as much work as the one before.
     pub fn coarse_to_fine(&self) -> Vec<Self> {
+        if self.technique == Technique::ImageSpace {
+            return self.with_few_to_many_photons();
+        }
         let has_leaves = self.evaluation != EvaluationChoice::Flat && self.footprint != Footprint::Curvature;
         let at = |step: &Step| {
             let samples = step.samples(self.samples);
@@ -89,6 +93,20 @@ impl Options {
         };
         let mut steps: Vec<Self> = STEPS.iter().map(at).collect();
         steps.dedup();
+        steps
+    }
+
+    /// The same for techniques that send photons.
+    fn with_few_to_many_photons(&self) -> Vec<Self> {
+        let photons = self.image_space.photons;
+        let at = |photons: u32, pixel_samples: u32| {
+            let mut options = self.clone().with_pixel_samples(pixel_samples.max(self.pixel_samples));
+            options.image_space.photons = photons;
+            options
+        };
+        let mut steps = vec![at(photons / 4, 1), at(photons, 1), at(2 * photons, 1), at(4 * photons, 2)];
+        // Near the limits some are out of range.
+        steps.retain(|step| step.check().is_ok());
         steps
     }
 }
@@ -110,6 +128,18 @@ mod tests {
             assert!(steps.iter().all(|step| step.check().is_ok()));
             let work = |o: &Options| f64::from(o.samples * o.leaves.unwrap_or(1)) / f64::from(o.tolerance);
             assert!(steps.windows(2).all(|pair| work(&pair[0]) <= work(&pair[1])));
+        }
+    }
+
+    #[test]
+    fn photons_become_more() {
+        for photons in [16, 64, 512, 4096, 8192] {
+            let mut options = Options::default().with_technique(Technique::ImageSpace);
+            options.image_space.photons = photons;
+            let steps = options.coarse_to_fine();
+            let counts: Vec<u32> = steps.iter().map(|step| step.image_space.photons).collect();
+            assert!(counts.contains(&photons) && counts.is_sorted_by(|a, b| a < b), "{counts:?}");
+            assert!(counts.len() >= 2 && steps.iter().all(|step| step.check().is_ok()), "{counts:?}");
         }
     }
 
