@@ -170,14 +170,14 @@ fn mirrors_show_lit_surfaces_whatever_the_lamp() {
         let mut scene = scene("constant = [0, 0, 0]", &rest);
         scene.objects[0].receiver.as_mut().unwrap().albedo = Vec3::splat(albedo as f32);
         let reference =
-            Reference::new(scene, Options { size: [12; 2], pixel_samples: 2, ..Default::default() }).unwrap();
+            Reference::new(scene, Options { size: [8; 2], pixel_samples: 2, ..Default::default() }).unwrap();
         assert_eq!(reference.uses_beams(), radius < 0.01);
-        let goal = StoppingCriterion::new(0.005).with_max_points(3000.0);
+        let goal = StoppingCriterion::new(0.01).with_max_points(2000.0);
         let found = reference.solve(&goal, None, &NoProgress, &mut |_| Ok(())).unwrap();
         f64::from(found.irradiance.mean().x)
     };
     let [point, sphere] = [1e-3, 0.05].map(|radius| [0.0, 0.8].map(|albedo| with_lamp(radius, albedo)));
     let [of_point, of_sphere] = [point[1] / point[0], sphere[1] / sphere[0]];
-    assert!(of_point > 1.03 && (of_point / of_sphere - 1.0).abs() < 0.01, "{point:?} {sphere:?}");
-    assert!((point[1] / sphere[1] - 1.0).abs() < 0.01, "{point:?} {sphere:?}");
+    assert!(of_point > 1.1 && (of_point / of_sphere - 1.0).abs() < 0.02, "{point:?} {sphere:?}");
+    assert!((point[1] / sphere[1] - 1.0).abs() < 0.02, "{point:?} {sphere:?}");
 }
