@@ -70,6 +70,8 @@ pub(crate) struct Flux {
     pub picture: Counted,
     /// and that which each block of pixels brings to it.
     pub blocks: [Counted; BLOCKS * BLOCKS],
+    /// The same over whole pixels, wherever light counts in them.
+    pub in_pixels: [f64; BLOCKS * BLOCKS],
 }
 
 /// Sums of one part.
@@ -79,6 +81,7 @@ struct Sums {
     seen: f64,
     rays: u64,
     blocks: [f64; BLOCKS * BLOCKS],
+    in_pixels: [f64; BLOCKS * BLOCKS],
 }
 
 /// Points are chosen on triangles by these sums of area × about the irradiance up to and including each.
@@ -182,7 +185,9 @@ impl Count<'_> {
                 sums.rays += 1;
                 sums.seen += (flux * passed).element_sum() / 3.0;
                 let weight = self.window.weight(landing.place);
-                sums.blocks[block(pixel, self.size)] += weight * (flux * landing.per_area).element_sum() / 3.0;
+                let (block, irradiance) = (block(pixel, self.size), (flux * landing.per_area).element_sum() / 3.0);
+                sums.blocks[block] += weight * irradiance;
+                sums.in_pixels[block] += irradiance;
             }
         });
     }
@@ -236,6 +241,7 @@ impl Sums {
         self.seen += other.seen;
         self.rays += other.rays;
         self.blocks.iter_mut().zip(other.blocks).for_each(|(sum, more)| *sum += more);
+        self.in_pixels.iter_mut().zip(other.in_pixels).for_each(|(sum, more)| *sum += more);
     }
 }
 
@@ -256,6 +262,7 @@ impl Flux {
             rays: batches.iter().map(|sums| sums.rays).sum(),
             picture: counted(&|sums| sums.blocks.iter().sum::<f64>() / pixels),
             blocks: std::array::from_fn(|block| counted(&|sums| sums.blocks[block] / pixels)),
+            in_pixels: std::array::from_fn(|block| counted(&|sums| sums.in_pixels[block] / pixels).mean),
         }
     }
 }

@@ -8,7 +8,7 @@ use crate::estimate::Estimate;
 /// Fewer rays tell nothing, not even their error.
 const LEAST_RAYS: u64 = 200;
 /// A count with a larger relative error is made of few rays that carry most of the light, and its error is itself uncertain; so is that of a block.
-const MOST_RELATIVE_ERROR: f64 = 0.1;
+const MOST_RELATIVE_ERROR: f64 = 0.05;
 /// So many standard errors are no disagreement.
 const SIGMAS: f64 = 4.0;
 /// Nor is this part of the light: meshes' normals are interpolated, and light that is followed backwards takes them otherwise than light that
@@ -62,17 +62,19 @@ impl Ledger {
         let mean = flux.picture.mean.max(total.mean);
         // What is finer than pixels may be seen in one block, and missed in another.
         let finer_than_pixels = 2.0 * (total.between + total.alone) / (BLOCKS * BLOCKS) as f64;
-        let in_block = |(counted, estimated): (&Counted, &Block)| {
+        let in_block = |((counted, estimated), in_pixels): ((&Counted, &Block), &f64)| {
             if counted.error > MOST_RELATIVE_ERROR * counted.mean {
                 return 0.0;
             }
             // Blocks of few pixels may have a single edge, and no others that make up for it.
             let between = (4.0 * estimated.between).min(MOST_BETWEEN_IN_BLOCK * counted.mean.max(estimated.mean));
             let share = mean / (BLOCKS * BLOCKS) as f64;
-            let explained = between + estimated.alone + finer_than_pixels;
+            let explained = between + estimated.alone + finer_than_pixels + 2.0 * (counted.mean - in_pixels).abs();
             disagreement(counted, estimated, explained + NEGLIGIBLE_IN_BLOCK * share.max(counted.mean))
         };
-        let between = total.between.min(MOST_BETWEEN * mean);
+        // Where light around points is other than in their pixels, it is other at the points themselves, too.
+        let uneven = 2.0 * (flux.picture.mean - flux.in_pixels.iter().sum::<f64>()).abs();
+        let between = total.between.min(MOST_BETWEEN * mean) + uneven;
         Self {
             cast_w: flux.met.mean,
             arriving_w: flux.seen.mean,
@@ -81,7 +83,13 @@ impl Ledger {
             counted_error: flux.picture.error,
             estimated: total.mean,
             estimated_error: total.variance.sqrt(),
-            largest_difference: flux.blocks.iter().zip(&of_blocks).map(in_block).fold(0.0, f64::max),
+            largest_difference: flux
+                .blocks
+                .iter()
+                .zip(&of_blocks)
+                .zip(&flux.in_pixels)
+                .map(in_block)
+                .fold(0.0, f64::max),
             difference: disagreement(&flux.picture, &total, between + total.alone + NEGLIGIBLE * mean),
         }
     }
