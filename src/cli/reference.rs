@@ -207,7 +207,10 @@ fn summary(args: &ReferenceArgs, Stored { estimate, seconds }: &Stored) -> Strin
 fn balance(ledger: &Ledger) -> String {
     let Ledger { cast_w, arriving_w, counted, counted_error, estimated, .. } = *ledger;
     if !ledger.is_known() {
-        return format!("\nflux: only {} counted rays arrive in the picture, too few to account for it", ledger.rays);
+        return format!(
+            "\nflux: {} counted rays arrive in the picture, too few or too uneven to account for it",
+            ledger.rays
+        );
     }
     let part = |value: f64, of: f64| if of > 0.0 { format!("{:.2} %", 100.0 * value / of) } else { "none".into() };
     format!(

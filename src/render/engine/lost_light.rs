@@ -66,16 +66,20 @@ struct Rays<'a> {
     sampler: LightSampler,
     /// Corners of the triangles that cast, their objects, and the sums of their areas up to and including each, m².
     triangles: Vec<([Vec3; 3], u32, f32)>,
+    /// From so far before a point light is followed to it, m.
+    start: f32,
 }
 
 impl LostLight {
     /// Of sums that follow one reflection, or one refraction.
     pub fn new(scene: &Scene, prepared: &PreparedScene, light: &PreparedLight) -> Self {
         let sampler = LightSampler::of_frame(&light.environment.cube);
-        let rays = Rays { scene, prepared, light, sampler, triangles: casting_triangles(scene) };
-        if rays.triangles.is_empty() {
+        let triangles = casting_triangles(scene);
+        if triangles.is_empty() {
             return Self::default();
         }
+        let start = small_part(&triangles);
+        let rays = Rays { scene, prepared, light, sampler, triangles, start };
         let of_point = |k: usize| rays.through_point(k);
         let sum = parallel::collect(POINTS, &of_point).into_iter().fold(Sums::default(), |sum, other| Sums {
             cast: sum.cast + other.cast,
@@ -137,7 +141,7 @@ impl Rays<'_> {
         if irradiance <= 0.0 || blocker.is_some_and(|hit| hit.distance < distance) {
             return;
         }
-        let start = distance.min(self.reach());
+        let start = distance.min(self.start);
         let ray = Ray { origin: point + start * towards, direction: -towards };
         let Some(met) = tracer.secondary_hit(ray).filter(|hit| hit.object == object) else { return };
         let flux = irradiance * towards.dot(met.face_normal).abs();
@@ -174,12 +178,12 @@ impl Rays<'_> {
     fn object(&self, object: u32) -> &Object {
         &self.scene.objects[object as usize]
     }
+}
 
-    /// Farther than any two points of casters are apart, m.
-    fn reach(&self) -> f32 {
-        let corners = || self.triangles.iter().flat_map(|(corners, ..)| corners);
-        let (low, high) =
-            corners().fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(low, high), p| (low.min(*p), high.max(*p)));
-        1e-3 * low.distance(high)
-    }
+/// A small part of the extent of triangles, m.
+fn small_part(triangles: &[([Vec3; 3], u32, f32)]) -> f32 {
+    let around = |(low, high): (Vec3, Vec3), p: &Vec3| (low.min(*p), high.max(*p));
+    let corners = triangles.iter().flat_map(|(corners, ..)| corners);
+    let (low, high) = corners.fold((Vec3::INFINITY, Vec3::NEG_INFINITY), around);
+    1e-3 * low.distance(high)
 }
