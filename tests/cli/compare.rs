@@ -127,7 +127,7 @@ fn every_option_of_compare_arrives() {
     let paper = ["compare", "scene.toml", "-o", "paper", "--figure", "5", "--seeds", "1", "--rel-error", "0.5"];
     let paper = report(&[&paper[..], &["--size", "6x4", "--backend", "cpu", "--json"]].concat());
     assert!(!paper["findings"].as_array().unwrap().is_empty() && paper["rows"][0]["samples"] == 2000);
-    let cell = place.path("gpu/cells/neighbourhood-cells-none-10-seed1.exr");
+    let cell = place.path("gpu/cells/neighbourhood-cells-none-auto-10-seed1.exr");
     let written = || std::fs::metadata(&cell).unwrap().modified().unwrap();
     let before = written();
     let again = |more: &[&str]| {
