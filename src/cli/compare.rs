@@ -29,7 +29,7 @@ pub struct CompareArgs {
     /// Techniques, separated by commas: pinhole, image-space [default: the scene's, else pinhole]
     #[arg(long, value_parser = word::<Technique>, value_delimiter = ',', value_name = "NAMES")]
     techniques: Vec<Technique>,
-    /// Modes of image-space techniques, separated by commas [default: the scene's, else exact-polygons]
+    /// Modes of image-space techniques, separated by commas [default: the scene's, else auto]
     #[arg(long, value_parser = word::<Mode>, value_delimiter = ',', value_name = "NAMES")]
     modes: Vec<Mode>,
     /// Photons along each edge of a light's view, separated by commas [default: the scene's, else 512]

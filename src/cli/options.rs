@@ -37,8 +37,8 @@ pub struct SamplingOptions {
 /// Options of image-space techniques.
 #[derive(Debug, Args)]
 pub struct PhotonOptions {
-    /// How photons become irradiance: points, gather, polygons, exact-polygons, splats, multi-resolution, thin-lens, thick-lens or
-    /// footprints [default: exact-polygons]
+    /// How photons become irradiance: auto (points or exact polygons, in passes until two halves agree to twice --tolerance), points, gather,
+    /// polygons, exact-polygons, splats, multi-resolution, thin-lens, thick-lens or footprints [default: auto]
     #[arg(long, value_parser = word::<Mode>, value_name = "NAME")]
     pub mode: Option<Mode>,
     /// How photons find what they meet: traced (by rays), image (in images from the light's view, as in the papers) or quarter-image (in
@@ -49,7 +49,7 @@ pub struct PhotonOptions {
     /// (where casters are, from coarse to fine) or texel-error (the same, and those that land in one texel are one) [default: dense]
     #[arg(long, value_parser = word::<Traversal>, value_name = "NAME")]
     pub traversal: Option<Traversal>,
-    /// Photons along each edge of a light's view [default: 512]
+    /// Photons along each edge of a light's view, in each pass [default: 512]
     #[arg(long, value_name = "N")]
     pub photons: Option<u32>,
     /// Whose view caustic maps are: eye (the camera's) or light [default: eye]
@@ -58,7 +58,7 @@ pub struct PhotonOptions {
     /// Texels along each edge of a light's caustic map [default: 512]
     #[arg(long, value_name = "N")]
     pub caustic_map_size: Option<u32>,
-    /// Directional lights that an environment map is divided into [default: 24]
+    /// Directional lights that an environment map is divided into; sixteen times as many in the mode auto [default: 24]
     #[arg(long, value_name = "N")]
     pub lights: Option<u32>,
     /// Directions or points that extended lights are divided into, for modes with neighbouring photons [default: 24]

@@ -134,15 +134,20 @@ fn options_of_photons_that_change<T: PartialEq + std::fmt::Debug>(
     written: &impl Fn(&[&str]) -> T,
     plain: &T,
 ) -> Vec<&'static str> {
-    let photons = |more: &[&str]| written(&[&["--technique", "image-space", "--lights", "6"][..], more].concat());
+    let with_few = |lights: &'static str, more: &[&str]| {
+        let args = ["--technique", "image-space", "--tolerance", "0.5", "--lights", lights];
+        let photons: &[&str] = if more.contains(&"--photons") { &[] } else { &["--photons", "64"] };
+        written(&[&args[..], photons, more].concat())
+    };
+    let photons = |more: &[&str]| with_few("6", more);
     let by_photons = photons(&[]);
     assert_ne!(by_photons, *plain);
     for more in
-        [&["--mode", "points"][..], &["--hits", "quarter-image"], &["--photons", "64"], &["--caustic-map", "light"]]
+        [&["--mode", "points"][..], &["--hits", "quarter-image"], &["--photons", "512"], &["--caustic-map", "light"]]
     {
         assert_ne!(photons(more), by_photons, "{more:?} changes nothing");
     }
-    assert_ne!(written(&["--technique", "image-space", "--lights", "5"]), by_photons);
+    assert_ne!(with_few("5", &[]), by_photons);
     assert_ne!(photons(&["--temporal-frames", "2"]), by_photons);
     for (with, more) in [
         (["--caustic-map", "light"], &["--caustic-map-size", "64"][..]),
@@ -159,7 +164,8 @@ fn options_of_photons_that_change<T: PartialEq + std::fmt::Debug>(
         assert!(place.run(&[&args[..], more, &["--quiet"]].concat()).succeeded());
         std::fs::read(place.path("small.exr")).unwrap()
     };
-    assert_ne!(small("ring", &["--light-directions", "2"]), small("ring", &["--light-directions", "5"]));
+    let polygons = |directions: &str| small("ring", &["--mode", "exact-polygons", "--light-directions", directions]);
+    assert_ne!(polygons("2"), polygons("5"));
     assert_ne!(small("varnish", &["--incidence", "light"]), small("varnish", &["--incidence", "photon"]));
     vec![
         "--mode",

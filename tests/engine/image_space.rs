@@ -65,7 +65,7 @@ fn is_the_direct_light(is_asked_for: fn(Mode) -> bool) {
             let error = rel_l2(&found, &expected, None);
             // Points and small splats show the grid.
             let limit = match mode {
-                Mode::ExactPolygons => 0.002,
+                Mode::Auto | Mode::ExactPolygons => 0.002,
                 Mode::Polygons => 0.02,
                 Mode::Points => 0.6,
                 Mode::Gather => 0.08,
@@ -318,7 +318,9 @@ fn the_ring_in_a_small_sun() {
     }
     for (mode, error) in errors {
         let limit = match mode {
-            Mode::ExactPolygons | Mode::Polygons | Mode::Footprints | Mode::ThinLens | Mode::ThickLens => 0.07,
+            Mode::Auto | Mode::ExactPolygons | Mode::Polygons | Mode::Footprints | Mode::ThinLens | Mode::ThickLens => {
+                0.07
+            }
             Mode::Points => 0.1,
             Mode::Gather | Mode::MultiResolution => 0.6,
             Mode::Splats => 0.3,

@@ -34,6 +34,7 @@ mod media;
 mod media_gpu;
 mod metals;
 mod near_light_gpu;
+mod photon_passes;
 mod pictures;
 mod previews;
 mod random_scenes;

@@ -71,7 +71,7 @@ impl Report {
         let mut warnings = scene.notes.clone();
         warnings.extend(prepared.scene.notes.clone());
         warnings.extend(lost.warnings(scene));
-        warnings.extend(statistics.and_then(|s| s.warning.clone()));
+        warnings.extend(statistics.into_iter().flat_map(|s| s.warnings.clone()));
         let Options { size, technique, samples, strategy, density, footprint, taps, visibility, seed, .. } = *options;
         Self {
             scene: scene.name.clone(),

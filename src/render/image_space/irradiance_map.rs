@@ -49,6 +49,25 @@ pub struct MapPicture {
 }
 
 impl IrradianceMap {
+    /// Mixes it with another map of the same receivers, which is so much of the mean.
+    pub fn mix(&mut self, other: &Self, part: f32) {
+        match (&mut self.gloss, &other.gloss) {
+            (GlossOfTexels::Directions(own), GlossOfTexels::Directions(others)) => {
+                let of_flux = |light: Vec3, part: f32| part * light.element_sum();
+                let weights = self.irradiance.iter().zip(&other.irradiance);
+                for ((own, other), (light, others)) in own.iter_mut().zip(others).zip(weights) {
+                    let sum = of_flux(*light, 1.0 - part) * *own + of_flux(*others, part) * *other;
+                    *own = sum.normalize_or_zero();
+                }
+            }
+            (GlossOfTexels::Reflected(own), GlossOfTexels::Reflected(others)) => {
+                own.iter_mut().zip(others).for_each(|(own, other)| *own = own.lerp(*other, part));
+            }
+            _ => (),
+        }
+        self.irradiance.iter_mut().zip(&other.irradiance).for_each(|(own, other)| *own = own.lerp(*other, part));
+    }
+
     /// A picture with at most so many texels along an edge.
     pub fn picture(&self, most: u32) -> MapPicture {
         let [width, height] = self.shown.projection().size;

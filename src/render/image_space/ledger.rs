@@ -75,6 +75,21 @@ impl Ledger {
         Loss::ALL.iter().map(|loss| self[*loss]).sum()
     }
 
+    /// This account and another one, which is so much of the mean.
+    #[must_use]
+    pub fn mixed(&self, other: &Self, part: f64) -> Self {
+        let mean = |one: f64, other: f64| (1.0 - part) * one + part * other;
+        let mut mixed = Self {
+            cast: mean(self.cast, other.cast),
+            deposited: mean(self.deposited, other.deposited),
+            ..Self::default()
+        };
+        for loss in Loss::ALL {
+            mixed[loss] = mean(self[loss], other[loss]);
+        }
+        mixed
+    }
+
     /// What is neither deposited nor lost, relative to what was cast; 0 without light.
     pub fn error(&self) -> f64 {
         if self.cast == 0.0 { 0.0 } else { (self.cast - self.deposited - self.lost()) / self.cast }

@@ -3,6 +3,7 @@
 //! The environment is one of them if it is a small spot. All others are divided into directions of equal power first (`segmentation`).
 
 use std::f32::consts::TAU;
+use std::ops::Range;
 
 use glam::{DVec2, Vec2, Vec3};
 
@@ -64,10 +65,22 @@ impl PhotonLight {
 
     /// So many lights without extent that together shine like it, seen from about `centre`.
     pub fn divided(&self, count: u32, centre: Vec3) -> Vec<Self> {
+        let places: Vec<Vec2> = (0..count).map(|k| disc_point(k, count)).collect();
+        self.in_parts(&places, centre)
+    }
+
+    /// The same out of a sequence of lights, of which more and more shine more and more like it.
+    pub fn drawn(&self, numbers: Range<u32>, centre: Vec3) -> Vec<Self> {
+        let places: Vec<Vec2> = numbers.map(point_of_sequence).map(on_disc).collect();
+        self.in_parts(&places, centre)
+    }
+
+    /// Lights without extent at points of the unit disc.
+    fn in_parts(&self, places: &[Vec2], centre: Vec3) -> Vec<Self> {
         if !self.is_extended() {
             return vec![self.clone()];
         }
-        let places = (0..count).map(|k| disc_point(k, count));
+        let (places, count) = (places.iter().copied(), places.len());
         match self {
             Self::Directional { towards, irradiance, sigma_rad, profile } => {
                 let part = |place: Vec2| {
@@ -140,6 +153,18 @@ fn disc_point(k: u32, count: u32) -> Vec2 {
     radius * Vec2::from_angle(GOLDEN_ANGLE * k as f32)
 }
 
+/// A point of the unit disc by one of the unit square, areas by areas.
+fn on_disc(part: Vec2) -> Vec2 {
+    part.x.sqrt() * Vec2::from_angle(TAU * part.y)
+}
+
+/// The k-th point of a sequence that covers the unit square evenly (Roberts 2018, R2).
+pub fn point_of_sequence(k: u32) -> Vec2 {
+    const STEPS: [f64; 2] = [0.754_877_666_246_692_8, 0.569_840_290_998_053_3];
+    let [x, y] = STEPS.map(|step| (0.5 + f64::from(k) * step).fract());
+    DVec2::new(x, y).as_vec2()
+}
+
 /// What a light sees: a grid of rays that photons go along.
 #[derive(Clone, Debug)]
 pub struct LightView {
@@ -174,7 +199,7 @@ impl LightView {
     pub fn emit(&self, place: DVec2, part: Vec2) -> (Ray, Vec3) {
         let Ray { origin, direction } = self.projection.ray(place);
         let measure = self.projection.measure(place) as f32;
-        let on_disc = part.x.sqrt() * Vec2::from_angle(TAU * part.y);
+        let on_disc = on_disc(part);
         match &self.light {
             PhotonLight::Directional { irradiance, sigma_rad, profile, .. } if *sigma_rad > 0.0 => {
                 let (back, factor) = spread(-direction, (*sigma_rad, *profile), on_disc);

@@ -1,6 +1,8 @@
 //! The maps of a picture: photons from all lights, and which maps they are added to.
 
-use glam::{DVec2, Vec3};
+use std::borrow::Cow;
+
+use glam::{DVec2, Mat3, Vec2, Vec3};
 
 use super::adaptive::{FIRST_GRID, Traverser};
 use super::caustic_map::ForGloss;
@@ -9,10 +11,11 @@ use super::emission::{Emission, Kind, Pattern, Surroundings, emit};
 use super::hierarchical::Hierarchy;
 use super::irradiance_map::{Incident, IrradianceMap, MapPicture};
 use super::ledger::{Ledger, Loss};
-use super::lights::{LightView, PhotonLight};
+use super::lights::{LightView, PhotonLight, Profile, point_of_sequence};
 use super::options::{Hits, ImageSpaceOptions, Incidence, MapView, Traversal};
 use super::photons::PhotonGrid;
 use super::projection::{Bounds, Projection};
+use super::segmentation::{Direction, Segment};
 use super::strips::{Strip, strips};
 use super::surface_images::{SurfaceImage, SurfaceImages};
 use super::{MapBuilder, Shows};
@@ -23,6 +26,20 @@ use crate::tracing::Tracer;
 
 /// A texel of the camera's map tells the light if a surface has this part of it; of smaller parts, few photons and rounding would.
 const SURE_PART: f32 = 0.5;
+
+/// A step of the golden ratio.
+const GOLDEN_STEP: f32 = 0.618_034;
+
+/// Wide parts of an environment, whose caustics are blurred, send so many times fewer photons along an edge than others,
+const COARSER: u32 = 4;
+/// but no fewer than these.
+const LEAST_PHOTONS: u32 = 64;
+
+/// Directions of each part of an environment whose photons tell where those of all directions land.
+const DRAWS_FOR_WINDOWS: u32 = 2;
+
+/// Their photons along each edge.
+const FEW_OF_DIRECTION: u32 = 16;
 
 /// Clusters of photons that are followed together.
 const CLUSTERS_OF_BATCH: usize = 1 << 18;
@@ -46,6 +63,10 @@ pub struct MapInputs<'a> {
     pub bounds: Bounds,
     /// The lights.
     pub lights: &'a [PhotonLight],
+    /// What the passes of a picture draw out of them; `None` where there is only one pass.
+    pub draws: Option<Draws<'a>>,
+    /// A few photons of each light, if they have been sent already.
+    pub few: Option<&'a [FewPhotons]>,
     /// The ways that count.
     pub kinds: &'a [Kind],
     /// Whose picture it is, and its size.
@@ -56,6 +77,34 @@ pub struct MapInputs<'a> {
     pub pattern: Pattern,
     /// The receivers' BRDFs, if some are glossy.
     pub glossy: Option<&'a Materials>,
+}
+
+/// What a pass draws out of lights: other directions and points than the passes before.
+#[derive(Clone, Copy)]
+pub struct Draws<'a> {
+    /// By light: the part of the environment that it stands for, if it is one, and how that is turned.
+    pub segments: &'a [Option<(Segment, Mat3)>],
+    /// The number of the pass.
+    pub pass: u32,
+}
+
+impl<'a> Draws<'a> {
+    /// The part of the environment that a light stands for, and how it is turned.
+    fn segment(&self, light: usize) -> Option<&'a (Segment, Mat3)> {
+        self.segments.get(light)?.as_ref()
+    }
+
+    /// One direction of it.
+    fn of_segment(&self, light: usize) -> Option<PhotonLight> {
+        let (segment, turned) = self.segment(light)?;
+        // Neighbouring parts are drawn from at other places, in each pass and in all passes together.
+        let Vec2 { x, y } = point_of_sequence(light as u32);
+        let number = (x + self.pass as f32 * GOLDEN_STEP).fract();
+        let within = (point_of_sequence(self.pass) + y).fract();
+        let Direction { towards, irradiance } = segment.draw(number, within);
+        let profile = Profile::Gaussian;
+        Some(PhotonLight::Directional { towards: *turned * towards, irradiance, sigma_rad: 0.0, profile })
+    }
 }
 
 /// A light's view, and the photons from it.
@@ -136,6 +185,28 @@ impl Maps {
         Some(Incident { direction: sum.direction.normalize_or_zero(), ..sum })
     }
 
+    /// Mixes them with other maps of the same receivers, of which they are so much afterwards.
+    pub fn mix(&mut self, other: &Self, part: f32) {
+        let own = self.eye.iter_mut().chain(&mut self.lights);
+        own.zip(other.eye.iter().chain(&other.lights)).for_each(|(map, other)| map.mix(other, part));
+        self.ledger = self.ledger.mixed(&other.ledger, f64::from(part));
+        self.photons += other.photons;
+        self.photons_used += other.photons_used;
+    }
+
+    /// The root of the mean squared difference to other maps of the same receivers, relative to that of the irradiance; in the camera's map, if there
+    /// is one.
+    pub fn relative_difference(&self, other: &Self) -> f64 {
+        let count = if self.eye.is_some() { 1 } else { self.lights.len() };
+        let pairs = self.eye.iter().chain(&self.lights).zip(other.eye.iter().chain(&other.lights)).take(count);
+        let texels = pairs.flat_map(|(one, other)| one.irradiance.iter().zip(&other.irradiance));
+        let (difference, sum) = texels.fold((0.0, 0.0), |(difference, sum), (one, other)| {
+            let (one, other) = (one.as_dvec3(), other.as_dvec3());
+            (difference + (one - other).length_squared(), sum + (one + other).length_squared())
+        });
+        if sum > 0.0 { 2.0 * (difference / sum).sqrt() } else { 0.0 }
+    }
+
     /// A picture of a map with at most so many texels along an edge: that of a light if there is one.
     pub fn picture(&self, most: u32) -> Option<MapPicture> {
         self.lights.first().or(self.eye.as_ref()).map(|map| map.picture(most))
@@ -154,7 +225,7 @@ struct MapsBuilder<'a> {
     /// With the camera's map, one for each chain, along the mean direction in which its photons travel.
     shared: Vec<(Chain, MapBuilder<'a>)>,
     finished: Vec<IrradianceMap>,
-    few: Vec<FewPhotons>,
+    few: Cow<'a, [FewPhotons]>,
     ledger: Ledger,
     photons: u64,
     used: u64,
@@ -178,12 +249,12 @@ impl<'a> MapsBuilder<'a> {
 
     fn add_light(&mut self, index: usize, progress: &dyn Progress) {
         let (inputs, light) = (self.inputs, &self.inputs.lights[index]);
-        let lights = inputs.parts_of(light);
+        let lights = inputs.parts_of(index);
         // The map of a light shows all of its parts.
         let own = if self.eye.is_some() { Vec::new() } else { inputs.maps_of_light(light, &self.few[index]) };
         for light in &lights {
             match inputs.options.traversal {
-                Traversal::Dense => self.add_all_photons(light, &own, progress),
+                Traversal::Dense => self.add_all_photons((light, inputs.photons_of(index)), &own, progress),
                 Traversal::Hierarchical | Traversal::MaximalLevel | Traversal::TexelError => {
                     self.add_clusters(light, &own);
                 }
@@ -192,9 +263,14 @@ impl<'a> MapsBuilder<'a> {
         self.finish_maps(own);
     }
 
-    fn add_all_photons(&mut self, light: &PhotonLight, own: &[MapBuilder<'a>], progress: &dyn Progress) {
+    fn add_all_photons(
+        &mut self,
+        (light, photons): (&PhotonLight, u32),
+        own: &[MapBuilder<'a>],
+        progress: &dyn Progress,
+    ) {
         let inputs = self.inputs;
-        for view in light.views(inputs.casters, &inputs.bounds, inputs.options.photons) {
+        for view in light.views(inputs.casters, &inputs.bounds, photons) {
             let images = inputs.images_of(&view);
             let emission = Emission { images: images.as_ref(), ..inputs.emission(&view) };
             self.photons += view.projection.texel_count() as u64;
@@ -301,8 +377,24 @@ impl<'a> MapInputs<'a> {
         self.lights.iter().map(|light| light.power_on(area)).sum()
     }
 
-    /// The lights that one is divided into where photons need neighbours.
-    pub fn parts_of(&self, light: &PhotonLight) -> Vec<PhotonLight> {
+    /// Photons along each edge of the views of a light.
+    pub fn photons_of(&self, index: usize) -> u32 {
+        let photons = self.options.photons;
+        let is_wide =
+            self.draws.and_then(|draws| draws.segment(index)).is_some_and(|(segment, _)| !segment.is_narrow());
+        if is_wide { (photons / COARSER).max(LEAST_PHOTONS.min(photons)) } else { photons }
+    }
+
+    /// What one of the lights sends photons as: where these need neighbours, as many lights without extent.
+    pub fn parts_of(&self, index: usize) -> Vec<PhotonLight> {
+        let light = &self.lights[index];
+        if let Some(drawn) = self.draws.and_then(|draws| draws.of_segment(index)) {
+            return vec![drawn];
+        }
+        if let Some(Draws { pass, .. }) = self.draws.filter(|_| self.options.mode.needs_neighbours()) {
+            let count = self.options.light_directions;
+            return light.drawn(pass * count..(pass + 1) * count, self.bounds.centre());
+        }
         // Images are seen from one point or in one direction.
         if self.options.mode.needs_neighbours() || self.options.hits != Hits::Traced {
             light.divided(self.options.light_directions, self.bounds.centre())
@@ -371,15 +463,20 @@ impl<'a> MapInputs<'a> {
     }
 
     /// A few photons of each light, which tell where all of them will land.
-    pub fn few_photons(&self, progress: &dyn Progress) -> Vec<FewPhotons> {
-        self.lights.iter().map(|light| self.few_of(light, progress)).collect()
+    pub fn few_photons(&self, progress: &dyn Progress) -> Cow<'a, [FewPhotons]> {
+        let send = || (0..self.lights.len()).map(|index| self.few_of(index, progress)).collect();
+        self.few.map_or_else(|| Cow::Owned(send()), Cow::Borrowed)
     }
 
-    fn few_of(&self, light: &PhotonLight, progress: &dyn Progress) -> FewPhotons {
-        let views = light.views(self.casters, &self.bounds, FIRST_GRID).into_iter();
+    fn few_of(&self, index: usize, progress: &dyn Progress) -> FewPhotons {
+        let of_pass = |pass: u32| self.draws.and_then(|draws| Draws { pass, ..draws }.of_segment(index));
+        let drawn = (0..DRAWS_FOR_WINDOWS).filter_map(of_pass);
+        let lights: Vec<PhotonLight> = std::iter::once(self.lights[index].clone()).chain(drawn).collect();
+        let photons = if lights.len() > 1 { FEW_OF_DIRECTION } else { FIRST_GRID };
+        let views = lights.iter().flat_map(|light| light.views(self.casters, &self.bounds, photons));
         let emitted = views.map(|view| {
-            // Windows of maps that follow from them are the same in every frame.
-            let pattern = Pattern { offset: DVec2::splat(0.5), ..self.pattern };
+            // Windows of maps that follow from them are the same in every frame and pass.
+            let pattern = Pattern { offset: DVec2::splat(0.5), seed: 0, ..self.pattern };
             let emission = Emission { pattern, ..self.emission(&view) };
             let grids = emit(&emission, self.kinds, Strip::whole(view.projection.size), progress).0;
             (view, grids)

@@ -45,12 +45,12 @@ pub use self::emission::{Kind, Pattern, Surroundings};
 use self::irradiance_map::IrradianceMap;
 pub use self::irradiance_map::{Incident, MapPicture};
 pub use self::ledger::{Ledger, Loss};
-pub use self::lights::{PhotonLight, Profile};
-pub use self::maps::{MapInputs, Maps};
+pub use self::lights::{PhotonLight, Profile, point_of_sequence};
+pub use self::maps::{Draws, MapInputs, Maps};
 pub use self::options::{Hits, ImageSpaceOptions, Incidence, MapView, Mode, Traversal};
 
 pub use self::projection::Bounds;
-pub use self::segmentation::{Direction, segmented};
+pub use self::segmentation::{Direction as SegmentDirection, Segment, segments};
 
 use std::borrow::Cow;
 use std::sync::atomic::{AtomicU32, Ordering};
@@ -156,7 +156,7 @@ impl<'a> MapBuilder<'a> {
             Mode::ThickLens => of_lenses(map, (grid, view), objects, (Lens::Thick, self.frame_spacing)),
             Mode::Footprints => of_footprints(map, grid, self.frame_spacing),
             Mode::Polygons => polygons(map, grid, Coverage::Centres { alone: self.is_papers }),
-            Mode::ExactPolygons => polygons(map, grid, Coverage::Exact),
+            Mode::Auto | Mode::ExactPolygons => polygons(map, grid, Coverage::Exact),
         };
         ledger[Loss::Hidden] += lost;
         ledger

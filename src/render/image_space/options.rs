@@ -8,6 +8,9 @@ use crate::OptionError;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Deserialize, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Mode {
+    /// Points or exact polygons, whichever have less error for their photons, and as many of these as a tolerance asks for: two halves of them tell.
+    #[default]
+    Auto,
     /// Every photon adds its flux to the texel that it lands in (Wyman and Davis 2006, Section 3.2).
     Points,
     /// The same, then a Gaussian over 7×7 texels, where these have at least three photons (Wyman and Davis, Section 3.2.2).
@@ -15,7 +18,6 @@ pub enum Mode {
     /// Neighbouring photons are the corners of triangles, which are drawn into the map (Wyman and Davis, Section 3.2.1).
     Polygons,
     /// The same triangles by the area of each texel that they cover.
-    #[default]
     ExactPolygons,
     /// Gaussian splats of one size (Wyman and Dachsbacher 2006, Section 3).
     Splats,
@@ -31,7 +33,8 @@ pub enum Mode {
 
 impl Mode {
     /// All of them.
-    pub const ALL: [Self; 9] = [
+    pub const ALL: [Self; 10] = [
+        Self::Auto,
         Self::Points,
         Self::Gather,
         Self::Polygons,
@@ -46,6 +49,7 @@ impl Mode {
     /// Its name in scene files and on the command line.
     pub fn name(self) -> &'static str {
         match self {
+            Self::Auto => "auto",
             Self::Points => "points",
             Self::Gather => "gather",
             Self::Polygons => "polygons",
@@ -63,10 +67,20 @@ impl Mode {
         let is_of_points = matches!(self, Self::Points | Self::Gather | Self::Splats);
         match traversal {
             Traversal::Dense => true,
-            Traversal::Hierarchical => is_of_points,
+            Traversal::Hierarchical => is_of_points || self == Self::Auto,
             Traversal::MaximalLevel | Traversal::TexelError => {
-                is_of_points || matches!(self, Self::MultiResolution | Self::Footprints)
+                is_of_points || self == Self::Auto || matches!(self, Self::MultiResolution | Self::Footprints)
             }
+        }
+    }
+
+    /// The mode that stands for `Auto` where photons are sent once: exact polygons, or splats of clusters.
+    #[must_use]
+    pub(crate) fn fixed(self, traversal: Traversal) -> Self {
+        match (self, traversal) {
+            (Self::Auto, Traversal::Dense) => Self::ExactPolygons,
+            (Self::Auto, _) => Self::Splats,
+            (mode, _) => mode,
         }
     }
 
@@ -203,7 +217,7 @@ pub struct ImageSpaceOptions {
     pub hits: Hits,
     /// Which photons are followed.
     pub traversal: Traversal,
-    /// Photons along each edge of a light's view; from 16 to 8192, and a power of two from 64 on unless all are followed.
+    /// Photons along each edge of a light's view; with the mode `auto` those of a pass. From 16 to 8192, and a power of two from 64 on unless all are followed.
     pub photons: u32,
     /// Whose view the maps are.
     pub caustic_map: MapView,
@@ -247,6 +261,15 @@ impl Default for ImageSpaceOptions {
 impl ImageSpaceOptions {
     /// The largest number of frames whose maps are averaged.
     pub const MAX_TEMPORAL_FRAMES: u32 = 4;
+
+    /// Whether the mode and the number of photons follow a tolerance. Where photons are followed as in one of the papers, the options say how many
+    /// there are.
+    pub(crate) fn follows_tolerance(&self) -> bool {
+        let Self { mode, hits, traversal, caustic_map, temporal_frames, .. } = *self;
+        let is_one_frame = temporal_frames == 1;
+        let is_traced = hits == Hits::Traced && traversal == Traversal::Dense;
+        mode == Mode::Auto && is_traced && is_one_frame && caustic_map == MapView::Eye
+    }
 
     /// The distance between photons of all frames that are averaged, relative to that of one frame's: those of four are a grid twice as fine.
     pub(crate) fn frame_spacing(&self) -> f32 {

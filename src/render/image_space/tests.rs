@@ -112,6 +112,8 @@ impl Prepared {
             triangles: &self.triangles,
             bounds: self.bounds,
             lights: &self.lights,
+            draws: None,
+            few: None,
             kinds: &self.kinds,
             view: (self.scene.camera, [64; 2]),
             options,

@@ -5,14 +5,15 @@ use std::sync::Arc;
 use glam::{Mat3, Vec3};
 
 use super::past_frames::PastFrames;
-use super::{Inputs, Inspected, Pending, Statistics, Sum, TechniqueStages};
+use super::photon_passes::{Passes, Source, until_halves_agree};
+use super::{Inputs, Inspected, PassStatistics, Pending, Statistics, Sum, TechniqueStages};
 use crate::backend::Backend;
 use crate::differential::DifferentialSample;
 #[cfg(feature = "gpu")]
 use crate::image_space::gpu;
 use crate::image_space::{
-    Bounds, Direction, Hits, ImageSpaceOptions, Incidence, Kind, Ledger, Loss, MapInputs, MapPicture, MapView, Maps,
-    PhotonLight, Profile, Surroundings, segmented,
+    Bounds, Hits, ImageSpaceOptions, Incidence, Kind, Ledger, Loss, MapInputs, MapPicture, MapView, Maps, PhotonLight,
+    Profile, Segment, SegmentDirection, Surroundings, segments,
 };
 use crate::parallel;
 use crate::pinhole::Receivers;
@@ -25,6 +26,15 @@ use crate::{Error, OptionError};
 
 /// Spots wider than this, radians, are divided into directions like environment maps.
 const WIDEST_SPOT: f32 = 0.25;
+
+/// The error of photons whose number follows from it, in tolerances of hierarchical sums.
+const MORE_TOLERANCES: f32 = 2.0;
+
+/// Progress of passes is counted in these.
+const PASS_STEPS: u64 = 100;
+
+/// Then every pass divides environments into so many times as many directions as the options say.
+const MORE_DIRECTIONS: u32 = 16;
 
 /// Previews send no more photons along an edge, from no more lights and directions.
 const PREVIEW_PHOTONS: u32 = 192;
@@ -47,6 +57,8 @@ struct MapsKey {
     options: ImageSpaceOptions,
     receives: Vec<bool>,
     seed: u64,
+    /// The error that photons may leave where their number follows from it.
+    tolerance: Option<f32>,
     /// Frames of just this that are averaged: it is made again until they all are.
     unchanged: u32,
 }
@@ -84,27 +96,32 @@ impl ImageSpaceStages {
         let Inputs { scene, prepared, options, chains, progress, .. } = *inputs;
         let image_space = options_of(inputs);
         let receives: Vec<bool> = scene.objects.iter().map(|object| object.receiver.is_some()).collect();
+        let follows_tolerance = image_space.follows_tolerance() && !inputs.is_preview;
+        let directions = image_space.lights * if follows_tolerance { MORE_DIRECTIONS } else { 1 };
+        let sources = sources(inputs, directions);
+        let tolerance = follows_tolerance.then_some(MORE_TOLERANCES * options.tolerance);
         let mut key = MapsKey {
             tracer: Id::of(&prepared.tracer),
             materials: Id::of(&prepared.materials),
-            lights: lights(inputs, image_space.lights),
+            lights: sources.iter().map(|(light, _)| light.clone()).collect(),
             chains,
             view: (image_space.caustic_map == MapView::Eye).then_some((scene.camera, options.size)),
             options: image_space,
             receives: receives.clone(),
             seed: options.seed,
+            tolerance,
             unchanged: 0,
         };
         let of_receivers = (Id::of(&prepared.tracer), receives);
         let receivers = self.receivers.get(of_receivers, progress, || receivers_alone(&scene.objects));
-        let photon_lights = key.lights.clone();
         let past = &mut self.past[usize::from(inputs.is_preview)];
         let frames = past.frames.with(&image_space);
         let is_same = past.key.as_ref() == Some(&key);
         let inputs_alone = key.clone();
         key.unchanged = frames.unchanged_after(is_same);
-        let make = async || sum(inputs, (&photon_lights, &receivers), (frames, is_same)).await;
-        let made = self.maps.wait_for(key, (1, progress), make).await?;
+        let steps = if tolerance.is_some() { PASS_STEPS } else { 1 };
+        let make = async || sum(inputs, (sources, &receivers), (frames, is_same), tolerance).await;
+        let made = self.maps.wait_for(key, (steps, progress), make).await?;
         if !progress.is_cancelled() {
             *past = Past { frames: made.frames.clone(), key: Some(inputs_alone) };
         }
@@ -114,11 +131,15 @@ impl ImageSpaceStages {
 
 async fn sum(
     inputs: &Inputs<'_>,
-    (lights, receivers): (&[PhotonLight], &Tracer),
+    (sources, receivers): (Vec<Source>, &Tracer),
     (mut frames, mut is_same): (PastFrames, bool),
+    tolerance: Option<f32>,
 ) -> Result<ImageSpaceSum, Error> {
     let backend = inputs.backend;
-    let image_space = &options_of(inputs);
+    let (lights, segments): (Vec<PhotonLight>, Vec<_>) = sources.into_iter().unzip();
+    let options_of_frame = options_of(inputs);
+    let fixed = ImageSpaceOptions { mode: options_of_frame.mode.fixed(options_of_frame.traversal), ..options_of_frame };
+    let image_space = &fixed;
     let Inputs { scene, prepared, options, chains, progress, .. } = *inputs;
     let PreparedScene { tracer, materials, .. } = prepared;
     let meshes: Vec<Mesh> = scene.objects.iter().map(Object::mesh_in_world).collect();
@@ -149,23 +170,43 @@ async fn sum(
         casters: &casters,
         triangles: &triangles,
         bounds: bounds.unwrap_or(Bounds { corners: [Vec3::ZERO; 2] }),
-        lights,
+        lights: &lights,
+        draws: None,
+        few: None,
         kinds: &kinds,
         view: (scene.camera, options.size),
         options: image_space,
         pattern: frames.pattern(options.seed),
         glossy: is_glossy.then_some(&materials.receivers),
     };
+    let solids = scene.objects.iter().filter(|object| object.has_interfaces(Interfaces::Two)).count();
+    let uncounted = Uncounted(progress);
+    if let Some(tolerance) = tolerance {
+        let send = async |inputs: &MapInputs<'_>| maps(inputs, (backend, prepared), &uncounted).await;
+        let told = std::cell::Cell::new(0);
+        let is_done = |part: f64| {
+            let steps = (part * PASS_STEPS as f64) as u64;
+            progress.advance(steps.saturating_sub(told.get()));
+            told.set(steps.max(told.get()));
+        };
+        let Passes { maps, mode, count, error } =
+            until_halves_agree(&inputs, (&segments, tolerance.into()), send, &is_done).await?;
+        let photons = [maps.photons, maps.photons_used];
+        frames.push(maps, is_same);
+        let image_space = ImageSpaceOptions { mode, ..*image_space };
+        let passes = PassStatistics { photon_passes: count, photon_error: error };
+        let statistics = statistics(&frames, &image_space, (photons, Some(passes)), (solids, tolerance));
+        return Ok(ImageSpaceSum { frames, statistics });
+    }
     let mut photons = [0; 2];
     for _ in 0..frames.missing() {
         inputs.pattern = frames.pattern(options.seed);
-        let maps = maps(&inputs, (backend, prepared), &Uncounted(progress)).await?;
+        let maps = maps(&inputs, (backend, prepared), &uncounted).await?;
         photons = [photons[0] + maps.photons, photons[1] + maps.photons_used];
         frames.push(maps, is_same);
         is_same = true;
     }
-    let solids = scene.objects.iter().filter(|object| object.has_interfaces(Interfaces::Two)).count();
-    let statistics = statistics(&frames, image_space, photons, solids);
+    let statistics = statistics(&frames, image_space, (photons, None), (solids, f32::INFINITY));
     Ok(ImageSpaceSum { frames, statistics })
 }
 
@@ -173,11 +214,13 @@ async fn sum(
 fn statistics(
     frames: &PastFrames,
     image_space: &ImageSpaceOptions,
-    [photons, photons_used]: [u64; 2],
-    solids: usize,
+    ([photons, photons_used], passes): ([u64; 2], Option<PassStatistics>),
+    (solids, tolerance): (usize, f32),
 ) -> Statistics {
     let Some(maps) = frames.newest() else { return Statistics::default() };
-    let warning = lost_light(&maps.ledger, solids).or_else(|| without_light(maps));
+    let shown = lost_light(&maps.ledger, solids).or_else(|| without_light(maps));
+    let error = passes.and_then(|passes| uncertain(&passes, tolerance));
+    let warnings = shown.into_iter().chain(error).collect();
     Statistics {
         samples: 0,
         positions: Arc::new(maps.places.clone()),
@@ -191,12 +234,13 @@ fn statistics(
             incidence: image_space.incidence,
             temporal_frames: image_space.temporal_frames,
             paper: image_space.paper,
+            passes,
             photons,
             photons_used,
             lights: maps.lights_used,
             flux: maps.ledger,
         }),
-        warning,
+        warnings,
     }
 }
 
@@ -214,6 +258,18 @@ fn without_light(maps: &Maps) -> Option<String> {
         ),
         _ => None,
     }
+}
+
+/// What to say of photons whose halves differ by too much.
+fn uncertain(passes: &PassStatistics, tolerance: f32) -> Option<String> {
+    let PassStatistics { photon_passes, photon_error } = *passes;
+    (photon_error > f64::from(tolerance)).then(|| {
+        format!(
+            "the caustic may be wrong by {:.1} %, as two halves of the photons in {photon_passes} passes show: photons need many directions of wide \
+             lights, which pinholes (--technique pinhole) know as a whole; for small lights give more --photons",
+            100.0 * photon_error
+        )
+    })
 }
 
 /// Light of which less is lost is not worth a warning.
@@ -324,7 +380,7 @@ fn options_of(inputs: &Inputs) -> ImageSpaceOptions {
 }
 
 /// The lights for an environment of intensity 1: the environment as one direction with an extent, or as many, and the lamps.
-fn lights(inputs: &Inputs, count: u32) -> Vec<PhotonLight> {
+fn sources(inputs: &Inputs, count: u32) -> Vec<Source> {
     let Inputs { scene, prepared, light, .. } = *inputs;
     let rotation = Mat3::from_rotation_y(light.rotation_rad);
     let from_far = match scene.environment.light {
@@ -333,21 +389,20 @@ fn lights(inputs: &Inputs, count: u32) -> Vec<PhotonLight> {
         {
             let irradiance = std::f32::consts::TAU * sigma_rad * sigma_rad * radiance;
             let towards = rotation * direction;
-            vec![PhotonLight::Directional { towards, irradiance, sigma_rad, profile: Profile::Gaussian }]
+            vec![(PhotonLight::Directional { towards, irradiance, sigma_rad, profile: Profile::Gaussian }, None)]
         }
         _ => {
-            let directions = segmented(&light.environment.cube, count).into_iter();
-            let light = |d: Direction| PhotonLight::Directional {
-                towards: rotation * d.towards,
-                irradiance: d.irradiance,
-                sigma_rad: 0.0,
-                profile: Profile::Gaussian,
+            let of_segment = |segment: Segment| {
+                let SegmentDirection { towards, irradiance } = segment.whole;
+                let (towards, profile) = (rotation * towards, Profile::Gaussian);
+                let whole = PhotonLight::Directional { towards, irradiance, sigma_rad: 0.0, profile };
+                (whole, Some((segment, rotation)))
             };
-            directions.map(light).collect()
+            segments(&light.environment.cube, count).into_iter().map(of_segment).collect()
         }
     };
-    let lamps = light.lamps.iter().map(of_lamp);
-    from_far.into_iter().filter(|light| light.power_on(1.0) > 0.0).chain(lamps).collect()
+    let lamps = light.lamps.iter().map(|lamp| (of_lamp(lamp), None));
+    from_far.into_iter().filter(|(light, _)| light.power_on(1.0) > 0.0).chain(lamps).collect()
 }
 
 /// The light of a lamp; of one that is far away, parallel rays.

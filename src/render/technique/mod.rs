@@ -6,6 +6,7 @@
 
 mod image_space;
 mod past_frames;
+mod photon_passes;
 mod pinhole;
 
 use std::fmt;
@@ -199,8 +200,18 @@ pub struct Statistics {
     pub filter: Option<Filter>,
     /// Of techniques that send photons.
     pub photons: Option<PhotonStatistics>,
-    /// What may be wrong.
-    pub warning: Option<String>,
+    /// What may be wrong, one sentence each.
+    pub warnings: Vec<String>,
+}
+
+/// Passes of photons.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize)]
+pub struct PassStatistics {
+    /// How many there were.
+    pub photon_passes: u32,
+    /// The root of the mean squared error of the irradiance in maps, relative to that of the irradiance, as half the difference of two halves of the
+    /// photons.
+    pub photon_error: f64,
 }
 
 /// Figures about photons and what became of them.
@@ -220,6 +231,9 @@ pub struct PhotonStatistics {
     pub temporal_frames: u32,
     /// Whether polygons and gathers follow the letter of the paper.
     pub paper: bool,
+    /// With the mode `auto`: the passes that were sent, and about the relative error of the caustic that two halves of them show.
+    #[serde(flatten)]
+    pub passes: Option<PassStatistics>,
     /// Photons that were followed.
     pub photons: u64,
     /// Photons that met a receiver by way of a mirror or an interface; those of a cluster may be one.

@@ -283,7 +283,7 @@ pub(super) fn mode_constant(mode: Mode) -> u32 {
         Mode::Points => MODE_POINTS,
         Mode::Gather => MODE_GATHER,
         Mode::Polygons => MODE_POLYGONS,
-        Mode::ExactPolygons => MODE_EXACT_POLYGONS,
+        Mode::Auto | Mode::ExactPolygons => MODE_EXACT_POLYGONS,
         Mode::Splats => MODE_SPLATS,
         Mode::MultiResolution => MODE_MULTI_RESOLUTION,
         Mode::ThinLens => MODE_THIN_LENS,

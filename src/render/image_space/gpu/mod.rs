@@ -19,6 +19,8 @@ pub(crate) use self::pipelines::PhotonPipelines;
 #[cfg(test)]
 pub(crate) use super::strips::Strip;
 
+use std::borrow::Cow;
+
 use self::clusters::{CoverageOnGpu, Traverser};
 use self::hierarchical::Hierarchy;
 use self::layout::Block;
@@ -68,7 +70,7 @@ struct MapsOnGpu<'a> {
     device: Device<'a>,
     inputs: &'a MapInputs<'a>,
     passes: Passes<'a>,
-    few: Vec<FewPhotons>,
+    few: Cow<'a, [FewPhotons]>,
     eye: Option<MapOnGpu<'a>>,
     /// With the camera's map, one for each chain.
     shared: Vec<(Chain, MapOnGpu<'a>)>,
@@ -110,8 +112,8 @@ impl<'a> MapsOnGpu<'a> {
                 own.push(self.map_of_receivers(projection).await?);
             }
         }
-        for part in inputs.parts_of(light) {
-            for view in part.views(inputs.casters, &inputs.bounds, inputs.options.photons) {
+        for part in inputs.parts_of(index) {
+            for view in part.views(inputs.casters, &inputs.bounds, inputs.photons_of(index)) {
                 match inputs.options.traversal {
                     Traversal::Dense => {
                         self.photons += view.projection.texel_count() as u64;

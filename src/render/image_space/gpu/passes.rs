@@ -326,7 +326,7 @@ impl<'a> Passes<'a> {
         };
         let own = self.bind_map(map, uniforms, ledger);
         let pipelines = self.device.pipelines;
-        let is_polygons = matches!(self.inputs.options.mode, Mode::Polygons | Mode::ExactPolygons);
+        let is_polygons = matches!(self.inputs.options.mode, Mode::Polygons | Mode::ExactPolygons | Mode::Auto);
         let mut pass = begin(encoder, "photons into a caustic map");
         pass.set_pipeline(&pipelines.place_photons);
         self.set_groups(&mut pass, [&own, &self.of_surfaces, &self.nothing]);

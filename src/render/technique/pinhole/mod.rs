@@ -197,7 +197,14 @@ impl PinholeStages {
         let environment = inputs.light.environment.clone();
         let statistics = |samples, positions| {
             let (evaluation, filter) = (Some(evaluation), Some(filter));
-            Statistics { samples, positions, evaluation, filter, photons: None, warning }
+            Statistics {
+                samples,
+                positions,
+                evaluation,
+                filter,
+                photons: None,
+                warnings: warning.into_iter().collect(),
+            }
         };
         match evaluation {
             Evaluation::Flat { leaves: 1 } if inputs.is_preview => {
