@@ -102,3 +102,23 @@ fn points_and_papers_are_as_their_options_say() {
     assert_eq!(of(ImageSpaceOptions { caustic_map: MapView::Light, ..few }), (Mode::ExactPolygons, 32 * 32, None));
     assert_eq!(of(ImageSpaceOptions { temporal_frames: 2, ..few }).2, None);
 }
+
+/// A floor that the camera sees through water alone has its caustic in other maps than the camera's.
+#[test]
+fn caustics_behind_water_are_not_missing() {
+    let water = "[[light]]\nposition = [0.3, 3, 0]\nintensity = [9, 18, 27]\n\
+                 [[object]]\nshape = { sheet = { size = [6, 6], amplitude = 0.02, wavelength = 0.9 } }\ntranslate = [0, 1, 0]\n\
+                 refractor = { eta = 1.333 }\n";
+    let warnings = |camera_visible: bool| {
+        let water = format!("{water}camera_visible = {camera_visible}\n");
+        let mut scene = above_floor("constant = [0, 0, 0]", &water);
+        if !camera_visible {
+            // It looks away.
+            scene.camera.position.y = -1.0;
+        }
+        let options = ImageSpaceOptions { photons: 64, ..Default::default() };
+        caustic(&scene, photon_options(options).with_size([24, 24])).1.report.warnings
+    };
+    assert_eq!(warnings(true), Vec::<String>::new());
+    assert!(warnings(false).iter().any(|warning| warning.contains("there is no caustic")), "{:?}", warnings(false));
+}

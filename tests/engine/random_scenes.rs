@@ -200,9 +200,9 @@ impl Random {
 const MOST_ERROR: f64 = 0.05;
 const MOST_FLUX_ERROR: f64 = 0.02;
 /// The error that a truth has: what is not known so well in these seconds, of mirrors that show almost no light, for one, is not compared. Thus
-/// a slow machine compares less, and no other truths. `FURTHER_OFF` was found with four times as many seconds.
+/// a slow machine compares less, and no other truths. `FURTHER_OFF` was found with six times as many seconds.
 const ERROR_OF_TRUTH: f64 = 0.015;
-const SECONDS: f64 = 3.0;
+const SECONDS: f64 = 2.0;
 /// Caustics of less than this part of the direct light are not compared.
 const INVISIBLE: f64 = 1e-3;
 /// The part of the scenes that have a truth.

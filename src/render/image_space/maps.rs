@@ -212,6 +212,11 @@ impl Maps {
         self.lights.first().or(self.eye.as_ref()).map(|map| map.picture(most))
     }
 
+    /// Whether any map shows light.
+    pub fn has_light(&self) -> bool {
+        self.eye.iter().chain(&self.lights).any(|map| map.irradiance.iter().any(|light| *light != Vec3::ZERO))
+    }
+
     /// How many maps there are.
     pub fn count(&self) -> usize {
         self.lights.len() + usize::from(self.eye.is_some())

@@ -19,8 +19,8 @@ use crate::parallel;
 use crate::pinhole::Receivers;
 use crate::pinhole::cpu::TakenCell;
 use crate::progress::{Progress, Stage, Uncounted};
-use crate::scene::{Camera, Chain, Chains, Gloss, Interfaces, Lamp, Light, Mesh, Object, Sunlight, Visibility};
-use crate::stages::{Id, LightStages, Memo, PreparedScene, StageCounts, SurfaceMaterials};
+use crate::scene::{Camera, Chain, Chains, Gloss, Interfaces, Lamp, Light, Mesh, Object, Scene, Sunlight, Visibility};
+use crate::stages::{Id, LightStages, Memo, PreparedScene, StageCounts, SurfaceMaterials, View};
 use crate::tracing::{Hit, SeenBy, Tracer};
 use crate::{Error, OptionError};
 
@@ -179,7 +179,10 @@ async fn sum(
         pattern: frames.pattern(options.seed),
         glossy: is_glossy.then_some(&materials.receivers),
     };
-    let solids = scene.objects.iter().filter(|object| object.has_interfaces(Interfaces::Two)).count();
+    let shown = Shown {
+        solids: scene.objects.iter().filter(|object| object.has_interfaces(Interfaces::Two)).count(),
+        mirrors_are_seen: sees_mirrors(scene, prepared),
+    };
     let uncounted = Uncounted(progress);
     if let Some(tolerance) = tolerance {
         let send = async |inputs: &MapInputs<'_>| maps(inputs, (backend, prepared), &uncounted).await;
@@ -195,7 +198,7 @@ async fn sum(
         frames.push(maps, is_same);
         let image_space = ImageSpaceOptions { mode, ..*image_space };
         let passes = PassStatistics { photon_passes: count, photon_error: error };
-        let statistics = statistics(&frames, &image_space, (photons, Some(passes)), (solids, tolerance));
+        let statistics = statistics(&frames, &image_space, (photons, Some(passes)), (&shown, tolerance));
         return Ok(ImageSpaceSum { frames, statistics });
     }
     let mut photons = [0; 2];
@@ -206,19 +209,35 @@ async fn sum(
         frames.push(maps, is_same);
         is_same = true;
     }
-    let statistics = statistics(&frames, image_space, (photons, None), (solids, f32::INFINITY));
+    let statistics = statistics(&frames, image_space, (photons, None), (&shown, f32::INFINITY));
     Ok(ImageSpaceSum { frames, statistics })
 }
 
-/// What the newest maps say, with the numbers of photons of all new ones, in a scene of so many closed objects of glass.
+/// What a picture shows of what casts caustics.
+struct Shown {
+    /// Closed objects of glass in the scene.
+    solids: usize,
+    /// The camera sees something by way of mirrors or interfaces.
+    mirrors_are_seen: bool,
+}
+
+/// Whether the camera sees anything that reflects or refracts, along some rays.
+fn sees_mirrors(scene: &Scene, prepared: &PreparedScene) -> bool {
+    const EDGE: u32 = 24;
+    let view = View { camera: scene.camera, size: [EDGE; 2], pixel_samples: 1, first_row: 0, rows: EDGE };
+    let hits = (0..EDGE * EDGE).filter_map(|k| prepared.camera.hit(view.ray(k)));
+    hits.map(|hit| &scene.objects[hit.object as usize]).any(|object| object.specular().is_some())
+}
+
+/// What the newest maps say, with the numbers of photons of all new ones.
 fn statistics(
     frames: &PastFrames,
     image_space: &ImageSpaceOptions,
     ([photons, photons_used], passes): ([u64; 2], Option<PassStatistics>),
-    (solids, tolerance): (usize, f32),
+    (in_picture, tolerance): (&Shown, f32),
 ) -> Statistics {
     let Some(maps) = frames.newest() else { return Statistics::default() };
-    let shown = lost_light(&maps.ledger, solids).or_else(|| without_light(maps));
+    let shown = lost_light(&maps.ledger, in_picture.solids).or_else(|| without_light(maps, in_picture));
     let error = passes.and_then(|passes| uncertain(&passes, tolerance));
     let warnings = shown.into_iter().chain(error).collect();
     Statistics {
@@ -245,10 +264,11 @@ fn statistics(
 }
 
 /// What to say of maps that can show nothing.
-fn without_light(maps: &Maps) -> Option<String> {
+fn without_light(maps: &Maps, in_picture: &Shown) -> Option<String> {
     let flux = maps.ledger;
     let is_dark = maps.photons > 0 && flux.cast == 0.0;
-    let is_missing = flux.cast > 0.0 && flux.deposited == 0.0;
+    // By way of mirrors and interfaces the camera may see other maps.
+    let is_missing = flux.cast > 0.0 && flux.deposited == 0.0 && !(in_picture.mirrors_are_seen && maps.has_light());
     match (is_dark, is_missing) {
         (true, _) => Some("no light meets a mirror or an interface, so that there is no caustic".into()),
         (_, true) => Some(
