@@ -2,9 +2,11 @@
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use pinspot::{Backend, CubeSize, Engine, Error, EvaluationChoice, NoProgress, Progress, Stage, blocking};
+use pinspot::{
+    Backend, CubeSize, Engine, Error, EvaluationChoice, ImageSpaceOptions, NoProgress, Progress, Stage, blocking,
+};
 
-use crate::support::gpu_backend;
+use crate::support::{above_floor, gpu_backend, photon_options};
 
 /// Cancels when a stage begins.
 struct CancelAt {
@@ -62,4 +64,17 @@ fn nor_does_one_on_a_gpu() {
     check(&gpu, (60, Some(4)), &[Stage::Visibility, Stage::Caustic]);
     // More maps than a dispatch traces.
     check(&gpu, (300, None), &[Stage::Visibility]);
+}
+
+/// Photons that are sent until their halves agree end, too.
+#[test]
+fn passes_of_photons_end_when_cancelled() {
+    let sun = "spot = { direction = [0.36, 0.8, 0.48], sigma_rad = 0.05, radiance = [1e3, 1e3, 1e3] }";
+    let ball = "[[object]]\nshape = { sphere = { radius = 0.3 } }\ntranslate = [0, 0.5, 0]\nreflector = {}\n";
+    let options = photon_options(ImageSpaceOptions { photons: 64, ..Default::default() }).with_size([24, 24]);
+    let mut engine = Engine::new(above_floor(sun, ball), options, Backend::cpu());
+    let progress = CancelAt { stage: Stage::Photons, has_begun: AtomicBool::new(false) };
+    assert!(matches!(blocking::wait(None, engine.render(&progress)), Err(Error::Cancelled)));
+    let again = blocking::wait(None, engine.render(&NoProgress)).unwrap();
+    assert!(again.report.photons.unwrap().passes.unwrap().photon_passes >= 2);
 }

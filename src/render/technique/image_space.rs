@@ -185,7 +185,10 @@ async fn sum(
     };
     let uncounted = Uncounted(progress);
     if let Some(tolerance) = tolerance {
-        let send = async |inputs: &MapInputs<'_>| maps(inputs, (backend, prepared), &uncounted).await;
+        let send = async |inputs: &MapInputs<'_>| {
+            let sent = maps(inputs, (backend, prepared), &uncounted).await?;
+            if progress.is_cancelled() { Err(Error::Cancelled) } else { Ok(sent) }
+        };
         let told = std::cell::Cell::new(0);
         let is_done = |part: f64| {
             let steps = (part * PASS_STEPS as f64) as u64;
