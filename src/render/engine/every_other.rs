@@ -20,9 +20,6 @@ pub(super) trait PixelGrid: Sync {
     /// Pixels in a row.
     fn width(&self) -> usize;
 
-    /// Rows, as far as there are points.
-    fn height(&self) -> usize;
-
     /// Column and row of a point's pixel.
     fn pixel(&self, index: usize) -> (usize, usize);
 
@@ -68,8 +65,8 @@ pub(super) trait PixelGrid: Sync {
         bilinear([a, b, c, d], part).distance(own) <= MAX_DEVIATION * spacing
     }
 
-    /// The light at a point from the sixteen around it, if they are all known, lie on the same smooth surface and are lit smoothly. Beyond the
-    /// edges of the picture light is taken to bend as far as before them. `leniency`: how many times as far as on surfaces light may bend.
+    /// The light at a point from the sixteen around it, if they are all known, lie on the same smooth surface and are lit smoothly.
+    /// `leniency`: how many times as far as on surfaces light may bend.
     fn interpolate_at(
         &self,
         index: usize,
@@ -77,58 +74,23 @@ pub(super) trait PixelGrid: Sync {
         (beside, leniency): (Vec3, f32),
     ) -> Option<Vec3> {
         let (x, y) = self.pixel(index);
-        let (columns, rows) = (places_around(x, self.width()), places_around(y, self.height()));
+        let first = (x / STEP * STEP).checked_sub(STEP).zip((y / STEP * STEP).checked_sub(STEP))?;
+        if first.0 + 3 * STEP >= self.width() {
+            return None;
+        }
         let (mut around, mut inner) = ([[Vec3::ZERO; 4]; 4], [0; 4]);
         for (k, value) in around.iter_mut().flatten().enumerate() {
             let (i, j) = (k % 4, k / 4);
-            let is_inner = (1..3).contains(&i) && (1..3).contains(&j);
-            let Some((column, row)) = columns[i].zip(rows[j]) else {
-                if is_inner {
-                    return None;
-                }
-                continue;
-            };
-            let node = self.counterpart(index, column, row)?;
+            let node = self.counterpart(index, first.0 + i * STEP, first.1 + j * STEP)?;
             *value = light(node).filter(|_| self.may_interpolate(index, node))?;
-            if is_inner {
+            if (1..3).contains(&i) && (1..3).contains(&j) {
                 inner[2 * (j - 1) + i - 1] = node;
             }
         }
-        extrapolate(&mut around, columns.map(|place| place.is_some()), rows.map(|place| place.is_some()));
         let part = Vec2::new((x % STEP) as f32, (y % STEP) as f32) / STEP as f32;
         let corners = [around[1][1], around[1][2], around[2][1], around[2][2]];
         let is_smooth = self.lies_between(index, inner, part) && is_smooth(&around, beside, leniency);
         is_smooth.then(|| bilinear(corners, part))
-    }
-}
-
-/// The four places along an axis of so many pixels between whose inner ones a place lies; those that exist.
-fn places_around(place: usize, count: usize) -> [Option<usize>; 4] {
-    let before = place / STEP * STEP;
-    std::array::from_fn(|k| (before + k * STEP).checked_sub(STEP).filter(|place| *place < count))
-}
-
-/// Fills the outer columns and rows that do not exist: light bends there as far as on the other side.
-fn extrapolate(light: &mut [[Vec3; 4]; 4], columns: [bool; 4], rows: [bool; 4]) {
-    let beyond = |a: Vec3, b: Vec3, c: Vec3| 3.0 * a - 3.0 * b + c;
-    for row in light.iter_mut() {
-        let [a, b, c, d] = *row;
-        match (columns[0], columns[3]) {
-            (false, true) => row[0] = beyond(b, c, d),
-            (true, false) => row[3] = beyond(c, b, a),
-            (false, false) => (row[0], row[3]) = (2.0 * b - c, 2.0 * c - b),
-            (true, true) => (),
-        }
-    }
-    let [a, b, c, d] = *light;
-    let each = |of: &dyn Fn(usize) -> Vec3| std::array::from_fn(of);
-    match (rows[0], rows[3]) {
-        (false, true) => light[0] = each(&|k| beyond(b[k], c[k], d[k])),
-        (true, false) => light[3] = each(&|k| beyond(c[k], b[k], a[k])),
-        (false, false) => {
-            (light[0], light[3]) = (each(&|k| 2.0 * b[k] - c[k]), each(&|k| 2.0 * c[k] - b[k]));
-        }
-        (true, true) => (),
     }
 }
 
@@ -139,10 +101,6 @@ pub(super) struct CoarserGrid<'g, G>(pub &'g G);
 impl<G: PixelGrid> PixelGrid for CoarserGrid<'_, G> {
     fn width(&self) -> usize {
         self.0.width().div_ceil(STEP)
-    }
-
-    fn height(&self) -> usize {
-        self.0.height().div_ceil(STEP)
     }
 
     fn pixel(&self, index: usize) -> (usize, usize) {
@@ -307,10 +265,6 @@ impl PixelGrid for EndGrid<'_> {
         self.width
     }
 
-    fn height(&self) -> usize {
-        self.points.last().map_or(0, |point| point.pixel as usize / self.width + 1)
-    }
-
     fn pixel(&self, index: usize) -> (usize, usize) {
         let pixel = self.points[index].pixel as usize;
         (pixel % self.width, pixel / self.width)
@@ -332,10 +286,6 @@ impl PixelGrid for EndGrid<'_> {
 impl PixelGrid for CameraRays {
     fn width(&self) -> usize {
         self.width as usize
-    }
-
-    fn height(&self) -> usize {
-        self.hits.len() / self.width as usize
     }
 
     fn pixel(&self, index: usize) -> (usize, usize) {
@@ -374,8 +324,7 @@ mod tests {
         let interpolated =
             |light: &dyn Fn(usize) -> Option<Vec3>, index| grid.interpolate_at(index, light, (Vec3::ZERO, 1.0));
         assert_eq!(interpolated(&light, 55), light(55));
-        assert_eq!(interpolated(&light, 1), light(1), "at the edge");
-        assert_eq!(interpolated(&light, 9), None, "a node would lie outside");
+        assert_eq!(interpolated(&light, 1), None, "nodes would lie outside");
         assert_eq!(interpolated(&|index| light(index).filter(|_| index != 44), 55), None, "a node is not known");
         let ridge = |index: usize| Some(Vec3::splat(if index % 10 == 4 { 2.0 } else { 1.0 }));
         assert_eq!(interpolated(&ridge, 55), None);

@@ -233,10 +233,6 @@ impl PixelGrid for PictureRays<'_> {
         self.camera_rays.width as usize
     }
 
-    fn height(&self) -> usize {
-        PixelGrid::height(self.camera_rays)
-    }
-
     fn pixel(&self, index: usize) -> (usize, usize) {
         PixelGrid::pixel(self.camera_rays, index)
     }

@@ -176,9 +176,7 @@ impl TileGather<'_> {
         [mut accepted, mut refined]: [u32; 2],
     ) -> ([u32; 2], F<S>) {
         let large = bits(max_contribution.simd_ge(splat(simd, self.criterion.error_budget_of(cell.sample.area))));
-        // Along a part of a ray the edges of shadows are blurred: maps know enough of them.
-        let is_blurred = receiver.length.is_some();
-        if !cell.is_leaf() && !is_cluster && !is_blurred {
+        if !cell.is_leaf() && !is_cluster {
             let which = (accepted | refined) & large & visible.doubtful;
             if which != 0 {
                 self.probe(simd, visible, receiver, which);
@@ -187,12 +185,12 @@ impl TileGather<'_> {
         accepted &= visible.lanes;
         // Of a cluster, other samples may see what its central one does not.
         refined &= if is_cluster { ALL } else { visible.lanes };
-        if !cell.is_leaf() && !is_blurred {
+        if !cell.is_leaf() && receiver.length.is_none() {
             // What is large and in doubt is taken leaf by leaf.
             let in_parts = accepted & visible.doubtful & large;
             (accepted, refined) = (accepted & !in_parts, refined | in_parts);
         }
-        let found = (visible.fraction, if is_blurred { 0 } else { accepted & visible.doubtful });
+        let found = (visible.fraction, accepted & visible.doubtful);
         let fraction = self.visible_fraction(simd, &cell.sample, pair, found, max_contribution);
         ([accepted & bits(fraction.simd_gt(0.0)), refined], fraction)
     }
