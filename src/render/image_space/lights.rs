@@ -69,7 +69,7 @@ impl PhotonLight {
         self.in_parts(&places, centre)
     }
 
-    /// The same out of a sequence of lights, of which more and more shine more and more like it.
+    /// Lights without extent out of an endless sequence: the longer a part of it is, the more it shines like this light.
     pub fn drawn(&self, numbers: Range<u32>, centre: Vec3) -> Vec<Self> {
         let places: Vec<Vec2> = numbers.map(point_of_sequence).map(on_disc).collect();
         self.in_parts(&places, centre)
@@ -153,7 +153,7 @@ fn disc_point(k: u32, count: u32) -> Vec2 {
     radius * Vec2::from_angle(GOLDEN_ANGLE * k as f32)
 }
 
-/// A point of the unit disc by one of the unit square, areas by areas.
+/// Maps a point of the unit square to the unit disc; equal areas stay equal.
 fn on_disc(part: Vec2) -> Vec2 {
     part.x.sqrt() * Vec2::from_angle(TAU * part.y)
 }

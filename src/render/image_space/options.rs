@@ -223,7 +223,7 @@ pub struct ImageSpaceOptions {
     pub caustic_map: MapView,
     /// Texels along each edge of a light's map; from 16 to 8192.
     pub caustic_map_size: u32,
-    /// Directional lights that an environment map is divided into; from 1 to 1024.
+    /// Directional lights that an environment map is divided into, sixteen times as many with the mode `auto`; from 1 to 1024.
     pub lights: u32,
     /// Points or directions that extended lights are divided into where neighbouring photons must come from the same one; from 1 to 1024.
     pub light_directions: u32,

@@ -1,6 +1,8 @@
 //! Divides an environment into directional lights of about equal power (Tandianus, Johan and Seah 2010, Section 5): the region with most of
 //! it is split again and again. Texels are weighted by their solid angles, which differ fivefold in a cube map.
 
+use std::sync::Arc;
+
 use glam::{UVec2, Vec2, Vec3};
 
 use crate::environment::{CubeMap, FACES, face_direction, texel_solid_angle_sr};
@@ -26,7 +28,7 @@ pub struct Segment {
     /// All of it as light from one direction.
     pub whole: Direction,
     /// Its texels that shine, with the sum of their power and that of those before them.
-    texels: Vec<(Texel, f64)>,
+    texels: Arc<[(Texel, f64)]>,
 }
 
 /// A texel of a cube map: its face, its middle and half its width on it, and ∫ L dω over it.
@@ -206,7 +208,7 @@ impl Texels {
             sum += power;
             texels.extend((power > 0.0).then_some((texel, sum)));
         }
-        Segment { whole: self.direction(region), texels }
+        Segment { whole: self.direction(region), texels: texels.into() }
     }
 
     fn direction(&self, region: &Region) -> Direction {

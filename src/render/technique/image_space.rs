@@ -9,6 +9,7 @@ use super::photon_passes::{Passes, Source, until_halves_agree};
 use super::{Inputs, Inspected, PassStatistics, Pending, Statistics, Sum, TechniqueStages};
 use crate::backend::Backend;
 use crate::differential::DifferentialSample;
+use crate::environment::Environment;
 #[cfg(feature = "gpu")]
 use crate::image_space::gpu;
 use crate::image_space::{
@@ -63,9 +64,14 @@ struct MapsKey {
     unchanged: u32,
 }
 
+/// The parts of an environment, by their number.
+type Segments = Memo<(Id<Environment>, u32), Vec<Segment>>;
+
 /// The stages of image-space techniques.
 #[derive(Debug)]
 pub(super) struct ImageSpaceStages {
+    /// The parts of the environment: of pictures, and of previews.
+    segments: [Segments; 2],
     receivers: Memo<(Id<Tracer>, Vec<bool>), Tracer>,
     maps: Memo<MapsKey, ImageSpaceSum>,
     /// Frames before this one: of pictures, and of previews.
@@ -88,7 +94,8 @@ struct ImageSpaceSum {
 
 impl ImageSpaceStages {
     pub fn new() -> Self {
-        Self { receivers: Memo::new(Stage::Bvh), maps: Memo::new(Stage::Photons), past: Default::default() }
+        let segments = std::array::from_fn(|_| Memo::new(Stage::Light));
+        Self { segments, receivers: Memo::new(Stage::Bvh), maps: Memo::new(Stage::Photons), past: Default::default() }
     }
 
     async fn make(&mut self, inputs: &Inputs<'_>) -> Result<Arc<dyn Sum>, Error> {
@@ -98,7 +105,11 @@ impl ImageSpaceStages {
         let receives: Vec<bool> = scene.objects.iter().map(|object| object.receiver.is_some()).collect();
         let follows_tolerance = image_space.follows_tolerance() && !inputs.is_preview;
         let directions = image_space.lights * if follows_tolerance { MORE_DIRECTIONS } else { 1 };
-        let sources = sources(inputs, directions);
+        let environment = &inputs.light.environment;
+        let memo = &mut self.segments[usize::from(inputs.is_preview)];
+        let make = || segments(&environment.cube, directions);
+        let segmented = || memo.get((Id::of(environment), directions), progress, make);
+        let sources = sources(inputs, segmented);
         let tolerance = follows_tolerance.then_some(MORE_TOLERANCES * options.tolerance);
         let mut key = MapsKey {
             tracer: Id::of(&prepared.tracer),
@@ -403,7 +414,7 @@ fn options_of(inputs: &Inputs) -> ImageSpaceOptions {
 }
 
 /// The lights for an environment of intensity 1: the environment as one direction with an extent, or as many, and the lamps.
-fn sources(inputs: &Inputs, count: u32) -> Vec<Source> {
+fn sources(inputs: &Inputs, parts: impl FnOnce() -> Arc<Vec<Segment>>) -> Vec<Source> {
     let Inputs { scene, prepared, light, .. } = *inputs;
     let rotation = Mat3::from_rotation_y(light.rotation_rad);
     let from_far = match scene.environment.light {
@@ -415,13 +426,13 @@ fn sources(inputs: &Inputs, count: u32) -> Vec<Source> {
             vec![(PhotonLight::Directional { towards, irradiance, sigma_rad, profile: Profile::Gaussian }, None)]
         }
         _ => {
-            let of_segment = |segment: Segment| {
+            let of_segment = |segment: &Segment| {
                 let SegmentDirection { towards, irradiance } = segment.whole;
                 let (towards, profile) = (rotation * towards, Profile::Gaussian);
                 let whole = PhotonLight::Directional { towards, irradiance, sigma_rad: 0.0, profile };
-                (whole, Some((segment, rotation)))
+                (whole, Some((segment.clone(), rotation)))
             };
-            segments(&light.environment.cube, count).into_iter().map(of_segment).collect()
+            parts().iter().map(of_segment).collect()
         }
     };
     let lamps = light.lamps.iter().map(|lamp| (of_lamp(lamp), None));

@@ -147,7 +147,7 @@ impl Halves {
         self.maps.iter().map(|maps| maps.photons).sum()
     }
 
-    /// Work for an error, which falls with its root, in photons of points.
+    /// Work times squared error, in photons of points: more passes leave it as it is.
     fn effort(&self) -> f64 {
         let work = if self.way.mode == Mode::ExactPolygons { POLYGON_WORK } else { 1.0 };
         self.error().powi(2) * work * self.photons() as f64
