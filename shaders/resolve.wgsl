@@ -247,7 +247,7 @@ fn visit_cell(
             return Visit(looked_up, false);
         }
         // What is large and in doubt is taken leaf by leaf.
-        let in_leaves = is_large && (*traversal).is_doubtful && !is_part_of_ray(receiver.object);
+        let in_leaves = is_large && (*traversal).is_doubtful;
         is_one_sample = is_one_sample && (is_leaf(cell) || !in_leaves);
         seen = (*traversal).visible_fraction;
         if is_one_sample && (*traversal).is_doubtful && max_contribution >= MIN_TRACED_SHARE * budget {

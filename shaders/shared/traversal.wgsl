@@ -28,7 +28,8 @@ fn find_visible_fraction(sample: u32, receiver: Receiver, traversal: ptr<functio
     (*traversal).sample = sample;
     (*traversal).visible_fraction = seen.fraction;
     (*traversal).is_probed = false;
-    (*traversal).is_doubtful = seen.is_doubtful;
+    // Along a part of a ray edges of shadows are blurred: there maps know enough of them.
+    (*traversal).is_doubtful = seen.is_doubtful && !is_part_of_ray(receiver.object);
 }
 
 // Whether it is certain that the sample does not see the receiver.

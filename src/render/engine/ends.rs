@@ -80,27 +80,25 @@ impl<'a> EndLight<'a> {
         let is_known = |object| at_hits.is_some() && inputs.shows_irradiance(Aov::Direct, object);
         let at_hit = |hit: usize| at_hits.map_or(Vec3::ZERO, |direct| direct.light[hit]);
         let reprojection = Reprojection::new(rays, points, is_known);
-        let mut known = parallel::collect(points.len(), &|index| reprojection.light(index, at_hit));
-        if let Some(light) = &self.glossy {
-            let glossy: Vec<usize> = (0..points.len()).filter(|&k| is_glossy(self.materials, &points[k])).collect();
-            let of_glossy: Vec<&EndPoint> = glossy.iter().map(|&index| &points[index]).collect();
-            let reflected = light.reflected(self.materials, &of_glossy).await?;
-            let near_light = self.diffuse.near_light();
-            let of_near_light = |point: &&EndPoint| near_light.reflected(self.materials, &point.hit, point.view);
-            let of_near_light = parallel::map(&of_glossy, &of_near_light);
-            let all = reflected.into_iter().zip(of_near_light).map(|(environment, near)| environment + near);
-            glossy.into_iter().zip(all).for_each(|(index, radiance)| known[index] = Some(radiance));
-        }
+        let of_point = |index: usize| {
+            let is_sharp = !is_glossy(self.materials, &points[index]);
+            is_sharp.then(|| reprojection.light(index, at_hit)).flatten()
+        };
+        let known = parallel::collect(points.len(), &of_point);
         let unknown = (0..points.len()).filter(|&index| known[index].is_none());
         let grid = EndGrid::new(points, rays.view.size[0]);
         let mut light = AdaptiveLight::new(&grid, points.len(), unknown, &[]);
         light.set(known.iter().enumerate().filter_map(|(index, value)| Some((index, (*value)?.extend(0.0)))));
-        while let Some(mut open) = light.next_open() {
-            sort_along_curve(&mut open, points);
+        while let Some(open) = light.next_open() {
+            let (glossy, mut diffuse): (Vec<usize>, Vec<usize>) =
+                open.into_iter().partition(|&index| is_glossy(self.materials, &points[index]));
+            sort_along_curve(&mut diffuse, points);
             let hits = |group: &[usize]| group.iter().map(|&index| &points[index].hit).collect();
-            let groups: Vec<Vec<&Hit>> = open.chunks(POINTS_IN_A_GROUP).map(hits).collect();
-            let computed = self.diffuse.irradiance_of_groups(&groups).await?;
-            light.set(open.into_iter().zip(computed.into_iter().map(|value| value.extend(0.0))));
+            let groups: Vec<Vec<&Hit>> = diffuse.chunks(POINTS_IN_A_GROUP).map(hits).collect();
+            let irradiance = self.diffuse.irradiance_of_groups(&groups).await?;
+            let radiance = self.reflected(&glossy, points).await?;
+            let computed = diffuse.into_iter().zip(irradiance).chain(glossy.into_iter().zip(radiance));
+            light.set(computed.map(|(index, value)| (index, value.extend(0.0))));
         }
         let light: Vec<Vec3> = light.finish().iter().map(|light| Vec3::from_slice(light)).collect();
         if rays.view.pixel_samples > 1 {
@@ -116,6 +114,16 @@ impl<'a> EndLight<'a> {
         let of_parts = self.diffuse.irradiance_of_groups(&divided.open_in_groups()).await?;
         Ok(divided.with_direct(of_parts, light))
     }
+
+    /// The radiance that some of the points, on glossy receivers, reflect towards the viewers.
+    async fn reflected(&self, which: &[usize], points: &[EndPoint]) -> Result<Vec<Vec3>, Error> {
+        let Some(glossy) = self.glossy.as_ref().filter(|_| !which.is_empty()) else { return Ok(Vec::new()) };
+        let points: Vec<&EndPoint> = which.iter().map(|&index| &points[index]).collect();
+        let environment = glossy.reflected(self.materials, &points).await?;
+        let near_light = self.diffuse.near_light();
+        let near = parallel::map(&points, &|point| near_light.reflected(self.materials, &point.hit, point.view));
+        Ok(environment.into_iter().zip(near).map(|(environment, near)| environment + near).collect())
+    }
 }
 
 fn is_glossy(materials: &Materials, point: &EndPoint) -> bool {
@@ -123,12 +131,12 @@ fn is_glossy(materials: &Materials, point: &EndPoint) -> bool {
 }
 
 /// The caustic at the end points of paths: irradiance or, on glossy receivers, the radiance reflected towards the
-/// viewers. Where the camera sees the same surface, what is known there is interpolated. `direct` light at the same points hides
-/// errors.
+/// viewers. Where the camera sees the same surface, what is known there is interpolated. What the light at the same points is seen
+/// `beside` hides errors.
 pub(super) async fn caustic_at(
     inputs: &FrameInputs<'_>,
     sum: &Arc<dyn Sum>,
-    (points, direct): (&[EndPoint], &[Vec3]),
+    (points, beside): (&[EndPoint], &[Vec3]),
     rays: &CameraRays,
     at_hits: Option<&Caustic>,
 ) -> Result<Caustic, Error> {
@@ -152,13 +160,13 @@ pub(super) async fn caustic_at(
     }
     inputs.progress.advance((points.len() - sharp.len() - blurred.len()) as u64);
     let gather = EndGather { inputs, sum, points };
-    gather.add(blurred.clone(), &|index| direct[index], &mut sums).await?;
+    gather.add(blurred.clone(), &|index| beside[index], &mut sums).await?;
     known.extend(blurred);
     let grid = EndGrid::new(points, rays.view.size[0]);
-    let mut caustic = AdaptiveLight::new(&grid, points.len(), sharp.into_iter(), direct);
+    let mut caustic = AdaptiveLight::new(&grid, points.len(), sharp.into_iter(), beside);
     caustic.set(known.into_iter().map(|index| (index, Vec4::from_array(sums[index]))));
     while let Some(open) = caustic.next_open() {
-        let light = |index: usize| direct[index] + caustic.least(index);
+        let light = |index: usize| beside[index] + caustic.least(index);
         let (glossy, diffuse) = open.iter().partition(|&&index| is_glossy(materials, &points[index]));
         gather.add(diffuse, &light, &mut sums).await?;
         gather.reflect(glossy, &light, &mut sums).await?;
@@ -170,11 +178,11 @@ pub(super) async fn caustic_at(
         return Ok(sums.into());
     }
     let tolerance = inputs.options.tolerance;
-    let light = SeenLight { direct, caustic: &sums, tolerance, min_contrast: MIN_MIRRORED_CONTRAST };
+    let light = SeenLight { direct: beside, caustic: &sums, tolerance, min_contrast: MIN_MIRRORED_CONTRAST };
     let mut divided = beside_edges((&grid, sums.len()), |one, other| light.is_edge(one, other));
     divided.retain(|&index| points[index].receives);
     let parts = parts_of_ends(inputs, rays, (points, &divided), is_known, at_hit).await?;
-    DividedPixels::new(divided, parts).with_caustic((inputs, sum), direct, sums).await
+    DividedPixels::new(divided, parts).with_caustic((inputs, sum), beside, sums).await
 }
 
 /// The parts of some end points' pixels that see the same by way of smooth mirrors, if their light is irradiance; it is known on some

@@ -377,9 +377,14 @@ impl BandStages {
         if let Some(sum) = inputs.sum.filter(|_| inputs.options.shows_caustic()) {
             let steps = (paths.ends.len() as u64, inputs.progress);
             let source = (Id::of(sum), Id::of(&direct));
-            let key = EndsKey { paths: Id::of(paths), source, own: (None, id_of(own).1) };
-            let at_hits = own.caustic.as_deref();
-            let make = async || caustic_at(inputs, sum, (&paths.ends, &direct.light), rays, at_hits).await;
+            let key = EndsKey { paths: Id::of(paths), source, own: id_of(own) };
+            let make = async || {
+                let known = SurfaceLight { direct: Some(direct.clone()), caustic: None };
+                let nothing = Scattered::default();
+                let beside = shader(inputs, [own, &known], &nothing, 1.0).seen_beside(paths);
+                let beside: Vec<Vec3> = beside.into_iter().map(Vec3::splat).collect();
+                caustic_at(inputs, sum, (&paths.ends, &beside), rays, own.caustic.as_deref()).await
+            };
             caustic = Some(self.ends_caustic.wait_for(key, steps, make).await?);
         }
         Ok(SurfaceLight { direct: Some(direct), caustic })
@@ -403,8 +408,7 @@ impl BandStages {
             caustic_gain: options.caustic_gain,
             scattered: [&scattered.direct, &scattered.caustic].map(|light| light.as_ref().map(Id::of)),
         };
-        let width = (options.size[0] * options.pixel_samples) as usize;
-        let shader = Shader { light, own, ends, scattered, width, caustic_gain: options.caustic_gain };
+        let shader = shader(inputs, [own, ends], scattered, options.caustic_gain);
         let shaded = self.shading.get(key, progress, || shader.shade(paths));
         let displayed = self.display.get((Id::of(&shaded), display), progress, || shaded.displayed(&display));
         Beauty { radiance: shaded.radiance(), displayed }
@@ -429,6 +433,17 @@ async fn camera_rays(inputs: &FrameInputs<'_>, view: View) -> Result<CameraRays,
         Some(batches) => Ok(CameraRays::of_hits(view, batches.camera_hits(&view.rays()).await?)),
         None => Ok(CameraRays::trace(|ray| inputs.prepared.camera.hit(ray), view)),
     }
+}
+
+/// Shades with the light where camera rays hit and at the ends of paths.
+fn shader<'a>(
+    inputs: &FrameInputs<'a>,
+    [own, ends]: [&'a SurfaceLight; 2],
+    scattered: &'a Scattered,
+    caustic_gain: f32,
+) -> Shader<'a> {
+    let Options { size, pixel_samples, .. } = *inputs.options;
+    Shader { light: inputs.light, own, ends, scattered, width: (size[0] * pixel_samples) as usize, caustic_gain }
 }
 
 /// The number of fetches, which is the fourth component of the sums.

@@ -103,6 +103,43 @@ impl Shader<'_> {
         Shaded { first_point, points: points.concat() }
     }
 
+    /// For each end of a path, what its light is seen beside: other light that is as bright to the viewer as everything that the path's
+    /// points of the pixel show, in the units of the end's light, for an environment of intensity 1. What a path shows faintly, or
+    /// beside something bright, is seen less exactly.
+    pub fn seen_beside(&self, paths: &Paths) -> Vec<f32> {
+        let of_pixels: Vec<Vec<(u32, f32)>> = parallel::map(&paths.pixels, &|pixel| self.ends_seen_beside(pixel));
+        let mut beside = vec![0.0; paths.ends.len()];
+        of_pixels.into_iter().flatten().for_each(|(end, light)| beside[end as usize] = light);
+        beside
+    }
+
+    /// The ends of a pixel's paths, and what each is seen beside: the harmonic mean over the points that show it, so that what some
+    /// of them show clearly counts.
+    fn ends_seen_beside(&self, pixel: &PixelPaths) -> Vec<(u32, f32)> {
+        let is_end = |term: &Term| matches!(term.source, Source::EndPoint(_));
+        if self.light.intensity == 0.0 || !pixel.terms.iter().any(is_end) {
+            return Vec::new();
+        }
+        let shaded = self.shade_pixel(pixel);
+        let parts = shaded.len() / usize::from(pixel.points);
+        let brightness = |point: u16| {
+            let of_point = shaded.iter().skip(usize::from(point) * parts).take(parts);
+            let surfaces = of_point.map(|p| p.surfaces.element_sum()).sum::<f32>();
+            surfaces / (parts as f32 * self.light.intensity)
+        };
+        // Of each end: by how much all points change relatively with its light, and the number of its terms.
+        let mut changes: Vec<(u32, f32, f32)> = Vec::new();
+        for term in &pixel.terms {
+            let Source::EndPoint(end) = term.source else { continue };
+            let change = term.factor.element_sum() / brightness(term.point);
+            match changes.iter_mut().find(|(other, ..)| *other == end) {
+                Some((_, sum, count)) => (*sum, *count) = (*sum + change, *count + 1.0),
+                None => changes.push((end, change, 1.0)),
+            }
+        }
+        changes.into_iter().map(|(end, sum, count)| (end, if sum > 0.0 { count / sum } else { 0.0 })).collect()
+    }
+
     fn shade_pixel(&self, pixel: &PixelPaths) -> Vec<ShadedPoint> {
         let parts = if pixel.points == 1 && self.is_divided(pixel) { PARTS } else { 1 };
         let mut points = vec![ShadedPoint::default(); usize::from(pixel.points) * parts];

@@ -129,10 +129,12 @@ impl TileGather<'_> {
         bits(max.simd_ge(splat(simd, share * self.criterion.error_budget_of(area))))
     }
 
-    /// The objects that receivers lie on, if what the maps leave in doubt is traced.
+    /// The objects that receivers lie on, if what the maps leave in doubt is traced. Along a part of a ray edges of shadows are blurred:
+    /// there maps know enough of them.
     #[inline(always)]
     pub fn doubted<'r, S: Simd>(&self, receiver: &Receiver<'r, S>) -> Option<&'r [u32; LANES]> {
-        self.context.pinholes.occluders.as_ref().map(|_| receiver.object)
+        let is_traced = self.context.pinholes.occluders.is_some() && receiver.length.is_none();
+        is_traced.then_some(receiver.object)
     }
 
     /// Settles, where that is possible at once, what the sample of the visited cell sees of doubtful receivers.

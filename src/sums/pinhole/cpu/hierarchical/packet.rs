@@ -185,7 +185,7 @@ impl TileGather<'_> {
         accepted &= visible.lanes;
         // Of a cluster, other samples may see what its central one does not.
         refined &= if is_cluster { ALL } else { visible.lanes };
-        if !cell.is_leaf() && receiver.length.is_none() {
+        if !cell.is_leaf() {
             // What is large and in doubt is taken leaf by leaf.
             let in_parts = accepted & visible.doubtful & large;
             (accepted, refined) = (accepted & !in_parts, refined | in_parts);
