@@ -20,9 +20,6 @@ pub(super) trait PixelGrid: Sync {
     /// Pixels in a row.
     fn width(&self) -> usize;
 
-    /// Rows, as far as there are points.
-    fn height(&self) -> usize;
-
     /// Column and row of a point's pixel.
     fn pixel(&self, index: usize) -> (usize, usize);
 
@@ -68,14 +65,8 @@ pub(super) trait PixelGrid: Sync {
         bilinear([a, b, c, d], part).distance(own) <= MAX_DEVIATION * spacing
     }
 
-    /// Whether light may be interpolated next to the picture's edges, too: beyond them it is taken to bend as far as before them. Something
-    /// narrow that runs along an edge is missed.
-    fn goes_on_beyond_edges(&self) -> bool {
-        false
-    }
-
-    /// The light at a point from the sixteen around it, if they are all known, lie on the same smooth surface and are lit smoothly.
-    /// `leniency`: how many times as far as on surfaces light may bend.
+    /// The light at a point from those around it, four by four, if the inner ones are known, all that are known lie on the same smooth
+    /// surface, and they are lit smoothly. `leniency`: how many times as far as on surfaces light may bend.
     fn interpolate_at(
         &self,
         index: usize,
@@ -83,63 +74,26 @@ pub(super) trait PixelGrid: Sync {
         (beside, leniency): (Vec3, f32),
     ) -> Option<Vec3> {
         let (x, y) = self.pixel(index);
-        let (columns, rows) = (places_around(x, self.width()), places_around(y, self.height()));
-        let is_within = columns.iter().chain(&rows).all(Option::is_some);
-        if !is_within && !self.goes_on_beyond_edges() {
+        let (columns, rows) = (places_around(x), places_around(y));
+        let node = |i: usize, j: usize| {
+            let column = columns[i].filter(|column| *column < self.width())?;
+            self.counterpart(index, column, rows[j]?).filter(|node| self.may_interpolate(index, *node))
+        };
+        let inner = [node(1, 1)?, node(2, 1)?, node(1, 2)?, node(2, 2)?];
+        let around = std::array::from_fn(|j| std::array::from_fn(|i| node(i, j).and_then(&light)));
+        let [Some(a), Some(b), Some(c), Some(d)] = [around[1][1], around[1][2], around[2][1], around[2][2]] else {
             return None;
-        }
-        let (mut around, mut inner) = ([[Vec3::ZERO; 4]; 4], [0; 4]);
-        for (k, value) in around.iter_mut().flatten().enumerate() {
-            let (i, j) = (k % 4, k / 4);
-            let is_inner = (1..3).contains(&i) && (1..3).contains(&j);
-            let Some((column, row)) = columns[i].zip(rows[j]) else {
-                if is_inner {
-                    return None;
-                }
-                continue;
-            };
-            let node = self.counterpart(index, column, row)?;
-            *value = light(node).filter(|_| self.may_interpolate(index, node))?;
-            if is_inner {
-                inner[2 * (j - 1) + i - 1] = node;
-            }
-        }
-        extrapolate(&mut around, columns.map(|place| place.is_some()), rows.map(|place| place.is_some()));
+        };
         let part = Vec2::new((x % STEP) as f32, (y % STEP) as f32) / STEP as f32;
-        let corners = [around[1][1], around[1][2], around[2][1], around[2][2]];
         let is_smooth = self.lies_between(index, inner, part) && is_smooth(&around, beside, leniency);
-        is_smooth.then(|| bilinear(corners, part))
+        is_smooth.then(|| bilinear([a, b, c, d], part))
     }
 }
 
-/// The four places along an axis of so many pixels between whose inner ones a place lies; those that exist.
-fn places_around(place: usize, count: usize) -> [Option<usize>; 4] {
+/// The four places along an axis between whose inner ones a place lies.
+fn places_around(place: usize) -> [Option<usize>; 4] {
     let before = place / STEP * STEP;
-    std::array::from_fn(|k| (before + k * STEP).checked_sub(STEP).filter(|place| *place < count))
-}
-
-/// Fills the outer columns and rows that do not exist: light bends there as far as on the other side.
-fn extrapolate(light: &mut [[Vec3; 4]; 4], columns: [bool; 4], rows: [bool; 4]) {
-    let beyond = |a: Vec3, b: Vec3, c: Vec3| 3.0 * a - 3.0 * b + c;
-    for row in light.iter_mut() {
-        let [a, b, c, d] = *row;
-        match (columns[0], columns[3]) {
-            (false, true) => row[0] = beyond(b, c, d),
-            (true, false) => row[3] = beyond(c, b, a),
-            (false, false) => (row[0], row[3]) = (2.0 * b - c, 2.0 * c - b),
-            (true, true) => (),
-        }
-    }
-    let [a, b, c, d] = *light;
-    let each = |of: &dyn Fn(usize) -> Vec3| std::array::from_fn(of);
-    match (rows[0], rows[3]) {
-        (false, true) => light[0] = each(&|k| beyond(b[k], c[k], d[k])),
-        (true, false) => light[3] = each(&|k| beyond(c[k], b[k], a[k])),
-        (false, false) => {
-            (light[0], light[3]) = (each(&|k| 2.0 * b[k] - c[k]), each(&|k| 2.0 * c[k] - b[k]));
-        }
-        (true, true) => (),
-    }
+    std::array::from_fn(|k| (before + k * STEP).checked_sub(STEP))
 }
 
 /// Every other pixel of a grid, in columns and in rows.
@@ -149,10 +103,6 @@ pub(super) struct CoarserGrid<'g, G>(pub &'g G);
 impl<G: PixelGrid> PixelGrid for CoarserGrid<'_, G> {
     fn width(&self) -> usize {
         self.0.width().div_ceil(STEP)
-    }
-
-    fn height(&self) -> usize {
-        self.0.height().div_ceil(STEP)
     }
 
     fn pixel(&self, index: usize) -> (usize, usize) {
@@ -166,10 +116,6 @@ impl<G: PixelGrid> PixelGrid for CoarserGrid<'_, G> {
 
     fn hit(&self, index: usize) -> Option<&Hit> {
         self.0.hit(index)
-    }
-
-    fn goes_on_beyond_edges(&self) -> bool {
-        self.0.goes_on_beyond_edges()
     }
 
     fn may_interpolate(&self, index: usize, other: usize) -> bool {
@@ -321,10 +267,6 @@ impl PixelGrid for EndGrid<'_> {
         self.width
     }
 
-    fn height(&self) -> usize {
-        self.points.last().map_or(0, |point| point.pixel as usize / self.width + 1)
-    }
-
     fn pixel(&self, index: usize) -> (usize, usize) {
         let pixel = self.points[index].pixel as usize;
         (pixel % self.width, pixel / self.width)
@@ -346,10 +288,6 @@ impl PixelGrid for EndGrid<'_> {
 impl PixelGrid for CameraRays {
     fn width(&self) -> usize {
         self.width as usize
-    }
-
-    fn height(&self) -> usize {
-        self.hits.len() / self.width as usize
     }
 
     fn pixel(&self, index: usize) -> (usize, usize) {
@@ -399,26 +337,6 @@ mod tests {
             None,
             "off its neighbours' surface"
         );
-    }
-
-    #[test]
-    fn light_goes_on_beyond_edges_as_it_bends_before_them() {
-        let parabola = |x: f32, y: f32| Vec3::splat(10.0 + x - 0.25 * x * x + 2.0 * y - 0.5 * y * y);
-        let whole: [[Vec3; 4]; 4] = std::array::from_fn(|j| std::array::from_fn(|i| parabola(i as f32, j as f32)));
-        for missing in 0..4 {
-            let (columns, rows) =
-                ([3 * (missing % 2), 3 * (missing / 2)]).map(|lost| [0, 1, 2, 3].map(|k| k != lost)).into();
-            let mut light = whole;
-            for (k, value) in light.iter_mut().flatten().enumerate() {
-                if !(columns[k % 4] && rows[k / 4]) {
-                    *value = Vec3::ZERO;
-                }
-            }
-            extrapolate(&mut light, columns, rows);
-            assert_eq!(light, whole);
-        }
-        assert_eq!(places_around(1, 10), [None, Some(0), Some(2), Some(4)]);
-        assert_eq!(places_around(9, 10), [Some(6), Some(8), None, None]);
     }
 
     /// A line of light one pixel wide, of which the nodes show every other pixel only.

@@ -9,16 +9,22 @@ pub(super) const MAX_DEVIATION: f32 = 0.3;
 const MAX_CURVATURE: f32 = 0.01;
 
 /// Whether linear interpolation is good enough between the inner four places: along the inner rows and columns the light hardly bends
-/// on either side, in proportion to itself and other light `beside` it; `leniency` times as much as on surfaces.
-pub(super) fn is_smooth(light: &[[Vec3; 4]; 4], beside: Vec3, leniency: f32) -> bool {
-    let linear = 0.25 * (light[1][1] + light[1][2] + light[2][1] + light[2][2]);
+/// on either side, in proportion to itself and other light `beside` it; `leniency` times as much as on surfaces. Where one of the outer
+/// places of a row or column is unknown, light is taken to bend there as far as on its other side.
+pub(super) fn is_smooth(light: &[[Option<Vec3>; 4]; 4], beside: Vec3, leniency: f32) -> bool {
+    let inner = [light[1][1], light[1][2], light[2][1], light[2][2]];
+    let linear = 0.25 * inner.into_iter().flatten().sum::<Vec3>();
     let most = leniency * 16.0 * MAX_CURVATURE * (linear + beside).max_element();
     // Cubic interpolation differs from linear by a sixteenth of the sum of the second differences. At a step halfway between places these
     // cancel, so their magnitudes are summed.
-    let bends =
-        |a: Vec3, b: Vec3, c: Vec3, d: Vec3| ((a - 2.0 * b + c).abs() + (b - 2.0 * c + d).abs()).max_element() > most;
-    let [r0, r1, r2, r3] = light;
-    (1..3).all(|k| !bends(light[k][0], light[k][1], light[k][2], light[k][3]) && !bends(r0[k], r1[k], r2[k], r3[k]))
+    let is_straight = |[a, b, c, d]: [Option<Vec3>; 4]| {
+        let (Some(b), Some(c)) = (b, c) else { return false };
+        let before = a.map(|a| (a - 2.0 * b + c).abs());
+        let after = d.map(|d| (b - 2.0 * c + d).abs());
+        let sum = |known: Vec3| before.unwrap_or(known) + after.unwrap_or(known);
+        before.or(after).is_some_and(|known| sum(known).max_element() <= most)
+    };
+    (1..3).all(|k| is_straight(light[k]) && is_straight(light.map(|row| row[k])))
 }
 
 /// Interpolates between four values, the upper ones first.
@@ -34,7 +40,7 @@ mod tests {
     fn slopes_are_smooth_and_ridges_are_not() {
         let grid = |light: fn(f32, f32) -> f32| {
             let place = |k: usize| k as f32 - 1.5;
-            std::array::from_fn(|j| std::array::from_fn(|i| Vec3::splat(light(place(i), place(j)))))
+            std::array::from_fn(|j| std::array::from_fn(|i| Some(Vec3::splat(light(place(i), place(j))))))
         };
         assert!(is_smooth(&grid(|_, _| 0.0), Vec3::ZERO, 1.0));
         assert!(is_smooth(&grid(|x, y| 5.0 + x - 2.0 * y), Vec3::ZERO, 1.0));
@@ -42,6 +48,17 @@ mod tests {
         assert!(!is_smooth(&grid(|_, y| if y > 1.0 { 2.0 } else { 1.0 }), Vec3::ZERO, 1.0));
         assert!(!is_smooth(&grid(|x, _| if x > 0.0 { 2.0 } else { 1.0 }), Vec3::ZERO, 1.0));
         assert!(is_smooth(&grid(|x, _| 5.0 - x * x), Vec3::splat(100.0), 1.0), "not seen beside more light");
+        let without_first = |light: fn(f32, f32) -> f32| {
+            let mut light: [[Option<Vec3>; 4]; 4] = grid(light);
+            light[0] = [None; 4];
+            light.iter_mut().for_each(|row| row[0] = None);
+            light
+        };
+        assert!(is_smooth(&without_first(|x, y| 5.0 + x - 2.0 * y), Vec3::ZERO, 1.0), "at the edge of a surface");
+        assert!(!is_smooth(&without_first(|x, _| 5.0 - x * x), Vec3::ZERO, 1.0));
+        let mut narrow = without_first(|_, _| 1.0);
+        narrow.iter_mut().for_each(|row| row[3] = None);
+        assert!(!is_smooth(&narrow, Vec3::ZERO, 1.0), "nothing tells how light bends");
         let corners = [0.0, 1.0, 2.0, 5.0].map(Vec3::splat);
         assert_eq!(bilinear(corners, Vec2::new(0.5, 0.25)), Vec3::splat(0.75 * 0.5 + 0.25 * 3.5));
     }

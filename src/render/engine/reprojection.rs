@@ -52,7 +52,7 @@ fn interpolated(place: Place, width: usize, at_hits: impl Fn(usize) -> Vec3) -> 
     let Place { first, part, is_resolved } = place;
     let row = |row: usize| {
         let start = first + row * width - width - 1;
-        std::array::from_fn::<Vec3, 4, _>(|column| at_hits(start + column))
+        std::array::from_fn::<_, 4, _>(|column| Some(at_hits(start + column)))
     };
     let is_enough = is_resolved || is_smooth(&std::array::from_fn(row), Vec3::ZERO, 1.0);
     is_enough.then(|| bilinear(corners(first, width).map(at_hits), part))

@@ -233,10 +233,6 @@ impl PixelGrid for PictureRays<'_> {
         self.camera_rays.width as usize
     }
 
-    fn height(&self) -> usize {
-        PixelGrid::height(self.camera_rays)
-    }
-
     fn pixel(&self, index: usize) -> (usize, usize) {
         PixelGrid::pixel(self.camera_rays, index)
     }
@@ -247,10 +243,6 @@ impl PixelGrid for PictureRays<'_> {
 
     fn hit(&self, index: usize) -> Option<&Hit> {
         self.rays.end(index)
-    }
-
-    fn goes_on_beyond_edges(&self) -> bool {
-        true
     }
 
     /// What a ray hits does not matter, only the visible length of the medium before it.
