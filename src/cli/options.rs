@@ -155,7 +155,7 @@ pub struct CommonOptions {
     /// hierarchical (a tree of cells) [default: auto]
     #[arg(long, value_parser = word::<EvaluationChoice>, value_name = "NAME")]
     pub evaluation: Option<EvaluationChoice>,
-    /// Maximum number of cells that each sample is split into, rounded down to a power of four [default: 64 in a
+    /// Maximum number of cells that each sample is split into, rounded down to a power of four [default: 256 in a
     /// hierarchy, else 1]
     #[arg(long, value_name = "N")]
     pub leaves: Option<u32>,

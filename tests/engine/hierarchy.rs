@@ -239,7 +239,7 @@ fn what_is_not_known_is_refused_or_left_to_the_flat_sum() {
     };
     use pinspot::Evaluation::{Flat, Hierarchical};
     use pinspot::{Epsilon, FilterChoice, Footprint};
-    assert_eq!(render(&|_| ()).unwrap(), Hierarchical { leaves: 64, tolerance: 0.01 });
+    assert_eq!(render(&|_| ()).unwrap(), Hierarchical { leaves: 256, tolerance: 0.01 });
     assert_eq!(render(&|o| o.leaves = Some(20)).unwrap(), Hierarchical { leaves: 16, tolerance: 0.01 });
     let obstacles: [&dyn Fn(&mut pinspot::Options); 3] =
         [&|o| o.filter = FilterChoice::None, &|o| o.footprint = Footprint::Curvature, &|o| {

@@ -134,7 +134,9 @@ impl DividedPixels {
         if !places.is_empty() {
             let mut receivers = Receivers::from_points(&places, POINTS_IN_A_ROW);
             for (place, (index, _)) in self.open().enumerate() {
-                receivers.tolerate(place, inputs.hidden_error(direct[index] + Vec3::from_slice(&sums[index])));
+                let error = inputs.hidden_error(direct[index] + Vec3::from_slice(&sums[index]));
+                // Each is a part of what is seen.
+                receivers.tolerate(place, PARTS as f32 * error);
             }
             of_parts = sum.irradiance(&receivers, &Uncounted(inputs.progress)).await?;
         }
