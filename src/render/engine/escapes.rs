@@ -4,8 +4,8 @@
 
 use glam::Vec3;
 
-/// Directions that differ by more, radians, are taken for those of different parts of a mirror.
-const MAX_SIDE: f32 = 0.2;
+/// Footprints of strongly curved mirrors are no longer than this, radians: beyond it directions may be those of different parts.
+const MAX_SIDE: f32 = 0.5;
 
 /// A path that reached the environment.
 #[derive(Clone, Copy, Debug)]
@@ -29,7 +29,7 @@ pub(super) fn footprints(points: &[Vec<Escape>], columns: usize) -> impl Iterato
         let previous = (at > 0).then(|| neighbour(index - step)).flatten().map(|previous| own.direction - previous);
         let changes = [next, previous].into_iter().flatten();
         let least = changes.min_by(|a, b| a.length_squared().total_cmp(&b.length_squared()));
-        let change = least.filter(|change| change.length_squared() < MAX_SIDE * MAX_SIDE).unwrap_or(Vec3::ZERO);
+        let change = least.unwrap_or(Vec3::ZERO).clamp_length_max(MAX_SIDE);
         change - change.dot(own.direction) * own.direction
     };
     points.iter().enumerate().flat_map(move |(index, escapes)| {
@@ -59,6 +59,14 @@ mod tests {
             let expected = if *term == 12 { 0.0 } else { 0.02 };
             assert!((vertical.length() - expected).abs() < 0.003, "{vertical}");
         }
+    }
+
+    #[test]
+    fn points_on_a_strongly_curved_mirror_show_a_wide_footprint() {
+        let points = [0.0, 1.0, 2.0]
+            .map(|angle: f32| vec![Escape { term: 0, key: 1, direction: Vec3::new(angle.cos(), angle.sin(), 0.0) }]);
+        let sides: Vec<_> = footprints(&points, 3).map(|(_, [horizontal, _])| horizontal.length()).collect();
+        assert!(sides.iter().all(|side| (0.4..0.501).contains(side)), "{sides:?}");
     }
 
     #[test]

@@ -121,6 +121,10 @@ impl Evaluation {
 /// Default number of leaves per sample in a hierarchy. With 64, sunlit caustics of `ring` and `gloss` are visibly grainy; this many cost
 /// hardly more time, as a sum visits few of them, and four times as many cost twice as much.
 const LEAVES: u32 = 256;
+/// Where there are many samples there are fewer leaves by default: a tree of more cells than this takes seconds to build.
+const CELLS: u64 = 1 << 20;
+/// Not fewer than this, however, unless memory is short.
+const FEW_LEAVES: u32 = 64;
 
 /// An overlay on the beauty picture.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, Serialize)]
@@ -277,7 +281,7 @@ options! {
     /// How the samples are summed.
     evaluation / with_evaluation: EvaluationChoice = EvaluationChoice::default(),
     /// The largest number of cells that each sample is split into, rounded down to a power of four. `None`: 256 in a hierarchy
-    /// (fewer where the tree would become too large), else 1.
+    /// (fewer where the tree would become large), else 1.
     leaves / with_leaves: Option<u32> = None,
     /// Allowed error of a hierarchical sum, relative to the mean irradiance; from 1e-5 to 1. See docs/scenes.md.
     tolerance / with_tolerance: f32 = 0.01,
@@ -411,7 +415,9 @@ impl Options {
         let power_of_four = |leaves: u32| 4u32.pow(leaves.ilog(4));
         let flat = Evaluation::Flat { leaves: power_of_four(self.leaves.unwrap_or(1)) };
         let most = if on_gpu { MAX_CELLS_OF_BINDING } else { MAX_CELLS };
-        let fits = |leaves: &u32| u64::from(self.samples) * u64::from(*leaves) <= most;
+        let fits = |leaves: &u32| {
+            u64::from(self.samples) * u64::from(*leaves) <= if *leaves > FEW_LEAVES { CELLS.min(most) } else { most }
+        };
         let by_default =
             std::iter::successors(Some(LEAVES), |leaves| Some(leaves / 4)).take_while(|l| *l > 0).find(fits);
         let leaves = power_of_four(self.leaves.or(by_default).unwrap_or(1));
@@ -479,7 +485,8 @@ mod tests {
             Options::default().with_samples(samples).resolved_evaluation(Filter::Anisotropic, on_gpu).unwrap()
         };
         let hierarchical = |leaves| Evaluation::Hierarchical { leaves, tolerance: 0.01 };
-        assert_eq!([resolved(1000, false), resolved(1000, true)], [hierarchical(64); 2]);
+        assert_eq!([resolved(1000, false), resolved(1000, true)], [hierarchical(256); 2]);
+        assert_eq!([resolved(5000, false), resolved(5000, true)], [hierarchical(64); 2]);
         assert_eq!([resolved(40_000, false), resolved(40_000, true)], [hierarchical(64), hierarchical(16)]);
         assert_eq!([resolved(100_000, false), resolved(1_000_000, false)], [hierarchical(16), hierarchical(4)]);
         assert_eq!(resolved(1_400_000, true), hierarchical(1));

@@ -86,6 +86,23 @@ pub(super) fn passed<'a>(lamps: &'a [Lamp], segment: &'a Segment<'a>) -> impl It
     })
 }
 
+/// Whether the outline of a lamp runs through a pixel: lamps are so much brighter than what is beside them that such a pixel has to be
+/// tone-mapped point by point. The rays are those through its centre, which meets this, and through a corner.
+pub(super) fn shows_outline(lamps: &[Lamp], [centre, corner]: [&Ray; 2], hit: Option<&Hit>) -> bool {
+    let direction = centre.direction.normalize();
+    let turn = corner.direction.normalize().distance(direction);
+    lamps.iter().any(|lamp| {
+        let to = lamp.position - centre.origin;
+        let distance = to.length();
+        let is_hidden = hit.is_some_and(|hit| hit.distance * centre.direction.length() < distance - lamp.radius);
+        if distance <= lamp.radius || is_hidden {
+            return false;
+        }
+        let off_outline = direction.distance(to / distance) - chord_of_sphere(lamp.radius / distance);
+        off_outline.abs() < turn + corner.origin.distance(centre.origin) / distance
+    })
+}
+
 impl PixelPaths {
     /// Adds the lamps that its paths see; the points of the pixel are `columns` a row.
     pub(super) fn add_lamps(&mut self, passing: &[Passing], columns: u32) {
