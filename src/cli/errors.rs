@@ -68,7 +68,9 @@ fn gpu_remedy(error: &GpuError) -> Option<&'static str> {
         GpuError::TextureTooLarge { .. } => "give a smaller --size or --cube-size, or --backend cpu",
         GpuError::TooManyTriangles { .. } => "give --visibility none or --backend cpu",
         GpuError::MapsTooLarge { .. } => "give fewer --samples, --visibility none or --backend cpu",
-        GpuError::LoopCutShort { .. } => "give --backend cpu, a larger --tolerance, or --evaluation flat",
+        GpuError::LoopCutShort { .. } => {
+            "give --backend cpu, a larger --tolerance, fewer --leaves, or --evaluation flat"
+        }
         GpuError::TreeTooLarge { .. } => "give fewer --samples or --leaves, or --backend cpu",
         GpuError::TooManySamples { .. } => "give fewer --samples or --backend cpu",
         _ => return None,

@@ -17,7 +17,7 @@ use crate::progress::{Progress, Uncounted};
 use crate::technique::{Pending, Statistics, Sum};
 
 /// The largest number of passes that the traversal is split into, on adapters that end loops early.
-const MAX_SPLIT_PASSES: u32 = 512;
+const MAX_SPLIT_PASSES: u32 = 4096;
 
 /// A tree on the device, and the light.
 #[derive(Debug)]
