@@ -45,11 +45,9 @@ fn a_torch_has_all_of_its_beam() {
     let radiance = 100.0 / (PI * 0.0005 * 0.0005);
     let expected = PI * radiance * (sine2(rims[1]) - sine2(rims[0]));
     let size = 64;
-    // All leaves light the beam: more of them take a software adapter minutes.
-    let options = Options::default().with_size([size; 2]).with_leaves(Some(64));
+    let options = Options::default().with_size([size; 2]);
     let in_beam = |x: u32, y: u32| (x as f32 + 0.5 - 32.0).hypot(y as f32 + 0.5 - 32.0) < 0.02 * size as f32;
-    let flat =
-        caustic(&scene, options.clone().with_leaves(None).with_evaluation(EvaluationChoice::Flat), &BackendChoice::Cpu);
+    let flat = caustic(&scene, options.clone().with_evaluation(EvaluationChoice::Flat), &BackendChoice::Cpu);
     for choice in [BackendChoice::Cpu, BackendChoice::Gpu(None)] {
         let image = caustic(&scene, options.clone(), &choice);
         let (beam, energy) =

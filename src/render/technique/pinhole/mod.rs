@@ -191,7 +191,7 @@ impl PinholeStages {
     async fn make(&mut self, inputs: Inputs<'_>, light: &mut LightStages) -> Result<Arc<dyn Sum>, Error> {
         let Inputs { options, backend, progress, .. } = inputs;
         let (filter, warning) = backend.resolve_filter(options.filter).await?;
-        let evaluation = options.resolved_evaluation(filter, backend.is_gpu())?;
+        let evaluation = options.resolved_evaluation(filter, backend.is_gpu(), !inputs.light.lamps.is_empty())?;
         let softening = if inputs.is_preview { PREVIEW_SOFTENING } else { 0.0 };
         let params = Params { softening, ..params(&inputs, filter) };
         let environment = inputs.light.environment.clone();
@@ -448,7 +448,9 @@ impl TechniqueStages for PinholeStages {
         // What GPUs filter in hardware, the CPU does by taps.
         let filter =
             options.filter.filter().filter(|filter| *filter != Filter::Hardware).unwrap_or(Filter::Anisotropic);
-        let Evaluation::Hierarchical { leaves, tolerance } = options.resolved_evaluation(filter, false)? else {
+        let has_lamps = !inputs.light.lamps.is_empty();
+        let Evaluation::Hierarchical { leaves, tolerance } = options.resolved_evaluation(filter, false, has_lamps)?
+        else {
             return Ok(None);
         };
         let points = self.samples.points(inputs)?;
