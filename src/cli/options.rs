@@ -156,7 +156,7 @@ pub struct CommonOptions {
     #[arg(long, value_parser = word::<EvaluationChoice>, value_name = "NAME")]
     pub evaluation: Option<EvaluationChoice>,
     /// Maximum number of cells that each sample is split into, rounded down to a power of four [default: 256 in a
-    /// hierarchy, or fewer under lamps and with many samples, else 1]
+    /// hierarchy, or fewer under near light and with many samples, else 1]
     #[arg(long, value_name = "N")]
     pub leaves: Option<u32>,
     /// Allowed error of a hierarchical sum, relative to the caustic's mean irradiance; unless the caustic is an output

@@ -281,7 +281,7 @@ options! {
     /// How the samples are summed.
     evaluation / with_evaluation: EvaluationChoice = EvaluationChoice::default(),
     /// The largest number of cells that each sample is split into, rounded down to a power of four. `None`: 256 in a hierarchy
-    /// (64 under lamps, fewer where the tree would become large), else 1.
+    /// (64 under near light, fewer where the tree would become large), else 1.
     leaves / with_leaves: Option<u32> = None,
     /// Allowed error of a hierarchical sum, relative to the mean irradiance; from 1e-5 to 1. See docs/scenes.md.
     tolerance / with_tolerance: f32 = 0.01,
@@ -410,13 +410,13 @@ impl Options {
         Ok(())
     }
 
-    /// How the samples are summed with this filter, on a GPU or on the CPU. Lamps are seen by closed forms, which need few leaves, and all
-    /// that see a lamp's edge are visited.
+    /// How the samples are summed with this filter, on a GPU or on the CPU. Near light needs few leaves: lamps are seen by closed forms, and
+    /// views of other near light are coarse.
     pub(crate) fn resolved_evaluation(
         &self,
         filter: Filter,
         on_gpu: bool,
-        has_lamps: bool,
+        has_near_light: bool,
     ) -> Result<Evaluation, OptionError> {
         let power_of_four = |leaves: u32| 4u32.pow(leaves.ilog(4));
         let flat = Evaluation::Flat { leaves: power_of_four(self.leaves.unwrap_or(1)) };
@@ -425,7 +425,7 @@ impl Options {
             let most = if *leaves > FEW_LEAVES { CELLS.min(most) } else { most };
             u64::from(self.samples) * u64::from(*leaves) <= most
         };
-        let first = if has_lamps { FEW_LEAVES } else { LEAVES };
+        let first = if has_near_light { FEW_LEAVES } else { LEAVES };
         let by_default =
             std::iter::successors(Some(first), |leaves| Some(leaves / 4)).take_while(|l| *l > 0).find(fits);
         let leaves = power_of_four(self.leaves.or(by_default).unwrap_or(1));
@@ -494,8 +494,8 @@ mod tests {
         };
         let hierarchical = |leaves| Evaluation::Hierarchical { leaves, tolerance: 0.01 };
         assert_eq!([resolved(1000, false), resolved(1000, true)], [hierarchical(256); 2]);
-        let under_lamps = Options::default().resolved_evaluation(Filter::Anisotropic, false, true).unwrap();
-        assert_eq!(under_lamps, hierarchical(64));
+        let under_near_light = Options::default().resolved_evaluation(Filter::Anisotropic, false, true).unwrap();
+        assert_eq!(under_near_light, hierarchical(64));
         assert_eq!([resolved(5000, false), resolved(5000, true)], [hierarchical(64); 2]);
         assert_eq!([resolved(40_000, false), resolved(40_000, true)], [hierarchical(64), hierarchical(16)]);
         assert_eq!([resolved(100_000, false), resolved(1_000_000, false)], [hierarchical(16), hierarchical(4)]);

@@ -191,7 +191,7 @@ impl PinholeStages {
     async fn make(&mut self, inputs: Inputs<'_>, light: &mut LightStages) -> Result<Arc<dyn Sum>, Error> {
         let Inputs { options, backend, progress, .. } = inputs;
         let (filter, warning) = backend.resolve_filter(options.filter).await?;
-        let evaluation = options.resolved_evaluation(filter, backend.is_gpu(), !inputs.light.lamps.is_empty())?;
+        let evaluation = options.resolved_evaluation(filter, backend.is_gpu(), inputs.light.has_near_light())?;
         let softening = if inputs.is_preview { PREVIEW_SOFTENING } else { 0.0 };
         let params = Params { softening, ..params(&inputs, filter) };
         let environment = inputs.light.environment.clone();
@@ -448,8 +448,9 @@ impl TechniqueStages for PinholeStages {
         // What GPUs filter in hardware, the CPU does by taps.
         let filter =
             options.filter.filter().filter(|filter| *filter != Filter::Hardware).unwrap_or(Filter::Anisotropic);
-        let has_lamps = !inputs.light.lamps.is_empty();
-        let Evaluation::Hierarchical { leaves, tolerance } = options.resolved_evaluation(filter, false, has_lamps)?
+        let has_near_light = inputs.light.has_near_light();
+        let Evaluation::Hierarchical { leaves, tolerance } =
+            options.resolved_evaluation(filter, false, has_near_light)?
         else {
             return Ok(None);
         };
