@@ -48,16 +48,17 @@ mod tests {
         assert!(!is_smooth(&grid(|_, y| if y > 1.0 { 2.0 } else { 1.0 }), Vec3::ZERO, 1.0));
         assert!(!is_smooth(&grid(|x, _| if x > 0.0 { 2.0 } else { 1.0 }), Vec3::ZERO, 1.0));
         assert!(is_smooth(&grid(|x, _| 5.0 - x * x), Vec3::splat(100.0), 1.0), "not seen beside more light");
-        let without_first = |light: fn(f32, f32) -> f32| {
-            let mut light: [[Option<Vec3>; 4]; 4] = grid(light);
-            light[0] = [None; 4];
-            light.iter_mut().for_each(|row| row[0] = None);
-            light
+        let without = |column: usize, light: [[Option<Vec3>; 4]; 4]| {
+            light.map(|mut row| {
+                row[column] = None;
+                row
+            })
         };
-        assert!(is_smooth(&without_first(|x, y| 5.0 + x - 2.0 * y), Vec3::ZERO, 1.0), "at the edge of a surface");
-        assert!(!is_smooth(&without_first(|x, _| 5.0 - x * x), Vec3::ZERO, 1.0));
-        let mut narrow = without_first(|_, _| 1.0);
-        narrow.iter_mut().for_each(|row| row[3] = None);
+        let [_, rows @ ..] = grid(|x, y| 5.0 + x - 2.0 * y);
+        let corner = without(0, [[None; 4], rows[0], rows[1], rows[2]]);
+        assert!(is_smooth(&corner, Vec3::ZERO, 1.0), "at the edge of a surface");
+        assert!(!is_smooth(&without(0, grid(|x, _| 5.0 - x * x)), Vec3::ZERO, 1.0));
+        let narrow = without(0, without(3, grid(|_, _| 1.0)));
         assert!(!is_smooth(&narrow, Vec3::ZERO, 1.0), "nothing tells how light bends");
         let corners = [0.0, 1.0, 2.0, 5.0].map(Vec3::splat);
         assert_eq!(bilinear(corners, Vec2::new(0.5, 0.25)), Vec3::splat(0.75 * 0.5 + 0.25 * 3.5));
