@@ -221,7 +221,7 @@ fn the_hierarchy_is_asked_for_reported_and_bounded() {
         serde_json::from_slice::<serde_json::Value>(&output.stdout).unwrap()
     };
     let by_default = report(&[]);
-    assert_eq!((&by_default["mode"], &by_default["leaves"]), (&"hierarchical".into(), &64.into()));
+    assert_eq!((&by_default["mode"], &by_default["leaves"]), (&"hierarchical".into(), &256.into()));
     let flat = report(&["--evaluation", "flat", "--leaves", "5"]);
     assert_eq!((&flat["mode"], &flat["leaves"]), (&"flat".into(), &4.into()));
     assert!(flat["seconds"]["tree"].as_f64().unwrap() > 0.0);
