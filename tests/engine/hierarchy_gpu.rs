@@ -92,7 +92,7 @@ fn back_ends_agree(is_asked_for: fn(&str, Visibility) -> bool) {
         // Where a small contribution is partly occluded, only the CPU interpolates it.
         // Of errors that other light hides, it takes the least of sixteen points, the GPU that of each.
         let expected = match (visibility, aov) {
-            (Visibility::Full, Aov::Beauty) => 0.75..1.5,
+            (Visibility::Full, Aov::Beauty) => 0.9..1.5,
             (Visibility::Full, _) => 0.95..1.5,
             (_, Aov::Beauty) => 0.75..1.05,
             _ => 0.99..1.01,

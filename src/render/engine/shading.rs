@@ -103,9 +103,9 @@ impl Shader<'_> {
         Shaded { first_point, points: points.concat() }
     }
 
-    /// For each end of a path, what its light is seen beside: other light that is as bright to the viewer as everything that the path's
-    /// points of the pixel show, in the units of the end's light, for an environment of intensity 1. What a path shows faintly, or
-    /// beside something bright, is seen less exactly.
+    /// For each end of a path, how much light there would be as bright to the viewer as all that the points of the pixel show which see
+    /// this end, for an environment of intensity 1: irradiance or, on glossy surfaces, radiance. Beside it, errors of the end's light
+    /// are judged.
     pub fn seen_beside(&self, paths: &Paths) -> Vec<f32> {
         let of_pixels: Vec<Vec<(u32, f32)>> = parallel::map(&paths.pixels, &|pixel| self.ends_seen_beside(pixel));
         let mut beside = vec![0.0; paths.ends.len()];
@@ -127,7 +127,7 @@ impl Shader<'_> {
             let surfaces = of_point.map(|p| p.surfaces.element_sum()).sum::<f32>();
             surfaces / (parts as f32 * self.light.intensity)
         };
-        // Of each end: by how much all points change relatively with its light, and the number of its terms.
+        // Of each end: the sum of the relative changes of its points with its light, and the number of its terms.
         let mut changes: Vec<(u32, f32, f32)> = Vec::new();
         for term in &pixel.terms {
             let Source::EndPoint(end) = term.source else { continue };

@@ -118,13 +118,13 @@ impl Evaluation {
     }
 }
 
-/// Default number of leaves per sample in a hierarchy. With 64, sunlit caustics of `ring` and `gloss` are visibly grainy; this many cost
-/// hardly more time, as a sum visits few of them, and four times as many cost twice as much.
+/// Default number of leaves per sample in a hierarchy. With 64, sunlit caustics of `ring` and `gloss` are visibly grainy; with this many
+/// most pictures take a twentieth longer, rough mirrors a third.
 const LEAVES: u32 = 256;
-/// Where there are many samples there are fewer leaves by default: a tree of more cells than this takes seconds to build.
-const CELLS: u64 = 1 << 20;
-/// Not fewer than this, however, unless memory is short.
+/// Default number under near light and, unless memory is short, where there are many samples.
 const FEW_LEAVES: u32 = 64;
+/// There are many samples where the default number of leaves would make more cells than this, whose tree takes seconds to build.
+const MANY_CELLS: u64 = 1 << 20;
 
 /// An overlay on the beauty picture.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, Serialize)]
@@ -422,7 +422,7 @@ impl Options {
         let flat = Evaluation::Flat { leaves: power_of_four(self.leaves.unwrap_or(1)) };
         let most = if on_gpu { MAX_CELLS_OF_BINDING } else { MAX_CELLS };
         let fits = |leaves: &u32| {
-            let most = if *leaves > FEW_LEAVES { CELLS.min(most) } else { most };
+            let most = if *leaves > FEW_LEAVES { MANY_CELLS.min(most) } else { most };
             u64::from(self.samples) * u64::from(*leaves) <= most
         };
         let first = if has_near_light { FEW_LEAVES } else { LEAVES };

@@ -28,16 +28,16 @@ struct Step {
     pixel_samples: u32,
 }
 
-/// From a first glance, by way of draft and normal, to final.
+/// From a first glance, by way of a draft, to final.
 const STEPS: [Step; 5] = [
     Step { samples_divisor: 16, leaves: 4, tolerance: 0.2, pixel_samples: 1 },
     DRAFT,
-    Step { samples_divisor: 1, leaves: 256, tolerance: 0.01, pixel_samples: 1 },
-    Step { samples_divisor: 1, leaves: 1024, tolerance: 0.003, pixel_samples: 1 },
+    Step { samples_divisor: 1, leaves: 64, tolerance: 0.01, pixel_samples: 1 },
+    Step { samples_divisor: 1, leaves: 256, tolerance: 0.003, pixel_samples: 1 },
     FINAL,
 ];
 const DRAFT: Step = Step { samples_divisor: 4, leaves: 16, tolerance: 0.05, pixel_samples: 1 };
-const FINAL: Step = Step { samples_divisor: 1, leaves: 1024, tolerance: 0.003, pixel_samples: 2 };
+const FINAL: Step = Step { samples_divisor: 1, leaves: 256, tolerance: 0.003, pixel_samples: 2 };
 /// No step has fewer samples, unless the scene has.
 const MIN_SAMPLES: u32 = 100;
 

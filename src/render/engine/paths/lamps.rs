@@ -121,3 +121,26 @@ impl PixelPaths {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A lamp of radius 1 at a distance of 10, and pixels of .01 around its outline.
+    #[test]
+    fn outlines_run_through_pixels_at_the_edge_of_a_lamp_that_is_seen() {
+        let position = Vec3::new(0.0, 0.0, 10.0);
+        let lamp =
+            Lamp { name: String::new(), position, radius: 1.0, intensity: Vec3::ONE, beam: None, is_distant: false };
+        let ray = |x: f32| Ray { origin: Vec3::ZERO, direction: Vec3::new(x, 0.0, 1.0).normalize() };
+        let shows = |x: f32, hit: Option<&Hit>| shows_outline(&[lamp.clone()], [&ray(x), &ray(x + 0.005)], hit);
+        let edge = 1.0 / 99f32.sqrt();
+        assert!(shows(edge, None) && shows(edge - 0.004, None) && shows(edge + 0.004, None));
+        assert!(!shows(0.0, None) && !shows(edge + 0.02, None));
+        let wall = |distance: f32| {
+            let normal = Vec3::NEG_Z;
+            Hit { object: 0, position: Vec3::ZERO, distance, normal, face_normal: normal, front: true }
+        };
+        assert!(shows(edge, Some(&wall(20.0))) && !shows(edge, Some(&wall(5.0))));
+    }
+}

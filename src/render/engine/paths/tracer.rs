@@ -154,9 +154,11 @@ impl PathTracer<'_> {
         }
         let own = self.rays.index(x, row, 0, 0);
         let is_smooth = self.is_smooth(self.rays.hits[own].as_ref(), self.around(corners, x, row));
-        let corner = view.camera.ray(Vec2::new(x as f32, y as f32), self.size());
-        let rays = [&view.ray(own as u32), &corner];
-        let shows_outline = || shows_outline(&self.inputs.light.lamps, rays, self.rays.hits[own].as_ref());
+        let shows_outline = || {
+            let corner = view.camera.ray(Vec2::new(x as f32, y as f32), self.size());
+            let rays = [&view.ray(own as u32), &corner];
+            shows_outline(&self.inputs.light.lamps, rays, self.rays.hits[own].as_ref())
+        };
         let columns = if is_smooth && !shows_outline() { 1 } else { EDGE_POINTS };
         let point = |sub: u32| {
             let within = (Vec2::new((sub % columns) as f32, (sub / columns) as f32) + 0.5) / columns as f32;
