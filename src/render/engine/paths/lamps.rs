@@ -133,7 +133,8 @@ mod tests {
         let lamp =
             Lamp { name: String::new(), position, radius: 1.0, intensity: Vec3::ONE, beam: None, is_distant: false };
         let ray = |x: f32| Ray { origin: Vec3::ZERO, direction: Vec3::new(x, 0.0, 1.0).normalize() };
-        let shows = |x: f32, hit: Option<&Hit>| shows_outline(&[lamp.clone()], [&ray(x), &ray(x + 0.005)], hit);
+        let lamps = [lamp];
+        let shows = |x: f32, hit: Option<&Hit>| shows_outline(&lamps, [&ray(x), &ray(x + 0.005)], hit);
         let edge = 1.0 / 99f32.sqrt();
         assert!(shows(edge, None) && shows(edge - 0.004, None) && shows(edge + 0.004, None));
         assert!(!shows(0.0, None) && !shows(edge + 0.02, None));
