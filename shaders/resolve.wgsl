@@ -79,7 +79,7 @@ fn resolve(in: Varyings) -> Resolved {
     }
     receiver.view = view_direction(pixel);
     let place = pixel - corner_of(in.tile);
-    var traversal = Traversal(NO_SAMPLE, 1.0, false, false, true);
+    var traversal = Traversal(NO_SAMPLE, 1.0, false, true);
     var walk = Walk();
     var sum = vec4f(0.0);
     if tile_pass.split > 0u {
@@ -240,9 +240,6 @@ fn visit_cell(
             find_visible_fraction(cell.sample, receiver, traversal);
         }
         let is_large = max_contribution >= budget;
-        if !is_leaf(cell) && !is_occluded_cluster && is_large && (*traversal).is_doubtful && !(*traversal).is_probed {
-            probe(cell.sample, receiver, traversal);
-        }
         if is_unseen(traversal) {
             return Visit(looked_up, false);
         }
@@ -323,7 +320,8 @@ fn contribution(
     return vec4f(seen * factor_on_radiance(cell, pair, receiver) * radiance.rgb, radiance.a);
 }
 
-// The same under near light, which comes from one point as far as occlusion goes.
+// The same under near light, which comes from one point as far as occlusion goes. A map misses what is narrower than its texels, and all
+// light of a lamp may come through that: what counts is traced.
 fn near_contribution(
     cell: Cell, pair: Pair, receiver: Receiver, quality: LookUpQuality, visible_fraction: f32,
 ) -> vec4f {
@@ -334,14 +332,13 @@ fn near_contribution(
     var seen = visible_fraction;
     if VISIBILITY {
         let side = sky_side(cell.flags, pair.dn);
-        let source = visibility_of_point(light.towards, map_of_sample(cell.sample, side), -1);
-        var fraction = source.fraction;
         let min_traced = MIN_TRACED_SHARE * error_budget(allowed_error(receiver), cell.area);
-        if source.is_doubtful && quality.max_contribution >= min_traced {
+        if tree.traces_rays != 0u && quality.max_contribution >= min_traced {
             let l = length(light.towards);
-            fraction = select(1.0, 0.0, is_occluded(ray_origin_of(cell, side), light.towards / l, l));
+            seen *= select(1.0, 0.0, is_occluded(ray_origin_of(cell, side), light.towards / l, l));
+        } else {
+            seen *= visibility_of_point(light.towards, map_of_sample(cell.sample, side), -1).fraction;
         }
-        seen *= fraction;
     }
     return vec4f(seen * factor_on_radiance(cell, pair, receiver) * light.radiance.rgb, light.radiance.a);
 }

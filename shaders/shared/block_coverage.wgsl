@@ -42,8 +42,10 @@ fn receiver_coverage(sample: u32, block: Block, object: i32) -> u32 {
     let map = map_of_sample(sample, receiver_side(node.object_flags, -height));
     let local = l * map.axes;
     let region = map_region(local, asin(min(block.radius / distance, 1.0)), map);
-    // Seen from both sides, or from too near.
-    if !region.is_small || (has_two_maps(node.object_flags) && abs(height) < block.radius) {
+    // Maps are not certain about what is seen at small angles.
+    let is_grazing = tree.traces_rays != 0u && abs(height) - block.radius < MIN_CERTAIN_SINE * (distance + block.radius);
+    // Or seen from both sides, or from too near.
+    if is_grazing || !region.is_small || (has_two_maps(node.object_flags) && abs(height) < block.radius) {
         return PARTIAL;
     }
     var all = PARTIAL;

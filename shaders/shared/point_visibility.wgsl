@@ -17,8 +17,14 @@ fn visibility_of_point(l: vec3f, map: VisibilityMap, object: i32) -> PointVisibi
     let texels = texels_at(place, map);
     let corners = in_front(texels, local);
     let is_doubtful = tree.traces_rays != 0u
-        && (any(corners != vec4f(corners.x)) || is_any_in_doubt(texels, corners, local, place, map, object));
+        && (is_grazing(local)
+        || any(corners != vec4f(corners.x)) || is_any_in_doubt(texels, corners, local, place, map, object));
     return PointVisibility(between(texels, corners, place.part), is_doubtful);
+}
+
+// Whether a place in a sample's frame is seen at so small an angle to the surface that its map is not certain about it.
+fn is_grazing(local: vec3f) -> bool {
+    return local.z * local.z < MIN_CERTAIN_SINE * MIN_CERTAIN_SINE * dot(local, local);
 }
 
 // Whether any of the four texels that a point lies in front of leaves that in doubt.

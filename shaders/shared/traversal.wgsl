@@ -12,9 +12,8 @@ struct Traversal {
     // The sample whose visible fraction of the receiver is known, and that fraction.
     sample: u32,
     visible_fraction: f32,
-    // The map is not certain about it; and rays from all over the sample have not settled it.
+    // The map is not certain about it.
     is_doubtful: bool,
-    is_probed: bool,
     // No loop was cut short.
     is_complete: bool,
 }
@@ -27,7 +26,6 @@ fn find_visible_fraction(sample: u32, receiver: Receiver, traversal: ptr<functio
     let seen = visibility_of_point(l, map, receiver.object);
     (*traversal).sample = sample;
     (*traversal).visible_fraction = seen.fraction;
-    (*traversal).is_probed = false;
     // Along a part of a ray edges of shadows are blurred: there maps know enough of them.
     (*traversal).is_doubtful = seen.is_doubtful && !is_part_of_ray(receiver.object);
 }
@@ -35,24 +33,6 @@ fn find_visible_fraction(sample: u32, receiver: Receiver, traversal: ptr<functio
 // Whether it is certain that the sample does not see the receiver.
 fn is_unseen(traversal: ptr<function, Traversal>) -> bool {
     return (*traversal).visible_fraction == 0.0 && !(*traversal).is_doubtful;
-}
-
-// Traces rays from the four quarters of a sample: where these agree, it is settled for all of its cells.
-fn probe(sample: u32, receiver: Receiver, traversal: ptr<function, Traversal>) {
-    let whole = load_cell(sample_nodes[sample].node);
-    var open = 0u;
-    for (var k = 0u; k < 4u; k++) {
-        let quarter = quarter_of(whole, k);
-        let d = quarter.centroid - receiver.position;
-        let l = length(d);
-        let leaving = ray_origin_of(quarter, receiver_side(quarter.flags, dot(d, quarter.normal)));
-        open += select(1u, 0u, is_occluded(leaving, -d / l, l));
-    }
-    (*traversal).is_probed = true;
-    if open == 0u || open == 4u {
-        (*traversal).is_doubtful = false;
-        (*traversal).visible_fraction = f32(open) / 4.0;
-    }
 }
 
 // The piece of a surface that a cell is, looking to a side (1 or -1) of it.

@@ -173,6 +173,7 @@ impl Random {
 
     /// The text of a scene and what is read from it; an error where it is refused: a lamp may lie inside of a mirror.
     fn scene(seed: u64) -> (String, Result<Scene, SceneError>) {
+        let dump = std::env::var("DUMP");
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         let scale = 10f64.powf(rng.random_range(-3.0..3.0));
         let mut random = Self { rng, scale };
@@ -189,6 +190,7 @@ impl Random {
              [[object]]\nname = \"floor\"\nshape = {{ plane = {{ size = [{far}, {far}] }} }}\nreceiver = {{ albedo = [{albedo}, {albedo}, {albedo}] }}\n{mirror}"
         )
         .unwrap();
+        if let Ok(d) = dump { std::fs::create_dir_all(format!("{d}/{seed}")).unwrap(); std::fs::write(format!("{d}/{seed}/scene.toml"), &text).unwrap(); std::fs::write(format!("{d}/{seed}/mirror.obj"), &mesh).unwrap(); }
         let assets = HashMap::from([(PathBuf::from("mirror.obj"), mesh)]);
         let scene = parse::<toml::Table>("random.toml", &text, &assets).map(|loaded| loaded.scene);
         (text, scene)
@@ -248,8 +250,12 @@ fn compared(seed: u64) -> Compared {
     // Beside direct light it cannot be seen.
     let invisible = INVISIBLE * flux(&direct);
     if flux(&truth.irradiance) <= invisible {
-        let is_black = flux(&found) <= 2.0 * invisible;
-        return if is_black { Compared::Right("black".into()) } else { wrong("is not black") };
+        return match flux(&found) <= 2.0 * invisible {
+            true => Compared::Right("black".into()),
+            // A truth is dark as long as no light was found.
+            false if own_error > ERROR_OF_TRUTH => Compared::Unknown,
+            false => wrong("is not black"),
+        };
     }
     if own_error > ERROR_OF_TRUTH {
         return Compared::Unknown;
@@ -302,4 +308,24 @@ fn twelve_scenes_are_as_the_truth_says() {
 #[ignore = "full: ground truths of 188 scenes"]
 fn two_hundred_scenes_are_as_the_truth_says() {
     are_as_the_truth_says(12..200);
+}
+
+#[test]
+#[ignore = "temp"]
+fn temp_some() {
+    let seeds: Vec<u64> = std::env::var("SEEDS").unwrap().split(',').map(|s| s.parse().unwrap()).collect();
+    for seed in seeds {
+        if std::env::var("TEXT").is_ok() {
+            let (text, scene) = Random::scene(seed);
+            println!("--- {seed}\n{text}");
+            if std::env::var("DUMP").is_ok() { continue }
+            if scene.is_err() { continue }
+        }
+        let line = match compared(seed) {
+            Compared::Right(line) => format!("right {line}"),
+            Compared::Unknown => "unknown".into(),
+            Compared::Wrong(line) => format!("WRONG {}", line.lines().next().unwrap()),
+        };
+        println!("seed {seed}: {line}");
+    }
 }

@@ -166,6 +166,9 @@ pub const MIN_SLENDERNESS: f32 = 1e-3;
 /// and shorter than this, in radii of the disc, they are points.
 pub const MIN_DISC_LENGTH: f32 = 5e-3;
 
+/// Visibility maps leave in doubt what is seen at smaller sines to the surface than this: neighbouring facets hide the margins of a sample
+/// there, but not its middle.
+pub const MIN_CERTAIN_SINE: f32 = 0.2;
 /// What visibility maps leave in doubt is traced where it contributes more than this part of the error budget of a pair.
 pub const MIN_TRACED_SHARE: f32 = 0.1;
 /// The same for the environment, where the sum of several look-ups is less in doubt.

@@ -7,10 +7,17 @@ use crate::lanes::{
     F, LANES, Mask, Select, Simd, SimdBase, SimdFloat, SimdInt, SimdMask, U, V3, bits, clamp, lanes, set_bits, splat,
     splat3,
 };
-use crate::pinhole::constants::{LOBE_CORE, LOBE_SHIFT, LOBE_TAIL, LOBE_TAIL_SHARE, MAX_INTERPOLATED_WIDTH};
+use crate::pinhole::constants::{LOBE_CORE, LOBE_SHIFT, LOBE_TAIL, LOBE_TAIL_SHARE, MAX_INTERPOLATED_WIDTH, MIN_CERTAIN_SINE};
 use crate::pinhole::visibility::{Doubt, VisibilityMaps, frame};
 use crate::pinhole::{Interface, PinholeSample};
 use crate::scene::Sides;
+
+/// The lanes in which a place in a sample's frame is seen at so small an angle to the surface that its map is not certain about it.
+#[inline(always)]
+fn grazing_lanes<S: Simd>(simd: S, local: V3<S>) -> u32 {
+    let [_, _, height] = local.0;
+    bits((height * height).simd_lt(local.dot(local) * splat(simd, MIN_CERTAIN_SINE * MIN_CERTAIN_SINE)))
+}
 
 /// A sample's map and frame, and the lanes that concern its other side.
 pub(super) struct VisibilityMap<'a> {
@@ -156,6 +163,9 @@ impl<'a> VisibilityMap<'a> {
                     return Coverage::Partial;
                 }
                 let local = self.local(simd, l);
+                if objects.is_some() && grazing_lanes(simd, local) & active != 0 {
+                    return Coverage::Partial;
+                }
                 let Some(region) = self.region(simd, local, active, 0.0) else { return Coverage::Partial };
                 let n = self.maps.resolution as usize;
                 let map = self.map(active.trailing_zeros() as usize) as usize;
@@ -271,8 +281,8 @@ impl<'a> VisibilityMap<'a> {
         objects: Option<&[u32; LANES]>,
         active: u32,
     ) -> ([f32; LANES], u32) {
-        let mut doubtful = 0;
         let local = self.local(simd, l);
+        let mut doubtful = if objects.is_some() { grazing_lanes(simd, local) & active } else { 0 };
         let place = self.place(local);
         let ([x, y, z], l2) = (local.to_arrays(), local.dot(local).to_array());
         let n = self.maps.resolution as usize;

@@ -4,17 +4,15 @@ use glam::{Vec3, Vec4};
 
 use super::super::Source;
 use super::super::pair::ReceiverCellPair;
-use super::super::receiver::{NO_OBJECT, Receiver};
+use super::super::receiver::Receiver;
 use super::super::sky::{OccludedSky, SkyRays, directions_and_lengths};
 use super::super::visibility::{Coverage, VisibilityMap, sky_behind};
 use super::evaluation::CellAtReceivers;
 use super::tile::{TileGather, map_towards};
-use crate::lanes::{ALL, F, LANES, Simd, SimdBase, V3, bits, lanes, set_bits, splat, splat3};
+use crate::lanes::{ALL, F, LANES, Simd, SimdBase, V3, bits, lanes, set_bits, splat};
 use crate::pinhole::cell::Cell;
 use crate::pinhole::constants::{MIN_TRACED_SHARE, MIN_TRACED_SKY_SHARE};
-use crate::pinhole::tree::Occluders;
 use crate::pinhole::{PinholeParts, PinholeSample, VisibilityMaps};
-use crate::scene::Sides;
 
 /// Which of sixteen receivers the sample sees whose cells are being visited, as far as its map tells.
 pub struct VisibleReceivers<S: Simd> {
@@ -25,15 +23,13 @@ pub struct VisibleReceivers<S: Simd> {
     pub lanes: u32,
     /// Of these, the ones that the map is not certain about.
     pub doubtful: u32,
-    /// Of these, the ones that see some of the sample's quarters and others not.
-    probed: u32,
 }
 
 impl<S: Simd> VisibleReceivers<S> {
     /// Before any sample.
     #[inline(always)]
     pub fn all(simd: S) -> Self {
-        Self { sample_node: u32::MAX, fraction: splat(simd, 1.0), lanes: ALL, doubtful: 0, probed: 0 }
+        Self { sample_node: u32::MAX, fraction: splat(simd, 1.0), lanes: ALL, doubtful: 0 }
     }
 
     #[inline(always)]
@@ -45,13 +41,8 @@ impl<S: Simd> VisibleReceivers<S> {
         objects: Option<&[u32; LANES]>,
     ) -> Self {
         let (map, l) = map_towards(simd, maps, &samples[sample as usize], receiver);
-        let known = |fraction: f32, lanes: u32| Self {
-            sample_node: sample,
-            fraction: splat(simd, fraction),
-            lanes,
-            doubtful: 0,
-            probed: 0,
-        };
+        let known =
+            |fraction: f32, lanes: u32| Self { sample_node: sample, fraction: splat(simd, fraction), lanes, doubtful: 0 };
         match map.receiver_coverage(simd, l, objects, receiver.occupied()) {
             Coverage::Full => known(1.0, ALL),
             Coverage::None => known(0.0, 0),
@@ -62,34 +53,12 @@ impl<S: Simd> VisibleReceivers<S> {
             }
         }
     }
-
-    /// Traces doubtful lanes from the four quarters of the sample: where these agree, it is settled for all of its cells.
-    #[inline(always)]
-    fn probe(&mut self, simd: S, occluders: &Occluders, sample: &PinholeParts, receiver: &Receiver<S>, which: u32) {
-        let which = which & !self.probed;
-        let (mut any, mut all) = (0, ALL);
-        for quarter in sample.quarters() {
-            let l = receiver.position - splat3(simd, quarter.position);
-            let behind =
-                if sample.lights == Sides::Front { 0 } else { bits(l.dot(splat3(simd, quarter.normal)).simd_lt(0.0)) };
-            let (directions, distances) = directions_and_lengths(simd, l);
-            let seeing = occluders.unoccluded_lanes(&quarter, behind, (&directions, &distances), which);
-            (any, all) = (any | seeing, all & seeing);
-        }
-        let hidden = which & !any;
-        let seen = which & all;
-        self.probed |= which & !(hidden | seen);
-        self.doubtful &= !(hidden | seen);
-        self.lanes &= !hidden;
-        let mut fraction = self.fraction.to_array();
-        set_bits(hidden | seen).for_each(|lane| fraction[lane] = (seen >> lane & 1) as f32);
-        self.fraction = lanes(simd, fraction);
-    }
 }
 
 impl TileGather<'_> {
     /// Adds what a lamp or lit surfaces contribute by way of a cell, in lit lanes. `map` is that of what the cell sees on the light's side,
-    /// if anything is occluded; what it leaves in doubt is traced from the middle of the cell.
+    /// if anything is occluded. A map misses what is narrower than its texels, and all light of a lamp may come through that: rays to the
+    /// light are traced from the middle of the cell.
     #[inline(never)]
     pub fn add_near_light<S: Simd>(
         &self,
@@ -112,10 +81,9 @@ impl TileGather<'_> {
                     .fold(0, |lit, k| lit | 1 << k);
                 let mut weight = cell.weight;
                 if let Some(map) = map.filter(|_| lit != 0) {
-                    let on_no_object = self.context.pinholes.occluders.as_ref().map(|_| &[NO_OBJECT; LANES]);
-                    let (fraction, doubtful) = map.visible_fraction(simd, towards, on_no_object, lit);
+                    let (fraction, _) = map.visible_fraction(simd, towards, None, lit);
                     let behind = sky_behind(cell.sample.interface, cell.pair.dn);
-                    let found = (lanes(simd, fraction), doubtful & lit);
+                    let found = (lanes(simd, fraction), lit);
                     weight *= self.traced_fraction(simd, (cell.sample, behind), towards, found, max_contribution);
                 }
                 gather.add(cell.sample, cell.pair, cell.receiver, (weight, &radiance, lit), sum);
@@ -135,15 +103,6 @@ impl TileGather<'_> {
     pub fn doubted<'r, S: Simd>(&self, receiver: &Receiver<'r, S>) -> Option<&'r [u32; LANES]> {
         let is_traced = self.context.pinholes.occluders.is_some() && receiver.length.is_none();
         is_traced.then_some(receiver.object)
-    }
-
-    /// Settles, where that is possible at once, what the sample of the visited cell sees of doubtful receivers.
-    #[inline(always)]
-    pub fn probe<S: Simd>(&self, simd: S, visible: &mut VisibleReceivers<S>, receiver: &Receiver<S>, which: u32) {
-        if let Some(occluders) = &self.context.pinholes.occluders {
-            let sample = &self.context.gather.pinholes.samples[visible.sample_node as usize];
-            visible.probe(simd, occluders, &PinholeParts::from(sample), receiver, which);
-        }
     }
 
     /// The visible fraction of receivers; those in doubt that contribute enough are traced from the middle of the cell.

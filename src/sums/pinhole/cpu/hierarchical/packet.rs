@@ -136,7 +136,7 @@ impl TileGather<'_> {
             }
             let lanes = [accepted, refined];
             ([accepted, refined], fraction) =
-                self.seen_lanes(simd, (cell, is_cluster), (&pair, receiver), bounds.max, visible, lanes);
+                self.seen_lanes(simd, (cell, is_cluster), &pair, bounds.max, visible, lanes);
         }
         let in_parts = self.partly_lit_lanes(simd, cell, pair.dn, bounds.max, accepted);
         (accepted, refined) = (accepted & !in_parts, refined | in_parts);
@@ -170,18 +170,12 @@ impl TileGather<'_> {
         &self,
         simd: S,
         (cell, is_cluster): (&Cell, bool),
-        (pair, receiver): (&ReceiverCellPair<S>, &Receiver<S>),
+        pair: &ReceiverCellPair<S>,
         max_contribution: F<S>,
-        visible: &mut VisibleReceivers<S>,
+        visible: &VisibleReceivers<S>,
         [mut accepted, mut refined]: [u32; 2],
     ) -> ([u32; 2], F<S>) {
         let large = bits(max_contribution.simd_ge(splat(simd, self.criterion.error_budget_of(cell.sample.area))));
-        if !cell.is_leaf() && !is_cluster {
-            let which = (accepted | refined) & large & visible.doubtful;
-            if which != 0 {
-                self.probe(simd, visible, receiver, which);
-            }
-        }
         accepted &= visible.lanes;
         // Of a cluster, other samples may see what its central one does not.
         refined &= if is_cluster { ALL } else { visible.lanes };
