@@ -134,6 +134,8 @@ struct Cell {
     channel: u32,
     object: i32,
     max_reflectance: f32,
+    // Its longer side, or that of the leaf that it is a piece of, metres: it is as far off its triangles as that is curved.
+    extent: f32,
 }
 
 // `item` as above.
@@ -156,6 +158,7 @@ fn load_cell(item: u32) -> Cell {
     cell.normal_radius = radii.y;
     cell.side_1 = e11 * frame.u + e21 * frame.v;
     cell.side_2 = e22 * frame.v;
+    cell.extent = max(length(cell.side_1), length(cell.side_2));
     cell.change_1 = e11 * n_u + e21 * n_v;
     cell.change_2 = e22 * n_v;
     cell.children = node.curvature_bounds_links.z;

@@ -38,5 +38,5 @@ fn is_unseen(traversal: ptr<function, Traversal>) -> bool {
 // The piece of a surface that a cell is, looking to a side (1 or -1) of it.
 fn ray_origin_of(cell: Cell, side: f32) -> RayOrigin {
     let face = sample_nodes[cell.sample].face * side;
-    return RayOrigin(cell.centroid, u32(cell.object), face, max(length(cell.side_1), length(cell.side_2)));
+    return RayOrigin(cell.centroid, u32(cell.object), face, cell.extent);
 }

@@ -39,16 +39,16 @@ pub struct Occluders {
 }
 
 impl Occluders {
-    /// The lanes, of those asked for, in which the middle of a cell sees nothing in a unit direction up to a distance in metres.
-    /// `behind` are the lanes that concern its back.
+    /// The lanes, of those asked for, in which the middle of a cell sees nothing in a unit direction up to a distance in metres. The cell may
+    /// be a piece of a leaf, which is as far off its triangles as the leaf is curved. `behind` are the lanes that concern its back.
     pub fn unoccluded_lanes(
         &self,
-        cell: &PinholeParts,
+        (cell, leaf): (&PinholeParts, &PinholeParts),
         behind: u32,
         (directions, distances): (&[Vec3; LANES], &[f32; LANES]),
         lanes: u32,
     ) -> u32 {
-        let extent = cell.sides[0].length().max(cell.sides[1].length());
+        let extent = leaf.sides[0].length().max(leaf.sides[1].length());
         let faces_front = self.faces_front[cell.object as usize];
         let open = |front: bool, lanes: u32| {
             let piece = Piece { position: cell.position, object: cell.object, front, extent };

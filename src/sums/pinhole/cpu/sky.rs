@@ -47,6 +47,8 @@ pub(super) struct OccludedSky<'a> {
 pub(super) struct SkyRays<'a> {
     pub occluders: &'a Occluders,
     pub cell: &'a PinholeParts,
+    /// The leaf that it is a piece of, or itself.
+    pub leaf: &'a PinholeParts,
     /// The lanes whose light comes from behind the cell.
     pub behind: u32,
 }
@@ -62,7 +64,7 @@ impl SkyRays<'_> {
     #[inline(always)]
     fn open<S: Simd>(&self, simd: S, direction: V3<S>, lanes: u32) -> u32 {
         let rays = (&directions_and_lengths(simd, direction).0, &[f32::INFINITY; LANES]);
-        self.occluders.unoccluded_lanes(self.cell, self.behind, rays, lanes)
+        self.occluders.unoccluded_lanes((self.cell, self.leaf), self.behind, rays, lanes)
     }
 }
 

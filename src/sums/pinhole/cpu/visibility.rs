@@ -7,7 +7,9 @@ use crate::lanes::{
     F, LANES, Mask, Select, Simd, SimdBase, SimdFloat, SimdInt, SimdMask, U, V3, bits, clamp, lanes, set_bits, splat,
     splat3,
 };
-use crate::pinhole::constants::{LOBE_CORE, LOBE_SHIFT, LOBE_TAIL, LOBE_TAIL_SHARE, MAX_INTERPOLATED_WIDTH, MIN_CERTAIN_SINE};
+use crate::pinhole::constants::{
+    LOBE_CORE, LOBE_SHIFT, LOBE_TAIL, LOBE_TAIL_SHARE, MAX_INTERPOLATED_WIDTH, MIN_CERTAIN_SINE,
+};
 use crate::pinhole::visibility::{Doubt, VisibilityMaps, frame};
 use crate::pinhole::{Interface, PinholeSample};
 use crate::scene::Sides;

@@ -14,6 +14,8 @@ use crate::pinhole::constants::{FOOTPRINT_RADIUS, LOBE_TAIL};
 /// A cell, taken as one sample, and sixteen receivers.
 pub struct CellAtReceivers<'a, S: Simd> {
     pub sample: &'a PinholeParts,
+    /// The leaf that it is a piece of, or itself.
+    pub leaf: &'a PinholeParts,
     pub receiver: &'a Receiver<'a, S>,
     pub pair: &'a ReceiverCellPair<S>,
     pub footprint: &'a FootprintSides<S>,

@@ -41,8 +41,12 @@ impl<S: Simd> VisibleReceivers<S> {
         objects: Option<&[u32; LANES]>,
     ) -> Self {
         let (map, l) = map_towards(simd, maps, &samples[sample as usize], receiver);
-        let known =
-            |fraction: f32, lanes: u32| Self { sample_node: sample, fraction: splat(simd, fraction), lanes, doubtful: 0 };
+        let known = |fraction: f32, lanes: u32| Self {
+            sample_node: sample,
+            fraction: splat(simd, fraction),
+            lanes,
+            doubtful: 0,
+        };
         match map.receiver_coverage(simd, l, objects, receiver.occupied()) {
             Coverage::Full => known(1.0, ALL),
             Coverage::None => known(0.0, 0),
@@ -84,7 +88,8 @@ impl TileGather<'_> {
                     let (fraction, _) = map.visible_fraction(simd, towards, None, lit);
                     let behind = sky_behind(cell.sample.interface, cell.pair.dn);
                     let found = (lanes(simd, fraction), lit);
-                    weight *= self.traced_fraction(simd, (cell.sample, behind), towards, found, max_contribution);
+                    weight *=
+                        self.traced_fraction(simd, (cell.sample, cell.leaf, behind), towards, found, max_contribution);
                 }
                 gather.add(cell.sample, cell.pair, cell.receiver, (weight, &radiance, lit), sum);
             },
@@ -117,7 +122,7 @@ impl TileGather<'_> {
     ) -> F<S> {
         let behind = bits(pair.dn.simd_gt(0.0));
         let towards = pair.d * splat(simd, -1.0);
-        self.traced_fraction(simd, (cell, behind), towards, (fraction, doubtful), max_contribution)
+        self.traced_fraction(simd, (cell, cell, behind), towards, (fraction, doubtful), max_contribution)
     }
 
     /// The lanes for which a cell that may be divided contributes much, and sees part of a lamp. `dn` as in [`VisibilityMap::of_sky`].
@@ -140,13 +145,13 @@ impl TileGather<'_> {
         if map.is_some() { large } else { 0 }
     }
 
-    /// The visible fraction of points that lie `towards` these from the middle of a cell; those in doubt that contribute enough are
-    /// traced. `behind` are the lanes that concern the cell's back.
+    /// The visible fraction of points that lie `towards` these from the middle of a cell, which may be a piece of a leaf; those in doubt that
+    /// contribute enough are traced. `behind` are the lanes that concern the cell's back.
     #[inline(always)]
     fn traced_fraction<S: Simd>(
         &self,
         simd: S,
-        (cell, behind): (&PinholeParts, u32),
+        (cell, leaf, behind): (&PinholeParts, &PinholeParts, u32),
         towards: V3<S>,
         (fraction, doubtful): (F<S>, u32),
         max_contribution: F<S>,
@@ -154,7 +159,7 @@ impl TileGather<'_> {
         let traced = doubtful & self.worth_tracing(simd, (max_contribution, cell.area), MIN_TRACED_SHARE);
         let Some(occluders) = self.context.pinholes.occluders.as_ref().filter(|_| traced != 0) else { return fraction };
         let (directions, distances) = directions_and_lengths(simd, towards);
-        let open = occluders.unoccluded_lanes(cell, behind, (&directions, &distances), traced);
+        let open = occluders.unoccluded_lanes((cell, leaf), behind, (&directions, &distances), traced);
         let mut fraction = fraction.to_array();
         set_bits(traced).for_each(|lane| fraction[lane] = (open >> lane & 1) as f32);
         lanes(simd, fraction)
@@ -176,7 +181,7 @@ impl TileGather<'_> {
         let is_narrow = bits(v1.dot(v1).min(v2.dot(v2)).simd_lt(splat(simd, texel * texel)));
         let traced = is_narrow & self.worth_tracing(simd, (max_contribution, cell.sample.area), MIN_TRACED_SKY_SHARE);
         let behind = sky_behind(cell.sample.interface, cell.pair.dn);
-        let rays = SkyRays { occluders, cell: cell.sample, behind };
+        let rays = SkyRays { occluders, cell: cell.sample, leaf: cell.leaf, behind };
         (traced != 0).then_some((OccludedSky { map, rays: Some(rays) }, traced))
     }
 }

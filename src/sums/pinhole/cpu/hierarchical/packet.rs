@@ -158,7 +158,8 @@ impl TileGather<'_> {
             };
             let map = self.sky_map(cell, pair.dn);
             let weight = weight * fraction;
-            let cell = CellAtReceivers { sample: &cell.sample, receiver, pair: &pair, footprint: &footprint, weight };
+            let sample = &cell.sample;
+            let cell = CellAtReceivers { sample, leaf: sample, receiver, pair: &pair, footprint: &footprint, weight };
             self.add_accepted(simd, &cell, map, &bounds, lit, sum);
         }
         (facing, refined)

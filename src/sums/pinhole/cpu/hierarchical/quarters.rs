@@ -88,7 +88,8 @@ impl TileGather<'_> {
             let footprint = &pair.footprint(simd, &piece);
             let map = self.sky_map(leaf, pair.dn);
             let max = weight * max_light;
-            let piece = CellAtReceivers { sample: &piece, receiver, pair: &pair, footprint, weight };
+            let piece =
+                CellAtReceivers { sample: &piece, leaf: &leaf.sample, receiver, pair: &pair, footprint, weight };
             match &gather.source {
                 Source::Environment(_) => {
                     let sky = map.as_ref().map(OccludedSky::from);

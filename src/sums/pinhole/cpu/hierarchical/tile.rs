@@ -297,7 +297,8 @@ impl<'a> TileGather<'a> {
                 Coverage::Partial => return false,
             }
         }
-        let cell = CellAtReceivers { sample, receiver: &receiver, pair: &pair, footprint: &footprint, weight };
+        let cell =
+            CellAtReceivers { sample, leaf: sample, receiver: &receiver, pair: &pair, footprint: &footprint, weight };
         if !gather.source.is_environment() {
             let taps = splat(simd, gather.uniforms.taps as f32);
             let max = splat(simd, accepted.max_contribution);
