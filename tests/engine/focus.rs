@@ -33,7 +33,7 @@ fn mean_of(image: &Image, is_meant: impl Fn(u32, u32) -> bool) -> f32 {
 fn a_torch_has_all_of_its_beam() {
     let (focal_length, rims, wall) = (0.01, [0.004, 0.025], 3.0);
     let text = "environment = { constant = [0, 0, 0] }\n[[light]]\nposition = [0, 0, 0]\nradius = 0.0005\nintensity = [100, 100, 100]\n\
-         [camera]\nposition = [0, 0, 0.5]\ntarget = [0, 0, 3]\northographic = { height = 1.0 }\n\
+         [camera]\nposition = [0, 0, 0.5]\ntarget = [0, 0, 3]\northographic = { height = 0.5 }\n\
          [[object]]\nname = \"mirror\"\nmesh = \"mirror.obj\"\nreflector = { sides = \"front\" }\n\
          [[object]]\nname = \"wall\"\nshape = { plane = { size = [4, 4] } }\nrotate_deg = [-90, 0, 0]\ntranslate = [0, 0, 3]\n\
          receiver = { albedo = [0.5, 0.5, 0.5] }\n";
@@ -44,9 +44,9 @@ fn a_torch_has_all_of_its_beam() {
     };
     let radiance = 100.0 / (PI * 0.0005 * 0.0005);
     let expected = PI * radiance * (sine2(rims[1]) - sine2(rims[0]));
-    let size = 64;
+    let size = 32;
     let options = Options::default().with_size([size; 2]);
-    let in_beam = |x: u32, y: u32| (x as f32 + 0.5 - 32.0).hypot(y as f32 + 0.5 - 32.0) < 0.02 * size as f32;
+    let in_beam = |x: u32, y: u32| (x as f32 + 0.5 - 16.0).hypot(y as f32 + 0.5 - 16.0) < 0.04 * size as f32;
     let flat = caustic(&scene, options.clone().with_evaluation(EvaluationChoice::Flat), &BackendChoice::Cpu);
     for choice in [BackendChoice::Cpu, BackendChoice::Gpu(None)] {
         let image = caustic(&scene, options.clone(), &choice);

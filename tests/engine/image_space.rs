@@ -408,7 +408,7 @@ fn sums_are_the_same_bits_every_time() {
     for mode in Mode::ALL {
         let pictures = [1, 3].map(|threads| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-            pool.install(|| caustic(&ring, options(mode, 128)).0)
+            pool.install(|| caustic(&ring, options(mode, 64)).0)
         });
         assert!(pictures[0].pixels == pictures[1].pixels, "{}", mode.name());
     }
