@@ -82,7 +82,9 @@ fn max_weight_of(cell: Cell, pair: Pair, receiver: Receiver) -> MaxWeight {
         let is_fresnel = (cell.flags & IS_FRESNEL) != 0u;
         crossing = crossing_bounds(cell.eta, is_fresnel, max(cosine - slack, -1.0), min(cosine + slack, 1.0));
     }
-    if is_leaf(cell) {
+    // Parts of a near leaf may light what its middle does not.
+    let is_near = tree.split_near != 0u && pair.inverse_l * cell.radius > MAX_PIECE_SIZE;
+    if is_leaf(cell) && !is_near {
         return MaxWeight(select(0.0, weight_of(cell, pair, receiver), pair.cosine_product > 0.0), false, crossing);
     }
     let l = pair.l2 * pair.inverse_l;

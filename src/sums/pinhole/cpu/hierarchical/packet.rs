@@ -31,6 +31,8 @@ use crate::pinhole::tree::NODE_MASK;
 /// The largest weight of any point of a cell, without reflectance.
 struct MaxWeight<S: Simd> {
     value: F<S>,
+    /// Of a leaf, that of its middle.
+    of_middle: Option<F<S>>,
     /// The lanes in which any point of the cell faces the receiver.
     facing: u32,
     /// The lanes in which only some do, or in which light from some of them is totally reflected.
@@ -151,11 +153,10 @@ impl TileGather<'_> {
         }
         let lit = accepted & pair.lit();
         if lit != 0 {
-            let weight = if cell.is_leaf() {
-                max_weight.value
-            } else {
-                self.context.gather.weight(simd, &cell.sample, &pair, receiver)
-            };
+            let weight = max_weight.of_middle.unwrap_or_else(
+                #[inline(always)]
+                || self.context.gather.weight(simd, &cell.sample, &pair, receiver),
+            );
             let map = self.sky_map(cell, pair.dn);
             let weight = weight * fraction;
             let sample = &cell.sample;
@@ -208,11 +209,40 @@ impl TileGather<'_> {
         lanes: u32,
     ) -> MaxWeight<S> {
         let gather = &self.context.gather;
-        if cell.is_leaf() {
-            let value = gather.weight(simd, &cell.sample, pair, receiver);
-            let crossing = crossing_bounds(simd, cell, pair, receiver);
-            return MaxWeight { value, facing: lanes & pair.lit(), straddling_horizon: 0, crossing };
+        if !cell.is_leaf() {
+            return self.max_weight_of_any_point(simd, cell, pair, receiver, lanes);
         }
+        let of_middle = gather.weight(simd, &cell.sample, pair, receiver);
+        let relative_size = pair.inverse_l * cell.radius;
+        // Parts of a near leaf may light what its middle does not.
+        let near =
+            if self.accuracy.split_near { lanes & bits(relative_size.simd_gt(splat(simd, MAX_PIECE_SIZE))) } else { 0 };
+        let facing = lanes & !near & pair.lit();
+        if near == 0 {
+            let crossing = crossing_bounds(simd, cell, pair, receiver);
+            return MaxWeight {
+                value: of_middle,
+                of_middle: Some(of_middle),
+                facing,
+                straddling_horizon: 0,
+                crossing,
+            };
+        }
+        let bound = self.max_weight_of_any_point(simd, cell, pair, receiver, near);
+        let value = Mask::from_bitmask(simd, u64::from(near)).select(bound.value, of_middle);
+        MaxWeight { value, of_middle: Some(of_middle), facing: facing | bound.facing, ..bound }
+    }
+
+    #[inline(always)]
+    fn max_weight_of_any_point<S: Simd>(
+        &self,
+        simd: S,
+        cell: &Cell,
+        pair: &ReceiverCellPair<S>,
+        receiver: &Receiver<S>,
+        lanes: u32,
+    ) -> MaxWeight<S> {
+        let gather = &self.context.gather;
         // Cosines times l.
         let at_sample = facing(cell.sample.lights, pair.dn);
         let l = pair.l2 * pair.inverse_l;
@@ -231,7 +261,7 @@ impl TileGather<'_> {
             facing &= bits(crossing.factor.simd_gt(0.0));
             straddling_horizon |= crossing.unbounded;
         }
-        MaxWeight { value, facing, straddling_horizon, crossing }
+        MaxWeight { value, of_middle: None, facing, straddling_horizon, crossing }
     }
 
     #[inline(always)]
