@@ -220,13 +220,7 @@ impl TileGather<'_> {
         let facing = lanes & !near & pair.lit();
         if near == 0 {
             let crossing = crossing_bounds(simd, cell, pair, receiver);
-            return MaxWeight {
-                value: of_middle,
-                of_middle: Some(of_middle),
-                facing,
-                straddling_horizon: 0,
-                crossing,
-            };
+            return MaxWeight { value: of_middle, of_middle: Some(of_middle), facing, straddling_horizon: 0, crossing };
         }
         let bound = self.max_weight_of_any_point(simd, cell, pair, receiver, near);
         let value = Mask::from_bitmask(simd, u64::from(near)).select(bound.value, of_middle);
