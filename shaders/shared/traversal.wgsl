@@ -2,7 +2,6 @@
 // CPU counterpart: `VisibleReceivers` in src/sums/pinhole/cpu/hierarchical/occlusion.rs.
 
 #import cell_tree
-#import cell_quarters
 #import point_visibility
 #import rays
 
