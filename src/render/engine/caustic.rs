@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use glam::{Vec3, Vec4};
 
-use super::edges::{Caustic, DividedPixels, MIN_CONTRAST, SeenLight, beside_edges, parts_of_pixels};
+use super::edges::{Caustic, DividedPixels, MIN_CONTRAST, SeenCaustic, beside_edges, parts_of_pixels};
 use super::ends::POINTS_IN_A_ROW;
 use super::every_other::{AdaptiveLight, PixelGrid, STEP};
 use super::frame::FrameInputs;
@@ -44,8 +44,8 @@ impl CausticAtHits<'_> {
             return Ok(caustic.into());
         }
         let tolerance = inputs.options.tolerance;
-        let light = SeenLight { direct, caustic: &caustic, tolerance, min_contrast: MIN_CONTRAST };
-        let points = beside_edges((rays, caustic.len()), |one, other| light.is_edge(one, other));
+        let light = SeenCaustic { direct, caustic: &caustic, tolerance, min_contrast: MIN_CONTRAST };
+        let points = beside_edges((rays, caustic.len()), &light);
         let parts = parts_of_pixels(inputs, rays, &points).await?;
         let divided = DividedPixels::new(points, parts);
         divided.with_caustic((inputs, self.sum), direct, caustic).await

@@ -18,7 +18,8 @@ use crate::stages::CameraRays;
 use crate::technique::Sum;
 use crate::tracing::Hit;
 
-/// A pixel is divided if its caustic differs from a neighbour's by more than this part of all light there.
+/// A pixel is divided if its caustic differs from a neighbour's by more than this part of all light there, and so does its second
+/// difference along that row or column: where light rises evenly, the middle of a pixel has the mean of it.
 pub(super) const MIN_CONTRAST: f32 = 0.1;
 /// The same in mirrors, which seldom show an edge along many pixels.
 pub(super) const MIN_MIRRORED_CONTRAST: f32 = 0.2;
@@ -67,14 +68,18 @@ impl From<Vec<Vec3>> for Direct {
     }
 }
 
-/// Whether irradiance differs by more than this part of all light there.
-pub(super) fn differs((one, other): (Vec3, Vec3), all: Vec3, min_contrast: f32) -> bool {
-    (one - other).abs().max_element() > min_contrast * all.max_element()
+/// Light whose edges are looked for, by point.
+pub(super) trait SeenLight: Sync {
+    /// Its irradiance, and that of all light.
+    fn own_and_all(&self, point: usize) -> [Vec3; 2];
+
+    /// See [`MIN_CONTRAST`].
+    fn min_contrast(&self) -> f32;
 }
 
-/// The caustic and the direct light at the points of a grid.
+/// A caustic beside direct light.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct SeenLight<'a> {
+pub(super) struct SeenCaustic<'a> {
     pub direct: &'a [Vec3],
     pub caustic: &'a [[f32; 4]],
     /// Relative tolerance of the caustic.
@@ -83,13 +88,28 @@ pub(super) struct SeenLight<'a> {
     pub min_contrast: f32,
 }
 
-impl SeenLight<'_> {
-    /// Whether the caustic has an edge between two points.
-    pub fn is_edge(&self, one: usize, other: usize) -> bool {
-        let min_contrast = self.min_contrast.max(MIN_TOLERANCES * self.tolerance);
-        let caustics = [one, other].map(|index| Vec3::from_slice(&self.caustic[index]));
-        let all = (self.direct[one] + caustics[0]).max(self.direct[other] + caustics[1]);
-        differs(caustics.into(), all, min_contrast)
+impl SeenLight for SeenCaustic<'_> {
+    fn own_and_all(&self, point: usize) -> [Vec3; 2] {
+        let caustic = Vec3::from_slice(&self.caustic[point]);
+        [caustic, caustic + self.direct[point]]
+    }
+
+    fn min_contrast(&self) -> f32 {
+        self.min_contrast.max(MIN_TOLERANCES * self.tolerance)
+    }
+}
+
+/// Direct light at the ends of paths, alone.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct SeenDirect<'a>(pub &'a [Vec3]);
+
+impl SeenLight for SeenDirect<'_> {
+    fn own_and_all(&self, point: usize) -> [Vec3; 2] {
+        [self.0[point]; 2]
+    }
+
+    fn min_contrast(&self) -> f32 {
+        MIN_MIRRORED_CONTRAST
     }
 }
 
@@ -187,28 +207,42 @@ fn mean(parts: [Vec3; PARTS]) -> Vec3 {
     parts.iter().sum::<Vec3>() / PARTS as f32
 }
 
-/// The points of a grid, of `count`, at an edge between them and their neighbours on the same surface, along a Z-order curve.
-pub(super) fn beside_edges(
-    (grid, count): (&impl PixelGrid, usize),
-    is_edge: impl Fn(usize, usize) -> bool + Sync,
-) -> Vec<usize> {
-    let is_beside = |index: usize| is_beside_edge(grid, index, |other| is_edge(index, other));
+/// The points of a grid, of `count`, at an edge of light between them and their neighbours on the same surface, along a Z-order curve.
+pub(super) fn beside_edges((grid, count): (&impl PixelGrid, usize), light: &impl SeenLight) -> Vec<usize> {
+    let is_beside = |index: usize| is_beside_edge(grid, index, light);
     let mut found = parallel::filter(count, &is_beside);
     found.sort_by_cached_key(|index| grid.place_on_curve(*index));
     found
 }
 
 /// Whether there is an edge between a point and any of its neighbours on the same surface.
-fn is_beside_edge(grid: &impl PixelGrid, index: usize, is_edge: impl Fn(usize) -> bool) -> bool {
+fn is_beside_edge(grid: &impl PixelGrid, index: usize, light: &impl SeenLight) -> bool {
     if grid.hit(index).is_none() {
         return false;
     }
     let (x, y) = grid.pixel(index);
-    let columns = [x.checked_sub(1), Some(x + 1).filter(|x| *x < grid.width())].into_iter().flatten();
-    let rows = [y.checked_sub(1), Some(y + 1)].into_iter().flatten();
-    let neighbours = columns.map(|column| (column, y)).chain(rows.map(|row| (x, row)));
-    let mut others = neighbours.filter_map(|(column, row)| grid.counterpart(index, column, row));
-    others.any(|other| grid.may_interpolate(index, other) && is_edge(other))
+    let neighbour = |column: Option<usize>, row: Option<usize>| {
+        let other = grid.counterpart(index, column.filter(|x| *x < grid.width())?, row?)?;
+        grid.may_interpolate(index, other).then(|| light.own_and_all(other))
+    };
+    let along_row = [x.checked_sub(1), Some(x + 1)].map(|column| neighbour(column, Some(y)));
+    let along_column = [y.checked_sub(1), Some(y + 1)].map(|row| neighbour(Some(x), row));
+    let point = light.own_and_all(index);
+    [along_row, along_column].into_iter().any(|neighbours| is_uneven(point, neighbours, light.min_contrast()))
+}
+
+/// Whether light changes from a point to any of two opposite neighbours, and unevenly as far as both are known. Of each: its irradiance,
+/// and that of all light.
+fn is_uneven([own, all]: [Vec3; 2], neighbours: [Option<[Vec3; 2]>; 2], min_contrast: f32) -> bool {
+    let is_step = |[other, all_there]: [Vec3; 2]| {
+        (own - other).abs().max_element() > min_contrast * all.max(all_there).max_element()
+    };
+    if !neighbours.into_iter().flatten().any(is_step) {
+        return false;
+    }
+    let [Some([before, all_before]), Some([after, all_after])] = neighbours else { return true };
+    let bend = (before - 2.0 * own + after).abs().max_element();
+    bend > min_contrast * all.max(all_before).max(all_after).max_element()
 }
 
 /// The parts of pixels that show the same surface as their centres.
@@ -255,8 +289,8 @@ mod tests {
         let caustic: Vec<[f32; 4]> = (0..1024).map(|k| [if k % 32 < 5 { 0.5 } else { 0.0 }; 4]).collect();
         let at_edge = |direct: f32, tolerance: f32| -> Vec<usize> {
             let direct = vec![Vec3::splat(direct); 1024];
-            let light = SeenLight { direct: &direct, caustic: &caustic, tolerance, min_contrast: MIN_CONTRAST };
-            let mut found = beside_edges((&rays, 1024), |one, other| light.is_edge(one, other));
+            let light = SeenCaustic { direct: &direct, caustic: &caustic, tolerance, min_contrast: MIN_CONTRAST };
+            let mut found = beside_edges((&rays, 1024), &light);
             found.sort_unstable();
             found
         };
@@ -269,6 +303,18 @@ mod tests {
         }));
         assert!(at_edge(100.0, 0.01).is_empty(), "beside much more light nothing is seen of it");
         assert!(at_edge(1.0, 0.05).is_empty(), "coarse sums differ by themselves");
+    }
+
+    #[test]
+    fn even_slopes_are_no_edges() {
+        let light = |value: f32| [Vec3::splat(value); 2];
+        let neighbours = |before: f32, after: f32| [before, after].map(|value| Some(light(value)));
+        let is_uneven = |own: f32, neighbours| is_uneven(light(own), neighbours, 0.1);
+        assert!(!is_uneven(1.0, neighbours(0.7, 1.3)), "a slope");
+        assert!(is_uneven(1.0, neighbours(1.0, 0.7)), "a step");
+        assert!(is_uneven(1.0, neighbours(0.7, 0.8)), "a ridge");
+        assert!(is_uneven(1.0, [None, Some(light(0.7))]), "one side is unknown");
+        assert!(!is_uneven(1.0, neighbours(1.0, 0.95)), "hardly a step");
     }
 
     #[test]

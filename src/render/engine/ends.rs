@@ -8,7 +8,7 @@ use obvhs::ploc::morton::morton_encode_u64;
 
 use super::direct::DirectLight;
 use super::edges::{
-    Caustic, Direct, DividedPixels, MIN_MIRRORED_CONTRAST, PARTS, Part, SeenLight, beside_edges, differs,
+    Caustic, Direct, DividedPixels, MIN_MIRRORED_CONTRAST, PARTS, Part, SeenCaustic, SeenDirect, beside_edges,
 };
 use super::every_other::{AdaptiveLight, EndGrid};
 use super::frame::FrameInputs;
@@ -104,11 +104,7 @@ impl<'a> EndLight<'a> {
         if rays.view.pixel_samples > 1 {
             return Ok(light.into());
         }
-        let is_edge = |one: usize, other: usize| {
-            let pair = (light[one], light[other]);
-            differs(pair, pair.0.max(pair.1), MIN_MIRRORED_CONTRAST)
-        };
-        let divided = beside_edges((&grid, points.len()), is_edge);
+        let divided = beside_edges((&grid, points.len()), &SeenDirect(&light));
         let parts = parts_of_ends(inputs, rays, (points, &divided), is_known, at_hit).await?;
         let divided = DividedPixels::new(divided, parts);
         let of_parts = self.diffuse.irradiance_of_groups(&divided.open_in_groups()).await?;
@@ -178,8 +174,8 @@ pub(super) async fn caustic_at(
         return Ok(sums.into());
     }
     let tolerance = inputs.options.tolerance;
-    let light = SeenLight { direct: beside, caustic: &sums, tolerance, min_contrast: MIN_MIRRORED_CONTRAST };
-    let mut divided = beside_edges((&grid, sums.len()), |one, other| light.is_edge(one, other));
+    let light = SeenCaustic { direct: beside, caustic: &sums, tolerance, min_contrast: MIN_MIRRORED_CONTRAST };
+    let mut divided = beside_edges((&grid, sums.len()), &light);
     divided.retain(|&index| points[index].receives);
     let parts = parts_of_ends(inputs, rays, (points, &divided), is_known, at_hit).await?;
     DividedPixels::new(divided, parts).with_caustic((inputs, sum), beside, sums).await

@@ -13,7 +13,7 @@ use crate::tracing::Hit;
 /// Pixels from one to the next.
 pub(super) const STEP: usize = 2;
 /// From pixel to pixel, interpolated light changes by no more than this part of all light.
-const MAX_STEP: f32 = 0.04;
+const MAX_STEP: f32 = 0.08;
 
 /// Points of surfaces by pixel; where a picture has several points per pixel, by those.
 pub(super) trait PixelGrid: Sync {

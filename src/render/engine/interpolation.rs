@@ -6,7 +6,7 @@ use glam::{Vec2, Vec3};
 pub(super) const MAX_DEVIATION: f32 = 0.3;
 /// Linear interpolation may be wrong by this part of all light, halfway between two places: more, and there is something between the
 /// places that they do not show.
-const MAX_CURVATURE: f32 = 0.01;
+const MAX_CURVATURE: f32 = 0.02;
 
 /// Whether linear interpolation is good enough between the inner four places: along the inner rows and columns the light hardly bends
 /// on either side, in proportion to itself and other light `beside` it; `leniency` times as much as on surfaces. Where one of the outer

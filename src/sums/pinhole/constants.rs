@@ -170,7 +170,7 @@ pub const MIN_DISC_LENGTH: f32 = 5e-3;
 /// there, but not its middle.
 pub const MIN_CERTAIN_SINE: f32 = 0.2;
 /// What visibility maps leave in doubt is traced where it contributes more than this part of the error budget of a pair.
-pub const MIN_TRACED_SHARE: f32 = 0.1;
+pub const MIN_TRACED_SHARE: f32 = 0.5;
 /// The same for the environment, where the sum of several look-ups is less in doubt.
 pub const MIN_TRACED_SKY_SHARE: f32 = 1.0;
 

@@ -33,7 +33,7 @@ use crate::tracing::Hit;
 /// average out.
 const MORE_TOLERANCES: f32 = 50.0;
 /// How many times as much as on surfaces light between rays may be wrong: what rays gather along their way is blurred.
-const LENIENCY: f32 = 16.0;
+const LENIENCY: f32 = 8.0;
 /// Parts of rays that are gathered together: as many as fit into 50 MB.
 const PARTS_AT_ONCE: usize = 1 << 20;
 /// Rays that tell this mean.
