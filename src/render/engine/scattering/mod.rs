@@ -2,7 +2,7 @@
 //! same sums as on surfaces, and direct light with its shafts.
 //!
 //! A part of a ray is a receiver with a length: what crosses it comes from a strip of the environment, so that even long parts miss no
-//! beam. Along rays parts grow with their distance from the mirrors; over the picture every fourth column and row of rays is computed, and
+//! beam. Along rays parts grow with their distance from the mirrors; over the picture every eighth column and row of rays is computed, and
 //! those between where the light changes from one to the next.
 
 mod direct;
@@ -34,10 +34,12 @@ use crate::tracing::Hit;
 const MORE_TOLERANCES: f32 = 50.0;
 /// How many times as much as on surfaces light between rays may be wrong: what rays gather along their way is blurred.
 const LENIENCY: f32 = 8.0;
+/// The same between every eighth column and row: what lies between these is not seen otherwise.
+const FIRST_LENIENCY: f32 = 1.0;
 /// Parts of rays that are gathered together: as many as fit into 50 MB.
 const PARTS_AT_ONCE: usize = 1 << 20;
 /// Rays that tell this mean.
-const RAYS_OF_MEAN: usize = 128;
+const RAYS_OF_MEAN: usize = 32;
 /// Light is interpolated between rays along which the visible lengths of the medium differ by no more than this part.
 const MAX_NEIGHBOUR_DIFFERENCE: f32 = 0.5;
 /// The visible length along a ray differs from what is interpolated between them by no more than this part.
@@ -118,30 +120,54 @@ async fn scattered_direct(
     Ok(where_it_changes(picture, beside, along).await?.0)
 }
 
-/// Light along all rays of a picture: computed in every fourth column and row, in every other one where it changes between these, and in
-/// all where it still does. Returns the number of rays that were interpolated, too. `beside` is other light from there, which hides
-/// differences.
+/// Light along all rays of a picture: computed in every eighth column and row, in every fourth where it changes between these, and so on to
+/// every one. Returns the number of rays that were interpolated, too. `beside` is other light from there, which hides differences.
 async fn where_it_changes(
     picture: &PictureRays<'_>,
     beside: &[Vec3],
-    mut along: impl AsyncFnMut(Vec<usize>) -> Result<Vec<(usize, Vec4)>, Error>,
+    along: impl AsyncFnMut(Vec<usize>) -> Result<Vec<(usize, Vec4)>, Error>,
 ) -> Result<(Vec<[f32; 4]>, usize), Error> {
-    let rays = &picture.rays;
+    let rays = || picture.rays.within();
     let coarser = CoarserGrid(picture);
-    let nodes = rays.within().filter(|&index| is_node(picture, index));
-    let mut coarse = AdaptiveLight::new(&coarser, rays.len(), nodes, beside).leniently(LENIENCY);
-    while let Some(open) = coarse.next_open() {
-        coarse.set(along(open).await?);
+    let in_other = |index: &usize| is_node(picture, *index);
+    let in_fourth = |index: &usize| in_other(index) && is_node(&coarser, *index);
+    let mut light = RefinedLight { beside, along, light: None, count: picture.rays.len(), interpolated: 0 };
+    light.refine(&CoarserGrid(&coarser), rays().filter(in_fourth), FIRST_LENIENCY).await?;
+    light.refine(&coarser, rays().filter(in_other), LENIENCY).await?;
+    light.refine(picture, rays(), LENIENCY).await?;
+    Ok((light.light.unwrap_or_default(), light.interpolated))
+}
+
+/// Light along the rays of a picture, which is computed by `along` or interpolated, on finer and finer grids.
+struct RefinedLight<'a, A> {
+    beside: &'a [Vec3],
+    along: A,
+    /// As far as it is known: on the grid before.
+    light: Option<Vec<[f32; 4]>>,
+    /// Rays of the picture.
+    count: usize,
+    interpolated: usize,
+}
+
+impl<A: AsyncFnMut(Vec<usize>) -> Result<Vec<(usize, Vec4)>, Error>> RefinedLight<'_, A> {
+    /// Finds the light of some rays; that of every other one of them, in columns and rows, is known from the grid before.
+    async fn refine(
+        &mut self,
+        grid: &impl PixelGrid,
+        rays: impl Iterator<Item = usize>,
+        leniency: f32,
+    ) -> Result<(), Error> {
+        let mut finer = AdaptiveLight::new(grid, self.count, rays, self.beside).leniently(leniency);
+        if let Some(known) = &self.light {
+            finer.set_nodes(|index| Vec4::from_array(known[index]));
+        }
+        while let Some(open) = finer.next_open() {
+            finer.set((self.along)(open).await?);
+        }
+        self.interpolated += finer.interpolated_count();
+        self.light = Some(finer.finish());
+        Ok(())
     }
-    let interpolated = coarse.interpolated_count();
-    let coarse = coarse.finish();
-    let mut light = AdaptiveLight::new(picture, rays.len(), rays.within(), beside).leniently(LENIENCY);
-    light.set_nodes(|index| Vec4::from_array(coarse[index]));
-    while let Some(open) = light.next_open() {
-        light.set(along(open).await?);
-    }
-    let interpolated = interpolated + light.interpolated_count();
-    Ok((light.finish(), interpolated))
 }
 
 /// Some of the rays, from all over the picture: even steps could coincide with its columns, golden-ratio steps do not.
