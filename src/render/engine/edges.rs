@@ -18,8 +18,8 @@ use crate::stages::CameraRays;
 use crate::technique::Sum;
 use crate::tracing::Hit;
 
-/// A pixel is divided if its caustic differs from a neighbour's by more than this part of all light there, and so does its second
-/// difference along that row or column: where light rises evenly, the middle of a pixel has the mean of it.
+/// A pixel is divided if its caustic differs from a neighbour's by more than this part of all light there, and its second difference along
+/// that row or column is as large: where light rises evenly, that in the middle of a pixel is the pixel's mean.
 pub(super) const MIN_CONTRAST: f32 = 0.1;
 /// The same in mirrors, which seldom show an edge along many pixels.
 pub(super) const MIN_MIRRORED_CONTRAST: f32 = 0.2;
@@ -231,8 +231,8 @@ fn is_beside_edge(grid: &impl PixelGrid, index: usize, light: &impl SeenLight) -
     [along_row, along_column].into_iter().any(|neighbours| is_uneven(point, neighbours, light.min_contrast()))
 }
 
-/// Whether light changes from a point to any of two opposite neighbours, and unevenly as far as both are known. Of each: its irradiance,
-/// and that of all light.
+/// Whether light differs between a point and either of two opposite neighbours and, where both are known, has a second difference as large.
+/// Of each point: its irradiance, and that of all light.
 fn is_uneven([own, all]: [Vec3; 2], neighbours: [Option<[Vec3; 2]>; 2], min_contrast: f32) -> bool {
     let is_step = |[other, all_there]: [Vec3; 2]| {
         (own - other).abs().max_element() > min_contrast * all.max(all_there).max_element()

@@ -34,7 +34,7 @@ use crate::tracing::Hit;
 const MORE_TOLERANCES: f32 = 50.0;
 /// How many times as much as on surfaces light between rays may be wrong: what rays gather along their way is blurred.
 const LENIENCY: f32 = 8.0;
-/// The same between every eighth column and row: what lies between these is not seen otherwise.
+/// The same between rays eight pixels apart, between which a narrow shaft would be missed.
 const FIRST_LENIENCY: f32 = 1.0;
 /// Parts of rays that are gathered together: as many as fit into 50 MB.
 const PARTS_AT_ONCE: usize = 1 << 20;
@@ -131,21 +131,22 @@ async fn where_it_changes(
     let coarser = CoarserGrid(picture);
     let in_other = |index: &usize| is_node(picture, *index);
     let in_fourth = |index: &usize| in_other(index) && is_node(&coarser, *index);
-    let mut light = RefinedLight { beside, along, light: None, count: picture.rays.len(), interpolated: 0 };
-    light.refine(&CoarserGrid(&coarser), rays().filter(in_fourth), FIRST_LENIENCY).await?;
-    light.refine(&coarser, rays().filter(in_other), LENIENCY).await?;
-    light.refine(picture, rays(), LENIENCY).await?;
-    Ok((light.light.unwrap_or_default(), light.interpolated))
+    let mut refined = RefinedLight { beside, along, light: None, count: picture.rays.len(), interpolated: 0 };
+    refined.refine(&CoarserGrid(&coarser), rays().filter(in_fourth), FIRST_LENIENCY).await?;
+    refined.refine(&coarser, rays().filter(in_other), LENIENCY).await?;
+    refined.refine(picture, rays(), LENIENCY).await?;
+    Ok((refined.light.unwrap_or_default(), refined.interpolated))
 }
 
 /// Light along the rays of a picture, which is computed by `along` or interpolated, on finer and finer grids.
 struct RefinedLight<'a, A> {
     beside: &'a [Vec3],
     along: A,
-    /// As far as it is known: on the grid before.
+    /// On the grid before; `None` on the first one.
     light: Option<Vec<[f32; 4]>>,
     /// Rays of the picture.
     count: usize,
+    /// How many of them were interpolated so far.
     interpolated: usize,
 }
 
