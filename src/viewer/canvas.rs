@@ -17,7 +17,7 @@ use crate::Mark;
 use crate::image::{Image, srgb8};
 use pinspot_render::options::{Options, Overlay};
 
-/// A refined picture replaces the one before it over this long, so that nothing jumps.
+/// A refined picture replaces the one before it over this long.
 const FADE: Duration = Duration::from_millis(250);
 /// The longest edge of the picture, pixels.
 const MAX_EDGE: u32 = 8192;
@@ -115,7 +115,7 @@ impl SidePicture {
             }
             _ => {}
         }
-        self.fade_began = matches!(picture.quality, Quality::Refined(..)).then(Instant::now);
+        self.fade_began = picture.fades.then(Instant::now);
         self.marks.clone_from(&picture.marks);
     }
 
@@ -233,6 +233,7 @@ impl Viewer {
         self.inspect(ui.ctx(), hovered.map(|place| Vec2::new(place.x, place.y)));
         self.paint_cells(&painter, area);
         self.paint_status(&painter, area);
+        self.show_failure(ui.ctx(), area);
         is_edited
     }
 
@@ -345,7 +346,7 @@ impl Viewer {
         })
     }
 
-    /// What is shown, in the lower left corner, and what went wrong, above it.
+    /// What is shown, in the lower left corner, and what was done, above it.
     fn paint_status(&self, painter: &egui::Painter, area: Rect) {
         let text = self.status();
         let at = area.left_bottom() + UiVec2::new(10.0, -10.0);
@@ -355,9 +356,31 @@ impl Viewer {
         }
     }
 
+    /// What went wrong, over the picture, until it is mended or read.
+    fn show_failure(&mut self, context: &egui::Context, area: Rect) {
+        let Some(reason) = self.notices.failure().map(str::to_owned) else { return };
+        let at = area.left_bottom() + UiVec2::new(6.0, -64.0);
+        let message = egui::Area::new(egui::Id::new("failure")).fixed_pos(at).pivot(egui::Align2::LEFT_BOTTOM);
+        message.show(context, |ui| {
+            egui::Frame::popup(ui.style()).show(ui, |ui| {
+                ui.set_max_width((area.width() - 40.0).max(60.0));
+                ui.horizontal_wrapped(|ui| {
+                    if ui.button("OK").clicked() {
+                        self.notices.clear_failure();
+                    }
+                    ui.colored_label(Color32::from_rgb(255, 150, 120), reason);
+                });
+            });
+        });
+    }
+
     /// What is shown, in words.
     pub(super) fn status(&self) -> String {
-        let Some(picture) = &self.picture else { return "preparing the scene\u{2026}".to_owned() };
+        let stage = self.worker.stage().map_or_else(String::new, |(stage, part)| match part {
+            0.0 => format!(" ({stage})"),
+            _ => format!(" ({stage} {:.0} %)", 100.0 * part),
+        });
+        let Some(picture) = &self.picture else { return format!("preparing the scene\u{2026}{stage}") };
         let samples = match picture.evaluation {
             None => String::new(),
             Some(evaluation) if evaluation.leaves() > 1 => {
@@ -367,12 +390,15 @@ impl Viewer {
         };
         let milliseconds = 1000.0 * picture.seconds;
         match picture.quality {
-            Quality::Preview(detail) => format!(
-                "preview {}\u{d7}{}{samples}, light every {} pixels: {milliseconds:.0} ms",
-                detail.size[0], detail.size[1], detail.spacing
-            ),
+            Quality::Preview(detail) => {
+                let refining = if self.clock.is_playing { String::new() } else { format!(", refining\u{2026}{stage}") };
+                format!(
+                    "preview {}\u{d7}{}{samples}, light every {} pixels: {milliseconds:.0} ms{refining}",
+                    detail.size[0], detail.size[1], detail.spacing
+                )
+            }
             Quality::Refined(step, steps) if step < steps => {
-                format!("draft{samples}: {:.1} s, refining\u{2026}", picture.seconds)
+                format!("draft{samples}: {:.1} s, refining\u{2026}{stage}", picture.seconds)
             }
             Quality::Refined(..) => format!("finished{samples}: {:.1} s", picture.seconds),
         }

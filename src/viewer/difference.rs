@@ -27,7 +27,7 @@ const BRIGHTEST: f32 = 0.5;
 /// A difference.
 #[derive(Clone, Debug)]
 pub struct Difference {
-    /// The number of the view that it belongs to.
+    /// The number of the radiance that it belongs to: that of the first view that shows it.
     pub view: u64,
     /// A heat map, display-linear: from black (none) by red and yellow to white (half of the typical irradiance, or more).
     pub heat: Image,

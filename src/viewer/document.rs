@@ -10,7 +10,7 @@ use super::history::History;
 use super::scene_text::{number, write_camera, write_lamps, write_medium, write_objects, write_options};
 use crate::Error;
 use crate::image::write_atomically;
-use crate::scene::{BUILT_IN, EnvironmentMap, Light, Loaded, MapLayout, Scene, Transform, parse};
+use crate::scene::{BUILT_IN, Light, Loaded, MapLayout, Scene, Transform, parse};
 use pinspot_render::options::{Exposure, Options, Settings};
 
 /// What an edit changes, and undoing restores.
@@ -22,7 +22,7 @@ pub struct State {
     pub is_animated: bool,
     /// Options whose picture is shown beside that of the current ones.
     pub kept: Option<Options>,
-    /// An environment map in place of the scene's light: its file.
+    /// An environment map in place of the scene's light: its file or, if it is built in, its name.
     pub map: Option<String>,
 }
 
@@ -77,7 +77,8 @@ impl Document {
             add(object.get("mesh"));
             add(object.get("receiver").and_then(|table| table.get("table")));
         }
-        files.extend(self.state.map.iter().map(Into::into));
+        let own: Option<PathBuf> = self.state.map.as_ref().map(Into::into);
+        files.extend(own.filter(|file| file.extension().is_some()));
         files
     }
 
@@ -89,9 +90,9 @@ impl Document {
         let text = if on_disk == self.on_disk { self.text.clone() } else { on_disk.clone() };
         let mut opened = Self { on_disk, ..Self::of_text(&self.name, text, &self.folder)? };
         if let Some(map) = &self.state.map {
-            let (map, file) = Self::read_map(Path::new(map))?;
-            opened.state.scene.environment.light = Light::Map(map);
-            opened.state.map = Some(file);
+            let (light, reference) = Self::read_map(Path::new(map))?;
+            opened.state.scene.environment.light = light;
+            opened.state.map = Some(reference);
         }
         Ok(opened)
     }
@@ -211,19 +212,30 @@ impl Document {
         opened
     }
 
-    /// Reads an environment map in place of the scene's light; it is exposed for anew.
-    pub fn read_map(path: &Path) -> Result<(EnvironmentMap, String), String> {
-        let file = absolute(path).display().to_string();
-        let (map, _) = EnvironmentMap::load(Path::new(""), &[&file], MapLayout::Auto).map_err(|e| e.to_string())?;
-        Ok((map, file))
+    /// Reads an environment map, or finds the built-in one of that name. The second part of the result is what scene files call it.
+    pub fn read_map(path: &Path) -> Result<(Light, String), String> {
+        let is_file = path.extension().is_some();
+        let reference = if is_file { absolute(path) } else { path.to_owned() }.display().to_string();
+        let (light, _) = Light::map(Path::new(""), &reference, MapLayout::Auto).map_err(|e| e.to_string())?;
+        Ok((light, reference))
     }
 
-    pub fn set_map(&mut self, map: EnvironmentMap, file: String) {
+    /// Lights the scene with an environment map, of which scene files use this name; it is exposed for anew.
+    pub fn set_map(&mut self, light: Light, reference: String) {
         self.history.note(&self.state);
-        self.state.scene.environment.light = Light::Map(map);
-        self.state.map = Some(file);
+        self.state.scene.environment.light = light;
+        self.state.map = Some(reference);
         self.state.options.display.exposure = Exposure::Auto;
         self.state.options.display.background_exposure_ev = None;
+    }
+
+    /// Lights the scene as its file says.
+    pub fn reset_map(&mut self) {
+        self.history.note(&self.state);
+        self.state.scene.environment.light = self.original.scene.environment.light.clone();
+        self.state.map = None;
+        self.state.options.display.exposure = self.original.options.display.exposure;
+        self.state.options.display.background_exposure_ev = self.original.options.display.background_exposure_ev;
     }
 
     /// Takes back the last edit; the camera stays.
@@ -332,7 +344,13 @@ impl Document {
 
     fn write_environment(&self, document: &mut DocumentMut) {
         let (old, new) = (&self.original.scene.environment, &self.state.scene.environment);
-        let Some(table) = document.get_mut("environment").and_then(Item::as_table_like_mut) else { return };
+        let is_edited =
+            self.state.map.is_some() || new.rotation_rad != old.rotation_rad || new.intensity != old.intensity;
+        if !is_edited {
+            return;
+        }
+        let environment = document.entry("environment").or_insert(Item::Table(Table::new()));
+        let Some(table) = environment.as_table_like_mut() else { return };
         if let Some(map) = &self.state.map {
             for key in ["faces", "layout", "spot", "constant"] {
                 table.remove(key);

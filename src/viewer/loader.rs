@@ -9,7 +9,8 @@ use eframe::egui::ColorImage;
 
 use super::document::Document;
 use crate::image::{Image, write_png};
-use crate::scene::EnvironmentMap;
+use crate::low_level::environment::BUILT_IN_MAPS;
+use crate::scene::{BUILT_IN, Light};
 
 /// How often files are looked at.
 const INTERVAL: Duration = Duration::from_millis(400);
@@ -21,8 +22,8 @@ pub enum Loaded {
     Scene(Result<Box<Document>, String>),
     /// The scene with one more mesh.
     Mesh(Result<Box<Document>, String>),
-    /// An environment map, and its file.
-    Map(Result<(EnvironmentMap, String), String>),
+    /// An environment map, and what scene files call it.
+    Map(Result<(Light, String), String>),
     /// A screenshot was written.
     Written(PathBuf),
     /// Files of the scene have changed on disk.
@@ -115,19 +116,24 @@ impl Loader {
         *self.watched.lock().unwrap_or_else(PoisonError::into_inner) = stamps;
     }
 
-    /// Opens a scene, a mesh or an environment map, by the ending of its name. Meshes are added to the open document.
+    /// Opens a scene, a mesh or an environment map, by the ending of its name; scenes and maps that are built in have none. Meshes are
+    /// added to the open document.
     pub fn open(&self, path: PathBuf, document: &Document) {
         let sender = self.sender.clone();
         let document = document.clone();
         std::thread::spawn(move || {
+            let name = path.display().to_string();
             let extension = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
             sender.send(match extension.as_str() {
-                "toml" => Loaded::Scene(Document::open(&path.display().to_string()).map(Box::new)),
+                "toml" => Loaded::Scene(Document::open(&name).map(Box::new)),
                 "obj" => Loaded::Mesh(document.with_mesh(&path).map(Box::new)),
                 "exr" | "hdr" => Loaded::Map(Document::read_map(&path)),
+                "" if BUILT_IN_MAPS.iter().any(|map| map.name == name) => Loaded::Map(Document::read_map(&path)),
+                "" if BUILT_IN.iter().any(|scene| scene.name == name) => {
+                    Loaded::Scene(Document::open(&name).map(Box::new))
+                }
                 _ => Loaded::Scene(Err(format!(
-                    "cannot open '{}': drop a scene (.toml), a mesh (.obj) or an environment map (.exr, .hdr)",
-                    path.display()
+                    "cannot open '{name}': drop a scene (.toml), a mesh (.obj) or an environment map (.exr, .hdr)"
                 ))),
             });
         });

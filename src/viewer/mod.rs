@@ -12,6 +12,7 @@
 mod camera_input;
 mod canvas;
 mod clock;
+mod dialogs;
 mod difference;
 mod document;
 mod gizmo;
@@ -19,6 +20,7 @@ mod history;
 mod inspector;
 mod jobs;
 mod loader;
+mod maps;
 mod navigation;
 mod notices;
 mod panel;
@@ -34,16 +36,18 @@ pub use self::window::{ViewError, view};
 
 use std::path::PathBuf;
 use std::sync::Arc;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use eframe::{egui, egui_wgpu};
 use glam::Vec3;
 
 use self::canvas::Canvas;
 use self::clock::Clock;
+use self::dialogs::Dialogs;
 use self::document::{Document, State};
 use self::jobs::JobProgress;
 use self::loader::{Loaded, Loader};
+use self::maps::Maps;
 use self::navigation::point_of_interest;
 use self::notices::Notices;
 use self::worker::{Message, Picture, Quality, Side, View, Worker};
@@ -51,12 +55,17 @@ use crate::BackendChoice;
 
 /// Seconds that a preview may take at first.
 const FRAME_SECONDS: f64 = 0.05;
+/// How far a picture is, is shown anew this often.
+const PROGRESS_INTERVAL: Duration = Duration::from_millis(200);
 
 /// What the window shows, independent of the windowing system.
 pub(crate) struct Viewer {
     document: Document,
     worker: Worker,
     loader: Loader,
+    dialogs: Dialogs,
+    maps: Maps,
+    thumbnails: panel::Thumbnails,
     clock: Clock,
     canvas: Canvas,
     notices: Notices,
@@ -76,8 +85,8 @@ pub(crate) struct Viewer {
     panel: panel::PanelState,
     inspection: panel::InspectionState,
     difference: panel::DifferenceState,
-    /// The number of the view that was sent last.
-    sent: u64,
+    /// The view that was sent last.
+    last_view: Option<View>,
     /// The view has to be shown anew.
     is_outdated: bool,
     /// A view was sent, and no picture of it has come back.
@@ -95,10 +104,16 @@ impl Viewer {
         device: Option<egui_wgpu::RenderState>,
     ) -> Self {
         let repaint = Arc::new(move || context.request_repaint());
-        let wake = repaint.clone();
+        let [wake, wake_for_dialogs, wake_for_maps] = std::array::from_fn(|_| {
+            let repaint = repaint.clone();
+            move || repaint()
+        });
         let gpu = device.as_ref().and_then(|device| window::shared_device(device, &choice));
         let mut viewer = Self {
-            worker: Worker::start(choice, gpu, move || wake()),
+            worker: Worker::start(choice, gpu, wake),
+            dialogs: Dialogs::new(wake_for_dialogs),
+            maps: Maps::new(wake_for_maps),
+            thumbnails: panel::Thumbnails::default(),
             loader: Loader::new(move || repaint()),
             clock: Clock::default(),
             canvas: Canvas::new(device),
@@ -113,7 +128,7 @@ impl Viewer {
             panel: panel::PanelState::new(&document),
             inspection: panel::InspectionState::default(),
             difference: panel::DifferenceState::default(),
-            sent: 0,
+            last_view: None,
             is_outdated: true,
             is_waiting: false,
             is_editing: false,
@@ -128,6 +143,7 @@ impl Viewer {
     pub fn ui(&mut self, ui: &mut egui::Ui) {
         self.take_messages(ui.ctx());
         self.take_dropped_files(ui.ctx());
+        self.take_chosen_file();
         self.shortcuts(ui.ctx());
         if self.clock.advance(Instant::now(), self.document.state.scene.duration()) {
             self.is_outdated = true;
@@ -136,7 +152,7 @@ impl Viewer {
         let mut is_edited = false;
         egui::Panel::bottom("timeline").show(ui, |ui| is_edited |= self.timeline(ui));
         if self.panel.is_open {
-            let panel = egui::Panel::right("panel").default_size(330.0).size_range(240.0..=480.0);
+            let panel = egui::Panel::right("panel").default_size(345.0).size_range(240.0..=480.0);
             panel.show(ui, |ui| is_edited |= self.show_panel(ui));
         }
         let frame = egui::Frame::NONE.fill(egui::Color32::BLACK);
@@ -146,7 +162,11 @@ impl Viewer {
         self.send_view();
         self.compare_with_reference(ui.ctx());
         if self.notices.done().is_some() {
-            ui.ctx().request_repaint_after(std::time::Duration::from_secs(1));
+            ui.ctx().request_repaint_after(Duration::from_secs(1));
+        }
+        // It shows how far the picture is.
+        if !self.is_finished() && !self.clock.is_playing {
+            ui.ctx().request_repaint_after(PROGRESS_INTERVAL);
         }
         // While the animation plays, pictures wake the window.
         if self.canvas.is_fading() {
@@ -157,7 +177,7 @@ impl Viewer {
     /// Whether the whole picture of what was last set is shown, or an error tells why it cannot be.
     fn is_finished(&self) -> bool {
         let is_whole = |picture: &Picture| {
-            picture.view == self.sent && matches!(picture.quality, Quality::Refined(step, steps) if step == steps)
+            picture.view == self.sent() && matches!(picture.quality, Quality::Refined(step, steps) if step == steps)
         };
         let is_settled = !self.is_outdated && !self.is_waiting && !self.canvas.is_fading();
         let is_kept_whole = self.document.state.kept.is_none() || self.kept_picture.as_ref().is_some_and(is_whole);
@@ -183,16 +203,32 @@ impl Viewer {
         if !self.is_outdated || !is_ready || self.canvas.size() == [0, 0] {
             return;
         }
-        self.sent += 1;
-        self.worker.show(View {
-            number: self.sent,
+        let number = self.sent() + 1;
+        let mut view = View {
+            number,
+            radiance: number,
             scene: self.posed_scene(),
             options: self.document.state.options.clone().with_size(self.canvas.size()),
             kept: self.document.state.kept.clone().map(|kept| kept.with_size(self.canvas.size())),
             is_playing: self.clock.is_playing,
             frame_seconds: self.frame_seconds,
-        });
+        };
+        if let Some(last) = self.last_view.as_ref().filter(|last| view.shares_radiance_with(last)) {
+            view.radiance = last.radiance;
+        }
+        self.last_view = Some(view.clone());
+        self.worker.show(view);
         (self.is_outdated, self.is_waiting) = (false, true);
+    }
+
+    /// The number of the view that was sent last; 0 before the first.
+    fn sent(&self) -> u64 {
+        self.last_view.as_ref().map_or(0, |view| view.number)
+    }
+
+    /// The number of the first view that shows the same radiance as the one that was sent last.
+    fn sent_radiance(&self) -> u64 {
+        self.last_view.as_ref().map_or(0, |view| view.radiance)
     }
 
     /// The scene at the time of the clock. The camera follows its animation only while that plays or is scrubbed.
@@ -213,7 +249,7 @@ impl Viewer {
             match message {
                 Message::Backend(backend) => self.backend = backend,
                 Message::Picture(mut picture) => {
-                    self.is_waiting &= picture.view != self.sent;
+                    self.is_waiting &= picture.view != self.sent();
                     self.canvas.set_picture(context, &mut picture);
                     self.notices.set_rendering(None);
                     match picture.side {
@@ -222,7 +258,7 @@ impl Viewer {
                     }
                 }
                 Message::Failed(view, reason) => {
-                    self.is_waiting &= view != self.sent;
+                    self.is_waiting &= view != self.sent();
                     self.notices.set_rendering(Some(reason));
                 }
                 Message::Warning(reason) => self.notices.fail(reason),
@@ -231,17 +267,14 @@ impl Viewer {
                 Message::Job(JobProgress::Done(written)) => {
                     self.job = None;
                     self.notices.say(written);
-                    self.is_outdated = true;
                 }
                 Message::Job(JobProgress::Stopped) => {
                     self.job = None;
                     self.notices.say("stopped; frames that are complete stay".to_owned());
-                    self.is_outdated = true;
                 }
                 Message::Job(JobProgress::Failed(reason)) => {
                     self.job = None;
                     self.notices.fail(reason);
-                    self.is_outdated = true;
                 }
             }
         }
@@ -275,8 +308,9 @@ impl Viewer {
                 self.set_document(with_edits);
             }
             Loaded::Written(path) => self.notices.say(format!("screenshot: {}", path.display())),
-            Loaded::Map(Ok((map, file))) => {
-                self.document.set_map(map, file);
+            Loaded::Map(Ok((light, reference))) => {
+                self.maps.add(&reference, &light);
+                self.document.set_map(light, reference);
                 self.is_outdated = true;
             }
             Loaded::Scene(Err(reason))

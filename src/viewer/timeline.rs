@@ -1,4 +1,4 @@
-//! The bar below the picture: play, pause, scrub, speed, and what has to be said.
+//! The bar below the picture: play, pause, scrub and speed; and the help.
 
 use eframe::egui;
 
@@ -12,7 +12,6 @@ impl Viewer {
     /// Returns whether the scene was edited.
     pub(super) fn timeline(&mut self, ui: &mut egui::Ui) -> bool {
         let mut is_edited = false;
-        self.failure(ui);
         ui.horizontal(|ui| {
             let duration = self.document.state.scene.duration();
             let has_motion = duration > 0.0;
@@ -56,17 +55,6 @@ impl Viewer {
             }
         });
         is_edited
-    }
-
-    /// What went wrong, until it is mended or read.
-    fn failure(&mut self, ui: &mut egui::Ui) {
-        let Some(reason) = self.notices.failure().map(str::to_owned) else { return };
-        ui.horizontal_wrapped(|ui| {
-            if ui.button("OK").clicked() {
-                self.notices.clear_failure();
-            }
-            ui.colored_label(egui::Color32::from_rgb(255, 150, 120), reason);
-        });
     }
 
     /// The keys, in a window of their own.

@@ -111,7 +111,7 @@ impl<T: Copy + PartialEq + Add<Output = T> + Sub<Output = T> + Mul<f32, Output =
 }
 
 /// The motion of one thing. Properties without key frames are left as they are.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum Animation {
     /// Objects that share a name in the scene file.
@@ -125,7 +125,7 @@ pub enum Animation {
 }
 
 /// The motion of objects.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct ObjectMotion {
     /// Their indices in the scene.
     pub objects: Range<usize>,
@@ -150,6 +150,13 @@ pub struct Waves {
 /// A phase, degrees, and the mesh there.
 type PhaseMesh = (f32, Arc<Mesh>);
 
+impl PartialEq for Waves {
+    /// Whether both have the same phases, and share their meshes in memory.
+    fn eq(&self, other: &Self) -> bool {
+        self.phase_rad == other.phase_rad && Arc::ptr_eq(&self.last, &other.last)
+    }
+}
+
 impl Waves {
     /// A sheet or water, and the phase of its waves, radians; `None` for shapes without waves.
     pub fn new(shape: Shape, phase_rad: KeyFrames<f32>) -> Option<Self> {
@@ -170,7 +177,7 @@ impl Waves {
 }
 
 /// The motion of the camera.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct CameraMotion {
     /// Position, metres.
     pub position: KeyFrames<Vec3>,
@@ -181,7 +188,7 @@ pub struct CameraMotion {
 }
 
 /// The motion of the environment.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct EnvironmentMotion {
     /// Rotation about +Y, radians.
     pub rotation_rad: Option<KeyFrames<f32>>,
@@ -190,7 +197,7 @@ pub struct EnvironmentMotion {
 }
 
 /// The motion of a lamp.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct LampMotion {
     /// Its index in the scene.
     pub lamp: usize,

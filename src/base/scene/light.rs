@@ -13,7 +13,7 @@ use crate::image::{DecodeError, RgbImage};
 pub const MAX_RADIANCE: f32 = 1e36;
 
 /// The environment lighting of a scene.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct EnvironmentSource {
     /// The light itself.
     pub light: Light,

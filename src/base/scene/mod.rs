@@ -89,7 +89,7 @@ use crate::words::escaped;
 /// assert!(rendered.layers[0].1.mean().x > 0.0);
 /// # Ok::<(), pinspot::Error>(())
 /// ```
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Scene {
     /// The file's stem or the built-in scene's name; used in reports only.
     pub name: String,
@@ -181,6 +181,16 @@ pub struct Object {
     pub emitter: Option<Emitter>,
     /// `false`: invisible to camera rays, though not to light.
     pub camera_visible: bool,
+}
+
+impl PartialEq for Object {
+    /// Whether both are the same, and share the same mesh in memory. Vertices are not compared.
+    fn eq(&self, other: &Self) -> bool {
+        let Self { name, mesh, placement, reflector, refractor, receiver, emitter, camera_visible } = self;
+        let materials = (reflector, refractor, receiver, emitter, camera_visible);
+        let others = (&other.reflector, &other.refractor, &other.receiver, &other.emitter, &other.camera_visible);
+        *name == other.name && Arc::ptr_eq(mesh, &other.mesh) && *placement == other.placement && materials == others
+    }
 }
 
 impl Object {

@@ -1,10 +1,13 @@
 //! The film: pictures that are filled band by band.
 
+use std::sync::Arc;
+
 use glam::Vec3;
 
 use super::frame::{Band, Beauty, FrameInputs};
 use super::overlay::{self, Mark};
 use super::report::Report;
+use super::shading::Shaded;
 use crate::image::{Aov, Image, exposed, metered_ev};
 use crate::options::{DisplaySettings, Exposures, Options};
 
@@ -15,6 +18,8 @@ pub struct Rendered {
     pub layers: Vec<(Aov, Image)>,
     /// The beauty picture for display: exposed, tone-mapped and then anti-aliased; display-linear.
     displayed: Option<Image>,
+    /// The radiance of the beauty picture's points, if it is small enough for them to be kept.
+    shaded: Option<Arc<Shaded>>,
     /// What was rendered, and how.
     pub report: Report,
 }
@@ -30,13 +35,23 @@ impl Rendered {
     pub fn displayed(&self, settings: &DisplaySettings) -> Image {
         match (&self.displayed, self.layers.first()) {
             (Some(beauty), _) => beauty.clone(),
-            (None, Some((_, first))) => {
-                let Exposures { exposure_ev, .. } = settings.exposures(|| metered_ev(first.pixels.iter().copied()));
-                first.map(|p| settings.tone_map.apply(exposed(p, exposure_ev)))
-            }
+            (None, Some((_, first))) => displayed_layer(first, settings).0,
             (None, None) => Image::new(0, 0),
         }
     }
+
+    /// The same picture with other display settings, and the exposures that follow from them; without an overlay's marks. `None` if it
+    /// has to be rendered again: beauty of more than 8 million points (3840×2160 pixels of one point), whose radiance is not kept.
+    pub fn displayed_again(&self, settings: &DisplaySettings) -> Option<(Image, Exposures)> {
+        let Some(beauty) = &self.displayed else { return Some(displayed_layer(&self.layers.first()?.1, settings)) };
+        let again = self.shaded.as_ref()?.displayed(settings);
+        Some((Image { pixels: again.pixels, ..*beauty }, again.exposures))
+    }
+}
+
+fn displayed_layer(layer: &Image, settings: &DisplaySettings) -> (Image, Exposures) {
+    let exposures = settings.exposures(|| metered_ev(layer.pixels.iter().copied()));
+    (layer.map(|p| settings.tone_map.apply(exposed(p, exposures.exposure_ev))), exposures)
 }
 
 /// The pictures, as far as they are filled.
@@ -45,13 +60,15 @@ pub(super) struct Film {
     data: Vec<(Aov, Image)>,
     /// Radiance, and its display image.
     beauty: Option<(Image, Image)>,
+    /// The points of a beauty picture that is one band.
+    shaded: Option<Arc<Shaded>>,
 }
 
 impl Film {
     pub fn new(options: &Options) -> Self {
         let blank = || Image::new(options.size[0], options.size[1]);
         let data = options.aovs.iter().filter(|a| **a != Aov::Beauty).map(|a| (*a, blank())).collect();
-        Self { data, beauty: options.aovs.contains(&Aov::Beauty).then(|| (blank(), blank())) }
+        Self { data, beauty: options.aovs.contains(&Aov::Beauty).then(|| (blank(), blank())), shaded: None }
     }
 
     /// Copies a band into its place.
@@ -63,9 +80,10 @@ impl Film {
                 *pixel = mean_of_pixel(inputs, band, *aov, k as u32);
             }
         }
-        if let (Some((radiance, shown)), Some(Beauty { radiance: band_radiance, displayed })) =
+        if let (Some((radiance, shown)), Some(Beauty { radiance: band_radiance, shaded, displayed })) =
             (&mut self.beauty, &band.beauty)
         {
+            self.shaded = (view.rows == view.size[1]).then(|| shaded.clone());
             radiance.pixels[first..first + count].copy_from_slice(band_radiance);
             shown.pixels[first..first + count].copy_from_slice(&displayed.pixels);
         }
@@ -78,7 +96,7 @@ impl Film {
         }
         self.data.extend(beauty.map(|b| (Aov::Beauty, b)));
         self.data.sort_by_key(|(aov, _)| aovs.iter().position(|a| a == aov));
-        Rendered { layers: self.data, displayed, report }
+        Rendered { layers: self.data, displayed, shaded: self.shaded, report }
     }
 }
 

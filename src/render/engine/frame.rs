@@ -210,6 +210,7 @@ pub(super) struct Band {
 pub(super) struct Beauty {
     /// Radiance, W/(m²·sr).
     pub radiance: Vec<Vec3>,
+    pub shaded: Arc<Shaded>,
     pub displayed: Arc<Displayed>,
 }
 
@@ -411,7 +412,7 @@ impl BandStages {
         let shader = shader(inputs, [own, ends], scattered, options.caustic_gain);
         let shaded = self.shading.get(key, progress, || shader.shade(paths));
         let displayed = self.display.get((Id::of(&shaded), display), progress, || shaded.displayed(&display));
-        Beauty { radiance: shaded.radiance(), displayed }
+        Beauty { radiance: shaded.radiance(), shaded, displayed }
     }
 
     pub fn count(&self, counts: &mut StageCounts) {

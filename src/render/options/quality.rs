@@ -81,19 +81,33 @@ impl Options {
         if self.technique == Technique::ImageSpace {
             return self.with_few_to_many_photons();
         }
-        let has_leaves = self.evaluation != EvaluationChoice::Flat && self.footprint != Footprint::Curvature;
-        let at = |step: &Step| {
-            let samples = step.samples(self.samples);
-            let options = self.clone().with_samples(samples).with_pixel_samples(step.pixel_samples);
-            if has_leaves {
-                options.with_leaves(Some(step.leaves(samples))).with_tolerance(step.tolerance)
-            } else {
-                options
-            }
-        };
-        let mut steps: Vec<Self> = STEPS.iter().map(at).collect();
+        let mut steps: Vec<Self> = STEPS.iter().map(|step| self.at_step(step)).collect();
         steps.dedup();
         steps
+    }
+
+    /// These options at another quality, as [`Settings::at_quality`].
+    #[must_use]
+    pub fn at_quality(&self, quality: Quality) -> Self {
+        let has_photons = self.technique == Technique::ImageSpace;
+        match quality {
+            Quality::Normal => self.clone(),
+            Quality::Draft if has_photons => self.with_few_to_many_photons().swap_remove(0),
+            Quality::Final if has_photons => self.with_few_to_many_photons().pop().unwrap_or_else(|| self.clone()),
+            Quality::Draft => self.at_step(&DRAFT),
+            Quality::Final => self.at_step(&FINAL),
+        }
+    }
+
+    fn at_step(&self, step: &Step) -> Self {
+        let has_leaves = self.evaluation != EvaluationChoice::Flat && self.footprint != Footprint::Curvature;
+        let samples = step.samples(self.samples);
+        let options = self.clone().with_samples(samples).with_pixel_samples(step.pixel_samples);
+        if has_leaves {
+            options.with_leaves(Some(step.leaves(samples))).with_tolerance(step.tolerance)
+        } else {
+            options
+        }
     }
 
     /// The same for techniques that send photons.

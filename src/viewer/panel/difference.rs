@@ -12,7 +12,7 @@ use crate::viewer::difference::{Comparison, Difference};
 #[derive(Default)]
 pub(crate) struct DifferenceState {
     is_on: bool,
-    /// The comparison at hand, and the view that it belongs to.
+    /// The comparison at hand, and the number of the radiance that it belongs to.
     comparison: Option<(Comparison, u64)>,
     /// The latest difference, without its pixels, and these.
     found: Option<(Difference, TextureHandle)>,
@@ -37,7 +37,7 @@ impl Viewer {
         if let Some(reason) = &self.difference.failure {
             ui.colored_label(Color32::YELLOW, reason);
         }
-        let is_current = |difference: &Difference| difference.view == self.sent;
+        let is_current = |difference: &Difference| difference.view == self.sent_radiance();
         match self.difference.found.as_ref().filter(|(difference, _)| is_current(difference)) {
             Some((Difference { rel_l2, uncertainty, seconds, is_final, .. }, _)) => {
                 let state = if *is_final { "" } else { ", becoming more exact\u{2026}" };
@@ -58,16 +58,17 @@ impl Viewer {
     /// Starts a comparison of the picture that is finished, ends one of an earlier picture, and takes what was found.
     pub(in crate::viewer) fn compare_with_reference(&mut self, context: &egui::Context) {
         let is_finished = self.is_finished() && self.notices.failure().is_none();
+        let sent = self.sent_radiance();
         let state = &mut self.difference;
-        if !state.is_on || state.comparison.as_ref().is_some_and(|(_, view)| *view != self.sent) {
+        if !state.is_on || state.comparison.as_ref().is_some_and(|(_, view)| *view != sent) {
             (state.comparison, state.failure) = (None, None);
         }
         if state.is_on && is_finished && state.comparison.is_none() {
             let scene = self.posed_scene();
             let options = self.document.state.options.clone().with_size(self.canvas.size());
             let waker = context.clone();
-            let comparison = Comparison::start(self.sent, scene, &options, move || waker.request_repaint());
-            self.difference.comparison = Some((comparison, self.sent));
+            let comparison = Comparison::start(sent, scene, &options, move || waker.request_repaint());
+            self.difference.comparison = Some((comparison, sent));
         }
         let state = &mut self.difference;
         match state.comparison.as_ref().and_then(|(comparison, _)| comparison.found()) {
@@ -85,7 +86,8 @@ impl Viewer {
     /// Paints the heat map over the picture that it belongs to.
     pub(in crate::viewer) fn paint_difference(&self, painter: &egui::Painter, area: Rect) {
         let state = &self.difference;
-        let current = state.found.as_ref().filter(|(difference, _)| state.is_on && difference.view == self.sent);
+        let current =
+            state.found.as_ref().filter(|(difference, _)| state.is_on && difference.view == self.sent_radiance());
         if let Some((_, texture)) = current {
             let whole = Rect::from_min_max(Pos2::ZERO, Pos2::new(1.0, 1.0));
             painter.image(texture.id(), area, whole, Color32::WHITE);

@@ -90,6 +90,13 @@ pub fn reset<T: Copy + PartialEq>(ui: &mut egui::Ui, name: &str, value: &mut T, 
     false
 }
 
+/// A button that opens a file dialog. Returns whether it was pressed.
+pub fn browse(ui: &mut egui::Ui, name: &str) -> bool {
+    let button = ui.button("\u{2026}").on_hover_text(name);
+    named(&button, egui::Role::Button, name);
+    button.clicked()
+}
+
 /// Gives a widget without a text of its own a name, for screen readers and tests.
 pub fn named(response: &egui::Response, role: egui::Role, name: &str) {
     response.widget_info(|| egui::WidgetInfo::labeled(role, true, name));

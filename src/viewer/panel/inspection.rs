@@ -97,18 +97,18 @@ impl Viewer {
         self.take_answer(context);
         let place = place.or(self.inspection.asked.map(|(place, ..)| place));
         let moves = self.clock.is_playing || self.is_outdated || context.input(|input| input.pointer.any_down());
-        let Some(place) = place.filter(|_| self.inspection.is_on && !moves && self.sent > 0) else { return };
+        let Some(place) = place.filter(|_| self.inspection.is_on && !moves && self.sent() > 0) else { return };
         let with_cells = self.inspection.with_cells;
-        if self.inspection.asked == Some((place, self.sent, with_cells)) {
+        if self.inspection.asked == Some((place, self.sent(), with_cells)) {
             return;
         }
-        self.inspection.asked = Some((place, self.sent, with_cells));
+        self.inspection.asked = Some((place, self.sent(), with_cells));
         let mut options = self.document.state.options.clone().with_size(self.canvas.size());
         if let Some(used) = self.picture.as_ref().and_then(|picture| picture.exposures) {
             options.display.exposure = Exposure::Stops(used.exposure_ev);
             options.display.background_exposure_ev = Some(used.background_exposure_ev);
         }
-        let question = Question { scene: self.posed_scene(), options, place, view: self.sent, with_cells };
+        let question = Question { scene: self.posed_scene(), options, place, view: self.sent(), with_cells };
         let waker = context.clone();
         let start = || Inspector::start(move || waker.request_repaint());
         if !self.inspection.inspector.get_or_insert_with(start).ask(question) {
@@ -120,7 +120,7 @@ impl Viewer {
     /// Draws the cells of the sum over the picture: the more one brings, the brighter, those on the far sides of mirrors, too.
     pub(in crate::viewer) fn paint_cells(&self, painter: &egui::Painter, area: Rect) {
         let state = &self.inspection;
-        let is_current = |cells: &&(Vec<TakenCell>, u64)| state.is_on && state.with_cells && cells.1 == self.sent;
+        let is_current = |cells: &&(Vec<TakenCell>, u64)| state.is_on && state.with_cells && cells.1 == self.sent();
         let Some((cells, _)) = state.cells.as_ref().filter(is_current) else { return };
         let camera = self.posed_scene().camera;
         let size = glam::Vec2::new(area.width(), area.height());
@@ -151,7 +151,7 @@ impl Viewer {
     pub(in crate::viewer) fn forget_inspection(&mut self) {
         let InspectionState { is_on, with_cells, .. } = self.inspection;
         self.inspection =
-            InspectionState { is_on, with_cells, first_view: self.sent + 1, ..InspectionState::default() };
+            InspectionState { is_on, with_cells, first_view: self.sent() + 1, ..InspectionState::default() };
     }
 
     fn take_answer(&mut self, context: &egui::Context) {

@@ -4,6 +4,7 @@ mod difference;
 mod fields;
 mod inspection;
 mod lights;
+mod maps;
 mod objects;
 mod output;
 mod settings;
@@ -11,15 +12,18 @@ mod settings;
 use eframe::egui;
 
 pub(crate) use self::difference::DifferenceState;
+use self::fields::browse;
 pub(super) use self::fields::named;
 pub(crate) use self::inspection::InspectionState;
+pub(crate) use self::maps::Thumbnails;
 
 use super::Viewer;
+use super::dialogs::Purpose;
 use super::document::Document;
 use crate::scene::BUILT_IN;
 
 /// Width of sliders, points.
-const SLIDER_WIDTH: f32 = 120.0;
+const SLIDER_WIDTH: f32 = 100.0;
 
 /// What the panel itself keeps.
 #[derive(Clone, Debug)]
@@ -70,7 +74,8 @@ impl Viewer {
     /// Returns whether the scene was edited.
     pub(super) fn show_panel(&mut self, ui: &mut egui::Ui) -> bool {
         let mut is_edited = false;
-        egui::ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {
+        // Content that is too wide must not widen the panel: the picture would have to be rendered again.
+        egui::ScrollArea::both().auto_shrink(false).show(ui, |ui| {
             ui.spacing_mut().slider_width = SLIDER_WIDTH;
             self.scene_section(ui);
             is_edited |= self.comparison(ui);
@@ -78,6 +83,9 @@ impl Viewer {
             let section = |ui: &mut egui::Ui, name: &str, is_open: bool, show: &mut dyn FnMut(&mut egui::Ui)| {
                 egui::CollapsingHeader::new(name).default_open(is_open).show(ui, |ui| show(ui));
             };
+            section(ui, "Display", true, &mut |ui| is_edited |= self.display_section(ui));
+            section(ui, "Objects", false, &mut |ui| is_edited |= self.objects_section(ui));
+            section(ui, "Save and record", false, &mut |ui| self.output_section(ui));
             section(ui, "Light", true, &mut |ui| is_edited |= self.light_section(ui));
             if !self.document.state.scene.lamps.is_empty() {
                 section(ui, "Lamps", true, &mut |ui| is_edited |= self.lamps_section(ui));
@@ -94,12 +102,9 @@ impl Viewer {
             if self.document.state.scene.medium.is_some() {
                 section(ui, "Medium", true, &mut |ui| is_edited |= self.medium_section(ui));
             }
-            section(ui, "Display", true, &mut |ui| is_edited |= self.display_section(ui));
-            section(ui, "Caustic", true, &mut |ui| is_edited |= self.caustic_section(ui));
-            section(ui, "Objects", false, &mut |ui| is_edited |= self.objects_section(ui));
+            section(ui, "Caustic", false, &mut |ui| is_edited |= self.caustic_section(ui));
             section(ui, "Under the pointer", false, &mut |ui| self.inspection_section(ui));
             section(ui, "Reference", false, &mut |ui| self.difference_section(ui));
-            section(ui, "Save and record", false, &mut |ui| self.output_section(ui));
             section(ui, "Frame time", false, &mut |ui| self.frame_time_section(ui));
         });
         is_edited
@@ -133,13 +138,16 @@ impl Viewer {
             }
         });
         ui.horizontal(|ui| {
-            let hint = "scene.toml, mesh.obj or map.exr";
-            let edit = egui::TextEdit::singleline(&mut self.panel.open_file).hint_text(hint).desired_width(180.0);
+            let hint = "scene, mesh.obj or map";
+            let edit = egui::TextEdit::singleline(&mut self.panel.open_file).hint_text(hint).desired_width(150.0);
             let edit = ui.add(edit);
             named(&edit, egui::Role::TextInput, "File to open");
             let is_entered = edit.lost_focus() && ui.input(|input| input.key_pressed(egui::Key::Enter));
             if ui.button("Open").clicked() || is_entered {
                 self.loader.open(self.panel.open_file.trim().into(), &self.document);
+            }
+            if browse(ui, "Browse for a file to open") {
+                self.dialogs.ask(Purpose::Open, &self.panel.open_file);
             }
         });
     }

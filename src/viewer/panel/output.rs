@@ -4,9 +4,10 @@ use std::path::PathBuf;
 
 use eframe::egui;
 
-use super::fields::named;
+use super::fields::{browse, named};
 use super::settings::OVERLAYS;
 use crate::viewer::Viewer;
+use crate::viewer::dialogs::{Chosen, Purpose};
 use crate::viewer::jobs::Job;
 use crate::{Options, Sequence};
 use pinspot_render::options::Overlay;
@@ -17,6 +18,9 @@ impl Viewer {
             file(ui, "Scene file", &mut self.panel.scene_file);
             if ui.button("Save scene").on_hover_text("Ctrl + S").clicked() {
                 self.save_scene();
+            }
+            if browse(ui, "Browse for the scene's file") {
+                self.dialogs.ask(Purpose::SaveScene, &self.panel.scene_file);
             }
         });
         ui.horizontal(|ui| {
@@ -37,12 +41,18 @@ impl Viewer {
                 if ui.button("Save picture").on_hover_text(".png, or .exr for radiance").clicked() {
                     self.save_picture();
                 }
+                if browse(ui, "Browse for the picture's file") {
+                    self.dialogs.ask(Purpose::SavePicture, &self.panel.picture_file);
+                }
             });
             ui.horizontal(|ui| {
                 file(ui, "Frames file", &mut self.panel.frames_file);
                 let record = ui.button("Record");
                 if record.on_hover_text("one .apng, or numbered files such as frame-####.exr").clicked() {
                     self.record();
+                }
+                if browse(ui, "Browse for the frames' file") {
+                    self.dialogs.ask(Purpose::Record, &self.panel.frames_file);
                 }
             });
             ui.horizontal(|ui| {
@@ -74,6 +84,35 @@ impl Viewer {
                 self.copy_command(ui.ctx());
             }
         });
+    }
+
+    /// Takes the file that was chosen in a dialog.
+    pub(in crate::viewer) fn take_chosen_file(&mut self) {
+        match self.dialogs.chosen() {
+            None => {}
+            Some(Chosen::NoDialog) => self.notices.fail(
+                "this desktop has no file dialog (xdg-desktop-portal or zenity): type the name, or drop the file here"
+                    .to_owned(),
+            ),
+            Some(Chosen::File(purpose, path)) => {
+                let name = path.display().to_string();
+                match purpose {
+                    Purpose::Open | Purpose::OpenMap => self.loader.open(path, &self.document),
+                    Purpose::SaveScene => {
+                        self.panel.scene_file = name;
+                        self.save_scene();
+                    }
+                    Purpose::SavePicture => {
+                        self.panel.picture_file = name;
+                        self.save_picture();
+                    }
+                    Purpose::Record => {
+                        self.panel.frames_file = name;
+                        self.record();
+                    }
+                }
+            }
+        }
     }
 
     fn output_options(&self) -> Options {

@@ -7,7 +7,7 @@ use crate::image::{Aov, ToneMap};
 use crate::scene::Visibility;
 use crate::viewer::Viewer;
 use pinspot_render::image_space::{Hits, ImageSpaceOptions, Incidence, MapView, Mode, Traversal};
-use pinspot_render::options::{EvaluationChoice, Exposure, FilterChoice, Options, Overlay};
+use pinspot_render::options::{EvaluationChoice, Exposure, FilterChoice, Options, Overlay, Quality};
 use pinspot_render::pinhole::{Epsilon, Footprint};
 use pinspot_render::technique::Technique;
 use pinspot_sums::sampling::{Density, MAX_SAMPLES, Strategy};
@@ -86,15 +86,13 @@ impl Viewer {
             is_edited = true;
         }
         is_edited |= number(ui, "Intensity", &mut environment.intensity, original.intensity, (0.0..=100.0, true));
-        if let Some(map) = &self.document.state.map {
-            ui.label(format!("map: {map}"));
-        }
+        self.map_choices(ui);
         is_edited
     }
 
     pub(super) fn display_section(&mut self, ui: &mut egui::Ui) -> bool {
         let (options, original) = (&mut self.document.state.options, &self.document.original.options);
-        let mut is_edited = false;
+        let mut is_edited = quality(ui, options, original);
         let mut picture = options.aovs.first().copied().unwrap_or(Aov::Beauty);
         let has_medium = self.document.state.scene.medium.is_some();
         let is_possible = |aov: Aov| has_medium || !matches!(aov, Aov::Scattered | Aov::ScatteredDirect);
@@ -162,6 +160,34 @@ impl Viewer {
         is_edited |= number(ui, "Seed", &mut options.seed, original.seed, (0..=9_999, false));
         is_edited
     }
+}
+
+/// Qualities by name.
+const QUALITIES: &[(Quality, &str)] =
+    &[(Quality::Draft, "draft"), (Quality::Normal, "normal"), (Quality::Final, "final")];
+
+/// How much time the finished picture is worth: the scene's own settings, or coarser or finer ones.
+fn quality(ui: &mut egui::Ui, options: &mut Options, original: &Options) -> bool {
+    let at = |quality: Quality| {
+        let Options { samples, leaves, tolerance, pixel_samples, image_space, .. } = original.at_quality(quality);
+        let mut there = options.clone().with_samples(samples).with_leaves(leaves).with_tolerance(tolerance);
+        there = there.with_pixel_samples(pixel_samples);
+        there.image_space.photons = image_space.photons;
+        there
+    };
+    let current = QUALITIES.iter().map(|(quality, _)| *quality).find(|quality| at(*quality) == *options);
+    let mut chosen = current;
+    let mut choices: Vec<(Option<Quality>, &str)> = QUALITIES.iter().map(|(q, name)| (Some(*q), *name)).collect();
+    if current.is_none() {
+        choices.push((None, "custom"));
+    }
+    if choice(ui, "Quality", &mut chosen, Some(Quality::Normal), &choices)
+        && let Some(chosen) = chosen
+    {
+        *options = at(chosen);
+        return true;
+    }
+    false
 }
 
 /// What there is to choose of samples.

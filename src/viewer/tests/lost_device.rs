@@ -14,7 +14,7 @@ fn view(number: u64) -> View {
     let (scene, options) = load("mirror-sphere").unwrap();
     let options = options.with_size([64, 48]).with_samples(40);
     // While the animation plays, nothing is refined.
-    View { number, scene, options, kept: None, is_playing: true, frame_seconds: 0.05 }
+    View { number, radiance: number, scene, options, kept: None, is_playing: true, frame_seconds: 0.05 }
 }
 
 /// What the worker says until it is this.

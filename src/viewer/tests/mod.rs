@@ -17,6 +17,7 @@ use super::scene_text::differing_options;
 use super::worker::Quality;
 use super::{Viewer, panel};
 use crate::image::Aov;
+use crate::scene::Light;
 use crate::{BackendChoice, Epsilon, Footprint};
 use pinspot_render::options::{EvaluationChoice, Exposure, FilterChoice, Overlay};
 use pinspot_sums::sampling::Strategy;
@@ -73,6 +74,13 @@ fn opened() -> (tempfile::TempDir, PathBuf, Window) {
     std::fs::write(&file, SCENE).unwrap();
     let window = open(file.to_str().unwrap(), [760.0, 1500.0]);
     (folder, file, window)
+}
+
+/// Opens a section of the panel.
+fn unfold(window: &mut Window, section: &str) {
+    window.step();
+    window.get_by_label(section).click();
+    window.run_steps(10);
 }
 
 /// Frames until something is the case.
@@ -134,7 +142,7 @@ fn a_preview_comes_first_and_is_refined_to_the_scenes_own_settings() {
 #[test]
 fn every_setting_is_operated_and_undone() {
     let (_folder, _, mut window) = opened();
-    window.step();
+    unfold(&mut window, "Caustic");
     let numbers: [(&str, Value<f64>); 7] = [
         ("Rotation \u{b0}", |v| v.document.state.scene.environment.rotation_rad.into()),
         ("Intensity", |v| v.document.state.scene.environment.intensity.into()),
@@ -198,7 +206,7 @@ fn every_setting_is_operated_and_undone() {
 #[test]
 fn the_keyboard_reaches_every_control() {
     let (_folder, _, mut window) = opened();
-    window.step();
+    unfold(&mut window, "Caustic");
     let mut reached = std::collections::BTreeSet::new();
     for _ in 0..120 {
         press(&mut window, Modifiers::NONE, Key::Tab);
@@ -214,6 +222,10 @@ fn the_keyboard_reaches_every_control() {
         "Scene",
         "File to open",
         "Open",
+        "Browse for a file to open",
+        "Quality",
+        "Map studio",
+        "Open map\u{2026}",
         "Rotation \u{b0}",
         "Intensity",
         "Picture",
@@ -346,7 +358,7 @@ fn a_file_that_is_broken_on_disk_is_told_and_read_again_once_it_is_mended() {
 #[test]
 fn values_that_cannot_be_are_not_taken() {
     let (_folder, _, mut window) = opened();
-    window.step();
+    unfold(&mut window, "Caustic");
     // A value is typed into the number beside its slider; the slider's own node has the name.
     let samples_slider = window.get_by_role_and_label(Role::Slider, "Samples").rect();
     for (typed, expected) in [("17", 17), ("nan", 17), ("0", 1), ("-5", 1), ("44", 44)] {
@@ -384,6 +396,90 @@ fn settings_that_cannot_be_rendered_are_explained() {
     assert!(window.state().picture.is_some());
     set_samples(&mut window, 50);
     run_until(&mut window, "a picture again", |viewer| viewer.notices.failure().is_none());
+}
+
+/// A finished picture is displayed in another way without being rendered again.
+#[test]
+fn a_finished_picture_survives_what_changes_its_display_alone() {
+    let (folder, _, mut window) = opened();
+    run_until(&mut window, "the whole picture", is_finished);
+    let picture = |viewer: &Viewer| viewer.picture.clone().unwrap();
+    let before = picture(window.state());
+    let changes: [(&str, fn(&mut Viewer)); 4] = [
+        ("exposure", |v| v.document.state.options.display.exposure = Exposure::Stops(2.5)),
+        ("background", |v| v.document.state.options.display.background_exposure_ev = Some(-1.0)),
+        ("tone map", |v| v.document.state.options.display.tone_map = crate::image::ToneMap::Linear),
+        ("overlay", |v| v.document.state.options.overlay = Overlay::Samples),
+    ];
+    let mut radiance = None;
+    for (name, change) in changes {
+        change(window.state_mut());
+        window.state_mut().is_outdated = true;
+        window.step();
+        let sent = window.state().sent();
+        run_until(&mut window, name, |viewer| !viewer.is_waiting);
+        let after = picture(window.state());
+        assert_eq!((after.view, after.quality, after.seconds), (sent, before.quality, before.seconds), "{name}");
+        assert_eq!(*radiance.get_or_insert(window.state().sent_radiance()), window.state().sent_radiance());
+    }
+    let after = picture(window.state());
+    assert_eq!(after.exposures.unwrap().exposure_ev, 2.5);
+    assert_eq!(after.exposures.unwrap().background_exposure_ev, -1.0);
+    assert!(before.marks.is_empty() && !after.marks.is_empty());
+    window.state_mut().panel.picture_file = folder.path().join("still.png").display().to_string();
+    unfold(&mut window, "Save and record");
+    window.get_by_label("Save picture").click();
+    window.step();
+    run_until(&mut window, "the picture's file", |viewer| viewer.job.is_none() && viewer.notices.done().is_some());
+    window.run_steps(3);
+    assert_eq!(picture(window.state()).view, after.view, "saving changes nothing");
+    window.state_mut().document.state.options.samples = 50;
+    window.state_mut().is_outdated = true;
+    window.step();
+    assert_ne!(radiance, Some(window.state().sent_radiance()), "but other samples do");
+}
+
+/// Maps are chosen by their thumbnails, and the scene keeps its own.
+#[test]
+fn maps_are_chosen_by_their_thumbnails() {
+    let (folder, _, mut window) = opened();
+    let own = window.state().document.original.scene.environment.light.clone();
+    let light = |window: &Window| window.state().document.state.scene.environment.light.clone();
+    run_until(&mut window, "a picture", |viewer| viewer.picture.is_some());
+    window.get_by_role_and_label(Role::Button, "Map forest").click();
+    window.run_steps(2);
+    assert_eq!(light(&window), Light::BuiltInMap("forest".to_owned()));
+    press(&mut window, Modifiers::COMMAND, Key::Z);
+    assert_eq!(light(&window), own);
+    window.get_by_role_and_label(Role::Button, "Map studio").click();
+    window.run_steps(2);
+    window.get_by_label("Reset map").click();
+    window.run_steps(2);
+    assert_eq!(light(&window), own);
+    // By name, too.
+    window.state_mut().panel.open_file = "city".to_owned();
+    window.get_by_label("Open").click();
+    run_until(&mut window, "the map", |viewer| viewer.document.state.map.as_deref() == Some("city"));
+    window.state_mut().panel.scene_file = folder.path().join("lit.toml").display().to_string();
+    press(&mut window, Modifiers::COMMAND, Key::S);
+    let saved = Document::open(&window.state().panel.scene_file).unwrap();
+    assert_eq!(saved.state.scene.environment.light, Light::BuiltInMap("city".to_owned()));
+    run_until(&mut window, "a picture in its light", |viewer| !viewer.is_waiting);
+    assert!(window.state().notices.failure().is_none());
+}
+
+#[test]
+fn qualities_are_chosen_by_name() {
+    let (_folder, _, mut window) = opened();
+    window.step();
+    for (entry, points) in [("final", 2), ("draft", 1), ("normal", 1)] {
+        window.get_by_role_and_label(Role::ComboBox, "Quality").click();
+        window.run_steps(3);
+        window.get_by_role_and_label(Role::Button, entry).click();
+        window.run_steps(3);
+        assert_eq!(window.state().document.state.options.pixel_samples, points, "{entry}");
+    }
+    assert_eq!(window.state().document.state.options, window.state().document.original.options);
 }
 
 #[test]

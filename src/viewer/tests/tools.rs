@@ -95,7 +95,8 @@ fn the_picture_is_compared_with_the_reference() {
     window.get_by_label("Reference").click();
     window.run_steps(10);
     window.get_by_role_and_label(Role::CheckBox, "Difference to the reference").click();
-    let is_current = |viewer: &Viewer| viewer.difference.found().is_some_and(|found| found.view == viewer.sent);
+    let is_current =
+        |viewer: &Viewer| viewer.difference.found().is_some_and(|found| found.view == viewer.sent_radiance());
     let is_good = |viewer: &Viewer| viewer.difference.found().is_some_and(|found| found.uncertainty < 0.1);
     run_until(&mut window, "a difference", |viewer| is_current(viewer) && is_good(viewer));
     window.state_mut().document.state.scene.environment.intensity = 2.0;
