@@ -360,7 +360,7 @@ impl Viewer {
     fn show_failure(&mut self, context: &egui::Context, area: Rect) {
         let Some(reason) = self.notices.failure().map(str::to_owned) else { return };
         let at = area.left_bottom() + UiVec2::new(6.0, -64.0);
-        let message = egui::Area::new(egui::Id::new("failure")).fixed_pos(at).pivot(egui::Align2::LEFT_BOTTOM);
+        let message = egui::Area::new(egui::Id::unique("failure")).fixed_pos(at).pivot(egui::Align2::LEFT_BOTTOM);
         message.show(context, |ui| {
             egui::Frame::popup(ui.style()).show(ui, |ui| {
                 ui.set_max_width((area.width() - 40.0).max(60.0));

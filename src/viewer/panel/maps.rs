@@ -9,7 +9,7 @@ use crate::viewer::canvas::colour_image;
 use crate::viewer::dialogs::Purpose;
 
 /// Of a thumbnail, points: three in a row.
-const SIZE: Vec2 = Vec2::new(88.0, 44.0);
+const SIZE: Vec2 = Vec2::new(80.0, 40.0);
 /// Between thumbnails, points.
 const GAP: f32 = 4.0;
 

@@ -32,6 +32,9 @@ type Window = Harness<'static, Viewer>;
 /// What a control sets.
 type Value<T> = fn(&Viewer) -> T;
 
+/// What changes the state.
+type Change = fn(&mut Viewer);
+
 /// A small scene that moves, in a folder of its own.
 const SCENE: &str = r#"
 [environment]
@@ -405,7 +408,7 @@ fn a_finished_picture_survives_what_changes_its_display_alone() {
     run_until(&mut window, "the whole picture", is_finished);
     let picture = |viewer: &Viewer| viewer.picture.clone().unwrap();
     let before = picture(window.state());
-    let changes: [(&str, fn(&mut Viewer)); 4] = [
+    let changes: [(&str, Change); 4] = [
         ("exposure", |v| v.document.state.options.display.exposure = Exposure::Stops(2.5)),
         ("background", |v| v.document.state.options.display.background_exposure_ev = Some(-1.0)),
         ("tone map", |v| v.document.state.options.display.tone_map = crate::image::ToneMap::Linear),
