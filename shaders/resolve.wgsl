@@ -247,7 +247,8 @@ fn visit_cell(
         let in_leaves = is_large && (*traversal).is_doubtful;
         is_one_sample = is_one_sample && (is_leaf(cell) || !in_leaves);
         seen = (*traversal).visible_fraction;
-        if is_one_sample && (*traversal).is_doubtful && max_contribution >= MIN_TRACED_SHARE * budget {
+        let min_traced = select(MIN_TRACED_SHARE, MIN_TRACED_SHARE_OF_INTERFACES, is_interface(cell.flags)) * budget;
+        if is_one_sample && (*traversal).is_doubtful && max_contribution >= min_traced {
             let leaving = ray_origin_of(cell, receiver_side(cell.flags, pair.dn));
             seen = select(1.0, 0.0, is_occluded(leaving, -pair.d * pair.inverse_l, pair.l2 * pair.inverse_l));
         }

@@ -11,7 +11,7 @@ use super::evaluation::CellAtReceivers;
 use super::tile::{TileGather, map_towards};
 use crate::lanes::{ALL, F, LANES, Simd, SimdBase, V3, bits, lanes, set_bits, splat};
 use crate::pinhole::cell::Cell;
-use crate::pinhole::constants::{MIN_TRACED_SHARE, MIN_TRACED_SKY_SHARE};
+use crate::pinhole::constants::{MIN_TRACED_SHARE, MIN_TRACED_SHARE_OF_INTERFACES, MIN_TRACED_SKY_SHARE};
 use crate::pinhole::{PinholeParts, PinholeSample, VisibilityMaps};
 
 /// Which of sixteen receivers the sample sees whose cells are being visited, as far as its map tells.
@@ -88,8 +88,8 @@ impl TileGather<'_> {
                     let (fraction, _) = map.visible_fraction(simd, towards, None, lit);
                     let behind = sky_behind(cell.sample.interface, cell.pair.dn);
                     let found = (lanes(simd, fraction), lit);
-                    weight *=
-                        self.traced_fraction(simd, (cell.sample, cell.leaf, behind), towards, found, max_contribution);
+                    let worth = self.worth_tracing(simd, (max_contribution, cell.sample.area), MIN_TRACED_SHARE);
+                    weight *= self.traced_fraction(simd, (cell.sample, cell.leaf, behind), towards, found, worth);
                 }
                 gather.add(cell.sample, cell.pair, cell.receiver, (weight, &radiance, lit), sum);
             },
@@ -122,7 +122,9 @@ impl TileGather<'_> {
     ) -> F<S> {
         let behind = bits(pair.dn.simd_gt(0.0));
         let towards = pair.d * splat(simd, -1.0);
-        self.traced_fraction(simd, (cell, cell, behind), towards, (fraction, doubtful), max_contribution)
+        let share = if cell.interface.is_some() { MIN_TRACED_SHARE_OF_INTERFACES } else { MIN_TRACED_SHARE };
+        let worth = self.worth_tracing(simd, (max_contribution, cell.area), share);
+        self.traced_fraction(simd, (cell, cell, behind), towards, (fraction, doubtful), worth)
     }
 
     /// The lanes for which a cell that may be divided contributes much, and sees part of a lamp. `dn` as in [`VisibilityMap::of_sky`].
@@ -146,7 +148,7 @@ impl TileGather<'_> {
     }
 
     /// The visible fraction of points that lie `towards` these from the middle of a cell, which may be a piece of a leaf; those in doubt that
-    /// contribute enough are traced. `behind` are the lanes that concern the cell's back.
+    /// are `worth` it are traced. `behind` are the lanes that concern the cell's back.
     #[inline(always)]
     fn traced_fraction<S: Simd>(
         &self,
@@ -154,9 +156,9 @@ impl TileGather<'_> {
         (cell, leaf, behind): (&PinholeParts, &PinholeParts, u32),
         towards: V3<S>,
         (fraction, doubtful): (F<S>, u32),
-        max_contribution: F<S>,
+        worth: u32,
     ) -> F<S> {
-        let traced = doubtful & self.worth_tracing(simd, (max_contribution, cell.area), MIN_TRACED_SHARE);
+        let traced = doubtful & worth;
         let Some(occluders) = self.context.pinholes.occluders.as_ref().filter(|_| traced != 0) else { return fraction };
         let (directions, distances) = directions_and_lengths(simd, towards);
         let open = occluders.unoccluded_lanes((cell, leaf), behind, (&directions, &distances), traced);
