@@ -191,7 +191,8 @@ fn environments_do_not_scale_emitters() {
         );
         engine.options_mut().display.exposure = Exposure::Stops(-5.0);
         engine.options_mut().display.tone_map = ToneMap::Linear;
-        let detail = Detail { size: [9, 9], samples: 20, taps: 4, spacing: 1, shadow_directions: 8 };
+        let detail =
+            Detail { size: [9, 9], samples: 20, taps: 4, spacing: 1, shadow_directions: 8, reuses_light: false };
         for backend in [Backend::cpu(), gpu_backend()] {
             let mut engine = Engine::new(engine.scene().clone(), engine.options().clone(), backend.clone());
             let preview = wait(backend.device(), engine.preview(&detail, &NoProgress)).unwrap();

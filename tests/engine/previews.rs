@@ -27,7 +27,14 @@ fn engine(scene: &str) -> Engine {
 }
 
 fn preview(engine: &mut Engine, spacing: u32) -> Image {
-    let detail = Detail { size: SIZE, samples: SAMPLES, taps: 16, spacing, shadow_directions: SHADOW_DIRECTIONS };
+    let detail = Detail {
+        size: SIZE,
+        samples: SAMPLES,
+        taps: 16,
+        spacing,
+        shadow_directions: SHADOW_DIRECTIONS,
+        reuses_light: false,
+    };
     wait(None, engine.preview(&detail, &NoProgress)).unwrap().image
 }
 
@@ -119,8 +126,14 @@ fn look_like_the_whole_picture_by_photons(backends: &[Backend], photons: Option<
         options.image_space.photons = photons.unwrap_or(options.image_space.photons);
         let display = options.display;
         let mut engine = Engine::new(scene, options, backend.clone());
-        let detail =
-            Detail { size: SIZE, samples: SAMPLES, taps: 16, spacing: 1, shadow_directions: SHADOW_DIRECTIONS };
+        let detail = Detail {
+            size: SIZE,
+            samples: SAMPLES,
+            taps: 16,
+            spacing: 1,
+            shadow_directions: SHADOW_DIRECTIONS,
+            reuses_light: false,
+        };
         let preview = wait(backend.device(), engine.preview(&detail, &NoProgress)).unwrap().image;
         let whole = wait(backend.device(), engine.render(&NoProgress)).unwrap().displayed(&display);
         let difference = difference(&preview, &whole);
@@ -186,7 +199,14 @@ fn equal_those_of_a_new_engine(scenes: &[&str]) {
                 Engine::new(scene, options.with_size([48, 36]), backend.clone())
             };
             let preview = |engine: &mut Engine, spacing| {
-                let detail = Detail { size: [48, 36], samples: 60, taps: 8, spacing, shadow_directions: 16 };
+                let detail = Detail {
+                    size: [48, 36],
+                    samples: 60,
+                    taps: 8,
+                    spacing,
+                    shadow_directions: 16,
+                    reuses_light: false,
+                };
                 wait(backend.device(), engine.preview(&detail, &NoProgress)).unwrap().image
             };
             let mut moved = new();
@@ -201,6 +221,49 @@ fn equal_those_of_a_new_engine(scenes: &[&str]) {
             assert_eq!(preview(&mut moved, 3), preview(&mut new, 3), "{scene}");
         }
     }
+}
+
+/// Where only the camera has moved since the last whole picture, a preview of few samples is nearly as good as that.
+#[test]
+fn light_is_kept_while_the_camera_moves() {
+    for name in ["ring-natural", "candle"] {
+        let (scene, options) = pinspot::load(name).unwrap();
+        let options = options.with_size(SIZE);
+        let detail = Detail { size: SIZE, samples: 60, taps: 8, spacing: 2, shadow_directions: 16, reuses_light: true };
+        let show = |engine: &mut Engine| wait(None, engine.preview(&detail, &NoProgress)).unwrap().image;
+        let new = || Engine::new(scene.clone(), options.clone(), Backend::cpu());
+        let turned = |engine: &mut Engine| {
+            let turn = Mat3::from_rotation_y(0.05);
+            let Camera { position, forward, right, up, .. } = &mut engine.scene_mut().camera;
+            for vector in [position, forward, right, up] {
+                *vector = turn * *vector;
+            }
+        };
+        let (mut rested, mut fresh) = (new(), new());
+        whole(&mut rested);
+        turned(&mut rested);
+        turned(&mut fresh);
+        let kept = show(&mut rested);
+        let expected = whole(&mut fresh);
+        let [kept, few] = [kept, show(&mut new_at(&fresh))].map(|image| difference(&image, &expected));
+        println!("{name}: {kept:.2} levels, by few samples {few:.2}");
+        assert!(kept < 0.5 * few, "{name}: {kept} {few}");
+        // It is another light now.
+        for engine in [&mut rested, &mut fresh] {
+            engine.scene_mut().environment.rotation_rad += 0.3;
+        }
+        assert_eq!(show(&mut rested), show(&mut new_at(&fresh)), "{name}");
+        for engine in [&mut rested, &mut fresh] {
+            engine.scene_mut().environment.rotation_rad -= 0.3;
+            engine.options_mut().samples /= 2;
+        }
+        assert_eq!(show(&mut rested), show(&mut new_at(&fresh)), "{name}: other samples");
+    }
+}
+
+/// A new engine for the same picture.
+fn new_at(engine: &Engine) -> Engine {
+    Engine::new(engine.scene().clone(), engine.options().clone(), Backend::cpu())
 }
 
 /// What the quick run compares: a mirror in natural light, one that lights itself, and near emitters.
@@ -226,7 +289,7 @@ fn previews_are_the_same(is_asked_for: fn(&str) -> bool) {
         let is_metered = k % 3 == 2;
         let has_medium = ["haze", "underwater"].contains(&name);
         let (size, samples) = if has_medium { ([32, 24], 30) } else { ([56, 42], 60) };
-        let detail = Detail { size, samples, taps: 8, spacing, shadow_directions: 32 };
+        let detail = Detail { size, samples, taps: 8, spacing, shadow_directions: 32, reuses_light: false };
         let [cpu, gpu] = backends.each_ref().map(|backend| {
             with_engine(name, backend, |engine| {
                 let options = engine.options_mut();
@@ -276,7 +339,7 @@ fn previews_that_stay_on_the_device_are_the_same() {
     let backend = Backend::gpu(own);
     let (scene, options) = pinspot::load("mirror-sphere").unwrap();
     let mut engine = Engine::new(scene, options.with_size(SIZE), backend);
-    let detail = Detail { size: SIZE, samples: 60, taps: 8, spacing: 4, shadow_directions: 32 };
+    let detail = Detail { size: SIZE, samples: 60, taps: 8, spacing: 4, shadow_directions: 32, reuses_light: false };
     let read_back = wait(Some(&device), engine.preview(&detail, &NoProgress)).unwrap();
     let kept = wait(Some(&device), engine.preview_on_device(&detail, &NoProgress)).unwrap().unwrap();
     assert_eq!((kept.samples, kept.exposures), (read_back.samples, read_back.exposures));
@@ -319,7 +382,8 @@ fn previews_need_no_more_than_every_device_has() {
         let [minimal, blending] = backends.each_ref().map(|backend| {
             let (scene, options) = pinspot::load(scene).unwrap();
             let mut engine = Engine::new(scene, options.with_size([64, 48]), backend.clone());
-            let detail = Detail { size: [64, 48], samples: 300, taps: 8, spacing: 2, shadow_directions: 8 };
+            let detail =
+                Detail { size: [64, 48], samples: 300, taps: 8, spacing: 2, shadow_directions: 8, reuses_light: false };
             [0, 1].map(|_| wait(backend.device(), engine.preview(&detail, &NoProgress)).unwrap().image)
         });
         for (minimal, blending) in minimal.iter().zip(&blending) {
@@ -348,7 +412,8 @@ impl Progress for MadeStages {
 fn mirrors_keep_their_samples_while_they_move() {
     let mut engine = engine("spoon");
     engine.options_mut().overlay = Overlay::Samples;
-    let detail = Detail { size: SIZE, samples: SAMPLES, taps: 4, spacing: 8, shadow_directions: 16 };
+    let detail =
+        Detail { size: SIZE, samples: SAMPLES, taps: 4, spacing: 8, shadow_directions: 16, reuses_light: false };
     let mut preview = |change: &dyn Fn(&mut Scene)| {
         change(engine.scene_mut());
         let stages = MadeStages::default();
@@ -387,7 +452,8 @@ fn lobes_alone_are_seen() {
         let table = scene.objects.iter_mut().find_map(|object| object.receiver.as_mut()).unwrap();
         table.albedo = Vec3::ZERO;
         let mut engine = Engine::new(scene, options.with_size([32, 24]), backend.clone());
-        let detail = Detail { size: [32, 24], samples: 20, taps: 4, spacing: 2, shadow_directions: 16 };
+        let detail =
+            Detail { size: [32, 24], samples: 20, taps: 4, spacing: 2, shadow_directions: 16, reuses_light: false };
         let preview = wait(backend.device(), engine.preview(&detail, &NoProgress)).unwrap();
         let corner = preview.image.pixels.last().unwrap();
         assert!(corner.min_element() > 0.1, "{corner}");

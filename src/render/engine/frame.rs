@@ -175,7 +175,7 @@ impl<'a> FrameInputs<'a> {
         PathTracer { inputs: self, rays, starts_in_medium, is_plain: options.plain_diffuse }
     }
 
-    fn objects(&self) -> std::ops::Range<u32> {
+    pub(super) fn objects(&self) -> std::ops::Range<u32> {
         0..self.scene.objects.len() as u32
     }
 

@@ -51,7 +51,7 @@ use self::film::Film;
 use self::frame::{BandStages, FrameInputs, rows_per_band};
 use self::lost_light::LostLight;
 use self::overlay::Marker;
-use self::preview::PreviewStages;
+use self::preview::{LightAtRest, PreviewStages};
 #[cfg(feature = "gpu")]
 use self::ray_batches::{RayBatches, on_gpu::RaysOnGpu};
 use crate::backend::Backend;
@@ -98,6 +98,8 @@ pub struct Engine {
     of_chains: Vec<(Chain, Box<dyn TechniqueStages>)>,
     /// Stages of the picture, if it is small enough to be kept.
     band: BandStages,
+    /// The light of the last whole picture, for previews.
+    at_rest: Option<LightAtRest>,
     /// Stages of previews.
     preview: PreviewStages,
     /// Those of what is inspected.
@@ -129,6 +131,7 @@ impl Engine {
             technique,
             of_chains: Vec::new(),
             band: BandStages::new(),
+            at_rest: None,
             preview: PreviewStages::new(Technique::default()),
             inspection: PreviewStages::new(Technique::default()),
             counted_before: StageCounts::default(),
@@ -235,6 +238,13 @@ impl Engine {
                 fetches += band.fetches;
                 exposures = band.beauty.as_ref().map(|beauty| beauty.displayed.exposures);
                 film.add(&inputs, &band);
+                if rows == height && band.beauty.is_some() {
+                    let is_known =
+                        |object| [Aov::Direct, Aov::Caustic].iter().all(|aov| inputs.shows_irradiance(*aov, object));
+                    let is_known = inputs.objects().map(is_known).collect();
+                    let picture = (&self.scene, &self.options);
+                    self.at_rest = Some(LightAtRest::new(picture, &band.rays, &band.light, is_known));
+                }
                 if rows < height {
                     // Too large a picture to be kept.
                     self.band.count(&mut self.counted_before);

@@ -19,7 +19,7 @@ const MIRROR_TAPS: u32 = 16;
 
 /// The light at points of surfaces, for an environment of intensity 1: irradiance or, on glossy surfaces, radiance
 /// towards the viewer.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct SurfaceLight {
     /// Direct light; `None` if not requested.
     pub direct: Option<Arc<Direct>>,

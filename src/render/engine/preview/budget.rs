@@ -13,6 +13,8 @@ pub struct Detail {
     pub spacing: u32,
     /// Directions of the shadow rays of direct light.
     pub shadow_directions: u32,
+    /// On the CPU, diffuse surfaces keep the light of the last whole beauty picture while nothing but the camera moves.
+    pub reuses_light: bool,
 }
 
 impl Detail {
@@ -107,6 +109,7 @@ fn detail_at(level: f64, window: [u32; 2]) -> Detail {
         taps: between(3.0, 16.0).min(16.0).round() as u32,
         spacing: between(4.0, 2.0).round() as u32,
         shadow_directions: (between(16.0, 160.0).round() as u32).min(MAX_SHADOW_DIRECTIONS),
+        reuses_light: true,
     }
 }
 

@@ -6,6 +6,7 @@
 //!                          └─► light that a medium scatters, along a ray for every few pixels ─────────────────────┘
 //! ```
 
+mod at_rest;
 mod budget;
 mod edges;
 mod gloss;
@@ -22,6 +23,7 @@ use std::sync::Arc;
 use glam::{UVec2, Vec3, Vec4};
 use rayon::prelude::*;
 
+pub(super) use self::at_rest::LightAtRest;
 pub use self::budget::{Budget, Detail};
 use self::edges::smooth_edges;
 use self::gloss::GlossyReceivers;
@@ -138,7 +140,7 @@ impl Engine {
     ///
     /// let (scene, options) = pinspot::load("mirror-sphere")?;
     /// let mut engine = Engine::new(scene, options, Backend::cpu());
-    /// let detail = Detail { size: [64, 64], samples: 40, taps: 8, spacing: 4, shadow_directions: 32 };
+    /// let detail = Detail { size: [64, 64], samples: 40, taps: 8, spacing: 4, shadow_directions: 32, reuses_light: false };
     /// for seconds in [0.0, 0.1, 0.2] {
     ///     engine.scene_mut().pose(seconds);
     ///     let preview = blocking::wait(None, engine.preview(&detail, &NoProgress))?;
@@ -249,6 +251,10 @@ impl Engine {
             direct,
             medium,
             scattered_light,
+            at_rest: self
+                .at_rest
+                .as_ref()
+                .filter(|known| detail.reuses_light && known.is_that_of(&self.scene, &self.options)),
             progress,
         };
         let scattered = frame.scattered(sum.as_deref()).await?;
@@ -329,6 +335,8 @@ struct Frame<'a> {
     medium: Option<SeenMedium>,
     /// If the medium scatters.
     scattered_light: Option<ScatteredLight>,
+    /// If only the camera has moved since the last whole picture.
+    at_rest: Option<&'a LightAtRest>,
     progress: &'a dyn Progress,
 }
 
@@ -380,9 +388,11 @@ impl Frame<'_> {
         let views =
             Views::trace((self.scene, self.light, self.medium), self.prepared, options.size, options.plain_diffuse);
         progress.end(Stage::Rays);
-        let own = self.light(&views.surfaces, sum, |_| None).await?;
+        let at_rest = self.at_rest.map(|known| known.seen(options.caustic_gain));
+        let known = |point: &SurfacePoint| at_rest.as_ref().filter(|_| !point.is_glossy)?(&point.hit);
+        let own = self.light(&views.surfaces, sum, known).await?;
         let pixel_of = views.pixels_of(camera);
-        let seen = |point: &SurfacePoint| Some(own[pixel_of(&point.hit)?]);
+        let seen = |point: &SurfacePoint| pixel_of(&point.hit).map(|pixel| own[pixel]).or_else(|| known(point));
         let mirrored = self.light(&views.mirrored, sum, seen).await?;
         progress.begin(Stage::Shading, 1);
         let (mut image, exposures) = self.shade(&views, &own, &mirrored, scattered);

@@ -1,0 +1,95 @@
+//! The light on surfaces in the last whole picture, for previews in which only the camera has moved since: light on diffuse surfaces does
+//! not depend on who looks at it. Knows neither techniques nor how previews find light elsewhere.
+
+use std::sync::Arc;
+
+use glam::{Vec2, Vec3};
+
+use crate::engine::shading::SurfaceLight;
+use crate::options::{DisplaySettings, Options, Overlay};
+use crate::pinhole::constants::{MAX_PIXELS_APART, MIN_SEEN_COSINE};
+use crate::scene::Scene;
+use crate::stages::CameraRays;
+use crate::tracing::Hit;
+
+/// Light that was found while everything was at rest.
+#[derive(Debug)]
+pub struct LightAtRest {
+    scene: Scene,
+    /// Without what does not matter to the light.
+    options: Options,
+    rays: Arc<CameraRays>,
+    light: SurfaceLight,
+    /// By object: whether its irradiance is known.
+    is_known: Vec<bool>,
+}
+
+impl LightAtRest {
+    /// The light where the camera rays of a beauty picture hit, for an environment of intensity 1.
+    pub fn new(
+        (scene, options): (&Scene, &Options),
+        rays: &Arc<CameraRays>,
+        light: &SurfaceLight,
+        is_known: Vec<bool>,
+    ) -> Self {
+        let options = of_light(options);
+        Self { scene: scene.clone(), options, rays: rays.clone(), light: light.clone(), is_known }
+    }
+
+    /// Whether a scene and its options have the same light, but for the number of samples and the error that were allowed in a draft.
+    pub fn is_that_of(&self, scene: &Scene, options: &Options) -> bool {
+        let mut seen_from_there = self.scene.clone();
+        seen_from_there.camera = scene.camera;
+        let is_of = |options: &Options| of_light(options) == self.options;
+        seen_from_there == *scene && (is_of(options) || options.coarse_to_fine().iter().any(is_of))
+    }
+
+    /// The light at points of surfaces, as far as the camera saw them there.
+    pub fn seen(&self, caustic_gain: f32) -> impl Fn(&Hit) -> Option<Vec3> + Sync {
+        let view = &self.rays.view;
+        let size = Vec2::new(view.size[0] as f32, view.size[1] as f32);
+        let per_edge = view.pixel_samples as f32;
+        let (projected, pixel_height) = (view.camera.projected(size), view.camera.pixel_heights(size.y));
+        let (width, height) = (self.rays.width as usize, self.rays.hits.len() / self.rays.width.max(1) as usize);
+        move |hit| {
+            if !self.is_known[hit.object as usize] {
+                return None;
+            }
+            let (pixel, depth) = projected(hit.position);
+            let at = per_edge * pixel - 0.5;
+            let last = Vec2::new(width as f32 - 1.0, height as f32 - 1.0);
+            if depth <= 0.0 || at.cmplt(Vec2::ZERO).any() || !at.cmplt(last).all() {
+                return None;
+            }
+            let (first, part) = (at.y as usize * width + at.x as usize, at.fract());
+            let most_apart = MAX_PIXELS_APART * pixel_height(depth) / per_edge;
+            let (mut sum, mut weights) = (Vec3::ZERO, 0.0);
+            for (index, weight) in [
+                (first, (1.0 - part.x) * (1.0 - part.y)),
+                (first + 1, part.x * (1.0 - part.y)),
+                (first + width, (1.0 - part.x) * part.y),
+                (first + width + 1, part.x * part.y),
+            ] {
+                let is_same = |seen: &&Hit| {
+                    seen.object == hit.object
+                        && seen.front == hit.front
+                        && seen.normal.dot(hit.normal) >= MIN_SEEN_COSINE
+                        && seen.position.distance(hit.position) <= most_apart
+                };
+                if self.rays.hits[index].as_ref().filter(is_same).is_some() {
+                    let light = self.light.direct_at(index) + caustic_gain * self.light.caustic_at(index);
+                    (sum, weights) = (sum + weight * light, weights + weight);
+                }
+            }
+            (weights > 0.25).then(|| sum / weights)
+        }
+    }
+}
+
+/// Options without what the light on surfaces does not depend on.
+fn of_light(options: &Options) -> Options {
+    let mut options = options.clone().with_size([1; 2]).with_pixel_samples(1).with_aovs(Vec::new());
+    options = options.with_overlay(Overlay::None).with_caustic_gain(1.0);
+    options.display = DisplaySettings::default();
+    options
+}
