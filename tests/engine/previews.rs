@@ -228,8 +228,9 @@ fn equal_those_of_a_new_engine(scenes: &[&str]) {
 fn light_is_kept_while_the_camera_moves() {
     for name in ["ring-natural", "candle"] {
         let (scene, options) = pinspot::load(name).unwrap();
-        let options = options.with_size(SIZE);
-        let detail = Detail { size: SIZE, samples: 60, taps: 8, spacing: 2, shadow_directions: 16, reuses_light: true };
+        let size = [60, 45];
+        let options = options.with_size(size);
+        let detail = Detail { size, samples: 60, taps: 8, spacing: 2, shadow_directions: 16, reuses_light: true };
         let show = |engine: &mut Engine| wait(None, engine.preview(&detail, &NoProgress)).unwrap().image;
         let new = || Engine::new(scene.clone(), options.clone(), Backend::cpu());
         let turned = |engine: &mut Engine| {

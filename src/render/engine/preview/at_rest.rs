@@ -70,13 +70,13 @@ impl LightAtRest {
                 (first + width, (1.0 - part.x) * part.y),
                 (first + width + 1, part.x * part.y),
             ] {
-                let is_same = |seen: &&Hit| {
+                let is_same = |seen: &Hit| {
                     seen.object == hit.object
                         && seen.front == hit.front
                         && seen.normal.dot(hit.normal) >= MIN_SEEN_COSINE
                         && seen.position.distance(hit.position) <= most_apart
                 };
-                if self.rays.hits[index].as_ref().filter(is_same).is_some() {
+                if self.rays.hits[index].as_ref().is_some_and(is_same) {
                     let light = self.light.direct_at(index) + caustic_gain * self.light.caustic_at(index);
                     (sum, weights) = (sum + weight * light, weights + weight);
                 }
