@@ -26,6 +26,8 @@ pub(crate) struct InspectionState {
     inspector: Option<Inspector>,
     /// The last place that was asked about, and its view.
     asked: Option<(glam::Vec2, u64, bool)>,
+    /// The answer has not come yet.
+    is_waiting: bool,
     map: Option<TextureHandle>,
     view: Option<TextureHandle>,
     found: Option<Inspection>,
@@ -73,7 +75,8 @@ impl Viewer {
             }
         }
         let Some(found) = &self.inspection.found else {
-            ui.weak("Point at something in the picture.");
+            let is_waiting = self.inspection.is_waiting;
+            ui.weak(if is_waiting { "Looking\u{2026}" } else { "Point at something in the picture." });
             return;
         };
         let object = self.document.state.scene.objects.get(found.object);
@@ -102,7 +105,7 @@ impl Viewer {
         if self.inspection.asked == Some((place, self.sent(), with_cells)) {
             return;
         }
-        self.inspection.asked = Some((place, self.sent(), with_cells));
+        (self.inspection.asked, self.inspection.is_waiting) = (Some((place, self.sent(), with_cells)), true);
         let mut options = self.document.state.options.clone().with_size(self.canvas.size());
         if let Some(used) = self.picture.as_ref().and_then(|picture| picture.exposures) {
             options.display.exposure = Exposure::Stops(used.exposure_ev);
@@ -161,6 +164,7 @@ impl Viewer {
         else {
             return;
         };
+        state.is_waiting = false;
         if let Some(map) = map {
             state.map = Some(context.load_texture("environment", colour_image(&map), TextureOptions::LINEAR));
         }

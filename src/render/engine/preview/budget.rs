@@ -89,7 +89,7 @@ impl Budget {
 
 /// Samples at a level: in steps, so that they do not change from frame to frame.
 fn samples_at(level: f64) -> u32 {
-    (0.5 * (2.0 * between(40.0, 800.0, level).log2()).round()).exp2() as u32
+    (0.5 * (2.0 * between(160.0, 800.0, level).log2()).round()).exp2() as u32
 }
 
 /// A quantity that is `low` at level 0 and `high` at level 1.
@@ -97,8 +97,9 @@ fn between(low: f64, high: f64, level: f64) -> f64 {
     low * (high / low).powf(level)
 }
 
-/// From a sixteenth of the window's pixels and 40 samples of three taps to all of its pixels and, at level 1, 800 samples of sixteen. Above
-/// that there are more samples, of which sums that are flat need no leaves, and light is computed in more pixels.
+/// From a sixteenth of the window's pixels and 160 samples of three taps to all of its pixels and, at level 1, 800 samples of sixteen. Above
+/// that there are more samples, of which sums that are flat need no leaves, and light is computed in more pixels. Small pictures are better
+/// than few samples: the error of `sheet` is .30 in every eighth pixel as in every fourth, but .78 from a quarter of the samples.
 fn detail_at(level: f64, window: [u32; 2]) -> Detail {
     let between = |low: f64, high: f64| between(low, high, level);
     // In steps, so that the picture's size does not change from frame to frame, either.
@@ -108,7 +109,7 @@ fn detail_at(level: f64, window: [u32; 2]) -> Detail {
         samples: samples_at(level),
         taps: between(3.0, 16.0).min(16.0).round() as u32,
         spacing: between(4.0, 2.0).round() as u32,
-        shadow_directions: (between(16.0, 160.0).round() as u32).min(MAX_SHADOW_DIRECTIONS),
+        shadow_directions: (between(64.0, 160.0).round() as u32).min(MAX_SHADOW_DIRECTIONS),
         reuses_light: true,
     }
 }
