@@ -56,7 +56,7 @@ use crate::BackendChoice;
 /// Seconds that a preview may take at first.
 const FRAME_SECONDS: f64 = 0.05;
 /// How far a picture is, is shown anew this often.
-const PROGRESS_INTERVAL: Duration = Duration::from_millis(200);
+const PROGRESS_INTERVAL: Duration = Duration::from_millis(500);
 
 /// What the window shows, independent of the windowing system.
 pub(crate) struct Viewer {

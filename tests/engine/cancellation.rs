@@ -1,5 +1,6 @@
 //! A picture that nobody waits for any more ends early, and leaves nothing incomplete behind.
 
+use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use pinspot::{
@@ -12,12 +13,34 @@ use crate::support::{above_floor, gpu_backend, photon_options};
 struct CancelAt {
     stage: Stage,
     has_begun: AtomicBool,
+    /// Stages of the picture that began afterwards.
+    later: Mutex<Vec<Stage>>,
 }
+
+impl CancelAt {
+    fn new(stage: Stage) -> Self {
+        Self { stage, has_begun: AtomicBool::new(false), later: Mutex::default() }
+    }
+}
+
+/// The stages that follow when everything is prepared.
+const OF_PICTURE: [Stage; 8] = [
+    Stage::Rays,
+    Stage::Caustic,
+    Stage::Direct,
+    Stage::Scattering,
+    Stage::Paths,
+    Stage::PathEnds,
+    Stage::Shading,
+    Stage::Display,
+];
 
 impl Progress for CancelAt {
     fn begin(&self, stage: Stage, _: u64) {
         if stage == self.stage {
             self.has_begun.store(true, Ordering::Relaxed);
+        } else if self.is_cancelled() && OF_PICTURE.contains(&stage) {
+            self.later.lock().unwrap().push(stage);
         }
     }
 
@@ -42,9 +65,11 @@ fn check(backend: &Backend, (samples, leaves): (u32, Option<u32>), stages: &[Sta
     let whole = blocking::wait(backend.device(), engine().render(&NoProgress)).unwrap();
     for &stage in stages {
         let mut engine = engine();
-        let progress = CancelAt { stage, has_begun: AtomicBool::new(false) };
+        let progress = CancelAt::new(stage);
         let cancelled = blocking::wait(backend.device(), engine.render(&progress));
         assert!(matches!(cancelled, Err(Error::Cancelled)), "{stage}: {:?}", cancelled.err());
+        // The window waits for the end before it shows what was asked for.
+        assert_eq!(*progress.later.lock().unwrap(), [], "{stage}");
         let again = blocking::wait(backend.device(), engine.render(&NoProgress)).unwrap();
         assert!(again.layers == whole.layers, "{stage}: the picture differs after a cancelled one");
     }
@@ -73,7 +98,7 @@ fn passes_of_photons_end_when_cancelled() {
     let ball = "[[object]]\nshape = { sphere = { radius = 0.3 } }\ntranslate = [0, 0.5, 0]\nreflector = {}\n";
     let options = photon_options(ImageSpaceOptions { photons: 64, ..Default::default() }).with_size([24, 24]);
     let mut engine = Engine::new(above_floor(sun, ball), options, Backend::cpu());
-    let progress = CancelAt { stage: Stage::Photons, has_begun: AtomicBool::new(false) };
+    let progress = CancelAt::new(Stage::Photons);
     assert!(matches!(blocking::wait(None, engine.render(&progress)), Err(Error::Cancelled)));
     let again = blocking::wait(None, engine.render(&NoProgress)).unwrap();
     assert!(again.report.photons.unwrap().passes.unwrap().photon_passes >= 2);

@@ -87,6 +87,7 @@ impl CausticAtHits<'_> {
         let places = 0..receivers.positions.len();
         places.clone().for_each(|place| receivers.tolerate(place, error(index(place))));
         let sums = self.sum.irradiance(&receivers, progress).await?;
+        self.inputs.check_wanted()?;
         let mut all = vec![[0.0; 4]; self.rays.hits.len()];
         places.for_each(|place| all[index(place)] = sums[place]);
         Ok(all)
@@ -101,6 +102,7 @@ impl CausticAtHits<'_> {
         let mut receivers = Receivers::from_points(&points, POINTS_IN_A_ROW);
         ordered.iter().enumerate().for_each(|(place, &index)| receivers.tolerate(place, error(index)));
         let sums = self.sum.irradiance(&receivers, self.inputs.progress).await?;
+        self.inputs.check_wanted()?;
         Ok(ordered.into_iter().zip(sums.into_iter().map(Vec4::from_array)).collect())
     }
 }

@@ -9,6 +9,7 @@ use std::sync::Arc;
 use glam::Vec3;
 
 use super::every_other::{AdaptiveLight, PixelGrid, STEP};
+use super::frame::check_wanted;
 use super::ray_batches::RayBatches;
 #[cfg(feature = "gpu")]
 use super::shadows::LightDirection;
@@ -98,7 +99,7 @@ impl<'a> DirectLight<'a> {
         let mut irradiance: Vec<Vec3> = points.iter().map(|point| self.unoccluded_at(point)).collect();
         let is_dark = irradiance.iter().all(|irradiance| *irradiance == Vec3::ZERO);
         if let Some(shadows) = self.shadows.as_ref().filter(|_| !is_dark && !self.progress.is_cancelled()) {
-            let fractions = shadows.unoccluded_fractions(points);
+            let fractions = shadows.unoccluded_fractions(points, self.progress);
             irradiance.iter_mut().zip(fractions).for_each(|(value, fraction)| *value *= fraction);
         }
         self.add_near_light(points, &mut irradiance);
@@ -146,6 +147,7 @@ impl<'a> DirectLight<'a> {
             let hit = |index: &usize| rays.hits[*index].as_ref();
             let points: Vec<Vec<&Hit>> = groups.iter().map(|group| group.iter().filter_map(hit).collect()).collect();
             let irradiance = self.irradiance_of_groups(&points).await?;
+            check_wanted(self.progress)?;
             light.set(groups.into_iter().flatten().zip(irradiance.into_iter().map(|value| value.extend(0.0))));
             edge = most.min(BLOCK);
         }

@@ -97,6 +97,7 @@ impl<'a> EndLight<'a> {
             let groups: Vec<Vec<&Hit>> = diffuse.chunks(POINTS_IN_A_GROUP).map(hits).collect();
             let irradiance = self.diffuse.irradiance_of_groups(&groups).await?;
             let radiance = self.reflected(&glossy, points).await?;
+            inputs.check_wanted()?;
             let computed = diffuse.into_iter().zip(irradiance).chain(glossy.into_iter().zip(radiance));
             light.set(computed.map(|(index, value)| (index, value.extend(0.0))));
         }
@@ -248,6 +249,7 @@ impl EndGather<'_> {
         let mut receivers = receivers_at(points, &leaders, materials);
         leaders.iter().enumerate().for_each(|(place, &index)| receivers.tolerate(place, error(index)));
         let computed = sum.irradiance(&receivers, inputs.progress).await?;
+        inputs.check_wanted()?;
         for (index, leader) in which.into_iter().zip(leader_of) {
             sums[index] = computed[leader];
         }

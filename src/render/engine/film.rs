@@ -80,7 +80,7 @@ impl Film {
                 *pixel = mean_of_pixel(inputs, band, *aov, k as u32);
             }
         }
-        if let (Some((radiance, shown)), Some(Beauty { radiance: band_radiance, shaded, displayed })) =
+        if let (Some((radiance, shown)), Some(Beauty { radiance: band_radiance, shaded, displayed, .. })) =
             (&mut self.beauty, &band.beauty)
         {
             self.shaded = (view.rows == view.size[1]).then(|| shaded.clone());

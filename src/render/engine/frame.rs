@@ -139,6 +139,11 @@ impl<'a> FrameInputs<'a> {
         (&self.prepared.tracer, self.batches)
     }
 
+    /// Ends what nobody waits for: the stages that are left would take incomplete ones for complete.
+    pub(super) fn check_wanted(&self) -> Result<(), Error> {
+        check_wanted(self.progress)
+    }
+
     /// The first things that the camera sees along rays.
     pub(super) async fn camera_hits(&self, rays: &[Ray]) -> Result<Vec<Option<Hit>>, Error> {
         match self.batches {
@@ -192,6 +197,11 @@ impl<'a> FrameInputs<'a> {
     }
 }
 
+/// Ends what nobody waits for.
+pub(super) fn check_wanted(progress: &dyn Progress) -> Result<(), Error> {
+    if progress.is_cancelled() { Err(Error::Cancelled) } else { Ok(()) }
+}
+
 /// The results for a band.
 pub(super) struct Band {
     pub rays: Arc<CameraRays>,
@@ -212,6 +222,8 @@ pub(super) struct Beauty {
     pub radiance: Vec<Vec3>,
     pub shaded: Arc<Shaded>,
     pub displayed: Arc<Displayed>,
+    /// Paths via mirrors and interfaces, and the light at their ends.
+    pub paths: (Arc<Paths>, SurfaceLight),
 }
 
 /// The stages of a band.
@@ -259,25 +271,28 @@ impl BandStages {
         let rays = self.rays.wait_for(key, (1, inputs.progress), trace).await?;
         let is_lit = aovs.iter().any(|aov| matches!(aov, Aov::Direct | Aov::Beauty));
         let direct = if is_lit { Some(self.direct(inputs, light, &rays).await?) } else { None };
+        inputs.check_wanted()?;
         let caustic = self.caustic(inputs, &rays, direct.as_ref()).await?;
+        inputs.check_wanted()?;
         let of_chains = self.caustics_of_chains(inputs, &rays).await?;
         let mut fetches = fetches_of(caustic.as_deref());
         fetches += of_chains.iter().map(|(_, caustic)| fetches_of(Some(caustic))).sum::<f64>();
         let surfaces = SurfaceLight { direct, caustic };
         let scattered = self.scattering.make(inputs, light, &rays, &surfaces).await?;
         fetches += scattered.fetches();
+        inputs.check_wanted()?;
         let mut beauty = None;
         if aovs.contains(&Aov::Beauty) {
             let paths = self.paths(inputs, &rays).await?;
+            inputs.check_wanted()?;
             let ends = self.ends(inputs, light, &paths, &rays, &surfaces).await?;
+            inputs.check_wanted()?;
             fetches += fetches_of(ends.caustic.as_deref());
             let nothing = Scattered::default();
             let seen = if inputs.options.plain_diffuse { &nothing } else { &scattered };
-            beauty = Some(self.beauty(inputs, &paths, [&surfaces, &ends], seen));
+            beauty = Some(self.beauty(inputs, paths, (&surfaces, ends), seen));
         }
-        if inputs.progress.is_cancelled() {
-            return Err(Error::Cancelled);
-        }
+        inputs.check_wanted()?;
         Ok(Band { rays, light: surfaces, of_chains, scattered, beauty, fetches })
     }
 
@@ -374,6 +389,7 @@ impl BandStages {
             source.at(inputs, &paths.ends, rays, own.direct.as_deref()).await
         };
         let direct = self.ends_direct.wait_for(key, (1, inputs.progress), make).await?;
+        inputs.check_wanted()?;
         let mut caustic = None;
         if let Some(sum) = inputs.sum.filter(|_| inputs.options.shows_caustic()) {
             let steps = (paths.ends.len() as u64, inputs.progress);
@@ -394,25 +410,25 @@ impl BandStages {
     fn beauty(
         &mut self,
         inputs: &FrameInputs,
-        paths: &Arc<Paths>,
-        [own, ends]: [&SurfaceLight; 2],
+        paths: Arc<Paths>,
+        (own, ends): (&SurfaceLight, SurfaceLight),
         scattered: &Scattered,
     ) -> Beauty {
         let FrameInputs { light, options, display, progress, .. } = *inputs;
         let key = ShadingKey {
-            paths: Id::of(paths),
+            paths: Id::of(&paths),
             own: id_of(own),
-            ends: id_of(ends),
+            ends: id_of(&ends),
             environment: Id::of(&light.environment),
             rotation_rad: light.rotation_rad,
             intensity: light.intensity,
             caustic_gain: options.caustic_gain,
             scattered: [&scattered.direct, &scattered.caustic].map(|light| light.as_ref().map(Id::of)),
         };
-        let shader = shader(inputs, [own, ends], scattered, options.caustic_gain);
-        let shaded = self.shading.get(key, progress, || shader.shade(paths));
+        let shader = shader(inputs, [own, &ends], scattered, options.caustic_gain);
+        let shaded = self.shading.get(key, progress, || shader.shade(&paths));
         let displayed = self.display.get((Id::of(&shaded), display), progress, || shaded.displayed(&display));
-        Beauty { radiance: shaded.radiance(), shaded, displayed }
+        Beauty { radiance: shaded.radiance(), shaded, displayed, paths: (paths, ends) }
     }
 
     pub fn count(&self, counts: &mut StageCounts) {

@@ -238,12 +238,12 @@ impl Engine {
                 fetches += band.fetches;
                 exposures = band.beauty.as_ref().map(|beauty| beauty.displayed.exposures);
                 film.add(&inputs, &band);
-                if rows == height && band.beauty.is_some() {
+                if let Some(beauty) = band.beauty.as_ref().filter(|_| rows == height) {
                     let is_known =
                         |object| [Aov::Direct, Aov::Caustic].iter().all(|aov| inputs.shows_irradiance(*aov, object));
                     let is_known = inputs.objects().map(is_known).collect();
                     let picture = (&self.scene, &self.options);
-                    self.at_rest = Some(LightAtRest::new(picture, &band.rays, &band.light, is_known));
+                    self.at_rest = Some(LightAtRest::new(picture, (&band.rays, &band.light), &beauty.paths, is_known));
                 }
                 if rows < height {
                     // Too large a picture to be kept.

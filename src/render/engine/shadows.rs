@@ -13,6 +13,7 @@ use sobol_burley::sample_4d;
 use crate::environment::LightSampler;
 use crate::lanes::{ALL, LANES, set_bits};
 use crate::parallel;
+use crate::progress::Progress;
 use crate::stages::PreparedLight;
 use crate::tracing::{Hit, RayPacket, Tracer};
 
@@ -107,12 +108,12 @@ impl<'a> Shadows<'a> {
         parallel::map_chunks(points, LANES, &|points| self.fractions(points, &nothing_known)).concat()
     }
 
-    /// The same at points that are close to each other.
-    pub fn unoccluded_fractions(&self, points: &[&Hit]) -> Vec<Vec3> {
+    /// The same at points that are close to each other; 1 at those that are left once it is cancelled.
+    pub fn unoccluded_fractions(&self, points: &[&Hit], progress: &dyn Progress) -> Vec<Vec3> {
         let mut fractions = vec![Vec3::ONE; points.len()];
         let everything = Group { members: (0..points.len()).collect(), findings: vec![None; self.directions.len()] };
         let mut groups = vec![everything];
-        while let Some(mut group) = groups.pop() {
+        while let Some(mut group) = groups.pop().filter(|_| !progress.is_cancelled()) {
             let own: Vec<&Hit> = group.members.iter().map(|&index| points[index]).collect();
             if own.len() > LANES {
                 self.settle(&own, &mut group.findings);

@@ -250,12 +250,18 @@ fn mean_importance(candidates: &[SurfacePoint], importances: &[f32]) -> f32 {
 }
 
 /// A k-d tree over points; queries return indices into the slice it was made from.
+#[derive(Debug)]
 pub struct PointTree(ImmutableKdTree<f32, 3>);
 
 impl PointTree {
     /// Builds the search structure over points on a surface.
     pub fn new(points: &[SurfacePoint]) -> Self {
-        let positions: Vec<[f32; 3]> = points.iter().map(|p| p.position.to_array()).collect();
+        Self::of_positions(points.iter().map(|p| p.position))
+    }
+
+    /// The same over other points, which are finite.
+    pub fn of_positions(positions: impl Iterator<Item = Vec3>) -> Self {
+        let positions: Vec<[f32; 3]> = positions.map(|position| position.to_array()).collect();
         Self(ImmutableKdTree::new_from_slice(&positions).expect("finite positions make a tree"))
     }
 

@@ -5,12 +5,19 @@ use std::sync::Arc;
 
 use glam::{Vec2, Vec3};
 
+use crate::engine::paths::Paths;
 use crate::engine::shading::SurfaceLight;
 use crate::options::{DisplaySettings, Options, Overlay};
 use crate::pinhole::constants::{MAX_PIXELS_APART, MIN_SEEN_COSINE};
+use crate::sampling::PointTree;
 use crate::scene::Scene;
 use crate::stages::CameraRays;
 use crate::tracing::Hit;
+
+/// Of the four pixels around a place, those that see its surface have at least this weight, if the light there is known.
+const MIN_SEEN_WEIGHT: f32 = 0.25;
+/// Light is the mean over so many ends of paths.
+const NEAREST_ENDS: usize = 4;
 
 /// Light that was found while everything was at rest.
 #[derive(Debug)]
@@ -20,20 +27,39 @@ pub struct LightAtRest {
     options: Options,
     rays: Arc<CameraRays>,
     light: SurfaceLight,
+    ends: LightAtEnds,
     /// By object: whether its irradiance is known.
     is_known: Vec<bool>,
 }
 
+/// Light at the ends of paths via mirrors and interfaces.
+#[derive(Debug)]
+struct LightAtEnds {
+    paths: Arc<Paths>,
+    light: SurfaceLight,
+    /// `None` without ends.
+    tree: Option<PointTree>,
+}
+
 impl LightAtRest {
-    /// The light where the camera rays of a beauty picture hit, for an environment of intensity 1.
+    /// The light where the camera rays of a beauty picture hit, and at the ends of its paths, for an environment of intensity 1.
     pub fn new(
         (scene, options): (&Scene, &Options),
-        rays: &Arc<CameraRays>,
-        light: &SurfaceLight,
+        (rays, light): (&Arc<CameraRays>, &SurfaceLight),
+        (paths, ends): &(Arc<Paths>, SurfaceLight),
         is_known: Vec<bool>,
     ) -> Self {
-        let options = of_light(options);
-        Self { scene: scene.clone(), options, rays: rays.clone(), light: light.clone(), is_known }
+        let positions = paths.ends.iter().map(|end| end.hit.position);
+        let tree = (!paths.ends.is_empty()).then(|| PointTree::of_positions(positions));
+        let ends = LightAtEnds { paths: paths.clone(), light: ends.clone(), tree };
+        Self {
+            scene: scene.clone(),
+            options: of_light(options),
+            rays: rays.clone(),
+            light: light.clone(),
+            ends,
+            is_known,
+        }
     }
 
     /// Whether a scene and its options have the same light, but for the number of samples and the error that were allowed in a draft.
@@ -70,20 +96,37 @@ impl LightAtRest {
                 (first + width, (1.0 - part.x) * part.y),
                 (first + width + 1, part.x * part.y),
             ] {
-                let is_same = |seen: &Hit| {
-                    seen.object == hit.object
-                        && seen.front == hit.front
-                        && seen.normal.dot(hit.normal) >= MIN_SEEN_COSINE
-                        && seen.position.distance(hit.position) <= most_apart
-                };
-                if self.rays.hits[index].as_ref().is_some_and(is_same) {
+                let is_near = |seen: &Hit| seen.position.distance(hit.position) <= most_apart && lie_on_same(seen, hit);
+                if self.rays.hits[index].as_ref().is_some_and(is_near) {
                     let light = self.light.direct_at(index) + caustic_gain * self.light.caustic_at(index);
                     (sum, weights) = (sum + weight * light, weights + weight);
                 }
             }
-            (weights > 0.25).then(|| sum / weights)
+            (weights > MIN_SEEN_WEIGHT).then(|| sum / weights)
         }
     }
+
+    /// The light at a point that is seen in a mirror or behind an interface, as far as it was seen so before.
+    pub fn seen_on_paths(&self, hit: &Hit, caustic_gain: f32) -> Option<Vec3> {
+        let LightAtEnds { paths, light, tree } = &self.ends;
+        let tree = tree.as_ref().filter(|_| self.is_known[hit.object as usize])?;
+        let (mut sum, mut weights) = (Vec3::ZERO, 0.0);
+        for (distance2, index) in tree.nearest(hit.position, NEAREST_ENDS) {
+            let end = &paths.ends[index];
+            let spacing2 = end.steps.iter().map(|step| step.length_squared()).fold(0.0, f32::max);
+            if distance2 <= spacing2 && lie_on_same(&end.hit, hit) {
+                let weight = 1.0 / (distance2 + 0.1 * spacing2);
+                sum += weight * (light.direct_at(index) + caustic_gain * light.caustic_at(index));
+                weights += weight;
+            }
+        }
+        (weights > 0.0).then(|| sum / weights)
+    }
+}
+
+/// Whether two hits lie on the same side of a smooth surface.
+fn lie_on_same(one: &Hit, other: &Hit) -> bool {
+    one.object == other.object && one.front == other.front && one.normal.dot(other.normal) >= MIN_SEEN_COSINE
 }
 
 /// Options without what the light on surfaces does not depend on.

@@ -392,7 +392,11 @@ impl Frame<'_> {
         let known = |point: &SurfacePoint| at_rest.as_ref().filter(|_| !point.is_glossy)?(&point.hit);
         let own = self.light(&views.surfaces, sum, known).await?;
         let pixel_of = views.pixels_of(camera);
-        let seen = |point: &SurfacePoint| pixel_of(&point.hit).map(|pixel| own[pixel]).or_else(|| known(point));
+        let seen = |point: &SurfacePoint| {
+            pixel_of(&point.hit)
+                .map(|pixel| own[pixel])
+                .or_else(|| known(point).or_else(|| self.at_rest?.seen_on_paths(&point.hit, options.caustic_gain)))
+        };
         let mirrored = self.light(&views.mirrored, sum, seen).await?;
         progress.begin(Stage::Shading, 1);
         let (mut image, exposures) = self.shade(&views, &own, &mirrored, scattered);

@@ -33,7 +33,7 @@ pub fn cells_taken(
     let receivers = Receivers::from_points(&[receiver], 1);
     let group = load_receivers(&receivers, 0, 1);
     let Some(tile) = ReceiverTile::all(&receivers).next() else { return Vec::new() };
-    let mut gather = TileGather::new(&context, tile, accuracy);
+    let mut gather = TileGather::new(&context, tile, accuracy, &|| false);
     gather.criterion.allow(accuracy.error, pinholes.tree.area());
     gather.taken_by_first = Some(Vec::new());
     dispatch!(level(), simd => gather.packet(simd, &group, pinholes.roots(), &mut [Vec4::ZERO; LANES]));

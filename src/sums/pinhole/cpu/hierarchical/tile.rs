@@ -33,6 +33,8 @@ pub struct TileGather<'a> {
     blocks: BlockPyramid,
     pub criterion: RefinementCriterion<'a>,
     pub accuracy: Accuracy,
+    /// Once nobody waits for the sums any more, what is left stays dark.
+    is_cancelled: &'a (dyn Fn() -> bool + Sync),
     sums: Vec<Vec4>,
     /// Recycled lists of cells.
     spare_lists: Vec<Vec<u32>>,
@@ -60,7 +62,12 @@ impl BlockPlace {
 }
 
 impl<'a> TileGather<'a> {
-    pub fn new(context: &'a TraversalContext<'a>, receivers: ReceiverTile<'a>, accuracy: Accuracy) -> Self {
+    pub fn new(
+        context: &'a TraversalContext<'a>,
+        receivers: ReceiverTile<'a>,
+        accuracy: Accuracy,
+        is_cancelled: &'a (dyn Fn() -> bool + Sync),
+    ) -> Self {
         let criterion = RefinementCriterion {
             uniforms: &context.gather.uniforms,
             light: context.bounds,
@@ -79,6 +86,7 @@ impl<'a> TileGather<'a> {
             blocks: BlockPyramid::new(&receivers, &context.weights),
             criterion,
             accuracy,
+            is_cancelled,
             sums: vec![Vec4::ZERO; TILE * TILE],
             spare_lists: Vec::new(),
             has_visibility: context.gather.pinholes.visibility.is_some(),
@@ -111,7 +119,7 @@ impl<'a> TileGather<'a> {
     #[inline(always)]
     fn block_in_lanes<S: Simd>(&mut self, simd: S, place: BlockPlace, cells: &[u32]) {
         let Block { kind, tolerated, .. } = *self.blocks.block(place.level, place.x, place.y);
-        if kind == Kind::Empty || cells.is_empty() {
+        if kind == Kind::Empty || cells.is_empty() || (self.is_cancelled)() {
             return;
         }
         self.criterion.allow(self.accuracy.error + tolerated, self.context.pinholes.tree.area());
