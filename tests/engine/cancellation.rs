@@ -23,17 +23,9 @@ impl CancelAt {
     }
 }
 
-/// The stages that follow when everything is prepared.
-const OF_PICTURE: [Stage; 8] = [
-    Stage::Rays,
-    Stage::Caustic,
-    Stage::Direct,
-    Stage::Scattering,
-    Stage::Paths,
-    Stage::PathEnds,
-    Stage::Shading,
-    Stage::Display,
-];
+/// The stages that follow when everything is prepared, as far as they take long.
+const OF_PICTURE: [Stage; 7] =
+    [Stage::Rays, Stage::Caustic, Stage::Direct, Stage::Scattering, Stage::Paths, Stage::PathEnds, Stage::Shading];
 
 impl Progress for CancelAt {
     fn begin(&self, stage: Stage, _: u64) {
