@@ -144,6 +144,7 @@ impl Viewer {
         self.take_messages(ui.ctx());
         self.take_dropped_files(ui.ctx());
         self.take_chosen_file();
+        self.take_thumbnails(ui.ctx());
         self.shortcuts(ui.ctx());
         if self.clock.advance(Instant::now(), self.document.state.scene.duration()) {
             self.is_outdated = true;
@@ -174,12 +175,13 @@ impl Viewer {
         }
     }
 
-    /// Whether the whole picture of what was last set is shown, or an error tells why it cannot be.
+    /// Whether the whole picture of what was last set is shown, or an error tells why it cannot be, and everything beside it.
     fn is_finished(&self) -> bool {
         let is_whole = |picture: &Picture| {
             picture.view == self.sent() && matches!(picture.quality, Quality::Refined(step, steps) if step == steps)
         };
-        let is_settled = !self.is_outdated && !self.is_waiting && !self.canvas.is_fading();
+        let has_thumbnails = self.thumbnails.count() == self.maps.choices().len();
+        let is_settled = !self.is_outdated && !self.is_waiting && !self.canvas.is_fading() && has_thumbnails;
         let is_kept_whole = self.document.state.kept.is_none() || self.kept_picture.as_ref().is_some_and(is_whole);
         let is_whole = self.picture.as_ref().is_some_and(is_whole) && is_kept_whole;
         is_settled && (is_whole || self.notices.failure().is_some())

@@ -17,9 +17,15 @@ const GAP: f32 = 4.0;
 #[derive(Default)]
 pub(crate) struct Thumbnails(Vec<TextureHandle>);
 
+impl Thumbnails {
+    /// How many are finished.
+    pub fn count(&self) -> usize {
+        self.0.len()
+    }
+}
+
 impl Viewer {
     pub(super) fn map_choices(&mut self, ui: &mut egui::Ui) {
-        self.take_thumbnails(ui.ctx());
         // Buttons have a margin around their images.
         let margin = 2.0 * ui.spacing().button_padding;
         let mut chosen = None;
@@ -53,7 +59,8 @@ impl Viewer {
         }
     }
 
-    fn take_thumbnails(&mut self, context: &egui::Context) {
+    /// Takes the thumbnails that have been finished.
+    pub(in crate::viewer) fn take_thumbnails(&mut self, context: &egui::Context) {
         // The first picture comes first.
         if self.picture.is_some() {
             self.maps.ask_for_thumbnails();
