@@ -1,7 +1,7 @@
 //! The light on surfaces in the last whole picture, for previews in which only the camera has moved since: light on diffuse surfaces does
 //! not depend on who looks at it. Knows neither techniques nor how previews find light elsewhere.
 
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use glam::{Vec2, Vec3};
 
@@ -37,8 +37,8 @@ pub struct LightAtRest {
 struct LightAtEnds {
     paths: Arc<Paths>,
     light: SurfaceLight,
-    /// `None` without ends.
-    tree: Option<PointTree>,
+    /// Of the ends' positions, once it is asked for.
+    tree: OnceLock<PointTree>,
 }
 
 impl LightAtRest {
@@ -49,9 +49,7 @@ impl LightAtRest {
         (paths, ends): &(Arc<Paths>, SurfaceLight),
         is_known: Vec<bool>,
     ) -> Self {
-        let positions = paths.ends.iter().map(|end| end.hit.position);
-        let tree = (!paths.ends.is_empty()).then(|| PointTree::of_positions(positions));
-        let ends = LightAtEnds { paths: paths.clone(), light: ends.clone(), tree };
+        let ends = LightAtEnds { paths: paths.clone(), light: ends.clone(), tree: OnceLock::new() };
         Self {
             scene: scene.clone(),
             options: of_light(options),
@@ -109,7 +107,10 @@ impl LightAtRest {
     /// The light at a point that is seen in a mirror or behind an interface, as far as it was seen so before.
     pub fn seen_on_paths(&self, hit: &Hit, caustic_gain: f32) -> Option<Vec3> {
         let LightAtEnds { paths, light, tree } = &self.ends;
-        let tree = tree.as_ref().filter(|_| self.is_known[hit.object as usize])?;
+        if paths.ends.is_empty() || !self.is_known[hit.object as usize] {
+            return None;
+        }
+        let tree = tree.get_or_init(|| PointTree::of_positions(paths.ends.iter().map(|end| end.hit.position)));
         let (mut sum, mut weights) = (Vec3::ZERO, 0.0);
         for (distance2, index) in tree.nearest(hit.position, NEAREST_ENDS) {
             let end = &paths.ends[index];
