@@ -6,6 +6,7 @@ use crate::environment::EnvironmentError;
 use crate::gpu::GpuError;
 use crate::image::ImageError;
 use crate::pinhole::cpu::HardwareFilterError;
+use crate::progress::Progress;
 use crate::reference::ReferenceError;
 #[cfg(feature = "report")]
 use crate::report::ReportError;
@@ -67,4 +68,9 @@ impl From<ReferenceError> for Error {
             error => Self::Reference(error),
         }
     }
+}
+
+/// Ends what nobody waits for any more, before incomplete results are used.
+pub(crate) fn check_wanted(progress: &dyn Progress) -> Result<(), Error> {
+    if progress.is_cancelled() { Err(Error::Cancelled) } else { Ok(()) }
 }

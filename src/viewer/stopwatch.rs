@@ -9,20 +9,20 @@ use pinspot_base::progress::{Progress, Stage};
 /// Seconds by stage, in the order in which they began.
 pub type StageSeconds = Vec<(Stage, f64)>;
 
-/// The stage at hand, and the part of it that is done, from 0 to 1.
-pub type StageAtHand = Mutex<Option<(Stage, f32)>>;
+/// The current stage, and the part of it that is done, from 0 to 1.
+pub type CurrentStage = Mutex<Option<(Stage, f32)>>;
 
 /// Measures stages. Cancelled once a flag is set.
 pub struct Stopwatch<'a> {
     is_cancelled: Option<&'a AtomicBool>,
-    at_hand: Option<&'a StageAtHand>,
+    shared: Option<&'a CurrentStage>,
     state: Mutex<State>,
 }
 
 struct State {
-    /// Of the stage at hand.
+    /// Of the current stage.
     began: Instant,
-    /// The stage at hand, its steps, and how many of them are done.
+    /// The current stage, its steps, and how many of them are done.
     current: Option<(Stage, u64, u64)>,
     seconds: StageSeconds,
 }
@@ -30,12 +30,12 @@ struct State {
 impl<'a> Stopwatch<'a> {
     pub fn new(is_cancelled: Option<&'a AtomicBool>) -> Self {
         let state = State { began: Instant::now(), current: None, seconds: Vec::new() };
-        Self { is_cancelled, at_hand: None, state: Mutex::new(state) }
+        Self { is_cancelled, shared: None, state: Mutex::new(state) }
     }
 
-    /// Keeps a record of how far the stage at hand is.
-    pub fn recorded(self, at_hand: &'a StageAtHand) -> Self {
-        Self { at_hand: Some(at_hand), ..self }
+    /// Keeps a record of how far the current stage is.
+    pub fn recorded(self, shared: &'a CurrentStage) -> Self {
+        Self { shared: Some(shared), ..self }
     }
 
     pub fn seconds(self) -> StageSeconds {
@@ -47,9 +47,9 @@ impl<'a> Stopwatch<'a> {
     }
 
     fn record(&self, state: &State) {
-        let Some(at_hand) = self.at_hand else { return };
+        let Some(shared) = self.shared else { return };
         let current = state.current.map(|(stage, total, done)| (stage, (done as f32 / total.max(1) as f32).min(1.0)));
-        *at_hand.lock().unwrap_or_else(PoisonError::into_inner) = current;
+        *shared.lock().unwrap_or_else(PoisonError::into_inner) = current;
     }
 }
 

@@ -6,7 +6,9 @@ use std::sync::Arc;
 
 use glam::{Vec3, Vec4};
 
-use super::edges::{Caustic, DividedPixels, MIN_CONTRAST, SeenCaustic, beside_edges, parts_of_pixels};
+use super::edges::{
+    Caustic, DividedPixels, MIN_CONTRAST, SeenCaustic, beside_edges, contrast_of_edges, parts_of_pixels,
+};
 use super::ends::POINTS_IN_A_ROW;
 use super::every_other::{AdaptiveLight, PixelGrid, STEP};
 use super::frame::FrameInputs;
@@ -43,9 +45,9 @@ impl CausticAtHits<'_> {
         if rays.view.pixel_samples > 1 {
             return Ok(caustic.into());
         }
-        let tolerance = inputs.options.tolerance;
-        let light = SeenCaustic { direct, caustic: &caustic, tolerance, min_contrast: MIN_CONTRAST };
-        let points = beside_edges((rays, caustic.len()), &light);
+        let min_contrast = contrast_of_edges(MIN_CONTRAST, inputs.options.tolerance);
+        let light = SeenCaustic { direct, caustic: &caustic };
+        let points = beside_edges((rays, caustic.len()), min_contrast, |point| light.at(point));
         let parts = parts_of_pixels(inputs, rays, &points).await?;
         let divided = DividedPixels::new(points, parts);
         divided.with_caustic((inputs, self.sum), direct, caustic).await

@@ -9,13 +9,13 @@ use std::sync::Arc;
 use glam::Vec3;
 
 use super::every_other::{AdaptiveLight, PixelGrid, STEP};
-use super::frame::check_wanted;
 use super::ray_batches::RayBatches;
 #[cfg(feature = "gpu")]
 use super::shadows::LightDirection;
 use super::shadows::{Shadows, is_enclosed};
 use crate::Error;
 use crate::environment::CubeMap;
+use crate::error::check_wanted;
 use crate::parallel;
 use crate::progress::Progress;
 use crate::scene::Visibility;

@@ -68,49 +68,24 @@ impl From<Vec<Vec3>> for Direct {
     }
 }
 
-/// Light whose edges are looked for, by point.
-pub(super) trait SeenLight: Sync {
-    /// Its irradiance, and that of all light.
-    fn own_and_all(&self, point: usize) -> [Vec3; 2];
-
-    /// See [`MIN_CONTRAST`].
-    fn min_contrast(&self) -> f32;
-}
-
-/// A caustic beside direct light.
+/// A caustic beside direct light, whose edges are looked for.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct SeenCaustic<'a> {
     pub direct: &'a [Vec3],
     pub caustic: &'a [[f32; 4]],
-    /// Relative tolerance of the caustic.
-    pub tolerance: f32,
-    /// See [`MIN_CONTRAST`].
-    pub min_contrast: f32,
 }
 
-impl SeenLight for SeenCaustic<'_> {
-    fn own_and_all(&self, point: usize) -> [Vec3; 2] {
+impl SeenCaustic<'_> {
+    /// Of a point: its irradiance, and that of all light.
+    pub fn at(&self, point: usize) -> [Vec3; 2] {
         let caustic = Vec3::from_slice(&self.caustic[point]);
         [caustic, caustic + self.direct[point]]
     }
-
-    fn min_contrast(&self) -> f32 {
-        self.min_contrast.max(MIN_TOLERANCES * self.tolerance)
-    }
 }
 
-/// Direct light at the ends of paths, alone.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct SeenDirect<'a>(pub &'a [Vec3]);
-
-impl SeenLight for SeenDirect<'_> {
-    fn own_and_all(&self, point: usize) -> [Vec3; 2] {
-        [self.0[point]; 2]
-    }
-
-    fn min_contrast(&self) -> f32 {
-        MIN_MIRRORED_CONTRAST
-    }
+/// The contrast from which on a caustic of this relative tolerance has an edge, at least `min_contrast`.
+pub(super) fn contrast_of_edges(min_contrast: f32, tolerance: f32) -> f32 {
+    min_contrast.max(MIN_TOLERANCES * tolerance)
 }
 
 /// A part of a divided pixel.
@@ -208,27 +183,32 @@ fn mean(parts: [Vec3; PARTS]) -> Vec3 {
 }
 
 /// The points of a grid, of `count`, at an edge of light between them and their neighbours on the same surface, along a Z-order curve.
-pub(super) fn beside_edges((grid, count): (&impl PixelGrid, usize), light: &impl SeenLight) -> Vec<usize> {
-    let is_beside = |index: usize| is_beside_edge(grid, index, light);
+/// `light` is the irradiance at a point, and that of all light there.
+pub(super) fn beside_edges(
+    (grid, count): (&impl PixelGrid, usize),
+    min_contrast: f32,
+    light: impl Fn(usize) -> [Vec3; 2] + Sync,
+) -> Vec<usize> {
+    let is_beside = |index: usize| is_beside_edge(grid, index, min_contrast, &light);
     let mut found = parallel::filter(count, &is_beside);
     found.sort_by_cached_key(|index| grid.place_on_curve(*index));
     found
 }
 
 /// Whether there is an edge between a point and any of its neighbours on the same surface.
-fn is_beside_edge(grid: &impl PixelGrid, index: usize, light: &impl SeenLight) -> bool {
+fn is_beside_edge(grid: &impl PixelGrid, index: usize, min_contrast: f32, light: &impl Fn(usize) -> [Vec3; 2]) -> bool {
     if grid.hit(index).is_none() {
         return false;
     }
     let (x, y) = grid.pixel(index);
     let neighbour = |column: Option<usize>, row: Option<usize>| {
         let other = grid.counterpart(index, column.filter(|x| *x < grid.width())?, row?)?;
-        grid.may_interpolate(index, other).then(|| light.own_and_all(other))
+        grid.may_interpolate(index, other).then(|| light(other))
     };
     let along_row = [x.checked_sub(1), Some(x + 1)].map(|column| neighbour(column, Some(y)));
     let along_column = [y.checked_sub(1), Some(y + 1)].map(|row| neighbour(Some(x), row));
-    let point = light.own_and_all(index);
-    [along_row, along_column].into_iter().any(|neighbours| is_uneven(point, neighbours, light.min_contrast()))
+    let point = light(index);
+    [along_row, along_column].into_iter().any(|neighbours| is_uneven(point, neighbours, min_contrast))
 }
 
 /// Whether light differs between a point and either of two opposite neighbours and, where both are known, has a second difference as large.
@@ -289,8 +269,9 @@ mod tests {
         let caustic: Vec<[f32; 4]> = (0..1024).map(|k| [if k % 32 < 5 { 0.5 } else { 0.0 }; 4]).collect();
         let at_edge = |direct: f32, tolerance: f32| -> Vec<usize> {
             let direct = vec![Vec3::splat(direct); 1024];
-            let light = SeenCaustic { direct: &direct, caustic: &caustic, tolerance, min_contrast: MIN_CONTRAST };
-            let mut found = beside_edges((&rays, 1024), &light);
+            let light = SeenCaustic { direct: &direct, caustic: &caustic };
+            let min_contrast = contrast_of_edges(MIN_CONTRAST, tolerance);
+            let mut found = beside_edges((&rays, 1024), min_contrast, |point| light.at(point));
             found.sort_unstable();
             found
         };

@@ -8,7 +8,7 @@ use obvhs::ploc::morton::morton_encode_u64;
 
 use super::direct::DirectLight;
 use super::edges::{
-    Caustic, Direct, DividedPixels, MIN_MIRRORED_CONTRAST, PARTS, Part, SeenCaustic, SeenDirect, beside_edges,
+    Caustic, Direct, DividedPixels, MIN_MIRRORED_CONTRAST, PARTS, Part, SeenCaustic, beside_edges, contrast_of_edges,
 };
 use super::every_other::{AdaptiveLight, EndGrid};
 use super::frame::FrameInputs;
@@ -105,7 +105,7 @@ impl<'a> EndLight<'a> {
         if rays.view.pixel_samples > 1 {
             return Ok(light.into());
         }
-        let divided = beside_edges((&grid, points.len()), &SeenDirect(&light));
+        let divided = beside_edges((&grid, points.len()), MIN_MIRRORED_CONTRAST, |point| [light[point]; 2]);
         let parts = parts_of_ends(inputs, rays, (points, &divided), is_known, at_hit).await?;
         let divided = DividedPixels::new(divided, parts);
         let of_parts = self.diffuse.irradiance_of_groups(&divided.open_in_groups()).await?;
@@ -174,9 +174,9 @@ pub(super) async fn caustic_at(
     if rays.view.pixel_samples > 1 {
         return Ok(sums.into());
     }
-    let tolerance = inputs.options.tolerance;
-    let light = SeenCaustic { direct: beside, caustic: &sums, tolerance, min_contrast: MIN_MIRRORED_CONTRAST };
-    let mut divided = beside_edges((&grid, sums.len()), &light);
+    let min_contrast = contrast_of_edges(MIN_MIRRORED_CONTRAST, inputs.options.tolerance);
+    let light = SeenCaustic { direct: beside, caustic: &sums };
+    let mut divided = beside_edges((&grid, sums.len()), min_contrast, |point| light.at(point));
     divided.retain(|&index| points[index].receives);
     let parts = parts_of_ends(inputs, rays, (points, &divided), is_known, at_hit).await?;
     DividedPixels::new(divided, parts).with_caustic((inputs, sum), beside, sums).await

@@ -14,6 +14,7 @@ use super::scattering::{Scattered, ScatteringStages, contains};
 use super::shading::{Displayed, Shaded, Shader, SurfaceLight};
 use crate::Error;
 use crate::environment::Environment;
+use crate::error::check_wanted;
 use crate::image::Aov;
 use crate::options::{DisplaySettings, Options};
 use crate::parallel;
@@ -195,11 +196,6 @@ impl<'a> FrameInputs<'a> {
             medium: self.light.medium,
         }
     }
-}
-
-/// Ends what nobody waits for.
-pub(super) fn check_wanted(progress: &dyn Progress) -> Result<(), Error> {
-    if progress.is_cancelled() { Err(Error::Cancelled) } else { Ok(()) }
 }
 
 /// The results for a band.

@@ -43,6 +43,7 @@ pub use preview::{Budget, Detail, Preview};
 pub use report::Report;
 
 use crate::boxed::BoxFuture;
+use crate::error::check_wanted;
 use std::sync::Arc;
 
 use glam::{UVec2, Vec2};
@@ -327,9 +328,7 @@ impl Engine {
             self.technique = (self.options.technique, self.options.technique.stages());
             self.of_chains.drain(..).for_each(|(_, stages)| stages.count(&mut self.counted_before));
         }
-        if progress.is_cancelled() {
-            return Err(Error::Cancelled);
-        }
+        check_wanted(progress)?;
         let inputs = Inputs {
             scene: &self.scene,
             prepared: &scene,
@@ -358,9 +357,7 @@ impl Engine {
             sum.get_or_insert_with(|| own.clone());
             of_chains.push((chain, own));
         }
-        if progress.is_cancelled() {
-            return Err(Error::Cancelled);
-        }
+        check_wanted(progress)?;
         Ok(Prepared { scene, light, sum, of_chains })
     }
 

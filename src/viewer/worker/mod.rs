@@ -169,9 +169,9 @@ impl Worker {
         self.shared.is_aborted.store(true, Ordering::Relaxed);
     }
 
-    /// The stage of the picture at hand, and the part of it that is done, from 0 to 1.
+    /// The current stage of the picture, and the part of it that is done, from 0 to 1.
     pub fn stage(&self) -> Option<(Stage, f32)> {
-        *self.shared.at_hand.lock().unwrap_or_else(PoisonError::into_inner)
+        *self.shared.current_stage.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// The next message, if there is one.

@@ -8,7 +8,7 @@ use glam::Vec2;
 
 use super::View;
 use crate::viewer::jobs::Job;
-use crate::viewer::stopwatch::StageAtHand;
+use crate::viewer::stopwatch::CurrentStage;
 
 /// What is to be done. Newer views replace older ones.
 #[derive(Debug, Default)]
@@ -29,7 +29,7 @@ pub struct Shared {
     /// The job at hand is to end.
     pub is_aborted: AtomicBool,
     /// What the thread is doing for a picture.
-    pub at_hand: StageAtHand,
+    pub current_stage: CurrentStage,
 }
 
 impl Shared {

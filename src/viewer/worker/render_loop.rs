@@ -23,21 +23,31 @@ const REST: Duration = Duration::from_millis(250);
 /// Longer side of the coarse picture that replaces the preview where another AOV than beauty is shown, pixels.
 const COARSE_SIZE: u32 = 160;
 
-/// The engines of both sides. They are kept from view to view, with everything that they have prepared.
-#[derive(Debug, Default)]
-struct Engines {
-    current: Option<Engine>,
-    kept: Option<Engine>,
+/// What there is of each side.
+struct Sides<T> {
+    current: Option<T>,
+    kept: Option<T>,
 }
 
-impl Engines {
-    fn of(&mut self, side: Side) -> &mut Option<Engine> {
+impl<T> Default for Sides<T> {
+    fn default() -> Self {
+        Self { current: None, kept: None }
+    }
+}
+
+impl<T> Sides<T> {
+    fn of(&mut self, side: Side) -> &mut Option<T> {
         match side {
             Side::Current => &mut self.current,
             Side::Kept => &mut self.kept,
         }
     }
+}
 
+/// The engines of both sides. They are kept from view to view, with everything that they have prepared.
+type Engines = Sides<Engine>;
+
+impl Engines {
     /// The engine of a side, for its options.
     fn set(&mut self, side: Side, scene: &Scene, options: &Options, backend: &Backend) -> &mut Engine {
         let new = || Engine::new(scene.clone(), options.clone(), backend.clone());
@@ -53,22 +63,6 @@ struct Shown {
     rendered: Rendered,
     /// Without pixels.
     picture: Picture,
-}
-
-/// What is shown on both sides, where that is not a preview.
-#[derive(Default)]
-struct ShownSides {
-    current: Option<Shown>,
-    kept: Option<Shown>,
-}
-
-impl ShownSides {
-    fn of(&mut self, side: Side) -> &mut Option<Shown> {
-        match side {
-            Side::Current => &mut self.current,
-            Side::Kept => &mut self.kept,
-        }
-    }
 }
 
 /// The thread's state that lasts from back end to back end.
@@ -91,7 +85,8 @@ struct RenderState {
     refinement: Refinement,
     /// The view that is shown, or could not be.
     view: Option<View>,
-    shown: ShownSides,
+    /// Where that is not a preview.
+    shown: Sides<Shown>,
     /// Things have to rest before the next step of the refinement.
     has_to_rest: bool,
 }
@@ -114,7 +109,7 @@ impl RenderLoop {
             engines: Engines::default(),
             refinement: Refinement::default(),
             view: None,
-            shown: ShownSides::default(),
+            shown: Sides::default(),
             has_to_rest: true,
         };
         loop {
@@ -145,18 +140,18 @@ impl RenderLoop {
             run_job(job, &state.backend, &self.shared.is_aborted, &|progress| self.send(Message::Job(progress)));
         }
         let Some(view) = view else { return Ok(()) };
-        if self.show_again(&view, state)? {
-            state.refinement.show(&view);
-            state.view = Some(view);
+        let is_shown = self.show_again(&view, state);
+        let view = state.view.insert(view);
+        if is_shown? {
+            state.refinement.show(view);
             return Ok(());
         }
-        let view = state.view.insert(view);
         // Before a preview or a draft of fewer samples hides that the whole picture cannot be rendered.
         for options in [Some(&view.options), view.kept.as_ref()].into_iter().flatten() {
             options.check()?;
         }
         state.refinement = Refinement::new(view);
-        state.shown = ShownSides::default();
+        state.shown = Sides::default();
         self.previews(&mut state.engines, view, &state.backend)
     }
 
@@ -200,7 +195,7 @@ impl RenderLoop {
             (Failure::Panic(_), Err(lost)) => Failure::Error(lost.into()),
             (failure, _) => failure,
         };
-        (state.refinement, state.shown) = (Refinement::default(), ShownSides::default());
+        (state.refinement, state.shown) = (Refinement::default(), Sides::default());
         let number = state.view.as_ref().map_or(0, |view| view.number);
         self.send(Message::Failed(number, failure.to_string()));
         match failure {
@@ -248,7 +243,7 @@ impl RenderLoop {
 
     /// Renders a preview, or a coarse picture where another one than beauty is shown.
     fn preview(&mut self, engine: &mut Engine, (view, side): (u64, Side)) -> Result<(), Error> {
-        let watch = Stopwatch::new(None).recorded(&self.shared.at_hand);
+        let watch = Stopwatch::new(None).recorded(&self.shared.current_stage);
         let began = Instant::now();
         let backend = engine.backend().clone();
         let detail = self.budget.detail(engine.options().size);
@@ -312,7 +307,7 @@ impl RenderLoop {
         (view, side, quality): (u64, Side, Quality),
         is_obsolete: Option<&AtomicBool>,
     ) -> Result<(Picture, Rendered), Error> {
-        let watch = Stopwatch::new(is_obsolete).recorded(&self.shared.at_hand);
+        let watch = Stopwatch::new(is_obsolete).recorded(&self.shared.current_stage);
         let began = Instant::now();
         let backend = engine.backend().clone();
         // Marks are drawn by the window.
@@ -345,6 +340,7 @@ impl RenderLoop {
         (self.wake)();
     }
 }
+
 /// The overlay's marks, as fractions of the picture's width and height.
 fn marks_of(engine: &mut Engine, backend: &Backend) -> Result<Vec<Mark>, Error> {
     let marks = wait(backend.device(), engine.marks(&NoProgress))?;

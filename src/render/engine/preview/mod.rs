@@ -42,6 +42,7 @@ use crate::Error;
 #[cfg(feature = "gpu")]
 use crate::backend::Backend;
 use crate::boxed::BoxFuture;
+use crate::error::check_wanted;
 use crate::image::{Aov, Image};
 use crate::options::{Evaluation, EvaluationChoice, Exposures, Options, Overlay};
 use crate::parallel;
@@ -276,9 +277,7 @@ impl Engine {
         };
         #[cfg(not(feature = "gpu"))]
         let (Wanted::InMemory, (image, exposures)) = (wanted, frame.on_cpu(sum.as_deref(), scattered.as_ref()).await?);
-        if progress.is_cancelled() {
-            return Err(Error::Cancelled);
-        }
+        check_wanted(progress)?;
         let statistics = sum.as_ref().map(|sum| sum.statistics());
         let marks = if sum.is_some() && options.overlay != Overlay::None {
             let size = UVec2::from_array(self.options.size).as_vec2();

@@ -21,11 +21,12 @@ use self::surroundings::{emitters_seen, lit_surfaces, surroundings};
 use super::{Inputs, Inspected, Pending, Statistics, Sum, TechniqueStages};
 use crate::differential::DifferentialSample;
 use crate::environment::{Environment, LightBounds};
+use crate::error::check_wanted;
 use crate::image::Aov;
 use crate::options::Evaluation;
 use crate::pinhole::cpu::{Accuracy, Light, Lights, TakenCell, cells_taken, contributions_to, estimate_irradiance};
 use crate::pinhole::{Filter, Params, PinholeTree, Pinholes, Receivers, Surroundings};
-use crate::progress::{Progress, Stage};
+use crate::progress::Stage;
 use crate::scene::{Camera, Lamp, Medium, Visibility};
 use crate::stages::{
     Id, LightStages, Memo, NearEmitters, StageCounts, SurfaceMaterials, receivers_through_interfaces, visible_receivers,
@@ -340,11 +341,6 @@ fn params(inputs: &Inputs, filter: Filter) -> Params {
     let scene = inputs.scene;
     let params = inputs.options.params(filter, inputs.light.rotation_rad);
     Params { medium: scene.medium, lamps_in_medium: scene.has_medium_everywhere(), ..params }
-}
-
-/// Ends what nobody waits for, before incomplete results are used.
-fn check_wanted(progress: &dyn Progress) -> Result<(), Error> {
-    if progress.is_cancelled() { Err(Error::Cancelled) } else { Ok(()) }
 }
 
 /// The receivers at which the mean irradiance is estimated, to which the tolerance is relative.

@@ -8,6 +8,7 @@ use super::tile::TileGather;
 use super::{Accuracy, Light, TraversalContext};
 use crate::lanes::{LANES, dispatch, level};
 use crate::pinhole::{Params, PinholeParts, PinholeTree, Receivers};
+use crate::progress::NoProgress;
 
 /// A cell that is taken as one sample of the mirrors.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -33,7 +34,7 @@ pub fn cells_taken(
     let receivers = Receivers::from_points(&[receiver], 1);
     let group = load_receivers(&receivers, 0, 1);
     let Some(tile) = ReceiverTile::all(&receivers).next() else { return Vec::new() };
-    let mut gather = TileGather::new(&context, tile, accuracy, &|| false);
+    let mut gather = TileGather::new(&context, tile, accuracy, &NoProgress);
     gather.criterion.allow(accuracy.error, pinholes.tree.area());
     gather.taken_by_first = Some(Vec::new());
     dispatch!(level(), simd => gather.packet(simd, &group, pinholes.roots(), &mut [Vec4::ZERO; LANES]));

@@ -102,10 +102,9 @@ fn gather_tiles(
     sums: &mut [[f32; 4]],
 ) -> usize {
     let tiles: Vec<ReceiverTile> = ReceiverTile::all(receivers).collect();
-    let is_cancelled = || progress.is_cancelled();
     let gather = |tile: &ReceiverTile| {
         let sums = (!is_cached(tile) && !progress.is_cancelled()).then(|| {
-            let mut gather = TileGather::new(context, *tile, accuracy, &is_cancelled);
+            let mut gather = TileGather::new(context, *tile, accuracy, progress);
             dispatch!(level(), simd => gather.run(simd));
             gather.into_sums()
         });

@@ -19,6 +19,7 @@ use crate::pinhole::constants::{CENTRAL_VISIBILITY_SHARE, INTERPOLATION_POINTS, 
 use crate::pinhole::receivers::TILE;
 use crate::pinhole::tree::{CHANNEL_BITS, NODE_MASK};
 use crate::pinhole::{PinholeSample, VisibilityMaps};
+use crate::progress::Progress;
 
 // A lane for each of a block's points.
 const _: () = assert!(LANES == INTERPOLATION_POINTS as usize);
@@ -34,7 +35,7 @@ pub struct TileGather<'a> {
     pub criterion: RefinementCriterion<'a>,
     pub accuracy: Accuracy,
     /// Once nobody waits for the sums any more, what is left stays dark.
-    is_cancelled: &'a (dyn Fn() -> bool + Sync),
+    progress: &'a dyn Progress,
     sums: Vec<Vec4>,
     /// Recycled lists of cells.
     spare_lists: Vec<Vec<u32>>,
@@ -66,7 +67,7 @@ impl<'a> TileGather<'a> {
         context: &'a TraversalContext<'a>,
         receivers: ReceiverTile<'a>,
         accuracy: Accuracy,
-        is_cancelled: &'a (dyn Fn() -> bool + Sync),
+        progress: &'a dyn Progress,
     ) -> Self {
         let criterion = RefinementCriterion {
             uniforms: &context.gather.uniforms,
@@ -86,7 +87,7 @@ impl<'a> TileGather<'a> {
             blocks: BlockPyramid::new(&receivers, &context.weights),
             criterion,
             accuracy,
-            is_cancelled,
+            progress,
             sums: vec![Vec4::ZERO; TILE * TILE],
             spare_lists: Vec::new(),
             has_visibility: context.gather.pinholes.visibility.is_some(),
@@ -119,7 +120,7 @@ impl<'a> TileGather<'a> {
     #[inline(always)]
     fn block_in_lanes<S: Simd>(&mut self, simd: S, place: BlockPlace, cells: &[u32]) {
         let Block { kind, tolerated, .. } = *self.blocks.block(place.level, place.x, place.y);
-        if kind == Kind::Empty || cells.is_empty() || (self.is_cancelled)() {
+        if kind == Kind::Empty || cells.is_empty() || self.progress.is_cancelled() {
             return;
         }
         self.criterion.allow(self.accuracy.error + tolerated, self.context.pinholes.tree.area());
