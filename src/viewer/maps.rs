@@ -4,16 +4,14 @@
 use std::path::Path;
 use std::sync::mpsc::{Receiver, Sender, channel};
 
-use glam::{Vec2, Vec3};
+use glam::Vec3;
 
 use crate::image::{Image, ToneMap, exposed, metered_ev};
 use crate::low_level::environment::{BUILT_IN_MAPS, EnvironmentRadiance};
 use crate::scene::Light;
 
-/// Width and height of thumbnails, pixels.
-const THUMBNAIL_SIZE: [u32; 2] = [160, 80];
-/// Directions that a pixel is the mean of, along rows and columns.
-const DIRECTIONS: u32 = 2;
+/// Height of thumbnails, pixels; they are twice as wide.
+const HEIGHT: u32 = 80;
 
 /// A map that can be chosen.
 pub struct MapChoice {
@@ -90,26 +88,16 @@ impl Maps {
 
 /// A light as an equirectangular picture, exposed by itself.
 fn thumbnail(light: &Light) -> Image {
-    let [width, height] = THUMBNAIL_SIZE;
-    let Ok(environment) = EnvironmentRadiance::new(light) else { return Image::new(width, height) };
+    let Ok(environment) = EnvironmentRadiance::new(light) else { return Image::new(2 * HEIGHT, HEIGHT) };
+    let finer = environment.equirectangular(2 * HEIGHT);
     let mean = |pixel: u32| {
-        let within = |k: u32| Vec2::new((k % DIRECTIONS) as f32, (k / DIRECTIONS) as f32) + 0.5;
-        let corner = Vec2::new((pixel % width) as f32, (pixel / width) as f32);
-        let count = DIRECTIONS * DIRECTIONS;
-        let radiance =
-            |k: u32| environment.radiance(direction((corner + within(k) / DIRECTIONS as f32) / height as f32));
-        (0..count).map(radiance).sum::<Vec3>() / count as f32
+        let (x, y) = (2 * (pixel % (2 * HEIGHT)), 2 * (pixel / (2 * HEIGHT)));
+        let four = (0..4).map(|k| finer.pixels[((y + k / 2) * finer.width + x + k % 2) as usize]);
+        0.25 * four.sum::<Vec3>()
     };
-    let pixels: Vec<Vec3> = (0..width * height).map(mean).collect();
-    let exposure_ev = metered_ev(pixels.iter().copied());
-    let radiance = Image { width, height, pixels };
+    let radiance = Image { width: 2 * HEIGHT, height: HEIGHT, pixels: (0..2 * HEIGHT * HEIGHT).map(mean).collect() };
+    let exposure_ev = metered_ev(radiance.pixels.iter().copied());
     radiance.map(|pixel| ToneMap::default().apply(exposed(pixel, exposure_ev)))
-}
-
-/// The direction at a place of an equirectangular picture, in its heights.
-fn direction(at: Vec2) -> Vec3 {
-    let (azimuth, polar) = (std::f32::consts::PI * at.x, std::f32::consts::PI * at.y);
-    Vec3::new(azimuth.sin() * polar.sin(), polar.cos(), -azimuth.cos() * polar.sin())
 }
 
 #[cfg(test)]

@@ -8,7 +8,6 @@ use super::Engine;
 use super::preview::PreviewStages;
 use crate::image::{Image, exposed};
 use crate::options::{EvaluationChoice, Options};
-use crate::parallel;
 use crate::pinhole::SampleView;
 use crate::pinhole::cpu::{Contribution, TakenCell};
 use crate::progress::Progress;
@@ -142,19 +141,11 @@ impl Engine {
         let scene = self.scene_stages.prepare_for_frame(&self.scene, progress)?;
         let (geometry, cube_size) = (scene.geometry_drawn_for_frame(false), self.options.cube_size);
         let light = self.inspection.light.prepare(&self.scene, geometry.as_ref(), cube_size, progress)?;
-        let radiance = |pixel: u32| {
-            let at =
-                Vec2::new((pixel % (2 * height)) as f32 + 0.5, (pixel / (2 * height)) as f32 + 0.5) / height as f32;
-            let (azimuth, polar) = (PI * at.x, PI * at.y);
-            let direction = Vec3::new(azimuth.sin() * polar.sin(), polar.cos(), -azimuth.cos() * polar.sin());
-            light.intensity * light.environment.radiance.smooth_radiance(direction)
-        };
-        let radiance = parallel::collect((2 * height * height) as usize, &|pixel| radiance(pixel as u32));
-        let metered = || crate::image::metered_ev(radiance.iter().copied());
+        let radiance = light.environment.radiance.equirectangular(height).map(|radiance| light.intensity * radiance);
+        let metered = || crate::image::metered_ev(radiance.pixels.iter().copied());
         let stops = self.options.display.exposures(metered).background_exposure_ev;
         let tone_map = self.options.display.tone_map;
-        let pixels = radiance.iter().map(|radiance| tone_map.apply(exposed(*radiance, stops))).collect();
-        Ok(Image { width: 2 * height, height, pixels })
+        Ok(radiance.map(|radiance| tone_map.apply(exposed(radiance, stops))))
     }
 }
 

@@ -1,11 +1,14 @@
 //! Radiance by direction, in the light's own frame and at its own resolution.
 
 use std::borrow::Cow;
+use std::f32::consts::PI;
 
-use glam::Vec3;
+use glam::{Vec2, Vec3};
 
 use super::layout::Layout;
 use super::{EnvironmentError, LitBy, built_in_map};
+use crate::image::Image;
+use crate::parallel;
 use crate::scene::{Light, MAX_RADIANCE};
 
 /// The radiance of a light around the scene, before it is rotated and scaled.
@@ -119,6 +122,18 @@ impl EnvironmentRadiance {
     /// The same, reconstructed more smoothly: for the eye, not for measurements.
     pub fn smooth_radiance(&self, direction: Vec3) -> Vec3 {
         self.look_up(direction, Layout::smooth_radiance)
+    }
+
+    /// An equirectangular picture of so many rows, twice as wide: [`Self::smooth_radiance`] in the middles of its pixels.
+    pub fn equirectangular(&self, height: u32) -> Image {
+        let width = 2 * height;
+        let radiance = |pixel: usize| {
+            let at =
+                Vec2::new((pixel as u32 % width) as f32 + 0.5, (pixel as u32 / width) as f32 + 0.5) / height as f32;
+            let (azimuth, polar) = (PI * at.x, PI * at.y);
+            self.smooth_radiance(Vec3::new(azimuth.sin() * polar.sin(), polar.cos(), -azimuth.cos() * polar.sin()))
+        };
+        Image { width, height, pixels: parallel::collect((width * height) as usize, &radiance) }
     }
 
     /// What the camera sees beside light geometry, which it sees where it is: [`Self::smooth_radiance`] without it.
