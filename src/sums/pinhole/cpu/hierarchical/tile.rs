@@ -315,7 +315,8 @@ impl<'a> TileGather<'a> {
             return true;
         }
         let is_uneven = accepted.contribution_range >= error_budget;
-        let taps = is_uneven.then(|| self.criterion.taps(splat(simd, accepted.contribution_range)));
+        // No closure: it might be compiled by itself, without the instruction set.
+        let taps = if is_uneven { Some(self.criterion.taps(splat(simd, accepted.contribution_range))) } else { None };
         let sky = occlusion.as_ref().map(OccludedSky::from);
         gather.add_cell(simd, &cell, sky.as_ref(), taps, lit, sum);
         true
