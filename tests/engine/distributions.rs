@@ -60,7 +60,7 @@ fn neighbourhood_meets_the_number_asked_for() {
         Shape::Ring(Ring::default()),
         Shape::Spoon(Spoon::default()),
         Shape::Cup(Cup::default()),
-        Shape::DiscoBall(DiscoBall { radius: 0.5, rows: 20 }),
+        Shape::DiscoBall(DiscoBall { radius: 0.5, rows: 20, joint: 0.0 }),
     ] {
         for samples in [50, 100, 317, 1000, 10_000] {
             let (_, set) = points(shape, samples, Strategy::Neighbourhood, 1);

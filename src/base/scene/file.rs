@@ -128,7 +128,9 @@ pub fn parse<R: DeserializeOwned + Default>(
     let lamps = builder.lamps(&tables.light, &objects, &mut notes)?;
     let medium = tables.medium.map(|table| builder.medium(&table)).transpose()?;
     let animations = builder.animations(&tables.animation, (&animated, &lamps), &tables.camera)?;
-    let scene = Scene { name, environment, lamps, medium, camera, objects, animations, notes };
+    let mut scene = Scene { name, environment, lamps, medium, camera, objects, animations, notes };
+    let touching = scene.separate_touching_faces();
+    scene.notes.extend(touching);
     if scene.has_medium_around_solids() {
         return Err(builder.error("medium", Medium::NOT_AROUND_SOLIDS));
     }

@@ -9,6 +9,7 @@ mod builtin;
 mod camera;
 mod chains;
 mod closed;
+mod contact;
 mod emitters;
 mod file;
 mod fingerprint;

@@ -124,7 +124,7 @@ mod tests {
             Shape::Ring(Ring::default()),
             Shape::Cup(Cup::default()),
             Shape::Sphere(Sphere::of_radius(0.7)),
-            Shape::DiscoBall(DiscoBall { radius: 1.0, rows: 8 }),
+            Shape::DiscoBall(DiscoBall { radius: 1.0, rows: 8, joint: 0.0 }),
             Shape::Spoon(Spoon { thickness: 0.004, ..Default::default() }),
             Shape::SolidRing(SolidRing { thickness: 0.01, ..Default::default() }),
         ]
@@ -205,7 +205,8 @@ mod tests {
     #[test]
     fn leaves_end_at_creases() {
         // 60 samples for more tiles than that: samples mix them, leaves must not, as far as there are enough of them.
-        let (_, tree) = tree_of(Shape::DiscoBall(DiscoBall { radius: 1.0, rows: 8 }), 60, Strategy::Neighbourhood, 64);
+        let (_, tree) =
+            tree_of(Shape::DiscoBall(DiscoBall { radius: 1.0, rows: 8, joint: 0.0 }), 60, Strategy::Neighbourhood, 64);
         let bent = tree.leaves().filter(|leaf| leaf.geometry().normal_radius > 0.01).count();
         assert!(bent * 100 <= tree.leaves().count(), "{bent}");
     }

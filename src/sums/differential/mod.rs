@@ -193,7 +193,7 @@ mod tests {
     #[test]
     fn creases_do_not_bend() {
         // Flat tiles: whatever the neighbours' normals are, the curvature is zero and the normal the tile's.
-        let ball = Shape::DiscoBall(DiscoBall { radius: 1.0, rows: 8 }).mesh().unwrap();
+        let ball = Shape::DiscoBall(DiscoBall { radius: 1.0, rows: 8, joint: 0.0 }).mesh().unwrap();
         for samples in [60, 1000] {
             let (_, samples) = samples_of(&ball, samples, Strategy::Neighbourhood);
             let worst = samples.iter().map(|s| s.curvatures[0].abs().max(s.curvatures[1].abs())).fold(0.0, f32::max);

@@ -75,7 +75,7 @@ mod tests {
 
     #[test]
     fn a_disco_ball_has_a_patch_per_tile_and_a_cylinder_one() {
-        let ball = Shape::DiscoBall(DiscoBall { radius: 1.0, rows: 4 }).mesh().unwrap();
+        let ball = Shape::DiscoBall(DiscoBall { radius: 1.0, rows: 4, joint: 0.0 }).mesh().unwrap();
         let (patches, count) = smooth_patches(&ball);
         // Triangular tiles at the poles, two triangles each elsewhere.
         assert!(count > 4 && patches.len() <= 2 * count);

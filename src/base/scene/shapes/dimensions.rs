@@ -89,12 +89,15 @@ impl Shape {
                     Err(format!("tube of shape 'torus' is {tube}, but must be less than its radius, {radius}"))
                 }
             }
-            Self::DiscoBall(DiscoBall { radius, rows }) => {
+            Self::DiscoBall(DiscoBall { radius, rows, joint }) => {
                 positive("radius", radius)?;
-                if (3..=512).contains(&rows) {
+                if !(3..=512).contains(&rows) {
+                    return Err(format!("rows of shape 'disco-ball' is {rows}, but must be from 3 to 512"));
+                }
+                if (0.0..=0.5).contains(&joint) {
                     Ok(())
                 } else {
-                    Err(format!("rows of shape 'disco-ball' is {rows}, but must be from 3 to 512"))
+                    Err(format!("joint of shape 'disco-ball' is {joint}, but must be from 0 to 0.5"))
                 }
             }
             Self::Plane(Plane { size }) => positive("size", size[0]).and(positive("size", size[1])),

@@ -24,15 +24,16 @@ pub(super) fn disco_ball(ball: &DiscoBall) -> Parts {
         };
         for tile in 0..tiles {
             let corners = [(lower, tile), (lower, tile + 1), (upper, tile + 1), (upper, tile)];
-            push_tile(&mut parts, corners.map(|(polar, tile)| on_sphere(polar, tile)));
+            push_tile(&mut parts, corners.map(|(polar, tile)| on_sphere(polar, tile)), ball.joint);
         }
     }
     parts
 }
 
-fn push_tile(parts: &mut Parts, corners: [Vec3; 4]) {
+fn push_tile(parts: &mut Parts, corners: [Vec3; 4], joint: f32) {
     // The diagonals also span a triangular tile at a pole, where two corners coincide.
     let normal = (corners[2] - corners[0]).cross(corners[3] - corners[1]).normalize();
-    let vertices = corners.map(|corner| parts.vertex(corner, normal));
+    let middle = 0.25 * corners.iter().sum::<Vec3>();
+    let vertices = corners.map(|corner| parts.vertex(corner + joint * (middle - corner), normal));
     parts.quad(vertices);
 }

@@ -169,6 +169,8 @@ pub struct DiscoBall {
     pub radius: f32,
     /// Rows of tiles from pole to pole.
     pub rows: u32,
+    /// The joint between tiles, as a share of a tile's edges; from 0 to 0.5. What lies behind it shows through.
+    pub joint: f32,
 }
 
 /// Dimensions of [`Shape::Plane`].
@@ -279,7 +281,7 @@ impl Default for Torus {
 
 impl Default for DiscoBall {
     fn default() -> Self {
-        Self { radius: 1.0, rows: 16 }
+        Self { radius: 1.0, rows: 16, joint: 0.0 }
     }
 }
 

@@ -79,5 +79,6 @@ fn measures_out_of_range_are_named() {
     assert!(message.contains("radius") && message.contains("ring"), "{message}");
     let twice = Shape::Knot(Knot { turns: [2, 4], ..Knot::default() });
     assert!(twice.mesh().unwrap_err().contains("common divisor"));
-    assert!(Shape::DiscoBall(DiscoBall { radius: 1.0, rows: 1 }).mesh().unwrap_err().contains("rows"));
+    assert!(Shape::DiscoBall(DiscoBall { joint: 0.6, ..Default::default() }).mesh().unwrap_err().contains("joint"));
+    assert!(Shape::DiscoBall(DiscoBall { radius: 1.0, rows: 1, joint: 0.0 }).mesh().unwrap_err().contains("rows"));
 }

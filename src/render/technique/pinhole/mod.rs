@@ -1,6 +1,7 @@
 //! The stages of the pinhole technique (Wand and Straßer 2003): samples → visibility maps → a sum, flat or
 //! hierarchical, on the CPU or on a GPU. The sums themselves are in [`crate::pinhole`].
 
+mod contact;
 mod density;
 mod on_cpu;
 #[cfg(feature = "gpu")]
@@ -12,6 +13,7 @@ use std::sync::Arc;
 
 use glam::Vec3;
 
+use self::contact::KeptOff;
 pub use self::density::place_samples;
 use self::on_cpu::{FlatOnCpu, HierarchicalOnCpu};
 #[cfg(feature = "gpu")]
@@ -25,7 +27,7 @@ use crate::error::check_wanted;
 use crate::image::Aov;
 use crate::options::Evaluation;
 use crate::pinhole::cpu::{Accuracy, Light, Lights, TakenCell, cells_taken, contributions_to, estimate_irradiance};
-use crate::pinhole::{Filter, Params, PinholeTree, Pinholes, Receivers, Surroundings};
+use crate::pinhole::{Filter, Params, PinholeSample, PinholeTree, Pinholes, Receivers, Surroundings};
 use crate::progress::Stage;
 use crate::scene::{Camera, Lamp, Medium, Visibility};
 use crate::stages::{
@@ -101,6 +103,7 @@ struct HierarchicalInputs {
     params: Params,
     accuracy: Accuracy,
     near: NearLight,
+    kept_off: KeptOff,
 }
 
 /// The inputs of a sum; equal if none of them was made again.
@@ -120,6 +123,7 @@ enum SumKey {
         params: Params,
         accuracy: Accuracy,
         near: NearLight,
+        kept_off: KeptOff,
     },
 }
 
@@ -238,7 +242,8 @@ impl PinholeStages {
                 let near = self.near_light(&inputs, &points.positions, tree.sample_nodes());
                 let statistics = statistics(tree.sample_nodes().samples.len(), points.positions.clone());
                 let accuracy = Accuracy { error: tolerance, split_near: true };
-                let sum = HierarchicalInputs { tree, environment, bounds, params, accuracy, near };
+                let kept_off = kept_off(&inputs, &tree, leaves, &near);
+                let sum = HierarchicalInputs { tree, environment, bounds, params, accuracy, near, kept_off };
                 self.hierarchical(sum, statistics, &inputs).await
             }
         }
@@ -318,7 +323,8 @@ impl PinholeStages {
                 return Ok(known);
             }
             let accuracy = sum.accuracy;
-            return Ok(self.sum.keep(key, Arc::new(HierarchicalOnGpu { hierarchy, accuracy, statistics })));
+            let kept_off = sum.kept_off;
+            return Ok(self.sum.keep(key, Arc::new(HierarchicalOnGpu { hierarchy, accuracy, kept_off, statistics })));
         }
         sum.accuracy.error *= *self
             .estimate
@@ -341,6 +347,14 @@ fn params(inputs: &Inputs, filter: Filter) -> Params {
     let scene = inputs.scene;
     let params = inputs.options.params(filter, inputs.light.rotation_rad);
     Params { medium: scene.medium, lamps_in_medium: scene.has_medium_everywhere(), ..params }
+}
+
+/// What keeps receivers off mirrors whose samples are divided into so many leaves.
+fn kept_off(inputs: &Inputs, tree: &PinholeTree, leaves: u32, near: &NearLight) -> KeptOff {
+    let samples = &tree.sample_nodes().samples;
+    let area: f32 = samples.iter().map(PinholeSample::area).sum();
+    let cell_area = area / (samples.len().max(1) as f32 * leaves as f32);
+    KeptOff::new(inputs.scene, &inputs.prepared.tracer, cell_area, !near.lamps.is_empty())
 }
 
 /// The receivers at which the mean irradiance is estimated, to which the tolerance is relative.
@@ -378,6 +392,7 @@ fn hierarchical_key(inputs: &Inputs, sum: &HierarchicalInputs) -> SumKey {
         params: sum.params,
         accuracy: sum.accuracy,
         near: sum.near.clone(),
+        kept_off: sum.kept_off.clone(),
     }
 }
 
@@ -457,7 +472,8 @@ impl TechniqueStages for PinholeStages {
         let environment = inputs.light.environment.clone();
         let accuracy = Accuracy { error: tolerance, split_near: true };
         let near = self.near_light(inputs, &points.positions, tree.sample_nodes());
-        let mut sum = HierarchicalInputs { tree, environment, bounds, params, accuracy, near };
+        let kept_off = kept_off(inputs, &tree, leaves, &near);
+        let mut sum = HierarchicalInputs { tree, environment, bounds, params, accuracy, near, kept_off };
         sum.accuracy.error *=
             *self.estimate.get(estimate_key(inputs, &sum), progress, || sum.estimate(&estimate_receivers(inputs)));
         let receiver = (place.position, place.normal, place.object);
