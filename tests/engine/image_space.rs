@@ -127,6 +127,25 @@ fn a_plane_mirror_shows_a_virtual_lamp() {
     }
 }
 
+/// Photons of a coarse grid around all of them would miss most of these mirrors.
+#[test]
+fn maps_of_lights_show_what_small_mirrors_far_apart_cast() {
+    let mirror = |k: u32| {
+        let x = 1.7 * f64::from(k) - 3.4;
+        format!(
+            "[[object]]\nshape = {{ plane = {{ size = [0.05, 0.05] }} }}\nrotate_deg = [90, 0, 0]\ntranslate = [{x}, 0.3, 0]\nreflector = {{}}\n"
+        )
+    };
+    let mirrors: String = (0..5).map(mirror).collect();
+    let mut options = options(Mode::Points, 512);
+    options.image_space.caustic_map = MapView::Light;
+    let (_, rendered) = caustic(&scene(SUN, &mirrors), options);
+    let flux = rendered.report.photons.as_ref().unwrap().flux;
+    let [shown, beside] = [flux.deposited, flux[Loss::OffMap]].map(|watts| watts / flux.cast);
+    assert!(shown > 0.97 && beside < 0.03, "{shown} shown, {beside} beside the map");
+    assert!(rendered.report.warnings.is_empty(), "{:?}", rendered.report.warnings);
+}
+
 /// What lies between the lamp and the floor hides nothing of the mirror's light: maps of receivers show those behind others, too.
 #[test]
 #[ignore = "full: a large scene"]

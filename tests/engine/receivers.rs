@@ -213,3 +213,29 @@ fn the_sky_is_reflected_by_the_albedo_of_the_direction() {
         assert!((f64::from(mean) / expected - 1.0).abs() < 0.02, "{receiver}: {mean}, not {expected}");
     }
 }
+
+/// Nearer than a part of a cell to a wall, whether a cell of it is opposite is up to chance.
+#[test]
+fn light_is_even_along_the_foot_of_a_wall() {
+    let text = "environment = { constant = [1, 1, 1] }
+        camera = { position = [0.9985, 2, 0], target = [0.9985, 0, 0], up = [0, 0, -1], orthographic = { height = 0.004 } }
+        object = [
+            { shape = { ring = { radius = 1.0, height = 0.5 } }, reflector = {} },
+            { shape = { plane = { size = [4, 4] } }, receiver = {} },
+        ]";
+    let wall = parse::<pinspot::Settings>("wall.toml", text, std::path::Path::new(".")).unwrap().scene;
+    for choice in [BackendChoice::Cpu, BackendChoice::Gpu(None)] {
+        let options = Options::default().with_size([32, 32]).with_samples(1000).with_aovs(vec![Aov::Caustic]);
+        let picture = render(wall.clone(), options, &choice).unwrap();
+        let light = &picture.layers[0].1;
+        // The wall is at column 28. Columns are an eighth of a millimetre, cells 3.5 mm wide.
+        let column = |x: u32| (0..32).map(move |y| f64::from(light.pixels[(y * 32 + x) as usize].x));
+        let mean = |x: u32| column(x).sum::<f64>() / 32.0;
+        let far = mean(0);
+        for x in 16..27 {
+            let deviation = (column(x).map(|value| (value - mean(x)).powi(2)).sum::<f64>() / 32.0).sqrt();
+            assert!((mean(x) / far - 1.0).abs() < 0.03, "{choice:?}, column {x}: {} beside {far}", mean(x));
+            assert!(deviation < 0.02 * far, "{choice:?}, column {x}: {deviation} of {far}");
+        }
+    }
+}

@@ -5,6 +5,7 @@ use std::borrow::Cow;
 use glam::{DVec2, Mat3, Vec2, Vec3};
 
 use super::adaptive::{FIRST_GRID, Traverser};
+use super::caster_groups::caster_groups;
 use super::caustic_map::ForGloss;
 use super::coverage::Coverage;
 use super::emission::{Emission, Kind, Pattern, Surroundings, emit};
@@ -469,16 +470,21 @@ impl<'a> MapInputs<'a> {
 
     /// A few photons of each light, which tell where all of them will land.
     pub fn few_photons(&self, progress: &dyn Progress) -> Cow<'a, [FewPhotons]> {
-        let send = || (0..self.lights.len()).map(|index| self.few_of(index, progress)).collect();
+        let send = || {
+            let groups = caster_groups(self.triangles);
+            (0..self.lights.len()).map(|index| self.few_of(index, &groups, progress)).collect()
+        };
         self.few.map_or_else(|| Cow::Owned(send()), Cow::Borrowed)
     }
 
-    fn few_of(&self, index: usize, progress: &dyn Progress) -> FewPhotons {
+    fn few_of(&self, index: usize, groups: &[Vec<Vec3>], progress: &dyn Progress) -> FewPhotons {
         let of_pass = |pass: u32| self.draws.and_then(|draws| Draws { pass, ..draws }.of_segment(index));
         let drawn = (0..DRAWS_FOR_WINDOWS).filter_map(of_pass);
         let lights: Vec<PhotonLight> = std::iter::once(self.lights[index].clone()).chain(drawn).collect();
         let photons = if lights.len() > 1 { FEW_OF_DIRECTION } else { FIRST_GRID };
-        let views = lights.iter().flat_map(|light| light.views(self.casters, &self.bounds, photons));
+        let views = lights
+            .iter()
+            .flat_map(|light| groups.iter().flat_map(move |group| light.views(group, &self.bounds, photons)));
         let emitted = views.map(|view| {
             // Windows of maps that follow from them are the same in every frame and pass.
             let pattern = Pattern { offset: DVec2::splat(0.5), seed: 0, ..self.pattern };

@@ -12,6 +12,7 @@
 //! must not know pinhole samples, pictures or files.
 
 mod adaptive;
+mod caster_groups;
 mod caustic_map;
 pub(crate) mod constants;
 mod coverage;

@@ -252,8 +252,9 @@ fn statistics(
 ) -> Statistics {
     let Some(maps) = frames.newest() else { return Statistics::default() };
     let shown = lost_light(&maps.ledger, in_picture.solids).or_else(|| without_light(maps, in_picture));
+    let beside = off_map(&maps.ledger, image_space);
     let error = passes.and_then(|passes| uncertain(&passes, tolerance));
-    let warnings = shown.into_iter().chain(error).collect();
+    let warnings = shown.into_iter().chain(beside).chain(error).collect();
     Statistics {
         samples: 0,
         positions: Arc::new(maps.places.clone()),
@@ -292,6 +293,17 @@ fn without_light(maps: &Maps, in_picture: &Shown) -> Option<String> {
         ),
         _ => None,
     }
+}
+
+/// What to say of light that lands beside the maps of lights, which are to show all of it.
+fn off_map(flux: &Ledger, options: &ImageSpaceOptions) -> Option<String> {
+    let share = if flux.cast > 0.0 { flux[Loss::OffMap] / flux.cast } else { 0.0 };
+    (options.caustic_map == MapView::Light && share > MOST_LOST).then(|| {
+        format!(
+            "{:.0} % of the light that mirrors and glass cast lands beside the maps of the lights, which a few photons framed: give              --caustic-map eye",
+            100.0 * share
+        )
+    })
 }
 
 /// What to say of photons whose halves differ by too much.
