@@ -64,6 +64,7 @@ fn gpu_remedy(error: &GpuError) -> Option<&'static str> {
         }
         GpuError::NoDevice { .. } => "give another --adapter, or --backend cpu",
         GpuError::Lost { .. } => "run again, with fewer --samples or with --backend cpu",
+        GpuError::OutOfMemory { .. } => "give --backend cpu, or a smaller --size or --cube-size",
         GpuError::Refused { .. } => "give --backend cpu, and report this",
         GpuError::TextureTooLarge { .. } => "give a smaller --size or --cube-size, or --backend cpu",
         GpuError::TooManyTriangles { .. } => "give --visibility none or --backend cpu",

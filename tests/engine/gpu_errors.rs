@@ -11,6 +11,7 @@ use pinspot::low_level::pinhole::{Footprint, Params, PinholeSample, Pinholes};
 use pinspot::low_level::sampling::Strategy;
 use pinspot::scene::Medium;
 use pinspot::wgpu;
+use pinspot::{Backend, NoProgress};
 
 use crate::support::{floor, gpu, pinholes_of, scene};
 
@@ -39,6 +40,33 @@ fn a_lost_device_is_an_error() {
     gpu.device.destroy();
     let message = wait(Some(&gpu.device), gpu.submitted_work_done()).unwrap_err().to_string();
     assert!(message.contains("lost") && message.contains(&gpu.adapter.name), "{message}");
+}
+
+/// Pictures that a device has no memory for are rendered on the CPU.
+#[test]
+fn the_cpu_takes_over_where_memory_is_too_small() {
+    let gpu = wait(None, Gpu::open(None)).unwrap();
+    // The largest texture that may be asked for takes terabytes.
+    let wgpu::Limits { max_texture_dimension_2d: edge, max_texture_array_layers: layers, .. } = gpu.device.limits();
+    let largest = wgpu::TextureDescriptor {
+        label: None,
+        size: wgpu::Extent3d { width: edge, height: edge, depth_or_array_layers: layers },
+        mip_level_count: 1,
+        sample_count: 1,
+        dimension: wgpu::TextureDimension::D2,
+        format: wgpu::TextureFormat::Rgba32Float,
+        usage: wgpu::TextureUsages::COPY_DST,
+        view_formats: &[],
+    };
+    let _textures: Vec<_> =
+        (0..1000).map(|_| gpu.device.create_texture(&largest)).take_while(|_| gpu.check().is_ok()).collect();
+    assert!(matches!(gpu.check(), Err(GpuError::OutOfMemory { .. })));
+    let (scene, options) = pinspot::load("mirror-sphere").unwrap();
+    let mut engine = pinspot::Engine::new(scene, options.with_size([16, 16]).with_samples(50), Backend::gpu(gpu));
+    let rendered = wait(None, engine.render(&NoProgress)).unwrap();
+    assert!(rendered.layers[0].1.mean().x > 0.0);
+    assert!(rendered.report.warnings.iter().any(|warning| warning.contains("too little memory")));
+    assert_eq!(engine.backend().report(), Backend::cpu().report());
 }
 
 /// A device may be lost between any two calls.

@@ -223,8 +223,8 @@ fn upwards(normal: Vec3) -> Vec3 {
 }
 
 fn face_normal([a, b, c]: [Vec3; 3]) -> Option<Vec3> {
-    let [a, b, c] = [a, b, c].map(|p| p.as_dvec3());
-    (b - a).cross(c - a).try_normalize().map(|n| n.as_vec3())
+    let [a, b, c] = [a, b, c].map(Vec3::as_dvec3);
+    (b - a).cross(c - a).try_normalize().map(DVec3::as_vec3)
 }
 
 fn bounds([a, b, c]: [Vec3; 3]) -> (Vec3, Vec3) {

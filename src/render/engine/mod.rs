@@ -107,6 +107,8 @@ pub struct Engine {
     inspection: PreviewStages,
     /// Counts of stages that were dropped.
     counted_before: StageCounts,
+    /// Why pictures are rendered on the CPU, if that was not asked for.
+    fell_back: Option<String>,
 }
 
 /// The inputs of a picture.
@@ -136,6 +138,7 @@ impl Engine {
             preview: PreviewStages::new(Technique::default()),
             inspection: PreviewStages::new(Technique::default()),
             counted_before: StageCounts::default(),
+            fell_back: None,
         }
     }
 
@@ -204,8 +207,30 @@ impl Engine {
     ///
     /// # Errors
     /// Options out of range or in conflict, a light that cannot be prepared, a scene without reflectors, a device that is lost or
-    /// too small, or [`Error::Cancelled`]. The engine stays usable: correct the cause and render again.
+    /// too small, or [`Error::Cancelled`]. The engine stays usable: correct the cause and render again. Where a device has too little memory,
+    /// the CPU renders this picture and those after it, and their reports say so.
     pub fn render<'a>(&'a mut self, progress: &'a dyn Progress) -> BoxFuture<'a, Result<Rendered, Error>> {
+        Box::pin(async move {
+            let picture = self.picture(progress).await;
+            #[cfg(feature = "gpu")]
+            if let Err(Error::Gpu(GpuError::OutOfMemory { adapter })) = &picture {
+                self.fall_back(adapter);
+                return self.picture(progress).await;
+            }
+            picture
+        })
+    }
+
+    /// Goes on on the CPU.
+    #[cfg(feature = "gpu")]
+    fn fall_back(&mut self, adapter: &str) {
+        let reason = format!("adapter '{adapter}' has too little memory for this scene, which the CPU renders instead");
+        let counted_before = self.stage_counts();
+        let (scene, options) = (self.scene.clone(), self.options.clone());
+        *self = Self { counted_before, fell_back: Some(reason), ..Self::new(scene, options, Backend::cpu()) };
+    }
+
+    fn picture<'a>(&'a mut self, progress: &'a dyn Progress) -> BoxFuture<'a, Result<Rendered, Error>> {
         Box::pin(async move {
             let prepared = self.prepare(progress).await?;
             #[cfg(feature = "gpu")]

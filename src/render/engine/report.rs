@@ -65,10 +65,11 @@ impl Report {
         lookups: f64,
         (exposures, lost): (Option<Exposures>, LostLight),
     ) -> Self {
-        let Engine { scene, options, backend, .. } = engine;
+        let Engine { scene, options, backend, fell_back, .. } = engine;
         let statistics = prepared.sum.as_ref().map(|sum| sum.statistics());
         let environment = &prepared.light.environment;
         let mut warnings = scene.notes.clone();
+        warnings.extend(fell_back.clone());
         warnings.extend(prepared.scene.notes.clone());
         warnings.extend(lost.warnings(scene));
         warnings.extend(statistics.into_iter().flat_map(|s| s.warnings.clone()));

@@ -118,6 +118,7 @@ pub struct Gpu {
 enum Failure {
     Lost(String),
     Refused(String),
+    OutOfMemory,
 }
 
 impl Gpu {
@@ -196,7 +197,11 @@ impl Gpu {
         device.set_device_lost_callback(move |_, message| keep_first(&slot, Failure::Lost(message)));
         let slot = failure.clone();
         device.on_uncaptured_error(Arc::new(move |error: wgpu::Error| {
-            keep_first(&slot, Failure::Refused(error.to_string().replace('\n', " ")));
+            let failure = match error {
+                wgpu::Error::OutOfMemory { .. } => Failure::OutOfMemory,
+                other => Failure::Refused(other.to_string().replace('\n', " ")),
+            };
+            keep_first(&slot, failure);
         }));
         Self { adapter: summary, device, queue, failure }
     }
@@ -208,6 +213,7 @@ impl Gpu {
             None => Ok(()),
             Some(Failure::Lost(reason)) => Err(GpuError::Lost { adapter, reason }),
             Some(Failure::Refused(reason)) => Err(GpuError::Refused { adapter, reason }),
+            Some(Failure::OutOfMemory) => Err(GpuError::OutOfMemory { adapter }),
         }
     }
 

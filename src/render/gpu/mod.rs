@@ -46,6 +46,12 @@ pub enum GpuError {
         /// The validation error.
         reason: String,
     },
+    /// The device has too little memory.
+    #[error("adapter '{adapter}' has too little memory for this scene")]
+    OutOfMemory {
+        /// Adapter.
+        adapter: String,
+    },
     /// A texture is too large.
     #[error("{what} is {size} texels wide, but this adapter's textures end at {limit}")]
     TextureTooLarge {

@@ -15,7 +15,7 @@ use crate::scene::Scene;
 use crate::viewer::jobs::run_job;
 use crate::viewer::stopwatch::Stopwatch;
 use crate::{Backend, BackendChoice, Budget, Detail, Engine, Error, Mark, NoProgress, Rendered};
-use pinspot_render::gpu::Gpu;
+use pinspot_render::gpu::{Gpu, GpuError};
 use pinspot_render::options::{Options, Overlay};
 
 /// Nothing has to change for this long before the picture is refined.
@@ -201,8 +201,10 @@ impl RenderLoop {
         match failure {
             Failure::Error(error) if !is_lost(&error) => {}
             Failure::Panic(_) => state.engines = Engines::default(),
-            Failure::Error(_) => {
-                (state.engines, state.backend) = (Engines::default(), self.open());
+            Failure::Error(error) => {
+                let has_room = !matches!(error, Error::Gpu(GpuError::OutOfMemory { .. }));
+                let backend = if has_room { self.open() } else { Backend::cpu() };
+                (state.engines, state.backend) = (Engines::default(), backend);
                 let mut orders = self.shared.orders();
                 orders.view = orders.view.take().or_else(|| state.view.clone());
             }
@@ -379,8 +381,5 @@ fn caught(order: impl FnOnce() -> Result<(), Error>) -> Result<(), Failure> {
 
 /// A device that has refused something stays unusable, too.
 fn is_lost(error: &Error) -> bool {
-    matches!(
-        error,
-        Error::Gpu(pinspot_render::gpu::GpuError::Lost { .. } | pinspot_render::gpu::GpuError::Refused { .. })
-    )
+    matches!(error, Error::Gpu(GpuError::Lost { .. } | GpuError::Refused { .. } | GpuError::OutOfMemory { .. }))
 }
