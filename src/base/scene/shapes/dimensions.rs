@@ -111,17 +111,19 @@ impl Shape {
                 }
                 if phase_deg.is_finite() { Ok(()) } else { Err("phase_deg of shape 'sheet' must be finite".into()) }
             }
-            Self::Tiles(Tiles { size, count, gap }) => {
+            Self::Tiles(Tiles { size, count, gap }) | Self::Joints(Tiles { size, count, gap }) => {
                 positive("size", size[0]).and(positive("size", size[1]))?;
                 positive("gap", gap)?;
                 if count.iter().any(|count| !(1..=512).contains(count)) {
                     return Err(format!(
-                        "count of shape 'tiles' is {count:?}, but must be from 1 to 512 along both axes"
+                        "count of shape '{}' is {count:?}, but must be from 1 to 512 along both axes",
+                        self.name()
                     ));
                 }
                 if (0..2).any(|axis| 2.0 * gap > size[axis] / count[axis] as f32) {
                     return Err(format!(
-                        "gap of shape 'tiles' is {gap}, but must be at most half as wide as a tile with its gap"
+                        "gap of shape '{}' is {gap}, but must be at most half as wide as a tile with its gap",
+                        self.name()
                     ));
                 }
                 Ok(())

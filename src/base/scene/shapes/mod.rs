@@ -54,6 +54,8 @@ pub enum Shape {
     Water(Water),
     /// A rectangle of tiles in the plane y = 0, normal +Y, with gaps between them.
     Tiles(Tiles),
+    /// What lies between such tiles, in the same plane.
+    Joints(Tiles),
 }
 
 /// Dimensions of [`Shape::Ring`].
@@ -213,7 +215,7 @@ pub struct Water {
     pub phase_deg: f32,
 }
 
-/// Dimensions of [`Shape::Tiles`].
+/// Dimensions of [`Shape::Tiles`] and [`Shape::Joints`].
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Tiles {
@@ -328,6 +330,7 @@ impl Shape {
             Self::Sheet(sheet) => sheet::sheet(sheet),
             Self::Water(water) => water::water(water),
             Self::Tiles(tiles) => tiles::tiles(tiles),
+            Self::Joints(tiles) => tiles::joints(tiles),
         };
         let (mesh, _) =
             Mesh::new(self.name(), parts.positions, parts.normals, parts.triangles).map_err(|e| e.to_string())?;
@@ -351,6 +354,7 @@ impl Shape {
             Self::Sheet(_) => "sheet",
             Self::Water(_) => "water",
             Self::Tiles(_) => "tiles",
+            Self::Joints(_) => "joints",
         }
     }
 

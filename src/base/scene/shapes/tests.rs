@@ -17,6 +17,7 @@ fn all() -> Vec<Shape> {
         Shape::Sheet(Sheet::default()),
         Shape::Water(Water::default()),
         Shape::Tiles(Tiles::default()),
+        Shape::Joints(Tiles::default()),
     ]
 }
 
@@ -53,7 +54,10 @@ fn areas_are_those_of_the_ideal_surfaces() {
 fn closed_shapes_are_closed() {
     // The vector area of a closed surface is zero.
     let is_closed = |s: &Shape| {
-        !matches!(s, Shape::Ring(_) | Shape::Plane(_) | Shape::Sheet(_) | Shape::Water(_) | Shape::Tiles(_))
+        !matches!(
+            s,
+            Shape::Ring(_) | Shape::Plane(_) | Shape::Sheet(_) | Shape::Water(_) | Shape::Tiles(_) | Shape::Joints(_)
+        )
     };
     for shape in all().into_iter().filter(is_closed) {
         let mesh = shape.mesh().unwrap();
