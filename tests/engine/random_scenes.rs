@@ -203,6 +203,8 @@ const MOST_FLUX_ERROR: f64 = 0.02;
 /// a slow machine compares less, and no other truths. `FURTHER_OFF` was found with six times as many seconds.
 const ERROR_OF_TRUTH: f64 = 0.015;
 const SECONDS: f64 = 2.0;
+/// The same for scenes that are off: the first passes of a truth may claim a smaller error than they have.
+const MORE_SECONDS: f64 = 12.0;
 /// Caustics of less than this part of the direct light are not compared.
 const INVISIBLE: f64 = 1e-3;
 /// The part of the scenes that have a truth.
@@ -239,18 +241,29 @@ fn compared(seed: u64) -> Compared {
         Ok(found) => found.layers.into_iter().map(|(_, image)| image).collect::<Vec<_>>().try_into().expect("two"),
         Err(e) => return wrong(&e.to_string()),
     };
-    let truth = match truth(scene) {
-        Ok(truth) => truth,
+    let beside_truth = |seconds: f64| match truth(scene.clone(), seconds) {
+        Ok(truth) => beside(&truth, [&found, &direct]),
         // More time would make it one.
-        Err(ReferenceError::Unbalanced { .. }) => return Compared::Unknown,
-        Err(e) => return wrong(&e.to_string()),
+        Err(ReferenceError::Unbalanced { .. }) => Compared::Unknown,
+        Err(e) => Compared::Wrong(e.to_string()),
     };
+    let first = beside_truth(SECONDS);
+    let is_surprising = matches!(first, Compared::Wrong(_)) && !FURTHER_OFF.contains(&seed);
+    match if is_surprising { beside_truth(MORE_SECONDS) } else { first } {
+        Compared::Wrong(what) => wrong(&what),
+        other => other,
+    }
+}
+
+/// Compares a caustic with the truth.
+fn beside(truth: &Estimate, [found, direct]: [&Image; 2]) -> Compared {
+    let wrong = |what: &str| Compared::Wrong(what.to_owned());
     let own_error = truth.rel_error();
     let flux = |image: &Image| f64::from(image.mean().element_sum());
     // Beside direct light it cannot be seen.
-    let invisible = INVISIBLE * flux(&direct);
+    let invisible = INVISIBLE * flux(direct);
     if flux(&truth.irradiance) <= invisible {
-        return match flux(&found) <= 2.0 * invisible {
+        return match flux(found) <= 2.0 * invisible {
             true => Compared::Right("black".into()),
             // A truth is dark as long as no light was found.
             false if own_error > ERROR_OF_TRUTH => Compared::Unknown,
@@ -260,18 +273,18 @@ fn compared(seed: u64) -> Compared {
     if own_error > ERROR_OF_TRUTH {
         return Compared::Unknown;
     }
-    let error = rel_l2(&found, &truth.irradiance, None);
-    let of_flux = flux(&found) / flux(&truth.irradiance) - 1.0;
+    let error = rel_l2(found, &truth.irradiance, None);
+    let of_flux = flux(found) / flux(&truth.irradiance) - 1.0;
     let line = format!("error {error:.4}, flux {of_flux:+.4}, truth ± {own_error:.4}");
     let is_right = error <= MOST_ERROR + 2.0 * own_error && of_flux.abs() <= MOST_FLUX_ERROR + own_error;
     if is_right { Compared::Right(line) } else { wrong(&line) }
 }
 
-fn truth(scene: Scene) -> Result<Estimate, ReferenceError> {
+fn truth(scene: Scene, seconds: f64) -> Result<Estimate, ReferenceError> {
     let wanted = reference::Options { size: [SIZE; 2], ..Default::default() };
     let reference = Reference::new(scene, wanted)?;
     let started = Instant::now();
-    let seconds_left = || SECONDS - started.elapsed().as_secs_f64();
+    let seconds_left = || seconds - started.elapsed().as_secs_f64();
     let goal = StoppingCriterion::new(ERROR_OF_TRUTH).with_seconds_left(&seconds_left);
     reference.solve(&goal, None, &NoProgress, &mut |_| Ok(()))
 }
