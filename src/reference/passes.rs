@@ -5,7 +5,7 @@
 
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
 use super::cut::Cut;
@@ -105,6 +105,7 @@ impl<D: Domain> Passes<'_, D> {
                 estimate = self.combined(known, &found, plan, tally);
             }
             if is_stopped.load(Relaxed) {
+                estimate.doubt(plan.chunks.iter().flatten().copied().filter(|pixel| found[*pixel].is_none()));
                 return Ok((estimate, false));
             }
             if index + 1 < plan.chunks.len() {
@@ -161,6 +162,19 @@ fn is_known_too_little(estimate: &Estimate) -> bool {
 }
 
 impl Estimate {
+    /// Tells of pixels that a finer pass was to look at and did not reach: where coarse cuts have found nothing, there may be as much light as
+    /// elsewhere, and no replicate shows that it is missing.
+    fn doubt(&mut self, unreached: impl Iterator<Item = usize>) {
+        let typical = Vec3::splat(schedule::typical_irradiance(self) as f32 / 3.0);
+        for pixel in unreached {
+            let is_empty =
+                [&self.irradiance, &self.standard_error].iter().all(|image| image.pixels[pixel] == Vec3::ZERO);
+            if is_empty && !self.is_fine[pixel] {
+                self.standard_error.pixels[pixel] = typical;
+            }
+        }
+    }
+
     /// Adds what an independent pass found; pixels that it did not reach stay as they are. `fineness`: the
     /// part of the finest cuts' splits that it was allowed.
     ///

@@ -340,6 +340,39 @@ fn a_first_pass_that_cannot_finish_says_so_and_can_be_gone_on_from() {
     assert_eq!(stopped(&reference, 0, None).coverage(), 0.0);
 }
 
+/// Coarse cuts find nothing of a small sun. Where time is over before finer ones have reached all pixels, those that are left are not
+/// known to be black.
+#[test]
+fn what_finer_cuts_did_not_reach_is_not_certain() {
+    let text = "environment = { constant = [0, 0, 0] }
+        light = [{ directional = { direction = [-0.44, 0.77, -0.45], irradiance = [900, 900, 900], sigma_rad = 0.0033 } }]
+        camera = { position = [0, 1, 0], target = [0, 0, 0], up = [0, 0, -1], orthographic = { height = 0.3 } }
+        object = [
+            { shape = { plane = { size = [2, 2] } }, receiver = {} },
+            { shape = { sheet = { size = [0.4, 0.4], amplitude = 0.001, wavelength = 0.17 } }, translate = [0, 0.015, 0],
+              refractor = { eta = 1.333 }, camera_visible = false },
+        ]";
+    const SIZE: u32 = 12;
+    let scene = parse::<toml::Table>("sheet.toml", text, Path::new(".")).unwrap().scene;
+    let reference = Reference::new(scene, Options { size: [SIZE; 2], ..Default::default() }).unwrap();
+    let truth = reference.solve(&StoppingCriterion::new(0.02), None, &NoProgress, &mut |_| Ok(())).unwrap();
+    let pixels = (SIZE * SIZE) as usize;
+    let mut doubtful = 0;
+    for pixels in (pixels..4 * pixels).step_by(pixels / 4) {
+        let asked = AtomicUsize::new(0);
+        let should_stop = || asked.fetch_add(1, Relaxed) >= pixels;
+        let criterion = StoppingCriterion::new(1e-3).with_should_stop(&should_stop);
+        // What the account of the flux refuses claims nothing.
+        let Ok(estimate) = reference.solve(&criterion, None, &NoProgress, &mut |_| Ok(())) else { continue };
+        let error = pinspot::image::rel_l2(&estimate.irradiance, &truth.irradiance, None);
+        let claimed = estimate.rel_error();
+        println!("stopped at {pixels}: error {error:.4}, claimed {claimed:.4}");
+        doubtful += u32::from(claimed > 0.3);
+        assert!(error < 3.0 * claimed + 0.05, "stopped at {pixels}: error {error}, claimed {claimed}");
+    }
+    assert!(doubtful > 0, "no estimate was stopped early enough");
+}
+
 /// Over many seeds, each stopped somewhere in its second or third pass, means are the truth and standard errors what they
 /// say: 5 standard errors for the mean (one in 10⁶ fails), and for the spread of 24 values about 1 a range that χ² leaves as
 /// seldom.
