@@ -125,7 +125,8 @@ impl Progress for Watch {
     fn begin(&self, stage: Stage, total: u64) {
         let mut state = self.state();
         state.stage_began = Instant::now();
-        let is_next_picture = state.stage.is_none_or(|before| before.stage == Stage::Display);
+        let ends_picture = |before: Stage| before == Stage::Display || !Stage::ENGINE.contains(&before);
+        let is_next_picture = state.stage.is_none_or(|before| ends_picture(before.stage));
         let is_of_picture = Stage::ENGINE.contains(&stage);
         if !is_of_picture || is_next_picture {
             state.bar.reset();
@@ -198,10 +199,13 @@ mod tests {
     #[test]
     fn other_work_is_counted_by_its_own_steps() {
         let watch = Watch::new(false);
+        watch.begin(Stage::Device, 1);
+        watch.advance(1);
         watch.begin(Stage::Geometry, 1);
+        let bar = watch.state().bar.clone();
+        assert_eq!((bar.position(), bar.length()), (0, Some(WHOLE)));
         watch.begin(Stage::Reference, 50);
         watch.advance(20);
-        let bar = watch.state().bar.clone();
         assert_eq!((bar.position(), bar.length()), (20, Some(50)));
     }
 }

@@ -104,12 +104,12 @@ impl<D: Domain> Passes<'_, D> {
             if found.iter().any(Option::is_some) {
                 estimate = self.combined(known, &found, plan, tally);
             }
+            let unreached = plan.chunks.iter().flatten().copied().filter(|pixel| found[*pixel].is_none());
             if is_stopped.load(Relaxed) {
-                estimate.doubt(plan.chunks.iter().flatten().copied().filter(|pixel| found[*pixel].is_none()));
-                return Ok((estimate, false));
+                return Ok((estimate.with_uncertain(unreached), false));
             }
             if index + 1 < plan.chunks.len() {
-                checkpoint(&estimate, false)?;
+                checkpoint(&estimate.clone().with_uncertain(unreached), false)?;
             }
         }
         estimate.level = schedule::level_after(plan, &estimate);
@@ -162,10 +162,10 @@ fn is_known_too_little(estimate: &Estimate) -> bool {
 }
 
 impl Estimate {
-    /// Tells of pixels that a finer pass was to look at and did not reach: where coarse cuts have found nothing, there may be as much light as
-    /// elsewhere, and no replicate shows that it is missing.
-    fn doubt(&mut self, unreached: impl Iterator<Item = usize>) {
-        let typical = Vec3::splat(schedule::typical_irradiance(self) as f32 / 3.0);
+    /// Black pixels that a pass with finer cuts has not reached are as uncertain as the picture is bright: coarse cuts may have missed
+    /// their light in all replicates.
+    fn with_uncertain(mut self, unreached: impl Iterator<Item = usize>) -> Self {
+        let typical = Vec3::splat(schedule::typical_irradiance(&self) as f32 / 3.0);
         for pixel in unreached {
             let is_empty =
                 [&self.irradiance, &self.standard_error].iter().all(|image| image.pixels[pixel] == Vec3::ZERO);
@@ -173,6 +173,7 @@ impl Estimate {
                 self.standard_error.pixels[pixel] = typical;
             }
         }
+        self
     }
 
     /// Adds what an independent pass found; pixels that it did not reach stay as they are. `fineness`: the

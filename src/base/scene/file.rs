@@ -31,6 +31,9 @@ use super::emitters::decide_near;
 use super::{Assets, BUILT_IN, Medium, MeshError, Scene, SceneError};
 use crate::words::escaped;
 
+/// So many objects with coplanar faces are named.
+const NAMED_COPLANAR: usize = 3;
+
 /// A scene, and the `[render]` table of its file.
 #[derive(Clone, Debug)]
 #[non_exhaustive]
@@ -129,8 +132,12 @@ pub fn parse<R: DeserializeOwned + Default>(
     let medium = tables.medium.map(|table| builder.medium(&table)).transpose()?;
     let animations = builder.animations(&tables.animation, (&animated, &lamps), &tables.camera)?;
     let mut scene = Scene { name, environment, lamps, medium, camera, objects, animations, notes };
-    let touching = scene.separate_touching_faces();
-    scene.notes.extend(touching);
+    let mut coplanar = scene.separate_coplanar_faces();
+    if let Some(more) = coplanar.len().checked_sub(NAMED_COPLANAR + 1) {
+        coplanar.truncate(NAMED_COPLANAR);
+        coplanar.push(format!("{} more objects have coplanar faces with others", more + 1));
+    }
+    scene.notes.extend(coplanar);
     if scene.has_medium_around_solids() {
         return Err(builder.error("medium", Medium::NOT_AROUND_SOLIDS));
     }
@@ -459,5 +466,23 @@ receiver = { albedo = [0.5, 0.5, 0.5] }
                 message.starts_with("scene.toml:") || expected == "none.binary" || expected.contains("placed");
             assert!(message.contains(expected) && of_file, "{message}");
         }
+    }
+
+    #[test]
+    fn a_few_of_the_objects_with_coplanar_faces_are_named() {
+        let block = |k: u32| {
+            format!(
+                "{{ name = \"block {k}\", shape = {{ box = {{ size = [0.1, 0.1, 0.1] }} }}, translate = [{k}, 0.05, 0], reflector = {{}} }},"
+            )
+        };
+        let blocks: String = (0..6).map(block).collect();
+        let text = format!(
+            "environment = {{ constant = [1, 1, 1] }}
+            camera = {{ position = [0, 5, 5], target = [0, 0, 0], perspective = {{ fov_y_deg = 40 }} }}
+            object = [{blocks} {{ shape = {{ plane = {{ size = [20, 20] }} }}, receiver = {{}} }}]"
+        );
+        let scene = parse::<Render>("blocks.toml", &text, Path::new(".")).unwrap().scene;
+        assert_eq!(scene.notes.len(), 4, "{:?}", scene.notes);
+        assert!(scene.notes[0].contains("'block 0'") && scene.notes[3].contains("3 more objects"), "{:?}", scene.notes);
     }
 }

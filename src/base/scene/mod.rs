@@ -9,7 +9,7 @@ mod builtin;
 mod camera;
 mod chains;
 mod closed;
-mod contact;
+mod coplanar;
 mod emitters;
 mod file;
 mod fingerprint;

@@ -107,8 +107,17 @@ pub struct Engine {
     inspection: PreviewStages,
     /// Counts of stages that were dropped.
     counted_before: StageCounts,
-    /// Why pictures are rendered on the CPU, if that was not asked for.
-    fell_back: Option<String>,
+    /// Set once the CPU has taken over from a GPU.
+    fell_back: Option<FellBack>,
+}
+
+/// The CPU renders where a GPU could not.
+#[derive(Debug)]
+struct FellBack {
+    /// One sentence.
+    reason: String,
+    /// What was asked for. Fingerprints stay those of it, so that the frames of a sequence are found again.
+    from: Backend,
 }
 
 /// The inputs of a picture.
@@ -170,7 +179,8 @@ impl Engine {
     /// A hash of everything that the picture depends on but the code: scene, options and back end. Together with a name of the code it
     /// identifies pictures in files.
     pub fn fingerprint(&self) -> String {
-        self.scene.fingerprint(&format!("{:?} {:?}", self.options, self.backend.report()))
+        let backend = self.fell_back.as_ref().map_or(&self.backend, |fell_back| &fell_back.from);
+        self.scene.fingerprint(&format!("{:?} {:?}", self.options, backend.report()))
     }
 
     /// How often each stage was made, except for those of previews alone.
@@ -227,7 +237,8 @@ impl Engine {
         let reason = format!("adapter '{adapter}' has too little memory for this scene, which the CPU renders instead");
         let counted_before = self.stage_counts();
         let (scene, options) = (self.scene.clone(), self.options.clone());
-        *self = Self { counted_before, fell_back: Some(reason), ..Self::new(scene, options, Backend::cpu()) };
+        let fell_back = Some(FellBack { reason, from: self.backend.clone() });
+        *self = Self { counted_before, fell_back, ..Self::new(scene, options, Backend::cpu()) };
     }
 
     fn picture<'a>(&'a mut self, progress: &'a dyn Progress) -> BoxFuture<'a, Result<Rendered, Error>> {

@@ -69,7 +69,7 @@ impl Report {
         let statistics = prepared.sum.as_ref().map(|sum| sum.statistics());
         let environment = &prepared.light.environment;
         let mut warnings = scene.notes.clone();
-        warnings.extend(fell_back.clone());
+        warnings.extend(fell_back.as_ref().map(|fell_back| fell_back.reason.clone()));
         warnings.extend(prepared.scene.notes.clone());
         warnings.extend(lost.warnings(scene));
         warnings.extend(statistics.into_iter().flat_map(|s| s.warnings.clone()));

@@ -300,7 +300,8 @@ fn off_map(flux: &Ledger, options: &ImageSpaceOptions) -> Option<String> {
     let share = if flux.cast > 0.0 { flux[Loss::OffMap] / flux.cast } else { 0.0 };
     (options.caustic_map == MapView::Light && share > MOST_LOST).then(|| {
         format!(
-            "{:.0} % of the light that mirrors and glass cast lands beside the maps of the lights, which a few photons framed: give              --caustic-map eye",
+            "{:.0} % of the light that mirrors and glass cast lands beside the maps of the lights, which a few photons framed: give \
+             --caustic-map eye",
             100.0 * share
         )
     })

@@ -203,12 +203,19 @@ impl RenderLoop {
             Failure::Panic(_) => state.engines = Engines::default(),
             Failure::Error(error) => {
                 let has_room = !matches!(error, Error::Gpu(GpuError::OutOfMemory { .. }));
-                let backend = if has_room { self.open() } else { Backend::cpu() };
+                let backend = if has_room { self.open() } else { self.use_cpu() };
                 (state.engines, state.backend) = (Engines::default(), backend);
                 let mut orders = self.shared.orders();
                 orders.view = orders.view.take().or_else(|| state.view.clone());
             }
         }
+    }
+
+    fn use_cpu(&mut self) -> Backend {
+        self.is_of_window = false;
+        let backend = Backend::cpu();
+        self.send(Message::Backend(backend.report().to_string()));
+        backend
     }
 
     fn open(&mut self) -> Backend {

@@ -1,7 +1,7 @@
 //! The stages of the pinhole technique (Wand and Straßer 2003): samples → visibility maps → a sum, flat or
 //! hierarchical, on the CPU or on a GPU. The sums themselves are in [`crate::pinhole`].
 
-mod contact;
+mod clearance;
 mod density;
 mod on_cpu;
 #[cfg(feature = "gpu")]
@@ -13,7 +13,7 @@ use std::sync::Arc;
 
 use glam::Vec3;
 
-use self::contact::KeptOff;
+use self::clearance::MirrorClearance;
 pub use self::density::place_samples;
 use self::on_cpu::{FlatOnCpu, HierarchicalOnCpu};
 #[cfg(feature = "gpu")]
@@ -103,7 +103,7 @@ struct HierarchicalInputs {
     params: Params,
     accuracy: Accuracy,
     near: NearLight,
-    kept_off: KeptOff,
+    clearance: MirrorClearance,
 }
 
 /// The inputs of a sum; equal if none of them was made again.
@@ -123,7 +123,7 @@ enum SumKey {
         params: Params,
         accuracy: Accuracy,
         near: NearLight,
-        kept_off: KeptOff,
+        clearance: MirrorClearance,
     },
 }
 
@@ -242,8 +242,8 @@ impl PinholeStages {
                 let near = self.near_light(&inputs, &points.positions, tree.sample_nodes());
                 let statistics = statistics(tree.sample_nodes().samples.len(), points.positions.clone());
                 let accuracy = Accuracy { error: tolerance, split_near: true };
-                let kept_off = kept_off(&inputs, &tree, leaves, &near);
-                let sum = HierarchicalInputs { tree, environment, bounds, params, accuracy, near, kept_off };
+                let clearance = clearance(&inputs, &tree, leaves, &near);
+                let sum = HierarchicalInputs { tree, environment, bounds, params, accuracy, near, clearance };
                 self.hierarchical(sum, statistics, &inputs).await
             }
         }
@@ -323,8 +323,8 @@ impl PinholeStages {
                 return Ok(known);
             }
             let accuracy = sum.accuracy;
-            let kept_off = sum.kept_off;
-            return Ok(self.sum.keep(key, Arc::new(HierarchicalOnGpu { hierarchy, accuracy, kept_off, statistics })));
+            let clearance = sum.clearance;
+            return Ok(self.sum.keep(key, Arc::new(HierarchicalOnGpu { hierarchy, accuracy, clearance, statistics })));
         }
         sum.accuracy.error *= *self
             .estimate
@@ -350,11 +350,11 @@ fn params(inputs: &Inputs, filter: Filter) -> Params {
 }
 
 /// What keeps receivers off mirrors whose samples are divided into so many leaves.
-fn kept_off(inputs: &Inputs, tree: &PinholeTree, leaves: u32, near: &NearLight) -> KeptOff {
+fn clearance(inputs: &Inputs, tree: &PinholeTree, leaves: u32, near: &NearLight) -> MirrorClearance {
     let samples = &tree.sample_nodes().samples;
     let area: f32 = samples.iter().map(PinholeSample::area).sum();
     let cell_area = area / (samples.len().max(1) as f32 * leaves as f32);
-    KeptOff::new(inputs.scene, &inputs.prepared.tracer, cell_area, !near.lamps.is_empty())
+    MirrorClearance::new(inputs.scene, &inputs.prepared.tracer, cell_area, !near.lamps.is_empty())
 }
 
 /// The receivers at which the mean irradiance is estimated, to which the tolerance is relative.
@@ -392,7 +392,7 @@ fn hierarchical_key(inputs: &Inputs, sum: &HierarchicalInputs) -> SumKey {
         params: sum.params,
         accuracy: sum.accuracy,
         near: sum.near.clone(),
-        kept_off: sum.kept_off.clone(),
+        clearance: sum.clearance.clone(),
     }
 }
 
@@ -472,11 +472,11 @@ impl TechniqueStages for PinholeStages {
         let environment = inputs.light.environment.clone();
         let accuracy = Accuracy { error: tolerance, split_near: true };
         let near = self.near_light(inputs, &points.positions, tree.sample_nodes());
-        let kept_off = kept_off(inputs, &tree, leaves, &near);
-        let mut sum = HierarchicalInputs { tree, environment, bounds, params, accuracy, near, kept_off };
+        let clearance = clearance(inputs, &tree, leaves, &near);
+        let mut sum = HierarchicalInputs { tree, environment, bounds, params, accuracy, near, clearance };
         sum.accuracy.error *=
             *self.estimate.get(estimate_key(inputs, &sum), progress, || sum.estimate(&estimate_receivers(inputs)));
-        let receiver = (place.position, place.normal, place.object);
+        let receiver = (sum.clearance.place(place.position, place.normal, place.object), place.normal, place.object);
         let taken = |light| cells_taken(receiver, &sum.tree, light, &sum.params, sum.accuracy);
         let mut cells: Vec<TakenCell> = Vec::new();
         for cell in sum.lights().flat_map(taken) {

@@ -44,8 +44,8 @@ pub(super) struct HierarchicalOnCpu {
 
 impl Sum for HierarchicalOnCpu {
     fn irradiance<'a>(&'a self, receivers: &'a Receivers, progress: &'a dyn Progress) -> Pending<'a, Vec<[f32; 4]>> {
-        let HierarchicalInputs { tree, params, accuracy, kept_off, .. } = &self.sum;
-        let receivers = &*kept_off.receivers(receivers);
+        let HierarchicalInputs { tree, params, accuracy, clearance, .. } = &self.sum;
+        let receivers = &*clearance.receivers(receivers);
         let mut sums = vec![[0.0; 4]; receivers.positions.len()];
         for (k, light) in self.sum.lights().enumerate() {
             let uncounted = Uncounted(progress);

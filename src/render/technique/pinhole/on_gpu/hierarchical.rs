@@ -14,7 +14,7 @@ use crate::pinhole::gpu::{
 };
 use crate::pinhole::{ESTIMATE_MAX_RECEIVERS, Params, ReceiverLayout, Receivers};
 use crate::progress::{Progress, Uncounted};
-use crate::technique::pinhole::contact::KeptOff;
+use crate::technique::pinhole::clearance::MirrorClearance;
 use crate::technique::{Pending, Statistics, Sum};
 
 /// The largest number of passes that the traversal is split into, on adapters that end loops early.
@@ -38,7 +38,7 @@ pub(in crate::technique::pinhole) struct HierarchyOnGpu {
 pub(in crate::technique::pinhole) struct HierarchicalOnGpu {
     pub hierarchy: HierarchyOnGpu,
     pub accuracy: Accuracy,
-    pub kept_off: KeptOff,
+    pub clearance: MirrorClearance,
     pub statistics: Statistics,
 }
 
@@ -50,7 +50,7 @@ impl Sum for HierarchicalOnGpu {
                 Ok(tiled.in_order(self.strip(&tiled.receivers, progress).await?))
             };
             let most = (self.hierarchy.shared.gpu.adapter.max_texture, usize::MAX);
-            let receivers = self.kept_off.receivers(receivers);
+            let receivers = self.clearance.receivers(receivers);
             Ok(in_strips(&receivers, most, progress, strip).await?)
         })
     }

@@ -1,19 +1,24 @@
-//! Faces of different objects in one plane, such as the foot of a glass on a table: which of the two a ray meets is left to rounding. Whoever
-//! stands there is set off by little. This module must not know scene files.
+//! Coplanar faces of different objects, such as the foot of a glass and the table below it: rounding decides which of the two a ray meets. The
+//! smaller object is moved away by little. This module must not know scene files.
 
 use std::collections::HashMap;
 
 use glam::{DVec2, DVec3, Vec3};
 
-use super::{Mesh, Scene};
+use super::{Animation, Mesh, Scene};
 
-/// How far a touching object is set off, as a share of its size: .2 mm for one metre.
+/// How far an object is moved, as a share of its size: .2 mm for one metre.
 const GAP: f32 = 2e-4;
-/// Planes are the same if they are nearer than this share of the smaller object's size, or of the scene's: rays start off surfaces by
-/// 10⁻⁶ of the latter.
-const SAME_PLANE: [f32; 2] = [1e-5, 4e-6];
-/// Normals are the same, or opposite, if each component differs by less.
-const SAME_NORMAL: f32 = 1e-4;
+/// Planes are the same if they are nearer than this share of the smaller object's size,
+const SAME_PLANE: f32 = 1e-5;
+/// or of the scene's size: rays start off surfaces by 10⁻⁶ of it.
+const SAME_IN_SCENE: f32 = 1.5e-6;
+/// An object is moved by at least so many times the distance up to which planes are the same.
+const LEAST_GAP: f32 = 3.5;
+/// Normals are compared by components rounded to so many times four.
+const NORMAL_STEP: f32 = 1e-4;
+/// Planes are parallel if the cosine between their normals differs from 1 by less.
+const PARALLEL: f32 = 1e-6;
 /// Directions are one if the cosine between them is larger.
 const SAME_SIDE: f32 = 0.999;
 /// Triangles overlap if they do by more than this share of the smaller one's size: neighbours share their edges.
@@ -42,8 +47,9 @@ impl Placed {
 }
 
 impl Scene {
-    /// Sets objects off whose faces lie in a face of a larger object, to the side on which most of them is. Returns one sentence for
-    /// each of them, and for each that no small move can free, which stays where it is.
+    /// Moves objects away whose faces lie in a face of a larger object, to the side on which most of them is, and with what they stand on.
+    /// Objects whose translation is animated stay. Returns one sentence for each that is moved because of its own faces, and for each
+    /// that no small step frees, which stays.
     ///
     /// ```
     /// use pinspot::scene::shapes::{Cuboid, Plane, Shape};
@@ -54,54 +60,58 @@ impl Scene {
     /// let table = Shape::Plane(Plane { size: [9.0, 9.0] }).mesh().expect("so are these");
     /// scene.objects = vec![Object::new("block", block), Object::new("table", table)];
     /// scene.objects[0].placement.translate.y = 0.5; // its base is at 0, and so is the table
-    /// assert_eq!(scene.separate_touching_faces().len(), 1);
+    /// assert_eq!(scene.separate_coplanar_faces().len(), 1);
     /// assert!(scene.objects[0].placement.translate.y > 0.5);
     /// # Ok::<(), pinspot::Error>(())
     /// ```
-    pub fn separate_touching_faces(&mut self) -> Vec<String> {
-        let mut placed: Vec<Option<Placed>> =
-            self.objects.iter().map(|object| placed(object.mesh_in_world())).collect();
+    pub fn separate_coplanar_faces(&mut self) -> Vec<String> {
+        let placed: Vec<Option<Placed>> = self.objects.iter().map(|object| placed(object.mesh_in_world())).collect();
         let farthest = placed.iter().flatten().map(|p| p.low.abs().max(p.high.abs()).max_element()).fold(0.0, f32::max);
         let scene_size = placed.iter().flatten().map(Placed::size).fold(0.0, f32::max);
-        let mut by_size: Vec<usize> = (0..placed.len()).filter(|k| placed[*k].is_some()).collect();
-        let size = |k: usize| placed[k].as_ref().map_or(0.0, Placed::size);
-        by_size.sort_by(|a, b| size(*b).total_cmp(&size(*a)).then(a.cmp(b)));
+        let least = (SAME_IN_SCENE * scene_size).max(4.0 * f32::EPSILON * farthest);
+        let mut by_size: Vec<(usize, &Placed)> =
+            placed.iter().enumerate().filter_map(|(k, placed)| Some((k, placed.as_ref()?))).collect();
+        by_size.sort_by(|a, b| b.1.size().total_cmp(&a.1.size()).then(a.0.cmp(&b.0)));
 
         let mut notes = Vec::new();
-        for rank in 1..by_size.len() {
-            let smaller = by_size[rank];
-            let Some(moved) = &placed[smaller] else { continue };
-            let tolerance =
-                (SAME_PLANE[0] * moved.size()).max(SAME_PLANE[1] * scene_size).max(4.0 * f32::EPSILON * farthest);
-            let mut away = Vec::new();
-            let mut touched = None;
-            for larger in &by_size[..rank] {
-                let Some(other) = &placed[*larger] else { continue };
-                let sides = sides_touching(moved, other, tolerance);
-                if !sides.is_empty() {
-                    touched = touched.or(Some(*larger));
-                    away.extend(sides);
-                }
+        let mut steps = vec![Vec3::ZERO; placed.len()];
+        for (rank, (object, moved)) in by_size.iter().enumerate() {
+            let tolerance = (SAME_PLANE * moved.size()).max(least);
+            let touched: Vec<(usize, Vec<Vec3>)> = by_size[..rank]
+                .iter()
+                .map(|(larger, other)| (*larger, sides_touching(moved, other, tolerance)))
+                .filter(|(_, sides)| !sides.is_empty())
+                .collect();
+            let Some((larger, _)) = touched.first() else { continue };
+            if self.has_animated_translation(*object) {
+                continue;
             }
-            let Some(larger) = touched else { continue };
-            let [name, other] = [smaller, larger].map(|k| &self.objects[k].name);
-            let gap = (GAP * moved.size()).max(4.0 * tolerance);
-            match step_away(&away) {
-                Some(direction) => {
-                    notes.push(format!(
-                        "faces of '{name}' lie in faces of '{other}': it is set off by {} mm",
-                        three_digits(1e3 * gap)
-                    ));
-                    self.objects[smaller].placement.translate += gap * direction;
-                    placed[smaller] = self::placed(self.objects[smaller].mesh_in_world());
+            let [name, other] = [*object, *larger].map(|k| &self.objects[k].name);
+            let gap = (GAP * moved.size()).max(LEAST_GAP * tolerance);
+            let sides: Vec<Vec3> = touched.iter().flat_map(|(_, sides)| sides).copied().collect();
+            let own = step_away(&sides).map(|direction| gap * direction);
+            let note = match own {
+                Some(_) => {
+                    let millimetres = three_digits(1e3 * gap);
+                    format!("'{name}' and '{other}' have coplanar faces: '{name}' is moved by {millimetres} mm")
                 }
-                None => notes.push(format!(
-                    "faces of '{name}' lie in faces of '{other}' on several sides: which of the two is seen there is left to rounding; \
-                     make one of them a little smaller"
-                )),
-            }
+                None => format!(
+                    "'{name}' and '{other}' have coplanar faces on several sides, where rounding decides which of them is seen: make one a \
+                     little smaller"
+                ),
+            };
+            notes.push((*object, note));
+            steps[*object] = own.unwrap_or(Vec3::ZERO) + steps[*larger];
         }
-        notes
+        self.objects.iter_mut().zip(steps).for_each(|(object, step)| object.placement.translate += step);
+        notes.sort_unstable();
+        notes.into_iter().map(|(_, note)| note).collect()
+    }
+
+    fn has_animated_translation(&self, object: usize) -> bool {
+        self.animations.iter().any(|animation| {
+            matches!(animation, Animation::Objects(motion) if motion.translate.is_some() && motion.objects.contains(&object))
+        })
     }
 }
 
@@ -126,10 +136,13 @@ fn sides_touching(moved: &Placed, other: &Placed, tolerance: f32) -> Vec<Vec3> {
     let mut sides: Vec<Vec3> = Vec::new();
     for triangle in 0..moved.mesh.triangles().len() {
         let corners = moved.mesh.corners(triangle);
+        if !other.is_near(bounds(corners), tolerance) {
+            continue;
+        }
         let Some(normal) = face_normal(corners) else { continue };
         let from_plane = (middle - corners[0]).dot(normal);
         let side = normal * 1f32.copysign(from_plane);
-        if !other.is_near(bounds(corners), tolerance) || sides.iter().any(|known| known.dot(side) > SAME_SIDE) {
+        if sides.iter().any(|known| known.dot(side) > SAME_SIDE) {
             continue;
         }
         if let Some(shared) = planes.touching(corners, normal, tolerance) {
@@ -165,46 +178,78 @@ struct Planes<'a> {
     /// What distances are counted from: near to all of the triangles, so that errors of their normals count little.
     origin: Vec3,
     cell: f32,
-    triangles: HashMap<[i64; 4], Vec<u32>>,
+    triangles: HashMap<[i64; 4], InPlane>,
+}
+
+/// Triangles of one plane, by where they begin along the axis of their longest extent.
+#[derive(Default)]
+struct InPlane {
+    axis: usize,
+    /// The longest triangle along the axis.
+    longest: f32,
+    /// Beginning, end, and number.
+    spans: Vec<(f32, f32, u32)>,
+}
+
+impl InPlane {
+    fn new(mesh: &Mesh, triangles: &[u32]) -> Self {
+        let boxes = || triangles.iter().map(|triangle| bounds(mesh.corners(*triangle as usize)));
+        let (low, high) = boxes().fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(l, h), (a, b)| (l.min(a), h.max(b)));
+        let axis = (high - low).max_position();
+        let mut spans: Vec<_> =
+            boxes().zip(triangles).map(|((a, b), triangle)| (a[axis], b[axis], *triangle)).collect();
+        spans.sort_by(|a, b| a.0.total_cmp(&b.0));
+        Self { axis, longest: spans.iter().map(|(begin, end, _)| end - begin).fold(0.0, f32::max), spans }
+    }
+
+    /// The triangles that may overlap a box.
+    fn within(&self, (low, high): (Vec3, Vec3)) -> impl Iterator<Item = usize> {
+        let (low, high) = (low[self.axis], high[self.axis]);
+        let first = self.spans.partition_point(|(begin, ..)| *begin < low - self.longest);
+        let spans = self.spans[first..].iter().take_while(move |(begin, ..)| *begin <= high);
+        spans.filter(move |(_, end, _)| *end >= low).map(|(.., triangle)| *triangle as usize)
+    }
 }
 
 impl<'a> Planes<'a> {
     /// The planes of what is near to another object.
     fn near(of: &'a Placed, other: &Placed, tolerance: f32) -> Self {
-        let cell = 4.0 * tolerance;
-        let mut planes = Self { mesh: &of.mesh, origin: other.middle(), cell, triangles: HashMap::new() };
+        let mut planes =
+            Self { mesh: &of.mesh, origin: other.middle(), cell: 4.0 * tolerance, triangles: HashMap::new() };
+        let mut by_plane: HashMap<[i64; 4], Vec<u32>> = HashMap::new();
         for triangle in 0..of.mesh.triangles().len() {
             let corners = of.mesh.corners(triangle);
-            let Some(normal) = face_normal(corners) else { continue };
-            if other.is_near(bounds(corners), tolerance) {
+            if !other.is_near(bounds(corners), tolerance) {
+                continue;
+            }
+            if let Some(normal) = face_normal(corners) {
                 let place = planes.place(normal, corners[0]).map(|x| x.round() as i64);
-                planes.triangles.entry(place).or_default().push(triangle as u32);
+                by_plane.entry(place).or_default().push(triangle as u32);
             }
         }
+        planes.triangles =
+            by_plane.into_iter().map(|(place, triangles)| (place, InPlane::new(&of.mesh, &triangles))).collect();
         planes
     }
 
     fn place(&self, normal: Vec3, point: Vec3) -> [f64; 4] {
         let (normal, point) = (upwards(normal).as_dvec3(), point - self.origin);
-        let [x, y, z] = (normal / f64::from(4.0 * SAME_NORMAL)).to_array();
+        let [x, y, z] = (normal / f64::from(4.0 * NORMAL_STEP)).to_array();
         [x, y, z, normal.dot(point.as_dvec3()) / f64::from(self.cell)]
     }
 
     /// A triangle in the same plane that overlaps the one with these corners.
     fn touching(&self, corners: [Vec3; 3], normal: Vec3, tolerance: f32) -> Option<usize> {
         let place = self.place(normal, corners[0]);
-        let candidates = (0..16).filter_map(|k| {
+        let of_plane = (0..16).filter_map(|k| {
             // The two cells on each axis that are nearest.
-            let cell: [i64; 4] = std::array::from_fn(|axis| {
-                let x = place[axis];
-                if k >> axis & 1 == 0 { x.floor() as i64 } else { x.floor() as i64 + 1 }
-            });
+            let cell = std::array::from_fn(|axis| place[axis].floor() as i64 + (k >> axis & 1));
             self.triangles.get(&cell)
         });
-        candidates.flatten().map(|triangle| *triangle as usize).find(|triangle| {
+        of_plane.flat_map(|of_plane| of_plane.within(bounds(corners))).find(|triangle| {
             let other = self.mesh.corners(*triangle);
             let is_in_plane = |p: Vec3| (p - corners[0]).dot(normal).abs() <= tolerance;
-            face_normal(other).is_some_and(|n| n.dot(normal).abs() > 1.0 - SAME_NORMAL)
+            face_normal(other).is_some_and(|n| n.dot(normal).abs() > 1.0 - PARALLEL)
                 && (other.into_iter().all(is_in_plane) || is_near_plane(corners, other, tolerance))
                 && overlap(corners, other, normal)
         })
@@ -265,6 +310,7 @@ mod tests {
     fn scene(objects: Vec<Object>) -> Scene {
         let mut scene = load::<toml::Table>("mirror-sphere").unwrap().scene;
         scene.objects = objects;
+        scene.animations.clear();
         scene
     }
 
@@ -281,7 +327,7 @@ mod tests {
     fn step(objects: Vec<Object>) -> (Vec3, Vec<String>) {
         let mut scene = scene(objects);
         let before = scene.objects[0].placement.translate;
-        let notes = scene.separate_touching_faces();
+        let notes = scene.separate_coplanar_faces();
         (scene.objects[0].placement.translate - before, notes)
     }
 
@@ -340,6 +386,35 @@ mod tests {
         ] {
             assert_eq!(step(objects), (Vec3::ZERO, vec![]));
         }
+    }
+
+    #[test]
+    fn what_stands_on_something_that_is_moved_moves_with_it() {
+        let tray = Object { mesh: block(0.5, Vec3::ZERO).mesh, ..block(0.5, Vec3::new(0.0, 0.25, 0.0)) };
+        let mut scene = scene(vec![block(0.1, Vec3::new(0.1, 0.55, 0.1)), tray, table()]);
+        assert_eq!(scene.separate_coplanar_faces().len(), 2);
+        let [glass, tray] = [0, 1].map(|k| scene.objects[k].placement.translate.y);
+        assert!(glass - tray > 0.3 + 3e-5, "{glass} on {tray}");
+        assert!(scene.separate_coplanar_faces().is_empty());
+    }
+
+    #[test]
+    fn what_moves_by_itself_stays() {
+        let text = "environment = { constant = [1, 1, 1] }
+            camera = { position = [0, 5, 5], target = [0, 0, 0], perspective = { fov_y_deg = 40 } }
+            object = [{ name = 'block', shape = { box = { size = [0.1, 0.1, 0.1] } }, translate = [0, 0.05, 0], reflector = {} },
+                      { shape = { plane = {} }, receiver = {} }]
+            animation = [{ object = 'block', translate = [[0, [0, 0.05, 0]], [1, [1, 0.05, 0]]] }]";
+        let scene = crate::scene::parse::<toml::Table>("moves.toml", text, std::path::Path::new(".")).unwrap().scene;
+        assert_eq!((scene.notes, scene.objects[0].placement.translate.y), (vec![], 0.05));
+    }
+
+    #[test]
+    fn joints_between_many_tiles_are_told_apart_quickly() {
+        let tiles = crate::scene::shapes::Tiles { size: [10.0, 10.0], count: [100, 100], gap: 0.01 };
+        let [tiles, joints] =
+            [Shape::Tiles(tiles), Shape::Joints(tiles)].map(|shape| Object::new("floor", shape.mesh().unwrap()));
+        assert_eq!(step(vec![tiles, joints]), (Vec3::ZERO, vec![]));
     }
 
     #[test]

@@ -1,6 +1,5 @@
-//! Receivers right beside mirrors and glass, such as a table along the foot of a wall. What a sum has there is up to chance: only the one cell of
-//! the wall that is opposite counts, and whether the receiver is before its middle or between two. The light is continuous, so that it is
-//! taken from a part of a cell's size off the wall.
+//! Receivers right beside mirrors and glass, such as a table along the foot of a wall. Of the wall's cells only the nearest counts there, so
+//! that a hierarchical sum depends on how near its middle is. The light is continuous: it is taken from a little off the wall.
 
 use std::borrow::Cow;
 use std::f32::consts::TAU;
@@ -22,9 +21,12 @@ const OFF: f32 = 0.25;
 /// 8 % at 2.
 const OFF_WITH_LAMPS: f32 = 1.0;
 
+/// How far above its surface a receiver looks for walls, in the distance that it is kept from them.
+const RAISED: f32 = 0.5;
+
 /// Keeps receivers off what casts caustics.
 #[derive(Clone)]
-pub(super) struct KeptOff {
+pub(super) struct MirrorClearance {
     tracer: Arc<Tracer>,
     /// By object.
     casts: Vec<bool>,
@@ -32,20 +34,20 @@ pub(super) struct KeptOff {
     distance: f32,
 }
 
-impl std::fmt::Debug for KeptOff {
+impl std::fmt::Debug for MirrorClearance {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "KeptOff({} m)", self.distance)
+        write!(f, "MirrorClearance({} m)", self.distance)
     }
 }
 
-impl PartialEq for KeptOff {
+impl PartialEq for MirrorClearance {
     fn eq(&self, other: &Self) -> bool {
         let Self { tracer, casts, distance } = self;
         Id::of(tracer) == Id::of(&other.tracer) && (casts, distance) == (&other.casts, &other.distance)
     }
 }
 
-impl KeptOff {
+impl MirrorClearance {
     /// For cells of this area, m².
     pub fn new(scene: &Scene, tracer: &Arc<Tracer>, cell_area: f32, has_lamps: bool) -> Self {
         let casts = scene.objects.iter().map(|object| object.specular().is_some()).collect();
@@ -58,7 +60,11 @@ impl KeptOff {
         if receivers.lengths.is_some() || self.distance <= 0.0 {
             return Cow::Borrowed(receivers);
         }
-        let steps = parallel::collect(receivers.positions.len(), &|index| self.step(receivers, index));
+        let step = |index: usize| {
+            let [position, normal] = [&receivers.positions, &receivers.normals].map(|of| Vec3::from_slice(&of[index]));
+            self.step(position, normal, receivers.object(index)?)
+        };
+        let steps = parallel::collect(receivers.positions.len(), &step);
         if steps.iter().all(Option::is_none) {
             return Cow::Borrowed(receivers);
         }
@@ -70,30 +76,37 @@ impl KeptOff {
         Cow::Owned(moved)
     }
 
-    /// How a receiver is moved.
-    fn step(&self, receivers: &Receivers, index: usize) -> Option<Vec3> {
-        let object = receivers.object(index)?;
+    /// Where a receiver's light is taken from: where it is, unless it is beside a mirror.
+    pub fn place(&self, position: Vec3, normal: Vec3, object: u32) -> Vec3 {
+        position + self.step(position, normal, object).unwrap_or(Vec3::ZERO)
+    }
+
+    /// How a receiver on an object is moved.
+    fn step(&self, position: Vec3, normal: Vec3, object: u32) -> Option<Vec3> {
         if self.casts[object as usize] {
             // What reflects and receives is its own wall.
             return None;
         }
-        let [position, normal] = [&receivers.positions, &receivers.normals].map(|of| Vec3::from_slice(&of[index]));
+        // What stands on a table may be a little above it.
+        let from = position + RAISED * self.distance * normal;
         let (x, y) = normal.any_orthonormal_pair();
         let around: [Vec3; LANES] = std::array::from_fn(|k| {
             let (sine, cosine) = (TAU * k as f32 / LANES as f32).sin_cos();
             cosine * x + sine * y
         });
-        let hidden = self.tracer.hidden_lanes(position, &around, self.distance);
+        let hidden = self.tracer.hidden_lanes(from, &around, self.distance);
         if hidden == 0 {
             return None;
         }
+        let hit = |direction: Vec3| self.tracer.secondary_hit(Ray { origin: from, direction });
         let walls = around.iter().enumerate().filter(|(k, _)| hidden >> k & 1 == 1).filter_map(|(_, direction)| {
-            let hit = self.tracer.secondary_hit(Ray { origin: position, direction: *direction })?;
-            (self.casts[hit.object as usize] && hit.distance < self.distance).then_some(hit)
+            hit(*direction).filter(|hit| self.casts[hit.object as usize] && hit.distance < self.distance)
         });
         let nearest: Hit = walls.min_by(|a, b| a.distance.total_cmp(&b.distance))?;
         let away = nearest.face_normal.reject_from(normal).try_normalize()?;
-        let lacking = self.distance - (position - nearest.position).dot(away);
-        (lacking > 0.0).then_some(lacking * away)
+        let lacking = self.distance - (from - nearest.position).dot(away);
+        // Not into what is opposite.
+        let free = hit(away).map_or(f32::INFINITY, |hit| 0.5 * hit.distance);
+        (lacking > 0.0).then(|| lacking.min(free) * away)
     }
 }
