@@ -167,8 +167,8 @@ fn chunks([width, height]: [u32; 2], wanted: impl Fn(usize) -> bool) -> Vec<Vec<
     (0..count).map(chunk).filter(|chunk: &Vec<usize>| !chunk.is_empty()).collect()
 }
 
-/// Root mean square over the image of the sum of the channels, as far as it is known for certain: a few points may have found far too much. Where that is nothing yet, the
-/// brightest hundredth counts as the next pixel.
+/// Root mean square over the image of the sum of the channels, as far as it is known for certain: a few points may have found far too much.
+/// Where nothing is certain yet, the brightest hundredth of the pixels counts no more than the next one.
 pub(super) fn typical_irradiance(known: &Estimate) -> f64 {
     let sums = |image: &Image| image.pixels.iter().map(|p| f64::from(p.element_sum())).collect::<Vec<f64>>();
     let (means, errors) = (sums(&known.irradiance), sums(&known.standard_error));

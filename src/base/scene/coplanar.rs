@@ -15,8 +15,8 @@ const SAME_PLANE: f32 = 1e-5;
 const SAME_IN_SCENE: f32 = 1.5e-6;
 /// An object is moved by at least so many times the distance up to which planes are the same.
 const LEAST_GAP: f32 = 3.5;
-/// Normals are compared by components rounded to so many times four.
-const NORMAL_STEP: f32 = 1e-4;
+/// Triangles are grouped by the components of their normals in steps of this size.
+const NORMAL_STEP: f32 = 4e-4;
 /// Planes are parallel if the cosine between their normals differs from 1 by less.
 const PARALLEL: f32 = 1e-6;
 /// Directions are one if the cosine between them is larger.
@@ -234,7 +234,7 @@ impl<'a> Planes<'a> {
 
     fn place(&self, normal: Vec3, point: Vec3) -> [f64; 4] {
         let (normal, point) = (upwards(normal).as_dvec3(), point - self.origin);
-        let [x, y, z] = (normal / f64::from(4.0 * NORMAL_STEP)).to_array();
+        let [x, y, z] = (normal / f64::from(NORMAL_STEP)).to_array();
         [x, y, z, normal.dot(point.as_dvec3()) / f64::from(self.cell)]
     }
 
