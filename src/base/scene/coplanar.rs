@@ -1,5 +1,5 @@
-//! Coplanar faces of different objects, such as the foot of a glass and the table below it: rounding decides which of the two a ray meets. The
-//! smaller object is moved away by little. This module must not know scene files.
+//! Coplanar faces of different objects, such as the foot of a glass and the table below it: rounding decides which of the two a ray meets, so
+//! that the smaller object is moved away a little. This module must not know scene files.
 
 use std::collections::HashMap;
 
@@ -47,9 +47,9 @@ impl Placed {
 }
 
 impl Scene {
-    /// Moves objects away whose faces lie in a face of a larger object, to the side on which most of them is, and with what they stand on.
-    /// Objects whose translation is animated stay. Returns one sentence for each that is moved because of its own faces, and for each
-    /// that no small step frees, which stays.
+    /// Moves objects with faces that are coplanar with, and overlap, faces of a larger object: away from these, to the side where most of the object
+    /// lies. An object that stands on one that is moved moves with it. Objects whose translation is animated stay, and so do those that touch
+    /// on opposite sides. Returns a sentence for each object with coplanar faces, but for the animated ones.
     ///
     /// ```
     /// use pinspot::scene::shapes::{Cuboid, Plane, Shape};

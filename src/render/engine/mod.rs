@@ -231,7 +231,7 @@ impl Engine {
         })
     }
 
-    /// Goes on on the CPU.
+    /// Renders on the CPU from now on.
     #[cfg(feature = "gpu")]
     fn fall_back(&mut self, adapter: &str) {
         let reason = format!("adapter '{adapter}' has too little memory for this scene, which the CPU renders instead");
@@ -241,6 +241,7 @@ impl Engine {
         *self = Self { counted_before, fell_back, ..Self::new(scene, options, Backend::cpu()) };
     }
 
+    /// [`Self::render`] on the current back end.
     fn picture<'a>(&'a mut self, progress: &'a dyn Progress) -> BoxFuture<'a, Result<Rendered, Error>> {
         Box::pin(async move {
             let prepared = self.prepare(progress).await?;

@@ -211,6 +211,7 @@ impl RenderLoop {
         }
     }
 
+    /// Leaves a GPU that has too little memory.
     fn use_cpu(&mut self) -> Backend {
         self.is_of_window = false;
         let backend = Backend::cpu();
